@@ -1,0 +1,1 @@
+"""Comparison of signatures, detection and flags."""

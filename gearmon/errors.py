@@ -1,0 +1,93 @@
+"""The error classes of gearmon and the small checks that raise them.
+
+Every error that a user can cause is a `GearmonError`: its text is one line that names the thing,
+its value, the allowed range and the remedy. The command line prints that line and exits with 2.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable
+
+
+class GearmonError(ValueError):
+    """Bad input; the message is one clear line."""
+
+
+class MachineFileError(GearmonError):
+    """A machine file (TOML) cannot be used."""
+
+
+class RecordingError(GearmonError):
+    """A recording cannot be used."""
+
+
+class ArgumentError(GearmonError):
+    """A function or command-line argument is out of its range."""
+
+
+class SignatureError(GearmonError):
+    """A stored signature or reference cannot be used."""
+
+
+def check_finite(name: str, value: float, unit: str = "") -> float:
+    """Return `value` as a float, or raise if it is not a finite number.
+
+    Raises
+    ------
+    ArgumentError
+        If `value` is NaN or infinite.
+    """
+    number = float(value)
+    if not math.isfinite(number):
+        raise ArgumentError(f"{name}={_shown(value, unit)} must be a finite number")
+    return number
+
+
+def check_positive(name: str, value: float, unit: str = "") -> float:
+    """Return `value` as a float, or raise if it is not finite and > 0.
+
+    Raises
+    ------
+    ArgumentError
+        If `value` is not a finite number above zero.
+    """
+    number = check_finite(name, value, unit)
+    if number <= 0:
+        raise ArgumentError(f"{name}={_shown(value, unit)} must be > 0")
+    return number
+
+
+def check_range(name: str, value: float, low: float, high: float, unit: str = "") -> float:
+    """Return `value` as a float, or raise if it is outside [low, high].
+
+    Raises
+    ------
+    ArgumentError
+        If `value` is not finite or lies outside the closed range.
+    """
+    number = check_finite(name, value, unit)
+    if not low <= number <= high:
+        raise ArgumentError(f"{name}={_shown(value, unit)} must lie in [{low:g}, {high:g}]{_suffix(unit)}")
+    return number
+
+
+def nearest_name(word: str, known: Iterable[str]) -> str | None:
+    """Return the known name that looks most like `word`, or None if none does.
+
+    Examples
+    --------
+    >>> nearest_name("modul_mm", ["module_mm", "face_width_mm"])
+    'module_mm'
+    """
+    matches = difflib.get_close_matches(word, list(known), n=1, cutoff=0.5)
+    return matches[0] if matches else None
+
+
+def _shown(value: float, unit: str) -> str:
+    return f"{value}{_suffix(unit)}"
+
+
+def _suffix(unit: str) -> str:
+    return f" {unit}" if unit else ""

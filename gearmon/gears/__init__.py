@@ -1,0 +1,1 @@
+"""Gears: geometry, kinematics, mesh stiffness and faults."""

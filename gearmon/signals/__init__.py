@@ -1,0 +1,1 @@
+"""Vibration signals in general: recordings, spectra, angle; knows no gears."""

@@ -1,0 +1,1 @@
+"""Signatures: order lines with amplitude, phase and origin; expected, measured, stored."""
