@@ -1,0 +1,348 @@
+"""Kinematics of a drive train: at which orders its shafts, meshes and bearings show.
+
+Stage i lies between shafts i and i + 1. Directions of rotation are dropped, except inside a
+planetary set, where they decide how fast the members pass one another.
+
+References
+----------
+R. B. Randall, Vibration-based Condition Monitoring, Wiley 2011, chapter 2.
+P. D. McFadden and J. D. Smith, An explanation for the asymmetry of the modulation sidebands about
+the tooth meshing frequency in epicyclic gear vibration, Proc. IMechE 199 C1 (1985) 65-70.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from fractions import Fraction
+
+from gearmon.gears.orders import (
+    Coincidence,
+    Kinematics,
+    Line,
+    LineRow,
+    LineTable,
+    Mesh,
+    Modulation,
+    Shaft,
+    Wheel,
+)
+from gearmon.machine import Bearing, Machine, OperatingPoint, ParallelStage, PlanetaryStage
+
+__all__ = [
+    "Coincidence",
+    "Kinematics",
+    "Line",
+    "LineRow",
+    "LineTable",
+    "Mesh",
+    "Modulation",
+    "Shaft",
+    "Wheel",
+    "kinematics",
+    "line_table",
+    "planetary_speeds",
+]
+
+
+def kinematics(machine: Machine) -> Kinematics:
+    """Return the shafts, meshes and lines of a machine as orders of shaft 1.
+
+    Parameters
+    ----------
+    machine : Machine
+        Stages in the order of power flow; speed-increasing stages and planetary sets with any
+        fixed and any driving member may follow one another in any way.
+
+    Returns
+    -------
+    Kinematics
+
+    Examples
+    --------
+    >>> from gearmon.machine import Machine, OperatingPoint, ParallelStage
+    >>> stage = ParallelStage(pinion_teeth=8, gear_teeth=42)
+    >>> train = kinematics(Machine(operating=[OperatingPoint(speed_rpm=1200)], stages=[stage]))
+    >>> [round(20 * line.order, 4) for line in train.lines]
+    [20.0, 3.8095, 160.0, 80.0, 0.9524]
+    """
+    orders = [Fraction(1)]
+    meshes = []
+    for number, stage in enumerate(machine.stages, start=1):
+        mesh, driven = _mesh(number, stage, orders[-1])
+        meshes.append(mesh)
+        orders.append(driven)
+    shafts = tuple(
+        Shaft(number=number, name=_shaft_name(number, len(orders)), exact=order)
+        for number, order in enumerate(orders, start=1)
+    )
+    lines = [*_shaft_lines(shafts)]
+    for mesh, stage in zip(meshes, machine.stages, strict=True):
+        lines += _parallel_lines(mesh) if stage.kind == "parallel" else _planetary_lines(mesh)
+    for bearing in machine.bearings:
+        lines += _bearing_lines(bearing, shafts, meshes)
+    return Kinematics(shafts=shafts, meshes=tuple(meshes), lines=tuple(lines))
+
+
+def line_table(machine: Machine, operating: OperatingPoint | None = None) -> LineTable:
+    """Return every line of a machine in hertz.
+
+    Parameters
+    ----------
+    machine : Machine
+    operating : OperatingPoint, optional
+        The one operating point wanted; all of the machine's by default.
+
+    Returns
+    -------
+    LineTable
+        One row for each line and operating point, with notes on lines that coincide.
+    """
+    train = kinematics(machine)
+    points = machine.operating if operating is None else (operating,)
+    rows = tuple(_row(line, point) for point in points for line in train.lines)
+    coinciding = tuple(
+        f"mesh harmonic {c.harmonic} of stage {c.stage} is exactly mesh harmonic "
+        f"{c.other_harmonic} of stage {c.other_stage}: these lines cannot be told apart"
+        for c in train.coincidences()
+    )
+    return LineTable(machine=machine.name, rows=rows, notes=machine.notes + coinciding)
+
+
+def planetary_speeds(stage: PlanetaryStage) -> dict[str, Fraction]:
+    """Return the speeds of the members of a planetary set for one turn of the driving one.
+
+    Parameters
+    ----------
+    stage : PlanetaryStage
+
+    Returns
+    -------
+    dict of str to Fraction
+        Signed turns of "sun", "ring", "carrier" and "planet" (about its own axis, seen from the
+        housing).
+
+    Notes
+    -----
+    Willis: z_s (n_s - n_c) + z_r (n_r - n_c) = 0, that is, the speeds times the weights z_s, z_r
+    and -(z_s + z_r) sum to zero. The planet turns at -(z_s / z_p)(n_s - n_c) on its carrier.
+
+    Examples
+    --------
+    >>> stage = PlanetaryStage(sun_teeth=20, planet_teeth=40, ring_teeth=100, planets=4)
+    >>> planetary_speeds(stage)["carrier"]
+    Fraction(1, 6)
+    """
+    weights = {
+        "sun": stage.sun_teeth,
+        "ring": stage.ring_teeth,
+        "carrier": -(stage.sun_teeth + stage.ring_teeth),
+    }
+    speeds = {stage.fixed: Fraction(0), stage.driving: Fraction(1)}
+    speeds[stage.driven] = Fraction(-weights[stage.driving], weights[stage.driven])
+    spin = Fraction(-stage.sun_teeth, stage.planet_teeth) * (speeds["sun"] - speeds["carrier"])
+    speeds["planet"] = spin + speeds["carrier"]
+    return speeds
+
+
+def _mesh(
+    number: int, stage: ParallelStage | PlanetaryStage, driving: Fraction
+) -> tuple[Mesh, Fraction]:
+    """Return the mesh of a stage whose input turns at `driving`, and its output's order."""
+    if isinstance(stage, ParallelStage):
+        return _parallel_mesh(number, stage, driving)
+    return _planetary_mesh(number, stage, driving)
+
+
+def _parallel_mesh(number: int, stage: ParallelStage, driving: Fraction) -> tuple[Mesh, Fraction]:
+    mesh = driving * stage.pinion_teeth
+    sides = (("pinion", stage.pinion_teeth, number), ("gear", stage.gear_teeth, number + 1))
+    wheels = tuple(
+        Wheel(
+            gear=gear,
+            teeth=teeth,
+            shaft=shaft,
+            exact=mesh / teeth,
+            exact_relative=mesh / teeth,
+        )
+        for gear, teeth, shaft in sides
+    )
+    modulations = tuple(
+        Modulation(name=f"{w.gear} rotation", gear=w.gear, shaft=w.shaft, exact=w.exact)
+        for w in wheels
+    )
+    name = _mesh_name(stage.name, stage.pinion_teeth, stage.gear_teeth)
+    return (
+        Mesh(stage=number, name=name, exact=mesh, wheels=wheels, modulations=modulations),
+        wheels[1].exact,
+    )
+
+
+def _planetary_mesh(number: int, stage: PlanetaryStage, driving: Fraction) -> tuple[Mesh, Fraction]:
+    speeds = {member: speed * driving for member, speed in planetary_speeds(stage).items()}
+    carrier = speeds["carrier"]
+    shafts = {stage.driving: number, stage.driven: number + 1}
+    teeth = {"sun": stage.sun_teeth, "planet": stage.planet_teeth, "ring": stage.ring_teeth}
+    wheels = tuple(
+        Wheel(
+            gear=gear,
+            teeth=count,
+            shaft=shafts.get(gear),
+            exact=abs(speeds[gear]),
+            exact_relative=abs(speeds[gear] - carrier),
+        )
+        for gear, count in teeth.items()
+    )
+    forwards = (carrier - speeds["ring"]) * carrier > 0
+    mesh = Mesh(
+        stage=number,
+        name=_mesh_name(stage.name, *teeth.values()),
+        exact=wheels[0].teeth * wheels[0].exact_relative,
+        wheels=wheels,
+        modulations=_planetary_modulations(
+            wheels, stage.planets, abs(carrier), shafts.get("carrier")
+        ),
+        planets=stage.planets,
+        carrier=abs(carrier) if forwards else -abs(carrier),
+        equally_spaced=stage.equally_spaced,
+    )
+    return mesh, abs(speeds[stage.driven])
+
+
+def _planetary_modulations(
+    wheels: tuple[Wheel, ...], planets: int, carrier: Fraction, carrier_shaft: int | None
+) -> tuple[Modulation, ...]:
+    """Return the sideband families of a planetary set.
+
+    A local fault is met once for every planet that passes (sun, ring), a planet's twice in a turn
+    on its carrier, once on the sun and once on the ring. A distributed fault, or an eccentricity,
+    repeats with every turn relative to the carrier. Orders of zero are left out, and so are turns
+    relative to a carrier that stands still, for they are the turns seen from the housing.
+    """
+    sun, planet, ring = wheels
+    families = [
+        ("carrier rotation", "carrier", carrier_shaft, carrier),
+        ("planet pass", "carrier", None, planets * carrier),
+        ("sun rotation", "sun", sun.shaft, sun.exact),
+        ("sun relative to carrier", "sun", None, sun.exact_relative if carrier else Fraction(0)),
+        ("sun fault", "sun", None, planets * sun.exact_relative),
+        ("planet spin", "planet", None, planet.exact_relative),
+        ("planet fault", "planet", None, 2 * planet.exact_relative),
+        ("ring rotation", "ring", ring.shaft, ring.exact),
+        ("ring relative to carrier", "ring", None, ring.exact_relative if carrier else Fraction(0)),
+        ("ring fault", "ring", None, planets * ring.exact_relative),
+    ]
+    return tuple(
+        Modulation(name=name, gear=gear, shaft=shaft, exact=order)
+        for name, gear, shaft, order in families
+        if order
+    )
+
+
+def _mesh_name(stage_name: str, *teeth: int) -> str:
+    pair = "/".join(map(str, teeth))
+    return f"{stage_name}, {pair}" if stage_name else pair
+
+
+def _shaft_name(number: int, count: int) -> str:
+    return {1: "input", count: "output"}.get(number, "intermediate")
+
+
+def _shaft_lines(shafts: tuple[Shaft, ...]) -> Iterator[Line]:
+    for shaft in shafts:
+        yield _line("shaft", f"{shaft.name} shaft", shaft.exact, shaft=shaft.number)
+
+
+def _parallel_lines(mesh: Mesh) -> list[Line]:
+    pair = _pair_lines(mesh, mesh.name, *mesh.teeth)
+    return [_line("mesh", mesh.name, mesh.exact, stage=mesh.stage), *pair]
+
+
+def _planetary_lines(mesh: Mesh) -> list[Line]:
+    sun, planet, ring = mesh.teeth
+    turning = mesh.wheel("planet").exact
+    lines = [_line("mesh", mesh.name, mesh.exact, stage=mesh.stage)]
+    lines += _pair_lines(mesh, f"sun-planet, {sun}/{planet}", sun, planet)
+    lines += _pair_lines(mesh, f"planet-ring, {planet}/{ring}", planet, ring)
+    if turning:
+        lines.append(_line("rotation", "planet, seen from the housing", turning, stage=mesh.stage))
+    for family in mesh.modulations:
+        if family.shaft is None:  # the others are shafts and stand among them
+            lines.append(_line(_kind(family.name), family.name, family.exact, stage=mesh.stage))
+    return lines
+
+
+def _kind(family: str) -> str:
+    if family == "planet pass":
+        return family
+    return "local fault" if family.endswith("fault") else "rotation"
+
+
+def _pair_lines(mesh: Mesh, name: str, teeth: int, other_teeth: int) -> list[Line]:
+    """Return the assembly phase and the hunting tooth of two wheels.
+
+    With a common factor g of the tooth counts a tooth meets only every g-th tooth of the other
+    wheel: f_mesh / g. The same two teeth meet again after lcm(z1, z2) mesh periods.
+    """
+    common = math.gcd(teeth, other_teeth)
+    return [
+        _line("assembly phase", name, mesh.exact / common, stage=mesh.stage),
+        _line("hunting tooth", name, mesh.exact / math.lcm(teeth, other_teeth), stage=mesh.stage),
+    ]
+
+
+def _bearing_lines(
+    bearing: Bearing, shafts: tuple[Shaft, ...], meshes: list[Mesh]
+) -> Iterator[Line]:
+    """Yield the four kinematic lines of a bearing that rolls without slip.
+
+    With g = (ball / pitch diameter) cos(contact angle) and one ring turning at f past the other:
+    BPFO n f (1 - g) / 2, BPFI n f (1 + g) / 2, BSF f (D / d) (1 - g^2) / 2. The cage turns at
+    f (1 - g) / 2 with the inner ring, at f (1 + g) / 2 with the outer one (on a planet: relative
+    to the carrier). Slip makes real lines depart from these by 1 or 2 per cent.
+    """
+    stage = bearing.planet_stage
+    if stage is None:
+        turning = shafts[(bearing.shaft or 1) - 1].order
+    else:
+        turning = meshes[stage - 1].wheel("planet").relative_order
+    diameters = bearing.ball_diameter_mm / bearing.pitch_diameter_mm
+    g = diameters * math.cos(math.radians(bearing.contact_angle_deg))
+    cage = (1 - g) / 2 if bearing.rotating == "inner" else (1 + g) / 2
+    for name, factor in (
+        ("cage (FTF)", cage),
+        ("ball spin (BSF)", (1 - g * g) / (2 * diameters)),
+        ("outer race (BPFO)", bearing.balls * (1 - g) / 2),
+        ("inner race (BPFI)", bearing.balls * (1 + g) / 2),
+    ):
+        yield Line(
+            kind="bearing",
+            name=f"{bearing.name}: {name}",
+            stage=stage,
+            shaft=bearing.shaft,
+            order=factor * turning,
+            exact=None,
+        )
+
+
+def _line(
+    kind: str, name: str, exact: Fraction, stage: int | None = None, shaft: int | None = None
+) -> Line:
+    return Line(kind=kind, name=name, stage=stage, shaft=shaft, order=float(exact), exact=exact)
+
+
+def _row(line: Line, point: OperatingPoint) -> LineRow:
+    if line.exact is None:
+        frequency_hz = line.order * point.shaft1_hz
+    else:  # one rounding only: 500 Hz reads 500.0
+        frequency_hz = float(line.exact * Fraction(point.speed_rpm) / 60)
+    return LineRow(
+        operating=point.name or f"{point.speed_rpm:g} rpm",
+        speed_rpm=point.speed_rpm,
+        stage=line.stage,
+        kind=line.kind,
+        name=line.name,
+        shaft=line.shaft,
+        order=line.order,
+        frequency_hz=frequency_hz,
+    )

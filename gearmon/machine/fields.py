@@ -1,0 +1,203 @@
+"""Rules that a field of a machine obeys: its type, its range and the reason for the range.
+
+A rule stands in the metadata of a dataclass field, so that an object built in Python and a table
+read from a machine file are held to the same limits with the same words.
+"""
+
+from __future__ import annotations
+
+import math
+import numbers
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from enum import Enum
+from typing import Any
+
+from gearmon.errors import ArgumentError, nearest_name
+
+LONGEST_VALUE_SHOWN = 60
+
+
+class _Absent(Enum):
+    """Stands for a value that is not to be shown; an enum, for errors cross process borders."""
+
+    VALUE = 0
+
+
+class FieldError(ArgumentError):
+    """A field of a machine has a value that cannot be.
+
+    Parameters
+    ----------
+    key : str
+        Name of the field, which is also its key in the machine file.
+    reason : str
+        What is wrong and what is allowed; follows the key (and value) in the message.
+    value : object, optional
+        The value refused; left out of the message if not given.
+    """
+
+    def __init__(self, key: str, reason: str, value: object = _Absent.VALUE) -> None:
+        self.key = key
+        self.reason = reason
+        self.value = value
+        super().__init__(self.message(key))
+
+    def message(self, where: str) -> str:
+        """Return the one-line message with `where` in the place of the key."""
+        shown = "" if self.value is _Absent.VALUE else f" = {shown_value(self.value)}"
+        return f"{where}{shown} {self.reason}"
+
+    def __reduce__(self) -> tuple[type[FieldError], tuple[str, str, object]]:
+        return FieldError, (self.key, self.reason, self.value)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Count:
+    """An integer in [low, high]; 26.0 is refused, for a tooth count is never measured."""
+
+    low: int
+    high: int
+    why: str = ""
+    example: str = "20"
+
+    def checked(self, key: str, value: object) -> int:
+        """Return `value` as an int, or raise `FieldError`."""
+        if isinstance(value, bool) or not isinstance(value, numbers.Integral):
+            raise FieldError(key, "must be a whole number, without quotes or decimal point", value)
+        number = int(value)
+        if not self.low <= number <= self.high:
+            reason = f"must lie in [{self.low}, {self.high}]{_because(self.why)}"
+            raise FieldError(key, reason, value)
+        return number
+
+
+@dataclass(frozen=True, kw_only=True)
+class Number:
+    """A finite number between low and high; the ends belong to the range unless said otherwise."""
+
+    low: float
+    high: float
+    unit: str = ""
+    why: str = ""
+    example: str = "1.0"
+    open_low: bool = False
+    open_high: bool = False
+
+    def checked(self, key: str, value: object) -> float:
+        """Return `value` as a float, or raise `FieldError`."""
+        if isinstance(value, bool) or not isinstance(value, numbers.Real):
+            raise FieldError(key, "must be a number, without quotes or unit", value)
+        try:
+            number = float(value)
+        except OverflowError:  # a TOML integer may have hundreds of digits
+            number = math.inf
+        if not self._holds(number):
+            raise FieldError(key, f"must lie in {self.range_text()}{_because(self.why)}", value)
+        return number
+
+    def range_text(self) -> str:
+        """Return the range and unit as in ``(0, 100] mm``."""
+        left, right = "(" if self.open_low else "[", ")" if self.open_high else "]"
+        unit = f" {self.unit}" if self.unit else ""
+        return f"{left}{self.low:g}, {self.high:g}{right}{unit}"
+
+    def _holds(self, number: float) -> bool:
+        above = number > self.low if self.open_low else number >= self.low
+        below = number < self.high if self.open_high else number <= self.high
+        return above and below and math.isfinite(number)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Text:
+    """A string of one line."""
+
+    example: str = '"..."'
+
+    def checked(self, key: str, value: object) -> str:
+        """Return `value` if it is a one-line string, or raise `FieldError`."""
+        if not isinstance(value, str):
+            raise FieldError(key, f"must be text in quotes, such as {self.example}", value)
+        if not value.isprintable():
+            raise FieldError(key, "must be one line of printable text", value)
+        return value
+
+
+@dataclass(frozen=True, kw_only=True)
+class Choice:
+    """One of a few words."""
+
+    options: tuple[str, ...]
+    example: str = '"..."'
+
+    def checked(self, key: str, value: object) -> str:
+        """Return `value` if it is one of the options, or raise `FieldError`."""
+        if isinstance(value, str) and value in self.options:
+            return value
+        guess = nearest_name(value, self.options) if isinstance(value, str) else None
+        hint = f'; did you mean "{guess}"?' if guess else ""
+        raise FieldError(key, f"must be one of {_listed(self.options)}{hint}", value)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Column:
+    """A column of a recording: its name, or its number counted from 1."""
+
+    example: str = '"a1"'
+
+    def checked(self, key: str, value: object) -> str | int:
+        """Return `value` as a non-empty string or a number from 1 on, or raise `FieldError`."""
+        if isinstance(value, str) and value.strip() and value.isprintable():
+            return value
+        if isinstance(value, numbers.Integral) and not isinstance(value, bool) and int(value) >= 1:
+            return int(value)
+        raise FieldError(key, "must be a column name in quotes or a column number from 1 on", value)
+
+
+Rule = Count | Number | Text | Choice | Column
+
+
+def obeys(rule: Rule) -> Mapping[str, Any]:
+    """Return the metadata by which a dataclass field is held to `rule`."""
+    return {"rule": rule}
+
+
+def check_fields(part: Any) -> None:
+    """Hold every field of a dataclass object to its rule and store it in its proper type.
+
+    A field whose default is None, or an empty string, may be left at that.
+
+    Raises
+    ------
+    FieldError
+        For the first field that breaks its rule.
+    """
+    for field in fields(part):
+        rule = field.metadata.get("rule")
+        value = getattr(part, field.name)
+        left_out = (value is None or value == "") and value == field.default
+        if rule is not None and not left_out:
+            object.__setattr__(part, field.name, rule.checked(field.name, value))
+
+
+def shown_value(value: object) -> str:
+    """Return `value` on one line as a machine file would have it, shortened if long."""
+    text = str(value).lower() if isinstance(value, bool) else _literal(value)
+    return text if len(text) <= LONGEST_VALUE_SHOWN else f"{text[: LONGEST_VALUE_SHOWN - 3]}..."
+
+
+def _literal(value: object) -> str:
+    if isinstance(value, str):
+        inner = repr(value)[1:-1].replace("\\'", "'")
+        return f'"{inner}"'
+    if isinstance(value, int) and abs(value) >= 10**LONGEST_VALUE_SHOWN:
+        return "an integer of more than 60 digits"
+    return str(value) if isinstance(value, numbers.Number) else repr(value)
+
+
+def _because(why: str) -> str:
+    return f": {why}" if why else ""
+
+
+def _listed(words: tuple[str, ...]) -> str:
+    return ", ".join(f'"{word}"' for word in words)

@@ -1,0 +1,271 @@
+"""The machine and its parts other than gears: operating points, bearings, sensors."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from gearmon.machine.fields import (
+    Choice,
+    Column,
+    Count,
+    FieldError,
+    Number,
+    Text,
+    check_fields,
+    obeys,
+)
+from gearmon.machine.stages import ParallelStage, PlanetaryStage
+
+Stage = ParallelStage | PlanetaryStage
+
+SENSOR_KINDS = ("vibration", "tacho", "torque", "speed", "other")
+SHARE_TOLERANCE = 1e-6
+MOST_STAGES = 30
+
+
+@dataclass(frozen=True, kw_only=True)
+class OperatingPoint:
+    """A speed and torque at which the machine runs, and for what share of its time.
+
+    Parameters
+    ----------
+    speed_rpm : float, above 0
+        Nominal speed of shaft 1, the input [1/min]; its magnitude.
+    torque_nm : float, optional, 0 or more
+        Torque on shaft 1 [Nm]; its magnitude.
+    share : float, above 0 and up to 1
+        Share of the running time.
+    name : str
+        What the point is called in tables.
+
+    Raises
+    ------
+    FieldError
+        If a value has the wrong type or is out of its range.
+
+    Examples
+    --------
+    >>> OperatingPoint(speed_rpm=1800.0).shaft1_hz
+    30.0
+    """
+
+    speed_rpm: float = field(
+        metadata=obeys(
+            Number(
+                low=0,
+                high=1e6,
+                unit="rpm",
+                open_low=True,
+                why="the magnitude of the speed of shaft 1",
+                example="1460.0",
+            )
+        )
+    )
+    torque_nm: float | None = field(
+        default=None,
+        metadata=obeys(
+            Number(low=0, high=1e9, unit="Nm", why="the magnitude of the torque on shaft 1")
+        ),
+    )
+    share: float = field(
+        default=1.0,
+        metadata=obeys(Number(low=0, high=1, open_low=True, why="a share of the running time")),
+    )
+    name: str = field(default="", metadata=obeys(Text(example='"full load"')))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+    @property
+    def shaft1_hz(self) -> float:
+        """Nominal rotation frequency of shaft 1 [Hz]."""
+        return self.speed_rpm / 60.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bearing:
+    """A rolling bearing: lines in the spectrum that are not gears.
+
+    Parameters
+    ----------
+    name : str
+        What the bearing is called in tables.
+    shaft : int, optional
+        Shaft that the bearing carries, counted from 1 (the input) in the order of power flow.
+    planet_stage : int, optional
+        Instead of `shaft`: the planetary stage, counted from 1, whose planets it carries.
+    balls : int, 3 to 200
+        Rolling elements in one row.
+    ball_diameter_mm, pitch_diameter_mm : float
+        Diameter of a rolling element and of the circle of their centres [mm].
+    contact_angle_deg : float, 0 to 90
+        Contact angle [deg].
+    rotating : {"inner", "outer"}, optional
+        The ring that turns with the shaft or planet: the inner one, on planets the outer one.
+
+    Raises
+    ------
+    FieldError
+        If a value has the wrong type or cannot be.
+    """
+
+    name: str = field(metadata=obeys(Text(example='"drive end"')))
+    shaft: int | None = field(default=None, metadata=obeys(Count(low=1, high=1000, example="1")))
+    planet_stage: int | None = field(default=None, metadata=obeys(Count(low=1, high=1000)))
+    balls: int = field(metadata=obeys(Count(low=3, high=200, example="9")))
+    ball_diameter_mm: float = field(
+        metadata=obeys(Number(low=0, high=500, unit="mm", open_low=True, example="7.94"))
+    )
+    pitch_diameter_mm: float = field(
+        metadata=obeys(Number(low=0, high=10_000, unit="mm", open_low=True, example="39.04"))
+    )
+    contact_angle_deg: float = field(
+        default=0.0, metadata=obeys(Number(low=0, high=90, unit="deg"))
+    )
+    rotating: str = field(default="", metadata=obeys(Choice(options=("inner", "outer"))))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        if (self.shaft is None) == (self.planet_stage is None):
+            raise FieldError("shaft", "or planet_stage must be given, and only one of them")
+        if not self.rotating:
+            object.__setattr__(self, "rotating", "inner" if self.planet_stage is None else "outer")
+        if self.ball_diameter_mm >= self.pitch_diameter_mm:
+            reason = f"must be less than pitch_diameter_mm = {self.pitch_diameter_mm:g}"
+            raise FieldError("ball_diameter_mm", reason, self.ball_diameter_mm)
+        most = math.pi / math.asin(self.ball_diameter_mm / self.pitch_diameter_mm)
+        if self.balls > most + 1e-9:
+            reason = f"is more than fits on the pitch circle: at most {math.floor(most)}"
+            raise FieldError("balls", reason, self.balls)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sensor:
+    """What stands in one column of the recordings.
+
+    Parameters
+    ----------
+    column : str or int
+        Name of the column, or its number counted from 1.
+    unit : str, optional
+        Unit of the physical quantity, such as "m/s2", "g", "mm/s" or "Nm".
+    sensitivity : float, above 0
+        Recorded number per `unit`: the physical value is the recorded number divided by it. A
+        sensor of 100 mV/g recorded in volts has ``unit = "g"`` and ``sensitivity = 0.1``.
+    position : str
+        Where the sensor sits, in words.
+    kind : {"vibration", "tacho", "torque", "speed", "other"}
+        What the column is.
+    shaft : int
+        Shaft that a tacho or speed column belongs to, counted from 1.
+    pulses_per_turn : int
+        Pulses that a tacho gives in one turn of that shaft.
+
+    Raises
+    ------
+    FieldError
+        If a value has the wrong type or is out of its range.
+    """
+
+    column: str | int = field(metadata=obeys(Column()))
+    unit: str | None = field(default=None, metadata=obeys(Text(example='"m/s2"')))
+    sensitivity: float = field(
+        default=1.0,
+        metadata=obeys(Number(low=0, high=1e12, open_low=True, why="recorded number per unit")),
+    )
+    position: str = field(default="", metadata=obeys(Text(example='"input bearing, radial"')))
+    kind: str = field(default="vibration", metadata=obeys(Choice(options=SENSOR_KINDS)))
+    shaft: int = field(default=1, metadata=obeys(Count(low=1, high=1000)))
+    pulses_per_turn: int = field(default=1, metadata=obeys(Count(low=1, high=100_000)))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Machine:
+    """A drive train, how it runs and how it is measured.
+
+    Stage number i (from 1) is driven by shaft i and drives shaft i + 1.
+
+    Parameters
+    ----------
+    name : str
+        What the machine is called.
+    operating : tuple of OperatingPoint
+        At least one; their shares sum to 1.
+    stages : tuple of ParallelStage or PlanetaryStage
+        At least one, in the order of power flow.
+    bearings : tuple of Bearing
+    sensors : tuple of Sensor
+        At most one for a column.
+    path : str
+        The file it was read from, if any.
+    notes : tuple of str
+        What was derived or is unusual, in words.
+
+    Raises
+    ------
+    FieldError
+        If the parts do not fit together.
+    """
+
+    name: str = ""
+    operating: tuple[OperatingPoint, ...]
+    stages: tuple[Stage, ...]
+    bearings: tuple[Bearing, ...] = ()
+    sensors: tuple[Sensor, ...] = ()
+    path: str = ""
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("operating", "stages", "bearings", "sensors", "notes"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
+        if not self.operating:
+            raise FieldError("operating", "must hold at least one operating point")
+        if not 1 <= len(self.stages) <= MOST_STAGES:
+            reason = f"is given {len(self.stages)} times; a train has 1 to {MOST_STAGES} stages"
+            raise FieldError("stage", reason)
+        self._check_shares()
+        self._check_bearings()
+        self._check_sensors()
+
+    @property
+    def shaft_count(self) -> int:
+        """Shafts in the power flow: one more than there are stages."""
+        return len(self.stages) + 1
+
+    def _check_shares(self) -> None:
+        total = math.fsum(point.share for point in self.operating)
+        if abs(total - 1) > SHARE_TOLERANCE:
+            reason = f"must sum to 1 over all operating points; the sum is {total:.7g}"
+            raise FieldError("operating.share", reason)
+
+    def _check_bearings(self) -> None:
+        for number, bearing in enumerate(self.bearings, start=1):
+            where = f"bearing[{number}]"
+            if bearing.shaft is not None:
+                self._check_shaft(f"{where}.shaft", bearing.shaft)
+            elif bearing.planet_stage is not None:
+                self._check_planet_stage(f"{where}.planet_stage", bearing.planet_stage)
+
+    def _check_sensors(self) -> None:
+        columns: dict[str | int, int] = {}
+        for number, sensor in enumerate(self.sensors, start=1):
+            self._check_shaft(f"sensor[{number}].shaft", sensor.shaft)
+            earlier = columns.setdefault(sensor.column, number)
+            if earlier != number:
+                reason = f"is also the column of sensor[{earlier}]"
+                raise FieldError(f"sensor[{number}].column", reason, sensor.column)
+
+    def _check_shaft(self, key: str, shaft: int) -> None:
+        if shaft > self.shaft_count:
+            reason = f"must lie in [1, {self.shaft_count}]: n stages in a row have n + 1 shafts"
+            raise FieldError(key, reason, shaft)
+
+    def _check_planet_stage(self, key: str, stage: int) -> None:
+        planetary = [i for i, s in enumerate(self.stages, start=1) if s.kind == "planetary"]
+        if stage not in planetary:
+            known = ", ".join(map(str, planetary)) or "none here"
+            raise FieldError(key, f"must be the number of a planetary stage ({known})", stage)

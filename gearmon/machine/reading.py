@@ -1,0 +1,189 @@
+"""From the tables of a machine file to a `Machine`."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any, TypeVar
+
+from gearmon.errors import nearest_name
+from gearmon.machine.fields import FieldError, shown_value
+from gearmon.machine.parts import Bearing, Machine, OperatingPoint, Sensor, Stage
+from gearmon.machine.source import MachineSource, read_source
+from gearmon.machine.stages import ParallelStage, PlanetaryStage
+
+STAGE_KINDS: dict[str, type[Stage]] = {"parallel": ParallelStage, "planetary": PlanetaryStage}
+
+_TOP_KEYS = ("name", "operating", "stage", "bearing", "sensor")
+_HOMES: dict[str, type] = {
+    "[operating]": OperatingPoint,
+    "[[bearing]]": Bearing,
+    "[[sensor]]": Sensor,
+    '[[stage]] with kind = "parallel"': ParallelStage,
+    '[[stage]] with kind = "planetary"': PlanetaryStage,
+}
+_EXAMPLES = {
+    "operating": "[operating] with speed_rpm = 1460.0",
+    "stage": '[[stage]] with kind = "parallel", pinion_teeth = 26, gear_teeth = 53',
+}
+
+MOST_KEYS_LISTED = 10
+
+_Part = TypeVar("_Part")
+
+
+def load_machine(path: str | Path) -> Machine:
+    """Read a machine file.
+
+    Parameters
+    ----------
+    path : str or Path
+        A TOML file with a table ``[operating]`` (or several ``[[operating]]``, a duty cycle with
+        ``share``), one ``[[stage]]`` for each stage in the order of power flow, and optionally
+        ``name``, ``[[bearing]]`` and ``[[sensor]]``.
+
+    Returns
+    -------
+    Machine
+        With the file's name for want of a better one, and notes on what was derived.
+
+    Raises
+    ------
+    MachineFileError
+        If the file cannot be read, or anything in it is unknown, missing or impossible: one line
+        with file, line, key, value and what is allowed.
+    """
+    source = read_source(path)
+    _refuse_unknown_keys(source, source.document, _TOP_KEYS, "")
+    name = source.document.get("name", Path(path).stem)
+    stages, notes = _stages(source)
+    try:
+        return Machine(
+            name=_checked_name(name),
+            operating=_operating_points(source),
+            stages=stages,
+            bearings=_parts(source, "bearing", Bearing),
+            sensors=_parts(source, "sensor", Sensor),
+            path=source.path,
+            notes=notes,
+        )
+    except FieldError as error:
+        raise source.error(error.key, error.message(error.key)) from None
+
+
+def _checked_name(name: object) -> str:
+    if not isinstance(name, str) or not name.strip() or not name.isprintable():
+        raise FieldError("name", "must be one line of text in quotes", name)
+    return name
+
+
+def _operating_points(source: MachineSource) -> tuple[OperatingPoint, ...]:
+    tables = _tables(source, "operating", single=True)
+    if not tables:
+        raise source.error("", f"lacks an operating point; write {_EXAMPLES['operating']}")
+    with_share = [label for label, table in tables if "share" in table]
+    if with_share and len(with_share) < len(tables):
+        without = next(label for label, table in tables if "share" not in table)
+        raise source.error(without, f"{without} lacks share; give it to every point or to none")
+    equal = {} if with_share else {"share": 1 / len(tables)}
+    return tuple(_part(source, OperatingPoint, label, equal | table) for label, table in tables)
+
+
+def _stages(source: MachineSource) -> tuple[tuple[Stage, ...], tuple[str, ...]]:
+    tables = _tables(source, "stage")
+    if not tables:
+        raise source.error("", f"lacks a stage; write {_EXAMPLES['stage']}")
+    stages: list[Stage] = []
+    notes: list[str] = []
+    for number, (label, table) in enumerate(tables, start=1):
+        stage, remarks = _stage(source, label, dict(table))
+        stages.append(stage)
+        notes += [f"stage {number}: {remark}" for remark in remarks]
+    return tuple(stages), tuple(notes)
+
+
+def _stage(source: MachineSource, label: str, table: dict[str, Any]) -> tuple[Stage, list[str]]:
+    kind = table.pop("kind", None)
+    if kind is None:
+        raise source.error(label, f'{label} lacks kind; write kind = "parallel" or "planetary"')
+    if not isinstance(kind, str) or kind not in STAGE_KINDS:
+        message = f'{label}.kind = {shown_value(kind)} must be "parallel" or "planetary"'
+        raise source.error(f"{label}.kind", message)
+    remarks: list[str] = []
+    if kind == "planetary" and "planet_teeth" not in table:
+        remarks = _derive_planet_teeth(source, label, table)
+    stage = _part(source, STAGE_KINDS[kind], label, table)
+    if isinstance(stage, PlanetaryStage):
+        remarks += stage.notes
+    return stage, remarks
+
+
+def _derive_planet_teeth(source: MachineSource, label: str, table: dict[str, Any]) -> list[str]:
+    """Set planet_teeth = (ring - sun) / 2 where that is a whole number; say so."""
+    sun, ring = table.get("sun_teeth"), table.get("ring_teeth")
+    if type(sun) is not int or type(ring) is not int:
+        return []  # missing or of the wrong type: the ordinary checks will say which
+    planet, rest = divmod(ring - sun, 2)
+    if rest or planet < 1:
+        reason = f"ring_teeth - sun_teeth = {ring - sun} is not twice a tooth count"
+        raise source.error(label, f"{label} lacks planet_teeth, and {reason}: give planet_teeth")
+    table["planet_teeth"] = planet
+    return [f"planet_teeth = {planet} taken from (ring_teeth - sun_teeth) / 2"]
+
+
+def _parts(source: MachineSource, table: str, part: type[_Part]) -> tuple[_Part, ...]:
+    return tuple(_part(source, part, label, keys) for label, keys in _tables(source, table))
+
+
+def _tables(
+    source: MachineSource, name: str, single: bool = False
+) -> list[tuple[str, dict[str, Any]]]:
+    """Return the tables called `name` with their labels, such as ``stage[2]``."""
+    content = source.document.get(name, [])
+    if single and isinstance(content, dict):
+        return [(name, content)]
+    if not isinstance(content, list) or not all(isinstance(table, dict) for table in content):
+        brackets = f"[{name}] or [[{name}]]" if single else f"[[{name}]], with double brackets"
+        raise source.error(name, f"{name} must be a table: write {brackets}")
+    return [(f"{name}[{number}]", table) for number, table in enumerate(content, start=1)]
+
+
+def _part(source: MachineSource, part: type[_Part], label: str, table: dict[str, Any]) -> _Part:
+    """Build one part of the machine from its table."""
+    described = {field.name: field for field in dataclasses.fields(part)}  # type: ignore[arg-type]
+    _refuse_unknown_keys(source, table, tuple(described), label)
+    missing = [
+        name
+        for name, field in described.items()
+        if field.default is dataclasses.MISSING and name not in table
+    ]
+    if missing:
+        example = f"{missing[0]} = {described[missing[0]].metadata['rule'].example}"
+        lacks = " and ".join(missing)
+        raise source.error(label, f"{label} lacks {lacks}; write for example {example}")
+    try:
+        return part(**table)
+    except FieldError as error:
+        key = f"{label}.{error.key}"
+        raise source.error(key, error.message(key)) from None
+
+
+def _refuse_unknown_keys(
+    source: MachineSource, table: dict[str, Any], known: tuple[str, ...], label: str
+) -> None:
+    allowed = (*known, "kind") if label.startswith("stage") else known
+    for key in table:
+        if key not in allowed:
+            where = f"{label}.{key}" if label else key
+            shown = where if where.isprintable() else repr(where)
+            raise source.error(where, f"{shown} is not a known key{_hint(key, allowed)}")
+
+
+def _hint(key: str, allowed: tuple[str, ...]) -> str:
+    """Return where a key belongs, what it resembles, or else what would be known here."""
+    for home, part in _HOMES.items():
+        if key in {field.name for field in dataclasses.fields(part)}:
+            return f" here; it belongs to {home}"
+    if guess := nearest_name(key, allowed):
+        return f"; did you mean {guess}?"
+    return f"; known are {', '.join(allowed)}" if len(allowed) <= MOST_KEYS_LISTED else ""

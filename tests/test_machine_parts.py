@@ -1,0 +1,179 @@
+"""The parts of a machine built in Python obey the rules of the machine file."""
+
+from __future__ import annotations
+
+import math
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gearmon.errors import ArgumentError
+from gearmon.machine import (
+    Bearing,
+    FieldError,
+    Machine,
+    OperatingPoint,
+    ParallelStage,
+    PlanetaryStage,
+    Sensor,
+)
+from gearmon.machine.fields import shown_value
+
+POINT = OperatingPoint(speed_rpm=1200.0)
+PAIR = ParallelStage(pinion_teeth=8, gear_teeth=42)
+
+
+def test_numpy_numbers_are_numbers():
+    stage = ParallelStage(
+        pinion_teeth=np.int64(26), gear_teeth=np.int32(53), module_mm=np.float32(2)
+    )
+    assert type(stage.pinion_teeth) is int
+    assert type(stage.module_mm) is float
+
+
+@pytest.mark.parametrize("value", [True, 26.0, "26", None, np.float64(26), [26], math.nan])
+def test_teeth_are_whole_numbers(value):
+    with pytest.raises(FieldError, match=r"pinion_teeth = .* must be a whole number"):
+        ParallelStage(pinion_teeth=value, gear_teeth=53)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("face_width_mm", 0.0),
+        ("poisson_ratio", 0.5),
+        ("density_kgm3", 7.85),
+        ("elastic_modulus_gear_pa", 206.0),
+        ("damping_ratio", 0.0),
+        ("stiffness_variation", 1.0),
+        ("mesh_stiffness_n_per_m", 20.0),
+        ("profile_shift_pinion", 5.0),
+    ],
+)
+def test_out_of_range_names_key_and_value(key, value):
+    with pytest.raises(ArgumentError, match=rf"^{key} = {value} must lie in "):
+        ParallelStage(pinion_teeth=26, gear_teeth=53, **{key: value})
+
+
+def test_helical_gears_may_have_a_transverse_contact_ratio_below_one():
+    stage = ParallelStage(pinion_teeth=20, gear_teeth=60, helix_angle_deg=30, contact_ratio=0.95)
+    assert stage.contact_ratio == 0.95
+
+
+def test_profile_shifted_centre_distance_is_accepted():
+    # 26/53 teeth of module 2 at a working pressure angle of 23.834 degrees
+    stage = ParallelStage(pinion_teeth=26, gear_teeth=53, module_mm=2.0, centre_distance_mm=81.157)
+    assert stage.centre_distance_mm == 81.157
+
+
+def test_transverse_pressure_angle():
+    stage = ParallelStage(pinion_teeth=20, gear_teeth=30, helix_angle_deg=15)
+    # tan 20 / cos 15 = 0.376808
+    assert math.degrees(stage.transverse_pressure_angle_rad) == pytest.approx(20.6469, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("fixed", "driving", "driven"),
+    [
+        ("ring", "sun", "carrier"),
+        ("carrier", "sun", "ring"),
+        ("sun", "carrier", "ring"),
+    ],
+)
+def test_driving_member_by_default(fixed, driving, driven):
+    stage = PlanetaryStage(sun_teeth=20, planet_teeth=40, ring_teeth=100, planets=4, fixed=fixed)
+    assert (stage.driving, stage.driven) == (driving, driven)
+
+
+@given(
+    sun=st.integers(12, 100),
+    planet=st.integers(12, 100),
+    deviation=st.integers(-3, 3),
+    planets=st.integers(3, 6),
+)
+def test_planets_fit_when_their_tips_are_clear(sun, planet, deviation, planets):
+    """Every set that can be built passes, and notes appear exactly where the teeth are unusual."""
+    if (sun + planet) * math.sin(math.pi / planets) <= planet + 2:
+        return
+    ring = sun + 2 * planet + deviation
+    stage = PlanetaryStage(sun_teeth=sun, planet_teeth=planet, ring_teeth=ring, planets=planets)
+    assert stage.tooth_deviation == deviation
+    assert stage.equally_spaced == ((sun + ring) % planets == 0)
+    assert len(stage.notes) == (deviation != 0) + (not stage.equally_spaced)
+
+
+def test_planets_may_touch_with_shortened_tips_but_not_overlap():
+    # distance of neighbouring planet axes: 58 sin 45 deg = 41.01 and 56 sin 45 deg = 39.6 modules
+    stage = PlanetaryStage(sun_teeth=18, planet_teeth=40, ring_teeth=98, planets=4)
+    assert stage.planets == 4
+    with pytest.raises(FieldError, match="planets = 4 is more than fits"):
+        PlanetaryStage(sun_teeth=16, planet_teeth=40, ring_teeth=96, planets=4)
+
+
+@pytest.mark.parametrize(("excess", "accepted"), [(5e-7, True), (5e-6, False)])
+def test_shares_sum_to_one_within_a_millionth(excess, accepted):
+    points = [OperatingPoint(speed_rpm=900, share=share) for share in (0.5 + excess, 0.5)]
+    if accepted:
+        assert len(Machine(operating=points, stages=[PAIR]).operating) == 2
+    else:
+        with pytest.raises(FieldError, match="must sum to 1"):
+            Machine(operating=points, stages=[PAIR])
+
+
+def test_planet_bearing_turns_with_its_outer_ring():
+    bearing = Bearing(
+        name="pin", planet_stage=1, balls=18, ball_diameter_mm=8, pitch_diameter_mm=54
+    )
+    assert bearing.rotating == "outer"
+
+
+def test_machine_needs_parts():
+    with pytest.raises(FieldError, match="operating must hold at least one"):
+        Machine(operating=(), stages=(PAIR,))
+
+
+def test_machine_needs_stages():
+    with pytest.raises(FieldError, match="stage is given 0 times"):
+        Machine(operating=(POINT,), stages=())
+
+
+def test_shares_must_sum_to_one():
+    with pytest.raises(FieldError, match="the sum is 2"):
+        Machine(operating=(POINT, POINT), stages=(PAIR,))
+
+
+def test_lists_become_tuples():
+    machine = Machine(operating=[POINT], stages=[PAIR])
+    assert machine.stages == (PAIR,)
+    assert hash(machine) == hash(Machine(operating=(POINT,), stages=(PAIR,)))
+
+
+def test_sensor_column_of_white_space():
+    with pytest.raises(FieldError, match="must be a column name"):
+        Sensor(column="  ")
+
+
+def test_errors_cross_process_borders():
+    with pytest.raises(FieldError) as caught:
+        ParallelStage(pinion_teeth=2, gear_teeth=53)
+    copy = pickle.loads(pickle.dumps(caught.value))
+    assert (str(copy), copy.key, copy.value) == (str(caught.value), "pinion_teeth", 2)
+    bare = pickle.loads(pickle.dumps(FieldError("shaft", "must be given")))
+    assert str(bare) == "shaft must be given"
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (True, "true"),
+        ("it's", '"it\'s"'),
+        ("two\nlines", '"two\\nlines"'),
+        ("x" * 100, '"' + "x" * 56 + "..."),
+        (-2.5, "-2.5"),
+    ],
+)
+def test_values_are_shown_on_one_short_line(value, text):
+    assert shown_value(value) == text
