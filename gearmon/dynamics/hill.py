@@ -1,0 +1,258 @@
+"""Hill's equation of one gear mesh, and its steady vibration as Fourier coefficients.
+
+    m z'' + c z' + k(t) z = F + f(t),    k(t) = k0 [1 + phi(t)],
+    phi(t) = sum_{j=1..J} (c_j e^{ijwt} + conjugate),    w = 2 pi/T
+
+z is the deflection along the line of action in metres, positive when the teeth are pressed
+together.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from gearmon.dynamics import floquet
+from gearmon.dynamics.fourier import Complex, Modulation, Real, fast_length, samples
+from gearmon.errors import ArgumentError, check_finite, check_positive
+
+
+@dataclass(frozen=True, eq=False)
+class HillProblem:
+    """One mass on a periodic spring.
+
+    Parameters
+    ----------
+    mass_kg : float
+        m > 0, equivalent mass of the pair on the line of action.
+    damping_ns_per_m : float
+        c >= 0. Without damping (0) no steady state is ever reached.
+    stiffness_n_per_m : float
+        k0 > 0, mean stiffness.
+    stiffness_harmonics : complex array, shape (J,)
+        c_1..c_J of phi(t), relative to the mean stiffness; eps cos(wt) has c_1 = eps/2.
+    period_s : float
+        T > 0, period of k(t).
+    force_n : float
+        F, constant force.
+    force_harmonics_n : complex array, shape (G,), optional
+        f_1..f_G of a periodic force f(t) = sum (f_n e^{inwt} + conjugate).
+
+    Raises
+    ------
+    ArgumentError
+        If a value is not finite or out of its range.
+
+    Examples
+    --------
+    >>> p = HillProblem(0.28, 9e3, 8e8, [0.065], 1.6e-3, 4e3)
+    >>> round(p.natural_frequency_hz, 2), round(p.damping_ratio, 4), round(p.frequency_ratio, 4)
+    (8507.19, 0.3007, 13.6115)
+    """
+
+    mass_kg: float
+    damping_ns_per_m: float
+    stiffness_n_per_m: float
+    stiffness_harmonics: Complex
+    period_s: float
+    force_n: float
+    force_harmonics_n: Complex = field(default_factory=lambda: np.zeros(0, dtype=complex))
+
+    def __post_init__(self) -> None:
+        check_positive("mass_kg", self.mass_kg, "kg")
+        check_finite("damping_ns_per_m", self.damping_ns_per_m, "N s/m")
+        if self.damping_ns_per_m < 0:
+            raise ArgumentError(f"damping_ns_per_m={self.damping_ns_per_m} N s/m must be >= 0")
+        check_positive("stiffness_n_per_m", self.stiffness_n_per_m, "N/m")
+        check_positive("period_s", self.period_s, "s")
+        check_finite("force_n", self.force_n, "N")
+        for name in ("stiffness_harmonics", "force_harmonics_n"):
+            object.__setattr__(self, name, frozen_vector(name, getattr(self, name)))
+
+    @property
+    def angular_frequency(self) -> float:
+        """Angular frequency w = 2 pi/T [rad/s]."""
+        return 2 * math.pi / self.period_s
+
+    @property
+    def natural_frequency_hz(self) -> float:
+        """sqrt(k0/m)/(2 pi) [Hz], undamped and with the mean stiffness."""
+        return math.sqrt(self.stiffness_n_per_m / self.mass_kg) / (2 * math.pi)
+
+    @property
+    def damping_ratio(self) -> float:
+        """Damping ratio zeta = c/(2 sqrt(k0 m)) [1]."""
+        return self.damping_ns_per_m / (2 * math.sqrt(self.stiffness_n_per_m * self.mass_kg))
+
+    @property
+    def frequency_ratio(self) -> float:
+        """R = w0/w [1]: the harmonic that lies on the natural frequency."""
+        return self.natural_frequency_hz * self.period_s
+
+    def dynamic_stiffness(self, highest: int) -> Complex:
+        """D_n = 1 - (n/R)^2 + 2 i zeta n/R, relative to k0, shape (highest+1,)."""
+        x = np.arange(highest + 1) / self.frequency_ratio
+        return (1 - x**2) + 2j * self.damping_ratio * x
+
+    def static_forcing(self, highest: int) -> Complex:
+        """(F, f_1, ..., f_highest)/k0 [m], shape (highest+1,)."""
+        forcing: Complex = np.zeros(highest + 1, dtype=np.complex128)
+        forcing[0] = self.force_n
+        count = min(highest, len(self.force_harmonics_n))
+        forcing[1 : count + 1] = self.force_harmonics_n[:count]
+        forcing /= self.stiffness_n_per_m
+        return forcing
+
+    def with_transmission_error(self, error_m: npt.ArrayLike) -> HillProblem:
+        """Return the problem for the deflection z - e(t) when the teeth carry a profile error e(t).
+
+        Parameters
+        ----------
+        error_m : complex array, shape (E,)
+            e_1..e_E, e(t) = sum (e_n e^{inwt} + conjugate) [m].
+
+        Returns
+        -------
+        HillProblem
+            The same with the force m (n w)^2 e_n added: m z'' + c (z-e)' + k(t) (z-e) = F in the
+            coordinate z - e, whose mesh force is again k (z-e) + c (z-e)'.
+        """
+        error = frozen_vector("error_m", error_m)
+        total = np.zeros(max(len(error), len(self.force_harmonics_n)), dtype=complex)
+        total[: len(self.force_harmonics_n)] = self.force_harmonics_n
+        orders = np.arange(1, len(error) + 1)
+        total[: len(error)] += self.mass_kg * (orders * self.angular_frequency) ** 2 * error
+        return replace(self, force_harmonics_n=total)
+
+
+def frozen_vector(name: str, values: npt.ArrayLike) -> Complex:
+    """Return a read-only complex copy of a list of finite coefficients."""
+    vector = np.array(values, dtype=complex)
+    if vector.ndim != 1:
+        raise ArgumentError(f"{name}: shape {vector.shape} must be one row of coefficients")
+    if not np.isfinite(vector).all():
+        bad = int(np.flatnonzero(~np.isfinite(vector))[0]) + 1
+        raise ArgumentError(f"{name}: coefficient {bad} is {vector[bad - 1]}, must be finite")
+    vector.flags.writeable = False
+    return vector
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Response:
+    """Steady vibration of a `HillProblem`.
+
+    Attributes
+    ----------
+    problem : HillProblem
+        What was solved.
+    displacement : complex ndarray, shape (N+1,)
+        z_0..z_N [m], z(t) = z_0 + sum_{n>=1} (z_n e^{inwt} + conjugate). Line amplitudes are
+        2|z_n|.
+    error_bound : float
+        Guaranteed bound of the relative L2 error of the acceleration, of the harmonics given here;
+        infinite if none could be computed or if there is no steady state.
+    method : str
+        "msm", "msm least residual", "harmonic balance" or "sidebands".
+    order : int
+        Number of orders of the expansion used; 0 for harmonic balance.
+    stable : bool or None
+        Whether free vibrations die out. None only where it could not be settled.
+    message : str
+        One line: which method and why, or what is wrong, with the number.
+    """
+
+    problem: HillProblem
+    displacement: Complex
+    error_bound: float
+    method: str
+    order: int
+    stable: bool | None
+    message: str
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "displacement", frozen_vector("displacement", self.displacement))
+
+    @cached_property
+    def velocity(self) -> Complex:
+        """Velocity i n w z_n [m/s], shape (N+1,)."""
+        return 1j * self._angular * self.displacement
+
+    @cached_property
+    def acceleration(self) -> Complex:
+        """Acceleration -(n w)^2 z_n [m/s2], shape (N+1,)."""
+        return -(self._angular**2) * self.displacement
+
+    @property
+    def frequency_hz(self) -> Real:
+        """Frequencies n/T [Hz], shape (N+1,)."""
+        return np.arange(len(self.displacement)) / self.problem.period_s
+
+    @property
+    def energy_lines(self) -> Real:
+        """E_n = (2 pi f_n A_n)^2/2 [J/kg] of each line, A_n = 2|z_n|, shape (N+1,)."""
+        energy: Real = 2 * np.abs(self.velocity) ** 2
+        return energy
+
+    @cached_property
+    def mesh_force(self) -> Complex:
+        """Coefficients of k(t) z + c z' [N], harmonics 0..N+J."""
+        highest = len(self.displacement) - 1
+        c = self.problem.stiffness_harmonics
+        force = Modulation(c, highest, highest + len(c))(self.displacement)
+        force[: highest + 1] += self.displacement
+        force *= self.problem.stiffness_n_per_m
+        force[: highest + 1] += self.problem.damping_ns_per_m * self.velocity
+        return force
+
+    @cached_property
+    def floquet_multipliers(self) -> tuple[complex, complex]:
+        """Factors by which a free vibration changes over a period, the larger modulus first."""
+        p = self.problem
+        return floquet.multipliers(p.frequency_ratio, p.damping_ratio, p.stiffness_harmonics)
+
+    @property
+    def contact_lost(self) -> bool:
+        """Whether the mesh force is <= 0 somewhere: there the linear model ends."""
+        return self.contact_loss_angle_rad is not None
+
+    @cached_property
+    def contact_loss_angle_rad(self) -> float | None:
+        """First angle w t in [0, 2 pi) with mesh force <= 0, or None."""
+        # pressing teeth together takes a force of the sign of F
+        force = samples(self.mesh_force, fast_length(max(256, 8 * len(self.mesh_force))))
+        lost = np.flatnonzero(force * math.copysign(1.0, self.problem.force_n) <= 0)
+        if not len(lost):
+            return None
+        first = int(lost[0])
+        if first == 0:
+            return 0.0
+        share = force[first - 1] / (force[first - 1] - force[first])
+        return float((first - 1 + share) * 2 * math.pi / len(force))
+
+    def at(self, time_s: npt.ArrayLike, kind: str = "displacement") -> Real:
+        """Displacement [m], velocity [m/s], acceleration [m/s2] or mesh force [N] at any times.
+
+        Parameters
+        ----------
+        time_s : float array
+            Times [s], any shape.
+        kind : {"displacement", "velocity", "acceleration", "mesh_force"}
+            What to evaluate.
+        """
+        if kind not in ("displacement", "velocity", "acceleration", "mesh_force"):
+            raise ArgumentError(
+                f"kind={kind!r} must be displacement, velocity, acceleration or mesh_force"
+            )
+        half: Complex = getattr(self, kind)
+        turns = np.asarray(time_s, dtype=float) / self.problem.period_s
+        phase = np.exp(2j * math.pi * (turns % 1.0)[..., None] * np.arange(1, len(half)))
+        return np.asarray(half[0].real + 2 * (phase @ half[1:]).real, dtype=np.float64)
+
+    @property
+    def _angular(self) -> Real:
+        lines = np.arange(len(self.displacement), dtype=np.float64)
+        return np.asarray(lines * self.problem.angular_frequency)

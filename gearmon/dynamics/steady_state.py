@@ -1,0 +1,256 @@
+"""Steady vibration of Hill's equation by the cheapest method that meets a tolerance."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Literal, get_args
+
+import numpy as np
+
+from gearmon.dynamics import harmonic_balance, least_residual, multiple_scales
+from gearmon.dynamics.certificate import Approximation, Certifier
+from gearmon.dynamics.fourier import Complex, rms
+from gearmon.dynamics.hill import HillProblem, Response
+from gearmon.errors import ArgumentError, check_range
+
+Method = Literal["auto", "msm", "msm least residual", "harmonic balance"]
+
+MOST_ROUNDS = 12
+
+
+def steady_state(
+    problem: HillProblem,
+    tolerance: float = 1e-6,
+    method: Method = "auto",
+    order: int | None = None,
+    harmonics: int | None = None,
+) -> Response:
+    """Steady vibration, with a guaranteed bound of its error.
+
+    Parameters
+    ----------
+    problem : HillProblem
+        The equation.
+    tolerance : float
+        Relative L2 error of the acceleration to be met, 1e-13 to 1.
+    method : str
+        "auto": orders of the expansion recombined by least residual, then harmonic balance if they
+        stall. "msm": the plain sum of the orders. "msm least residual" and "harmonic balance":
+        that one.
+    order : int, optional
+        Number of orders to use, >= 0; by default as many as the tolerance takes. Not for harmonic
+        balance.
+    harmonics : int, optional
+        Highest response harmonic wanted, >= 1; the tolerance and the bound then concern harmonics
+        0..harmonics. By default all that the tolerance takes.
+
+    Returns
+    -------
+    Response
+        Its `error_bound` says what was reached and its `message` why. Where free vibrations grow
+        there is no steady state: the periodic solution is returned, with `stable` False
+        and an infinite bound.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of its range, or harmonic balance asked for more than memory holds.
+
+    Examples
+    --------
+    >>> p = HillProblem(0.28, 9e3, 8e8, [0.065], 1.6e-3, 4e3)
+    >>> r = steady_state(p)
+    >>> r.error_bound < 1e-6, r.stable, r.contact_lost
+    (True, True, False)
+    >>> plain = steady_state(p, method="msm", order=2)
+    >>> 1e-4 < plain.error_bound < 1e-1
+    True
+    """
+    _check(tolerance, method, order, harmonics)
+    certifier = Certifier(problem, harmonics)
+    if method == "msm":
+        found = _plain(certifier, tolerance, order)
+        return _respond(certifier, found, tolerance, "msm")
+    if method == "harmonic balance":
+        found = _widen(
+            certifier, tolerance, lambda z: harmonic_balance.balance(certifier, len(z) - 1)
+        )
+        return _respond(certifier, found, tolerance, method)
+    improve = _recombining(certifier, tolerance, order)
+    found = _widen(certifier, tolerance, improve, repeat=order is None)
+    if method == "auto" and order is None and _worth_solving_directly(certifier, found, tolerance):
+        direct = harmonic_balance.balance(certifier, found.highest)
+        if direct.bound.relative < found.bound.relative:
+            return _respond(certifier, direct, tolerance, "harmonic balance")
+    return _respond(certifier, found, tolerance, "msm least residual")
+
+
+def _check(tolerance: float, method: str, order: int | None, harmonics: int | None) -> None:
+    check_range("tolerance", tolerance, 1e-13, 1.0)
+    if method not in get_args(Method):
+        raise ArgumentError(f"method={method!r} must be one of: {', '.join(get_args(Method))}")
+    if order is not None:
+        check_range("order", order, 0, 10_000)
+        if method == "harmonic balance":
+            raise ArgumentError(f"order={order}: harmonic balance has no orders; leave it out")
+    if harmonics is not None:
+        check_range("harmonics", harmonics, 1, 10_000_000)
+
+
+def _plain(certifier: Certifier, tolerance: float, order: int | None) -> Approximation:
+    p = certifier.problem
+    if order is None:
+        found = _widen(
+            certifier,
+            tolerance,
+            lambda z: multiple_scales.plain_sum(certifier, len(z) - 1, tolerance, None),
+            counts_add=False,
+        )
+    else:
+        forced = max(1, len(p.force_harmonics_n), certifier.shown or 1)
+        all_reached = len(p.force_harmonics_n) + order * len(p.stiffness_harmonics)
+        highest = max(forced, min(all_reached, first_highest(certifier, 1e-13)))
+        found = multiple_scales.plain_sum(certifier, highest, tolerance, order)
+    return found if found.bound.relative <= tolerance else sharpened(certifier, found)
+
+
+def sharpened(certifier: Certifier, found: Approximation) -> Approximation:
+    """Bound a large error by the distance from a good solution, more sharply than by the gain."""
+    if not certifier.gain.stable:
+        return found
+    for _ in range(2):
+        wanted = max(1e-12, 0.05 * min(found.bound.relative, 0.1))
+        better = _widen(certifier, wanted, _recombining(certifier, wanted))
+        found = certifier.sharpened(found, better)
+    return found
+
+
+def _recombining(
+    certifier: Certifier, tolerance: float, order: int | None = None
+) -> Callable[[Complex], Approximation]:
+    most = least_residual.MOST_ORDERS if order is None else order
+    return lambda z: least_residual.recombine(certifier, z, tolerance, most)
+
+
+def first_highest(certifier: Certifier, tolerance: float) -> int:
+    """Guess the number of harmonics that a tolerance takes.
+
+    The significant stiffness harmonics all appear at first order. Above them and above resonance,
+    a line is reached only by jumps of about the mean bandwidth of phi, each of which costs
+    max|phi|/|D_n|.
+    """
+    p = certifier.problem
+    sizes = np.abs(p.stiffness_harmonics)
+    ratio = p.frequency_ratio
+    top = max(2, math.ceil(1.2 * ratio), len(p.force_harmonics_n), certifier.shown or 1)
+    if not sizes.any():
+        return top
+    if certifier.shown is not None:
+        # a line that is not handed out matters by what it gives to the others
+        orders = np.arange(1, len(sizes) + 1)
+        sizes = np.where(
+            orders > certifier.shown, sizes * np.minimum(1, (ratio / orders) ** 2), sizes
+        )
+    above = np.sqrt(np.cumsum((sizes**2)[::-1]))[::-1]
+    top = max(top, int(np.flatnonzero(above > 0.1 * tolerance * above[0])[-1]) + 1)
+    jump = max(1, round(float(np.arange(1, len(sizes) + 1) @ sizes / sizes.sum())))
+    share = 1.0
+    for _ in range(400):
+        if share < 0.1 * tolerance:
+            break
+        top += jump
+        share *= min(0.8, certifier.swing / max(1e-9, abs((top / ratio) ** 2 - 1)))
+    return top
+
+
+def _widen(
+    certifier: Certifier,
+    tolerance: float,
+    improve: Callable[[Complex], Approximation],
+    repeat: bool = True,
+    counts_add: bool = True,
+) -> Approximation:
+    """Improve and add harmonics in turn, until the tolerance is met or neither helps."""
+    dynamic = np.zeros(first_highest(certifier, tolerance) + 1, dtype=complex)
+    found = improve(dynamic)
+    orders = found.orders
+    for _ in range(MOST_ROUNDS if repeat else 0):
+        if found.bound.relative <= tolerance:
+            break
+        highest = _larger(certifier, found, tolerance)
+        padding = np.zeros(highest - found.highest, dtype=complex)
+        better = improve(np.concatenate([found.dynamic, padding]))
+        orders = better.orders + counts_add * orders
+        old, found = found, replace(better, orders=orders)
+        if highest == old.highest and rms(found.residual) > 0.5 * rms(old.residual):
+            break
+    return found
+
+
+def _larger(certifier: Certifier, found: Approximation, tolerance: float) -> int:
+    """Find the harmonic beyond which the residual asks for too little to matter."""
+    extra = np.abs(certifier.answer(found.residual, found.highest))
+    worth = certifier.weights(len(extra) - 1) * (certifier.shown is None)
+    gain = certifier.gain.acceleration
+    if gain < math.inf:
+        worth = worth + gain * certifier.swing
+    beyond = np.sqrt(2 * np.cumsum(((worth * extra) ** 2)[::-1]))[::-1]
+    allowed = tolerance * found.bound.size
+    if beyond[0] <= 0.4 * allowed:
+        return found.highest
+    needed = int((beyond > 0.1 * allowed).sum())
+    return max(needed, found.highest + max(8, found.highest // 4))
+
+
+def _worth_solving_directly(certifier: Certifier, found: Approximation, tolerance: float) -> bool:
+    missed = found.bound.relative > tolerance and certifier.gain.acceleration < math.inf
+    return missed and found.bound.core > found.bound.above and found.highest <= 1000
+
+
+def _respond(certifier: Certifier, found: Approximation, tolerance: float, method: str) -> Response:
+    """Hand out the harmonics asked for, with what there is to say about them."""
+    p = certifier.problem
+    z = found.start + found.dynamic
+    shown = certifier.shown
+    if shown is not None:
+        z = np.concatenate([z, np.zeros(max(0, shown + 1 - len(z)))])[: shown + 1]
+    stable = False if p.damping_ns_per_m == 0 else certifier.gain.stable
+    response = Response(
+        problem=p,
+        displacement=z,
+        error_bound=found.bound.relative if stable is not False else math.inf,
+        method=method,
+        order=found.orders,
+        stable=stable,
+        message="",
+    )
+    return replace(response, message=_message(response, found, tolerance))
+
+
+def _message(response: Response, found: Approximation, tolerance: float) -> str:
+    if response.problem.damping_ns_per_m == 0:
+        return "undamped: free vibrations never die out, so no steady state is reached"
+    if response.stable is False:
+        largest = abs(response.floquet_multipliers[0])
+        return (
+            f"unstable: free vibrations grow by {largest:.6g} a period (largest Floquet "
+            "multiplier), so there is no steady state"
+        )
+    how = {
+        "msm": f"plain expansion to order {found.orders}",
+        "msm least residual": f"{found.orders} orders recombined by least residual",
+        "harmonic balance": "all harmonics solved together",
+    }[response.method]
+    text = f"{how}, harmonics 0 to {found.highest}"
+    if math.isinf(response.error_bound):
+        return f"{text}: no error bound could be given ({_reason(found)})"
+    verdict = "meets" if response.error_bound <= tolerance else "misses"
+    return f"{text}: error bound {response.error_bound:.2g} {verdict} the tolerance {tolerance:.2g}"
+
+
+def _reason(found: Approximation) -> str:
+    if math.isinf(found.bound.core):
+        return "the inverse operator could not be bounded"
+    return "the residual leaves an error as large as the vibration"
