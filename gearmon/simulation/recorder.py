@@ -1,0 +1,272 @@
+"""Recordings of a simulated machine whose condition is known."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearmon.gears.faults import Fault
+from gearmon.gears.kinematics import kinematics
+from gearmon.machine import Machine, OperatingPoint
+from gearmon.simulation import path as paths
+from gearmon.simulation.contact import Drive, Ripple
+from gearmon.simulation.motion import ShaftMotion, random_wander
+from gearmon.simulation.settings import Settings
+from gearmon.simulation.streams import check_seed, stream
+from gearmon.simulation.train import Train, build_train
+from gearmon.simulation.truth import make_truth
+from gearmon.simulation.vibration import Progress, mesh_vibration
+
+FloatArray = NDArray[np.float64]
+
+#: Voltage and length of a tacho pulse.
+TACHO_HIGH_V, TACHO_WIDTH_TURNS = 5.0, 0.05
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SimulatedRecording:
+    """A recording of a simulated machine, with what is true of it.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (columns, n)
+        Accelerations [m/s2]; with a tacho its voltage as the last row.
+    sampling_rate_hz : float
+    channel_names, channel_kinds, units : tuple of str
+        One for each column: kinds are "vibration" and "tacho".
+    truth : dict
+        Ready for JSON; see `simulate`.
+    """
+
+    samples: FloatArray
+    sampling_rate_hz: float
+    channel_names: tuple[str, ...]
+    channel_kinds: tuple[str, ...]
+    units: tuple[str, ...]
+    truth: dict[str, Any]
+
+    @property
+    def duration_s(self) -> float:
+        """Length [s]."""
+        return float(self.samples.shape[1] / self.sampling_rate_hz)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the truth: built-in types only, ready for JSON."""
+        return self.truth
+
+
+def simulate(
+    machine: Machine,
+    faults: Iterable[Fault] = (),
+    duration_s: float = 10.0,
+    sampling_rate_hz: float = 20_000.0,
+    seed: int = 0,
+    *,
+    machine_seed: int | None = None,
+    recording_seed: int | None = None,
+    channels: int = 4,
+    load: float = 1.0,
+    slip: float = 0.01,
+    speed_drift: float = 0.005,
+    load_drift: float = 0.03,
+    torque_ripple: float = 0.02,
+    snr_db: float | None = 20.0,
+    accuracy_grade: float | None = 6.0,
+    unbalance: float = 1.0,
+    bearing_tones: float = 0.0,
+    mains_hz: float | None = None,
+    tacho_shaft: int | None = None,
+    point: OperatingPoint | None = None,
+    progress: Progress | None = None,
+) -> SimulatedRecording:
+    """Simulate a recording of a machine by integrating its equations of motion.
+
+    Parameters
+    ----------
+    machine : Machine
+        With module, face width and torque, or the overrides in their place.
+    faults : iterable of Fault
+    duration_s, sampling_rate_hz : float
+        Length [s], at least one turn of the slowest shaft, and rate [Hz].
+    seed : int
+        Taken for `machine_seed` and `recording_seed` where these are not given.
+    machine_seed : int, optional
+        Of what belongs to the machine. Give the same one to a healthy and a faulty recording and
+        they are of the same machine, with the same pitch errors and the same path to the sensors.
+    recording_seed : int, optional
+        Of what differs between recordings: wander of speed and load, start angle, noise.
+    channels, load, slip, speed_drift, load_drift, torque_ripple, snr_db, accuracy_grade, \
+unbalance, bearing_tones, mains_hz, tacho_shaft
+        See `Settings`.
+    point : OperatingPoint, optional
+        By default the machine's first.
+    progress : callable, optional
+        Called now and then with the share done, 0 to 1.
+
+    Returns
+    -------
+    SimulatedRecording
+        Its `truth` holds seeds, speed, load, mesh frequencies, faults, errors of manufacture and
+        what the model takes for granted.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of its range, the machine lacks data, or they do not fit together.
+
+    Notes
+    -----
+    For every mesh, in terms of its deformation q beyond the runout e of its gears,
+    ``q'' = g(t) - e'' - W s`` with ``s = sum_p k_p(theta) max(0, q - e_p) + c q'``, never below
+    zero; k_p is the parabolic stiffness of pair p times the health of its two teeth and e_p the sum
+    of their pitch deviations. Beyond the backlash the opposite flanks push back. W couples the
+    meshes of all stages through the inertia of the gears and the torsion of the shafts between
+    them. The steps of the integration end where pairs enter and leave contact. The mesh forces pass
+    through random modes of the housing to the sensors, those of planets louder when they pass. Left
+    out are friction, lubrication, profile relief, contact beyond the line of action and the
+    yielding of bearings.
+    """
+    check_seed("seed", seed)
+    settings = Settings(
+        duration_s=duration_s,
+        sampling_rate_hz=sampling_rate_hz,
+        machine_seed=seed if machine_seed is None else machine_seed,
+        recording_seed=seed if recording_seed is None else recording_seed,
+        channels=channels,
+        load=load,
+        slip=slip,
+        speed_drift=speed_drift,
+        load_drift=load_drift,
+        torque_ripple=torque_ripple,
+        snr_db=snr_db,
+        accuracy_grade=accuracy_grade,
+        unbalance=unbalance,
+        bearing_tones=bearing_tones,
+        mains_hz=mains_hz,
+        tacho_shaft=tacho_shaft,
+    )
+    return record(machine, tuple(faults), settings, point=point, progress=progress)
+
+
+def record(
+    machine: Machine,
+    faults: tuple[Fault, ...] = (),
+    settings: Settings | None = None,
+    *,
+    point: OperatingPoint | None = None,
+    progress: Progress | None = None,
+) -> SimulatedRecording:
+    """Simulate a recording as `settings` say.
+
+    Parameters
+    ----------
+    machine : Machine
+    faults : tuple of Fault
+    settings : Settings, optional
+    point : OperatingPoint, optional
+        By default the machine's first.
+    progress : callable, optional
+        Called now and then with the share done, 0 to 1.
+
+    Returns
+    -------
+    SimulatedRecording
+        See `simulate`, which also says what is raised.
+    """
+    wanted = Settings() if settings is None else settings
+    running = machine.operating[0] if point is None else point
+    wanted.check_against(machine, running)
+    train = build_train(
+        machine,
+        faults,
+        point=running,
+        load=wanted.load,
+        seed=wanted.machine_seed,
+        accuracy_grade=wanted.accuracy_grade,
+    )
+    drive = _drive(machine, train, wanted, running)
+    vibration, integration = mesh_vibration(train, drive, wanted, progress)
+    times = np.arange(wanted.samples) / wanted.sampling_rate_hz
+    turns, speed = drive.motion.turns(times), drive.motion.speed_hz(times)
+    vibration += _additions(machine, wanted, vibration, turns, speed)
+    columns = [(f"a{i + 1}", "vibration", "m/s2", row) for i, row in enumerate(vibration)]
+    if wanted.tacho_shaft is not None:
+        columns.append(("tacho", "tacho", "V", _tacho(machine, wanted, turns, speed)))
+    names, kinds, units, rows = zip(*columns, strict=True)
+    return SimulatedRecording(
+        samples=np.array(rows),
+        sampling_rate_hz=wanted.sampling_rate_hz,
+        channel_names=names,
+        channel_kinds=kinds,
+        units=units,
+        truth=make_truth(machine, faults, wanted, running, train, drive, integration),
+    )
+
+
+def _drive(machine: Machine, train: Train, settings: Settings, point: OperatingPoint) -> Drive:
+    ripples = []
+    for shaft in kinematics(machine).shafts:
+        generator = stream(settings.machine_seed, "ripple", shaft.number)
+        size, angle = generator.uniform(0.3, 1.0), generator.uniform(0, 2 * math.pi)
+        ripples.append(
+            Ripple(order=shaft.order, amplitude=settings.torque_ripple * size, phase_rad=angle)
+        )
+    seed = settings.recording_seed
+    return Drive(
+        motion=ShaftMotion(
+            mean_hz=settings.mean_shaft1_hz(point),
+            wander=random_wander(settings.speed_drift, stream(seed, "speed")),
+            start_turns=float(stream(seed, "start").uniform(0, 1000)),
+        ),
+        load=random_wander(settings.load_drift, stream(seed, "load")),
+        ripples=tuple(ripples),
+        static_forcing=train.static_forcing,
+    )
+
+
+def _additions(
+    machine: Machine,
+    settings: Settings,
+    vibration: FloatArray,
+    turns: FloatArray,
+    speed_hz: FloatArray,
+) -> FloatArray:
+    """Return what is not gears: shafts, bearings, mains and noise."""
+    train = kinematics(machine)
+    rms = np.asarray(np.sqrt(np.mean(vibration**2, axis=1)), dtype=np.float64)
+    orders = [shaft.order for shaft in train.shafts]
+    extra = settings.unbalance * paths.shaft_lines(
+        settings.machine_seed, orders, turns, speed_hz, settings.channels
+    )
+    seed = settings.machine_seed
+    if settings.bearing_tones:
+        lines = [x.order * (1 - paths.BEARING_SLIP) for x in train.lines if x.kind == "bearing"]
+        extra += paths.tones(seed, lines, turns, settings.bearing_tones * rms, 3)
+    if settings.mains_hz is not None:
+        periods = np.arange(len(turns), dtype=np.float64)
+        periods *= settings.mains_hz / settings.sampling_rate_hz
+        extra += paths.tones(seed, [2.0], periods, 0.1 * rms, 1)
+    if settings.snr_db is not None:
+        level = np.sqrt(np.mean((vibration + extra) ** 2, axis=1)) * 10 ** (-settings.snr_db / 20)
+        for channel, row in enumerate(extra):
+            generator = stream(settings.recording_seed, "noise", channel)
+            row += paths.noise(generator, len(turns), float(level[channel]))
+    return extra
+
+
+def _tacho(
+    machine: Machine, settings: Settings, turns: FloatArray, speed_hz: FloatArray
+) -> FloatArray:
+    order = kinematics(machine).shaft(settings.tacho_shaft or 1).order
+    return paths.tacho_pulses(
+        order * turns,
+        settings.sampling_rate_hz,
+        order * speed_hz,
+        TACHO_HIGH_V,
+        TACHO_WIDTH_TURNS,
+    )

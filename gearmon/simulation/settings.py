@@ -1,0 +1,150 @@
+"""What a simulated recording is to be like."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from gearmon.errors import ArgumentError, check_positive, check_range
+from gearmon.gears.kinematics import kinematics
+from gearmon.machine import Machine, OperatingPoint
+from gearmon.simulation.streams import check_seed
+
+#: Sampling rate over mesh frequency that anti-aliasing needs to let the mesh through.
+LEAST_RATE_OVER_MESH = 2.56
+#: Most samples in a channel.
+MOST_SAMPLES = 100_000_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """What a simulated recording is to be like.
+
+    Parameters
+    ----------
+    duration_s : float, > 0
+        Length [s].
+    sampling_rate_hz : float, > 0
+        [Hz].
+    machine_seed : int, >= 0
+        Of all that belongs to the machine: pitch errors, eccentricities, path to the sensors.
+    recording_seed : int, >= 0
+        Of all that differs between its recordings: wander of speed and load, start angle, noise.
+    channels : int, 1 to 64
+        Number of accelerometers.
+    load : float, in (0, 10]
+        Mean load, as a share of the torque of the operating point.
+    slip : float, in [-0.2, 0.2]
+        Share by which the machine runs slower than its nominal speed.
+    speed_drift, load_drift : float, in [0, 0.1]
+        Standard deviations of the slow wander of speed and of load, as shares of their means.
+    torque_ripple : float, in [0, 0.5]
+        Largest amplitude of the torque that varies with each turn of each shaft, as a share.
+    snr_db : float or None
+        Power of the vibration over that of the noise in each channel [dB]; None for no noise.
+    accuracy_grade : float, 1 to 11, or None
+        Flank tolerance class of ISO 1328-1 of all gears; None for perfect gears.
+    unbalance : float, >= 0
+        Shaft lines, as a multiple of those at the permissible unbalance G 6.3.
+    bearing_tones : float, >= 0
+        Amplitude of the lines of the machine's rolling bearings over the rms of the vibration.
+    mains_hz : float, optional
+        Mains frequency whose double is heard, at a tenth of the rms of the vibration.
+    tacho_shaft : int, optional
+        Shaft that gives a tacho pulse per turn, in a column of its own.
+
+    Raises
+    ------
+    ArgumentError
+        If a value is out of its range.
+    """
+
+    duration_s: float = 10.0
+    sampling_rate_hz: float = 20_000.0
+    machine_seed: int = 0
+    recording_seed: int = 0
+    channels: int = 4
+    load: float = 1.0
+    slip: float = 0.01
+    speed_drift: float = 0.005
+    load_drift: float = 0.03
+    torque_ripple: float = 0.02
+    snr_db: float | None = 20.0
+    accuracy_grade: float | None = 6.0
+    unbalance: float = 1.0
+    bearing_tones: float = 0.0
+    mains_hz: float | None = None
+    tacho_shaft: int | None = None
+
+    def __post_init__(self) -> None:
+        check_positive("duration_s", self.duration_s, "s")
+        check_positive("sampling_rate_hz", self.sampling_rate_hz, "Hz")
+        if self.duration_s * self.sampling_rate_hz > MOST_SAMPLES:
+            raise ArgumentError(
+                f"duration_s={self.duration_s:g} s makes more than {MOST_SAMPLES} samples at "
+                f"{self.sampling_rate_hz:g} Hz; take less of either"
+            )
+        check_seed("machine_seed", self.machine_seed)
+        check_seed("recording_seed", self.recording_seed)
+        if self.channels != int(self.channels) or not 1 <= self.channels <= 64:
+            raise ArgumentError(f"channels={self.channels} must be a whole number in [1, 64]")
+        check_positive("load", self.load)
+        check_range("load", self.load, 0, 10)
+        check_range("slip", self.slip, -0.2, 0.2)
+        check_range("speed_drift", self.speed_drift, 0, 0.1)
+        check_range("load_drift", self.load_drift, 0, 0.1)
+        check_range("torque_ripple", self.torque_ripple, 0, 0.5)
+        self._check_additions()
+
+    def _check_additions(self) -> None:
+        if self.snr_db is not None:
+            check_range("snr_db", self.snr_db, -60, 200, "dB")
+        if self.accuracy_grade is not None:
+            check_range("accuracy_grade", self.accuracy_grade, 1, 11)
+        check_range("unbalance", self.unbalance, 0, 1000)
+        check_range("bearing_tones", self.bearing_tones, 0, 1000)
+        if self.mains_hz is not None:
+            check_positive("mains_hz", self.mains_hz, "Hz")
+
+    @property
+    def samples(self) -> int:
+        """Samples in each channel."""
+        return round(self.duration_s * self.sampling_rate_hz)
+
+    def mean_shaft1_hz(self, point: OperatingPoint) -> float:
+        """Speed about which shaft 1 wanders [Hz]."""
+        return point.shaft1_hz * (1.0 - self.slip)
+
+    def check_against(self, machine: Machine, point: OperatingPoint) -> None:
+        """Refuse what this machine cannot be recorded with.
+
+        Raises
+        ------
+        ArgumentError
+            If the recording is shorter than one turn of the slowest shaft, its rate too low for a
+            mesh, a wanted line above half the rate, or the tacho's shaft does not exist.
+        """
+        train, speed = kinematics(machine), self.mean_shaft1_hz(point)
+        slowest = min(train.shafts, key=lambda shaft: shaft.order)
+        turn_s = 1 / (slowest.order * speed)
+        if self.duration_s < turn_s:
+            raise ArgumentError(
+                f"duration_s={self.duration_s:g} s is less than one turn of shaft "
+                f"{slowest.number}, {turn_s:.4g} s; take at least that"
+            )
+        fastest = max(train.meshes, key=lambda mesh: mesh.order)
+        least_hz = LEAST_RATE_OVER_MESH * fastest.order * speed
+        if self.sampling_rate_hz < least_hz:
+            raise ArgumentError(
+                f"sampling_rate_hz={self.sampling_rate_hz:g} Hz is too low for the mesh of stage "
+                f"{fastest.stage} at {fastest.order * speed:.4g} Hz; take at least "
+                f"{math.ceil(least_hz)} Hz"
+            )
+        if self.mains_hz is not None and 2 * self.mains_hz > 0.4 * self.sampling_rate_hz:
+            raise ArgumentError(
+                f"mains_hz={self.mains_hz:g} Hz: its double must lie below 0.4 of the sampling rate"
+            )
+        if self.tacho_shaft is not None and self.tacho_shaft not in range(1, len(train.shafts) + 1):
+            raise ArgumentError(
+                f"tacho_shaft={self.tacho_shaft} must lie in [1, {len(train.shafts)}]"
+            )

@@ -1,0 +1,276 @@
+"""The drive train as inertias, meshes and shafts: what the integration needs of a machine.
+
+Every stage brings its gears as rotating discs; the driven gear of a stage and the driving gear of
+the next are joined by the torsion of their shaft. Motor and load act as torques on the first and
+the last disc. The deformations of meshes and shafts describe the motion; the rotation of the train
+as a whole is given, not computed. Bearings and the bending of shafts do not yield.
+
+References
+----------
+A. Kahraman, Free torsional vibration characteristics of compound planetary gear sets, Mech. Mach.
+Theory 29 (1994), for the planetary set.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearmon.errors import ArgumentError
+from gearmon.gears.faults import Fault
+from gearmon.gears.kinematics import kinematics
+from gearmon.gears.mechanics import StageMechanics
+from gearmon.gears.pairs import Stage, mesh_pairs
+from gearmon.machine import Machine, OperatingPoint, ParallelStage, PlanetaryStage
+from gearmon.simulation.contact import ToothMesh
+from gearmon.simulation.parts import Part, PartData, part, transverse_module_m
+from gearmon.simulation.system import GearedSystem
+
+FloatArray = NDArray[np.float64]
+
+#: Shear modulus of steel [Pa].
+SHEAR_MODULUS_PA = 80e9
+#: Damping ratio that the shafts alone would give to the lowest mode of the train, if all of its
+#: energy were in them; their loss of energy is proportional to their stiffness.
+SHAFT_DAMPING_RATIO = 0.05
+#: Shaft over reference diameter of the smaller gear on it, where no bore is given.
+SHAFT_OVER_GEAR = 0.6
+#: Length of a shaft over the sum of the face widths of the gears on it.
+SHAFT_OVER_WIDTHS = 1.5
+#: Face width over module where none is given.
+WIDTH_OVER_MODULE = 10.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Train:
+    """A drive train ready to be integrated.
+
+    Parameters
+    ----------
+    system : GearedSystem
+        Elements: the meshes stage by stage, then the shafts between the stages.
+    meshes : tuple of ToothMesh
+    mechanics : tuple of StageMechanics
+        One for each mesh, at the mean load.
+    mean_stiffness, greatest_stiffness : ndarray, shape (meshes,)
+        Of every mesh without damage [N/m].
+    static_force : ndarray, shape (elements,)
+        [N] under the mean load.
+    gear_mass_kg : float
+        Mass of all gears as solid discs; what a ring weighs goes with the housing.
+    carrier_orders : tuple of float
+        For each stage the turns of its carrier per turn of shaft 1, positive where tooth contacts
+        on the ring run with it; 0 where no planets pass the housing.
+    notes : tuple of str
+        Assumptions, in words.
+    """
+
+    system: GearedSystem
+    meshes: tuple[ToothMesh, ...]
+    mechanics: tuple[StageMechanics, ...]
+    mean_stiffness: FloatArray
+    greatest_stiffness: FloatArray
+    static_force: FloatArray
+    gear_mass_kg: float
+    carrier_orders: tuple[float, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def static_forcing(self) -> FloatArray:
+        """Accelerations [m/s2] that the mean torques alone would give."""
+        return np.asarray(self.system.coupling @ self.static_force)
+
+    @property
+    def static_deformation(self) -> FloatArray:
+        """Deformations under the mean load [m]."""
+        return self.system.static_deformation(self.static_forcing, self.mean_stiffness)
+
+
+def build_train(
+    machine: Machine,
+    faults: Sequence[Fault] = (),
+    *,
+    point: OperatingPoint | None = None,
+    load: float = 1.0,
+    seed: int = 0,
+    accuracy_grade: float | None = 6.0,
+) -> Train:
+    """Build the model of a machine's drive train.
+
+    Parameters
+    ----------
+    machine : Machine
+        Every stage needs its module, and face width or the overrides in its place; the machine
+        needs a torque.
+    faults : sequence of Fault
+    point : OperatingPoint, optional
+        By default the machine's first.
+    load : float, > 0
+        Mean load over the torque of the operating point.
+    seed : int
+        Of the errors of manufacture.
+    accuracy_grade : float or None
+        Flank tolerance class of ISO 1328-1; None for perfect gears.
+
+    Returns
+    -------
+    Train
+
+    Raises
+    ------
+    ArgumentError
+        If the machine lacks data, or a fault does not fit it.
+    """
+    _check_faults(machine, faults)
+    running = machine.operating[0] if point is None else point
+    if running.torque_nm is not None:
+        running = replace(running, torque_nm=load * running.torque_nm)
+    parts = [
+        part(
+            PartData(
+                machine=machine,
+                number=number,
+                faults=faults,
+                point=running,
+                load=load,
+                seed=seed,
+                accuracy_grade=accuracy_grade,
+            )
+        )
+        for number in range(1, len(machine.stages) + 1)
+    ]
+    shafts = [
+        _shaft(number, machine.stages[number - 2], machine.stages[number - 1], after)
+        for number, after in enumerate(parts[1:], start=2)
+    ]
+    return _assembled(machine, parts, shafts)
+
+
+def _check_faults(machine: Machine, faults: Sequence[Fault]) -> None:
+    for fault in faults:
+        if fault.stage > len(machine.stages):
+            raise ArgumentError(
+                f"fault {fault}: stage {fault.stage} does not exist, the machine has "
+                f"{len(machine.stages)}"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Shaft:
+    """Torsion of the shaft between two stages, as a spring on the lever `radius_m`."""
+
+    radius_m: float
+    stiffness: float
+    force_n: float
+    note: str
+
+
+def _shaft(number: int, driving: Stage, driven: Stage, after: Part) -> _Shaft:
+    """Return shaft `number` between the stages `driving` and `driven`."""
+    diameter, source = _diameter(driving, driven)
+    length = SHAFT_OVER_WIDTHS * (_width(driving) + _width(driven))
+    torsion = SHEAR_MODULUS_PA * math.pi * diameter**4 / (32 * length)
+    radius = after.lever_m
+    return _Shaft(
+        radius_m=radius,
+        stiffness=torsion / radius**2,
+        force_n=after.torque_in_nm / radius,
+        note=f"shaft {number}: torsional stiffness {torsion:.3g} Nm/rad, of a steel bar "
+        f"{1e3 * diameter:.3g} mm in diameter ({source}) and {1e3 * length:.3g} mm long",
+    )
+
+
+def _diameter(driving: Stage, driven: Stage) -> tuple[float, str]:
+    """Return the diameter of the shaft between two stages [m], and where it is from."""
+    one = "gear" if isinstance(driving, ParallelStage) else driving.driven
+    two = "pinion" if isinstance(driven, ParallelStage) else driven.driving
+    bores = [
+        1e-3 * bore
+        for stage, gear in ((driving, one), (driven, two))
+        if (bore := getattr(stage, f"bore_diameter_{gear}_mm", None))
+    ]
+    if bores:
+        return min(bores), "the bore of its gear"
+    sizes = [_size(driving, one), _size(driven, two)]
+    return SHAFT_OVER_GEAR * min(sizes), f"{SHAFT_OVER_GEAR:g} of the smaller gear on it"
+
+
+def _size(stage: Stage, gear: str) -> float:
+    module = transverse_module_m(mesh_pairs(stage)[0])
+    if isinstance(stage, PlanetaryStage) and gear == "carrier":
+        # as large as the circle of its planets
+        return (stage.sun_teeth + stage.planet_teeth) * module
+    return float(getattr(stage, f"{gear}_teeth") * module)
+
+
+def _width(stage: Stage) -> float:
+    if stage.face_width_mm is not None:
+        return 1e-3 * stage.face_width_mm
+    return WIDTH_OVER_MODULE * transverse_module_m(mesh_pairs(stage)[0])
+
+
+def _gear_mass_kg(stage: Stage) -> float:
+    pair = mesh_pairs(stage)[0]
+    number = (1, pair.planets)
+    radii = [0.5 * transverse_module_m(pair) * member.teeth.teeth for member in pair.members]
+    area = math.pi * sum(n * r * r for n, r in zip(number, radii, strict=True))
+    return stage.density_kgm3 * _width(stage) * area
+
+
+def _assembled(machine: Machine, parts: list[Part], shafts: list[_Shaft]) -> Train:
+    rows, inverse = _matrices(parts, shafts)
+    mechanics = [m for one in parts for m in one.mechanics]
+    means = np.array([m.stiffness.healthy_mean_n_per_m for m in mechanics])
+    return Train(
+        system=_damped(
+            GearedSystem(
+                coupling=rows @ inverse @ rows.T,
+                damping=np.array([m.damping_ns_per_m for m in mechanics] + [0.0] * len(shafts)),
+                shaft_stiffness=np.array([shaft.stiffness for shaft in shafts]),
+                backlash_m=np.array([mesh.backlash_m for one in parts for mesh in one.meshes]),
+                back_stiffness=means,
+            ),
+            means,
+        ),
+        meshes=tuple(mesh for one in parts for mesh in one.meshes),
+        mechanics=tuple(mechanics),
+        mean_stiffness=means,
+        greatest_stiffness=means * (1 + np.array([m.stiffness.variation for m in mechanics])),
+        static_force=np.array([m.force_n for m in mechanics] + [shaft.force_n for shaft in shafts]),
+        gear_mass_kg=sum(_gear_mass_kg(stage) for stage in machine.stages),
+        carrier_orders=tuple(float(mesh.carrier) for mesh in kinematics(machine).meshes),
+        notes=tuple(
+            dict.fromkeys(
+                [note for one in parts for note in one.notes] + [shaft.note for shaft in shafts]
+            )
+        ),
+    )
+
+
+def _damped(system: GearedSystem, mesh_stiffness: FloatArray) -> GearedSystem:
+    """Return the system with damping in its shafts."""
+    lowest = 2 * math.pi * system.natural_frequencies_hz(mesh_stiffness)[0]
+    shafts = 2 * SHAFT_DAMPING_RATIO / lowest * system.shaft_stiffness
+    return replace(system, damping=np.concatenate([system.damping[: system.meshes], shafts]))
+
+
+def _matrices(parts: list[Part], shafts: list[_Shaft]) -> tuple[FloatArray, FloatArray]:
+    """Return the deformations per unit of all coordinates, and the inverse inertia of these."""
+    starts = np.cumsum([0] + [one.rows.shape[1] for one in parts])
+    inverse = np.zeros((starts[-1], starts[-1]))
+    rows = []
+    for one, start, stop in zip(parts, starts[:-1], starts[1:], strict=True):
+        inverse[start:stop, start:stop] = one.inverse_inertia
+        wide = np.zeros((len(one.rows), starts[-1]))
+        wide[:, start:stop] = one.rows
+        rows.append(wide)
+    for shaft, joint in zip(shafts, starts[1:-1], strict=True):
+        # wound up where the driven gear before the joint runs ahead of the driving one after it
+        wide = np.zeros((1, starts[-1]))
+        wide[0, joint - 1 : joint + 1] = shaft.radius_m, -shaft.radius_m
+        rows.append(wide)
+    return np.concatenate(rows), inverse

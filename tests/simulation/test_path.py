@@ -1,0 +1,91 @@
+"""The housing, noise and other things that sensors hear."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gearmon.simulation.path import (
+    MODE_BAND_HZ,
+    noise,
+    random_path,
+    shaft_lines,
+    tacho_pulses,
+    through_path,
+    tones,
+)
+
+
+def test_force_at_rest_is_not_heard():
+    path = random_path(1, 2, 2, 0.4)
+    assert path.accelerance(np.zeros(1), 0, 1)[0] == 0
+
+
+def test_path_rises_with_the_square_of_frequency_below_its_modes():
+    path = random_path(1, 1, 1, 0.4)
+    low = np.abs(path.accelerance(np.array([2.0, 4.0]), 0, 0))
+    assert low[1] / low[0] == pytest.approx(4.0, rel=0.01)
+
+
+def test_modes_lie_in_their_band_and_peak():
+    path = random_path(3, 1, 1, 0.4)
+    assert path.frequencies_hz.min() >= MODE_BAND_HZ[0]
+    assert path.frequencies_hz.max() <= MODE_BAND_HZ[1]
+    strongest = np.argmax(np.abs(path.sensor_shapes[0] * path.stage_shapes[0])[:6])
+    own = path.frequencies_hz[strongest]
+    at = np.abs(path.accelerance(own * np.array([0.8, 1.0]), 0, 0))
+    assert at[1] > at[0]
+
+
+def test_channels_that_are_added_do_not_change_the_others():
+    few, many = random_path(5, 2, 1, 0.4), random_path(5, 4, 1, 0.4)
+    assert np.array_equal(few.sensor_shapes, many.sensor_shapes[:2])
+    assert np.array_equal(few.stage_shapes, many.stage_shapes)
+
+
+def test_sine_force_is_heard_with_the_gain_of_the_path():
+    path = random_path(2, 1, 2, 0.4)
+    samples, rate, line = 1000, 10_000.0, 120
+    spectra = np.zeros((2, samples // 2 + 1), dtype=complex)
+    spectra[1, line] = samples / 2
+    heard = through_path(path, spectra, samples, rate)[0]
+    gain = path.accelerance(np.array([line * rate / samples]), 0, 1)[0]
+    angle = 2 * np.pi * line * np.arange(samples) / samples
+    assert heard == pytest.approx((gain * np.exp(1j * angle)).real, abs=1e-12)
+
+
+def test_noise_has_the_wanted_rms_half_of_it_coloured():
+    row = noise(np.random.default_rng(0), 100_000, 3.0)
+    assert row.std() == pytest.approx(3.0, rel=0.01)
+    power = np.abs(np.fft.rfft(row)) ** 2
+    assert power[: len(power) // 50].mean() > 10 * power[len(power) // 2 :].mean()
+
+
+def test_shaft_lines_turn_with_their_shafts():
+    turns = np.arange(4000) / 100.0
+    lines = shaft_lines(1, [1.0, 0.25], turns, np.full(4000, 20.0), 2)
+    spectrum = np.abs(np.fft.rfft(lines[0]))
+    assert set(np.flatnonzero(spectrum > 1e-6 * spectrum.max())) == {10, 20, 40, 80}
+
+
+def test_tones_stand_at_their_orders():
+    turns = np.arange(4000) / 100.0
+    row = tones(1, [3.5], turns, np.array([2.0]), 2)[0]
+    spectrum = np.abs(np.fft.rfft(row)) / 2000
+    assert spectrum[140] == pytest.approx(2.0)
+    assert spectrum[280] == pytest.approx(1.0)
+
+
+def test_tacho_crosses_half_its_height_at_every_whole_turn():
+    rate, speed = 1000.0, np.full(3000, 17.3)
+    times = np.arange(3000) / rate
+    turns = 0.37 + 17.3 * times
+    pulses = tacho_pulses(turns, rate, speed, 5.0, 0.05)
+    assert pulses.min() == 0
+    assert pulses.max() == 5.0
+    up = np.flatnonzero((pulses[:-1] < 2.5) & (pulses[1:] >= 2.5))
+    crossing = times[up] + (2.5 - pulses[up]) / (pulses[up + 1] - pulses[up]) / rate
+    found = 0.37 + 17.3 * crossing
+    assert found == pytest.approx(np.round(found), abs=1e-9)
+    assert len(found) == 52
+    assert np.mean(pulses) / 5 == pytest.approx(0.05, rel=0.02)

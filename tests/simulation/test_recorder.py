@@ -1,0 +1,264 @@
+"""Simulated recordings: what is in them must be what their truth says."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+from reference.simulated_machines import one_pair, planetary, two_stages
+
+from gearmon.errors import ArgumentError
+from gearmon.gears.faults import parse_fault
+from gearmon.machine import Machine, OperatingPoint
+from gearmon.simulation import Settings, record, simulate
+
+#: Nothing but the meshes: no wander, no errors of manufacture, no noise.
+PURE = {
+    "slip": 0.0,
+    "speed_drift": 0.0,
+    "load_drift": 0.0,
+    "torque_ripple": 0.0,
+    "snr_db": None,
+    "accuracy_grade": None,
+    "unbalance": 0.0,
+}
+CRACK = parse_fault("crack:1:pinion:9:20%")
+
+
+def spectrum(recording, channel=0):
+    """Amplitudes of lines, with a window whose side lobes fall fast."""
+    row = recording.samples[channel]
+    window = np.hanning(len(row)) ** 2
+    amplitude = 2 * np.abs(np.fft.rfft(row * window)) / window.sum()
+    return np.arange(len(amplitude)) * recording.sampling_rate_hz / len(row), amplitude
+
+
+def synchronous_average(recording, channel, points=1024):
+    """Mean over the turns of shaft 1, whose times the truth gives."""
+    times = np.array(recording.truth["speed"]["turn_times_s"])
+    angle = np.arange((len(times) - 1) * points) / points
+    at = np.interp(angle, np.arange(len(times)), times) * recording.sampling_rate_hz
+    row = np.interp(at, np.arange(recording.samples.shape[1]), recording.samples[channel])
+    return row.reshape(-1, points).mean(axis=0)
+
+
+def test_ideal_pair_shows_mesh_harmonics_only():
+    recording = simulate(one_pair(), (), 1.0, 20_000.0, channels=1, **PURE)
+    frequency, amplitude = spectrum(recording)
+    distance = np.abs(frequency - 625.0 * np.round(frequency / 625.0))
+    assert amplitude[distance > 10].max() < 3e-5 * amplitude.max()
+    lines = amplitude[[625 * n for n in range(1, 12)]]
+    assert np.all(lines > 1e-3 * amplitude.max())
+
+
+def test_one_soft_tooth_makes_sidebands_of_its_shaft():
+    fault = parse_fault("crack:1:pinion:4:20%")
+    recording = simulate(one_pair(), [fault], 1.0, 20_000.0, channels=1, **PURE)
+    frequency, amplitude = spectrum(recording)
+    shaft = 625.0 / 13
+    distance = np.abs(frequency - shaft * np.round(frequency / shaft))
+    assert amplitude[distance > 10].max() < 3e-5 * amplitude.max()
+    sidebands = [amplitude[round(625 + n * shaft)] for n in (-2, -1, 1, 2)]
+    assert min(sidebands) > 1e-4 * amplitude.max()
+
+
+def test_errors_of_manufacture_make_sidebands_of_a_healthy_pair():
+    pure = {**PURE, "accuracy_grade": 6.0}
+    recording = simulate(one_pair(), (), 1.0, 20_000.0, channels=1, **pure)
+    _, amplitude = spectrum(recording)
+    for shaft in (625.0 / 13, 625.0 / 17):
+        assert amplitude[round(625 + shaft)] > 1e-4 * amplitude.max()
+
+
+@pytest.mark.parametrize("tooth", [4, 17])
+def test_difference_of_averages_points_at_the_tooth(tooth):
+    fault = parse_fault(f"crack:1:pinion:{tooth}:25%")
+    common = {"machine_seed": 3, "channels": 2, "speed_drift": 0.001}
+    healthy = simulate(two_stages(), (), 2.0, 10_000.0, recording_seed=1, **common)
+    faulty = simulate(two_stages(), [fault], 2.0, 10_000.0, recording_seed=2, **common)
+    energy = np.zeros(1024)
+    for channel in range(2):
+        change = synchronous_average(faulty, channel) - synchronous_average(healthy, channel)
+        spectrum = np.fft.rfft(change)
+        # mesh harmonics follow the speed and the load, which differ
+        spectrum[::26] = 0
+        energy += np.fft.irfft(spectrum) ** 2
+    # the window of two teeth with the most energy; tooth j is in contact from (j - 1) / z on
+    window = np.cumsum(np.concatenate([energy, energy]))
+    width = round(2 / 26 * 1024)
+    first = np.argmax(window[width : width + 1024] - window[:1024]) / 1024 * 26
+    assert -0.5 < first - (tooth - 1) < 2.5
+
+
+def test_same_seed_same_recording():
+    one, other = (simulate(one_pair(), (), 0.5, 5_000.0, seed=4) for _ in range(2))
+    assert np.array_equal(one.samples, other.samples)
+    assert one.truth == other.truth
+
+
+def test_recordings_of_one_machine_share_its_errors_and_nothing_else():
+    one, two = (
+        simulate(one_pair(), (), 0.5, 5_000.0, machine_seed=4, recording_seed=s) for s in (1, 2)
+    )
+    assert one.truth["meshes"][0]["errors"] == two.truth["meshes"][0]["errors"]
+    assert one.truth["speed"]["mean_hz"] != two.truth["speed"]["mean_hz"]
+    assert not np.allclose(one.samples, two.samples)
+
+
+def test_longer_recording_begins_like_the_shorter():
+    short, long = (
+        simulate(one_pair(), (), s, 5_000.0, channels=1, snr_db=None) for s in (0.5, 1.0)
+    )
+    kept = short.samples.shape[1] - 10
+    difference = short.samples[0, :kept] - long.samples[0, :kept]
+    assert np.abs(difference).max() < 0.01 * short.samples.std()
+
+
+def test_blocks_of_a_long_record_join_without_a_trace(monkeypatch):
+    monkeypatch.setattr("gearmon.simulation.vibration.STEPS_PER_FAST_PERIOD", 40)
+    whole = simulate(one_pair(), (), 0.2, 5_000.0, snr_db=None, channels=1)
+    monkeypatch.setattr("gearmon.simulation.vibration.STEPS_PER_BLOCK", 20_000)
+    blocks = simulate(one_pair(), (), 0.2, 5_000.0, snr_db=None, channels=1)
+    assert np.abs(blocks.samples - whole.samples).max() < 1e-3 * whole.samples.std()
+
+
+def test_speed_of_the_truth_is_that_of_the_tacho():
+    recording = simulate(two_stages(), (), 2.0, 5_000.0, tacho_shaft=1, channels=1, seed=2)
+    pulses, rate = recording.samples[-1], recording.sampling_rate_hz
+    up = np.flatnonzero((pulses[:-1] < 2.5) & (pulses[1:] >= 2.5))
+    times = (up + (2.5 - pulses[up]) / (pulses[up + 1] - pulses[up])) / rate
+    speed = recording.truth["speed"]
+    assert times == pytest.approx(speed["turn_times_s"], abs=1e-6)
+    inside = (len(times) - 1) / (times[-1] - times[0])
+    assert inside == pytest.approx(speed["mean_hz"], rel=1e-3)
+    assert speed["min_hz"] <= inside <= speed["max_hz"]
+    assert recording.channel_kinds == ("vibration", "tacho")
+
+
+def test_tacho_may_stand_on_another_shaft():
+    recording = simulate(two_stages(), (), 2.0, 5_000.0, tacho_shaft=3, channels=1)
+    pulses = recording.samples[-1]
+    turns = np.count_nonzero((pulses[:-1] < 2.5) & (pulses[1:] >= 2.5))
+    assert turns == pytest.approx(2 * recording.truth["shafts"][2]["mean_hz"], abs=1)
+
+
+def test_signal_to_noise_ratio_is_met():
+    clean = simulate(one_pair(), (), 1.0, 5_000.0, snr_db=None)
+    noisy = simulate(one_pair(), (), 1.0, 5_000.0, snr_db=12.0)
+    power = (clean.samples**2).mean(axis=1) / ((noisy.samples - clean.samples) ** 2).mean(axis=1)
+    assert 10 * np.log10(power) == pytest.approx(12.0, abs=0.3)
+
+
+def test_sampling_rate_does_not_change_what_is_below_it():
+    high = simulate(one_pair(), (), 1.0, 20_000.0, channels=1, **PURE)
+    low = simulate(one_pair(), (), 1.0, 5_000.0, channels=1, **PURE)
+    one, other = spectrum(high)[1], spectrum(low)[1]
+    lines = [625, 1250, 1875]
+    assert other[lines] == pytest.approx(one[lines], rel=2e-3)
+
+
+def test_planetary_set_shows_the_sidebands_of_its_carrier():
+    machine = planetary()
+    recording = simulate(machine, (), 1.0, 8_000.0, channels=1, **PURE)
+    frequency, amplitude = spectrum(recording)
+    carrier = 30.0 / 6
+    # only multiples of the planet pass frequency are heard: 500 Hz is 100 turns of the carrier
+    others = np.abs(frequency / (3 * carrier) - np.round(frequency / (3 * carrier))) > 0.25
+    heard = np.flatnonzero(amplitude > 0.1 * amplitude.max())
+    assert not others[heard].any()
+    near = amplitude[[495, 510]]
+    assert near.max() > 3 * amplitude[500]
+
+
+def test_light_load_that_rattles_is_survived():
+    recording = simulate(one_pair(), (), 0.5, 5_000.0, load=0.02, channels=1)
+    assert np.isfinite(recording.samples).all()
+
+
+def test_bearing_tones_and_mains_are_added_on_request():
+    plain = simulate(two_stages(), (), 1.0, 5_000.0, channels=1, **PURE)
+    extra = simulate(
+        two_stages(), (), 1.0, 5_000.0, channels=1, bearing_tones=0.5, mains_hz=50.0, **PURE
+    )
+    difference = np.abs(np.fft.rfft(extra.samples[0] - plain.samples[0]))
+    assert difference[100] > 100 * np.median(difference)
+    outer = 0.99 * 25.0 * 4.5 * (1 - 7.94 / 39.04)
+    assert difference[round(outer) - 1 : round(outer) + 2].max() > 100 * np.median(difference)
+
+
+def test_truth_is_ready_for_json_and_says_what_was_asked():
+    faults = [CRACK, parse_fault("spall:2:gear:7:0.1")]
+    recording = simulate(two_stages(), faults, 1.0, 5_000.0, seed=7)
+    truth = json.loads(json.dumps(recording.to_dict()))
+    assert truth["condition"] == "fault"
+    assert [f["stiffness_loss"] for f in truth["faults"]] == [0.2, 0.1]
+    assert truth["faults"][0]["tooth"] == 9
+    assert [m["frequency_hz"] for m in truth["mesh"]] == pytest.approx(
+        [26 * truth["speed"]["mean_hz"], 26 * 23 / 53 * truth["speed"]["mean_hz"]]
+    )
+    assert truth["speed"]["nominal_hz"] == 25.0
+    assert truth["samples"] == recording.samples.shape[1] == 5000
+    assert truth["integration"]["joint_mismatch"] < 1e-3
+    assert "torsion" in truth["model"]
+
+
+def test_sizes_are_those_of_a_gearbox():
+    recording = simulate(two_stages(), (), 0.5, 10_000.0, seed=1)
+    assert np.all(recording.samples.std(axis=1) > 0.1)
+    assert np.all(recording.samples.std(axis=1) < 500)
+
+
+def test_progress_is_told():
+    shares = []
+    simulate(one_pair(), (), 0.5, 5_000.0, progress=shares.append)
+    assert shares == sorted(shares)
+    assert 0 <= shares[0] <= shares[-1] <= 1
+
+
+def test_settings_can_be_given_as_one_value():
+    settings = Settings(duration_s=0.5, sampling_rate_hz=5_000.0, channels=2)
+    one = record(one_pair(), (), settings)
+    two = simulate(one_pair(), (), 0.5, 5_000.0, channels=2)
+    assert np.array_equal(one.samples, two.samples)
+
+
+def test_another_operating_point_may_be_taken():
+    point = OperatingPoint(speed_rpm=600.0, torque_nm=50.0)
+    recording = simulate(two_stages(), (), 1.0, 5_000.0, point=point, channels=1, slip=0.0)
+    assert recording.truth["speed"]["nominal_hz"] == 10.0
+    assert recording.truth["load"]["nominal_torque_nm"] == 50.0
+
+
+@pytest.mark.parametrize(
+    ("changes", "match"),
+    [
+        ({"duration_s": 0.2}, r"duration_s=0.2 s is less than one turn of shaft 3, 0.2184 s"),
+        ({"sampling_rate_hz": 1000.0}, r"sampling_rate_hz=1000 Hz is too low .* stage 1 at 643"),
+        ({"sampling_rate_hz": -1.0}, r"sampling_rate_hz=-1.0 Hz must be > 0"),
+        ({"duration_s": math.inf}, "duration_s=inf s must be a finite number"),
+        ({"channels": 0}, r"channels=0 must be a whole number in \[1, 64\]"),
+        ({"load": 0.0}, "load=0.0 must be > 0"),
+        ({"slip": 0.5}, r"slip=0.5 must lie in \[-0.2, 0.2\]"),
+        ({"speed_drift": 0.2}, r"speed_drift=0.2 must lie in \[0, 0.1\]"),
+        ({"snr_db": math.nan}, "snr_db=nan dB must be a finite number"),
+        ({"accuracy_grade": 0.0}, r"accuracy_grade=0.0 must lie in \[1, 11\]"),
+        ({"seed": -1}, "^seed=-1 must be a whole number >= 0"),
+        ({"machine_seed": -1}, "^machine_seed=-1 must be a whole number >= 0"),
+        ({"duration_s": 1e6}, "duration_s=1e.06 s makes more than 100000000 samples"),
+        ({"tacho_shaft": 4}, r"tacho_shaft=4 must lie in \[1, 3\]"),
+        ({"mains_hz": 3000.0}, "mains_hz=3000 Hz: its double must lie below"),
+    ],
+)
+def test_bad_input_is_refused_in_one_line(changes, match):
+    arguments = {"duration_s": 1.0, "sampling_rate_hz": 5_000.0, **changes}
+    with pytest.raises(ArgumentError, match=match) as caught:
+        simulate(two_stages(), (), **arguments)
+    assert "\n" not in str(caught.value)
+
+
+def test_machine_without_torque_is_refused():
+    machine = Machine(operating=(OperatingPoint(speed_rpm=1500.0),), stages=two_stages().stages)
+    with pytest.raises(ArgumentError, match="torque_nm"):
+        simulate(machine, (), 1.0, 5_000.0)

@@ -1,0 +1,198 @@
+"""The model of the drive train: masses, forces, natural frequencies."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from reference.simulated_machines import one_pair, planetary, two_stages
+
+from gearmon.errors import ArgumentError
+from gearmon.gears.faults import parse_fault
+from gearmon.gears.mechanics import stage_mechanics
+from gearmon.machine import Machine, OperatingPoint
+from gearmon.simulation.contact import Drive, contact_course
+from gearmon.simulation.integrate import integrate
+from gearmon.simulation.motion import ShaftMotion, random_wander
+from gearmon.simulation.train import build_train
+
+
+def test_one_stage_is_its_equivalent_mass_on_its_spring():
+    machine = one_pair()
+    train = build_train(machine)
+    mechanics = stage_mechanics(machine, 1)
+    assert train.system.coupling == pytest.approx(np.array([[1 / 0.28]]))
+    assert train.static_deformation == pytest.approx([mechanics.static_deflection_m])
+    found = train.system.natural_frequencies_hz(train.mean_stiffness)
+    assert found == pytest.approx([mechanics.natural_frequency_hz])
+
+
+def test_meshes_of_a_train_keep_their_equivalent_masses():
+    machine = two_stages()
+    train = build_train(machine)
+    masses = [stage_mechanics(machine, number).equivalent_mass_kg for number in (1, 2)]
+    assert 1 / np.diag(train.system.coupling)[:2] == pytest.approx(masses)
+
+
+def test_static_forces_follow_the_torque_through_the_train():
+    train = build_train(two_stages())
+    first, second, shaft = train.static_force
+    levers = [m.base_radii_m for m in train.mechanics]
+    assert first * levers[0][0] == pytest.approx(98.0)
+    torque = 98.0 * 53 / 26
+    assert second * levers[1][0] == pytest.approx(torque)
+    assert shaft * levers[1][0] == pytest.approx(torque)
+
+
+def test_static_forces_leave_the_discs_between_the_ends_at_rest():
+    # gear of stage 1 and pinion of stage 2 are turned by mesh and shaft in balance, so that only
+    # the first and the last disc feel a torque from outside
+    train = build_train(two_stages())
+    first, second = (m.base_radii_m for m in train.mechanics)
+    mesh1, mesh2, shaft = train.static_force
+    assert mesh1 * first[1] == pytest.approx(shaft * second[0])
+    assert mesh2 * second[0] == pytest.approx(shaft * second[0])
+
+
+def test_stiff_shaft_joins_the_discs_at_its_ends():
+    thin = build_train(two_stages())
+    thick = build_train(two_stages(bore_diameter_pinion_mm=50.0))
+    stiffness = (thick.system.shaft_stiffness / thin.system.shaft_stiffness)[0]
+    assert stiffness == pytest.approx((50.0 / (0.6 * 57.5)) ** 4)
+    assert "50 mm in diameter (the bore of its gear)" in "".join(thick.notes)
+    lowest = [t.system.natural_frequencies_hz(t.mean_stiffness)[0] for t in (thin, thick)]
+    assert lowest[1] > 1.2 * lowest[0]
+
+
+def test_load_scales_forces_whether_from_torque_or_given():
+    for machine in (two_stages(), one_pair()):
+        full, half = build_train(machine), build_train(machine, load=0.5)
+        assert half.static_force == pytest.approx(0.5 * full.static_force)
+
+
+@pytest.mark.parametrize("count", [1, 3, 4])
+def test_planetary_set_has_as_many_frequencies_as_members_that_turn(count):
+    train = build_train(planetary(planets=count))
+    frequencies = train.system.natural_frequencies_hz(train.mean_stiffness)
+    # sun, carrier and planets, less the rotation of the whole set
+    assert len(frequencies) == 2 + count - 1
+    # planets that swing against one another leave sun and carrier at rest
+    repeated = np.sum(np.isclose(frequencies, np.median(frequencies), rtol=1e-6))
+    assert repeated >= max(count - 1, 1) or count == 1
+
+
+def test_planets_swing_on_their_two_meshes():
+    train = build_train(planetary(planets=4))
+    inner, outer = train.mechanics[0], train.mechanics[4]
+    stiffness = train.mean_stiffness[0] + train.mean_stiffness[4]
+    expected = math.sqrt(stiffness / outer.equivalent_mass_kg) / (2 * math.pi)
+    frequencies = train.system.natural_frequencies_hz(train.mean_stiffness)
+    assert np.sum(np.isclose(frequencies, expected, rtol=1e-3)) == 3
+    assert inner.force_n == pytest.approx(outer.force_n)
+
+
+@pytest.mark.parametrize(
+    ("fixed", "driving"),
+    [
+        ("ring", "sun"),
+        ("ring", "carrier"),
+        ("sun", "carrier"),
+        ("sun", "ring"),
+        ("carrier", "sun"),
+        ("carrier", "ring"),
+    ],
+)
+def test_planetary_set_presses_all_flanks_whichever_member_drives(fixed, driving):
+    train = build_train(planetary(fixed=fixed, driving=driving))
+    assert np.all(train.static_deformation > 0)
+    carried = train.static_deformation * train.mean_stiffness
+    assert carried == pytest.approx(train.static_force)
+
+
+def test_planets_meet_the_ring_in_the_phases_of_assembly():
+    meshes = build_train(planetary()).meshes
+    assert [m.name for m in meshes[:2]] == ["sun-planet 1", "sun-planet 2"]
+    sun = np.array([m.offset for m in meshes[:3]])
+    ring = np.array([m.offset for m in meshes[3:]])
+    assert sun == pytest.approx([0, -20 / 3, -40 / 3])
+    # the same fraction for each planet, as (sun + ring) / planets is whole
+    apart = ring - sun - (ring - sun)[0]
+    assert apart == pytest.approx(np.round(apart))
+
+
+def test_damage_of_a_planet_is_on_the_first():
+    train = build_train(planetary(), [parse_fault("crack:1:planet:3:20%")])
+    assert [len(m.stiffness.pulses) for m in train.meshes] == [1, 0, 0, 1, 0, 0]
+
+
+def test_damage_of_the_sun_is_met_by_every_planet():
+    train = build_train(planetary(), [parse_fault("crack:1:sun:3:20%")])
+    assert [len(m.stiffness.pulses) for m in train.meshes] == [1, 1, 1, 0, 0, 0]
+
+
+def test_trains_of_all_kinds_can_be_built():
+    parallel, sun = two_stages().stages[0], planetary().stages[0]
+    point = (OperatingPoint(speed_rpm=1500.0, torque_nm=50.0),)
+    for stages in ((parallel, sun), (sun, parallel), (sun, sun, parallel)):
+        train = build_train(Machine(operating=point, stages=stages))
+        assert np.all(train.static_deformation > 0)
+        assert len(train.system.shaft_stiffness) == len(stages) - 1
+        assert train.system.decay_rate(train.mean_stiffness) > 0
+
+
+def test_meshes_of_a_planetary_set_deform_as_their_members_turn():
+    # six deformations of four members: two conditions hold at all times
+    machine = planetary()
+    train = build_train(machine, seed=1)
+    still = random_wander(0.0, np.random.default_rng(0))
+    drive = Drive(
+        motion=ShaftMotion(mean_hz=30.0, wander=still),
+        load=still,
+        ripples=(),
+        static_forcing=train.static_forcing,
+    )
+    course = contact_course(train.meshes, drive, (0.0, 0.003), 4e-6)
+    end = integrate(train.system, course, train.static_deformation, run_in=0).end_state
+    values, vectors = np.linalg.eigh(train.system.coupling)
+    fixed = vectors[:, values < 1e-9 * values[-1]]
+    assert fixed.shape[1] == 2
+    assert np.abs(fixed.T @ end[0]).max() < 1e-9 * np.abs(end[0]).max()
+    # planets differ by their pitch errors and mesh phases
+    assert np.ptp(end[0][:3]) > 0.01 * end[0].max()
+
+
+def test_same_seed_same_gears_with_and_without_a_fault():
+    healthy = build_train(two_stages(), seed=5)
+    faulty = build_train(two_stages(), [parse_fault("crack:1:pinion:2:10%")], seed=5)
+    for one, other in zip(healthy.meshes, faulty.meshes, strict=True):
+        for a, b in zip(one.errors, other.errors, strict=True):
+            assert np.array_equal(a.pitch_m, b.pitch_m)
+    other = build_train(two_stages(), seed=6).meshes[0].errors[0].pitch_m
+    assert not np.array_equal(other, healthy.meshes[0].errors[0].pitch_m)
+
+
+@pytest.mark.parametrize(
+    ("fault", "match"),
+    [
+        ("crack:3:pinion:2:10%", "stage 3 does not exist, the machine has 2"),
+        ("crack:1:pinion:27:10%", "tooth 27 does not exist"),
+        ("crack:1:sun:2:10%", "no sun"),
+    ],
+)
+def test_fault_that_does_not_fit_is_refused(fault, match):
+    faults = [parse_fault(fault)]
+    with pytest.raises(ArgumentError, match=match):
+        build_train(two_stages(), faults)
+
+
+def test_machine_without_mechanics_is_refused_with_the_key_to_add():
+    machine = two_stages(module_mm=None)
+    with pytest.raises(ArgumentError, match=r"\[\[stage\]\] 2.*module_mm"):
+        build_train(machine)
+
+
+def test_machine_without_torque_is_refused():
+    machine = Machine(operating=(OperatingPoint(speed_rpm=1500.0),), stages=two_stages().stages)
+    with pytest.raises(ArgumentError, match="torque_nm"):
+        build_train(machine)
