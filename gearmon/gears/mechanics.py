@@ -1,0 +1,247 @@
+"""Mass, damping, force and natural frequency of the meshes of a machine: numbers for dynamics."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from gearmon.errors import ArgumentError, check_range
+from gearmon.gears.faults import Fault, faults_of_stage
+from gearmon.gears.kinematics import kinematics
+from gearmon.gears.pairs import Member, MeshPair, mesh_pairs
+from gearmon.gears.stiffness import MeshStiffness, pair_stiffness
+from gearmon.gears.stiffness_forms import StiffnessForm
+from gearmon.machine import Machine, OperatingPoint, PlanetaryStage
+
+#: Damping ratio of a mesh where none is given; 0.03 to 0.17 were measured
+#: (Kasuba & Evans 1981, Wang & Cheng 1981).
+DAMPING_RATIO = 0.07
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StageMechanics:
+    """One mesh at one operating point, ready for ``m z'' + c z' + k(t) z = F``.
+
+    z is the displacement along the transverse line of action.
+
+    Parameters
+    ----------
+    stage : int
+        Number of the stage, counted from 1.
+    mesh : str
+        Name of the mesh: "pinion-gear", "sun-planet" or "planet-ring".
+    planets : int
+        How many such meshes work side by side; the numbers are those of one.
+    stiffness : MeshStiffness
+    equivalent_mass_kg : float
+        Mass of both gears reduced to the line of action.
+    damping_ns_per_m : float
+    damping_ratio : float
+        c/(2 sqrt(k m)).
+    force_n : float
+        Static force on the line of action.
+    torque_nm : float or None
+        Torque on the first gear of the mesh; None where the force was given.
+    mesh_frequency_hz : float
+    base_radii_m : (float, float) or None
+        None where no module is known.
+    assumptions : tuple of str
+        What was not in the machine file and had to be taken, in words.
+    warnings : tuple of str
+    """
+
+    stage: int
+    mesh: str
+    planets: int
+    stiffness: MeshStiffness
+    equivalent_mass_kg: float
+    damping_ns_per_m: float
+    damping_ratio: float
+    force_n: float
+    torque_nm: float | None
+    mesh_frequency_hz: float
+    base_radii_m: tuple[float, float] | None
+    assumptions: tuple[str, ...] = field(default=())
+    warnings: tuple[str, ...] = field(default=())
+
+    @property
+    def contact_ratio(self) -> float:
+        """Transverse contact ratio."""
+        return self.stiffness.contact_ratio
+
+    @property
+    def natural_frequency_hz(self) -> float:
+        """sqrt(k/m)/(2 pi) with the mean stiffness of the healthy mesh [Hz]."""
+        stiffness = self.stiffness.healthy_mean_n_per_m
+        return math.sqrt(stiffness / self.equivalent_mass_kg) / (2 * math.pi)
+
+    @property
+    def period_s(self) -> float:
+        """True period of the stiffness [s]: mesh period times `stiffness.period_mesh`."""
+        return self.stiffness.period_mesh / self.mesh_frequency_hz
+
+    @property
+    def static_deflection_m(self) -> float:
+        """F/k with the mean stiffness of the healthy mesh [m]."""
+        return self.force_n / self.stiffness.healthy_mean_n_per_m
+
+
+def stage_mechanics(
+    machine: Machine,
+    number: int,
+    point: OperatingPoint | None = None,
+    *,
+    faults: Iterable[Fault] = (),
+    form: str | StiffnessForm = "parabolic",
+    mesh: int = 0,
+) -> StageMechanics:
+    """Return stiffness, mass, damping and force of a mesh at an operating point.
+
+    Parameters
+    ----------
+    machine : Machine
+    number : int
+        Stage, counted from 1 in the order of power flow.
+    point : OperatingPoint, optional
+        By default the machine's first.
+    faults : iterable of Fault
+        Faults of any stage; those of others are left aside.
+    form : str or StiffnessForm
+        See `gears.stiffness.mesh_stiffness`.
+    mesh : {0, 1}
+        Mesh of the stage: of a planetary stage 0 is sun-planet, 1 planet-ring.
+
+    Returns
+    -------
+    StageMechanics
+
+    Raises
+    ------
+    ArgumentError
+        If the machine lacks data, with the key to add; or its gears cannot run.
+
+    Notes
+    -----
+    ``1/m = r_b1^2/J1 + r_b2^2/J2`` with discs of the mean diameter (d_a + d_f)/2 less their bores,
+    as ISO 6336-1 does; the sun counts once per planet, a ring does not yield. The torque passes
+    through the train without loss and divides equally among planets. c = 2 zeta sqrt(k m).
+    """
+    pair = _pair(machine, number, mesh)
+    running = machine.operating[0] if point is None else point
+    train = kinematics(machine)
+    notes: list[str] = []
+    force, torque = _force(pair, running, train.shaft(number).order)
+    own = _own_faults(machine, number, faults)
+    stiffness = pair_stiffness(pair, own, form, force_n=force)
+    mass = _equivalent_mass(pair, notes)
+    ratio, damping = _damping(pair, math.sqrt(stiffness.healthy_mean_n_per_m * mass), notes)
+    return StageMechanics(
+        stage=number,
+        mesh=pair.name,
+        planets=pair.planets,
+        stiffness=stiffness,
+        equivalent_mass_kg=mass,
+        damping_ns_per_m=damping,
+        damping_ratio=ratio,
+        force_n=force,
+        torque_nm=torque,
+        mesh_frequency_hz=train.mesh(number).order * running.shaft1_hz,
+        base_radii_m=None if pair.stage.module_mm is None else pair.base_radii_m,
+        assumptions=tuple(notes),
+        warnings=stiffness.warnings,
+    )
+
+
+def _member_weights(stage: PlanetaryStage) -> dict[str, float]:
+    """Weights of the speeds in z_s w_s + z_r w_r = (z_s + z_r) w_c, and of the torques."""
+    sun, ring = stage.sun_teeth, stage.ring_teeth
+    return {"sun": sun, "ring": ring, "carrier": sun + ring}
+
+
+def _pair(machine: Machine, number: int, mesh: int) -> MeshPair:
+    check_range("stage", number, 1, len(machine.stages))
+    pairs = mesh_pairs(machine.stages[number - 1], number, machine.path)
+    if mesh not in range(len(pairs)):
+        names = ", ".join(f"{i} ({pair.name})" for i, pair in enumerate(pairs))
+        raise ArgumentError(f"mesh={mesh} of stage {number} must be one of {names}")
+    return pairs[mesh]
+
+
+def _own_faults(machine: Machine, number: int, faults: Iterable[Fault]) -> tuple[Fault, ...]:
+    given = tuple(faults)
+    for fault in given:
+        if fault.stage > len(machine.stages):
+            raise ArgumentError(
+                f"fault {fault}: stage {fault.stage} does not exist, the machine has "
+                f"{len(machine.stages)}"
+            )
+    return faults_of_stage(given, number)
+
+
+def _force(pair: MeshPair, point: OperatingPoint, input_order: float) -> tuple[float, float | None]:
+    """Return static force on the line of action and torque on the first gear of the pair."""
+    # the forces of sun and ring on a planet balance, so one override serves both meshes
+    if pair.stage.force_n is not None:
+        return float(pair.stage.force_n), None
+    if not point.torque_nm:
+        shown = "is missing" if point.torque_nm is None else "= 0 leaves the teeth unloaded"
+        raise ArgumentError(
+            f"{pair.where}: torque_nm of [operating] {shown}: the static tooth force needs it; "
+            f"give torque_nm > 0 on shaft 1, or force_n in this stage"
+        )
+    torque = point.torque_nm / input_order
+    main = pair if pair.inner is None else pair.inner
+    if isinstance(pair.stage, PlanetaryStage):
+        # loads on the members of a planetary set balance in the proportion of these weights
+        weights = _member_weights(pair.stage)
+        torque *= weights["sun"] / weights[pair.stage.driving] / pair.planets
+    force = torque / main.base_radii_m[0]
+    return force, force * pair.base_radii_m[0]
+
+
+def _equivalent_mass(pair: MeshPair, notes: list[str]) -> float:
+    known = pair.given("equivalent_mass_kg")
+    if known is not None:
+        return known
+    instead = "equivalent_mass_kg" if pair.is_main else ""
+    width = 1e-3 * pair.need("face_width_mm", "equivalent mass", instead)
+    pair.need("module_mm", "equivalent mass", instead)
+    times = (pair.planets if pair.first.name == "sun" else 1, 1)
+    yielding = 0.0
+    for index, member in enumerate(pair.members):
+        if member.internal:
+            notes.append("the ring is taken as rigid and heavy: its inertia is not counted")
+            continue
+        inertia = _inertia(pair, index, member, width)
+        yielding += times[index] * pair.base_radii_m[index] ** 2 / inertia
+    solid = [member.name for member in pair.members if not member.bore_m and not member.internal]
+    if solid:
+        notes.append(f"{' and '.join(solid)} taken as solid discs: no bore diameter is given")
+    return 1 / yielding
+
+
+def _inertia(pair: MeshPair, index: int, member: Member, width: float) -> float:
+    """Moment of inertia of a disc of the mean diameter less its bore [kg m2]."""
+    circles = pair.unchecked_geometry
+    mean = 0.5 * (circles.tip_radii_m[index] + circles.root_radii_m[index])
+    bore = 0.5 * member.bore_m
+    if bore >= circles.root_radii_m[index]:
+        raise ArgumentError(
+            f"{pair.where}: bore_diameter_{member.name}_mm={1e3 * member.bore_m:g} must be less "
+            f"than the root diameter {2e3 * circles.root_radii_m[index]:.5g} mm"
+        )
+    disc: float = mean**4 - bore**4
+    return 0.5 * math.pi * pair.stage.density_kgm3 * width * disc
+
+
+def _damping(pair: MeshPair, root: float, notes: list[str]) -> tuple[float, float]:
+    """Return damping ratio and coefficient; `root` is sqrt(k m)."""
+    known = pair.given("damping_ns_per_m")
+    if known is not None:
+        return known / (2 * root), known
+    ratio = pair.stage.damping_ratio
+    if ratio is None:
+        ratio = DAMPING_RATIO
+        notes.append(f"damping ratio of the mesh taken as {ratio}: commonly 0.03 to 0.17")
+    return ratio, 2 * ratio * root

@@ -1,0 +1,286 @@
+"""The pairs of gears in a stage of a machine, with everything that is known of each.
+
+A parallel stage has one pair. A planetary stage has two kinds of pair, each once per planet:
+sun and planet, planet and ring. Stages carry engineering units; from here on all is SI.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+from gearmon.errors import ArgumentError
+from gearmon.gears import involute, iso6336
+from gearmon.gears.geometry import GearTeeth, PairGeometry, pair_geometry
+from gearmon.machine import ParallelStage, PlanetaryStage
+
+Stage = ParallelStage | PlanetaryStage
+
+
+@dataclass(frozen=True, kw_only=True)
+class Member:
+    """One gear of a pair.
+
+    Parameters
+    ----------
+    teeth : GearTeeth
+        Its `name` is the ending of the gear's keys in the machine file.
+    bore_m : float
+        Bore diameter [m], 0 for a solid disc.
+    elastic_modulus_pa : float
+        Young's modulus [Pa].
+    internal : bool
+        Whether it is a ring.
+    """
+
+    teeth: GearTeeth
+    bore_m: float
+    elastic_modulus_pa: float
+    internal: bool = False
+
+    @property
+    def name(self) -> str:
+        """Name of the gear: pinion, gear, sun, planet or ring."""
+        return self.teeth.name
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeshPair:
+    """A pair of gears in mesh and the stage that it belongs to.
+
+    Parameters
+    ----------
+    first, second : Member
+        The first is taken to drive; a ring is always second.
+    stage : ParallelStage or PlanetaryStage
+    number : int or None
+        Number of the stage for messages, counted from 1.
+    path : str
+        Machine file for messages.
+    planets : int
+        How many such pairs work side by side.
+    inner : MeshPair or None
+        The sun-planet pair of a planet-ring pair, which sets its centre distance and the tips of
+        the planet.
+    """
+
+    first: Member
+    second: Member
+    stage: Stage
+    number: int | None = None
+    path: str = ""
+    planets: int = 1
+    inner: MeshPair | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of the mesh, such as "pinion-gear" or "planet-ring"."""
+        return f"{self.first.name}-{self.second.name}"
+
+    @property
+    def members(self) -> tuple[Member, Member]:
+        """Both gears."""
+        return self.first, self.second
+
+    @property
+    def is_main(self) -> bool:
+        """Whether the overrides of the stage are meant for this pair (not for planet-ring)."""
+        return not self.second.internal
+
+    @property
+    def where(self) -> str:
+        """Name of the stage in messages."""
+        stage = "[[stage]]" if self.number is None else f"[[stage]] {self.number}"
+        return f"{self.path}: {stage}" if self.path else stage
+
+    def member(self, name: str) -> Member:
+        """Return the gear of this name.
+
+        Raises
+        ------
+        ArgumentError
+            If the pair has no such gear.
+        """
+        for member in self.members:
+            if member.name == name:
+                return member
+        names = " and ".join(member.name for member in self.members)
+        raise ArgumentError(f"{self.where} has no {name}: the gears of this mesh are {names}")
+
+    def need(self, key: str, purpose: str, instead: str = "") -> float:
+        """Return a value of the stage that must have been given.
+
+        Raises
+        ------
+        ArgumentError
+            If it was not, with the key to add or the override that replaces it.
+        """
+        value = getattr(self.stage, key)
+        if value is None:
+            other = f", or {instead} in its place" if instead else ""
+            raise ArgumentError(
+                f"{self.where}: {key} is missing: the {purpose} needs it; add {key}{other}"
+            )
+        return float(value)
+
+    def given(self, key: str) -> float | None:
+        """Return an override of the stage if it is given and meant for this pair."""
+        value = getattr(self.stage, key)
+        return float(value) if value is not None and self.is_main else None
+
+    @property
+    def helix_angle_rad(self) -> float:
+        """Magnitude of the helix angle [rad]."""
+        return math.radians(abs(self.stage.helix_angle_deg))
+
+    @property
+    def pressure_angle_rad(self) -> float:
+        """Normal pressure angle [rad]."""
+        return math.radians(self.stage.pressure_angle_deg)
+
+    @cached_property
+    def geometry(self) -> PairGeometry:
+        """Full geometry; the pair must be able to run."""
+        return self._geometry(check=True)
+
+    @cached_property
+    def unchecked_geometry(self) -> PairGeometry:
+        """Circles of the pair, also where the contact ratio is known from elsewhere."""
+        return self._geometry(check=False)
+
+    @cached_property
+    def contact_ratio(self) -> float:
+        """Transverse contact ratio: the override, or that of the geometry."""
+        known = self.given("contact_ratio")
+        return self.geometry.transverse_contact_ratio if known is None else known
+
+    @cached_property
+    def overlap_ratio(self) -> float:
+        """Overlap ratio eps_beta; 0 for spur gears."""
+        if self.helix_angle_rad == 0:
+            return 0.0
+        module = 1e-3 * self.need("module_mm", "overlap ratio")
+        width = 1e-3 * self.need("face_width_mm", "overlap ratio")
+        return involute.overlap_ratio(self.helix_angle_rad, width, module)
+
+    @property
+    def pitch_phase(self) -> float:
+        """Mesh periods from entry to the pitch point; mid-contact where no geometry is known."""
+        if self.given("contact_ratio") is not None:
+            return 0.5 * self.contact_ratio
+        return self.geometry.pitch_point_phase
+
+    @property
+    def base_radii_m(self) -> tuple[float, float]:
+        """Base radii [m]."""
+        module = 1e-3 * self.need("module_mm", "base circle", "force_n and equivalent_mass_kg")
+        one, two = (
+            involute.base_radius(
+                member.teeth.teeth, module, self.pressure_angle_rad, self.helix_angle_rad
+            )
+            for member in self.members
+        )
+        return one, two
+
+    def method_b(self, force_n: float | None = None) -> iso6336.MethodB:
+        """Return the stiffness by ISO 6336-1 Method B.
+
+        Parameters
+        ----------
+        force_n : float, optional
+            Static force on the line of action [N]; below 100 N/mm the stiffness falls.
+        """
+        load = None
+        if force_n is not None and self.stage.face_width_mm is not None:
+            # the standard's load is at the reference circle
+            alpha = involute.transverse_pressure_angle(
+                self.pressure_angle_rad, self.helix_angle_rad
+            )
+            load = force_n * math.cos(alpha) / self.stage.face_width_mm
+        one, two = (_tooth_data(member) for member in self.members)
+        return iso6336.method_b(
+            one,
+            two,
+            contact_ratio=self.contact_ratio,
+            pressure_angle_rad=self.pressure_angle_rad,
+            helix_angle_rad=self.helix_angle_rad,
+            load_n_per_mm=load,
+        )
+
+    def _geometry(self, *, check: bool) -> PairGeometry:
+        width = self.stage.face_width_mm
+        instead = "contact_ratio" if self.is_main else ""
+        module = self.need("module_mm", "contact ratio", instead)
+        distance, shortening = self._fixed_by_others()
+        try:
+            return pair_geometry(
+                self.first.teeth,
+                self.second.teeth,
+                module_m=1e-3 * module,
+                pressure_angle_rad=self.pressure_angle_rad,
+                helix_angle_rad=self.helix_angle_rad,
+                face_width_m=None if width is None else 1e-3 * width,
+                centre_distance_m=distance,
+                internal=self.second.internal,
+                tip_shortening=shortening,
+                check=check,
+            )
+        except ArgumentError as error:
+            raise ArgumentError(f"{self.where}: {error}") from None
+
+    def _fixed_by_others(self) -> tuple[float | None, tuple[float, float] | None]:
+        """Return centre distance and tip shortening where they are not this pair's to choose."""
+        if self.inner is not None:
+            # the planet is one body on one axis, which its mesh with the sun has placed
+            inner = self.inner.unchecked_geometry
+            return inner.centre_distance_m, (inner.tip_shortening[1], 0.0)
+        distance = self.stage.centre_distance_mm
+        return None if distance is None else 1e-3 * distance, None
+
+
+def mesh_pairs(stage: Stage, number: int | None = None, path: str = "") -> tuple[MeshPair, ...]:
+    """Return the pairs of a stage: one, or sun-planet and planet-ring.
+
+    Parameters
+    ----------
+    stage : ParallelStage or PlanetaryStage
+    number : int, optional
+        Number of the stage for messages, counted from 1.
+    path : str
+        Machine file for messages.
+    """
+    if isinstance(stage, ParallelStage):
+        first, second = _member(stage, "pinion"), _member(stage, "gear")
+        return (MeshPair(first=first, second=second, stage=stage, number=number, path=path),)
+    sun, planet, ring = (_member(stage, name) for name in ("sun", "planet", "ring"))
+    inner = MeshPair(
+        first=sun, second=planet, stage=stage, number=number, path=path, planets=stage.planets
+    )
+    return inner, replace(inner, first=planet, second=ring, inner=inner)
+
+
+def _member(stage: Stage, name: str) -> Member:
+    bore = getattr(stage, f"bore_diameter_{name}_mm", None)
+    return Member(
+        teeth=GearTeeth(
+            teeth=getattr(stage, f"{name}_teeth"),
+            profile_shift=getattr(stage, f"profile_shift_{name}"),
+            tip_factor=getattr(stage, f"tip_factor_{name}"),
+            root_factor=getattr(stage, f"root_factor_{name}"),
+            name=name,
+        ),
+        bore_m=0.0 if bore is None else 1e-3 * bore,
+        elastic_modulus_pa=getattr(stage, f"elastic_modulus_{name}_pa"),
+        internal=name == "ring",
+    )
+
+
+def _tooth_data(member: Member) -> iso6336.ToothData:
+    return iso6336.ToothData(
+        teeth=member.teeth.teeth,
+        profile_shift=member.teeth.profile_shift,
+        root_factor=member.teeth.root_factor,
+        elastic_modulus_pa=member.elastic_modulus_pa,
+        internal=member.internal,
+    )

@@ -1,0 +1,292 @@
+"""Mesh stiffness over its true period, and its Fourier coefficients in closed form.
+
+The stiffness is a sum of pulse trains: one pulse per mesh period for the pairs that are all alike,
+and, for every gear with damaged teeth, the missing part of those pulses once per turn of that
+gear. One damaged tooth costs the contact of that tooth, not a turn.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gearmon.errors import ArgumentError, nearest_name
+from gearmon.gears.curve_pulses import product
+from gearmon.gears.damage import acting_faults, damage_trains, wear_curve
+from gearmon.gears.energy_stiffness import energy_stiffness
+from gearmon.gears.faults import Fault
+from gearmon.gears.iso6336 import MethodB
+from gearmon.gears.pairs import MeshPair, Stage, mesh_pairs
+from gearmon.gears.potential_energy import POTENTIAL_ENERGY, PotentialEnergy
+from gearmon.gears.pulse_trains import PulseTerm, PulseTrain
+from gearmon.gears.pulses import ComplexArray, FloatArray, Pulse
+from gearmon.gears.stiffness_forms import FORMS, StiffnessForm, stiffness_form
+from gearmon.gears.stretch import unit_pulse
+
+#: Names of all forms: curves over a mesh period, and the one computed from the teeth.
+FORM_NAMES: tuple[str, ...] = (*FORMS, POTENTIAL_ENERGY)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MeshStiffness:
+    """Stiffness of a mesh along the line of action over its true period.
+
+    Mesh phase 0 is the entry of a pair into contact; tooth j of either gear (counted from 1)
+    enters contact at phase j - 1.
+
+    Parameters
+    ----------
+    healthy : PulseTrain
+        The teeth that are all alike, with the wear of all.
+    pulses : tuple of PulseTrain
+        What damaged teeth take away, with a period each; empty for a healthy mesh.
+    contact_ratio, overlap_ratio : float
+        Transverse contact ratio and overlap ratio.
+    variation : float
+        eps of ``k = k_mean (1 + eps f)`` for the healthy mesh: half the peak to peak of k over its
+        mean, so that f spans 2; with a symmetric square wave, f = +-1.
+    form : StiffnessForm or PotentialEnergy
+    iso : MethodB or None
+        ISO 6336 stiffness behind the mean; None where the mean was given or follows from the
+        energy of the teeth.
+    warnings : tuple of str
+    """
+
+    healthy: PulseTrain
+    pulses: tuple[PulseTrain, ...]
+    contact_ratio: float
+    overlap_ratio: float
+    variation: float
+    form: StiffnessForm | PotentialEnergy
+    iso: MethodB | None = None
+    warnings: tuple[str, ...] = field(default=())
+
+    @property
+    def trains(self) -> tuple[PulseTrain, ...]:
+        """Healthy and missing parts together; their sum is the stiffness."""
+        return self.healthy, *self.pulses
+
+    @cached_property
+    def mean_n_per_m(self) -> float:
+        """Mean stiffness over the true period, with the damage [N/m]."""
+        return sum(float(train.coefficients([0])[0].real) for train in self.trains)
+
+    @cached_property
+    def healthy_mean_n_per_m(self) -> float:
+        """Mean stiffness without the damaged teeth [N/m]."""
+        return float(self.healthy.coefficients([0])[0].real)
+
+    @property
+    def period_mesh(self) -> int:
+        """True period [mesh periods]."""
+        return math.lcm(*(train.period_mesh for train in self.trains))
+
+    @property
+    def total_contact_ratio(self) -> float:
+        """eps_gamma = eps_alpha + eps_beta."""
+        return self.contact_ratio + self.overlap_ratio
+
+    def at(self, phase: ArrayLike) -> FloatArray:
+        """Return the stiffness [N/m] at `phase` [mesh periods], any shape."""
+        return np.asarray(sum(train.at(phase) for train in self.trains))
+
+    def sample(self, points_per_mesh: int) -> FloatArray:
+        """Return the stiffness [N/m] over the true period.
+
+        Parameters
+        ----------
+        points_per_mesh : int, >= 1
+            Equally spaced phases i/points_per_mesh. The healthy mesh is computed once, a damaged
+            tooth only where it is in contact.
+
+        Returns
+        -------
+        ndarray, shape (period_mesh * points_per_mesh,)
+        """
+        count = int(points_per_mesh)
+        if count < 1:
+            raise ArgumentError(f"points_per_mesh={points_per_mesh} must be >= 1")
+        stiffness = np.tile(self.healthy.at(np.arange(count) / count), self.period_mesh)
+        for train in self.pulses:
+            for start, values in train.windows(count):
+                for turn in range(0, self.period_mesh, train.period_mesh):
+                    where = (start + turn * count + np.arange(len(values))) % len(stiffness)
+                    stiffness[where] += values
+        return stiffness
+
+    def harmonics(self, count: int) -> ComplexArray:
+        """Return c_1 ... c_count of ``k = mean (1 + sum_r (c_r exp(2 pi i r phase/P) + conj))``.
+
+        Parameters
+        ----------
+        count : int, >= 0
+            Number of harmonics of the true period P = period_mesh: count/P mesh orders.
+
+        Returns
+        -------
+        ndarray of complex, shape (count,)
+            Relative to `mean_n_per_m`; exact, none aliased.
+        """
+        total = np.zeros(count, dtype=np.complex128)
+        for train in self.trains:
+            step = self.period_mesh // train.period_mesh
+            total[step - 1 :: step] += train.coefficients(np.arange(1, count // step + 1))
+        return total / self.mean_n_per_m
+
+    def mesh_harmonics(self, count: int) -> ComplexArray:
+        """Return c_1 ... c_count of the healthy mesh relative to its own mean."""
+        orders = np.arange(1, count + 1)
+        return self.healthy.coefficients(orders) / self.healthy_mean_n_per_m
+
+
+def mesh_stiffness(
+    stage: Stage,
+    faults: Iterable[Fault] = (),
+    form: str | StiffnessForm | PotentialEnergy = "parabolic",
+    *,
+    number: int | None = None,
+    force_n: float | None = None,
+) -> MeshStiffness:
+    """Return the stiffness of a stage's mesh; of a planetary stage, of one sun-planet mesh.
+
+    Parameters
+    ----------
+    stage : ParallelStage or PlanetaryStage
+    faults : iterable of Fault
+        Faults of this stage.
+    form : str, StiffnessForm or PotentialEnergy
+        A name in `FORM_NAMES`, or a form with parameters of its own.
+    number : int, optional
+        Number of the stage for messages, counted from 1.
+    force_n : float, optional
+        Static force on the line of action [N]; loads below 100 N/mm lower the ISO stiffness.
+
+    Returns
+    -------
+    MeshStiffness
+
+    Raises
+    ------
+    ArgumentError
+        If the stage lacks data, its gears cannot run, or a fault does not fit it.
+
+    Notes
+    -----
+    The mean is the override mesh_stiffness_n_per_m, or c_gamma_alpha b of ISO 6336-1 Method B.
+    The override stiffness_variation stretches the curve about its mean until half its peak to
+    peak over its mean is that value (of a Fourier sum: the rectangle under it). The form
+    "potential-energy" takes mean and curve from the teeth; only the mean can be imposed on it.
+    """
+    return pair_stiffness(mesh_pairs(stage, number)[0], faults, form, force_n=force_n)
+
+
+def pair_stiffness(
+    pair: MeshPair,
+    faults: Iterable[Fault] = (),
+    form: str | StiffnessForm | PotentialEnergy = "parabolic",
+    *,
+    force_n: float | None = None,
+) -> MeshStiffness:
+    """Return the stiffness of one pair of gears; see `mesh_stiffness`.
+
+    Raises
+    ------
+    ArgumentError
+        If data are missing, the gears cannot run, or a fault does not fit the pair.
+    """
+    chosen = _chosen(form)
+    _check_contact(pair)
+    acting, notes = acting_faults(pair, faults)
+    if isinstance(chosen, PotentialEnergy):
+        return _from_teeth(pair, acting, chosen, force_n, notes)
+    unit, variation = unit_pulse(pair, chosen)
+    mean, iso = _mean(pair, chosen, force_n)
+    pulse = _worn(pair, unit.scaled(mean), acting)
+    train = PulseTrain(
+        gear="all teeth",
+        period_mesh=1,
+        overlap_ratio=pair.overlap_ratio,
+        terms=(PulseTerm(pulse=pulse),),
+    )
+    return MeshStiffness(
+        healthy=train,
+        pulses=damage_trains(pair, pulse, acting),
+        contact_ratio=pair.contact_ratio,
+        overlap_ratio=pair.overlap_ratio,
+        variation=variation,
+        form=chosen,
+        iso=iso,
+        warnings=(*_geometry_notes(pair), *(iso.warnings if iso else ()), *notes),
+    )
+
+
+def _chosen(form: str | StiffnessForm | PotentialEnergy) -> StiffnessForm | PotentialEnergy:
+    if not isinstance(form, str):
+        return form
+    if form == POTENTIAL_ENERGY:
+        return PotentialEnergy()
+    if form not in FORMS:
+        near = nearest_name(form, FORM_NAMES)
+        hint = f"; did you mean {near}?" if near else ""
+        raise ArgumentError(f"form={form!r} is not one of {', '.join(FORM_NAMES)}{hint}")
+    return stiffness_form(form)
+
+
+def _from_teeth(
+    pair: MeshPair,
+    acting: list[Fault],
+    form: PotentialEnergy,
+    force_n: float | None,
+    notes: list[str],
+) -> MeshStiffness:
+    parts = energy_stiffness(pair, acting, form, force_n)
+    return MeshStiffness(
+        healthy=parts.healthy,
+        pulses=parts.missing,
+        contact_ratio=pair.contact_ratio,
+        overlap_ratio=pair.overlap_ratio,
+        variation=parts.variation,
+        form=form,
+        warnings=(*_geometry_notes(pair), *parts.warnings, *notes),
+    )
+
+
+def _worn(pair: MeshPair, pulse: Pulse, acting: list[Fault]) -> Pulse:
+    """Return the pulse of a pair whose teeth are all worn."""
+    factor = math.prod(1 - f.loss for f in acting if f.kind == "wear" and f.is_loss)
+    left = wear_curve(pair, acting, pulse.length)
+    scaled = pulse.scaled(factor)
+    return scaled if left is None else product(scaled, left.share, left.corners)
+
+
+def _check_contact(pair: MeshPair) -> None:
+    total = pair.contact_ratio + pair.overlap_ratio
+    if total < 1:
+        raise ArgumentError(
+            f"{pair.where}: total contact ratio {total:.4f} is below 1: no pair would carry for a "
+            f"while; raise contact_ratio={pair.contact_ratio:g} or face_width_mm"
+        )
+
+
+def _mean(
+    pair: MeshPair, form: StiffnessForm, force_n: float | None
+) -> tuple[float, MethodB | None]:
+    """Return the mean stiffness of the healthy mesh [N/m] and the ISO stiffness behind it."""
+    known = pair.given("mesh_stiffness_n_per_m")
+    if known is not None:
+        return known, None
+    instead = "mesh_stiffness_n_per_m" if pair.is_main else ""
+    width = 1e-3 * pair.need("face_width_mm", "mean stiffness", instead)
+    iso = pair.method_b(force_n)
+    if form.normalisation == "mean":
+        return iso.mean_n_per_m(width), iso
+    return iso.single_n_per_m(width) * form.pulse(pair.contact_ratio).area, iso
+
+
+def _geometry_notes(pair: MeshPair) -> tuple[str, ...]:
+    return pair.geometry.warnings if pair.given("contact_ratio") is None else ()

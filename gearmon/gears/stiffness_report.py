@@ -1,0 +1,367 @@
+"""Stiffness of the meshes of a machine, healthy and damaged: tables and data for pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from gearmon.errors import ArgumentError, check_range
+from gearmon.gears.fault_geometry import largest_size
+from gearmon.gears.fault_shapes import flank_share, size_text
+from gearmon.gears.fault_sizes import PairLoss, size_for_loss, stiffness_loss
+from gearmon.gears.faults import Fault, faults_of_stage, parse_fault
+from gearmon.gears.mechanics import stage_mechanics
+from gearmon.gears.pairs import MeshPair, mesh_pairs
+from gearmon.gears.panels import FloatArray
+from gearmon.gears.potential_energy import PotentialEnergy, teeth_of
+from gearmon.gears.stiffness import MeshStiffness, pair_stiffness
+from gearmon.gears.stiffness_forms import StiffnessForm
+from gearmon.gears.tooth_outline import TeethPicture, teeth_picture
+from gearmon.gears.tooth_pairs import ToothPair
+
+#: Sizes at which a curve of loss against size is taken.
+CURVE_POINTS = 25
+#: Unit and dimensions in which a loss of each kind is told as a size.
+MEASURED_UNITS = {"crack": "mm", "breakage": "mm", "wear": "mm", "pitting": "flank"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class FaultLoss:
+    """A fault, what it costs, and the size or loss on the other side.
+
+    Parameters
+    ----------
+    fault : Fault
+    loss : PairLoss or None
+        Of the pair of the damaged tooth; None where the teeth are not known.
+    measured : str
+        The size that means the same mean loss, where the fault is given as a loss; else its own.
+    """
+
+    fault: Fault
+    loss: PairLoss | None
+    measured: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SizeCurve:
+    """Loss of pair stiffness against the size of a damage.
+
+    Parameters
+    ----------
+    kind, gear, unit : str
+    sizes : ndarray
+        In `unit`.
+    mean_loss, greatest_loss : ndarray
+        Shares of the stiffness of the pair.
+    marked : float or None
+        Size of the fault in hand.
+    """
+
+    kind: str
+    gear: str
+    unit: str
+    sizes: FloatArray
+    mean_loss: FloatArray
+    greatest_loss: FloatArray
+    marked: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StageStiffness:
+    """Stiffness of one mesh.
+
+    Parameters
+    ----------
+    stage : int
+    mesh : str
+    healthy, damaged : MeshStiffness
+        The same object where there is no fault.
+    phase : ndarray
+        Mesh phases of the table [mesh periods]: one mesh period, or the contact of the first
+        damaged tooth and a mesh period on both sides.
+    contact_phase : ndarray
+        Phases of the contact of one pair [mesh periods].
+    shares : dict of str to ndarray
+        Share of each cause in the compliance of a sound pair, at `contact_phase`.
+    faults : tuple of FaultLoss
+    curve : SizeCurve or None
+    picture : TeethPicture or None
+    warnings : tuple of str
+    """
+
+    stage: int
+    mesh: str
+    healthy: MeshStiffness
+    damaged: MeshStiffness
+    phase: FloatArray
+    contact_phase: FloatArray
+    shares: dict[str, FloatArray]
+    faults: tuple[FaultLoss, ...]
+    curve: SizeCurve | None
+    picture: TeethPicture | None
+    warnings: tuple[str, ...]
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return the table: one row a phase, stiffness in N/m."""
+        one, two = self.healthy.at(self.phase), self.damaged.at(self.phase)
+        return [
+            {
+                "stage": self.stage,
+                "mesh_phase": float(phase),
+                "healthy_n_per_m": float(a),
+                "damaged_n_per_m": float(b),
+            }
+            for phase, a, b in zip(self.phase, one, two, strict=True)
+        ]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything but the table and the picture in built-in types."""
+        return {
+            "stage": self.stage,
+            "mesh": self.mesh,
+            "form": self.healthy.form.name,
+            "contact_ratio": self.healthy.contact_ratio,
+            "overlap_ratio": self.healthy.overlap_ratio,
+            "mean_stiffness_n_per_m": self.healthy.mean_n_per_m,
+            "stiffness_variation": self.healthy.variation,
+            "damaged_mean_stiffness_n_per_m": self.damaged.mean_n_per_m,
+            "period_mesh": self.damaged.period_mesh,
+            "faults": [_fault_dict(entry) for entry in self.faults],
+            "compliance_shares_at_middle": {
+                name: float(np.interp(0.5 * self.healthy.contact_ratio, self.contact_phase, share))
+                for name, share in self.shares.items()
+            },
+            "warnings": list(self.warnings),
+        }
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StiffnessReport:
+    """Stiffness of the meshes of a machine.
+
+    Parameters
+    ----------
+    machine : str
+    stages : tuple of StageStiffness
+    """
+
+    machine: str
+    stages: tuple[StageStiffness, ...]
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return the tables of all stages, one after the other."""
+        return [row for stage in self.stages for row in stage.rows()]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the report, with its tables, in built-in types."""
+        stages = [stage.to_dict() | {"table": stage.rows()} for stage in self.stages]
+        return {"machine": self.machine, "stages": stages}
+
+
+def stiffness_report(
+    machine: Any,
+    faults: Iterable[Fault | str] = (),
+    *,
+    form: str | StiffnessForm | PotentialEnergy = "potential-energy",
+    stage: int | None = None,
+    points_per_mesh: int = 200,
+) -> StiffnessReport:
+    """Return the stiffness of the meshes of a machine, healthy and damaged.
+
+    Parameters
+    ----------
+    machine : Machine
+    faults : iterable of Fault or str
+        Such as "crack:1:pinion:5:1.5mm" or "crack:1:pinion:5:20%".
+    form : str, StiffnessForm or PotentialEnergy
+        See `gears.stiffness.mesh_stiffness`.
+    stage : int, optional
+        Only this stage, counted from 1; by default all of them.
+    points_per_mesh : int, 2 to 100,000
+
+    Returns
+    -------
+    StiffnessReport
+
+    Raises
+    ------
+    ArgumentError
+        If the machine lacks data, its gears cannot run, or a fault does not fit.
+    """
+    check_range("points_per_mesh", points_per_mesh, 2, 100_000)
+    known = [parse_fault(fault) if isinstance(fault, str) else fault for fault in faults]
+    last = len(machine.stages)
+    for fault in known:
+        if fault.stage > last:
+            raise ArgumentError(f"fault {fault}: stage {fault.stage} must lie in [1, {last}]")
+    if stage is not None:
+        check_range("stage", stage, 1, last)
+    numbers = range(1, last + 1) if stage is None else [stage]
+    return StiffnessReport(
+        machine=machine.name,
+        stages=tuple(
+            _stage(machine, number, faults_of_stage(known, number), form, points_per_mesh)
+            for number in numbers
+        ),
+    )
+
+
+def size_curve(fault: Fault, pair: ToothPair, index: int, points: int = CURVE_POINTS) -> SizeCurve:
+    """Return the loss of pair stiffness against the size of a damage.
+
+    Parameters
+    ----------
+    fault : Fault
+        With a size in mm or as share of the flank; everything but its size is kept.
+    pair : ToothPair
+    index : {0, 1}
+        Gear of the damaged tooth.
+    points : int
+    """
+    most = largest_size(fault, pair.teeth[index])
+    if fault.unit == "level":
+        raise ArgumentError(f"fault {fault}: a level is no size to draw; give a share of the flank")
+    sizes = np.linspace(0.0, most, points)
+    losses = [stiffness_loss(replace(fault, size=size), pair, index) for size in sizes.tolist()]
+    return SizeCurve(
+        kind=fault.kind,
+        gear=fault.gear,
+        unit=fault.unit,
+        sizes=sizes,
+        mean_loss=np.array([loss.mean for loss in losses]),
+        greatest_loss=np.array([loss.greatest for loss in losses]),
+        marked=fault.size,
+    )
+
+
+def _stage(
+    machine: Any,
+    number: int,
+    faults: tuple[Fault, ...],
+    form: str | StiffnessForm | PotentialEnergy,
+    points: int,
+) -> StageStiffness:
+    pair = mesh_pairs(machine.stages[number - 1], number, machine.path)[0]
+    force = _force(machine, number)
+    healthy = pair_stiffness(pair, (), form, force_n=force)
+    damaged = pair_stiffness(pair, faults, form, force_n=force) if faults else healthy
+    notes = list(damaged.warnings)
+    teeth = _teeth(pair, notes)
+    contact = np.linspace(0.0, healthy.contact_ratio, 201)
+    losses = tuple(_fault_loss(fault, pair, teeth) for fault in faults)
+    return StageStiffness(
+        stage=number,
+        mesh=pair.name,
+        healthy=healthy,
+        damaged=damaged,
+        phase=_window(faults, healthy, points),
+        contact_phase=contact,
+        shares=teeth.compliances(teeth.roll(contact)).shares if teeth else {},
+        faults=losses,
+        curve=_curve(losses, pair, teeth),
+        picture=_picture(losses, teeth),
+        warnings=tuple(dict.fromkeys(notes)),
+    )
+
+
+def _force(machine: Any, number: int) -> float | None:
+    """Return the static tooth force where it is known; most forms do without."""
+    try:
+        return stage_mechanics(machine, number).force_n
+    except ArgumentError:
+        return None
+
+
+def _teeth(pair: MeshPair, notes: list[str]) -> ToothPair | None:
+    try:
+        return teeth_of(pair)
+    except ArgumentError as error:
+        notes.append(f"no picture and no sizes: {error}")
+        return None
+
+
+def _window(faults: tuple[Fault, ...], mesh: MeshStiffness, points: int) -> FloatArray:
+    low, meshes = 0.0, 1.0
+    teeth = [fault.tooth for fault in faults if fault.tooth is not None]
+    if teeth:
+        # the tooth before and the tooth after show what is sound
+        low, meshes = float(teeth[0] - 2), np.ceil(mesh.total_contact_ratio) + 2
+    return np.asarray(low + np.arange(int(meshes * points) + 1) / points)
+
+
+def _fault_loss(fault: Fault, pair: MeshPair, teeth: ToothPair | None) -> FaultLoss:
+    names = [member.name for member in pair.members]
+    if teeth is None or fault.gear not in names:
+        return FaultLoss(fault=fault, loss=None, measured="")
+    index = names.index(fault.gear)
+    loss = stiffness_loss(fault, teeth, index)
+    if not fault.is_loss:
+        size = size_text(fault.kind, fault.size, fault.unit, fault.shape)
+        return FaultLoss(fault=fault, loss=loss, measured=size or "whole tooth")
+    unit = MEASURED_UNITS.get(fault.kind)
+    if unit is None:
+        return FaultLoss(fault=fault, loss=loss, measured="")
+    try:
+        found = size_for_loss(replace(fault, unit=unit, size=0.0), loss.mean, teeth, index)
+    except ArgumentError:
+        return FaultLoss(fault=fault, loss=loss, measured="out of reach")
+    return FaultLoss(fault=fault, loss=loss, measured=f"{found.size:.3g}{found.unit}")
+
+
+def _curve(
+    losses: tuple[FaultLoss, ...], pair: MeshPair, teeth: ToothPair | None
+) -> SizeCurve | None:
+    """Return the curve of the first fault that has a size; without faults that of a root crack."""
+    if teeth is None:
+        return None
+    names = [member.name for member in pair.members]
+    for entry in losses:
+        fault = _sized(entry)
+        if fault is not None and fault.gear in names:
+            return size_curve(fault, teeth, names.index(fault.gear))
+    if losses:
+        return None
+    crack = Fault(kind="crack", stage=pair.number or 1, gear=names[0], tooth=1, size=0.0, unit="mm")
+    return replace(size_curve(crack, teeth, 0), marked=None)
+
+
+def _sized(entry: FaultLoss) -> Fault | None:
+    """Return the fault with a size that can be varied, or None."""
+    fault = entry.fault
+    if fault.unit == "level":
+        return replace(fault, unit="flank", size=flank_share(fault.size, fault.unit))
+    if fault.unit in ("mm", "flank", "%flank"):
+        return fault
+    if not fault.is_loss or not entry.measured or entry.measured == "out of reach":
+        return None
+    unit = MEASURED_UNITS[fault.kind]
+    return replace(fault, unit=unit, size=float(entry.measured.removesuffix(unit)))
+
+
+def _picture(losses: tuple[FaultLoss, ...], teeth: ToothPair | None) -> TeethPicture | None:
+    if teeth is None:
+        return None
+    drawn = [fault for fault in (_drawn(entry) for entry in losses) if fault is not None]
+    seen: dict[str, int | None] = {}
+    # one tooth of each gear is drawn: the first that is damaged
+    chosen = [f for f in drawn if seen.setdefault(f.gear, f.tooth) == f.tooth]
+    return teeth_picture(teeth, chosen)
+
+
+def _drawn(entry: FaultLoss) -> Fault | None:
+    return entry.fault if not entry.fault.is_loss else _sized(entry)
+
+
+def _fault_dict(entry: FaultLoss) -> dict[str, Any]:
+    found: dict[str, Any] = {"fault": str(entry.fault), "size": entry.measured}
+    if entry.loss is not None:
+        found |= {
+            "mean_loss": entry.loss.mean,
+            "greatest_loss": entry.loss.greatest,
+            "loss_at_middle": entry.loss.at_middle,
+        }
+    return found

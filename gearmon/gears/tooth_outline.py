@@ -1,0 +1,252 @@
+"""A pair of teeth to scale: outlines in contact, with cracks, spalls and pits where they are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gearmon.gears.fault_geometry import tooth_damage
+from gearmon.gears.faults import Fault
+from gearmon.gears.panels import FloatArray
+from gearmon.gears.tooth import Tooth
+from gearmon.gears.tooth_damage import ToothDamage
+from gearmon.gears.tooth_pairs import ToothPair
+
+#: Points of each curve of an outline.
+POINTS = 60
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FlankMark:
+    """A damaged part of a flank, seen from the mate.
+
+    Parameters
+    ----------
+    kind : str
+    face_start_mm, face_width_mm : float
+        Along the face, from the side that enters contact first.
+    low_mm, high_mm : float
+        Heights above the root circle.
+    """
+
+    kind: str
+    face_start_mm: float
+    face_width_mm: float
+    low_mm: float
+    high_mm: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TeethPicture:
+    """Two gears in contact, in the transverse section; all points in mm, shape (n, 2).
+
+    Parameters
+    ----------
+    names : (str, str)
+    outlines : (ndarray, ndarray)
+        Five teeth of each gear; the loaded ones in the middle.
+    contact : ndarray, shape (2,)
+    cracks : tuple of ndarray
+        Lines.
+    holes : tuple of ndarray
+        Outlines of missing material.
+    gone : tuple of ndarray
+        Outlines of broken-off or missing teeth.
+    marks : dict of str to tuple of FlankMark
+        Damage on the flank of each gear.
+    flank_sizes_mm : dict of str to (float, float, float)
+        Face width, height of the flank's lower end and of the tip above the root circle.
+    """
+
+    names: tuple[str, str]
+    outlines: tuple[FloatArray, FloatArray]
+    contact: FloatArray
+    cracks: tuple[FloatArray, ...]
+    holes: tuple[FloatArray, ...]
+    gone: tuple[FloatArray, ...]
+    marks: dict[str, tuple[FlankMark, ...]]
+    flank_sizes_mm: dict[str, tuple[float, float, float]]
+
+
+@dataclass(frozen=True, eq=False)
+class _Frame:
+    """Where a tooth stands: centre, and direction of its thickness and of its height."""
+
+    centre: FloatArray
+    across: FloatArray
+    along: FloatArray
+
+    def place(self, half: FloatArray, height: FloatArray) -> FloatArray:
+        points = half[:, None] * self.across + height[:, None] * self.along
+        return np.asarray(1e3 * (self.centre + points))
+
+    def turned(self, angle: float) -> _Frame:
+        c, s = math.cos(angle), math.sin(angle)
+        turn = np.array([[c, -s], [s, c]])
+        return _Frame(self.centre, turn @ self.across, turn @ self.along)
+
+
+def teeth_picture(
+    pair: ToothPair, faults: Sequence[Fault] = (), phase: float | None = None
+) -> TeethPicture:
+    """Return the picture of a pair of teeth in contact.
+
+    Parameters
+    ----------
+    pair : ToothPair
+    faults : sequence of Fault
+        Drawn on the loaded tooth of their gear where their sizes are no losses.
+    phase : float, optional
+        Contact phase [mesh periods]; by default the middle of the contact.
+    """
+    roll = float(pair.roll(0.5 * pair.contact_ratio if phase is None else phase))
+    frames = _frames(pair, roll)
+    measured = [fault for fault in faults if not fault.is_loss]
+    cracks: list[FloatArray] = []
+    holes: list[FloatArray] = []
+    gone: list[FloatArray] = []
+    marks: dict[str, tuple[FlankMark, ...]] = {}
+    for tooth, frame in zip(pair.teeth, frames, strict=True):
+        own = [fault for fault in measured if fault.gear == tooth.name]
+        damage = tooth_damage([f for f in own if f.kind in ("crack", "spall", "pitting")], tooth)
+        cracks += _cracks(damage, tooth, frame)
+        holes += _holes(damage, tooth, frame)
+        gone += [_gone(fault, tooth, frame) for fault in own if fault.kind in _GONE]
+        marks[tooth.name] = tuple(_marks(damage, own, tooth))
+    contact = _contact(pair, frames[0], roll)
+    return TeethPicture(
+        names=(pair.first.name, pair.second.name),
+        outlines=(_outline(pair.first, frames[0]), _outline(pair.second, frames[1])),
+        contact=contact,
+        cracks=tuple(cracks),
+        holes=tuple(holes),
+        gone=tuple(gone),
+        marks=marks,
+        flank_sizes_mm={tooth.name: _flank_size(tooth) for tooth in pair.teeth},
+    )
+
+
+_GONE = ("breakage", "missing")
+
+
+def half_profile(tooth: Tooth) -> tuple[FloatArray, FloatArray]:
+    """Return half thickness and height [m] of the loaded side, from the root circle to the tip."""
+    t = np.linspace(tooth.start, tooth.tip, POINTS)
+    half, height = tooth.half_thickness(t), tooth.height(t)
+    part = tooth.root_part
+    if part is None:
+        return half, height
+    low_height, low_half = part.at(np.linspace(0, 1, POINTS))
+    return np.concatenate([low_half, half]), np.concatenate([low_height, height])
+
+
+def _frames(pair: ToothPair, roll: float) -> tuple[_Frame, _Frame]:
+    """Place both teeth so that their flanks touch at this roll length of the first."""
+    base = pair.first.base_radius_m + pair.second.base_radius_m
+    centres = math.hypot(pair.line_m, base)
+    working = math.acos(base / centres)
+    rolls = (roll, pair.line_m - roll)
+    found = []
+    for tooth, own, sign in zip(pair.teeth, rolls, (1.0, -1.0), strict=True):
+        # the normal of the flank turns into the line of action
+        angle = working - tooth.angle(own)
+        across = sign * np.array([math.cos(angle), math.sin(angle)])
+        along = sign * np.array([-math.sin(angle), math.cos(angle)])
+        found.append(_Frame(np.array([0.0, 0.0 if sign > 0 else centres]), across, along))
+    return found[0], found[1]
+
+
+def _contact(pair: ToothPair, frame: _Frame, roll: float) -> FloatArray:
+    angle = np.array([pair.first.angle(roll)])
+    placed = frame.place(pair.first.half_thickness(angle), pair.first.height(angle))
+    return np.asarray(placed[0])
+
+
+def _outline(tooth: Tooth, frame: _Frame) -> FloatArray:
+    half, height = half_profile(tooth)
+    halves = np.concatenate([-half, half[::-1]])
+    heights = np.concatenate([height, height[::-1]])
+    pitch = 2 * math.pi / tooth.teeth
+    # teeth from left to right of the tooth in the middle
+    return np.concatenate([frame.turned(-k * pitch).place(halves, heights) for k in range(-2, 3)])
+
+
+def _cracks(damage: ToothDamage, tooth: Tooth, frame: _Frame) -> list[FloatArray]:
+    if damage.crack is None:
+        return []
+    height, half = tooth.crack_start
+    depth, angle = damage.crack.depths[1], damage.crack.angle_rad
+    ends = np.array([half, half - depth * math.sin(angle)])
+    return [frame.place(ends, np.array([height, height - depth * math.cos(angle)]))]
+
+
+def _holes(damage: ToothDamage, tooth: Tooth, frame: _Frame) -> list[FloatArray]:
+    found = []
+    for hole in damage.holes:
+        ends = [tooth.angle_at_height(h) for h in (hole.low_m, hole.high_m)]
+        t = np.linspace(ends[0], ends[1], POINTS)
+        half, height = tooth.half_thickness(t), tooth.height(t)
+        depth: FloatArray | float = hole.depth_m
+        if hole.round:
+            depth = hole.depth_m * np.sqrt(np.clip(1 - np.linspace(-1, 1, POINTS) ** 2, 0, None))
+        inner_half, inner_height = half - depth * np.cos(t), height - depth * np.sin(t)
+        halves = np.concatenate([half, inner_half[::-1]])
+        found.append(frame.place(halves, np.concatenate([height, inner_height[::-1]])))
+    return found
+
+
+def _gone(fault: Fault, tooth: Tooth, frame: _Frame) -> FloatArray:
+    half, height = half_profile(tooth)
+    if fault.kind == "breakage" and fault.shape.height is not None:
+        lowest = tooth.tip_radius_m - 1e-3 * fault.shape.height
+        kept = height >= lowest
+        half, height = half[kept], height[kept]
+    return frame.place(np.concatenate([-half, half[::-1]]), np.concatenate([height, height[::-1]]))
+
+
+def _marks(damage: ToothDamage, faults: Sequence[Fault], tooth: Tooth) -> list[FlankMark]:
+    width, root = 1e3 * tooth.face_width_m, 1e3 * tooth.root_radius_m
+    found = []
+    if damage.crack is not None:
+        start = 1e3 * tooth.crack_start[0] - root
+        found.append(
+            FlankMark(
+                kind="crack",
+                face_start_mm=width * damage.crack.start,
+                face_width_mm=width * damage.crack.extent,
+                low_mm=start,
+                high_mm=start,
+            )
+        )
+    for hole in damage.holes:
+        kind = "pits" if hole.round else "spall"
+        wide = 1e3 * hole.width_m
+        low, high = 1e3 * hole.low_m - root, 1e3 * hole.high_m - root
+        start = width * hole.start if not hole.round else 0.0
+        found.append(
+            FlankMark(kind=kind, face_start_mm=start, face_width_mm=wide, low_mm=low, high_mm=high)
+        )
+    top = 1e3 * float(tooth.height(tooth.tip)) - root
+    for fault in faults:
+        if fault.kind in _GONE:
+            share = width if fault.kind == "missing" else fault.size
+            lost = top if fault.shape.height is None else fault.shape.height
+            found.append(
+                FlankMark(
+                    kind=fault.kind,
+                    face_start_mm=fault.shape.start or 0.0,
+                    face_width_mm=share,
+                    low_mm=top - lost,
+                    high_mm=top,
+                )
+            )
+    return found
+
+
+def _flank_size(tooth: Tooth) -> tuple[float, float, float]:
+    root = tooth.root_radius_m
+    low = float(tooth.height(tooth.start)) - root
+    return 1e3 * tooth.face_width_m, 1e3 * low, 1e3 * (float(tooth.height(tooth.tip)) - root)

@@ -1,0 +1,342 @@
+"""Two teeth in contact: every compliance of the pair along its path of contact."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gearmon.errors import ArgumentError
+from gearmon.gears.contact import (
+    CONTACTS,
+    Contact,
+    hertz_compliance,
+    weber_banaschek_compliance,
+)
+from gearmon.gears.foundation import Arm, Foundation
+from gearmon.gears.involute_pair import PairGeometry
+from gearmon.gears.panels import FloatArray
+from gearmon.gears.tooth import Root, Tooth, ToothBeam, tooth_of
+from gearmon.gears.tooth_damage import LARGEST_WIDTH, ToothDamage
+
+Beams = tuple[ToothBeam, ToothBeam]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PairCompliance:
+    """Compliances of a pair of teeth [m/N], each of shape (n,) for n contacts.
+
+    Parameters
+    ----------
+    bending, shear, axial, foundation : (ndarray, ndarray)
+        Of both teeth.
+    hertz : ndarray
+        Of their contact.
+    """
+
+    bending: tuple[FloatArray, FloatArray]
+    shear: tuple[FloatArray, FloatArray]
+    axial: tuple[FloatArray, FloatArray]
+    foundation: tuple[FloatArray, FloatArray]
+    hertz: FloatArray
+
+    @property
+    def total(self) -> FloatArray:
+        """Compliance of the pair by itself [m/N]."""
+        teeth = (*self.bending, *self.shear, *self.axial, *self.foundation)
+        return np.asarray(sum(teeth, self.hertz))
+
+    @property
+    def stiffness(self) -> FloatArray:
+        """Stiffness of the pair by itself [N/m]."""
+        return np.asarray(1 / self.total)
+
+    @property
+    def shares(self) -> dict[str, FloatArray]:
+        """Share of each cause in the compliance of the pair; they add up to 1."""
+        total = self.total
+        causes = ("bending", "shear", "axial", "foundation")
+        shares = {name: np.asarray(sum(getattr(self, name)) / total) for name in causes}
+        return shares | {"contact": np.asarray(self.hertz / total)}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ToothPair:
+    """A pair of meshing teeth along its path of contact.
+
+    Parameters
+    ----------
+    first, second : Tooth
+        The first drives.
+    line_m : float
+        Distance between the base tangent points along the line of action [m].
+    path_m : (float, float)
+        Roll lengths on the first gear at which contact begins and ends [m].
+    base_pitch_m : float
+    base_helix_angle_rad : float
+    contact : {"constant", "load-dependent"}
+        Load-independent Hertz stiffness (Yang & Sun), or Weber & Banaschek's form.
+    arm : {"axis", "contact"}
+        See `Foundation`.
+    has_foundation : bool
+        Whether the bodies of the gears yield.
+    """
+
+    first: Tooth
+    second: Tooth
+    line_m: float
+    path_m: tuple[float, float]
+    base_pitch_m: float
+    base_helix_angle_rad: float = 0.0
+    contact: Contact = "constant"
+    arm: Arm = "axis"
+    has_foundation: bool = True
+    notes: tuple[str, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        if self.contact not in CONTACTS:
+            raise ArgumentError(f"contact={self.contact!r} must be one of {', '.join(CONTACTS)}")
+
+    @property
+    def teeth(self) -> tuple[Tooth, Tooth]:
+        """Both teeth."""
+        return self.first, self.second
+
+    @property
+    def contact_ratio(self) -> float:
+        """Transverse contact ratio of the path."""
+        return (self.path_m[1] - self.path_m[0]) / self.base_pitch_m
+
+    @cached_property
+    def foundations(self) -> tuple[Foundation, Foundation]:
+        """The bodies of both gears."""
+        one, two = (Foundation(tooth=tooth, arm=self.arm) for tooth in self.teeth)
+        return one, two
+
+    @cached_property
+    def sound(self) -> Beams:
+        """Both teeth without damage."""
+        return ToothBeam(self.first), ToothBeam(self.second)
+
+    def beams(self, first: ToothDamage, second: ToothDamage) -> Beams:
+        """Return both teeth with damage.
+
+        Raises
+        ------
+        ArgumentError
+            If the damage leaves nothing of a tooth.
+        """
+        found = []
+        for tooth, damage, sound in zip(self.teeth, (first, second), self.sound, strict=True):
+            damage.check(tooth)
+            found.append(sound if damage.is_none else ToothBeam(tooth, damage))
+        return found[0], found[1]
+
+    def roll(self, phase: ArrayLike) -> FloatArray:
+        """Return the roll length on the first gear [m] at contact phases [mesh periods]."""
+        return np.asarray(self.path_m[0] + self.base_pitch_m * np.asarray(phase, dtype=np.float64))
+
+    def phase_of(self, index: int, angle: float) -> float:
+        """Return the contact phase at which a profile angle of a gear is in contact."""
+        tooth = self.teeth[index]
+        roll = tooth.base_radius_m * (angle + tooth.base_half_angle_rad)
+        own = roll if index == 0 else self.line_m - roll
+        return (own - self.path_m[0]) / self.base_pitch_m
+
+    def corners(self, beams: Beams) -> FloatArray:
+        """Return the contact phases at which the compliance is not smooth, on the whole path."""
+        found = [
+            self.phase_of(index, angle)
+            for index, beam in enumerate(beams)
+            for angle in beam.corners.tolist()
+        ]
+        inside = np.unique(found)
+        return np.asarray(inside[(inside > 0) & (inside < self.contact_ratio)], dtype=np.float64)
+
+    def compliances(
+        self, roll_m: ArrayLike, beams: Beams | None = None, force_n: ArrayLike | None = None
+    ) -> PairCompliance:
+        """Return all compliances of the pair.
+
+        Parameters
+        ----------
+        roll_m : array_like
+            Roll lengths of the contacts on the first gear [m].
+        beams : (ToothBeam, ToothBeam), optional
+            Teeth with damage; by default sound ones.
+        force_n : array_like, optional
+            Force on this pair [N]; only the load-dependent contact needs it.
+        """
+        roll = np.asarray(roll_m, dtype=np.float64)
+        rolls = (roll, self.line_m - roll)
+        both = self.sound if beams is None else beams
+        angles = [
+            own / tooth.base_radius_m - tooth.base_half_angle_rad
+            for tooth, own in zip(self.teeth, rolls, strict=True)
+        ]
+        one, two = (beam.compliances(angle) for beam, angle in zip(both, angles, strict=True))
+        return PairCompliance(
+            bending=(one[0], two[0]),
+            shear=(one[1], two[1]),
+            axial=(one[2], two[2]),
+            foundation=self._foundation(angles),
+            hertz=self._hertz(both, rolls, angles, force_n),
+        )
+
+    def coupling(self, apart: int, bodies: list[tuple[FloatArray, FloatArray]]) -> FloatArray:
+        """Return the compliance [m/N] that two pairs share through the bodies of the gears.
+
+        Parameters
+        ----------
+        apart : int, >= 1
+            Distance of the pairs [teeth].
+        bodies : list of two (ndarray, ndarray)
+            Foundation compliances of both gears at the one and at the other contact.
+        """
+        if not self.has_foundation:
+            return np.zeros_like(bodies[0][0])
+        total = np.zeros_like(bodies[0][0])
+        for foundation, here, there in zip(self.foundations, *bodies, strict=True):
+            # no more can be shared than each of them has
+            total += np.minimum(foundation.coupling(apart), np.minimum(here, there))
+        return total
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What was assumed, and what lies outside a range of validity."""
+        if not self.has_foundation:
+            return self.notes
+        one, two = self.foundations
+        return (*self.notes, *one.warnings, *two.warnings)
+
+    def _foundation(self, angles: list[FloatArray]) -> tuple[FloatArray, FloatArray]:
+        if not self.has_foundation:
+            return np.zeros_like(angles[0]), np.zeros_like(angles[1])
+        one, two = (f.compliance(a) for f, a in zip(self.foundations, angles, strict=True))
+        return one, two
+
+    def _hertz(
+        self,
+        beams: Beams,
+        rolls: tuple[FloatArray, FloatArray],
+        angles: list[FloatArray],
+        force_n: ArrayLike | None,
+    ) -> FloatArray:
+        moduli = (self.first.elastic_modulus_pa, self.second.elastic_modulus_pa)
+        nu = self.first.poisson_ratio
+        width = self._touching(beams, angles)
+        # normal to the flank a contact is longer and its force larger by 1/cos(beta_b)
+        cosine = math.cos(self.base_helix_angle_rad)
+        if self.contact == "constant" or force_n is None:
+            return hertz_compliance(width * cosine, moduli, nu)
+        depths = [
+            tooth.half_thickness(angle) / np.cos(angle)
+            for tooth, angle in zip(self.teeth, angles, strict=True)
+        ]
+        force = np.asarray(force_n, dtype=np.float64)
+        radius = rolls[0] * rolls[1] / (rolls[0] + rolls[1]) / cosine
+        return (
+            weber_banaschek_compliance(force, width, radius, (depths[0], depths[1]), moduli, nu)
+            / cosine
+        )
+
+    def _touching(self, beams: Beams, angles: list[FloatArray]) -> FloatArray | float:
+        """Return the length of the line of contact: the face width less pits [m]."""
+        width = self.first.face_width_m
+        missing: FloatArray | float = 0.0
+        for beam, angle in zip(beams, angles, strict=True):
+            # a spall across the whole face is bridged: contact is on its floor
+            through = any(hole.width_m >= width for hole in beam.damage.holes)
+            if beam.damage.holes and not through:
+                height = beam.tooth.height(angle)
+                missing = missing + beam.damage.missing_width_m(height)
+        return width - np.minimum(missing, LARGEST_WIDTH * width)
+
+
+def tooth_pair(
+    geometry: PairGeometry,
+    *,
+    bore_radii_m: tuple[float, float],
+    moduli_pa: tuple[float, float] = (206e9, 206e9),
+    poisson_ratio: float = 0.3,
+    root: Root = "fillet",
+    contact: Contact = "constant",
+    arm: Arm = "axis",
+    has_foundation: bool = True,
+    contact_ratio: float | None = None,
+    notes: tuple[str, ...] = (),
+) -> ToothPair:
+    """Return the meshing teeth of a pair of gears.
+
+    Parameters
+    ----------
+    geometry : PairGeometry
+        Of an external pair, with its face width.
+    bore_radii_m : (float, float)
+        Radii on which the gears are held [m].
+    moduli_pa : (float, float)
+        Young's moduli [Pa].
+    poisson_ratio : float
+    root, contact, arm, has_foundation
+        See `Tooth` and `ToothPair`.
+    contact_ratio : float, optional
+        A contact ratio known from elsewhere, at most that of the geometry: the middle of the path
+        is kept.
+    notes : tuple of str
+        Carried to the warnings.
+
+    Raises
+    ------
+    ArgumentError
+        If a tooth has no meaning or the contact ratio exceeds that of the geometry.
+
+    Examples
+    --------
+    >>> from gearmon.gears.geometry import GearTeeth, pair_geometry
+    >>> gears = GearTeeth(teeth=26), GearTeeth(teeth=53)
+    >>> geometry = pair_geometry(*gears, module_m=0.002, face_width_m=0.02)
+    >>> pair = tooth_pair(geometry, bore_radii_m=(0.0104, 0.0212))
+    >>> middle = pair.roll(0.5 * pair.contact_ratio)
+    >>> round(float(pair.compliances(middle).stiffness) / 1e8, 4)
+    2.7824
+    """
+    one, two = (
+        tooth_of(
+            geometry,
+            index,
+            bore_radius_m=bore_radii_m[index],
+            elastic_modulus_pa=moduli_pa[index],
+            poisson_ratio=poisson_ratio,
+            root=root,
+        )
+        for index in (0, 1)
+    )
+    return ToothPair(
+        first=one,
+        second=two,
+        line_m=geometry.centre_distance_m * math.sin(geometry.working_pressure_angle_rad),
+        path_m=_path(geometry, contact_ratio),
+        base_pitch_m=geometry.base_pitch_m,
+        base_helix_angle_rad=geometry.base_helix_angle_rad,
+        contact=contact,
+        arm=arm,
+        has_foundation=has_foundation,
+        notes=notes,
+    )
+
+
+def _path(geometry: PairGeometry, contact_ratio: float | None) -> tuple[float, float]:
+    if contact_ratio is None:
+        return geometry.path_m
+    most = geometry.transverse_contact_ratio
+    if contact_ratio > most * (1 + 1e-9):
+        raise ArgumentError(
+            f"contact_ratio={contact_ratio:g} exceeds {most:.5g}, which these teeth reach: their "
+            f"stiffness beyond their tips has no meaning; leave contact_ratio out or lower it"
+        )
+    middle = 0.5 * sum(geometry.path_m)
+    half = 0.5 * contact_ratio * geometry.base_pitch_m
+    return middle - half, middle + half

@@ -1,0 +1,183 @@
+"""Displacement excitation by errors and by lost profile."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gearmon.errors import ArgumentError
+from gearmon.gears.excitation import displacement_excitation, parse_error
+from gearmon.gears.faults import parse_fault
+from gearmon.gears.missing_material import ERROR_KINDS, tip_corner_gap
+from gearmon.gears.pairs import mesh_pairs
+from gearmon.gears.potential_energy import teeth_of
+from gearmon.gears.stiffness import mesh_stiffness
+from gearmon.machine import ParallelStage
+
+STAGE = ParallelStage(pinion_teeth=26, gear_teeth=53, module_mm=2.0, face_width_mm=20.0)
+HELICAL = replace(STAGE, helix_angle_deg=15.0)
+
+
+def excite(*errors, stage=STAGE, faults=(), form="parabolic"):
+    known = [parse_fault(text) for text in faults]
+    mesh = mesh_stiffness(stage, known, form)
+    (pair,) = mesh_pairs(stage)
+    return displacement_excitation(pair, mesh, [parse_error(text) for text in errors], known)
+
+
+@pytest.mark.parametrize("stage", [STAGE, HELICAL])
+def test_eccentricity_is_one_line_at_the_shaft(stage):
+    """All pairs in contact are shifted alike, so the sharing does not matter."""
+    found = excite("eccentricity:1:gear:all:20um", stage=stage)
+    assert found.period_mesh == 53
+    x = np.linspace(0, 53, 77)
+    np.testing.assert_allclose(found.at(x), 2e-5 * np.cos(2 * np.pi * x / 53), atol=1e-18)
+    lines = np.abs(found.harmonics(4))
+    np.testing.assert_allclose(lines, [0, 1e-5, 0, 0, 0], atol=1e-16)
+
+
+def test_wobble_acts_twice_a_turn():
+    lines = np.abs(excite("misalignment:1:pinion:all:30um").harmonics(4))
+    # |cos| = 2/pi + (4/(3 pi)) cos 2x ...
+    expected = [1.5e-5 * 2 / math.pi, 0, 1.5e-5 * 2 / (3 * math.pi), 0]
+    np.testing.assert_allclose(lines[:4], expected, atol=1e-9)
+
+
+def test_pitch_error_is_shared_with_the_neighbours():
+    """Alone in contact the pair gives its whole error, with a neighbour its share of the load."""
+    found = excite("pitch:1:pinion:7:8um")
+    mesh = found.stiffness
+    eps = mesh.contact_ratio
+    assert found.at(6 + eps / 2) == pytest.approx(8e-6)
+    both = float(mesh.at(0.3))
+    own = float(mesh.healthy.terms[0].pulse.value(0.3))
+    assert found.at(6.3) == pytest.approx(8e-6 * own / both)
+    x = np.linspace(0, 26, 2600, endpoint=False)
+    where = x[np.abs(found.at(x)) > 0]
+    assert (where.min(), where.max()) == pytest.approx((6.0, 6 + eps), abs=0.011)
+
+
+def test_profile_error_repeats_with_the_mesh():
+    found = excite("profile:1:pinion:all:10um")
+    x = np.linspace(0.01, 1.01, 50)
+    np.testing.assert_allclose(found.at(x + 5), found.at(x), atol=1e-18)
+    assert found.at(found.stiffness.contact_ratio / 2) == pytest.approx(0.0, abs=1e-18)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(-50, 50), st.floats(0.1, 5), st.sampled_from(sorted(ERROR_KINDS)))
+def test_excitation_is_linear_in_the_errors(size, factor, kind):
+    tooth = 3 if kind == "pitch" else "all"
+    one = excite(f"{kind}:1:pinion:{tooth}:{size}um", "pitch:1:gear:5:4um")
+    other = excite(f"{kind}:1:pinion:{tooth}:{factor * size}um", f"pitch:1:gear:5:{4 * factor}um")
+    x = np.linspace(0.03, 60.03, 200)
+    np.testing.assert_allclose(other.at(x), factor * one.at(x), rtol=1e-9, atol=1e-15)
+
+
+def test_no_errors_no_excitation():
+    assert excite().period_mesh == 1
+    np.testing.assert_array_equal(excite().at(np.linspace(0, 3, 9)), 0.0)
+
+
+def test_through_spall_takes_profile_and_a_narrower_one_does_not():
+    through = excite(faults=["spall:1:pinion:5:20x1x0.05mm"], form="potential-energy")
+    part = excite(faults=["spall:1:pinion:5:10x1x0.05mm"], form="potential-energy")
+    x = np.linspace(4, 6, 400)
+    assert through.at(x).max() == pytest.approx(5e-5)
+    assert part.at(x).max() == 0.0
+
+
+def test_missing_tooth_opens_a_gap():
+    gone = excite(faults=["missing:1:pinion:5"], form="potential-energy")
+    eps = gone.stiffness.contact_ratio
+    assert gone.at(4 + eps - 1 - 0.01) == 0.0
+    assert 5e-6 < gone.at(np.linspace(4 + eps - 1, 5, 99)).max() < 5e-5
+
+
+def test_tip_corner_gap_against_points_in_the_plane():
+    """The arc on the mate's base circle through which its flank must turn to meet the corner."""
+    pair = teeth_of(mesh_pairs(STAGE)[0])
+    one, two = pair.first, pair.second
+    centres = math.hypot(pair.line_m, one.base_radius_m + two.base_radius_m)
+    working = math.acos((one.base_radius_m + two.base_radius_m) / centres)
+    mate = np.array([0.0, centres])
+
+    def involute(string):
+        """Point at the end of a string along the line of action, from the mate's base circle."""
+        foot = mate - two.base_radius_m * np.array([-math.sin(working), math.cos(working)])
+        return foot - string * np.array([math.cos(working), math.sin(working)])
+
+    def turned(point, centre, angle):
+        c, s = math.cos(angle), math.sin(angle)
+        return centre + np.array([[c, -s], [s, c]]) @ (point - centre)
+
+    # at the end of the path both touch there; then both turn on by the same arc
+    corner = involute(pair.line_m - pair.path_m[1])
+    assert np.hypot(*corner) == pytest.approx(one.tip_radius_m, rel=1e-9)
+    for beyond in (0.2e-3, 0.8e-3):
+        moved = turned(corner, np.zeros(2), -beyond / one.base_radius_m)
+        # the flank that touched at the end, as points that the string draws when unwound
+        start = pair.line_m - pair.path_m[1]
+        strings = np.linspace(1e-9, 4 * start + 4e-3, 200_001)
+        points = np.array(
+            [turned(involute(s), mate, (s - start) / two.base_radius_m) for s in strings[::50]]
+        )
+        radii = np.hypot(*(points - mate).T)
+        own = np.hypot(*(moved - mate))
+        x, y = (np.interp(own, radii, axis) for axis in (points - mate).T)
+        flank = math.atan2(y, x) + beyond / two.base_radius_m
+        seen = math.atan2(*(moved - mate)[::-1])
+        found = float(tip_corner_gap(pair, np.array([beyond]), leaving=True)[0])
+        assert found == pytest.approx(two.base_radius_m * abs(flank - seen), rel=2e-3)
+
+
+def test_a_tip_corner_touches_at_the_end_of_the_path():
+    pair = teeth_of(mesh_pairs(STAGE)[0])
+    for leaving in (True, False):
+        gap = tip_corner_gap(pair, np.array([0.0, 1e-4, 2e-4, 1e-3]), leaving=leaving)
+        assert gap[0] == pytest.approx(0.0, abs=1e-15)
+        # the gap opens with the square of the distance
+        assert gap[2] / gap[1] == pytest.approx(4.0, rel=0.05)
+        assert (np.diff(gap) > 0).all()
+
+
+@pytest.mark.parametrize(
+    ("text", "match"),
+    [
+        ("eccentricity:1:pinion:all", "has 4 parts and not 5"),
+        ("excentricity:1:pinion:all:20um", "did you mean eccentricity"),
+        ("eccentricity:1:pinon:all:20um", "did you mean pinion"),
+        ("eccentricity:1:pinion:all:20", "SIZE a number in um or mm"),
+        ("eccentricity:1:pinion:3:20um", "is of the whole gear"),
+        ("pitch:1:pinion:all:20um", "is of one tooth"),
+        ("pitch:1:pinion:0:20um", "tooth=0 must be >= 1"),
+        ("pitch:0:pinion:1:20um", "stage=0 must be >= 1"),
+        ("pitch:1:pinion:1:nanum", "finite"),
+    ],
+)
+def test_errors_without_meaning_are_refused(text, match):
+    with pytest.raises(ArgumentError, match=match):
+        parse_error(text)
+
+
+def test_errors_that_do_not_fit_the_mesh():
+    with pytest.raises(ArgumentError, match="tooth 27 does not exist"):
+        excite("pitch:1:pinion:27:5um")
+    assert any("does not act" in text for text in excite("pitch:1:sun:2:5um").warnings)
+
+
+@pytest.mark.parametrize("text", ["eccentricity:1:pinion:all:20um", "pitch:2:gear:7:8um"])
+def test_written_and_read_again(text):
+    assert str(parse_error(text)) == text
+
+
+def test_long_periods_are_refused():
+    many = replace(STAGE, pinion_teeth=199, gear_teeth=211)
+    found = excite("pitch:1:pinion:1:5um", "pitch:1:gear:1:5um", stage=many)
+    with pytest.raises(ArgumentError, match="repeat after 41989 mesh periods only"):
+        found.sample(10)

@@ -1,0 +1,155 @@
+"""Reading faults, and the share of stiffness that they take."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gearmon.errors import ArgumentError
+from gearmon.gears.faults import (
+    KINDS,
+    Fault,
+    LossPatch,
+    faults_of_stage,
+    loss_patches,
+    overlap,
+    parse_fault,
+    union,
+)
+
+
+def fault(kind="crack", tooth=1, size=0.2, **data):
+    tooth = None if kind == "wear" else tooth
+    return Fault(**{"stage": 1, "gear": "pinion", **data}, kind=kind, tooth=tooth, size=size)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("crack:1:pinion:5:20%", fault(tooth=5, size=20.0, unit="%")),
+        ("crack:2:gear:17:0.2", fault(tooth=17, stage=2, gear="gear")),
+        (" pitting : 1 : sun : 3 : 5e-2 ", fault("pitting", tooth=3, size=0.05, gear="sun")),
+        ("wear:1:ring:all:3 %", fault("wear", size=3.0, gear="ring", unit="%")),
+    ],
+)
+def test_reading(text, expected):
+    assert parse_fault(text) == expected
+
+
+def test_per_cent_and_fraction_are_the_same_loss():
+    assert parse_fault("crack:1:pinion:5:20%").loss == parse_fault("crack:1:pinion:5:0.2").loss
+
+
+@given(
+    st.sampled_from(sorted(KINDS)),
+    st.integers(1, 9),
+    st.integers(1, 300),
+    st.integers(0, 99),
+    st.sampled_from(["", "%"]),
+)
+def test_written_and_read_again(kind, stage, tooth, size, unit):
+    value = size if unit else size / 100
+    written = fault(kind, tooth, value, stage=stage, gear="gear", unit=unit)
+    assert parse_fault(str(written)) == written
+
+
+@pytest.mark.parametrize(
+    ("text", "match"),
+    [
+        ("crack:1:pinion:5", "has 4 parts and not 5: KIND:STAGE:GEAR:TOOTH:SIZE"),
+        ("crck:1:pinion:5:20%", "fault kind 'crck' is not one of .*; did you mean crack?"),
+        ("crack:1:pinon:5:20%", "did you mean pinion?"),
+        ("crack:one:pinion:5:20%", "STAGE 'one' must be a whole number"),
+        ("crack:0:pinion:5:20%", "stage=0 must be"),
+        ("crack:1:pinion:five:20%", "TOOTH 'five' must be a whole number or 'all'"),
+        ("crack:1:pinion:0:20%", "tooth=0 must be"),
+        ("crack:1:pinion:all:20%", "crack: TOOTH must be one tooth number"),
+        ("wear:1:pinion:2:20%", "wear: TOOTH must be 'all'"),
+        ("crack:1:pinion:5:deep", "SIZE 'deep' is not a number"),
+        ("crack:1:pinion:5:1.5inch", "unit 'inch' is not known for crack; give the loss of stiff"),
+        ("stiffness:1:pinion:5:1.5mm", "unit 'mm' is not known for stiffness"),
+        ("crack:1:pinion:5:100%", r"size=100% must lie in \[0, 100 %\)"),
+        ("crack:1:pinion:5:1.0", r"size=1 must lie in \[0, 1\)"),
+        ("crack:1:pinion:5:20", r"size=20 must lie in \[0, 1\)"),
+        ("crack:1:pinion:5:-0.1", r"size=-0.1 must lie"),
+        ("crack:1:pinion:5:nan", "SIZE 'nan' is not a number"),
+    ],
+)
+def test_refusals(text, match):
+    with pytest.raises(ArgumentError, match=match):
+        parse_fault(text)
+
+
+def test_a_size_that_is_no_number_is_refused():
+    with pytest.raises(ArgumentError, match="must lie in"):
+        fault(size=float("nan"))
+
+
+def test_faults_of_one_stage():
+    one, two = fault(stage=1), fault(stage=2)
+    assert faults_of_stage([one, two], 2) == (two,)
+
+
+# --- patches -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", sorted(set(KINDS) - {"wear"}))
+def test_size_zero_takes_nothing(kind):
+    assert loss_patches(fault(kind, size=0.0), 1.6, 0.8) == ()
+
+
+@pytest.mark.parametrize("kind", ["stiffness", "crack"])
+def test_root_damage_acts_over_the_whole_contact(kind):
+    expected = (LossPatch(weight=0.2, start=0.0, end=1.6),)
+    assert loss_patches(fault(kind), 1.6, 0.5) == expected
+
+
+def test_breakage_takes_a_part_of_the_face_width_fully():
+    (patch,) = loss_patches(fault("breakage", size=0.3), 1.6, 0.5)
+    assert (patch.weight, patch.face_start, patch.face_end) == (1.0, 0.0, 0.3)
+
+
+def test_pitting_acts_about_the_pitch_point_only():
+    (pitting,) = loss_patches(fault("pitting"), 1.6, 0.7)
+    (spall,) = loss_patches(fault("spall"), 1.6, 0.7)
+    assert pitting.start < spall.start < 0.7 < spall.end < pitting.end
+    assert 0.5 * (pitting.start + pitting.end) == pytest.approx(0.7)
+
+
+def test_a_pitch_point_at_the_edge_leaves_a_part_of_the_band():
+    (edge,) = loss_patches(fault("pitting"), 1.6, 0.05)
+    assert edge.start == 0.0
+    assert loss_patches(fault("pitting"), 1.6, -2.0) == ()
+
+
+PATCHES = st.builds(
+    lambda w, a, b, c, d: LossPatch(
+        weight=w, start=min(a, b), end=max(a, b), face_start=min(c, d), face_end=max(c, d)
+    ),
+    st.floats(0.01, 0.99),
+    *[st.floats(0, 1.6)] * 2,
+    *[st.floats(0, 1)] * 2,
+)
+
+
+def loss_at(patches, phase, face):
+    return sum(
+        p.weight for p in patches if p.start <= phase < p.end and p.face_start <= face < p.face_end
+    )
+
+
+@given(st.lists(PATCHES, max_size=3), PATCHES, st.floats(0, 1.6), st.floats(0, 1))
+def test_what_two_faults_leave_is_the_product_of_what_each_leaves(many, other, phase, face):
+    total = ()
+    left = 1.0
+    for patch in [*many, other]:
+        total = union(total, [patch])
+        left *= 1 - loss_at([patch], phase, face)
+    assert 1 - loss_at(total, phase, face) == pytest.approx(left, abs=1e-12)
+
+
+@given(PATCHES, PATCHES, st.floats(0, 1.6), st.floats(0, 1))
+def test_overlap_is_the_product(one, two, phase, face):
+    product = loss_at([one], phase, face) * loss_at([two], phase, face)
+    assert loss_at(overlap([one], [two]), phase, face) == pytest.approx(product, abs=1e-12)

@@ -1,0 +1,361 @@
+"""Geometry against published pairs, points in the plane and laws of the involute."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from reference.tooth_generation import path_of_contact, ring_path_of_contact
+
+from gearmon.errors import ArgumentError
+from gearmon.gears.geometry import GearTeeth, PairGeometry, pair_geometry
+from gearmon.gears.involute import base_radius, contact_zones, inverse_involute, involute
+
+DEG = math.pi / 180
+
+
+def gear(teeth, shift=0.0, **data):
+    return GearTeeth(teeth=teeth, profile_shift=shift, **data)
+
+
+@st.composite
+def pairs(draw, internal=False):
+    """Random pairs that can run."""
+    first = gear(draw(st.integers(12, 60)), draw(st.floats(-0.2, 0.8)), name="pinion")
+    teeth = first.teeth + draw(st.integers(15, 80)) if internal else draw(st.integers(12, 120))
+    second = gear(teeth, draw(st.floats(-0.3, 0.6)), name="ring" if internal else "gear")
+    helix = draw(st.sampled_from([0.0, 10 * DEG, 25 * DEG]))
+    try:
+        return pair_geometry(
+            first,
+            second,
+            module_m=draw(st.floats(5e-4, 0.03)),
+            helix_angle_rad=helix,
+            face_width_m=0.05,
+            internal=internal,
+        )
+    except ArgumentError:
+        assume(False)
+        raise
+
+
+# --- published pairs -----------------------------------------------------------------------------
+# FZG C14 and H501: public listing of a gear design script; planetary stage: report of a commercial
+# gear program; 62/62: test of a public rotor dynamics package
+
+PUBLISHED = [
+    (
+        pair_geometry(
+            gear(16, 0.1817),
+            gear(24, 0.1715),
+            module_m=0.0045,
+            centre_distance_m=0.0915,
+            tip_shortening=0.0,
+        ),
+        (41.318, 59.272, 91.5, 22.439, 19.4291, 1.46253),
+    ),
+    (
+        pair_geometry(
+            gear(20, 0.1809),
+            gear(30, 0.0891),
+            module_m=0.0035,
+            helix_angle_rad=15 * DEG,
+            face_width_m=0.02,
+            centre_distance_m=0.0915,
+        ),
+        (40.336, 58.132, 91.5, 22.115, 15.5513, 1.45990),
+    ),
+    (
+        pair_geometry(gear(18, 0.3890), gear(36, 0.5039), module_m=0.021, centre_distance_m=0.584),
+        (216.419, 407.8315, 584.0, 24.169, 84.9525, 1.37032),
+    ),
+    (
+        pair_geometry(gear(62), gear(62), module_m=0.002),
+        (64.0, 64.0, 124.0, 20.0, 10.5673, 1.7897799),
+    ),
+]
+
+
+@pytest.mark.parametrize(("pair", "row"), PUBLISHED)
+def test_published_pairs(pair, row):
+    found = (
+        *(1e3 * radius for radius in pair.tip_radii_m),
+        1e3 * pair.centre_distance_m,
+        pair.working_pressure_angle_rad / DEG,
+        1e3 * pair.path_length_m,
+        pair.transverse_contact_ratio,
+    )
+    assert found == pytest.approx(row, rel=1e-4)
+
+
+def test_contact_ratio_of_unshifted_pair_to_the_last_published_digit():
+    pair = pair_geometry(gear(62), gear(62), module_m=0.002)
+    assert pair.transverse_contact_ratio == pytest.approx(1.78977987, abs=5e-9)
+
+
+@pytest.mark.parametrize(
+    ("z1", "z2", "module", "expected"),
+    [(26, 53, 2.0, 1.692757), (62, 42, 2.0, 1.756360), (19, 48, 3.175, 1.645626)],
+)
+def test_contact_ratios_of_standard_pairs(z1, z2, module, expected):
+    pair = pair_geometry(gear(z1), gear(z2), module_m=1e-3 * module)
+    assert pair.transverse_contact_ratio == pytest.approx(expected, abs=1e-6)
+
+
+def test_contact_ratio_of_another_published_pair():
+    """25/30, module 2: 1.6326 in the documentation of the same package."""
+    pair = pair_geometry(gear(25), gear(30), module_m=0.002)
+    assert pair.transverse_contact_ratio == pytest.approx(1.6326, abs=5e-5)
+
+
+def test_planet_in_ring_matches_published_contact_ratio():
+    """The planet's tips are those of its mesh with the sun."""
+    ring = pair_geometry(
+        gear(36, 0.5039),
+        gear(93, 0.1171, name="ring"),
+        module_m=0.021,
+        centre_distance_m=0.584,
+        internal=True,
+        tip_shortening=(-0.083376, 0.0),
+    )
+    assert ring.transverse_contact_ratio == pytest.approx(1.618, abs=1e-3)
+
+
+def test_reference_pair_decoded():
+    """Base diameters and base pitch of 26/53, module 2: published to 1e-3 mm."""
+    assert 2e3 * base_radius(26, 0.002, 20 * DEG) == pytest.approx(48.86402, abs=1e-5)
+    assert 2e3 * base_radius(53, 0.002, 20 * DEG) == pytest.approx(99.60742, abs=1e-5)
+    pair = pair_geometry(gear(26), gear(53), module_m=0.002)
+    assert 1e3 * pair.base_pitch_m == pytest.approx(5.904263, abs=1e-6)
+    assert 1e3 * pair.path_length_m == pytest.approx(9.99448, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        {"first": gear(26, tip_factor=0.8154), "second": gear(53, tip_factor=0.8154)},
+        {"first": gear(26), "second": gear(53), "centre_distance_m": 0.079582},
+        {"first": gear(26, 0.59), "second": gear(53, 0.59)},
+    ],
+)
+def test_three_ways_to_the_published_contact_ratio(data):
+    first, second = data.pop("first"), data.pop("second")
+    pair = pair_geometry(first, second, module_m=0.002, **data)
+    assert pair.transverse_contact_ratio == pytest.approx(1.4122, abs=2e-4)
+
+
+def test_profile_shift_follows_from_centre_distance():
+    """The published 500 mm of 17/103 takes a sum of shifts of 0.145222."""
+    shifted = pair_geometry(
+        gear(17, 0.145222, root_factor=1.4),
+        gear(103, root_factor=1.4),
+        module_m=0.008,
+        helix_angle_rad=15.8 * DEG,
+        face_width_m=0.1,
+    )
+    assert 1e3 * shifted.centre_distance_m == pytest.approx(500, abs=2e-5)
+
+
+def test_overlap_ratio():
+    pair = pair_geometry(
+        gear(25), gear(40), module_m=0.002, helix_angle_rad=20 * DEG, face_width_m=0.02
+    )
+    assert pair.overlap_ratio == pytest.approx(20 * math.sin(20 * DEG) / (2 * math.pi))
+    total = pair.transverse_contact_ratio + pair.overlap_ratio
+    assert pair.total_contact_ratio == pytest.approx(total)
+
+
+# --- slow versions and laws ----------------------------------------------------------------------
+
+
+@settings(max_examples=40, deadline=None)
+@given(pairs())
+def test_path_of_contact_is_cut_off_by_the_tip_circles(pair: PairGeometry):
+    distance = pair.centre_distance_m
+    slow = path_of_contact(pair.base_radii_m, pair.tip_radii_m, distance)
+    assert pair.path_m == pytest.approx(slow, rel=1e-9, abs=1e-12)
+
+
+@settings(max_examples=40, deadline=None)
+@given(pairs(internal=True))
+def test_path_of_contact_in_a_ring(pair: PairGeometry):
+    slow = ring_path_of_contact(pair.base_radii_m, pair.tip_radii_m, pair.centre_distance_m)
+    assert pair.path_m == pytest.approx(slow, rel=1e-9, abs=1e-12)
+
+
+@settings(max_examples=40, deadline=None)
+@given(pairs())
+def test_a_pair_and_its_mirror_image(pair: PairGeometry):
+    mirror = pair_geometry(
+        *reversed(pair.gears),
+        module_m=pair.normal_module_m,
+        helix_angle_rad=pair.helix_angle_rad,
+        face_width_m=pair.face_width_m,
+    )
+    assert mirror.transverse_contact_ratio == pytest.approx(pair.transverse_contact_ratio)
+    across = pair.transverse_contact_ratio - pair.pitch_point_phase
+    assert mirror.pitch_point_phase == pytest.approx(across, abs=1e-9)
+
+
+@settings(max_examples=40, deadline=None)
+@given(pairs(), st.floats(0.2, 5.0))
+def test_similar_gears_have_similar_geometry(pair: PairGeometry, scale):
+    similar = pair_geometry(
+        *pair.gears,
+        module_m=scale * pair.normal_module_m,
+        helix_angle_rad=pair.helix_angle_rad,
+        face_width_m=scale * pair.face_width_m,
+    )
+    assert similar.total_contact_ratio == pytest.approx(pair.total_contact_ratio)
+    assert similar.path_length_m == pytest.approx(scale * pair.path_length_m)
+
+
+@settings(max_examples=40, deadline=None)
+@given(pairs())
+def test_teeth_fill_the_working_circle_without_backlash(pair: PairGeometry):
+    """Without backlash the thicknesses on the working circles add up to the pitch there."""
+    sum_ = sum(pair.thickness_m(i, pair.working_radii_m[i]) for i in (0, 1))
+    pitch = 2 * math.pi * pair.working_radii_m[0] / pair.gears[0].teeth
+    assert sum_ == pytest.approx(pitch, rel=1e-9)
+
+
+@settings(max_examples=40, deadline=None)
+@given(pairs(internal=True))
+def test_ring_teeth_fill_the_working_circle_too(pair: PairGeometry):
+    sum_ = sum(pair.thickness_m(i, pair.working_radii_m[i]) for i in (0, 1))
+    pitch = 2 * math.pi * pair.working_radii_m[0] / pair.gears[0].teeth
+    assert sum_ == pytest.approx(pitch, rel=1e-9)
+
+
+def test_thickness_on_the_reference_circle():
+    pair = pair_geometry(gear(20, 0.3), gear(40), module_m=0.001)
+    expected = 1e-3 * (math.pi / 2 + 2 * 0.3 * math.tan(20 * DEG))
+    assert pair.thickness_m(0, pair.reference_radii_m[0]) == pytest.approx(expected)
+
+
+def test_a_large_ring_is_a_rack():
+    """With growing tooth number external and internal mates come to the same path of contact."""
+    data = {"module_m": 0.001}
+    outer = pair_geometry(gear(30), gear(2_000_000), **data)
+    inner = pair_geometry(gear(30), gear(2_000_000, name="ring"), internal=True, **data)
+    ratio = pytest.approx(outer.transverse_contact_ratio, abs=1e-4)
+    assert inner.transverse_contact_ratio == ratio
+
+
+@given(st.floats(0.05, 1.5))
+def test_inverse_involute(angle):
+    assert inverse_involute(involute(angle)) == pytest.approx(angle, rel=1e-9)
+
+
+def test_inverse_involute_of_zero_and_below():
+    assert inverse_involute(0.0) == 0.0
+    with pytest.raises(ArgumentError, match="must be >= 0"):
+        inverse_involute(-0.1)
+
+
+@given(st.floats(1.0, 5.0))
+def test_zones_cover_the_contact(ratio):
+    zones = contact_zones(ratio)
+    assert zones[0][0] == 0
+    assert zones[-1][1] == pytest.approx(ratio, abs=1e-12)
+    assert all(a[1] == pytest.approx(b[0]) for a, b in itertools.pairwise(zones))
+    middle = np.array([0.5 * (a + b) for a, b, _ in zones])
+    entries = np.arange(-6, 7)
+    since = middle[:, None] - entries
+    carrying = ((since >= 0) & (since < ratio)).sum(axis=1)
+    assert [n for _, _, n in zones] == carrying.tolist()
+
+
+def test_zones_of_a_helical_pair_count_all_pairs_that_touch():
+    pair = pair_geometry(
+        gear(30), gear(50), module_m=0.002, helix_angle_rad=30 * DEG, face_width_m=0.04
+    )
+    assert pair.total_contact_ratio > 4
+    assert max(pairs for _, _, pairs in pair.zones) == math.ceil(pair.total_contact_ratio)
+
+
+# --- pairs that cannot run -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "data", "match"),
+    [
+        (gear(10, name="pinion"), gear(40), {}, r"undercut at profile_shift_pinion=0; give at "),
+        (gear(40), gear(10, name="gear"), {}, "10 teeth are undercut"),
+        (gear(200, tip_factor=1.2, name="pinion"), gear(30), {}, r"of the gear \(interference\)"),
+        (gear(30, name="pinion"), gear(200, tip_factor=1.2), {}, r"pinion \(interference\)"),
+        (gear(12, 1.2, name="pinion"), gear(80), {}, "teeth of the pinion are pointed"),
+        (gear(20, tip_factor=0.5), gear(30, tip_factor=0.5), {}, "contact ratio 0.* is below 1"),
+        (gear(20), gear(30), {"centre_distance_m": 0.0245}, "jams the teeth"),
+        (gear(20), gear(30), {"centre_distance_m": 0.0230}, "sum of the base radii"),
+        (gear(20, root_factor=1.0), gear(30, tip_factor=1.05), {}, "run .* mm into the roots"),
+        (gear(30), gear(30), {"internal": True}, "must be > gear_teeth"),
+        (gear(30), gear(33, name="ring"), {"internal": True}, "ring"),
+        (gear(30), gear(60, tip_factor=1.5, name="ring"), {"internal": True}, "tip_factor_ring <="),
+        (gear(20, -1.9), gear(20, -1.9), {}, "no working pressure angle"),
+        (gear(20), gear(30), {"module_m": -1.0}, "module_m=-1.0 m must be > 0"),
+        (gear(20), gear(30), {"helix_angle_rad": 1.0}, "helix_angle_rad"),
+    ],
+)
+def test_pairs_that_cannot_run_are_refused(first, second, data, match):
+    with pytest.raises(ArgumentError, match=match):
+        pair_geometry(first, second, **{"module_m": 0.001, "face_width_m": 0.01, **data})
+
+
+def test_the_cure_in_the_message_cures():
+    with pytest.raises(ArgumentError, match=r"give at least 0\.4151, or 18 teeth"):
+        pair_geometry(gear(10, name="pinion"), gear(40), module_m=0.001)
+    assert pair_geometry(gear(10, 0.4152), gear(40), module_m=0.001).warnings == ()
+    assert pair_geometry(gear(18), gear(40), module_m=0.001).warnings == ()
+
+
+def test_undercut_outside_the_path_of_contact_is_a_warning():
+    """FZG type A, a standard test gear, has a slightly undercut wheel that runs well."""
+    pair = pair_geometry(
+        gear(16, 0.8532, name="pinion"),
+        gear(24, -0.5, name="gear"),
+        module_m=0.0045,
+        centre_distance_m=0.0915,
+        tip_shortening=0.0,
+    )
+    assert any("gear are undercut below the path of contact" in text for text in pair.warnings)
+
+
+def test_ring_tips_are_relieved_with_a_warning():
+    pair = pair_geometry(
+        gear(40, name="planet"), gear(100, name="ring"), module_m=0.001, internal=True
+    )
+    assert "taken as relieved by 0.077 modules" in pair.warnings[0]
+    assert pair.path_m[0] == pytest.approx(pair.form_rolls_m[0])
+    told = pair_geometry(
+        gear(40, name="planet"),
+        gear(100, tip_factor=0.9, name="ring"),
+        module_m=0.001,
+        internal=True,
+    )
+    assert told.warnings == ()
+
+
+def test_backlash_of_a_wide_centre_distance_is_a_warning():
+    pair = pair_geometry(gear(26), gear(53), module_m=0.002, centre_distance_m=0.079582)
+    assert "much backlash" in pair.warnings[0]
+
+
+def test_unchecked_pair_has_circles_whatever_its_teeth():
+    pair = pair_geometry(gear(10), gear(40), module_m=0.001, check=False)
+    assert pair.base_radii_m[0] == pytest.approx(0.005 * math.cos(20 * DEG))
+
+
+def test_gear_teeth_are_checked():
+    with pytest.raises(ArgumentError, match="sun_teeth=4 must be a whole number >= 5"):
+        GearTeeth(teeth=4, name="sun")
+
+
+def test_no_thickness_inside_the_base_circle():
+    pair = pair_geometry(gear(20), gear(30), module_m=0.001)
+    with pytest.raises(ArgumentError, match="must be >= base radius"):
+        pair.thickness_m(0, 0.009)

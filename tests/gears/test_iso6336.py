@@ -1,0 +1,217 @@
+"""ISO 6336-1 Method B against published calculations and the laws of the standard."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gearmon.errors import ArgumentError
+from gearmon.gears.iso6336 import (
+    ToothData,
+    method_b,
+    reduced_mass_per_width,
+    resonance_margin,
+    resonance_speed_rpm,
+)
+
+DEG = math.pi / 180
+
+
+def tooth(teeth, shift=0.0, root=1.25, **data):
+    return ToothData(teeth=teeth, profile_shift=shift, root_factor=root, **data)
+
+
+# Row 1: ISO/TR 6336-30 example 1; row 2: DIN 3990 example; rows 3 and 5: reports of a commercial
+# gear program on a planetary stage of a wind turbine. Columns: c'_th, C_R, C_B, c', c_ga, c_gb.
+ROWS = {
+    "ISO/TR 6336-30, example 1": (
+        tooth(17, 0.145, 1.4),
+        tooth(103, 0.0, 1.4),
+        {"contact_ratio": 1.5491, "helix_angle_rad": 15.8 * DEG},
+        (17.85584, 1.0, 0.90, 12.37047, 17.46485, 14.84512),
+        1e-4,
+    ),
+    "DIN 3990 helical": (
+        tooth(25, 0.0, 1.3),
+        tooth(40, 0.0, 1.3),
+        {"contact_ratio": 1.527, "helix_angle_rad": 20 * DEG},
+        (17.270, 1.0, 0.95, 12.33, 17.21, 14.63),
+        5e-4,
+    ),
+    "sun and planet": (
+        tooth(18, 0.3890),
+        tooth(36, 0.5039),
+        {"contact_ratio": 1.370, "web_ratio": 0.25, "rim_factor": 3.5},
+        (18.1986, 0.8623, 0.975, 12.240, 15.640, 13.294),
+        5e-4,
+    ),
+    "planet and ring": (
+        tooth(36, 0.5039),
+        tooth(93, 0.1171, internal=True),
+        {"contact_ratio": 1.618, "web_ratio": 0.25, "rim_factor": 3.5},
+        (20.8939, 0.8623, 0.975, 14.053, 20.563, 17.479),
+        5e-4,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", ROWS)
+@pytest.mark.parametrize("swapped", [False, True])
+def test_published_calculations(name, swapped):
+    one, two, data, row, tolerance = ROWS[name]
+    found = method_b(*((two, one) if swapped else (one, two)), **data)
+    values = (
+        found.theoretical,
+        found.blank,
+        found.rack,
+        found.single,
+        found.mesh_alpha,
+        found.mesh_beta,
+    )
+    assert values == pytest.approx(row, rel=tolerance)
+    assert found.correction == 0.8
+
+
+def test_virtual_teeth_of_the_first_published_pair():
+    one, two, data, _, _ = ROWS["ISO/TR 6336-30, example 1"]
+    assert method_b(one, two, **data).virtual_teeth == pytest.approx((18.905, 114.543), abs=5e-4)
+
+
+@pytest.mark.parametrize(
+    ("root", "ratio", "single", "mesh"),
+    [
+        (1.25, 1.412, 13.43036, 17.5803),
+        (1.25, 1.693, 13.43036, 20.4108),
+        (1.2, 1.412, 13.77473, 18.0311),
+    ],
+)
+def test_reference_pair(root, ratio, single, mesh):
+    found = method_b(tooth(26, root=root), tooth(53, root=root), contact_ratio=ratio)
+    assert found.theoretical == pytest.approx(17.21841, rel=1e-6)
+    assert found.single == pytest.approx(single, rel=1e-6)
+    assert found.mesh_alpha == pytest.approx(mesh, rel=1e-5)
+    assert found.mesh_beta == pytest.approx(0.85 * mesh, rel=1e-5)
+
+
+def test_reduced_mass_and_resonance_speed_of_the_published_pair():
+    """DIN 3990 example: m_red = 0.0074 kg/mm, n_E1 = 18419 1/min."""
+    mass = reduced_mass_per_width(
+        (25, 40), (0.053628, 0.085277), (0.049617, 1.6 * 0.049617), densities_kgm3=(7800.0, 7800.0)
+    )
+    assert mass == pytest.approx(7.4, abs=0.05)
+    speed = resonance_speed_rpm(25, 17.21, 7.4)
+    assert speed == pytest.approx(18419, rel=5e-4)
+    assert resonance_speed_rpm(25, 17.21, mass) == pytest.approx(18419, rel=3e-3)
+
+
+def test_resonance_speed_puts_the_mesh_on_the_natural_frequency():
+    speed = resonance_speed_rpm(26, 17.58, 7.0)
+    natural = math.sqrt(17.58e9 / 7.0) / (2 * math.pi)
+    assert speed * 26 / 60 == pytest.approx(natural)
+
+
+def test_hollow_gears_are_lighter():
+    data = ((20, 40), (0.02, 0.04), (0.0188, 0.0376))
+    solid = reduced_mass_per_width(*data)
+    hollow = reduced_mass_per_width(*data, bores_m=(0.01, 0.02))
+    assert hollow == pytest.approx(solid * (1 - 0.5**4))
+    with pytest.raises(ArgumentError, match="less than the mean diameter"):
+        reduced_mass_per_width(*data, bores_m=(0.02, 0.0))
+
+
+def test_resonance_margin():
+    assert resonance_margin(100.0) == 0.85
+    assert resonance_margin(99.999999) == pytest.approx(0.85)
+    assert resonance_margin(0.0) == 0.5
+
+
+# --- laws ----------------------------------------------------------------------------------------
+
+TEETH = st.integers(12, 200)
+SHIFT = st.floats(-0.4, 1.0)
+
+
+@given(TEETH, TEETH, SHIFT, SHIFT, st.floats(1.0, 2.5))
+def test_it_does_not_matter_which_gear_drives(z1, z2, x1, x2, ratio):
+    one, two = tooth(z1, x1), tooth(z2, x2, root=1.4, elastic_modulus_pa=180e9)
+    assert method_b(one, two, contact_ratio=ratio) == method_b(two, one, contact_ratio=ratio)
+
+
+@given(TEETH, TEETH, SHIFT, st.floats(0.1, 3.0))
+def test_stiffness_is_proportional_to_the_modulus(z1, z2, x, factor):
+    steel = method_b(tooth(z1, x), tooth(z2), contact_ratio=1.5)
+    other = [tooth(z, s, elastic_modulus_pa=factor * 206e9) for z, s in ((z1, x), (z2, 0.0))]
+    assert method_b(*other, contact_ratio=1.5).single == pytest.approx(factor * steel.single)
+
+
+@given(st.floats(0.1, 99.9))
+def test_low_load(load):
+    data = {"contact_ratio": 1.5}
+    full = method_b(tooth(20), tooth(40), **data, load_n_per_mm=100.0)
+    low = method_b(tooth(20), tooth(40), **data, load_n_per_mm=load)
+    assert low.single == pytest.approx(full.single * (load / 100) ** 0.25)
+    assert low.load == pytest.approx((load / 100) ** 0.25)
+
+
+@settings(max_examples=30)
+@given(TEETH, SHIFT)
+def test_a_ring_is_the_limit_of_many_teeth(teeth, shift):
+    ring = method_b(tooth(teeth, shift), tooth(200, 0.2, internal=True), contact_ratio=1.6)
+    wheel = method_b(tooth(teeth, shift), tooth(10**9, 0.2), contact_ratio=1.6)
+    assert ring.single == pytest.approx(wheel.single, rel=1e-7)
+
+
+def test_pressure_angle_and_rack_factor():
+    sharp = method_b(tooth(30), tooth(40), contact_ratio=1.5, pressure_angle_rad=25 * DEG)
+    assert sharp.rack == pytest.approx(0.975 * 1.1)
+    mixed = method_b(tooth(30, root=1.2), tooth(40, root=1.4), contact_ratio=1.5)
+    assert mixed.rack == pytest.approx(0.5 * (1.0 + 0.9))
+
+
+@pytest.mark.parametrize(("web", "rim"), [(0.1, 2.0), (0.2, 0.5), (2.0, 3.0)])
+def test_blank_factor_stays_in_its_range(web, rim):
+    found = method_b(tooth(20), tooth(40), contact_ratio=1.5, web_ratio=web, rim_factor=rim).blank
+    expected = 1 + math.log(min(max(web, 0.2), 1.2)) / (5 * math.exp(max(rim, 1.0) / 5))
+    assert found == pytest.approx(expected)
+
+
+# --- limits of validity --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("change", "data", "match"),
+    [
+        ({}, {"helix_angle_rad": 35 * DEG}, "above 30 deg"),
+        ({}, {"contact_ratio": 1.1}, "below 1.2"),
+        ({"profile_shift": -0.1}, {}, "smaller gear is below"),
+        ({"profile_shift": 2.3}, {}, "outside -0.5 ... 2"),
+        ({}, {"load_n_per_mm": 50.0}, "below 100 N/mm"),
+        ({}, {"load_n_per_mm": 2000.0}, "above 1600 N/mm"),
+    ],
+)
+def test_limits_that_are_left_are_reported(change, data, match):
+    one = replace(tooth(20, 0.1), **change)
+    found = method_b(one, tooth(40), **{"contact_ratio": 1.5, **data})
+    assert any(match in text for text in found.warnings)
+
+
+def test_no_warning_within_the_limits():
+    assert method_b(tooth(20, 0.1), tooth(40), contact_ratio=1.5).warnings == ()
+
+
+def test_impossible_data_are_refused():
+    ring = tooth(90, internal=True)
+    with pytest.raises(ArgumentError, match="do not mesh with each other"):
+        method_b(ring, ring, contact_ratio=1.5)
+    with pytest.raises(ArgumentError, match="rim_factor is missing"):
+        method_b(tooth(20), tooth(40), contact_ratio=1.5, web_ratio=0.3)
+    with pytest.raises(ArgumentError, match="contact_ratio=0"):
+        method_b(tooth(20), tooth(40), contact_ratio=0)
+    with pytest.raises(ArgumentError, match="load_n_per_mm"):
+        method_b(tooth(20), tooth(40), contact_ratio=1.5, load_n_per_mm=0.0)
+    with pytest.raises(ArgumentError, match="outside the range of the stiffness polynomial"):
+        method_b(tooth(5, 3.0), tooth(6, 2.9), contact_ratio=1.5)

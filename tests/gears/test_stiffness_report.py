@@ -1,0 +1,168 @@
+"""Tables of mesh stiffness of a machine, and the pictures' data."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gearmon.errors import ArgumentError
+from gearmon.gears.faults import parse_fault
+from gearmon.gears.pairs import mesh_pairs
+from gearmon.gears.potential_energy import teeth_of
+from gearmon.gears.stiffness_report import size_curve, stiffness_report
+from gearmon.gears.tooth_outline import half_profile, teeth_picture
+from gearmon.machine import Machine, OperatingPoint, ParallelStage, PlanetaryStage
+
+STAGE = ParallelStage(
+    pinion_teeth=26,
+    gear_teeth=53,
+    module_mm=2.0,
+    face_width_mm=20.0,
+    bore_diameter_pinion_mm=20.8,
+    bore_diameter_gear_mm=42.4,
+)
+
+
+def machine(*stages):
+    return Machine(
+        name="rig",
+        operating=(OperatingPoint(speed_rpm=1460.0, torque_nm=98.0),),
+        stages=stages or (STAGE,),
+        bearings=(),
+        sensors=(),
+        path="rig.toml",
+    )
+
+
+def test_healthy_table_is_one_mesh_period():
+    report = stiffness_report(machine(), points_per_mesh=50)
+    rows = report.rows()
+    assert len(rows) == 51
+    assert rows[0]["healthy_n_per_m"] == rows[0]["damaged_n_per_m"]
+    assert (rows[0]["mesh_phase"], rows[-1]["mesh_phase"]) == (0.0, 1.0)
+    (stage,) = report.stages
+    assert stage.curve.kind == "crack"
+    assert stage.curve.marked is None
+
+
+def test_damaged_table_shows_the_contact_of_the_tooth():
+    report = stiffness_report(machine(), ["crack:1:pinion:5:1.5mm"], points_per_mesh=40)
+    (stage,) = report.stages
+    phase = np.array([row["mesh_phase"] for row in report.rows()])
+    lost = np.array([row["healthy_n_per_m"] - row["damaged_n_per_m"] for row in report.rows()])
+    assert (phase[0], phase[-1]) == (3.0, 7.0)
+    assert (phase[lost > 1].min(), phase[lost > 1].max()) == pytest.approx((4.0, 5.69), abs=0.03)
+    assert stage.curve.marked == 1.5
+    assert len(stage.picture.cracks) == 1
+
+
+def test_report_is_json():
+    report = stiffness_report(machine(), ["crack:1:pinion:5:20%", "missing:1:gear:3"])
+    text = json.dumps(report.to_dict())
+    found = json.loads(text)["stages"][0]
+    crack, missing = found["faults"]
+    assert crack["mean_loss"] == pytest.approx(0.2)
+    # the crack that costs as much, in mm
+    size = float(crack["size"].removesuffix("mm"))
+    back = stiffness_report(machine(), [f"crack:1:pinion:5:{size}mm"]).stages[0].faults[0]
+    assert back.loss.mean == pytest.approx(0.2, rel=0.01)
+    assert missing["size"] == "whole tooth"
+    assert found["form"] == "potential-energy"
+    assert sum(found["compliance_shares_at_middle"].values()) == pytest.approx(1)
+
+
+@pytest.mark.parametrize("form", ["parabolic", "fourier"])
+def test_other_forms(form):
+    report = stiffness_report(machine(), ["pitting:1:gear:3:2level"], form=form)
+    assert report.to_dict()["stages"][0]["form"] == form
+    assert report.stages[0].curve.unit == "flank"
+
+
+def test_stages_can_be_chosen():
+    two = machine(STAGE, replace(STAGE, pinion_teeth=20))
+    assert [s.stage for s in stiffness_report(two).stages] == [1, 2]
+    assert [s.stage for s in stiffness_report(two, stage=2).stages] == [2]
+    with pytest.raises(ArgumentError, match=r"stage=3 must lie in \[1, 2\]"):
+        stiffness_report(two, stage=3)
+    with pytest.raises(ArgumentError, match=r"stage 4 must lie in \[1, 2\]"):
+        stiffness_report(two, ["crack:4:pinion:5:1mm"])
+
+
+def test_planetary_stage_shows_sun_and_planet():
+    stage = PlanetaryStage(
+        sun_teeth=20, planet_teeth=40, ring_teeth=100, planets=4, module_mm=1.0, face_width_mm=10.0
+    )
+    (found,) = stiffness_report(machine(stage)).stages
+    assert found.mesh == "sun-planet"
+    assert any("bore_diameter_sun_mm" in text for text in found.warnings)
+
+
+def test_overrides_alone_give_a_table_without_a_picture():
+    stage = ParallelStage(
+        pinion_teeth=26, gear_teeth=53, mesh_stiffness_n_per_m=8e8, contact_ratio=1.412
+    )
+    (found,) = stiffness_report(machine(stage), form="parabolic").stages
+    assert found.picture is None
+    assert found.shares == {}
+    assert any("module_mm is missing" in text for text in found.warnings)
+    with pytest.raises(ArgumentError, match="module_mm is missing"):
+        stiffness_report(machine(stage))
+
+
+def test_size_curve_rises():
+    pair = teeth_of(mesh_pairs(STAGE)[0])
+    curve = size_curve(parse_fault("crack:1:gear:5:1mm"), pair, 1, points=9)
+    assert curve.mean_loss[0] == 0
+    assert (np.diff(curve.mean_loss) > 0).all()
+    assert (curve.greatest_loss >= curve.mean_loss).all()
+    level = parse_fault("pitting:1:gear:5:2level")
+    with pytest.raises(ArgumentError, match="a level is no size to draw"):
+        size_curve(level, pair, 1)
+
+
+# --- picture -------------------------------------------------------------------------------------
+
+
+def test_teeth_touch_and_do_not_overlap():
+    """The contact lies on both profiles, on the line of action, and nothing else touches."""
+    pair = teeth_of(mesh_pairs(STAGE)[0])
+    for phase in (0.2, 0.8, 1.5):
+        picture = teeth_picture(pair, phase=phase)
+        for outline in picture.outlines:
+            away = np.hypot(*(outline - picture.contact).T).min()
+            assert away < 0.06
+        one, two = picture.outlines
+        radius = np.hypot(*(one - [0.0, 0.0]).T)
+        assert radius.max() == pytest.approx(1e3 * pair.first.tip_radius_m, rel=1e-3)
+        beyond = np.hypot(*(two - [0.0, 79.0]).T)
+        assert beyond.max() == pytest.approx(1e3 * pair.second.tip_radius_m, rel=1e-3)
+
+
+def test_profile_runs_from_root_to_tip():
+    tooth = teeth_of(mesh_pairs(STAGE)[0]).first
+    half, height = half_profile(tooth)
+    radius = np.hypot(half, height)
+    assert radius[0] == pytest.approx(tooth.root_radius_m, rel=1e-9)
+    assert radius[-1] == pytest.approx(tooth.tip_radius_m, rel=1e-9)
+    assert (np.diff(radius) > -1e-12).all()
+
+
+def test_crack_is_drawn_to_scale():
+    pair = teeth_of(mesh_pairs(STAGE)[0])
+    picture = teeth_picture(pair, [parse_fault("crack:1:pinion:5:1.5mm,width=8,from=3")])
+    (line,) = picture.cracks
+    assert np.hypot(*(line[1] - line[0])) == pytest.approx(1.5)
+    (mark,) = picture.marks["pinion"]
+    assert (mark.face_start_mm, mark.face_width_mm) == pytest.approx((3.0, 8.0))
+
+
+def test_spall_is_drawn_to_scale():
+    pair = teeth_of(mesh_pairs(STAGE)[0])
+    picture = teeth_picture(pair, [parse_fault("spall:1:gear:5:6x1.5x0.5mm,from=2")])
+    assert len(picture.holes) == 1
+    (mark,) = picture.marks["gear"]
+    assert (mark.face_start_mm, mark.face_width_mm) == pytest.approx((2.0, 6.0))
+    assert mark.high_mm - mark.low_mm == pytest.approx(1.5)
