@@ -1,0 +1,272 @@
+"""Angle of shaft 1 from the phases of known order lines, refining a comb's speed track.
+
+The comb gives the speed to a fraction of a spectral line; the phase advance of the lines from block
+to block gives it a hundred times finer. Each line votes with the weight of its signal-to-noise
+ratio, a smoothness prior carries the track through blocks where nothing can be heard.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearmon.signals.angle import AngleTrack, OrderLines, order_lines
+from gearmon.signals.comb import SpeedTrack
+
+FloatArray = NDArray[np.float64]
+
+# Phase noise that modulation and interference leave on even the clearest line [cycles].
+_PHASE_FLOOR_CYCLES = 0.01
+# Blocks that tell whether lines stand still [turns].
+_BLOCK_TURNS = 5.0
+# Errors of the speed that each pass expects: they bound the orders that it may use.
+_SPEED_ERRORS = (2e-3, 1e-3, 1e-4)
+
+
+def constant_track(speed_hz: float, duration_s: float) -> AngleTrack:
+    """Return the track of a shaft that turns at `speed_hz` throughout."""
+    time = np.array([0.0, duration_s])
+    return AngleTrack(time_s=time, turns=speed_hz * time, method="constant", uncertainty_turns=0.0)
+
+
+def integrate_speed(speed: SpeedTrack, duration_s: float) -> AngleTrack:
+    """Turn a speed track into an angle track that starts at angle zero.
+
+    Parameters
+    ----------
+    speed : SpeedTrack
+        Speed at the centres of blocks.
+    duration_s : float
+        Duration of the recording [s].
+
+    Returns
+    -------
+    AngleTrack
+        Knots at least as dense as the blocks, from 0 to `duration_s`.
+    """
+    count = max(2, 2 * len(speed.time_s) + 1)
+    time = np.linspace(0.0, duration_s, count)
+    middle = speed.at(0.5 * (time[1:] + time[:-1]))
+    turns = np.concatenate([[0.0], np.cumsum(middle * np.diff(time))])
+    return AngleTrack(time_s=time, turns=turns, method="comb", uncertainty_turns=float("nan"))
+
+
+def refine_track(
+    samples: FloatArray,
+    sampling_rate_hz: float,
+    track: AngleTrack,
+    orders: FloatArray,
+    block_turns: float = 8.0,
+    wander: float = 0.003,
+) -> AngleTrack:
+    """Refine an angle track by the phases of order lines.
+
+    Parameters
+    ----------
+    samples : ndarray of float, shape (channels, n)
+        Vibration.
+    sampling_rate_hz : float
+        Sampling rate [Hz].
+    track : AngleTrack
+        A first track, its speed right to some tenths of a per cent.
+    orders : ndarray of float, shape (lines,)
+        Orders to follow: mesh harmonics.
+    block_turns : float
+        Length of the blocks whose phases are compared [turns of shaft 1]: long enough to part the
+        mesh lines from their sidebands, short enough to follow the speed.
+    wander : float
+        How restless the speed may be: standard deviation of its relative change in one second.
+
+    Returns
+    -------
+    AngleTrack
+        The refined track; the angle zero is that of the first track.
+
+    Notes
+    -----
+    The increments d_j of the angle error between blocks are estimated by
+    arg(A_j+1 conj A_j) / (2 pi order), weighted by 1/variance with
+    var = (noise / |A|^2 + floor^2) / order^2, and smoothed by minimising
+    sum w_j (d_j - s_j)^2 + sum (s_j+1 - s_j)^2 / q. Low orders come first: they cannot slip by a
+    cycle as long as the speed is wrong by less than a fifth of a cycle a hop. A correction is kept
+    if it raises the likelihood of standing lines by four times what its degrees of freedom (the
+    trace of the smoother) would gain by fitting noise, half a unit each.
+    """
+    turns = float(track.turns[-1] - track.turns[0])
+    size = min(block_turns, turns / 4)
+    lines = _lines(samples, sampling_rate_hz, track, orders, size)
+    for speed_error in _SPEED_ERRORS:
+        limit = max(0.2 / (speed_error * size / 2), float(orders.min()))
+        candidate, freedom = _corrected(track, _below(lines, limit), wander)
+        result = _lines(samples, sampling_rate_hz, candidate, orders, size)
+        gain = _misfit(_below(lines, limit)) - _misfit(_below(result, limit))
+        if gain > 2.0 * freedom:
+            track, lines = candidate, result
+    return track
+
+
+def _below(lines: OrderLines, limit: float) -> OrderLines:
+    """Return the lines up to an order."""
+    keep = lines.orders <= limit
+    return replace(
+        lines,
+        orders=lines.orders[keep],
+        amplitude=lines.amplitude[:, :, keep],
+        noise=lines.noise[:, keep],
+    )
+
+
+def standing_share(
+    samples: FloatArray, sampling_rate_hz: float, track: AngleTrack, orders: FloatArray
+) -> float:
+    """Share of the power of order lines that stands still in angle: 1 for a perfect track.
+
+    Parameters
+    ----------
+    samples : ndarray of float, shape (channels, n)
+        Vibration.
+    sampling_rate_hz : float
+        Sampling rate [Hz].
+    track : AngleTrack
+        The track to be judged.
+    orders : ndarray of float, shape (lines,)
+        Mesh harmonics.
+
+    Returns
+    -------
+    float
+        Mean over the lines that are heard of |mean A|^2 / mean |A|^2, both less the share of noise,
+        in [0, 1]; 0 if none is heard.
+    """
+    turns = float(track.turns[-1] - track.turns[0])
+    lines = _lines(samples, sampling_rate_hz, track, orders, min(_BLOCK_TURNS, turns / 4))
+    power = np.mean(np.abs(lines.amplitude) ** 2, axis=0)
+    heard = power > 4 * lines.noise
+    if not heard.any():
+        return 0.0
+    blocks = lines.amplitude.shape[0]
+    still = np.abs(lines.mean) ** 2 - lines.noise / blocks
+    share = still[heard] / (power - lines.noise)[heard]
+    return float(np.clip(share, 0.0, 1.0).mean())
+
+
+def _misfit(lines: OrderLines) -> float:
+    """Negative log likelihood of lines that stand still but for noise of unknown variance.
+
+    Half overlapped blocks are worth about two thirds of their number.
+    """
+    blocks = lines.amplitude.shape[0]
+    scatter = np.mean(np.abs(lines.amplitude - lines.mean) ** 2, axis=0)
+    return float(2 / 3 * blocks * np.log(scatter + 1e-3 * lines.noise).sum())
+
+
+def _lines(
+    samples: FloatArray,
+    sampling_rate_hz: float,
+    track: AngleTrack,
+    orders: FloatArray,
+    block_turns: float,
+) -> OrderLines:
+    return order_lines(samples, sampling_rate_hz, track, orders, block_turns, precise=False)
+
+
+def _corrected(track: AngleTrack, lines: OrderLines, wander: float) -> tuple[AngleTrack, float]:
+    """Return the track less the angle error that the lines show; the freedom that this took."""
+    amplitude = lines.amplitude
+    if amplitude.shape[0] < 2:
+        return track, np.inf
+    product = amplitude[1:] * np.conj(amplitude[:-1])
+    order = lines.orders
+    strength = np.maximum(np.abs(product), np.finfo(float).tiny)
+    variance = lines.noise / strength / (2 * np.pi) ** 2 + _PHASE_FLOOR_CYCLES**2
+    weight = order**2 / variance
+    # a line below its noise says nothing about phase, however many such lines there are
+    weight = np.where(strength > 4.0 * lines.noise, weight, 0.0)
+    error = np.angle(product) / (2 * np.pi * order)
+    increment, total = _robust_mean(error, weight, order)
+    hop_turns = lines.block_turns / 2
+    hop_s = hop_turns / float(np.mean(track.speed_hz))
+    step = wander * np.sqrt(hop_s) * hop_turns
+    smooth, spread, freedom = _smoothed(increment, total, step)
+    centres = lines.first_turn + lines.block_turns / 2 + hop_turns * np.arange(len(smooth) + 1)
+    shift = np.concatenate([[0.0], np.cumsum(smooth)])
+    return _shifted(track, centres, shift, spread), freedom
+
+
+def _robust_mean(
+    error: FloatArray, weight: FloatArray, order: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Weighted mean over channels and lines; votes beyond a quarter cycle are dropped once."""
+    flat_error = error.reshape(len(error), -1)
+    flat_weight = weight.reshape(len(weight), -1).copy()
+    cycles = np.broadcast_to(order, error.shape).reshape(len(error), -1)
+    for _ in range(2):
+        total = flat_weight.sum(axis=1)
+        mean = (flat_weight * flat_error).sum(axis=1) / np.where(total > 0, total, 1.0)
+        flat_weight[np.abs(flat_error - mean[:, None]) * cycles > 0.25] = 0.0
+    total = flat_weight.sum(axis=1)
+    mean = (flat_weight * flat_error).sum(axis=1) / np.where(total > 0, total, 1.0)
+    return mean, total
+
+
+def _smoothed(
+    increment: FloatArray, weight: FloatArray, step: float
+) -> tuple[FloatArray, float, float]:
+    """Smooth increments under a random walk of `step` a hop.
+
+    Returns the smoothed increments, the error left per increment, and the degrees of freedom.
+    """
+    prior = 1.0 / step**2
+    # a weak pull to the first track settles recordings in which no line is heard at all
+    diagonal = weight + 1e-3 * prior
+    diagonal[:-1] += prior
+    diagonal[1:] += prior
+    smooth, variance = _solve_tridiagonal(diagonal, -prior, weight * increment)
+    return smooth, float(np.sqrt(np.mean(variance))), float(np.sum(weight * variance))
+
+
+def _solve_tridiagonal(
+    diagonal: FloatArray, off: float, right: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Solve a symmetric tridiagonal system; also the diagonal of its inverse (both sweeps)."""
+    count = len(diagonal)
+    ahead = diagonal.copy()
+    behind = diagonal.copy()
+    carried = right.copy()
+    for i in range(1, count):
+        ahead[i] -= off * off / ahead[i - 1]
+        carried[i] -= off * carried[i - 1] / ahead[i - 1]
+    solution = np.empty(count)
+    solution[-1] = carried[-1] / ahead[-1]
+    for i in range(count - 2, -1, -1):
+        behind[i] -= off * off / behind[i + 1]
+        solution[i] = (carried[i] - off * solution[i + 1]) / ahead[i]
+    return solution, 1.0 / (ahead + behind - diagonal)
+
+
+def _shifted(
+    track: AngleTrack, centres: FloatArray, shift: FloatArray, spread: float
+) -> AngleTrack:
+    """Add the angle error, known at `centres` of the old angle, to the track."""
+    ends = track.turns[[0, -1]]
+    inner = centres[(centres > ends[0]) & (centres < ends[1])]
+    angle = np.concatenate([[ends[0]], inner, [ends[1]]])
+    slope_ends = _extrapolated(centres, shift, angle)
+    return AngleTrack(
+        time_s=track.time_at(angle),
+        turns=angle + slope_ends,
+        method=track.method,
+        uncertainty_turns=spread,
+    )
+
+
+def _extrapolated(x: FloatArray, y: FloatArray, at: FloatArray) -> FloatArray:
+    """Piecewise linear through (x, y), continued with the end slopes."""
+    value = np.interp(at, x, y)
+    if len(x) > 1:
+        low, high = (y[1] - y[0]) / (x[1] - x[0]), (y[-1] - y[-2]) / (x[-1] - x[-2])
+        value = np.where(at < x[0], y[0] + low * (at - x[0]), value)
+        value = np.where(at > x[-1], y[-1] + high * (at - x[-1]), value)
+    return value

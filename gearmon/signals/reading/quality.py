@@ -1,0 +1,106 @@
+"""Channels that cannot be vibration: dead, pulsed, clipped, or without values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gearmon.signals.reading.rounding import Floats
+
+# Samples at exactly the extreme value, over those at the commonest value next to it. For a rounded
+# sine this ratio is at most 1 + sqrt(2), for rounded noise it is below 1.
+_PILED_UP = 5.0
+_FEWEST_SAMPLES = 10
+_HARMLESS_SHARE = 1e-3
+_NEIGHBOURHOOD = 0.05  # of the range
+_SAMPLES_TO_COMPARE = 2**17  # from the first at the extreme on
+_CHUNK = 2**16
+
+
+@dataclass(frozen=True, kw_only=True)
+class Defect:
+    """What is wrong with a channel.
+
+    Parameters
+    ----------
+    text : str
+        What, as the rest of a sentence that begins with the channel.
+    row : int
+        Index of the first sample concerned; -1 if it is all of them.
+    fatal : bool
+        Whether the channel is useless.
+    """
+
+    text: str
+    row: int
+    fatal: bool = True
+
+
+def missing_values(values: Floats) -> tuple[int, int]:
+    """Return how many values are not finite, and the index of the first of them (-1: none).
+
+    Parameters
+    ----------
+    values : ndarray of float64, shape (n,)
+    """
+    if np.isfinite(values.min(initial=0.0) - values.max(initial=0.0)):
+        return 0, -1
+    count, first = 0, -1
+    for start in range(0, len(values), _CHUNK):
+        bad = np.flatnonzero(~np.isfinite(values[start : start + _CHUNK]))
+        first = start + int(bad[0]) if count == 0 and bad.size else first
+        count += bad.size
+    return count, first
+
+
+def find_defect(values: Floats) -> Defect | None:
+    """Return why a channel cannot be vibration, or None.
+
+    Parameters
+    ----------
+    values : ndarray of float64, shape (n,)
+        Finite samples of one channel.
+
+    Notes
+    -----
+    A channel is called clipped if its largest or smallest value occurs at least five times as
+    often as any value within 5 % of the range next to it (and as the very next one). Clipping
+    piles up samples at the limit; rounding alone does not: the top level of a rounded sine holds at
+    most 1 + sqrt(2) times as many samples as the next, that of rounded noise fewer. It is fatal
+    from one sample in a thousand on.
+    """
+    low, high = float(values.min()), float(values.max())
+    if low == high:
+        return Defect(text=f"is constant ({low:g} in all {len(values)} samples)", row=-1)
+    if len(values) < _FEWEST_SAMPLES:
+        return None
+    at_low, at_high = _count(values, low), _count(values, high)
+    if at_low + at_high == len(values):
+        text = f"has only two values, {low:g} and {high:g}: is it a tacho or a switch?"
+        return Defect(text=text, row=-1)
+    for count, extreme, first in (
+        (at_high, high, int(values.argmax())),
+        (at_low, low, int(values.argmin())),
+    ):
+        if count >= _FEWEST_SAMPLES and _is_piled_up(values[first:], high - low):
+            share = count / len(values)
+            text = f"is clipped: {count} samples ({100 * share:.2g} %) are exactly {extreme:g}"
+            return Defect(text=text, row=first, fatal=share >= _HARMLESS_SHARE)
+    return None
+
+
+def _count(values: Floats, wanted: float) -> int:
+    starts = range(0, len(values), _CHUNK)
+    return sum(int(np.count_nonzero(values[k : k + _CHUNK] == wanted)) for k in starts)
+
+
+def _is_piled_up(values: Floats, range_: float) -> bool:
+    """Tell whether far more samples equal the first one, an extreme, than any value next to it."""
+    distance = np.abs(values[:_SAMPLES_TO_COMPARE] - values[0])
+    beside = distance[distance > 0]
+    if beside.size == 0:
+        return False
+    near = beside[beside <= max(float(beside.min()), _NEIGHBOURHOOD * range_)]
+    _, counts = np.unique(near, return_counts=True)
+    return bool(distance.size - beside.size >= _PILED_UP * counts.max())

@@ -1,0 +1,273 @@
+"""Recordings: samples with their sampling rate, names, kinds and units; read from text files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from gearmon.errors import ArgumentError, RecordingError, check_positive
+from gearmon.signals.reading.columns import find_column
+from gearmon.signals.reading.formats import identify
+from gearmon.signals.reading.roles import SensorLike, Wanted, interpret
+from gearmon.signals.reading.source import Source, open_source
+from gearmon.signals.reading.table import Progress, read_table
+
+CHANNEL_KINDS = ("vibration", "tacho", "torque", "speed", "other")
+
+Samples = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Recording:
+    """Samples of one or more channels, taken at the same instants at an even rate.
+
+    Parameters
+    ----------
+    samples : ndarray of float64, shape (channels, n), n >= 2
+        The samples, all finite; read-only. Accelerations are in m/s2 where their unit is known.
+    sampling_rate_hz : float > 0
+        Samples per second.
+    channel_names : tuple of str, optional
+        One name for each channel; "channel 1" and so on if not given.
+    channel_kinds : tuple of str, optional
+        For each channel "vibration" (if not given), "tacho", "torque", "speed" or "other".
+    units : tuple of (str or None), optional
+        The unit of each channel; None where it is unknown.
+    origin : str
+        The file, or where else the samples come from.
+    notes : tuple of str
+        What was assumed or left out on reading, in sentences for the user.
+    columns : tuple of int, optional
+        The column of each channel in its file, counted from 1 and counting every column.
+
+    Raises
+    ------
+    RecordingError
+        If the samples are not finite or fewer than two.
+    ArgumentError
+        If shapes, numbers of names, kinds or units, or the rate are impossible.
+
+    Examples
+    --------
+    >>> samples = np.array([[0.0, 1.0, 0.0, -1.0]])
+    >>> recording = Recording(samples=samples, sampling_rate_hz=8.0, channel_names=("a1",))
+    >>> recording.duration_s
+    0.5
+    """
+
+    samples: Samples
+    sampling_rate_hz: float
+    channel_names: tuple[str, ...] = ()
+    channel_kinds: tuple[str, ...] = ()
+    units: tuple[str | None, ...] = ()
+    origin: str = ""
+    notes: tuple[str, ...] = ()
+    columns: tuple[int, ...] = ()
+
+    def __post_init__(self) -> None:
+        check_positive("sampling_rate_hz", self.sampling_rate_hz, "Hz")
+        samples = np.asarray(self.samples, dtype=np.float64)
+        if samples.ndim != 2:
+            raise ArgumentError(f"samples have shape {samples.shape}, must be (channels, n)")
+        self._fill(samples.view(), len(samples))
+        self._check_samples()
+
+    def _fill(self, samples: Samples, count: int) -> None:
+        samples.flags.writeable = False
+        defaults: dict[str, tuple[object, ...]] = {
+            "channel_names": tuple(f"channel {number}" for number in range(1, count + 1)),
+            "channel_kinds": ("vibration",) * count,
+            "units": (None,) * count,
+            "columns": tuple(range(1, count + 1)),
+        }
+        object.__setattr__(self, "samples", samples)
+        for name, default in defaults.items():
+            given = tuple(getattr(self, name)) or default
+            if len(given) != count:
+                raise ArgumentError(f"{name} has {len(given)} entries for {count} channels")
+            object.__setattr__(self, name, given)
+        for kind in self.channel_kinds:
+            if kind not in CHANNEL_KINDS:
+                raise ArgumentError(f"kind '{kind}' is none of {', '.join(CHANNEL_KINDS)}")
+
+    def _check_samples(self) -> None:
+        if self.samples.shape[1] < 2:
+            where = f"{self.origin}: " if self.origin else ""
+            raise RecordingError(
+                f"{where}{self.samples.shape[1]} sample(s) per channel; at least 2 are needed"
+            )
+        for name, channel in zip(self.channel_names, self.samples, strict=True):
+            # NaN and infinity both show in the extremes, and those need no copy
+            if not np.isfinite(channel.min()) or not np.isfinite(channel.max()):
+                raise RecordingError(f"channel '{name}' has values that are no finite numbers")
+
+    @property
+    def duration_s(self) -> float:
+        """Duration in seconds: number of samples over sampling rate."""
+        return float(self.samples.shape[1] / self.sampling_rate_hz)
+
+    def select(self, channels: str | int | Iterable[str | int]) -> Recording:
+        """Return the recording with these channels only, in the order given.
+
+        Parameters
+        ----------
+        channels : str, int or iterable of these
+            Names, or column numbers counted from 1 as in the file.
+
+        Raises
+        ------
+        RecordingError
+            If there is no such channel, or several have the name.
+        """
+        keys = [channels] if isinstance(channels, str | int) else list(channels)
+        names = [(name,) for name in self.channel_names]
+        return self._part([find_column(self.origin, key, names, self.columns) for key in keys])
+
+    def vibration(self) -> Recording:
+        """Return the recording with its vibration channels only.
+
+        Raises
+        ------
+        RecordingError
+            If there is none.
+        """
+        return self._of_kind("vibration")
+
+    def _of_kind(self, kind: str) -> Recording:
+        found = [index for index, own in enumerate(self.channel_kinds) if own == kind]
+        if not found:
+            raise RecordingError(f"{self.origin}: no {kind} channel; name one with --channel")
+        return self._part(found)
+
+    def _part(self, indices: Sequence[int]) -> Recording:
+        in_a_row = list(indices) == list(range(indices[0], indices[0] + len(indices)))
+        chosen = slice(indices[0], indices[0] + len(indices)) if in_a_row else list(indices)
+        return replace(
+            self,
+            samples=self.samples[chosen],  # a view where the channels are neighbours
+            channel_names=tuple(self.channel_names[index] for index in indices),
+            channel_kinds=tuple(self.channel_kinds[index] for index in indices),
+            units=tuple(self.units[index] for index in indices),
+            columns=tuple(self.columns[index] for index in indices),
+        )
+
+
+def read_recording(
+    path: str | Path,
+    sampling_rate_hz: float | None = None,
+    channels: str | int | Iterable[str | int] | None = None,
+    tacho: str | int | None = None,
+    sensors: Iterable[SensorLike] = (),
+    progress: Progress | None = None,
+) -> Recording:
+    """Return the recording in a text file of numbers (CSV, TSV, TXT; plain or gzip).
+
+    Separator, decimal character, lines above the numbers, names, units and the time column are
+    found out; every number is exactly what ``float`` makes of its text. What is not certain is
+    refused with one line that says why, and nothing is repaired.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    sampling_rate_hz : float > 0, optional
+        Needed if the file has no time column. If it has one, both must agree within 0.1 %.
+    channels : str, int or iterable of these, optional
+        Names, or column numbers counted from 1 (the time column counts), of the vibration channels
+        to take; all by default. A named channel that is dead, clipped or incomplete is an error;
+        of unnamed ones it is left out with a note. Channels stay in the order of the file.
+    tacho : str or int, optional
+        The column that holds tacho pulses.
+    sensors : iterable, optional
+        What the columns hold: anything with `column`, `unit`, `sensitivity` and `kind`, such as
+        `gearmon.machine.Sensor`. It goes before what the file says. Samples are divided by the
+        sensitivity, which is the recorded number per `unit`.
+    progress : callable, optional
+        Called with the share of the file that has been read, from 0 to 1.
+
+    Returns
+    -------
+    Recording
+        Accelerations in m/s2 where the unit is known; other units as they stand in the file.
+
+    Raises
+    ------
+    RecordingError
+        If the file cannot be read as a recording.
+    ArgumentError
+        If an argument is out of its range.
+    """
+    if sampling_rate_hz is not None:
+        check_positive("sampling_rate_hz", sampling_rate_hz, "Hz")
+    source = open_source(path)
+    found = identify(source)
+    reader = _READERS.get(found.key)
+    if reader is None:
+        raise RecordingError(
+            f"{source.path}: looks like {found.what}, which is not read here; {found.remedy} "
+            f"(read are: {', '.join(_READERS)}, plain or gzip)"
+        )
+    wanted = Wanted(
+        sampling_rate_hz=sampling_rate_hz,
+        channels=(channels,) if isinstance(channels, str | int) else tuple(channels or ()),
+        tacho=tacho,
+        sensors=tuple(sensors),
+    )
+    return reader(source, wanted, progress)
+
+
+def _read_text(source: Source, wanted: Wanted, progress: Progress | None) -> Recording:
+    found = interpret(read_table(source, progress), wanted)
+    return Recording(
+        samples=found.samples,
+        sampling_rate_hz=found.rate_hz,
+        channel_names=tuple(column.name for column in found.columns),
+        channel_kinds=tuple(column.kind for column in found.columns),
+        units=tuple(column.unit for column in found.columns),
+        columns=tuple(column.number for column in found.columns),
+        origin=source.path,
+        notes=found.notes,
+    )
+
+
+# Readers by the key of `formats.Format`; another format is another line here.
+_READERS: dict[str, Callable[[Source, Wanted, Progress | None], Recording]] = {"text": _read_text}
+
+
+def check_duration(recording: Recording, slowest_order_hz: float, turns: float = 1.0) -> None:
+    """Raise if a recording is shorter than one turn of the slowest shaft.
+
+    Parameters
+    ----------
+    recording : Recording
+        The recording.
+    slowest_order_hz : float > 0
+        Speed of the slowest shaft in turns per second.
+    turns : float > 0
+        How many of its turns are needed.
+
+    Raises
+    ------
+    RecordingError
+        If the recording is too short.
+
+    Examples
+    --------
+    >>> samples = np.zeros((1, 100))
+    >>> check_duration(Recording(samples=samples, sampling_rate_hz=100.0), 0.5)
+    Traceback (most recent call last):
+        ...
+    gearmon.errors.RecordingError: recording: 1 s recorded, but the slowest shaft (0.5 Hz) ...
+    """
+    needed_s = turns / check_positive("slowest_order_hz", slowest_order_hz, "Hz")
+    if recording.duration_s < needed_s:
+        count = "one turn" if turns == 1.0 else f"{turns:g} turns"
+        raise RecordingError(
+            f"{recording.origin or 'recording'}: {recording.duration_s:.4g} s recorded, but the "
+            f"slowest shaft ({slowest_order_hz:.4g} Hz) needs {needed_s:.4g} s for {count}; record "
+            "longer"
+        )
