@@ -1,0 +1,293 @@
+"""Which order lines belong together: mesh harmonics, sidebands by gear, synchronous rest.
+
+Every line is counted once. Orders of a train are ratios of tooth counts, so coincidences (the third
+mesh harmonic of one stage on the first of another) are decided exactly, in fractions; a line that
+several families claim goes to the one it is nearest to in its own harmonics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearmon.gears.kinematics import Kinematics, Mesh, Wheel
+
+FloatArray = NDArray[np.float64]
+
+MESH_HARMONICS = 8
+NEAR_SIDEBANDS = 6
+
+
+@dataclass(frozen=True, kw_only=True)
+class Family:
+    """Lines with one cause about one mesh harmonic.
+
+    Parameters
+    ----------
+    kind : {"mesh", "sidebands", "residual"}
+        The mesh harmonic itself, the sidebands up to the sixth, or what else repeats with the gear.
+    stage : int
+        Stage, from 1.
+    gear : str
+        Gear or member that repeats with the spacing ("" for the mesh itself).
+    harmonic : int
+        Mesh harmonic, from 1.
+    spacing : float
+        Spacing of the lines as an order of shaft 1 (0 for the mesh itself).
+    shaft : int or None
+        Shaft that turns at this spacing.
+    lines : tuple of int
+        Positions in the plan's orders.
+    """
+
+    kind: str
+    stage: int
+    gear: str
+    harmonic: int
+    spacing: float
+    shaft: int | None
+    lines: tuple[int, ...]
+
+    @property
+    def name(self) -> str:
+        """The family in words."""
+        if self.kind == "mesh":
+            return f"mesh {self.stage} harmonic {self.harmonic}"
+        where = f"shaft {self.shaft}" if self.shaft else f"the {self.gear}"
+        what = "sidebands" if self.kind == "sidebands" else "synchronous residual"
+        return f"{what} of {where} around mesh {self.stage} harmonic {self.harmonic}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class WheelLines:
+    """All multiples of one gear's rotation, to build its synchronous average from.
+
+    Parameters
+    ----------
+    stage : int
+        Stage, from 1.
+    gear : str
+        "pinion", "gear", "sun", "planet" or "ring".
+    teeth : int
+        Teeth.
+    shaft : int or None
+        Shaft it turns with.
+    order : float
+        Rotation relative to the carrier (to the housing in a parallel stage).
+    number : ndarray of int, shape (lines,)
+        Multiple of the rotation.
+    lines : ndarray of int, shape (lines,)
+        Position of each in the plan's orders.
+    mesh : ndarray of bool, shape (lines,)
+        Whether the line is a harmonic of any mesh.
+    """
+
+    stage: int
+    gear: str
+    teeth: int
+    shaft: int | None
+    order: float
+    number: NDArray[np.int64]
+    lines: NDArray[np.int64]
+    mesh: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinePlan:
+    """The orders to measure and what each is.
+
+    Parameters
+    ----------
+    orders : ndarray of float, shape (lines,)
+        Ascending orders of shaft 1.
+    families : tuple of Family
+        Disjoint groups of lines.
+    wheels : tuple of WheelLines
+        Gears whose turn can be resolved; their lines may be shared.
+    """
+
+    orders: FloatArray
+    families: tuple[Family, ...]
+    wheels: tuple[WheelLines, ...]
+
+
+def line_plan(train: Kinematics, top_order: float, finest_spacing: float) -> LinePlan:
+    """Plan the order lines of a drive train that a recording can show.
+
+    Parameters
+    ----------
+    train : Kinematics
+        The drive train.
+    top_order : float
+        Highest order that the sampling rate allows.
+    finest_spacing : float
+        Smallest distance of lines that the blocks of the recording tell apart; gears that turn
+        more slowly get no sidebands.
+
+    Returns
+    -------
+    LinePlan
+        Up to eight mesh harmonics a stage, sidebands of every modulation, all multiples of every
+        gear's rotation up to half a mesh order beyond.
+    """
+    claims = _Claims(Fraction(top_order).limit_denominator(10**6))
+    for mesh in train.meshes:
+        _claim_mesh(claims, mesh)
+    for mesh in train.meshes:
+        for spacing, gear, shaft, teeth in _spacings(mesh):
+            if float(spacing) >= finest_spacing:
+                _claim_sidebands(claims, mesh, spacing, gear, shaft, teeth)
+    wheels = [
+        (mesh, wheel)
+        for mesh in train.meshes
+        for wheel in mesh.wheels
+        if wheel.relative_order >= finest_spacing
+    ]
+    for mesh, wheel in wheels:
+        for k in _harmonics(mesh, claims.top):
+            for r in range(-(wheel.teeth // 2), wheel.teeth // 2 + 1):
+                claims.add(k * mesh.exact + r * wheel.exact_relative, 10**6, None)
+    exact = sorted(claims.owner)
+    position = {order: index for index, order in enumerate(exact)}
+    meshes = {
+        k * mesh.exact for mesh in train.meshes for k in range(1, int(claims.top / mesh.exact) + 1)
+    }
+    return LinePlan(
+        orders=np.array([float(order) for order in exact]),
+        families=tuple(_families(claims, position)),
+        wheels=tuple(
+            _wheel_lines(mesh.stage, wheel, position, meshes, claims.top) for mesh, wheel in wheels
+        ),
+    )
+
+
+_Key = tuple[str, int, str, int, Fraction, int | None]
+
+
+class _Claims:
+    """Lines and the family each belongs to: the strongest claim wins."""
+
+    def __init__(self, top: Fraction) -> None:
+        self.top = top
+        self.owner: dict[Fraction, tuple[int, _Key | None]] = {}
+        self.cut: set[_Key] = set()
+
+    def add(self, order: Fraction, rank: int, key: _Key | None) -> None:
+        if order >= self.top and key is not None:
+            # a family that the sampling rate cuts short would differ from recording to recording
+            self.cut.add(key)
+        if not 0 < order < self.top:
+            return
+        held = self.owner.get(order)
+        if held is None or rank < held[0]:
+            self.owner[order] = (rank, key)
+
+
+def _harmonics(mesh: Mesh, top: Fraction) -> range:
+    return range(1, min(MESH_HARMONICS, int(top / mesh.exact)) + 1)
+
+
+def _claim_mesh(claims: _Claims, mesh: Mesh) -> None:
+    for k in _harmonics(mesh, claims.top):
+        key = ("mesh", mesh.stage, "", k, Fraction(0), None)
+        claims.add(k * mesh.exact, -1000 + k, key)
+        for order in group_orders(mesh, k):
+            claims.add(order, -500 + k, key)
+
+
+def group_orders(mesh: Mesh, harmonic: int) -> tuple[Fraction, ...]:
+    """Orders where one mesh harmonic may show on a healthy machine.
+
+    A parallel stage shows it at the harmonic. Of a planetary set the planets' phases may cancel
+    it there; the nearest lines that they allow count with it, and the neighbours one carrier turn
+    away, which unequal planets put there (McFadden and Smith 1985).
+
+    Parameters
+    ----------
+    mesh : Mesh
+        The mesh.
+    harmonic : int
+        Harmonic, from 1.
+
+    Returns
+    -------
+    tuple of Fraction
+        Orders, exact.
+    """
+    centre = harmonic * mesh.exact
+    if mesh.carrier == 0:
+        return (centre,)
+    carrier = abs(mesh.carrier)
+    orders = {centre - carrier, centre, centre + carrier}
+    if mesh.equally_spaced:
+        shift = -harmonic * mesh.wheel("ring").teeth % mesh.planets
+        if shift:
+            orders |= {
+                centre + shift * mesh.carrier,
+                centre + (shift - mesh.planets) * mesh.carrier,
+            }
+    return tuple(sorted(order for order in orders if order > 0))
+
+
+def _spacings(mesh: Mesh) -> Iterator[tuple[Fraction, str, int | None, int]]:
+    """Distinct sideband spacings of a mesh, with the member to name and its tooth count."""
+    teeth = {wheel.gear: wheel.teeth for wheel in mesh.wheels}
+    seen: set[Fraction] = set()
+    for family in mesh.modulations:
+        if family.exact not in seen:
+            seen.add(family.exact)
+            yield family.exact, family.gear, family.shaft, teeth.get(family.gear, 0)
+
+
+def _claim_sidebands(
+    claims: _Claims, mesh: Mesh, spacing: Fraction, gear: str, shaft: int | None, teeth: int
+) -> None:
+    half = max(NEAR_SIDEBANDS, teeth // 2)
+    for k in _harmonics(mesh, claims.top):
+        for r in range(1, half + 1):
+            if r * spacing > mesh.exact / 2:
+                break
+            kind = "sidebands" if r <= NEAR_SIDEBANDS else "residual"
+            key = (kind, mesh.stage, gear, k, spacing, shaft)
+            for order in (k * mesh.exact - r * spacing, k * mesh.exact + r * spacing):
+                claims.add(order, r, key)
+
+
+def _families(claims: _Claims, position: dict[Fraction, int]) -> Iterator[Family]:
+    members: dict[_Key, list[int]] = {}
+    for order, (_, key) in claims.owner.items():
+        if key is not None and key not in claims.cut:
+            members.setdefault(key, []).append(position[order])
+    for key in sorted(members, key=lambda item: (item[1], item[0], item[4], item[3])):
+        kind, stage, gear, harmonic, spacing, shaft = key
+        yield Family(
+            kind=kind,
+            stage=stage,
+            gear=gear,
+            harmonic=harmonic,
+            spacing=float(spacing),
+            shaft=shaft,
+            lines=tuple(sorted(members[key])),
+        )
+
+
+def _wheel_lines(
+    stage: int, wheel: Wheel, position: dict[Fraction, int], meshes: set[Fraction], top: Fraction
+) -> WheelLines:
+
+    count = int(top / wheel.exact_relative)
+    numbers = [n for n in range(1, count + 1) if n * wheel.exact_relative in position]
+    return WheelLines(
+        stage=stage,
+        gear=wheel.gear,
+        teeth=wheel.teeth,
+        shaft=wheel.shaft,
+        order=wheel.relative_order,
+        number=np.array(numbers, dtype=np.int64),
+        lines=np.array([position[n * wheel.exact_relative] for n in numbers], dtype=np.int64),
+        mesh=np.array([n * wheel.exact_relative in meshes for n in numbers], dtype=bool),
+    )

@@ -1,0 +1,322 @@
+"""Measured signatures: a recording reduced to the order lines of its machine."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearmon.errors import RecordingError
+from gearmon.gears.kinematics import Kinematics, kinematics
+from gearmon.machine import Machine
+from gearmon.signals.angle import AngleTrack, OrderLines, order_lines, order_quality
+from gearmon.signals.presence import (
+    MeshComb,
+    MeshEvidence,
+    mesh_evidence,
+    spacing_mismatch,
+)
+from gearmon.signals.recording import Recording
+from gearmon.signatures.families import MESH_HARMONICS, LinePlan, line_plan
+from gearmon.signatures.speed import (
+    SPEED_TOLERANCE,
+    Speed,
+    find_track,
+    mesh_combs,
+    scan_nominal_speeds,
+    speed_of,
+)
+
+FloatArray = NDArray[np.float64]
+
+# A mesh whose sidebands would rather stand elsewhere must be far clearer than others.
+_FOUND_DESPITE_MISMATCH = 6.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeshFinding:
+    """What a recording shows of one mesh.
+
+    Parameters
+    ----------
+    stage : int
+        Stage, from 1.
+    frequency_hz : float
+        Mesh frequency at the estimated speed [Hz].
+    found : bool
+        Whether its lines stand out.
+    snr_db : float or None
+        Height of its clearest harmonic over the local noise floor [dB], best channel; None if no
+        mesh at all was found.
+    score : float
+        Distance from the lines of other tooth counts, in standard deviations.
+    reason : str
+        Why it counts as found or not.
+    """
+
+    stage: int
+    frequency_hz: float
+    found: bool
+    snr_db: float | None
+    score: float
+    reason: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return built-in types, ready for JSON."""
+        return {
+            "stage": self.stage,
+            "frequency_hz": self.frequency_hz,
+            "found": self.found,
+            "snr_db": self.snr_db,
+            "score": self.score,
+            "reason": self.reason,
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasuredSignature:
+    """A recording reduced to order lines.
+
+    Parameters
+    ----------
+    origin : str
+        The recording.
+    duration_s, sampling_rate_hz : float
+        Of the recording.
+    channel_names : tuple of str
+        Vibration channels.
+    units : tuple of str or None
+        Their units, None where not known.
+    speed : Speed
+        Rotation of shaft 1.
+    meshes : tuple of MeshFinding
+        One a stage.
+    track : AngleTrack
+        Angle of shaft 1 against time.
+    plan : LinePlan
+        Which line is what.
+    lines : OrderLines
+        Complex amplitudes, block by block.
+    level_db : ndarray of float, shape (channels, families)
+        Power of each family of the plan [dB re 1 unit^2, peak amplitudes].
+    scatter_db : ndarray of float, shape (channels, families)
+        Standard error of the level, from the scatter of the blocks [dB].
+    heard : ndarray of bool, shape (channels, families)
+        Whether the family stands above its own scatter.
+    notes : tuple of str
+        What the reader should know.
+    """
+
+    origin: str
+    duration_s: float
+    sampling_rate_hz: float
+    channel_names: tuple[str, ...]
+    units: tuple[str | None, ...]
+    speed: Speed
+    meshes: tuple[MeshFinding, ...]
+    track: AngleTrack
+    plan: LinePlan
+    lines: OrderLines
+    level_db: FloatArray
+    scatter_db: FloatArray
+    heard: NDArray[np.bool_]
+    notes: tuple[str, ...]
+
+    @property
+    def found(self) -> bool:
+        """Whether any mesh was found."""
+        return any(mesh.found for mesh in self.meshes)
+
+
+def measure_signature(recording: Recording, machine: Machine) -> MeasuredSignature:
+    """Reduce a recording to the order lines of its machine.
+
+    The speed comes from a tacho channel if there is one, else from the comb of mesh and shaft lines
+    within 3 % of a nominal speed of the machine file, refined by the phases of the mesh lines.
+
+    Parameters
+    ----------
+    recording : Recording
+        Vibration channels, and perhaps a tacho channel.
+    machine : Machine
+        Tooth counts and nominal speeds.
+
+    Returns
+    -------
+    MeasuredSignature
+        Also if no mesh was found: then its `found` is false and its levels mean nothing.
+
+    Raises
+    ------
+    RecordingError
+        If the recording has no vibration channel or is too short for a turn of the slowest shaft.
+    """
+    train = kinematics(machine)
+    vibration = recording.vibration()
+    slowest = min(shaft.order for shaft in train.shafts)
+    _check_length(recording, slowest, machine)
+    samples, rate = vibration.samples, vibration.sampling_rate_hz
+    combs = mesh_combs(train)
+    shaft_orders = [shaft.order for shaft in train.shafts]
+    nominal_hz, scan = scan_nominal_speeds(samples, rate, train, machine)
+    track, notes = find_track(recording, machine, train, nominal_hz, scan)
+    evidence = mesh_evidence(scan, combs, shaft_orders, nominal_hz, SPEED_TOLERANCE)
+    plan = _plan(train, rate, track, nominal_hz)
+    turns = float(track.turns[-1] - track.turns[0])
+    lines = order_lines(samples, rate, track, plan.orders, _block_turns(turns, slowest))
+    level, scatter, heard = family_levels(lines, plan)
+    findings = _findings(samples, rate, track, train, combs, evidence, lines, plan)
+    return MeasuredSignature(
+        origin=recording.origin,
+        duration_s=recording.duration_s,
+        sampling_rate_hz=rate,
+        channel_names=vibration.channel_names,
+        units=vibration.units,
+        speed=speed_of(track, nominal_hz, scan, recording.duration_s),
+        meshes=findings,
+        track=track,
+        plan=plan,
+        lines=lines,
+        level_db=level,
+        scatter_db=scatter,
+        heard=heard,
+        notes=tuple(recording.notes) + notes,
+    )
+
+
+def _check_length(recording: Recording, slowest_order: float, machine: Machine) -> None:
+    slowest_hz = slowest_order * min(point.shaft1_hz for point in machine.operating)
+    needed = 2.0 / slowest_hz
+    if recording.duration_s < needed:
+        raise RecordingError(
+            f"{recording.origin}: {recording.duration_s:.3g} s are too short: the slowest shaft "
+            f"turns at {slowest_hz:.3g} Hz, two turns need {needed:.3g} s"
+        )
+
+
+def _plan(train: Kinematics, rate: float, track: AngleTrack, nominal_hz: float) -> LinePlan:
+    # from the nominal speed, so that recordings at one rate and speed have the same families
+    top = 0.48 * rate / nominal_hz / (1 + SPEED_TOLERANCE)
+    turns = float(track.turns[-1] - track.turns[0])
+    # a Hann block tells lines apart that are two over its length away from each other
+    finest = 2.0 / _block_turns(turns, min(shaft.order for shaft in train.shafts))
+    return line_plan(train, top, 0.999 * finest)
+
+
+def _block_turns(turns: float, slowest_order: float) -> float:
+    """Length of the blocks: five turns of the slowest shaft where the recording has room."""
+    wanted = max(5.0 / slowest_order, 20.0)
+    return float(min(wanted, max(turns / 2.5, min(turns, 2.0 / slowest_order))))
+
+
+def family_levels(
+    lines: OrderLines, plan: LinePlan
+) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
+    """Power of each family of lines in decibels, its standard error, and whether it is heard.
+
+    Parameters
+    ----------
+    lines : OrderLines
+        Measured lines, in the order of the plan.
+    plan : LinePlan
+        The families.
+
+    Returns
+    -------
+    level_db, scatter_db : ndarray of float, shape (channels, families)
+        Level and its standard error from the scatter of the blocks [dB].
+    heard : ndarray of bool, shape (channels, families)
+        Whether the power exceeds twice its standard error.
+
+    Notes
+    -----
+    The powers are means of products of blocks that share no sample, so that noise has no share in
+    them; a family that is not heard is put at its own standard error, an upper estimate.
+    """
+    products, pairs = lines.block_powers()
+    power = np.empty((products.shape[1], len(plan.families)))
+    error = np.empty_like(power)
+    for column, family in enumerate(plan.families):
+        chosen = list(family.lines)
+        series = products[:, :, chosen].sum(axis=2)
+        power[:, column] = series.mean(axis=0)
+        noise = lines.noise[:, chosen]
+        scatter = np.std(series, axis=0, ddof=1) if len(series) > 1 else np.zeros(len(noise))
+        floor = np.sqrt(np.sum(noise**2, axis=1))
+        error[:, column] = np.maximum(scatter, floor) / np.sqrt(pairs)
+    heard = power > 2 * error
+    shown = np.maximum(power, np.maximum(error, np.finfo(float).tiny))
+    relative = np.minimum(error / shown, 1.0)
+    return 10 * np.log10(shown), 10 / np.log(10) * relative, heard
+
+
+def _findings(
+    samples: FloatArray,
+    rate: float,
+    track: AngleTrack,
+    train: Kinematics,
+    combs: Sequence[MeshComb],
+    evidence: Sequence[MeshEvidence],
+    lines: OrderLines,
+    plan: LinePlan,
+) -> tuple[MeshFinding, ...]:
+    speed = float((track.turns[-1] - track.turns[0]) / (track.time_s[-1] - track.time_s[0]))
+    # at most some millions of points: the test needs the resolution of seconds, not of hours
+    pieces = max(1, samples.shape[-1] >> 18)
+    quality, bin_order = order_quality(samples, rate, track, pieces)
+    snr = 10 * np.log10(np.maximum(lines.cross_power() / lines.noise, 1e-3))
+    findings = []
+    # one harmonic could be a tone of anything; two, of whichever stage, fix the speed as well
+    candidates = [seen for seen in evidence if seen.stands_out]
+    several = sum(seen.clear for seen in candidates) >= 2
+    for mesh, comb, seen in zip(train.meshes, combs, evidence, strict=True):
+        found, reason = _judge(seen, quality, bin_order, comb, mesh.carrier == 0)
+        if found and not several and seen.visible > 1:
+            found, reason = False, (
+                f"one line suits it, but none of the {seen.visible - 1} other harmonics that could "
+                "be seen: it may be a tone of anything"
+            )
+        chosen = [
+            line
+            for family in plan.families
+            if family.kind == "mesh" and family.stage == mesh.stage
+            for line in family.lines
+        ]
+        shared = np.isin(np.round(plan.orders / mesh.order, 9), np.arange(1, MESH_HARMONICS + 1))
+        chosen += [int(i) for i in np.flatnonzero(shared)]
+        findings.append(
+            MeshFinding(
+                stage=mesh.stage,
+                frequency_hz=mesh.order * speed,
+                found=found,
+                snr_db=float(snr[:, chosen].max()) if chosen else None,
+                score=float(seen.score),
+                reason=reason,
+            )
+        )
+    return tuple(findings)
+
+
+def _judge(
+    seen: MeshEvidence, quality: FloatArray, bin_order: float, comb: MeshComb, parallel: bool
+) -> tuple[bool, str]:
+    """Whether a mesh is found, and why."""
+    if not seen.stands_out:
+        return False, (
+            f"its lines stand {seen.score:.1f} standard deviations above those of other tooth "
+            f"counts, {seen.decoys_above} of {seen.decoys} of which are as clear"
+        )
+    if parallel:
+        for spacing in comb.spacings:
+            excess, departure = spacing_mismatch(quality, bin_order, comb, spacing, SPEED_TOLERANCE)
+            if excess > 0 and seen.score - excess < _FOUND_DESPITE_MISMATCH:
+                return False, (
+                    f"a line suits it, but the sidebands about it are spaced {departure:+.1%} from "
+                    "the rotation that this mesh would need: it belongs to something else"
+                )
+    return True, (
+        f"its lines stand {seen.score:.1f} standard deviations above those of other tooth counts"
+    )

@@ -1,0 +1,396 @@
+"""The healthy reference: what recordings of a sound machine looked like, condensed and stored.
+
+A reference holds, for each healthy recording, the level of every family of lines with its scatter,
+and the pattern (complex line amplitudes) of every gear. Recordings at several loads span how a
+healthy machine changes with load.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearmon.errors import ArgumentError, SignatureError
+from gearmon.files import write_atomically
+from gearmon.machine import Machine, ParallelStage
+from gearmon.signals.angle import OrderLines
+from gearmon.signatures.families import WheelLines
+from gearmon.signatures.measured import MeasuredSignature
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+FORMAT = "gearmon reference 1"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WheelPattern:
+    """Complex amplitudes of all multiples of one gear's rotation.
+
+    Parameters
+    ----------
+    stage : int
+        Stage, from 1.
+    gear : str
+        Gear.
+    teeth : int
+        Teeth.
+    number : ndarray of int, shape (lines,)
+        Multiple of the rotation.
+    mesh : ndarray of bool, shape (lines,)
+        Whether the line is a harmonic of a mesh.
+    amplitude : ndarray of complex, shape (channels, lines)
+        Synchronous mean.
+    variance : ndarray of float, shape (channels, lines)
+        Variance of that mean, from the scatter of the blocks.
+    order : float
+        Rotation of the gear, in turns of shaft 1.
+    """
+
+    stage: int
+    gear: str
+    teeth: int
+    order: float
+    number: NDArray[np.int64]
+    mesh: NDArray[np.bool_]
+    amplitude: ComplexArray
+    variance: FloatArray
+
+    @classmethod
+    def of(cls, wheel: WheelLines, lines: OrderLines) -> WheelPattern:
+        """Return the pattern of a gear from measured lines."""
+        blocks = lines.amplitude[:, :, wheel.lines]
+        mean = blocks.mean(axis=0)
+        worth = max(1.0, lines.independent_blocks - 1.0)
+        scatter = np.mean(np.abs(blocks - mean) ** 2, axis=0)
+        # one or two blocks tell nothing about their scatter: the noise between the lines does
+        floor = lines.noise[:, wheel.lines] / max(1.0, lines.independent_blocks)
+        return cls(
+            stage=wheel.stage,
+            gear=wheel.gear,
+            teeth=wheel.teeth,
+            order=wheel.order,
+            number=wheel.number,
+            mesh=wheel.mesh,
+            amplitude=mean,
+            variance=np.maximum(scatter / worth, 0.25 * floor),
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Profile:
+    """One recording, condensed to what is compared.
+
+    Parameters
+    ----------
+    origin : str
+        The recording.
+    speed_hz : float
+        Mean speed of shaft 1 [Hz].
+    duration_s : float
+        Length [s].
+    tacho : bool
+        Whether the angle zero is that of a tachometer pulse.
+    family_names : tuple of str
+        Families of lines.
+    level_db, scatter_db : ndarray of float, shape (channels, families)
+        Level and its standard error within the recording [dB].
+    heard : ndarray of bool, shape (channels, families)
+        Whether the family stands above its own scatter.
+    wheels : tuple of WheelPattern
+        Patterns of the gears.
+    """
+
+    origin: str
+    speed_hz: float
+    duration_s: float
+    tacho: bool
+    family_names: tuple[str, ...]
+    level_db: FloatArray
+    scatter_db: FloatArray
+    heard: NDArray[np.bool_]
+    wheels: tuple[WheelPattern, ...]
+
+    @classmethod
+    def of(cls, signature: MeasuredSignature) -> Profile:
+        """Condense a measured signature."""
+        return cls(
+            origin=signature.origin,
+            speed_hz=signature.speed.estimated_hz,
+            duration_s=signature.duration_s,
+            tacho=signature.speed.method == "tacho",
+            family_names=tuple(family.name for family in signature.plan.families),
+            level_db=signature.level_db,
+            scatter_db=signature.scatter_db,
+            heard=signature.heard,
+            wheels=tuple(
+                WheelPattern.of(wheel, signature.lines) for wheel in signature.plan.wheels
+            ),
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Reference:
+    """Healthy recordings of one machine.
+
+    Parameters
+    ----------
+    machine : str
+        Name of the machine.
+    teeth : str
+        Its tooth counts, as "32/96, 32/80"; a reference fits machines with the same ones.
+    channel_names : tuple of str
+        Vibration channels.
+    units : tuple of str or None
+        Their units.
+    family_names : tuple of str
+        Families that all recordings have.
+    profiles : tuple of Profile
+        The recordings.
+    """
+
+    machine: str
+    teeth: str
+    channel_names: tuple[str, ...]
+    units: tuple[str | None, ...]
+    family_names: tuple[str, ...]
+    profiles: tuple[Profile, ...]
+
+    @property
+    def origins(self) -> tuple[str, ...]:
+        """The recordings' names."""
+        return tuple(profile.origin for profile in self.profiles)
+
+    @property
+    def level_db(self) -> FloatArray:
+        """Levels, shape (recordings, channels, families) [dB re 1 unit^2]."""
+        return np.array([_taken(p, self.family_names, p.level_db) for p in self.profiles])
+
+    @property
+    def scatter_db(self) -> FloatArray:
+        """Standard errors of the levels, shape (recordings, channels, families) [dB]."""
+        return np.array([_taken(p, self.family_names, p.scatter_db) for p in self.profiles])
+
+
+def _taken(profile: Profile, names: Sequence[str], values: FloatArray) -> FloatArray:
+    """Columns of `values` for these families, in this order."""
+    index = {name: column for column, name in enumerate(profile.family_names)}
+    return values[:, [index[name] for name in names]]
+
+
+def tooth_counts(machine: Machine) -> str:
+    """Return the tooth counts of a machine in one line, as "32/96, 20/40/100".
+
+    Parameters
+    ----------
+    machine : Machine
+        The machine.
+
+    Returns
+    -------
+    str
+    """
+    stages = []
+    for stage in machine.stages:
+        if isinstance(stage, ParallelStage):
+            stages.append(f"{stage.pinion_teeth}/{stage.gear_teeth}")
+        else:
+            stages.append(f"{stage.sun_teeth}/{stage.planet_teeth}/{stage.ring_teeth}")
+    return ", ".join(stages)
+
+
+def make_reference(signatures: Sequence[MeasuredSignature], machine: Machine) -> Reference:
+    """Join measured signatures of healthy recordings into a reference.
+
+    Parameters
+    ----------
+    signatures : sequence of MeasuredSignature
+        One or more; of the same channels. Different loads are welcome.
+    machine : Machine
+        The machine.
+
+    Returns
+    -------
+    Reference
+
+    Raises
+    ------
+    ArgumentError
+        If there is none, no mesh was found in one of them, or their channels differ.
+    """
+    if not signatures:
+        raise ArgumentError("a reference needs at least one healthy recording")
+    first = signatures[0]
+    for signature in signatures:
+        if not signature.found:
+            raise ArgumentError(
+                f"{signature.origin}: no mesh found, so it cannot serve as a reference: "
+                f"{signature.meshes[0].reason}"
+            )
+        if signature.channel_names != first.channel_names:
+            raise ArgumentError(
+                f"{signature.origin}: channels {', '.join(signature.channel_names)} differ from "
+                f"{', '.join(first.channel_names)} of {first.origin}; name the same ones with "
+                "--channel"
+            )
+    profiles = tuple(Profile.of(signature) for signature in signatures)
+    common = [
+        name
+        for name in profiles[0].family_names
+        if all(name in profile.family_names for profile in profiles)
+    ]
+    if not common:
+        raise ArgumentError(
+            "the recordings share no family of lines: they differ too much in sampling rate or "
+            "length"
+        )
+    return Reference(
+        machine=machine.name,
+        teeth=tooth_counts(machine),
+        channel_names=first.channel_names,
+        units=first.units,
+        family_names=tuple(common),
+        profiles=profiles,
+    )
+
+
+def write_reference(reference: Reference, path: str | Path) -> None:
+    """Store a reference in one file (a NumPy archive with a JSON header inside).
+
+    Parameters
+    ----------
+    reference : Reference
+        The reference.
+    path : str or Path
+        The file; any name.
+
+    Raises
+    ------
+    ArgumentError
+        If the file cannot be written.
+    """
+    header: dict[str, Any] = {
+        "format": FORMAT,
+        "machine": reference.machine,
+        "teeth": reference.teeth,
+        "channel_names": list(reference.channel_names),
+        "units": list(reference.units),
+        "family_names": list(reference.family_names),
+        "profiles": [],
+    }
+    arrays: dict[str, NDArray[Any]] = {}
+    for row, profile in enumerate(reference.profiles):
+        header["profiles"].append(_profile_header(profile))
+        arrays[f"{row}/level_db"] = profile.level_db
+        arrays[f"{row}/scatter_db"] = profile.scatter_db
+        arrays[f"{row}/heard"] = profile.heard
+        for column, wheel in enumerate(profile.wheels):
+            for name in _WHEEL_ARRAYS:
+                arrays[f"{row}/{column}/{name}"] = getattr(wheel, name)
+    arrays["header"] = np.frombuffer(json.dumps(header).encode("utf-8"), dtype=np.uint8)
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, allow_pickle=False, **arrays)
+    write_atomically(path, buffer.getvalue())
+
+
+_WHEEL_ARRAYS = ("number", "mesh", "amplitude", "variance")
+
+
+def _profile_header(profile: Profile) -> dict[str, Any]:
+    return {
+        "origin": profile.origin,
+        "speed_hz": profile.speed_hz,
+        "duration_s": profile.duration_s,
+        "tacho": profile.tacho,
+        "family_names": list(profile.family_names),
+        "wheels": [
+            {"stage": w.stage, "gear": w.gear, "teeth": w.teeth, "order": w.order}
+            for w in profile.wheels
+        ],
+    }
+
+
+def is_reference(path: str | Path) -> bool:
+    """Tell whether a file is a stored reference (and not, say, a recording)."""
+    try:
+        return zipfile.is_zipfile(path)
+    except OSError:
+        return False
+
+
+def read_reference(path: str | Path) -> Reference:
+    """Read a stored reference.
+
+    Parameters
+    ----------
+    path : str or Path
+        A file written by `write_reference`.
+
+    Returns
+    -------
+    Reference
+
+    Raises
+    ------
+    SignatureError
+        If the file is missing, is no reference, or is damaged.
+    """
+    try:
+        with np.load(Path(path), allow_pickle=False) as archive:
+            header = json.loads(bytes(archive["header"]).decode("utf-8"))
+            if header.get("format") != FORMAT:
+                raise SignatureError(
+                    f"{path}: format {header.get('format')!r} is not {FORMAT!r}; learn it anew"
+                )
+            profiles = tuple(
+                _read_profile(archive, row, entry) for row, entry in enumerate(header["profiles"])
+            )
+    except SignatureError:
+        raise
+    except FileNotFoundError:
+        raise SignatureError(f"{path}: no such file; make one with gearmon learn") from None
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile, EOFError, TypeError) as error:
+        raise SignatureError(
+            f"{path}: not a readable gearmon reference ({type(error).__name__}); make one with "
+            "gearmon learn"
+        ) from None
+    return Reference(
+        machine=header["machine"],
+        teeth=header["teeth"],
+        channel_names=tuple(header["channel_names"]),
+        units=tuple(header["units"]),
+        family_names=tuple(header["family_names"]),
+        profiles=profiles,
+    )
+
+
+def _read_profile(archive: Any, row: int, entry: dict[str, Any]) -> Profile:
+    wheels = tuple(
+        WheelPattern(
+            stage=wheel["stage"],
+            gear=wheel["gear"],
+            teeth=wheel["teeth"],
+            order=wheel["order"],
+            **{name: archive[f"{row}/{column}/{name}"] for name in _WHEEL_ARRAYS},
+        )
+        for column, wheel in enumerate(entry["wheels"])
+    )
+    return Profile(
+        origin=entry["origin"],
+        speed_hz=entry["speed_hz"],
+        duration_s=entry["duration_s"],
+        tacho=entry["tacho"],
+        family_names=tuple(entry["family_names"]),
+        level_db=archive[f"{row}/level_db"],
+        scatter_db=archive[f"{row}/scatter_db"],
+        heard=archive[f"{row}/heard"],
+        wheels=wheels,
+    )
