@@ -1,3 +1,71 @@
-"""Gear condition monitoring that starts from physics."""
+"""Gear condition monitoring that starts from physics.
+
+The public names load what they need when they are first used, so that `import gearmon` costs
+nothing.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
+
+_HOMES = {
+    "Machine": "gearmon.machine",
+    "load_machine": "gearmon.machine",
+    "Recording": "gearmon.signals.recording",
+    "read_recording": "gearmon.signals.recording",
+    "Signature": "gearmon.signatures.signature",
+    "read_signature": "gearmon.signatures.signature",
+    "write_signature": "gearmon.signatures.signature",
+    "expected_signature": "gearmon.signatures.expected",
+    "MeasuredSignature": "gearmon.signatures.measured",
+    "measure_signature": "gearmon.signatures.measured",
+    "Reference": "gearmon.signatures.reference",
+    "read_reference": "gearmon.signatures.reference",
+    "write_reference": "gearmon.signatures.reference",
+    "Analysis": "gearmon.diagnosis.results",
+    "analyse": "gearmon.diagnosis.analysis",
+    "learn": "gearmon.diagnosis.analysis",
+    "simulate": "gearmon.simulation",
+    "write_report": "gearmon.report.html",
+    "GearmonError": "gearmon.errors",
+}
+
+__all__ = ["__version__", *sorted(_HOMES)]
+
+if TYPE_CHECKING:
+    from gearmon.diagnosis.analysis import analyse as analyse
+    from gearmon.diagnosis.analysis import learn as learn
+    from gearmon.diagnosis.results import Analysis as Analysis
+    from gearmon.errors import GearmonError as GearmonError
+    from gearmon.machine import Machine as Machine
+    from gearmon.machine import load_machine as load_machine
+    from gearmon.report.html import write_report as write_report
+    from gearmon.signals.recording import Recording as Recording
+    from gearmon.signals.recording import read_recording as read_recording
+    from gearmon.signatures.expected import expected_signature as expected_signature
+    from gearmon.signatures.measured import MeasuredSignature as MeasuredSignature
+    from gearmon.signatures.measured import measure_signature as measure_signature
+    from gearmon.signatures.reference import Reference as Reference
+    from gearmon.signatures.reference import read_reference as read_reference
+    from gearmon.signatures.reference import write_reference as write_reference
+    from gearmon.signatures.signature import Signature as Signature
+    from gearmon.signatures.signature import read_signature as read_signature
+    from gearmon.signatures.signature import write_signature as write_signature
+    from gearmon.simulation import simulate as simulate
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name from its home."""
+    try:
+        home = _HOMES[name]
+    except KeyError:
+        raise AttributeError(f"module 'gearmon' has no attribute {name!r}") from None
+    return getattr(import_module(home), name)
+
+
+def __dir__() -> list[str]:
+    """List the public names."""
+    return sorted(__all__)

@@ -1,8 +1,207 @@
-"""Arguments -> one call -> output and exit code."""
+"""Arguments -> one call -> output and exit code; nobody imports this module.
+
+Exit codes: 0 done and no flag raised, 1 done and a flag raised, 2 bad input or usage. Everything
+heavy is imported inside the command that needs it.
+"""
 
 from __future__ import annotations
 
+import argparse
+import os
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any
 
-def main(argv: list[str] | None = None) -> int:
-    """Run one command."""
-    raise SystemExit(2)
+from gearmon import __version__, commands
+from gearmon.commands import BAD_INPUT, DONE
+from gearmon.errors import GearmonError
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command.
+
+    Parameters
+    ----------
+    argv : sequence of str, optional
+        Arguments; those of the process by default.
+
+    Returns
+    -------
+    int
+        Exit code.
+    """
+    parser = _parser()
+    arguments = parser.parse_args(argv)
+    if arguments.command is None:
+        parser.print_help()
+        return DONE
+    try:
+        code: int = arguments.run(arguments)
+        sys.stdout.flush()
+        return code
+    except GearmonError as error:
+        print(f"gearmon: {error}", file=sys.stderr)
+        return BAD_INPUT
+    except KeyboardInterrupt:
+        print("gearmon: stopped", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        # whoever reads the output has seen enough; stop Python from complaining at exit
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return DONE
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="gearmon",
+        description="Gear condition monitoring that starts from physics.",
+        epilog="Every command explains itself: gearmon COMMAND --help",
+    )
+    parser.add_argument("--version", action="version", version=f"gearmon {__version__}")
+    parsers = parser.add_subparsers(dest="command", metavar="COMMAND")
+    for add in (_lines, _baseline, _simulate, _learn, _analyse, _demo, _benchmark):
+        add(parsers)
+    return parser
+
+
+def _command(
+    parsers: Any, name: str, run: Callable[[argparse.Namespace], int], help_: str, example: str
+) -> argparse.ArgumentParser:
+    parser: argparse.ArgumentParser = parsers.add_parser(
+        name,
+        help=help_,
+        description=help_[0].upper() + help_[1:] + ".",
+        epilog=f"example: {example}",
+    )
+    parser.set_defaults(run=run)
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser.add_argument("-o", "--output", metavar="PATH", help="write the result to this file")
+    return parser
+
+
+def _lines(parsers: Any) -> None:
+    parser = _command(
+        parsers,
+        "lines",
+        commands.run_lines,
+        "orders and frequencies of every shaft, mesh, assembly phase, hunting tooth and bearing",
+        "gearmon lines machine.toml",
+    )
+    parser.add_argument("machine", metavar="MACHINE", help="machine file (TOML)")
+
+
+def _baseline(parsers: Any) -> None:
+    parser = _command(
+        parsers,
+        "baseline",
+        commands.run_baseline,
+        "the spectrum that a healthy (or damaged) machine should emit, from its gear data",
+        "gearmon baseline machine.toml --fault crack:1:pinion:5:20%% -o lines.csv",
+    )
+    parser.add_argument("machine", metavar="MACHINE", help="machine file (TOML)")
+    _fault_option(parser)
+    parser.add_argument(
+        "--tolerance", type=float, default=1e-6, help="relative error of the acceleration (1e-6)"
+    )
+    parser.add_argument("--max-hz", type=float, metavar="F", help="no lines above this frequency")
+
+
+def _simulate(parsers: Any) -> None:
+    parser = _command(
+        parsers,
+        "simulate",
+        commands.run_simulate,
+        "write a recording of a simulated machine (CSV), with the truth beside it (JSON)",
+        "gearmon simulate machine.toml --fault crack:1:pinion:5:20%% -o cracked.csv",
+    )
+    parser.add_argument("machine", metavar="MACHINE", help="machine file (TOML)")
+    _fault_option(parser)
+    option = parser.add_argument
+    option("--duration", type=float, default=10.0, metavar="S", help="length in s (10)")
+    option("--sampling-rate", type=float, default=20000.0, metavar="HZ", help="(20000)")
+    option("--channels", type=int, default=2, metavar="N", help="vibration channels (2)")
+    option("--load", type=float, default=1.0, metavar="F", help="share of the nominal torque (1)")
+    option("--speed-drift", type=float, default=0.005, metavar="F", help="wander, relative (0.005)")
+    option("--load-drift", type=float, default=0.03, metavar="F", help="wander, relative (0.03)")
+    option("--snr-db", type=float, default=20.0, metavar="DB", help="vibration over noise (20)")
+    option("--tacho", action="store_true", help="add a column with one pulse a turn of shaft 1")
+    option("--no-time", action="store_true", help="leave out the time column")
+    option("--seed", type=int, default=0, metavar="N", help="seed of the recording (0)")
+    option("--machine-seed", type=int, default=0, metavar="N", help="seed of the machine (0)")
+
+
+def _learn(parsers: Any) -> None:
+    parser = _command(
+        parsers,
+        "learn",
+        commands.run_learn,
+        "build a healthy reference from one or more healthy recordings, best at several loads",
+        "gearmon learn idle.csv half.csv full.csv --machine machine.toml -o healthy.ref",
+    )
+    _recording_options(parser)
+
+
+def _analyse(parsers: Any) -> None:
+    parser = _command(
+        parsers,
+        "analyse",
+        commands.run_analyse,
+        "say whether the machine of a recording is healthy, and why",
+        "gearmon analyse new.csv --machine machine.toml --reference healthy.ref "
+        "--report report.html",
+    )
+    _recording_options(parser)
+    parser.add_argument(
+        "--reference",
+        metavar="PATH",
+        help="what gearmon learn wrote, or one healthy recording",
+    )
+    parser.add_argument("--report", metavar="HTML", help="write a report, and a PNG a picture")
+
+
+def _demo(parsers: Any) -> None:
+    parser = _command(
+        parsers,
+        "demo",
+        commands.run_demo,
+        "simulate a healthy and a cracked gearbox, learn, analyse, report",
+        "gearmon demo",
+    )
+    parser.add_argument("name", metavar="NAME", nargs="?", default="crack", help="crack (default)")
+
+
+def _benchmark(parsers: Any) -> None:
+    parser = _command(
+        parsers,
+        "benchmark",
+        commands.run_benchmark,
+        "measure run time, memory and error, side by side with named competitors",
+        "gearmon benchmark analyse -o benchmark.csv",
+    )
+    parser.add_argument(
+        "case", metavar="CASE", nargs="?", default="analyse", help="analyse (default) or memory"
+    )
+
+
+def _fault_option(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--fault",
+        action="append",
+        default=[],
+        metavar="KIND:STAGE:GEAR:TOOTH:SIZE",
+        help="such as crack:1:pinion:5:20%%, a loss of the tooth pair's stiffness; repeatable",
+    )
+
+
+def _recording_options(parser: argparse.ArgumentParser) -> None:
+    option = parser.add_argument
+    option("recording", metavar="RECORDING", nargs="+", help="CSV file, plain or gzip")
+    option("--machine", metavar="MACHINE", required=True, help="machine file (TOML)")
+    option("--sampling-rate", type=float, metavar="HZ", help="needed if there is no time column")
+    option(
+        "--channel",
+        action="append",
+        metavar="NAME|N",
+        help="vibration channel by name or column number; repeatable (all by default)",
+    )
+    option("--tacho", metavar="NAME|N", help="channel with tachometer pulses")

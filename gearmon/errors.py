@@ -69,7 +69,9 @@ def check_range(name: str, value: float, low: float, high: float, unit: str = ""
     """
     number = check_finite(name, value, unit)
     if not low <= number <= high:
-        raise ArgumentError(f"{name}={_shown(value, unit)} must lie in [{low:g}, {high:g}]{_suffix(unit)}")
+        raise ArgumentError(
+            f"{name}={_shown(value, unit)} must lie in [{low:g}, {high:g}]{_suffix(unit)}"
+        )
     return number
 
 

@@ -1,0 +1,218 @@
+"""Whole processes against each other: what a user waits for, and what the machine must hold."""
+
+from __future__ import annotations
+
+import os
+import platform
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gearmon.files import write_atomically
+from gearmon.gears.faults import parse_fault
+from gearmon.machine import load_machine
+from gearmon.machine.example import EXAMPLE
+from gearmon.simulation import simulate, write_simulation
+from gearmon.terminal import Progress
+
+RATE_HZ = 4266.6667
+DURATION_S = 12.0
+
+
+def analysis_against_reading(
+    repeats: int = 7, progress: Progress | None = None
+) -> list[dict[str, Any]]:
+    """Time one analysis, start of process to JSON, against pandas reading the same CSV.
+
+    A recording of 12 s and four channels is simulated, a reference learned; then both processes run
+    in turn, so that a drifting machine speed hits both.
+
+    Parameters
+    ----------
+    repeats : int
+        Counted runs of each, after one warm-up.
+    progress : callable, optional
+        Called with the share done, 0 to 1.
+
+    Returns
+    -------
+    list of dict
+        One row a process, with median, least and largest time and the ratio of the medians.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder)
+        command, reading = _prepared(place)
+        times: dict[str, list[float]] = {"analyse": [], "pandas.read_csv": []}
+        for run in range(repeats + 1):
+            for name, arguments in (("analyse", command), ("pandas.read_csv", reading)):
+                elapsed = _timed(arguments)
+                if run:
+                    times[name].append(elapsed)
+            if progress is not None:
+                progress((run + 1) / (repeats + 1))
+    base = statistics.median(times["pandas.read_csv"])
+    return [
+        {
+            "process": name,
+            "rows": round(RATE_HZ * DURATION_S),
+            "channels": 4,
+            "median_s": statistics.median(values),
+            "least_s": min(values),
+            "largest_s": max(values),
+            "ratio_to_pandas": statistics.median(values) / base,
+            **machine_facts(),
+        }
+        for name, values in times.items()
+    ]
+
+
+def _prepared(place: Path) -> tuple[list[str], list[str]]:
+    """Write machine, recordings and reference; return both processes' arguments."""
+    write_atomically(place / "machine.toml", EXAMPLE)
+    machine = load_machine(place / "machine.toml")
+    for number, (name, fault) in enumerate((("healthy", ""), ("new", "crack:1:pinion:7:30%"))):
+        recording = simulate(
+            machine,
+            [parse_fault(fault)] if fault else [],
+            duration_s=DURATION_S,
+            sampling_rate_hz=RATE_HZ,
+            channels=4,
+            recording_seed=number,
+        )
+        write_simulation(recording, place / f"{name}.csv", with_time=False)
+    common = ["--machine", str(place / "machine.toml"), "--sampling-rate", str(RATE_HZ)]
+    start = [sys.executable, "-m", "gearmon"]
+    healthy, new = str(place / "healthy.csv"), str(place / "new.csv")
+    reference = str(place / "healthy.ref")
+    subprocess.run(
+        [*start, "learn", healthy, *common, "-o", reference], check=True, capture_output=True
+    )
+    command = [*start, "analyse", new, *common, "--reference", reference, "--json"]
+    reading = [sys.executable, "-c", f"import pandas; pandas.read_csv({new!r})"]
+    return command, reading
+
+
+def _timed(arguments: Sequence[str]) -> float:
+    start = time.perf_counter()
+    subprocess.run(list(arguments), capture_output=True, check=False)
+    return time.perf_counter() - start
+
+
+def memory_of_long_recording(
+    rows: int = 10_000_000, columns: Sequence[int] = (1, 4), progress: Progress | None = None
+) -> list[dict[str, Any]]:
+    """Measure the peak memory of analysing a long CSV against the size of its numbers.
+
+    Parameters
+    ----------
+    rows : int
+        Rows of the CSV.
+    columns : sequence of int
+        Numbers of channels to try.
+    progress : callable, optional
+        Called with the share done, 0 to 1.
+
+    Returns
+    -------
+    list of dict
+        One row a number of channels.
+    """
+    results = []
+    for number, count in enumerate(columns):
+        with tempfile.TemporaryDirectory() as folder:
+            place = Path(folder)
+            write_atomically(place / "machine.toml", EXAMPLE)
+            path = place / "long.csv"
+            _long_csv(path, rows, count)
+            command = [
+                sys.executable,
+                "-m",
+                "gearmon",
+                "analyse",
+                str(path),
+                "--machine",
+                str(place / "machine.toml"),
+                "--sampling-rate",
+                "20000",
+                "--json",
+            ]
+            peak, elapsed = _peak_memory(command)
+        numbers = 8 * rows * count
+        results.append(
+            {
+                "rows": rows,
+                "channels": count,
+                "numbers_mib": numbers / 2**20,
+                "peak_mib": peak / 2**20,
+                "ratio": peak / numbers,
+                "elapsed_s": elapsed,
+                **machine_facts(),
+            }
+        )
+        if progress is not None:
+            progress((number + 1) / len(columns))
+    return results
+
+
+def _long_csv(path: Path, rows: int, columns: int) -> None:
+    """Write a long recording of the demo gearbox: ten simulated seconds, over and over.
+
+    The seams do not matter for memory and time; the text has as many digits as a logger writes.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        machine_file = Path(folder) / "machine.toml"
+        write_atomically(machine_file, EXAMPLE)
+        recording = simulate(
+            load_machine(machine_file), duration_s=10.0, sampling_rate_hz=20000.0, channels=columns
+        )
+    block = "\n".join(",".join(f"{v:.6g}" for v in row) for row in recording.samples.T) + "\n"
+    lines = recording.samples.shape[1]
+    with path.open("w", encoding="ascii") as file:
+        file.write(",".join(recording.channel_names) + "\n")
+        for _ in range(rows // lines):
+            file.write(block)
+
+
+def _peak_memory(command: Sequence[str]) -> tuple[float, float]:
+    """Peak resident memory of a process [bytes] and its elapsed time [s].
+
+    Measured by a small process in between, whose only child it is.
+    """
+    script = (
+        "import resource, subprocess, sys, time\n"
+        "start = time.perf_counter()\n"
+        "subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)\n"
+        "usage = resource.getrusage(resource.RUSAGE_CHILDREN)\n"
+        "print(usage.ru_maxrss, time.perf_counter() - start)\n"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", script, *command], capture_output=True, text=True, check=True
+    )
+    kibibytes, elapsed = result.stdout.split()
+    return float(kibibytes) * 1024, float(elapsed)
+
+
+def machine_facts() -> dict[str, Any]:
+    """Return what the figures were measured on.
+
+    Returns
+    -------
+    dict
+        Processor kind and count, Python and library versions.
+    """
+    return {
+        "processor": platform.machine(),
+        "cores": os.cpu_count(),
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "scipy": version("scipy"),
+        "pandas": version("pandas"),
+    }

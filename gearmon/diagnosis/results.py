@@ -1,0 +1,252 @@
+"""What an analysis says: value objects that know how to become JSON, and nothing else."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearmon.signatures.measured import MeasuredSignature
+from gearmon.signatures.signature import Signature
+
+FloatArray = NDArray[np.float64]
+
+VERDICTS = ("healthy", "fault", "no mesh found", "cannot tell")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change:
+    """Level of one family of lines in one channel against the healthy reference.
+
+    Parameters
+    ----------
+    channel : str
+        Channel.
+    family : str
+        The family in words, as "sidebands of shaft 1 around mesh 2 harmonic 1".
+    kind : {"mesh", "sidebands", "residual"}
+        Kind of the family.
+    stage, harmonic : int
+        Stage and mesh harmonic, from 1.
+    gear : str
+        Gear that the spacing belongs to ("" for the mesh itself).
+    shaft : int or None
+        Shaft that turns at the spacing.
+    level_db, reference_db : float
+        Measured level, and what the reference makes expect at this load [dB re 1 unit^2].
+    scatter_db : float
+        Standard deviation of their difference on a healthy machine [dB].
+    """
+
+    channel: str
+    family: str
+    kind: str
+    stage: int
+    harmonic: int
+    gear: str
+    shaft: int | None
+    level_db: float
+    reference_db: float
+    scatter_db: float
+
+    @property
+    def change_db(self) -> float:
+        """Measured less expected level [dB]."""
+        return self.level_db - self.reference_db
+
+    @property
+    def standardised(self) -> float:
+        """The change in standard deviations."""
+        return self.change_db / self.scatter_db
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return built-in types, ready for JSON."""
+        return {
+            "channel": self.channel,
+            "family": self.family,
+            "kind": self.kind,
+            "stage": self.stage,
+            "harmonic": self.harmonic,
+            "gear": self.gear,
+            "shaft": self.shaft,
+            "level_db": self.level_db,
+            "reference_db": self.reference_db,
+            "change_db": self.change_db,
+            "scatter_db": self.scatter_db,
+        }
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ToothProfile:
+    """Where in the turn of one gear the vibration departs from the reference (or from itself).
+
+    Parameters
+    ----------
+    stage : int
+        Stage, from 1.
+    gear : str
+        Gear.
+    teeth : int
+        Teeth.
+    energy : ndarray of float, shape (teeth,)
+        Energy of the departure over windows of two teeth centred on each tooth, median 1.
+    tooth : int or None
+        Tooth with the most, counted from 1 at the tachometer pulse; None without a tachometer on
+        this gear's shaft, when only the position relative to the reference is known.
+    position : float
+        The same place in turns of this gear after the reference's angle zero, in [0, 1).
+    ratio : float
+        Highest energy over the median.
+    log10_probability : float
+        Logarithm of the probability that a healthy gear shows as much anywhere in its turn.
+    against : {"reference", "other teeth"}
+        What was compared with.
+    """
+
+    stage: int
+    gear: str
+    teeth: int
+    energy: FloatArray
+    tooth: int | None
+    position: float
+    ratio: float
+    log10_probability: float
+    against: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return built-in types, ready for JSON."""
+        return {
+            "stage": self.stage,
+            "gear": self.gear,
+            "teeth": self.teeth,
+            "tooth": self.tooth,
+            "position": self.position,
+            "ratio": self.ratio,
+            "log10_probability": self.log10_probability,
+            "against": self.against,
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class Flag:
+    """One finding that a person should look at.
+
+    Parameters
+    ----------
+    kind : str
+        "tooth damage" (localised), "changed mesh", "changed sidebands" or "changed residual".
+    stage : int or None
+        Stage, from 1.
+    gear : str or None
+        Gear, where the evidence singles one out.
+    tooth : int or None
+        Tooth, where a tachometer allows to number it.
+    stiffness_loss, stiffness_loss_low, stiffness_loss_high : float or None
+        Estimated loss of the tooth pair's stiffness and its 90 % interval, as fractions; None where
+        the recording or the machine file does not bear an estimate.
+    false_alarm_probability : float
+        Probability of as much evidence on a healthy machine, corrected for all places looked at.
+    evidence : tuple of str
+        Sentences that can be checked on the pictures.
+    """
+
+    kind: str
+    stage: int | None
+    gear: str | None
+    tooth: int | None
+    stiffness_loss: float | None
+    stiffness_loss_low: float | None
+    stiffness_loss_high: float | None
+    false_alarm_probability: float
+    evidence: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return built-in types, ready for JSON."""
+        return {
+            "kind": self.kind,
+            "stage": self.stage,
+            "gear": self.gear,
+            "tooth": self.tooth,
+            "stiffness_loss": self.stiffness_loss,
+            "stiffness_loss_low": self.stiffness_loss_low,
+            "stiffness_loss_high": self.stiffness_loss_high,
+            "false_alarm_probability": self.false_alarm_probability,
+            "evidence": list(self.evidence),
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class Analysis:
+    """The answer for one recording.
+
+    Parameters
+    ----------
+    recording : str
+        The recording.
+    machine : str
+        Name of the machine.
+    verdict : {"healthy", "fault", "no mesh found", "cannot tell"}
+        The answer.
+    reason : str
+        The verdict in one or two sentences.
+    score : float
+        Rises with the evidence of a fault: -log10 of the probability of the strongest test.
+    false_alarm_probability : float
+        Probability of as much evidence on a healthy machine.
+    compared_with : {"reference", "expected signature", "nothing"}
+        What the recording was held against.
+    signature : MeasuredSignature
+        What was measured.
+    indicators : dict
+        Condition indicators: name -> channel -> value.
+    changes : tuple of Change
+        Every family of lines in every channel, if there was a reference.
+    profiles : tuple of ToothProfile
+        One for each gear whose turn could be resolved.
+    flags : tuple of Flag
+        Findings, strongest first.
+    expected : Signature or None
+        The expected signature, where the machine file has the data for it.
+    warnings : tuple of str
+        What limits the answer.
+    """
+
+    recording: str
+    machine: str
+    verdict: str
+    reason: str
+    score: float
+    false_alarm_probability: float
+    compared_with: str
+    signature: MeasuredSignature
+    indicators: dict[str, dict[str, float]]
+    changes: tuple[Change, ...]
+    profiles: tuple[ToothProfile, ...]
+    flags: tuple[Flag, ...]
+    expected: Signature | None
+    warnings: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return built-in types, ready for JSON: the contract of `gearmon analyse --json`."""
+        signature = self.signature
+        return {
+            "recording": self.recording,
+            "machine": self.machine,
+            "verdict": self.verdict,
+            "reason": self.reason,
+            "score": self.score,
+            "false_alarm_probability": self.false_alarm_probability,
+            "compared_with": self.compared_with,
+            "channels": list(signature.channel_names),
+            "sampling_rate_hz": signature.sampling_rate_hz,
+            "duration_s": signature.duration_s,
+            "speed": signature.speed.to_dict(),
+            "mesh": [mesh.to_dict() for mesh in signature.meshes],
+            "indicators": self.indicators,
+            "flags": [flag.to_dict() for flag in self.flags],
+            "changes": [change.to_dict() for change in self.changes],
+            "teeth": [profile.to_dict() for profile in self.profiles],
+            "warnings": list(self.warnings),
+        }
