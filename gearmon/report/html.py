@@ -1,0 +1,201 @@
+"""A report as one HTML file that needs nothing else, with a PNG of each picture beside it."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from gearmon import __version__
+from gearmon.diagnosis.results import Analysis, Flag
+from gearmon.errors import ArgumentError
+from gearmon.files import write_atomically
+from gearmon.machine import Machine
+from gearmon.report import tables
+from gearmon.report.palette import VERDICT_STYLE
+from gearmon.report.wording import gear_text, loss_text, printable, probability_text
+from gearmon.signals.recording import Recording
+from gearmon.signatures.reference import Reference
+
+# Changes shown at once; the rest folds away.
+_CHANGES_SHOWN = 30
+
+
+@dataclass(frozen=True, kw_only=True)
+class Failure:
+    """A recording that could not be analysed.
+
+    Parameters
+    ----------
+    recording : str
+        The recording.
+    message : str
+        Why, in one line.
+    """
+
+    recording: str
+    message: str
+
+
+def write_report(
+    analyses: Sequence[Analysis],
+    recordings: Iterable[Recording | None],
+    reference: Reference | None,
+    machine: Machine,
+    path: str | Path,
+    *,
+    failures: Sequence[Failure] = (),
+    progress: Callable[[float], None] | None = None,
+) -> list[Path]:
+    """Write a report on one or several recordings.
+
+    Parameters
+    ----------
+    analyses : sequence of Analysis
+        The answers.
+    recordings : iterable of (Recording or None)
+        Their recordings, in the same order, taken one at a time; None leaves the spectra out.
+    reference : Reference or None
+        What they were compared with.
+    machine : Machine
+        The machine.
+    path : str or Path
+        The HTML file, ``*.html``. Pictures go beside it: ``report-01-spectrum.png`` for the first
+        recording of ``report.html``.
+    failures : sequence of Failure
+        Recordings that could not be analysed, to be named in the report.
+    progress : callable, optional
+        Called with the share that is done, from 0 to 1.
+
+    Returns
+    -------
+    list of Path
+        The files written, the HTML file first.
+
+    Raises
+    ------
+    ArgumentError
+        If there is nothing to report, a recording is missing, or a file cannot be written.
+    """
+    target = _checked(analyses, failures, Path(path))
+    sections, written = [], []
+    supply = iter(recordings)
+    for number, analysis in enumerate(analyses, start=1):
+        section, files = _section(number, analysis, supply, reference, machine, target)
+        sections.append(section)
+        written += files
+        if progress:
+            progress(number / len(analyses))
+    write_atomically(target, _rendered(analyses, sections, machine, failures))
+    return [target, *written]
+
+
+def _checked(analyses: Sequence[Analysis], failures: Sequence[Failure], target: Path) -> Path:
+    if not analyses and not failures:
+        raise ArgumentError("a report needs at least one recording")
+    if target.suffix.lower() not in (".html", ".htm"):
+        raise ArgumentError(f"{target}: a report is an HTML file; give a name that ends in .html")
+    if not target.parent.is_dir():
+        raise ArgumentError(f"{target}: folder {target.parent} does not exist; make it first")
+    return target
+
+
+def _section(
+    number: int,
+    analysis: Analysis,
+    supply: Iterator[Recording | None],
+    reference: Reference | None,
+    machine: Machine,
+    target: Path,
+) -> tuple[dict[str, Any], list[Path]]:
+    """Draw one recording, write its pictures, and return what the template needs of it."""
+    # drawing is slow to load, and text reports do without it
+    from gearmon.report.pictures import pictures
+
+    try:
+        recording = next(supply)
+    except StopIteration:
+        raise ArgumentError(
+            f"recordings: {number - 1} given, fewer than the analyses; give one each"
+        ) from None
+    shown, files = [], []
+    for picture in pictures(analysis, recording, reference):
+        file = target.with_name(f"{target.stem}-{number:02d}-{picture.name}.png")
+        write_atomically(file, picture.png)
+        files.append(file)
+        shown.append(
+            {
+                "title": picture.title,
+                "caption": picture.caption,
+                "alt": printable(picture.alt),
+                "data": base64.b64encode(picture.png).decode("ascii"),
+            }
+        )
+    return _contents(number, analysis, reference, machine) | {"pictures": shown}, files
+
+
+def _contents(
+    number: int, analysis: Analysis, reference: Reference | None, machine: Machine
+) -> dict[str, Any]:
+    indicators, definitions = tables.indicator_table(analysis)
+    background, colour, sign = VERDICT_STYLE[analysis.verdict]
+    return {
+        "anchor": f"recording-{number}",
+        "recording": printable(analysis.recording),
+        "verdict": analysis.verdict,
+        "reason": analysis.reason,
+        "background": background,
+        "colour": colour,
+        "sign": sign,
+        "facts": tables.facts(analysis),
+        "flags": [_flag(flag) for flag in analysis.flags],
+        "warnings": [*analysis.warnings, *_unsaid_notes(analysis)],
+        "meshes": tables.mesh_table(analysis),
+        "flag_table": tables.flag_table(analysis),
+        "indicators": indicators,
+        "definitions": definitions,
+        "changes": tables.change_table(analysis),
+        "changes_shown": _CHANGES_SHOWN,
+        "settings": tables.settings_table(analysis, reference, machine),
+    }
+
+
+def _unsaid_notes(analysis: Analysis) -> list[str]:
+    return [note for note in analysis.signature.notes if note not in analysis.warnings]
+
+
+def _flag(flag: Flag) -> dict[str, Any]:
+    return {
+        "kind": flag.kind,
+        "place": gear_text(flag.stage, flag.gear, flag.tooth),
+        "loss": loss_text(flag.stiffness_loss, flag.stiffness_loss_low, flag.stiffness_loss_high),
+        "probability": probability_text(flag.false_alarm_probability),
+        "evidence": flag.evidence,
+    }
+
+
+def _rendered(
+    analyses: Sequence[Analysis],
+    sections: Sequence[dict[str, Any]],
+    machine: Machine,
+    failures: Sequence[Failure],
+) -> str:
+    import jinja2
+
+    source = resources.files("gearmon.report").joinpath("analysis.html").read_text("utf-8")
+    environment = jinja2.Environment(
+        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    return environment.from_string(source).render(
+        machine=printable(machine.name) or "machine without a name",
+        made=datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
+        version=__version__,
+        sections=sections,
+        overview=tables.overview_table(analyses),
+        failures=failures,
+        styles=VERDICT_STYLE,
+    )
