@@ -7,6 +7,7 @@ heavy is imported inside the command that needs it.
 from __future__ import annotations
 
 import argparse
+import io
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -35,7 +36,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     if arguments.command is None:
         parser.print_help()
         return DONE
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # file names need not be text
     try:
+        commands.check_names(arguments)
         code: int = arguments.run(arguments)
         sys.stdout.flush()
         return code
@@ -59,7 +64,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"gearmon {__version__}")
     parsers = parser.add_subparsers(dest="command", metavar="COMMAND")
-    for add in (_lines, _baseline, _simulate, _learn, _analyse, _demo, _benchmark):
+    for add in (_lines, _stiffness, _baseline, _simulate, _learn, _analyse, _demo, _benchmark):
         add(parsers)
     return parser
 
@@ -90,13 +95,29 @@ def _lines(parsers: Any) -> None:
     parser.add_argument("machine", metavar="MACHINE", help="machine file (TOML)")
 
 
+def _stiffness(parsers: Any) -> None:
+    parser = _command(
+        parsers,
+        "stiffness",
+        commands.run_stiffness,
+        "mesh stiffness over a mesh period or a turn, healthy and damaged, as table and picture",
+        "gearmon stiffness machine.toml --fault crack:1:pinion:5:1.5mm -o stiffness.csv",
+    )
+    parser.add_argument("machine", metavar="MACHINE", help="machine file (TOML)")
+    _fault_option(parser)
+    parser.add_argument(
+        "--form", default="potential-energy", help="stiffness form (potential-energy)"
+    )
+    parser.add_argument("--stage", type=int, metavar="N", help="only this stage")
+
+
 def _baseline(parsers: Any) -> None:
     parser = _command(
         parsers,
         "baseline",
         commands.run_baseline,
         "the spectrum that a healthy (or damaged) machine should emit, from its gear data",
-        "gearmon baseline machine.toml --fault crack:1:pinion:5:20%% -o lines.csv",
+        "gearmon baseline machine.toml --fault crack:1:pinion:5:20% -o lines.csv",
     )
     parser.add_argument("machine", metavar="MACHINE", help="machine file (TOML)")
     _fault_option(parser)
@@ -112,7 +133,7 @@ def _simulate(parsers: Any) -> None:
         "simulate",
         commands.run_simulate,
         "write a recording of a simulated machine (CSV), with the truth beside it (JSON)",
-        "gearmon simulate machine.toml --fault crack:1:pinion:5:20%% -o cracked.csv",
+        "gearmon simulate machine.toml --fault crack:1:pinion:5:20% -o cracked.csv",
     )
     parser.add_argument("machine", metavar="MACHINE", help="machine file (TOML)")
     _fault_option(parser)
@@ -189,7 +210,8 @@ def _fault_option(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="KIND:STAGE:GEAR:TOOTH:SIZE",
-        help="such as crack:1:pinion:5:20%%, a loss of the tooth pair's stiffness; repeatable",
+        help="such as crack:1:pinion:5:20%%, a loss of the tooth pair's stiffness, or 1.5mm; "
+        "repeatable",
     )
 
 

@@ -21,6 +21,47 @@ if TYPE_CHECKING:
 DONE, FLAGGED, BAD_INPUT = 0, 1, 2
 
 
+def check_names(arguments: argparse.Namespace) -> None:
+    """Refuse names of files that cannot work, before any work is done.
+
+    Parameters
+    ----------
+    arguments : argparse.Namespace
+        Parsed arguments.
+
+    Raises
+    ------
+    ArgumentError
+        If a name is empty, has the wrong ending, or would be written over what is read.
+    """
+    given = vars(arguments)
+    for name in ("output", "report", "reference", "tacho", "machine"):
+        if given.get(name) == "":
+            raise ArgumentError(f"--{name}: the name is empty")
+    inputs = [*given.get("recording", ()), given.get("machine"), given.get("reference")]
+    read = {Path(path).resolve() for path in inputs if path}
+    for name in ("output", "report"):
+        path = given.get(name)
+        if path and Path(path).resolve() in read:
+            raise ArgumentError(f"{path}: is read as well; give another name to write to")
+    if given.get("report") and Path(given["report"]).suffix.lower() not in (".html", ".htm"):
+        raise ArgumentError(f"{given['report']}: the name of a report must end in .html")
+    endings = _ENDINGS.get(arguments.command)
+    if given.get("output") and endings and Path(given["output"]).suffix.lower() not in endings:
+        listed = ", ".join(endings)
+        raise ArgumentError(f"{given['output']}: the name must end in one of {listed}")
+
+
+_ENDINGS = {
+    "lines": (".csv", ".json"),
+    "stiffness": (".csv", ".json"),
+    "baseline": (".csv", ".json", ".parquet"),
+    "simulate": (".csv",),
+    "analyse": (".json",),
+    "benchmark": (".csv", ".json"),
+}
+
+
 def run_lines(arguments: argparse.Namespace) -> int:
     """Run `gearmon lines`."""
     from gearmon.gears.kinematics import line_table
@@ -33,6 +74,40 @@ def run_lines(arguments: argparse.Namespace) -> int:
         _write_table(arguments.output, result, lambda: rows_as_csv(result["rows"]))
     _show(arguments, result, lambda: [line_table_text(table)])
     return DONE
+
+
+def run_stiffness(arguments: argparse.Namespace) -> int:
+    """Run `gearmon stiffness`."""
+    from gearmon.gears.stiffness_report import stiffness_report
+    from gearmon.report.text_tables import rows_as_csv, table_lines
+
+    report = stiffness_report(
+        _machine(arguments.machine),
+        tuple(arguments.fault),
+        form=arguments.form,
+        stage=arguments.stage,
+    )
+    result = report.to_dict()
+    if arguments.output:
+        from gearmon.report.stiffness_plots import save_stiffness_figures
+
+        _write_table(arguments.output, result, lambda: rows_as_csv(report.rows()))
+        picture = Path(arguments.output).with_suffix(".png")
+        result["pictures"] = [str(path) for path in save_stiffness_figures(report, picture)]
+    _show(arguments, result, lambda: _stiffness_lines(result, report.rows(), table_lines))
+    return DONE
+
+
+def _stiffness_lines(
+    result: dict[str, Any],
+    rows: list[dict[str, Any]],
+    table_lines: Callable[[list[dict[str, Any]]], list[str]],
+) -> list[str]:
+    """Show some forty of the rows: the file holds them all."""
+    shown = rows[:: max(1, len(rows) // 40)]
+    lines = table_lines(shown)
+    lines.append(f"({len(shown)} of {len(rows)} rows; -o FILE.csv writes them all, and a picture)")
+    return lines + [f"wrote {path}" for path in result.get("pictures", ())]
 
 
 def run_baseline(arguments: argparse.Namespace) -> int:
@@ -132,10 +207,17 @@ def run_analyse(arguments: argparse.Namespace) -> int:
     ]
     result: dict[str, Any] = {"recordings": results}
     if arguments.report and kept:
-        from gearmon.report.html import write_report
+        from gearmon.report.html import Failure, write_report
 
         analyses, recordings = [a for a, _ in kept], [r for _, r in kept]
-        files = write_report(analyses, recordings, reference, machine, arguments.report)
+        failures = [
+            Failure(recording=entry["recording"], message=entry["error"])
+            for entry in results
+            if "error" in entry
+        ]
+        files = write_report(
+            analyses, recordings, reference, machine, arguments.report, failures=failures
+        )
         result["report"] = [str(file) for file in files]
     if arguments.output:
         _write_json(arguments.output, result)

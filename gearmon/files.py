@@ -33,6 +33,9 @@ def replacing(path: str | Path) -> Iterator[Path]:
     target = Path(path)
     if target.is_dir():
         raise ArgumentError(f"{target}: is a folder; give the name of a file to write")
+    if target.exists() and not target.is_file():
+        raise ArgumentError(f"{target}: is no ordinary file; give the name of a file to write")
+    target = target.resolve()  # a link stays a link: what it points to is replaced
     try:
         handle, name = tempfile.mkstemp(prefix=".", suffix=target.suffix, dir=target.parent)
         os.close(handle)

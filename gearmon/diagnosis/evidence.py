@@ -43,7 +43,7 @@ def tooth_flags(profiles: Sequence[ToothProfile], below: float, looked_at: int) 
     where = (
         f"tooth {first.tooth}"
         if first.tooth is not None
-        else (f"one place, {first.position:.2f} of a turn after the reference's zero")
+        else (f"one place, {first.position:.2f} of a turn after the recording's zero")
     )
     evidence = [
         f"the {first.gear} of stage {first.stage} departs from {against} at {where}: "

@@ -96,7 +96,7 @@ class ToothProfile:
         Tooth with the most, counted from 1 at the tachometer pulse; None without a tachometer on
         this gear's shaft, when only the position relative to the reference is known.
     position : float
-        The same place in turns of this gear after the reference's angle zero, in [0, 1).
+        The same place in turns of this gear after the recording's own angle zero, in [0, 1).
     ratio : float
         Highest energy over the median.
     log10_probability : float

@@ -40,6 +40,8 @@ class AngleTrack:
         How it was found: "comb", "tacho" or "constant".
     uncertainty_turns : float
         Standard deviation of the angle about the true one, slow common offset left out [turns].
+    indexed : bool
+        Whether angle zero is the same position of shaft 1 in every recording.
 
     Raises
     ------
@@ -51,6 +53,7 @@ class AngleTrack:
     turns: FloatArray
     method: str
     uncertainty_turns: float
+    indexed: bool = False
 
     def __post_init__(self) -> None:
         """Check the knots."""
@@ -100,7 +103,8 @@ def _hermite(x: FloatArray, y: FloatArray, at: FloatArray) -> FloatArray:
     cuts = np.concatenate([[0], np.searchsorted(at, x), [len(at)]])
     piece = np.repeat(np.arange(len(knot)), np.diff(cuts))
     u = at - knot[piece]
-    return value[piece] + u * (first[piece] + u * (second[piece] + u * third[piece]))
+    curve: FloatArray = value[piece] + u * (first[piece] + u * (second[piece] + u * third[piece]))
+    return curve
 
 
 def resample_to_angle(
@@ -171,7 +175,7 @@ def _read_at(samples: FloatArray, position: FloatArray, oversampling: int) -> Fl
     first = int(position[0]) - _MARGIN
     stop = int(position[-1]) + 2 + _MARGIN
     length = fast_length(stop - first)
-    index = np.clip(np.arange(first, first + length), 0, last)
+    index, mirrored, end = _beyond_ends(np.arange(first, first + length), last)
     taper = np.ones(length)
     ramp = 0.5 - 0.5 * np.cos(np.pi * np.arange(_MARGIN // 2) / (_MARGIN // 2))
     taper[: len(ramp)] = ramp
@@ -179,7 +183,7 @@ def _read_at(samples: FloatArray, position: FloatArray, oversampling: int) -> Fl
     coordinates = oversampling * (position - first)[None, :]
     result = np.empty((samples.shape[0], len(position)))
     for row, channel in enumerate(samples):
-        chunk = channel[index]
+        chunk = np.where(mirrored, 2.0 * channel[end] - channel[index], channel[index])
         level = float(chunk.mean())
         tapered = (chunk - level) * taper
         read = _double_rate(tapered) if oversampling == 2 else tapered
@@ -188,6 +192,19 @@ def _read_at(samples: FloatArray, position: FloatArray, oversampling: int) -> Fl
             filtered, coordinates, order=5, mode="mirror", prefilter=False
         )
     return result
+
+
+def _beyond_ends(
+    index: NDArray[np.int64], last: int
+) -> tuple[NDArray[np.int64], NDArray[np.bool_], NDArray[np.int64]]:
+    """Continue a recording oddly about its first and last sample.
+
+    Value and slope then go on smoothly: a step there would ring through the doubling of the rate.
+    """
+    below, above = index < 0, index > last
+    reflected = np.where(below, -index, np.where(above, 2 * last - index, index))
+    end = np.where(above, last, 0)
+    return np.clip(reflected, 0, last), below | above, end
 
 
 def _double_rate(chunk: FloatArray) -> FloatArray:
@@ -235,7 +252,7 @@ class OrderLines:
         blocks end to end as there is record per half block (Harris 1978, correlation 1/6).
         """
         count = self.amplitude.shape[0]
-        return count / (1 + 2 * (1 / 6) ** 2 * (count - 1) / count)
+        return float(count / (1 + 2 * (1 / 6) ** 2 * (count - 1) / count))
 
     def block_powers(self) -> tuple[FloatArray, float]:
         """Power of each line, pair of blocks by pair of blocks, without the share of noise.
@@ -321,7 +338,7 @@ def order_lines(
             off_line += plan.power(part)
             seen += 1
     scale = np.where(orders > 0, 2.0, 1.0) / plan.window.sum()
-    floor = _floor_at(off_line / seen, orders * plan.length / grid.per_turn)
+    floor = _floor_at(off_line / seen, orders * plan.length / grid.per_turn, seen)
     return OrderLines(
         orders=orders,
         amplitude=np.array(rows) * scale,
@@ -469,15 +486,22 @@ class _LinePlan:
 def _kernel_transform(x: FloatArray, reach: int, beta: float) -> FloatArray:
     """Fourier transform of the kernel I0(beta sqrt(1 - (2 u / reach)^2)) at x cycles a bin."""
     argument = np.emath.sqrt(beta**2 - (np.pi * reach * x) ** 2)
-    value = reach * np.sinh(argument) / argument
-    return np.real(value)
+    value: FloatArray = np.real(reach * np.sinh(argument) / argument)
+    return value
 
 
-def _floor_at(power: FloatArray, bins: FloatArray) -> FloatArray:
-    """Noise power at fractional bins: running median, over ln 2 (the median of noise power)."""
-    floor = local_floor(power, min(power.shape[-1], 256)) / np.log(2)
+def _floor_at(power: FloatArray, bins: FloatArray, blocks: int) -> FloatArray:
+    """Noise power at fractional bins: running median, over the median of averaged noise powers.
+
+    The mean of n noise powers follows a gamma law of shape n, whose median over its mean is about
+    1 - 1/(3 n) + 0.02/n^2; half overlapped Hann blocks are worth a twentieth less.
+    """
+    worth = max(1.0, 0.95 * blocks)
+    median = 1 - 1 / (3 * worth) + 0.02 / worth**2
+    floor = local_floor(power, min(power.shape[-1], 256)) / median
     nearest = np.minimum(np.rint(bins).astype(int), power.shape[-1] - 1)
-    return floor[:, nearest]
+    taken: FloatArray = floor[:, nearest]
+    return taken
 
 
 def synchronous_average(lines: OrderLines, rotation_order: float, per_turn: int) -> FloatArray:

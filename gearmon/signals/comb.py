@@ -197,6 +197,8 @@ def scan_speed(
     bins = int(min(length // 2 + 1, np.ceil(top_hz / bin_hz) + 64))
     ratio = _candidates(bin_hz / nominal_hz, used, tolerance)
     starts = np.arange(0, count - block + 1, hop)
+    if len(starts) > 3 and starts[-1] != count - block:
+        starts = np.append(starts, count - block)  # hears the recording to its end
     centre_s = (starts + block / 2) / sampling_rate_hz
     middle = np.full(len(starts), nominal_hz) if around is None else around.at(centre_s)
     kept, stride = _kept_blocks(len(starts))
@@ -284,4 +286,5 @@ def _parabolic(scores: FloatArray, path: NDArray[np.int64], speeds: FloatArray) 
     curvature = 2 * here - left - right
     safe = np.where(curvature > 0, curvature, 1.0)
     offset = np.where(curvature > 0, 0.5 * (right - left) / safe, 0.0)
-    return speeds[middle] + np.clip(offset, -0.5, 0.5) * (speeds[1] - speeds[0])
+    refined: FloatArray = speeds[middle] + np.clip(offset, -0.5, 0.5) * (speeds[1] - speeds[0])
+    return refined

@@ -19,10 +19,12 @@ FloatArray = NDArray[np.float64]
 
 # Phase noise that modulation and interference leave on even the clearest line [cycles].
 _PHASE_FLOOR_CYCLES = 0.01
+# Power over noise from which the phase of a line is listened to.
+_HEARD = 6.0
 # Blocks that tell whether lines stand still [turns].
 _BLOCK_TURNS = 5.0
 # Errors of the speed that each pass expects: they bound the orders that it may use.
-_SPEED_ERRORS = (2e-3, 1e-3, 1e-4)
+_SPEED_ERRORS = (1e-2, 3e-3, 1e-3, 1e-4)
 
 
 def constant_track(speed_hz: float, duration_s: float) -> AngleTrack:
@@ -143,7 +145,7 @@ def standing_share(
     turns = float(track.turns[-1] - track.turns[0])
     lines = _lines(samples, sampling_rate_hz, track, orders, min(_BLOCK_TURNS, turns / 4))
     power = np.mean(np.abs(lines.amplitude) ** 2, axis=0)
-    heard = power > 4 * lines.noise
+    heard = power > _HEARD * lines.noise
     if not heard.any():
         return 0.0
     blocks = lines.amplitude.shape[0]
@@ -183,14 +185,15 @@ def _corrected(track: AngleTrack, lines: OrderLines, wander: float) -> tuple[Ang
     variance = lines.noise / strength / (2 * np.pi) ** 2 + _PHASE_FLOOR_CYCLES**2
     weight = order**2 / variance
     # a line below its noise says nothing about phase, however many such lines there are
-    weight = np.where(strength > 4.0 * lines.noise, weight, 0.0)
+    weight = np.where(strength > _HEARD * lines.noise, weight, 0.0)
     error = np.angle(product) / (2 * np.pi * order)
     increment, total = _robust_mean(error, weight, order)
     hop_turns = lines.block_turns / 2
     hop_s = hop_turns / float(np.mean(track.speed_hz))
     step = wander * np.sqrt(hop_s) * hop_turns
     smooth, spread, freedom = _smoothed(increment, total, step)
-    centres = lines.first_turn + lines.block_turns / 2 + hop_turns * np.arange(len(smooth) + 1)
+    middle = lines.first_turn + lines.block_turns / 2
+    centres: FloatArray = middle + hop_turns * np.arange(len(smooth) + 1.0)
     shift = np.concatenate([[0.0], np.cumsum(smooth)])
     return _shifted(track, centres, shift, spread), freedom
 

@@ -184,14 +184,15 @@ def _evidence(
         for decoy in _decoys(mesh, spacing)
         if decoy.order > 2 * spacing and _apart(decoy.order, meshes, 1.5 * spacing)
     ]
+    decoys = [strength for strength in decoys if len(strength)]
     if len(own) == 0 or len(decoys) < 8:
         return MeshEvidence.none(len(decoys))
     strengths = _padded([own, *decoys])
     rivals = strengths[1:, : len(own)]
-    judged = np.sum(~np.isnan(rivals), axis=0) >= 8
-    if not judged.any():
+    common = np.sum(~np.isnan(rivals), axis=0) >= 8
+    if not common.any():
         return MeshEvidence.none(len(decoys))
-    strengths, rivals = strengths[:, : len(own)][:, judged], rivals[:, judged]
+    strengths, rivals = strengths[:, : len(own)][:, common], rivals[:, common]
     middle = np.nanmedian(rivals, axis=0)
     spread = np.maximum(1.4826 * np.nanmedian(np.abs(rivals - middle), axis=0), 1e-12)
     clear = (strengths[0] - middle) / spread >= _CLEAR
@@ -204,7 +205,7 @@ def _evidence(
         decoys_above=int(np.sum(size[1:] >= size[0])),
         decoys=len(rivals),
         clear=int(np.sum(clear)),
-        visible=int(np.sum(judged)),
+        visible=int(np.sum(common)),
     )
 
 
@@ -277,7 +278,8 @@ class _JudgedSpectrum:
 
     def _at(self, orders: FloatArray) -> FloatArray:
         index = np.minimum(np.rint(orders / self.bin_order).astype(int), len(self.quality) - 1)
-        return self.quality[index]
+        taken: FloatArray = self.quality[index]
+        return taken
 
 
 def _unseen(scan: SpeedScan) -> NDArray[np.int64]:
@@ -286,7 +288,8 @@ def _unseen(scan: SpeedScan) -> NDArray[np.int64]:
     if len(blocks) < 4:
         return blocks
     distance = np.abs(blocks[:, None] - scan.kept[None, :]).min(axis=1)
-    return blocks[distance >= scan.stride]
+    apart: NDArray[np.int64] = blocks[distance >= scan.stride]
+    return apart
 
 
 def _order_quality(scan: SpeedScan, track: SpeedTrack, bin_order: float) -> FloatArray:
@@ -306,6 +309,7 @@ def spacing_mismatch(
     mesh: MeshComb,
     spacing: float,
     tolerance: float = 0.03,
+    others: Sequence[float] = (),
 ) -> tuple[float, float]:
     """Compare the sidebands at a shaft's spacing with those at a slightly different spacing.
 
@@ -324,6 +328,8 @@ def spacing_mismatch(
         Order of the shaft.
     tolerance : float
         Departures of the spacing to try, as a fraction.
+    others : sequence of float
+        Orders of the other shafts: departures at which their sidebands stand are left out.
 
     Returns
     -------
@@ -337,6 +343,12 @@ def spacing_mismatch(
     # a line width at the second sideband: finer departures cannot be told from none
     near = max(2 * bin_order / spacing, 1e-3)
     departures = np.linspace(-tolerance, tolerance, 2 * max(20, int(4 * tolerance / near)) + 1)
+    # where the second sideband of one gear nearly meets the first of the other, it is that one's
+    small = range(1, 5)
+    ratios = [j * other / (i * spacing) for other in others for i in small for j in small]
+    for ratio in ratios:
+        elsewhere = np.abs(1 + departures - ratio) > 2 * near  # and the skirts of its lines
+        departures = departures[elsewhere | (np.abs(departures) <= near)]
     total = np.zeros(len(departures))
     for k in range(1, len(mesh.groups) + 1):
         for r in (-4, -3, -2, -1, 1, 2, 3, 4):

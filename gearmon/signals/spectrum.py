@@ -134,7 +134,7 @@ def amplitude_spectrum(samples: FloatArray, sampling_rate_hz: float) -> Spectrum
     values = np.abs(real_fft(signals * window, count)) / window.sum()
     values[:, 1 : (count + 1) // 2] *= 2.0
     return Spectrum(
-        frequency_hz=np.fft.rfftfreq(count, 1.0 / sampling_rate_hz),
+        frequency_hz=sampling_rate_hz / count * np.arange(count // 2 + 1.0),
         values=values,
         quantity="amplitude",
         resolution_hz=1.5 * sampling_rate_hz / count,
@@ -178,7 +178,7 @@ def power_density(samples: FloatArray, sampling_rate_hz: float, block: int) -> S
     values = powers.mean(axis=0) / (sampling_rate_hz * np.sum(window**2))
     values[:, 1 : (block + 1) // 2] *= 2.0
     return Spectrum(
-        frequency_hz=np.fft.rfftfreq(block, 1.0 / sampling_rate_hz),
+        frequency_hz=sampling_rate_hz / block * np.arange(block // 2 + 1.0),
         values=values,
         quantity="density",
         resolution_hz=1.5 * sampling_rate_hz / block,
@@ -245,7 +245,8 @@ def local_floor(power: FloatArray, width: int) -> FloatArray:
     flat = medians.reshape(-1, len(starts))
     grid = np.arange(bins)
     floor = np.array([np.interp(grid, centres, row) for row in flat])
-    return np.maximum(floor.reshape(power.shape), np.finfo(float).tiny)
+    result: FloatArray = np.maximum(floor.reshape(power.shape), np.finfo(float).tiny)
+    return result
 
 
 def _checked(samples: FloatArray, sampling_rate_hz: float) -> FloatArray:

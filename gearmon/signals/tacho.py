@@ -14,6 +14,8 @@ FloatArray = NDArray[np.float64]
 
 # Share of pulses that may be missing or extra before the channel is no longer believed.
 _REPAIRABLE = 0.02
+# How far a nominal speed may be off.
+_SPEED_UNKNOWN = 0.03
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,8 +39,8 @@ def find_pulses(waveform: FloatArray, sampling_rate_hz: float) -> TachoPulses:
     """Find the rising edges of a tachometer waveform.
 
     The threshold is half way between the extremes, with a hysteresis of a tenth of their distance
-    on either side; edges are interpolated between samples. Intervals of two or three times their
-    neighbours' median get the missing pulses, intervals below 0.6 of it lose one.
+    on either side; edges are interpolated between samples. Intervals of two or three times the
+    median of their neighbours get the missing pulses, intervals below 0.6 of it lose one.
 
     Parameters
     ----------
@@ -92,25 +94,52 @@ def _edges(waveform: FloatArray, middle: float, margin: float) -> FloatArray:
     return edges
 
 
+_NEIGHBOURS = 15
+
+
+def _typical(interval: FloatArray) -> FloatArray:
+    """Median interval among each one's neighbours: the speed may change along the recording."""
+    half = min(_NEIGHBOURS, len(interval)) // 2
+    padded = np.pad(interval, half, mode="reflect") if half else interval
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1)
+    typical: FloatArray = np.median(windows, axis=-1)
+    return typical
+
+
 def _without_extra(time_s: FloatArray) -> tuple[FloatArray, int]:
-    typical = float(np.median(np.diff(time_s)))
-    keep = [0]
-    for index in range(1, len(time_s)):
-        if time_s[index] - time_s[keep[-1]] >= 0.6 * typical:
-            keep.append(index)
-    return time_s[keep], len(time_s) - len(keep)
+    """Leave out pulses that come too soon, of two close ones the one that fits its neighbours less.
+
+    A short interval between pulses i and i + 1 means that one of them is extra: without the right
+    one the intervals on both sides add up to the typical one.
+    """
+    time = time_s
+    extra = 0
+    while len(time) > 3:
+        interval = np.diff(time)
+        typical = _typical(interval)
+        short = np.flatnonzero(interval < 0.6 * typical)
+        if len(short) == 0:
+            break
+        index = int(short[0])
+        cost = []
+        for candidate in (index, index + 1):
+            rest = np.delete(time, candidate)
+            near = np.diff(rest)[max(0, index - 2) : index + 2]
+            cost.append(float(np.sum((near / typical[index] - 1) ** 2)))
+        time = np.delete(time, index + int(np.argmin(cost)))
+        extra += 1
+        if extra > max(10, 0.1 * len(time_s)):
+            break  # far beyond repair: the caller refuses
+    return time, extra
 
 
 def _with_missing(time_s: FloatArray) -> tuple[FloatArray, int]:
     interval = np.diff(time_s)
-    typical = np.median(interval)
+    steps = np.maximum(1, np.rint(interval / _typical(interval))).astype(int)
     parts = [time_s[:1]]
-    missing = 0
-    for index, gap in enumerate(interval):
-        steps = max(1, round(float(gap / typical)))
-        missing += steps - 1
-        parts.append(time_s[index] + gap * np.arange(1, steps + 1) / steps)
-    return np.concatenate(parts), missing
+    for index, count in enumerate(steps):
+        parts.append(time_s[index] + interval[index] * np.arange(1, count + 1) / count)
+    return np.concatenate(parts), int(np.sum(steps - 1))
 
 
 def track_from_pulses(
@@ -155,6 +184,8 @@ def track_from_pulses(
         time_s=np.concatenate([[0.0], time[inside], [duration_s]]),
         turns=np.concatenate([[ends[0]], turns[inside], [ends[1]]]),
         method="tacho",
+        # of several pulses a turn nobody knows which one came first
+        indexed=pulses_per_turn == 1 and shaft_order == 1.0,
         uncertainty_turns=jitter * float(slope.mean()),
     )
 
@@ -183,6 +214,12 @@ def pulses_per_turn(pulses: TachoPulses, shaft_hz: float, tolerance: float = 0.0
     """
     rate = 1.0 / float(np.median(np.diff(pulses.time_s)))
     count = max(1, round(rate / shaft_hz))
+    if count * _SPEED_UNKNOWN > 0.25:
+        raise RecordingError(
+            f"tacho channel: about {rate / shaft_hz:.3g} pulses a turn at the nominal "
+            f"{shaft_hz:.4g} Hz, too many to count while the speed may be "
+            f"{_SPEED_UNKNOWN:.0%} off; give pulses_per_turn in a [[sensor]] of the machine file"
+        )
     if abs(rate / shaft_hz / count - 1) > tolerance:
         raise RecordingError(
             f"tacho channel: {rate:.4g} pulses a second are {rate / shaft_hz:.3g} a turn at the "

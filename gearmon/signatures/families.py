@@ -57,7 +57,9 @@ class Family:
         """The family in words."""
         if self.kind == "mesh":
             return f"mesh {self.stage} harmonic {self.harmonic}"
-        where = f"shaft {self.shaft}" if self.shaft else f"the {self.gear}"
+        # a planetary gear has several spacings: turning, and passing the planets
+        spaced = f"the {self.gear} at {self.spacing:.4g} orders"
+        where = f"shaft {self.shaft}" if self.shaft else spaced
         what = "sidebands" if self.kind == "sidebands" else "synchronous residual"
         return f"{what} of {where} around mesh {self.stage} harmonic {self.harmonic}"
 
@@ -151,6 +153,9 @@ def line_plan(train: Kinematics, top_order: float, finest_spacing: float) -> Lin
         for k in _harmonics(mesh, claims.top):
             for r in range(-(wheel.teeth // 2), wheel.teeth // 2 + 1):
                 claims.add(k * mesh.exact + r * wheel.exact_relative, 10**6, None)
+    if not claims.owner:  # no mesh can be seen at this sampling rate: at least the shafts
+        for rotation in train.shafts:
+            claims.add(rotation.exact, 10**6, None)
     exact = sorted(claims.owner)
     position = {order: index for index, order in enumerate(exact)}
     meshes = {

@@ -25,6 +25,7 @@ from gearmon.signatures.speed import (
     SPEED_TOLERANCE,
     Speed,
     find_track,
+    line_peak,
     mesh_combs,
     scan_nominal_speeds,
     speed_of,
@@ -45,7 +46,7 @@ class MeshFinding:
     stage : int
         Stage, from 1.
     frequency_hz : float
-        Mesh frequency at the estimated speed [Hz].
+        Where its line stands in a spectrum of the whole recording [Hz].
     found : bool
         Whether its lines stand out.
     snr_db : float or None
@@ -168,14 +169,16 @@ def measure_signature(recording: Recording, machine: Machine) -> MeasuredSignatu
     turns = float(track.turns[-1] - track.turns[0])
     lines = order_lines(samples, rate, track, plan.orders, _block_turns(turns, slowest))
     level, scatter, heard = family_levels(lines, plan)
-    findings = _findings(samples, rate, track, train, combs, evidence, lines, plan)
+    peak_hz = line_peak(samples, rate, train, track)
+    speed = speed_of(track, nominal_hz, peak_hz, scan, recording.duration_s)
+    findings = _findings(speed, samples, rate, track, train, combs, evidence, lines, plan)
     return MeasuredSignature(
         origin=recording.origin,
         duration_s=recording.duration_s,
         sampling_rate_hz=rate,
         channel_names=vibration.channel_names,
         units=vibration.units,
-        speed=speed_of(track, nominal_hz, scan, recording.duration_s),
+        speed=speed,
         meshes=findings,
         track=track,
         plan=plan,
@@ -254,6 +257,7 @@ def family_levels(
 
 
 def _findings(
+    speed: Speed,
     samples: FloatArray,
     rate: float,
     track: AngleTrack,
@@ -263,7 +267,6 @@ def _findings(
     lines: OrderLines,
     plan: LinePlan,
 ) -> tuple[MeshFinding, ...]:
-    speed = float((track.turns[-1] - track.turns[0]) / (track.time_s[-1] - track.time_s[0]))
     # at most some millions of points: the test needs the resolution of seconds, not of hours
     pieces = max(1, samples.shape[-1] >> 18)
     quality, bin_order = order_quality(samples, rate, track, pieces)
@@ -275,10 +278,7 @@ def _findings(
     for mesh, comb, seen in zip(train.meshes, combs, evidence, strict=True):
         found, reason = _judge(seen, quality, bin_order, comb, mesh.carrier == 0)
         if found and not several and seen.visible > 1:
-            found, reason = False, (
-                f"one line suits it, but none of the {seen.visible - 1} other harmonics that could "
-                "be seen: it may be a tone of anything"
-            )
+            found, reason = False, _lonely(seen.visible - 1)
         chosen = [
             line
             for family in plan.families
@@ -290,7 +290,7 @@ def _findings(
         findings.append(
             MeshFinding(
                 stage=mesh.stage,
-                frequency_hz=mesh.order * speed,
+                frequency_hz=mesh.order * speed.peak_hz,
                 found=found,
                 snr_db=float(snr[:, chosen].max()) if chosen else None,
                 score=float(seen.score),
@@ -300,10 +300,19 @@ def _findings(
     return tuple(findings)
 
 
+def _lonely(others: int) -> str:
+    return (
+        f"one line suits it, but none of the {others} other harmonics that could be seen: "
+        "it may be a tone of anything"
+    )
+
+
 def _judge(
     seen: MeshEvidence, quality: FloatArray, bin_order: float, comb: MeshComb, parallel: bool
 ) -> tuple[bool, str]:
     """Whether a mesh is found, and why."""
+    if not seen.visible:
+        return False, "too few of its harmonics lie below half the sampling rate to judge it"
     if not seen.stands_out:
         return False, (
             f"its lines stand {seen.score:.1f} standard deviations above those of other tooth "
@@ -311,7 +320,10 @@ def _judge(
         )
     if parallel:
         for spacing in comb.spacings:
-            excess, departure = spacing_mismatch(quality, bin_order, comb, spacing, SPEED_TOLERANCE)
+            others = [other for other in comb.spacings if other != spacing]
+            excess, departure = spacing_mismatch(
+                quality, bin_order, comb, spacing, SPEED_TOLERANCE, others
+            )
             if excess > 0 and seen.score - excess < _FOUND_DESPITE_MISMATCH:
                 return False, (
                     f"a line suits it, but the sidebands about it are spaced {departure:+.1%} from "

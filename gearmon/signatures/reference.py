@@ -98,7 +98,7 @@ class Profile:
     duration_s : float
         Length [s].
     tacho : bool
-        Whether the angle zero is that of a tachometer pulse.
+        Whether the angle zero is that of a tachometer with one pulse a turn of shaft 1.
     family_names : tuple of str
         Families of lines.
     level_db, scatter_db : ndarray of float, shape (channels, families)
@@ -126,7 +126,7 @@ class Profile:
             origin=signature.origin,
             speed_hz=signature.speed.estimated_hz,
             duration_s=signature.duration_s,
-            tacho=signature.speed.method == "tacho",
+            tacho=signature.track.indexed,
             family_names=tuple(family.name for family in signature.plan.families),
             level_db=signature.level_db,
             scatter_db=signature.scatter_db,
@@ -344,7 +344,8 @@ def read_reference(path: str | Path) -> Reference:
         If the file is missing, is no reference, or is damaged.
     """
     try:
-        with np.load(Path(path), allow_pickle=False) as archive:
+        # opened here, so that it is closed even if it turns out to be no archive
+        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as archive:
             header = json.loads(bytes(archive["header"]).decode("utf-8"))
             if header.get("format") != FORMAT:
                 raise SignatureError(

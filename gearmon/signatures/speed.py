@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -42,6 +43,9 @@ class Speed:
         From the machine file [Hz].
     estimated_hz : float
         Mean over the recording [Hz].
+    peak_hz : float
+        Speed at which the comb of lines peaks in one spectrum of the whole recording [Hz]: where
+        the lines are seen if the speed drifts a little. Within 0.1 % of the mean.
     uncertainty_hz : float
         Standard deviation of that mean [Hz].
     lowest_hz, highest_hz : float
@@ -52,6 +56,7 @@ class Speed:
 
     nominal_hz: float
     estimated_hz: float
+    peak_hz: float
     uncertainty_hz: float
     lowest_hz: float
     highest_hz: float
@@ -62,6 +67,7 @@ class Speed:
         return {
             "nominal_hz": self.nominal_hz,
             "estimated_hz": self.estimated_hz,
+            "peak_hz": self.peak_hz,
             "uncertainty_hz": self.uncertainty_hz,
             "lowest_hz": self.lowest_hz,
             "highest_hz": self.highest_hz,
@@ -170,7 +176,13 @@ def find_track(
     top = 0.45 * rate * (1 - SPEED_TOLERANCE) / nominal_hz
     orders = np.array(
         sorted(
-            {k * mesh.order for mesh in train.meshes for k in range(1, 7) if k * mesh.order < top}
+            {
+                float(order)
+                for mesh in train.meshes
+                for k in range(1, 7)
+                for order in _followed(mesh, k)
+                if order < top
+            }
         )
     )
     last_s = (samples.shape[-1] - 1) / rate
@@ -186,14 +198,23 @@ def find_track(
     best = _Heard.of(samples, rate, refine_track(samples, rate, first, orders, calm), orders)
     if best.share < _STILL:
         best = best.or_finer(samples, rate, best.track, orders)
+    enough = _STANDING
     for turns, tolerance in _FINER_SCANS:
         block_s = turns / nominal_hz
-        if best.share > _STANDING or last_s < 8 * block_s:
+        if best.share > enough or last_s < 8 * block_s:
             break
+        enough = _STILL  # once the speed is known to wander, even its last second must be right
         finer = scan_speed(samples, rate, comb, nominal_hz, tolerance, block_s, around=speed)
         speed = finer.track()
         best = best.or_finer(samples, rate, integrate_speed(speed, last_s), orders)
     return best.track, ()
+
+
+def _followed(mesh: Mesh, harmonic: int) -> tuple[Fraction, ...]:
+    """Lines of one mesh harmonic whose phase is followed: those that the planets leave."""
+    if mesh.carrier == 0:
+        return (harmonic * mesh.exact,)
+    return group_orders(mesh, harmonic)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -221,7 +242,11 @@ def _tacho_track(
 ) -> tuple[AngleTrack, tuple[str, ...]]:
     index = recording.channel_kinds.index("tacho")
     name = recording.channel_names[index]
-    sensor = next((s for s in machine.sensors if str(s.column) == name and s.kind == "tacho"), None)
+    column = recording.columns[index] if index < len(recording.columns) else None
+    sensor = next(
+        (s for s in machine.sensors if s.kind == "tacho" and str(s.column) in (name, str(column))),
+        None,
+    )
     pulses = find_pulses(recording.samples[index], recording.sampling_rate_hz)
     order = train.shaft(sensor.shaft).order if sensor is not None else 1.0
     count = sensor.pulses_per_turn if sensor else pulses_per_turn(pulses, nominal_hz)
@@ -233,7 +258,9 @@ def _tacho_track(
     return track, tuple(notes)
 
 
-def speed_of(track: AngleTrack, nominal_hz: float, scan: SpeedScan, duration_s: float) -> Speed:
+def speed_of(
+    track: AngleTrack, nominal_hz: float, peak_hz: float, scan: SpeedScan, duration_s: float
+) -> Speed:
     """Sum up a track as a speed with its uncertainty.
 
     Parameters
@@ -242,6 +269,8 @@ def speed_of(track: AngleTrack, nominal_hz: float, scan: SpeedScan, duration_s: 
         Angle of shaft 1.
     nominal_hz : float
         Nominal speed [Hz].
+    peak_hz : float
+        Speed at which lines peak [Hz].
     scan : SpeedScan
         Scan that the track began with.
     duration_s : float
@@ -262,8 +291,44 @@ def speed_of(track: AngleTrack, nominal_hz: float, scan: SpeedScan, duration_s: 
     return Speed(
         nominal_hz=nominal_hz,
         estimated_hz=float(track.turns[-1] - track.turns[0]) / span,
+        peak_hz=peak_hz,
         uncertainty_hz=uncertainty,
         lowest_hz=float(speeds.min()),
         highest_hz=float(speeds.max()),
         method=track.method,
     )
+
+
+_PEAK_TOLERANCE = 1e-3
+_PEAK_SAMPLES = 1 << 19
+
+
+def line_peak(samples: FloatArray, rate: float, train: Kinematics, track: AngleTrack) -> float:
+    """Find the speed at which lines stand in one spectrum of the whole recording.
+
+    Parameters
+    ----------
+    samples : ndarray of float, shape (channels, n)
+        Vibration.
+    rate : float
+        Sampling rate [Hz].
+    train : Kinematics
+        Orders of the machine.
+    track : AngleTrack
+        Angle of shaft 1.
+
+    Returns
+    -------
+    float
+        The speed [Hz], within 0.1 % of the mean; the mean itself if the speed wanders by more than
+        0.1 % (standard deviation over half seconds) or there are more than half a million samples:
+        then the lines have no one place in such a spectrum.
+    """
+    mean = float((track.turns[-1] - track.turns[0]) / (track.time_s[-1] - track.time_s[0]))
+    whole = samples.shape[-1] / rate
+    halves = np.arange(0.0, whole, 0.5)
+    wander = float(np.std(np.diff(track.turns_at(halves)))) / 0.5 if len(halves) > 2 else 0.0
+    if samples.shape[-1] > _PEAK_SAMPLES or wander > _PEAK_TOLERANCE * mean:
+        return mean
+    scan = scan_speed(samples, rate, _comb(train), mean, _PEAK_TOLERANCE, whole)
+    return scan.track().mean_hz

@@ -85,7 +85,7 @@ def make_truth(
         "tacho_shaft": settings.tacho_shaft,
         "snr_db": settings.snr_db,
         "accuracy_grade": settings.accuracy_grade,
-        "condition": "fault" if any(fault.loss > 0 for fault in faults) else "healthy",
+        "condition": "fault" if any(_acts(fault) for fault in faults) else "healthy",
         "faults": [_fault(fault) for fault in faults],
         "speed": speed,
         "load": _load(settings, point, drive),
@@ -112,6 +112,11 @@ def make_truth(
     }
 
 
+def _acts(fault: Fault) -> bool:
+    """Whether a fault changes anything: one given as a loss of nothing does not."""
+    return not fault.is_loss or fault.loss > 0
+
+
 def _fault(fault: Fault) -> dict[str, Any]:
     return {
         "fault": str(fault),
@@ -119,7 +124,8 @@ def _fault(fault: Fault) -> dict[str, Any]:
         "stage": fault.stage,
         "gear": fault.gear,
         "tooth": fault.tooth,
-        "stiffness_loss": fault.loss,
+        "stiffness_loss": fault.loss if fault.is_loss else None,
+        "size": str(fault).rsplit(":", 1)[-1],
     }
 
 
