@@ -1,0 +1,66 @@
+"""The benchmark of whole processes: quick runs with the columns that it promises."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from gearmon.benchmark import run_case, whole_process
+from gearmon.errors import ArgumentError
+from gearmon.simulation import simulate
+
+FACTS = {"processor", "cores", "python", "numpy", "scipy", "pandas"}
+
+
+def test_machine_facts():
+    facts = whole_process.machine_facts()
+    assert set(facts) == FACTS
+    assert all(facts.values())
+
+
+def test_analysis_against_reading(monkeypatch):
+    monkeypatch.setattr(whole_process, "DURATION_S", 4.0)
+    seen = []
+    rows = whole_process.analysis_against_reading(repeats=1, progress=seen.append)
+    assert [row["process"] for row in rows] == ["analyse", "pandas.read_csv"]
+    for row in rows:
+        assert set(row) == FACTS | {
+            "process",
+            "rows",
+            "channels",
+            "median_s",
+            "least_s",
+            "largest_s",
+            "ratio_to_pandas",
+        }
+        assert 0 < row["least_s"] <= row["median_s"] <= row["largest_s"]
+    assert rows[1]["ratio_to_pandas"] == 1.0
+    assert seen == [0.5, 1.0]
+    json.dumps(rows, allow_nan=False)
+
+
+def test_memory_of_a_long_recording(monkeypatch):
+    def shortly(machine, **settings):
+        return simulate(machine, **(settings | {"duration_s": 2.0}))
+
+    monkeypatch.setattr(whole_process, "simulate", shortly)
+    seen = []
+    (row,) = whole_process.memory_of_long_recording(200_000, (1,), seen.append)
+    assert set(row) == FACTS | {
+        "rows",
+        "channels",
+        "numbers_mib",
+        "peak_mib",
+        "ratio",
+        "elapsed_s",
+    }
+    assert row["numbers_mib"] == pytest.approx(8 * 200_000 / 2**20)
+    assert row["peak_mib"] > 20  # no Python process with NumPy is smaller
+    assert row["ratio"] == pytest.approx(row["peak_mib"] / row["numbers_mib"])
+    assert seen == [1.0]
+
+
+def test_unknown_case_is_refused():
+    with pytest.raises(ArgumentError, match="case='speed' must be one of analyse, memory"):
+        run_case("speed")

@@ -1,0 +1,68 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gearmon.report.curves import angle_spectrum, extremes, max_hold, time_spectrum, turn_waveforms
+from gearmon.signals.angle import AngleTrack
+
+
+@given(st.integers(1, 500), st.integers(1, 60), st.integers(0, 2**31))
+def test_max_hold_keeps_the_largest_value_and_the_order(count, columns, seed):
+    y = np.random.default_rng(seed).normal(size=count)
+    x = np.arange(count, dtype=float)
+    held_x, held_y = max_hold(x, y, columns)
+    assert len(held_y) == min(count, columns)
+    assert held_y.max() == y.max()
+    assert np.all(np.diff(held_x) > 0)
+    assert np.array_equal(y[held_x.astype(int)], held_y)
+
+
+@given(st.integers(1, 500), st.integers(1, 60), st.integers(0, 2**31))
+def test_extremes_keep_the_range(count, columns, seed):
+    y = np.random.default_rng(seed).normal(size=count)
+    kept_x, kept_y = extremes(np.arange(count, dtype=float), y, columns)
+    assert (kept_y.min(), kept_y.max()) == (y.min(), y.max())
+    assert np.all(np.diff(kept_x) > 0)
+    assert len(kept_y) <= max(2 * columns, 1) or len(kept_y) == count
+
+
+@pytest.mark.parametrize("count", [4096, 300_000])
+def test_a_sine_on_a_line_reads_its_amplitude_however_long(count):
+    rate_hz = 4096.0
+    signal = 1.5 + 2.5 * np.sin(2 * np.pi * 512.0 * np.arange(count) / rate_hz)
+    spectrum, blocks = time_spectrum(signal[None, :], rate_hz)
+    assert (blocks > 1) == (count > 2**17)
+    at = int(np.argmax(spectrum.values[0]))
+    assert spectrum.frequency_hz[at] == pytest.approx(512.0)
+    assert spectrum.values[0, at] == pytest.approx(2.5, rel=1e-6)
+    assert spectrum.values[0, 0] < 1e-9
+
+
+def test_the_angle_spectrum_gathers_what_a_wandering_speed_smears():
+    rate_hz, seconds = 4096.0, 16.0
+    time_s = np.arange(int(rate_hz * seconds)) / rate_hz
+    turns = 20.0 * time_s + 0.5 * np.sin(2 * np.pi * 0.1 * time_s)
+    signal = 3.0 * np.cos(2 * np.pi * 30 * turns)[None, :]
+    track = AngleTrack(
+        time_s=time_s[::64], turns=turns[::64], method="tacho", uncertainty_turns=0.0
+    )
+    smeared, _ = time_spectrum(signal, rate_hz)
+    gathered = angle_spectrum(signal, rate_hz, track, 100.0, 60.0)
+    at = int(np.argmax(gathered.values[0]))
+    assert gathered.frequency_hz[at] == pytest.approx(30.0, abs=0.01)
+    assert gathered.values[0, at] == pytest.approx(3.0, rel=0.16)
+    assert smeared.values.max() < 1.5
+
+
+def test_the_turn_without_mesh_harmonics_plus_the_mesh_harmonics_is_the_turn(faulty):
+    signature = faulty.analysis.signature
+    wheel = signature.plan.wheels[0]
+    average, rest = turn_waveforms(signature.lines, wheel)
+    angle = np.arange(average.shape[1]) / average.shape[1]
+    mesh = wheel.lines[wheel.mesh]
+    number = wheel.number[wheel.mesh]
+    waves = np.exp(2j * np.pi * np.outer(number, angle))
+    assert np.allclose(average - rest, (signature.lines.mean[:, mesh] @ waves).real, atol=1e-9)

@@ -1,0 +1,51 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+from gearmon.gears.kinematics import line_table
+from gearmon.report.text import (
+    analysis_text,
+    line_table_text,
+    reference_text,
+    signature_text,
+)
+
+
+def test_the_verdict_comes_first(faulty):
+    lines = analysis_text(faulty.analysis).splitlines()
+    assert lines[0] == "made-7.csv: FAULT"
+    assert any(line.startswith("  flag: tooth damage, stage 1, pinion, tooth ") for line in lines)
+    assert any("rpm), by tacho" in line for line in lines)
+
+
+def test_a_healthy_machine_has_few_words(healthy):
+    text = analysis_text(healthy.analysis)
+    assert text.startswith("made-8.csv: HEALTHY")
+    assert "flag" not in text
+    assert len(text.splitlines()) < 12
+
+
+def test_without_a_mesh_no_speed_is_claimed(gearless):
+    text = analysis_text(gearless.analysis)
+    assert "NO MESH FOUND" in text
+    assert "rpm" not in text
+
+
+def test_the_strongest_changes_are_listed_where_no_flag_tells(faulty):
+    text = analysis_text(replace(faulty.analysis, flags=()), most_changes=1)
+    strongest = max(faulty.analysis.changes, key=lambda change: abs(change.standardised))
+    assert f"{strongest.channel}: {strongest.family}" in text
+    assert text.count("(scatter ") == 1
+
+
+def test_a_name_cannot_steer_the_terminal(healthy):
+    assert "\x1b" not in analysis_text(replace(healthy.analysis, recording="\x1b[2Jx"))
+
+
+def test_reference_signature_and_lines_as_text(healthy, alone):
+    assert "3 healthy recordings" in reference_text(healthy.reference)
+    assert "made-2.csv" in reference_text(healthy.reference)
+    assert "mesh 1" in signature_text(alone.analysis.expected, most=3)
+    table = line_table_text(line_table(healthy.machine)).splitlines()
+    assert table[1].split() == ["stage", "kind", "line", "shaft", "order", "Hz"]
+    assert any("460.000" in line for line in table)

@@ -1,0 +1,319 @@
+"""Measured signatures: levels in closed form, laws, simulated machines and real recordings."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from reference.simulated_machines import planetary, two_stages
+from reference.synthetic_signals import (
+    as_recording,
+    lines_on,
+    track_of,
+    wandering_turns,
+    white,
+)
+
+from gearmon.errors import RecordingError
+from gearmon.gears.kinematics import kinematics
+from gearmon.machine import Machine, OperatingPoint, ParallelStage, Sensor
+from gearmon.signals.angle import order_lines
+from gearmon.signals.recording import Recording
+from gearmon.signatures.families import line_plan
+from gearmon.signatures.measured import family_levels, measure_signature
+from gearmon.signatures.speed import mesh_combs
+from gearmon.simulation import simulate
+
+RATE, SPEED, DURATION = 4000.0, 24.7, 16.0
+TIME = np.arange(int(DURATION * RATE)) / RATE
+WANDER = 0.001
+
+
+def one_pair(pinion=23, gear=61, *speeds_rpm):
+    speeds = speeds_rpm or (1500.0,)
+    points = tuple(OperatingPoint(speed_rpm=speed, share=1 / len(speeds)) for speed in speeds)
+    stage = ParallelStage(pinion_teeth=pinion, gear_teeth=gear)
+    return Machine(name="pair", operating=points, stages=(stage,))
+
+
+MACHINE = one_pair()
+TURNS = wandering_turns(TIME, SPEED, WANDER, 1)
+# sidebands of the pinion about mesh harmonics 1 and 2, unequal as on real machines
+SIDES = {1: {-2: 0.05, -1: 0.2, 1: 0.3, 2: 0.1}, 2: {-1: 0.15, 1: 0.1}}
+MESH = {1: 1.0, 2: 0.6, 3: 0.3}
+
+
+def modulated(noise=0.05, seed=0, factor=1.0):
+    """Two channels of a pair with known mesh harmonics and sidebands, the second half as loud."""
+    orders, levels = [1.0], [0.3]
+    for k, level in MESH.items():
+        orders.append(23.0 * k)
+        levels.append(level)
+        for r, side in SIDES.get(k, {}).items():
+            orders.append(23.0 * k + r)
+            levels.append(side)
+    phases = np.random.default_rng(5).uniform(0, 6.28, len(orders))
+    clean = lines_on(TURNS, orders, levels, phases)
+    samples = np.vstack([clean, 0.5 * clean]) + white((2, len(TIME)), noise, seed=seed)
+    return Recording(samples=factor * samples, sampling_rate_hz=RATE, origin="synthetic")
+
+
+@pytest.fixture(scope="module")
+def signature():
+    return measure_signature(modulated(), MACHINE)
+
+
+def column(measured, kind, harmonic, gear=""):
+    for index, family in enumerate(measured.plan.families):
+        if (family.kind, family.harmonic, family.gear) == (kind, harmonic, gear):
+            return index
+    raise AssertionError((kind, harmonic, gear))
+
+
+def decibels(*amplitudes):
+    return 10 * np.log10(np.sum(np.square(amplitudes)))
+
+
+@pytest.mark.parametrize("harmonic", [1, 2, 3])
+def test_mesh_levels_equal_the_closed_form(signature, harmonic):
+    index = column(signature, "mesh", harmonic)
+    expected = decibels(MESH[harmonic])
+    assert signature.level_db[0, index] == pytest.approx(expected, abs=0.2)
+    assert signature.level_db[1, index] == pytest.approx(expected - 6.02, abs=0.2)
+    assert signature.heard[:, index].all()
+
+
+@pytest.mark.parametrize("harmonic", [1, 2])
+def test_sideband_levels_equal_the_closed_form(signature, harmonic):
+    index = column(signature, "sidebands", harmonic, "pinion")
+    expected = decibels(*SIDES[harmonic].values())
+    assert signature.level_db[0, index] == pytest.approx(expected, abs=0.2)
+    assert signature.heard[:, index].all()
+
+
+def test_families_without_lines_are_not_heard(signature):
+    silent = [column(signature, "sidebands", harmonic, "gear") for harmonic in (1, 2, 3)] + [
+        column(signature, "residual", harmonic, "pinion") for harmonic in (1, 2)
+    ]
+    assert signature.heard[:, silent].mean() < 0.25
+    assert signature.level_db[0, silent].max() < -20
+
+
+def test_speed_and_mesh_are_right(signature):
+    true = (TURNS[-1] - TURNS[0]) / TIME[-1]
+    assert signature.speed.nominal_hz == 25.0
+    assert signature.speed.estimated_hz == pytest.approx(true, rel=2e-5)
+    assert signature.speed.lowest_hz <= true <= signature.speed.highest_hz
+    assert signature.speed.method == "comb"
+    (mesh,) = signature.meshes
+    assert mesh.found
+    # where its line stands in one spectrum: at a speed that was run for long, near the mean
+    assert mesh.frequency_hz == pytest.approx(23 * true, rel=1.1e-3)
+    assert signature.speed.lowest_hz <= mesh.frequency_hz / 23 <= signature.speed.highest_hz
+    assert mesh.snr_db > 20
+    assert signature.found
+
+
+def test_ten_times_the_signal_is_twenty_decibels_more(signature):
+    louder = measure_signature(modulated(factor=10.0), MACHINE)
+    np.testing.assert_allclose(louder.level_db, signature.level_db + 20, atol=0.01)
+    np.testing.assert_allclose(louder.scatter_db, signature.scatter_db, rtol=1e-3)
+    np.testing.assert_array_equal(louder.heard, signature.heard)
+    assert louder.speed.estimated_hz == pytest.approx(signature.speed.estimated_hz, rel=1e-9)
+
+
+def test_channels_stay_apart(signature):
+    plain = modulated()
+    swapped = Recording(samples=plain.samples[::-1].copy(), sampling_rate_hz=RATE)
+    other = measure_signature(swapped, MACHINE)
+    np.testing.assert_allclose(other.level_db, signature.level_db[::-1], atol=1e-6)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_asynchronous_noise_moves_levels_within_their_scatter(signature, seed):
+    # ten times the noise: the lines stay where they were, within what the scatter allows
+    noisy = measure_signature(modulated(noise=0.5, seed=seed), MACHINE)
+    loud = [column(signature, "mesh", k) for k in MESH]
+    loud += [column(signature, "sidebands", k, "pinion") for k in SIDES]
+    moved = np.abs(noisy.level_db[:, loud] - signature.level_db[:, loud])
+    assert np.all(moved < 4 * noisy.scatter_db[:, loud] + 0.2)
+    assert moved.max() < 1.5
+
+
+def test_scatter_is_the_standard_error_of_the_level():
+    turns = wandering_turns(TIME, SPEED, WANDER, 1)
+    track = track_of(lambda t: wandering_turns(t, SPEED, WANDER, 1), TIME[-1], 400)
+    plan = line_plan(kinematics(MACHINE), 75.0, 0.09)
+    levels, scatters = [], []
+    for seed in range(20):
+        samples = lines_on(turns, [23.0], [0.1]) + white((1, len(TIME)), seed=seed)
+        lines = order_lines(samples, RATE, track, plan.orders, 20.0)
+        level, scatter, _ = family_levels(lines, plan)
+        levels.append(level[0, 0])
+        scatters.append(scatter[0, 0])
+    assert plan.families[0].kind == "mesh"
+    assert 0.5 < np.mean(scatters) / np.std(levels) < 2.0
+    assert np.mean(levels) == pytest.approx(-20, abs=0.5)
+
+
+def test_noise_alone_is_rarely_heard():
+    track = track_of(lambda t: SPEED * t, TIME[-1], 3)
+    plan = line_plan(kinematics(MACHINE), 75.0, 0.09)
+    samples = white((6, len(TIME)), seed=9)
+    lines = order_lines(samples, RATE, track, plan.orders, 20.0)
+    _, _, heard = family_levels(lines, plan)
+    assert heard.mean() < 0.06  # twice the standard error, one side
+
+
+def test_signature_of_a_recording_goes_into_json(signature):
+    known = {"speed": signature.speed.to_dict(), "mesh": [m.to_dict() for m in signature.meshes]}
+    assert json.loads(json.dumps(known)) == known
+
+
+def test_shapes_fit_together(signature):
+    channels, families = 2, len(signature.plan.families)
+    for table in (signature.level_db, signature.scatter_db, signature.heard):
+        assert table.shape == (channels, families)
+    assert np.isfinite(signature.level_db).all()
+    assert (signature.scatter_db >= 0).all()
+    assert signature.channel_names == ("channel 1", "channel 2")
+    assert len(signature.units) == channels
+    assert signature.lines.amplitude.shape[1:] == (channels, len(signature.plan.orders))
+
+
+@pytest.mark.parametrize("nominal", [24.0, 25.4])
+def test_wrong_nominal_speed_does_not_matter(signature, nominal):
+    other = measure_signature(modulated(), one_pair(23, 61, 60 * nominal))
+    assert other.speed.estimated_hz == pytest.approx(signature.speed.estimated_hz, rel=2e-5)
+    assert other.found
+
+
+def test_the_operating_point_that_fits_is_taken():
+    measured = measure_signature(modulated(), one_pair(23, 61, 1000.0, 1500.0, 1800.0))
+    assert measured.speed.nominal_hz == 25.0
+
+
+def test_noise_is_a_result_and_not_an_error():
+    recording = Recording(samples=white((1, len(TIME)), seed=3), sampling_rate_hz=RATE)
+    measured = measure_signature(recording, MACHINE)
+    assert not measured.found
+    assert "standard deviations" in measured.meshes[0].reason
+
+
+def test_recording_shorter_than_two_turns_is_refused():
+    short = Recording(samples=white((1, 700), seed=4), sampling_rate_hz=RATE, origin="short.csv")
+    with pytest.raises(RecordingError, match=r"short\.csv: 0\.175 s are too short: the slowest"):
+        measure_signature(short, MACHINE)
+
+
+def test_recording_without_vibration_is_refused():
+    recording = Recording(
+        samples=white((1, 8000)), sampling_rate_hz=RATE, channel_kinds=("torque",), origin="t.csv"
+    )
+    with pytest.raises(RecordingError, match=r"t\.csv: no vibration channel"):
+        measure_signature(recording, MACHINE)
+
+
+def test_mesh_above_half_the_sampling_rate_is_not_found_and_said_so():
+    recording = Recording(samples=white((1, 8000), seed=5), sampling_rate_hz=1000.0)
+    measured = measure_signature(recording, MACHINE)
+    assert not measured.found
+    assert any("Nyquist" in note for note in measured.notes)
+
+
+def test_combs_are_plain_orders_of_the_meshes():
+    (pair,) = mesh_combs(kinematics(MACHINE))
+    assert pair.order == 23.0
+    assert pair.groups[1] == (46.0,)
+    assert pair.spacings == pytest.approx((1.0, 23 / 61))
+    (sets,) = mesh_combs(kinematics(planetary()))
+    assert sets.order == pytest.approx(100 / 6)
+    assert sets.spacings == pytest.approx((1 / 6,))
+    assert sets.groups[0] == pytest.approx((99 / 6, 100 / 6, 101 / 6, 102 / 6))
+
+
+def with_tones(seed, count=12, rate=5000.0, duration=8.0):
+    """Noise and tones that belong to no gear."""
+    generator = np.random.default_rng(seed)
+    time = np.arange(int(rate * duration)) / rate
+    samples = generator.standard_normal((2, len(time)))
+    for _ in range(count):
+        level, frequency = generator.uniform(0.1, 2), generator.uniform(50, 2300)
+        samples += level * np.cos(2 * np.pi * frequency * time + generator.uniform(0, 6))
+    return Recording(samples=samples, sampling_rate_hz=rate)
+
+
+@pytest.mark.parametrize(
+    ("seed", "teeth"),
+    [(1000, (32, 43)), (1004, (23, 61)), (1006, (17, 43)), (1026, (45, 40))],
+)
+def test_tones_of_another_origin_are_no_mesh(seed, teeth):
+    assert not measure_signature(with_tones(seed), one_pair(*teeth)).found
+
+
+# -- simulated machines ---------------------------------------------------------------------------
+
+
+def test_tacho_gives_angle_speed_and_a_note(two_stage_recording):
+    measured = measure_signature(as_recording(two_stage_recording), two_stages())
+    truth = two_stage_recording.truth["speed"]
+    assert measured.speed.method == "tacho"
+    assert measured.speed.estimated_hz == pytest.approx(truth["mean_hz"], rel=2e-5)
+    assert measured.channel_names == ("a1", "a2")
+    assert "tacho tacho: 1 pulse a turn" in measured.notes
+    times = np.array(truth["turn_times_s"])[2:-2]
+    error = measured.track.turns_at(times) - np.arange(len(times))
+    assert (error - error.mean()).std() * 26 < 0.02
+
+
+def squared(turns, per_turn):
+    """The waveform of a tachometer that is high for half of each pitch."""
+    return np.where((turns * per_turn) % 1.0 < 0.5, 5.0, 0.0)
+
+
+@pytest.mark.parametrize("column", ["pulses", 3])
+def test_sensor_says_what_the_tacho_sits_on(column):
+    # 61 pulses in a turn of shaft 2 look like 23 in a turn of shaft 1
+    sensor = Sensor(column=column, kind="tacho", shaft=2, pulses_per_turn=61)
+    machine = Machine(
+        name="pair", operating=MACHINE.operating, stages=MACHINE.stages, sensors=(sensor,)
+    )
+    plain = modulated()
+    pulses = squared(TURNS * 23 / 61, 61)
+    recording = Recording(
+        samples=np.vstack([plain.samples, pulses]),
+        sampling_rate_hz=RATE,
+        channel_names=("a1", "a2", "pulses"),
+        channel_kinds=("vibration", "vibration", "tacho"),
+    )
+    measured = measure_signature(recording, machine)
+    true = (TURNS[-1] - TURNS[0]) / TIME[-1]
+    assert measured.speed.estimated_hz == pytest.approx(true, rel=1e-3)
+    assert "tacho pulses: 61 pulses a turn" in measured.notes
+
+
+def test_both_meshes_of_a_simulated_machine_are_found(two_stage_recording):
+    measured = measure_signature(as_recording(two_stage_recording), two_stages())
+    assert [mesh.found for mesh in measured.meshes] == [True, True]
+
+
+def test_speed_of_a_simulated_planetary_set_is_right(planetary_recording):
+    measured = measure_signature(as_recording(planetary_recording), planetary())
+    true = planetary_recording.truth["speed"]["mean_hz"]
+    assert measured.meshes[0].found
+    assert measured.speed.estimated_hz == pytest.approx(true, rel=1e-3)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_simulated_pair_is_measured(seed):
+    machine = Machine(
+        name="one pair",
+        operating=(OperatingPoint(speed_rpm=1500.0, torque_nm=98.0),),
+        stages=(ParallelStage(pinion_teeth=23, gear_teeth=61, module_mm=2.0, face_width_mm=20.0),),
+    )
+    simulated = simulate(machine, (), 6.0, 5000.0, seed=seed, channels=1)
+    measured = measure_signature(as_recording(simulated), machine)
+    true = simulated.truth["speed"]["mean_hz"]
+    assert measured.found
+    assert measured.speed.estimated_hz == pytest.approx(true, rel=1e-3)

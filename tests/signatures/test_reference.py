@@ -1,0 +1,240 @@
+"""The healthy reference: what it takes in, and storage that gives back what was stored."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from reference.simulated_machines import planetary, two_stages
+from reference.small_gearbox import analysis, machine, recording, reference
+from reference.synthetic_signals import white
+
+from gearmon.errors import ArgumentError, SignatureError
+from gearmon.signals.recording import Recording
+from gearmon.signatures.measured import measure_signature
+from gearmon.signatures.reference import (
+    Profile,
+    is_reference,
+    make_reference,
+    read_reference,
+    tooth_counts,
+    write_reference,
+)
+
+
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory):
+    path = tmp_path_factory.mktemp("reference") / "healthy.ref"
+    write_reference(reference(), path)
+    return path
+
+
+def same(one, other):
+    """Whether two value objects agree to the last bit."""
+    if isinstance(one, np.ndarray):
+        return one.dtype == other.dtype and np.array_equal(one, other)
+    if isinstance(one, tuple):
+        return len(one) == len(other) and all(map(same, one, other))
+    if hasattr(one, "__dataclass_fields__"):
+        return all(same(getattr(one, f.name), getattr(other, f.name)) for f in fields(one))
+    return type(one) is type(other) and one == other
+
+
+def test_reading_gives_back_exactly_what_was_written(stored):
+    assert is_reference(stored)
+    assert same(read_reference(stored), reference())
+
+
+def test_writing_twice_gives_the_same_numbers(stored, tmp_path):
+    write_reference(read_reference(stored), tmp_path / "again")
+    assert same(read_reference(tmp_path / "again"), reference())
+
+
+def test_reference_holds_every_recording():
+    known = reference()
+    assert known.machine == "small gearbox"
+    assert known.teeth == "23/57"
+    assert known.channel_names == ("a1", "a2")
+    assert known.units == ("m/s2", "m/s2")
+    assert len(known.profiles) == len(known.origins) == 3
+    assert known.level_db.shape == known.scatter_db.shape == (3, 2, len(known.family_names))
+    assert np.isfinite(known.level_db).all()
+    assert (known.scatter_db > 0).all()
+    for profile in known.profiles:
+        assert [wheel.gear for wheel in profile.wheels] == ["pinion", "gear"]
+        assert all((wheel.variance > 0).all() for wheel in profile.wheels)
+
+
+def test_levels_follow_their_names():
+    known = reference()
+    turned = replace(known, family_names=known.family_names[::-1])
+    np.testing.assert_array_equal(turned.level_db, known.level_db[:, :, ::-1])
+
+
+def test_pattern_is_the_mean_of_the_blocks():
+    signature = analysis().signature
+    wheel, pattern = signature.plan.wheels[0], Profile.of(signature).wheels[0]
+    np.testing.assert_allclose(pattern.amplitude, signature.lines.mean[:, wheel.lines])
+    harmonics = pattern.number[pattern.mesh]
+    np.testing.assert_array_equal(harmonics % 23, 0)
+
+
+def test_tooth_counts_in_words():
+    assert tooth_counts(two_stages()) == "26/53, 23/61"
+    assert tooth_counts(planetary()) == "20/40/100"
+
+
+def test_nothing_is_no_reference():
+    with pytest.raises(ArgumentError, match="at least one healthy recording"):
+        make_reference([], machine())
+
+
+def test_a_recording_without_mesh_is_no_reference():
+    empty = Recording(samples=white((2, 40_000)), sampling_rate_hz=10_000.0, origin="empty.csv")
+    signature = measure_signature(empty, machine())
+    with pytest.raises(ArgumentError, match=r"empty\.csv: no mesh found"):
+        make_reference([signature], machine())
+
+
+def test_channels_must_agree():
+    one = measure_signature(recording().select(["a1", "tacho"]), machine())
+    with pytest.raises(ArgumentError, match=r"channels a1, a2 differ from a1 .*--channel"):
+        make_reference([one, analysis().signature], machine())
+
+
+def test_families_must_have_something_in_common():
+    signature = analysis().signature
+    plan = replace(signature.plan, families=())
+    bare = replace(signature, plan=plan, level_db=np.zeros((2, 0)), scatter_db=np.zeros((2, 0)))
+    with pytest.raises(ArgumentError, match="share no family of lines"):
+        make_reference([signature, bare], machine())
+
+
+def _array():
+    file = io.BytesIO()
+    np.save(file, np.arange(5.0))
+    return file.getvalue()
+
+
+def damaged(stored, kind):
+    """Contents of a file that is no good reference."""
+    whole = stored.read_bytes()
+    middle = len(whole) // 2
+    return {
+        "empty": b"",
+        "text": b"this is a letter\n",
+        "csv": b"a1,a2\n0.1,0.2\n0.3,0.4\n",
+        "first half": whole[:middle],
+        "last half": whole[middle:],
+        "a byte": whole[:1],
+        "nearly whole": whole[:-10],
+        "flipped": whole[:middle]
+        + bytes(b ^ 0xFF for b in whole[middle : middle + 400])
+        + whole[middle + 400 :],
+        "zeros": bytes(5000),
+        "pickle": b"\x80\x04\x95\x0b\x00\x00\x00\x00\x00\x00\x00\x8c\x07gearmon\x94.",
+        "npy": b"\x93NUMPY\x01\x00",
+        "array": _array(),
+    }[kind]
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [
+        "empty",
+        "text",
+        "csv",
+        "first half",
+        "last half",
+        "a byte",
+        "nearly whole",
+        "flipped",
+        "zeros",
+        "pickle",
+        "npy",
+        "array",
+    ],
+)
+def test_damaged_files_get_one_line(stored, tmp_path, kind):
+    path = tmp_path / "bad.ref"
+    path.write_bytes(damaged(stored, kind))
+    with pytest.raises(SignatureError, match=r"bad\.ref: not a readable gearmon reference") as told:
+        read_reference(path)
+    assert "\n" not in str(told.value)
+
+
+def test_missing_file_and_folder_get_one_line(tmp_path):
+    with pytest.raises(SignatureError, match="no such file; make one with gearmon learn"):
+        read_reference(tmp_path / "missing.ref")
+    with pytest.raises(SignatureError, match="not a readable gearmon reference"):
+        read_reference(tmp_path)
+    assert not is_reference(tmp_path)
+    assert not is_reference(tmp_path / "missing.ref")
+
+
+def archive(path, **arrays):
+    with path.open("wb") as file:
+        np.savez(file, **arrays)
+
+
+def header_of(**changes):
+    known = {
+        "format": "gearmon reference 1",
+        "machine": "m",
+        "teeth": "23/57",
+        "channel_names": ["a1"],
+        "units": [None],
+        "family_names": [],
+        "profiles": [],
+    }
+    text = json.dumps(
+        {key: value for key, value in (known | changes).items() if value != "left out"}
+    )
+    return np.frombuffer(text.encode(), dtype=np.uint8)
+
+
+def test_another_archive_gets_one_line(tmp_path):
+    path = tmp_path / "other.npz"
+    archive(path, values=np.arange(3))
+    with pytest.raises(SignatureError, match="not a readable gearmon reference"):
+        read_reference(path)
+
+
+def test_a_zip_of_something_else_gets_one_line(tmp_path):
+    path = tmp_path / "letters.zip"
+    with zipfile.ZipFile(path, "w") as file:
+        file.writestr("letter.txt", "dear reader")
+    with pytest.raises(SignatureError, match="not a readable gearmon reference"):
+        read_reference(path)
+
+
+def test_a_pickled_object_is_never_loaded(tmp_path):
+    path = tmp_path / "pickled.ref"
+    archive(path, header=np.array([{"format": "gearmon reference 1"}], dtype=object))
+    with pytest.raises(SignatureError, match="not a readable gearmon reference"):
+        read_reference(path)
+
+
+def test_another_format_says_which(tmp_path):
+    path = tmp_path / "old.ref"
+    archive(path, header=header_of(format="gearmon reference 0"))
+    with pytest.raises(SignatureError, match=r"'gearmon reference 0' is not .*learn it anew"):
+        read_reference(path)
+
+
+@pytest.mark.parametrize("changes", [{"profiles": [{}]}, {"profiles": 3}])
+def test_header_with_wrong_profiles_gets_one_line(tmp_path, changes):
+    path = tmp_path / "part.ref"
+    archive(path, header=header_of(**changes))
+    with pytest.raises(SignatureError, match="not a readable gearmon reference"):
+        read_reference(path)
+
+
+def test_writing_into_a_folder_that_is_not_there_is_refused(tmp_path):
+    with pytest.raises(ArgumentError, match="cannot write there"):
+        write_reference(reference(), tmp_path / "nowhere" / "healthy.ref")
+    assert list(tmp_path.iterdir()) == []

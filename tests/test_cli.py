@@ -1,0 +1,624 @@
+"""The command line: exit codes, outputs, and one clear line for whatever is wrong."""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from reference.small_gearbox import CRACK, HEALTHY_LOADS, MACHINE_FILE, simulated
+from reference.synthetic_signals import white
+
+from gearmon.cli import main
+from gearmon.simulation import write_simulation
+
+COMMANDS = ("lines", "stiffness", "baseline", "simulate", "learn", "analyse", "demo", "benchmark")
+FLAG_KEYS = {"kind", "stage", "gear", "tooth", "false_alarm_probability", "evidence"}
+
+
+@pytest.fixture(scope="session")
+def shop(tmp_path_factory):
+    """A folder with a machine file, recordings, a reference, and things that are none of these."""
+    folder = tmp_path_factory.mktemp("shop")
+    (folder / "machine.toml").write_text(MACHINE_FILE)
+    for seed, load in enumerate(HEALTHY_LOADS):
+        write_simulation(simulated(load=load, seed=seed), folder / f"healthy-{seed}.csv")
+    write_simulation(simulated(), folder / "new.csv")
+    write_simulation(simulated(CRACK), folder / "cracked.csv")
+    write_simulation(simulated(), folder / "no-time.csv", with_time=False)
+    noise = [f"{i / 10_000:.4f},{value:.5g}" for i, value in enumerate(white(20_000, seed=3))]
+    (folder / "noise.csv").write_text("time (s),a1 (m/s2)\n" + "\n".join(noise) + "\n")
+    (folder / "letter.txt").write_text("Dear reader,\nthis is a letter.\n")
+    (folder / "empty.csv").write_text("")
+    (folder / "bytes.bin").write_bytes(np.random.default_rng(0).bytes(4000))
+    (folder / "cut.csv.gz").write_bytes(gzip.compress(b"a1\n" + b"1.5\n" * 4000)[:-20])
+    (folder / "broken.toml").write_text("name = \n")
+    (folder / "other.toml").write_text(MACHINE_FILE.replace("= 57", "= 61"))
+    (folder / "bare.toml").write_text(re.sub(r"(module|face|torque).*\n", "", MACHINE_FILE))
+    (folder / "folder").mkdir()
+    learned = [str(folder / f"healthy-{seed}.csv") for seed in range(3)]
+    machine = ["--machine", str(folder / "machine.toml")]
+    assert main(["learn", *learned, *machine, "-o", str(folder / "healthy.ref")]) == 0
+    return folder
+
+
+@pytest.fixture
+def run(shop, capsys, monkeypatch):
+    """Run a command inside the folder; exit code, standard output, standard error."""
+    monkeypatch.chdir(shop)
+    capsys.readouterr()
+
+    def run_it(*arguments):
+        try:
+            code = main([str(argument) for argument in arguments])
+        except SystemExit as stop:
+            code = stop.code
+        out, err = capsys.readouterr()
+        return code, out, err
+
+    return run_it
+
+
+def process(*arguments, **options):
+    """Run a command as a process of its own."""
+    return subprocess.run(
+        [sys.executable, "-m", "gearmon", *arguments],
+        capture_output=True,
+        check=False,
+        timeout=120,
+        **options,
+    )
+
+
+def analyse(*recordings):
+    return ["analyse", *recordings, "--machine", "machine.toml"]
+
+
+# Help and usage
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_has_an_example_that_parses(run, command):
+    code, out, err = run(command, "--help")
+    assert code == 0
+    assert err == ""
+    example = re.search(r"^example: (gearmon (?:.|\n )*)", out, re.MULTILINE)
+    assert example
+    assert example[1].split()[1] == command
+    for option in ("--json", "-o PATH"):
+        assert option in out
+
+
+@pytest.mark.parametrize("command", ["baseline", "simulate"])
+def test_example_can_be_copied(run, command):
+    _, out, _ = run(command, "--help")
+    assert "crack:1:pinion:5:20% " in " ".join(out.split())
+
+
+@pytest.mark.parametrize("option", ["--reference", "--report", "-o", "--tacho"])
+def test_an_empty_name_is_refused(run, shop, option):
+    unchanged(shop, lambda: one_line(run(*analyse("new.csv"), option, ""), ""))
+
+
+def test_a_recording_is_never_written_over(run, tmp_path, shop):
+    copy = tmp_path / "mine.csv"
+    copy.write_bytes((shop / "healthy-0.csv").read_bytes())
+    code, _, _ = run("learn", copy, "--machine", "machine.toml", "-o", copy)
+    assert code == 2
+    assert copy.read_bytes() == (shop / "healthy-0.csv").read_bytes()
+
+
+def test_a_wrong_output_name_is_refused_before_the_report_is_written(run, tmp_path):
+    report = tmp_path / "report.html"
+    given = [*analyse("new.csv"), "--report", report, "-o", tmp_path / "answer.txt"]
+    assert run(*given)[0] == 2
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_file_names_that_are_no_text(shop):
+    done = process(*analyse(b"\xff.csv"), "--json", cwd=shop)
+    assert done.returncode == 2
+    assert b"Traceback" not in done.stderr
+    assert "error" in json.loads(done.stdout)["recordings"][0]
+
+
+def test_without_a_command_the_help_is_shown(run):
+    code, out, _ = run()
+    assert code == 0
+    assert all(command in out for command in COMMANDS)
+
+
+def test_version(run):
+    import gearmon
+
+    assert run("--version")[1] == f"gearmon {gearmon.__version__}\n"
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["analyze"],
+        ["analyse"],
+        ["analyse", "new.csv"],
+        ["analyse", "--machine", "machine.toml"],
+        ["learn", "new.csv"],
+        ["lines"],
+        ["lines", "machine.toml", "--colour"],
+        ["baseline", "machine.toml", "--tolerance", "small"],
+        ["baseline", "machine.toml", "--max-hz"],
+        ["simulate", "machine.toml", "--channels", "2.5"],
+        ["simulate", "machine.toml", "--seed", "x"],
+        [*analyse("new.csv"), "--sampling-rate", "10k"],
+        ["demo", "a", "b"],
+    ],
+)
+def test_wrong_usage_exits_with_2(run, arguments):
+    code, out, err = run(*arguments)
+    assert code == 2
+    assert out == ""
+    assert "error:" in err
+
+
+# What the commands do
+
+
+def test_lines_as_text_json_and_csv(run, tmp_path):
+    code, out, err = run("lines", "machine.toml")
+    assert (code, err) == (0, "")
+    assert "mesh" in out
+    code, out, _ = run("lines", "machine.toml", "--json", "-o", tmp_path / "lines.csv")
+    rows = json.loads(out)["rows"]
+    mesh = next(row for row in rows if row["kind"] == "mesh")
+    assert mesh["frequency_hz"] == pytest.approx(23 * 2960 / 60)
+    written = list(csv.DictReader((tmp_path / "lines.csv").read_text().splitlines()))
+    assert len(written) == len(rows)
+    assert float(written[0]["order"]) == rows[0]["order"]
+    run("lines", "machine.toml", "-o", tmp_path / "lines.json")
+    assert json.loads((tmp_path / "lines.json").read_text())["rows"] == rows
+
+
+def test_stiffness_as_table_and_picture(run, tmp_path):
+    target = tmp_path / "stiffness.csv"
+    code, out, err = run("stiffness", "machine.toml", "--fault", CRACK, "--json", "-o", target)
+    assert (code, err) == (0, "")
+    assert target.read_text().startswith("stage,")
+    assert all(Path(name).is_file() for name in json.loads(out)["pictures"])
+
+
+BASELINE_COLUMNS = [
+    "stage",
+    "mesh_harmonic",
+    "sideband",
+    "sideband_of",
+    "order",
+    "frequency_hz",
+    "displacement_m",
+    "velocity_ms",
+    "acceleration_ms2",
+    "phase_rad",
+]
+BASELINE_HEADER = {
+    "mesh_frequency_hz",
+    "mean_stiffness_n_per_m",
+    "stiffness_variation",
+    "contact_ratio",
+    "natural_frequency_hz",
+    "damping_ratio",
+    "method",
+    "order_used",
+    "error_bound",
+}
+
+
+def test_baseline_keeps_the_contract(run, tmp_path):
+    target = tmp_path / "lines.csv"
+    code, out, err = run("baseline", "machine.toml", "--max-hz", 4000, "--json", "-o", target)
+    assert (code, err) == (0, "")
+    told = json.loads(out)
+    assert set(told) >= BASELINE_HEADER
+    assert all(set(row) >= set(BASELINE_COLUMNS) for row in told["rows"])
+    assert all(row["frequency_hz"] <= 4000 for row in told["rows"])
+    table = [line for line in target.read_text().splitlines() if not line.startswith("#")]
+    rows = list(csv.DictReader(table))
+    assert list(rows[0])[:10] == BASELINE_COLUMNS
+    assert len(rows) == len(told["rows"])
+
+
+def test_baseline_with_a_fault_has_sidebands(run):
+    code, out, _ = run("baseline", "machine.toml", "--max-hz", 2000, "--fault", CRACK, "--json")
+    assert code == 0
+    sidebands = {row["sideband_of"] for row in json.loads(out)["rows"] if row["sideband"]}
+    assert "pinion" in "".join(map(str, sidebands))
+
+
+def test_simulate_writes_recording_and_truth(run, tmp_path):
+    target = tmp_path / "sim.csv"
+    options = ["--duration", "0.3", "--sampling-rate", "8000", "--fault", CRACK, "--tacho"]
+    code, out, err = run("simulate", "machine.toml", *options, "--json", "-o", target)
+    assert (code, err) == (0, "")
+    assert json.loads(out) == {"recording": str(target), "truth": str(target.with_suffix(".json"))}
+    header = target.read_text().splitlines()[0]
+    assert header == "time (s),a1 (m/s2),a2 (m/s2),tacho (V)"
+    assert json.loads(target.with_suffix(".json").read_text())
+    again = tmp_path / "again.csv"
+    run("simulate", "machine.toml", *options, "-o", again)
+    assert again.read_bytes() == target.read_bytes()
+
+
+def test_healthy_recording_exits_with_0(run):
+    code, out, err = run(*analyse("new.csv"), "--reference", "healthy.ref", "--json")
+    assert (code, err) == (0, "")
+    (told,) = json.loads(out)["recordings"]
+    assert told["recording"] == "new.csv"
+    assert told["verdict"] == "healthy"
+    assert told["speed"]["method"] == "tacho"
+
+
+def test_cracked_recording_exits_with_1(run):
+    code, out, err = run(*analyse("cracked.csv"), "--reference", "healthy.ref", "--json")
+    assert (code, err) == (1, "")
+    (told,) = json.loads(out)["recordings"]
+    assert told["verdict"] == "fault"
+    assert set(told["flags"][0]) >= FLAG_KEYS
+
+
+def test_a_recording_serves_as_reference(run):
+    code, out, _ = run(*analyse("cracked.csv"), "--reference", "healthy-1.csv", "--json")
+    told = json.loads(out)["recordings"][0]
+    assert code in (0, 1)
+    assert told["compared_with"] == "reference"
+    assert any("the reference is one recording" in warning for warning in told["warnings"])
+
+
+def test_without_reference_it_cannot_tell(run):
+    code, out, _ = run(*analyse("new.csv"), "--json")
+    told = json.loads(out)["recordings"][0]
+    assert code == 0
+    assert told["verdict"] == "cannot tell"
+
+
+def test_noise_is_a_verdict_and_no_error(run):
+    code, out, err = run(*analyse("noise.csv"), "--json")
+    assert (code, err) == (0, "")
+    assert json.loads(out)["recordings"][0]["verdict"] == "no mesh found"
+
+
+def test_several_recordings_with_bad_ones_between(run):
+    given = ["new.csv", "missing.csv", "cracked.csv", "letter.txt", "noise.csv"]
+    code, out, err = run(*analyse(*given), "--reference", "healthy.ref", "--json")
+    assert code == 2
+    told = json.loads(out)["recordings"]
+    assert [entry["recording"] for entry in told] == given
+    assert [entry.get("verdict") for entry in told] == [
+        "healthy",
+        None,
+        "fault",
+        None,
+        "no mesh found",
+    ]
+    assert all(entry["error"].startswith(entry["recording"]) for entry in (told[1], told[3]))
+    assert len(err.splitlines()) == 2
+
+
+def test_several_recordings_as_text(run):
+    code, out, _ = run(*analyse("new.csv", "missing.csv"), "--reference", "healthy.ref")
+    assert code == 2
+    assert "HEALTHY" in out
+    assert "missing.csv: not analysed" in out
+
+
+def test_channels_by_name_and_by_column(run):
+    by_name = run(*analyse("new.csv"), "--channel", "a2", "--reference", "healthy.ref", "--json")
+    by_number = run(*analyse("new.csv"), "--channel", "3", "--reference", "healthy.ref", "--json")
+    assert by_name == by_number
+    assert json.loads(by_name[1])["recordings"][0]["channels"] == ["a2"]
+
+
+def test_it_asks_for_the_sampling_rate(run):
+    code, out, err = run(*analyse("no-time.csv"), "--json")
+    assert code == 2
+    assert "--sampling-rate" in err or "sampling rate" in err
+    assert "error" in json.loads(out)["recordings"][0]
+    given = [*analyse("no-time.csv"), "--sampling-rate", 10_000]
+    assert run(*given, "--reference", "healthy.ref", "--json")[0] == 0
+
+
+def test_json_is_written_to_a_file_too(run, tmp_path):
+    target = tmp_path / "answer.json"
+    _, out, _ = run(*analyse("new.csv"), "--reference", "healthy.ref", "--json", "-o", target)
+    assert json.loads(target.read_text()) == json.loads(out)
+
+
+def test_report_is_one_file_with_pictures_beside_it(run, tmp_path):
+    target = tmp_path / "report.html"
+    given = [*analyse("cracked.csv"), "--reference", "healthy.ref", "--report", target]
+    code, out, err = run(*given, "--json")
+    assert (code, err) == (1, "")
+    written = [Path(name) for name in json.loads(out)["report"]]
+    assert written[0] == target
+    assert all(path.is_file() and path.stat().st_size for path in written)
+    assert not re.search(r"(?:src|href)=\"https?:", target.read_text())
+
+
+def test_learn_says_what_it_learned(run, tmp_path):
+    given = ["learn", "healthy-0.csv", "--machine", "machine.toml", "-o", tmp_path / "x", "--json"]
+    code, out, err = run(*given)
+    assert (code, err) == (0, "")
+    told = json.loads(out)
+    assert told["channels"] == ["a1", "a2"]
+    assert told["recordings"][0]["speed"]["estimated_hz"] == pytest.approx(49, rel=0.03)
+    assert (tmp_path / "x").is_file()
+
+
+# What may be wrong
+
+BAD_MACHINES = {
+    "missing": (["missing.toml"], r"missing\.toml"),
+    "a folder": (["folder"], "folder"),
+    "not TOML": (["broken.toml"], r"broken\.toml"),
+    "a letter": (["letter.txt"], r"letter\.txt"),
+    "bytes": (["bytes.bin"], r"bytes\.bin"),
+    "empty": (["empty.csv"], r"empty\.csv"),
+    "a recording": (["new.csv"], r"new\.csv"),
+    "a reference": (["healthy.ref"], r"healthy\.ref"),
+}
+
+
+@pytest.mark.parametrize("command", ["lines", "baseline"])
+@pytest.mark.parametrize("kind", BAD_MACHINES)
+def test_bad_machine_files_get_one_line(run, command, kind):
+    arguments, named = BAD_MACHINES[kind]
+    one_line(run(command, *arguments), named)
+
+
+MACHINE_CHANGES = {
+    "unknown key": ("module_mm", "modul_mm", "module_mm"),
+    "text for a number": ("= 23", '= "many"', "pinion_teeth"),
+    "no teeth": ("= 23", "= 0", "pinion_teeth"),
+    "half a tooth": ("= 23", "= 22.5", "pinion_teeth"),
+    "negative": ("= 2.5", "= -2.5", "module_mm"),
+    "NaN": ("= 2960.0", "= nan", "speed_rpm"),
+    "infinite": ("= 2960.0", "= inf", "speed_rpm"),
+    "standing still": ("= 2960.0", "= 0.0", "speed_rpm"),
+    "unknown kind": ('"parallel"', '"paralel"', "parallel"),
+    "twice": ("gear_teeth = 57", "gear_teeth = 57\ngear_teeth = 58", "second time"),
+    "huge": ("= 57", "= 99999999999999999999", "gear_teeth"),
+}
+
+
+@pytest.mark.parametrize("kind", MACHINE_CHANGES)
+def test_bad_values_in_a_machine_file_get_one_line(run, tmp_path, kind):
+    old, new, named = MACHINE_CHANGES[kind]
+    path = tmp_path / "changed.toml"
+    path.write_text(MACHINE_FILE.replace(old, new))
+    one_line(run("lines", path), named)
+
+
+BAD_BASELINES = {
+    "NaN tolerance": (["--tolerance", "nan"], "tolerance"),
+    "no tolerance": (["--tolerance", "0"], "tolerance"),
+    "negative tolerance": (["--tolerance", "-1"], "tolerance"),
+    "infinite tolerance": (["--tolerance", "inf"], "tolerance"),
+    "negative top": (["--max-hz", "-1"], "max_hz"),
+    "no top": (["--max-hz", "0"], "max_hz"),
+    "NaN top": (["--max-hz", "nan"], "max_hz"),
+    "infinite top": (["--max-hz", "inf"], "max_hz"),
+    "top below all lines": (["--max-hz", "1"], "max_hz"),
+    "fault in four parts": (["--fault", "crack:1:pinion:5"], "crack:1:pinion:5"),
+    "nothing for a fault": (["--fault", ""], "fault"),
+    "unknown kind": (["--fault", "crak:1:pinion:5:20%"], "crack"),
+    "missing stage": (["--fault", "crack:2:pinion:5:20%"], "stage"),
+    "stage 0": (["--fault", "crack:0:pinion:5:20%"], "stage"),
+    "unknown gear": (["--fault", "crack:1:wheel:5:20%"], "wheel"),
+    "gear of another kind": (["--fault", "crack:1:sun:5:20%"], "sun"),
+    "missing tooth": (["--fault", "crack:1:pinion:24:20%"], "tooth|24"),
+    "tooth 0": (["--fault", "crack:1:pinion:0:20%"], "tooth"),
+    "half a tooth": (["--fault", "crack:1:pinion:1.5:20%"], "1\\.5"),
+    "all too much": (["--fault", "crack:1:pinion:5:120%"], "120|1\\.2"),
+    "negative size": (["--fault", "crack:1:pinion:5:-20%"], "-"),
+    "NaN size": (["--fault", "crack:1:pinion:5:nan"], "nan"),
+    "no size": (["--fault", "crack:1:pinion:5:"], "crack"),
+    "unknown suffix": (["-o", "lines.txt"], r"lines\.txt"),
+    "no suffix": (["-o", "lines"], "lines"),
+    "nowhere": (["-o", "nowhere/lines.csv"], "nowhere"),
+    "a folder": (["-o", "folder"], "folder"),
+}
+
+
+@pytest.mark.parametrize("kind", BAD_BASELINES)
+def test_bad_baseline_arguments_get_one_line(run, shop, kind):
+    arguments, named = BAD_BASELINES[kind]
+    unchanged(shop, lambda: one_line(run("baseline", "machine.toml", *arguments), named))
+
+
+def test_baseline_names_what_the_machine_lacks(run):
+    one_line(run("baseline", "bare.toml"), "module_mm|torque_nm|face_width_mm")
+
+
+BAD_STIFFNESSES = {
+    "unknown form": (["--form", "nonsense"], "nonsense"),
+    "missing stage": (["--stage", "2"], "stage"),
+    "stage 0": (["--stage", "0"], "stage"),
+    "missing tooth": (["--fault", "crack:1:pinion:99:1mm"], "99"),
+    "NaN depth": (["--fault", "crack:1:pinion:5:nanmm"], "nanmm"),
+    "deeper than the tooth": (["--fault", "crack:1:pinion:5:500mm"], "500"),
+    "unknown suffix": (["-o", "x.txt"], r"x\.txt"),
+    "nowhere": (["-o", "nowhere/x.csv"], "nowhere"),
+}
+
+
+@pytest.mark.parametrize("kind", BAD_STIFFNESSES)
+def test_bad_stiffness_arguments_get_one_line(run, shop, kind):
+    arguments, named = BAD_STIFFNESSES[kind]
+    unchanged(shop, lambda: one_line(run("stiffness", "machine.toml", *arguments), named))
+
+
+BAD_SIMULATIONS = {
+    "no output": ([], "-o PATH"),
+    "unknown suffix": (["-o", "x.txt", "--duration", "0.1"], r"x\.txt"),
+    "nowhere": (["-o", "nowhere/x.csv", "--duration", "0.1"], "nowhere"),
+    "negative length": (["-o", "x.csv", "--duration", "-1"], "duration_s"),
+    "NaN length": (["-o", "x.csv", "--duration", "nan"], "duration_s"),
+    "endless": (["-o", "x.csv", "--duration", "1e12"], "duration_s"),
+    "less than a turn": (["-o", "x.csv", "--duration", "0.001"], "duration_s"),
+    "negative rate": (["-o", "x.csv", "--sampling-rate", "-5"], "sampling_rate_hz"),
+    "slow rate": (["-o", "x.csv", "--sampling-rate", "500"], "sampling_rate_hz"),
+    "no channel": (["-o", "x.csv", "--channels", "0"], "channels"),
+    "channels by the million": (["-o", "x.csv", "--channels", "1000000"], "channels"),
+    "no load": (["-o", "x.csv", "--load", "0"], "load"),
+    "NaN load": (["-o", "x.csv", "--load", "nan"], "load"),
+    "much drift": (["-o", "x.csv", "--speed-drift", "3"], "speed_drift"),
+    "infinite noise": (["-o", "x.csv", "--snr-db=-inf"], "snr_db"),
+    "negative seed": (["-o", "x.csv", "--seed", "-1"], "seed"),
+    "missing tooth": (["-o", "x.csv", "--fault", "crack:1:pinion:99:20%"], "99"),
+    "missing stage": (["-o", "x.csv", "--fault", "crack:9:pinion:1:20%"], "stage"),
+}
+
+
+@pytest.mark.parametrize("kind", BAD_SIMULATIONS)
+def test_bad_simulation_arguments_get_one_line(run, shop, kind):
+    arguments, named = BAD_SIMULATIONS[kind]
+    unchanged(shop, lambda: one_line(run("simulate", "machine.toml", *arguments), named))
+
+
+BAD_ANALYSES = {
+    "missing recording": (["missing.csv"], r"missing\.csv"),
+    "folder as recording": (["folder"], "folder"),
+    "letter as recording": (["letter.txt"], r"letter\.txt"),
+    "bytes as recording": (["bytes.bin"], r"bytes\.bin"),
+    "empty recording": (["empty.csv"], r"empty\.csv"),
+    "cut gzip": (["cut.csv.gz", "--sampling-rate", "1000"], r"cut\.csv\.gz"),
+    "machine file as recording": (["machine.toml"], r"machine\.toml"),
+    "reference as recording": (["healthy.ref"], r"healthy\.ref"),
+    "unknown channel": (["new.csv", "--channel", "a9"], "a9"),
+    "channel 0": (["new.csv", "--channel", "0"], "0"),
+    "channel 99": (["new.csv", "--channel", "99"], "99"),
+    "time as channel": (["new.csv", "--channel", "1"], "time|1"),
+    "unknown tacho": (["new.csv", "--tacho", "pulses"], "pulses"),
+    "noise as tacho": (["noise.csv", "--tacho", "a1", "--channel", "a1"], "a1"),
+    "tacho and channel at once": (["new.csv", "--tacho", "a1", "--channel", "a1"], "a1"),
+    "negative rate": (["no-time.csv", "--sampling-rate", "-1"], "sampling"),
+    "no rate": (["no-time.csv", "--sampling-rate", "0"], "sampling"),
+    "NaN rate": (["no-time.csv", "--sampling-rate", "nan"], "sampling"),
+    "infinite rate": (["no-time.csv", "--sampling-rate", "inf"], "sampling"),
+    "huge rate": (["no-time.csv", "--sampling-rate", "1e12"], "short"),
+    "rate against the time column": (["new.csv", "--sampling-rate", "9000"], "9000"),
+}
+
+
+@pytest.mark.parametrize("kind", BAD_ANALYSES)
+def test_bad_recordings_get_one_line(run, kind):
+    arguments, named = BAD_ANALYSES[kind]
+    code, out, err = run(*analyse(*arguments), "--json")
+    one_line((code, "", err), named)
+    (entry,) = json.loads(out)["recordings"]
+    assert entry["error"] in err
+
+
+BAD_REFERENCES = {
+    "missing": ("missing.ref", r"missing\.ref"),
+    "a folder": ("folder", "folder"),
+    "a letter": ("letter.txt", r"letter\.txt"),
+    "noise": ("noise.csv", "no mesh found"),
+    "a machine file": ("machine.toml", r"machine\.toml"),
+}
+
+
+@pytest.mark.parametrize("kind", BAD_REFERENCES)
+def test_bad_references_get_one_line(run, kind):
+    name, named = BAD_REFERENCES[kind]
+    one_line(run(*analyse("new.csv"), "--reference", name, "--json"), named)
+
+
+def test_reference_of_another_machine_gets_one_line(run):
+    given = ["analyse", "new.csv", "--machine", "other.toml", "--reference", "healthy.ref"]
+    code, _, err = run(*given)
+    one_line((code, "", err), "23/57")
+
+
+BAD_LEARNING = {
+    "no output": (["healthy-0.csv"], "-o REFERENCE"),
+    "no mesh": (["noise.csv", "-o", "x.ref"], r"noise\.csv: no mesh found"),
+    "one missing": (["healthy-0.csv", "missing.csv", "-o", "x.ref"], r"missing\.csv"),
+    "other channels": (["healthy-0.csv", "no-time.csv", "-o", "x.ref"], "sampling"),
+    "nowhere": (["healthy-0.csv", "-o", "nowhere/x.ref"], "nowhere"),
+    "a folder": (["healthy-0.csv", "-o", "folder"], "folder"),
+}
+
+
+@pytest.mark.parametrize("kind", BAD_LEARNING)
+def test_bad_learning_gets_one_line(run, shop, kind):
+    arguments, named = BAD_LEARNING[kind]
+    given = ["learn", *arguments, "--machine", "machine.toml"]
+    unchanged(shop, lambda: one_line(run(*given), named))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (["lines", "machine.toml", "-o", "lines.txt"], r"lines\.txt"),
+        (["lines", "machine.toml", "-o", "nowhere/lines.csv"], "nowhere"),
+        (["lines", "machine.toml", "-o", "folder"], "folder"),
+        ([*analyse("new.csv"), "-o", "answer.csv"], r"answer\.csv"),
+        ([*analyse("new.csv"), "-o", "nowhere/answer.json"], "nowhere"),
+        ([*analyse("new.csv"), "-o", "folder"], "folder"),
+        ([*analyse("new.csv"), "--report", "nowhere/report.html"], "nowhere"),
+        ([*analyse("new.csv"), "--report", "folder"], "folder"),
+        ([*analyse("new.csv"), "--report", "report.pdf"], r"report\.pdf"),
+        (["demo", "bearing", "-o", "nowhere"], "crack"),
+        (["demo", "-o", "letter.txt"], r"letter\.txt"),
+        (["benchmark", "nonsense"], "nonsense"),
+    ],
+)
+def test_bad_outputs_get_one_line_and_leave_nothing(run, shop, arguments, named):
+    unchanged(shop, lambda: one_line(run(*arguments), named))
+
+
+def one_line(result, named):
+    """Exit 2, nothing on standard output, one line on standard error that names the culprit."""
+    code, out, err = result
+    assert code == 2
+    assert out == ""
+    lines = err.splitlines()
+    assert len(lines) == 1
+    assert lines[0].startswith("gearmon: ")
+    assert re.search(named, lines[0])
+    assert "Traceback" not in err
+
+
+def unchanged(folder, action):
+    """Do something that must leave the files of a folder as they are."""
+    before = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
+    action()
+    assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == before
+
+
+# As a process of its own
+
+
+def test_nothing_but_the_answer_where_nobody_watches(shop):
+    given = [*analyse("new.csv", "cracked.csv"), "--reference", "healthy.ref", "--json"]
+    done = process(*given, cwd=shop)
+    assert done.returncode == 1
+    assert done.stderr == b""
+    assert len(json.loads(done.stdout)["recordings"]) == 2
+
+
+def test_a_reader_that_stops_is_no_error(shop):
+    with subprocess.Popen(
+        [sys.executable, "-m", "gearmon", "baseline", "machine.toml", "--json"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        cwd=shop,
+    ) as running:
+        running.stdout.read(10)
+        running.stdout.close()
+        errors = running.stderr.read()
+        assert running.wait(60) == 0
+    assert errors == b""

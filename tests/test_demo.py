@@ -1,0 +1,73 @@
+"""The demo does what the README promises, in the time it may take."""
+
+from __future__ import annotations
+
+import json
+import time
+
+import pytest
+from reference.small_gearbox import as_json
+
+from gearmon.cli import main
+from gearmon.demo import DEMOS, FAULT, run_demo
+from gearmon.errors import ArgumentError
+from gearmon.machine import load_machine
+from gearmon.machine.example import EXAMPLE
+from gearmon.signatures.reference import read_reference
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory):
+    start = time.process_time()
+    demo = run_demo("crack", tmp_path_factory.mktemp("demo") / "new" / "folder")
+    return demo, time.process_time() - start
+
+
+def test_it_takes_less_than_20_s(ran):
+    assert ran[1] < 20
+
+
+def test_healthy_is_healthy_and_cracked_is_a_fault(ran):
+    healthy, cracked = ran[0].analyses
+    assert healthy.verdict == "healthy"
+    assert cracked.verdict == "fault"
+    assert cracked.flags[0].stage == int(FAULT.split(":")[1])
+    assert cracked.flags[0].gear == FAULT.split(":")[2]
+
+
+def test_its_files_are_those_of_a_user(ran):
+    demo = ran[0]
+    assert demo.report.is_file()
+    assert load_machine(demo.folder / "machine.toml").name == "demo gearbox"
+    assert len(read_reference(demo.folder / "healthy.ref").profiles) == 3
+    truth = json.loads((demo.folder / "new-cracked.json").read_text())
+    assert truth["faults"]
+    assert (demo.folder / "new-cracked.csv").is_file()
+
+
+def test_it_tells_what_it_did(ran):
+    demo = ran[0]
+    told = "\n".join(demo.lines())
+    assert "HEALTHY" in told
+    assert "FAULT" in told
+    assert str(demo.report) in told
+    assert as_json(demo.to_dict()) == demo.to_dict()
+
+
+def test_unknown_demo_is_refused_and_makes_nothing(tmp_path):
+    with pytest.raises(ArgumentError, match="demo='bearing' must be one of crack"):
+        run_demo("bearing", tmp_path / "x")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_where_the_folder_should_be_is_refused(tmp_path):
+    (tmp_path / "x").write_text("")
+    with pytest.raises(ArgumentError, match="cannot make this folder"):
+        run_demo(DEMOS[0], tmp_path / "x")
+
+
+def test_example_machine_has_a_baseline(tmp_path, capsys):
+    path = tmp_path / "machine.toml"
+    path.write_text(EXAMPLE)
+    assert main(["baseline", str(path), "--max-hz", "2000", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["rows"]

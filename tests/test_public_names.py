@@ -1,0 +1,75 @@
+"""The public names: each is found where it is said to live, and nothing else is."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from importlib.metadata import version
+
+import pytest
+
+import gearmon
+
+PROMISED = {
+    "load_machine",
+    "read_recording",
+    "expected_signature",
+    "measure_signature",
+    "learn",
+    "analyse",
+}
+
+
+@pytest.mark.parametrize("name", gearmon.__all__)
+def test_every_public_name_resolves(name):
+    value = getattr(gearmon, name)
+    assert value is getattr(gearmon, name)
+    if name != "__version__":
+        assert value.__name__ == name
+        assert value.__module__.startswith("gearmon.")
+        assert value.__doc__
+
+
+def test_promised_names_are_there():
+    assert set(gearmon.__all__) >= PROMISED
+
+
+def test_names_are_listed_sorted_and_once():
+    assert dir(gearmon) == sorted(set(gearmon.__all__))
+
+
+def test_homes_are_declared_for_type_checkers_too():
+    text = open_text(gearmon.__file__)
+    typed = {line.split(" as ")[-1].strip() for line in text.splitlines() if " as " in line}
+    assert set(gearmon.__all__) - {"__version__"} <= typed
+
+
+def open_text(path):
+    with open(path, encoding="utf-8") as file:
+        return file.read()
+
+
+def test_unknown_name_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="module 'gearmon' has no attribute 'analize'"):
+        gearmon.analize  # noqa: B018
+
+
+def test_star_import():
+    names: dict[str, object] = {}
+    exec("from gearmon import *", names)
+    assert set(gearmon.__all__) <= set(names)
+
+
+def test_version_is_that_of_the_distribution():
+    assert gearmon.__version__ == version("gearmon")
+
+
+def test_one_name_loads_only_its_home():
+    script = (
+        "import sys, gearmon; gearmon.load_machine; "
+        "print([m for m in sys.modules if m.startswith(('gearmon.signals', 'gearmon.report'))])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=60
+    )
+    assert done.stdout.strip() == "[]"
