@@ -11,13 +11,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.signals.angle import (
-    AngleGrid,
-    AngleTrack,
-    OrderLines,
-    angle_blocks,
-    synchronous_average,
-)
+from gearmon.signals.angle import AngleGrid, AngleTrack, angle_blocks
+from gearmon.signals.order_lines import OrderLines, synchronous_average
 from gearmon.signals.spectrum import Spectrum, amplitude_spectrum, fast_length
 from gearmon.signatures.families import WheelLines
 

@@ -12,8 +12,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.signals.angle import AngleTrack, OrderLines, order_lines
+from gearmon.signals.angle import AngleTrack
 from gearmon.signals.comb import SpeedTrack
+from gearmon.signals.order_lines import OrderLines, order_lines
 
 FloatArray = NDArray[np.float64]
 

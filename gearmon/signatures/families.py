@@ -284,15 +284,17 @@ def _wheel_lines(
     stage: int, wheel: Wheel, position: dict[Fraction, int], meshes: set[Fraction], top: Fraction
 ) -> WheelLines:
 
-    count = int(top / wheel.exact_relative)
-    numbers = [n for n in range(1, count + 1) if n * wheel.exact_relative in position]
+    multiples = (
+        (n, n * wheel.exact_relative) for n in range(1, int(top / wheel.exact_relative) + 1)
+    )
+    held = [(n, order, position[order]) for n, order in multiples if order in position]
     return WheelLines(
         stage=stage,
         gear=wheel.gear,
         teeth=wheel.teeth,
         shaft=wheel.shaft,
         order=wheel.relative_order,
-        number=np.array(numbers, dtype=np.int64),
-        lines=np.array([position[n * wheel.exact_relative] for n in numbers], dtype=np.int64),
-        mesh=np.array([n * wheel.exact_relative in meshes for n in numbers], dtype=bool),
+        number=np.array([n for n, _, _ in held], dtype=np.int64),
+        lines=np.array([line for _, _, line in held], dtype=np.int64),
+        mesh=np.array([order in meshes for _, order, _ in held], dtype=bool),
     )

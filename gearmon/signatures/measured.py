@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from gearmon.errors import RecordingError
 from gearmon.gears.kinematics import Kinematics, kinematics
 from gearmon.machine import Machine
-from gearmon.signals.angle import AngleTrack, OrderLines, order_lines, order_quality
+from gearmon.signals.angle import AngleTrack
+from gearmon.signals.order_lines import OrderLines, order_lines, order_quality
 from gearmon.signals.presence import (
     MeshComb,
     MeshEvidence,

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from gearmon.errors import ArgumentError, SignatureError
 from gearmon.files import write_atomically
 from gearmon.machine import Machine, ParallelStage
-from gearmon.signals.angle import OrderLines
+from gearmon.signals.order_lines import OrderLines
 from gearmon.signatures.families import WheelLines
 from gearmon.signatures.measured import MeasuredSignature
 

@@ -10,12 +10,7 @@ from reference.synthetic_signals import band_limited, lines_on, track_of, wander
 
 from gearmon.errors import ArgumentError
 from gearmon.signals import angle
-from gearmon.signals.angle import (
-    AngleGrid,
-    AngleTrack,
-    angle_blocks,
-    resample_to_angle,
-)
+from gearmon.signals.angle import AngleGrid, AngleTrack, angle_blocks, resample_to_angle
 from gearmon.signals.phase import constant_track
 
 RATE = 2000.0

@@ -10,15 +10,9 @@ from reference.slow_orders import direct_lines, naive_average
 from reference.synthetic_signals import lines_on, track_of, wandering_turns, white
 
 from gearmon.errors import ArgumentError
-from gearmon.signals import angle
-from gearmon.signals.angle import (
-    AngleGrid,
-    AngleTrack,
-    OrderLines,
-    order_lines,
-    order_quality,
-    synchronous_average,
-)
+from gearmon.signals import order_lines as order_lines_module
+from gearmon.signals.angle import AngleGrid, AngleTrack
+from gearmon.signals.order_lines import OrderLines, order_lines, order_quality, synchronous_average
 from gearmon.signals.phase import constant_track
 
 RATE = 2000.0
@@ -67,7 +61,7 @@ def test_transform_at_any_bin_equals_a_direct_sum():
     # the non-uniform transform by itself, on noise: every bin, also next to 0 and half the rate
     part = white((3, 500), seed=2)
     bins = np.array([0.0, 0.3, 1.0, 17.77, 125.5, 249.6, 250.0])
-    found = angle._LinePlan(500, bins).lines(part)
+    found = order_lines_module._LinePlan(500, bins).lines(part)
     slow = direct_lines(part, 500, 0.0, bins, 500)[0]
     scale = np.where(bins > 0, 2.0, 1.0) / 250.0
     assert np.abs(found * scale - slow).max() < 1e-6 * np.abs(slow).max()

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from reference.synthetic_signals import lines_on, wandering_turns, white
 
-from gearmon.signals.angle import order_quality
 from gearmon.signals.comb import scan_speed
+from gearmon.signals.order_lines import order_quality
 from gearmon.signals.phase import constant_track
 from gearmon.signals.presence import (
     MeshComb,
