@@ -200,7 +200,7 @@ def run_analyse(arguments: argparse.Namespace) -> int:
     """Run `gearmon analyse`."""
     machine = _machine(arguments.machine)
     reference = _reference(arguments, machine)
-    kept: list[tuple[Analysis, Recording]] = []
+    kept: list[tuple[Analysis, Recording | None]] = []
     results = [
         _analysed(path, arguments, machine, reference, kept)
         for path in _followed(arguments.recording, "analysing")
@@ -232,7 +232,7 @@ def _analysed(
     arguments: argparse.Namespace,
     machine: Machine,
     reference: Reference | None,
-    kept: list[tuple[Analysis, Recording]],
+    kept: list[tuple[Analysis, Recording | None]],
 ) -> dict[str, Any]:
     """Analyse one recording; a bad one is reported in its place."""
     from gearmon.diagnosis.analysis import analyse
@@ -244,7 +244,8 @@ def _analysed(
         print(f"gearmon: {error}", file=sys.stderr)
         return {"recording": path, "error": str(error)}
     if arguments.report or not arguments.json:
-        kept.append((analysis, recording))
+        # only a report draws the samples
+        kept.append((analysis, recording if arguments.report else None))
     return analysis.to_dict()
 
 
@@ -351,4 +352,5 @@ def _write_json(path: str, result: Any) -> None:
 
     if Path(path).suffix.lower() != ".json":
         raise ArgumentError(f"{path}: the name must end in .json (or .csv, where there is a table)")
-    write_atomically(path, json.dumps(result, indent=1, ensure_ascii=False) + "\n")
+    text = json.dumps(result, indent=1, ensure_ascii=False, allow_nan=False)
+    write_atomically(path, text + "\n")

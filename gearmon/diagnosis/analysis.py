@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -249,7 +248,8 @@ def _judged(
     changes = _changes(signature, comparison)
     flags: tuple[Flag, ...] = ()
     if probability < FAULT_BELOW:
-        flags = tooth_flags(profiles, FAULT_BELOW, len(profiles))
+        groups = comparison.groups if comparison else ()
+        flags = tooth_flags(profiles, FAULT_BELOW, len(profiles), groups)
         if comparison is not None:
             flags += level_flags(changes, comparison.groups, comparison.test, FAULT_BELOW)
     verdict = _verdict(probability, with_reference=comparison is not None)
@@ -336,8 +336,3 @@ def _no_mesh(
         expected=None,
         warnings=signature.notes,
     )
-
-
-def recording_name(path: str | Path) -> str:
-    """Name by which a recording is reported: the path as given."""
-    return str(path)

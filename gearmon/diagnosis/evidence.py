@@ -12,11 +12,18 @@ from gearmon.diagnosis.results import Change, Flag, ToothProfile
 _SENTENCES = 4
 
 
-def tooth_flags(profiles: Sequence[ToothProfile], below: float, looked_at: int) -> tuple[Flag, ...]:
+def tooth_flags(
+    profiles: Sequence[ToothProfile],
+    below: float,
+    looked_at: int,
+    groups: Sequence[GroupTest] = (),
+) -> tuple[Flag, ...]:
     """Flag gears with one departing tooth.
 
     Gears of one train whose tooth counts have common factors repeat one another's events; of those
-    that stand out the clearest is flagged and the others are named in its evidence.
+    that stand out the clearest is flagged and the others are named in its evidence. Gears on one
+    shaft show the same event; of those the one is blamed whose own sidebands changed more clearly,
+    by a factor of ten in probability, else none.
 
     Parameters
     ----------
@@ -26,6 +33,8 @@ def tooth_flags(profiles: Sequence[ToothProfile], below: float, looked_at: int) 
         False-alarm probability, corrected for the gears looked at, below which to flag.
     looked_at : int
         Gears looked at.
+    groups : sequence of GroupTest
+        Level tests of the groups of families, which tell gears on one shaft apart.
 
     Returns
     -------
@@ -38,7 +47,7 @@ def tooth_flags(profiles: Sequence[ToothProfile], below: float, looked_at: int) 
     )
     if not striking:
         return ()
-    first = striking[0]
+    first, alone = _blamed(striking, groups)
     against = "the healthy pattern" if first.against == "reference" else "its other teeth"
     where = (
         f"tooth {first.tooth}"
@@ -52,17 +61,20 @@ def tooth_flags(profiles: Sequence[ToothProfile], below: float, looked_at: int) 
     if first.tooth is not None:
         evidence.append("teeth are counted from the one that enters mesh at the tachometer pulse")
     evidence += [
-        f"the {other.gear} of stage {other.stage} shows it too ({other.ratio:.1f} times), "
-        "less clearly"
-        for other in striking[1:]
+        f"the {other.gear} of stage {other.stage} shows it too ({other.ratio:.1f} times)"
+        + (", on the same shaft" if _on_one_shaft(first, other) else "")
+        for other in striking
+        if other is not first
     ]
+    if not alone:
+        evidence.append("gears on one shaft turn together: it may be either of them")
     probability = float(10.0 ** min(0.0, first.log10_probability + float(np.log10(looked_at))))
     return (
         Flag(
             kind="tooth damage",
-            stage=first.stage,
-            gear=first.gear,
-            tooth=first.tooth,
+            stage=first.stage if alone else None,
+            gear=first.gear if alone else None,
+            tooth=first.tooth if alone else None,
             stiffness_loss=None,
             stiffness_loss_low=None,
             stiffness_loss_high=None,
@@ -70,6 +82,35 @@ def tooth_flags(profiles: Sequence[ToothProfile], below: float, looked_at: int) 
             evidence=tuple(evidence),
         ),
     )
+
+
+def _on_one_shaft(one: ToothProfile, other: ToothProfile) -> bool:
+    return abs(one.order - other.order) < 1e-9 * one.order
+
+
+def _blamed(
+    striking: Sequence[ToothProfile], groups: Sequence[GroupTest]
+) -> tuple[ToothProfile, bool]:
+    """Choose the gear to blame, and tell whether it can be told from its neighbours on the shaft.
+
+    An event once a turn of a shaft is as clear in the pattern of each of its gears, and clearer the
+    more teeth one has. The sidebands about a gear's own mesh tell more.
+    """
+    first = striking[0]
+    together = [profile for profile in striking if _on_one_shaft(first, profile)]
+    if len(together) == 1:
+        return first, True
+
+    def level(profile: ToothProfile) -> float:
+        own = [
+            group.log10_probability
+            for group in groups
+            if (group.stage, group.gear) == (profile.stage, profile.gear)
+        ]
+        return min(own, default=0.0)
+
+    ranked = sorted(together, key=level)
+    return ranked[0], level(ranked[0]) < level(ranked[1]) - 1.0
 
 
 def level_flags(

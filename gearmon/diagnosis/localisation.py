@@ -221,6 +221,7 @@ def _profile(
         stage=wheel.stage,
         gear=wheel.gear,
         teeth=wheel.teeth,
+        order=wheel.order,
         energy=by_tooth,
         tooth=round(place * wheel.teeth - _CONTACT_CENTRE) % wheel.teeth + 1 if numbered else None,
         position=place,

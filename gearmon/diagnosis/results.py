@@ -90,6 +90,8 @@ class ToothProfile:
         Gear.
     teeth : int
         Teeth.
+    order : float
+        Rotation of the gear, in turns of shaft 1: gears on one shaft share it.
     energy : ndarray of float, shape (teeth,)
         Energy of the departure over windows of two teeth centred on each tooth, median 1.
     tooth : int or None
@@ -108,6 +110,7 @@ class ToothProfile:
     stage: int
     gear: str
     teeth: int
+    order: float
     energy: FloatArray
     tooth: int | None
     position: float

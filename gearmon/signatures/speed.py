@@ -320,15 +320,16 @@ def line_peak(samples: FloatArray, rate: float, train: Kinematics, track: AngleT
     Returns
     -------
     float
-        The speed [Hz], within 0.1 % of the mean; the mean itself if the speed wanders by more than
-        0.1 % (standard deviation over half seconds) or there are more than half a million samples:
-        then the lines have no one place in such a spectrum.
+        The speed [Hz], within 0.1 % of the mean; the mean itself if a tachometer tells it, and if
+        it wanders by more than 0.1 % (standard deviation over half seconds) or there are more than
+        half a million samples: then the lines have no one place in such a spectrum.
     """
     mean = float((track.turns[-1] - track.turns[0]) / (track.time_s[-1] - track.time_s[0]))
     whole = samples.shape[-1] / rate
     halves = np.arange(0.0, whole, 0.5)
     wander = float(np.std(np.diff(track.turns_at(halves)))) / 0.5 if len(halves) > 2 else 0.0
-    if samples.shape[-1] > _PEAK_SAMPLES or wander > _PEAK_TOLERANCE * mean:
+    drifts = wander > _PEAK_TOLERANCE * mean
+    if track.method == "tacho" or drifts or samples.shape[-1] > _PEAK_SAMPLES:
         return mean
     scan = scan_speed(samples, rate, _comb(train), mean, _PEAK_TOLERANCE, whole)
     return scan.track().mean_hz

@@ -125,7 +125,6 @@ def test_crack_of_the_second_stage_is_flagged_there(train):
     assert (told.flags[0].stage, told.flags[0].gear) == (2, "gear")
 
 
-@pytest.mark.xfail(reason="of two gears on one shaft the one with more teeth is always blamed")
 def test_of_two_gears_on_a_shaft_the_wrong_one_is_not_blamed(train):
     told = analyse(heard(train[0], "crack:2:pinion:7:40%"), *train)
     assert told.verdict == "fault"

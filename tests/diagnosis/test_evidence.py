@@ -10,11 +10,13 @@ from gearmon.diagnosis.evidence import level_flags, sentences, summary, tooth_fl
 from gearmon.diagnosis.results import Change, ToothProfile
 
 
-def profile(log10, stage=1, gear="pinion", tooth=7, against="reference"):
+def profile(log10, stage=1, gear="pinion", tooth=7, against="reference", order=None):
     return ToothProfile(
         stage=stage,
         gear=gear,
         teeth=23,
+        # a shaft of its own unless told otherwise
+        order=order or 1.0 / stage + 0.1 * len(gear),
         energy=np.ones(23),
         tooth=tooth,
         position=0.25,
@@ -133,3 +135,23 @@ def test_summary_without_a_reference_or_a_turn():
     told = summary("cannot tell", [], [], None)
     assert "no healthy reference" in told
     assert "No gear's turn could be resolved" in told
+
+
+def test_of_gears_on_one_shaft_the_one_with_changed_sidebands_is_blamed():
+    wide = profile(-30.0, stage=1, gear="gear", tooth=None, order=0.4)
+    narrow = profile(-9.0, stage=2, gear="pinion", tooth=None, order=0.4)
+    groups = (
+        GroupTest(kind="sidebands", stage=2, gear="pinion", rms=4.0, log10_probability=-7.0),
+        GroupTest(kind="sidebands", stage=1, gear="gear", rms=1.0, log10_probability=-0.5),
+    )
+    (flag,) = tooth_flags([wide, narrow], 0.01, 2, groups)
+    assert (flag.stage, flag.gear) == (2, "pinion")
+    assert "on the same shaft" in " ".join(flag.evidence)
+
+
+def test_gears_on_one_shaft_that_cannot_be_told_apart_are_both_named():
+    one = profile(-30.0, stage=1, gear="gear", tooth=None, order=0.4)
+    other = profile(-9.0, stage=2, gear="pinion", tooth=None, order=0.4)
+    (flag,) = tooth_flags([one, other], 0.01, 2)
+    assert (flag.stage, flag.gear, flag.tooth) == (None, None, None)
+    assert "it may be either of them" in flag.evidence[-1]
