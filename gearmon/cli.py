@@ -200,7 +200,11 @@ def _benchmark(parsers: Any) -> None:
         "gearmon benchmark analyse -o benchmark.csv",
     )
     parser.add_argument(
-        "case", metavar="CASE", nargs="?", default="analyse", help="analyse (default) or memory"
+        "case",
+        metavar="CASE",
+        nargs="?",
+        default="analyse",
+        help="analyse (default), memory or stiffness",
     )
 
 

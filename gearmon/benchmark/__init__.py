@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
 from gearmon.errors import ArgumentError
 from gearmon.terminal import Progress
 
-CASES = ("analyse", "memory")
+CASES = ("analyse", "memory", "stiffness")
 
 
 def run_case(case: str, progress: Progress | None = None) -> list[dict[str, Any]]:
@@ -15,7 +16,7 @@ def run_case(case: str, progress: Progress | None = None) -> list[dict[str, Any]
 
     Parameters
     ----------
-    case : {"analyse", "memory"}
+    case : {"analyse", "memory", "stiffness"}
         Which one.
     progress : callable, optional
         Called with the share done, 0 to 1.
@@ -38,4 +39,8 @@ def run_case(case: str, progress: Progress | None = None) -> list[dict[str, Any]
         from gearmon.benchmark.whole_process import memory_of_long_recording
 
         return memory_of_long_recording(progress=progress)
+    if case == "stiffness":
+        from gearmon.benchmark.stiffness import time_stiffness
+
+        return [asdict(timing) for timing in time_stiffness()]
     raise ArgumentError(f"benchmark case={case!r} must be one of {', '.join(CASES)}")
