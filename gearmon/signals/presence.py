@@ -287,8 +287,11 @@ def _unseen(scan: SpeedScan) -> NDArray[np.int64]:
     blocks = np.arange(len(scan.centre_s))
     if len(blocks) < 4:
         return blocks
-    distance = np.abs(blocks[:, None] - scan.kept[None, :]).min(axis=1)
-    apart: NDArray[np.int64] = blocks[distance >= scan.stride]
+    # in time, not in numbers: the last block may stand closer to its neighbour than the others
+    centre = scan.centre_s
+    distance = np.abs(centre[:, None] - centre[scan.kept][None, :]).min(axis=1)
+    needed = 0.999 * scan.stride * float(np.median(np.diff(centre)))
+    apart: NDArray[np.int64] = blocks[distance >= needed]
     return apart
 
 
