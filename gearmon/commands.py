@@ -161,6 +161,7 @@ def run_simulate(arguments: argparse.Namespace) -> int:
 
 def run_learn(arguments: argparse.Namespace) -> int:
     """Run `gearmon learn`."""
+    from gearmon.report.text import reference_text
     from gearmon.signatures.measured import measure_signature
     from gearmon.signatures.reference import make_reference, write_reference
 
@@ -183,17 +184,8 @@ def run_learn(arguments: argparse.Namespace) -> int:
             for s in signatures
         ],
     }
-    _show(arguments, result, lambda: _learned_lines(result))
+    _show(arguments, result, lambda: [reference_text(reference), f"wrote {arguments.output}"])
     return DONE
-
-
-def _learned_lines(result: dict[str, Any]) -> list[str]:
-    speeds = [f"{r['speed']['estimated_hz']:.3f} Hz" for r in result["recordings"]]
-    return [
-        f"learned {len(speeds)} recording(s) of {result['machine']} at {', '.join(speeds)}: "
-        f"{len(result['channels'])} channels, {result['families']} families of lines",
-        f"wrote {result['reference']}",
-    ]
 
 
 def run_analyse(arguments: argparse.Namespace) -> int:
