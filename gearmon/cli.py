@@ -64,7 +64,17 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"gearmon {__version__}")
     parsers = parser.add_subparsers(dest="command", metavar="COMMAND")
-    for add in (_lines, _stiffness, _baseline, _simulate, _learn, _analyse, _demo, _benchmark):
+    for add in (
+        _lines,
+        _stiffness,
+        _baseline,
+        _simulate,
+        _learn,
+        _analyse,
+        _harvest,
+        _demo,
+        _benchmark,
+    ):
         add(parsers)
     return parser
 
@@ -178,6 +188,40 @@ def _analyse(parsers: Any) -> None:
         help="what gearmon learn wrote, or one healthy recording",
     )
     parser.add_argument("--report", metavar="HTML", help="write a report, and a PNG a picture")
+
+
+def _harvest(parsers: Any) -> None:
+    parser = _command(
+        parsers,
+        "harvest",
+        commands.run_harvest,
+        "say where to put a vibration energy harvester, how to tune it and what it will power",
+        "gearmon harvest machine.toml full.csv idle.csv --share 0.7 --share 0.3 -o harvest.json",
+    )
+    option = parser.add_argument
+    option("machine", metavar="MACHINE", help="machine file (TOML)")
+    option(
+        "recording",
+        metavar="RECORDING",
+        nargs="*",
+        help="one for each operating point, every vibration channel a position; without any, the "
+        "expected lines of the machine are used",
+    )
+    option("--harvester", metavar="FILE", help="harvester file (TOML); a 15 mm bimorph by default")
+    option("--share", action="append", type=float, metavar="F", help="share of time, repeatable")
+    option(
+        "--degraded",
+        action="append",
+        default=[],
+        metavar="RECORDING",
+        help="the same operating point with a damaged gear; repeatable, in the same order",
+    )
+    _fault_option(parser)
+    option("--path-gain", type=float, default=1.0, metavar="G", help="mesh to harvester (1)")
+    option("--wander", type=float, default=0.005, metavar="F", help="of speed, relative (0.005)")
+    option("--sampling-rate", type=float, metavar="HZ", help="needed if there is no time column")
+    option("--channel", action="append", metavar="NAME|N", help="only these channels; repeatable")
+    option("--tacho", metavar="NAME|N", help=argparse.SUPPRESS)
 
 
 def _demo(parsers: Any) -> None:

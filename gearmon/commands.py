@@ -35,10 +35,11 @@ def check_names(arguments: argparse.Namespace) -> None:
         If a name is empty, has the wrong ending, or would be written over what is read.
     """
     given = vars(arguments)
-    for name in ("output", "report", "reference", "tacho", "machine"):
+    for name in ("output", "report", "reference", "tacho", "machine", "harvester"):
         if given.get(name) == "":
             raise ArgumentError(f"--{name}: the name is empty")
-    inputs = [*given.get("recording", ()), given.get("machine"), given.get("reference")]
+    inputs = [*given.get("recording", ()), *given.get("degraded", ())]
+    inputs += [given.get(name) for name in ("machine", "reference", "harvester")]
     read = {Path(path).resolve() for path in inputs if path}
     for name in ("output", "report"):
         path = given.get(name)
@@ -58,6 +59,7 @@ _ENDINGS = {
     "baseline": (".csv", ".json", ".parquet"),
     "simulate": (".csv",),
     "analyse": (".json",),
+    "harvest": (".csv", ".json"),
     "benchmark": (".csv", ".json"),
 }
 
@@ -261,6 +263,63 @@ def _reference(arguments: argparse.Namespace, machine: Machine) -> Reference | N
     if is_reference(path) or not path.is_file():
         return read_reference(path)
     return learn([_recording(str(path), arguments, machine)], machine)
+
+
+def run_harvest(arguments: argparse.Namespace) -> int:
+    """Run `gearmon harvest`."""
+    from gearmon.harvesting.request import built_in, load_harvester
+    from gearmon.harvesting.survey import survey_expected, survey_measured
+    from gearmon.report.harvest_text import harvest_lines
+    from gearmon.report.text_tables import rows_as_csv
+
+    machine = _machine(arguments.machine)
+    harvester, budget = load_harvester(arguments.harvester) if arguments.harvester else built_in()
+    if arguments.recording:
+        _refuse_with_recordings(arguments)
+        survey = survey_measured(
+            machine,
+            harvester,
+            [_recording(path, arguments, machine) for path in arguments.recording],
+            budget,
+            shares=arguments.share or (),
+            degraded=[_recording(path, arguments, machine) for path in arguments.degraded],
+        )
+    else:
+        _refuse_without_recordings(arguments)
+        survey = survey_expected(
+            machine,
+            harvester,
+            budget,
+            faults=tuple(arguments.fault),
+            path_gain=arguments.path_gain,
+            wander=arguments.wander,
+        )
+    result = survey.to_dict()
+    if arguments.output:
+        from gearmon.report.harvest_plots import save_harvest_figures
+
+        _write_table(arguments.output, result, lambda: rows_as_csv(survey.rows()))
+        pictures = save_harvest_figures(survey, Path(arguments.output).with_suffix(".png"))
+        result["pictures"] = [str(path) for path in pictures]
+    _show(
+        arguments,
+        result,
+        lambda: harvest_lines(survey) + [f"wrote {path}" for path in result.get("pictures", ())],
+    )
+    return DONE
+
+
+def _refuse_with_recordings(arguments: argparse.Namespace) -> None:
+    if arguments.fault:
+        raise ArgumentError(
+            "--fault: only for expected lines; give --degraded RECORDING beside recordings"
+        )
+
+
+def _refuse_without_recordings(arguments: argparse.Namespace) -> None:
+    for name in ("share", "degraded", "channel"):
+        if getattr(arguments, name):
+            raise ArgumentError(f"--{name}: only beside recordings; name them after the machine")
 
 
 def run_demo(arguments: argparse.Namespace) -> int:

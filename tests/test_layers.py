@@ -22,6 +22,7 @@ ALLOWED = {
     "diagnosis": FOUNDATIONS | {"machine", "gears", "dynamics", "signals", "signatures"},
     "simulation": FOUNDATIONS | {"machine", "gears", "dynamics"},
     "harvesting": FOUNDATIONS | {"machine", "dynamics", "signals", "signatures"},
+    "study": FOUNDATIONS | {"machine", "gears", "dynamics", "harvesting"},
 }
 COMPUTING = set(ALLOWED)
 ALLOWED["report"] = COMPUTING

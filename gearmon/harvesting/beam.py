@@ -1,0 +1,196 @@
+"""Modes of a clamped uniform beam with a mass at its tip.
+
+    1 + cos l cosh l + l M (cos l sinh l - sin l cosh l) - l^3 J (cosh l sin l + sinh l cos l)
+      + l^4 M J (1 - cos l cosh l) = 0
+
+with M the tip mass over the mass of the beam and J its rotary inertia about the tip over mass of
+the beam times length squared (Erturk and Inman, Piezoelectric Energy Harvesting, 2011, appendix C).
+Euler-Bernoulli: length over thickness above about 20.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+from gearmon.errors import ArgumentError, check_positive, check_range
+
+Real = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BeamModes:
+    """Modes of a beam of unit length, unit mass and unit flexural stiffness, normalised by mass.
+
+    Attributes
+    ----------
+    eigenvalue : ndarray, shape (modes,)
+        l_r; the circular frequency of a real beam is l_r^2 sqrt(YI/(mu L^4)).
+    tip, tip_slope : ndarray, shape (modes,)
+        phi_r(1), phi_r'(1).
+    root_curvature : ndarray, shape (modes,)
+        phi_r''(0).
+    forcing : ndarray, shape (modes,)
+        integral of phi_r plus M phi_r(1): what a unit acceleration of the base excites.
+
+    Notes
+    -----
+    For length L and mass per length mu: phi_r = (mu L)^(-1/2) times these; slope and curvature
+    take another 1/L and 1/L^2, forcing becomes (mu L)^(1/2) times these.
+    """
+
+    eigenvalue: Real
+    tip: Real
+    tip_slope: Real
+    root_curvature: Real
+    forcing: Real
+
+
+@lru_cache(maxsize=512)
+def beam_modes(
+    tip_mass_ratio: float = 0.0, tip_inertia_ratio: float = 0.0, count: int = 3
+) -> BeamModes:
+    """Return the first modes.
+
+    Parameters
+    ----------
+    tip_mass_ratio : float, >= 0
+        Tip mass over mass of the beam.
+    tip_inertia_ratio : float, >= 0
+        Rotary inertia of the tip mass about the tip over mass of the beam times length squared.
+    count : int, 1 to 8
+        Number of modes.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of its range.
+
+    Examples
+    --------
+    >>> beam_modes().eigenvalue.round(6)
+    array([1.875104, 4.694091, 7.854757])
+    """
+    check_range("tip_mass_ratio", tip_mass_ratio, 0.0, 1e6)
+    check_range("tip_inertia_ratio", tip_inertia_ratio, 0.0, 1e6)
+    check_range("count", count, 1, 8)
+    roots = [_root(r, tip_mass_ratio, tip_inertia_ratio) for r in range(count)]
+    columns = np.array([_mode(root, tip_mass_ratio, tip_inertia_ratio) for root in roots]).T
+    columns.flags.writeable = False
+    return BeamModes(
+        eigenvalue=np.array(roots),
+        tip=columns[0],
+        tip_slope=columns[1],
+        root_curvature=columns[2],
+        forcing=columns[3],
+    )
+
+
+def mass_ratio_for(first_eigenvalue: float) -> float:
+    """Return the tip mass ratio that gives a wanted first eigenvalue (no rotary inertia).
+
+    M = (1 + cos l cosh l)/(l (sin l cosh l - cos l sinh l)), falling from infinity at l -> 0 to 0
+    at l = 1.8751.
+
+    Raises
+    ------
+    ArgumentError
+        If the eigenvalue is not above 0 or above that of the bare beam.
+    """
+    check_positive("first_eigenvalue", first_eigenvalue)
+    bare = float(beam_modes().eigenvalue[0])
+    if first_eigenvalue > bare * (1 + 1e-12):
+        raise ArgumentError(
+            f"first_eigenvalue={first_eigenvalue:.6g} must not exceed that of the bare beam, "
+            f"{bare:.6g}"
+        )
+    s, c = math.sin(first_eigenvalue), math.cos(first_eigenvalue)
+    sh, ch = math.sinh(first_eigenvalue), math.cosh(first_eigenvalue)
+    return max(0.0, (1 + c * ch) / (first_eigenvalue * (s * ch - c * sh)))
+
+
+def _characteristic(eigenvalue: float, mass: float, inertia: float) -> float:
+    """Characteristic function over cosh l, which neither overflows nor loses digits."""
+    s, c = math.sin(eigenvalue), math.cos(eigenvalue)
+    t = math.tanh(eigenvalue)
+    sech = 1 / math.cosh(eigenvalue)
+    rotary = eigenvalue**3 * inertia
+    return float(
+        sech
+        + c
+        + eigenvalue * mass * (c * t - s)
+        - rotary * (s + t * c)
+        + eigenvalue * rotary * mass * (sech - c)
+    )
+
+
+def _root(number: int, mass: float, inertia: float) -> float:
+    """Find root number 0, 1, ... of the characteristic function."""
+    from scipy.optimize import brentq
+
+    if inertia == 0:
+        # a mass moves the root from that of a free tip towards that of a pinned one
+        low = (number + 0.25) * math.pi - 1e-3 if number else 1e-9
+        high = (number + 0.5) * math.pi + 0.31 * (number == 0) + 5e-3
+        return float(brentq(_characteristic, low, high, (mass, 0.0), xtol=1e-15))
+    # signs alternate from root to root, so scanning finely finds each in turn
+    step, low, found = 0.02, 1e-9, -1
+    value = _characteristic(low, mass, inertia)
+    while low < 60:
+        high = low + step
+        ahead = _characteristic(high, mass, inertia)
+        if value * ahead <= 0:
+            found += 1
+            if found == number:
+                return float(brentq(_characteristic, low, high, (mass, inertia), xtol=1e-15))
+        low, value = high, ahead
+    raise ArgumentError(f"mode {number + 1} of the beam was not found; ask for fewer modes")
+
+
+def _mode(root: float, mass: float, inertia: float) -> tuple[float, float, float, float]:
+    """Tip value, tip slope, root curvature and forcing of one mode, normalised by mass."""
+    share = _sine_share(root, inertia)
+    nodes, weights = _quadrature()
+    shape = _shape(root, share, nodes, 0)
+    tip = float(_shape(root, share, np.array([1.0]), 0)[0])
+    slope = float(_shape(root, share, np.array([1.0]), 1)[0])
+    curvature = float(_shape(root, share, np.array([0.0]), 2)[0])
+    norm = math.sqrt(float(weights @ shape**2) + mass * tip**2 + inertia * slope**2)
+    if tip < 0:
+        norm = -norm
+    forcing = float(weights @ shape) + mass * tip
+    return tip / norm, slope / norm, curvature / norm, forcing / norm
+
+
+def _sine_share(root: float, inertia: float) -> float:
+    """Share of sin - sinh beside cosh - cos, from the moment at the tip."""
+    s, c = math.sin(root), math.cos(root)
+    t, sech = math.tanh(root), 1 / math.cosh(root)
+    rotary = root**3 * inertia
+    # phi''(1) = l^4 J phi'(1), both sides over cosh l
+    above = c * sech + 1 - rotary * (s * sech + t)
+    below = s * sech + t + rotary * (c * sech - 1)
+    return above / below
+
+
+def _shape(root: float, share: float, x: Real, derivative: int) -> Real:
+    """Evaluate cosh - cos - share (sinh - sin), or a derivative of it, at x."""
+    arguments = root * x
+    s, c = np.sin(arguments), np.cos(arguments)
+    sh, ch = np.sinh(arguments), np.cosh(arguments)
+    forms = {
+        0: (ch - c) - share * (sh - s),
+        1: (sh + s) - share * (ch - c),
+        2: (ch + c) - share * (sh + s),
+    }
+    return np.asarray(root**derivative * forms[derivative], dtype=np.float64)
+
+
+@lru_cache(maxsize=1)
+def _quadrature() -> tuple[Real, Real]:
+    nodes, weights = np.polynomial.legendre.leggauss(80)
+    return (nodes + 1) / 2, weights / 2

@@ -1,0 +1,204 @@
+"""A single mass on a spring whose motion is damped by a generator (Williams and Yates).
+
+    m z'' + 2 m (zm + ze) wn z' + m wn^2 z = -m a(t),   P = 2 m ze wn <z'^2>
+
+with zm the mechanical and ze the electrical damping ratio. For a = A cos(wt), r = w/wn:
+
+    P = m ze A^2 r^2 / (wn [(1 - r^2)^2 + (2 (zm + ze) r)^2])   (electrical, mean)
+
+At r = 1, ze = zm this is m A^2/(16 zm wn), the most that any load takes. Valid for a generator
+that acts as a viscous damper (electromagnetic, below the corner of its coil). Williams and Yates,
+Sensors and Actuators A 52 (1996) 8-11; Roundy, J. Intell. Mater. Syst. Struct. 16 (2005) 809-823.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gearmon.errors import ArgumentError, check_positive, check_range
+from gearmon.harvesting.gains import Gains
+
+
+@dataclass(frozen=True, kw_only=True)
+class InertialHarvester:
+    """A mass on a spring with mechanical and electrical damping.
+
+    Parameters
+    ----------
+    mass_kg : float, > 0
+    natural_frequency_hz : float, > 0
+        Of mass and spring.
+    mechanical_damping_ratio : float, > 0 and < 1
+        What is lost to heat.
+    electrical_damping_ratio : float, >= 0 and <= 10
+        What the load takes; `electromagnetic_damping_ratio` gives it for a coil.
+    clearance_m : float, > 0
+        Room of the mass to either side [m].
+    lowest_hz, highest_hz : float, > 0
+        Natural frequencies that the spring may be built for.
+
+    Raises
+    ------
+    ArgumentError
+        If a value is out of its range.
+
+    Examples
+    --------
+    >>> h = InertialHarvester(mass_kg=5e-3, natural_frequency_hz=625.0)
+    >>> h = h.with_load(h.mechanical_damping_ratio)   # matched
+    >>> round(float(h.gains(625.0).power_w[0]) / h.power_bound_w(), 12)
+    1.0
+    """
+
+    mass_kg: float
+    natural_frequency_hz: float
+    mechanical_damping_ratio: float = 0.01
+    electrical_damping_ratio: float = 0.01
+    clearance_m: float = math.inf
+    lowest_hz: float = 5.0
+    highest_hz: float = 20_000.0
+
+    def __post_init__(self) -> None:
+        check_positive("mass_kg", self.mass_kg, "kg")
+        check_positive("lowest_hz", self.lowest_hz, "Hz")
+        check_positive("highest_hz", self.highest_hz, "Hz")
+        if self.highest_hz < self.lowest_hz:
+            raise ArgumentError(
+                f"highest_hz={self.highest_hz:g} Hz must be >= lowest_hz={self.lowest_hz:g} Hz"
+            )
+        check_range(
+            "natural_frequency_hz", self.natural_frequency_hz, self.lowest_hz, self.highest_hz, "Hz"
+        )
+        check_range("mechanical_damping_ratio", self.mechanical_damping_ratio, 1e-6, 0.999)
+        check_range("electrical_damping_ratio", self.electrical_damping_ratio, 0.0, 10.0)
+        if not self.clearance_m > 0:
+            raise ArgumentError(f"clearance_m={self.clearance_m} m must be > 0")
+
+    @property
+    def damping_ratio(self) -> float:
+        """Mechanical damping ratio."""
+        return self.mechanical_damping_ratio
+
+    @property
+    def load(self) -> float:
+        """Electrical damping ratio."""
+        return self.electrical_damping_ratio
+
+    @property
+    def load_range(self) -> tuple[float, float]:
+        """Electrical damping ratios worth trying: from a hundredth of the mechanical one to 3."""
+        return self.mechanical_damping_ratio / 100, 3.0
+
+    @property
+    def frequency_range_hz(self) -> tuple[float, float]:
+        """Natural frequencies that the spring may be built for [Hz]."""
+        return self.lowest_hz, self.highest_hz
+
+    @property
+    def travel_limit_m(self) -> float:
+        """Clearance [m]."""
+        return self.clearance_m
+
+    @property
+    def stress_limit_pa(self) -> float:
+        """Infinite: the spring is not modelled."""
+        return math.inf
+
+    @property
+    def stiffness_n_per_m(self) -> float:
+        """Spring stiffness m wn^2 [N/m]."""
+        return self.mass_kg * (2 * math.pi * self.natural_frequency_hz) ** 2
+
+    def retuned(self, frequency_hz: float) -> InertialHarvester:
+        """Return the same mass on a spring for another natural frequency [Hz].
+
+        Raises
+        ------
+        ArgumentError
+            If it lies outside `frequency_range_hz`.
+        """
+        return replace(self, natural_frequency_hz=float(frequency_hz))
+
+    def with_load(self, load: float) -> InertialHarvester:
+        """Return the same with another electrical damping ratio."""
+        return replace(self, electrical_damping_ratio=float(load))
+
+    def gains(self, frequency_hz: npt.ArrayLike) -> Gains:
+        """Answers to a unit acceleration amplitude of the base.
+
+        Parameters
+        ----------
+        frequency_hz : float array, shape (n,) or a number, >= 0
+        """
+        frequency = np.atleast_1d(np.asarray(frequency_hz, dtype=np.float64))
+        natural = 2 * math.pi * self.natural_frequency_hz
+        ratio = frequency / self.natural_frequency_hz
+        total = self.mechanical_damping_ratio + self.electrical_damping_ratio
+        squared = ((1 - ratio**2) ** 2 + (2 * total * ratio) ** 2) * natural**4
+        power = self.mass_kg * self.electrical_damping_ratio * natural**3 * ratio**2 / squared
+        nothing = np.zeros_like(frequency)
+        return Gains(
+            frequency_hz=frequency,
+            power_w=power,
+            travel_m=1 / np.sqrt(squared),
+            stress_pa=nothing,
+            voltage_v=nothing,
+        )
+
+    def power_bound_w(self) -> float:
+        """m/(16 zm wn): matched load at resonance [W/(m/s2)^2]."""
+        natural = 2 * math.pi * self.natural_frequency_hz
+        return self.mass_kg / (16 * self.mechanical_damping_ratio * natural)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the values in built-in types; no clearance is null."""
+        values = asdict(self) | {"kind": "inertial", "stiffness_n_per_m": self.stiffness_n_per_m}
+        if math.isinf(self.clearance_m):
+            values["clearance_m"] = None
+        return values
+
+
+def electromagnetic_damping_ratio(
+    coupling_n_per_a: float,
+    mass_kg: float,
+    natural_frequency_hz: float,
+    coil_ohm: float,
+    load_ohm: float,
+) -> tuple[float, float]:
+    """Damping ratio that a coil makes, and the share of its power that reaches the load.
+
+    z = theta^2/(2 m wn (Rc + Rl)), share Rl/(Rc + Rl); well below the corner R/L of the coil.
+
+    Parameters
+    ----------
+    coupling_n_per_a : float, > 0
+        theta, force per current = voltage per velocity [N/A = V s/m].
+    mass_kg, natural_frequency_hz : float, > 0
+    coil_ohm, load_ohm : float, >= 0, > 0
+        Resistances [ohm].
+
+    Returns
+    -------
+    ratio, share : float
+
+    Raises
+    ------
+    ArgumentError
+        If a value is out of its range.
+    """
+    for name, value in (
+        ("coupling_n_per_a", coupling_n_per_a),
+        ("mass_kg", mass_kg),
+        ("natural_frequency_hz", natural_frequency_hz),
+        ("load_ohm", load_ohm),
+    ):
+        check_positive(name, value)
+    check_range("coil_ohm", coil_ohm, 0.0, 1e12, "ohm")
+    total = coil_ohm + load_ohm
+    natural = 2 * math.pi * natural_frequency_hz
+    return coupling_n_per_a**2 / (2 * mass_kg * natural * total), load_ohm / total

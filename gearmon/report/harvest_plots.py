@@ -1,0 +1,204 @@
+"""Pictures of a harvester survey: energy with the harvester over it, power by tuning, positions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from gearmon.files import replacing
+from gearmon.harvesting.placement import Placed
+from gearmon.harvesting.survey import Survey
+from gearmon.harvesting.tuning import power_against_tuning
+from gearmon.harvesting.vibration import Vibration
+from gearmon.report.palette import BLACK, BLUE, GREY, VERMILLION, series_colour
+
+MICRO = 1e6
+#: Lines that a picture shows of each operating point: more would be a black band.
+MOST_LINES_DRAWN = 400
+LONGEST_LABEL = 44
+#: Relative step of a measured curve: 1 % of frequency.
+CURVE_STEP = 0.01
+
+
+def save_harvest_figures(survey: Survey, path: str | Path) -> list[Path]:
+    """Write three PNG files beside each other.
+
+    Parameters
+    ----------
+    survey : Survey
+    path : str or Path
+        Name of the pictures; "-energy", "-tuning" and "-positions" are put before its suffix.
+
+    Returns
+    -------
+    list of Path
+    """
+    base = Path(path)
+    drawn = {"energy": plot_energy, "tuning": plot_tuning, "positions": plot_positions}
+    written = []
+    for name, draw in drawn.items():
+        figure = Figure(figsize=(8.0, 4.6), layout="constrained")
+        draw(survey, figure.add_subplot())
+        target = base.with_name(f"{base.stem}-{name}.png")
+        with replacing(target) as temporary:
+            figure.savefig(temporary, dpi=130, format="png")
+        written.append(target)
+    return written
+
+
+def plot_energy(survey: Survey, ax: Axes) -> Axes:
+    """Draw the energy of the lines at the best position, and the harvester's response over them.
+
+    Parameters
+    ----------
+    survey : Survey
+    ax : Axes
+    """
+    best = survey.best
+    for number, point in enumerate(best.position.healthy):
+        label = f"{_short(point.vibration.name)} ({100 * point.share:.0f} % of the time)"
+        _draw_energy(ax, point.vibration, series_colour(number), label)
+    low, high = _span(best)
+    inside = [_between(point.vibration, low, high) for point in best.position.healthy]
+    top = max(inside)
+    ax.set(xscale="log", yscale="log", xlim=(low, high), ylim=(top * 1e-6, top * 30))
+    ax.set_xlabel("frequency in Hz")
+    ax.set_ylabel("energy of a line in J/kg, (2πfA)²/2")
+    if best.tuned is not None:
+        beside = ax.twinx()
+        grid = np.geomspace(low, high, 4000)
+        gain = best.tuned.harvester.gains(grid).power_w
+        beside.plot(grid, gain * MICRO, color=BLACK, linewidth=1.0, linestyle="--")
+        beside.set(yscale="log", ylim=(gain.max() * MICRO * 1e-6, gain.max() * MICRO * 30))
+        beside.set_ylabel("harvester: µW per (m/s²)² (dashed)")
+    ax.set_title(f"{_short(best.position.name)}: energy of the lines and what is tuned to them")
+    ax.legend(fontsize=8, loc="upper left")
+    return ax
+
+
+def plot_tuning(survey: Survey, ax: Axes) -> Axes:
+    """Draw mean power against natural frequency for the best positions, with the load found.
+
+    Parameters
+    ----------
+    survey : Survey
+    ax : Axes
+    """
+    for number, place in enumerate(survey.placed[:3]):
+        if place.tuned is None:
+            continue
+        harvester = place.tuned.harvester
+        low, high = harvester.frequency_range_hz
+        middle = harvester.natural_frequency_hz
+        near = middle * (1 + harvester.damping_ratio * np.linspace(-8, 8, 81))
+        grid = np.unique(np.concatenate([np.geomspace(low, high, 240), near]))
+        grid = grid[(grid >= low) & (grid <= high)]
+        power = power_against_tuning(harvester, place.position.healthy, grid) * MICRO
+        colour = series_colour(number)
+        best = f"best {place.power_w * MICRO:.3g} µW at {middle:.4g} Hz"
+        label = f"{_short(place.position.name)}: {best}"
+        ax.plot(grid, power, color=colour, linewidth=1.2, label=label)
+        ax.plot(middle, place.power_w * MICRO, "o", color=colour, markersize=5)
+    ax.set(xscale="log", yscale="log")
+    bottom, top = ax.get_ylim()
+    ax.set_ylim(max(bottom, top * 1e-7), top * 8)
+    ax.set_xlabel("natural frequency the harvester is tuned to, in Hz")
+    ax.set_ylabel("mean power over the duty cycle in µW")
+    ax.set_title("Power against tuning, load as chosen at the best")
+    ax.legend(fontsize=8, loc="upper left")
+    return ax
+
+
+def plot_positions(survey: Survey, ax: Axes) -> Axes:
+    """Draw the mean power at every position, sound and damaged, with its uncertainty.
+
+    Parameters
+    ----------
+    survey : Survey
+    ax : Axes
+    """
+    names = [_short(place.position.name) for place in survey.placed]
+    rows = np.arange(len(names))
+    power = np.array([place.power_w for place in survey.placed]) * MICRO
+    low = np.array([place.power_low_w for place in survey.placed]) * MICRO
+    high = np.array([place.power_high_w for place in survey.placed]) * MICRO
+    degraded = np.array([place.degraded_power_w for place in survey.placed]) * MICRO
+    ax.barh(rows, power, height=0.5, color=BLUE, alpha=0.85, label="gears sound")
+    known = np.isfinite(low)
+    if known.any():
+        ax.errorbar(
+            power[known],
+            rows[known],
+            xerr=[power[known] - low[known], high[known] - power[known]],
+            fmt="none",
+            ecolor=BLACK,
+            capsize=4,
+            label="90 % interval",
+        )
+    if np.isfinite(degraded).any():
+        ax.plot(degraded, rows, "D", color=VERMILLION, label="same tuning, gear damaged")
+    for row, place in zip(rows, survey.placed, strict=True):
+        ax.annotate(
+            _remark(place),
+            (0, row + 0.37),
+            xytext=(4, 0),
+            textcoords="offset points",
+            va="center",
+            fontsize=8,
+            color=GREY if place.tuned is None else BLACK,
+        )
+    ax.set_yticks(rows, names)
+    ax.set_ylim(len(names) - 0.35, -0.6)
+    ax.set_xlim(left=0)
+    ax.set_xlabel("mean power over the duty cycle in µW")
+    ax.set_title("Where to put it")
+    ax.legend(fontsize=8, loc="best")
+    return ax
+
+
+def _draw_energy(ax: Axes, vibration: Vibration, colour: str, label: str) -> None:
+    """Lines as lines; a spectrum of bins as the curve of its peaks."""
+    frequency, energy = vibration.frequency_hz, vibration.energy_j_per_kg
+    if vibration.resolution_hz == 0:
+        shown = np.sort(np.argsort(-energy)[:MOST_LINES_DRAWN])
+        feet = np.full(len(shown), energy.max() * 1e-9)
+        ax.vlines(frequency[shown], feet, energy[shown], color=colour, linewidth=1.3, label=label)
+        return
+    group = np.floor(np.log(frequency) / CURVE_STEP).astype(np.int64)
+    starts = np.flatnonzero(np.diff(group, prepend=group[0] - 1))
+    peaks = np.maximum.reduceat(energy, starts)
+    ax.plot(frequency[starts], peaks, color=colour, linewidth=0.9, label=label)
+
+
+def _between(vibration: Vibration, low: float, high: float) -> float:
+    """Highest energy between two frequencies."""
+    inside = (vibration.frequency_hz >= low) & (vibration.frequency_hz <= high)
+    return float(vibration.energy_j_per_kg[inside].max(initial=0.0))
+
+
+def _remark(place: Placed) -> str:
+    if place.tuned is None:
+        return "nothing to tune to"
+    often = f"a recording every {place.interval_s / 60:.3g} min"
+    text = often if np.isfinite(place.interval_s) else "too little to send a recording"
+    return text + ("; better only when damaged" if place.good_only_when_damaged else "")
+
+
+def _span(place: Placed) -> tuple[float, float]:
+    """Frequencies worth showing: the lines, and the harvester if it is elsewhere."""
+    ends = [] if place.tuned is None else list(place.tuned.harvester.frequency_range_hz)
+    for point in place.position.healthy:
+        vibration = point.vibration
+        energy = vibration.energy_j_per_kg
+        loud = vibration.frequency_hz[energy > energy.max() * 1e-5]
+        # drift of a sensor is energy too, but not worth a picture
+        ends += [float(loud.max())] if vibration.resolution_hz else [float(loud.min()), loud.max()]
+    return min(ends) / 1.5, max(ends) * 1.5
+
+
+def _short(text: str) -> str:
+    name = Path(text).name if "/" in text else text
+    return name if len(name) <= LONGEST_LABEL else name[: LONGEST_LABEL - 1] + "…"

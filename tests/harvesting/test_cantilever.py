@@ -1,0 +1,220 @@
+"""Piezoelectric cantilevers: a published unimorph, identities, and time integration."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from reference.harvester_simulation import integrated_power
+
+from gearmon.errors import ArgumentError
+from gearmon.harvesting.cantilever import ModalDamping, PiezoCantilever
+from gearmon.harvesting.materials import (
+    BEAM_MATERIALS,
+    PIEZO_MATERIALS,
+    BeamMaterial,
+    PiezoMaterial,
+    beam_material,
+    piezo_material,
+)
+from gearmon.harvesting.sizing import sized_for
+
+G = 9.81
+
+#: The beam of Erturk and Inman, J. Vib. Acoust. 130 (2008) 041002.
+PUBLISHED = PiezoCantilever(
+    wiring="unimorph",
+    piezo=PiezoMaterial(
+        name="published",
+        youngs_modulus_pa=66e9,
+        density_kg_m3=7800,
+        d31_m_per_v=-190e-12,
+        permittivity_f_per_m=15.93e-9,
+        safe_stress_pa=27.6e6,
+    ),
+    passive=BeamMaterial(
+        name="published", youngs_modulus_pa=100e9, density_kg_m3=7165, safe_stress_pa=1e8
+    ),
+    length_m=0.1,
+    width_m=0.02,
+    passive_thickness_m=0.5e-3,
+    piezo_thickness_m=0.4e-3,
+    damping=ModalDamping(mass_rate_per_s=4.886, stiffness_time_s=1.2433e-5),
+)
+
+
+def bimorph(**changes):
+    values = {
+        "wiring": "series",
+        "piezo": PIEZO_MATERIALS["PZT-5A"],
+        "passive": BEAM_MATERIALS["brass"],
+        "length_m": 0.03,
+        "width_m": 0.01,
+        "passive_thickness_m": 0.2e-3,
+        "piezo_thickness_m": 0.2e-3,
+    }
+    return PiezoCantilever(**(values | changes))
+
+
+def test_section_of_the_published_beam():
+    assert PUBLISHED.flexural_stiffness_nm2 == pytest.approx(0.0978472, rel=1e-5)
+    assert PUBLISHED.mass_per_length_kg_m == pytest.approx(0.13405, rel=1e-9)
+    assert PUBLISHED.capacitance_f == pytest.approx(79.65e-9, rel=1e-6)
+
+
+def test_modes_of_the_published_beam():
+    found = PUBLISHED.natural_rad_s / (2 * np.pi)
+    np.testing.assert_allclose(found, [47.809, 299.615, 838.93], rtol=1e-5)
+    np.testing.assert_allclose(PUBLISHED.damping_ratios, [0.0100, 0.0130, 0.0332], atol=5e-5)
+    assert abs(PUBLISHED.coupling[0]) == pytest.approx(0.0175627, rel=1e-5)
+    gamma = PUBLISHED.forcing[0] / PUBLISHED.mass_per_length_kg_m
+    assert gamma == pytest.approx(0.676276, rel=1e-5)
+    assert PUBLISHED.open_circuit_hz == pytest.approx(48.82, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("load_ohm", "volt_per_g", "peak_power_mw"),
+    [(1e3, 2.472, 6.111), (1e4, 17.01, 28.95), (1e5, 56.68, 32.12), (1e6, 96.64, 9.338)],
+)
+def test_voltage_and_power_of_the_published_beam(load_ohm, volt_per_g, peak_power_mw):
+    grid = np.linspace(45, 51, 12001)
+    gains = PUBLISHED.with_load(load_ohm).gains(grid)
+    assert gains.voltage_v.max() * G == pytest.approx(volt_per_g, rel=1e-3)
+    # the published figure is the peak power, twice the mean
+    assert 2e3 * gains.power_w.max() * G**2 == pytest.approx(peak_power_mw, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("frequency_hz", "load_ohm", "peak_power_mw"), [(47.8, 17.5e3, 31.1), (48.8, 91.8e3, 31.4)]
+)
+def test_best_load_of_the_published_beam(frequency_hz, load_ohm, peak_power_mw):
+    best = PUBLISHED.best_load_ohm(frequency_hz)
+    assert best == pytest.approx(load_ohm, rel=3e-3)
+    power = 2e3 * PUBLISHED.with_load(best).gains(frequency_hz).power_w[0] * G**2
+    assert power == pytest.approx(peak_power_mw, rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("load_ohm", "peaks"), [(1e2, [47.81, 299.58, 837.7]), (1e8, [48.80, 301.49, 838.7])]
+)
+def test_peaks_from_short_to_open_circuit(load_ohm, peaks):
+    grid = np.linspace(20, 1000, 98_001)
+    volt = PUBLISHED.with_load(load_ohm).gains(grid).voltage_v
+    top = np.flatnonzero((volt[1:-1] > volt[:-2]) & (volt[1:-1] > volt[2:])) + 1
+    np.testing.assert_allclose(grid[top], peaks, rtol=1e-4)
+
+
+def test_bound_of_the_published_beam():
+    assert 2e3 * PUBLISHED.power_bound_w() * G**2 == pytest.approx(32.9, rel=1e-3)
+
+
+beams = st.builds(
+    bimorph,
+    wiring=st.sampled_from(["unimorph", "series", "parallel"]),
+    piezo=st.sampled_from(list(PIEZO_MATERIALS.values())),
+    passive=st.sampled_from(list(BEAM_MATERIALS.values())),
+    length_m=st.floats(0.01, 0.1),
+    tip_mass_kg=st.floats(0, 0.02),
+    passive_thickness_m=st.floats(5e-5, 5e-4),
+    piezo_thickness_m=st.floats(2e-5, 5e-4),
+    modes=st.just(1),
+)
+
+
+@settings(max_examples=80, deadline=None)
+@given(beam=beams, detuning=st.floats(0.8, 1.3), decade=st.floats(-3, 3))
+def test_no_load_takes_more_than_the_bound(beam, detuning, decade):
+    frequency = beam.natural_frequency_hz * detuning
+    low, high = beam.load_range
+    loaded = beam.with_load(np.sqrt(low * high) * 10**decade)
+    assert loaded.gains(frequency).power_w[0] <= beam.power_bound_w() * (1 + 1e-9)
+
+
+@settings(max_examples=60, deadline=None)
+@given(beam=beams, detuning=st.floats(0.9, 1.2), factor=st.floats(1.01, 5))
+def test_best_load_is_the_best(beam, detuning, factor):
+    frequency = beam.natural_frequency_hz * detuning
+    best = beam.best_load_ohm(frequency)
+    power = beam.with_load(best).gains(frequency).power_w[0]
+    for load in (best * factor, best / factor):
+        assert beam.with_load(load).gains(frequency).power_w[0] <= power * (1 + 1e-12)
+
+
+@settings(max_examples=40, deadline=None)
+@given(beam=beams, frequency=st.floats(20, 3000))
+def test_series_and_parallel_give_the_same_power(beam, frequency):
+    series = replace(beam, wiring="series")
+    parallel = replace(beam, wiring="parallel").with_load(series.load_ohm / 4)
+    assert parallel.gains(frequency).power_w[0] == pytest.approx(
+        series.gains(frequency).power_w[0], rel=1e-9
+    )
+
+
+@settings(max_examples=40, deadline=None)
+@given(beam=beams, share=st.floats(0.01, 0.99))
+def test_retuned_beam_has_the_frequency_wanted(beam, share):
+    low, high = beam.frequency_range_hz
+    wanted = low + share * (high - low)
+    assert beam.retuned(wanted).natural_frequency_hz == pytest.approx(wanted, rel=1e-9)
+
+
+def test_frequencies_out_of_reach_are_refused_with_the_range():
+    with pytest.raises(ArgumentError, match=r"reaches .* Hz"):
+        bimorph().retuned(1e5)
+    with pytest.raises(ArgumentError, match=r"reaches .* Hz"):
+        bimorph().retuned(1.0)
+
+
+@pytest.mark.parametrize("dimension", ["tip_mass_kg", "length_m", "passive_thickness_m"])
+def test_sized_beam_has_the_frequency_wanted(dimension):
+    wanted = bimorph().natural_frequency_hz * 0.8
+    assert sized_for(bimorph(), wanted, dimension).natural_frequency_hz == pytest.approx(wanted)
+
+
+def test_sizes_out_of_reach_name_the_nearest():
+    with pytest.raises(ArgumentError, match="nearest at"):
+        sized_for(bimorph(), 1e6, "length_m", 0.02, 0.05)
+    with pytest.raises(ArgumentError, match="must be one of"):
+        sized_for(bimorph(), 100.0, "colour")
+
+
+def test_power_under_lines_equals_time_integration():
+    beam = bimorph(modes=2).retuned(120.0)
+    beam = beam.with_load(beam.best_load_ohm(118.0))
+    lines = [(59.0, 2.0), (118.0, 1.0), (177.0, 3.0)]
+    gains = beam.gains([f for f, _ in lines]).power_w
+    ours = float(gains @ np.square([a for _, a in lines]))
+    assert ours == pytest.approx(integrated_power(beam, lines, beam.load_ohm), rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"length_m": -0.01}, "length_m"),
+        ({"length_m": 1e-3}, "thin-beam"),
+        ({"piezo_thickness_m": 0.0}, "piezo_thickness_m"),
+        ({"load_ohm": 0.0}, "load_ohm"),
+        ({"wiring": "star"}, "wiring"),
+        ({"clearance_m": 0.0}, "clearance"),
+    ],
+)
+def test_impossible_beams_are_refused(changes, words):
+    with pytest.raises(ArgumentError, match=words):
+        bimorph(**changes)
+
+
+def test_materials_are_found_by_name():
+    assert piezo_material("PVDF").name == "PVDF"
+    with pytest.raises(ArgumentError, match="did you mean PZT-5A"):
+        piezo_material("PZT5A")
+    with pytest.raises(ArgumentError, match="steel, brass, aluminium"):
+        beam_material("stel")
+    assert all(m.source for m in (*PIEZO_MATERIALS.values(), *BEAM_MATERIALS.values()))
+
+
+def test_damping_of_zero_is_refused():
+    with pytest.raises(ArgumentError, match="damping"):
+        ModalDamping()

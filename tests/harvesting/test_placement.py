@@ -1,0 +1,162 @@
+"""Positions ranked by power, with uncertainty, and what they power."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from gearmon.errors import ArgumentError
+from gearmon.harvesting.answer import OperatingShare
+from gearmon.harvesting.budget import SensorBudget
+from gearmon.harvesting.inertial import InertialHarvester
+from gearmon.harvesting.placement import Position, rank_positions
+from gearmon.harvesting.survey import survey_expected, survey_measured
+from gearmon.machine import Machine, OperatingPoint, ParallelStage, Sensor
+from gearmon.signals.recording import Recording
+
+RATE = 4000.0
+
+
+def machine(**changes):
+    stage = ParallelStage(pinion_teeth=20, gear_teeth=41, module_mm=3.0, face_width_mm=30.0)
+    points = (
+        OperatingPoint(speed_rpm=900.0, torque_nm=80.0, share=0.6, name="mowing"),
+        OperatingPoint(speed_rpm=600.0, torque_nm=20.0, share=0.4, name="idling"),
+    )
+    return Machine(**({"name": "mower", "operating": points, "stages": (stage,)} | changes))
+
+
+def harvester():
+    return InertialHarvester(mass_kg=5e-3, natural_frequency_hz=100.0, highest_hz=1500.0)
+
+
+def recording(amplitudes, seed=0, unit="m/s2", seconds=12.0, noise=0.05):
+    rng = np.random.default_rng(seed)
+    t = np.arange(int(seconds * RATE)) / RATE
+    rows = [a * np.cos(2 * np.pi * 300.0 * t) for a in amplitudes]
+    rows = np.array(rows) + rng.normal(scale=noise, size=(len(amplitudes), len(t)))
+    names = tuple(f"a{k}" for k in range(1, len(amplitudes) + 1))
+    return Recording(
+        samples=rows,
+        sampling_rate_hz=RATE,
+        channel_names=names,
+        units=(unit,) * len(names),
+        origin=f"r{seed}",
+    )
+
+
+def test_loudest_position_is_first_and_its_power_is_the_bound():
+    sensors = (Sensor(column="a2", unit="m/s2", position="output bearing, radial"),)
+    found = survey_measured(machine(sensors=sensors), harvester(), [recording([0.5, 1.0, 0.2])])
+    assert [p.position.name[:2] for p in found.placed] == ["a2", "a1", "a3"]
+    assert "output bearing, radial" in found.best.position.name
+    bound = harvester().retuned(300.0).power_bound_w()
+    assert found.best.power_w == pytest.approx(bound, rel=0.01)
+    assert found.best.power_low_w <= found.best.power_w <= found.best.power_high_w
+    json.dumps(found.to_dict(), allow_nan=False)
+
+
+def test_shares_weigh_the_operating_points():
+    loud, quiet = recording([1.0]), recording([0.1], 1)
+    whole = survey_measured(machine(), harvester(), [loud, quiet], shares=[0.5, 0.5]).best.power_w
+    part = survey_measured(machine(), harvester(), [loud, quiet], shares=[0.25, 0.75]).best.power_w
+    assert part / whole == pytest.approx((0.25 + 0.0075) / (0.5 + 0.005), rel=0.01)
+
+
+def test_position_that_is_good_only_with_damage_is_marked():
+    sound, damaged = recording([0.05, 0.5]), recording([1.0, 0.55], 1)
+    found = survey_measured(machine(), harvester(), [sound], degraded=[damaged])
+    marks = {p.position.name: p.good_only_when_damaged for p in found.placed}
+    assert marks == {"a1": True, "a2": False}
+    assert [p.position.name for p in found.placed] == ["a2", "a1"]
+
+
+def test_interval_covers_the_scatter_of_a_changing_load():
+    t = np.arange(int(20 * RATE)) / RATE
+    swing = 1 + 0.5 * np.sin(2 * np.pi * t / 7.3)
+    row = swing * np.cos(2 * np.pi * 300.0 * t)
+    steady = survey_measured(machine(), harvester(), [recording([1.0], seconds=20.0)]).best
+    moving = Recording(samples=row[None], sampling_rate_hz=RATE, units=("m/s2",), origin="swing")
+    changing = survey_measured(machine(), harvester(), [moving]).best
+    width = (changing.power_high_w - changing.power_low_w) / changing.power_w
+    assert width > 5 * (steady.power_high_w - steady.power_low_w) / steady.power_w
+
+
+def test_noise_alone_is_refused():
+    with pytest.raises(ArgumentError, match="no line stands out of the noise"):
+        survey_measured(machine(), harvester(), [recording([0.0])])
+
+
+@pytest.mark.parametrize(
+    ("build", "words"),
+    [
+        (lambda: survey_measured(machine(), harvester(), []), "none is given"),
+        (
+            lambda: survey_measured(machine(), harvester(), [recording([1.0], unit=None)]),
+            "unit unknown, m/s2",
+        ),
+        (
+            lambda: survey_measured(machine(), harvester(), [recording([1.0])], shares=[0.5, 0.5]),
+            "2 shares for 1",
+        ),
+        (
+            lambda: survey_measured(
+                machine(), harvester(), [recording([1.0, 1.0]), recording([1.0], 1)]
+            ),
+            "lacks channel 'a2'",
+        ),
+        (
+            lambda: survey_measured(
+                machine(), harvester(), [recording([1.0])], degraded=[recording([1.0])] * 2
+            ),
+            "2 degraded recordings for 1",
+        ),
+        (lambda: rank_positions(harvester(), []), "none is given"),
+    ],
+)
+def test_what_does_not_fit_is_refused(build, words):
+    with pytest.raises(ArgumentError, match=words):
+        build()
+
+
+def test_expected_survey_uses_the_duty_cycle():
+    found = survey_expected(machine(), harvester(), path_gain=0.05, faults=["crack:1:pinion:5:20%"])
+    assert [p.share for p in found.best.position.healthy] == [0.6, 0.4]
+    assert found.best.tuned_degraded is not None
+    assert found.best.power_w > 0
+    louder = survey_expected(machine(), harvester(), path_gain=0.1)
+    assert louder.best.power_w == pytest.approx(4 * found.best.power_w, rel=1e-2)
+    json.dumps(found.to_dict(), allow_nan=False)
+
+
+def test_budget_closes():
+    task = SensorBudget()
+    assert task.energy_j == pytest.approx(10 * 3e-3 + 1.2e6 * 100e-9)
+    for power in (1e-5, 1e-4, 1e-3):
+        interval = task.interval_s(power)
+        assert task.power_for_w(interval) == pytest.approx(power)
+    assert math.isinf(task.interval_s(7e-6))
+    assert task.interval_s(1e3) == task.duration_s
+
+
+def test_impossible_budgets_are_refused():
+    with pytest.raises(ArgumentError, match="efficiency"):
+        SensorBudget(efficiency=1.2)
+    with pytest.raises(ArgumentError, match="duration_s"):
+        SensorBudget(duration_s=0.0)
+
+
+def test_position_without_anything_stands_last_with_its_reason():
+    deaf = Position(name="deaf", healthy=(share_at(5000.0),))
+    loud = Position(name="loud", healthy=(share_at(300.0),))
+    placed = rank_positions(harvester(), [deaf, loud])
+    assert [p.position.name for p in placed][:1] == ["loud"]
+
+
+def share_at(frequency):
+    from gearmon.harvesting.vibration import vibration_of_lines
+
+    return OperatingShare(vibration=vibration_of_lines([frequency], acceleration_ms2=[1.0]))
