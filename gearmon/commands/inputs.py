@@ -1,0 +1,50 @@
+"""Machines and recordings that the arguments name."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING
+
+from gearmon.terminal import progress_bar
+
+if TYPE_CHECKING:
+    from gearmon.machine import Machine
+    from gearmon.signals.recording import Recording
+
+
+def machine_of(path: str) -> Machine:
+    """Read a machine file."""
+    from gearmon.machine import load_machine
+
+    return load_machine(path)
+
+
+def recording_of(path: str, arguments: argparse.Namespace, machine: Machine) -> Recording:
+    """Read a recording as the options of the command say."""
+    from gearmon.signals.recording import read_recording
+
+    return read_recording(
+        path,
+        sampling_rate_hz=arguments.sampling_rate,
+        channels=[_channel(text) for text in arguments.channel] if arguments.channel else None,
+        tacho=_channel(arguments.tacho) if arguments.tacho else None,
+        sensors=machine.sensors,
+    )
+
+
+def _channel(text: str) -> str | int:
+    return int(text) if text.isdecimal() else text
+
+
+def followed(paths: Iterable[str], what: str) -> Iterator[str]:
+    """Give the paths, with a progress bar if there are several and a terminal to show it."""
+    listed = list(paths)
+    if len(listed) < 2:
+        yield from listed
+        return
+    with progress_bar(what) as progress:
+        for number, path in enumerate(listed):
+            yield path
+            if progress is not None:
+                progress((number + 1) / len(listed))

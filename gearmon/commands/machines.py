@@ -1,0 +1,110 @@
+"""Commands that start from a machine file: lines, stiffness, baseline, simulate."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from gearmon.commands.inputs import machine_of
+from gearmon.commands.output import DONE, show, write_table
+from gearmon.errors import ArgumentError
+from gearmon.terminal import progress_bar
+
+
+def run_lines(arguments: argparse.Namespace) -> int:
+    """Run `gearmon lines`."""
+    from gearmon.gears.kinematics import line_table
+    from gearmon.report.text import line_table_text
+    from gearmon.report.text_tables import rows_as_csv
+
+    table = line_table(machine_of(arguments.machine))
+    result = table.to_dict()
+    if arguments.output:
+        write_table(arguments.output, result, lambda: rows_as_csv(result["rows"]))
+    show(arguments, result, lambda: [line_table_text(table)])
+    return DONE
+
+
+def run_stiffness(arguments: argparse.Namespace) -> int:
+    """Run `gearmon stiffness`."""
+    from gearmon.gears.stiffness_report import stiffness_report
+    from gearmon.report.text_tables import rows_as_csv, table_lines
+
+    report = stiffness_report(
+        machine_of(arguments.machine),
+        tuple(arguments.fault),
+        form=arguments.form,
+        stage=arguments.stage,
+    )
+    result = report.to_dict()
+    if arguments.output:
+        from gearmon.report.stiffness_plots import save_stiffness_figures
+
+        write_table(arguments.output, result, lambda: rows_as_csv(report.rows()))
+        picture = Path(arguments.output).with_suffix(".png")
+        result["pictures"] = [str(path) for path in save_stiffness_figures(report, picture)]
+    show(arguments, result, lambda: _stiffness_lines(result, report.rows(), table_lines))
+    return DONE
+
+
+def _stiffness_lines(
+    result: dict[str, Any],
+    rows: list[dict[str, Any]],
+    table_lines: Callable[[list[dict[str, Any]]], list[str]],
+) -> list[str]:
+    """Show some forty of the rows: the file holds them all."""
+    shown = rows[:: max(1, len(rows) // 40)]
+    lines = table_lines(shown)
+    lines.append(f"({len(shown)} of {len(rows)} rows; -o FILE.csv writes them all, and a picture)")
+    return lines + [f"wrote {path}" for path in result.get("pictures", ())]
+
+
+def run_baseline(arguments: argparse.Namespace) -> int:
+    """Run `gearmon baseline`."""
+    from gearmon.signatures.expected import expected_signature
+    from gearmon.signatures.listing import signature_lines
+    from gearmon.signatures.signature import write_signature
+
+    signature = expected_signature(
+        machine_of(arguments.machine),
+        faults=tuple(arguments.fault),
+        tolerance=arguments.tolerance,
+        max_hz=arguments.max_hz,
+    )
+    if arguments.output:
+        write_signature(signature, arguments.output)
+    show(arguments, signature.to_dict(), lambda: signature_lines(signature))
+    return DONE
+
+
+def run_simulate(arguments: argparse.Namespace) -> int:
+    """Run `gearmon simulate`."""
+    from gearmon.gears.faults import parse_fault
+    from gearmon.simulation import simulate, write_simulation
+
+    if not arguments.output:
+        raise ArgumentError("simulate: -o PATH is missing; name the CSV file to write")
+    machine = machine_of(arguments.machine)
+    faults = [parse_fault(text) for text in arguments.fault]
+    with progress_bar("simulating") as progress:
+        recording = simulate(
+            machine,
+            faults,
+            duration_s=arguments.duration,
+            sampling_rate_hz=arguments.sampling_rate,
+            machine_seed=arguments.machine_seed,
+            recording_seed=arguments.seed,
+            channels=arguments.channels,
+            load=arguments.load,
+            speed_drift=arguments.speed_drift,
+            load_drift=arguments.load_drift,
+            snr_db=arguments.snr_db,
+            tacho_shaft=1 if arguments.tacho else None,
+            progress=progress,
+        )
+    files = write_simulation(recording, arguments.output, with_time=not arguments.no_time)
+    result = {"recording": str(files[0]), "truth": str(files[1])}
+    show(arguments, result, lambda: [f"wrote {files[0]} and {files[1]}"])
+    return DONE
