@@ -1,8 +1,8 @@
-"""Multiple scales with the damping kept in the zeroth-order operator.
+"""Multiple scales: the orders of the steady vibration, in closed form.
 
-Putting phi(t) = eps f(t) and z = z^(0) + eps z^(1) + ..., with 2 zeta w0 z' in the operator of
-order zero, the free vibration dies out on the fast scale and every order of the steady state is
-forced:
+With the damping kept in the zeroth-order operator the free vibration dies out on the fast scale
+and every order of the steady state is forced. Putting phi(t) = eps f(t) and z = z^(0) + eps z^(1)
++ ...,
 
     z^(k+1)'' + 2 zeta w0 z^(k+1)' + w0^2 z^(k+1) = -w0^2 f z^(k)
     Z^(0)_n = g_n/D_n,      Z^(k+1)_n = -(1/D_n) sum_m phi_{n-m} Z^(k)_m
@@ -13,9 +13,15 @@ line j of size |c_j| F/(k0 |D_j|); lines n = j + l follow at second order, and s
 converges if max|phi| max 1/|D_n| < 1 and may converge or not beyond. Order k reaches harmonics
 0..kJ, or is cut at `highest`.
 
-The damping ratio of meshes (0.03 to 0.3) is not small beside the variation of stiffness, which is
-why it is not moved to the next order as in the textbook form for vanishing damping (Nayfeh and
-Mook, Nonlinear Oscillations, 1979, chapter 5).
+The textbook form for vanishing damping (Nayfeh and Mook, Nonlinear Oscillations, 1979, chapter 5)
+has h = zeta w0 = eps mu, so that damping acts one order later:
+
+    Z^(k+1)_n = -(1/D_n) [sum_m phi_{n-m} Z^(k)_m + 2 i zeta (n/R) Z^(k)_n],   D_n = 1 - (n/R)^2
+
+It is offered as `small_damping`. It diverges where 2 zeta n/R > |D_n|, that is near resonance,
+where n w = w0 makes the right side secular: there use `resonance.forced_resonance`. The damping
+ratio of meshes (0.03 to 0.3) is not small beside the variation of stiffness, which is why it is in
+order zero by default. Transients are in `motion`.
 """
 
 from __future__ import annotations
@@ -24,14 +30,20 @@ import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 
 from gearmon.dynamics.certificate import Approximation, Certifier
-from gearmon.dynamics.fourier import Complex, Modulation, rms
+from gearmon.dynamics.fourier import Complex, Modulation, Real, rms
 from gearmon.dynamics.hill import HillProblem
+from gearmon.dynamics.substitution import Formula
+from gearmon.errors import ArgumentError, check_range
 
 MOST_ORDERS = 400
+#: |D_n| that is rounding only
+NO_STIFFNESS = 1e-13
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,10 +56,13 @@ class Expansion:
         What was expanded.
     terms : complex ndarray, shape (order+1, N+1)
         Z^(k)_n [m] with the powers of the stiffness variation included; their sum approximates z_n.
+    small_damping : bool
+        Whether damping counts as order one.
     """
 
     problem: HillProblem
     terms: Complex
+    small_damping: bool = False
 
     @property
     def order(self) -> int:
@@ -66,14 +81,46 @@ class Expansion:
         Parameters
         ----------
         factor : float
-            Multiplies every c_j; order k scales with its k-th power.
+            Multiplies every c_j, and c where damping is small; order k scales with its k-th power.
         """
         powers = factor ** np.arange(self.order + 1)
         total: Complex = powers @ self.terms
         return total
 
+    @cached_property
+    def formula(self) -> Formula:
+        """The same orders and harmonics as a function of the parameters."""
+        return Formula(
+            problem=self.problem,
+            order=self.order,
+            highest=self.terms.shape[1] - 1,
+            small_damping=self.small_damping,
+        )
+
+    def substitute(
+        self,
+        *,
+        mass_kg: npt.ArrayLike | None = None,
+        damping_ns_per_m: npt.ArrayLike | None = None,
+        stiffness_n_per_m: npt.ArrayLike | None = None,
+        period_s: npt.ArrayLike | None = None,
+        force_n: npt.ArrayLike | None = None,
+        variation: npt.ArrayLike = 1.0,
+    ) -> Complex:
+        """Displacement [m] for other parameter values, many at once: see `Formula.at`."""
+        return self.formula.at(
+            mass_kg=mass_kg,
+            damping_ns_per_m=damping_ns_per_m,
+            stiffness_n_per_m=stiffness_n_per_m,
+            period_s=period_s,
+            force_n=force_n,
+            variation=variation,
+        )
+
     def rows(self, most: int = 12) -> list[dict[str, float]]:
         """Lines by size: harmonic, frequency_hz and the amplitude 2|Z^(k)_n| [m] of every order.
+
+        `terms.paths` tells which stiffness harmonics make them.
 
         Parameters
         ----------
@@ -89,7 +136,9 @@ class Expansion:
         ]
 
 
-def expand(problem: HillProblem, order: int, highest: int | None = None) -> Expansion:
+def expand(
+    problem: HillProblem, order: int, highest: int | None = None, small_damping: bool = False
+) -> Expansion:
     """Orders 0..`order` of the steady vibration.
 
     Parameters
@@ -99,7 +148,15 @@ def expand(problem: HillProblem, order: int, highest: int | None = None) -> Expa
     order : int
         Highest order, >= 0.
     highest : int, optional
-        Highest harmonic kept; by default every harmonic that these orders reach.
+        Highest harmonic kept, >= 1; by default every harmonic that these orders reach.
+    small_damping : bool
+        Damping of order one (h = eps mu) instead of zero.
+
+    Raises
+    ------
+    ArgumentError
+        If order or highest is out of its range, or if in the zeroth order a harmonic lies undamped
+        on the natural frequency.
 
     Examples
     --------
@@ -108,21 +165,60 @@ def expand(problem: HillProblem, order: int, highest: int | None = None) -> Expa
     >>> bool(abs(abs(first[1]) - 5e-6 * 0.065 / abs(p.dynamic_stiffness(1)[1])) < 1e-18)
     True
     """
+    check_range("order", order, 0, 10_000)
     if highest is None:
         forced = len(problem.force_harmonics_n)
         highest = max(1, forced + order * len(problem.stiffness_harmonics))
-    stream = orders(problem, highest)
-    return Expansion(problem=problem, terms=np.array([next(stream) for _ in range(order + 1)]))
+    check_range("highest", highest, 1, 10_000_000)
+    stream = orders(problem, highest, small_damping)
+    return Expansion(
+        problem=problem,
+        terms=np.array([next(stream) for _ in range(order + 1)]),
+        small_damping=small_damping,
+    )
 
 
-def orders(problem: HillProblem, highest: int) -> Iterator[Complex]:
-    """Yield Z^(0), Z^(1), ... [m] without end, harmonics 0..highest."""
-    stiffness = problem.dynamic_stiffness(highest)
+def orders(problem: HillProblem, highest: int, small_damping: bool = False) -> Iterator[Complex]:
+    """Yield Z^(0), Z^(1), ... [m] without end, harmonics 0..highest.
+
+    Raises
+    ------
+    ArgumentError
+        If a harmonic has |D_n| < 1e-13: undamped resonance.
+    """
+    stiffness, damping = zeroth_stiffness(problem, highest, small_damping)
     modulate = Modulation(problem.stiffness_harmonics, highest, highest)
     term = problem.static_forcing(highest) / stiffness
     while True:
         yield term
-        term = -modulate(term) / stiffness
+        following = modulate(term)
+        if small_damping:
+            following += 1j * damping * term
+        term = -following / stiffness
+
+
+def zeroth_stiffness(
+    problem: HillProblem, highest: int, small_damping: bool
+) -> tuple[Complex, Real]:
+    """D_n of order zero and the damping 2 zeta n/R that is left to order one, (highest+1,) each.
+
+    Raises
+    ------
+    ArgumentError
+        If a harmonic has |D_n| < 1e-13: undamped resonance.
+    """
+    stiffness = problem.dynamic_stiffness(highest)
+    damping = np.zeros(highest + 1)
+    if small_damping:
+        damping = stiffness.imag.copy()
+        stiffness = stiffness.real.astype(complex)
+    if np.abs(stiffness).min() < NO_STIFFNESS:
+        n = int(np.abs(stiffness).argmin())
+        raise ArgumentError(
+            f"harmonic {n} lies on the natural frequency and has no damping in order zero: its "
+            f"terms are secular; use forced_resonance(problem, lines=[{n}])"
+        )
+    return stiffness, damping
 
 
 def plain_sum(

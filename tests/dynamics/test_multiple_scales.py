@@ -8,6 +8,7 @@ from reference.hill_reference import harmonic_balance
 
 from gearmon.dynamics import steady_state
 from gearmon.dynamics.multiple_scales import expand
+from gearmon.errors import ArgumentError
 
 
 def test_published_pair_to_second_order():
@@ -65,6 +66,44 @@ def test_error_falls_with_the_next_power_of_the_variation(ratio, order):
         errors.append(np.linalg.norm(exact - z))
     slope = np.polyfit(np.log(sizes), np.log(errors), 1)[0]
     assert slope == pytest.approx(order + 1, abs=0.1)
+
+
+@pytest.mark.parametrize("ratio", [0.7, 2.4, 3.3])
+@pytest.mark.parametrize("order", [0, 1, 2, 3, 4])
+def test_small_damping_error_falls_with_the_next_power(ratio, order):
+    shape = scaled_problem(ratio, 0.5, [0.5, 0.2j, -0.15], [400.0])
+    sizes = np.array([0.005, 0.01, 0.02])
+    errors = []
+    for size in sizes:
+        small = replace(
+            shape,
+            stiffness_harmonics=size * shape.stiffness_harmonics,
+            damping_ns_per_m=size * shape.damping_ns_per_m,
+        )
+        exact = harmonic_balance(small, 30)
+        found = expand(small, order, highest=30, small_damping=True).displacement
+        errors.append(np.linalg.norm(exact - found))
+    slope = np.polyfit(np.log(sizes), np.log(errors), 1)[0]
+    assert slope == pytest.approx(order + 1, abs=0.1)
+
+
+def test_small_damping_moves_damping_one_order_up():
+    p = scaled_problem(3.3, 0.02, [0.1j])
+    terms = expand(p, 2, small_damping=True).terms
+    stiffness = 1 - (1 / 3.3) ** 2
+    still = p.force_n / p.stiffness_n_per_m
+    assert terms[1][1] == pytest.approx(-still * 0.1j / stiffness, rel=1e-12)
+    damped = -2j * 0.02 / 3.3 * terms[1][1] / stiffness
+    assert terms[2][1] == pytest.approx(damped, rel=1e-12)
+
+
+def test_secular_terms_are_refused():
+    p = scaled_problem(1.0, 0.0, [0.1])
+    p = replace(p, mass_kg=1.0, stiffness_n_per_m=(2 * math.pi) ** 2, period_s=1.0)
+    with pytest.raises(ArgumentError, match=r"forced_resonance\(problem, lines=\[1\]\)"):
+        expand(p, 1)
+    with pytest.raises(ArgumentError, match="order=-1"):
+        expand(published_pair(), -1)
 
 
 def test_other_variation_is_a_substitution():
