@@ -330,3 +330,20 @@ def test_damaged_files_are_read_or_refused(tmp_path_factory, data):
         load_machine(path)
     except MachineFileError as error:
         assert str(error).isprintable()  # noqa: PT017
+
+
+def test_unknown_gear_keys_are_led_to_their_neighbours(tmp_path):
+    path = tmp_path / "box.toml"
+    body = '[operating]\nspeed_rpm = 100.0\n[[stage]]\nkind = "parallel"\n'
+    body += "pinion_teeth = 26\ngear_teeth = 53\n"
+    for line, guess in (
+        ("tip_diametre_pinion_mm = 56.0", "tip_diameter_pinion_mm"),
+        ("rim_thickness_gera_mm = 56.0", "rim_thickness_gear_mm"),
+        ("aplication_factor = 1.2", "application_factor"),
+    ):
+        path.write_text(body + line + "\n", encoding="utf-8")
+        with pytest.raises(MachineFileError, match=f"did you mean {guess}"):
+            load_machine(path)
+    path.write_text(body + "rim_thickness_ring_mm = 5.0\n", encoding="utf-8")
+    with pytest.raises(MachineFileError, match=r"it belongs to .*planetary"):
+        load_machine(path)

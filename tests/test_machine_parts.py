@@ -177,3 +177,39 @@ def test_errors_cross_process_borders():
 )
 def test_values_are_shown_on_one_short_line(value, text):
     assert shown_value(value) == text
+
+
+PAIR_MM = {"pinion_teeth": 26, "gear_teeth": 53, "module_mm": 2.0}
+SET_MM = {"sun_teeth": 20, "planet_teeth": 40, "ring_teeth": 100, "planets": 3, "module_mm": 2.0}
+
+
+@pytest.mark.parametrize(
+    ("data", "match"),
+    [
+        ({"tip_diameter_pinion_mm": 156.0}, r"tip_diameter_pinion_mm = 156.0 must lie in \[48, 68"),
+        ({"root_diameter_gear_mm": 10.1}, r"root_diameter_gear_mm = 10.1 must lie in \[90, 110"),
+        (
+            {"tip_diameter_pinion_mm": 50.0, "root_diameter_pinion_mm": 51.0},
+            "must be more than the root diameter, 51 mm",
+        ),
+        ({"web_width_gear_mm": 10.0}, "give rim_thickness_gear_mm too"),
+        ({"rim_thickness_pinion_mm": 4.0}, "give web_width_pinion_mm too"),
+        (
+            {"web_width_gear_mm": 10.0, "rim_thickness_gear_mm": 60.0},
+            r"between root circle and bore, 50\.5 mm",
+        ),
+        ({"application_factor": 0.8}, r"application_factor = 0.8 must lie in \[1, 10\]"),
+        ({"tip_shortening": 1.0}, r"tip_shortening = 1.0 must lie in \[-1, 0.5\]"),
+        ({"bore_diameter_pinion_mm": 47.0}, "must be less than the root diameter, 47 mm"),
+    ],
+)
+def test_bodies_and_diameters_that_cannot_be(data, match):
+    with pytest.raises(FieldError, match=match):
+        ParallelStage(**PAIR_MM, **data)
+
+
+def test_ring_has_its_tips_inside_its_roots():
+    stage = PlanetaryStage(**SET_MM, tip_diameter_ring_mm=196.4, rim_thickness_ring_mm=9.0)
+    assert stage.tip_diameter_ring_mm == 196.4
+    with pytest.raises(FieldError, match="must be less than the root diameter, 202 mm"):
+        PlanetaryStage(**SET_MM, tip_diameter_ring_mm=195.0 + 8, root_diameter_ring_mm=202.0)

@@ -119,13 +119,15 @@ class Foundation:
         total = square * (lower * u * u + middle * u + upper) + upper * slope * (1 - square)
         return np.asarray(total / (tooth.elastic_modulus_pa * tooth.face_width_m))
 
-    def coupling(self, apart: int = 1) -> float:
+    def coupling(self, apart: int = 1, *_contacts: FloatArray) -> float:
         """Return how far a tooth gives way when another one is loaded [m/N].
 
         Parameters
         ----------
         apart : int, >= 1
             Distance of the two teeth [teeth].
+        *_contacts : ndarray
+            Profile angles of the contacts, which the fit does not tell apart.
 
         Notes
         -----

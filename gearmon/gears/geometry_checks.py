@@ -15,6 +15,9 @@ SHIFT_ROUNDING = 0.01
 LARGEST_RING_TRIM = 0.3
 #: Tip thickness below which tips are called sharp, in modules.
 SHARP_TIP = 0.2
+#: Profile shift that undercut teeth may lack, in modules, if their mate stays clear of it: the
+#: practical limit of 14 teeth where 18 are needed in theory.
+TOLERATED_UNDERCUT = 0.2
 
 
 def check_pair(pair: PairGeometry) -> PairGeometry:
@@ -35,7 +38,7 @@ def check_pair(pair: PairGeometry) -> PairGeometry:
         if pair.sign(index) > 0:
             warnings += _check_root(pair, index)
     if pair.internal:
-        _check_ring(pair)
+        warnings += _check_ring(pair)
     return replace(pair, warnings=tuple(warnings))
 
 
@@ -178,15 +181,22 @@ def _check_root(pair: PairGeometry, index: int) -> list[str]:
             f"{where} the {gear.name} (interference); reduce tip_factor_{mate.name}="
             f"{mate.tip_factor:g} or raise root_factor_{gear.name}={gear.root_factor:g}"
         )
-    if undercut:
-        return [
-            f"the {gear.teeth} teeth of the {gear.name} are undercut below the path of contact: "
-            f"profile_shift_{gear.name}={gear.profile_shift:g} where {least:.4f} would avoid it"
-        ]
-    return []
+    if not undercut:
+        return []
+    if gear.profile_shift < least - TOLERATED_UNDERCUT:
+        raise ArgumentError(
+            f"the {gear.teeth} teeth of the {gear.name} are undercut at "
+            f"profile_shift_{gear.name}={gear.profile_shift:g}, beyond the practical limit of "
+            f"{least - TOLERATED_UNDERCUT:.4f}; give at least {least:.4f}, or "
+            f"{pair.rack(index).least_teeth(gear.profile_shift)} teeth"
+        )
+    return [
+        f"the {gear.teeth} teeth of the {gear.name} are undercut below the path of contact: "
+        f"profile_shift_{gear.name}={gear.profile_shift:g} where {least:.4f} would avoid it"
+    ]
 
 
-def _check_ring(pair: PairGeometry) -> None:
+def _check_ring(pair: PairGeometry) -> list[str]:
     planet, ring = pair.gears
     end = math.hypot(pair.base_radii_m[1], pair.path_m[1] + _line_length(pair))
     if end > pair.root_radii_m[1]:
@@ -203,6 +213,13 @@ def _check_ring(pair: PairGeometry) -> None:
             f"{ring.teeth - planet.teeth} is too small; "
             f"take more teeth in the ring or reduce the tip factors"
         )
+    room = _radial_passage(pair)
+    if room < 0:
+        return [
+            f"the {planet.name} cannot be put into the {ring.name} radially, only along its axis: "
+            f"tips would collide by {-math.degrees(room):.3g} deg"
+        ]
+    return []
 
 
 def _tip_passage(pair: PairGeometry) -> float:
@@ -221,3 +238,27 @@ def _tip_passage(pair: PairGeometry) -> float:
     working = involute(pair.working_pressure_angle_rad)
     teeth = pair.gears[0].teeth / pair.gears[1].teeth
     return (at_inner + tips[0] - working) * teeth + working - tips[1] - at_outer
+
+
+def _radial_passage(pair: PairGeometry) -> float:
+    """Angle [rad] by which the tips of the inner gear pass those of the ring moving radially.
+
+    Where a tip of the one passes a tip of the other at the same distance from the line of
+    centres, at the angle at which that is tightest.
+    """
+    tips = [
+        math.acos(min(1.0, base / tip))
+        for base, tip in zip(pair.base_radii_m, pair.tip_radii_m, strict=True)
+    ]
+    ratio = pair.gears[1].teeth / pair.gears[0].teeth
+    inner, outer = pair.tip_radii_m
+    # y of both tips is equal, and so is its rate as the gears roll: sin^2 of both angles follows
+    radii = outer / inner
+    if radii >= ratio:
+        return math.inf
+    square = (ratio**2 - radii**2) / (ratio**2 - 1)
+    at_inner = math.asin(math.sqrt(min(1.0, square)))
+    at_outer = math.asin(min(1.0, math.sin(at_inner) / radii))
+    working = involute(pair.working_pressure_angle_rad)
+    own = at_inner + involute(tips[0]) - working
+    return own - ratio * (at_outer + involute(tips[1]) - working)

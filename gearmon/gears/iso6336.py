@@ -8,12 +8,17 @@ from dataclasses import dataclass, field
 from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.gears.involute import base_helix_angle
 
+#: What warnings begin with.
+METHOD = "ISO 6336-1 Method B"
 #: Correction of the theoretical stiffness for solid disc gears.
 CORRECTION_MEASURED = 0.8
 #: Young's modulus of the steel for which the polynomial was made [Pa].
 MODULUS_STEEL_PA = 206e9
 #: Specific load below which the stiffness falls [N/mm].
 LOW_LOAD_N_PER_MM = 100.0
+#: Range of b_s/b, and least s_R/m_n, that the blank factor knows.
+WEB_RATIOS = (0.2, 1.2)
+LEAST_RIM = 1.0
 #: 1 N/(mm um) in N/m2: stiffness per face width.
 N_PER_MM_UM = 1e9
 
@@ -41,6 +46,71 @@ class ToothData:
     root_factor: float = 1.25
     elastic_modulus_pa: float = MODULUS_STEEL_PA
     internal: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Body:
+    """Web and rim of a gear that is no solid disc.
+
+    Parameters
+    ----------
+    web_ratio : float
+        b_s/b, web over face width; used within 0.2 to 1.2.
+    rim_factor : float
+        s_R/m_n, rim thickness in modules; used from 1 on.
+    """
+
+    web_ratio: float
+    rim_factor: float
+
+    def __post_init__(self) -> None:
+        check_positive("web_ratio", self.web_ratio)
+        check_positive("rim_factor", self.rim_factor)
+
+    @property
+    def factor(self) -> float:
+        """C_R = 1 + ln(b_s/b)/(5 exp(s_R/(5 m_n)))."""
+        web = min(max(self.web_ratio, WEB_RATIOS[0]), WEB_RATIOS[1])
+        return 1 + math.log(web) / (5 * math.exp(max(self.rim_factor, LEAST_RIM) / 5))
+
+    @property
+    def limits(self) -> tuple[str, ...]:
+        """What lies outside the range of C_R, in words."""
+        notes = []
+        if not WEB_RATIOS[0] <= self.web_ratio <= WEB_RATIOS[1]:
+            notes.append(
+                f"web ratio b_s/b = {self.web_ratio:.4g} is outside {WEB_RATIOS[0]} ... "
+                f"{WEB_RATIOS[1]}: the nearer end is used"
+            )
+        if self.rim_factor < LEAST_RIM:
+            notes.append(f"rim s_R/m_n = {self.rim_factor:.4g} is below 1: 1 is used")
+        return tuple(notes)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Resonance:
+    """Main resonance of a pair by ISO 6336-1 Method B.
+
+    Parameters
+    ----------
+    gear : str
+        Name of gear 1, the one with fewer teeth, whose speed is meant.
+    reduced_mass_kg_per_m : float
+        m_red, per face width.
+    speed_rpm : float
+        n_E1, the speed of gear 1 whose mesh frequency is the natural frequency.
+    margin : float
+        N_S: the main resonance range begins at this share of n_E1.
+    """
+
+    gear: str
+    reduced_mass_kg_per_m: float
+    speed_rpm: float
+    margin: float
+
+    def ratio(self, speed_rpm: float) -> float:
+        """Return N, a speed of gear 1 in units of the resonance speed."""
+        return speed_rpm / self.speed_rpm
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,10 +183,9 @@ def method_b(
         Normal pressure angle of the basic rack [rad].
     helix_angle_rad : float
         Helix angle at the reference circle [rad].
-    web_ratio : float, optional
-        b_s/b, web over face width; taken as solid when not given. Used within 0.2 ... 1.2.
-    rim_factor : float, optional
-        s_R/m_n, rim thickness in modules; used from 1 on.
+    web_ratio, rim_factor : float, optional
+        b_s/b and s_R/m_n of the more flexible gear (see `Body`): the factor of the standard is
+        meant for mates that are equal or stiffer. Both are taken as solid when not given.
     load_n_per_mm : float, optional
         Tangential load per face width F_t K_A/b [N/mm]; without it the branch for at least
         100 N/mm is taken.
@@ -153,7 +222,8 @@ def method_b(
     virtual = _virtual_teeth(first, second, helix_angle_rad, pressure_angle_rad)
     theoretical = _theoretical(first, second, virtual)
     rack = _rack_factor(first, second, pressure_angle_rad)
-    blank = _blank_factor(web_ratio, rim_factor)
+    body = _body(web_ratio, rim_factor)
+    blank = 1.0 if body is None else body.factor
     load = _load_factor(load_n_per_mm)
     pair = _pair_modulus(first, second) / MODULUS_STEEL_PA
     single = theoretical * CORRECTION_MEASURED * blank * rack * math.cos(helix_angle_rad) * pair
@@ -170,7 +240,10 @@ def method_b(
         mesh_alpha=mesh,
         mesh_beta=0.85 * mesh,
         virtual_teeth=virtual,
-        warnings=_limits(first, second, contact_ratio, helix_angle_rad, load_n_per_mm),
+        warnings=(
+            *_limits(first, second, contact_ratio, helix_angle_rad, load_n_per_mm),
+            *(f"{METHOD}: {note}" for note in (body.limits if body else ())),
+        ),
     )
 
 
@@ -284,15 +357,12 @@ def _rack_factor(first: ToothData, second: ToothData, alpha: float) -> float:
     return 0.5 * sum((1 + 0.5 * (1.2 - gear.root_factor)) * angle for gear in (first, second))
 
 
-def _blank_factor(web_ratio: float | None, rim_factor: float | None) -> float:
+def _body(web_ratio: float | None, rim_factor: float | None) -> Body | None:
     if web_ratio is None:
-        return 1.0
+        return None
     if rim_factor is None:
         raise ArgumentError("rim_factor is missing: with web_ratio give the rim thickness s_R/m_n")
-    check_positive("web_ratio", web_ratio)
-    check_positive("rim_factor", rim_factor)
-    web, rim = min(max(web_ratio, 0.2), 1.2), max(rim_factor, 1.0)
-    return 1 + math.log(web) / (5 * math.exp(rim / 5))
+    return Body(web_ratio=web_ratio, rim_factor=rim_factor)
 
 
 def _load_factor(load_n_per_mm: float | None) -> float:
@@ -316,7 +386,8 @@ def _limits(
     if abs(math.degrees(beta)) > 30:
         notes.append(f"helix angle {abs(math.degrees(beta)):.4g} deg is above 30 deg")
     if eps < 1.2:
-        notes.append(f"contact ratio {eps:.4g} is below 1.2: up to 10 % less stiff")
+        spur = "up to 10 % less stiff" if beta == 0 else "not covered"
+        notes.append(f"contact ratio {eps:.4g} is below 1.2: {spur}")
     if x1 < x2 and not second.internal:
         notes.append(f"profile shift {x1:g} of the smaller gear is below {x2:g} of the larger")
     if not -0.5 <= x1 + x2 <= 2:
@@ -325,4 +396,4 @@ def _limits(
         notes.append(f"load {load:.4g} N/mm is below 100 N/mm: low-load branch")
     if load is not None and load > 1600:
         notes.append(f"load {load:.4g} N/mm is above 1600 N/mm")
-    return tuple(f"ISO 6336-1 Method B: {note}" for note in notes)
+    return tuple(f"{METHOD}: {note}" for note in notes)

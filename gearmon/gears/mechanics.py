@@ -8,6 +8,13 @@ from dataclasses import dataclass, field
 
 from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.faults import Fault, faults_of_stage
+from gearmon.gears.iso6336 import (
+    LOW_LOAD_N_PER_MM,
+    Resonance,
+    reduced_mass_per_width,
+    resonance_margin,
+    resonance_speed_rpm,
+)
 from gearmon.gears.kinematics import kinematics
 from gearmon.gears.pairs import Member, MeshPair, mesh_pairs
 from gearmon.gears.stiffness import MeshStiffness, pair_stiffness
@@ -124,8 +131,9 @@ def stage_mechanics(
     Notes
     -----
     ``1/m = r_b1^2/J1 + r_b2^2/J2`` with discs of the mean diameter (d_a + d_f)/2 less their bores,
-    as ISO 6336-1 does; the sun counts once per planet, a ring does not yield. The torque passes
-    through the train without loss and divides equally among planets. c = 2 zeta sqrt(k m).
+    as ISO 6336-1 does, of webbed gears with the rim at full face width; the sun counts once per
+    planet, a ring does not yield. The torque passes through the train without loss and divides
+    equally among planets. c = 2 zeta sqrt(k m).
     """
     pair = _pair(machine, number, mesh)
     running = machine.operating[0] if point is None else point
@@ -151,6 +159,59 @@ def stage_mechanics(
         assumptions=tuple(notes),
         warnings=stiffness.warnings,
     )
+
+
+def pair_resonance(pair: MeshPair, force_n: float | None = None) -> Resonance:
+    """Return reduced mass and resonance speed of a pair by ISO 6336-1 Method B.
+
+    Parameters
+    ----------
+    pair : MeshPair
+        An external pair with module; index 1 of the standard is its gear with fewer teeth.
+    force_n : float, optional
+        Static force on the line of action [N], for the low-load branches.
+
+    Raises
+    ------
+    ArgumentError
+        If data are missing, or the pair is one of planet and ring.
+
+    Notes
+    -----
+    The inner diameter of a gear is that of its rim where web and rim are given, else the bore.
+    """
+    if pair.second.internal:
+        raise ArgumentError(
+            f"{pair.where}: the resonance speed of the standard is that of two external gears; "
+            f"ask for the sun-planet mesh"
+        )
+    pair.need("module_mm", "reduced mass")
+    circles = pair.unchecked_geometry
+    one, two = sorted((0, 1), key=lambda index: pair.members[index].teeth.teeth)
+    means = [a + b for a, b in zip(circles.tip_radii_m, circles.root_radii_m, strict=True)]
+    teeth = pair.members[one].teeth.teeth, pair.members[two].teeth.teeth
+    mass = reduced_mass_per_width(
+        teeth,
+        (means[one], means[two]),
+        (2 * circles.base_radii_m[one], 2 * circles.base_radii_m[two]),
+        (_inner_diameter(pair, one), _inner_diameter(pair, two)),
+        (pair.stage.density_kgm3, pair.stage.density_kgm3),
+    )
+    load = pair.specific_load(force_n)
+    return Resonance(
+        gear=pair.members[one].name,
+        reduced_mass_kg_per_m=mass,
+        speed_rpm=resonance_speed_rpm(teeth[0], pair.method_b(force_n).mesh_alpha, mass),
+        margin=resonance_margin(LOW_LOAD_N_PER_MM if load is None else load),
+    )
+
+
+def _inner_diameter(pair: MeshPair, index: int) -> float:
+    """Return d_i of the standard [m]: inside of the rim, or the bore."""
+    member = pair.members[index]
+    if member.rim_m is None:
+        return member.bore_m
+    return 2 * (pair.unchecked_geometry.root_radii_m[index] - member.rim_m)
 
 
 def _member_weights(stage: PlanetaryStage) -> dict[str, float]:
@@ -222,7 +283,7 @@ def _equivalent_mass(pair: MeshPair, notes: list[str]) -> float:
 
 
 def _inertia(pair: MeshPair, index: int, member: Member, width: float) -> float:
-    """Moment of inertia of a disc of the mean diameter less its bore [kg m2]."""
+    """Moment of inertia of a disc of the mean diameter less bore and web [kg m2]."""
     circles = pair.unchecked_geometry
     mean = 0.5 * (circles.tip_radii_m[index] + circles.root_radii_m[index])
     bore = 0.5 * member.bore_m
@@ -231,8 +292,17 @@ def _inertia(pair: MeshPair, index: int, member: Member, width: float) -> float:
             f"{pair.where}: bore_diameter_{member.name}_mm={1e3 * member.bore_m:g} must be less "
             f"than the root diameter {2e3 * circles.root_radii_m[index]:.5g} mm"
         )
-    disc: float = mean**4 - bore**4
-    return 0.5 * math.pi * pair.stage.density_kgm3 * width * disc
+    held = _web(member, circles.root_radii_m[index], bore, width)
+    disc: float = width * (mean**4 - bore**4) - held
+    return 0.5 * math.pi * pair.stage.density_kgm3 * disc
+
+
+def _web(member: Member, root_m: float, bore_m: float, width_m: float) -> float:
+    """Return what a web lacks of a solid disc, as width times fourth power of radius [m5]."""
+    if member.web_m is None or member.rim_m is None:
+        return 0.0
+    inner = root_m - member.rim_m
+    return max(width_m - member.web_m, 0.0) * (inner**4 - bore_m**4)
 
 
 def _damping(pair: MeshPair, root: float, notes: list[str]) -> tuple[float, float]:

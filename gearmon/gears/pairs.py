@@ -13,6 +13,7 @@ from functools import cached_property
 from gearmon.errors import ArgumentError
 from gearmon.gears import involute, iso6336
 from gearmon.gears.geometry import GearTeeth, PairGeometry, pair_geometry
+from gearmon.gears.involute_pair import Two
 from gearmon.machine import ParallelStage, PlanetaryStage
 
 Stage = ParallelStage | PlanetaryStage
@@ -32,12 +33,19 @@ class Member:
         Young's modulus [Pa].
     internal : bool
         Whether it is a ring.
+    tip_diameter_m : float or None
+        Finished tip diameter [m] where it is given.
+    web_m, rim_m : float or None
+        Width of the web and thickness of the rim [m]; both None for a solid disc.
     """
 
     teeth: GearTeeth
     bore_m: float
     elastic_modulus_pa: float
     internal: bool = False
+    tip_diameter_m: float | None = None
+    web_m: float | None = None
+    rim_m: float | None = None
 
     @property
     def name(self) -> str:
@@ -191,22 +199,44 @@ class MeshPair:
         force_n : float, optional
             Static force on the line of action [N]; below 100 N/mm the stiffness falls.
         """
-        load = None
-        if force_n is not None and self.stage.face_width_mm is not None:
-            # the standard's load is at the reference circle
-            alpha = involute.transverse_pressure_angle(
-                self.pressure_angle_rad, self.helix_angle_rad
-            )
-            load = force_n * math.cos(alpha) / self.stage.face_width_mm
         one, two = (_tooth_data(member) for member in self.members)
+        body = self._body()
         return iso6336.method_b(
             one,
             two,
             contact_ratio=self.contact_ratio,
             pressure_angle_rad=self.pressure_angle_rad,
             helix_angle_rad=self.helix_angle_rad,
-            load_n_per_mm=load,
+            web_ratio=None if body is None else body.web_ratio,
+            rim_factor=None if body is None else body.rim_factor,
+            load_n_per_mm=self.specific_load(force_n),
         )
+
+    def specific_load(self, force_n: float | None) -> float | None:
+        """Return F_t K_A/b [N/mm] with F_t at the reference circle; None where it is not known.
+
+        Parameters
+        ----------
+        force_n : float or None
+            Static force on the line of action [N].
+        """
+        if force_n is None or self.stage.face_width_mm is None:
+            return None
+        alpha = involute.transverse_pressure_angle(self.pressure_angle_rad, self.helix_angle_rad)
+        tangential = force_n * math.cos(alpha) * self.stage.application_factor
+        return tangential / self.stage.face_width_mm
+
+    def _body(self) -> iso6336.Body | None:
+        """Return web and rim of the more flexible gear; None where both are solid."""
+        found = []
+        for member in self.members:
+            if member.web_m is not None and member.rim_m is not None:
+                width = 1e-3 * self.need("face_width_mm", "web factor")
+                module = 1e-3 * self.need("module_mm", "web factor")
+                found.append(
+                    iso6336.Body(web_ratio=member.web_m / width, rim_factor=member.rim_m / module)
+                )
+        return min(found, key=lambda body: body.factor, default=None)
 
     def _geometry(self, *, check: bool) -> PairGeometry:
         width = self.stage.face_width_mm
@@ -229,14 +259,46 @@ class MeshPair:
         except ArgumentError as error:
             raise ArgumentError(f"{self.where}: {error}") from None
 
-    def _fixed_by_others(self) -> tuple[float | None, tuple[float, float] | None]:
+    def _fixed_by_others(self) -> tuple[float | None, float | Two | None]:
         """Return centre distance and tip shortening where they are not this pair's to choose."""
         if self.inner is not None:
             # the planet is one body on one axis, which its mesh with the sun has placed
             inner = self.inner.unchecked_geometry
-            return inner.centre_distance_m, (inner.tip_shortening[1], 0.0)
+            ring = self._told_shortening(1)
+            return inner.centre_distance_m, (inner.tip_shortening[1], 0.0 if ring is None else ring)
         distance = self.stage.centre_distance_mm
-        return None if distance is None else 1e-3 * distance, None
+        metres = None if distance is None else 1e-3 * distance
+        told = self._told_shortening(0), self._told_shortening(1)
+        given = self.stage.tip_shortening
+        if told == (None, None):
+            return metres, given
+        return metres, self._completed(told, metres)
+
+    def _told_shortening(self, index: int) -> float | None:
+        """Return the tip shortening [modules] that a given tip diameter means."""
+        member, module = self.members[index], self.stage.module_mm
+        if member.tip_diameter_m is None or module is None:
+            return None
+        reference = member.teeth.teeth * module / math.cos(self.helix_angle_rad)
+        height = (1e3 * member.tip_diameter_m - reference) / (2 * module)
+        sign = -1 if member.internal else 1
+        return sign * height - member.teeth.tip_factor - member.teeth.profile_shift
+
+    def _completed(self, told: tuple[float | None, float | None], distance_m: float | None) -> Two:
+        """Return the shortening of both gears: where one is not told, what it is otherwise."""
+        usual = self.stage.tip_shortening
+        if usual is None and None in told:
+            usual = pair_geometry(
+                self.first.teeth,
+                self.second.teeth,
+                module_m=1e-3 * self.need("module_mm", "tip shortening"),
+                pressure_angle_rad=self.pressure_angle_rad,
+                helix_angle_rad=self.helix_angle_rad,
+                centre_distance_m=distance_m,
+                check=False,
+            ).tip_shortening[0]
+        one, two = (usual or 0.0 if k is None else k for k in told)
+        return one, two
 
 
 def mesh_pairs(stage: Stage, number: int | None = None, path: str = "") -> tuple[MeshPair, ...]:
@@ -261,19 +323,38 @@ def mesh_pairs(stage: Stage, number: int | None = None, path: str = "") -> tuple
 
 
 def _member(stage: Stage, name: str) -> Member:
-    bore = getattr(stage, f"bore_diameter_{name}_mm", None)
     return Member(
         teeth=GearTeeth(
             teeth=getattr(stage, f"{name}_teeth"),
             profile_shift=getattr(stage, f"profile_shift_{name}"),
             tip_factor=getattr(stage, f"tip_factor_{name}"),
-            root_factor=getattr(stage, f"root_factor_{name}"),
+            root_factor=_root_factor(stage, name),
             name=name,
         ),
-        bore_m=0.0 if bore is None else 1e-3 * bore,
+        bore_m=_length(stage, f"bore_diameter_{name}_mm") or 0.0,
         elastic_modulus_pa=getattr(stage, f"elastic_modulus_{name}_pa"),
         internal=name == "ring",
+        tip_diameter_m=_length(stage, f"tip_diameter_{name}_mm"),
+        web_m=_length(stage, f"web_width_{name}_mm"),
+        rim_m=_length(stage, f"rim_thickness_{name}_mm"),
     )
+
+
+def _length(stage: Stage, key: str) -> float | None:
+    """Return a length of the stage in metres, None where it is not given or no key at all."""
+    value = getattr(stage, key, None)
+    return None if value is None else 1e-3 * float(value)
+
+
+def _root_factor(stage: Stage, name: str) -> float:
+    """Return the dedendum of the rack, from the root diameter where that is given."""
+    diameter = getattr(stage, f"root_diameter_{name}_mm")
+    if diameter is None or stage.module_mm is None:
+        return float(getattr(stage, f"root_factor_{name}"))
+    reference = getattr(stage, f"{name}_teeth") * stage.module_mm
+    reference /= math.cos(math.radians(stage.helix_angle_deg))
+    depth = (reference - diameter) / (2 * stage.module_mm) * (-1 if name == "ring" else 1)
+    return float(depth + getattr(stage, f"profile_shift_{name}"))
 
 
 def _tooth_data(member: Member) -> iso6336.ToothData:

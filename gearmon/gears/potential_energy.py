@@ -7,6 +7,7 @@ from typing import Literal
 
 from gearmon.errors import ArgumentError
 from gearmon.gears.contact import CONTACTS, Contact
+from gearmon.gears.involute_pair import PairGeometry
 from gearmon.gears.pairs import Member, MeshPair
 from gearmon.gears.tooth import ROOTS, Root
 from gearmon.gears.tooth_pairs import ToothPair, tooth_pair
@@ -16,6 +17,9 @@ POTENTIAL_ENERGY = "potential-energy"
 #: Radius on which a gear is held where no bore is given, over its reference radius. The beam
 #: model then lies within 7 % of ISO 6336 for most pairs.
 USUAL_BORE = 0.4
+#: Thickness of the rim of a ring where none is given, in modules: the least for which ISO 6336-3
+#: counts a ring as stiff.
+USUAL_RIM = 3.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,13 +77,13 @@ def teeth_of(pair: MeshPair, form: PotentialEnergy = USUAL) -> ToothPair:
     Parameters
     ----------
     pair : MeshPair
-        An external pair with module and face width.
+        With module and face width.
     form : PotentialEnergy
 
     Returns
     -------
     ToothPair
-        Its notes say which bores were assumed.
+        Its notes say which bores or rims were assumed, and what of a body is left out.
 
     Raises
     ------
@@ -91,10 +95,7 @@ def teeth_of(pair: MeshPair, form: PotentialEnergy = USUAL) -> ToothPair:
     notes: list[str] = []
     known = pair.given("contact_ratio")
     geometry = pair.geometry if known is None else pair.unchecked_geometry
-    bores = [
-        _held_radius(member, radius, notes)
-        for member, radius in zip(pair.members, geometry.reference_radii_m, strict=True)
-    ]
+    bores = [_held_radius(geometry, i, member, notes) for i, member in enumerate(pair.members)]
     try:
         return tooth_pair(
             geometry,
@@ -111,12 +112,30 @@ def teeth_of(pair: MeshPair, form: PotentialEnergy = USUAL) -> ToothPair:
         raise ArgumentError(f"{pair.where}: {error}") from None
 
 
-def _held_radius(member: Member, reference_m: float, notes: list[str]) -> float:
+def _held_radius(geometry: PairGeometry, index: int, member: Member, notes: list[str]) -> float:
+    if member.internal:
+        return geometry.root_radii_m[index] + _rim(geometry, member, notes)
+    if member.web_m is not None:
+        notes.append(
+            f"web and rim of the {member.name} lower the ISO stiffness only: its body under the "
+            f"teeth is taken as a solid disc"
+        )
     if member.bore_m:
         return 0.5 * member.bore_m
-    held = USUAL_BORE * reference_m
+    held = USUAL_BORE * geometry.reference_radii_m[index]
     notes.append(
         f"the {member.name} is taken as held on a diameter of {2e3 * held:.4g} mm, 0.4 times its "
         f"reference diameter; bore_diameter_{member.name}_mm would say where"
     )
     return held
+
+
+def _rim(geometry: PairGeometry, member: Member, notes: list[str]) -> float:
+    if member.rim_m is not None:
+        return member.rim_m
+    thickness = USUAL_RIM * geometry.normal_module_m
+    notes.append(
+        f"the rim of the {member.name} is taken as {1e3 * thickness:.4g} mm thick, {USUAL_RIM:g} "
+        f"modules; rim_thickness_{member.name}_mm would say how thick"
+    )
+    return thickness

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -14,6 +14,8 @@ from gearmon.gears.rack import Rack
 
 #: Tangent angle of the critical section of a fillet, ISO 6336-3 [rad].
 CRITICAL_TANGENT = math.radians(30)
+#: Maps parameters from 0 at the root circle to 1 at the involute to height and half thickness.
+Curve = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -22,35 +24,21 @@ class RootPart:
 
     Parameters
     ----------
+    curve : callable
+        Maps parameters to height and half thickness [m].
+    is_straight : bool
+        Whether the half thickness is the same everywhere.
     crack_parameter : float
         Parameter at which root cracks begin.
-    rack : Rack or None
-        Of a fillet; None for a straight part.
-    teeth : int
-    profile_shift : float
-    module_m : float
-    limits : (float, float)
-        Angle of the rack-tip normal at both ends; of a straight part, its heights [m].
-    half_m : float
-        Half thickness of a straight part [m].
     """
 
-    limits: tuple[float, float]
-    rack: Rack | None = None
-    teeth: int = 0
-    profile_shift: float = 0.0
-    module_m: float = 0.0
-    half_m: float = 0.0
-    crack_parameter: float = field(default=0.0)
+    curve: Curve
+    is_straight: bool = False
+    crack_parameter: float = 0.0
 
     def at(self, parameter: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return height and half thickness [m]."""
-        low, high = self.limits
-        inner = low + (high - low) * parameter
-        if self.rack is None:
-            return inner, np.full_like(inner, self.half_m)
-        height, half = self.rack.fillet(self.teeth, self.profile_shift, inner)
-        return self.module_m * height, self.module_m * half
+        return self.curve(parameter)
 
     def points(self, edges: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return height, half thickness and slope of the height at the panel nodes of `edges`."""
@@ -72,7 +60,7 @@ class RootPart:
         return float(height[0]), float(half[0])
 
     def _crossings(self, levels: FloatArray) -> FloatArray:
-        if self.rack is None:
+        if self.is_straight:
             return np.zeros(0)
         return crossings(lambda p: self.at(p)[1], 0.0, 1.0, levels)
 
@@ -80,8 +68,13 @@ class RootPart:
 def straight_root(base_radius: float, root_radius: float, half_angle: float) -> RootPart:
     """Return a part of constant thickness from the root circle up to the base circle."""
     half = base_radius * math.sin(half_angle)
-    low = math.sqrt(root_radius**2 - half**2)
-    return RootPart(limits=(low, base_radius * math.cos(half_angle)), half_m=half)
+    low, high = math.sqrt(root_radius**2 - half**2), base_radius * math.cos(half_angle)
+
+    def curve(parameter: FloatArray) -> tuple[FloatArray, FloatArray]:
+        height = low + (high - low) * parameter
+        return height, np.full_like(height, half)
+
+    return RootPart(curve=curve, is_straight=True)
 
 
 def fillet_root(
@@ -104,21 +97,13 @@ def fillet_root(
     upper = rack.pressure_angle_rad
     if rack.least_shift(teeth) > profile_shift:
         upper = _undercut_end(rack, teeth, profile_shift, math.hypot(base, form_roll))
-    part = RootPart(
-        limits=(math.pi / 2, upper),
-        rack=rack,
-        teeth=teeth,
-        profile_shift=profile_shift,
-        module_m=module_m,
-    )
-    return RootPart(
-        limits=part.limits,
-        rack=rack,
-        teeth=teeth,
-        profile_shift=profile_shift,
-        module_m=module_m,
-        crack_parameter=_critical(part),
-    )
+
+    def curve(parameter: FloatArray) -> tuple[FloatArray, FloatArray]:
+        angles = math.pi / 2 + (upper - math.pi / 2) * parameter
+        height, half = rack.fillet(teeth, profile_shift, angles)
+        return module_m * height, module_m * half
+
+    return RootPart(curve=curve, crack_parameter=where_tangent(curve, CRITICAL_TANGENT))
 
 
 def crossings(
@@ -142,17 +127,24 @@ def crossings(
     return np.asarray(0.5 * (left + right))
 
 
-def _critical(part: RootPart) -> float:
-    """Return the parameter at which the tangent makes 30 degrees with the middle of the tooth."""
+def where_tangent(curve: Curve, angle_rad: float) -> float:
+    """Return the parameter of a fillet at which its tangent makes an angle with the tooth's middle.
+
+    Parameters
+    ----------
+    curve : callable
+        See `RootPart`.
+    angle_rad : float
+    """
     grid = np.linspace(0, 1, 129)
-    height, half = part.at(grid)
+    height, half = curve(grid)
     tangent = np.arctan2(-np.gradient(half, grid), np.gradient(height, grid))
     # at the root circle the tangent lies across; towards the involute it stands up
-    steep = np.flatnonzero(tangent <= CRITICAL_TANGENT)
+    steep = np.flatnonzero(tangent <= angle_rad)
     if not len(steep) or steep[0] == 0:
         return 0.0
     i = int(steep[0])
-    share = (tangent[i - 1] - CRITICAL_TANGENT) / (tangent[i - 1] - tangent[i])
+    share = (tangent[i - 1] - angle_rad) / (tangent[i - 1] - tangent[i])
     return float(grid[i - 1] + share * (grid[i] - grid[i - 1]))
 
 

@@ -184,7 +184,9 @@ class TeethInMesh:
             rows = np.flatnonzero((present == pattern[:, None]).all(axis=0))
             who = np.flatnonzero(pattern)
             chosen = np.ix_(who, rows)
-            loads[chosen] = self._solve(total[chosen], bodies[0][chosen], bodies[1][chosen], who)
+            loads[chosen] = self._solve(
+                phase[rows], total[chosen], bodies[0][chosen], bodies[1][chosen], who
+            )
         return loads
 
     def _compliances(self, phase: FloatArray, force: FloatArray | None) -> PairCompliance:
@@ -202,14 +204,22 @@ class TeethInMesh:
         return total
 
     def _solve(
-        self, total: FloatArray, first: FloatArray, second: FloatArray, who: NDArray[np.intp]
+        self,
+        phase: FloatArray,
+        total: FloatArray,
+        first: FloatArray,
+        second: FloatArray,
+        who: NDArray[np.intp],
     ) -> FloatArray:
         """Return C^-1 (1, 1, ...) for the pairs in contact."""
         if len(total) == 1 or not self.is_coupled:
             return np.asarray(1 / total)
+        own = [phase - (int(place) - self.reach) for place in who]
         shared = {
             (i, j): self.pair.coupling(
-                abs(int(who[i] - who[j])), [(first[i], first[j]), (second[i], second[j])]
+                int(who[j] - who[i]),
+                [(first[i], first[j]), (second[i], second[j])],
+                (own[i], own[j]),
             )
             for i, j in product(range(len(who)), repeat=2)
             if i < j

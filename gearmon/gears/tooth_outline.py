@@ -144,18 +144,23 @@ def half_profile(tooth: Tooth) -> tuple[FloatArray, FloatArray]:
 
 
 def _frames(pair: ToothPair, roll: float) -> tuple[_Frame, _Frame]:
-    """Place both teeth so that their flanks touch at this roll length of the first."""
-    base = pair.first.base_radius_m + pair.second.base_radius_m
-    centres = math.hypot(pair.line_m, base)
+    """Place both teeth so that their flanks touch at this roll length of the first.
+
+    The second gear stands above the first, a ring around it with its centre below.
+    """
+    sign = pair.second.sign
+    base = pair.first.base_radius_m + sign * pair.second.base_radius_m
+    centres = math.copysign(math.hypot(pair.line_m, base), sign)
     working = math.acos(base / centres)
-    rolls = (roll, pair.line_m - roll)
     found = []
-    for tooth, own, sign in zip(pair.teeth, rolls, (1.0, -1.0), strict=True):
+    rolls = pair.rolls(np.array(roll))
+    for tooth, own, centre in zip(pair.teeth, rolls, (0.0, centres), strict=True):
         # the normal of the flank turns into the line of action
-        angle = working - tooth.angle(own)
-        across = sign * np.array([math.cos(angle), math.sin(angle)])
-        along = sign * np.array([-math.sin(angle), math.cos(angle)])
-        found.append(_Frame(np.array([0.0, 0.0 if sign > 0 else centres]), across, along))
+        angle = working - float(tooth.slope(tooth.angle(own)))
+        side = 1.0 if centre == 0 else -1.0
+        across = side * np.array([math.cos(angle), math.sin(angle)])
+        along = side * np.array([-math.sin(angle), math.cos(angle)])
+        found.append(_Frame(np.array([0.0, centre]), across, along))
     return found[0], found[1]
 
 
@@ -169,8 +174,8 @@ def _outline(tooth: Tooth, frame: _Frame) -> FloatArray:
     half, height = half_profile(tooth)
     halves = np.concatenate([-half, half[::-1]])
     heights = np.concatenate([height, height[::-1]])
-    pitch = 2 * math.pi / tooth.teeth
-    # teeth from left to right of the tooth in the middle
+    pitch = tooth.sign * 2 * math.pi / tooth.teeth
+    # teeth one after the other across the tooth in the middle
     return np.concatenate([frame.turned(-k * pitch).place(halves, heights) for k in range(-2, 3)])
 
 
@@ -192,7 +197,8 @@ def _holes(damage: ToothDamage, tooth: Tooth, frame: _Frame) -> list[FloatArray]
         depth: FloatArray | float = hole.depth_m
         if hole.round:
             depth = hole.depth_m * np.sqrt(np.clip(1 - np.linspace(-1, 1, POINTS) ** 2, 0, None))
-        inner_half, inner_height = half - depth * np.cos(t), height - depth * np.sin(t)
+        slope = tooth.slope(t)
+        inner_half, inner_height = half - depth * np.cos(slope), height - depth * np.sin(slope)
         halves = np.concatenate([half, inner_half[::-1]])
         found.append(frame.place(halves, np.concatenate([height, inner_height[::-1]])))
     return found
@@ -201,14 +207,14 @@ def _holes(damage: ToothDamage, tooth: Tooth, frame: _Frame) -> list[FloatArray]
 def _gone(fault: Fault, tooth: Tooth, frame: _Frame) -> FloatArray:
     half, height = half_profile(tooth)
     if fault.kind == "breakage" and fault.shape.height is not None:
-        lowest = tooth.tip_radius_m - 1e-3 * fault.shape.height
+        lowest = tooth.sign * tooth.radius_below_tip(1e-3 * fault.shape.height)
         kept = height >= lowest
         half, height = half[kept], height[kept]
     return frame.place(np.concatenate([-half, half[::-1]]), np.concatenate([height, height[::-1]]))
 
 
 def _marks(damage: ToothDamage, faults: Sequence[Fault], tooth: Tooth) -> list[FlankMark]:
-    width, root = 1e3 * tooth.face_width_m, 1e3 * tooth.root_radius_m
+    width, root = 1e3 * tooth.face_width_m, 1e3 * tooth.root_height_m
     found = []
     if damage.crack is not None:
         start = 1e3 * tooth.crack_start[0] - root
@@ -247,6 +253,6 @@ def _marks(damage: ToothDamage, faults: Sequence[Fault], tooth: Tooth) -> list[F
 
 
 def _flank_size(tooth: Tooth) -> tuple[float, float, float]:
-    root = tooth.root_radius_m
+    root = tooth.root_height_m
     low = float(tooth.height(tooth.start)) - root
     return 1e3 * tooth.face_width_m, 1e3 * low, 1e3 * (float(tooth.height(tooth.tip)) - root)

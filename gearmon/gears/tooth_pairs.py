@@ -19,10 +19,12 @@ from gearmon.gears.contact import (
 from gearmon.gears.foundation import Arm, Foundation
 from gearmon.gears.involute_pair import PairGeometry
 from gearmon.gears.panels import FloatArray
+from gearmon.gears.ring_body import RingBody
 from gearmon.gears.tooth import Root, Tooth, ToothBeam, tooth_of
 from gearmon.gears.tooth_damage import LARGEST_WIDTH, ToothDamage
 
 Beams = tuple[ToothBeam, ToothBeam]
+Body = Foundation | RingBody
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -72,7 +74,8 @@ class ToothPair:
     first, second : Tooth
         The first drives.
     line_m : float
-        Distance between the base tangent points along the line of action [m].
+        Distance between the base tangent points along the line of action [m]; those of a ring and
+        its planet lie on one side of the pitch point.
     path_m : (float, float)
         Roll lengths on the first gear at which contact begins and ends [m].
     base_pitch_m : float
@@ -111,9 +114,12 @@ class ToothPair:
         return (self.path_m[1] - self.path_m[0]) / self.base_pitch_m
 
     @cached_property
-    def foundations(self) -> tuple[Foundation, Foundation]:
+    def foundations(self) -> tuple[Body, Body]:
         """The bodies of both gears."""
-        one, two = (Foundation(tooth=tooth, arm=self.arm) for tooth in self.teeth)
+        one, two = (
+            RingBody(tooth=tooth) if tooth.internal else Foundation(tooth=tooth, arm=self.arm)
+            for tooth in self.teeth
+        )
         return one, two
 
     @cached_property
@@ -139,11 +145,19 @@ class ToothPair:
         """Return the roll length on the first gear [m] at contact phases [mesh periods]."""
         return np.asarray(self.path_m[0] + self.base_pitch_m * np.asarray(phase, dtype=np.float64))
 
+    def rolls(self, roll_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the roll lengths on both gears [m] where that on the first is `roll_m`."""
+        return roll_m, self.line_m - self.second.sign * roll_m
+
+    def angles(self, phase: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the profile angles of both gears [rad] at contact phases [mesh periods]."""
+        one, two = self.rolls(self.roll(phase))
+        return self.first.angle(one), self.second.angle(two)
+
     def phase_of(self, index: int, angle: float) -> float:
         """Return the contact phase at which a profile angle of a gear is in contact."""
-        tooth = self.teeth[index]
-        roll = tooth.base_radius_m * (angle + tooth.base_half_angle_rad)
-        own = roll if index == 0 else self.line_m - roll
+        roll = float(self.teeth[index].roll(angle))
+        own = roll if index == 0 else self.second.sign * (self.line_m - roll)
         return (own - self.path_m[0]) / self.base_pitch_m
 
     def corners(self, beams: Beams) -> FloatArray:
@@ -171,12 +185,9 @@ class ToothPair:
             Force on this pair [N]; only the load-dependent contact needs it.
         """
         roll = np.asarray(roll_m, dtype=np.float64)
-        rolls = (roll, self.line_m - roll)
+        rolls = self.rolls(roll)
         both = self.sound if beams is None else beams
-        angles = [
-            own / tooth.base_radius_m - tooth.base_half_angle_rad
-            for tooth, own in zip(self.teeth, rolls, strict=True)
-        ]
+        angles = [tooth.angle(own) for tooth, own in zip(self.teeth, rolls, strict=True)]
         one, two = (beam.compliances(angle) for beam, angle in zip(both, angles, strict=True))
         return PairCompliance(
             bending=(one[0], two[0]),
@@ -186,7 +197,12 @@ class ToothPair:
             hertz=self._hertz(both, rolls, angles, force_n),
         )
 
-    def coupling(self, apart: int, bodies: list[tuple[FloatArray, FloatArray]]) -> FloatArray:
+    def coupling(
+        self,
+        apart: int,
+        bodies: list[tuple[FloatArray, FloatArray]],
+        phases: tuple[FloatArray, FloatArray],
+    ) -> FloatArray:
         """Return the compliance [m/N] that two pairs share through the bodies of the gears.
 
         Parameters
@@ -195,13 +211,17 @@ class ToothPair:
             Distance of the pairs [teeth].
         bodies : list of two (ndarray, ndarray)
             Foundation compliances of both gears at the one and at the other contact.
+        phases : (ndarray, ndarray)
+            Contact phases of the pair that entered first and of the other one [mesh periods].
         """
         if not self.has_foundation:
             return np.zeros_like(bodies[0][0])
         total = np.zeros_like(bodies[0][0])
-        for foundation, here, there in zip(self.foundations, *bodies, strict=True):
+        ahead, behind = (self.angles(phase) for phase in phases)
+        for index, (body, own) in enumerate(zip(self.foundations, bodies, strict=True)):
+            shared = body.coupling(apart, ahead[index], behind[index])
             # no more can be shared than each of them has
-            total += np.minimum(foundation.coupling(apart), np.minimum(here, there))
+            total += np.minimum(shared, np.minimum(*own))
         return total
 
     @property
@@ -237,7 +257,8 @@ class ToothPair:
             for tooth, angle in zip(self.teeth, angles, strict=True)
         ]
         force = np.asarray(force_n, dtype=np.float64)
-        radius = rolls[0] * rolls[1] / (rolls[0] + rolls[1]) / cosine
+        # the flank of a ring is hollow: its curvature counts against that of the mate
+        radius = rolls[0] * rolls[1] / (rolls[1] + self.second.sign * rolls[0]) / cosine
         return (
             weber_banaschek_compliance(force, width, radius, (depths[0], depths[1]), moduli, nu)
             / cosine
@@ -274,9 +295,9 @@ def tooth_pair(
     Parameters
     ----------
     geometry : PairGeometry
-        Of an external pair, with its face width.
+        With its face width.
     bore_radii_m : (float, float)
-        Radii on which the gears are held [m].
+        Radii on which the gears are held [m]; of a ring the outer one.
     moduli_pa : (float, float)
         Young's moduli [Pa].
     poisson_ratio : float

@@ -6,121 +6,27 @@ import math
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from gearmon.machine.fields import Choice, Count, FieldError, Number, Text, check_fields, obeys
+from gearmon.machine.fields import Choice, Count, FieldError, obeys
+from gearmon.machine.stage_data import (
+    BORE,
+    MODULUS,
+    RIM,
+    ROOT,
+    ROOT_DIAMETER,
+    SHIFT,
+    TEETH,
+    TIP,
+    TIP_DIAMETER,
+    WEB,
+    StageData,
+)
 
 MEMBERS = ("sun", "ring", "carrier")
 LARGEST_TOOTH_DEVIATION = 3
 
-_TEETH = Count(low=5, high=2000, why="the range of cylindrical gears", example="26")
-_SHIFT = Number(low=-3, high=3, why="the profile shift coefficient is a multiple of the module")
-_TIP = Number(low=0.3, high=2.0, why="the addendum is 1.0 modules in standard teeth")
-_ROOT = Number(low=0.5, high=2.5, why="the dedendum of the basic rack is about 1.25 modules")
-_BORE = Number(low=0, high=20_000, unit="mm", open_low=True, why="leave it out for a solid disc")
-_MODULUS = Number(low=1e8, high=1e12, unit="Pa", why="steel has 206e9 Pa")
-
 
 @dataclass(frozen=True, kw_only=True)
-class _Stage:
-    """Data that parallel and planetary stages have in common; all of it optional for analysis."""
-
-    name: str = field(default="", metadata=obeys(Text(example='"first reduction"')))
-    module_mm: float | None = field(
-        default=None,
-        metadata=obeys(Number(low=0.02, high=200, unit="mm", why="the normal module")),
-    )
-    pressure_angle_deg: float = field(
-        default=20.0,
-        metadata=obeys(Number(low=10, high=35, unit="deg", why="of the basic rack, mostly 20")),
-    )
-    helix_angle_deg: float = field(
-        default=0.0,
-        metadata=obeys(
-            Number(low=-45, high=45, unit="deg", open_low=True, open_high=True, why="0 for spur")
-        ),
-    )
-    face_width_mm: float | None = field(
-        default=None,
-        metadata=obeys(Number(low=0.1, high=5000, unit="mm", why="the common face width")),
-    )
-    centre_distance_mm: float | None = field(
-        default=None,
-        metadata=obeys(Number(low=0.1, high=20_000, unit="mm", why="the working centre distance")),
-    )
-    poisson_ratio: float = field(
-        default=0.3, metadata=obeys(Number(low=0, high=0.5, open_high=True, why="steel has 0.3"))
-    )
-    density_kgm3: float = field(
-        default=7850.0,
-        metadata=obeys(Number(low=500, high=25_000, unit="kg/m3", why="steel has 7850")),
-    )
-    damping_ratio: float | None = field(
-        default=None,
-        metadata=obeys(Number(low=0, high=5, open_low=True, why="commonly 0.03 to 0.17")),
-    )
-    mesh_stiffness_n_per_m: float | None = field(
-        default=None,
-        metadata=obeys(Number(low=1e3, high=1e13, unit="N/m", why="the mean mesh stiffness")),
-    )
-    stiffness_variation: float | None = field(
-        default=None,
-        metadata=obeys(Number(low=0, high=1, open_high=True, why="relative to the mean stiffness")),
-    )
-    equivalent_mass_kg: float | None = field(
-        default=None, metadata=obeys(Number(low=0, high=1e6, unit="kg", open_low=True))
-    )
-    damping_ns_per_m: float | None = field(
-        default=None, metadata=obeys(Number(low=0, high=1e10, unit="Ns/m", open_low=True))
-    )
-    contact_ratio: float | None = field(
-        default=None,
-        metadata=obeys(Number(low=0.5, high=6, why="the transverse contact ratio")),
-    )
-    force_n: float | None = field(
-        default=None,
-        metadata=obeys(Number(low=0, high=1e10, unit="N", open_low=True, why="static tooth force")),
-    )
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-        if self.contact_ratio is not None and self.helix_angle_deg == 0 and self.contact_ratio < 1:
-            reason = "must be at least 1 for spur gears: else no tooth pair carries for a while"
-            raise FieldError("contact_ratio", reason, self.contact_ratio)
-
-    @property
-    def transverse_pressure_angle_rad(self) -> float:
-        """Pressure angle in the transverse plane at the reference circle [rad]."""
-        normal, helix = math.radians(self.pressure_angle_deg), math.radians(self.helix_angle_deg)
-        return math.atan(math.tan(normal) / math.cos(helix))
-
-    def _check_centre_distance(self, teeth: int) -> None:
-        """Refuse a working centre distance at which the teeth of a pair cannot mesh."""
-        if self.module_mm is None or self.centre_distance_mm is None:
-            return
-        reference = self.module_mm * abs(teeth) / (2 * math.cos(math.radians(self.helix_angle_deg)))
-        # base circles set the lower end; the working pressure angle hardly passes 40 degrees
-        shortest = reference * math.cos(self.transverse_pressure_angle_rad)
-        longest = max(shortest / math.cos(math.radians(40)), 1.02 * reference)
-        if not shortest <= self.centre_distance_mm <= longest:
-            reason = (
-                f"must lie in [{shortest:.4g}, {longest:.4g}] mm for these teeth and this module "
-                f"(reference centre distance {reference:.5g} mm)"
-            )
-            raise FieldError("centre_distance_mm", reason, self.centre_distance_mm)
-
-    def _check_bore(self, member: str, teeth: int, shift: float, root_factor: float) -> None:
-        """Refuse a bore that reaches the tooth roots."""
-        key = f"bore_diameter_{member}_mm"
-        bore: float | None = getattr(self, key)
-        if self.module_mm is None or bore is None:
-            return
-        reference = teeth / math.cos(math.radians(self.helix_angle_deg))
-        root = self.module_mm * (reference - 2 * (root_factor - shift))
-        if bore >= root:
-            raise FieldError(key, f"must be less than the root diameter, {root:.5g} mm", bore)
-
-
-@dataclass(frozen=True, kw_only=True)
-class ParallelStage(_Stage):
+class ParallelStage(StageData):
     """A pair of external cylindrical gears on parallel shafts.
 
     Parameters
@@ -146,14 +52,28 @@ class ParallelStage(_Stage):
         Addendum factors h_a*, in modules.
     root_factor_pinion, root_factor_gear : float
         Dedendum factors of the basic rack h_fP*, in modules.
+    tip_diameter_pinion_mm, tip_diameter_gear_mm : float, optional
+        Finished tip diameters [mm]; they go before `tip_shortening` and the tip factors.
+    root_diameter_pinion_mm, root_diameter_gear_mm : float, optional
+        Root diameters [mm]; they go before the root factors.
+    tip_shortening : float, optional
+        k of both gears, in modules, negative for tips cut back; without it, what keeps the tip
+        clearance of unshifted gears (ISO 21771).
     bore_diameter_pinion_mm, bore_diameter_gear_mm : float, optional
         Bore, or diameter at which the body sits on its shaft [mm].
+    web_width_pinion_mm, web_width_gear_mm, rim_thickness_pinion_mm, rim_thickness_gear_mm : \
+float, optional
+        Width b_s of the web and thickness s_R of the rim under the tooth roots [mm], both or
+        neither: a gear without them is a solid disc.
     elastic_modulus_pinion_pa, elastic_modulus_gear_pa : float
         Young's moduli [Pa].
     poisson_ratio : float, 0 to below 0.5
         Poisson's ratio of both gears.
     density_kgm3 : float
         Density of both gears [kg/m3].
+    application_factor : float, 1 to 10
+        K_A of ISO 6336: the greatest tooth load over the static one, which decides on the
+        low-load branch of the stiffness.
     damping_ratio : float, optional
         Damping ratio of the mesh, c / (2 sqrt(k m)).
     mesh_stiffness_n_per_m, stiffness_variation, equivalent_mass_kg, damping_ns_per_m, \
@@ -176,30 +96,36 @@ contact_ratio, force_n : float, optional
 
     kind: ClassVar[str] = "parallel"
 
-    pinion_teeth: int = field(metadata=obeys(_TEETH))
-    gear_teeth: int = field(metadata=obeys(_TEETH))
-    profile_shift_pinion: float = field(default=0.0, metadata=obeys(_SHIFT))
-    profile_shift_gear: float = field(default=0.0, metadata=obeys(_SHIFT))
-    tip_factor_pinion: float = field(default=1.0, metadata=obeys(_TIP))
-    tip_factor_gear: float = field(default=1.0, metadata=obeys(_TIP))
-    root_factor_pinion: float = field(default=1.25, metadata=obeys(_ROOT))
-    root_factor_gear: float = field(default=1.25, metadata=obeys(_ROOT))
-    bore_diameter_pinion_mm: float | None = field(default=None, metadata=obeys(_BORE))
-    bore_diameter_gear_mm: float | None = field(default=None, metadata=obeys(_BORE))
-    elastic_modulus_pinion_pa: float = field(default=206e9, metadata=obeys(_MODULUS))
-    elastic_modulus_gear_pa: float = field(default=206e9, metadata=obeys(_MODULUS))
+    pinion_teeth: int = field(metadata=obeys(TEETH))
+    gear_teeth: int = field(metadata=obeys(TEETH))
+    profile_shift_pinion: float = field(default=0.0, metadata=obeys(SHIFT))
+    profile_shift_gear: float = field(default=0.0, metadata=obeys(SHIFT))
+    tip_factor_pinion: float = field(default=1.0, metadata=obeys(TIP))
+    tip_factor_gear: float = field(default=1.0, metadata=obeys(TIP))
+    root_factor_pinion: float = field(default=1.25, metadata=obeys(ROOT))
+    root_factor_gear: float = field(default=1.25, metadata=obeys(ROOT))
+    bore_diameter_pinion_mm: float | None = field(default=None, metadata=obeys(BORE))
+    bore_diameter_gear_mm: float | None = field(default=None, metadata=obeys(BORE))
+    tip_diameter_pinion_mm: float | None = field(default=None, metadata=obeys(TIP_DIAMETER))
+    tip_diameter_gear_mm: float | None = field(default=None, metadata=obeys(TIP_DIAMETER))
+    root_diameter_pinion_mm: float | None = field(default=None, metadata=obeys(ROOT_DIAMETER))
+    root_diameter_gear_mm: float | None = field(default=None, metadata=obeys(ROOT_DIAMETER))
+    web_width_pinion_mm: float | None = field(default=None, metadata=obeys(WEB))
+    web_width_gear_mm: float | None = field(default=None, metadata=obeys(WEB))
+    rim_thickness_pinion_mm: float | None = field(default=None, metadata=obeys(RIM))
+    rim_thickness_gear_mm: float | None = field(default=None, metadata=obeys(RIM))
+    elastic_modulus_pinion_pa: float = field(default=206e9, metadata=obeys(MODULUS))
+    elastic_modulus_gear_pa: float = field(default=206e9, metadata=obeys(MODULUS))
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self._check_centre_distance(self.pinion_teeth + self.gear_teeth)
-        self._check_bore(
-            "pinion", self.pinion_teeth, self.profile_shift_pinion, self.root_factor_pinion
-        )
-        self._check_bore("gear", self.gear_teeth, self.profile_shift_gear, self.root_factor_gear)
+        self._check_gear("pinion", self.pinion_teeth)
+        self._check_gear("gear", self.gear_teeth)
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlanetaryStage(_Stage):
+class PlanetaryStage(StageData):
     """A simple planetary set: a sun, equal planets on a carrier and a ring with internal teeth.
 
     Parameters
@@ -214,7 +140,7 @@ class PlanetaryStage(_Stage):
     driving : {"sun", "ring", "carrier"}, optional
         The member on the stage's input shaft: the sun, or the carrier if the sun is fixed.
     name, module_mm, pressure_angle_deg, helix_angle_deg, face_width_mm, poisson_ratio, \
-density_kgm3, damping_ratio
+density_kgm3, damping_ratio, application_factor
         As for `ParallelStage`.
     profile_shift_sun, profile_shift_planet, profile_shift_ring : float
         Profile shift coefficients x, in modules.
@@ -224,8 +150,19 @@ density_kgm3, damping_ratio
         Addendum factors h_a*, in modules.
     root_factor_sun, root_factor_planet, root_factor_ring : float
         Dedendum factors of the basic rack h_fP*, in modules.
+    tip_diameter_sun_mm, tip_diameter_planet_mm, tip_diameter_ring_mm : float, optional
+        Finished tip diameters [mm]; they go before `tip_shortening` and the tip factors.
+    root_diameter_sun_mm, root_diameter_planet_mm, root_diameter_ring_mm : float, optional
+        Root diameters [mm]; they go before the root factors.
+    tip_shortening : float, optional
+        k of sun and planet, in modules, as for `ParallelStage`; the ring has its tip factor.
     bore_diameter_sun_mm, bore_diameter_planet_mm : float, optional
         Bores [mm].
+    web_width_sun_mm, web_width_planet_mm, rim_thickness_sun_mm, rim_thickness_planet_mm : \
+float, optional
+        Width of the web and thickness of the rim [mm], both or neither.
+    rim_thickness_ring_mm : float, optional
+        Thickness of the ring outside its tooth roots [mm]; the ring is held round that circle.
     elastic_modulus_sun_pa, elastic_modulus_planet_pa, elastic_modulus_ring_pa : float
         Young's moduli [Pa].
     mesh_stiffness_n_per_m, stiffness_variation, equivalent_mass_kg, damping_ns_per_m, \
@@ -245,36 +182,46 @@ contact_ratio, force_n : float, optional
 
     kind: ClassVar[str] = "planetary"
 
-    sun_teeth: int = field(metadata=obeys(_TEETH))
-    planet_teeth: int = field(metadata=obeys(_TEETH))
-    ring_teeth: int = field(metadata=obeys(_TEETH))
+    sun_teeth: int = field(metadata=obeys(TEETH))
+    planet_teeth: int = field(metadata=obeys(TEETH))
+    ring_teeth: int = field(metadata=obeys(TEETH))
     planets: int = field(metadata=obeys(Count(low=1, high=30, example="3")))
     fixed: str = field(default="ring", metadata=obeys(Choice(options=MEMBERS)))
     driving: str = field(default="", metadata=obeys(Choice(options=MEMBERS)))
-    profile_shift_sun: float = field(default=0.0, metadata=obeys(_SHIFT))
-    profile_shift_planet: float = field(default=0.0, metadata=obeys(_SHIFT))
-    profile_shift_ring: float = field(default=0.0, metadata=obeys(_SHIFT))
-    tip_factor_sun: float = field(default=1.0, metadata=obeys(_TIP))
-    tip_factor_planet: float = field(default=1.0, metadata=obeys(_TIP))
-    tip_factor_ring: float = field(default=1.0, metadata=obeys(_TIP))
-    root_factor_sun: float = field(default=1.25, metadata=obeys(_ROOT))
-    root_factor_planet: float = field(default=1.25, metadata=obeys(_ROOT))
-    root_factor_ring: float = field(default=1.25, metadata=obeys(_ROOT))
-    bore_diameter_sun_mm: float | None = field(default=None, metadata=obeys(_BORE))
-    bore_diameter_planet_mm: float | None = field(default=None, metadata=obeys(_BORE))
-    elastic_modulus_sun_pa: float = field(default=206e9, metadata=obeys(_MODULUS))
-    elastic_modulus_planet_pa: float = field(default=206e9, metadata=obeys(_MODULUS))
-    elastic_modulus_ring_pa: float = field(default=206e9, metadata=obeys(_MODULUS))
+    profile_shift_sun: float = field(default=0.0, metadata=obeys(SHIFT))
+    profile_shift_planet: float = field(default=0.0, metadata=obeys(SHIFT))
+    profile_shift_ring: float = field(default=0.0, metadata=obeys(SHIFT))
+    tip_factor_sun: float = field(default=1.0, metadata=obeys(TIP))
+    tip_factor_planet: float = field(default=1.0, metadata=obeys(TIP))
+    tip_factor_ring: float = field(default=1.0, metadata=obeys(TIP))
+    root_factor_sun: float = field(default=1.25, metadata=obeys(ROOT))
+    root_factor_planet: float = field(default=1.25, metadata=obeys(ROOT))
+    root_factor_ring: float = field(default=1.25, metadata=obeys(ROOT))
+    bore_diameter_sun_mm: float | None = field(default=None, metadata=obeys(BORE))
+    bore_diameter_planet_mm: float | None = field(default=None, metadata=obeys(BORE))
+    tip_diameter_sun_mm: float | None = field(default=None, metadata=obeys(TIP_DIAMETER))
+    tip_diameter_planet_mm: float | None = field(default=None, metadata=obeys(TIP_DIAMETER))
+    tip_diameter_ring_mm: float | None = field(default=None, metadata=obeys(TIP_DIAMETER))
+    root_diameter_sun_mm: float | None = field(default=None, metadata=obeys(ROOT_DIAMETER))
+    root_diameter_planet_mm: float | None = field(default=None, metadata=obeys(ROOT_DIAMETER))
+    root_diameter_ring_mm: float | None = field(default=None, metadata=obeys(ROOT_DIAMETER))
+    web_width_sun_mm: float | None = field(default=None, metadata=obeys(WEB))
+    web_width_planet_mm: float | None = field(default=None, metadata=obeys(WEB))
+    rim_thickness_sun_mm: float | None = field(default=None, metadata=obeys(RIM))
+    rim_thickness_planet_mm: float | None = field(default=None, metadata=obeys(RIM))
+    rim_thickness_ring_mm: float | None = field(default=None, metadata=obeys(RIM))
+    elastic_modulus_sun_pa: float = field(default=206e9, metadata=obeys(MODULUS))
+    elastic_modulus_planet_pa: float = field(default=206e9, metadata=obeys(MODULUS))
+    elastic_modulus_ring_pa: float = field(default=206e9, metadata=obeys(MODULUS))
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self._settle_members()
         self._check_teeth()
         self._check_centre_distance(self.sun_teeth + self.planet_teeth)
-        self._check_bore("sun", self.sun_teeth, self.profile_shift_sun, self.root_factor_sun)
-        self._check_bore(
-            "planet", self.planet_teeth, self.profile_shift_planet, self.root_factor_planet
-        )
+        self._check_gear("sun", self.sun_teeth)
+        self._check_gear("planet", self.planet_teeth)
+        self._check_gear("ring", self.ring_teeth, sign=-1)
 
     @property
     def driven(self) -> str:

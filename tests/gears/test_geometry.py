@@ -13,6 +13,7 @@ from reference.tooth_generation import path_of_contact, ring_path_of_contact
 
 from gearmon.errors import ArgumentError
 from gearmon.gears.geometry import GearTeeth, PairGeometry, pair_geometry
+from gearmon.gears.geometry_checks import _tip_passage
 from gearmon.gears.involute import base_radius, contact_zones, inverse_involute, involute
 
 DEG = math.pi / 180
@@ -148,6 +149,34 @@ def test_three_ways_to_the_published_contact_ratio(data):
     assert pair.transverse_contact_ratio == pytest.approx(1.4122, abs=2e-4)
 
 
+@pytest.mark.parametrize(("beta", "base"), [(5, 49.029), (10, 49.528), (15, 50.377)])
+def test_base_diameters_of_the_reference_pinion_if_it_were_helical(beta, base):
+    assert 2e3 * base_radius(26, 0.002, 20 * DEG, beta * DEG) == pytest.approx(base, abs=6e-4)
+
+
+def test_working_circles_of_the_ways_to_the_published_contact_ratio():
+    wide = pair_geometry(gear(26), gear(53), module_m=0.002, centre_distance_m=0.079582)
+    assert wide.working_pressure_angle_rad / DEG == pytest.approx(21.121, abs=1e-3)
+    shifted = pair_geometry(gear(26, 0.59), gear(53, 0.59), module_m=0.002)
+    assert 1e3 * shifted.centre_distance_m == pytest.approx(81.157, abs=1e-3)
+    assert shifted.working_pressure_angle_rad / DEG == pytest.approx(23.834, abs=1e-3)
+
+
+@pytest.mark.parametrize(("teeth", "inside"), [(41, True), (42, False)])
+def test_root_circle_passes_the_base_circle_above_41_teeth(teeth, inside):
+    pair = pair_geometry(gear(teeth), gear(60), module_m=0.002)
+    assert (pair.root_radii_m[0] < pair.base_radii_m[0]) == inside
+
+
+def test_circle_on_which_the_involute_begins():
+    """r_C = sqrt((R_b tan alpha - h_a m/sin alpha)^2 + R_b^2) of the standard rack."""
+    pair = pair_geometry(gear(26), gear(53), module_m=0.002)
+    for index in (0, 1):
+        base = pair.base_radii_m[index]
+        start = math.hypot(base * math.tan(20 * DEG) - 0.002 / math.sin(20 * DEG), base)
+        assert math.hypot(base, pair.form_rolls_m[index]) == pytest.approx(start, rel=1e-12)
+
+
 def test_profile_shift_follows_from_centre_distance():
     """The published 500 mm of 17/103 takes a sum of shifts of 0.145222."""
     shifted = pair_geometry(
@@ -167,6 +196,38 @@ def test_overlap_ratio():
     assert pair.overlap_ratio == pytest.approx(20 * math.sin(20 * DEG) / (2 * math.pi))
     total = pair.transverse_contact_ratio + pair.overlap_ratio
     assert pair.total_contact_ratio == pytest.approx(total)
+
+
+# worked examples of gear makers' handbooks (KHK; Stock Drive Products): 12/24 with both shifts,
+# helical 12/60, and 16 teeth in a ring of 24; a_w, alpha_wt, d_a, d_w and contact ratio
+HANDBOOK = [
+    (
+        (gear(12, 0.6), gear(24, 0.36), {}),
+        (56.4999, 26.0886, 44.840, 79.400, 37.667, 75.333, 1.202),
+    ),
+    (
+        (gear(12, 0.09809), gear(60), {"helix_angle_rad": 30 * DEG, "face_width_m": 0.03}),
+        (125.0, 23.1126, 48.153, 213.842, 41.667, 208.333, 1.2939),
+    ),
+    (
+        (gear(16), gear(24, -0.5, name="ring"), {"internal": True, "check": False}),
+        (13.1683, 31.0937, 54.0, 69.0, 52.673, 79.010, 1.679),
+    ),
+]
+
+
+@pytest.mark.parametrize(("data", "row"), HANDBOOK)
+def test_handbook_pairs(data, row):
+    first, second, choices = data
+    pair = pair_geometry(first, second, module_m=0.003, **choices)
+    found = (
+        1e3 * pair.centre_distance_m,
+        pair.working_pressure_angle_rad / DEG,
+        *(2e3 * radius for radius in (*pair.tip_radii_m, *pair.working_radii_m)),
+        pair.transverse_contact_ratio,
+    )
+    assert found[:-1] == pytest.approx(row[:-1], rel=2e-5)
+    assert found[-1] == pytest.approx(row[-1], abs=6e-4)
 
 
 # --- slow versions and laws ----------------------------------------------------------------------
@@ -278,6 +339,21 @@ def test_zones_of_a_helical_pair_count_all_pairs_that_touch():
     assert max(pairs for _, _, pairs in pair.zones) == math.ceil(pair.total_contact_ratio)
 
 
+@pytest.mark.parametrize(("tip", "root", "fewest"), [(1.3, 1.6, 2), (1.0, 1.25, 1)])
+def test_zones_of_a_spur_pair_say_how_many_pairs_carry(tip, root, fewest):
+    """Long addenda: two and three pairs in turn, over eps - 2 and 3 - eps of the mesh period."""
+    pair = pair_geometry(
+        gear(40, tip_factor=tip, root_factor=root),
+        gear(60, tip_factor=tip, root_factor=root),
+        module_m=0.002,
+    )
+    eps = pair.transverse_contact_ratio
+    assert math.floor(eps) == fewest
+    assert {pairs for _, _, pairs in pair.zones} == {fewest, fewest + 1}
+    many = sum(end - start for start, end, pairs in pair.zones if pairs == fewest + 1)
+    assert many == pytest.approx((fewest + 1) * (eps - fewest))
+
+
 # --- pairs that cannot run -----------------------------------------------------------------------
 
 
@@ -323,6 +399,88 @@ def test_undercut_outside_the_path_of_contact_is_a_warning():
         tip_shortening=0.0,
     )
     assert any("gear are undercut below the path of contact" in text for text in pair.warnings)
+
+
+@pytest.mark.parametrize(("teeth", "shift"), [(13, 0.0), (24, -0.62), (12, 0.05)])
+def test_deep_undercut_is_refused_though_the_mate_stays_clear_of_it(teeth, shift):
+    """Beyond the practical limit of 14 teeth; the cure in the message cures."""
+    short = gear(22, 0.5, tip_factor=0.75, name="pinion")
+    with pytest.raises(ArgumentError, match=r"undercut at profile_shift_gear=.*practical limit"):
+        pair_geometry(short, gear(teeth, shift, name="gear"), module_m=0.001)
+    least = 1 - 0.5 * teeth * math.sin(20 * DEG) ** 2
+    cured = pair_geometry(short, gear(teeth, least + 1e-4, name="gear"), module_m=0.001)
+    assert not any("undercut" in text for text in cured.warnings)
+
+
+@pytest.mark.parametrize("teeth", [15, 16, 17])
+def test_practical_limit_of_undercut(teeth):
+    """15 equal teeth run, with a warning, where 18 are needed in theory: no tip comes so deep."""
+    pair = pair_geometry(gear(teeth, name="pinion"), gear(teeth), module_m=0.001)
+    assert any("undercut below the path of contact" in text for text in pair.warnings)
+
+
+@pytest.mark.parametrize("teeth", [20, 30, 50])
+def test_tips_of_standard_teeth_pass_from_nine_more_in_the_ring_on(teeth):
+    """The handbooks' limit of trochoid interference at 20 degrees."""
+    for more in (8, 9):
+        pair = pair_geometry(
+            gear(teeth), gear(teeth + more), module_m=0.001, internal=True, check=False
+        )
+        assert (_tip_passage(pair) >= 0) == (more == 9)
+
+
+def test_a_planet_that_only_goes_in_along_its_axis_is_a_warning():
+    pair = pair_geometry(
+        gear(40, name="planet"),
+        gear(50, tip_factor=0.6, name="ring"),
+        module_m=0.001,
+        internal=True,
+    )
+    assert any("cannot be put into the ring radially" in text for text in pair.warnings)
+    roomy = pair_geometry(
+        gear(40, name="planet"), gear(100, tip_factor=0.9, name="ring"), module_m=0.001,
+        internal=True,
+    )  # fmt: skip
+    assert roomy.warnings == ()
+
+
+@settings(max_examples=30)
+@given(st.integers(20, 60), st.integers(9, 40), st.floats(0.55, 0.85), st.floats(-0.2, 0.5))
+def test_radial_assembly_against_moving_the_planet_in(teeth, more, tip, shift):
+    """Corners of the planet's tips must pass those of the ring's on the way to its place."""
+    try:
+        pair = pair_geometry(
+            gear(teeth, shift, tip_factor=0.9),
+            gear(teeth + more, shift, tip_factor=tip, name="ring"),
+            module_m=0.001,
+            internal=True,
+        )
+    except ArgumentError:
+        assume(False)
+    room = radial_room(pair)
+    assume(abs(room) > 2e-3)
+    assert any("radially" in text for text in pair.warnings) == (room < 0)
+
+
+def radial_room(pair):
+    """Least angle on the ring between corners of tips at equal distance from the line of centres.
+
+    The flanks touch on the line of centres' side of the drive; away from there the planet turns
+    in step with the ring, tooth by tooth, and moves straight along the line of centres.
+    """
+    working = involute(pair.working_pressure_angle_rad)
+    inner, outer = pair.tip_radii_m
+    corners = [
+        involute(math.acos(base / tip)) - working
+        for base, tip in zip(pair.base_radii_m, pair.tip_radii_m, strict=True)
+    ]
+    angle = np.linspace(1e-3, math.pi / 2 - 1e-9, 20_001)
+    reach = inner * np.sin(angle) / outer
+    angle, reach = angle[reach < 1], reach[reach < 1]
+    # a corner of the planet at `angle` from the centres stands for a turn of angle + corner
+    ratio = pair.gears[0].teeth / pair.gears[1].teeth
+    gap = (angle + corners[0]) * ratio - (np.arcsin(reach) + corners[1])
+    return float(gap.min() / ratio)
 
 
 def test_ring_tips_are_relieved_with_a_warning():

@@ -17,6 +17,9 @@ from gearmon.gears.iso6336 import (
     resonance_margin,
     resonance_speed_rpm,
 )
+from gearmon.gears.mechanics import pair_resonance
+from gearmon.gears.pairs import mesh_pairs
+from gearmon.machine import ParallelStage, PlanetaryStage
 
 DEG = math.pi / 180
 
@@ -179,6 +182,143 @@ def test_blank_factor_stays_in_its_range(web, rim):
     assert found == pytest.approx(expected)
 
 
+# --- published rows from a machine file's data ---------------------------------------------------
+
+HELICAL = ParallelStage(
+    pinion_teeth=17,
+    gear_teeth=103,
+    module_mm=8.0,
+    helix_angle_deg=15.8,
+    face_width_mm=100.0,
+    profile_shift_pinion=0.145,
+    root_factor_pinion=1.4,
+    root_factor_gear=1.4,
+    centre_distance_mm=500.0,
+)
+PRINTED_TIPS = {"tip_diameter_pinion_mm": 159.66, "tip_diameter_gear_mm": 872.35}
+TURBINE = PlanetaryStage(
+    sun_teeth=18,
+    planet_teeth=36,
+    ring_teeth=93,
+    planets=3,
+    module_mm=21.0,
+    face_width_mm=550.0,
+    profile_shift_sun=0.3890,
+    profile_shift_planet=0.5039,
+    profile_shift_ring=0.1171,
+    centre_distance_mm=584.0,
+    web_width_planet_mm=0.25 * 550.0,
+    rim_thickness_planet_mm=3.5 * 21.0,
+)
+
+
+def row(pair):
+    found = pair.method_b()
+    return (
+        found.theoretical,
+        found.blank,
+        found.rack,
+        found.single,
+        found.mesh_alpha,
+        found.mesh_beta,
+    )
+
+
+def test_first_published_row_from_its_printed_diameters():
+    """ISO/TR 6336-30, example 1: d_a 159.66 and 872.35 mm; every figure of its row."""
+    (pair,) = mesh_pairs(replace(HELICAL, **PRINTED_TIPS))
+    assert row(pair) == pytest.approx((17.85584, 1, 0.9, 12.37047, 17.46485, 14.84512), rel=1e-6)
+    assert pair.contact_ratio == pytest.approx(1.5491, abs=2e-5)
+
+
+@pytest.mark.parametrize(("k", "mesh"), [(0.0, 17.4672), (None, 17.4550)])
+def test_first_published_row_by_tip_shortening(k, mesh):
+    """Tips of full height come within 1.4e-4 of the printed row, shortened ones within 6e-4."""
+    (pair,) = mesh_pairs(replace(HELICAL, tip_shortening=k))
+    assert pair.method_b().mesh_alpha == pytest.approx(mesh, abs=5e-5)
+    assert pair.method_b().mesh_alpha == pytest.approx(17.46485, rel=6e-4)
+
+
+@pytest.mark.parametrize(
+    ("mesh", "expected"),
+    [
+        (0, (18.1986, 0.8623, 0.975, 12.240, 15.640, 13.294)),
+        (1, (20.8939, 0.8623, 0.975, 14.053, 20.563, 17.479)),
+    ],
+)
+def test_published_planetary_stage_with_its_webbed_planet(mesh, expected):
+    assert row(mesh_pairs(TURBINE)[mesh]) == pytest.approx(expected, rel=5e-4)
+
+
+def test_speed_increasing_stage_has_the_same_stiffness():
+    """Index 1 is the gear with fewer teeth, whichever drives."""
+    swapped = replace(
+        HELICAL,
+        pinion_teeth=103,
+        gear_teeth=17,
+        profile_shift_pinion=0.0,
+        profile_shift_gear=0.145,
+        tip_diameter_pinion_mm=872.35,
+        tip_diameter_gear_mm=159.66,
+    )
+    (there,), (back,) = (mesh_pairs(s) for s in (replace(HELICAL, **PRINTED_TIPS), swapped))
+    assert row(back) == pytest.approx(row(there), rel=1e-12)
+    assert pair_resonance(back).gear == "gear"
+    assert pair_resonance(back).speed_rpm == pytest.approx(pair_resonance(there).speed_rpm)
+
+
+def test_the_more_flexible_body_decides():
+    stage = replace(HELICAL, web_width_gear_mm=30.0, rim_thickness_gear_mm=24.0)
+    expected = 1 + math.log(0.3) / (5 * math.exp(3 / 5))
+    assert mesh_pairs(stage)[0].method_b().blank == pytest.approx(expected)
+    both = replace(stage, web_width_pinion_mm=80.0, rim_thickness_pinion_mm=24.0)
+    assert mesh_pairs(both)[0].method_b().blank == pytest.approx(expected)
+
+
+def test_application_factor_decides_on_the_low_load_branch():
+    (calm,), (rough,) = (mesh_pairs(replace(HELICAL, application_factor=f)) for f in (1.0, 1.5))
+    force = 9000 / math.cos(calm.stage.transverse_pressure_angle_rad)
+    assert calm.method_b(force).load == pytest.approx(0.9**0.25)
+    assert rough.method_b(force).load == 1.0
+    assert pair_resonance(calm, force).margin == pytest.approx(0.5 + 0.35 * math.sqrt(0.9))
+    assert pair_resonance(rough, force).margin == 0.85
+
+
+def test_resonance_speed_of_the_published_helical_pair():
+    """DIN 3990 example, n_E1 = 18419 1/min, from its mean diameters 53.628 and 85.277 mm."""
+    stage = ParallelStage(
+        pinion_teeth=25,
+        gear_teeth=40,
+        module_mm=2.0,
+        helix_angle_deg=20.0,
+        face_width_mm=20.0,
+        root_factor_pinion=1.3,
+        root_factor_gear=1.3,
+        tip_diameter_pinion_mm=2 * 53.628 - (50 / math.cos(20 * DEG) - 5.2),
+        tip_diameter_gear_mm=2 * 85.277 - (80 / math.cos(20 * DEG) - 5.2),
+        contact_ratio=1.527,
+        density_kgm3=7800.0,
+    )
+    (pair,) = mesh_pairs(stage)
+    found = pair_resonance(pair)
+    assert found.reduced_mass_kg_per_m == pytest.approx(7.4, abs=0.05)
+    assert found.speed_rpm == pytest.approx(18419, rel=3e-3)
+    assert found.ratio(1500.0) == pytest.approx(1500 / found.speed_rpm)
+    assert pair.method_b().mesh_alpha == pytest.approx(17.21, rel=5e-4)
+    # reduced to its rim, a gear is lighter
+    rim = replace(stage, web_width_gear_mm=6.0, rim_thickness_gear_mm=7.0)
+    hollow = pair_resonance(mesh_pairs(rim)[0])
+    d_m, root = 0.085277, pair.unchecked_geometry.root_radii_m[1]
+    share = 1 - (2 * (root - 0.007) / d_m) ** 4
+    lighter = (1 + 1 / 1.6**2) / (1 + 1 / (share * 1.6**2))
+    assert hollow.reduced_mass_kg_per_m / found.reduced_mass_kg_per_m == pytest.approx(lighter)
+
+
+def test_no_resonance_speed_of_planet_and_ring():
+    with pytest.raises(ArgumentError, match="two external gears; ask for the sun-planet mesh"):
+        pair_resonance(mesh_pairs(TURBINE)[1])
+
+
 # --- limits of validity --------------------------------------------------------------------------
 
 
@@ -191,6 +331,8 @@ def test_blank_factor_stays_in_its_range(web, rim):
         ({"profile_shift": 2.3}, {}, "outside -0.5 ... 2"),
         ({}, {"load_n_per_mm": 50.0}, "below 100 N/mm"),
         ({}, {"load_n_per_mm": 2000.0}, "above 1600 N/mm"),
+        ({}, {"web_ratio": 0.1, "rim_factor": 2.0}, "b_s/b = 0.1 is outside 0.2 ... 1.2"),
+        ({}, {"web_ratio": 0.3, "rim_factor": 0.6}, "s_R/m_n = 0.6 is below 1"),
     ],
 )
 def test_limits_that_are_left_are_reported(change, data, match):

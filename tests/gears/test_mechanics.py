@@ -57,6 +57,13 @@ def test_published_dynamics():
     assert found.natural_frequency_hz == pytest.approx(8507.19, abs=0.01)
     assert found.damping_ratio == pytest.approx(0.300669, abs=1e-6)
     assert found.static_deflection_m == pytest.approx(5e-6)
+    mesh = 2 * math.pi * found.mesh_frequency_hz
+    assert 53452.25 / mesh == pytest.approx(13.4466, abs=1e-4)
+    assert 53452.25 / (2 * math.pi * 625.0) == pytest.approx(13.6115, abs=1e-4)
+    damping = found.damping_ns_per_m / found.equivalent_mass_kg
+    assert damping == pytest.approx(32142.9, abs=0.05)
+    natural = 2 * math.pi * found.natural_frequency_hz
+    assert found.damping_ratio * natural == pytest.approx(16071.4, abs=0.05)
     assert (found.equivalent_mass_kg, found.damping_ns_per_m) == (0.28, 9e3)
     assert found.base_radii_m is None
     assert found.torque_nm is None
@@ -68,6 +75,8 @@ def test_mass_of_the_published_pair():
     """0.2815 kg at 37 mm for discs of the reference diameters; ISO's mean diameters are less."""
     whole = replace(PAPER, face_width_mm=37.0, root_factor_pinion=1.0, root_factor_gear=1.0)
     assert stage_mechanics(machine(whole), 1).equivalent_mass_kg == pytest.approx(0.2815, abs=5e-5)
+    wide = stage_mechanics(machine(replace(whole, face_width_mm=40.0)), 1)
+    assert wide.equivalent_mass_kg == pytest.approx(0.3044, abs=1e-4)
     usual = stage_mechanics(machine(replace(PAPER, face_width_mm=37.0)), 1)
     assert usual.equivalent_mass_kg == pytest.approx(0.2815 * (25.75 / 26) ** 4, rel=1e-2)
 
@@ -113,6 +122,22 @@ def test_solid_discs_are_said_to_be_assumed():
     bored = replace(PAPER, bore_diameter_pinion_mm=20.0)
     found = stage_mechanics(machine(bored), 1)
     assert any(text.startswith("gear taken as solid") for text in found.assumptions)
+
+
+def test_a_web_is_lighter_than_a_disc():
+    """Rim at full width, web at its own: J = (pi/2) rho [b (r^4 - r_i^4) + b_s (r_i^4 - r_b^4)]."""
+    stage = replace(
+        PAPER, bore_diameter_gear_mm=30.0, web_width_gear_mm=10.0, rim_thickness_gear_mm=8.0
+    )
+    inner, mean, base = 0.053 - 0.0025 - 0.008, 0.053 - 0.00025, 0.053 * math.cos(math.radians(20))
+    inertia = 0.04 * (mean**4 - inner**4) + 0.01 * (inner**4 - 0.015**4)
+    pinion = 0.04 * (0.026 - 0.00025) ** 4
+    yielding = [
+        (0.026 * math.cos(math.radians(20))) ** 2 / pinion,
+        base**2 / inertia,
+    ]
+    expected = math.pi / 2 * 7850 / sum(yielding)
+    assert stage_mechanics(machine(stage), 1).equivalent_mass_kg == pytest.approx(expected)
 
 
 # --- damping -------------------------------------------------------------------------------------

@@ -180,6 +180,35 @@ def test_high_contact_ratio_couples_three_pairs():
         assert mesh.at(x) == pytest.approx(slow, rel=1e-8)
 
 
+@pytest.mark.parametrize("form", FORM_NAMES)
+def test_every_form_has_two_and_three_pairs_in_turn(form):
+    """Long addenda: three pairs over eps - 2 of the period, two over the rest; mean as ever."""
+    tall = {"tip_factor_pinion": 1.3, "tip_factor_gear": 1.3}
+    deep = {"root_factor_pinion": 1.6, "root_factor_gear": 1.6}
+    stage = replace(PAPER, pinion_teeth=40, gear_teeth=60, **tall, **deep)
+    stage = replace(stage, bore_diameter_pinion_mm=32.0, bore_diameter_gear_mm=48.0)
+    mesh = k(stage, form=form)
+    part = mesh.contact_ratio - 2
+    assert 0.1 < part < 0.4
+    x = (np.arange(4000) + 0.5) / 4000
+    curve = mesh.at(x)
+    assert curve.mean() == pytest.approx(mesh.mean_n_per_m, rel=1e-3)
+    many, few = (curve[inside].mean() for inside in (x < part, x > part))
+    assert 1.1 < many / few < 1.5
+    slow = fft_coefficients(mesh.at, 1.0, 3, 4096, nodes=2)
+    np.testing.assert_allclose(mesh.harmonics(3), slow[1:4] / slow[0].real, atol=2e-3)
+
+
+@pytest.mark.parametrize("form", FORM_NAMES)
+def test_every_form_smooths_out_in_a_helical_mesh_of_four_pairs(form):
+    stage = replace(HELICAL, helix_angle_deg=25.0, face_width_mm=3 * HELICAL.face_width_mm)
+    mesh = k(stage, form=form)
+    assert mesh.total_contact_ratio > 4
+    x = (np.arange(2000) + 0.5) / 2000
+    assert mesh.at(x).mean() == pytest.approx(mesh.mean_n_per_m, rel=1e-4)
+    assert mesh.variation < 0.5 * k(replace(stage, helix_angle_deg=0.0), form=form).variation
+
+
 def test_load_dependent_contact_follows_the_load():
     form = PotentialEnergy(contact="load-dependent")
     low, high = (k(PAPER, form=form, force_n=force) for force in (1e3, 2e4))
@@ -353,13 +382,33 @@ PLANETARY = PlanetaryStage(
 def test_planetary_stage():
     inner, outer = mesh_pairs(PLANETARY, 1)
     assert pair_stiffness(inner, (), FORM).period_mesh == 1
-    with pytest.raises(ArgumentError, match="the ring has internal teeth"):
-        pair_stiffness(outer, (), FORM)
-    crack = [parse_fault("crack:1:planet:2:0.5mm")]
-    both = [pair_stiffness(pair, crack).period_mesh for pair in (inner, outer)]
-    assert both == [40, 40]
-    with pytest.raises(ArgumentError, match=r"sizes on the ring of .* are not known"):
-        pair_stiffness(outer, [parse_fault("crack:1:ring:2:0.5mm")])
+    assert pair_stiffness(outer, (), FORM).period_mesh == 1
+
+
+@pytest.mark.parametrize("form", [FORM, "parabolic"])
+@pytest.mark.parametrize(
+    ("text", "periods"),
+    [
+        ("crack:1:sun:2:0.5mm", (20, 1)),
+        ("crack:1:planet:2:0.5mm", (40, 40)),
+        ("crack:1:ring:2:0.5mm", (1, 100)),
+        ("spall:1:ring:2:5x0.8x0.2mm", (1, 100)),
+        ("pitting:1:ring:2:20%flank", (1, 100)),
+        ("missing:1:ring:2", (1, 100)),
+    ],
+)
+def test_measured_damage_in_a_planetary_stage(form, text, periods):
+    """On the sun, the planet and the ring, in both meshes, with sizes in millimetres."""
+    for pair, period in zip(mesh_pairs(PLANETARY, 1), periods, strict=True):
+        sound = pair_stiffness(pair, (), form)
+        hurt = pair_stiffness(pair, [parse_fault(text)], form)
+        assert hurt.period_mesh == period
+        x = np.linspace(0, period, 50 * period, endpoint=False)
+        lost = 1 - hurt.at(x) / sound.at(x)
+        assert lost.max() == pytest.approx(0.0, abs=1e-12) if period == 1 else lost.max() > 0.005
+        # tooth 2 is in contact from phase 1 on
+        far = (x < 0.4) | (x > 2 + sound.contact_ratio)
+        assert np.abs(lost[far]).max() < 1e-9
 
 
 def test_overrides():

@@ -1,0 +1,102 @@
+"""Slow versions for rings: Fourier components by finite elements, a tooth by its thickness."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+
+def arc_compliance_slow(ratio, half, nu, apart=0.0, orders=240, elements=40):
+    """Compliances of a plane ring for loads on an arc; see `gears.annulus.arc_compliance`.
+
+    Displacements of each order by quadratic elements along the radius: no potentials.
+    """
+    outwards = 1.0 if ratio < 1 else -1.0
+    total = np.zeros((3, 3))
+    for k in range(orders + 1):
+        yielding = _yielding(k, ratio, nu, elements)
+        loads = _loads(k, half, outwards)
+        # order -k is the conjugate of order k, so together they are twice the real part
+        work = np.conj(loads.T) @ yielding @ loads * np.exp(-1j * k * apart)
+        total += (1 if k == 0 else 2) * 2 * math.pi * np.real(work)
+    return total
+
+
+def _loads(k, half, outwards):
+    """Components of (t_r, t_theta) for unit moment, shear and push on an arc, shape (2, 3)."""
+    x, w = np.polynomial.legendre.leggauss(40 + 2 * int(k * half))
+    angle, weight = half * x, half * w / (2 * math.pi) * np.exp(-1j * k * half * x)
+    uniform = np.sum(weight) / (2 * half)
+    linear = np.sum(weight * angle) * 3 / (2 * half**3)
+    # the body lies on the other side of the outward normal
+    return np.array([[-outwards * linear, 0, -outwards * uniform], [0, uniform, 0]], dtype=complex)
+
+
+def _yielding(k, ratio, nu, elements):
+    """Displacement (u, v) at radius 1 by tractions (t_r, t_theta) there, held at `ratio`."""
+    # elements crowd at the loaded circle, where high orders decay
+    s = np.linspace(0, 1, elements + 1)
+    radii = 1 + (ratio - 1) * s**3
+    size = 2 * (2 * elements + 1)
+    stiff = np.zeros((size, size))
+    elastic = np.array([[1, nu, 0], [nu, 1, 0], [0, 0, (1 - nu) / 2]]) / (1 - nu**2)
+    points, weights = np.polynomial.legendre.leggauss(4)
+    for n in range(elements):
+        low, high = radii[n], radii[n + 1]
+        jacobian = 0.5 * (high - low)
+        for x, w in zip(points, weights, strict=True):
+            r = 0.5 * (low + high) + jacobian * x
+            shape = np.array([0.5 * x * (x - 1), 1 - x * x, 0.5 * x * (x + 1)])
+            slope = np.array([x - 0.5, -2 * x, x + 0.5]) / jacobian
+            strain = np.zeros((3, 6))
+            # u = U exp(ik theta), v = -i W exp(ik theta)
+            strain[0, 0::2] = slope
+            strain[1, 0::2], strain[1, 1::2] = shape / r, k * shape / r
+            strain[2, 0::2], strain[2, 1::2] = k * shape / r, shape / r - slope
+            where = np.arange(4 * n, 4 * n + 6)
+            part = strain.T @ elastic @ strain * r * w * abs(jacobian)
+            stiff[np.ix_(where, where)] += part
+    found = np.linalg.solve(stiff[:-2, :-2], np.eye(size - 2, 2))[:2]
+    turn = np.array([[1, 0], [0, -1j]])
+    return turn @ found @ np.conj(turn.T)
+
+
+def ring_tooth_compliances(pair, root, roll, modulus, nu, steps=40_000):
+    """Bending, shear and axial compliance times face width of a ring's tooth.
+
+    Parameters
+    ----------
+    pair : PairGeometry
+    root : tuple of ndarray
+        Distance from the centre and half thickness of the fillet, from the root on.
+    roll : float
+        Roll length of the contact on the ring.
+    """
+    base = pair.base_radii_m[1]
+
+    def point(at):
+        radius = math.hypot(base, at)
+        half = pair.thickness_m(1, radius) / (2 * radius)
+        return radius * math.cos(half), radius * math.sin(half)
+
+    contact_y, contact_h = point(roll)
+    near = math.hypot(contact_y, contact_h)
+    far = math.hypot(root[0][-1], root[1][-1])
+    flank = [point(math.sqrt(r * r - base * base)) for r in np.linspace(far, near, steps)]
+    y = np.concatenate([root[0][:-1], [p[0] for p in flank]])
+    h = np.concatenate([root[1][:-1], [p[1] for p in flank]])
+    # slope of the flank from two neighbouring points
+    ahead, behind = point(roll * (1 + 1e-6)), point(roll * (1 - 1e-6))
+    slope = math.atan2(ahead[1] - behind[1], ahead[0] - behind[0])
+    lever = (y - contact_y) * math.cos(slope) - contact_h * math.sin(slope)
+    shear_modulus = modulus / (2 * (1 + nu))
+
+    def integral(values):
+        return abs(float(np.sum(0.5 * (values[1:] + values[:-1]) * np.diff(y))))
+
+    return (
+        integral(lever**2 / (modulus * 2 * h**3 / 3)),
+        integral(1.2 * math.cos(slope) ** 2 / (shear_modulus * 2 * h)),
+        integral(math.sin(slope) ** 2 / (modulus * 2 * h)),
+    )
