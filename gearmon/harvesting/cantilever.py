@@ -316,7 +316,7 @@ class PiezoCantilever:
         frequency = np.atleast_1d(np.asarray(frequency_hz, dtype=np.float64))
         circular = 2 * math.pi * frequency
         dynamic = self._dynamic(circular)
-        driven = -1j * circular * ((self.coupling * self.forcing)[:, None] / dynamic).sum(axis=0)
+        driven = self._driven(circular, dynamic)
         voltage = driven / (1 / self.load_ohm + self._admittance(circular, dynamic))
         modal = -(self.forcing[:, None] + self.coupling[:, None] * voltage) / dynamic
         scale = 1 / math.sqrt(self.beam_mass_kg)
@@ -330,6 +330,14 @@ class PiezoCantilever:
             stress_pa=self._stress(curvature, size),
             voltage_v=size,
         )
+
+    def power_by_load(self, loads: Real, frequency_hz: Real) -> Real:
+        """Power gains at several load resistances, shape (loads, frequencies)."""
+        circular = 2 * math.pi * frequency_hz
+        dynamic = self._dynamic(circular)
+        squared = np.abs(self._driven(circular, dynamic)) ** 2
+        taken = np.abs(1 / loads[:, None] + self._admittance(circular, dynamic)) ** 2
+        return np.asarray(squared / taken / (2 * loads[:, None]), dtype=np.float64)
 
     def power_bound_w(self) -> float:
         """F^2/(16 z w1) of the first mode: no load takes more from it [W/(m/s2)^2]."""
@@ -369,6 +377,11 @@ class PiezoCantilever:
     def _dynamic(self, circular: Real) -> Complex:
         natural, damping = self.natural_rad_s[:, None], self.damping_ratios[:, None]
         return np.asarray(natural**2 - circular**2 + 2j * damping * natural * circular)
+
+    def _driven(self, circular: Real, dynamic: Complex) -> Complex:
+        """Return the current into a short circuit per unit acceleration."""
+        shares = ((self.coupling * self.forcing)[:, None] / dynamic).sum(axis=0)
+        return np.asarray(-1j * circular * shares)
 
     def _admittance(self, circular: Real, dynamic: Complex) -> Complex:
         motional = (self.coupling[:, None] ** 2 / dynamic).sum(axis=0)

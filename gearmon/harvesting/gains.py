@@ -77,6 +77,9 @@ class Harvester(Protocol):
     def gains(self, frequency_hz: npt.ArrayLike) -> Gains:
         """Answers at these frequencies."""
 
+    def power_by_load(self, loads: Real, frequency_hz: Real) -> Real:
+        """Mean power per squared acceleration amplitude, shape (loads, frequencies)."""
+
     def power_bound_w(self) -> float:
         """Largest mean power per squared acceleration amplitude at any frequency and load."""
 

@@ -136,11 +136,9 @@ class InertialHarvester:
         frequency_hz : float array, shape (n,) or a number, >= 0
         """
         frequency = np.atleast_1d(np.asarray(frequency_hz, dtype=np.float64))
-        natural = 2 * math.pi * self.natural_frequency_hz
-        ratio = frequency / self.natural_frequency_hz
+        power = self.power_by_load(np.array([self.electrical_damping_ratio]), frequency)[0]
         total = self.mechanical_damping_ratio + self.electrical_damping_ratio
-        squared = ((1 - ratio**2) ** 2 + (2 * total * ratio) ** 2) * natural**4
-        power = self.mass_kg * self.electrical_damping_ratio * natural**3 * ratio**2 / squared
+        squared = self._squared(total, frequency)
         nothing = np.zeros_like(frequency)
         return Gains(
             frequency_hz=frequency,
@@ -149,6 +147,26 @@ class InertialHarvester:
             stress_pa=nothing,
             voltage_v=nothing,
         )
+
+    def power_by_load(
+        self, loads: npt.NDArray[np.float64], frequency_hz: npt.NDArray[np.float64]
+    ) -> npt.NDArray[np.float64]:
+        """Power gains at several electrical damping ratios, shape (loads, frequencies)."""
+        loads = loads[:, None]
+        natural = 2 * math.pi * self.natural_frequency_hz
+        ratio = frequency_hz / self.natural_frequency_hz
+        squared = self._squared(self.mechanical_damping_ratio + loads, frequency_hz)
+        power: npt.NDArray[np.float64] = self.mass_kg * loads * natural**3 * ratio**2 / squared
+        return power
+
+    def _squared(
+        self, total: float | npt.NDArray[np.float64], frequency_hz: npt.NDArray[np.float64]
+    ) -> npt.NDArray[np.float64]:
+        """|wn^2 - w^2 + 2 i z wn w|^2."""
+        ratio = frequency_hz / self.natural_frequency_hz
+        natural = 2 * math.pi * self.natural_frequency_hz
+        squared = ((1 - ratio**2) ** 2 + (2 * total * ratio) ** 2) * natural**4
+        return np.asarray(squared, dtype=np.float64)
 
     def power_bound_w(self) -> float:
         """m/(16 zm wn): matched load at resonance [W/(m/s2)^2]."""

@@ -1,0 +1,84 @@
+"""Every claim is judged, from results, with numbers that follow them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import get_args
+
+import pytest
+
+from gearmon.study.claims import CLAIMS, judge
+from gearmon.study.findings import Evidence, Verdict, falling, rising, verdict_of
+
+NOT_REPRODUCED = {"3a", "3b", "6e", "7c", "9b"}
+
+
+def test_keys_cover_the_twelve_claims_once():
+    keys = [claim.key for claim in CLAIMS]
+    assert len(set(keys)) == len(keys)
+    assert {int(key.rstrip("abcdef")) for key in keys} == set(range(1, 13))
+
+
+@pytest.mark.parametrize("claim", CLAIMS, ids=lambda claim: claim.key)
+def test_finding_is_complete(findings, claim):
+    finding = findings[claim.key]
+    assert finding.verdict in get_args(Verdict)
+    assert finding.evidence
+    assert finding.reason.endswith(".")
+    for item in finding.evidence:
+        assert math.isfinite(item.ours) or "loses contact" in item.quantity
+
+
+def test_verdicts(findings):
+    assert {k for k, f in findings.items() if f.verdict == "not reproduced"} == NOT_REPRODUCED
+    for key in ("1a", "5a", "6a", "6c", "6d", "8b", "9a", "9d", "11"):
+        assert findings[key].verdict == "reproduced"
+    for key in ("5c", "12a"):
+        assert findings[key].verdict == "cannot be checked"
+
+
+@pytest.mark.parametrize("key", ["1a", "5a", "6d", "8b", "9c", "10", "12b"])
+def test_expected_numbers_are_met(findings, key):
+    differing = [item.quantity for item in findings[key].evidence if not item.agrees]
+    assert not differing
+
+
+def test_verdicts_follow_the_results(results, findings):
+    """Other results, other verdicts: nothing is typed in."""
+    sweep = results.sweeps["stiffness_n_per_m"]
+    turned = replace(sweep, points=sweep.points[::-1])
+    other = replace(results, sweeps=results.sweeps | {"stiffness_n_per_m": turned})
+    changed = {entry.claim.key: entry.finding for entry in judge(other)}
+    assert changed["6a"].verdict == changed["6c"].verdict == "not reproduced"
+    assert changed["9a"].verdict == "not reproduced"
+    assert changed["9d"] == findings["9d"]
+
+
+def test_substitution_is_compared_at_no_less_accuracy(results):
+    for cost in (results.speed.published_order, results.speed.finest):
+        rival, ratio = results.speed.ratio(cost)
+        assert rival.error <= cost.error
+        assert ratio == pytest.approx(rival.seconds / cost.seconds)
+
+
+def test_evidence():
+    item = Evidence(quantity="q", ours=1.02, expected=1.0, tolerance=0.01)
+    assert item.difference == pytest.approx(0.02)
+    assert not item.agrees
+    assert Evidence(quantity="q", ours=5.0).agrees
+    assert Evidence(quantity="q", ours=1e-9, expected=0.0, tolerance=1e-6).agrees
+
+
+def test_verdict_of_parts():
+    assert verdict_of(True, True) == "reproduced"
+    assert verdict_of(True, False) == "partly"
+    assert verdict_of(False, False) == "not reproduced"
+
+
+def test_rising_and_falling():
+    assert rising([1, 1, 2])
+    assert not rising([1, 2, 1])
+    assert rising([1, 2, 1.9], slack=0.1)
+    assert falling([3, 2, 1])
+    assert not falling([1, 2])

@@ -1,0 +1,50 @@
+"""The published data agree with each other, and the square wave with the rectangle it is of."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gearmon.errors import ArgumentError
+from gearmon.study.reference_case import (
+    REFERENCE,
+    MeshParameters,
+    decoded,
+    square_wave_harmonics,
+)
+from gearmon.study.stiffness_signals import stiffness_signals
+
+
+def test_gear_data_under_their_true_labels():
+    gears = decoded()
+    assert gears.reference_diameters_mm == (52.0, 106.0)
+    assert gears.base_diameters_mm == pytest.approx((48.86402, 99.60742), abs=5e-6)
+    assert gears.contact_ratio == pytest.approx(1.41220, abs=1e-5)
+    assert gears.mesh_frequency_hz == pytest.approx(632.667, abs=1e-3)
+    assert gears.force_n == pytest.approx(4016, abs=0.5)
+
+
+def test_consequences_of_the_model_parameters():
+    problem = REFERENCE.problem()
+    assert 2 * np.pi * problem.natural_frequency_hz == pytest.approx(53452.25, abs=0.01)
+    assert problem.natural_frequency_hz == pytest.approx(8507.19, abs=0.01)
+    assert problem.frequency_ratio == pytest.approx(13.6115, abs=1e-4)
+    assert problem.damping_ratio == pytest.approx(0.300669, abs=1e-6)
+    assert REFERENCE.decay_rate == pytest.approx(16071.4, abs=0.1)
+    assert REFERENCE.static_deflection_m == pytest.approx(5e-6)
+
+
+def test_square_wave_is_the_fourier_sum_at_half_duty():
+    signal = stiffness_signals()["fourier-half"]
+    np.testing.assert_allclose(square_wave_harmonics(41), signal.shape_harmonics(41), atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["mass_kg", "stiffness_n_per_m", "period_s"])
+def test_parameters_check_themselves(name):
+    with pytest.raises(ArgumentError, match=name):
+        REFERENCE.with_value(name, -1.0)
+
+
+def test_unknown_parameter_is_named():
+    with pytest.raises(ArgumentError, match=r"'stiffness'.*stiffness_n_per_m"):
+        MeshParameters().with_value("stiffness", 1.0)

@@ -1,0 +1,71 @@
+"""Direct integration against closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gearmon.dynamics import steady_state
+from gearmon.study.reference_case import REFERENCE
+from gearmon.study.starts import start_from_rest
+from gearmon.study.stiffness_signals import stiffness_signals
+from gearmon.study.trajectories import series, simulate
+
+
+def step_response(time, natural, zeta, static):
+    damped = natural * np.sqrt(1 - zeta**2)
+    phase = np.cos(damped * time) + zeta / np.sqrt(1 - zeta**2) * np.sin(damped * time)
+    return static * (1 - np.exp(-zeta * natural * time) * phase)
+
+
+def test_constant_stiffness_gives_the_step_response():
+    time = np.linspace(0, 1.6e-3, 101)
+    found = simulate(REFERENCE, lambda phase: 0.0 * phase, time)
+    problem = REFERENCE.problem()
+    exact = step_response(
+        time, 2 * np.pi * problem.natural_frequency_hz, problem.damping_ratio, 5e-6
+    )
+    np.testing.assert_allclose(found.displacement_m, exact, atol=5e-14)
+    # the acceleration at rest is F/m
+    assert found.acceleration_ms2[0] == pytest.approx(4e3 / 0.28)
+    np.testing.assert_allclose(found.mesh_force_n, 8e8 * exact + 9e3 * found.velocity_ms, atol=1e-3)
+
+
+def test_rectangle_is_piecewise_the_motion_on_its_levels():
+    """Within the first zone the stiffness is constant: again a step response."""
+    signal = stiffness_signals()["rectangular"]
+    level = 1 + REFERENCE.variation * float(signal.shape(0.2))
+    time = np.linspace(0, 0.412 * 1.6e-3, 60)
+    found = simulate(REFERENCE, signal.modulation(REFERENCE), time, signal.jumps)
+    natural = np.sqrt(8e8 * level / 0.28)
+    zeta = 9e3 / (2 * np.sqrt(8e8 * level * 0.28))
+    exact = step_response(time, natural, zeta, 5e-6 / level)
+    np.testing.assert_allclose(found.displacement_m, exact, atol=5e-14)
+
+
+def test_series_is_the_sum_of_its_cosines():
+    phase = np.linspace(0, 1, 7)
+    expected = 0.2 * np.cos(2 * np.pi * phase) - 0.1 * np.sin(6 * np.pi * phase)
+    np.testing.assert_allclose(series(np.array([0.1, 0, 0.05j]))(phase), expected, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "method", "most"),
+    [
+        ("mass_kg", 3.0, "multiple scales", 1e-4),
+        ("damping_ns_per_m", 60e3, "multiple scales", 1e-4),
+        ("damping_ns_per_m", 30e3, "direct integration", 0.0),
+        ("stiffness_n_per_m", 8e8, "multiple scales", 5e-3),
+    ],
+)
+def test_starts_settle_to_the_steady_vibration(name, value, method, most):
+    parameters = REFERENCE.with_value(name, value)
+    steady = steady_state(parameters.problem(), 1e-9)
+    start = start_from_rest(parameters, steady, 5, 64)
+    assert start.method == method
+    assert start.error <= most
+    last = start.motion.time_s[-64:]
+    tolerance = 1e-8 + 2 * np.exp(-parameters.decay_rate * last[0]) * (value < 5)
+    np.testing.assert_allclose(
+        start.motion.displacement_m[-64:], steady.at(last), rtol=max(1e-7, tolerance)
+    )
