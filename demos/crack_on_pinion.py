@@ -5,7 +5,7 @@ Run it as it stands: python demos/crack_on_pinion.py
 
 from pathlib import Path
 
-from gearmon.demo import run_demo
+from gearmon.demos import run_demo
 
 
 def main():

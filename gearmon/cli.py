@@ -229,10 +229,12 @@ def _demo(parsers: Any) -> None:
         parsers,
         "demo",
         commands.run_demo,
-        "simulate a healthy and a cracked gearbox, learn, analyse, report",
+        "run a whole job on data it makes itself: crack (default), harvest or study",
         "gearmon demo",
     )
-    parser.add_argument("name", metavar="NAME", nargs="?", default="crack", help="crack (default)")
+    parser.add_argument(
+        "name", metavar="NAME", nargs="?", default="crack", help="crack, harvest, study"
+    )
 
 
 def _benchmark(parsers: Any) -> None:

@@ -9,7 +9,8 @@ import pytest
 from reference.small_gearbox import as_json
 
 from gearmon.cli import main
-from gearmon.demo import DEMOS, FAULT, run_demo
+from gearmon.demos import DEMOS, run_demo
+from gearmon.demos.crack import FAULT
 from gearmon.errors import ArgumentError
 from gearmon.machine import load_machine
 from gearmon.machine.example import EXAMPLE

@@ -32,7 +32,7 @@ ALLOWED["benchmark"] = COMPUTING | {"report", "terminal"}
 ALLOWED["gearmon"] = COMPUTING | {"report"}
 ALLOWED["__main__"] = {"cli"}
 EVERYTHING = COMPUTING | {"report", "benchmark", "terminal"}
-FRONT = {"cli", "demo", "demos", "commands"}
+FRONT = {"cli", "demos", "commands"}
 for front in FRONT:
     ALLOWED[front] = EVERYTHING | FRONT
 

@@ -11,9 +11,10 @@ from gearmon.terminal import progress_bar
 
 def run_demo(arguments: argparse.Namespace) -> int:
     """Run `gearmon demo`."""
-    from gearmon.demo import run_demo
+    from gearmon.demos import run_demo
 
-    result = run_demo(arguments.name, Path(arguments.output or "gearmon-demo"))
+    usual = "gearmon-demo" if arguments.name == "crack" else f"gearmon-{arguments.name}"
+    result = run_demo(arguments.name, Path(arguments.output or usual))
     show(arguments, result.to_dict(), result.lines)
     return DONE
 

@@ -1,4 +1,4 @@
-"""The demo: what the README promises, on data that it makes itself."""
+"""A crack on a pinion tooth: what the README promises, on data that it makes itself."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import Any
 
 from gearmon.diagnosis.analysis import analyse, learn
 from gearmon.diagnosis.results import Analysis
-from gearmon.errors import ArgumentError
 from gearmon.files import write_atomically
 from gearmon.gears.faults import parse_fault
 from gearmon.machine import Machine, load_machine
@@ -19,17 +18,16 @@ from gearmon.report.text import analysis_text
 from gearmon.signals.recording import Recording, read_recording
 from gearmon.signatures.reference import write_reference
 from gearmon.simulation import simulate, write_simulation
-from gearmon.terminal import Progress, progress_bar
+from gearmon.terminal import Progress
 
 FAULT = "crack:1:pinion:7:30%"
 # Healthy recordings at three loads, then a healthy and a cracked one at loads in between.
 HEALTHY_LOADS = (0.6, 0.8, 1.0)
-DEMOS = ("crack",)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Demo:
-    """What a demo did.
+class CrackDemo:
+    """What the demo did.
 
     Parameters
     ----------
@@ -63,39 +61,19 @@ class Demo:
         }
 
 
-def run_demo(name: str, folder: Path) -> Demo:
+def crack_demo(folder: Path, progress: Progress | None = None) -> CrackDemo:
     """Simulate a healthy and a cracked gearbox, learn, analyse both and write the report.
 
     Parameters
     ----------
-    name : {"crack"}
-        Which demo.
     folder : Path
-        Where to write; made if it does not exist.
-
-    Returns
-    -------
-    Demo
-
-    Raises
-    ------
-    ArgumentError
-        If there is no such demo or the folder cannot be made.
+        Where to write; it exists.
+    progress : callable, optional
+        Called with the share done, 0 to 1.
     """
-    if name not in DEMOS:
-        raise ArgumentError(f"demo={name!r} must be one of {', '.join(DEMOS)}")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ArgumentError(f"{folder}: cannot make this folder ({error.strerror})") from None
     machine_file = folder / "machine.toml"
     write_atomically(machine_file, EXAMPLE)
     machine = load_machine(machine_file)
-    with progress_bar("demo") as progress:
-        return _crack(machine, folder, progress)
-
-
-def _crack(machine: Machine, folder: Path, progress: Progress | None) -> Demo:
     plan = [(f"healthy-{load:.0%}".replace("%", ""), load, "") for load in HEALTHY_LOADS]
     plan += [("new-healthy", 0.9, ""), ("new-cracked", 0.9, FAULT)]
     recordings = []
@@ -108,7 +86,7 @@ def _crack(machine: Machine, folder: Path, progress: Progress | None) -> Demo:
     analyses = [analyse(recording, machine, reference) for recording in recordings[3:]]
     report = folder / "report.html"
     write_report(analyses, recordings[3:], reference, machine, report)
-    return Demo(folder=folder, analyses=tuple(analyses), report=report)
+    return CrackDemo(folder=folder, analyses=tuple(analyses), report=report)
 
 
 def _recorded(machine: Machine, path: Path, load: float, fault: str, seed: int) -> Recording:

@@ -35,6 +35,8 @@ class Position:
         The same with a damaged one.
     pieces : tuple of tuples of OperatingShare, optional
         The healthy duty cycle again from shorter stretches: their scatter gives the uncertainty.
+    refusal : str, optional
+        Why there is nothing to tune to here, where that is so.
 
     Raises
     ------
@@ -46,6 +48,7 @@ class Position:
     healthy: tuple[OperatingShare, ...]
     degraded: tuple[OperatingShare, ...] = ()
     pieces: tuple[tuple[OperatingShare, ...], ...] = ()
+    refusal: str = ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "healthy", check_duty(self.healthy))
@@ -156,6 +159,8 @@ def rank_positions(
 
 
 def _placed(harvester: Harvester, position: Position, budget: SensorBudget) -> Placed:
+    if position.refusal:
+        return Placed(position=position, tuned=None, refusal=position.refusal)
     tuned, refusal = _tuned(harvester, position.healthy)
     degraded, _ = _tuned(harvester, position.degraded) if position.degraded else (None, "")
     low, high = _interval(tuned, position)

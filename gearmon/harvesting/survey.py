@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -17,8 +16,8 @@ from gearmon.harvesting.gains import Harvester
 from gearmon.harvesting.placement import Placed, Position, rank_positions
 from gearmon.harvesting.vibration import (
     Vibration,
-    clear_lines,
     operating_lines,
+    standing_out,
     vibration_of_lines,
     vibration_of_samples,
 )
@@ -27,7 +26,7 @@ from gearmon.signals.recording import Recording
 from gearmon.signatures.expected import expected_signature
 
 #: Stretches that a recording is cut into for the uncertainty.
-PIECES = 5
+PIECES = 4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -172,8 +171,10 @@ def survey_measured(
     positions = [
         _position(machine, name, recordings, parts, degraded) for name in _channels(recordings)
     ]
-    notes = () if shares else ("every recording counts for an equal share of the time",)
-    return _survey(machine, "measured", harvester, positions, budget, notes)
+    notes = ["only lines that stand out of the noise count: broadband shaking may add to them"]
+    if not shares:
+        notes.append("every recording counts for an equal share of the time")
+    return _survey(machine, "measured", harvester, positions, budget, tuple(notes))
 
 
 def _survey(
@@ -265,26 +266,40 @@ def _position(
     shares: list[float],
     degraded: Sequence[Recording],
 ) -> Position:
-    whole = [_row(recording, name) for recording in recordings]
-    rates = [recording.sampling_rate_hz for recording in recordings]
     places = {str(s.column): s.position for s in machine.sensors if s.position}
-    duty = tuple(
-        OperatingShare(vibration=_heard(row, rate, recording.origin), share=share)
-        for row, rate, recording, share in zip(whole, rates, recordings, shares, strict=True)
-    )
-    damaged = tuple(
-        OperatingShare(
-            vibration=_heard(_row(recording, name), recording.sampling_rate_hz, recording.origin),
-            share=share,
+    heard = _duty([_vibration_of(recording, name) for recording in recordings], shares)
+    refusal = ""
+    if not heard:
+        refusal = (
+            "no line stands out of the noise; there is nothing to tune to (record longer, or "
+            "nearer to the gears)"
         )
-        for recording, share in zip(degraded, shares, strict=False)
-    )
-    shown = f"{name}: {places[name]}" if name in places else name
+        heard = tuple(
+            OperatingShare(vibration=_vibration_of(recording, name), share=share)
+            for recording, share in zip(recordings, shares, strict=True)
+        )
     return Position(
-        name=shown,
-        healthy=duty,
-        degraded=damaged,
-        pieces=_pieces(whole, rates, shares),
+        name=f"{name}: {places[name]}" if name in places else name,
+        healthy=heard,
+        degraded=_duty([_vibration_of(recording, name) for recording in degraded], shares),
+        pieces=() if refusal else _pieces(recordings, name, shares),
+        refusal=refusal,
+    )
+
+
+def _duty(vibrations: Sequence[Vibration], shares: list[float]) -> tuple[OperatingShare, ...]:
+    """Operating points with what stands out of the noise; one where nothing does gives no power."""
+    clear = [standing_out(vibration) for vibration in vibrations]
+    return tuple(
+        OperatingShare(vibration=vibration, share=share)
+        for vibration, share in zip(clear, shares, strict=False)
+        if vibration is not None
+    )
+
+
+def _vibration_of(recording: Recording, name: str) -> Vibration:
+    return vibration_of_samples(
+        _row(recording, name), recording.sampling_rate_hz, name=recording.origin
     )
 
 
@@ -302,34 +317,21 @@ def _row(recording: Recording, name: str) -> npt.NDArray[np.float64]:
     return row
 
 
-def _heard(samples: npt.NDArray[np.float64], rate_hz: float, origin: str) -> Vibration:
-    """Vibration of a stretch, refused if none of its lines stands out of the noise."""
-    vibration = vibration_of_samples(samples, rate_hz, name=origin)
-    _, highest = clear_lines(vibration)
-    if highest < 1:
-        raise ArgumentError(
-            f"{origin}: no line stands out of the noise: the highest is "
-            f"{-10 * math.log10(highest):.1f} dB too low to be told from it; there is nothing to "
-            "tune to"
-        )
-    return vibration
-
-
 def _pieces(
-    rows: Sequence[npt.NDArray[np.float64]],
-    rates: Sequence[float],
-    shares: Sequence[float],
+    recordings: Sequence[Recording], name: str, shares: list[float]
 ) -> tuple[tuple[OperatingShare, ...], ...]:
     """Cut every recording into equal stretches."""
-    if min(len(row) for row in rows) < 16 * PIECES:
+    rows = [np.array_split(_row(recording, name), PIECES) for recording in recordings]
+    if min(len(row[0]) for row in rows) < 16:
         return ()
-    return tuple(
-        tuple(
-            OperatingShare(
-                vibration=vibration_of_samples(np.array_split(row, PIECES)[number], rate),
-                share=share,
-            )
-            for row, rate, share in zip(rows, rates, shares, strict=True)
-        )
-        for number in range(PIECES)
-    )
+    rates = [recording.sampling_rate_hz for recording in recordings]
+    pieces = []
+    for number in range(PIECES):
+        cut = [
+            vibration_of_samples(row[number], rate) for row, rate in zip(rows, rates, strict=True)
+        ]
+        duty = _duty(cut, shares)
+        if not duty:
+            return ()
+        pieces.append(duty)
+    return tuple(pieces)

@@ -26,6 +26,8 @@ H = TypeVar("H", bound=Harvester)
 PLACES = 6
 #: A place is passed over if its estimate, this many times, does not reach the best found.
 PRUNED_FROM = 2.0
+#: Natural frequencies of the rough scan for higher modes.
+BROADLY_SCANNED = 60
 #: Natural frequencies tried where no resonance on a line keeps within the limits.
 SCANNED = 200
 #: Lines more than this many bins an eighth of a resonance apart are merged for the search.
@@ -121,9 +123,10 @@ def candidates(
     points = check_duty(duty)
     light = _lightened(harvester, points)
     tuned: list[Tuned[H]] = []
-    for start, worth in _starts(harvester, light, places):
+    starts = [(_broad_start(harvester, light), math.inf), *_starts(harvester, light, places)]
+    for number, (start, worth) in enumerate(starts):
         # what a matched resonance could take here does not reach what was found elsewhere
-        if any(t.within_limits and t.power_w > PRUNED_FROM * worth for t in tuned):
+        if number > 1 and any(t.within_limits and t.power_w > PRUNED_FROM * worth for t in tuned):
             continue
         tuned.append(evaluate(_refined(harvester, light, start), points))
     allowed = [t for t in tuned if t.within_limits] or _beside_the_lines(harvester, light, points)
@@ -233,7 +236,8 @@ def _lightened(
     width = harvester.damping_ratio / 8
     kept = []
     for point in points:
-        v = point.vibration.cut(low / 4, high * 10)
+        # far below its range a harvester only follows; its third mode lies 30 times above the first
+        v = point.vibration.cut(low / 4, high * 40)
         if len(v.frequency_hz) > MOST_LINES:
             group = np.floor(np.log(v.frequency_hz) / width).astype(np.int64)
             starts = np.flatnonzero(np.diff(group, prepend=group[0] - 1))
@@ -276,6 +280,22 @@ def _starts(
     return [(float(grid[i]), 2 * float(worth[i])) for i in order[:places]]
 
 
+def _broad_start(harvester: Harvester, points: tuple[OperatingShare, ...]) -> float:
+    """Best of a rough scan with the full response: higher modes and the ends of the range."""
+    best, where = -1.0, 0.0
+    for natural in np.geomspace(*harvester.frequency_range_hz, BROADLY_SCANNED):
+        tuned = harvester.retuned(float(natural))
+        low, high = tuned.load_range
+        loads = np.geomspace(low, high, 9)[2:-2]
+        power = np.zeros(len(loads))
+        for point in points:
+            v = point.vibration
+            power += point.share * (tuned.power_by_load(loads, v.frequency_hz) @ v.mean_square_m2s4)
+        if power.max() > best:
+            best, where = float(power.max()), float(natural)
+    return where
+
+
 def _matched(grid: Real, point: OperatingShare, damping: float) -> Real:
     """Sum of the mean squares under a Lorentzian of twice the damping, widened by the wander."""
     v = point.vibration
@@ -304,7 +324,7 @@ def _refined(harvester: H, points: tuple[OperatingShare, ...], start: float) -> 
 
     low, high = harvester.frequency_range_hz
     reach = 8 * harvester.damping_ratio + 2 * max(p.vibration.wander for p in points)
-    lowest = max(low, start * (1 - reach - _stiffening(harvester, start)))
+    lowest = max(low, start * (1 - reach - stiffening(harvester, start)))
     highest = min(high, start * (1 + reach))
 
     damping = harvester.damping_ratio
@@ -335,7 +355,7 @@ def _refined(harvester: H, points: tuple[OperatingShare, ...], start: float) -> 
     return _within(at(best[1]), points)
 
 
-def _stiffening(harvester: Harvester, frequency: float) -> float:
+def stiffening(harvester: Harvester, frequency: float) -> float:
     """How far an open circuit raises the natural frequency, relative; 0 without a circuit."""
     tuned = harvester.retuned(frequency)
     raised = getattr(tuned, "open_circuit_hz", tuned.natural_frequency_hz)
@@ -349,7 +369,7 @@ def _first_guesses(
     window: tuple[float, float],
 ) -> list[tuple[float, float]]:
     """Resonance and, where it lies well apart, antiresonance on the line, each with a good load."""
-    stiffer = _stiffening(harvester, start)
+    stiffer = stiffening(harvester, start)
     places = [start]
     if stiffer > harvester.damping_ratio:
         places.append(max(window[0], start / (1 + stiffer)))

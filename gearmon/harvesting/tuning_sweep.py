@@ -6,6 +6,7 @@ for every spectrum is then one product of matrices.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -14,11 +15,14 @@ import numpy.typing as npt
 
 from gearmon.errors import ArgumentError
 from gearmon.harvesting.gains import Harvester
+from gearmon.harvesting.tuning import stiffening
 
 Real = npt.NDArray[np.float64]
 
 #: Natural frequencies tried about each line, in mechanical damping ratios from it.
 DETUNINGS = (-3.0, -2.0, -1.3, -0.8, -0.4, -0.15, 0.0, 0.15, 0.4, 0.8, 1.3, 2.0, 3.0)
+#: Step between a line and what an open circuit reaches, in mechanical damping ratios.
+DENSEST = 0.3
 #: Ratio of neighbouring loads.
 LOAD_STEP = 1.2
 #: Bytes of one product.
@@ -105,7 +109,13 @@ class _Group:
 
 def _tunings(harvester: Harvester, frequency: Real) -> Real:
     low, high = harvester.frequency_range_hz
-    shifts = 1 + harvester.damping_ratio * np.array(DETUNINGS)
+    damping = harvester.damping_ratio
+    # with its load open a beam is stiffer: it may be tuned that much below a line as well
+    below = -stiffening(harvester, math.sqrt(low * high))
+    between = np.arange(below, 0.0, DENSEST * damping)
+    shifts = 1 + np.concatenate(
+        [damping * np.array(DETUNINGS), between, below - DENSEST * damping * np.arange(1, 7)]
+    )
     wanted = np.unique((frequency[:, None] * shifts).ravel())
     wanted = wanted[(wanted >= low) & (wanted <= high)]
     if not len(wanted):

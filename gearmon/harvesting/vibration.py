@@ -8,7 +8,7 @@ half of its squared velocity amplitude.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -114,7 +114,7 @@ class Vibration:
         return (1 + shift)[:, None] * self.frequency_hz, weights / weights.sum()
 
     def cut(self, low_hz: float, high_hz: float) -> Vibration:
-        """Return only what lies between two frequencies.
+        """Return only what vibrates between two frequencies.
 
         Raises
         ------
@@ -122,7 +122,8 @@ class Vibration:
             If nothing does.
         """
         kept = (self.frequency_hz >= low_hz) & (self.frequency_hz <= high_hz)
-        if not self.mean_square_m2s4[kept].any():
+        kept &= self.mean_square_m2s4 > 0
+        if not kept.any():
             raise ArgumentError(
                 f"{self.name or 'vibration'}: nothing vibrates between {low_hz:g} and {high_hz:g} "
                 f"Hz; it holds {self.frequency_hz[0]:g} to {self.frequency_hz[-1]:g} Hz"
@@ -259,6 +260,37 @@ def clear_lines(vibration: Vibration) -> tuple[npt.NDArray[np.intp], float]:
     inside = np.concatenate([[0.0], power, [0.0]])
     top = (power >= inside[:-2]) & (power > inside[2:])
     return np.flatnonzero(top & (above > 1)), float(above.max())
+
+
+def standing_out(vibration: Vibration) -> Vibration | None:
+    """Keep only what stands out of the noise, which may be that of the sensor.
+
+    Kept are bins that are clear lines and, down to twice the floor, the bins beside them: a line
+    that wanders fills many.
+
+    Parameters
+    ----------
+    vibration : Vibration
+
+    Returns
+    -------
+    Vibration or None
+        None if nothing stands out.
+    """
+    from gearmon.signals.spectrum import local_floor
+
+    if vibration.resolution_hz == 0:
+        return vibration
+    power = vibration.mean_square_m2s4
+    floor = local_floor(power, min(len(power), FLOOR_BINS))
+    clear = power > math.log2(len(power) / CHANCE) * floor
+    if not clear.any():
+        return None
+    # runs of raised bins that hold a clear one
+    raised = power > 2 * floor
+    run = np.cumsum(np.diff(raised, prepend=False) & raised)
+    kept = raised & np.isin(run, run[clear])
+    return replace(vibration, mean_square_m2s4=np.where(kept, power, 0.0))
 
 
 def operating_lines(vibration: Vibration, most: int = 8) -> list[dict[str, Any]]:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
 
 from gearmon.files import replacing
 from gearmon.harvesting.placement import Placed
@@ -65,6 +66,7 @@ def plot_energy(survey: Survey, ax: Axes) -> Axes:
     inside = [_between(point.vibration, low, high) for point in best.position.healthy]
     top = max(inside)
     ax.set(xscale="log", yscale="log", xlim=(low, high), ylim=(top * 1e-6, top * 30))
+    _plain_frequencies(ax)
     ax.set_xlabel("frequency in Hz")
     ax.set_ylabel("energy of a line in J/kg, (2πfA)²/2")
     if best.tuned is not None:
@@ -107,9 +109,18 @@ def plot_tuning(survey: Survey, ax: Axes) -> Axes:
     ax.set_ylim(max(bottom, top * 1e-7), top * 8)
     ax.set_xlabel("natural frequency the harvester is tuned to, in Hz")
     ax.set_ylabel("mean power over the duty cycle in µW")
+    _plain_frequencies(ax)
     ax.set_title("Power against tuning, load as chosen at the best")
     ax.legend(fontsize=8, loc="upper left")
     return ax
+
+
+def _plain_frequencies(ax: Axes) -> None:
+    """Write frequencies out: 200, not 2 x 10^2; between decades only where there are few."""
+    low, high = ax.get_xlim()
+    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    if high < 12 * low:
+        ax.xaxis.set_minor_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
 def plot_positions(survey: Survey, ax: Axes) -> Axes:

@@ -1,0 +1,56 @@
+"""Demos: whole jobs on data that they make themselves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Protocol
+
+from gearmon.errors import ArgumentError
+from gearmon.terminal import progress_bar
+
+DEMOS = ("crack", "harvest", "study")
+
+
+class Demo(Protocol):
+    """What a demo did."""
+
+    def lines(self) -> list[str]:
+        """Tell it on a terminal."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return built-in types, ready for JSON."""
+
+
+def run_demo(name: str, folder: Path) -> Demo:
+    """Run a demo in a folder of its own.
+
+    Parameters
+    ----------
+    name : {"crack", "harvest", "study"}
+        A cracked tooth found; a harvester placed and tuned; the source study redrawn and judged.
+    folder : Path
+        Where to write; made if it does not exist.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no such demo or the folder cannot be made.
+    """
+    if name not in DEMOS:
+        raise ArgumentError(f"demo={name!r} must be one of {', '.join(DEMOS)}")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ArgumentError(f"{folder}: cannot make this folder ({error.strerror})") from None
+    with progress_bar("demo") as progress:
+        if name == "harvest":
+            from gearmon.demos.harvest import harvest_demo
+
+            return harvest_demo(folder, progress)
+        if name == "study":
+            from gearmon.report.study_report import write_study
+
+            return write_study(folder, progress)
+        from gearmon.demos.crack import crack_demo
+
+        return crack_demo(folder, progress)
