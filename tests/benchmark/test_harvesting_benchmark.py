@@ -1,0 +1,26 @@
+"""The benchmark of harvesting runs, and its figures make sense."""
+
+from __future__ import annotations
+
+import pytest
+
+from gearmon.benchmark.harvesting import time_harvesting
+
+
+@pytest.fixture(scope="module")
+def rows():
+    seen = []
+    found = time_harvesting(seen.append, quick=True)
+    assert seen[-1] == 1.0
+    return found
+
+
+def test_sweep_finds_what_time_integration_finds(rows):
+    assert rows[0]["sets"] == 8 * 9 * 9
+    assert rows[0]["power_ratio"] == pytest.approx(1.0, abs=0.02)
+    assert rows[0]["ratio"] > 100
+
+
+def test_optimum_is_not_below_brute_force(rows):
+    for row in rows[1:]:
+        assert row["power_ratio"] > 0.995

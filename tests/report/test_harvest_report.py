@@ -1,0 +1,61 @@
+"""Pictures and words of a harvester survey."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from gearmon.harvesting.inertial import InertialHarvester
+from gearmon.harvesting.request import built_in
+from gearmon.harvesting.survey import survey_measured
+from gearmon.machine import Machine, OperatingPoint, ParallelStage
+from gearmon.report.harvest_plots import save_harvest_figures
+from gearmon.report.harvest_text import harvest_lines
+from gearmon.signals.recording import Recording
+
+RATE = 4000.0
+
+
+def recorded(amplitudes):
+    rng = np.random.default_rng(1)
+    t = np.arange(int(12 * RATE)) / RATE
+    rows = [a * np.cos(2 * np.pi * 300.0 * t) for a in amplitudes]
+    rows = np.array(rows) + rng.normal(scale=0.05, size=(len(amplitudes), len(t)))
+    return Recording(
+        samples=rows,
+        sampling_rate_hz=RATE,
+        units=("m/s2",) * len(amplitudes),
+        origin="day.csv",
+    )
+
+
+@pytest.fixture(scope="module", params=["inertial", "cantilever"])
+def survey(request):
+    machine = Machine(
+        name="mower",
+        operating=(OperatingPoint(speed_rpm=900.0),),
+        stages=(ParallelStage(pinion_teeth=20, gear_teeth=41),),
+    )
+    inertial = InertialHarvester(mass_kg=5e-3, natural_frequency_hz=100.0, highest_hz=1500.0)
+    harvester = inertial if request.param == "inertial" else built_in()[0]
+    return survey_measured(
+        machine, harvester, [recorded([0.5, 1.0, 0.0])], degraded=[recorded([1.0, 1.0, 0.3])]
+    )
+
+
+def test_three_pictures_are_written(survey, tmp_path):
+    written = save_harvest_figures(survey, tmp_path / "day.png")
+    assert [p.name for p in written] == ["day-energy.png", "day-tuning.png", "day-positions.png"]
+    for path in written:
+        with Image.open(path) as picture:
+            assert picture.size == (1040, 598)
+
+
+def test_words_name_places_harvester_and_what_is_missing(survey):
+    text = "\n".join(harvest_lines(survey))
+    assert "mower: 3 position(s), measured vibration" in text
+    assert "best at channel 2" in text
+    assert "no line stands out of the noise" in text  # the third channel
+    assert "recording" in text
+    assert "note: only lines that stand out of the noise count" in text
