@@ -190,19 +190,20 @@ def product(
     edges = np.unique(np.concatenate([pulse.starts, pulse.ends[-1:], inner]))
     edges = edges[np.concatenate([[True], np.diff(edges) > 1e-13])]
     fastest = float(np.abs(pulse.rates).max()) if pulse.rates.size else 0.0
-    edges = _subdivided(edges, LARGEST_TURN / fastest if fastest else np.inf)
+    edges = subdivided(edges, LARGEST_TURN / fastest if fastest else np.inf)
     return CurvePulse.of(edges, lambda phase: pulse.value(phase) * factor(phase))
+
+
+def subdivided(edges: FloatArray, longest: float) -> FloatArray:
+    """Return edges between which no piece is longer than `longest`."""
+    parts = [
+        np.linspace(low, high, max(1, int(np.ceil((high - low) / longest))) + 1)[:-1]
+        for low, high in pairwise(edges)
+    ]
+    return np.concatenate([*parts, edges[-1:]])
 
 
 def _used(series: FloatArray, scale: float) -> int:
     """Return how many coefficients are more than rounding error."""
     used = np.flatnonzero(np.abs(series).max(axis=0, initial=0.0) > TRIM * scale)
     return max(2, int(used[-1]) + 1) if len(used) else 2
-
-
-def _subdivided(edges: FloatArray, longest: float) -> FloatArray:
-    parts = [
-        np.linspace(low, high, max(1, int(np.ceil((high - low) / longest))) + 1)[:-1]
-        for low, high in pairwise(edges)
-    ]
-    return np.concatenate([*parts, edges[-1:]])

@@ -9,7 +9,7 @@ import numpy as np
 
 from gearmon.errors import ArgumentError
 from gearmon.gears.curve_pulses import product
-from gearmon.gears.fault_sizes import measured_patches, stiffness_loss
+from gearmon.gears.fault_sizes import measured_patches
 from gearmon.gears.faults import BANDS, Fault, LossPatch, loss_patches, overlap, union
 from gearmon.gears.loss_curves import LossCurve
 from gearmon.gears.pairs import MeshPair, mesh_pairs
@@ -162,28 +162,9 @@ def _measured(
     pair: MeshPair, gear: str, faults: Sequence[Fault], length: float, teeth: ToothPair | None
 ) -> tuple[LossPatch, ...]:
     """Return the loss that sizes in mm or shares of the flank mean, in a contact of this length."""
-    if pair.second.internal:
-        return _ring_side(pair, gear, faults, length)
     known = teeth_of(pair) if teeth is None else teeth
     index = [member.name for member in pair.members].index(gear)
     return measured_patches(faults, known, index, pair.overlap_ratio > 0, length)
-
-
-def _ring_side(
-    pair: MeshPair, gear: str, faults: Sequence[Fault], length: float
-) -> tuple[LossPatch, ...]:
-    """Return the loss of a planet's tooth in the ring as that in its mesh with the sun, on average.
-
-    The other flank of the tooth is loaded there, and the mate is no beam on a disc.
-    """
-    if gear != "planet" or pair.inner is None:
-        raise ArgumentError(
-            f"fault {faults[0]}: sizes on the {gear} of {pair.where} are not known, for its teeth "
-            f"are internal; give the loss of stiffness of the tooth pair, such as 20%"
-        )
-    teeth = teeth_of(pair.inner)
-    left = math.prod(1 - stiffness_loss(fault, teeth, 1).mean for fault in faults)
-    return (LossPatch(weight=1 - left, start=0.0, end=length),) if left < 1 else ()
 
 
 def _meetings(

@@ -2,34 +2,37 @@
 
 An error moves the flanks along the line of action by missing material, pair by pair. Pairs share
 the load as their stiffness, so the mesh sees the mean of their errors, weighted by stiffness:
-``m z'' + c z' + k(t) [z - e(t)] = F``.
+``m z'' + c (z - e)' + k(t) (z - e) = F``. What moves all pairs alike (eccentricity, wobble) needs
+no sharing. The stiffness itself is that of the teeth where they would be without errors: the small
+change of the centre distance of an eccentric gear, and of the instants at which its pairs enter and
+leave, are not part of the model.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gearmon.errors import ArgumentError, check_range, nearest_name
-from gearmon.gears.faults import GEARS, Fault
+from gearmon.gears.error_windows import FlankExcitation
+from gearmon.gears.faults import GEARS, KINDS, Fault, parse_fault
 from gearmon.gears.missing_material import (
     ERROR_KINDS,
+    FlankError,
     GearError,
-    PairError,
+    TurningError,
     error_of,
     profile_lost_by,
 )
 from gearmon.gears.pairs import MeshPair
-from gearmon.gears.panels import ComplexArray, FloatArray, gauss
+from gearmon.gears.panels import ComplexArray, FloatArray
 from gearmon.gears.stiffness import MeshStiffness
 
-#: Slices of the face width of helical gears.
-SLICES = 12
 #: Longest period that is sampled [mesh periods].
 LONGEST_PERIOD = 20_000
 
@@ -42,33 +45,37 @@ class Excitation:
     ----------
     stiffness : MeshStiffness
         Shares the errors among the pairs in contact.
-    errors : tuple of PairError
+    errors : tuple of TurningError or FlankError
     warnings : tuple of str
     """
 
     stiffness: MeshStiffness
-    errors: tuple[PairError, ...]
+    errors: tuple[TurningError | FlankError, ...]
     warnings: tuple[str, ...] = ()
+
+    @cached_property
+    def parts(self) -> tuple[TurningError | FlankExcitation, ...]:
+        """What adds up to e, each with a period of its own."""
+        return tuple(
+            FlankExcitation(stiffness=self.stiffness, error=error)
+            if isinstance(error, FlankError)
+            else error
+            for error in self.errors
+        )
 
     @property
     def period_mesh(self) -> int:
         """True period [mesh periods], of errors and stiffness together."""
-        return math.lcm(self.stiffness.period_mesh, *(error.teeth for error in self.errors))
+        return math.lcm(self.stiffness.period_mesh, *(error.period_mesh for error in self.errors))
+
+    def of(self, gears: Sequence[str]) -> Excitation:
+        """Return the excitation by the errors of these gears only."""
+        return replace(self, errors=tuple(error for error in self.errors if error.gear in gears))
 
     def at(self, phase: ArrayLike) -> FloatArray:
         """Return e [m] at mesh phases, any shape; positive where material is missing."""
         x = np.asarray(phase, dtype=np.float64)
-        force, stiffness = np.zeros(x.shape), np.zeros(x.shape)
-        for place, weight in self._slices:
-            local = x - place * self.stiffness.overlap_ratio
-            for n in range(math.ceil(self.stiffness.contact_ratio - 1e-12)):
-                entry = np.floor(local).astype(np.int64) - n
-                passed = local - entry
-                load = weight * self._load(entry, passed, place)
-                force += load * sum(error.at(entry, passed, x) for error in self.errors)
-                stiffness += load
-        # without any load nothing is transmitted either
-        return np.asarray(force / np.where(stiffness > 0, stiffness, 1.0))
+        return np.asarray(sum((part.at(x) for part in self.parts), np.zeros(x.shape)))
 
     def sample(self, points_per_mesh: int) -> FloatArray:
         """Return e [m] over the true period, at the phases i/points_per_mesh.
@@ -86,43 +93,32 @@ class Excitation:
             )
         return self.at(np.arange(self.period_mesh * points_per_mesh) / points_per_mesh)
 
-    def harmonics(self, count: int, points_per_mesh: int = 64) -> ComplexArray:
+    def harmonics(self, count: int, period_mesh: int | None = None) -> ComplexArray:
         """Return e_0 ... e_count [m] of ``e = e_0 + sum_r (e_r exp(2 pi i r phase/P) + conj)``.
 
-        From samples: orders near half of `points_per_mesh` carry the folded tail of the jumps at
-        the ends of contact.
+        Parameters
+        ----------
+        count : int, >= 0
+        period_mesh : int, optional
+            P, a multiple of the true period [mesh periods]; by default that.
+
+        Returns
+        -------
+        ndarray of complex, shape (count + 1,)
+            Exact, none aliased.
         """
-        samples = self.sample(points_per_mesh)
-        if 2 * count >= len(samples):
-            raise ArgumentError(f"count={count} must be below {len(samples) // 2}")
-        return np.asarray(np.fft.rfft(samples)[: count + 1] / len(samples))
-
-    @cached_property
-    def _slices(self) -> list[tuple[float, float]]:
-        if self.stiffness.overlap_ratio == 0:
-            parts = {0.0, 1.0}
-            for train in self.stiffness.pulses:
-                for term in train.terms:
-                    parts |= {term.face_start, term.face_end}
-            edges = sorted(parts)
-            widths = np.diff(edges)
-            return [(a + 0.5 * w, w) for a, w in zip(edges[:-1], widths.tolist(), strict=True)]
-        nodes, weights, _ = gauss(SLICES)
-        return list(zip((0.5 + 0.5 * nodes).tolist(), (0.5 * weights).tolist(), strict=True))
-
-    def _load(self, entry: NDArray[np.int64], passed: FloatArray, place: float) -> FloatArray:
-        """Return the stiffness of a slice of the pairs that entered at `entry`."""
-        total = np.asarray(
-            sum(term.weight * term.pulse.value(passed) for term in self.stiffness.healthy.terms)
-        )
-        for train in self.stiffness.pulses:
-            for term in train.terms:
-                if not term.face_start <= place < term.face_end:
-                    continue
-                hurt = (entry - round(term.offset)) % train.period_mesh == 0
-                if hurt.any():
-                    total = total + np.where(hurt, term.weight * term.pulse.value(passed), 0.0)
-        return np.asarray(np.maximum(total, 0.0))
+        check_range("count", count, 0, 10_000_000)
+        period = self.period_mesh if period_mesh is None else period_mesh
+        total = np.zeros(count + 1, dtype=np.complex128)
+        for part in self.parts:
+            if period % part.period_mesh:
+                raise ArgumentError(
+                    f"period_mesh={period} must be a multiple of {part.period_mesh}, after which "
+                    f"the errors of the {part.gear} repeat"
+                )
+            step = period // part.period_mesh
+            total[::step] += part.lines(count // step)
+        return total
 
 
 def displacement_excitation(
@@ -139,9 +135,9 @@ def displacement_excitation(
     stiffness : MeshStiffness
         Of this mesh, with its faults.
     errors : iterable of GearError
-        Of this stage; those of gears of other meshes are left aside.
+        Of this stage; those of gears of other meshes are left aside. An error of 0 moves nothing.
     faults : iterable of Fault
-        Missing teeth and spalls across the whole face move the flanks too.
+        Wear, missing teeth and spalls across the whole face move the flanks too.
 
     Raises
     ------
@@ -149,17 +145,49 @@ def displacement_excitation(
         If a gear has no such tooth.
     """
     names = [member.name for member in pair.members]
-    found: list[PairError] = []
+    found: list[TurningError | FlankError] = []
     notes: list[str] = []
     for error in errors:
-        if error.gear in names:
-            found.append(error_of(error, pair, names.index(error.gear)))
-        else:
+        if error.gear not in names:
             notes.append(f"error {error} does not act in the {pair.name} mesh")
+            continue
+        moved = error_of(error, pair, names.index(error.gear))
+        if error.size_m:
+            found.append(moved)
     for fault in faults:
         if fault.gear in names and not fault.is_loss:
             found += profile_lost_by(fault, pair, names.index(fault.gear))
     return Excitation(stiffness=stiffness, errors=tuple(found), warnings=tuple(notes))
+
+
+def parse_fault_or_error(text: str) -> Fault | GearError:
+    """Read a fault or an error of a gear; the kind decides.
+
+    Parameters
+    ----------
+    text : str
+        See `faults.parse_fault` and `parse_error`.
+
+    Raises
+    ------
+    ArgumentError
+        If the text is neither.
+
+    Examples
+    --------
+    >>> parse_fault_or_error("pitch:1:gear:7:8um").kind
+    'pitch'
+    """
+    kind = text.split(":")[0].strip()
+    if kind in ERROR_KINDS:
+        return parse_error(text)
+    if kind not in KINDS:
+        near = nearest_name(kind, (*KINDS, *ERROR_KINDS))
+        hint = f"; did you mean {near}?" if near else ""
+        raise ArgumentError(
+            f"fault kind {kind!r} is not one of {', '.join((*KINDS, *ERROR_KINDS))}{hint}"
+        )
+    return parse_fault(text)
 
 
 def parse_error(text: str) -> GearError:

@@ -70,6 +70,7 @@ def _crack(fault: Fault, tooth: Tooth) -> RootCrack:
         far_depth_m=None if shape.far is None else 1e-3 * shape.far,
         extent=extent,
         start=start,
+        limit="parabolic" if shape.limit == "parabolic" else "flat",
     )
 
 

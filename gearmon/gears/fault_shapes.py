@@ -1,7 +1,8 @@
 """Sizes of damage in the units of whoever looks at a tooth: millimetres, share of the flank, level.
 
 A size is written as a number and its unit, and further dimensions after commas:
-``1.5mm,angle=70``, ``4x1.5x0.5mm,at=0.2``, ``12%flank,radius=0.3``, ``2level``.
+``1.5mm,angle=70``, ``1.5mm,limit=parabolic``, ``4x1.5x0.5mm,at=0.2``, ``12%flank,radius=0.3``,
+``2level``.
 """
 
 from __future__ import annotations
@@ -9,8 +10,10 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass, fields
+from typing import Any
 
 from gearmon.errors import ArgumentError, check_finite, nearest_name
+from gearmon.gears.tooth_damage import LIMITS
 
 #: Losses of pair stiffness, and what they are worth.
 LOSS_UNITS = {"": 1.0, "%": 0.01}
@@ -32,7 +35,7 @@ KIND_UNITS: dict[str, tuple[str, ...]] = {
 }
 #: Further dimensions that each kind takes with a size that is no loss.
 KIND_OPTIONS: dict[str, tuple[str, ...]] = {
-    "crack": ("angle", "far", "width", "from"),
+    "crack": ("angle", "far", "width", "from", "limit"),
     "spall": ("at", "from"),
     "pitting": ("radius", "depth"),
     "breakage": ("height", "from"),
@@ -62,6 +65,8 @@ class FaultShape:
         Of pits [mm]; by default a tenth of the module.
     height : float, optional
         Of a broken-off corner, from the tip down [mm]; by default the whole tooth.
+    limit : {"flat", "parabolic"}, optional
+        Line up to which a cracked section carries, see `tooth_damage.RootCrack`; by default flat.
     """
 
     angle: float | None = None
@@ -73,11 +78,15 @@ class FaultShape:
     at: float | None = None
     radius: float | None = None
     height: float | None = None
+    limit: str | None = None
 
     def __post_init__(self) -> None:
         for item in fields(self):
             value = getattr(self, item.name)
             if value is None:
+                continue
+            if item.name == "limit":
+                _check_limit(value)
                 continue
             check_finite(_key(item.name), value, "deg" if item.name == "angle" else "mm")
             if item.name == "angle" and not 5 <= value <= 90:
@@ -90,7 +99,8 @@ class FaultShape:
     def options(self, kind: str) -> str:
         """Return the dimensions as they are written after a size."""
         given = [(key, getattr(self, _field(key))) for key in KIND_OPTIONS.get(kind, ())]
-        return "".join(f",{key}={value:g}" for key, value in given if value is not None)
+        written = [(key, _written(value)) for key, value in given if value is not None]
+        return "".join(f",{key}={value}" for key, value in written)
 
 
 #: Nothing given beyond the size.
@@ -123,7 +133,7 @@ def parse_size(kind: str, text: str) -> tuple[float, str, FaultShape]:
     (1.5, 'mm')
     """
     head, *options = [part.strip() for part in text.split(",")]
-    shape: dict[str, float] = {}
+    shape: dict[str, Any] = {}
     for option in options:
         key, value = _option(kind, option)
         shape[_field(key)] = value
@@ -183,6 +193,20 @@ def flank_share(size: float, unit: str) -> float:
     return size * (0.01 if unit == "%flank" else 1.0)
 
 
+def flank_level(share: float) -> int | None:
+    """Return the level of pitting of a share of the flank, or None below the first.
+
+    The upper end of a level belongs to the next; beyond the last range it is the last.
+
+    Examples
+    --------
+    >>> flank_level(0.2), flank_level(0.01)
+    (2, None)
+    """
+    found = [number for number, (_, low, _) in LEVELS.items() if share >= low]
+    return max(found) if found else None
+
+
 def _check_loss(size: float, unit: str) -> None:
     if not (math.isfinite(size) and 0 <= size * LOSS_UNITS[unit] < 1):
         top = "100 %" if unit == "%" else "1"
@@ -222,7 +246,7 @@ def _numbers(text: str) -> tuple[list[float], str]:
     return [float(part) for part in match[1].split("x")], match[2].strip()
 
 
-def _option(kind: str, text: str) -> tuple[str, float]:
+def _option(kind: str, text: str) -> tuple[str, float | str]:
     known = KIND_OPTIONS.get(kind, ())
     key, equals, value = (part.strip() for part in text.partition("="))
     if not equals or key not in known:
@@ -230,11 +254,24 @@ def _option(kind: str, text: str) -> tuple[str, float]:
         hint = f"; did you mean {near}?" if near else ""
         names = ", ".join(known) if known else "none"
         raise ArgumentError(f"dimension {text!r} of a {kind} is not known: {names}{hint}")
+    if key == "limit":
+        return key, value
     number = re.sub(r"(mm|deg)$", "", value).strip()
     try:
         return key, float(number)
     except ValueError:
         raise ArgumentError(f"dimension {text!r} of a {kind} is not a number") from None
+
+
+def _check_limit(value: str) -> None:
+    if value not in LIMITS:
+        near = nearest_name(value, LIMITS)
+        hint = f"; did you mean {near}?" if near else ""
+        raise ArgumentError(f"limit={value!r} of a crack must be one of {', '.join(LIMITS)}{hint}")
+
+
+def _written(value: float | str) -> str:
+    return value if isinstance(value, str) else f"{value:g}"
 
 
 def _field(key: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -14,7 +14,7 @@ from gearmon.gears.fault_geometry import largest_size, tooth_damage
 from gearmon.gears.faults import Fault, LossPatch, loss_patches, union
 from gearmon.gears.loss_curves import LossCurve, Share
 from gearmon.gears.panels import FloatArray, gauss, panel_nodes
-from gearmon.gears.tooth_damage import SOUND, RootCrack, ToothDamage
+from gearmon.gears.tooth_damage import SOUND, ToothDamage
 from gearmon.gears.tooth_pairs import Beams, ToothPair
 
 #: Slices of the cracked part of a helical face.
@@ -133,13 +133,11 @@ def size_for_loss(fault: Fault, loss: float, pair: ToothPair, index: int) -> Fau
             f"a {fault.kind} costs at most {100 * most:.3g} % of the stiffness of its pair, at "
             f"{high:.4g}{fault.unit}; loss={100 * loss:.3g} % is out of its reach"
         )
-    for _ in range(50):
-        middle = 0.5 * (low + high)
-        found = stiffness_loss(replace(fault, size=middle), pair, index).mean
-        low, high = (middle, high) if found < loss else (low, middle)
-        if high - low < 1e-9 * high:
-            break
-    return replace(fault, size=0.5 * (low + high) if loss else 0.0)
+
+    def missed(size: float) -> float:
+        return stiffness_loss(replace(fault, size=size), pair, index).mean - loss
+
+    return replace(fault, size=_root(missed, low, high, most - loss) if loss else 0.0)
 
 
 def patch_loss(patches: Sequence[LossPatch], phase: FloatArray) -> FloatArray:
@@ -151,6 +149,28 @@ def patch_loss(patches: Sequence[LossPatch], phase: FloatArray) -> FloatArray:
         curve = 1.0 if patch.curve is None else patch.curve.share(phase)
         total += np.where(inside, share * curve, 0.0)
     return total
+
+
+def _root(curve: Callable[[float], float], low: float, high: float, end: float) -> float:
+    """Return where a rising curve that starts below 0 and ends at `end` >= 0 crosses it.
+
+    False position that halves the value of an end which stays (Illinois).
+    """
+    begin, stayed = curve(low), 0
+    for _ in range(60):
+        middle = (low * end - high * begin) / (end - begin)
+        value = curve(middle)
+        if value < 0:
+            low, begin = middle, value
+            end *= 0.5 if stayed < 0 else 1.0
+            stayed = -1
+        else:
+            high, end = middle, value
+            begin *= 0.5 if stayed > 0 else 1.0
+            stayed = 1
+        if abs(value) < 1e-12 or high - low < 1e-9 * high:
+            return middle
+    return middle
 
 
 def _stretched(patches: tuple[LossPatch, ...], factor: float) -> tuple[LossPatch, ...]:
@@ -185,7 +205,7 @@ def _broken(fault: Fault, pair: ToothPair, index: int) -> tuple[LossPatch, ...]:
         )
     start = 0.0
     if fault.shape.height is not None:
-        broken = tooth.tip_radius_m - 1e-3 * fault.shape.height
+        broken = tooth.radius_below_tip(1e-3 * fault.shape.height)
         angle = tooth.angle_at_radius(max(broken, tooth.base_radius_m))
         edge = pair.phase_of(index, angle)
         # the tip of the first gear leaves last, that of the second enters first
@@ -269,7 +289,8 @@ def _slice(damage: ToothDamage, low: float, high: float, width: float) -> ToothD
     middle, crack = np.array([0.5 * (low + high)]), damage.crack
     if crack is not None:
         depth = float(crack.at(middle)[0])
-        crack = RootCrack(depth_m=depth, angle_rad=crack.angle_rad) if depth else None
+        whole = replace(crack, depth_m=depth, far_depth_m=None, extent=1.0, start=0.0)
+        crack = whole if depth else None
     holes = []
     for hole in damage.holes:
         inside = hole.start <= middle[0] <= hole.start + hole.width_m / width

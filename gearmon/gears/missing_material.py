@@ -7,17 +7,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError, check_finite
 from gearmon.gears.fault_geometry import tooth_damage
 from gearmon.gears.faults import Fault
 from gearmon.gears.pairs import MeshPair
-from gearmon.gears.panels import FloatArray
+from gearmon.gears.panels import ComplexArray, FloatArray
 from gearmon.gears.potential_energy import teeth_of
+from gearmon.gears.tip_corner import tip_corner_gap
 from gearmon.gears.tooth_pairs import ToothPair
-
-IntArray = NDArray[np.int64]
 
 #: What each kind of error means, for help texts.
 ERROR_KINDS: dict[str, str] = {
@@ -61,6 +59,8 @@ class GearError:
 
     def __post_init__(self) -> None:
         check_finite("size_m", self.size_m, "m")
+        if self.kind not in ERROR_KINDS:
+            raise ArgumentError(f"error kind {self.kind!r} is not one of {', '.join(ERROR_KINDS)}")
         if self.stage < 1:
             raise ArgumentError(f"error stage={self.stage} must be >= 1")
         if self.tooth is not None and self.tooth < 1:
@@ -77,41 +77,90 @@ class GearError:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PairError:
-    """Material missing from the pairs of a mesh because of one gear.
+class TurningError:
+    """Material missing alike from all pairs in contact, as a gear turns: a few lines of its turn.
 
     Parameters
     ----------
+    gear : str
     teeth : int
         Teeth of the gear: the error repeats after as many mesh periods.
-    curve : callable
-        Maps angle of the gear [rad] and contact phase [mesh periods] to missing material [m].
-    tooth : int or None
-        The only tooth that it concerns; None for all.
+    kind : {"eccentricity", "misalignment", "wear"}
+    size_m : float
+    phase_rad : float
     """
 
+    gear: str
     teeth: int
-    curve: Callable[[FloatArray, FloatArray], FloatArray]
-    tooth: int | None = None
+    kind: str
+    size_m: float
+    phase_rad: float = 0.0
 
-    def at(self, entry: IntArray, passed: FloatArray, phase: FloatArray) -> FloatArray:
-        """Return the missing material [m] of pairs that entered at `entry`, `passed` ago.
+    @property
+    def period_mesh(self) -> int:
+        """True period [mesh periods]."""
+        return 1 if self.kind == "wear" else self.teeth
 
-        Parameters
-        ----------
-        entry : ndarray of int
-        passed : ndarray
-            Contact phase of a slice of the face [mesh periods].
-        phase : ndarray
-            Mesh phase, which tells the angle of the gear.
+    def at(self, phase: FloatArray) -> FloatArray:
+        """Return the missing material [m] at mesh phases."""
+        if self.kind == "wear":
+            return np.full(phase.shape, self.size_m)
+        turned = np.cos(2 * math.pi * phase / self.teeth + self.phase_rad)
+        if self.kind == "eccentricity":
+            return np.asarray(self.size_m * turned)
+        # whichever end of the face stands out carries: twice per turn
+        return np.asarray(-0.5 * self.size_m * np.abs(turned))
+
+    def lines(self, count: int) -> ComplexArray:
+        """Return the Fourier coefficients 0 ... count [m] over `period_mesh`.
+
+        Notes
+        -----
+        ``|cos x| = 2/pi + (4/pi) sum_k (-1)^(k+1) cos(2 k x)/(4 k^2 - 1)``.
         """
-        missing = self.curve(2 * math.pi * phase / self.teeth, passed)
-        if self.tooth is None:
-            return missing
-        return np.where(entry % self.teeth == self.tooth - 1, missing, 0.0)
+        total = np.zeros(count + 1, dtype=np.complex128)
+        if self.kind == "wear":
+            total[0] = self.size_m
+        elif self.kind == "eccentricity":
+            if count:
+                total[1] = 0.5 * self.size_m * np.exp(1j * self.phase_rad)
+        else:
+            k = np.arange(count // 2 + 1)
+            signs = np.where(k % 2, 1.0, -1.0) / (4 * k**2 - 1)
+            total[::2] = -self.size_m / math.pi * signs * np.exp(2j * k * self.phase_rad)
+        return total
 
 
-def error_of(error: GearError, pair: MeshPair, index: int) -> PairError:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FlankError:
+    """Material missing from one tooth of a gear, or from all of them, along their contact.
+
+    Parameters
+    ----------
+    gear : str
+    teeth : int
+        Teeth of the gear.
+    tooth : int or None
+        The only tooth that it concerns; None for all.
+    curve : callable
+        Maps contact phase [mesh periods] to missing material [m].
+    corners : tuple of float
+        Contact phases at which it is not smooth.
+    """
+
+    gear: str
+    teeth: int
+    tooth: int | None
+    curve: Callable[[FloatArray], FloatArray]
+    corners: tuple[float, ...] = ()
+
+    @property
+    def period_mesh(self) -> int:
+        """Mesh periods after which it repeats."""
+        return 1 if self.tooth is None else self.teeth
+
+
+def error_of(error: GearError, pair: MeshPair, index: int) -> TurningError | FlankError:
     """Return what an error of a gear takes from the pairs of its mesh.
 
     Parameters
@@ -132,21 +181,44 @@ def error_of(error: GearError, pair: MeshPair, index: int) -> PairError:
             f"error {error}: tooth {error.tooth} does not exist, the {error.gear} of {pair.where} "
             f"has {teeth} teeth"
         )
-    curve = _curve(error, pair.contact_ratio)
-    return PairError(teeth=teeth, tooth=error.tooth, curve=curve)
+    size, length = error.size_m, pair.contact_ratio
+    if error.kind in ("eccentricity", "misalignment"):
+        return TurningError(
+            gear=error.gear,
+            teeth=teeth,
+            kind=error.kind,
+            size_m=size,
+            phase_rad=error.phase_rad,
+        )
+
+    def pitch(phase: FloatArray) -> FloatArray:
+        return np.full(phase.shape, size)
+
+    def profile(phase: FloatArray) -> FloatArray:
+        return np.asarray(size * (2 * phase / length - 1) ** 2)
+
+    curve = pitch if error.kind == "pitch" else profile
+    return FlankError(gear=error.gear, teeth=teeth, tooth=error.tooth, curve=curve)
 
 
-def profile_lost_by(fault: Fault, pair: MeshPair, index: int) -> list[PairError]:
-    """Return what damage takes from the profile: through spalls and missing teeth.
+def profile_lost_by(fault: Fault, pair: MeshPair, index: int) -> list[TurningError | FlankError]:
+    """Return what damage takes from the profile: wear, through spalls and missing teeth.
 
-    A spall that leaves a part of the face width in contact moves nothing.
+    A spall that leaves a part of the face width in contact moves nothing. Even wear moves all
+    pairs alike, which shifts the mean and makes no line.
     """
+    gear, number = fault.gear, pair.members[index].teeth.teeth
+    if fault.kind == "wear":
+        size = 1e-3 * fault.size
+        return [TurningError(gear=gear, teeth=number, kind="wear", size_m=size)] if size else []
     if fault.kind not in ("spall", "missing"):
         return []
     teeth = teeth_of(pair)
-    number = pair.members[index].teeth.teeth
     if fault.kind == "missing":
-        return [PairError(teeth=number, tooth=fault.tooth, curve=_bridge(teeth))]
+        curve, corners = _bridge(teeth), (teeth.contact_ratio - 1, 1.0)
+        return [
+            FlankError(gear=gear, teeth=number, tooth=fault.tooth, curve=curve, corners=corners)
+        ]
     (hole,) = tooth_damage([fault], teeth.teeth[index]).holes
     if hole.width_m < teeth.first.face_width_m * (1 - 1e-9):
         return []
@@ -156,73 +228,19 @@ def profile_lost_by(fault: Fault, pair: MeshPair, index: int) -> list[PairError]
     ]
     low, high, depth = min(ends), max(ends), hole.depth_m
 
-    def curve(_: FloatArray, phase: FloatArray) -> FloatArray:
+    def spalled(phase: FloatArray) -> FloatArray:
         return np.where((phase >= low) & (phase < high), depth, 0.0)
 
-    return [PairError(teeth=number, tooth=fault.tooth, curve=curve)]
+    return [
+        FlankError(gear=gear, teeth=number, tooth=fault.tooth, curve=spalled, corners=(low, high))
+    ]
 
 
-def tip_corner_gap(pair: ToothPair, beyond_m: FloatArray, *, leaving: bool) -> FloatArray:
-    """Return the gap of a pair just outside its path of contact [m].
-
-    Parameters
-    ----------
-    pair : ToothPair
-    beyond_m : ndarray, >= 0
-        How far the rolling has gone beyond the end of the path, along the line of action [m].
-    leaving : bool
-        Whether the tip of the first gear is leaving; else that of the second is entering.
-
-    Notes
-    -----
-    The tip corner of one gear is seen from the centre of the other; the angle from there to the
-    flank at the same radius, times the base radius, is the distance along the line of action.
-    """
-    own, mate = (pair.first, pair.second) if leaving else (pair.second, pair.first)
-    centres = math.hypot(pair.line_m, own.base_radius_m + mate.base_radius_m)
-    working = math.acos((own.base_radius_m + mate.base_radius_m) / centres)
-    at_end = pair.path_m[1] if leaving else pair.line_m - pair.path_m[0]
-    radius = math.hypot(own.base_radius_m, at_end)
-    turned = math.atan2(at_end, own.base_radius_m) - working + beyond_m / own.base_radius_m
-    x, y = centres - radius * np.cos(turned), radius * np.sin(turned)
-    tangent = np.sqrt(np.maximum((x * x + y * y) / mate.base_radius_m**2 - 1, 0.0))
-    rolled = (pair.line_m - at_end - beyond_m) / mate.base_radius_m
-    flank = working - rolled + tangent - np.arctan(tangent)
-    return np.asarray(mate.base_radius_m * (flank - np.arctan2(y, x)))
-
-
-def _curve(error: GearError, length: float) -> Callable[[FloatArray, FloatArray], FloatArray]:
-    size, start = error.size_m, error.phase_rad
-
-    def eccentricity(angle: FloatArray, _: FloatArray) -> FloatArray:
-        return np.asarray(size * np.cos(angle + start))
-
-    def misalignment(angle: FloatArray, _: FloatArray) -> FloatArray:
-        # whichever end of the face stands out carries: twice per turn
-        return np.asarray(-0.5 * size * np.abs(np.cos(angle + start)))
-
-    def pitch(_: FloatArray, phase: FloatArray) -> FloatArray:
-        return np.full(phase.shape, size)
-
-    def profile(_: FloatArray, phase: FloatArray) -> FloatArray:
-        return np.asarray(size * (2 * phase / length - 1) ** 2)
-
-    curves = {
-        "eccentricity": eccentricity,
-        "misalignment": misalignment,
-        "pitch": pitch,
-        "profile": profile,
-    }
-    if error.kind not in curves:
-        raise ArgumentError(f"error kind {error.kind!r} is not one of {', '.join(curves)}")
-    return curves[error.kind]
-
-
-def _bridge(pair: ToothPair) -> Callable[[FloatArray, FloatArray], FloatArray]:
+def _bridge(pair: ToothPair) -> Callable[[FloatArray], FloatArray]:
     """Return how far the neighbours of a missing tooth must approach to touch."""
     part = pair.contact_ratio - 1
 
-    def curve(_: FloatArray, phase: FloatArray) -> FloatArray:
+    def curve(phase: FloatArray) -> FloatArray:
         alone = (phase > part) & (phase < 1) & (part < 1)
         before = np.clip(phase - part, 0.0, None) * pair.base_pitch_m
         after = np.clip(1 - phase, 0.0, None) * pair.base_pitch_m

@@ -10,7 +10,7 @@ import numpy as np
 
 from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.fault_geometry import largest_size
-from gearmon.gears.fault_shapes import flank_share, size_text
+from gearmon.gears.fault_shapes import LEVELS, flank_level, flank_share, size_text
 from gearmon.gears.fault_sizes import PairLoss, size_for_loss, stiffness_loss
 from gearmon.gears.faults import Fault, faults_of_stage, parse_fault
 from gearmon.gears.mechanics import stage_mechanics
@@ -111,6 +111,7 @@ class StageStiffness:
         return [
             {
                 "stage": self.stage,
+                "mesh": self.mesh,
                 "mesh_phase": float(phase),
                 "healthy_n_per_m": float(a),
                 "damaged_n_per_m": float(b),
@@ -147,6 +148,7 @@ class StiffnessReport:
     ----------
     machine : str
     stages : tuple of StageStiffness
+        One for each mesh: of a planetary stage sun and planet, then planet and ring.
     """
 
     machine: str
@@ -204,8 +206,12 @@ def stiffness_report(
     return StiffnessReport(
         machine=machine.name,
         stages=tuple(
-            _stage(machine, number, faults_of_stage(known, number), form, points_per_mesh)
+            _mesh(machine, pair, mesh, faults_of_stage(known, number), form, points_per_mesh)
             for number in numbers
+            for mesh, pair in enumerate(
+                mesh_pairs(machine.stages[number - 1], number, machine.path)
+            )
+            if _can_be_shown(pair)
         ),
     )
 
@@ -238,27 +244,37 @@ def size_curve(fault: Fault, pair: ToothPair, index: int, points: int = CURVE_PO
     )
 
 
-def _stage(
+def _can_be_shown(pair: MeshPair) -> bool:
+    """Whether a mesh is asked for: that of planet and ring only if its gears have a module.
+
+    Overrides of a planetary stage are meant for sun and planet.
+    """
+    return pair.is_main or pair.stage.module_mm is not None
+
+
+def _mesh(
     machine: Any,
-    number: int,
+    pair: MeshPair,
+    mesh: int,
     faults: tuple[Fault, ...],
     form: str | StiffnessForm | PotentialEnergy,
     points: int,
 ) -> StageStiffness:
-    pair = mesh_pairs(machine.stages[number - 1], number, machine.path)[0]
-    force = _force(machine, number)
+    number = pair.number or 1
+    force = _force(machine, number, mesh)
     healthy = pair_stiffness(pair, (), form, force_n=force)
     damaged = pair_stiffness(pair, faults, form, force_n=force) if faults else healthy
     notes = list(damaged.warnings)
     teeth = _teeth(pair, notes)
     contact = np.linspace(0.0, healthy.contact_ratio, 201)
-    losses = tuple(_fault_loss(fault, pair, teeth) for fault in faults)
+    here = [member.name for member in pair.members]
+    losses = tuple(_fault_loss(fault, pair, teeth) for fault in faults if fault.gear in here)
     return StageStiffness(
         stage=number,
         mesh=pair.name,
         healthy=healthy,
         damaged=damaged,
-        phase=_window(faults, healthy, points),
+        phase=_window(losses, healthy, points),
         contact_phase=contact,
         shares=teeth.compliances(teeth.roll(contact)).shares if teeth else {},
         faults=losses,
@@ -268,10 +284,10 @@ def _stage(
     )
 
 
-def _force(machine: Any, number: int) -> float | None:
+def _force(machine: Any, number: int, mesh: int) -> float | None:
     """Return the static tooth force where it is known; most forms do without."""
     try:
-        return stage_mechanics(machine, number).force_n
+        return stage_mechanics(machine, number, mesh=mesh).force_n
     except ArgumentError:
         return None
 
@@ -284,9 +300,9 @@ def _teeth(pair: MeshPair, notes: list[str]) -> ToothPair | None:
         return None
 
 
-def _window(faults: tuple[Fault, ...], mesh: MeshStiffness, points: int) -> FloatArray:
+def _window(losses: tuple[FaultLoss, ...], mesh: MeshStiffness, points: int) -> FloatArray:
     low, meshes = 0.0, 1.0
-    teeth = [fault.tooth for fault in faults if fault.tooth is not None]
+    teeth = [entry.fault.tooth for entry in losses if entry.fault.tooth is not None]
     if teeth:
         # the tooth before and the tooth after show what is sound
         low, meshes = float(teeth[0] - 2), np.ceil(mesh.total_contact_ratio) + 2
@@ -356,8 +372,17 @@ def _drawn(entry: FaultLoss) -> Fault | None:
     return entry.fault if not entry.fault.is_loss else _sized(entry)
 
 
+def _level(entry: FaultLoss) -> int | None:
+    """Return the level of pitting, also of one that is given as a loss."""
+    fault = _sized(entry) if entry.fault.kind == "pitting" else None
+    return None if fault is None else flank_level(flank_share(fault.size, fault.unit))
+
+
 def _fault_dict(entry: FaultLoss) -> dict[str, Any]:
     found: dict[str, Any] = {"fault": str(entry.fault), "size": entry.measured}
+    level = _level(entry)
+    if level is not None:
+        found["level"] = f"{level} ({LEVELS[level][0]})"
     if entry.loss is not None:
         found |= {
             "mean_loss": entry.loss.mean,

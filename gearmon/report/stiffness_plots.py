@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
+from numpy.typing import NDArray
 
 from gearmon.files import replacing
 from gearmon.gears.stiffness_report import SizeCurve, StageStiffness, StiffnessReport
@@ -44,8 +45,11 @@ def plot_teeth(picture: TeethPicture, ax: Axes) -> Axes:
     -------
     Axes
     """
-    for outline, colour, name in zip(picture.outlines, (BLUE, GREEN), picture.names, strict=True):
-        ax.fill(*outline.T, facecolor=colour, alpha=0.18, linewidth=0)
+    # the body of the first gear lies below its teeth, that of the second above, a ring's too
+    for outline, colour, name, side in zip(
+        picture.outlines, (BLUE, GREEN), picture.names, (-1, 1), strict=True
+    ):
+        ax.fill(*_with_body(outline, side).T, facecolor=colour, alpha=0.18, linewidth=0)
         ax.plot(*outline.T, color=colour, linewidth=1.2, label=name)
     for hole in picture.holes:
         ax.add_patch(Polygon(hole, closed=True, facecolor="white", edgecolor=RED, linewidth=1.0))
@@ -102,15 +106,16 @@ def plot_flank(picture: TeethPicture, gear: str, ax: Axes) -> Axes:
 
 def plot_stiffness(stage: StageStiffness, ax: Axes) -> Axes:
     """Draw the mesh stiffness, healthy against damaged."""
-    x = np.linspace(stage.phase[0], stage.phase[-1], 3 * len(stage.phase))
+    # without the last phase, where the next pair enters
+    x = np.linspace(stage.phase[0], stage.phase[-1], 3 * len(stage.phase), endpoint=False)
     healthy = GN * stage.healthy.at(x)
-    if stage.damaged is not stage.healthy:
+    if stage.faults:
         damaged = GN * stage.damaged.at(x)
         ax.fill_between(x, damaged, healthy, color=RED, alpha=0.15, linewidth=0)
         ax.plot(x, damaged, color=RED, linewidth=1.4, label="damaged")
     ax.plot(x, healthy, color=BLUE, linewidth=1.4, label="healthy")
     ax.set_ylim(0, 1.08 * healthy.max())
-    ax.set_xlim(x[0], x[-1])
+    ax.set_xlim(stage.phase[0], stage.phase[-1])
     ax.set_xlabel("mesh phase in mesh periods")
     ax.set_ylabel("mesh stiffness in GN/m")
     ax.legend(fontsize=8, loc="lower right")
@@ -132,7 +137,8 @@ def plot_compliance_shares(stage: StageStiffness, ax: Axes) -> Axes:
     ax.set_xlabel("phase of the pair's contact in mesh periods")
     ax.set_ylabel("share of pair compliance in %")
     handles, labels = ax.get_legend_handles_labels()
-    ax.legend(handles[::-1], labels[::-1], fontsize=8, loc="center left", framealpha=0.9)
+    # above the bands, in their order from below
+    ax.legend(handles, labels, fontsize=8, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5)
     return ax
 
 
@@ -179,21 +185,32 @@ def save_stiffness_figures(report: StiffnessReport, path: str | Path) -> list[Pa
     ----------
     report : StiffnessReport
     path : str or Path
-        Of several stages each gets its number before the suffix.
+        Of several stages each gets its number before the suffix, and of several meshes of a stage
+        their gears.
 
     Returns
     -------
     list of Path
     """
     target, written = Path(path), []
+    numbers = [stage.stage for stage in report.stages]
     for stage in report.stages:
         name = target
         if len(report.stages) > 1:
-            name = target.with_name(f"{target.stem}-stage{stage.stage}{target.suffix}")
+            mesh = "" if numbers.count(stage.stage) < 2 else f"-{stage.mesh}"
+            name = target.with_name(f"{target.stem}-stage{stage.stage}{mesh}{target.suffix}")
         with replacing(name) as temporary:
             stiffness_figure(stage).savefig(temporary, dpi=130)
         written.append(name)
     return written
+
+
+def _with_body(outline: NDArray[np.float64], side: int) -> NDArray[np.float64]:
+    """Return a row of teeth closed far above or below it."""
+    far = side * (2 * np.ptp(outline[:, 1]) + np.ptp(outline[:, 0]))
+    edge = (outline[:, 1].max() if side > 0 else outline[:, 1].min()) + far
+    corners = np.array([[outline[-1, 0], edge], [outline[0, 0], edge]])
+    return np.concatenate([outline, corners])
 
 
 def _frame(picture: TeethPicture, ax: Axes) -> None:

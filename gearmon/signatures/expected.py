@@ -1,63 +1,41 @@
 """Gear data -> stiffness -> Hill's equation -> the lines that a machine should show.
 
 Each mesh is solved by itself, at one operating point. A healthy mesh repeats every mesh period;
-with damaged teeth on one gear it repeats every turn of that gear, with damage on both gears after
-the hunting period, and the full coupled problem is solved over that period. Lines are those of the
-deflection along the line of action, before any path to a sensor.
+with damaged teeth or errors on one gear it repeats every turn of that gear, with both gears marked
+after the hunting period (see `stage_lines`). Errors and lost profile act as displacement excitation
+e(t) in ``m z'' + c (z - e)' + k(t) (z - e) = F``. Lines are those of the motion z along the line of
+action, before any path to a sensor: without errors the deflection of the teeth.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.dynamics import HillProblem, Method, Response, steady_state
+from gearmon.dynamics import Method
 from gearmon.errors import ArgumentError, check_positive, check_range
-from gearmon.gears.faults import Fault, faults_of_stage, parse_fault
+from gearmon.gears.excitation import (
+    Excitation,
+    displacement_excitation,
+    parse_fault_or_error,
+)
+from gearmon.gears.faults import Fault
 from gearmon.gears.kinematics import kinematics
 from gearmon.gears.mechanics import StageMechanics, stage_mechanics
+from gearmon.gears.missing_material import GearError
+from gearmon.gears.pairs import mesh_pairs
 from gearmon.machine import Machine, OperatingPoint
 from gearmon.signatures.signature import Signature
-
-#: Most stiffness harmonics of one problem.
-MOST_HARMONICS = 200_000
-#: Effect of stiffness harmonics above J over A^2 (R/J)^3, see `_stiffness_harmonics`.
-CUT_FACTOR = 6.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class StageLines:
-    """Lines of one mesh.
-
-    Attributes
-    ----------
-    mechanics : StageMechanics
-        What was solved.
-    mesh_order : float
-        Order of the mesh frequency.
-    response : Response
-        The solution over the true period.
-    cut : float
-        Estimate of the relative error from stiffness harmonics that were left out.
-    max_hz : float
-        Highest frequency asked for.
-    """
-
-    mechanics: StageMechanics
-    mesh_order: float
-    response: Response
-    cut: float
-    max_hz: float
+from gearmon.signatures.stage_lines import StageLines, stage_lines
 
 
 def expected_signature(
     machine: Machine,
-    faults: Iterable[Fault | str] = (),
+    faults: Iterable[Fault | GearError | str] = (),
     tolerance: float = 1e-6,
     max_hz: float | None = None,
     operating: int = 0,
@@ -72,8 +50,9 @@ def expected_signature(
     ----------
     machine : Machine
         With the data that a baseline needs; what is missing is named in the error.
-    faults : iterable of Fault or str
-        Damaged teeth, such as "crack:1:pinion:5:20%".
+    faults : iterable of Fault, GearError or str
+        Damaged teeth, such as "crack:1:pinion:5:20%", and errors of gears, such as
+        "eccentricity:1:gear:all:20um".
     tolerance : float
         Relative L2 error of the acceleration of the lines of each stage, 1e-13 to 1.
     max_hz : float, optional
@@ -99,10 +78,14 @@ def expected_signature(
 
     Notes
     -----
-    `error_bound` is the guaranteed bound of the solution for the stiffness harmonics taken,
-    plus an estimate of what the others would change (`stiffness_cut`, from their 1/n fall). Lines
-    are attributed to the nearest mesh harmonic. With damage on both gears, lines that belong to
-    neither shaft are not listed; their share of the acceleration is given as `cross_lines_share`.
+    `error_bound` is the guaranteed bound of the solution for the harmonics taken of stiffness and
+    excitation, plus an estimate of what the others would change (`stiffness_cut`, from their 1/n
+    fall). With both gears marked, method "auto" adds the vibrations with either marked; what
+    damaged gears then do to one another is estimated (`superposition_error`) and part of
+    `error_bound`. Every other method solves the hunting period as a whole: seconds in place of a
+    fraction. Lines are attributed to the nearest mesh harmonic. Lines that belong to neither shaft
+    are not listed; where they were solved for, their share of the acceleration is given as
+    `cross_lines_share`.
     """
     point = _operating_point(machine, operating)
     known = _faults(machine, faults)
@@ -112,12 +95,15 @@ def expected_signature(
     train = kinematics(machine)
     solved = []
     for number in range(1, len(machine.stages) + 1):
-        own = faults_of_stage(known, number)
+        own = [fault for fault in known if fault.stage == number]
         mesh = 1 if any(fault.gear == "ring" for fault in own) else 0
-        mechanics = stage_mechanics(machine, number, point, faults=own, form=form, mesh=mesh)
+        faulty = [fault for fault in own if isinstance(fault, Fault)]
+        mechanics = stage_mechanics(machine, number, point, faults=faulty, form=form, mesh=mesh)
+        excitation = _excitation(machine, mechanics, own, mesh)
         limit = _limit(mechanics, max_hz)
-        solved.append(_solve(mechanics, train.mesh(number).order, limit, tolerance, method, order))
-    tables = [_table(stage) for stage in solved]
+        solved.append(stage_lines(mechanics, excitation, limit, tolerance, method, order))
+    orders = [train.mesh(number).order for number in range(1, len(solved) + 1)]
+    tables = [_table(stage, order) for stage, order in zip(solved, orders, strict=True)]
     columns = {name: np.concatenate([table[name] for table, _ in tables]) for name in tables[0][0]}
     if max_hz is not None and not len(columns["stage"]):
         lowest = min(stage.mechanics.mesh_frequency_hz for stage in solved)
@@ -150,8 +136,12 @@ def _operating_point(machine: Machine, operating: int) -> OperatingPoint:
     return machine.operating[operating]
 
 
-def _faults(machine: Machine, faults: Iterable[Fault | str]) -> tuple[Fault, ...]:
-    known = tuple(parse_fault(fault) if isinstance(fault, str) else fault for fault in faults)
+def _faults(
+    machine: Machine, faults: Iterable[Fault | GearError | str]
+) -> tuple[Fault | GearError, ...]:
+    known = tuple(
+        parse_fault_or_error(fault) if isinstance(fault, str) else fault for fault in faults
+    )
     for fault in known:
         if fault.stage > len(machine.stages):
             raise ArgumentError(
@@ -160,100 +150,59 @@ def _faults(machine: Machine, faults: Iterable[Fault | str]) -> tuple[Fault, ...
     return known
 
 
+def _excitation(
+    machine: Machine, mechanics: StageMechanics, own: list[Fault | GearError], mesh: int
+) -> Excitation | None:
+    """Return the displacement excitation of a stage, or None if nothing moves the flanks."""
+    if not own:
+        return None
+    pair = mesh_pairs(machine.stages[mechanics.stage - 1], mechanics.stage, machine.path)[mesh]
+    errors = [error for error in own if isinstance(error, GearError)]
+    faults = [fault for fault in own if isinstance(fault, Fault)]
+    found = displacement_excitation(pair, mechanics.stiffness, errors, faults)
+    return found if found.errors or found.warnings else None
+
+
 def _limit(mechanics: StageMechanics, max_hz: float | None) -> float:
     if max_hz is not None:
         return max_hz
     return max(10 * mechanics.mesh_frequency_hz, 2 * mechanics.natural_frequency_hz)
 
 
-def _solve(
-    mechanics: StageMechanics,
-    mesh_order: float,
-    max_hz: float,
-    tolerance: float,
-    method: Method,
-    order: int | None,
-) -> StageLines:
-    shown = max(1, math.floor(max_hz * mechanics.period_s * (1 + 1e-12)))
-    harmonics, cut = _stiffness_harmonics(mechanics, shown, tolerance)
-    problem = HillProblem(
-        mass_kg=mechanics.equivalent_mass_kg,
-        damping_ns_per_m=mechanics.damping_ns_per_m,
-        stiffness_n_per_m=mechanics.stiffness.mean_n_per_m,
-        stiffness_harmonics=harmonics,
-        period_s=mechanics.period_s,
-        force_n=mechanics.force_n,
-    )
-    response = steady_state(
-        problem, max(0.6 * tolerance, 1e-13), method=method, order=order, harmonics=shown
-    )
-    return StageLines(
-        mechanics=mechanics, mesh_order=mesh_order, response=response, cut=cut, max_hz=max_hz
-    )
-
-
-def _stiffness_harmonics(
-    mechanics: StageMechanics, shown: int, tolerance: float
-) -> tuple[npt.NDArray[np.complex128], float]:
-    """As many stiffness harmonics as the tolerance takes, and what the others may change.
-
-    A stiffness with jumps has |c_n| = A/n. Harmonics above J reach the lines shown only through
-    the lines that they make themselves, A (R/n)^2/n each: together a share of about A^2 (R/J)^3.
-    """
-    stiffness = mechanics.stiffness
-    meshes = stiffness.period_mesh
-    ratio = mechanics.natural_frequency_hz / mechanics.mesh_frequency_hz
-    most = max(MOST_HARMONICS // meshes, math.ceil(shown / meshes), 8)
-    count = min(most, max(32, math.ceil(2 * ratio), math.ceil(shown / meshes)))
-    while True:
-        harmonics = stiffness.harmonics(count * meshes)
-        orders = np.arange(1, count * meshes + 1) / meshes
-        blocks = (np.abs(harmonics * orders) ** 2).reshape(count, meshes).sum(axis=1)
-        cut = CUT_FACTOR * float(blocks[-8:].max()) * (ratio / count) ** 3
-        if cut <= 0.3 * tolerance or count == most:
-            return harmonics, cut
-        count = min(most, math.ceil(1.05 * count * (cut / (0.3 * tolerance)) ** (1 / 3)) + 1)
-
-
-def _table(stage: StageLines) -> tuple[dict[str, npt.NDArray[Any]], float]:
+def _table(stage: StageLines, mesh_order: float) -> tuple[dict[str, npt.NDArray[Any]], float]:
     """Columns of the lines of one stage, and the share of acceleration in lines of no family."""
-    response, meshes = stage.response, stage.mechanics.stiffness.period_mesh
-    lines = np.arange(1, len(response.displacement))
+    meshes, lines, frequency = stage.period_mesh, stage.lines, stage.frequency_hz
     harmonic = np.ceil(lines / meshes - 0.5).astype(int)
-    sideband, name = _attribution(stage.mechanics, lines, lines - harmonic * meshes)
-    frequency = lines / meshes * stage.mechanics.mesh_frequency_hz
+    sideband, name = _attribution(stage, lines, lines - harmonic * meshes)
     known = (name != "?") & (frequency <= stage.max_hz * (1 + 1e-12))
-    energy = np.abs(response.acceleration[1:]) ** 2
+    z, angular = stage.displacement, 2 * np.pi * frequency
+    energy = np.abs(stage.acceleration) ** 2
     strange = float(energy[name == "?"].sum() / energy.sum()) if energy.any() else 0.0
-    z = response.displacement[1:]
     columns = {
         "stage": np.full(len(lines), stage.mechanics.stage),
         "mesh_harmonic": harmonic,
         "sideband": sideband,
         "sideband_of": name,
-        "order": lines / meshes * stage.mesh_order,
+        "order": lines / meshes * mesh_order,
         "frequency_hz": frequency,
         "displacement_m": 2 * np.abs(z),
-        "velocity_ms": 2 * np.abs(response.velocity[1:]),
-        "acceleration_ms2": 2 * np.abs(response.acceleration[1:]),
+        "velocity_ms": 2 * angular * np.abs(z),
+        "acceleration_ms2": 2 * angular**2 * np.abs(z),
         "phase_rad": np.angle(z),
     }
     return {key: column[known] for key, column in columns.items()}, math.sqrt(strange)
 
 
 def _attribution(
-    mechanics: StageMechanics, lines: npt.NDArray[np.int_], distance: npt.NDArray[np.int_]
+    stage: StageLines, lines: npt.NDArray[np.int_], distance: npt.NDArray[np.int_]
 ) -> tuple[npt.NDArray[np.int_], npt.NDArray[np.str_]]:
     """Sideband number and modulating gear of each line; "?" for lines of no single gear."""
-    stiffness = mechanics.stiffness
     number = np.zeros(len(lines), dtype=int)
     name = np.full(len(lines), "?", dtype="U16")
-    for train in stiffness.pulses:
-        step = stiffness.period_mesh // train.period_mesh
-        if " and " in train.gear:
-            continue
+    for gear, teeth in stage.marked.items():
+        step = stage.period_mesh // teeth
         own = (lines % step == 0) & (name == "?")
-        name[own] = train.gear
+        name[own] = gear
         number[own] = distance[own] // step
     mesh = distance == 0
     name[mesh] = ""
@@ -266,14 +215,18 @@ def _warnings(stage: StageLines, tolerance: float) -> list[str]:
     response, found = stage.response, []
     if response.stable is False:
         found.append(response.message)
-    elif response.error_bound + stage.cut > tolerance:
-        bound = response.error_bound + stage.cut
-        found.append(f"error bound {bound:.2g} misses the tolerance {tolerance:.2g}")
-    if response.contact_loss_angle_rad is not None:
-        turns = response.contact_loss_angle_rad / (2 * math.pi)
-        phase = turns * stage.mechanics.stiffness.period_mesh
+    elif stage.error_bound > tolerance:
+        found.append(f"error bound {stage.error_bound:.2g} misses the tolerance {tolerance:.2g}")
+    if stage.superposed:
         found.append(
-            f"teeth lose contact, first at mesh phase {phase:.4g}: the linear model ends there"
+            "damage of both gears was solved gear by gear and added; the effect of one on the "
+            f"other is estimated as {stage.superposed:.2g} of the acceleration"
+        )
+    if stage.contact_loss is not None:
+        when = "first at" if stage.superposed is None else "at worst at"
+        found.append(
+            f"teeth lose contact, {when} mesh phase {stage.contact_loss:.4g}: the linear model "
+            f"ends there"
         )
     return found
 
@@ -294,19 +247,26 @@ def _stage_header(stage: StageLines, tolerance: float, cross_lines_share: float)
         "equivalent_mass_kg": mechanics.equivalent_mass_kg,
         "damping_ns_per_m": mechanics.damping_ns_per_m,
         "force_n": mechanics.force_n,
-        "period_mesh": stiffness.period_mesh,
-        "mean_deflection_m": float(response.displacement[0].real),
+        "period_mesh": stage.period_mesh,
+        "mean_deflection_m": stage.mean_m,
         "max_hz": stage.max_hz,
         "method": response.method,
         "order_used": response.order,
-        "error_bound": response.error_bound + stage.cut,
+        "error_bound": stage.error_bound,
         "stiffness_harmonics": len(response.problem.stiffness_harmonics),
         "stiffness_cut": stage.cut,
         "stable": response.stable,
-        "contact_lost": response.contact_lost,
-        "contact_loss_angle_rad": response.contact_loss_angle_rad,
+        "contact_lost": stage.contact_loss is not None,
+        "contact_loss_angle_rad": _contact_loss_angle(stage),
+        "superposition_error": stage.superposed,
         "cross_lines_share": cross_lines_share,
         "message": f"{response.message}; stiffness harmonics left out: {stage.cut:.2g}",
         "assumptions": list(mechanics.assumptions),
         "warnings": [*mechanics.warnings, *_warnings(stage, tolerance)],
     }
+
+
+def _contact_loss_angle(stage: StageLines) -> float | None:
+    if stage.contact_loss is None:
+        return None
+    return 2 * math.pi * stage.contact_loss / stage.period_mesh

@@ -13,10 +13,11 @@ from hypothesis import strategies as st
 from gearmon.errors import ArgumentError
 from gearmon.gears.excitation import displacement_excitation, parse_error
 from gearmon.gears.faults import parse_fault
-from gearmon.gears.missing_material import ERROR_KINDS, tip_corner_gap
+from gearmon.gears.missing_material import ERROR_KINDS
 from gearmon.gears.pairs import mesh_pairs
 from gearmon.gears.potential_energy import teeth_of
 from gearmon.gears.stiffness import mesh_stiffness
+from gearmon.gears.tip_corner import tip_corner_gap
 from gearmon.machine import ParallelStage
 
 STAGE = ParallelStage(pinion_teeth=26, gear_teeth=53, module_mm=2.0, face_width_mm=20.0)
@@ -77,6 +78,63 @@ def test_excitation_is_linear_in_the_errors(size, factor, kind):
     other = excite(f"{kind}:1:pinion:{tooth}:{factor * size}um", f"pitch:1:gear:5:{4 * factor}um")
     x = np.linspace(0.03, 60.03, 200)
     np.testing.assert_allclose(other.at(x), factor * one.at(x), rtol=1e-9, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("errors", "stage", "faults", "form"),
+    [
+        (["pitch:1:pinion:7:8um", "profile:1:gear:all:5um"], STAGE, (), "parabolic"),
+        (["pitch:1:gear:7:8um"], HELICAL, (), "parabolic"),
+        (["pitch:1:pinion:7:8um"], STAGE, ["crack:1:pinion:8:30%"], "wave"),
+        (["profile:1:pinion:all:8um"], STAGE, ["crack:1:pinion:8:1mm"], "potential-energy"),
+        (["misalignment:1:pinion:all:30um"], STAGE, ["spall:1:pinion:5:20x1x0.05mm"], "parabolic"),
+    ],
+)
+def test_harmonics_are_those_of_the_curve(errors, stage, faults, form):
+    """Against samples, whose aliases fall with the square of their number after extrapolation."""
+    found = excite(*errors, stage=stage, faults=faults, form=form)
+    count = 3 * found.period_mesh
+    slow = []
+    for points in (1024, 2048):
+        x = (np.arange(found.period_mesh * points) + 0.5) / points
+        lines = np.fft.rfft(found.at(x))[: count + 1] / len(x)
+        slow.append(lines * np.exp(-1j * np.pi * np.arange(count + 1) / len(x)))
+    size = np.abs(slow[1][1:]).max()
+    np.testing.assert_allclose(found.harmonics(count), slow[1], atol=3e-3 * size)
+    # the rest is what sampling makes of the jumps: it shrinks with the step
+    rest = [np.abs(found.harmonics(count) - lines).max() for lines in slow]
+    assert rest[1] < 0.75 * rest[0] + 1e-12 * size
+
+
+def test_harmonics_of_a_smooth_excitation_are_exact():
+    """A helical pair takes up and lays down its error gradually."""
+    found = excite("pitch:1:pinion:7:8um", stage=replace(HELICAL, face_width_mm=40.0))
+    x = np.arange(26 * 4096) / 4096
+    slow = np.fft.rfft(found.at(x))[:80] / len(x)
+    np.testing.assert_allclose(found.harmonics(79), slow, atol=3e-8 * np.abs(slow).max())
+
+
+def test_damage_of_both_gears_and_a_pitch_error():
+    faults = ["crack:1:pinion:2:20%", "crack:1:gear:3:20%"]
+    stage = replace(STAGE, pinion_teeth=19, gear_teeth=23)
+    found = excite("pitch:1:pinion:2:8um", stage=stage, faults=faults)
+    assert found.period_mesh == 19 * 23
+    x = (np.arange(19 * 23 * 128) + 0.5) / 128
+    half = np.exp(-1j * np.pi * np.arange(200) / len(x))
+    slow = np.fft.rfft(found.at(x))[:200] / len(x) * half
+    np.testing.assert_allclose(found.harmonics(199), slow, atol=1e-2 * np.abs(slow).max())
+
+
+def test_wear_is_the_same_for_all_pairs():
+    found = excite(faults=["wear:1:gear:all:0.02mm"], form="potential-energy")
+    assert found.period_mesh == 1
+    np.testing.assert_allclose(found.at(np.linspace(0, 3, 9)), 2e-5)
+    np.testing.assert_allclose(found.harmonics(2), [2e-5, 0, 0], atol=1e-18)
+
+
+def test_a_period_that_does_not_fit_is_refused():
+    with pytest.raises(ArgumentError, match="must be a multiple of 26, after which the errors"):
+        excite("pitch:1:pinion:7:8um").harmonics(10, 27)
 
 
 def test_no_errors_no_excitation():

@@ -13,7 +13,7 @@ from reference.tooth_cases import PAPER
 
 from gearmon.errors import ArgumentError
 from gearmon.gears.fault_geometry import tooth_damage
-from gearmon.gears.fault_shapes import FaultShape, flank_share
+from gearmon.gears.fault_shapes import FaultShape, flank_level, flank_share
 from gearmon.gears.fault_sizes import measured_patches, patch_loss, size_for_loss, stiffness_loss
 from gearmon.gears.faults import Fault, parse_fault
 
@@ -56,6 +56,36 @@ def test_cracks_survive_writing(size, angle, width):
         shape=FaultShape(angle=float(angle), width=float(width)),
     )
     assert parse_fault(str(fault)) == fault
+
+
+def test_limit_line_of_a_crack_can_be_chosen():
+    text = "crack:1:pinion:5:1.5mm,angle=70,limit=parabolic"
+    assert str(parse_fault(text)) == text
+    flat, parabolic = (
+        stiffness_loss(parse_fault(f"crack:1:pinion:5:1.5mm,limit={name}"), PAPER, 0)
+        for name in ("flat", "parabolic")
+    )
+    assert flat == stiffness_loss(parse_fault("crack:1:pinion:5:1.5mm"), PAPER, 0)
+    assert flat.mean < parabolic.mean < 2 * flat.mean
+    with pytest.raises(ArgumentError, match=r"limit='parabola' .* did you mean parabolic"):
+        parse_fault("crack:1:pinion:5:1.5mm,limit=parabola")
+
+
+@pytest.mark.parametrize(
+    ("share", "level"), [(0.0, None), (0.029, None), (0.03, 1), (0.1, 2), (0.3, 3), (0.6, 3)]
+)
+def test_levels_of_shares(share, level):
+    assert flank_level(share) == level
+
+
+@pytest.mark.parametrize("level", [1, 2, 3])
+def test_a_level_and_its_loss_there_and_back(level):
+    fault = parse_fault(f"pitting:1:pinion:3:{level}level")
+    loss = stiffness_loss(fault, PAPER, 0).mean
+    found = size_for_loss(fault, loss, PAPER, 0)
+    assert found.unit == "flank"
+    assert found.size == pytest.approx(flank_share(level, "level"), rel=1e-6)
+    assert flank_level(found.size) == level
 
 
 def test_units_of_dimensions_may_be_written():

@@ -91,13 +91,33 @@ def test_stages_can_be_chosen():
         stiffness_report(two, ["crack:4:pinion:5:1mm"])
 
 
-def test_planetary_stage_shows_sun_and_planet():
-    stage = PlanetaryStage(
-        sun_teeth=20, planet_teeth=40, ring_teeth=100, planets=4, module_mm=1.0, face_width_mm=10.0
-    )
-    (found,) = stiffness_report(machine(stage)).stages
-    assert found.mesh == "sun-planet"
-    assert any("bore_diameter_sun_mm" in text for text in found.warnings)
+PLANETARY = PlanetaryStage(
+    sun_teeth=20, planet_teeth=40, ring_teeth=100, planets=4, module_mm=1.0, face_width_mm=10.0
+)
+
+
+def test_planetary_stage_shows_both_of_its_meshes():
+    inner, outer = stiffness_report(machine(PLANETARY)).stages
+    assert (inner.mesh, outer.mesh) == ("sun-planet", "planet-ring")
+    assert any("bore_diameter_sun_mm" in text for text in inner.warnings)
+    assert {row["mesh"] for row in stiffness_report(machine(PLANETARY)).rows()} == {
+        "sun-planet",
+        "planet-ring",
+    }
+
+
+@pytest.mark.parametrize(
+    ("gear", "meshes"), [("sun", (True, False)), ("planet", (True, True)), ("ring", (False, True))]
+)
+def test_damage_is_shown_in_the_meshes_of_its_gear(gear, meshes):
+    fault = f"crack:1:{gear}:4:0.6mm"
+    for stage, hurt in zip(
+        stiffness_report(machine(PLANETARY), [fault]).stages, meshes, strict=True
+    ):
+        assert (len(stage.faults) == 1) is hurt
+        lower = stage.damaged.at(stage.phase) < 0.999 * stage.healthy.at(stage.phase)
+        assert lower.any() == hurt
+        assert stage.phase[0] == (2.0 if hurt else 0.0)
 
 
 def test_overrides_alone_give_a_table_without_a_picture():

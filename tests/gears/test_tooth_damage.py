@@ -181,6 +181,126 @@ def test_round_pit_against_the_slow_version():
     np.testing.assert_allclose([float(part[0]) for part in found], slow, rtol=1e-5)
 
 
+# --- parabolic limit line ------------------------------------------------------------------------
+
+
+def test_parabolic_line_runs_from_the_crack_to_the_corner_of_the_tip():
+    tooth = PAPER.first
+    damage = crack(1.0, 60.0, limit="parabolic").crack
+    start, top = tooth.crack_start[0], float(tooth.height(tooth.tip))
+    tip, cut = float(tooth.half_thickness(tooth.tip)), damage.limits_m(tooth)[1]
+    ends = damage.carrying(tooth, np.array([start - 1e-4, start, top]), 1e-3)
+    np.testing.assert_allclose(ends, [cut, cut, tip], rtol=1e-12)
+    # a parabola along the tooth: the square is linear in the height
+    middle = damage.carrying(tooth, np.array([0.5 * (start + top)]), 1e-3)
+    assert middle[0] ** 2 == pytest.approx(0.5 * (cut**2 + tip**2), rel=1e-12)
+
+
+@given(st.floats(0.0, 1.0), st.floats(0.1, 2.9), st.sampled_from(["flat", "parabolic"]))
+def test_depth_from_which_a_section_is_bitten(place, depth, limit):
+    tooth = PAPER.first
+    damage = crack(1.0, 60.0, limit=limit).crack
+    low, top = tooth.crack_start[0], float(tooth.height(tooth.tip))
+    height = np.array([low + 0.98 * place * (top - low)])
+    half = damage.carrying(tooth, height, 1e-3 * depth)
+    if half[0] > 0:
+        assert damage.biting(tooth, height, half)[0] == pytest.approx(1e-3 * depth, rel=1e-9)
+
+
+@pytest.mark.parametrize("depth", [0.8e-3, 1.5e-3, 2.4e-3])
+def test_parabolic_line_against_sums_of_thin_slices(depth):
+    """Involute and the straight root below it, from where the crack starts."""
+    tooth = STRAIGHT.first
+    angle = tooth.start + 0.8 * (tooth.tip - tooth.start)
+    lines = {name: crack(1e3 * depth, 60.0, limit=name) for name in ("flat", "parabolic")}
+    found = {
+        name: ToothBeam(tooth, damage).compliances(np.array([angle]))
+        for name, damage in lines.items()
+    }
+    edges = np.linspace(tooth.start, angle, 400_001)
+    t = 0.5 * (edges[1:] + edges[:-1])
+    low = np.linspace(tooth.crack_start[0], float(tooth.height(tooth.start)), 100_001)
+    y = np.concatenate([0.5 * (low[1:] + low[:-1]), tooth.height(t)])
+    h = np.concatenate([np.full(100_000, tooth.crack_start[1]), tooth.half_thickness(t)])
+    dy = np.concatenate([np.diff(low), np.diff(tooth.height(edges))])
+    arm = (tooth.height(angle) - y) * math.cos(angle) - tooth.half_thickness(angle) * math.sin(
+        angle
+    )
+    root, top = tooth.crack_start, float(tooth.height(tooth.tip))
+    cut, tip = root[1] - depth * math.sin(math.radians(60)), float(tooth.half_thickness(tooth.tip))
+    share = (top - y) / (top - root[0])
+    parabola = np.sqrt(max(cut, 0.0) ** 2 * share + tip**2 * (1 - share))
+    if cut < 0:
+        parabola = cut + (tip - cut) * np.sqrt(1 - share)
+    limits = {"flat": np.full(len(y), cut), "parabolic": parabola}
+    slow = {}
+    for name, limit in limits.items():
+        inertia = tooth.face_width_m * (h + np.minimum(h, limit)) ** 3 / 12
+        slow[name] = float(np.sum(arm**2 / (tooth.elastic_modulus_pa * inertia) * dy))
+    difference = float(found["flat"][0][0] - found["parabolic"][0][0])
+    # the root of the line is vertical at a crack past the middle
+    assert difference == pytest.approx(
+        slow["flat"] - slow["parabolic"], abs=(1e-3 if depth > 2e-3 else 1e-6) * slow["flat"]
+    )
+
+
+@pytest.mark.parametrize(
+    ("data", "elements"),
+    [
+        ((26, 53, 2.0, 20, (10.4, 21.2), 206e9), (11, 31, 59, 96)),
+        ((62, 42, 2.0, 20, (24.8, 15), 206e9), (8, 23, 43, 70)),
+    ],
+)
+def test_parabolic_line_against_finite_elements_near_the_tip(data, elements):
+    """Slits of 0.5, 1, 1.5, 2 mm at 60 degrees: growth of the compliance of the tooth in %."""
+    pair = teeth(*data)
+    roll = pair.roll(0.9 * pair.contact_ratio)
+
+    def tooth(depth):
+        damage = crack(depth, 60.0, limit="parabolic")
+        parts = pair.compliances(roll, pair.beams(damage, SOUND))
+        causes = (parts.bending, parts.shear, parts.axial, parts.foundation)
+        return float(sum(cause[0] for cause in causes))
+
+    found = [100 * (tooth(q) / tooth(0.0) - 1) for q in (0.5, 1.0, 1.5, 2.0)]
+    np.testing.assert_allclose(found, elements, atol=2.6)
+
+
+@settings(max_examples=20, deadline=None)
+@given(
+    st.sampled_from([PAPER, STRAIGHT, TIAN]),
+    st.floats(0.05, 1.5),
+    st.floats(1.01, 1.6),
+    st.floats(45, 70),
+    st.floats(0, 1),
+)
+def test_parabolic_line_softens_shallow_cracks_and_stiffens_deep_ones(
+    pair, depth, more, angle, far
+):
+    """It ends at the corner of the tip: beside the flat line where that leaves more, and less."""
+    phase = np.linspace(0, pair.contact_ratio, 23)
+    data = {"far_depth_m": 1e-3 * depth * far, "limit": "parabolic"}
+    shallow = at(pair, phase, crack(depth, angle, **data))
+    deep = at(pair, phase, crack(depth * more, angle, **data))
+    flat = at(pair, phase, crack(depth, angle, far_depth_m=data["far_depth_m"]))
+    assert (shallow <= at(pair, phase) * (1 + 1e-9)).all()
+    limits = crack(depth, angle, far_depth_m=data["far_depth_m"]).crack.limits_m(pair.first)
+    tip = float(pair.first.half_thickness(pair.first.tip))
+    if limits.max() <= tip:
+        assert (flat <= shallow * (1 + 1e-9)).all()
+    elif limits.min() >= tip:
+        assert (shallow <= flat * (1 + 1e-9)).all()
+    assert (deep <= shallow * (1 + 1e-9)).all()
+
+
+def test_parabolic_crack_of_varying_depth_is_the_mean_over_its_face():
+    """A crack that ends at almost the same depth is one of that depth."""
+    phase = np.linspace(0, PAPER.contact_ratio, 11)
+    one = at(PAPER, phase, crack(1.4, 60.0, limit="parabolic"))
+    two = at(PAPER, phase, crack(1.4, 60.0, far_depth_m=1.4e-3 * (1 + 1e-6), limit="parabolic"))
+    np.testing.assert_allclose(two, one, rtol=1e-5)
+
+
 # --- laws ----------------------------------------------------------------------------------------
 
 

@@ -1,0 +1,222 @@
+"""Every kind of damage on every gear: where it acts, how it grows, combines, and what it costs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gearmon.errors import ArgumentError
+from gearmon.gears.fault_sizes import size_for_loss, stiffness_loss
+from gearmon.gears.faults import parse_fault
+from gearmon.gears.pairs import mesh_pairs
+from gearmon.gears.potential_energy import POTENTIAL_ENERGY, teeth_of
+from gearmon.gears.pulse_trains import PulseTrain
+from gearmon.gears.stiffness import pair_stiffness
+from gearmon.gears.tooth_pairs import ToothPair
+from gearmon.machine import ParallelStage, PlanetaryStage
+
+PARALLEL = ParallelStage(pinion_teeth=26, gear_teeth=53, module_mm=2.0, face_width_mm=20.0)
+HELICAL = replace(PARALLEL, helix_angle_deg=14.0, face_width_mm=30.0)
+PLANETARY = PlanetaryStage(
+    sun_teeth=20, planet_teeth=40, ring_teeth=100, planets=4, module_mm=2.0, face_width_mm=20.0
+)
+#: Mesh in which each gear is looked at.
+MESHES = {
+    "pinion": (PARALLEL, 0),
+    "gear": (HELICAL, 0),
+    "sun": (PLANETARY, 0),
+    "planet": (PLANETARY, 0),
+    "ring": (PLANETARY, 1),
+}
+#: A size of every kind, of one tooth.
+SIZES = {
+    "stiffness": ["20%", "0.2"],
+    "crack": ["1mm", "1mm,angle=45,width=8,from=3", "0.5mm,far=1.2", "1mm,limit=parabolic", "15%"],
+    "pitting": ["12%flank", "0.2flank,radius=0.3,depth=0.1", "2level", "severe", "10%"],
+    "spall": ["5x1.2x0.3mm", "5x1.2x0.3mm,at=-0.3,from=6", "10%"],
+    "breakage": ["6mm", "6mm,height=1", "5mm,from=10", "20%"],
+    "missing": [""],
+}
+CASES = [
+    (gear, f"{kind}:1:{gear}:4" + (f":{size}" if size else ""))
+    for gear in MESHES
+    for kind, sizes in SIZES.items()
+    for size in sizes
+]
+FORMS = ["parabolic", POTENTIAL_ENERGY]
+
+
+def mesh_of(gear, texts, form):
+    stage, number = MESHES[gear]
+    pair = mesh_pairs(stage, 1)[number]
+    return pair, pair_stiffness(pair, [parse_fault(text) for text in texts], form)
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize(("gear", "text"), CASES)
+def test_a_fault_acts_on_its_tooth_only(gear, text, form):
+    """Bit by bit the same everywhere but in the contact of tooth 4; softer there, never stiffer."""
+    pair, healthy = mesh_of(gear, [], form)
+    _, hurt = mesh_of(gear, [text], form)
+    teeth = pair.member(gear).teeth.teeth
+    assert hurt.period_mesh == teeth
+    x = (np.arange(40 * teeth) + 0.37) / 40
+    length = max(healthy.healthy.terms[0].pulse.length, pair.contact_ratio) + pair.overlap_ratio
+    outside = (x < 3) | (x > 3 + length)
+    one, two = healthy.at(x), hurt.at(x)
+    np.testing.assert_array_equal(two[outside], one[outside])
+    assert (two[~outside] <= one[~outside] * (1 + 1e-9)).all()
+    assert two.min() > 0
+    assert two[~outside].min() < one[~outside].min() or (two < 0.999 * one).any()
+
+
+@pytest.mark.parametrize(("gear", "text"), [case for case in CASES if "missing" not in case[1]])
+def test_written_read_and_of_no_size(gear, text):
+    fault = parse_fault(text)
+    assert parse_fault(str(fault)) == fault
+    if fault.unit == "level":
+        return
+    shape = replace(fault.shape, far=0.0) if fault.shape.far else fault.shape
+    for form in FORMS:
+        _, healthy = mesh_of(gear, [], form)
+        _, zero = mesh_of(gear, [str(replace(fault, size=0.0, shape=shape))], form)
+        x = np.linspace(0, 9, 200)
+        assert zero.period_mesh == 1
+        np.testing.assert_array_equal(zero.at(x), healthy.at(x))
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    st.sampled_from(sorted(MESHES)),
+    st.sampled_from(["crack", "crack-parabolic", "pitting", "spall", "breakage", "wear"]),
+    st.floats(0.01, 0.95),
+    st.floats(0.01, 0.95),
+)
+def test_size_to_loss_and_back_on_every_gear(gear, kind, one, two):
+    stage, number = MESHES[gear]
+    pair = mesh_pairs(stage, 1)[number]
+    teeth = teeth_of(pair)
+    index = [member.name for member in pair.members].index(gear)
+    texts = {
+        "crack": "crack:1:{}:4:{}mm",
+        "crack-parabolic": "crack:1:{}:4:{}mm,limit=parabolic",
+        "pitting": "pitting:1:{}:4:{}flank",
+        "spall": "spall:1:{}:4:{}x1x0.2mm",
+        "breakage": "breakage:1:{}:4:{}mm",
+        "wear": "wear:1:{}:all:{}mm",
+    }
+    most = {"pitting": 0.4, "spall": 19.0, "breakage": 19.0, "wear": 0.3}.get(kind, 2.0)
+    less, more = sorted((one, two))
+    small, large = (
+        parse_fault(texts[kind].format(gear, f"{most * size:.9f}")) for size in (less, more)
+    )
+    losses = [stiffness_loss(fault, teeth, index) for fault in (small, large)]
+    assert losses[0].mean <= losses[1].mean * (1 + 1e-9)
+    assert losses[0].greatest <= losses[1].greatest * (1 + 1e-6)
+    for fault, loss in zip((small, large), losses, strict=True):
+        found = size_for_loss(fault, loss.mean, teeth, index)
+        assert found.size == pytest.approx(fault.size, rel=5e-3, abs=1e-4 * most)
+        assert stiffness_loss(found, teeth, index).mean == pytest.approx(loss.mean, rel=1e-6)
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("gear", sorted(MESHES))
+def test_faults_of_one_tooth_and_of_neighbours_combine(gear, form):
+    """Together they cost no less than each, and hardly more than both by themselves."""
+    crack, spall = f"crack:1:{gear}:4:1mm", f"spall:1:{gear}:4:5x1.2x0.3mm"
+    next_one, own = f"crack:1:{gear}:5:1mm", "crack:1:{}:4:15%".format
+    _, healthy = mesh_of(gear, [], form)
+    x = np.linspace(2.503, 8.503, 700)
+    sound = healthy.at(x)
+    for pair_of in ((crack, spall), (crack, next_one), (crack, own(gear)), (spall, next_one)):
+        lost = [sound - mesh_of(gear, texts, form)[1].at(x) for texts in ([a] for a in pair_of)]
+        both = sound - mesh_of(gear, list(pair_of), form)[1].at(x)
+        assert (both >= np.maximum(*lost) - 1e-9 * sound).all()
+        assert (both <= 1.06 * (lost[0] + lost[1]) + 1e-9 * sound).all()
+
+
+def test_true_periods():
+    def period(*texts):
+        return mesh_of("pinion", texts, "parabolic")[1].period_mesh
+
+    assert period() == 1
+    assert period("wear:1:gear:all:0.05mm") == 1
+    assert period("crack:1:pinion:3:1mm", "spall:1:pinion:9:5x1x0.2mm") == 26
+    assert period("crack:1:gear:3:1mm") == 53
+    assert period("crack:1:pinion:3:1mm", "crack:1:gear:7:1mm") == math.lcm(26, 53)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("crack:1:pinion:4:9mm", r"its depth must lie in \[0, "),
+        ("crack:1:pinion:4:1mm,angle=95", r"must lie in \[5, 90\] deg"),
+        ("crack:1:pinion:4:1mm,width=15,from=8", "over the face width of 20 mm"),
+        ("crack:1:ring:4:9mm", r"its depth must lie in \[0, "),
+        ("spall:1:ring:4:25x1x0.2mm", "over the face width of 20 mm"),
+        ("spall:1:gear:4:5x1x9mm", "it must be below"),
+        ("pitting:1:planet:4:60%flank", "must be at most 50%flank"),
+        ("breakage:1:sun:4:21mm", "more than the face width of 20 mm"),
+        ("wear:1:pinion:all:5mm", "it must be below"),
+        ("crack:1:pinion:4:100%", r"must lie in \[0, 100 %\)"),
+        ("crack:1:pinion:27:1mm", "the pinion of .* has 26 teeth"),
+    ],
+)
+def test_sizes_out_of_range_are_refused_with_the_range(text, words):
+    gear = text.split(":")[2]
+    with pytest.raises(ArgumentError, match=words):
+        mesh_of(gear, [text], POTENTIAL_ENERGY)
+
+
+# --- what is not needed is not computed ----------------------------------------------------------
+
+
+def contacts(monkeypatch, stage, texts):
+    """Contact positions at which compliances of teeth were computed."""
+    counted = []
+    compliances = ToothPair.compliances
+
+    def counting(self, roll_m, *rest, **named):
+        counted.append(np.size(roll_m))
+        return compliances(self, roll_m, *rest, **named)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(ToothPair, "compliances", counting)
+        pair = mesh_pairs(stage, 1)[0]
+        mesh = pair_stiffness(pair, [parse_fault(text) for text in texts], POTENTIAL_ENERGY)
+        mesh.sample(200)
+    return sum(counted)
+
+
+def test_one_damaged_tooth_costs_its_own_contacts(monkeypatch):
+    crack = "crack:1:pinion:5:1mm"
+    healthy = contacts(monkeypatch, PARALLEL, [])
+    hurt = contacts(monkeypatch, PARALLEL, [crack])
+    # a turn would cost 26 mesh periods
+    assert hurt < 14 * healthy
+    # twice as many teeth in the turn, the same contacts
+    more = replace(PARALLEL, pinion_teeth=52, gear_teeth=53)
+    assert contacts(monkeypatch, more, [crack]) <= 1.2 * hurt
+    # teeth that are damaged alike are computed once for their stiffness
+    alike = contacts(monkeypatch, PARALLEL, [crack, "crack:1:pinion:15:1mm"])
+    assert alike - healthy <= 2.1 * (hurt - healthy)
+
+
+def test_no_more_harmonics_than_asked_for(monkeypatch):
+    _, mesh = mesh_of("pinion", ["crack:1:pinion:5:1mm"], "parabolic")
+    assert mesh.mean_n_per_m > 0
+    asked = []
+    coefficients = PulseTrain.coefficients
+
+    def counting(self, orders):
+        asked.append((self.period_mesh, int(np.max(orders))))
+        return coefficients(self, orders)
+
+    monkeypatch.setattr(PulseTrain, "coefficients", counting)
+    assert len(mesh.harmonics(130)) == 130
+    assert asked == [(1, 5), (26, 130)]

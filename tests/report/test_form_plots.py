@@ -1,0 +1,44 @@
+"""The sheet of the four forms: a curve and a spectrum of each, with units."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from gearmon.gears.form_comparison import FOUR_FORMS, compare_forms
+from gearmon.machine import Machine, OperatingPoint, ParallelStage
+from gearmon.report.form_plots import form_figure, plot_curves, plot_lines, save_form_figure
+
+POINT = OperatingPoint(speed_rpm=1460.0, torque_nm=98.12)
+STAGE = ParallelStage(
+    pinion_teeth=26, gear_teeth=53, module_mm=2.0, face_width_mm=20.0, contact_ratio=1.412
+)
+
+
+@pytest.fixture(scope="module")
+def comparison():
+    return compare_forms(Machine(name="box", operating=(POINT,), stages=(STAGE,)), harmonics=9)
+
+
+@pytest.mark.parametrize("group", FOUR_FORMS)
+def test_curves_and_lines_of_a_form(comparison, group):
+    left, right = Figure().subplots(1, 2)
+    plot_curves(comparison, group, left)
+    plot_lines(comparison, group, right)
+    assert left.get_ylabel() == "stiffness in GN/m"
+    assert right.get_ylabel() == "amplitude in MN/m"
+    own = [curve for curve in comparison.curves if curve.group == group]
+    drawn = left.lines[-len(own) :]
+    for curve, line in zip(own, drawn, strict=True):
+        np.testing.assert_allclose(line.get_ydata(), 1e-9 * curve.stiffness_n_per_m)
+    for curve, line in zip(own, right.lines, strict=True):
+        np.testing.assert_allclose(line.get_ydata(), 1e-6 * curve.amplitudes_n_per_m)
+
+
+def test_sheet(comparison, tmp_path):
+    figure = form_figure(comparison)
+    assert len(figure.axes) == 8
+    assert figure.axes[-1].get_xlabel() == "mesh harmonic (times 632.67 Hz)"
+    path = save_form_figure(comparison, tmp_path / "forms.svg")
+    assert path.read_bytes().startswith(b"<?xml")

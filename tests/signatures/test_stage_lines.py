@@ -1,0 +1,212 @@
+"""Errors of gears and lost profile through the whole chain, against steps in time."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from reference.mesh_curves import parabola
+
+from gearmon.errors import ArgumentError
+from gearmon.gears.mechanics import stage_mechanics
+from gearmon.machine import Machine, OperatingPoint, ParallelStage
+from gearmon.signatures.expected import expected_signature
+
+POINT = OperatingPoint(speed_rpm=1460.0, torque_nm=98.12)
+SMALL = ParallelStage(
+    pinion_teeth=9,
+    gear_teeth=14,
+    contact_ratio=1.4,
+    mesh_stiffness_n_per_m=2e8,
+    equivalent_mass_kg=0.9,
+    damping_ratio=0.1,
+    force_n=3000.0,
+)
+PAIR = ParallelStage(pinion_teeth=26, gear_teeth=53, module_mm=2.0, face_width_mm=20.0)
+
+
+def box(stage=SMALL):
+    return Machine(name="box", operating=(POINT,), stages=(stage,))
+
+
+def steps_in_time(stiffness, error, mechanics, period_s):
+    """Periodic z of m z'' + c (z - e)' + k (z - e) = F with k and e constant over short steps.
+
+    q = z' - (c/m) e has no jump where e has one.
+    """
+    m, c, force = mechanics.equivalent_mass_kg, mechanics.damping_ns_per_m, mechanics.force_n
+    step = period_s / len(stiffness)
+    h = c / (2 * m)
+    rate = np.sqrt(stiffness / m - h**2)
+    fade, even, odd = np.exp(-h * step), np.cos(rate * step), np.sin(rate * step) / rate
+    a, b = fade * (even + h * odd), fade * odd
+    low, d = -fade * odd * stiffness / m, fade * (even - h * odd)
+    rest, slow = force / stiffness + error, -c / m * error
+    columns = [column.tolist() for column in (a, b, low, d, rest, slow)]
+    paths, ends = [], []
+    for z, q, push in ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)):
+        path = []
+        for ai, bi, ci, di, ri, si in zip(*columns, strict=True):
+            path.append(z)
+            y, w = z - push * ri, q - push * si
+            z, q = push * ri + ai * y + bi * w, push * si + ci * y + di * w
+        paths.append(np.array(path))
+        ends.append(np.array([z, q]))
+    start = np.linalg.solve(np.eye(2) - np.array(ends[1:]).T, ends[0])
+    return paths[0] + start[0] * paths[1] + start[1] * paths[2]
+
+
+def parabolic_error(kind, size, tooth, teeth, ratio=1.4):
+    """e(t) written down by itself: what each pair lacks, weighted by its share of the load."""
+
+    def at(phase):
+        if kind == "eccentricity":
+            return size * math.cos(2 * math.pi * phase / teeth)
+        if kind == "misalignment":
+            return -0.5 * size * abs(math.cos(2 * math.pi * phase / teeth))
+        last = math.floor(phase)
+        load = {entry: parabola(phase - entry, ratio) for entry in (last - 1, last)}
+        own = {
+            entry: (
+                (size if entry % teeth == tooth - 1 else 0.0)
+                if kind == "pitch"
+                else size * (2 * (phase - entry) / ratio - 1) ** 2
+            )
+            for entry in load
+        }
+        return sum(load[e] * own[e] for e in load) / sum(load.values())
+
+    return at
+
+
+def slow_lines(fault, teeth, points, count):
+    kind, _, _, tooth, size = fault.split(":")
+    mechanics = stage_mechanics(box(), 1)
+    phase = (np.arange(teeth * points) + 0.5) / points
+    one = parabolic_error(kind, 1e-6 * float(size[:-2]), 0 if tooth == "all" else int(tooth), teeth)
+    error = np.array([one(p) for p in phase.tolist()])
+    stiffness = mechanics.stiffness.at(phase)
+    z = steps_in_time(stiffness, error, mechanics, teeth / mechanics.mesh_frequency_hz)
+    return np.fft.rfft(z)[: count + 1] / len(z)
+
+
+@pytest.mark.parametrize(
+    ("fault", "teeth", "relative"),
+    [
+        ("eccentricity:1:pinion:all:60um", 9, 2e-5),
+        ("eccentricity:1:gear:all:25um", 14, 2e-5),
+        ("misalignment:1:pinion:all:40um", 9, 2e-5),
+        # jumps of e fall as 1/n, and so does what the harmonics left out do
+        ("pitch:1:pinion:4:12um", 9, 2e-3),
+        ("profile:1:gear:all:8um", 1, 2e-3),
+    ],
+)
+def test_errors_against_steps_in_time(fault, teeth, relative):
+    found = expected_signature(box(), [fault], max_hz=2200.0)
+    lines = round(found["frequency_hz"].max() * teeth / found.header["mesh_frequency_hz"])
+    coarse, fine = (slow_lines(fault, teeth, n, lines) for n in (200, 400))
+    exact = ((4 * fine - coarse) / 3)[1:]
+    at = np.round(found["order"] / 9 * teeth).astype(int) - 1
+    z = 0.5 * found["displacement_m"] * np.exp(1j * found["phase_rad"])
+    angular = 2 * math.pi * found["frequency_hz"]
+    error = np.linalg.norm(angular**2 * (z - exact[at])) / np.linalg.norm(angular**2 * exact[at])
+    assert error < relative
+    assert error < found.header["error_bound"] + 2e-5
+    if teeth > 1:
+        # the sidebands at one turn from the first mesh line are there, and right by themselves
+        for line in (teeth - 2, teeth):
+            assert z[at == line] == pytest.approx(exact[line], rel=20 * relative)
+            assert abs(exact[line]) > 0
+
+
+def test_nothing_extra_for_a_healthy_mesh(monkeypatch):
+    def forbidden(*_):
+        raise AssertionError("no excitation was asked for")
+
+    monkeypatch.setattr("gearmon.signatures.expected.displacement_excitation", forbidden)
+    expected_signature(box(), [])
+
+
+def test_errors_of_no_size_change_nothing():
+    healthy = expected_signature(box(), [])
+    found = expected_signature(box(), ["eccentricity:1:pinion:all:0um", "pitch:1:gear:3:0um"])
+    for name, column in healthy.columns.items():
+        np.testing.assert_array_equal(found[name], column)
+
+
+def test_errors_scale_and_add():
+    """The equation is linear in e: deflections by errors of both gears add up exactly."""
+    both = ["eccentricity:1:pinion:all:20um", "pitch:1:gear:5:10um"]
+    kw = {"max_hz": 1500.0}
+    healthy = expected_signature(box(), [], **kw)
+    alone = [expected_signature(box(), [one], **kw) for one in both]
+    together = expected_signature(box(), both, **kw)
+
+    def coefficients(signature):
+        z = signature["displacement_m"] * np.exp(1j * signature["phase_rad"])
+        return dict(zip(np.round(signature["order"], 9).tolist(), z, strict=True))
+
+    total = coefficients(together)
+    parts = [coefficients(signature) for signature in (*alone, healthy)]
+    size = max(abs(value) for value in total.values())
+    for order, value in total.items():
+        expected = sum(
+            sign * part.get(order, 0) for sign, part in zip((1, 1, -1), parts, strict=True)
+        )
+        assert abs(value - expected) < 1e-5 * size
+    assert together.header["superposition_error"] == 0.0
+    assert set(together["sideband_of"]) == {"", "pinion", "gear"}
+
+
+@pytest.mark.parametrize("loss", [2, 10, 30])
+def test_damage_on_both_gears_is_added_within_the_error_stated(loss):
+    faults = [f"crack:1:pinion:2:{loss}%", f"crack:1:gear:3:{loss}%"]
+    quick = expected_signature(box(), faults, max_hz=2000.0)
+    whole = expected_signature(box(), faults, 1e-4, max_hz=2000.0, method="msm least residual")
+    np.testing.assert_allclose(quick["order"], whole["order"], rtol=1e-12)
+    np.testing.assert_array_equal(quick["sideband_of"], whole["sideband_of"])
+    lines = [s["acceleration_ms2"] * np.exp(1j * s["phase_rad"]) for s in (quick, whole)]
+    error = np.linalg.norm(lines[0] - lines[1]) / np.linalg.norm(lines[1])
+    assert error < quick.header["error_bound"] < 12 * error + 1e-3
+    assert any("gear by gear" in words for words in quick.header["warnings"])
+    assert whole.header["superposition_error"] is None
+    assert whole.header["cross_lines_share"] > 0
+
+
+def test_a_through_spall_moves_the_flanks_and_a_narrower_one_does_not():
+    header = {}
+    for width in (20, 12):
+        faults = [f"spall:1:pinion:5:{width}x1x0.05mm"]
+        found = expected_signature(box(PAIR), faults, 1e-4, form="potential-energy")
+        header[width] = found.header
+        assert set(found["sideband_of"]) == {"", "pinion"}
+    assert header[20]["mean_deflection_m"] > 1.01 * header[12]["mean_deflection_m"]
+
+
+def test_even_wear_shifts_the_mean_only():
+    faults = ["wear:1:pinion:all:0.02mm"]
+    found = expected_signature(box(PAIR), faults, form="potential-energy")
+    assert found.header["mean_deflection_m"] > 20e-6
+    assert set(found["sideband_of"]) == {""}
+
+
+def test_errors_of_helical_gears():
+    stage = replace(PAIR, helix_angle_deg=12.0)
+    found = expected_signature(box(stage), ["pitch:1:pinion:3:10um"], 1e-3)
+    assert set(found["sideband_of"]) == {"", "pinion"}
+    assert np.isfinite(found["acceleration_ms2"]).all()
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ("excentricity:1:pinion:all:20um", "did you mean eccentricity"),
+        ("eccentricity:2:pinion:all:20um", "stage 2 must lie in"),
+        ("pitch:1:pinion:10:20um", "tooth 10 does not exist"),
+    ],
+)
+def test_refusals(fault, words):
+    with pytest.raises(ArgumentError, match=words):
+        expected_signature(box(), [fault])
