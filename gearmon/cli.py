@@ -116,7 +116,9 @@ def _stiffness(parsers: Any) -> None:
     parser.add_argument("machine", metavar="MACHINE", help="machine file (TOML)")
     _fault_option(parser)
     parser.add_argument(
-        "--form", default="potential-energy", help="stiffness form (potential-energy)"
+        "--form",
+        default="potential-energy",
+        help="stiffness form (potential-energy), or all: four forms and their spectra side by side",
     )
     parser.add_argument("--stage", type=int, metavar="N", help="only this stage")
 
@@ -260,7 +262,8 @@ def _fault_option(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="KIND:STAGE:GEAR:TOOTH:SIZE",
-        help="such as crack:1:pinion:5:20%%, a loss of the tooth pair's stiffness, or 1.5mm; "
+        help="such as crack:1:pinion:5:20%%, a loss of the tooth pair's stiffness, or 1.5mm; in a "
+        "baseline also errors, such as eccentricity:1:pinion:all:20um or pitch:1:gear:7:8um; "
         "repeatable",
     )
 

@@ -29,6 +29,8 @@ def run_lines(arguments: argparse.Namespace) -> int:
 
 def run_stiffness(arguments: argparse.Namespace) -> int:
     """Run `gearmon stiffness`."""
+    if arguments.form == "all":
+        return _run_forms(arguments)
     from gearmon.gears.stiffness_report import stiffness_report
     from gearmon.report.text_tables import rows_as_csv, table_lines
 
@@ -46,6 +48,34 @@ def run_stiffness(arguments: argparse.Namespace) -> int:
         picture = Path(arguments.output).with_suffix(".png")
         result["pictures"] = [str(path) for path in save_stiffness_figures(report, picture)]
     show(arguments, result, lambda: _stiffness_lines(result, report.rows(), table_lines))
+    return DONE
+
+
+def _run_forms(arguments: argparse.Namespace) -> int:
+    """Run `gearmon stiffness --form all`: the forms of a healthy mesh and their spectra."""
+    from gearmon.gears.form_comparison import compare_forms
+    from gearmon.report.text_tables import rows_as_csv, table_lines
+
+    if arguments.fault:
+        raise ArgumentError(
+            "--form all: compares healthy meshes; leave out --fault, or name a form"
+        )
+    comparison = compare_forms(machine_of(arguments.machine), stage=arguments.stage or 1)
+    result = comparison.to_dict()
+    if arguments.output:
+        from gearmon.report.form_plots import save_form_figure
+
+        write_table(arguments.output, result, lambda: rows_as_csv(comparison.rows()))
+        picture = save_form_figure(comparison, Path(arguments.output).with_suffix(".png"))
+        result["pictures"] = [str(picture)]
+    show(
+        arguments,
+        result,
+        lambda: (
+            table_lines(comparison.line_rows())
+            + [f"wrote {path}" for path in result.get("pictures", ())]
+        ),
+    )
     return DONE
 
 
