@@ -25,7 +25,15 @@ import numpy as np
 
 from gearmon.dynamics import error_bound
 from gearmon.dynamics.error_bound import Gain
-from gearmon.dynamics.fourier import Complex, Modulation, Real, rms, supremum, with_zero_mean
+from gearmon.dynamics.fourier import (
+    Complex,
+    Modulation,
+    Real,
+    middle_and_swing,
+    rms,
+    supremum,
+    with_zero_mean,
+)
 from gearmon.dynamics.hill import HillProblem
 
 UNIT_ROUNDOFF = 2.0**-52
@@ -116,6 +124,12 @@ class Certifier:
         """Bound of max|phi|."""
         c = self.problem.stiffness_harmonics
         return supremum(with_zero_mean(c)) if len(c) else 0.0
+
+    @cached_property
+    def middle(self) -> tuple[float, float]:
+        """A number b midway between the extremes of phi, and a bound of max|phi - b|."""
+        c = self.problem.stiffness_harmonics
+        return middle_and_swing(c) if len(c) else (0.0, 0.0)
 
     def weights(self, highest: int) -> Real:
         """(n/R)^2: acceleration over w0^2 z, shape (highest+1,)."""

@@ -6,9 +6,10 @@ known. A number `gain` with ||(L^{-1} r)''|| <= gain ||r|| for every periodic r 
 error of the acceleration. Three such numbers are computed here:
 
 small gain
-    L = D + phi with D diagonal over the harmonics. If max|phi| max 1/|D_n| < 1 the Neumann series
-    of L^{-1} converges and gives the gain; the same with all real frequencies instead of the
-    harmonics proves stability (circle criterion).
+    L = (D + b) + (phi - b) with D diagonal over the harmonics and b midway between the extremes of
+    phi. If max|phi - b| max 1/|D_n + b| < 1 the Neumann series of L^{-1} converges and gives the
+    gain; the same with all real frequencies instead of the harmonics proves stability (circle
+    criterion).
 Floquet
     With the state x = (z, z' + q z) and the periodic change of variables x = P(s) y that makes the
     matrix constant, each component of y is a scalar equation whose gain is 1/|in/R - exponent|
@@ -31,7 +32,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearmon.dynamics import floquet
-from gearmon.dynamics.fourier import Complex, supremum, with_zero_mean
+from gearmon.dynamics.fourier import Complex, middle_and_swing, supremum, with_zero_mean
 
 MOST_DENSE = 300
 
@@ -97,31 +98,42 @@ def small_gain(ratio: float, zeta: float, harmonics: Complex) -> Gain | None:
     >>> small_gain(13.6, 0.3, np.array([0.08 + 0j])).stable
     True
     """
-    swing = supremum(with_zero_mean(harmonics)) if len(harmonics) else 0.0
-    softest, response = _responses(ratio, zeta)
+    middle, swing = middle_and_swing(harmonics) if len(harmonics) else (0.0, 0.0)
+    if middle <= -1:
+        return None
+    # (1 + middle) times the operator of this stiffness and of the damping ratio that goes with it
+    largest = peak(zeta / math.sqrt(1 + middle))
+    stable = swing * largest < 1 + middle
+    softest, response = _responses(ratio, zeta, middle)
     loop = swing * softest
     if loop >= 1:
         return None
-    stable = swing * _peak(zeta) < 1
     return Gain(
         acceleration=response / (1 - loop), source="small gain", stable=True if stable else None
     )
 
 
-def _responses(ratio: float, zeta: float) -> tuple[float, float]:
-    """Largest 1/|D_n| and (n/R)^2/|D_n| over all harmonics, the latter at most 13 % above."""
-    stiffness = np.abs(dynamic_stiffness(ratio, zeta, math.ceil(3 * ratio) + 2))
+def _responses(ratio: float, zeta: float, middle: float) -> tuple[float, float]:
+    """Largest 1/|D_n + middle|, and (n/R)^2/|D_n + middle| at most 13 % above, over harmonics."""
+    highest = math.ceil(3 * ratio * math.sqrt(1 + middle)) + 2
+    stiffness = np.abs(dynamic_stiffness(ratio, zeta, highest) + middle)
     squares = (np.arange(len(stiffness)) / ratio) ** 2
     # beyond three times resonance the first only falls, the second stays below 9/8
     with np.errstate(divide="ignore"):
         return float((1 / stiffness).max()), max(float((squares / stiffness).max()), 1.125)
 
 
-def _peak(zeta: float) -> float:
-    """Largest 1/|D| over all real frequencies."""
+def peak(zeta: float) -> float:
+    """Largest 1/|D|, and largest x^2/|D|, over all real frequencies.
+
+    Parameters
+    ----------
+    zeta : float
+        Damping ratio >= 0; without damping the peak is infinite.
+    """
     if zeta >= math.sqrt(0.5):
         return 1.0
-    return 1 / (2 * zeta * math.sqrt(1 - zeta**2)) if zeta > 0 else math.inf
+    return 1 / (2 * zeta * math.sqrt(1 - zeta * zeta)) if zeta > 0 else math.inf
 
 
 def floquet_gain(ratio: float, zeta: float, harmonics: Complex) -> Gain:
@@ -170,7 +182,7 @@ def dense_gain(ratio: float, zeta: float, harmonics: Complex) -> Gain | None:
         if loop < 0.5:
             inside = (inverse + edge * swing * chain) / (1 - loop)
             whole = inside + chain * (1 + swing * inside)
-            acceleration = _responses(ratio, zeta)[1] * (1 + swing * whole)
+            acceleration = _responses(ratio, zeta, 0.0)[1] * (1 + swing * whole)
             multiplier = abs(floquet.multipliers(ratio, zeta, harmonics)[0])
             return Gain(acceleration=acceleration, source="dense", stable=multiplier < 1)
         highest = math.ceil(1.5 * highest)

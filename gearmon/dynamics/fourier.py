@@ -91,3 +91,18 @@ def supremum(half: Complex) -> float:
     degree = len(half) - 1
     length = fast_length(8 * degree + 8)
     return float(np.abs(samples(half, length)).max()) / math.cos(math.pi * degree / length)
+
+
+def middle_and_swing(harmonics: Complex) -> tuple[float, float]:
+    """Return a number b about midway between the extremes of phi, and a bound of max|phi - b|.
+
+    Parameters
+    ----------
+    harmonics : complex ndarray, shape (J,)
+        c_1..c_J of phi, J >= 1.
+    """
+    degree = len(harmonics)
+    length = fast_length(8 * degree + 8)
+    values = samples(with_zero_mean(harmonics), length)
+    high, low = float(values.max()), float(values.min())
+    return (high + low) / 2, (high - low) / 2 / math.cos(math.pi * degree / length)

@@ -17,8 +17,13 @@ import numpy as np
 import numpy.typing as npt
 
 from gearmon.dynamics import floquet
-from gearmon.dynamics.fourier import Complex, Modulation, Real, fast_length, samples
-from gearmon.errors import ArgumentError, check_finite, check_positive
+from gearmon.dynamics.extremes import Curve
+from gearmon.dynamics.fourier import Complex, Modulation, Real
+from gearmon.errors import ArgumentError, check_finite, check_positive, check_range
+
+LARGEST = 1e9
+NO_HARMONICS: Complex = np.zeros(0, dtype=complex)
+NO_HARMONICS.flags.writeable = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,9 +65,27 @@ class HillProblem:
     stiffness_harmonics: Complex
     period_s: float
     force_n: float
-    force_harmonics_n: Complex = field(default_factory=lambda: np.zeros(0, dtype=complex))
+    force_harmonics_n: Complex = field(default_factory=lambda: NO_HARMONICS)
 
     def __post_init__(self) -> None:
+        for name in ("stiffness_harmonics", "force_harmonics_n"):
+            object.__setattr__(self, name, frozen_vector(name, getattr(self, name)))
+        self._check_numbers()
+
+    def _check_numbers(self) -> None:
+        mass, stiffness = float(self.mass_kg), float(self.stiffness_n_per_m)
+        damping, period = float(self.damping_ns_per_m), float(self.period_s)
+        positive = mass > 0 and stiffness > 0 and period > 0 and damping >= 0
+        # a sum is finite only if all its terms are
+        if not (positive and math.isfinite(mass + damping + stiffness + period + self.force_n)):
+            self._refuse_numbers()
+        ratio = math.sqrt(stiffness) / math.sqrt(mass) * period / (2 * math.pi)
+        zeta = damping / (2 * math.sqrt(stiffness) * math.sqrt(mass))
+        static = abs(self.force_n) / stiffness
+        if not (1 / LARGEST <= ratio <= LARGEST and zeta <= LARGEST and static <= LARGEST):
+            self._refuse_derived(ratio, zeta, static)
+
+    def _refuse_numbers(self) -> None:
         check_positive("mass_kg", self.mass_kg, "kg")
         check_finite("damping_ns_per_m", self.damping_ns_per_m, "N s/m")
         if self.damping_ns_per_m < 0:
@@ -70,8 +93,15 @@ class HillProblem:
         check_positive("stiffness_n_per_m", self.stiffness_n_per_m, "N/m")
         check_positive("period_s", self.period_s, "s")
         check_finite("force_n", self.force_n, "N")
-        for name in ("stiffness_harmonics", "force_harmonics_n"):
-            object.__setattr__(self, name, frozen_vector(name, getattr(self, name)))
+
+    def _refuse_derived(self, ratio: float, zeta: float, static: float) -> None:
+        values = (
+            f"mass_kg={self.mass_kg}, damping_ns_per_m={self.damping_ns_per_m}, "
+            f"stiffness_n_per_m={self.stiffness_n_per_m}, period_s={self.period_s}"
+        )
+        check_range(f"{values}: natural over mesh frequency", ratio, 1 / LARGEST, LARGEST)
+        check_range(f"{values}: damping ratio", zeta, 0.0, LARGEST)
+        check_range(f"force_n={self.force_n}: force over stiffness", static, 0.0, LARGEST, "m")
 
     @property
     def angular_frequency(self) -> float:
@@ -81,12 +111,13 @@ class HillProblem:
     @property
     def natural_frequency_hz(self) -> float:
         """sqrt(k0/m)/(2 pi) [Hz], undamped and with the mean stiffness."""
-        return math.sqrt(self.stiffness_n_per_m / self.mass_kg) / (2 * math.pi)
+        return math.sqrt(self.stiffness_n_per_m) / math.sqrt(self.mass_kg) / (2 * math.pi)
 
     @property
     def damping_ratio(self) -> float:
         """Damping ratio zeta = c/(2 sqrt(k0 m)) [1]."""
-        return self.damping_ns_per_m / (2 * math.sqrt(self.stiffness_n_per_m * self.mass_kg))
+        root = math.sqrt(self.stiffness_n_per_m) * math.sqrt(self.mass_kg)
+        return self.damping_ns_per_m / (2 * root)
 
     @property
     def frequency_ratio(self) -> float:
@@ -131,10 +162,13 @@ class HillProblem:
 
 def frozen_vector(name: str, values: npt.ArrayLike) -> Complex:
     """Return a read-only complex copy of a list of finite coefficients."""
-    vector = np.array(values, dtype=complex)
+    if values is NO_HARMONICS:
+        return NO_HARMONICS
+    vector: Complex = np.array(values, dtype=complex)
     if vector.ndim != 1:
         raise ArgumentError(f"{name}: shape {vector.shape} must be one row of coefficients")
-    if not np.isfinite(vector).all():
+    # the sum of squares is finite only if all are, and cheaper; it may overflow, then look closer
+    if not math.isfinite(np.vdot(vector, vector).real) and not np.isfinite(vector).all():
         bad = int(np.flatnonzero(~np.isfinite(vector))[0]) + 1
         raise ArgumentError(f"{name}: coefficient {bad} is {vector[bad - 1]}, must be finite")
     vector.flags.writeable = False
@@ -214,6 +248,18 @@ class Response:
         p = self.problem
         return floquet.multipliers(p.frequency_ratio, p.damping_ratio, p.stiffness_harmonics)
 
+    @cached_property
+    def mesh_force_margin(self) -> float:
+        """Smallest mesh force over its mean [1]: 1 without vibration, <= 0 where contact is lost.
+
+        Minus infinity without a mean force; dips between samples are searched for.
+        """
+        pressing = self._pressing()
+        mean, lowest = pressing[0].real, Curve(pressing).lowest()
+        if mean > 0:
+            return float(lowest / mean)
+        return 0.0 if lowest == mean == 0 else -math.inf
+
     @property
     def contact_lost(self) -> bool:
         """Whether the mesh force is <= 0 somewhere: there the linear model ends."""
@@ -222,16 +268,11 @@ class Response:
     @cached_property
     def contact_loss_angle_rad(self) -> float | None:
         """First angle w t in [0, 2 pi) with mesh force <= 0, or None."""
-        # pressing teeth together takes a force of the sign of F
-        force = samples(self.mesh_force, fast_length(max(256, 8 * len(self.mesh_force))))
-        lost = np.flatnonzero(force * math.copysign(1.0, self.problem.force_n) <= 0)
-        if not len(lost):
-            return None
-        first = int(lost[0])
-        if first == 0:
-            return 0.0
-        share = force[first - 1] / (force[first - 1] - force[first])
-        return float((first - 1 + share) * 2 * math.pi / len(force))
+        return Curve(self._pressing()).first_not_positive()
+
+    def _pressing(self) -> Complex:
+        """Mesh force counted positive in the direction of F, which presses the teeth together."""
+        return self.mesh_force * math.copysign(1.0, self.problem.force_n)
 
     def at(self, time_s: npt.ArrayLike, kind: str = "displacement") -> Real:
         """Displacement [m], velocity [m/s], acceleration [m/s2] or mesh force [N] at any times.

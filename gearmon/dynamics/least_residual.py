@@ -82,11 +82,13 @@ class LeastResidual:
         known = self.basis[: count + 1]
         column = known @ image
         image -= column @ known
-        # a second pass keeps the basis orthogonal to rounding
-        again = known @ image
-        image -= again @ known
-        column += again
         length = math.sqrt(float(image @ image))
+        if length < 0.5 * math.sqrt(float(column @ column)):
+            # where much cancelled, a second pass keeps the basis orthogonal to rounding
+            again = known @ image
+            image -= again @ known
+            column += again
+            length = math.sqrt(float(image @ image))
         fresh = length > 1e-14 * float(np.abs(column).max())
         self._rotate(column, length)
         if fresh:

@@ -9,7 +9,15 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from gearmon.dynamics import harmonic_balance, least_residual, multiple_scales
+from gearmon.dynamics import (
+    direct,
+    floquet,
+    harmonic_balance,
+    least_residual,
+    multiple_scales,
+    successive,
+)
+from gearmon.dynamics.band_system import counting
 from gearmon.dynamics.certificate import Approximation, Certifier
 from gearmon.dynamics.fourier import Complex, rms
 from gearmon.dynamics.hill import HillProblem, Response
@@ -36,8 +44,10 @@ def steady_state(
     tolerance : float
         Relative L2 error of the acceleration to be met, 1e-13 to 1.
     method : str
-        "auto": orders of the expansion recombined by least residual, then harmonic balance if they
-        stall. "msm": the plain sum of the orders. "msm least residual" and "harmonic balance":
+        "auto": small problems directly, by harmonic balance; larger ones by the plain sum of the
+        orders of the expansion where that is known to converge fast, else by the orders recombined
+        by least residual, then by harmonic balance if they stall. "msm": the plain sum of the
+        orders. "msm least residual" and "harmonic balance":
         that one.
     order : int, optional
         Number of orders to use, >= 0; by default as many as the tolerance takes. Not for harmonic
@@ -69,6 +79,10 @@ def steady_state(
     True
     """
     _check(tolerance, method, order, harmonics)
+    if method == "auto" and order is None:
+        solution = direct.solve(problem, tolerance, harmonics)
+        if solution is not None:
+            return _respond_directly(problem, solution, tolerance)
     certifier = Certifier(problem, harmonics)
     if method == "msm":
         found = _plain(certifier, tolerance, order)
@@ -78,12 +92,21 @@ def steady_state(
             certifier, tolerance, lambda z: harmonic_balance.balance(certifier, len(z) - 1)
         )
         return _respond(certifier, found, tolerance, method)
+    if method == "auto" and order is None and successive.converges_fast(certifier):
+        found = _widen(
+            certifier, tolerance, lambda z: successive.sum_orders(certifier, z, tolerance)
+        )
+        if found.bound.relative <= tolerance:
+            return _respond(certifier, found, tolerance, "msm")
     improve = _recombining(certifier, tolerance, order)
     found = _widen(certifier, tolerance, improve, repeat=order is None)
     if method == "auto" and order is None and _worth_solving_directly(certifier, found, tolerance):
-        direct = harmonic_balance.balance(certifier, found.highest)
-        if direct.bound.relative < found.bound.relative:
-            return _respond(certifier, direct, tolerance, "harmonic balance")
+        solution = direct.solve(problem, tolerance, harmonics, thorough=True)
+        if solution is not None and solution.stable and solution.bound < found.bound.relative:
+            return _respond_directly(problem, solution, tolerance)
+        balanced = harmonic_balance.balance(certifier, found.highest)
+        if balanced.bound.relative < found.bound.relative:
+            return _respond(certifier, balanced, tolerance, "harmonic balance")
     return _respond(certifier, found, tolerance, "msm least residual")
 
 
@@ -158,7 +181,7 @@ def first_highest(certifier: Certifier, tolerance: float) -> int:
     jump = max(1, round(float(np.arange(1, len(sizes) + 1) @ sizes / sizes.sum())))
     share = 1.0
     for _ in range(400):
-        if share < 0.1 * tolerance:
+        if share < 3e-3 * tolerance:
             break
         top += jump
         share *= min(0.8, certifier.swing / max(1e-9, abs((top / ratio) ** 2 - 1)))
@@ -205,8 +228,61 @@ def _larger(certifier: Certifier, found: Approximation, tolerance: float) -> int
 
 
 def _worth_solving_directly(certifier: Certifier, found: Approximation, tolerance: float) -> bool:
-    missed = found.bound.relative > tolerance and certifier.gain.acceleration < math.inf
-    return missed and found.bound.core > found.bound.above and found.highest <= 1000
+    # the core is what a matrix can mend, and a bound of the inverse that is missing or loose
+    known = certifier.gain.acceleration < math.inf
+    missed = found.bound.relative > tolerance and certifier.gain.stable is not False
+    inner = found.bound.core + found.bound.rounding
+    return missed and not (known and found.bound.above > inner) and found.highest <= 1000
+
+
+def _respond_directly(
+    problem: HillProblem, solution: direct.Solution, tolerance: float
+) -> Response:
+    if solution.stable:
+        message = (
+            f"small enough to solve directly, harmonics 0 to {solution.solved} together: "
+            + _verdict(solution.bound, tolerance)
+        )
+    else:
+        ratio, zeta = problem.frequency_ratio, problem.damping_ratio
+        message = _growth(floquet.multipliers(ratio, zeta, problem.stiffness_harmonics))
+    response = Response(
+        problem=problem,
+        displacement=solution.displacement,
+        error_bound=solution.bound,
+        method="harmonic balance",
+        order=0,
+        stable=solution.stable,
+        message=message,
+    )
+    return response if solution.pressed else _with_contact(response)
+
+
+def _with_contact(response: Response) -> Response:
+    """Add to the message where the teeth part, if they do."""
+    p, z = response.problem, response.displacement
+    squares = counting(len(z)) ** 2
+    # the mesh force is F + f - m z'': where the lines together stay below F it cannot vanish
+    swing = p.mass_kg * p.angular_frequency**2 * float(np.dot(squares, np.abs(z)))
+    if len(p.force_harmonics_n):
+        swing += float(np.abs(p.force_harmonics_n).sum())
+    if 2.001 * swing < abs(p.force_n) or not (response.stable and response.error_bound < 1):
+        return response
+    angle = response.contact_loss_angle_rad
+    if angle is None:
+        return response
+    lost = (
+        f"; teeth lose contact, first at w t = {angle:.4g} rad (least mesh force "
+        f"{response.mesh_force_margin:.3g} of its mean): the linear model ends there"
+    )
+    return replace(response, message=response.message + lost)
+
+
+def _growth(multipliers: tuple[complex, complex]) -> str:
+    return (
+        f"unstable: free vibrations grow by {abs(multipliers[0]):.6g} a period (largest Floquet "
+        "multiplier), so there is no steady state"
+    )
 
 
 def _respond(certifier: Certifier, found: Approximation, tolerance: float, method: str) -> Response:
@@ -226,18 +302,14 @@ def _respond(certifier: Certifier, found: Approximation, tolerance: float, metho
         stable=stable,
         message="",
     )
-    return replace(response, message=_message(response, found, tolerance))
+    return _with_contact(replace(response, message=_message(response, found, tolerance)))
 
 
 def _message(response: Response, found: Approximation, tolerance: float) -> str:
     if response.problem.damping_ns_per_m == 0:
         return "undamped: free vibrations never die out, so no steady state is reached"
     if response.stable is False:
-        largest = abs(response.floquet_multipliers[0])
-        return (
-            f"unstable: free vibrations grow by {largest:.6g} a period (largest Floquet "
-            "multiplier), so there is no steady state"
-        )
+        return _growth(response.floquet_multipliers)
     how = {
         "msm": f"plain expansion to order {found.orders}",
         "msm least residual": f"{found.orders} orders recombined by least residual",
@@ -246,8 +318,12 @@ def _message(response: Response, found: Approximation, tolerance: float) -> str:
     text = f"{how}, harmonics 0 to {found.highest}"
     if math.isinf(response.error_bound):
         return f"{text}: no error bound could be given ({_reason(found)})"
-    verdict = "meets" if response.error_bound <= tolerance else "misses"
-    return f"{text}: error bound {response.error_bound:.2g} {verdict} the tolerance {tolerance:.2g}"
+    return f"{text}: {_verdict(response.error_bound, tolerance)}"
+
+
+def _verdict(bound: float, tolerance: float) -> str:
+    verdict = "meets" if bound <= tolerance else "misses"
+    return f"error bound {bound:.2g} {verdict} the tolerance {tolerance:.2g}"
 
 
 def _reason(found: Approximation) -> str:

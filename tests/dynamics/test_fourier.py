@@ -3,7 +3,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gearmon.dynamics.fourier import Modulation, fast_length, rms, samples, supremum
+from gearmon.dynamics.fourier import (
+    Modulation,
+    fast_length,
+    middle_and_swing,
+    rms,
+    samples,
+    supremum,
+)
 
 
 @given(st.integers(1, 200_000))
@@ -48,3 +55,16 @@ def test_parseval_and_supremum(degree, seed):
     fine = samples(half, 64 * degree + 64)
     assert rms(half) == pytest.approx(np.sqrt(np.mean(fine**2)), rel=1e-12)
     assert np.abs(fine).max() <= supremum(half) <= 1.09 * np.abs(fine).max()
+
+
+def test_middle_and_swing():
+    middle, swing = middle_and_swing(np.array([0.5, 0.125], dtype=complex))
+    # cos x + 0.25 cos 2x runs from -0.75 to 1.25
+    assert middle == pytest.approx(0.25, abs=0.02)
+    assert 1.0 - 0.02 <= swing <= 1.1
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        c = rng.normal(size=9) + 1j * rng.normal(size=9)
+        middle, swing = middle_and_swing(c)
+        dense = np.fft.irfft(np.concatenate([[0], c]), 4096, norm="forward")
+        assert np.abs(dense - middle).max() <= swing

@@ -87,6 +87,31 @@ def test_contact_loss_is_found_at_its_first_angle():
     assert gentle.contact_loss_angle_rad is None
 
 
+def test_mesh_force_margin_and_what_the_message_says_of_contact():
+    lost = steady_state(scaled_problem(3.0, 0.01, [0.12, 0.05j]))
+    time = lost.problem.period_s * np.arange(20_000) / 20_000
+    least = lost.at(time, "mesh_force").min() / lost.mesh_force[0].real
+    assert lost.mesh_force_margin == pytest.approx(least, abs=1e-4)
+    assert f"w t = {lost.contact_loss_angle_rad:.4g} rad" in lost.message
+    assert f"least mesh force {lost.mesh_force_margin:.3g} of its mean" in lost.message
+    gentle = steady_state(scaled_problem(3.0, 0.3, [0.02]))
+    assert 0.9 < gentle.mesh_force_margin < 1
+    assert "contact" not in gentle.message
+    still = steady_state(scaled_problem(3.0, 0.3, []))
+    assert still.mesh_force_margin == pytest.approx(1.0)
+    # a pull instead of a push: contact is the same, mirrored
+    pulled = steady_state(scaled_problem(3.0, 0.01, [0.12, 0.05j], force=-4e3))
+    assert pulled.mesh_force_margin == pytest.approx(lost.mesh_force_margin)
+
+
+def test_margin_without_a_mean_force():
+    unloaded = steady_state(scaled_problem(3.0, 0.1, [0.1], force=0.0))
+    assert unloaded.mesh_force_margin == 0
+    assert unloaded.contact_lost
+    shaken = steady_state(scaled_problem(3.0, 0.1, [0.1], force_harmonics=[10.0], force=0.0))
+    assert shaken.mesh_force_margin == -math.inf
+
+
 def test_transmission_error_is_a_shift_of_the_coordinate():
     p = scaled_problem(2.3, 0.1, [0.1, 0.02j])
     e = np.array([2e-6, 1e-6j])
