@@ -1,11 +1,59 @@
 """Hill's equation of a gear mesh and its solvers; knows numbers, not gears.
 
+`steady_state` solves one problem, `ManySets` thousands; `expand` shows the orders of the expansion
+and `transient` what happens before the steady state. Names load their module when first used. More
+stands in the modules: `sweep`, `free_vibration`, `resonance`, `stability`, `superposition`, ...
+
 >>> p = HillProblem(0.28, 9e3, 8e8, [0.065], 1.6e-3, 4e3)
 >>> steady_state(p, tolerance=1e-6).error_bound < 1e-6
 True
 """
 
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from gearmon.dynamics.hill import HillProblem, Response
 from gearmon.dynamics.steady_state import Method, steady_state
 
-__all__ = ["HillProblem", "Method", "Response", "steady_state"]
+if TYPE_CHECKING:
+    from gearmon.dynamics.integration import settle as settle
+    from gearmon.dynamics.integration import shoot as shoot
+    from gearmon.dynamics.motion import transient as transient
+    from gearmon.dynamics.multiple_scales import expand as expand
+    from gearmon.dynamics.piecewise import solve_exactly as solve_exactly
+    from gearmon.dynamics.piecewise_problem import PiecewiseProblem as PiecewiseProblem
+    from gearmon.dynamics.resonance import forced_resonance as forced_resonance
+    from gearmon.dynamics.resonance import parametric_resonance as parametric_resonance
+    from gearmon.dynamics.shaft_faults import split_fault as split_fault
+    from gearmon.dynamics.stability import stability_chart as stability_chart
+    from gearmon.dynamics.sweep import ManySets as ManySets
+
+_HOMES = {
+    "ManySets": "sweep",
+    "PiecewiseProblem": "piecewise_problem",
+    "expand": "multiple_scales",
+    "forced_resonance": "resonance",
+    "parametric_resonance": "resonance",
+    "settle": "integration",
+    "shoot": "integration",
+    "solve_exactly": "piecewise",
+    "split_fault": "shaft_faults",
+    "stability_chart": "stability",
+    "transient": "motion",
+}
+
+__all__ = ["HillProblem", "Method", "Response", "steady_state", *sorted(_HOMES)]
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name from its module."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'gearmon.dynamics' has no attribute {name!r}")
+    return getattr(import_module(f"gearmon.dynamics.{_HOMES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    """List the public names."""
+    return sorted(__all__)

@@ -26,6 +26,8 @@ from gearmon.dynamics.fourier import Complex, Real, supremum, with_zero_mean
 
 MOST_STEPS = 1 << 21
 NEGLIGIBLE = 1e-18
+#: e to this is the largest number.
+LARGEST_EXPONENT = 709.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -165,8 +167,8 @@ def multipliers(
     Returns
     -------
     (complex, complex)
-        The larger modulus first; their product is e^{-4 pi zeta R}. The equation is stable if the
-        first is smaller than one in modulus.
+        The larger modulus first, infinite if too large a number; their product is
+        e^{-4 pi zeta R}. The equation is stable if the first is smaller than one in modulus.
 
     Examples
     --------
@@ -188,7 +190,14 @@ def multipliers(
             break
         old = new
     pair = exponents(np.diag([new[0], new[0]]), new[1])
-    return cmath.exp(pair[0] - decay), cmath.exp(pair[1] - decay)
+    return _exponential(pair[0] - decay), _exponential(pair[1] - decay)
+
+
+def _exponential(exponent: complex) -> complex:
+    """e^exponent, infinite where that exceeds the largest number."""
+    if exponent.real > LARGEST_EXPONENT:
+        return complex(math.inf, 0.0)
+    return cmath.exp(exponent)
 
 
 def _trace(ratio: float, zeta: float, harmonics: Complex, count: int) -> tuple[float, float]:

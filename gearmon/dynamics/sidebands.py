@@ -12,8 +12,8 @@ out is delta a, of second order; `Response.error_bound` includes it, since the r
 the full equation. The answer is proportional to delta, so the family of another loss follows by a
 factor. A pair with damping ratio 0.07 and 13 natural vibrations a mesh period has its sidebands
 right within 8 % for a loss of 2 %, and wrong by 60 % for a loss of 20 %: for amplitudes of severe
-damage use the coupled `steady_state`, which costs no more. What this one is for is templates: the
-shape per unit of loss.
+damage use the coupled `steady_state`, which costs no more, or `superposition`, which knows several
+shafts and many sizes. What this one is for is templates: the shape per unit of loss.
 """
 
 from __future__ import annotations
