@@ -245,14 +245,19 @@ def _benchmark(parsers: Any) -> None:
         "benchmark",
         commands.run_benchmark,
         "measure run time, memory and error, side by side with named competitors",
-        "gearmon benchmark analyse -o benchmark.csv",
+        "gearmon benchmark dynamics --quick -o benchmark.csv",
     )
+    option = parser.add_argument
+    option("--quick", action="store_true", help="rough figures in seconds")
+    option("--seed", type=int, default=0, metavar="N", help="of what is drawn at random (0)")
+    option("--count", type=int, metavar="N", help="random systems, or parameter sets")
+    option("--ross-python", metavar="PATH", help="interpreter of an environment with ROSS")
     parser.add_argument(
         "case",
         metavar="CASE",
         nargs="?",
         default="analyse",
-        help="analyse (default), memory or stiffness",
+        help="analyse (default), memory, stiffness, harvesting, dynamics or stress",
     )
 
 

@@ -2,24 +2,46 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 from gearmon.errors import ArgumentError
 from gearmon.terminal import Progress
 
-CASES = ("analyse", "memory", "stiffness")
+CASES = ("analyse", "memory", "stiffness", "harvesting", "dynamics", "stress")
+#: Cases that have pictures.
+PICTURED = ("dynamics", "stress")
 
 
-def run_case(case: str, progress: Progress | None = None) -> list[dict[str, Any]]:
+def run_case(
+    case: str,
+    progress: Progress | None = None,
+    *,
+    ross_python: str | None = None,
+    quick: bool = False,
+    seed: int = 0,
+    count: int | None = None,
+) -> list[dict[str, Any]]:
     """Run one benchmark.
 
     Parameters
     ----------
-    case : {"analyse", "memory", "stiffness"}
-        Which one.
+    case : str
+        One of `CASES`.
     progress : callable, optional
         Called with the share done, 0 to 1.
+    ross_python : str, optional
+        Interpreter of an environment with ROSS, for the case "stiffness"; by default the
+        environment variable GEARMON_ROSS_PYTHON.
+    quick : bool
+        Rough figures in seconds, for "harvesting", "dynamics" and "stress".
+    seed : int
+        Of what these two draw.
+    count : int, optional
+        Number of random systems of "stress" (5,000 by default), of parameter sets of "dynamics"
+        (10,000 by default).
 
     Returns
     -------
@@ -42,5 +64,74 @@ def run_case(case: str, progress: Progress | None = None) -> list[dict[str, Any]
     if case == "stiffness":
         from gearmon.benchmark.stiffness import time_stiffness
 
-        return [asdict(timing) for timing in time_stiffness()]
+        return [asdict(timing) for timing in time_stiffness(python=ross_python)]
+    if case == "harvesting":
+        from gearmon.benchmark.harvesting import time_harvesting
+
+        return time_harvesting(progress, quick=quick)
+    if case == "dynamics":
+        from gearmon.benchmark.dynamics import run_dynamics
+
+        return run_dynamics(
+            quick=quick, seed=seed, sets=10_000 if count is None else count, progress=progress
+        )
+    if case == "stress":
+        from gearmon.benchmark.stress import run_stress
+
+        return run_stress(
+            5000 if count is None else count, seed=seed, quick=quick, progress=progress
+        )
     raise ArgumentError(f"benchmark case={case!r} must be one of {', '.join(CASES)}")
+
+
+def summary_rows(case: str, rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return the few rows that a terminal shows of a benchmark.
+
+    Parameters
+    ----------
+    case : str
+        As given to `run_case`.
+    rows : sequence of dict
+        What it returned.
+    """
+    if case == "dynamics":
+        from gearmon.benchmark.dynamics import headlines
+
+        return headlines(rows)
+    if case == "stress":
+        from gearmon.benchmark.stress import stress_summary
+
+        return stress_summary(rows)
+    return list(rows)
+
+
+def save_figures(case: str, rows: Sequence[dict[str, Any]], path: str | Path) -> list[Path]:
+    """Write the pictures of a benchmark.
+
+    Parameters
+    ----------
+    case : str
+        As given to `run_case`.
+    rows : sequence of dict
+        What it returned.
+    path : str or Path
+        Picture file; of several each gets its name before the suffix.
+
+    Returns
+    -------
+    list of Path
+
+    Raises
+    ------
+    ArgumentError
+        If this benchmark has no pictures.
+    """
+    if case == "dynamics":
+        from gearmon.report.benchmark_plots import save_dynamics_figures
+
+        return save_dynamics_figures(rows, path)
+    if case == "stress":
+        from gearmon.report.stress_plots import save_stress_figure
+
+        return save_stress_figure(rows, path)
+    raise ArgumentError(f"benchmark case={case!r} has no pictures; dynamics and stress have")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 from gearmon.commands.output import DONE, show, write_table
 from gearmon.terminal import progress_bar
@@ -21,13 +22,30 @@ def run_demo(arguments: argparse.Namespace) -> int:
 
 def run_benchmark(arguments: argparse.Namespace) -> int:
     """Run `gearmon benchmark`."""
-    from gearmon.benchmark import run_case
+    from gearmon.benchmark import PICTURED, run_case, save_figures, summary_rows
     from gearmon.report.text_tables import rows_as_csv, table_lines
 
     with progress_bar("measuring") as progress:
-        rows = run_case(arguments.case, progress)
-    result = {"case": arguments.case, "rows": rows}
+        rows = run_case(
+            arguments.case,
+            progress,
+            ross_python=arguments.ross_python,
+            quick=arguments.quick,
+            seed=arguments.seed,
+            count=arguments.count,
+        )
+    result: dict[str, Any] = {"case": arguments.case, "rows": rows}
     if arguments.output:
         write_table(arguments.output, result, lambda: rows_as_csv(rows))
-    show(arguments, result, lambda: table_lines(rows))
+        if arguments.case in PICTURED:
+            picture = Path(arguments.output).with_suffix(".png")
+            result["pictures"] = [str(path) for path in save_figures(arguments.case, rows, picture)]
+    show(
+        arguments,
+        result,
+        lambda: (
+            table_lines(summary_rows(arguments.case, rows))
+            + [f"wrote {path}" for path in result.get("pictures", ())]
+        ),
+    )
     return DONE

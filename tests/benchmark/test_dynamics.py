@@ -1,0 +1,151 @@
+"""The dynamics benchmark runs, with the columns and the marks that it promises."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from gearmon.benchmark import compiled, run_case, save_figures, summary_rows
+from gearmon.benchmark.contenders import TARGET
+from gearmon.benchmark.cost_growth import fitted_exponent
+from gearmon.benchmark.dynamics import GROWTH, SWEEP, headlines, run_dynamics
+from gearmon.benchmark.dynamics_sweep import draw_sweep
+from gearmon.benchmark.timing import interleaved
+from gearmon.errors import ArgumentError
+
+COLUMNS = {
+    "case",
+    "method",
+    "group",
+    "setting",
+    "wanted",
+    "error",
+    "error_bound",
+    "median_s",
+    "fastest_s",
+    "repeats",
+    "unknowns",
+    "sets",
+    "note",
+    "exponent",
+    "times_ours",
+    "times_ours_fastest",
+    "at_target",
+}
+
+
+@pytest.fixture(scope="module")
+def rows():
+    seen = []
+    found = run_dynamics(quick=True, progress=seen.append)
+    assert seen == sorted(seen)
+    assert seen[-1] == 1.0
+    return found
+
+
+def test_rows_are_one_tidy_table(rows):
+    assert all(set(row) == set(rows[0]) for row in rows)
+    assert set(rows[0]) >= COLUMNS | {"numpy", "scipy", "numba", "model", "cores", "gearmon"}
+    json.dumps(rows, allow_nan=False)
+    for row in rows:
+        if row["median_s"] is None:
+            assert row["note"]
+        else:
+            assert 0 < row["fastest_s"] <= row["median_s"]
+            assert row["repeats"] >= 1
+
+
+def test_bounds_hold(rows):
+    judged = [row for row in rows if row["error_bound"] and row["error"]]
+    assert len(judged) > 20
+    for row in judged:
+        assert row["error"] <= row["error_bound"] * (1 + 1e-9)
+
+
+def test_tuned_rivals_meet_the_target(rows):
+    """A rival that misses would be marked, and its run time not used."""
+    cases = {row["case"] for row in rows} - {GROWTH}
+    for case in cases:
+        chosen = {r["method"]: r for r in rows if r["case"] == case and r["at_target"]}
+        assert all(row["error"] <= TARGET for row in chosen.values())
+        ours = {"rectangle": "exact pieces", SWEEP: "sweep"}.get(case, "steady_state")
+        assert chosen[ours]["times_ours"] == 1.0
+        wanted = {"SciPy odeint", "SciPy DOP853"} if case != SWEEP else {"solve_banded"}
+        if compiled.is_installed():
+            wanted |= {"compiled RK4 from rest", "compiled RK4, shooting"}
+        assert wanted <= set(chosen)
+
+
+def test_missing_numba_is_told(monkeypatch):
+    monkeypatch.setattr(compiled, "is_installed", lambda: False)
+    rows = run_dynamics(quick=True, cases=["resonance w", SWEEP])
+    absent = [row for row in rows if row["group"] == "compiled"]
+    assert len(absent) == 4
+    assert {row["note"] for row in absent} == {"numba is not installed"}
+    assert all(row["median_s"] is None and not row["at_target"] for row in absent)
+
+
+def test_headlines(rows):
+    lines = {line["case"]: line for line in headlines(rows)}
+    assert list(lines) == list(dict.fromkeys(row["case"] for row in rows))
+    assert lines["pair"]["solver"] == "SciPy DOP853"
+    assert lines["pair"]["ours_us"] > 0
+    assert lines["pair"]["odeint"] > 0
+
+
+def test_fixed_orders_gain_accuracy(rows):
+    errors = [
+        row["error"]
+        for row in rows
+        if row["case"] == "pair" and row["method"] == "multiple scales, plain sum"
+    ]
+    assert errors == sorted(errors, reverse=True)
+
+
+def test_case_is_refused():
+    with pytest.raises(ArgumentError, match="case 'gears'"):
+        run_dynamics(quick=True, cases=["gears"])
+
+
+def test_runs_as_a_case(monkeypatch):
+    monkeypatch.setattr("gearmon.benchmark.dynamics.QUICK", ("resonance w",))
+    rows = run_case("dynamics", quick=True)
+    assert {row["case"] for row in rows} == {"resonance w", SWEEP, GROWTH}
+
+
+def test_summary_and_pictures_by_case(rows, tmp_path):
+    assert summary_rows("dynamics", rows) == headlines(rows)
+    assert summary_rows("memory", rows) == rows
+    paths = save_figures("dynamics", rows, tmp_path / "b.svg")
+    assert [path.stem for path in paths] == ["b-work-precision", "b-ratios", "b-growth"]
+    with pytest.raises(ArgumentError, match="'memory' has no pictures"):
+        save_figures("memory", rows, tmp_path / "b.svg")
+
+
+def test_sweep_is_seeded():
+    first, again = draw_sweep(5, 3, 1), draw_sweep(5, 3, 1)
+    masses = [[p.mass_kg for p in sweep.problems] for sweep in (first, again)]
+    assert masses[0] == masses[1]
+    assert masses[0] != [p.mass_kg for p in draw_sweep(5, 4, 1).problems]
+
+
+def test_exponent_needs_sizes():
+    assert fitted_exponent([{"unknowns": 10, "median_s": 1.0}]) is None
+
+
+def test_tasks_are_taken_in_turn():
+    calls = []
+    timings = interleaved([lambda: calls.append("a"), lambda: calls.append("b")], most=3)
+    assert "".join(calls) == "ab" + 3 * "ab"  # once before, then in turn
+    assert [timing.repeats for timing in timings] == [3, 3]
+
+
+def test_long_task_runs_once():
+    calls = []
+
+    def task():
+        calls.append(sum(range(20_000)))
+
+    (timing,) = interleaved([task], most=9, budget_s=1e-7)
+    assert len(calls) == timing.repeats == 1

@@ -1,0 +1,132 @@
+"""The stress test draws what it says, and its verdicts follow from the numbers."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gearmon.benchmark import run_case, stress
+from gearmon.benchmark.stress_reference import refined_balance
+from gearmon.benchmark.stress_systems import draw_system, growth, instability_limit
+from gearmon.dynamics import floquet, steady_state
+from gearmon.errors import ArgumentError
+
+
+@pytest.fixture(scope="module")
+def rows():
+    return stress.run_stress(40, seed=11)
+
+
+def test_no_answer_is_wrong_silently(rows):
+    assert len(rows) == 80
+    for summary in stress.stress_summary(rows):
+        assert summary["wrong_silently"] == summary["bound_broken"] == summary["crashed"] == 0
+        assert summary["met"] + summary["refused"] == 40
+        assert summary["least_bound_over_error"] >= 1 - 1e-9
+        assert summary["worst_difference_to_shooting"] < 1e-9
+    json.dumps(rows, allow_nan=False)
+
+
+def test_reference_agrees_with_shooting(rows):
+    shot = [row["difference_to_shooting"] for row in rows if row["difference_to_shooting"]]
+    assert len(shot) >= 20
+    assert max(shot) < 1e-9
+
+
+def test_same_seed_same_systems(rows):
+    again = stress.run_stress(3, seed=11)
+    for row, known in zip(again, rows, strict=False):
+        assert row["ratio"] == known["ratio"]
+        assert row["error"] == known["error"]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_drawn_systems(seed):
+    system = draw_system(np.random.default_rng(seed))
+    p = system.problem
+    assert 0.1 <= p.frequency_ratio <= 50
+    assert 1e-3 <= p.damping_ratio <= 3
+    assert 1 <= len(p.stiffness_harmonics) <= 64
+    assert system.variation <= 0.9 * system.limit
+    values = np.fft.irfft(np.concatenate([[0], p.stiffness_harmonics]), 4096, norm="forward")
+    assert np.abs(values).max() == pytest.approx(system.variation, rel=0.02)
+
+
+def test_limit_of_the_principal_tongue():
+    """Unstable at w = 2 w0 where eps > 4 zeta, to first order."""
+    assert instability_limit(0.5, 0.02, np.array([0.5 + 0j])) == pytest.approx(0.08, rel=0.03)
+
+
+@pytest.mark.parametrize(("ratio", "zeta"), [(0.7, 0.02), (6.3, 0.1), (0.5, 0.01), (2.0, 2.0)])
+def test_growth_against_floquet(ratio, zeta):
+    shape = np.array([0.3 + 0.1j, 0.1 - 0.2j])
+    found = growth(ratio, zeta, shape, np.array([0.2, 0.8]))
+    for variation, value in zip((0.2, 0.8), found, strict=True):
+        largest = abs(floquet.multipliers(ratio, zeta, variation * shape)[0])
+        assert value == pytest.approx(np.log(largest), rel=2e-2, abs=2e-3)
+
+
+def verdict(response, **others):
+    given = {"error": 1e-8, "tolerance": 1e-6, "uncertainty": 1e-18, "rate": -1.0} | others
+    return stress._outcome(response, **given)
+
+
+def test_outcomes():
+    problem = draw_system(np.random.default_rng(1)).problem
+    good = replace(steady_state(problem), error_bound=1e-7, stable=True)
+    assert verdict(good) == ("met", "")
+    assert verdict(good, error=2e-7)[0] == "bound broken"
+    assert verdict(replace(good, error_bound=1e-5)) == ("refused", "bound too wide")
+    missed = replace(good, error_bound=1e-5)
+    assert verdict(missed, error=2e-6) == ("refused", "not accurate enough")
+    assert verdict(replace(good, error_bound=np.inf)) == ("refused", "no bound")
+    unstable = replace(good, error_bound=np.inf, stable=False)
+    assert verdict(unstable, rate=0.1) == ("refused", "unstable")
+    assert verdict(unstable)[1] == "called unstable, but is stable"
+    assert verdict(good, uncertainty=2e-7)[0] == "not judged"
+
+
+def test_crash_and_refusal_are_told_apart(monkeypatch):
+    system = draw_system(np.random.default_rng(1))
+
+    def refusing(_problem, _tolerance):
+        raise ArgumentError("too large")
+
+    def crashing(_problem, _tolerance):
+        raise OverflowError("math range error")
+
+    monkeypatch.setattr(stress, "steady_state", refusing)
+    (row,) = stress.judged(system, [1e-6])
+    assert (row["outcome"], row["reason"]) == ("refused", "too large")
+    monkeypatch.setattr(stress, "steady_state", crashing)
+    (row,) = stress.judged(system, [1e-6])
+    assert row["outcome"] == "crashed"
+    assert "OverflowError" in row["reason"]
+
+
+def test_refined_balance_knows_a_wrong_line():
+    problem = draw_system(np.random.default_rng(4)).problem
+    exact = refined_balance(problem)
+    unit = problem.force_n / problem.stiffness_n_per_m
+    z = exact.displacement.astype(complex) * unit
+    assert exact.error(z, problem) < 1e-14
+    weighted = np.arange(len(z)) ** 2 * np.abs(z)
+    strongest = int(weighted.argmax())
+    z[strongest] *= 1.01
+    share = weighted[strongest] / np.linalg.norm(weighted)
+    assert exact.error(z, problem) == pytest.approx(0.01 * share, rel=1e-6)
+
+
+def test_quick_case():
+    seen = []
+    rows = run_case("stress", progress=seen.append, quick=True, count=4, seed=2)
+    assert len(rows) == 8
+    assert seen == [0.25, 0.5, 0.75, 1.0]
+
+
+def test_count_is_checked():
+    with pytest.raises(ArgumentError, match="count=0"):
+        stress.run_stress(0)
