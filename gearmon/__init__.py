@@ -29,6 +29,7 @@ _HOMES = {
     "analyse": "gearmon.diagnosis.analysis",
     "learn": "gearmon.diagnosis.analysis",
     "simulate": "gearmon.simulation",
+    "tune_harvester": "gearmon.harvesting.tuning",
     "write_report": "gearmon.report.html",
     "GearmonError": "gearmon.errors",
 }
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     from gearmon.errors import GearmonError as GearmonError
     from gearmon.machine import Machine as Machine
     from gearmon.machine import load_machine as load_machine
+    from gearmon.harvesting.tuning import tune_harvester as tune_harvester
     from gearmon.report.html import write_report as write_report
     from gearmon.signals.recording import Recording as Recording
     from gearmon.signals.recording import read_recording as read_recording

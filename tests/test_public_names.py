@@ -17,6 +17,7 @@ PROMISED = {
     "measure_signature",
     "learn",
     "analyse",
+    "tune_harvester",
 }
 
 
