@@ -28,6 +28,7 @@ def run_harvest(arguments: argparse.Namespace) -> int:
             budget,
             shares=arguments.share or (),
             degraded=[recording_of(path, arguments, machine) for path in arguments.degraded],
+            count=arguments.count,
         )
     else:
         _refuse_without_recordings(arguments)
@@ -38,6 +39,7 @@ def run_harvest(arguments: argparse.Namespace) -> int:
             faults=tuple(arguments.fault),
             path_gain=arguments.path_gain,
             wander=arguments.wander,
+            count=arguments.count,
         )
     result = survey.to_dict()
     if arguments.output:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,11 @@ from gearmon.commands.inputs import machine_of
 from gearmon.commands.output import DONE, show, write_table
 from gearmon.errors import ArgumentError
 from gearmon.terminal import progress_bar
+
+#: Natural over mesh frequency up to which the instability is searched for, and drawn: beyond, the
+#: tongues are many and too narrow to be seen.
+MOST_RATIO_SEARCHED, MOST_RATIO_DRAWN = 50.0, 15.0
+CHART_POINTS = (120, 48)
 
 
 def run_lines(arguments: argparse.Namespace) -> int:
@@ -106,6 +112,60 @@ def run_baseline(arguments: argparse.Namespace) -> int:
     if arguments.output:
         write_signature(signature, arguments.output)
     show(arguments, signature.to_dict(), lambda: signature_lines(signature))
+    return DONE
+
+
+def run_stability(arguments: argparse.Namespace) -> int:
+    """Run `gearmon stability`."""
+    from gearmon.dynamics.stability_margin import stability_margin
+    from gearmon.report.text_tables import rows_as_csv, table_lines
+    from gearmon.signatures.mesh_problem import mesh_problem
+
+    machine = machine_of(arguments.machine)
+    stages = [arguments.stage] if arguments.stage else range(1, len(machine.stages) + 1)
+    problems = {
+        stage: mesh_problem(machine, stage, form=arguments.form, harmonics=arguments.harmonics)
+        for stage in stages
+    }
+    rows = []
+    for stage, problem in problems.items():
+        margin = stability_margin(problem, search=problem.frequency_ratio <= MOST_RATIO_SEARCHED)
+        factor = margin.variation_factor
+        rows.append(
+            {
+                "stage": stage,
+                "mesh_frequency_hz": 1 / problem.period_s,
+                "natural_frequency_hz": problem.natural_frequency_hz,
+                "frequency_ratio": problem.frequency_ratio,
+                "damping_ratio": problem.damping_ratio,
+                "stable": margin.stable,
+                "largest_multiplier": abs(margin.multipliers[0]),
+                "unstable_at_variation_times": factor if math.isfinite(factor) else None,
+                "says": margin.message,
+            }
+        )
+    result: dict[str, Any] = {"machine": machine.name, "rows": rows}
+    if arguments.output:
+        from gearmon.dynamics.stability_map import stability_map_of
+        from gearmon.report.stability_plots import save_stability_figure
+
+        write_table(arguments.output, result, lambda: rows_as_csv(rows))
+        base = Path(arguments.output)
+        drawn = {s: p for s, p in problems.items() if p.frequency_ratio <= MOST_RATIO_DRAWN}
+        pictures = []
+        with progress_bar("drawing") as progress:
+            for number, (stage, problem) in enumerate(drawn.items(), start=1):
+                chart = stability_map_of(problem, points=CHART_POINTS)
+                target = base.with_name(f"{base.stem}-stage{stage}.png")
+                pictures.append(str(save_stability_figure(chart, target)))
+                if progress is not None:
+                    progress(number / len(drawn))
+        result["pictures"] = pictures
+    show(
+        arguments,
+        result,
+        lambda: table_lines(rows) + [f"wrote {path}" for path in result.get("pictures", ())],
+    )
     return DONE
 
 

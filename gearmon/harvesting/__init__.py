@@ -1,6 +1,74 @@
 """Harvesting: where to put a vibration energy harvester, how to tune it, what it will power.
 
 Everything rests on one number a frequency: the mean square of the acceleration there [m2/s4], from
-lines that are expected or measured. A harvester is linear, so its mean power is the sum over
-frequencies of that number times a gain.
+lines that are expected or measured (`Vibration`). A harvester is linear, so its mean power is the
+sum over frequencies of that number times a gain:
+
+    P = sum over lines of 2 G(f_i) <a_i^2>,    G the mean power per squared amplitude, a harvester's
+                                               own (`InertialHarvester`, `PiezoCantilever`)
+
+From the lines of a gear pair to a tuned harvester and what it powers:
+
+>>> from gearmon.harvesting import PIEZO_MATERIALS, BEAM_MATERIALS, PiezoCantilever, SensorBudget
+>>> from gearmon.harvesting import tune_harvester, vibration_of_lines
+>>> shaking = vibration_of_lines(
+...     [633.0, 1266.0, 1899.0], acceleration_ms2=[4.0, 6.0, 2.0], wander=0.005
+... )
+>>> bimorph = PiezoCantilever(
+...     wiring="series", piezo=PIEZO_MATERIALS["PZT-5A"], passive=BEAM_MATERIALS["brass"],
+...     length_m=15e-3, width_m=10e-3, passive_thickness_m=0.2e-3, piezo_thickness_m=0.2e-3,
+... )
+>>> tuned = tune_harvester(bimorph, shaking)
+>>> round(tuned.harvester.natural_frequency_hz), tuned.within_limits
+(610, True)
+>>> SensorBudget(sleep_power_w=0.1e-6).interval_s(tuned.power_w) < 86400   # a recording a day
+True
+
+The rooms inside: `vibration` and `duty` (what shakes), `beam`, `cantilever`, `inertial` and
+`materials` (what harvests), `answer`, `evaluation` and `response` (what it yields as it stands),
+`starts`, `refinement`, `limited`, `tuning`, `harvester_sets` and `sizing` (how to tune it),
+`tuning_sweep` and `design_sweep` (many at once), `budget`, `recorded_positions`, `placement` and
+`survey` (where to put it and what it powers), `request` (its file).
 """
+
+from gearmon.harvesting.budget import SensorBudget
+from gearmon.harvesting.cantilever import PiezoCantilever
+from gearmon.harvesting.design_sweep import DesignSweep, sweep_designs
+from gearmon.harvesting.duty import OperatingShare, vibration_of_signature
+from gearmon.harvesting.evaluation import Tuned, evaluate
+from gearmon.harvesting.harvester_sets import tune_set
+from gearmon.harvesting.inertial import InertialHarvester
+from gearmon.harvesting.materials import BEAM_MATERIALS, PIEZO_MATERIALS
+from gearmon.harvesting.modal_damping import ModalDamping
+from gearmon.harvesting.response import (
+    bandwidth_against_quality,
+    half_power_band,
+    response_rows,
+)
+from gearmon.harvesting.sizing import sized_for
+from gearmon.harvesting.tuning import tune_harvester
+from gearmon.harvesting.vibration import Vibration, vibration_of_lines, vibration_of_samples
+
+__all__ = [
+    "BEAM_MATERIALS",
+    "PIEZO_MATERIALS",
+    "DesignSweep",
+    "InertialHarvester",
+    "ModalDamping",
+    "OperatingShare",
+    "PiezoCantilever",
+    "SensorBudget",
+    "Tuned",
+    "Vibration",
+    "bandwidth_against_quality",
+    "evaluate",
+    "half_power_band",
+    "response_rows",
+    "sized_for",
+    "sweep_designs",
+    "tune_harvester",
+    "tune_set",
+    "vibration_of_lines",
+    "vibration_of_samples",
+    "vibration_of_signature",
+]

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gearmon.errors import ArgumentError
+from gearmon.harvesting.duty import OperatingShare
 from gearmon.harvesting.gains import Harvester
 from gearmon.harvesting.vibration import Vibration
 
@@ -19,25 +20,6 @@ Real = npt.NDArray[np.float64]
 CREST = 4.5
 #: Standard deviations of speed that peaks are looked for in.
 PEAK_REACH = 3.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class OperatingShare:
-    """One operating point of a duty cycle.
-
-    Parameters
-    ----------
-    vibration : Vibration
-    share : float, > 0 and <= 1
-        Of the time.
-    """
-
-    vibration: Vibration
-    share: float = 1.0
-
-    def __post_init__(self) -> None:
-        if not 0 < self.share <= 1:
-            raise ArgumentError(f"share={self.share} must lie in (0, 1]")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -83,10 +65,9 @@ def answer(harvester: Harvester, vibration: Vibration) -> Answer:
     frequency, weights = vibration.nodes(harvester.damping_ratio)
     gains = harvester.gains(frequency.ravel())
     power = 2 * vibration.mean_square_m2s4 * (weights @ gains.power_w.reshape(frequency.shape))
-    near = np.abs(frequency[:, 0] / vibration.frequency_hz[0] - 1)
-    near_enough = near <= PEAK_REACH * vibration.wander + 1e-12
+    near = _near(frequency, vibration)
     peaks = [
-        _peak(gain.reshape(frequency.shape)[near_enough], vibration)
+        float(_peak(gain.reshape(frequency.shape)[near], vibration))
         for gain in (gains.travel_m, gains.stress_pa, gains.voltage_v)
     ]
     return Answer(
@@ -98,30 +79,48 @@ def answer(harvester: Harvester, vibration: Vibration) -> Answer:
     )
 
 
-def _peak(gain: Real, vibration: Vibration) -> float:
-    """Largest sum over the lines while they wander together."""
+def _near(frequency: Real, vibration: Vibration) -> npt.NDArray[np.bool_]:
+    """Tell which of the nodes are near enough for peaks."""
+    away = np.abs(frequency[:, 0] / vibration.frequency_hz[0] - 1)
+    return np.asarray(away <= PEAK_REACH * vibration.wander + 1e-12)
+
+
+def _peak(gain: Real, vibration: Vibration) -> Real:
+    """Largest sum over the lines while they wander together; gain (..., nodes, lines)."""
     together = gain @ vibration.amplitude_ms2
     rms = np.sqrt(gain**2 @ vibration.mean_square_m2s4)
-    return float(np.minimum(together, CREST * rms).max())
+    return np.asarray(np.minimum(together, CREST * rms).max(axis=-1))
+
+
+def peaks_by_load(
+    harvester: Harvester, loads: Real, duty: Sequence[OperatingShare]
+) -> tuple[Real, Real, Real]:
+    """Mean power [W], largest travel [m] and stress [Pa] over a duty cycle, for several loads.
+
+    Parameters
+    ----------
+    harvester : Harvester
+    loads : ndarray, shape (loads,)
+    duty : sequence of OperatingShare
+
+    Returns
+    -------
+    power_w, travel_m, stress_pa : ndarray, shape (loads,)
+    """
+    power, travel, stress = (np.zeros(len(loads)) for _ in range(3))
+    for point in duty:
+        vibration = point.vibration
+        frequency, weights = vibration.nodes(harvester.damping_ratio)
+        gains = harvester.gains_by_load(loads, frequency.ravel())
+        shape = (len(loads), *frequency.shape)
+        by_node = gains.power_w.reshape(shape) @ vibration.mean_square_m2s4
+        power += 2 * point.share * (by_node @ weights)
+        near = _near(frequency, vibration)
+        travel = np.maximum(travel, _peak(gains.travel_m.reshape(shape)[:, near], vibration))
+        stress = np.maximum(stress, _peak(gains.stress_pa.reshape(shape)[:, near], vibration))
+    return power, travel, stress
 
 
 def mean_power_w(harvester: Harvester, duty: Sequence[OperatingShare]) -> float:
     """Mean power over a duty cycle [W]; time that the shares leave out gives none."""
     return math.fsum(point.share * answer(harvester, point.vibration).power_w for point in duty)
-
-
-def check_duty(duty: Sequence[OperatingShare]) -> tuple[OperatingShare, ...]:
-    """Return a duty cycle as a tuple.
-
-    Raises
-    ------
-    ArgumentError
-        If it is empty or its shares sum to more than 1.
-    """
-    points = tuple(duty)
-    if not points:
-        raise ArgumentError("duty cycle: no operating point is given")
-    total = math.fsum(point.share for point in points)
-    if total > 1 + 1e-6:
-        raise ArgumentError(f"duty cycle: the shares sum to {total:.6g}, at most 1 is possible")
-    return points

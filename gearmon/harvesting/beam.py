@@ -78,23 +78,29 @@ def beam_modes(
     check_range("tip_mass_ratio", tip_mass_ratio, 0.0, 1e6)
     check_range("tip_inertia_ratio", tip_inertia_ratio, 0.0, 1e6)
     check_range("count", count, 1, 8)
-    roots = [_root(r, tip_mass_ratio, tip_inertia_ratio) for r in range(count)]
-    columns = np.array([_mode(root, tip_mass_ratio, tip_inertia_ratio) for root in roots]).T
+    roots = np.array([_root(r, tip_mass_ratio, tip_inertia_ratio) for r in range(count)])
+    columns = np.array([roots, *_shapes(roots, tip_mass_ratio, tip_inertia_ratio)])
     columns.flags.writeable = False
     return BeamModes(
-        eigenvalue=np.array(roots),
-        tip=columns[0],
-        tip_slope=columns[1],
-        root_curvature=columns[2],
-        forcing=columns[3],
+        eigenvalue=columns[0],
+        tip=columns[1],
+        tip_slope=columns[2],
+        root_curvature=columns[3],
+        forcing=columns[4],
     )
 
 
-def mass_ratio_for(first_eigenvalue: float) -> float:
-    """Return the tip mass ratio that gives a wanted first eigenvalue (no rotary inertia).
+def mass_ratio_for(first_eigenvalue: float, gyration_ratio: float = 0.0) -> float:
+    """Return the tip mass ratio that gives a wanted first eigenvalue.
 
-    M = (1 + cos l cosh l)/(l (sin l cosh l - cos l sinh l)), falling from infinity at l -> 0 to 0
-    at l = 1.8751.
+    With J = M g^2 the characteristic equation is A + B M + C M^2 = 0; the smaller root belongs to
+    the first mode. It falls from infinity at l -> 0 to 0 at l = 1.8751.
+
+    Parameters
+    ----------
+    first_eigenvalue : float, > 0 and <= 1.8751
+    gyration_ratio : float, 0 to 1
+        Radius of gyration of the tip mass about the tip over the length of the beam, g.
 
     Raises
     ------
@@ -102,6 +108,7 @@ def mass_ratio_for(first_eigenvalue: float) -> float:
         If the eigenvalue is not above 0 or above that of the bare beam.
     """
     check_positive("first_eigenvalue", first_eigenvalue)
+    check_range("gyration_ratio", gyration_ratio, 0.0, 1.0)
     bare = float(beam_modes().eigenvalue[0])
     if first_eigenvalue > bare * (1 + 1e-12):
         raise ArgumentError(
@@ -110,22 +117,21 @@ def mass_ratio_for(first_eigenvalue: float) -> float:
         )
     s, c = math.sin(first_eigenvalue), math.cos(first_eigenvalue)
     sh, ch = math.sinh(first_eigenvalue), math.cosh(first_eigenvalue)
-    return max(0.0, (1 + c * ch) / (first_eigenvalue * (s * ch - c * sh)))
+    rotary = first_eigenvalue**3 * gyration_ratio**2
+    constant = 1 + c * ch
+    linear = first_eigenvalue * (s * ch - c * sh) + rotary * (ch * s + sh * c)
+    square = first_eigenvalue * rotary * (1 - c * ch)
+    # this form of the root loses no digits where the square is small
+    return max(0.0, 2 * constant / (linear + math.sqrt(linear**2 - 4 * constant * square)))
 
 
 def _characteristic(eigenvalue: float, mass: float, inertia: float) -> float:
     """Characteristic function over cosh l, which neither overflows nor loses digits."""
     s, c = math.sin(eigenvalue), math.cos(eigenvalue)
-    t = math.tanh(eigenvalue)
-    sech = 1 / math.cosh(eigenvalue)
+    t, sech = math.tanh(eigenvalue), 1 / math.cosh(eigenvalue)
     rotary = eigenvalue**3 * inertia
-    return float(
-        sech
-        + c
-        + eigenvalue * mass * (c * t - s)
-        - rotary * (s + t * c)
-        + eigenvalue * rotary * mass * (sech - c)
-    )
+    value = sech + c + eigenvalue * mass * (c * t - s) - rotary * (s + t * c)
+    return value + eigenvalue * rotary * mass * (sech - c)
 
 
 def _root(number: int, mass: float, inertia: float) -> float:
@@ -137,57 +143,63 @@ def _root(number: int, mass: float, inertia: float) -> float:
         low = (number + 0.25) * math.pi - 1e-3 if number else 1e-9
         high = (number + 0.5) * math.pi + 0.31 * (number == 0) + 5e-3
         return float(brentq(_characteristic, low, high, (mass, 0.0), xtol=1e-15))
-    # signs alternate from root to root, so scanning finely finds each in turn
-    step, low, found = 0.02, 1e-9, -1
-    value = _characteristic(low, mass, inertia)
-    while low < 60:
-        high = low + step
-        ahead = _characteristic(high, mass, inertia)
-        if value * ahead <= 0:
-            found += 1
-            if found == number:
-                return float(brentq(_characteristic, low, high, (mass, inertia), xtol=1e-15))
-        low, value = high, ahead
-    raise ArgumentError(f"mode {number + 1} of the beam was not found; ask for fewer modes")
+    # signs alternate from root to root; near 0 the first two lie a factor of 1.9 or more apart
+    grid = _scanned()
+    values = _scan(grid, mass, inertia)
+    changes = np.flatnonzero(np.sign(values[1:]) != np.sign(values[:-1]))
+    if len(changes) <= number:
+        raise ArgumentError(f"mode {number + 1} of the beam was not found; ask for fewer modes")
+    low, high = grid[changes[number]], grid[changes[number] + 1]
+    return float(brentq(_characteristic, low, high, (mass, inertia), xtol=1e-15))
 
 
-def _mode(root: float, mass: float, inertia: float) -> tuple[float, float, float, float]:
-    """Tip value, tip slope, root curvature and forcing of one mode, normalised by mass."""
-    share = _sine_share(root, inertia)
+def _scan(eigenvalue: Real, mass: float, inertia: float) -> Real:
+    """Evaluate `_characteristic` at many eigenvalues; for one alone `math` is faster."""
+    s, c, t = np.sin(eigenvalue), np.cos(eigenvalue), np.tanh(eigenvalue)
+    sech = 1 / np.cosh(eigenvalue)
+    rotary = eigenvalue**3 * inertia
+    value = sech + c + eigenvalue * mass * (c * t - s) - rotary * (s + t * c)
+    return np.asarray(value + eigenvalue * rotary * mass * (sech - c), dtype=np.float64)
+
+
+@lru_cache(maxsize=1)
+def _scanned() -> Real:
+    return np.concatenate([np.geomspace(5e-3, 2, 600, endpoint=False), np.arange(2, 32, 0.02)])
+
+
+def _shapes(roots: Real, mass: float, inertia: float) -> tuple[Real, Real, Real, Real]:
+    """Tip value, tip slope, root curvature and forcing of the modes, normalised by mass."""
+    share = _sine_share(roots, inertia)
     nodes, weights = _quadrature()
-    shape = _shape(root, share, nodes, 0)
-    tip = float(_shape(root, share, np.array([1.0]), 0)[0])
-    slope = float(_shape(root, share, np.array([1.0]), 1)[0])
-    curvature = float(_shape(root, share, np.array([0.0]), 2)[0])
-    norm = math.sqrt(float(weights @ shape**2) + mass * tip**2 + inertia * slope**2)
-    if tip < 0:
-        norm = -norm
-    forcing = float(weights @ shape) + mass * tip
-    return tip / norm, slope / norm, curvature / norm, forcing / norm
+    shape = _shape(roots, share, nodes, 0)
+    tip = _shape(roots, share, np.ones(1), 0)[:, 0]
+    slope = _shape(roots, share, np.ones(1), 1)[:, 0]
+    # phi''(0) of cosh - cos is 2 l^2, that of sinh - sin is 0
+    curvature = 2 * roots**2
+    norm = np.sqrt(shape**2 @ weights + mass * tip**2 + inertia * slope**2)
+    norm = np.where(tip < 0, -norm, norm)
+    return tip / norm, slope / norm, curvature / norm, (shape @ weights + mass * tip) / norm
 
 
-def _sine_share(root: float, inertia: float) -> float:
+def _sine_share(root: Real, inertia: float) -> Real:
     """Share of sin - sinh beside cosh - cos, from the moment at the tip."""
-    s, c = math.sin(root), math.cos(root)
-    t, sech = math.tanh(root), 1 / math.cosh(root)
+    s, c, t = np.sin(root), np.cos(root), np.tanh(root)
+    sech = 1 / np.cosh(root)
     rotary = root**3 * inertia
     # phi''(1) = l^4 J phi'(1), both sides over cosh l
     above = c * sech + 1 - rotary * (s * sech + t)
     below = s * sech + t + rotary * (c * sech - 1)
-    return above / below
+    return np.asarray(above / below, dtype=np.float64)
 
 
-def _shape(root: float, share: float, x: Real, derivative: int) -> Real:
-    """Evaluate cosh - cos - share (sinh - sin), or a derivative of it, at x."""
-    arguments = root * x
+def _shape(root: Real, share: Real, x: Real, derivative: int) -> Real:
+    """Evaluate cosh - cos - share (sinh - sin), or its slope, at x; shape (modes, x)."""
+    arguments = root[:, None] * x
     s, c = np.sin(arguments), np.cos(arguments)
     sh, ch = np.sinh(arguments), np.cosh(arguments)
-    forms = {
-        0: (ch - c) - share * (sh - s),
-        1: (sh + s) - share * (ch - c),
-        2: (ch + c) - share * (sh + s),
-    }
-    return np.asarray(root**derivative * forms[derivative], dtype=np.float64)
+    if derivative == 0:
+        return np.asarray((ch - c) - share[:, None] * (sh - s))
+    return np.asarray(root[:, None] * ((sh + s) - share[:, None] * (ch - c)))
 
 
 @lru_cache(maxsize=1)

@@ -31,48 +31,11 @@ from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.harvesting.beam import BeamModes, beam_modes, mass_ratio_for
 from gearmon.harvesting.gains import Gains
 from gearmon.harvesting.materials import BeamMaterial, PiezoMaterial
+from gearmon.harvesting.modal_damping import ModalDamping
 
 Complex = npt.NDArray[np.complex128]
 Real = npt.NDArray[np.float64]
 Wiring = Literal["unimorph", "series", "parallel"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class ModalDamping:
-    """Damping ratio of each mode: z_r = constant + mass_rate/(2 w_r) + stiffness_time w_r/2.
-
-    Parameters
-    ----------
-    constant : float, 0 to 1
-    mass_rate_per_s : float, >= 0
-        Of drag in proportion to mass [1/s].
-    stiffness_time_s : float, >= 0
-        Of strain-rate damping in proportion to stiffness [s].
-
-    Raises
-    ------
-    ArgumentError
-        If a value is out of its range, or all are 0.
-    """
-
-    constant: float = 0.0
-    mass_rate_per_s: float = 0.0
-    stiffness_time_s: float = 0.0
-
-    def __post_init__(self) -> None:
-        check_range("constant", self.constant, 0.0, 1.0)
-        check_range("mass_rate_per_s", self.mass_rate_per_s, 0.0, 1e6, "1/s")
-        check_range("stiffness_time_s", self.stiffness_time_s, 0.0, 1.0, "s")
-        if self.constant + self.mass_rate_per_s + self.stiffness_time_s == 0:
-            raise ArgumentError("damping: all parts are 0, at least one must be > 0")
-
-    def ratios(self, natural: Real) -> Real:
-        """Damping ratios for natural circular frequencies [rad/s]."""
-        return (
-            self.constant
-            + self.mass_rate_per_s / (2 * natural)
-            + self.stiffness_time_s * natural / 2
-        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,8 +54,9 @@ class PiezoCantilever:
     passive_thickness_m, piezo_thickness_m : float, > 0
         Thickness of the passive layer and of each piezoelectric one [m].
     tip_mass_kg : float, >= 0
-    tip_inertia_kg_m2 : float, >= 0
-        Rotary inertia of the tip mass about the end of the beam [kg m2]; 0 for a small one.
+    tip_gyration_m : float, >= 0
+        Radius of gyration of the tip mass about the end of the beam [m]; 0 for a point. A cube of
+        side s glued on with the middle of a face has s sqrt(5/12), 0.65 s.
     load_ohm : float, > 0
     damping : ModalDamping
     clearance_m : float, > 0
@@ -116,7 +80,7 @@ class PiezoCantilever:
     passive_thickness_m: float
     piezo_thickness_m: float
     tip_mass_kg: float = 0.0
-    tip_inertia_kg_m2: float = 0.0
+    tip_gyration_m: float = 0.0
     load_ohm: float = 1e5
     damping: ModalDamping = field(default_factory=lambda: ModalDamping(constant=0.01))
     clearance_m: float = math.inf
@@ -131,7 +95,7 @@ class PiezoCantilever:
         for name in ("length_m", "width_m", "passive_thickness_m", "piezo_thickness_m"):
             check_positive(name, getattr(self, name), "m")
         check_range("tip_mass_kg", self.tip_mass_kg, 0.0, 1e3, "kg")
-        check_range("tip_inertia_kg_m2", self.tip_inertia_kg_m2, 0.0, 1e3, "kg m2")
+        check_range("tip_gyration_m", self.tip_gyration_m, 0.0, self.length_m, "m")
         check_range("load_ohm", self.load_ohm, 1e-6, 1e15, "ohm")
         check_range("modes", self.modes, 1, 5)
         if not self.clearance_m > 0:
@@ -179,6 +143,11 @@ class PiezoCantilever:
     def beam_mass_kg(self) -> float:
         """Mass of the beam without the tip mass [kg]."""
         return self.mass_per_length_kg_m * self.length_m
+
+    @property
+    def tip_inertia_kg_m2(self) -> float:
+        """Rotary inertia of the tip mass about the end of the beam [kg m2]."""
+        return self.tip_mass_kg * self.tip_gyration_m**2
 
     @property
     def capacitance_f(self) -> float:
@@ -229,6 +198,11 @@ class PiezoCantilever:
         return float(self.natural_rad_s[0]) / (2 * math.pi)
 
     @property
+    def resonances_hz(self) -> Real:
+        """Natural frequencies of all modes, short-circuited [Hz], shape (modes,)."""
+        return np.asarray(self.natural_rad_s / (2 * math.pi))
+
+    @property
     def damping_ratio(self) -> float:
         """Mechanical damping ratio of the first mode."""
         return float(self.damping_ratios[0])
@@ -247,8 +221,8 @@ class PiezoCantilever:
     @property
     def frequency_range_hz(self) -> tuple[float, float]:
         """First natural frequencies from the largest tip mass to none [Hz]."""
-        heaviest = replace(self, tip_mass_kg=self.most_tip_mass_kg, tip_inertia_kg_m2=0.0)
-        bare = replace(self, tip_mass_kg=0.0, tip_inertia_kg_m2=0.0)
+        heaviest = replace(self, tip_mass_kg=self.most_tip_mass_kg)
+        bare = replace(self, tip_mass_kg=0.0)
         return heaviest.natural_frequency_hz, bare.natural_frequency_hz
 
     @property
@@ -267,7 +241,7 @@ class PiezoCantilever:
         Parameters
         ----------
         frequency_hz : float, > 0
-            Short-circuited [Hz]; the tip mass is taken as a point.
+            Short-circuited [Hz]. The radius of gyration of the tip mass stays as it is.
 
         Raises
         ------
@@ -282,7 +256,8 @@ class PiezoCantilever:
             # the ends of the range are reached to rounding
             mass = 0.0 if eigenvalue <= bare * (1 + 1e-9) else math.nan
         else:
-            mass = mass_ratio_for(eigenvalue) * self.beam_mass_kg
+            gyration = self.tip_gyration_m / self.length_m
+            mass = mass_ratio_for(eigenvalue, gyration) * self.beam_mass_kg
         if not mass <= self.most_tip_mass_kg * (1 + 1e-9):
             low, high = self.frequency_range_hz
             raise ArgumentError(
@@ -290,7 +265,7 @@ class PiezoCantilever:
                 f"{self.most_tip_mass_kg:g} kg: this beam reaches {low:.6g} to {high:.6g} Hz; "
                 "change its length or thickness"
             )
-        return replace(self, tip_mass_kg=mass, tip_inertia_kg_m2=0.0)
+        return replace(self, tip_mass_kg=mass)
 
     def with_load(self, load: float) -> PiezoCantilever:
         """Return the same with another load resistance [ohm]."""
@@ -300,6 +275,10 @@ class PiezoCantilever:
             if name in self.__dict__:
                 other.__dict__[name] = self.__dict__[name]
         return other
+
+    def with_damping_ratio(self, ratio: float) -> PiezoCantilever:
+        """Return the same with another damping ratio, that of every mode."""
+        return replace(self, damping=ModalDamping(constant=float(ratio)))
 
     def best_load_ohm(self, frequency_hz: float) -> float:
         """Load that takes the most from a single line, 1/|Y(w)| [ohm]."""
@@ -314,20 +293,30 @@ class PiezoCantilever:
         frequency_hz : float array, shape (n,) or a number, >= 0
         """
         frequency = np.atleast_1d(np.asarray(frequency_hz, dtype=np.float64))
-        circular = 2 * math.pi * frequency
-        dynamic = self._dynamic(circular)
-        driven = self._driven(circular, dynamic)
-        voltage = driven / (1 / self.load_ohm + self._admittance(circular, dynamic))
-        modal = -(self.forcing[:, None] + self.coupling[:, None] * voltage) / dynamic
-        scale = 1 / math.sqrt(self.beam_mass_kg)
-        travel = np.abs((self._shapes.tip * scale) @ modal)
-        curvature = np.abs((self._shapes.root_curvature * scale / self.length_m**2) @ modal)
-        size = np.abs(voltage)
+        one = self.gains_by_load(np.array([self.load_ohm]), frequency)
         return Gains(
             frequency_hz=frequency,
-            power_w=size**2 / (2 * self.load_ohm),
-            travel_m=travel,
-            stress_pa=self._stress(curvature, size),
+            power_w=one.power_w[0],
+            travel_m=one.travel_m[0],
+            stress_pa=one.stress_pa[0],
+            voltage_v=one.voltage_v[0],
+        )
+
+    def gains_by_load(self, loads: Real, frequency_hz: Real) -> Gains:
+        """Answers at several load resistances, every array but the frequencies (loads, n)."""
+        circular = 2 * math.pi * frequency_hz
+        dynamic = self._dynamic(circular)
+        driven = self._driven(circular, dynamic)
+        voltage = driven / (1 / loads[:, None] + self._admittance(circular, dynamic))
+        scale = 1 / math.sqrt(self.beam_mass_kg)
+        tip = self._shapes.tip * scale
+        root = self._shapes.root_curvature * scale / self.length_m**2
+        size = np.abs(voltage)
+        return Gains(
+            frequency_hz=frequency_hz,
+            power_w=size**2 / (2 * loads[:, None]),
+            travel_m=self._moved(tip, dynamic, voltage),
+            stress_pa=self._stress(self._moved(root, dynamic, voltage), size),
             voltage_v=size,
         )
 
@@ -356,6 +345,7 @@ class PiezoCantilever:
             "passive_thickness_m": self.passive_thickness_m,
             "piezo_thickness_m": self.piezo_thickness_m,
             "tip_mass_kg": self.tip_mass_kg,
+            "tip_gyration_m": self.tip_gyration_m,
             "load_ohm": self.load_ohm,
             "clearance_m": None if math.isinf(self.clearance_m) else self.clearance_m,
             "natural_frequency_hz": self.natural_frequency_hz,
@@ -371,8 +361,8 @@ class PiezoCantilever:
     @cached_property
     def _shapes(self) -> BeamModes:
         ratio = self.tip_mass_kg / self.beam_mass_kg
-        inertia = self.tip_inertia_kg_m2 / (self.beam_mass_kg * self.length_m**2)
-        return beam_modes(ratio, inertia, self.modes)
+        gyration = self.tip_gyration_m / self.length_m
+        return beam_modes(ratio, ratio * gyration**2, self.modes)
 
     def _dynamic(self, circular: Real) -> Complex:
         natural, damping = self.natural_rad_s[:, None], self.damping_ratios[:, None]
@@ -386,6 +376,12 @@ class PiezoCantilever:
     def _admittance(self, circular: Real, dynamic: Complex) -> Complex:
         motional = (self.coupling[:, None] ** 2 / dynamic).sum(axis=0)
         return np.asarray(1j * circular * (self.capacitance_f + motional))
+
+    def _moved(self, shape: Real, dynamic: Complex, voltage: Complex) -> Real:
+        """Sum the modes, weighted by a value of their shapes: by inertia and by the voltage."""
+        by_inertia = ((shape * self.forcing)[:, None] / dynamic).sum(axis=0)
+        by_voltage = ((shape * self.coupling)[:, None] / dynamic).sum(axis=0)
+        return np.asarray(np.abs(by_inertia + by_voltage * voltage), dtype=np.float64)
 
     def _stress(self, curvature: Real, voltage: Real) -> Real:
         """Largest stress at the clamp, of both layers, scaled to the piezoelectric limit [Pa]."""

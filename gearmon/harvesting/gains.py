@@ -19,7 +19,7 @@ class Gains:
     Attributes
     ----------
     frequency_hz : ndarray, shape (n,)
-    power_w : ndarray, shape (n,)
+    power_w : ndarray, shape (n,); this and the others (loads, n) from `gains_by_load`
         Mean electrical power per squared acceleration amplitude [W/(m/s2)^2].
     travel_m : ndarray, shape (n,)
         Amplitude of the moving mass against the base [m/(m/s2)].
@@ -43,6 +43,10 @@ class Harvester(Protocol):
     @property
     def natural_frequency_hz(self) -> float:
         """Frequency of the first mode, short-circuited [Hz]."""
+
+    @property
+    def resonances_hz(self) -> Real:
+        """Natural frequencies of all modes, short-circuited [Hz]."""
 
     @property
     def damping_ratio(self) -> float:
@@ -74,8 +78,14 @@ class Harvester(Protocol):
     def with_load(self: Self_, load: float) -> Self_:
         """Return the same harvester with another load."""
 
+    def with_damping_ratio(self: Self_, ratio: float) -> Self_:
+        """Return the same harvester with another mechanical damping ratio, of every mode."""
+
     def gains(self, frequency_hz: npt.ArrayLike) -> Gains:
         """Answers at these frequencies."""
+
+    def gains_by_load(self, loads: Real, frequency_hz: Real) -> Gains:
+        """Answers at several loads, every array but the frequencies of shape (loads, n)."""
 
     def power_by_load(self, loads: Real, frequency_hz: Real) -> Real:
         """Mean power per squared acceleration amplitude, shape (loads, frequencies)."""

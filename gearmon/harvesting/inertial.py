@@ -80,6 +80,11 @@ class InertialHarvester:
             raise ArgumentError(f"clearance_m={self.clearance_m} m must be > 0")
 
     @property
+    def resonances_hz(self) -> npt.NDArray[np.float64]:
+        """The natural frequency, in a row of one [Hz]."""
+        return np.array([self.natural_frequency_hz])
+
+    @property
     def damping_ratio(self) -> float:
         """Mechanical damping ratio."""
         return self.mechanical_damping_ratio
@@ -128,6 +133,10 @@ class InertialHarvester:
         """Return the same with another electrical damping ratio."""
         return replace(self, electrical_damping_ratio=float(load))
 
+    def with_damping_ratio(self, ratio: float) -> InertialHarvester:
+        """Return the same with another mechanical damping ratio."""
+        return replace(self, mechanical_damping_ratio=float(ratio))
+
     def gains(self, frequency_hz: npt.ArrayLike) -> Gains:
         """Answers to a unit acceleration amplitude of the base.
 
@@ -136,16 +145,28 @@ class InertialHarvester:
         frequency_hz : float array, shape (n,) or a number, >= 0
         """
         frequency = np.atleast_1d(np.asarray(frequency_hz, dtype=np.float64))
-        power = self.power_by_load(np.array([self.electrical_damping_ratio]), frequency)[0]
-        total = self.mechanical_damping_ratio + self.electrical_damping_ratio
-        squared = self._squared(total, frequency)
+        one = self.gains_by_load(np.array([self.electrical_damping_ratio]), frequency)
         nothing = np.zeros_like(frequency)
         return Gains(
             frequency_hz=frequency,
-            power_w=power,
-            travel_m=1 / np.sqrt(squared),
+            power_w=one.power_w[0],
+            travel_m=one.travel_m[0],
             stress_pa=nothing,
             voltage_v=nothing,
+        )
+
+    def gains_by_load(
+        self, loads: npt.NDArray[np.float64], frequency_hz: npt.NDArray[np.float64]
+    ) -> Gains:
+        """Answers at several electrical damping ratios, arrays of shape (loads, n)."""
+        total = self.mechanical_damping_ratio + loads[:, None]
+        travel = 1 / np.sqrt(self._squared(total, frequency_hz))
+        return Gains(
+            frequency_hz=frequency_hz,
+            power_w=self.power_by_load(loads, frequency_hz),
+            travel_m=travel,
+            stress_pa=np.zeros_like(travel),
+            voltage_v=np.zeros_like(travel),
         )
 
     def power_by_load(

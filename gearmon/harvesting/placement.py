@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from gearmon.errors import ArgumentError
-from gearmon.harvesting.answer import OperatingShare, check_duty
 from gearmon.harvesting.budget import SensorBudget
+from gearmon.harvesting.duty import OperatingShare, check_duty
+from gearmon.harvesting.evaluation import Tuned, evaluate
 from gearmon.harvesting.gains import Harvester
-from gearmon.harvesting.tuning import Tuned, evaluate, tune_harvester
+from gearmon.harvesting.tuning import OverLimitsError, tune_harvester
 
 #: A place is good only when the gear is damaged if, tuned for that, it loses more than this share
 #: of its power when the gear is sound.
@@ -66,7 +67,8 @@ class Placed:
     tuned : Tuned or None
         For sound gears; None where no tuning is possible, see `refusal`.
     power_low_w, power_high_w : float
-        90 % interval of the mean power, from the scatter between pieces; NaN without pieces.
+        90 % interval of the mean power, from the scatter between pieces; NaN without pieces. It
+        holds for changes that are quicker than a piece is long, a quarter of the recording.
     degraded_power_w : float
         Of that harvester when the gear is damaged; NaN if unknown.
     tuned_degraded : Tuned or None
@@ -77,6 +79,8 @@ class Placed:
         Between recordings.
     refusal : str
         Why nothing can be had here, in one line.
+    over_limits : float
+        Where a limit of travel or stress is why: peak over limit of the nearest tuning; else NaN.
     """
 
     position: Position
@@ -88,6 +92,7 @@ class Placed:
     healthy_power_of_degraded_w: float = math.nan
     interval_s: float = math.inf
     refusal: str = ""
+    over_limits: float = math.nan
 
     @property
     def power_w(self) -> float:
@@ -161,8 +166,8 @@ def rank_positions(
 def _placed(harvester: Harvester, position: Position, budget: SensorBudget) -> Placed:
     if position.refusal:
         return Placed(position=position, tuned=None, refusal=position.refusal)
-    tuned, refusal = _tuned(harvester, position.healthy)
-    degraded, _ = _tuned(harvester, position.degraded) if position.degraded else (None, "")
+    tuned, refusal, over = _tuned(harvester, position.healthy)
+    degraded = _tuned(harvester, position.degraded)[0] if position.degraded else None
     low, high = _interval(tuned, position)
     return Placed(
         position=position,
@@ -178,18 +183,26 @@ def _placed(harvester: Harvester, position: Position, budget: SensorBudget) -> P
         else math.nan,
         interval_s=budget.interval_s(tuned.power_w) if tuned else math.inf,
         refusal=refusal,
+        over_limits=over,
     )
 
 
-def _tuned(harvester: Harvester, duty: tuple[OperatingShare, ...]) -> tuple[Tuned[Any] | None, str]:
+def _tuned(
+    harvester: Harvester, duty: tuple[OperatingShare, ...]
+) -> tuple[Tuned[Any] | None, str, float]:
     try:
-        return tune_harvester(harvester, duty), ""
+        return tune_harvester(harvester, duty), "", math.nan
+    except OverLimitsError as error:
+        return None, str(error), error.over
     except ArgumentError as error:
-        return None, str(error)
+        return None, str(error), math.nan
 
 
 def _interval(tuned: Tuned[Any] | None, position: Position) -> tuple[float, float]:
-    """90 % interval of the mean from the scatter of the pieces, by Student's t."""
+    """90 % interval of the mean from the scatter of the pieces, by Student's t.
+
+    Pieces count as independent: what changes more slowly than a piece lasts is not in it.
+    """
     if tuned is None or len(position.pieces) < 2:
         return math.nan, math.nan
     try:

@@ -9,6 +9,7 @@
     passive_thickness_mm = 0.2
     piezo_thickness_mm = 0.2
     most_tip_mass_g = 20.0
+    tip_gyration_mm = 5.0         # of the tip mass about the end of the beam; 0 for a point
     damping_ratio = 0.01
     clearance_mm = 2.0
 
@@ -27,7 +28,7 @@ from typing import Any, TypeVar, cast
 
 from gearmon.errors import ArgumentError, nearest_name
 from gearmon.harvesting.budget import SensorBudget
-from gearmon.harvesting.cantilever import ModalDamping, PiezoCantilever, Wiring
+from gearmon.harvesting.cantilever import PiezoCantilever, Wiring
 from gearmon.harvesting.inertial import InertialHarvester
 from gearmon.harvesting.materials import (
     BEAM_MATERIALS,
@@ -35,6 +36,7 @@ from gearmon.harvesting.materials import (
     beam_material,
     piezo_material,
 )
+from gearmon.harvesting.modal_damping import ModalDamping
 from gearmon.machine.fields import Choice, Count, FieldError, Number, check_fields, obeys
 from gearmon.machine.source import MachineSource, read_source
 
@@ -67,6 +69,12 @@ class CantileverTable:
     most_tip_mass_g: float = field(
         default=20.0, metadata=obeys(Number(low=0, high=1e5, unit="g", why="largest tip mass"))
     )
+    tip_gyration_mm: float = field(
+        default=0.0,
+        metadata=obeys(
+            Number(low=0, high=1000, unit="mm", why="radius of gyration of the tip mass")
+        ),
+    )
     damping_ratio: float = field(default=0.01, metadata=obeys(_DAMPING))
     clearance_mm: float = field(
         default=2.0, metadata=obeys(_millimetres(1000, "room of the tip to either side"))
@@ -86,6 +94,7 @@ class CantileverTable:
             passive_thickness_m=self.passive_thickness_mm * 1e-3,
             piezo_thickness_m=self.piezo_thickness_mm * 1e-3,
             most_tip_mass_kg=self.most_tip_mass_g * 1e-3,
+            tip_gyration_m=self.tip_gyration_mm * 1e-3,
             damping=ModalDamping(constant=self.damping_ratio),
             clearance_m=self.clearance_mm * 1e-3,
         )

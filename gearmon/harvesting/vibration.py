@@ -210,7 +210,8 @@ def vibration_of_samples(
     ArgumentError
         If there are too few samples or the rate is not > 0.
     """
-    from gearmon.signals.spectrum import hann, real_fft
+    from gearmon.signals.spectrum import hann
+    from gearmon.signals.transforms import real_fft
 
     check_positive("sampling_rate_hz", sampling_rate_hz, "Hz")
     check_finite("low_hz", low_hz, "Hz")

@@ -20,18 +20,26 @@ MICRO = 1e6
 #: Lines that a picture shows of each operating point: more would be a black band.
 MOST_LINES_DRAWN = 400
 LONGEST_LABEL = 44
+#: Columns of the response, what they are called and what they are multiplied by.
+RESPONSES = (
+    ("power_w", "mean power in µW", 1e6),
+    ("voltage_v", "voltage amplitude in V", 1.0),
+    ("travel_m", "tip amplitude in µm", 1e6),
+    ("stress_pa", "peak stress in MPa", 1e-6),
+)
 #: Relative step of a measured curve: 1 % of frequency.
 CURVE_STEP = 0.01
 
 
 def save_harvest_figures(survey: Survey, path: str | Path) -> list[Path]:
-    """Write three PNG files beside each other.
+    """Write four PNG files beside each other.
 
     Parameters
     ----------
     survey : Survey
     path : str or Path
-        Name of the pictures; "-energy", "-tuning" and "-positions" are put before its suffix.
+        Name of the pictures; "-energy", "-tuning", "-positions" and "-response" are put
+        before its suffix.
 
     Returns
     -------
@@ -44,10 +52,50 @@ def save_harvest_figures(survey: Survey, path: str | Path) -> list[Path]:
         figure = Figure(figsize=(8.0, 4.6), layout="constrained")
         draw(survey, figure.add_subplot())
         target = base.with_name(f"{base.stem}-{name}.png")
-        with replacing(target) as temporary:
-            figure.savefig(temporary, dpi=130, format="png")
+        _save(figure, target)
         written.append(target)
+    figure = Figure(figsize=(8.0, 4.6), layout="constrained")
+    plot_response(survey, figure)
+    written.append(base.with_name(f"{base.stem}-response.png"))
+    _save(figure, written[-1])
     return written
+
+
+def _save(figure: Figure, target: Path) -> None:
+    with replacing(target) as temporary:
+        figure.savefig(temporary, dpi=130, format="png")
+
+
+def plot_response(survey: Survey, figure: Figure) -> Figure:
+    """Draw power, voltage, tip displacement and peak stress at 1 m/s2 against frequency.
+
+    Parameters
+    ----------
+    survey : Survey
+    figure : Figure
+        Empty; of what is not modelled no panel is drawn.
+    """
+    rows = survey.response()
+    if not rows:
+        return figure
+    panels = [
+        (name, label, factor) for name, label, factor in RESPONSES if rows[0][name] is not None
+    ]
+    frequency = np.array([row["frequency_hz"] for row in rows])
+    grid = figure.subplots(-(-len(panels) // 2), 2, squeeze=False, sharex=True)
+    for number, (ax, (name, label, factor)) in enumerate(zip(grid.flat, panels, strict=True)):
+        values = factor * np.array([row[name] for row in rows])
+        ax.plot(frequency, values, color=series_colour(number), linewidth=1.2)
+        ax.set(xscale="log", yscale="log", xlim=(frequency[0], frequency[-1]), ylabel=label)
+        ax.set_ylim(bottom=max(values.min() / 2, values.max() * 1e-6))
+        ax.grid(alpha=0.25)
+        _plain_frequencies(ax)
+    for ax in grid[-1]:
+        ax.set_xlabel("frequency in Hz")
+    assert survey.best.tuned is not None
+    natural = survey.best.tuned.harvester.natural_frequency_hz
+    figure.suptitle(f"Best harvester, tuned to {natural:.5g} Hz, shaken with 1 m/s²", fontsize=11)
+    return figure
 
 
 def plot_energy(survey: Survey, ax: Axes) -> Axes:
@@ -116,11 +164,14 @@ def plot_tuning(survey: Survey, ax: Axes) -> Axes:
 
 
 def _plain_frequencies(ax: Axes) -> None:
-    """Write frequencies out: 200, not 2 x 10^2; between decades only where there are few."""
+    """Write frequencies out: 200, not 2 x 10^2; between decades only where there is room."""
     low, high = ax.get_xlim()
     ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    if high < 12 * low:
-        ax.xaxis.set_minor_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    if high < 100 * low:
+        shown = "123456789" if high < 3 * low else "235"
+        ax.xaxis.set_minor_formatter(
+            FuncFormatter(lambda value, _: f"{value:g}" if f"{value:e}"[0] in shown else "")
+        )
 
 
 def plot_positions(survey: Survey, ax: Axes) -> Axes:
@@ -150,7 +201,7 @@ def plot_positions(survey: Survey, ax: Axes) -> Axes:
             label="90 % interval",
         )
     if np.isfinite(degraded).any():
-        ax.plot(degraded, rows, "D", color=VERMILLION, label="same tuning, gear damaged")
+        ax.plot(degraded, rows - 0.16, "D", color=VERMILLION, label="same tuning, gear damaged")
     for row, place in zip(rows, survey.placed, strict=True):
         ax.annotate(
             _remark(place),

@@ -29,6 +29,10 @@ def harvest_lines(survey: Survey, most_lines: int = 8) -> list[str]:
     ranked = sorted(survey.lines(), key=lambda row: -row["share_of_time"] * row["energy_j_per_kg"])
     text += ["", "lines by energy and share of time:"]
     text += table_lines([_line(row) for row in ranked[:most_lines]])
+    if survey.together:
+        text += ["", *_set_lines(survey)]
+    if best.tuned is not None:
+        text += ["", *_band_lines(survey)]
     return [*text, "", *(f"note: {note}" for note in survey.notes)]
 
 
@@ -41,6 +45,8 @@ def _row(place: Placed) -> dict[str, Any]:
         "power_uw": MICRO * place.power_w,
         "interval_90_uw": _interval(place),
         "damaged_uw": _micro(row["degraded_power_w"]),
+        "best_damaged_hz": row["degraded_best_hz"],
+        "best_damaged_uw": _micro(row["degraded_best_power_w"]),
         "minutes_between_recordings": often if math.isfinite(often) else None,
         "remark": place.refusal
         or ("better only when damaged" if place.good_only_when_damaged else ""),
@@ -79,7 +85,58 @@ def _harvester_lines(place: Placed) -> list[str]:
         f"travel {travel:.3g} mm ({100 * place.tuned.travel_share:.3g} % of the clearance), stress "
         f"{100 * place.tuned.stress_share:.3g} % of what is safe"
     )
-    return [f"best at {place.position.name}: {what}", limits]
+    return [f"best at {place.position.name}: {what}", limits, *_degraded_lines(place)]
+
+
+def _degraded_lines(place: Placed) -> list[str]:
+    """Say what the best tuning for the damaged gear is, and what it gives while sound."""
+    found, tuned = place.tuned_degraded, place.tuned
+    if found is None or tuned is None:
+        return []
+    return [
+        f"best once damaged: {found.harvester.natural_frequency_hz:.6g} Hz, "
+        f"{MICRO * found.power_w:.4g} uW then and {MICRO * place.healthy_power_of_degraded_w:.4g} "
+        f"uW while sound; the tuning above gives {MICRO * place.degraded_power_w:.4g} uW then"
+    ]
+
+
+def _set_lines(survey: Survey) -> list[str]:
+    """Tunings of a set, and what they yield together at each operating point."""
+    names = [point.vibration.name for point in survey.best.position.healthy]
+    rows = [
+        {
+            "tuned_to_hz": tuned.harvester.natural_frequency_hz,
+            "load": tuned.harvester.load,
+            **{
+                f"{name} uw": MICRO * found.power_w
+                for name, found in zip(names, tuned.answers, strict=True)
+            },
+        }
+        for tuned in survey.together
+    ]
+    worst = min(sum(t.answers[k].power_w for t in survey.together) for k in range(len(names)))
+    return [
+        f"set of {len(rows)}, for the worst operating point ({MICRO * worst:.4g} uW together):",
+        *table_lines(rows),
+    ]
+
+
+def _band_lines(survey: Survey) -> list[str]:
+    """Bandwidth of the best harvester, and against the quality factor of its mechanics."""
+    rows = [
+        {
+            "quality_factor": row["quality_factor"],
+            "loaded": row["loaded_quality_factor"],
+            "bandwidth_hz": row["width_hz"],
+            "peak_uw": MICRO * row["peak_power_w"],
+            "wandering_uw": MICRO * row["power_w"],
+        }
+        for row in survey.bandwidths()
+    ]
+    return [
+        "bandwidth against the quality factor of the mechanics, best load, one line of 1 m/s2:",
+        *table_lines(rows),
+    ]
 
 
 def _budget_line(survey: Survey) -> str:

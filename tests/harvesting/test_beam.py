@@ -53,6 +53,23 @@ def test_mass_for_a_root_undoes_the_root_for_a_mass(ratio):
     assert mass_ratio_for(first) == pytest.approx(ratio, rel=1e-9, abs=1e-12)
 
 
+@settings(max_examples=60, deadline=None)
+@given(ratio=st.floats(1e-3, 1e4), gyration=st.floats(0, 1))
+def test_mass_for_a_root_undoes_the_root_for_a_body(ratio, gyration):
+    first = float(beam_modes(ratio, ratio * gyration**2, 1).eigenvalue[0])
+    assert mass_ratio_for(first, gyration) == pytest.approx(ratio, rel=1e-7)
+
+
+def test_heavy_body_on_a_massless_beam():
+    # K = [12, -6; -6, 4] EI/L^3 with M diag(1, g^2)
+    ratio, gyration = 1e5, 0.4
+    scale = np.outer([1, gyration], [1, gyration])
+    stiffness = np.array([[12, -6], [-6, 4]]) / scale
+    expected = np.linalg.eigvalsh(stiffness) / ratio
+    found = beam_modes(ratio, ratio * gyration**2, 2).eigenvalue ** 4
+    np.testing.assert_allclose(found, expected, rtol=1e-4)
+
+
 def test_little_inertia_changes_little():
     with_inertia = beam_modes(0.5, 1e-10, 3).eigenvalue
     np.testing.assert_allclose(with_inertia, beam_modes(0.5, 0.0, 3).eigenvalue, rtol=1e-7)

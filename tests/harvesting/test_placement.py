@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from gearmon.errors import ArgumentError
-from gearmon.harvesting.answer import OperatingShare
 from gearmon.harvesting.budget import SensorBudget
+from gearmon.harvesting.duty import OperatingShare
 from gearmon.harvesting.inertial import InertialHarvester
 from gearmon.harvesting.placement import Position, rank_positions
 from gearmon.harvesting.survey import survey_expected, survey_measured
@@ -85,6 +85,35 @@ def test_interval_covers_the_scatter_of_a_changing_load():
     assert width > 5 * (steady.power_high_w - steady.power_low_w) / steady.power_w
 
 
+def test_interval_holds_the_true_mean_nine_times_in_ten():
+    # an amplitude that drifts within 0.3 s, as load does; the truth from its known mean square
+    rng = np.random.default_rng(6)
+    rate, seconds, depth, memory = 1000.0, 12.0, 0.4, 0.3
+    count = int(seconds * rate)
+    kept = math.exp(-1 / (memory * rate))
+    hits = []
+    for _ in range(80):
+        steps = rng.normal(size=count) * math.sqrt(1 - kept**2)
+        drift = np.empty(count)
+        value = rng.normal()
+        for k in range(count):
+            drift[k] = value = kept * value + steps[k]
+        t = np.arange(count) / rate
+        row = (1 + depth * drift) * np.cos(2 * np.pi * 200.0 * t)
+        heard = Recording(samples=row[None], sampling_rate_hz=rate, units=("m/s2",), origin="r")
+        limited = InertialHarvester(mass_kg=5e-3, natural_frequency_hz=200.0, highest_hz=400.0)
+        best = survey_measured(machine(), limited, [heard]).best
+        # modulation slower than the resonance is broad: its sidebands are passed
+        kernel = best.tuned.harvester.gains(200.0 + np.linspace(-20, 20, 4001)).power_w
+        offset = 2 * np.pi * np.linspace(-20, 20, 4001)
+        spread = 2 * memory / (1 + (offset * memory) ** 2)
+        spread /= spread.sum()
+        centre = best.tuned.harvester.gains(200.0).power_w[0]
+        truth = centre + depth**2 * float(kernel @ spread)
+        hits.append(best.power_low_w <= truth <= best.power_high_w)
+    assert 0.8 <= np.mean(hits) <= 0.99
+
+
 def test_noise_alone_is_refused():
     with pytest.raises(ArgumentError, match="no line stands out of the noise"):
         survey_measured(machine(), harvester(), [recording([0.0])])
@@ -130,6 +159,29 @@ def test_expected_survey_uses_the_duty_cycle():
     louder = survey_expected(machine(), harvester(), path_gain=0.1)
     assert louder.best.power_w == pytest.approx(4 * found.best.power_w, rel=1e-2)
     json.dumps(found.to_dict(), allow_nan=False)
+
+
+def test_best_for_the_damaged_gear_is_told():
+    sound, damaged = recording([0.5]), recording([0.6], 1)
+    found = survey_measured(machine(), harvester(), [sound], degraded=[damaged], count=2)
+    values = found.to_dict()
+    assert values["best_when_damaged"]["power_w"] == pytest.approx(
+        1.44 * values["best"]["power_w"], rel=0.01
+    )
+    assert values["best"]["half_power_band"]["width_hz"] == pytest.approx(12.0, rel=0.01)
+    assert len(values["set"]) == 2
+    assert {"frequency_hz", "power_w", "stress_pa"} <= set(values["response"][0])
+    json.dumps(values, allow_nan=False)
+
+
+def test_too_loud_a_mesh_names_the_path_gain_that_would_be_within():
+    tight = InertialHarvester(
+        mass_kg=5e-3, natural_frequency_hz=100.0, highest_hz=1500.0, clearance_m=1e-9
+    )
+    with pytest.raises(ArgumentError, match=r"path gain of .* would be within") as caught:
+        survey_expected(machine(), tight, path_gain=0.5)
+    gain = float(str(caught.value).split("a path gain of ")[-1].split()[0])
+    assert survey_expected(machine(), tight, path_gain=gain).best.tuned.within_limits
 
 
 def test_budget_closes():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gearmon.errors import ArgumentError
-from gearmon.harvesting.answer import OperatingShare
+from gearmon.harvesting.duty import OperatingShare
 from gearmon.harvesting.inertial import InertialHarvester
 from gearmon.harvesting.request import built_in
 from gearmon.harvesting.tuning import tune_harvester

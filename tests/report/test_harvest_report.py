@@ -44,9 +44,14 @@ def survey(request):
     )
 
 
-def test_three_pictures_are_written(survey, tmp_path):
+def test_four_pictures_are_written(survey, tmp_path):
     written = save_harvest_figures(survey, tmp_path / "day.png")
-    assert [p.name for p in written] == ["day-energy.png", "day-tuning.png", "day-positions.png"]
+    assert [p.name for p in written] == [
+        "day-energy.png",
+        "day-tuning.png",
+        "day-positions.png",
+        "day-response.png",
+    ]
     for path in written:
         with Image.open(path) as picture:
             assert picture.size == (1040, 598)
