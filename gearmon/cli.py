@@ -68,9 +68,13 @@ def _parser() -> argparse.ArgumentParser:
         _lines,
         _stiffness,
         _baseline,
+        _stability,
         _simulate,
         _learn,
         _analyse,
+        _indicators,
+        _spectrum,
+        _orders,
         _harvest,
         _demo,
         _benchmark,
@@ -139,6 +143,22 @@ def _baseline(parsers: Any) -> None:
     parser.add_argument("--max-hz", type=float, metavar="F", help="no lines above this frequency")
 
 
+def _stability(parsers: Any) -> None:
+    parser = _command(
+        parsers,
+        "stability",
+        commands.run_stability,
+        "how far each mesh is from parametric instability, as table and chart",
+        "gearmon stability machine.toml -o stability.csv",
+    )
+    parser.add_argument("machine", metavar="MACHINE", help="machine file (TOML)")
+    parser.add_argument("--form", default="parabolic", help="stiffness form (parabolic)")
+    parser.add_argument("--stage", type=int, metavar="N", help="only this stage")
+    parser.add_argument(
+        "--harmonics", type=int, default=12, metavar="N", help="stiffness harmonics taken (12)"
+    )
+
+
 def _simulate(parsers: Any) -> None:
     parser = _command(
         parsers,
@@ -192,6 +212,82 @@ def _analyse(parsers: Any) -> None:
     parser.add_argument("--report", metavar="HTML", help="write a report, and a PNG a picture")
 
 
+def _indicators(parsers: Any) -> None:
+    parser = _command(
+        parsers,
+        "indicators",
+        commands.run_indicators,
+        "every condition indicator of recordings, with its input; several are the records of a run",
+        "gearmon indicators monday.csv tuesday.csv --machine machine.toml -o indicators.csv",
+    )
+    _recording_options(parser, machine_required=False)
+    parser.add_argument(
+        "--baseline",
+        type=int,
+        default=1,
+        metavar="N",
+        help="records at the start of the run that were healthy, for NA4* and NB4* (1)",
+    )
+    parser.add_argument(
+        "--history", metavar="FILE", help="go on with the run in this file (JSON), and write it"
+    )
+
+
+def _spectrum(parsers: Any) -> None:
+    parser = _command(
+        parsers,
+        "spectrum",
+        commands.run_spectrum,
+        "a calibrated spectrum of a recording, of any kind, as table and picture",
+        "gearmon spectrum new.csv --kind envelope --band 2000 4000 --machine machine.toml "
+        "-o spectrum.csv",
+    )
+    _recording_options(parser, machine_required=False, several=False)
+    parser.add_argument(
+        "--kind",
+        default="amplitude",
+        metavar="KIND",
+        help="amplitude (peak; default), rms, density, energy, envelope, cepstrum, kurtogram or "
+        "coherence",
+    )
+    parser.add_argument(
+        "--band",
+        type=float,
+        nargs=2,
+        metavar=("LO", "HI"),
+        help="in Hz: what is shown; for envelope the band that is demodulated; for coherence the "
+        "modulation frequencies; for cepstrum quefrencies in s",
+    )
+    _window_and_peaks(parser)
+
+
+def _orders(parsers: Any) -> None:
+    parser = _command(
+        parsers,
+        "orders",
+        commands.run_orders,
+        "amplitude against order of a shaft, averaged or along the recording",
+        "gearmon orders new.csv --machine machine.toml --shaft 2 --map -o orders.csv",
+    )
+    _recording_options(parser, several=False)
+    option = parser.add_argument
+    option("--shaft", type=int, default=1, metavar="N", help="whose turns orders count (1)")
+    option("--map", action="store_true", help="along the recording, not averaged")
+    option("--max-order", type=float, metavar="X", help="no orders above this one")
+    _window_and_peaks(parser)
+
+
+def _window_and_peaks(parser: argparse.ArgumentParser) -> None:
+    option = parser.add_argument
+    option(
+        "--window",
+        default="hann",
+        metavar="NAME",
+        help="hann (default), flat-top, blackman-harris or rectangular",
+    )
+    option("--peaks", type=int, default=12, metavar="N", help="peaks listed a channel (12)")
+
+
 def _harvest(parsers: Any) -> None:
     parser = _command(
         parsers,
@@ -210,6 +306,7 @@ def _harvest(parsers: Any) -> None:
         "expected lines of the machine are used",
     )
     option("--harvester", metavar="FILE", help="harvester file (TOML); a 15 mm bimorph by default")
+    option("--count", type=int, default=1, metavar="N", help="harvesters of a set, 1 to 3 (1)")
     option("--share", action="append", type=float, metavar="F", help="share of time, repeatable")
     option(
         "--degraded",
@@ -273,10 +370,13 @@ def _fault_option(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _recording_options(parser: argparse.ArgumentParser) -> None:
+def _recording_options(
+    parser: argparse.ArgumentParser, *, machine_required: bool = True, several: bool = True
+) -> None:
     option = parser.add_argument
-    option("recording", metavar="RECORDING", nargs="+", help="CSV file, plain or gzip")
-    option("--machine", metavar="MACHINE", required=True, help="machine file (TOML)")
+    count: str | int = "+" if several else 1
+    option("recording", metavar="RECORDING", nargs=count, help="CSV file, plain or gzip")
+    option("--machine", metavar="MACHINE", required=machine_required, help="machine file (TOML)")
     option("--sampling-rate", type=float, metavar="HZ", help="needed if there is no time column")
     option(
         "--channel",

@@ -38,7 +38,7 @@ for front in FRONT:
 
 # Libraries that only some modules may load, wherever in the module the import stands.
 OWNED = {
-    "pyfftw": lambda module: module == "gearmon.signals.spectrum",
+    "pyfftw": lambda module: module == "gearmon.signals.transforms",
     "matplotlib": lambda module: module.startswith("gearmon.report.") and "plots" in module,
     "sklearn": lambda module: module.startswith("gearmon.diagnosis"),
     "scipy.signal": lambda module: module.startswith("gearmon.benchmark"),

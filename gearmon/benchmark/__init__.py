@@ -10,9 +10,9 @@ from typing import Any
 from gearmon.errors import ArgumentError
 from gearmon.terminal import Progress
 
-CASES = ("analyse", "memory", "stiffness", "harvesting", "dynamics", "stress")
+CASES = ("analyse", "memory", "stiffness", "harvesting", "dynamics", "stress", "signals")
 #: Cases that have pictures.
-PICTURED = ("dynamics", "stress")
+PICTURED = ("dynamics", "stress", "signals")
 
 
 def run_case(
@@ -36,7 +36,7 @@ def run_case(
         Interpreter of an environment with ROSS, for the case "stiffness"; by default the
         environment variable GEARMON_ROSS_PYTHON.
     quick : bool
-        Rough figures in seconds, for "harvesting", "dynamics" and "stress".
+        Rough figures in seconds, for "harvesting", "dynamics", "stress" and "signals".
     seed : int
         Of what these two draw.
     count : int, optional
@@ -81,6 +81,10 @@ def run_case(
         return run_stress(
             5000 if count is None else count, seed=seed, quick=quick, progress=progress
         )
+    if case == "signals":
+        from gearmon.benchmark.signals import run_signals
+
+        return run_signals(progress, quick=quick)
     raise ArgumentError(f"benchmark case={case!r} must be one of {', '.join(CASES)}")
 
 
@@ -102,6 +106,9 @@ def summary_rows(case: str, rows: Sequence[dict[str, Any]]) -> list[dict[str, An
         from gearmon.benchmark.stress import stress_summary
 
         return stress_summary(rows)
+    if case == "signals":
+        shown = ("case", "method", "samples", "channels", "median_s", "times_own", "note")
+        return [{name: row[name] for name in shown} for row in rows]
     return list(rows)
 
 
@@ -134,4 +141,8 @@ def save_figures(case: str, rows: Sequence[dict[str, Any]], path: str | Path) ->
         from gearmon.report.stress_plots import save_stress_figure
 
         return save_stress_figure(rows, path)
-    raise ArgumentError(f"benchmark case={case!r} has no pictures; dynamics and stress have")
+    if case == "signals":
+        from gearmon.report.signals_benchmark_plots import save_signals_figure
+
+        return save_signals_figure(rows, path)
+    raise ArgumentError(f"benchmark case={case!r} has no pictures; {', '.join(PICTURED)} have")

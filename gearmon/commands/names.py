@@ -12,7 +12,11 @@ _ENDINGS = {
     "stiffness": (".csv", ".json"),
     "baseline": (".csv", ".json", ".parquet"),
     "simulate": (".csv",),
+    "stability": (".csv", ".json"),
     "analyse": (".json",),
+    "indicators": (".csv", ".json", ".png"),
+    "spectrum": (".csv", ".json", ".png"),
+    "orders": (".csv", ".json", ".png"),
     "harvest": (".csv", ".json"),
     "benchmark": (".csv", ".json"),
 }
@@ -32,7 +36,7 @@ def check_names(arguments: argparse.Namespace) -> None:
         If a name is empty, has the wrong ending, or would be written over what is read.
     """
     given = vars(arguments)
-    for name in ("output", "report", "reference", "tacho", "machine", "harvester"):
+    for name in ("output", "report", "reference", "tacho", "machine", "harvester", "history"):
         if given.get(name) == "":
             raise ArgumentError(f"--{name}: the name is empty")
     inputs = [*given.get("recording", ()), *given.get("degraded", ())]

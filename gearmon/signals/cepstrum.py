@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError, check_positive, check_range
-from gearmon.signals.spectrum import real_fft
+from gearmon.signals.transforms import quick_length, transform
 
 FloatArray = NDArray[np.float64]
 
@@ -81,8 +81,8 @@ def real_cepstrum(samples: FloatArray, rate: float) -> Cepstrum:
         If there are too few samples or a signal is constant.
     """
     signals = _signals(samples, rate)
-    count = signals.shape[-1]
-    values = np.fft.irfft(_log_amplitude(signals), n=count, axis=-1)
+    count = quick_length(signals.shape[-1])
+    values = np.fft.irfft(_log_amplitude(transform(signals, count)), n=count, axis=-1)
     return Cepstrum(
         quefrency_s=np.arange(count // 2 + 1) / rate, values=values[:, : count // 2 + 1]
     )
@@ -137,7 +137,8 @@ def lifter_sidebands(
     signals = _signals(samples, rate)
     check_positive("spacing_hz", spacing_hz)
     check_range("half_width", half_width, 0, 20)
-    count = signals.shape[-1]
+    given = signals.shape[-1]
+    count = quick_length(given)
     first = rate / spacing_hz
     if not 2 <= first < count / 2:
         raise ArgumentError(
@@ -153,18 +154,18 @@ def lifter_sidebands(
     if keep:
         gate = ~gate
         gate[0] = False
-    lines = real_fft(signals, count)
-    logarithm = _log_amplitude(signals)
+    lines = transform(signals, count)
+    logarithm = _log_amplitude(lines)
     cepstrum = np.fft.irfft(logarithm, n=count, axis=-1)
     cepstrum[:, gate] = 0.0
     edited = np.fft.rfft(cepstrum, axis=-1).real
     change = np.exp(edited - logarithm)
-    result: FloatArray = np.fft.irfft(lines * change, n=count, axis=-1)
+    result: FloatArray = np.fft.irfft(lines * change, n=count, axis=-1)[:, :given]
     return result
 
 
-def _log_amplitude(signals: FloatArray) -> FloatArray:
-    size = np.abs(real_fft(signals, signals.shape[-1]))
+def _log_amplitude(lines: NDArray[np.complex128]) -> FloatArray:
+    size = np.abs(lines)
     largest = size.max(axis=-1, keepdims=True)
     if (largest == 0).any():
         raise ArgumentError("samples: a signal is constant, it has no cepstrum")

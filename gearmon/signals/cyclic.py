@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gearmon.errors import ArgumentError, check_positive
 from gearmon.signals.spectrum import hann
+from gearmon.signals.transforms import batch, rows_in_cache
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -85,12 +86,10 @@ def cyclic_coherence(
         raise ArgumentError(f"block={block} samples must lie in [8, {len(signal) // 8}]")
     signal = signal - signal.mean()
     hop = max(1, block // 4)
-    starts = np.arange(0, len(signal) - block + 1, hop)
-    window = hann(block)
-    frames = np.lib.stride_tricks.sliding_window_view(signal, block)[::hop] * window
-    values = np.array([_squared(frames, starts, alpha / rate, block) for alpha in alphas])
+    blocks = np.lib.stride_tricks.sliding_window_view(signal, block)[::hop]
+    values = np.array([_squared(blocks, hop, alpha / rate) for alpha in alphas])
     # three quarters of overlap count as half as many independent blocks
-    independent = max(2.0, len(starts) / 2)
+    independent = max(2.0, len(blocks) / 2)
     return CyclicCoherence(
         cyclic_hz=alphas,
         frequency_hz=rate / block * np.arange(block // 2 + 1.0),
@@ -99,17 +98,30 @@ def cyclic_coherence(
     )
 
 
-def _squared(frames: FloatArray, starts: NDArray[np.intp], alpha: float, block: int) -> FloatArray:
+def _squared(blocks: FloatArray, hop: int, alpha: float) -> FloatArray:
     """|gamma|^2 at the carriers 0 to half the rate; alpha in cycles a sample."""
-    within = np.exp(-1j * np.pi * alpha * np.arange(block))
-    upper = np.fft.fft(frames * within, axis=-1)
-    # f - alpha/2 of a real signal is the conjugate of a shift the other way
-    lower = np.fft.fft(frames * within.conj(), axis=-1)
-    turn = np.exp(-2j * np.pi * alpha * starts)
+    count, block = blocks.shape
     half = block // 2 + 1
-    cross = np.einsum("tf,tf,t->f", upper[:, :half], lower[:, :half].conj(), turn)
-    first = np.einsum("tf,tf->f", upper[:, :half], upper[:, :half].conj()).real
-    second = np.einsum("tf,tf->f", lower[:, :half], lower[:, :half].conj()).real
+    shift = hann(block) * np.exp(-1j * np.pi * alpha * np.arange(block))
+    rows = min(count, rows_in_cache(block))
+    # the conjugate of an inverse transform is the forward one of the conjugate
+    work = batch(block, rows, count * block, inverse=True)
+    conjugate = shift.conj()
+    mirrored = -np.arange(half) % block
+    cross = np.zeros(half, dtype=np.complex128)
+    first, second = np.zeros(half), np.zeros(half)
+    for start in range(0, count, rows):
+        group = blocks[start : start + rows]
+        np.multiply(group, conjugate, out=work.input[: len(group)])
+        lines = work.run()[: len(group)].conj()
+        # f - alpha/2 of a real signal is the conjugate of the same shift at -f
+        upper, lower = lines[:, :half], lines[:, mirrored]
+        turn = np.exp(-2j * np.pi * alpha * hop * np.arange(start, start + len(group)))
+        cross += turn @ (upper * lower)
+        first += np.einsum("ij,ij->j", upper.real, upper.real)
+        first += np.einsum("ij,ij->j", upper.imag, upper.imag)
+        second += np.einsum("ij,ij->j", lower.real, lower.real)
+        second += np.einsum("ij,ij->j", lower.imag, lower.imag)
     size = first * second
     squared = cross.real**2 + cross.imag**2
     ratio: FloatArray = np.divide(squared, size, out=np.zeros(half), where=size > 0)

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError, check_positive, check_range
-from gearmon.signals.spectrum import Spectrum, fast_length, hann, real_fft
+from gearmon.signals.spectrum import Spectrum, hann
+from gearmon.signals.transforms import batch, fast_length, quick_length, transform
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -99,7 +100,7 @@ def band_envelope(
     signals = _signals(samples, rate)
     check_range("low", low, 0.0, rate / 2)
     check_range("high", high, 0.0, rate / 2)
-    count = signals.shape[-1]
+    samples_in, count = signals.shape[-1], quick_length(signals.shape[-1])
     first, last = round(low * count / rate), round(high * count / rate)
     last = min(last, (count - 1) // 2)
     if last - first < 2:
@@ -107,19 +108,24 @@ def band_envelope(
             f"band {low:g} to {high:g} holds fewer than two lines; its width must be at least "
             f"{2 * rate / count:.3g}"
         )
-    lines = 2.0 * real_fft(signals, count)[:, first : last + 1] / count
+    lines = (2.0 / count) * transform(signals, count)[:, first : last + 1]
     if first == 0:
         lines[:, 0] *= 0.5  # the mean has no conjugate to be folded in
     middle = (first + last) // 2 if centre is None else round(centre * count / rate)
     if not first <= middle <= last:
         raise ArgumentError(f"centre={centre} must lie within the band {low:g} to {high:g}")
     length = fast_length(2 * max(last - middle, middle - first) + 2)
-    shifted = np.zeros((len(signals), length), dtype=complex)
-    shifted[:, : last - middle + 1] = lines[:, middle - first :]
-    if middle > first:
-        shifted[:, -(middle - first) :] = lines[:, : middle - first]
+    work = batch(length, 1, signals.size, inverse=True)
+    # of a record that was padded the padding is left out again
+    values = np.empty((len(signals), -(-length * samples_in // count)), dtype=np.complex128)
+    for row in range(len(signals)):
+        work.input[:] = 0.0
+        work.input[0, : last - middle + 1] = lines[row, middle - first :]
+        if middle > first:
+            work.input[0, -(middle - first) :] = lines[row, : middle - first]
+        values[row] = work.run()[0, : values.shape[-1]]
     return Envelope(
-        values=np.fft.ifft(shifted, axis=-1, norm="forward"),
+        values=values,
         rate=length * rate / count,
         centre=middle * rate / count,
         low=first * rate / count,

@@ -2,7 +2,11 @@
 
 All are plain functions of arrays with time (or angle) on the last axis and return one value a
 channel. Kurtosis is not in excess form: Gaussian noise has 3, 15 and 105 for the normalised fourth,
-sixth and eighth moments.
+sixth and eighth moments. NA4 and NB4, which look back over a run, stand in `run_history`.
+
+What each wants: FM0, the sideband indicators and NB4 a synchronous average; NA4 the residual
+signal (the average less shaft and mesh harmonics); FM4, M6A, M8A and the energy ratio the
+difference signal (the residual less the first sidebands).
 
 References
 ----------
@@ -11,6 +15,8 @@ diagnostics and prognostics, MFPT 54 (2000) 623-634.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,6 +97,106 @@ def energy_ratio(difference: FloatArray, regular: FloatArray) -> FloatArray:
 def sideband_energy_ratio(sideband_amplitude: FloatArray, mesh_amplitude: FloatArray) -> FloatArray:
     """Sum of the sideband amplitudes (+-1 to +-6) over that of the mesh fundamental (SER)."""
     return _ratio(np.sum(sideband_amplitude, axis=-1), mesh_amplitude)
+
+
+def fm4(difference: FloatArray) -> FloatArray:
+    """Kurtosis of the difference signal: 3 for Gaussian noise, more where one tooth departs."""
+    return normalised_moment(difference, 4)
+
+
+def m6a(difference: FloatArray) -> FloatArray:
+    """Normalised sixth moment of the difference signal: 15 for Gaussian noise."""
+    return normalised_moment(difference, 6)
+
+
+def m8a(difference: FloatArray) -> FloatArray:
+    """Normalised eighth moment of the difference signal: 105 for Gaussian noise."""
+    return normalised_moment(difference, 8)
+
+
+def sideband_index(first_sidebands: FloatArray) -> FloatArray:
+    """Mean amplitude of the sidebands +-1 of the mesh fundamental, in the signal's unit.
+
+    Parameters
+    ----------
+    first_sidebands : ndarray of float, shape (..., 2)
+        Amplitudes of the lines -1 and +1.
+    """
+    result: FloatArray = np.mean(first_sidebands, axis=-1)
+    return result
+
+
+def sideband_level_factor(first_sidebands: FloatArray, average: FloatArray) -> FloatArray:
+    """Sum of the amplitudes of the sidebands +-1 over the standard deviation of the average.
+
+    Parameters
+    ----------
+    first_sidebands : ndarray of float, shape (..., 2)
+        Amplitudes of the lines -1 and +1 of the mesh fundamental.
+    average : ndarray of float, shape (..., n)
+        Synchronous average.
+
+    Returns
+    -------
+    ndarray of float, shape (...,)
+        Invariant to scale.
+    """
+    return _ratio(np.sum(first_sidebands, axis=-1), rms(average))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Waveform:
+    """What describes a waveform as it was recorded.
+
+    Parameters
+    ----------
+    rms, peak_to_peak, crest_factor, kurtosis : float
+        As the functions of these names.
+    """
+
+    rms: float
+    peak_to_peak: float
+    crest_factor: float
+    kurtosis: float
+
+
+# Pieces that stay in the cache of a processor core: a long recording is read twice, never copied.
+_PIECE = 1 << 15
+
+
+def describe_waveform(signal: FloatArray) -> Waveform:
+    """Describe one long signal in two passes, piece by piece.
+
+    Parameters
+    ----------
+    signal : ndarray of float, shape (n,)
+        The signal, n >= 1.
+
+    Returns
+    -------
+    Waveform
+    """
+    pieces = [signal[start : start + _PIECE] for start in range(0, len(signal), _PIECE)]
+    sums = [(piece.sum(), piece.min(), piece.max()) for piece in pieces]
+    total, least, most = zip(*sums, strict=True)
+    mean, low, high = float(np.sum(total)) / len(signal), float(min(least)), float(max(most))
+    peak = max(high - mean, mean - low)
+    # scaled by the peak, so that no power overflows or vanishes
+    scale = 1.0 / peak if peak > 0 else 1.0
+    second = fourth = 0.0
+    for piece in pieces:
+        square = piece - mean
+        square *= scale
+        square *= square
+        second += float(square.sum())
+        fourth += float(square @ square)
+    size = float(np.sqrt(second / len(signal))) / scale
+    return Waveform(
+        rms=size,
+        peak_to_peak=high - low,
+        crest_factor=peak / size if size > 0 else 0.0,
+        kurtosis=fourth * len(signal) / second**2 if second > 0 else 0.0,
+    )
 
 
 def _centred(signal: FloatArray) -> FloatArray:

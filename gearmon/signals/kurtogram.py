@@ -8,8 +8,8 @@ maximum is the band to demodulate. Antoni, Mech. Syst. Signal Process. 20 (2006)
 (2007) 108-124.
 
 Here one transform of the whole record is cut into bands, each of which is transformed back by
-itself: every level costs one batch of short inverse transforms, and bands of a level neither
-overlap nor leak.
+itself: every level costs one batch of short inverse transforms, some at a time in buffers that fit
+the cache, and bands of a level neither overlap nor leak.
 """
 
 from __future__ import annotations
@@ -20,12 +20,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError, check_positive, check_range
-from gearmon.signals.spectrum import hann, real_fft
+from gearmon.signals.spectrum import hann
+from gearmon.signals.transforms import (
+    batch,
+    fast_length,
+    is_smooth,
+    quick_length,
+    rows_in_cache,
+    transform,
+)
 
 FloatArray = NDArray[np.float64]
 
 #: Samples of the envelope that a band keeps at least: fewer make a kurtosis meaningless.
 LEAST_SAMPLES = 32
+_PIECE = 1 << 14
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,26 +119,55 @@ def kurtogram(samples: FloatArray, rate: float, levels: int | None = None) -> Ku
         )
     if np.ptp(signal) == 0:
         raise ArgumentError("samples: the signal is constant, it has no kurtosis")
-    lines = real_fft((signal - signal.mean())[None, :], len(signal))[0, 1 : half + 1]
+    length = quick_length(len(signal))
+    lines = transform((signal - signal.mean())[None, :], length)[0, 1 : length // 2 + 1]
     counts = sorted({1} | {2**k for k in range(wanted + 1)} | {3 * 2**k for k in range(wanted)})
+    share = len(signal) / length
     return Kurtogram(
         bands=tuple(counts),
-        kurtosis=tuple(_level(lines, count) for count in counts),
+        kurtosis=tuple(_level(lines, count, share) for count in counts),
         rate=float(rate),
     )
 
 
-def _level(lines: NDArray[np.complex128], count: int) -> FloatArray:
-    """Kurtosis of the envelopes of equal bands; a few lines at the top are left over."""
+def _level(lines: NDArray[np.complex128], count: int, share: float) -> FloatArray:
+    """Kurtosis of the envelopes of equal bands; a few lines at the top are left over.
+
+    `share` is that of the record in the transform: what was padded has no say.
+    """
     width = len(lines) // count
-    envelopes = np.fft.ifft(lines[: width * count].reshape(count, width), axis=-1, norm="forward")
-    power = envelopes.real**2 + envelopes.imag**2
-    mean = power.mean(axis=-1)
+    # twice as many points as lines: the squared envelope is then sampled without aliasing, and its
+    # mean square is exact wherever the impacts fall between the points
+    length = 2 * width if is_smooth(width) else fast_length(2 * width)
+    rows = min(count, rows_in_cache(length))
+    work = batch(length, rows, 2 * len(lines), inverse=True)
+    work.input[:, width:] = 0.0
+    kept = max(2, int(length * share))
+    bands = lines[: width * count].reshape(count, width)
+    mean, square = np.empty(count), np.empty(count)
+    for first in range(0, count, rows):
+        group = slice(first, min(count, first + rows))
+        size = group.stop - first
+        work.input[:size, :width] = bands[group]
+        mean[group], square[group] = _power_sums(work.run()[:size, :kept])
+    mean /= kept
+    square /= kept
     # an empty band has no kurtosis; rounding noise beside strong bands must not be taken for one
     silent = mean <= 1e-24 * mean.max(initial=0.0)
-    square = np.einsum("ij,ij->i", power, power) / width
     ratio = np.divide(square, mean**2, out=np.full(count, 2.0), where=~silent)
     return np.asarray(ratio - 2.0, dtype=np.float64)
+
+
+def _power_sums(envelopes: NDArray[np.complex128]) -> tuple[FloatArray, FloatArray]:
+    """Add up |x|^2 and |x|^4 of each row, in pieces that stay in the cache; spoils the rows."""
+    first, second = np.zeros(len(envelopes)), np.zeros(len(envelopes))
+    for start in range(0, envelopes.shape[-1], _PIECE):
+        parts = envelopes[:, start : start + _PIECE].view(np.float64)
+        parts *= parts
+        power = parts[:, 0::2] + parts[:, 1::2]
+        first += power.sum(axis=-1)
+        second += np.einsum("ij,ij->i", power, power)
+    return first, second
 
 
 def spectral_kurtosis(
@@ -167,24 +205,36 @@ def spectral_kurtosis(
     count = signals.shape[-1]
     if not 8 <= block <= count // 4:
         raise ArgumentError(f"block={block} samples must lie in [8, {count // 4}]")
-    window = hann(block)
-    hop = max(1, block // 4)
-    starts = np.arange(0, count - block + 1, hop)
+    blocks = max(1, (count - block) // max(1, block // 4) + 1)
     second = np.zeros((len(signals), block // 2 + 1))
     fourth = np.zeros_like(second)
-    for part in np.array_split(starts, 1 + len(starts) * block * len(signals) // (1 << 21)):
-        blocks = signals[:, part[:, None] + np.arange(block)]
-        lines = real_fft(blocks * window, block, total=len(starts) * block)
-        power = lines.real**2 + lines.imag**2
-        second += power.sum(axis=1)
-        fourth += (power**2).sum(axis=1)
-    mean = second / len(starts)
-    ratio = np.divide(fourth / len(starts), mean**2, out=np.full_like(mean, 2.0), where=mean > 0)
+    for row, signal in enumerate(signals):
+        second[row], fourth[row] = _moments(signal - signal.mean(), block)
+    mean = second / blocks
+    ratio = np.divide(fourth / blocks, mean**2, out=np.full_like(mean, 2.0), where=mean > 0)
     kurtosis = ratio - 2.0
     kurtosis[:, 0] -= 1.0
     if block % 2 == 0:
         kurtosis[:, -1] -= 1.0
     # three quarters of overlap under a Hann window count as half as many independent blocks
-    independent = max(1.0, len(starts) / 2)
+    independent = max(1.0, blocks / 2)
     threshold = 3.1 * 2.0 / np.sqrt(independent)
     return rate / block * np.arange(block // 2 + 1.0), kurtosis, float(threshold)
+
+
+def _moments(signal: FloatArray, block: int) -> tuple[FloatArray, FloatArray]:
+    """Add up |X|^2 and |X|^4 over Hann blocks with three quarters of overlap."""
+    views = np.lib.stride_tricks.sliding_window_view(signal, block)[:: max(1, block // 4)]
+    rows = min(len(views), rows_in_cache(block))
+    work = batch(block, rows, len(views) * block)
+    weights = hann(block)
+    second, fourth = np.zeros(block // 2 + 1), np.zeros(block // 2 + 1)
+    for first in range(0, len(views), rows):
+        group = views[first : first + rows]
+        np.multiply(group, weights, out=work.input[: len(group)])
+        parts = work.run()[: len(group)].view(np.float64)
+        parts *= parts
+        power = parts[:, 0::2] + parts[:, 1::2]
+        second += power.sum(axis=0)
+        fourth += np.einsum("ij,ij->j", power, power)
+    return second, fourth

@@ -104,3 +104,17 @@ def test_scale_goes_through():
 def test_impossible_bands_are_refused(call, words):
     with pytest.raises(ArgumentError, match=words):
         call(np.ones(COUNT) + np.cos(2 * np.pi * 200 * TIME))
+
+
+def test_a_padded_record_keeps_its_envelope_and_length():
+    # 20,011 is a prime above the lengths that are transformed as they are
+    rate, count = 10_000.0, 20_011
+    t = np.arange(count) / rate
+    samples = (1 + 0.5 * np.cos(2 * np.pi * 7 * t)) * np.cos(2 * np.pi * 2000 * t)
+    found = band_envelope(samples, rate, 1500.0, 2500.0, 2000.0)
+    time = np.arange(found.values.shape[-1]) / found.rate
+    assert time[-1] <= count / rate
+    assert time[-1] == pytest.approx(count / rate, abs=2 / found.rate)
+    inner = (time > 0.02) & (time < time[-1] - 0.02)
+    expected = 1 + 0.5 * np.cos(2 * np.pi * 7 * time)
+    np.testing.assert_allclose(found.amplitude[0, inner], expected[inner], atol=0.02)

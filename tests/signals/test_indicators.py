@@ -8,16 +8,23 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from reference import slow_indicators
 
 from gearmon.signals.indicators import (
     crest_factor,
+    describe_waveform,
     energy_ratio,
     fm0,
+    fm4,
     kurtosis,
+    m6a,
+    m8a,
     normalised_moment,
     peak_to_peak,
     rms,
     sideband_energy_ratio,
+    sideband_index,
+    sideband_level_factor,
 )
 
 TURN = 2 * np.pi * np.arange(4096) / 4096
@@ -140,3 +147,51 @@ def test_channels_and_start_do_not_matter(order, start):
     turned = np.roll(signal[list(order)], start, axis=-1)
     for indicator in (kurtosis, crest_factor, rms, peak_to_peak):
         np.testing.assert_allclose(indicator(turned), indicator(signal)[list(order)], rtol=1e-12)
+
+
+@given(st.integers(0, 1000), st.integers(8, 60))
+def test_indicators_equal_the_sums_written_out(seed, count):
+    rng = np.random.default_rng(seed)
+    x, d, g = rng.normal(size=(3, count)) + rng.normal(size=(3, 1))
+    lines = rng.uniform(0.1, 1.0, 6)
+    pairs = [
+        (fm0(x, lines), slow_indicators.fm0(x, lines)),
+        (fm4(d), slow_indicators.fm4(d)),
+        (m6a(d), slow_indicators.m6a(d)),
+        (m8a(d), slow_indicators.m8a(d)),
+        (energy_ratio(d, g), slow_indicators.energy_ratio(d, g)),
+        (
+            sideband_energy_ratio(lines, np.float64(0.7)),
+            slow_indicators.sideband_energy_ratio(lines, 0.7),
+        ),
+        (sideband_index(lines[:2]), slow_indicators.sideband_index(lines[:2])),
+        (
+            sideband_level_factor(lines[:2], x),
+            slow_indicators.sideband_level_factor(lines[:2], x),
+        ),
+        (crest_factor(x), slow_indicators.crest_factor(x)),
+    ]
+    for found, expected in pairs:
+        assert float(found) == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("count", [1, 7, 32_768, 100_003])
+def test_description_in_pieces_equals_the_formulas(count):
+    signal = np.random.default_rng(count).normal(size=count) + 5
+    found = describe_waveform(signal)
+    assert found.rms == pytest.approx(float(rms(signal)), rel=1e-9)
+    assert found.peak_to_peak == float(peak_to_peak(signal))
+    assert found.crest_factor == pytest.approx(float(crest_factor(signal)), rel=1e-9)
+    assert found.kurtosis == pytest.approx(float(kurtosis(signal)), rel=1e-9)
+
+
+@pytest.mark.parametrize("factor", [1000.0, 1e-3])
+def test_description_follows_scale(factor):
+    one, other = describe_waveform(NOISE[0]), describe_waveform(factor * NOISE[0])
+    assert other.rms == pytest.approx(factor * one.rms, rel=1e-12)
+    assert other.crest_factor == pytest.approx(one.crest_factor, rel=1e-12)
+    assert other.kurtosis == pytest.approx(one.kurtosis, rel=1e-12)
+    first = np.array([0.2, 0.3])
+    assert sideband_level_factor(factor * first, factor * NOISE[0]) == pytest.approx(
+        sideband_level_factor(first, NOISE[0]), rel=1e-12
+    )

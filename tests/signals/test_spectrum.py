@@ -12,16 +12,16 @@ from reference.slow_orders import hann_values, slow_floor, smallest_smooth
 from reference.synthetic_signals import white
 
 from gearmon.errors import ArgumentError
-from gearmon.signals import spectrum
+from gearmon.signals import transforms
 from gearmon.signals.spectrum import (
     amplitude_spectrum,
     block_powers,
-    fast_length,
     hann,
     local_floor,
     power_density,
-    real_fft,
 )
+from gearmon.signals.transforms import fast_length, is_smooth, quick_length, real_fft, transform
+from gearmon.signals.windows import window
 
 LENGTHS = [1024, 1000, 1001, 1009, 7, 2]
 
@@ -129,7 +129,7 @@ def direct_transform(block, length, bins):
 
 @pytest.mark.parametrize("pays_from", [0, 1 << 40])
 def test_transform_equals_the_direct_sum_in_either_library(monkeypatch, pays_from):
-    monkeypatch.setattr(spectrum, "_FFTW_PAYS_FROM", pays_from)
+    monkeypatch.setattr(transforms, "_FFTW_PAYS_FROM", pays_from)
     blocks = white((2, 3000), seed=4)
     bins = [0, 1, 77, 2047, 2048]
     found = real_fft(blocks, 4096)[:, bins]
@@ -138,7 +138,7 @@ def test_transform_equals_the_direct_sum_in_either_library(monkeypatch, pays_fro
 
 
 def test_transform_leaves_its_input_alone(monkeypatch):
-    monkeypatch.setattr(spectrum, "_FFTW_PAYS_FROM", 0)
+    monkeypatch.setattr(transforms, "_FFTW_PAYS_FROM", 0)
     blocks = white((2, 4096), seed=5)
     kept = blocks.copy()
     real_fft(blocks, 4096)
@@ -146,7 +146,7 @@ def test_transform_leaves_its_input_alone(monkeypatch):
 
 
 def test_many_samples_in_all_choose_the_cached_plans(monkeypatch):
-    monkeypatch.setattr(spectrum, "_fftw", lambda _, length: ("fftw", length))
+    monkeypatch.setattr(transforms, "_fftw", lambda _, length: ("fftw", length))
     assert real_fft(white(4096), 4096, total=1 << 24) == ("fftw", 4096)
     assert isinstance(real_fft(white(4096), 4096), np.ndarray)
 
@@ -155,7 +155,7 @@ def test_without_fftw_the_product_is_complete(monkeypatch):
     monkeypatch.setitem(sys.modules, "pyfftw", None)
     monkeypatch.setitem(sys.modules, "pyfftw.interfaces", None)
     monkeypatch.setitem(sys.modules, "pyfftw.interfaces.numpy_fft", None)
-    monkeypatch.setattr(spectrum, "_FFTW_PAYS_FROM", 0)
+    monkeypatch.setattr(transforms, "_FFTW_PAYS_FROM", 0)
     blocks = white((1, 4096), seed=6)
     np.testing.assert_allclose(real_fft(blocks, 4096), np.fft.rfft(blocks), atol=1e-9)
 
@@ -198,3 +198,104 @@ def test_impossible_rates_are_refused(rate):
 def test_single_samples_are_refused():
     with pytest.raises(ArgumentError, match="1 values, at least 2"):
         amplitude_spectrum(np.ones((3, 1)), 1.0)
+
+
+# a sum over lines equals a sum over samples: even, odd, prime, padded
+PARSEVAL = [2, 3, 1000, 1001, 997, 16_384, 16_411, 50_021]
+
+
+@pytest.mark.parametrize("length", PARSEVAL)
+@pytest.mark.parametrize("name", ["rectangular", "hann", "flat-top", "blackman-harris"])
+def test_energies_of_all_lines_add_up_to_the_mean_square(length, name):
+    samples = white((2, length), 3.0, seed=length) + 1.0
+    found = amplitude_spectrum(samples, 500.0, window_name=name, quantity="energy")
+    weights = window(name, length)
+    expected = np.sum((samples * weights) ** 2, axis=1) / np.sum(weights**2)
+    np.testing.assert_allclose(found.values.sum(axis=1), expected, rtol=1e-12)
+    if name == "rectangular":
+        np.testing.assert_allclose(
+            found.values.sum(axis=1), np.mean(samples**2, axis=1), rtol=1e-12
+        )
+
+
+@pytest.mark.parametrize("name", ["rectangular", "hann", "flat-top", "blackman-harris"])
+@pytest.mark.parametrize("length", [1000, 1001, 997])
+def test_every_window_reads_a_line_right(name, length):
+    time = np.arange(length)
+    samples = 1.5 + 3.0 * np.sin(2 * np.pi * 100 * time / length)
+    peak = amplitude_spectrum(samples, 1.0, window_name=name).values[0]
+    root = amplitude_spectrum(samples, 1.0, window_name=name, quantity="rms").values[0]
+    assert peak[100] == pytest.approx(3.0, rel=1e-12)
+    assert root[100] == pytest.approx(3.0 / np.sqrt(2), rel=1e-12)
+    assert peak[0] == pytest.approx(1.5, rel=1e-12)
+    assert root[0] == pytest.approx(1.5, rel=1e-12)
+
+
+def test_flat_top_loses_next_to_nothing_between_lines():
+    time = np.arange(1000)
+    samples = np.cos(2 * np.pi * 100.5 * time / 1000)
+    values = amplitude_spectrum(samples, 1.0, window_name="flat-top").values
+    assert values.max() == pytest.approx(1.0, abs=2e-3)
+
+
+@pytest.mark.parametrize("name", ["hann", "flat-top", "blackman-harris", "rectangular"])
+def test_density_of_noise_does_not_depend_on_the_window(name):
+    values = power_density(white((1, 200_000), 2.0, seed=2), 800.0, 256, window_name=name).values
+    assert values[0, 5:-5].mean() == pytest.approx(2 * 4.0 / 800.0, rel=0.02)
+
+
+def test_long_awkward_lengths_are_padded_and_others_kept():
+    assert quick_length(997) == 997
+    assert quick_length(1 << 20) == 1 << 20
+    assert quick_length(3 * 7**6) == 3 * 7**6
+    assert quick_length(50_021) == 50_400 or is_smooth(quick_length(50_021))
+    samples = white(50_021)
+    assert amplitude_spectrum(samples, 1.0).values.shape[-1] == quick_length(50_021) // 2 + 1
+    whole = amplitude_spectrum(samples, 1.0, length=50_021)
+    assert whole.values.shape[-1] == 50_021 // 2 + 1
+
+
+@given(st.integers(1, 2000))
+def test_smooth_numbers_have_no_large_prime_factor(number):
+    rest = number
+    for prime in (2, 3, 5, 7):
+        while rest % prime == 0:
+            rest //= prime
+    assert is_smooth(number) == (rest == 1)
+
+
+@pytest.mark.parametrize("pays_from", [0, 1 << 40])
+def test_spectra_are_the_same_in_either_library(monkeypatch, pays_from):
+    monkeypatch.setattr(transforms, "_PLANS_PAY_FROM", pays_from)
+    samples = white((2, 3000), seed=9)
+    expected = np.abs(np.fft.rfft(samples * hann(3000))) * 2 / 1500
+    expected[:, [0, -1]] *= 0.5
+    np.testing.assert_allclose(amplitude_spectrum(samples, 1.0).values, expected, atol=1e-13)
+    blocks = [samples[:, s : s + 500] * hann(500) for s in range(0, 2501, 250)]
+    power = np.mean([np.abs(np.fft.rfft(b)) ** 2 for b in blocks], axis=0) / np.sum(hann(500) ** 2)
+    power[:, 1:-1] *= 2
+    np.testing.assert_allclose(power_density(samples, 1.0, 500).values, power, rtol=1e-10)
+
+
+def test_results_are_not_overwritten_by_the_next_call():
+    first, second = white(4096, seed=1), white(4096, seed=2)
+    kept = transform(first[None], 4096)
+    copy = kept.copy()
+    transform(second[None], 4096)
+    np.testing.assert_array_equal(kept, copy)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: amplitude_spectrum(white(64), 1.0, window_name="hamming"), "window='hamming'"),
+        (lambda: amplitude_spectrum(white(64), 1.0, quantity="power"), "quantity='power'"),
+        (lambda: amplitude_spectrum(white(64), 1.0, length=63), "length=63"),
+        (lambda: amplitude_spectrum(np.full(64, np.inf), 1.0), "finite"),
+        (lambda: power_density(np.full(64, np.nan), 1.0, 8), "finite"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:invalid value")
+def test_impossible_spectra_are_refused(call, words):
+    with pytest.raises(ArgumentError, match=words):
+        call()

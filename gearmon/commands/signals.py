@@ -1,0 +1,197 @@
+"""Commands that show what is in recordings: indicators, spectrum, orders."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gearmon.commands.inputs import followed, machine_of, recording_of
+from gearmon.commands.output import BAD_INPUT, DONE, show, write_table
+from gearmon.errors import GearmonError
+
+if TYPE_CHECKING:
+    from gearmon.machine import Machine
+    from gearmon.signals.recording import Recording
+    from gearmon.signatures.indicator_history import IndicatorHistory
+    from gearmon.signatures.indicator_table import IndicatorTable
+
+# Columns of the table on a screen; the files hold the others too.
+_SHOWN = ("channel", "stage", "gear", "indicator", "value", "unit", "input")
+
+
+def run_indicators(arguments: argparse.Namespace) -> int:
+    """Run `gearmon indicators`."""
+    machine = machine_of(arguments.machine) if arguments.machine else None
+    history = _history(arguments)
+    tables: list[IndicatorTable] = []
+    entries: list[dict[str, Any]] = []
+    for path in followed(arguments.recording, "computing"):
+        try:
+            table = _table(path, arguments, machine, history)
+        except GearmonError as error:
+            print(f"gearmon: {error}", file=sys.stderr)
+            entries.append({"recording": path, "error": str(error)})
+            continue
+        history = table.history
+        tables.append(table)
+        entries.append(table.to_dict())
+    result: dict[str, Any] = {"recordings": entries}
+    if arguments.history and history is not None:
+        from gearmon.signatures.indicator_history import write_history
+
+        write_history(history, arguments.history)
+        result["history"] = arguments.history
+    if arguments.output and tables:
+        rows = [{"recording": t.recording, **row.brief()} for t in tables for row in t.rows]
+        result["pictures"] = _written(
+            arguments.output, result, rows, lambda path: _indicator_picture(tables, path)
+        )
+    show(arguments, result, lambda: _indicator_lines(result, tables))
+    return BAD_INPUT if any("error" in entry for entry in entries) else DONE
+
+
+def _table(
+    path: str,
+    arguments: argparse.Namespace,
+    machine: Machine | None,
+    history: IndicatorHistory | None,
+) -> IndicatorTable:
+    from gearmon.signatures.indicator_table import indicator_table
+
+    return indicator_table(_read(path, arguments, machine), machine, history, arguments.baseline)
+
+
+def _history(arguments: argparse.Namespace) -> IndicatorHistory | None:
+    from gearmon.signatures.indicator_history import read_history
+
+    if not arguments.history or not Path(arguments.history).exists():
+        return None
+    return read_history(arguments.history)
+
+
+def _indicator_picture(tables: list[IndicatorTable], path: Path) -> list[Path]:
+    from gearmon.report.indicator_plots import save_indicator_picture
+
+    return [save_indicator_picture(tables, path)]
+
+
+def _indicator_lines(result: dict[str, Any], tables: list[IndicatorTable]) -> list[str]:
+    from gearmon.report.text_tables import table_lines
+    from gearmon.report.wording import printable
+
+    lines = []
+    for table in tables:
+        lines.append(printable(table.recording))
+        brief = [row.brief() for row in table.rows]
+        lines += table_lines([{name: row[name] for name in _SHOWN} for row in brief])
+        removed = dict.fromkeys(
+            (row.stage, row.gear, row.input, row.removed)
+            for row in table.rows
+            if row.input in ("residual", "difference")
+        )
+        lines += [
+            f"{input_} signal, {gear} of stage {stage}: the average less {what}"
+            for stage, gear, input_, what in removed
+        ]
+        lines += [f"note: {note}" for note in table.notes] + [""]
+    lines += [f"{e['recording']}: not read" for e in result["recordings"] if "error" in e]
+    return lines + _files(result)
+
+
+def run_spectrum(arguments: argparse.Namespace) -> int:
+    """Run `gearmon spectrum`."""
+    from gearmon.signatures.recording_spectrum import recording_spectrum
+
+    machine = machine_of(arguments.machine) if arguments.machine else None
+    found = recording_spectrum(
+        _read(arguments.recording[0], arguments, machine),
+        arguments.kind,
+        machine=machine,
+        band=tuple(arguments.band) if arguments.band else None,
+        window_name=arguments.window,
+        most_peaks=arguments.peaks,
+    )
+    result = found.to_dict()
+    if arguments.output:
+        from gearmon.report.spectrum_command_plots import save_spectrum_picture
+
+        result["pictures"] = _written(
+            arguments.output,
+            result,
+            found.rows,
+            lambda path: [save_spectrum_picture(found, path)],
+        )
+    title = f"{found.recording}: {found.value_name}, highest peaks"
+    show(arguments, result, lambda: _peak_lines(title, result))
+    return DONE
+
+
+def run_orders(arguments: argparse.Namespace) -> int:
+    """Run `gearmon orders`."""
+    from gearmon.signatures.order_spectra import order_spectra
+
+    machine = machine_of(arguments.machine)
+    found = order_spectra(
+        _read(arguments.recording[0], arguments, machine),
+        machine,
+        arguments.shaft,
+        top=arguments.max_order,
+        window_name=arguments.window,
+        most_peaks=arguments.peaks,
+    )
+    result = found.to_dict()
+    if arguments.output:
+        from gearmon.report.order_plots import save_order_picture
+
+        result["pictures"] = _written(
+            arguments.output,
+            result,
+            found.map_rows if arguments.map else found.rows,
+            lambda path: [save_order_picture(found, path, as_map=arguments.map)],
+        )
+    title = f"{found.recording}: amplitude against order of shaft {found.shaft}, highest peaks"
+    show(arguments, result, lambda: _peak_lines(title, result))
+    return DONE
+
+
+def _read(path: str, arguments: argparse.Namespace, machine: Machine | None) -> Recording:
+    from gearmon.machine import Machine, OperatingPoint, ParallelStage
+
+    if machine is None:
+        # only the sensors of a machine matter on reading, and this one has none
+        machine = Machine(
+            operating=(OperatingPoint(speed_rpm=1.0),),
+            stages=(ParallelStage(pinion_teeth=20, gear_teeth=20),),
+        )
+    return recording_of(path, arguments, machine)
+
+
+def _written(
+    output: str,
+    result: dict[str, Any],
+    rows: list[dict[str, Any]] | Callable[[], list[dict[str, Any]]],
+    draw: Callable[[Path], list[Path]],
+) -> list[str]:
+    """Write the table under the name, and the picture beside it."""
+    from gearmon.report.text_tables import rows_as_csv
+
+    target = Path(output)
+    if target.suffix.lower() != ".png":
+        listed = rows() if callable(rows) else rows
+        write_table(output, {**result, "rows": listed}, lambda: rows_as_csv(listed))
+    return [str(path) for path in draw(target.with_suffix(".png"))]
+
+
+def _peak_lines(title: str, result: dict[str, Any]) -> list[str]:
+    from gearmon.report.text_tables import table_lines
+    from gearmon.report.wording import printable
+
+    lines = [printable(title), *table_lines(result["peaks"])]
+    return lines + [f"note: {note}" for note in result["warnings"]] + _files(result)
+
+
+def _files(result: dict[str, Any]) -> list[str]:
+    return [f"wrote {path}" for path in result.get("pictures", ())]

@@ -1,0 +1,104 @@
+"""Spectra of recordings: peaks read right, lines of the machine named."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from reference.small_gearbox import as_json, machine, recording
+
+from gearmon.errors import ArgumentError
+from gearmon.signals.recording import Recording
+from gearmon.signatures.line_marks import machine_marks, mark_near
+from gearmon.signatures.order_spectra import order_spectra
+from gearmon.signatures.recording_spectrum import KINDS, highest_peaks, recording_spectrum
+
+RATE = 4096.0
+
+
+def tones():
+    time = np.arange(8192) / RATE
+    samples = 3.0 * np.cos(2 * np.pi * 100.13 * time) + np.cos(2 * np.pi * 700.77 * time + 1)
+    return Recording(samples=samples[None], sampling_rate_hz=RATE, units=("m/s2",))
+
+
+def test_peaks_are_read_between_the_lines():
+    first, second = recording_spectrum(tones(), most_peaks=2).peaks
+    assert first["frequency_hz"] == pytest.approx(100.13, abs=1e-3)
+    assert first["value"] == pytest.approx(3.0, abs=1e-3)
+    assert second["value"] == pytest.approx(1.0, abs=1e-3)
+    root = recording_spectrum(tones(), "rms", most_peaks=1).peaks[0]
+    assert root["value"] == pytest.approx(3 / np.sqrt(2), abs=1e-3)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_gives_rows_and_json(kind):
+    found = recording_spectrum(recording(), kind, most_peaks=3)
+    rows = found.rows()
+    assert rows
+    assert as_json(found.to_dict())["kind"] == kind
+    assert all(np.isfinite(v) for v in rows[0].values() if not isinstance(v, str))
+
+
+def test_lines_of_the_machine_are_named():
+    found = recording_spectrum(recording(), machine=machine(), most_peaks=5)
+    names = {mark.name for mark in found.marks}
+    assert {"shaft 1 ×1", "shaft 2 ×1", "mesh 1 ×1"} <= names
+    assert any("mesh 1" in peak["near"] for peak in found.peaks)
+
+
+def test_a_band_cuts_the_axis():
+    found = recording_spectrum(tones(), band=(600.0, 800.0), most_peaks=1)
+    assert found.place[0] >= 600.0
+    assert found.peaks[0]["value"] == pytest.approx(1.0, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"kind": "power"}, "kind='power'"),
+        ({"band": (5.0, 3.0)}, "low must be below high"),
+        ({"band": (5.0, 5000.0)}, "band high=5000"),
+        ({"band": (5.0, 5.01)}, "fewer than two lines"),
+        ({"kind": "kurtogram", "band": (1.0, 2.0)}, "leave the band out"),
+        ({"window_name": "none"}, "window='none'"),
+    ],
+)
+def test_impossible_requests_are_refused(given, words):
+    with pytest.raises(ArgumentError, match=words):
+        recording_spectrum(tones(), **given)
+
+
+def test_marks_that_coincide_carry_both_names():
+    marks = machine_marks(machine(), 10.0, 1000.0)
+    assert [mark.place for mark in marks] == sorted(mark.place for mark in marks)
+    assert mark_near(marks, 230.4, 1.0) == "mesh 1 ×1"
+    assert mark_near(marks, 235.0, 1.0) == ""
+
+
+def test_highest_peaks_keep_their_distance():
+    values = np.array([0, 5, 4, 4.5, 0, 3, 0.0])
+    assert highest_peaks(values, 5, 1).tolist() == [1, 3, 5]
+    assert highest_peaks(values, 5, 3).tolist() == [1, 5]
+
+
+def test_orders_of_any_shaft():
+    first = order_spectra(recording(), machine(), most_peaks=3)
+    second = order_spectra(recording(), machine(), 2, most_peaks=3)
+    assert any("mesh 1" in peak["near"] for peak in first.peaks)
+    mesh = {mark.name: mark.place for mark in second.marks}["mesh 1 ×1"]
+    assert mesh == pytest.approx(57.0)
+    assert second.order[-1] / first.order[-1] == pytest.approx(57 / 23, rel=0.01)
+    # the average is the mean square along the map
+    assert first.map_amplitude.shape[1:] == first.amplitude.shape
+    np.testing.assert_allclose(
+        np.sqrt(np.mean(first.map_amplitude**2, axis=0)), first.amplitude, rtol=1e-9
+    )
+    assert first.map_speed_hz.mean() == pytest.approx(2960 / 60, rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"), [({"shaft": 3}, "shaft"), ({"top": 1e6}, "top=1000000.0 orders")]
+)
+def test_impossible_orders_are_refused(given, words):
+    with pytest.raises(ArgumentError, match=words):
+        order_spectra(recording(), machine(), **given)

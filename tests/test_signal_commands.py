@@ -1,0 +1,119 @@
+"""The commands indicators, spectrum and orders: tables, files, pictures, exit codes."""
+
+from __future__ import annotations
+
+import csv
+import json
+
+import numpy as np
+import pytest
+from reference.small_gearbox import MACHINE_FILE, RATE_HZ, recording
+
+from gearmon.cli import main
+
+PNG = b"\x89PNG\r\n"
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("signals")
+    (folder / "machine.toml").write_text(MACHINE_FILE, encoding="utf-8")
+    samples = recording().vibration().samples
+    np.savetxt(folder / "a.csv", samples.T, delimiter=",", header="a1,a2", comments="", fmt="%.6g")
+    return folder
+
+
+def run(place, command, *options):
+    rate = ["--sampling-rate", str(RATE_HZ)]
+    return main([command, str(place / "a.csv"), *rate, *(str(option) for option in options)])
+
+
+def test_indicators_of_a_run(place, capsys):
+    out = place / "i.csv"
+    machine, history = place / "machine.toml", place / "run.json"
+    code = run(place, "indicators", "--machine", machine, "-o", out, "--history", history, "--json")
+    assert code == 0
+    result = json.loads(capsys.readouterr().out)
+    assert {row["gear"] for row in result["recordings"][0]["indicators"]} == {
+        None,
+        "pinion",
+        "gear",
+    }
+    assert (place / "i.png").read_bytes().startswith(PNG)
+    with out.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert {"recording", "indicator", "value", "input", "removed"} <= set(rows[0])
+    assert run(place, "indicators", "--machine", machine, "--history", history) == 0
+    assert "NA4*" in capsys.readouterr().out
+    runs = json.loads(history.read_text(encoding="utf-8"))["variances"]
+    assert {len(rows) for rows in runs.values()} == {2}
+
+
+def test_indicators_report_a_bad_recording_in_its_place(place, capsys):
+    code = main(
+        [
+            "indicators",
+            str(place / "none.csv"),
+            str(place / "a.csv"),
+            "--json",
+            "--sampling-rate",
+            str(RATE_HZ),
+        ]
+    )
+    assert code == 2
+    captured = capsys.readouterr()
+    first, second = json.loads(captured.out)["recordings"]
+    assert "none.csv" in first["error"]
+    assert second["indicators"]
+    assert captured.err.count("\n") == 1
+
+
+@pytest.mark.parametrize("kind", ["amplitude", "density", "envelope", "cepstrum", "kurtogram"])
+def test_spectrum_writes_table_and_picture(place, kind, capsys):
+    out = place / f"{kind}.csv"
+    machine = place / "machine.toml"
+    code = run(place, "spectrum", "--kind", kind, "--machine", machine, "--peaks", 3, "-o", out)
+    assert code == 0
+    assert "highest peaks" in capsys.readouterr().out
+    assert out.with_suffix(".png").read_bytes().startswith(PNG)
+    assert len(out.read_text(encoding="utf-8").splitlines()) > 20
+
+
+def test_spectrum_needs_no_machine(place, capsys):
+    assert run(place, "spectrum", "--json", "--window", "flat-top", "--band", 100, 2000) == 0
+    assert json.loads(capsys.readouterr().out)["peaks"]
+
+
+@pytest.mark.parametrize("options", [[], ["--map"], ["--shaft", "2"]])
+def test_orders_write_table_and_picture(place, options):
+    out = place / f"orders{len(options)}{'-'.join(options)}.csv"
+    assert run(place, "orders", "--machine", place / "machine.toml", "-o", out, *options) == 0
+    assert out.with_suffix(".png").read_bytes().startswith(PNG)
+    head = out.read_text(encoding="utf-8").split("\n", 1)[0]
+    assert head.startswith("time_s,speed_hz,channel" if "--map" in options else "order,a1,a2")
+
+
+@pytest.mark.parametrize(
+    ("command", "options", "words"),
+    [
+        ("spectrum", ["--kind", "power"], "kind='power'"),
+        ("spectrum", ["--window", "hamming"], "window='hamming'"),
+        ("spectrum", ["--band", "5", "1"], "low must be below high"),
+        ("spectrum", ["-o", "x.txt"], "must end in one of"),
+        ("indicators", ["--baseline", "0"], "baseline=0"),
+        ("indicators", ["--history", ""], "--history: the name is empty"),
+    ],
+)
+def test_bad_options_are_one_line_and_exit_two(place, capsys, command, options, words):
+    assert run(place, command, *options) == 2
+    error = capsys.readouterr().err
+    assert words in error
+    assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize("command", ["indicators", "spectrum", "orders"])
+def test_help_has_an_example(command, capsys):
+    with pytest.raises(SystemExit) as stopped:
+        main([command, "--help"])
+    assert stopped.value.code == 0
+    assert f"example: gearmon {command}" in " ".join(capsys.readouterr().out.split())
