@@ -23,8 +23,9 @@ from gearmon.gears.tooth_pairs import ToothPair
 def acting_faults(pair: MeshPair, faults: Iterable[Fault]) -> tuple[list[Fault], list[str]]:
     """Return the faults that act in this mesh, and notes on those that do not.
 
-    A crack, breakage or wear of a planet acts in its meshes with sun and ring; pitting and spalls
-    are on the flank that meets the sun.
+    Breakage, wear or a missing tooth of a planet acts in its meshes with sun and ring. Pitting and
+    spalls are on the flank that meets the sun, and a root crack opens under the load of that flank:
+    the ring loads the other flank and presses it shut, and a closed crack carries.
 
     Raises
     ------
@@ -37,8 +38,10 @@ def acting_faults(pair: MeshPair, faults: Iterable[Fault]) -> tuple[list[Fault],
     for fault in faults:
         if fault.gear not in stage_gears:
             pair.member(fault.gear)
-        elif fault.gear not in own or (fault.kind in BANDS and _far_flank(pair, fault)):
-            notes.append(f"fault {fault} does not act in the {pair.name} mesh")
+        elif fault.gear not in own or _far_flank(pair, fault):
+            shut = ": there it is pressed shut" if fault.kind == "crack" else ""
+            why = shut if fault.gear in own else ""
+            notes.append(f"fault {fault} does not act in the {pair.name} mesh{why}")
         else:
             _check_tooth(pair, fault)
             acting.append(fault)
@@ -50,7 +53,8 @@ def acting_faults(pair: MeshPair, faults: Iterable[Fault]) -> tuple[list[Fault],
 
 
 def _far_flank(pair: MeshPair, fault: Fault) -> bool:
-    return pair.second.internal and fault.gear == "planet"
+    one_sided = fault.kind == "crack" or fault.kind in BANDS
+    return one_sided and pair.second.internal and fault.gear == "planet"
 
 
 def _check_tooth(pair: MeshPair, fault: Fault) -> None:

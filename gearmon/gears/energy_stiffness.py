@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gearmon.errors import ArgumentError
+from gearmon.gears.curve_pulses import CurvePulse
 from gearmon.gears.damage import gear_losses
 from gearmon.gears.fault_sizes import measured_patches
 from gearmon.gears.faults import Fault
@@ -79,6 +80,37 @@ def energy_stiffness(
         variation=_variation(healthy),
         warnings=teeth.warnings,
     )
+
+
+def energy_member(
+    pair: MeshPair, faults: Sequence[Fault], form: PotentialEnergy, force_n: float | None
+) -> Callable[[float], CurvePulse]:
+    """Return what gives the pulse [N/m] of sound or worn pairs at other centre distances.
+
+    Parameters
+    ----------
+    pair, faults, form, force_n
+        As in `energy_stiffness`.
+
+    Returns
+    -------
+    callable
+        Maps what the contact ratio loses to the pulse of a pair, from its entry.
+    """
+    teeth = teeth_of(pair, form)
+    factor = _factor(pair, teeth, form, force_n, faults)
+
+    def member(lost: float) -> CurvePulse:
+        moved = teeth.parted(lost)
+        mesh = TeethInMesh(
+            pair=moved,
+            worn=_worn(pair, moved, faults),
+            is_coupled=form.is_coupled,
+            force_n=force_n,
+        )
+        return mesh.healthy.scaled(factor)
+
+    return member
 
 
 def _missing(

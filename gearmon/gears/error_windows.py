@@ -141,7 +141,7 @@ class FlankExcitation:
     @cached_property
     def _edges(self) -> FloatArray:
         """Corners of everything, folded into one mesh period."""
-        trains = (self.force, *self.stiffness.trains)
+        trains = (self.force, self.stiffness.healthy, *self.stiffness.pulses)
         found: list[NDArray[np.float64]] = [np.array([0.0, 1.0])]
         fastest = 0.0
         for train in trains:

@@ -3,9 +3,8 @@
 An error moves the flanks along the line of action by missing material, pair by pair. Pairs share
 the load as their stiffness, so the mesh sees the mean of their errors, weighted by stiffness:
 ``m z'' + c (z - e)' + k(t) (z - e) = F``. What moves all pairs alike (eccentricity, wobble) needs
-no sharing. The stiffness itself is that of the teeth where they would be without errors: the small
-change of the centre distance of an eccentric gear, and of the instants at which its pairs enter and
-leave, are not part of the model.
+no sharing. What eccentricity, cumulative pitch error and misalignment do to the stiffness itself is
+in `modulation`; the sharing of the errors of single flanks is that of the stiffness without it.
 """
 
 from __future__ import annotations
@@ -57,7 +56,7 @@ class Excitation:
     def parts(self) -> tuple[TurningError | FlankExcitation, ...]:
         """What adds up to e, each with a period of its own."""
         return tuple(
-            FlankExcitation(stiffness=self.stiffness, error=error)
+            FlankExcitation(stiffness=self.stiffness.unmodulated, error=error)
             if isinstance(error, FlankError)
             else error
             for error in self.errors
@@ -133,7 +132,7 @@ def displacement_excitation(
     ----------
     pair : MeshPair
     stiffness : MeshStiffness
-        Of this mesh, with its faults.
+        Of this mesh, with its faults; under a known force misaligned faces close their gaps.
     errors : iterable of GearError
         Of this stage; those of gears of other meshes are left aside. An error of 0 moves nothing.
     faults : iterable of Fault
@@ -151,7 +150,7 @@ def displacement_excitation(
         if error.gear not in names:
             notes.append(f"error {error} does not act in the {pair.name} mesh")
             continue
-        moved = error_of(error, pair, names.index(error.gear))
+        moved = error_of(error, pair, names.index(error.gear), stiffness.free_gap_m)
         if error.size_m:
             found.append(moved)
     for fault in faults:

@@ -16,6 +16,7 @@ from gearmon.gears.iso6336 import (
     resonance_speed_rpm,
 )
 from gearmon.gears.kinematics import kinematics
+from gearmon.gears.missing_material import GearError
 from gearmon.gears.pairs import Member, MeshPair, mesh_pairs
 from gearmon.gears.stiffness import MeshStiffness, pair_stiffness
 from gearmon.gears.stiffness_forms import StiffnessForm
@@ -100,6 +101,7 @@ def stage_mechanics(
     point: OperatingPoint | None = None,
     *,
     faults: Iterable[Fault] = (),
+    errors: Iterable[GearError] = (),
     form: str | StiffnessForm = "parabolic",
     mesh: int = 0,
 ) -> StageMechanics:
@@ -114,6 +116,8 @@ def stage_mechanics(
         By default the machine's first.
     faults : iterable of Fault
         Faults of any stage; those of others are left aside.
+    errors : iterable of GearError
+        Errors of gears of any stage; those of turning gears modulate the stiffness.
     form : str or StiffnessForm
         See `gears.stiffness.mesh_stiffness`.
     mesh : {0, 1}
@@ -141,7 +145,8 @@ def stage_mechanics(
     notes: list[str] = []
     force, torque = _force(pair, running, train.shaft(number).order)
     own = _own_faults(machine, number, faults)
-    stiffness = pair_stiffness(pair, own, form, force_n=force)
+    wrong = [error for error in errors if error.stage == number]
+    stiffness = pair_stiffness(pair, own, form, force_n=force, errors=wrong)
     mass = _equivalent_mass(pair, notes)
     ratio, damping = _damping(pair, math.sqrt(stiffness.healthy_mean_n_per_m * mass), notes)
     return StageMechanics(

@@ -17,13 +17,19 @@ from gearmon.gears.potential_energy import teeth_of
 from gearmon.gears.tip_corner import tip_corner_gap
 from gearmon.gears.tooth_pairs import ToothPair
 
+#: Lines of the turn of a misaligned gear under load; they fall with their square at least.
+GAP_LINES = 2048
 #: What each kind of error means, for help texts.
 ERROR_KINDS: dict[str, str] = {
     "eccentricity": "the gear runs out: once per turn, SIZE is the offset of its centre",
     "pitch": "one tooth stands back by SIZE over its whole contact",
     "profile": "SIZE is missing at both ends of the contact, nothing in its middle",
     "misalignment": "the gear wobbles: SIZE is the lead deviation across the face, turning with it",
+    "cumulative": "slow cumulative pitch error: once per turn, SIZE is half of its range F_p",
 }
+
+#: Errors of a whole gear.
+WHOLE_KINDS = ("eccentricity", "misalignment", "cumulative")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +38,7 @@ class GearError:
 
     Parameters
     ----------
-    kind : {"eccentricity", "pitch", "profile", "misalignment"}
+    kind : {"eccentricity", "pitch", "profile", "misalignment", "cumulative"}
         See `ERROR_KINDS`.
     stage : int, >= 1
     gear : str
@@ -41,8 +47,8 @@ class GearError:
     size_m : float
         Missing material along the line of action [m]; negative for too much material.
     phase_rad : float
-        Angle of the gear, from the entry of tooth 1, at which eccentricity or misalignment is
-        largest, negated.
+        Angle of the gear, from the entry of tooth 1, at which eccentricity, misalignment or
+        cumulative pitch error is largest, negated.
 
     Raises
     ------
@@ -65,7 +71,7 @@ class GearError:
             raise ArgumentError(f"error stage={self.stage} must be >= 1")
         if self.tooth is not None and self.tooth < 1:
             raise ArgumentError(f"error tooth={self.tooth} must be >= 1")
-        if self.kind in ("eccentricity", "misalignment") and self.tooth is not None:
+        if self.kind in WHOLE_KINDS and self.tooth is not None:
             raise ArgumentError(f"error {self.kind} is of the whole gear: TOOTH must be 'all'")
         if self.kind == "pitch" and self.tooth is None:
             raise ArgumentError("error pitch is of one tooth: TOOTH must be its number")
@@ -85,9 +91,13 @@ class TurningError:
     gear : str
     teeth : int
         Teeth of the gear: the error repeats after as many mesh periods.
-    kind : {"eccentricity", "misalignment", "wear"}
+    kind : {"eccentricity", "cumulative", "misalignment", "wear"}
     size_m : float
     phase_rad : float
+    free_gap_m : float
+        Lead deviation that the load just closes; 0 for teeth without load. The face of a misaligned
+        gear touches where it stands out, and is moved by ``g (f - 1)/2`` with g the lead deviation
+        and f the part of the face that carries.
     """
 
     gear: str
@@ -95,6 +105,7 @@ class TurningError:
     kind: str
     size_m: float
     phase_rad: float = 0.0
+    free_gap_m: float = 0.0
 
     @property
     def period_mesh(self) -> int:
@@ -106,10 +117,12 @@ class TurningError:
         if self.kind == "wear":
             return np.full(phase.shape, self.size_m)
         turned = np.cos(2 * math.pi * phase / self.teeth + self.phase_rad)
-        if self.kind == "eccentricity":
+        if self.kind != "misalignment":
             return np.asarray(self.size_m * turned)
         # whichever end of the face stands out carries: twice per turn
-        return np.asarray(-0.5 * self.size_m * np.abs(turned))
+        gap = self.size_m * np.abs(turned)
+        share = carrying_share(np.abs(gap), self.free_gap_m)
+        return np.asarray(0.5 * gap * (share - 1))
 
     def lines(self, count: int) -> ComplexArray:
         """Return the Fourier coefficients 0 ... count [m] over `period_mesh`.
@@ -121,14 +134,42 @@ class TurningError:
         total = np.zeros(count + 1, dtype=np.complex128)
         if self.kind == "wear":
             total[0] = self.size_m
-        elif self.kind == "eccentricity":
+        elif self.kind != "misalignment":
             if count:
                 total[1] = 0.5 * self.size_m * np.exp(1j * self.phase_rad)
+        elif self.free_gap_m:
+            total[:GAP_LINES] = self._loaded_lines()[: count + 1]
         else:
             k = np.arange(count // 2 + 1)
             signs = np.where(k % 2, 1.0, -1.0) / (4 * k**2 - 1)
             total[::2] = -self.size_m / math.pi * signs * np.exp(2j * k * self.phase_rad)
         return total
+
+    def _loaded_lines(self) -> ComplexArray:
+        phase = np.arange(4 * GAP_LINES) / (4 * GAP_LINES) * self.teeth
+        lines = np.fft.rfft(self.at(phase), norm="forward")[:GAP_LINES]
+        # what samples of so little make are rounding errors
+        lines[np.abs(lines) < 1e-16 * abs(self.size_m)] = 0
+        return np.asarray(lines)
+
+
+def carrying_share(gap_m: FloatArray, free_gap_m: float) -> FloatArray:
+    """Return the part of the face width that carries, in (0, 1].
+
+    Parameters
+    ----------
+    gap_m : ndarray
+        Lead deviation across the face, >= 0 [m].
+    free_gap_m : float
+        That which the load just closes: 2 F/k [m].
+
+    Notes
+    -----
+    A face of even stiffness under a linear gap: ``f = min(1, sqrt(2 F/(k g)))``, as b_cal/b of
+    ISO 6336-1 for K_Hbeta.
+    """
+    wide = gap_m > free_gap_m
+    return np.sqrt(np.where(wide, free_gap_m / np.where(wide, gap_m, 1.0), 1.0))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -160,7 +201,9 @@ class FlankError:
         return 1 if self.tooth is None else self.teeth
 
 
-def error_of(error: GearError, pair: MeshPair, index: int) -> TurningError | FlankError:
+def error_of(
+    error: GearError, pair: MeshPair, index: int, free_gap_m: float = 0.0
+) -> TurningError | FlankError:
     """Return what an error of a gear takes from the pairs of its mesh.
 
     Parameters
@@ -169,6 +212,8 @@ def error_of(error: GearError, pair: MeshPair, index: int) -> TurningError | Fla
     pair : MeshPair
     index : {0, 1}
         Gear of the error.
+    free_gap_m : float
+        Lead deviation that the load just closes, see `TurningError`.
 
     Raises
     ------
@@ -182,13 +227,14 @@ def error_of(error: GearError, pair: MeshPair, index: int) -> TurningError | Fla
             f"has {teeth} teeth"
         )
     size, length = error.size_m, pair.contact_ratio
-    if error.kind in ("eccentricity", "misalignment"):
+    if error.kind in WHOLE_KINDS:
         return TurningError(
             gear=error.gear,
             teeth=teeth,
             kind=error.kind,
             size_m=size,
             phase_rad=error.phase_rad,
+            free_gap_m=free_gap_m,
         )
 
     def pitch(phase: FloatArray) -> FloatArray:

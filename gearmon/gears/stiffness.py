@@ -8,25 +8,28 @@ gear. One damaged tooth costs the contact of that tooth, not a turn.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gearmon.errors import ArgumentError, nearest_name
+from gearmon.gears.contact_offset import MOVING_KINDS
 from gearmon.gears.curve_pulses import product
 from gearmon.gears.damage import acting_faults, damage_trains, wear_curve
-from gearmon.gears.energy_stiffness import energy_stiffness
+from gearmon.gears.energy_stiffness import energy_member, energy_stiffness
 from gearmon.gears.faults import Fault
 from gearmon.gears.iso6336 import MethodB
+from gearmon.gears.missing_material import GearError
+from gearmon.gears.modulation import ModulationTrain, modulation_trains
 from gearmon.gears.pairs import MeshPair, Stage, mesh_pairs
 from gearmon.gears.potential_energy import POTENTIAL_ENERGY, PotentialEnergy
 from gearmon.gears.pulse_trains import PulseTerm, PulseTrain
 from gearmon.gears.pulses import ComplexArray, FloatArray, Pulse
 from gearmon.gears.stiffness_forms import FORMS, StiffnessForm, stiffness_form
-from gearmon.gears.stretch import unit_pulse
+from gearmon.gears.stretch import shorter_pulse, unit_pulse
 
 #: Names of all forms: curves over a mesh period, and the one computed from the teeth.
 FORM_NAMES: tuple[str, ...] = (*FORMS, POTENTIAL_ENERGY)
@@ -45,6 +48,9 @@ class MeshStiffness:
         The teeth that are all alike, with the wear of all.
     pulses : tuple of PulseTrain
         What damaged teeth take away, with a period each; empty for a healthy mesh.
+    modulations : tuple of ModulationTrain
+        What errors of turning gears change, with a period each; damaged teeth lose what they lose
+        where the teeth would be without these errors.
     contact_ratio, overlap_ratio : float
         Transverse contact ratio and overlap ratio.
     variation : float
@@ -54,6 +60,9 @@ class MeshStiffness:
     iso : MethodB or None
         ISO 6336 stiffness behind the mean; None where the mean was given or follows from the
         energy of the teeth.
+    free_gap_m : float
+        Lead deviation across the face that the static force just closes, 2 F/k [m]; 0 where the
+        force is not known.
     warnings : tuple of str
     """
 
@@ -64,17 +73,42 @@ class MeshStiffness:
     variation: float
     form: StiffnessForm | PotentialEnergy
     iso: MethodB | None = None
+    modulations: tuple[ModulationTrain, ...] = ()
+    free_gap_m: float = 0.0
     warnings: tuple[str, ...] = field(default=())
 
     @property
     def trains(self) -> tuple[PulseTrain, ...]:
-        """Healthy and missing parts together; their sum is the stiffness."""
+        """Healthy and missing parts together; with `modulations` their sum is the stiffness."""
         return self.healthy, *self.pulses
+
+    @property
+    def parts(self) -> tuple[PulseTrain | ModulationTrain, ...]:
+        """All parts; their sum is the stiffness."""
+        return self.healthy, *self.marks
+
+    @property
+    def marks(self) -> tuple[PulseTrain | ModulationTrain, ...]:
+        """What makes the mesh differ from one mesh period to the next."""
+        return *self.pulses, *self.modulations
+
+    @property
+    def unmodulated(self) -> MeshStiffness:
+        """The same without errors of turning gears."""
+        return replace(self, modulations=()) if self.modulations else self
+
+    def only(self, gears: Sequence[str]) -> MeshStiffness:
+        """Return the same with no gear marked but these."""
+        return replace(
+            self,
+            pulses=tuple(train for train in self.pulses if train.gear in gears),
+            modulations=tuple(train for train in self.modulations if train.gear in gears),
+        )
 
     @cached_property
     def mean_n_per_m(self) -> float:
         """Mean stiffness over the true period, with the damage [N/m]."""
-        return sum(float(train.coefficients([0])[0].real) for train in self.trains)
+        return sum(float(train.coefficients([0])[0].real) for train in self.parts)
 
     @cached_property
     def healthy_mean_n_per_m(self) -> float:
@@ -84,7 +118,7 @@ class MeshStiffness:
     @property
     def period_mesh(self) -> int:
         """True period [mesh periods]."""
-        return math.lcm(*(train.period_mesh for train in self.trains))
+        return math.lcm(*(train.period_mesh for train in self.parts))
 
     @property
     def total_contact_ratio(self) -> float:
@@ -93,7 +127,7 @@ class MeshStiffness:
 
     def at(self, phase: ArrayLike) -> FloatArray:
         """Return the stiffness [N/m] at `phase` [mesh periods], any shape."""
-        return np.asarray(sum(train.at(phase) for train in self.trains))
+        return np.asarray(sum(train.at(phase) for train in self.parts))
 
     def sample(self, points_per_mesh: int) -> FloatArray:
         """Return the stiffness [N/m] over the true period.
@@ -112,7 +146,7 @@ class MeshStiffness:
         if count < 1:
             raise ArgumentError(f"points_per_mesh={points_per_mesh} must be >= 1")
         stiffness = np.tile(self.healthy.at(np.arange(count) / count), self.period_mesh)
-        for train in self.pulses:
+        for train in self.marks:
             for start, values in train.windows(count):
                 for turn in range(0, self.period_mesh, train.period_mesh):
                     where = (start + turn * count + np.arange(len(values))) % len(stiffness)
@@ -133,7 +167,7 @@ class MeshStiffness:
             Relative to `mean_n_per_m`; exact, none aliased.
         """
         total = np.zeros(count, dtype=np.complex128)
-        for train in self.trains:
+        for train in self.parts:
             step = self.period_mesh // train.period_mesh
             total[step - 1 :: step] += train.coefficients(np.arange(1, count // step + 1))
         return total / self.mean_n_per_m
@@ -151,6 +185,7 @@ def mesh_stiffness(
     *,
     number: int | None = None,
     force_n: float | None = None,
+    errors: Iterable[GearError] = (),
 ) -> MeshStiffness:
     """Return the stiffness of a stage's mesh; of a planetary stage, of one sun-planet mesh.
 
@@ -165,6 +200,9 @@ def mesh_stiffness(
         Number of the stage for messages, counted from 1.
     force_n : float, optional
         Static force on the line of action [N]; loads below 100 N/mm lower the ISO stiffness.
+    errors : iterable of GearError
+        Errors of gears of this stage: eccentricity, cumulative pitch error and, under a known
+        force, misalignment modulate the stiffness as the gear turns.
 
     Returns
     -------
@@ -182,7 +220,9 @@ def mesh_stiffness(
     peak over its mean is that value (of a Fourier sum: the rectangle under it). The form
     "potential-energy" takes mean and curve from the teeth; only the mean can be imposed on it.
     """
-    return pair_stiffness(mesh_pairs(stage, number)[0], faults, form, force_n=force_n)
+    return pair_stiffness(
+        mesh_pairs(stage, number)[0], faults, form, force_n=force_n, errors=errors
+    )
 
 
 def pair_stiffness(
@@ -191,6 +231,7 @@ def pair_stiffness(
     form: str | StiffnessForm | PotentialEnergy = "parabolic",
     *,
     force_n: float | None = None,
+    errors: Iterable[GearError] = (),
 ) -> MeshStiffness:
     """Return the stiffness of one pair of gears; see `mesh_stiffness`.
 
@@ -203,9 +244,23 @@ def pair_stiffness(
     _check_contact(pair)
     acting, notes = acting_faults(pair, faults)
     if isinstance(chosen, PotentialEnergy):
-        return _from_teeth(pair, acting, chosen, force_n, notes)
-    unit, variation = unit_pulse(pair, chosen)
-    mean, iso = _mean(pair, chosen, force_n)
+        found = _from_teeth(pair, acting, chosen, force_n, notes)
+    else:
+        found = _from_form(pair, acting, chosen, force_n, notes)
+    if force_n is not None:
+        found = replace(found, free_gap_m=2 * abs(force_n) / found.healthy_mean_n_per_m)
+    return _modulated(found, pair, acting, tuple(errors), force_n)
+
+
+def _from_form(
+    pair: MeshPair,
+    acting: list[Fault],
+    form: StiffnessForm,
+    force_n: float | None,
+    notes: list[str],
+) -> MeshStiffness:
+    unit, variation = unit_pulse(pair, form)
+    mean, iso = _mean(pair, form, force_n)
     pulse = _worn(pair, unit.scaled(mean), acting)
     train = PulseTrain(
         gear="all teeth",
@@ -219,10 +274,54 @@ def pair_stiffness(
         contact_ratio=pair.contact_ratio,
         overlap_ratio=pair.overlap_ratio,
         variation=variation,
-        form=chosen,
+        form=form,
         iso=iso,
         warnings=(*_geometry_notes(pair), *(iso.warnings if iso else ()), *notes),
     )
+
+
+def _modulated(
+    found: MeshStiffness,
+    pair: MeshPair,
+    acting: list[Fault],
+    errors: tuple[GearError, ...],
+    force_n: float | None,
+) -> MeshStiffness:
+    """Return the stiffness with what errors of turning gears change of it."""
+    moving, notes = _moving(pair, errors, force_n)
+    if not moving:
+        return replace(found, warnings=(*found.warnings, *notes))
+    member: Callable[[float], Pulse]
+    if isinstance(found.form, PotentialEnergy):
+        member = energy_member(pair, acting, found.form, force_n)
+    else:
+        form, mean = found.form, _mean(pair, found.form, force_n)[0]
+
+        def member(lost: float) -> Pulse:
+            return _worn(pair, shorter_pulse(pair, form, lost).scaled(mean), acting)
+
+    trains, more = modulation_trains(pair, moving, member, found.free_gap_m)
+    return replace(found, modulations=trains, warnings=(*found.warnings, *notes, *more))
+
+
+def _moving(
+    pair: MeshPair, errors: Sequence[GearError], force_n: float | None
+) -> tuple[list[GearError], list[str]]:
+    """Return the errors that modulate the stiffness, and notes on those that cannot."""
+    own = [member.name for member in pair.members]
+    moving, notes = [], []
+    for error in errors:
+        if error.kind not in MOVING_KINDS or not error.size_m or error.gear not in own:
+            continue
+        if error.kind == "misalignment":
+            missing = "the static tooth force is not known" if force_n is None else ""
+        else:
+            missing = "module_mm is missing" if pair.stage.module_mm is None else ""
+        if missing:
+            notes.append(f"error {error} moves the flanks only, not the stiffness: {missing}")
+        else:
+            moving.append(error)
+    return moving, notes
 
 
 def _chosen(form: str | StiffnessForm | PotentialEnergy) -> StiffnessForm | PotentialEnergy:

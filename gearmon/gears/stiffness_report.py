@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from gearmon.errors import ArgumentError, check_range
+from gearmon.gears.damage import acting_faults
 from gearmon.gears.fault_geometry import largest_size
 from gearmon.gears.fault_shapes import LEVELS, flank_level, flank_share, size_text
 from gearmon.gears.fault_sizes import PairLoss, size_for_loss, stiffness_loss
@@ -267,8 +268,8 @@ def _mesh(
     notes = list(damaged.warnings)
     teeth = _teeth(pair, notes)
     contact = np.linspace(0.0, healthy.contact_ratio, 201)
-    here = [member.name for member in pair.members]
-    losses = tuple(_fault_loss(fault, pair, teeth) for fault in faults if fault.gear in here)
+    acting = acting_faults(pair, faults)[0]
+    losses = tuple(_fault_loss(fault, pair, teeth) for fault in acting)
     return StageStiffness(
         stage=number,
         mesh=pair.name,

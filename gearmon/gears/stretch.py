@@ -53,6 +53,21 @@ def unit_pulse(pair: MeshPair, form: StiffnessForm) -> tuple[Pulse, float]:
     return stretched, wanted
 
 
+def shorter_pulse(pair: MeshPair, form: StiffnessForm, lost: float) -> Pulse:
+    """Return the pulse of `unit_pulse` where the contact ratio is smaller by `lost`.
+
+    The greatest stiffness of a single pair is kept, and the factor of an imposed variation.
+    """
+    eps = pair.contact_ratio
+    usual, outline = form.pulse(eps), form.outline(eps)
+    pulse = form.pulse(eps - lost).scaled(1 / usual.area)
+    wanted = pair.given("stiffness_variation")
+    if wanted is None:
+        return pulse
+    natural = _variation(outline.scaled(1 / outline.area), pair.overlap_ratio)
+    return _stretched(pulse, wanted / natural if wanted else 0.0)
+
+
 def _stretched(pulse: Pulse, factor: float) -> Pulse:
     """Return the pulse whose sum departs `factor` times as far from the mean.
 

@@ -52,6 +52,9 @@ class RootCrack:
 
     Notes
     -----
+    The crack is open: it lies at the root of the loaded flank, which is in tension. Under load on
+    the other flank it would close and carry again; that is not this state.
+
     Flat limit line (Wu, Zuo & Parey 2008): on the cracked side the half thickness is at most
     ``h_cr = h_root - q sin(angle)``, in the root as well: the material below a crack is as idle as
     that above it. Against finite elements with a slit this under-predicts the

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -126,6 +126,19 @@ class ToothPair:
     def sound(self) -> Beams:
         """Both teeth without damage."""
         return ToothBeam(self.first), ToothBeam(self.second)
+
+    def parted(self, lost: float) -> ToothPair:
+        """Return the same teeth at the centre distance at which so much contact ratio is lost."""
+        step = lost * self.base_pitch_m
+        moved = replace(
+            self,
+            line_m=self.line_m + self.second.sign * step,
+            path_m=(self.path_m[0] + step, self.path_m[1]),
+        )
+        # the teeth themselves are the same
+        moved.__dict__["sound"] = self.sound
+        moved.__dict__["foundations"] = self.foundations
+        return moved
 
     def beams(self, first: ToothDamage, second: ToothDamage) -> Beams:
         """Return both teeth with damage.

@@ -98,7 +98,10 @@ def expected_signature(
         own = [fault for fault in known if fault.stage == number]
         mesh = 1 if any(fault.gear == "ring" for fault in own) else 0
         faulty = [fault for fault in own if isinstance(fault, Fault)]
-        mechanics = stage_mechanics(machine, number, point, faults=faulty, form=form, mesh=mesh)
+        errors = [error for error in own if isinstance(error, GearError)]
+        mechanics = stage_mechanics(
+            machine, number, point, faults=faulty, errors=errors, form=form, mesh=mesh
+        )
         excitation = _excitation(machine, mechanics, own, mesh)
         limit = _limit(mechanics, max_hz)
         solved.append(stage_lines(mechanics, excitation, limit, tolerance, method, order))
@@ -219,7 +222,7 @@ def _warnings(stage: StageLines, tolerance: float) -> list[str]:
         found.append(f"error bound {stage.error_bound:.2g} misses the tolerance {tolerance:.2g}")
     if stage.superposed:
         found.append(
-            "damage of both gears was solved gear by gear and added; the effect of one on the "
+            "what marks both gears was solved gear by gear and added; the effect of one on the "
             f"other is estimated as {stage.superposed:.2g} of the acceleration"
         )
     if stage.contact_loss is not None:

@@ -119,7 +119,7 @@ def stage_lines(
 
 def _marked(mechanics: StageMechanics, excitation: Excitation | None) -> dict[str, int]:
     """Return the gears that differ from tooth to tooth, and their teeth."""
-    trains = [train for train in mechanics.stiffness.pulses if " and " not in train.gear]
+    trains = [train for train in mechanics.stiffness.marks if " and " not in train.gear]
     marked = {train.gear: train.period_mesh for train in trains}
     if excitation is not None:
         marked |= {e.gear: e.teeth for e in excitation.errors if e.period_mesh > 1}
@@ -130,8 +130,7 @@ def _only(
     mechanics: StageMechanics, excitation: Excitation | None, gears: Sequence[str]
 ) -> tuple[StageMechanics, Excitation | None]:
     """Return the same mesh with no gear marked but these."""
-    own = tuple(train for train in mechanics.stiffness.pulses if train.gear in gears)
-    stiffness = replace(mechanics.stiffness, pulses=own)
+    stiffness = mechanics.stiffness.only(gears)
     if excitation is not None:
         kept = tuple(e for e in excitation.errors if e.gear in gears or e.period_mesh == 1)
         excitation = replace(excitation, stiffness=stiffness, errors=kept) if kept else None
@@ -209,7 +208,7 @@ def _cross_effect(mechanics: StageMechanics, base: Part, parts: Sequence[Part]) 
     and no guaranteed bound.
     """
     stiffness = mechanics.stiffness
-    if not stiffness.pulses:
+    if not stiffness.marks:
         return 0.0
     period = math.lcm(*(part.period_mesh for part in parts))
     points = max(8, min(_points([base, *parts]), MOST_SAMPLES // period))
@@ -217,13 +216,13 @@ def _cross_effect(mechanics: StageMechanics, base: Part, parts: Sequence[Part]) 
     residual = np.zeros(period * points)
     for part, other in zip(parts, reversed(parts), strict=True):
         phase = np.arange(part.period_mesh * points) / points
-        lost = sum((train.at(phase) for train in part.mechanics.stiffness.pulses), 0 * phase)
+        lost = sum((train.at(phase) for train in part.mechanics.stiffness.marks), 0 * phase)
         added = _motion(other, points)
         added -= np.tile(still, len(added) // len(still))
         residual += np.tile(lost, period // part.period_mesh) * np.tile(
             added, period // other.period_mesh
         )
-    for train in stiffness.pulses:
+    for train in stiffness.marks:
         if " and " in train.gear:
             for first, values in train.windows(points):
                 where = (first + np.arange(len(values))) % len(residual)

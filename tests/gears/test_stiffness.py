@@ -477,13 +477,17 @@ def test_faults_act_in_the_meshes_of_their_gear():
         for gear in ("sun", "planet", "ring")
     )
     assert pair_stiffness(inner, [sun, planet, ring]).period_mesh == 40
-    assert pair_stiffness(outer, [sun, planet, ring]).period_mesh == 200
+    assert pair_stiffness(outer, [sun, planet, ring]).period_mesh == 100
     assert any(
         "does not act in the sun-planet" in t for t in pair_stiffness(inner, [ring]).warnings
     )
-    pit = replace(planet, kind="pitting")
-    assert pair_stiffness(inner, [pit]).period_mesh == 40
-    assert pair_stiffness(outer, [pit]).period_mesh == 1
+    for kind in ("pitting", "spall", "crack"):
+        one = replace(planet, kind=kind)
+        assert pair_stiffness(inner, [one]).period_mesh == 40
+        assert pair_stiffness(outer, [one]).period_mesh == 1
+    assert any("is pressed shut" in t for t in pair_stiffness(outer, [planet]).warnings)
+    broken = replace(planet, kind="breakage")
+    assert {pair_stiffness(p, [broken]).period_mesh for p in (inner, outer)} == {40}
 
 
 # --- refusals ------------------------------------------------------------------------------------

@@ -390,7 +390,8 @@ def test_planetary_stage():
     ("text", "periods"),
     [
         ("crack:1:sun:2:0.5mm", (20, 1)),
-        ("crack:1:planet:2:0.5mm", (40, 40)),
+        # the load of the ring presses it shut
+        ("crack:1:planet:2:0.5mm", (40, 1)),
         ("crack:1:ring:2:0.5mm", (1, 100)),
         ("spall:1:ring:2:5x0.8x0.2mm", (1, 100)),
         ("pitting:1:ring:2:20%flank", (1, 100)),
