@@ -365,8 +365,8 @@ def _fault_option(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="KIND:STAGE:GEAR:TOOTH:SIZE",
         help="such as crack:1:pinion:5:20%%, a loss of the tooth pair's stiffness, or 1.5mm; in a "
-        "baseline also errors, such as eccentricity:1:pinion:all:20um, pitch:1:gear:7:8um or cumulative:1:gear:all:15um; "
-        "repeatable",
+        "baseline also errors, such as eccentricity:1:pinion:all:20um, pitch:1:gear:7:8um or "
+        "cumulative:1:gear:all:15um; repeatable",
     )
 
 
