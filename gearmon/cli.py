@@ -354,7 +354,7 @@ def _benchmark(parsers: Any) -> None:
         metavar="CASE",
         nargs="?",
         default="analyse",
-        help="analyse (default), memory, stiffness, harvesting, dynamics or stress",
+        help="analyse (default), memory, stiffness, signals, harvesting, dynamics or stress",
     )
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError, check_positive
-from gearmon.signals.spectrum import fast_length
+from gearmon.signals.transforms import fast_length
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

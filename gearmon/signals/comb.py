@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError, check_positive, check_range
-from gearmon.signals.spectrum import fast_length, hann, local_floor, real_fft
+from gearmon.signals.spectrum import hann, local_floor
+from gearmon.signals.transforms import fast_length, real_fft
 
 FloatArray = NDArray[np.float64]
 

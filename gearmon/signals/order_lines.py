@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError
 from gearmon.signals.angle import AngleGrid, AngleTrack, angle_blocks, resample_to_angle
-from gearmon.signals.spectrum import fast_length, hann, local_floor, real_fft
+from gearmon.signals.spectrum import hann, local_floor
+from gearmon.signals.transforms import fast_length, real_fft
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
