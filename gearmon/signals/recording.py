@@ -1,8 +1,8 @@
-"""Recordings: samples with their sampling rate, names, kinds and units; read from text files."""
+"""Recordings: samples with their sampling rate, names, kinds and units; read from files."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -10,10 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from gearmon.errors import ArgumentError, RecordingError, check_positive
+from gearmon.signals.reading.choice import choose
 from gearmon.signals.reading.columns import find_column
+from gearmon.signals.reading.content import Content
 from gearmon.signals.reading.formats import identify
+from gearmon.signals.reading.quality import survey
+from gearmon.signals.reading.readers import held_by
 from gearmon.signals.reading.roles import SensorLike, Wanted, interpret
-from gearmon.signals.reading.source import Source, open_source
+from gearmon.signals.reading.source import open_source
 from gearmon.signals.reading.table import Progress, read_table
 
 CHANNEL_KINDS = ("vibration", "tacho", "torque", "speed", "other")
@@ -43,6 +47,8 @@ class Recording:
         What was assumed or left out on reading, in sentences for the user.
     columns : tuple of int, optional
         The column of each channel in its file, counted from 1 and counting every column.
+    speed_rpm : float > 0 or None
+        The speed that the file states as one number [1/min], of whatever shaft it means.
 
     Raises
     ------
@@ -67,6 +73,7 @@ class Recording:
     origin: str = ""
     notes: tuple[str, ...] = ()
     columns: tuple[int, ...] = ()
+    speed_rpm: float | None = None
 
     def __post_init__(self) -> None:
         check_positive("sampling_rate_hz", self.sampling_rate_hz, "Hz")
@@ -101,9 +108,11 @@ class Recording:
                 f"{where}{self.samples.shape[1]} sample(s) per channel; at least 2 are needed"
             )
         for name, channel in zip(self.channel_names, self.samples, strict=True):
-            # NaN and infinity both show in the extremes, and those need no copy
-            if not np.isfinite(channel.min()) or not np.isfinite(channel.max()):
-                raise RecordingError(f"channel '{name}' has values that are no finite numbers")
+            if not survey(channel).finite:
+                where = f"{self.origin}: " if self.origin else ""
+                raise RecordingError(
+                    f"{where}channel '{name}' has values that are no finite numbers"
+                )
 
     @property
     def duration_s(self) -> float:
@@ -164,22 +173,27 @@ def read_recording(
     sensors: Iterable[SensorLike] = (),
     progress: Progress | None = None,
 ) -> Recording:
-    """Return the recording in a text file of numbers (CSV, TSV, TXT; plain or gzip).
+    """Return the recording in a file.
 
-    Separator, decimal character, lines above the numbers, names, units and the time column are
-    found out; every number is exactly what ``float`` makes of its text. What is not certain is
-    refused with one line that says why, and nothing is repaired.
+    Text (CSV, TSV, TXT; plain or gzip): separator, decimal character, lines above the numbers,
+    names, units and the time column are found out; every number is exactly what ``float`` makes of
+    its text. WAV, npy, npz and MATLAB files up to version 7 are read as they are; FLAC, HDF5 and
+    MATLAB 7.3, TDMS, UFF 58 and Parquet with the extra of that name. Rate, names and units are
+    taken from the file where it states them. What is not certain is refused with one line that says
+    why, and nothing is repaired.
 
     Parameters
     ----------
     path : str or Path
         The file.
     sampling_rate_hz : float > 0, optional
-        Needed if the file has no time column. If it has one, both must agree within 0.1 %.
+        Needed if the file neither states it nor has a time column; otherwise both must agree
+        within 0.1 %.
     channels : str, int or iterable of these, optional
         Names, or column numbers counted from 1 (the time column counts), of the vibration channels
         to take; all by default. A named channel that is dead, clipped or incomplete is an error;
-        of unnamed ones it is left out with a note. Channels stay in the order of the file.
+        of unnamed ones it is left out with a note. Channels stay in the order of the file. Of a
+        file with several arrays the names pick those that are the recording.
     tacho : str or int, optional
         The column that holds tacho pulses.
     sensors : iterable, optional
@@ -201,27 +215,44 @@ def read_recording(
     ArgumentError
         If an argument is out of its range.
     """
-    if sampling_rate_hz is not None:
-        check_positive("sampling_rate_hz", sampling_rate_hz, "Hz")
+    wanted = wanted_of(sampling_rate_hz, channels, tacho, sensors)
     source = open_source(path)
     found = identify(source)
-    reader = _READERS.get(found.key)
-    if reader is None:
-        raise RecordingError(
-            f"{source.path}: looks like {found.what}, which is not read here; {found.remedy} "
-            f"(read are: {', '.join(_READERS)}, plain or gzip)"
-        )
-    wanted = Wanted(
+    if found.key == "text":
+        return _recorded(read_table(source, progress).content(), wanted)
+    held = held_by(source, found)
+    try:
+        frames, wanted = choose(held, wanted)
+        return _recorded(frames.content(progress=progress), wanted, frames.speed_rpm)
+    finally:
+        held.close()
+
+
+def wanted_of(
+    sampling_rate_hz: float | None,
+    channels: str | int | Iterable[str | int] | None,
+    tacho: str | int | None,
+    sensors: Iterable[SensorLike],
+) -> Wanted:
+    """Return what the user says about a recording as one value.
+
+    Raises
+    ------
+    ArgumentError
+        If the sampling rate is not above zero.
+    """
+    if sampling_rate_hz is not None:
+        check_positive("sampling_rate_hz", sampling_rate_hz, "Hz")
+    return Wanted(
         sampling_rate_hz=sampling_rate_hz,
         channels=(channels,) if isinstance(channels, str | int) else tuple(channels or ()),
         tacho=tacho,
         sensors=tuple(sensors),
     )
-    return reader(source, wanted, progress)
 
 
-def _read_text(source: Source, wanted: Wanted, progress: Progress | None) -> Recording:
-    found = interpret(read_table(source, progress), wanted)
+def _recorded(content: Content, wanted: Wanted, speed_rpm: float | None = None) -> Recording:
+    found = interpret(content, wanted)
     return Recording(
         samples=found.samples,
         sampling_rate_hz=found.rate_hz,
@@ -229,13 +260,10 @@ def _read_text(source: Source, wanted: Wanted, progress: Progress | None) -> Rec
         channel_kinds=tuple(column.kind for column in found.columns),
         units=tuple(column.unit for column in found.columns),
         columns=tuple(column.number for column in found.columns),
-        origin=source.path,
+        origin=content.path,
         notes=found.notes,
+        speed_rpm=speed_rpm,
     )
-
-
-# Readers by the key of `formats.Format`; another format is another line here.
-_READERS: dict[str, Callable[[Source, Wanted, Progress | None], Recording]] = {"text": _read_text}
 
 
 def check_duration(recording: Recording, slowest_order_hz: float, turns: float = 1.0) -> None:

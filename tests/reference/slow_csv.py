@@ -300,7 +300,7 @@ def refuse_cut_end(lines: list[str], separator: str, decimal: str, columns: int)
     if len(last) == columns and rows and min(len(row) for row in rows) > columns:
         raise NotATableError("the last separator is lacking")
     field = last[columns - 1]
-    if re.fullmatch(r"[+-]?|[+-]?[.,]|[+-]?[0-9]*[.,]?[0-9]*[eEdD][+-]?", field):
+    if re.fullmatch(r"[+-]?|[+-]?[.,]|[+-]?[0-9]*([.,][0-9]*)?[eEdD][+-]?", field):
         raise NotATableError("half a number at the end")
     endings = {ending(row[columns - 1], decimal) for row in rows}
     if field.endswith(decimal) and rows and decimal not in endings:

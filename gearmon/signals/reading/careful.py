@@ -25,7 +25,7 @@ from gearmon.signals.reading.source import Block
 
 # Rows whose last fields are compared to see whether the very last one is cut off.
 _ENOUGH_ROWS, _MOST_ROWS = 50, 200
-_CUT_NUMBER = re.compile(r"[+-]?(?:[0-9]*[.,]?[0-9]*[eEdD])?[+-]?|[+-]?[.,]")
+_CUT_NUMBER = re.compile(r"[+-]?(?:[0-9]*(?:[.,][0-9]*)?[eEdD])?[+-]?|[+-]?[.,]")
 _REMEDY = "correct it, or put # before the line if it is no sample"
 
 
@@ -203,7 +203,7 @@ def _cut(last: Sequence[str], above: Sequence[Sequence[str]], dialect: Dialect) 
     field = last[dialect.columns - 1]
     fits = dialect.fits(last)
     if fits and (_CUT_NUMBER.fullmatch(field) or _is_shorter(field, above, dialect)):
-        return f"'{field}'"
+        return f"'{shortened(field)}'"
     return ""
 
 

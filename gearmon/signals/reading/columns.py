@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from gearmon.errors import RecordingError, nearest_name
-from gearmon.signals.reading.header import Header
+from gearmon.signals.reading.header import Header, shortened
 from gearmon.signals.reading.units import is_trusted_unit, is_unit, kind_of_unit
 
 _SQUARE = re.compile(r"(.*?)\s*\[\s*([^\]]*?)\s*\]")
@@ -64,7 +64,9 @@ class Column:
     @property
     def label(self) -> str:
         """How messages call the column."""
-        return f"column {self.number} ('{self.name}')" if self.cell else f"column {self.number}"
+        if not self.cell:
+            return f"column {self.number}"
+        return f"column {self.number} ('{shortened(self.name)}')"
 
 
 def describe_columns(header: Header, count: int) -> tuple[Column, ...]:
@@ -194,11 +196,15 @@ def find_column(
                 return found[0]
     if text.strip().isdigit() and int(text) in numbers:
         return numbers.index(int(text))
-    raise RecordingError(f"{origin}: no channel '{text}'; {_known(text, names, numbers)}")
+    raise RecordingError(
+        f"{origin}: no channel '{shortened(text)}'; {_known(text, names, numbers)}"
+    )
 
 
 def _known(text: str, names: Sequence[Sequence[str]], numbers: Sequence[int]) -> str:
-    shown = [f"{own[0]} ({number})" for own, number in zip(names, numbers, strict=True)]
+    shown = [f"{shortened(own[0])} ({number})" for own, number in zip(names, numbers, strict=True)]
     listed = ", ".join(shown[:20]) + (", ..." if len(shown) > 20 else "")
     near = nearest_name(text, [name for own in names for name in own])
-    return (f"did you mean {near}? " if near else "") + f"channels (and columns): {listed}"
+    return (
+        f"did you mean {shortened(near)}? " if near else ""
+    ) + f"channels (and columns): {listed}"

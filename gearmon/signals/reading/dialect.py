@@ -17,7 +17,7 @@ from gearmon.signals.reading.fields import (
     to_microseconds,
     without_empty_end,
 )
-from gearmon.signals.reading.header import Header, find_header, is_marker
+from gearmon.signals.reading.header import Header, find_header, is_marker, shortened
 
 # Lines that are looked at to find the dialect; the last ones, as those are rows most surely.
 _SAMPLE = 100
@@ -245,8 +245,9 @@ def _clear_decimals(
         verdict = _digit_verdict(rows)
     if verdict is None:
         raise RecordingError(
-            f"{path}: its lines, such as '{','.join(rows[0])}', may be one column with decimal "
-            "commas or two columns of whole numbers; add a first line that names the column(s)"
+            f"{path}: its lines, such as '{shortened(','.join(rows[0]))}', may be one column with "
+            "decimal commas or two columns of whole numbers; add a first line that names the "
+            "column(s)"
         )
     if verdict == 2:
         return dialect

@@ -36,6 +36,7 @@ _BINARY = Format(key="binary", what="a binary file of unknown kind")
 _XLSX = Format(key="xlsx", what="an Excel workbook (xlsx)")
 _ZIP = Format(key="zip", what="a zip archive", remedy=_UNPACK)
 _TAR = Format(key="tar", what="a tar archive", remedy=_UNPACK)
+_NPZ = Format(key="npz", what="a NumPy archive (npz)")
 _UFF = Format(key="uff", what="a universal file (UFF)")
 _WAV = Format(key="wav", what="a WAV sound file")
 _HTML = Format(
@@ -50,10 +51,12 @@ _SIGNATURES: tuple[tuple[bytes, Format], ...] = (
     (b"PAR1", Format(key="parquet", what="an Apache Parquet table")),
     (b"ARROW1", Format(key="arrow", what="an Apache Arrow file")),
     (b"\x89HDF\r\n\x1a\n", Format(key="hdf5", what="an HDF5 or MATLAB 7.3 file")),
+    (b"MATLAB 7.3 MAT-file", Format(key="hdf5", what="an HDF5 or MATLAB 7.3 file")),
     (b"MATLAB 5.0 MAT-file", Format(key="mat", what="a MATLAB file")),
     (b"\x93NUMPY", Format(key="npy", what="a NumPy array (npy)")),
     (b"RIFF", _WAV),
     (b"RF64", _WAV),
+    (b"BW64", _WAV),
     (b"fLaC", Format(key="flac", what="a FLAC sound file")),
     (b"OggS", Format(key="ogg", what="an Ogg sound file")),
     (b"TDSm", Format(key="tdms", what="a TDMS file (LabVIEW)")),
@@ -105,6 +108,8 @@ def identify(source: Source) -> Format:
 
 def _named(head: bytes) -> Format | None:
     if head.startswith(b"PK\x03\x04"):
+        if _first_member(head).endswith(b".npy"):
+            return _NPZ
         return _XLSX if b"[Content_Types].xml" in head or b"xl/" in head else _ZIP
     begin = head.lstrip(b"\xef\xbb\xbf\r\n\t ")[:64].lower()
     for signature, found in _SIGNATURES:
@@ -113,6 +118,11 @@ def _named(head: bytes) -> Format | None:
     if _UNIVERSAL_FILE.match(head):
         return _UFF
     return _TAR if head[257:262] == b"ustar" else None
+
+
+def _first_member(head: bytes) -> bytes:
+    """Return the name of the first file in a zip archive."""
+    return head[30 : 30 + int.from_bytes(head[26:28], "little")]
 
 
 def _is_binary(head: bytes) -> bool:

@@ -198,5 +198,6 @@ def _rate_hint(above: Sequence[Line]) -> str:
 
 def shortened(text: str) -> str:
     """Return the text, cut to what fits in a message, with no line ends or control characters."""
-    shown = "".join(character if character.isprintable() else "?" for character in text)
+    begin = text[: _LONGEST_QUOTE + 1]
+    shown = "".join(character if character.isprintable() else "?" for character in begin)
     return shown if len(shown) <= _LONGEST_QUOTE else shown[: _LONGEST_QUOTE - 3] + "..."

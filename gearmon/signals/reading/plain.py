@@ -6,6 +6,7 @@ import re
 
 import numpy as np
 
+from gearmon.signals.reading.compiled import parse_compiled
 from gearmon.signals.reading.dialect import Dialect
 from gearmon.signals.reading.digits import parse_block
 from gearmon.signals.reading.rounding import Floats
@@ -16,7 +17,7 @@ _BLANK_LINES = re.compile(rb"\n{2,}")
 _NEWLINE, _SPACE, _TAB, _QUOTE = b'\n \t"'
 
 
-def parse_plain(text: bytes, dialect: Dialect) -> Floats | None:
+def parse_plain(text: bytes, dialect: Dialect, *, compiled: bool = False) -> Floats | None:
     """Return the rows of numbers in a block of lines, or None if a line needs a closer look.
 
     Parameters
@@ -25,6 +26,8 @@ def parse_plain(text: bytes, dialect: Dialect) -> Floats | None:
         Whole lines.
     dialect : Dialect
         How they are written.
+    compiled : bool
+        Whether to try the parser that is quicker for long numbers first.
 
     Returns
     -------
@@ -35,7 +38,9 @@ def parse_plain(text: bytes, dialect: Dialect) -> Floats | None:
     bare = _bare(text, dialect)
     if bare is None:
         return None
-    values = _parsed(bare, dialect)
+    values = parse_compiled(bare, dialect) if compiled else None
+    if values is None:
+        values = _parsed(bare, dialect)
     # Blank lines are looked for only now, as most blocks have none. In a single column one may
     # stand for a missing number.
     if values is None and dialect.columns > 1:

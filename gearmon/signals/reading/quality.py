@@ -37,14 +37,59 @@ class Defect:
     fatal: bool = True
 
 
-def missing_values(values: Floats) -> tuple[int, int]:
-    """Return how many values are not finite, and the index of the first of them (-1: none).
+@dataclass(frozen=True, kw_only=True)
+class Survey:
+    """What one pass over a channel tells.
+
+    Parameters
+    ----------
+    finite : bool
+        Whether all samples are finite; if not, the rest means nothing.
+    low, high : float
+        Extremes.
+    at_low, at_high : int
+        Samples that equal them.
+    """
+
+    finite: bool
+    low: float = 0.0
+    high: float = 0.0
+    at_low: int = 0
+    at_high: int = 0
+
+
+def survey(values: Floats) -> Survey:
+    """Return the extremes of a channel and how often they occur, in one pass through memory.
 
     Parameters
     ----------
     values : ndarray of float64, shape (n,)
     """
-    if np.isfinite(values.min(initial=0.0) - values.max(initial=0.0)):
+    low, high, at_low, at_high = np.inf, -np.inf, 0, 0
+    for start in range(0, len(values), _CHUNK):
+        part = values[start : start + _CHUNK]
+        least, most = part.min(), part.max()
+        if not (np.isfinite(least) and np.isfinite(most)):
+            return Survey(finite=False)
+        if least <= low:
+            count = int(np.count_nonzero(part == least))
+            low, at_low = least, count + (at_low if least == low else 0)
+        if most >= high:
+            count = int(np.count_nonzero(part == most))
+            high, at_high = most, count + (at_high if most == high else 0)
+    return Survey(finite=True, low=float(low), high=float(high), at_low=at_low, at_high=at_high)
+
+
+def missing_values(values: Floats, found: Survey | None = None) -> tuple[int, int]:
+    """Return how many values are not finite, and the index of the first of them (-1: none).
+
+    Parameters
+    ----------
+    values : ndarray of float64, shape (n,)
+    found : Survey, optional
+        What is known of them.
+    """
+    if (found or survey(values)).finite:
         return 0, -1
     count, first = 0, -1
     for start in range(0, len(values), _CHUNK):
@@ -54,13 +99,15 @@ def missing_values(values: Floats) -> tuple[int, int]:
     return count, first
 
 
-def find_defect(values: Floats) -> Defect | None:
+def find_defect(values: Floats, found: Survey | None = None) -> Defect | None:
     """Return why a channel cannot be vibration, or None.
 
     Parameters
     ----------
     values : ndarray of float64, shape (n,)
         Finite samples of one channel.
+    found : Survey, optional
+        What is known of them.
 
     Notes
     -----
@@ -70,29 +117,24 @@ def find_defect(values: Floats) -> Defect | None:
     most 1 + sqrt(2) times as many samples as the next, that of rounded noise fewer. It is fatal
     from one sample in a thousand on.
     """
-    low, high = float(values.min()), float(values.max())
+    found = found or survey(values)
+    low, high, at_low, at_high = found.low, found.high, found.at_low, found.at_high
     if low == high:
         return Defect(text=f"is constant ({low:g} in all {len(values)} samples)", row=-1)
     if len(values) < _FEWEST_SAMPLES:
         return None
-    at_low, at_high = _count(values, low), _count(values, high)
     if at_low + at_high == len(values):
         text = f"has only two values, {low:g} and {high:g}: is it a tacho or a switch?"
         return Defect(text=text, row=-1)
-    for count, extreme, first in (
-        (at_high, high, int(values.argmax())),
-        (at_low, low, int(values.argmin())),
-    ):
-        if count >= _FEWEST_SAMPLES and _is_piled_up(values[first:], high - low):
+    for count, extreme, place in ((at_high, high, np.argmax), (at_low, low, np.argmin)):
+        if count < _FEWEST_SAMPLES:
+            continue
+        first = int(place(values))
+        if _is_piled_up(values[first:], high - low):
             share = count / len(values)
             text = f"is clipped: {count} samples ({100 * share:.2g} %) are exactly {extreme:g}"
             return Defect(text=text, row=first, fatal=share >= _HARMLESS_SHARE)
     return None
-
-
-def _count(values: Floats, wanted: float) -> int:
-    starts = range(0, len(values), _CHUNK)
-    return sum(int(np.count_nonzero(values[k : k + _CHUNK] == wanted)) for k in starts)
 
 
 def _is_piled_up(values: Floats, range_: float) -> bool:

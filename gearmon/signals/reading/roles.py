@@ -1,4 +1,4 @@
-"""From a table of numbers to channels: what each column is, which are used, in which unit."""
+"""From columns of numbers to channels: what each is, which are used, in which unit."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Protocol
 import numpy as np
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.columns import Column, describe_columns, find_column
-from gearmon.signals.reading.quality import find_defect, missing_values
+from gearmon.signals.reading.columns import Column, find_column
+from gearmon.signals.reading.content import Content
+from gearmon.signals.reading.quality import find_defect, missing_values, survey
 from gearmon.signals.reading.rate import sampling_rate
 from gearmon.signals.reading.rounding import Floats
-from gearmon.signals.reading.table import Table
 from gearmon.signals.reading.timebase import counts_evenly, rises_evenly
 from gearmon.signals.reading.units import acceleration_factor
 
@@ -45,7 +45,7 @@ class SensorLike(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Interpreted:
-    """Channels of a table.
+    """Channels of a recording.
 
     Parameters
     ----------
@@ -53,16 +53,22 @@ class Interpreted:
         The numbers in the units of `columns`.
     columns : tuple of Column
         What the channels are.
+    scales : tuple of float
+        What the numbers of each channel were multiplied by.
     rate_hz : float > 0
         Sampling rate.
     notes : tuple of str
         What was assumed or left out.
+    time : Column or None
+        The time column.
     """
 
     samples: Floats
     columns: tuple[Column, ...]
+    scales: tuple[float, ...]
     rate_hz: float
     notes: tuple[str, ...]
+    time: Column | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,13 +107,13 @@ class _Spoken:
         return (self.channels or frozenset()) | tacho | frozenset(self.sensors)
 
 
-def interpret(table: Table, wanted: Wanted) -> Interpreted:
-    """Return the channels of a table; its values are used up.
+def interpret(content: Content, wanted: Wanted) -> Interpreted:
+    """Return the channels of a recording; the values of its content are used up.
 
     Parameters
     ----------
-    table : Table
-        The numbers.
+    content : Content
+        What stands in the file.
     wanted : Wanted
         What the user says.
 
@@ -116,34 +122,43 @@ def interpret(table: Table, wanted: Wanted) -> Interpreted:
     RecordingError
         If the channels cannot be used.
     """
-    columns = describe_columns(table.layout.header, len(table.values))
-    spoken, absent = _spoken(table, columns, wanted)
-    columns = _told(columns, spoken, table)
-    columns, remarks = _confirmed(table, columns, spoken)
-    rate = sampling_rate(table, _time_column(columns), wanted.sampling_rate_hz, "; ".join(remarks))
-    kept, left_out = _usable(table, columns, spoken)
-    samples = _taken(table.values, kept)
-    converted = [
-        _converted(samples[row], columns[index], spoken.sensors.get(index))
-        for row, index in enumerate(kept)
-    ]
-    first_notes = [table.layout.header.remark, *remarks, rate.note, *absent]
+    # numbers near the largest overflow on the way; they are refused by their sizes in the end
+    with np.errstate(over="ignore", invalid="ignore"):
+        return _interpreted(content, wanted)
+
+
+def _interpreted(content: Content, wanted: Wanted) -> Interpreted:
+    spoken, absent = _spoken(content, wanted)
+    columns = _told(content, spoken)
+    columns, remarks = _confirmed(content, columns, spoken)
+    time = _time_column(columns)
+    rate = sampling_rate(content, time, wanted.sampling_rate_hz, "; ".join(remarks))
+    kept, left_out = _usable(content, columns, spoken)
+    samples = _taken(content.values, kept)
+    parted = [_unit_and_scale(columns[index], spoken.sensors.get(index)) for index in kept]
+    for row, (_, scale) in enumerate(parted):
+        if scale != 1.0:
+            samples[row] *= scale
+    first_notes = [*content.notes, *remarks, rate.note, *absent]
     notes = [*first_notes, *_other_kinds(columns, kept), *left_out]
     return Interpreted(
         samples=samples,
-        columns=tuple(converted),
+        columns=tuple(column for column, _ in parted),
+        scales=tuple(scale for _, scale in parted),
         rate_hz=rate.rate_hz,
         notes=tuple(note for note in notes if note),
+        time=time,
     )
 
 
-def _spoken(table: Table, columns: Sequence[Column], wanted: Wanted) -> tuple[_Spoken, list[str]]:
+def _spoken(content: Content, wanted: Wanted) -> tuple[_Spoken, list[str]]:
     """Return the columns that the user spoke of, and notes on sensors that are not in the file."""
+    columns = content.columns
     names = [(column.name, column.cell) for column in columns]
     numbers = [column.number for column in columns]
 
     def index(key: str | int) -> int:
-        return find_column(table.source.path, key, names, numbers)
+        return find_column(content.path, key, names, numbers)
 
     told: dict[int, SensorLike] = {}
     absent = []
@@ -160,11 +175,11 @@ def _spoken(table: Table, columns: Sequence[Column], wanted: Wanted) -> tuple[_S
     return spoken, absent
 
 
-def _told(columns: Sequence[Column], wanted: _Spoken, table: Table) -> tuple[Column, ...]:
+def _told(content: Content, wanted: _Spoken) -> tuple[Column, ...]:
     """Let what the user says go before what the file says."""
-    told = list(columns)
-    if table.layout.dialect.stamp is not None:
-        told[table.layout.dialect.stamp] = replace(columns[table.layout.dialect.stamp], kind="time")
+    told = list(content.columns)
+    if content.stamp is not None:
+        told[content.stamp] = replace(told[content.stamp], kind="time")
     for index, sensor in wanted.sensors.items():
         told[index] = replace(
             told[index], kind=sensor.kind, unit=sensor.unit or _recorded_unit(told[index], sensor)
@@ -181,18 +196,18 @@ def _recorded_unit(column: Column, sensor: SensorLike) -> str | None:
 
 
 def _confirmed(
-    table: Table, columns: Sequence[Column], wanted: _Spoken
+    content: Content, columns: Sequence[Column], wanted: _Spoken
 ) -> tuple[tuple[Column, ...], list[str]]:
     """Check by the numbers what names only suggest: counters, and a first column that is time."""
     confirmed, remarks = list(columns), []
     timed = any(column.kind == "time" for column in columns)
     for index, column in enumerate(columns):
-        values = table.values[index]
+        values = content.values[index]
         if index in wanted.all:
             continue
         if column.kind == "index" and not rises_evenly(values):
             confirmed[index] = replace(column, kind=_no_counter(column))
-        elif index == 0 and column.kind == "vibration" and not timed:
+        elif index == 0 and column.kind == "vibration" and not (timed or content.rate_hz):
             kind, remark = _first_column(column, values)
             confirmed[0] = replace(column, kind=kind)
             remarks.extend([remark] if remark else [])
@@ -223,14 +238,14 @@ def _time_column(columns: Sequence[Column]) -> Column | None:
 
 
 def _usable(
-    table: Table, columns: Sequence[Column], wanted: _Spoken
+    content: Content, columns: Sequence[Column], wanted: _Spoken
 ) -> tuple[list[int], list[str]]:
     """Return the indices of the columns to keep, and notes on those left out."""
     kept, notes, bad = [], [], []
     for index, column in enumerate(columns):
         if column.kind in ("time", "index") or _is_unwanted(index, column, wanted):
             continue
-        fatal, note = _judged(table, index, column, wanted)
+        fatal, note = _judged(content, index, column, wanted)
         if fatal:
             bad.append(note)
         else:
@@ -238,7 +253,7 @@ def _usable(
         if note:
             notes.append(f"{note}: left out" if fatal else note)
     if not any(columns[index].kind == "vibration" for index in kept):
-        _raise_no_channel(table.source.path, columns, bad)
+        _raise_no_channel(content.path, columns, bad)
     return kept, notes
 
 
@@ -248,29 +263,28 @@ def _is_unwanted(index: int, column: Column, wanted: _Spoken) -> bool:
     return index not in wanted.channels and column.kind in ("vibration", "other")
 
 
-def _judged(table: Table, index: int, column: Column, wanted: _Spoken) -> tuple[bool, str]:
+def _judged(content: Content, index: int, column: Column, wanted: _Spoken) -> tuple[bool, str]:
     """Return whether a channel is useless, and what is to be said about it; raise if it matters."""
-    values = table.values[index]
-    count, first = missing_values(values)
+    values = content.values[index]
+    found = survey(values)
+    count, first = missing_values(values, found)
     if count:
         text = _missing_text(count, len(values))
         if _is_asked_for(index, wanted) or (column.kind == "vibration" and count < len(values)):
-            line, fields = table.line(first)
-            shown = f"'{fields[index]}'" if fields[index : index + 1] != [""] else "an empty field"
             raise RecordingError(
-                f"{table.source.path}, line {line}, {column.label}: {shown} is no number; the "
-                f"column {text}; {_REMEDY_ALONE}"
+                f"{content.path}, {content.place(first)}, {column.label}: "
+                f"{content.shown(first, index)} is no number; the column {text}; {_REMEDY_ALONE}"
             )
         return True, f"{column.label} {text}"
-    if column.kind != "vibration" or len(values) < 2:
+    if column.kind != "vibration" or len(values) < 2 or not content.whole:
         return False, ""
-    defect = find_defect(values)
+    defect = find_defect(values, found)
     if defect is None:
         return False, ""
-    place = "" if defect.row < 0 else f"line {table.line(defect.row)[0]}, "
+    place = "" if defect.row < 0 else f"{content.place(defect.row)}, "
     note = f"{place}{column.label} {defect.text}"
     if defect.fatal and _is_asked_for(index, wanted):
-        raise RecordingError(f"{table.source.path}, {note}; check the sensor, or record again")
+        raise RecordingError(f"{content.path}, {note}; check the sensor, or record again")
     return defect.fatal, note
 
 
@@ -313,10 +327,8 @@ def _taken(values: Floats, kept: Sequence[int]) -> Floats:
     return np.ascontiguousarray(samples) if samples.nbytes <= _SMALL_BYTES else samples
 
 
-def _converted(samples: Floats, column: Column, sensor: SensorLike | None) -> Column:
-    """Bring a channel into its physical unit, in place."""
+def _unit_and_scale(column: Column, sensor: SensorLike | None) -> tuple[Column, float]:
+    """Return the channel in its physical unit, and what its numbers must be multiplied by."""
     factor = acceleration_factor(column.unit) if column.kind == "vibration" else None
     scale = (factor or 1.0) / (1.0 if sensor is None else sensor.sensitivity)
-    if scale != 1.0:
-        samples *= scale
-    return column if factor is None else replace(column, unit=ACCELERATION_UNIT)
+    return (column if factor is None else replace(column, unit=ACCELERATION_UNIT)), scale

@@ -19,6 +19,7 @@ from gearmon.errors import RecordingError, nearest_name
 # Large enough to keep array operations busy, small enough to stay in the cache with their results.
 BLOCK_BYTES = 256 * 1024
 _LONGEST_LINE = 16 * 1024 * 1024
+_FEWEST_UNMARKED = 16  # bytes from which on a pattern of zeros tells UTF-16
 _GZIP_MAGIC = b"\x1f\x8b"
 _END_OF_FILE_MARK = b"\x1a"
 _BYTE_ORDER_MARKS = (
@@ -229,6 +230,8 @@ def _encoding(head: bytes) -> str:
             return encoding
     # Text in UTF-16 without a mark: every other byte of plain ASCII is zero.
     even, odd = head[0::2], head[1::2]
+    if len(head) < _FEWEST_UNMARKED:
+        return ""
     if odd and 0 not in even and odd.count(0) > 0.9 * len(odd):
         return "utf-16-le"
     if even and 0 not in odd and even.count(0) > 0.9 * len(even):

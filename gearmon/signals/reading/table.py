@@ -6,18 +6,24 @@ import os
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gearmon.errors import RecordingError
 from gearmon.signals.reading.careful import check_last_line, decoded, is_row, read_rows
+from gearmon.signals.reading.columns import describe_columns
+from gearmon.signals.reading.compiled import BLOCK_BYTES as COMPILED_BLOCK_BYTES
+from gearmon.signals.reading.compiled import is_worthwhile
+from gearmon.signals.reading.content import Content
 from gearmon.signals.reading.dialect import Layout, counted, find_layout
 from gearmon.signals.reading.fields import is_number, split_fields
 from gearmon.signals.reading.header import shortened
 from gearmon.signals.reading.plain import parse_plain
 from gearmon.signals.reading.rounding import Floats
 from gearmon.signals.reading.source import Block, Source
+from gearmon.signals.reading.whole import is_eligible, parse_file, tail
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -64,9 +70,25 @@ class Table:
                     row -= 1
         raise IndexError("the file became shorter while it was read")
 
-    def label(self, column: int) -> str:
-        """Return how messages call the column (counted from 0)."""
-        return _labels(self.layout)[column]
+    def content(self) -> Content:
+        """Return the numbers with what the lines above them say."""
+        header = self.layout.header
+        return Content(
+            path=self.source.path,
+            values=self.values,
+            columns=describe_columns(header, len(self.values)),
+            stamp=self.layout.dialect.stamp,
+            rate_hint=header.rate_hint,
+            notes=(header.remark,) if header.remark else (),
+            is_text=True,
+            place=lambda row: f"line {self.line(row)[0]}",
+            shown=self._shown,
+        )
+
+    def _shown(self, row: int, index: int) -> str:
+        _, fields = self.line(row)
+        field = fields[index] if index < len(fields) else ""
+        return f"'{shortened(field)}'" if field else "an empty field"
 
 
 def read_table(source: Source, progress: Progress | None = None) -> Table:
@@ -84,10 +106,17 @@ def read_table(source: Source, progress: Progress | None = None) -> Table:
     RecordingError
         If the file has no rows of numbers, or a line among them is none.
     """
-    layout = _layout(source)
+    layout = layout_of(source)
+    if is_eligible(source, layout):
+        values = parse_file(source, layout)
+        if values is not None:
+            _check_tail(source, layout, values.shape[1])
+            if progress is not None:
+                progress(1.0)
+            return Table(source=source, layout=layout, values=values)
     collected = _Rows(layout.dialect.columns)
     done, size = 0, max(source.size_hint(), 1)
-    for block, values in _parsed(source, layout):
+    for block, values in parsed_blocks(source, layout):
         done += len(block.text)
         if not collected.capacity:
             collected.reserve(int(_MARGIN * len(values) * max(1.0, size / len(block.text))) + 1000)
@@ -124,13 +153,36 @@ class _Rows:
         return self._array[:, : self._count]
 
 
-def _parsed(source: Source, layout: Layout) -> Iterator[tuple[Block, Floats]]:
-    """Yield the blocks with their rows, in order; the plain ones are parsed ahead by threads."""
-    blocks = _blocks_from(source.blocks(), layout.first_line)
+def parsed_blocks(source: Source, layout: Layout) -> Iterator[tuple[Block, Floats]]:
+    """Yield the blocks with their rows, in order; the plain ones are parsed ahead by threads.
+
+    Parameters
+    ----------
+    source : Source
+        The file.
+    layout : Layout
+        Where and how the rows are written.
+
+    Yields
+    ------
+    block : Block
+        Lines.
+    values : ndarray of float64, shape (rows, columns)
+        Their numbers; NaN where one is missing.
+
+    Raises
+    ------
+    RecordingError
+        If a line among the rows is none.
+    """
+    compiled = is_worthwhile(source.head(_HEAD_BYTES), layout.dialect, source.size_hint())
+    lines = source.blocks(COMPILED_BLOCK_BYTES) if compiled else source.blocks()
+    blocks = _blocks_from(lines, layout.first_line)
+    parse = partial(parse_plain, dialect=layout.dialect, compiled=compiled)
     labels = _labels(layout)
     recent: deque[bytes] = deque()
     empty_line = 0
-    for block, plain in _parsed_ahead(blocks, source, layout):
+    for block, plain in _parsed_ahead(blocks, source, parse):
         if not block.closed:
             _check_end(source.path, b"".join(recent), block, layout)
         if plain is None or (empty_line and len(plain)):
@@ -143,13 +195,12 @@ def _parsed(source: Source, layout: Layout) -> Iterator[tuple[Block, Floats]]:
 
 
 def _parsed_ahead(
-    blocks: Iterator[Block], source: Source, layout: Layout
+    blocks: Iterator[Block], source: Source, parse: Callable[[bytes], Floats | None]
 ) -> Iterator[tuple[Block, Floats | None]]:
-    dialect = layout.dialect
     threads = min(os.cpu_count() or 1, _MOST_THREADS)
     if threads == 1 or source.size_hint() < _THREADED_BYTES:
         for block in blocks:
-            yield block, parse_plain(block.text, dialect)
+            yield block, parse(block.text)
         return
     from concurrent.futures import ThreadPoolExecutor  # small files do without
 
@@ -159,7 +210,7 @@ def _parsed_ahead(
     waiting: deque[tuple[Block, Future[Floats | None]]] = deque()
     with ThreadPoolExecutor(threads) as pool:
         for block in blocks:
-            waiting.append((block, pool.submit(parse_plain, block.text, dialect)))
+            waiting.append((block, pool.submit(parse, block.text)))
             if len(waiting) > threads + 1:
                 first, future = waiting.popleft()
                 yield first, future.result()
@@ -179,8 +230,14 @@ def _blocks_from(blocks: Iterator[Block], line: int) -> Iterator[Block]:
             yield replace(block, text=parts[-1], first_line=line)
 
 
-def _layout(source: Source) -> Layout:
-    """Return the layout, from as much of the beginning of the file as it takes."""
+def layout_of(source: Source) -> Layout:
+    """Return the layout, from as much of the beginning of the file as it takes.
+
+    Raises
+    ------
+    RecordingError
+        If there are no rows of numbers.
+    """
     text, enough = b"", _HEAD_BYTES
     for block in source.blocks(_HEAD_BYTES):
         text += block.text
@@ -217,6 +274,15 @@ def _check_end(path: str, before: bytes, block: Block, layout: Layout) -> None:
     lines = decoded(text).split("\n")[:-1]
     number = block.first_line + block.text.count(b"\n") - 1
     check_last_line(path, lines, number, layout.dialect)
+
+
+def _check_tail(source: Source, layout: Layout, rows: int) -> None:
+    """Raise if the file ends without a line end and its last line is visibly cut off."""
+    text, closed = tail(source)
+    if closed:
+        return
+    lines = decoded(text).split("\n")
+    check_last_line(source.path, lines, layout.first_line + rows - 1, layout.dialect)
 
 
 def _why_no_table(lines: Sequence[str]) -> str:

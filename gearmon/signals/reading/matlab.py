@@ -1,0 +1,144 @@
+"""MATLAB files of versions 5 to 7 (those of version 7.3 are HDF5 files).
+
+The elements of the file are taken apart here, with every length checked: compiled readers can
+bring the process down on a damaged file.
+
+References
+----------
+MathWorks, "MAT-File Format", 2023, chapter 1.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gearmon.errors import RecordingError
+from gearmon.signals.reading.arrays import Holding, reading
+from gearmon.signals.reading.numpy_files import hold
+
+WHAT = "a MATLAB file"
+_HEADER_BYTES = 128
+_DEEPEST = 8
+_MATRIX, _COMPRESSED = 14, 15
+_STRUCT = 2
+_NUMERIC_CLASSES = range(6, 16)
+_COMPLEX_FLAG = 0x0800
+_DTYPES = {
+    1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8",
+}  # fmt: skip
+
+
+class _DamagedError(ValueError):
+    """The elements contradict each other."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Found:
+    """Arrays and single numbers by name, and what else there is."""
+
+    items: dict[str, Any] = field(default_factory=dict)
+    others: list[str] = field(default_factory=list)
+
+
+def read_mat(path: str) -> Holding:
+    """Return what a MATLAB file holds: its arrays and single numbers, those of structs by a dot.
+
+    Raises
+    ------
+    RecordingError
+        If it is damaged.
+    """
+    content = Path(path).read_bytes()
+    order = {b"IM": "<", b"MI": ">"}.get(content[126:128])
+    if order is None:
+        raise RecordingError(f"{path}: {WHAT} whose header is damaged; copy it again")
+    found = _Found()
+    with reading(path, WHAT):
+        for kind, body in _elements(memoryview(content)[_HEADER_BYTES:], order):
+            inner = [(kind, body)]
+            if kind == _COMPRESSED:
+                inner = list(_elements(memoryview(zlib.decompress(body)), order))
+            for own_kind, own in inner:
+                if own_kind == _MATRIX:
+                    _gather(own, order, "", found, _DEEPEST)
+    return hold(path, WHAT, found.items, tuple(found.others))
+
+
+def _elements(data: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
+    """Yield the type and the content of each element."""
+    place = 0
+    while place + 8 <= len(data):
+        kind, size = struct.unpack_from(f"{order}II", data, place)
+        if kind >> 16:  # up to four bytes in the place of a size
+            size, kind, begin, step = kind >> 16, kind & 0xFFFF, place + 4, 8
+            if size > 4:
+                raise _DamagedError(f"a short element of {size} bytes")
+        else:
+            begin = place + 8
+            step = 8 + (size if kind == _COMPRESSED else (size + 7) // 8 * 8)
+        if begin + size > len(data):
+            raise _DamagedError(f"an element of {size} bytes where {len(data) - begin} are left")
+        yield kind, data[begin : begin + size]
+        place += step
+    if any(data[place:]):
+        raise _DamagedError("bytes behind the last element")
+
+
+def _gather(body: memoryview, order: str, prefix: str, found: _Found, deeper: int) -> None:
+    """Add an array, or the fields of a struct."""
+    if not len(body):  # an empty field of a struct
+        return
+    parts = list(_elements(body, order))
+    if len(parts) < 3:
+        found.others.append(f"{prefix or 'a variable'} without content")
+        return
+    flags = _numbers(parts[0], order, 2)
+    shape = tuple(_numbers(parts[1], order, 2).tolist())
+    name = prefix or bytes(parts[2][1]).decode("ascii", errors="replace")
+    family = int(flags[0]) & 0xFF
+    if family == _STRUCT and math.prod(shape) == 1 and deeper:
+        _gather_fields(parts, order, name, found, deeper)
+    elif family in _NUMERIC_CLASSES and not int(flags[0]) & _COMPLEX_FLAG:
+        if name and math.prod(shape):
+            found.items[name] = _array(parts, order, shape)
+    elif name:
+        found.others.append(f"{name} (no array of real numbers)")
+
+
+def _gather_fields(
+    parts: list[tuple[int, memoryview]], order: str, name: str, found: _Found, deeper: int
+) -> None:
+    length = int(_numbers(parts[3], order, 1)[0])
+    text = bytes(parts[4][1])
+    if length < 1 or len(text) % length or len(parts) - 5 != len(text) // length:
+        raise _DamagedError("a struct whose fields do not match their names")
+    for number, (_, value) in enumerate(parts[5:]):
+        own = text[number * length : (number + 1) * length].split(b"\0")[0]
+        _gather(value, order, f"{name}.{own.decode('ascii', errors='replace')}", found, deeper - 1)
+
+
+def _numbers(part: tuple[int, memoryview], order: str, fewest: int) -> Any:
+    kind, body = part
+    if kind not in _DTYPES:
+        raise _DamagedError(f"an element of type {kind} where numbers are needed")
+    dtype = np.dtype(order + _DTYPES[kind])
+    if len(body) % dtype.itemsize or len(body) < fewest * dtype.itemsize:
+        raise _DamagedError(f"an element of {len(body)} bytes, too few or too many")
+    return np.frombuffer(body, dtype)
+
+
+def _array(parts: list[tuple[int, memoryview]], order: str, shape: tuple[int, ...]) -> Any:
+    if len(parts) != 4 or min(shape) < 0:
+        raise _DamagedError(f"an array of {len(parts)} parts")
+    values = _numbers(parts[3], order, 1)
+    if values.size != math.prod(shape):
+        raise _DamagedError(f"{values.size} numbers in an array of shape {shape}")
+    return values.reshape(shape, order="F")

@@ -1,0 +1,199 @@
+"""Synchronous averages (TSA) of a recording of any size, in bounded memory."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearmon.errors import RecordingError, check_positive
+from gearmon.signals.angle import AngleTrack, resample_to_angle
+from gearmon.signals.streaming import RecordingStream
+
+FloatArray = NDArray[np.float64]
+
+# Steps of angle that are resampled at a time, over all channels.
+_STEPS = 1 << 18
+# Samples on either side of a piece: what the resampling of its ends looks at, and more.
+_MARGIN = 4096
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StreamedAverage:
+    """Synchronous average of one shaft.
+
+    Parameters
+    ----------
+    average : ndarray of float, shape (channels, per_turn)
+        Mean over the turns at equal steps of the angle of the shaft, in the units of the channels.
+    scatter : ndarray of float, shape (channels, per_turn)
+        Standard deviation from turn to turn; that of the average is smaller by sqrt(turns).
+    turns : int
+        Turns of the shaft in the average.
+    first_turn : float
+        Angle of the shaft at which the first of them begins [turns].
+    """
+
+    average: FloatArray
+    scatter: FloatArray
+    turns: int
+    first_turn: float
+
+
+def stream_average(
+    stream: RecordingStream,
+    track: AngleTrack,
+    *,
+    shaft_order: float = 1.0,
+    per_turn: int | None = None,
+    precise: bool = True,
+    progress: Callable[[float], object] | None = None,
+) -> StreamedAverage:
+    """Average a recording over the turns of a shaft, piece by piece.
+
+    Parameters
+    ----------
+    stream : RecordingStream
+        The recording.
+    track : AngleTrack
+        Angle of shaft 1 against time, over the whole recording.
+    shaft_order : float > 0
+        Turns of the shaft in a turn of shaft 1.
+    per_turn : int, optional
+        Samples a turn of the shaft; as many as keep the whole bandwidth at the lowest speed if not
+        given. Fewer fold what lies above half of them into the average.
+    precise : bool
+        As of `gearmon.signals.angle.resample_to_angle`.
+    progress : callable, optional
+        Called with the share done, from 0 to 1.
+
+    Returns
+    -------
+    StreamedAverage
+        Of all whole turns of the shaft in the recording. Mean and scatter are gathered by
+        Welford's recurrence, which does not lose digits over many turns.
+
+    Raises
+    ------
+    RecordingError
+        If the recording holds no whole turn of the shaft.
+    ArgumentError
+        If an argument is out of its range.
+    """
+    check_positive("shaft_order", shaft_order)
+    shaft = AngleTrack(
+        time_s=track.time_s,
+        turns=track.turns * shaft_order,
+        method=track.method,
+        uncertainty_turns=track.uncertainty_turns * shaft_order,
+        indexed=track.indexed,
+    )
+    steps = per_turn or math.ceil(stream.sampling_rate_hz / float(shaft.speed_hz.min()))
+    check_positive("per_turn", steps)
+    first, turns = _whole_turns(stream, shaft)
+    gathered = _Gathered(stream.shape[0], steps)
+    done, total = 0, turns * steps
+    for start, stop in _pieces(total, steps, max(1, _STEPS // stream.shape[0])):
+        piece = _at_angle(stream, shaft, steps, first + start / steps, stop - start, precise)
+        gathered.add(start % steps, piece)
+        done = stop
+        if progress is not None:
+            progress(done / total)
+    return StreamedAverage(
+        average=gathered.mean, scatter=gathered.scatter(), turns=turns, first_turn=float(first)
+    )
+
+
+def _whole_turns(stream: RecordingStream, shaft: AngleTrack) -> tuple[int, int]:
+    """Return the angle of the first whole turn, and how many whole turns follow."""
+    last_s = (stream.shape[1] - 1) / stream.sampling_rate_hz
+    begin, end = (float(turn) for turn in shaft.turns_at(np.array([0.0, last_s])))
+    # a turn that begins with the recording is not lost to rounding
+    first, last = math.ceil(begin - 1e-9), math.floor(end + 1e-9)
+    if last <= first:
+        raise RecordingError(
+            f"{stream.origin}: {end - begin:.3g} turns of the shaft recorded; a whole one is needed"
+        )
+    return first, last - first
+
+
+def _pieces(total: int, steps: int, most: int) -> Iterator[tuple[int, int]]:
+    """Yield ranges of steps: of many whole turns where turns are short, else parts of turns."""
+    size = steps * (most // steps) if steps <= most else most
+    for turn_start in range(0, total, max(size, steps)):
+        turn_stop = min(total, turn_start + max(size, steps))
+        for start in range(turn_start, turn_stop, size):
+            yield start, min(turn_stop, start + size)
+
+
+def _at_angle(
+    stream: RecordingStream,
+    shaft: AngleTrack,
+    steps: int,
+    first_turn: float,
+    count: int,
+    precise: bool,
+) -> FloatArray:
+    """Return the signals at equal steps of angle, from the samples that these need."""
+    rate = stream.sampling_rate_hz
+    ends = shaft.time_at(np.array([first_turn, first_turn + (count - 1) / steps])) * rate
+    start = max(0, int(ends[0]) - _MARGIN)
+    stop = min(stream.shape[1], int(ends[1]) + 2 + _MARGIN)
+    samples = stream.read(start, stop)
+    near = _near(shaft, start / rate, stop / rate)
+    return resample_to_angle(samples, rate, near, steps, first_turn, count, precise=precise)
+
+
+def _near(shaft: AngleTrack, begin_s: float, end_s: float) -> AngleTrack:
+    """Return the track with its time counted from `begin_s`: the knots around a piece only.
+
+    Slopes of the Hermite curve depend on neighbours: three knots more on either side leave the
+    curve within the piece as it is.
+    """
+    low = max(0, int(np.searchsorted(shaft.time_s, begin_s)) - 3)
+    high = min(len(shaft.time_s), int(np.searchsorted(shaft.time_s, end_s)) + 3)
+    return AngleTrack(
+        time_s=shaft.time_s[low:high] - begin_s,
+        turns=shaft.turns[low:high],
+        method=shaft.method,
+        uncertainty_turns=shaft.uncertainty_turns,
+        indexed=shaft.indexed,
+    )
+
+
+class _Gathered:
+    """Mean and sum of squares about it at every step of a turn, over the turns seen so far."""
+
+    def __init__(self, channels: int, steps: int) -> None:
+        self.mean = np.zeros((channels, steps))
+        self._squares = np.zeros((channels, steps))
+        self._turns = np.zeros(steps)
+
+    def add(self, phase: int, piece: FloatArray) -> None:
+        """Add signals of shape (channels, n) that begin at that step of a turn."""
+        channels, steps = self.mean.shape
+        whole, rest = divmod(piece.shape[1], steps)
+        if whole:
+            many = piece[:, : whole * steps].reshape(channels, whole, steps)
+            mean = many.mean(axis=1)
+            squares = np.square(many - mean[:, None, :]).sum(axis=1)
+            self._join(slice(0, steps), whole, mean, squares)
+        if rest:
+            part = piece[:, whole * steps :]
+            self._join(slice(phase, phase + rest), 1, part, np.zeros_like(part))
+
+    def _join(self, where: slice, turns: int, mean: FloatArray, squares: FloatArray) -> None:
+        before = self._turns[where]
+        after = before + turns
+        away = mean - self.mean[:, where]
+        self.mean[:, where] += away * (turns / after)
+        self._squares[:, where] += squares + away**2 * (before * turns / after)
+        self._turns[where] = after
+
+    def scatter(self) -> FloatArray:
+        """Return the standard deviation from turn to turn; zero of a single turn."""
+        spread: FloatArray = np.sqrt(self._squares / np.maximum(self._turns - 1.0, 1.0))
+        return spread

@@ -1,0 +1,246 @@
+"""Files that a library beyond the core reads: FLAC, HDF5, TDMS, UFF 58, Parquet."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+
+from gearmon.errors import RecordingError
+from gearmon.signals.recording import read_recording
+
+RNG = np.random.default_rng(6)
+X = 0.1 * RNG.normal(size=(3, 400))
+
+
+def refused(path, *arguments, **named):
+    with pytest.raises(RecordingError) as caught:
+        read_recording(path, *arguments, **named)
+    message = str(caught.value)
+    assert message.startswith(str(path))
+    assert "\n" not in message
+    return message.removeprefix(str(path))
+
+
+@pytest.mark.parametrize(
+    ("head", "module", "extra"),
+    [
+        (b"fLaC", "soundfile", "flac"),
+        (b"\x89HDF\r\n\x1a\n", "h5py", "hdf5"),
+        (b"MATLAB 7.3 MAT-file", "h5py", "hdf5"),
+        (b"TDSm", "nptdms", "tdms"),
+        (b"    -1\n    58\n", "pyuff", "uff"),
+        (b"PAR1", "pyarrow.parquet", "parquet"),
+    ],
+)
+def test_a_library_that_is_not_installed(tmp_path, monkeypatch, head, module, extra):
+    monkeypatch.setitem(sys.modules, module, None)
+    path = tmp_path / "recording.bin"
+    path.write_bytes(head + bytes(600))
+    assert f"to read it install gearmon[{extra}], or export it as CSV" in refused(path, 5000.0)
+
+
+@pytest.mark.parametrize(
+    ("head", "module"),
+    [
+        (b"fLaC", "soundfile"),
+        (b"\x89HDF\r\n\x1a\n", "h5py"),
+        (b"MATLAB 7.3 MAT-file", "h5py"),
+        (b"TDSm", "nptdms"),
+        (b"    -1\n    58\n", "pyuff"),
+        (b"PAR1", "pyarrow.parquet"),
+    ],
+)
+def test_a_damaged_file(tmp_path, head, module):
+    pytest.importorskip(module)
+    path = tmp_path / "recording.bin"
+    path.write_bytes(head + bytes(600))
+    assert refused(path, 5000.0)
+
+
+@pytest.mark.parametrize("bits", [16, 24])
+def test_flac(tmp_path, bits):
+    soundfile = pytest.importorskip("soundfile")
+    path = tmp_path / "a.flac"
+    soundfile.write(path, X.T, 48_000, subtype=f"PCM_{bits}")
+    expected, rate = soundfile.read(path)
+    found = read_recording(path)
+    assert np.array_equal(found.samples, expected.T)
+    assert found.sampling_rate_hz == rate
+    assert f"{bits}-bit integer, full scale is taken as 1" in found.notes[0]
+    path.write_bytes(path.read_bytes()[:-300])
+    assert refused(path)
+
+
+class TestHdf5:
+    def test_arrays_with_attributes(self, tmp_path):
+        h5py = pytest.importorskip("h5py")
+        path = tmp_path / "a.h5"
+        with h5py.File(path, "w") as file:
+            stored = file.create_dataset("run/acc", data=X.T, chunks=True, compression="gzip")
+            stored.attrs["units"] = "g"
+            stored.attrs["sampling_rate"] = 25_600
+            stored.attrs["channel_names"] = ["left", "right", "top"]
+            file["run/tacho"] = X[0] > 0
+            file["text"] = "a text"
+            file.attrs["rpm"] = 1480.0
+        found = read_recording(path)
+        assert found.channel_names == ("left", "right", "top", "run/tacho")
+        assert found.channel_kinds == ("vibration",) * 3 + ("tacho",)
+        assert found.units == ("m/s2",) * 3 + (None,)
+        assert found.sampling_rate_hz == 25_600.0
+        assert found.speed_rpm == 1480.0
+        assert np.array_equal(found.samples[:3], X * 9.80665)
+        assert read_recording(path, channels="right").columns == (2, 4)
+
+    def test_matlab_7_3(self, tmp_path):
+        h5py = pytest.importorskip("h5py")
+        path = tmp_path / "a.mat"
+        with h5py.File(path, "w", userblock_size=512) as file:
+            file["acc"] = X[:1]  # a column, as MATLAB turns the axes round
+            file["Fs"] = np.array([[12_000.0]])
+            file["name"] = np.array([[104, 105]], dtype="u2")
+            file["name"].attrs["MATLAB_class"] = b"char"
+            file["#refs#/a"] = X[1]
+        with path.open("r+b") as stream:
+            stream.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64")
+        found = read_recording(path)
+        assert np.array_equal(found.samples, X[:1])
+        assert found.sampling_rate_hz == 12_000.0
+
+    def test_one_of_several_must_be_named(self, tmp_path):
+        h5py = pytest.importorskip("h5py")
+        path = tmp_path / "a.h5"
+        with h5py.File(path, "w") as file:
+            file["a"], file["b"] = X[0], X[1]
+        said = refused(path, 5000.0)
+        assert "holds 2 arrays that may be the recording; name one with --channel" in said
+        assert np.array_equal(read_recording(path, 5000.0, channels="b").samples, X[1:2])
+
+
+class TestTdms:
+    def written(self, path, channels, **properties):
+        nptdms = pytest.importorskip("nptdms")
+        objects = [nptdms.RootObject(properties)]
+        for group, name, samples, own in channels:
+            objects.append(nptdms.ChannelObject(group, name, samples, own))
+        with nptdms.TdmsWriter(path) as writer:
+            writer.write_segment(objects)
+        return path
+
+    def test_channels_with_unit_and_spacing(self, tmp_path):
+        wave = {"wf_increment": 1 / 25_600, "wf_start_offset": 0.0, "unit_string": "g"}
+        channels = [("g", "a1", X[0], wave), ("g", "a2", X[1].astype("f4"), wave)]
+        path = self.written(tmp_path / "a.tdms", channels, rpm=1480.0)
+        found = read_recording(path)
+        assert found.channel_names == ("a1", "a2")
+        assert found.units == ("m/s2", "m/s2")
+        assert found.sampling_rate_hz == 25_600.0
+        assert found.speed_rpm == 1480.0
+        expected = np.stack([X[0], X[1].astype("f4")]) * 9.80665
+        assert np.array_equal(found.samples, expected)
+
+    def test_different_rates_do_not_mix(self, tmp_path):
+        channels = [("fast", "a", X[0], {"wf_increment": 1e-4}), ("slow", "a", X[1], {})]
+        channels.append(("slow", "t", X[1], {"wf_increment": 1e-3}))
+        path = self.written(tmp_path / "a.tdms", channels)
+        assert "have different sampling rates; name with --channel" in refused(path)
+        assert read_recording(path, channels="fast/a").sampling_rate_hz == 1e4
+        assert "does not say its sampling rate" in refused(path, channels="slow/a")
+
+    def test_different_starts_do_not_mix(self, tmp_path):
+        begin = {"wf_increment": 1e-3, "wf_start_offset": 0.0}
+        later = {"wf_increment": 1e-3, "wf_start_offset": 0.01}
+        path = self.written(tmp_path / "a.tdms", [("g", "a", X[0], begin), ("g", "b", X[1], later)])
+        assert "'a' and 'b' do not start at the same time" in refused(path)
+
+    def test_a_file_cut_off(self, tmp_path):
+        path = self.written(tmp_path / "a.tdms", [("g", "a", X[0], {"wf_increment": 1e-3})])
+        path.write_bytes(path.read_bytes()[:-100])
+        assert "is cut off" in refused(path)
+
+
+class TestUniversalFile:
+    USUAL = {  # noqa: RUF012
+        "type": 58, "func_type": 1, "rsp_node": 12, "rsp_dir": 3, "ref_dir": 0, "ref_node": 0,
+        "id1": "acc", "rsp_ent_name": "NONE", "abscissa_spacing": 1, "abscissa_inc": 1e-3,
+        "abscissa_min": 0, "ord_data_type": 4, "abscissa_spec_data_type": 17,
+        "ordinate_spec_data_type": 12, "ordinate_axis_units_lab": "m/s^2",
+        "abscissa_axis_units_lab": "s", "orddenom_spec_data_type": 0, "z_axis_spec_data_type": 0,
+    }  # fmt: skip
+
+    @pytest.fixture
+    def written(self, tmp_path):
+        pyuff = pytest.importorskip("pyuff")
+
+        @pytest.mark.filterwarnings("ignore::ResourceWarning")
+        def write(*sets):
+            path = tmp_path / "a.uff"
+            for number, own in enumerate(sets):
+                times = np.arange(400) / 1000.0
+                one = self.USUAL | {"binary": 0, "data": X[number], "x": times} | own
+                pyuff.UFF(str(path)).write_sets(one, "add")
+            return path
+
+        return write
+
+    @pytest.mark.parametrize("binary", [0, 1])
+    @pytest.mark.filterwarnings("ignore")  # the library leaves the file it writes open
+    def test_functions_of_time(self, written, binary):
+        path = written({"binary": binary}, {"binary": binary, "rsp_node": 13})
+        found = read_recording(path)
+        assert found.channel_names == ("12 +Z", "13 +Z")
+        assert found.units == ("m/s2", "m/s2")
+        assert found.sampling_rate_hz == 1000.0
+        assert np.allclose(found.samples, X[:2], rtol=0 if binary else 1e-11, atol=0)
+
+    @pytest.mark.filterwarnings("ignore")
+    def test_a_response_to_force_is_no_recording(self, written):
+        path = written({"func_type": 4})
+        assert "without a signal in it (it holds a function of type 4)" in refused(path)
+
+    @pytest.mark.filterwarnings("ignore")
+    def test_a_file_cut_off(self, written):
+        path = written({})
+        lines = path.read_text().splitlines(keepends=True)
+        path.write_text("".join([*lines[:60], *lines[61:]]))
+        assert "function 1 has 396 samples where its header announces 400" in refused(path)
+
+
+class TestParquet:
+    def test_columns_with_their_units(self, tmp_path):
+        pyarrow = pytest.importorskip("pyarrow")
+        parquet = pytest.importorskip("pyarrow.parquet")
+        path = tmp_path / "a.parquet"
+        fields = [
+            pyarrow.field("a1", pyarrow.float64(), metadata={"unit": "g"}),
+            pyarrow.field("a2 [m/s2]", pyarrow.float32()),
+            pyarrow.field("text", pyarrow.string()),
+        ]
+        schema = pyarrow.schema(fields, metadata={"sampling_rate": "25600", "rpm": "1480"})
+        columns = [X[0], X[1].astype("f4"), ["a"] * 400]
+        parquet.write_table(pyarrow.table(columns, schema=schema), path, row_group_size=150)
+        found = read_recording(path)
+        assert found.sampling_rate_hz == 25_600.0
+        assert found.speed_rpm == 1480.0
+        assert found.units == ("m/s2", "m/s2")
+        assert np.array_equal(found.samples, [X[0] * 9.80665, X[1].astype("f4")])
+        assert "column 'text' holds no numbers: left out" in found.notes
+
+    def test_time_stamps(self, tmp_path):
+        pytest.importorskip("pyarrow")
+        pandas = pytest.importorskip("pandas")
+        path = tmp_path / "a.parquet"
+        stamps = pandas.date_range("2024-05-01", periods=400, freq="20us", name="stamp")
+        pandas.DataFrame({"a1": X[0]}, index=stamps).to_parquet(path)
+        assert read_recording(path).sampling_rate_hz == pytest.approx(50_000.0, rel=1e-9)
+
+    def test_a_missing_value(self, tmp_path):
+        pyarrow = pytest.importorskip("pyarrow")
+        parquet = pytest.importorskip("pyarrow.parquet")
+        path = tmp_path / "a.parquet"
+        values = X[0].tolist()
+        values[7] = None
+        parquet.write_table(pyarrow.table({"a1": values}), path)
+        assert ", sample 8, column 1 ('a1'): a value is no number" in refused(path, 5000.0)
