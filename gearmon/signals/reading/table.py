@@ -123,6 +123,8 @@ def read_table(source: Source, progress: Progress | None = None) -> Table:
         collected.append(values)
         if progress is not None:
             progress(min(1.0, done / size))
+    if progress is not None:
+        progress(1.0)
     return Table(source=source, layout=layout, values=collected.values())
 
 

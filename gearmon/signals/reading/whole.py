@@ -32,7 +32,7 @@ _WORTH_LOADING = 192 * 1024 * 1024
 _SHARE = 8 * 1024 * 1024  # of one thread at a time
 _PIECE = 128 * 1024
 _NO_QUOTES: Literal[3] = 3
-_SPACE, _NEWLINE, _TAB = b" \n\t"
+_SPACE, _NEWLINE, _TAB, _RETURN = b" \n\t\r"
 _LOWER_E, _TO_LOWER = ord("e"), 0x20
 _LONGEST_EXPONENT = 4
 _TAIL = 64 * 1024
@@ -41,6 +41,7 @@ _TAIL = 64 * 1024
 @dataclass(frozen=True, kw_only=True)
 class _Counts:
     lines: int
+    returns: int
     separators: int
     clean: bool
 
@@ -75,9 +76,13 @@ def parse_file(source: Source, layout: Layout) -> Floats | None:
     dialect = layout.dialect
     text = np.asarray(np.memmap(source.path, np.uint8, "r"))
     begin = _start_of_line(text, layout.first_line)
+    if begin is None:
+        return None
     counts = _count(text[begin:], ord(dialect.separator or "\0"))
     rows = counts.lines + int(text[-1] != _NEWLINE)
     if not counts.clean or counts.separators != rows * (dialect.columns - 1):
+        return None
+    if counts.returns not in (0, counts.lines):  # not the line ends of one system
         return None
     try:
         frame = pandas.read_csv(
@@ -95,8 +100,14 @@ def parse_file(source: Source, layout: Layout) -> Floats | None:
         )
     except (ValueError, OverflowError):  # any text that is no number
         return None
-    values: Floats = np.ascontiguousarray(frame.to_numpy().T)
-    return values if values.shape == (dialect.columns, rows) else None
+    values: Floats = frame.to_numpy()
+    if values.shape != (rows, dialect.columns):
+        return None
+    # pandas locks what it hands out; the frame ends here, so the numbers are nobody else's
+    if not values.flags.writeable and (values.base is None or values.base.flags.writeable):
+        values.flags.writeable = True
+    by_column = np.ascontiguousarray(values.T)
+    return by_column if by_column.flags.writeable else by_column.copy()
 
 
 def tail(source: Source) -> tuple[bytes, bool]:
@@ -109,10 +120,15 @@ def tail(source: Source) -> tuple[bytes, bool]:
     return whole, whole.endswith(b"\n")
 
 
-def _start_of_line(text: Bytes, line: int) -> int:
-    """Return where the line (counted from 1) begins."""
+def _start_of_line(text: Bytes, line: int) -> int | None:
+    """Return where the line (counted from 1) begins; None if fewer line feeds than that are there.
+
+    A lone carriage return ends a line as well, but not here.
+    """
     begin, missing = 0, line - 1
     while missing:
+        if begin >= len(text):
+            return None
         ends = np.flatnonzero(text[begin : begin + _PIECE] == _NEWLINE)
         if len(ends) >= missing:
             return begin + int(ends[missing - 1]) + 1
@@ -128,28 +144,33 @@ def _count(text: Bytes, separator: int) -> _Counts:
         found = list(pool.map(lambda start: _counted(text, start, separator), starts))
     return _Counts(
         lines=sum(one.lines for one in found),
+        returns=sum(one.returns for one in found),
         separators=sum(one.separators for one in found),
         clean=all(one.clean for one in found),
     )
 
 
 def _counted(text: Bytes, begin: int, separator: int) -> _Counts:
-    lines = separators = blanks = 0
+    lines = returns = separators = 0
     mask = np.empty(_PIECE, np.bool_)  # used again and again: it stays in the cache
     lower = np.empty(_PIECE, np.uint8)
     clean = True
     for start in range(begin, min(begin + _SHARE, len(text)), _PIECE):
         piece = text[start : start + _PIECE]
         own, letters = mask[: len(piece)], lower[: len(piece)]
-        lines += int(np.count_nonzero(np.equal(piece, _NEWLINE, out=own)))
-        if separator:
-            separators += int(np.count_nonzero(np.equal(piece, separator, out=own)))
-        blanks += int(np.count_nonzero(np.less_equal(piece, _SPACE, out=own)))
+        ends = int(np.count_nonzero(np.equal(piece, _NEWLINE, out=own)))
+        between = int(np.count_nonzero(np.equal(piece, separator, out=own))) if separator else 0
+        blanks = int(np.count_nonzero(np.less_equal(piece, _SPACE, out=own))) - ends
+        blanks -= between if separator == _TAB else 0
+        if blanks:
+            turns = int(np.count_nonzero(np.equal(piece, _RETURN, out=own)))
+            clean &= blanks == turns
+            returns += turns
+        lines, separators = lines + ends, separators + between
         np.equal(np.bitwise_or(piece, _TO_LOWER, out=letters), _LOWER_E, out=own)
         if own.any():
             clean &= not _has_long_exponent(text, start + np.flatnonzero(own))
-    allowed = lines + (separators if separator == _TAB else 0)
-    return _Counts(lines=lines, separators=separators, clean=clean and blanks == allowed)
+    return _Counts(lines=lines, returns=returns, separators=separators, clean=clean)
 
 
 def _has_long_exponent(text: Bytes, letters: npt.NDArray[np.int64]) -> bool:
