@@ -41,9 +41,9 @@ if TYPE_CHECKING:
     from gearmon.diagnosis.analysis import learn as learn
     from gearmon.diagnosis.results import Analysis as Analysis
     from gearmon.errors import GearmonError as GearmonError
+    from gearmon.harvesting.tuning import tune_harvester as tune_harvester
     from gearmon.machine import Machine as Machine
     from gearmon.machine import load_machine as load_machine
-    from gearmon.harvesting.tuning import tune_harvester as tune_harvester
     from gearmon.report.html import write_report as write_report
     from gearmon.signals.recording import Recording as Recording
     from gearmon.signals.recording import read_recording as read_recording

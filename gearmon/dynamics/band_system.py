@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 MOST_LINES = 4000
 NEAR_ONE = 0.9
+FEW_HARMONICS = 14
 SPARE = 1e-3
 SPARE_WEAK = 1e-5
 
@@ -33,12 +34,20 @@ def counting(count: int) -> Real:
     return numbers
 
 
+@lru_cache(maxsize=128)
+def two_sided(highest: int) -> Real:
+    """-highest, ..., highest as floats, read-only."""
+    numbers = np.arange(-highest, highest + 1, dtype=float)
+    numbers.flags.writeable = False
+    return numbers
+
+
 @cache
 def _lapack() -> tuple[Any, Any]:
-    """Band factorisation and its solver; SciPy takes 0.2 s to import, once."""
-    from scipy.linalg.lapack import zgbtrf, zgbtrs
+    """Band solver and the one that uses its factors; SciPy takes 0.2 s to import, once."""
+    from scipy.linalg.lapack import zgbsv, zgbtrs
 
-    return zgbtrf, zgbtrs
+    return zgbsv, zgbtrs
 
 
 class BandSystem:
@@ -72,7 +81,11 @@ class BandSystem:
         self.pressed = False
         #: z without the mean deflection under the mean force, harmonics 0.. in units of `unit`
         self.swinging: Complex = np.zeros(1, dtype=complex)
-        self.factor, self.solver = _lapack()
+
+    def nearest(self, line: int) -> float:
+        """|D_n|; above resonance, the least of all from there on."""
+        x = line / self.ratio
+        return math.hypot(1 - x * x, 2 * self.zeta * x)
 
     def enough_lines(self, tolerance: float) -> int:
         """Guess the lines to solve together; those above are cheap to add.
@@ -80,41 +93,115 @@ class BandSystem:
         A line above resonance is reached by jumps of about the mean bandwidth of phi, each of
         which costs sum|c|/|D_n|.
         """
-        total, band = self.sum, self.band
-        top = max(band, math.ceil(1.2 * self.ratio) + 1, len(self.forces), 2)
+        total, band, ratio = self.sum, self.band, self.ratio
+        top = max(band, math.ceil(1.2 * ratio) + 1, len(self.forces), 2)
         if not total:
             return top
-        jump = max(1, round(float(np.dot(counting(band + 1)[1:], self.sizes)) / total))
+        jump = max(1, round(float(counting(band + 1)[1:].dot(self.sizes)) / total))
         weak = self.loop >= NEAR_ONE
         wanted = (SPARE_WEAK if weak else SPARE) * tolerance
-        reached, share = 1.2 * self.ratio, 1.0
-        while share > wanted and reached < MOST_LINES:
-            reached += jump
-            share *= min(0.8, total / abs((reached / self.ratio) ** 2 - 1))
+        reached, share, step = 1.2, 1.0, jump / ratio
+        most = MOST_LINES / ratio
+        while share > wanted and reached < most:
+            reached += step
+            each = total / (reached * reached - 1)
+            share *= each if each < 0.8 else 0.8
         if weak:
             # the bound of what lies beyond wants edges clear of the resonance
-            top = max(top, math.ceil(1.4 * self.ratio) + band)
-        return max(top, math.ceil(reached))
+            top = max(top, math.ceil(1.4 * ratio) + band)
+        if band <= FEW_HARMONICS:
+            # another jump takes less time than to answer the lines above
+            reached += step
+        return max(top, math.ceil(reached * ratio))
 
     def factorise(self, solved: int) -> bool:
-        """Factorise the band matrix of lines -solved..solved; False if it is singular."""
+        """Factorise the band matrix of lines -solved..solved; False if it is singular.
+
+        The forces are answered on the way, the constant one standing on the mean stiffness.
+        """
         band = self.band
         self.solved = solved
-        self._stiffness(solved + 2 * band + 1)
-        column = np.zeros(3 * band + 1, dtype=complex)
-        column[2 * band + 1 :] = self.c
-        column[band : 2 * band] = self.c[::-1].conj()
-        self.kernel = column[band:]
+        x = two_sided(solved) * (1 / self.ratio)
+        squares = x * x
         matrix = np.empty((2 * solved + 1, 3 * band + 1), dtype=complex)
-        matrix[:] = column
+        kernel = self.kernel = np.zeros(2 * band + 1, dtype=complex)
+        kernel[band + 1 :] = self.c
+        np.conjugate(self.c[::-1], out=kernel[:band])
+        # LAPACK fills the first J rows of its storage itself
+        matrix[:, band:] = kernel
         diagonal = matrix[:, 2 * band]
-        diagonal[solved:] = self.stiffness[: solved + 1]
-        diagonal[:solved] = self.stiffness[solved:0:-1].conj()
+        np.subtract(1.0, squares, out=diagonal.real)
+        np.multiply(x, 2 * self.zeta, out=diagonal.imag)
+        self.squares = squares[solved:]
+        self.diagonal = diagonal.copy()
+        self.stiffness = self.diagonal[solved:]
+        forcing = self._forcing()
         # LAPACK reads the rows of this array as the columns of its band storage
-        self.factors, self.pivots, failed = self.factor(matrix.T, band, band, overwrite_ab=1)
+        self.factors, self.pivots, self.core, failed = _lapack()[0](
+            band, band, matrix.T, forcing, overwrite_ab=1, overwrite_b=1
+        )
         return bool(failed == 0)
 
+    def _forcing(self) -> Complex:
+        """Return the forces on lines -solved..solved, less phi times the mean force."""
+        solved, band = self.solved, self.band
+        forcing = np.zeros(2 * solved + 1, dtype=complex)
+        np.multiply(self.kernel, -self.mean, out=forcing[solved - band : solved + band + 1])
+        count = len(self.forces)
+        if count:
+            forcing[solved + 1 : solved + count + 1] += self.forces / self.scale
+            forcing[solved - count : solved] += self.forces[::-1].conj() / self.scale
+        #: right side of lines 0..solved
+        self.forcing: Complex = forcing[solved:].copy()
+        return forcing
+
+    def solve_core(self, right_side: Complex) -> Complex:
+        """Answer of the lines solved together to right sides of theirs, overwritten."""
+        band = self.band
+        answer: Complex = _lapack()[1](
+            self.factors, band, band, right_side, self.pivots, overwrite_b=1
+        )[0]
+        return answer
+
+    def begin(self) -> None:
+        """Take the answer of the core, and what it makes of many lines above it."""
+        # sweeps before may have gone farther
+        if len(self.stiffness) > self.solved + 1:
+            self._stiffness(self.solved + 1)
+        padded = self.core[self.solved - self.band :]
+        self._take(padded if self.band <= FEW_HARMONICS else self._with_lines_above(padded))
+
+    def _with_lines_above(self, padded: Complex) -> Complex:
+        """Append lines N+1..N+J, each answering the core alone."""
+        solved, band = self.solved, self.band
+        self._stiffness(solved + band + 1)
+        coupled = np.correlate(padded[-band:], self.kernel, "full")[-band:]
+        coupled /= self.stiffness[solved + 1 :]
+        return np.concatenate([padded, np.negative(coupled, out=coupled)])
+
+    def sweep(self) -> None:
+        """Correct the core and the lines above it by what the residual asks for.
+
+        The lines above are answered one by one, after what the core's correction does to them.
+        """
+        solved, band = self.solved, self.band
+        residual = np.negative(self.excess)
+        inner = residual[: solved + 1]
+        core = self.solve_core(np.concatenate([inner[:0:-1].conj(), inner]))
+        reach = len(residual)
+        self._stiffness(reach)
+        padded = np.zeros(reach + band, dtype=complex)
+        swinging = padded[band:]
+        swinging[: solved + 1] = core[solved:]
+        outer = swinging[solved + 1 :]
+        outer += residual[solved + 1 :]
+        outer[:band] -= np.correlate(core[2 * solved + 1 - band :], self.kernel, "full")[-band:]
+        outer /= self.stiffness[solved + 1 :]
+        swinging[: len(self.swinging)] += self.swinging
+        self._take(padded)
+
     def _stiffness(self, count: int) -> None:
+        """Provide D_n and (n/R)^2 of lines 0..count - 1."""
         x = counting(count) * (1 / self.ratio)
         self.squares = x * x
         stiffness = np.empty(count, dtype=complex)
@@ -122,66 +209,26 @@ class BandSystem:
         np.multiply(x, 2 * self.zeta, out=stiffness.imag)
         self.stiffness = stiffness
 
-    def begin(self) -> None:
-        """Solve for the core, the constant force standing on the mean stiffness."""
-        solved, band = self.solved, self.band
-        right_side = np.zeros(2 * solved + 1, dtype=complex)
-        right_side[solved - band : solved + band + 1] = self.kernel * -self.mean
-        if len(self.forces):
-            count = len(self.forces)
-            right_side[solved + 1 : solved + count + 1] += self.forces / self.scale
-            right_side[solved - count : solved] += self.forces[::-1].conj() / self.scale
-        self._extend(right_side, None)
+    def _take(self, padded: Complex) -> None:
+        """Take lines -J..-1, to be set, and 0.., and compute what they leave of the equations.
 
-    def sweep(self) -> None:
-        """Correct the core and the lines above it by what the residual asks for."""
-        solved = self.solved
-        inner = self.residual[: solved + 1]
-        right_side = np.concatenate([inner[:0:-1].conj(), inner])
-        self._extend(right_side, self.residual[solved + 1 :])
-
-    def _extend(self, right_side: Complex, above: Complex | None) -> None:
-        """Solve for the core and answer the lines above it one by one; then the residual."""
-        solved, band = self.solved, self.band
-        inner, _ = self.solver(self.factors, band, band, right_side, self.pivots, overwrite_b=1)
-        reach = solved + band + 1 if above is None else solved + len(above) + 1
-        if reach + band > len(self.stiffness):
-            self._stiffness(reach + 2 * band)
-        # lines -J..-1 and 2J zeros stand about the lines 0..reach-1, for the product with phi
-        padded = np.zeros(reach + 3 * band, dtype=complex)
-        swinging = padded[band : band + reach]
-        swinging[: solved + 1] = inner[solved:]
+        phi times the mean force needs no product and its rounding.
+        """
+        band = self.band
+        swinging = padded[band:]
         # rounding of the unsymmetric factors must not feed on itself
-        swinging[0] = inner[solved].real
-        edge = padded[solved + 1 : solved + 1 + 3 * band]
-        outer = swinging[solved + 1 :]
-        coupled = np.correlate(edge, self.kernel, "valid")[:band]
-        if above is None:
-            np.negative(coupled, out=outer)
-            outer /= self.stiffness[solved + 1 : reach]
-        else:
-            outer[:] = above
-            outer[:band] -= coupled
-            outer /= self.stiffness[solved + 1 : reach]
-            swinging[: len(self.swinging)] += self.swinging
+        swinging[0] = swinging[0].real
         np.conjugate(swinging[band:0:-1], out=padded[:band])
         self.swinging = swinging
-        self._residual(padded)
-
-    def _residual(self, padded: Complex) -> None:
-        """Residual of all lines; phi times the mean force needs no product and its rounding."""
-        swinging = self.swinging
         # phi_{n-m} is the conjugate of phi_{m-n}: the product is a correlation
-        product = np.correlate(padded, self.kernel, "valid")
-        product[: len(swinging)] += self.stiffness[: len(swinging)] * swinging
-        product[1 : self.band + 1] += self.mean * self.c
-        if len(self.forces):
-            product[1 : len(self.forces) + 1] -= self.forces / self.scale
-        self.residual = np.negative(product, out=product)
+        excess = np.correlate(padded, self.kernel, "full")[2 * band :]
+        excess[: len(swinging)] += self.stiffness * swinging
+        excess[: len(self.forcing)] -= self.forcing
+        self.excess = excess
 
     def vibration(self, shown: int | None) -> tuple[Complex, int]:
         """Displacement [m] as handed out, and its highest harmonic that was computed."""
-        whole: Complex = self.unit * self.swinging
+        whole: Complex = self.swinging * self.unit
         whole[0] += self.unit * self.mean
         last = len(whole) - 1
         if shown is None:

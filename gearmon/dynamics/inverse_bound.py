@@ -32,6 +32,8 @@ from gearmon.dynamics.fourier import Complex, supremum, with_zero_mean
 
 FARTHEST = 1 << 40
 MOST_BEYOND = 0.5
+MOST_GROWTH = 600.0
+LEAST = 1e-300
 UNIT_ROUNDOFF = 2.0**-52
 
 
@@ -56,9 +58,27 @@ class InverseBound(NamedTuple):
     stable: bool
 
 
+class Determinant(NamedTuple):
+    """Hill's determinant of finitely many lines.
+
+    Attributes
+    ----------
+    value : float
+        Q of the lines solved.
+    growth : float
+        sqrt(e) prod_n (s_n/|D_n|) over all lines.
+    constant : float
+        ln of det(1 - M_0) e^{2 pi zeta R}/4.
+    """
+
+    value: float
+    growth: float
+    constant: float
+
+
 def relative_bound(system: BandSystem, inverse: InverseBound, last: int) -> float:
     """Bound of the relative error, of harmonics 0..last."""
-    accelerations: Complex = system.squares[: len(system.swinging)] * system.swinging
+    accelerations: Complex = system.squares * system.swinging
     size = _size(accelerations)
     # F - m z'' is the mesh force, and the sum of N lines is at most sqrt(2 N) times their rms
     reach = math.sqrt(2 * len(accelerations)) * size
@@ -72,10 +92,13 @@ def relative_bound(system: BandSystem, inverse: InverseBound, last: int) -> floa
         + 6 * size
         + 4 * damped
     )
+    error = inverse.gain * UNIT_ROUNDOFF * rounding
     edge = inverse.inside + 1
-    error = inverse.gain * (_size(system.residual[:edge]) + UNIT_ROUNDOFF * rounding)
-    if edge < len(system.residual):
-        error += inverse.edge_gain * _size(system.residual[edge:])
+    if edge < len(system.excess):
+        error += inverse.edge_gain * _size(system.excess[edge:])
+        error += inverse.gain * _size(system.excess[:edge])
+    else:
+        error += inverse.gain * _size(system.excess)
     if last < len(accelerations) - 1:
         size = _size(accelerations[: last + 1])
     return error / (size - error) + 2 * UNIT_ROUNDOFF if error < size else math.inf
@@ -90,38 +113,33 @@ def cheap(system: BandSystem) -> InverseBound | None:
 
 
 def _by_determinant(system: BandSystem) -> InverseBound | None:
-    solved = system.solved
     distance = _distance(system)
     if distance is None:
         return None
     inside, nearest, decay = distance
-    inner = system.stiffness[: solved + 1]
-    magnitudes = inner.real**2 + inner.imag**2
-    power = 2 * float(system.sizes @ system.sizes)
-    norms = magnitudes + power
-    log_norms = float(np.add.reduce(np.log(norms)))
-    log_stiffness = float(np.add.reduce(np.log(magnitudes)))
-    log_determinant, sign = determinant(system)
-    log_ratio = log_determinant - log_stiffness
-    hadamard = 0.5 + log_norms - log_determinant
-    tail_squares = tail_squares_above(system.ratio, solved)
-    static = math.sqrt(1 / float(norms.min()))
     margin = nearest - system.swing
-    edge = 1 / margin + decay * decay * static * _exp(hadamard)
-    beyond = beyond_lines(system, edge, power, tail_squares)
-    stable = _is_stable(system, log_ratio, sign, beyond) if beyond < MOST_BEYOND else None
+    power = 2 * float(np.vdot(system.sizes, system.sizes))
+    known = determinant(system, power)
+    if known is None:
+        return None
+    static, largest = column_sizes(system.ratio, system.zeta, power)
+    norm_bound = known.growth / abs(known.value)
+    edge = 1 / margin + decay * decay * static * norm_bound
+    stable, beyond = _stability(system, known, power, edge)
     if stable is None:
         return None
-    # beyond resonance x^2/|D| falls, or never exceeds 1.16 where damping is strong
-    last = float(system.squares[solved]) / math.sqrt(magnitudes[solved])
-    largest = math.sqrt(float((system.squares[: solved + 1] ** 2 / norms).max()))
-    largest = max(largest, last, 1.16)
-    bound = _exp(hadamard + power * tail_squares + beyond)
-    gain = largest * bound
+    norm_bound *= math.exp(beyond)
+    gain = largest * norm_bound
     # residuals of lines well above resonance reach it only through jumps of phi/D
-    local = max(1.16, float(system.squares[inside + 1]) / nearest) * nearest / margin
-    edge_gain = gain * decay + local * (1 + system.swing * static * bound * decay)
-    return InverseBound(gain, edge_gain, solved - system.band, stable)
+    local = _acceleration(system, inside + 1) * nearest / margin
+    edge_gain = gain * decay + local * (1 + system.swing * static * norm_bound * decay)
+    return InverseBound(gain, edge_gain, system.solved - system.band, stable)
+
+
+def _acceleration(system: BandSystem, line: int) -> float:
+    """Bound of x^2/|D| of the lines from one above resonance on."""
+    # beyond resonance x^2/|D| falls, or never exceeds 1.16 where damping is strong
+    return max(1.16, (line / system.ratio) ** 2 / system.nearest(line))
 
 
 def _distance(system: BandSystem) -> tuple[int, float, float] | None:
@@ -131,17 +149,17 @@ def _distance(system: BandSystem) -> tuple[int, float, float] | None:
     max|phi|/|D_n+1|.
     """
     system.swing = 2 * system.sum
-    if system.swing > 0.1 * abs(complex(system.stiffness[system.solved - system.band + 1])):
+    if system.swing > 0.1 * system.nearest(system.solved - system.band + 1):
         system.swing = supremum(with_zero_mean(system.c))
-    best = None
+    swing, best = system.swing, None
     for jumps in range(1, 30):
         inside = system.solved - jumps * system.band
         if inside + 1 <= system.ratio:
             break
-        nearest = abs(complex(system.stiffness[inside + 1]))
-        if nearest <= system.swing:
+        nearest = system.nearest(inside + 1)
+        if nearest <= swing:
             break
-        decay = (system.swing / nearest) ** (jumps - 1) * system.swing / (nearest - system.swing)
+        decay = (swing / nearest) ** (jumps - 1) * swing / (nearest - swing)
         if best is not None and decay >= best[2]:
             break
         best = inside, nearest, decay
@@ -160,85 +178,135 @@ def by_inverse(system: BandSystem, measure: Callable[[Complex], float]) -> Inver
     """
     solved, band = system.solved, system.band
     swing = system.swing = supremum(with_zero_mean(system.c))
-    nearest = abs(complex(system.stiffness[solved + 1]))
+    nearest = system.nearest(solved + 1)
     margin = nearest - swing
     if margin <= 0 or solved + 1 <= system.ratio:
         return None
     unit = np.eye(2 * solved + 1, dtype=complex)
-    inverse, _ = system.solver(system.factors, band, band, unit, system.pivots, overwrite_b=1)
+    inverse = system.solve_core(unit)
     if not np.isfinite(inverse).all():
         return None
     lines = np.abs(np.arange(-solved, solved + 1))
     at_edge = lines > solved - band
-    moved = system.squares[lines][:, None] * inverse
+    moved = system.squares[: solved + 1][lines][:, None] * inverse
     rounding = 1 - measure(inverse) * (swing + nearest) * len(lines) * UNIT_ROUNDOFF
     if rounding < 0.5:
         return None
     both = measure(inverse[np.ix_(at_edge, at_edge)]) / rounding
     loop = both * swing * swing / margin
-    power, tail_squares = (
-        2 * float(system.sizes @ system.sizes),
-        tail_squares_above(system.ratio, solved),
-    )
-    stable = _stability(system, power, tail_squares, both)
+    power = 2 * float(np.vdot(system.sizes, system.sizes))
+    known = determinant(system, power)
+    stable = None if known is None else _stability(system, known, power, both)[0]
     if stable is None or loop >= 1:
         return None
     to_edge = measure(inverse[at_edge]) / rounding / (1 - loop)
     from_edge = measure(moved[:, at_edge]) / rounding * swing / margin
-    local = max(1.16, float(system.squares[solved + 1]) / nearest) * nearest / margin
+    local = _acceleration(system, solved + 1) * nearest / margin
     core = measure(moved) / rounding + (from_edge + local) * swing * to_edge
     outer = (from_edge + local) * (1 + loop / (1 - loop))
     return InverseBound(math.hypot(core, outer), outer, solved, stable)
 
 
-def _stability(system: BandSystem, power: float, tail_squares: float, edge: float) -> bool | None:
-    """Stability from the determinant, if it tells."""
-    beyond = beyond_lines(system, edge, power, tail_squares)
-    inner = system.stiffness[: system.solved + 1]
-    log_determinant, sign = determinant(system)
-    log_stiffness = float(np.log(inner.real**2 + inner.imag**2).sum())
-    return (
-        _is_stable(system, log_determinant - log_stiffness, sign, beyond)
-        if beyond < MOST_BEYOND
-        else None
-    )
+def determinant(system: BandSystem, power: float) -> Determinant | None:
+    """Hill's determinant of the lines solved, or None where numbers run out.
 
-
-def determinant(system: BandSystem) -> tuple[float, float]:
-    """ln|det| of the matrix of the lines solved, and the sign of det."""
+    Parameters
+    ----------
+    system : BandSystem
+        Factorised.
+    power : float
+        Mean square of phi.
+    """
+    constant = _resonance(system.ratio, system.zeta, 0.0)
+    growth = _resonance(system.ratio, system.zeta, power) - constant
+    # no leading minor exceeds the product of the columns: no partial product overflows
+    if not growth < MOST_GROWTH:
+        return None
     upper = system.factors[2 * system.band]
-    absolute = np.abs(upper)
-    turn = complex(np.multiply.reduce(upper / absolute)).real
-    # each D_n meets its conjugate: their product is positive but for n = 0, where it is one
-    swaps = int(np.count_nonzero(system.pivots != counting(len(upper))))
-    return float(np.add.reduce(np.log(absolute))), -turn if swaps % 2 else turn
+    value = float(np.multiply.reduce(upper / system.diagonal).real)
+    if np.count_nonzero(system.pivots != counting(len(upper))) % 2:
+        value = -value
+    if not abs(value) > LEAST:
+        return None
+    # no factor is below one; rounding must not claim otherwise
+    return Determinant(value, math.exp(0.5 + max(0.0, growth)), constant)
 
 
-def beyond_lines(system: BandSystem, edge: float, power: float, tail_squares: float) -> float:
+def _resonance(ratio: float, zeta: float, power: float) -> float:
+    """ln|sin(pi R sqrt(r_1)) sin(pi R sqrt(r_2))|, r the zeros of |D|^2 + power as function of x^2.
+
+    By Euler's product of the sine, the product of (|D_n|^2 + power)/|D_n|^2 over n >= 1, times
+    sqrt(1 + power), is the ratio of this with and without power.
+    """
+    middle = 1 - 2 * zeta * zeta
+    square = 4 * zeta * zeta * (zeta * zeta - 1) - power
+    turns = math.pi * ratio
+    if square < 0:
+        # conjugates
+        return 2 * _log_sine(turns * cmath.sqrt(complex(middle, math.sqrt(-square))))
+    farther = middle - math.sqrt(square)
+    roots = (farther, (1 + power) / farther)
+    return sum(_log_sine(turns * cmath.sqrt(root)) for root in roots)
+
+
+def _log_sine(z: complex) -> float:
+    """ln|sin z|, where sin z itself would overflow too; Im z >= 0."""
+    size = math.sin(z.real) ** 2 * math.exp(-2 * z.imag) + (0.5 * math.expm1(-2 * z.imag)) ** 2
+    return z.imag + 0.5 * math.log(size) if size else -math.inf
+
+
+def column_sizes(ratio: float, zeta: float, power: float) -> tuple[float, float]:
+    """Largest 1/s_n and largest x_n^2/s_n over all lines, s_n^2 = |D_n|^2 + power.
+
+    s^2 is a parabola in x^2 and s^2/x^4 one in 1/x^2: the best lines are next to their vertices.
+    """
+    least, least_weighted = 1 + power, 1.0
+    middle = 1 - 2 * zeta * zeta
+    if middle > 0:
+        for vertex in (middle, (1 + power) / middle):
+            line = math.floor(ratio * math.sqrt(vertex))
+            for n in (line, line + 1):
+                x = (n / ratio) ** 2
+                square = (1 - x) ** 2 + 4 * zeta * zeta * x + power
+                least = min(least, square)
+                if n:
+                    least_weighted = min(least_weighted, square / (x * x))
+    return 1 / math.sqrt(least), 1 / math.sqrt(least_weighted)
+
+
+def beyond_lines(system: BandSystem, edge: float, power: float) -> float:
     """Bound of |ln| of what the lines above N multiply Q by.
 
     With X = (phi_OO - phi_OC A^-1 phi_CO)/D_O over the outer lines, |ln det(1 + X)| <=
     |tr X| + |X|_F^2/(2 (1 - |X|_F)); of A^-1 only the lines within J of the edge enter, and
     `edge` bounds its norm there.
     """
-    outer = 1 / abs(complex(system.stiffness[system.solved + 1]))
-    reaching = 2 * float(counting(system.band + 1)[1:] @ (system.sizes * system.sizes))
+    outer = 1 / system.nearest(system.solved + 1)
+    sizes = system.sizes
+    reaching = 2 * float(counting(system.band + 1)[1:].dot(sizes * sizes))
     trace = edge * reaching * outer
-    size = math.sqrt(power * tail_squares) + edge * system.swing * math.sqrt(reaching) * outer
+    tail = tail_squares_above(system.ratio, system.solved)
+    size = math.sqrt(power * tail) + edge * system.swing * math.sqrt(reaching) * outer
     return trace + size * size / (2 * (1 - size)) if size < 1 else math.inf
 
 
-def _is_stable(system: BandSystem, log_ratio: float, sign: float, beyond: float) -> bool | None:
+def _stability(
+    system: BandSystem, known: Determinant, power: float, edge: float
+) -> tuple[bool | None, float]:
+    """Stability, None if the determinant does not tell, and what the lines above N change in ln Q.
+
+    edge bounds the inverse of the matrix between lines within J of its edges.
+    """
+    beyond = beyond_lines(system, edge, power)
+    if not beyond < MOST_BEYOND:
+        return None, beyond
     period = 2 * math.pi * system.ratio
-    root = cmath.sqrt(system.zeta * system.zeta - 1)
-    constant = (1 - cmath.exp((root - system.zeta) * period)) * (
-        1 - cmath.exp((-root - system.zeta) * period)
-    )
     allowed = 2 * (1 + math.exp(-2 * system.zeta * period))
-    q = constant.real * _exp(log_ratio)
-    if sign < 0 or q > allowed * math.exp(beyond):
-        return False
-    return True if q < allowed * math.exp(-beyond) else None
+    # 4 e^{-2 pi zeta R} sin sin = det(1 - M_0)
+    log_q = math.log(4 * abs(known.value)) + known.constant - system.zeta * period
+    if known.value < 0 or log_q > math.log(allowed) + beyond:
+        return False, beyond
+    return (True if log_q < math.log(allowed) - beyond else None), beyond
 
 
 def _size(half: Complex) -> float:
@@ -255,10 +323,6 @@ def crude_norm(matrix: Complex) -> float:
     """Bound of the spectral norm that needs no singular values."""
     sizes = np.abs(matrix)
     return math.sqrt(float(sizes.sum(axis=0).max()) * float(sizes.sum(axis=1).max()))
-
-
-def _exp(exponent: float) -> float:
-    return math.exp(exponent) if exponent < 700 else math.inf
 
 
 def tail_squares_above(ratio: float, solved: int) -> float:

@@ -67,20 +67,38 @@ def test_determinant_is_that_of_the_period_map():
         p = scaled_problem(ratio, zeta, [c])
         system = BandSystem(p)
         assert system.factorise(60)
-        logarithm, sign = inverse_bound.determinant(system)
-        inner = np.abs(system.stiffness[:61])
+        determinant = inverse_bound.determinant(system, 2 * c * c)
         s = np.emath.sqrt(zeta**2 - 1)
         period = 2 * math.pi * ratio
         constant = ((1 - np.exp((s - zeta) * period)) * (1 - np.exp((-s - zeta) * period))).real
-        found = sign * math.exp(logarithm - 2 * np.log(inner).sum()) * constant
+        assert 4 * math.exp(determinant.constant - zeta * period) == pytest.approx(constant)
+        found = determinant.value * constant
         one, two = floquet.multipliers(ratio, zeta, np.array([c + 0j]))
         expected = ((1 - one) * (1 - two)).real
         assert found == pytest.approx(expected, rel=1e-4)
         # far above resonance the inverse is smaller than one
-        tail = inverse_bound.tail_squares_above(p.frequency_ratio, 60)
-        assert abs(math.log(found / expected)) <= inverse_bound.beyond_lines(
-            system, 1.0, 2 * c * c, tail
-        )
+        beyond = inverse_bound.beyond_lines(system, 1.0, 2 * c * c)
+        assert abs(math.log(found / expected)) <= beyond
+
+
+@pytest.mark.parametrize("zeta", [1e-3, 0.3, 0.9, 1.5, 40.0])
+@pytest.mark.parametrize("ratio", [0.3, 4.0, 13.6])
+@pytest.mark.parametrize("power", [1e-8, 0.02, 3.0])
+def test_column_sizes_and_their_product_are_those_of_many_lines(zeta, ratio, power):
+    p = scaled_problem(ratio, zeta, [math.sqrt(power / 2)])
+    system = BandSystem(p)
+    assert system.factorise(30)
+    n = np.arange(200_000)
+    x = (n / p.frequency_ratio) ** 2
+    magnitudes = (1 - x) ** 2 + 4 * p.damping_ratio**2 * x
+    sizes = np.sqrt(magnitudes + power)
+    static, largest = inverse_bound.column_sizes(p.frequency_ratio, p.damping_ratio, power)
+    assert static == pytest.approx((1 / sizes).max(), rel=1e-9)
+    # the limit of infinite frequency is 1
+    assert largest == pytest.approx(max(1.0, (x / sizes).max()), rel=1e-9)
+    product = 0.5 * math.log1p(power) + np.log1p(power / magnitudes[1:]).sum()
+    determinant = inverse_bound.determinant(system, power)
+    assert math.log(determinant.growth) - 0.5 == pytest.approx(product, rel=1e-6, abs=1e-12)
 
 
 @pytest.mark.parametrize("tolerance", [1e-6, 1e-10])
