@@ -16,18 +16,29 @@ _HOMES = {
     "load_machine": "gearmon.machine",
     "Recording": "gearmon.signals.recording",
     "read_recording": "gearmon.signals.recording",
+    "open_recording": "gearmon.signals.streaming",
+    "time_synchronous_average": "gearmon.signals.tsa",
+    "angular_waveform": "gearmon.signals.angular_waveform",
+    "order_map": "gearmon.signals.order_map",
     "Signature": "gearmon.signatures.signature",
     "read_signature": "gearmon.signatures.signature",
     "write_signature": "gearmon.signatures.signature",
     "expected_signature": "gearmon.signatures.expected",
+    "fault_family": "gearmon.signatures.fault_family",
+    "loss_response": "gearmon.signatures.fault_family",
     "MeasuredSignature": "gearmon.signatures.measured",
     "measure_signature": "gearmon.signatures.measured",
+    "indicator_table": "gearmon.signatures.indicator_table",
+    "recording_spectrum": "gearmon.signatures.recording_spectrum",
+    "order_spectra": "gearmon.signatures.order_spectra",
+    "gear_averages": "gearmon.signatures.gear_averages",
     "Reference": "gearmon.signatures.reference",
     "read_reference": "gearmon.signatures.reference",
     "write_reference": "gearmon.signatures.reference",
     "Analysis": "gearmon.diagnosis.results",
     "analyse": "gearmon.diagnosis.analysis",
     "learn": "gearmon.diagnosis.analysis",
+    "train_kinds": "gearmon.diagnosis.kind_training",
     "simulate": "gearmon.simulation",
     "tune_harvester": "gearmon.harvesting.tuning",
     "write_report": "gearmon.report.html",
@@ -39,17 +50,28 @@ __all__ = ["__version__", *sorted(_HOMES)]
 if TYPE_CHECKING:
     from gearmon.diagnosis.analysis import analyse as analyse
     from gearmon.diagnosis.analysis import learn as learn
+    from gearmon.diagnosis.kind_training import train_kinds as train_kinds
     from gearmon.diagnosis.results import Analysis as Analysis
     from gearmon.errors import GearmonError as GearmonError
     from gearmon.harvesting.tuning import tune_harvester as tune_harvester
     from gearmon.machine import Machine as Machine
     from gearmon.machine import load_machine as load_machine
     from gearmon.report.html import write_report as write_report
+    from gearmon.signals.angular_waveform import angular_waveform as angular_waveform
+    from gearmon.signals.order_map import order_map as order_map
     from gearmon.signals.recording import Recording as Recording
     from gearmon.signals.recording import read_recording as read_recording
+    from gearmon.signals.streaming import open_recording as open_recording
+    from gearmon.signals.tsa import time_synchronous_average as time_synchronous_average
     from gearmon.signatures.expected import expected_signature as expected_signature
+    from gearmon.signatures.fault_family import fault_family as fault_family
+    from gearmon.signatures.fault_family import loss_response as loss_response
+    from gearmon.signatures.gear_averages import gear_averages as gear_averages
+    from gearmon.signatures.indicator_table import indicator_table as indicator_table
     from gearmon.signatures.measured import MeasuredSignature as MeasuredSignature
     from gearmon.signatures.measured import measure_signature as measure_signature
+    from gearmon.signatures.order_spectra import order_spectra as order_spectra
+    from gearmon.signatures.recording_spectrum import recording_spectrum as recording_spectrum
     from gearmon.signatures.reference import Reference as Reference
     from gearmon.signatures.reference import read_reference as read_reference
     from gearmon.signatures.reference import write_reference as write_reference

@@ -15,6 +15,8 @@ from typing import Any
 
 from gearmon import __version__, commands
 from gearmon.commands import BAD_INPUT, DONE
+from gearmon.commands.families import run_family
+from gearmon.commands.history import run_history
 from gearmon.errors import GearmonError
 
 
@@ -68,10 +70,12 @@ def _parser() -> argparse.ArgumentParser:
         _lines,
         _stiffness,
         _baseline,
+        _family,
         _stability,
         _simulate,
         _learn,
         _analyse,
+        _history,
         _indicators,
         _spectrum,
         _orders,
@@ -143,6 +147,37 @@ def _baseline(parsers: Any) -> None:
     parser.add_argument("--max-hz", type=float, metavar="F", help="no lines above this frequency")
 
 
+def _family(parsers: Any) -> None:
+    parser = _command(
+        parsers,
+        "family",
+        run_family,
+        "the spectra of every kind and size of fault of every gear, as table and picture",
+        "gearmon family machine.toml --kind crack --kind pitting --size 5% --size 20% -o f.csv",
+    )
+    parser.add_argument("machine", metavar="MACHINE", help="machine file (TOML)")
+    option = parser.add_argument
+    option("--kind", action="append", metavar="KIND", help="such as crack; repeatable (nine kinds)")
+    option(
+        "--size",
+        action="append",
+        metavar="SIZE",
+        help="such as 20%% or 1.5mm, of errors 20um; repeatable (2.5%% to 40%%, 5um to 40um)",
+    )
+    option("--gear", action="append", metavar="STAGE:GEAR", help="such as 1:pinion; repeatable")
+    option(
+        "--operating",
+        action="append",
+        type=int,
+        metavar="N",
+        help="operating point, from 0; repeatable (all)",
+    )
+    option("--max-hz", type=float, metavar="F", help="no lines above this frequency")
+    option("--tolerance", type=float, default=1e-6, help="relative error of what a fault adds")
+    option("--mesh-harmonics", type=int, metavar="N", help="write no lines about higher ones")
+    option("--sidebands", type=int, metavar="N", help="write no sidebands farther off")
+
+
 def _stability(parsers: Any) -> None:
     parser = _command(
         parsers,
@@ -212,6 +247,25 @@ def _analyse(parsers: Any) -> None:
     parser.add_argument("--report", metavar="HTML", help="write a report, and a PNG a picture")
 
 
+def _history(parsers: Any) -> None:
+    parser = _command(
+        parsers,
+        "history",
+        run_history,
+        "follow a machine through many recordings: loss of each tooth, when it began, what is left",
+        "gearmon history *.csv --machine machine.toml --reference healthy.ref --time-from name "
+        "--store history.db --limit 20% -o history.csv",
+    )
+    _recording_options(parser, least=0)
+    option = parser.add_argument
+    option("--reference", metavar="PATH", help="what gearmon learn wrote, or a healthy recording")
+    option("--store", metavar="DB", help="keep the history in this file, and go on with it")
+    option("--times", metavar="ISO8601,...", help="when each was made; without an offset UTC")
+    option("--time-from", metavar="SOURCE", help="name (of the file) or modified")
+    option("--limit", metavar="LOSS", help="of pair stiffness at which to act, such as 20%%")
+    option("--replace", action="store_true", help="recordings of the same time give way")
+
+
 def _indicators(parsers: Any) -> None:
     parser = _command(
         parsers,
@@ -266,13 +320,14 @@ def _orders(parsers: Any) -> None:
         parsers,
         "orders",
         commands.run_orders,
-        "amplitude against order of a shaft, averaged or along the recording",
-        "gearmon orders new.csv --machine machine.toml --shaft 2 --map -o orders.csv",
+        "order spectrum, order map, and the synchronous average of every gear with its scatter",
+        "gearmon orders new.csv --machine machine.toml --shaft 2 -o orders.csv",
     )
     _recording_options(parser, several=False)
     option = parser.add_argument
     option("--shaft", type=int, default=1, metavar="N", help="whose turns orders count (1)")
-    option("--map", action="store_true", help="along the recording, not averaged")
+    option("--map", action="store_true", help="write the map only, in full resolution")
+    option("--against", default="time", metavar="WHAT", help="of the map: time (default) or speed")
     option("--max-order", type=float, metavar="X", help="no orders above this one")
     _window_and_peaks(parser)
 
@@ -328,11 +383,16 @@ def _demo(parsers: Any) -> None:
         parsers,
         "demo",
         commands.run_demo,
-        "run a whole job on data it makes itself: crack (default), harvest or study",
+        "run a whole job on data it makes itself",
         "gearmon demo",
     )
     parser.add_argument(
-        "name", metavar="NAME", nargs="?", default="crack", help="crack, harvest, study"
+        "name",
+        metavar="NAME",
+        nargs="?",
+        default="crack",
+        help="crack (found; default), growth (of a crack), kinds (pitting, wear and eccentricity "
+        "told apart), day (of a sound machine), harvest, study",
     )
 
 
@@ -347,14 +407,15 @@ def _benchmark(parsers: Any) -> None:
     option = parser.add_argument
     option("--quick", action="store_true", help="rough figures in seconds")
     option("--seed", type=int, default=0, metavar="N", help="of what is drawn at random (0)")
-    option("--count", type=int, metavar="N", help="random systems, or parameter sets")
+    option("--count", type=int, metavar="N", help="random systems, parameter sets or machines")
     option("--ross-python", metavar="PATH", help="interpreter of an environment with ROSS")
     parser.add_argument(
         "case",
         metavar="CASE",
         nargs="?",
         default="analyse",
-        help="analyse (default), memory, stiffness, signals, harvesting, dynamics or stress",
+        help="analyse (default), memory, stiffness, signals, harvesting, dynamics, stress or "
+        "detection",
     )
 
 
@@ -371,10 +432,14 @@ def _fault_option(parser: argparse.ArgumentParser) -> None:
 
 
 def _recording_options(
-    parser: argparse.ArgumentParser, *, machine_required: bool = True, several: bool = True
+    parser: argparse.ArgumentParser,
+    *,
+    machine_required: bool = True,
+    several: bool = True,
+    least: int = 1,
 ) -> None:
     option = parser.add_argument
-    count: str | int = "+" if several else 1
+    count: str | int = ("+" if least else "*") if several else 1
     option("recording", metavar="RECORDING", nargs=count, help="CSV file, plain or gzip")
     option("--machine", metavar="MACHINE", required=machine_required, help="machine file (TOML)")
     option("--sampling-rate", type=float, metavar="HZ", help="needed if there is no time column")

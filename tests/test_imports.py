@@ -6,6 +6,9 @@ import subprocess
 import sys
 
 import pytest
+from reference.small_gearbox import MACHINE_FILE, simulated
+
+from gearmon.simulation import write_simulation
 
 HEAVY = ("scipy.signal", "scipy.stats", "pandas", "matplotlib", "sklearn", "pyfftw")
 
@@ -65,6 +68,17 @@ def test_help_loads_nothing_heavy(arguments):
 def test_reading_and_measuring_need_no_heavy_library():
     _, names, _ = loaded_after("import gearmon.signals.recording, gearmon.signatures.measured")
     assert not heavy(names)
+
+
+def test_judging_a_recording_needs_no_classifier_and_no_picture(tmp_path):
+    (tmp_path / "machine.toml").write_text(MACHINE_FILE)
+    write_simulation(simulated(), tmp_path / "new.csv")
+    words = ["analyse", str(tmp_path / "new.csv"), "--machine", str(tmp_path / "machine.toml")]
+    action = "import runpy; runpy.run_module('gearmon', run_name='__main__')"
+    _, names, shown = loaded_after(action, words)
+    assert "shaft 1 at" in shown
+    assert "gearmon.diagnosis.analysis" in names
+    assert not {"sklearn", "matplotlib"} & names
 
 
 def test_module_is_the_command():

@@ -18,6 +18,17 @@ PROMISED = {
     "learn",
     "analyse",
     "tune_harvester",
+    "open_recording",
+    "time_synchronous_average",
+    "angular_waveform",
+    "order_map",
+    "order_spectra",
+    "gear_averages",
+    "indicator_table",
+    "recording_spectrum",
+    "fault_family",
+    "loss_response",
+    "train_kinds",
 }
 
 

@@ -84,13 +84,59 @@ def test_spectrum_needs_no_machine(place, capsys):
     assert json.loads(capsys.readouterr().out)["peaks"]
 
 
-@pytest.mark.parametrize("options", [[], ["--map"], ["--shaft", "2"]])
-def test_orders_write_table_and_picture(place, options):
-    out = place / f"orders{len(options)}{'-'.join(options)}.csv"
+def table(path):
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.mark.parametrize("options", [["--map"], ["--map", "--against", "speed"]])
+def test_orders_write_the_map_only_in_full(place, options):
+    out = place / f"only{len(options)}.csv"
     assert run(place, "orders", "--machine", place / "machine.toml", "-o", out, *options) == 0
     assert out.with_suffix(".png").read_bytes().startswith(PNG)
     head = out.read_text(encoding="utf-8").split("\n", 1)[0]
-    assert head.startswith("time_s,speed_hz,channel" if "--map" in options else "order,a1,a2")
+    assert head.startswith("time_s,speed_hz,blocks,channel,order_0")
+    assert not list(place.glob(f"{out.stem}-*"))
+
+
+@pytest.mark.parametrize("shaft", ["1", "2"])
+def test_orders_write_spectrum_map_and_averages(place, capsys, shaft):
+    out = place / f"orders{shaft}.csv"
+    machine = place / "machine.toml"
+    code = run(place, "orders", "--machine", machine, "-o", out, "--shaft", shaft, "--json")
+    assert code == 0
+    result = json.loads(capsys.readouterr().out)
+    assert set(table(out)[0]) == {"order", "a1", "a2"}
+    along = table(place / f"orders{shaft}-map.csv")
+    assert len(along[0]) <= 4 + 1000
+    waves = table(place / f"orders{shaft}-averages.csv")
+    assert {row["gear"] for row in waves} == {"pinion", "gear"}
+    assert {"average", "standard_error", "residual", "difference", "regular"} <= set(waves[0])
+    lines = table(place / f"orders{shaft}-lines.csv")
+    assert {row["part"] for row in lines} == {"shaft", "mesh", "first sideband", "difference"}
+    assert [path.rsplit("/", 1)[-1] for path in result["pictures"]] == [
+        f"orders{shaft}.png",
+        f"orders{shaft}-map.png",
+        f"orders{shaft}-average-1-pinion.png",
+        f"orders{shaft}-average-1-gear.png",
+    ]
+    for path in result["pictures"]:
+        with open(path, "rb") as file:
+            assert file.read(6) == PNG
+    assert len(result["tables"]) == 4
+    pinion = result["averages"][0]
+    assert pinion["removed_orders"]["residual"][:4] == [1, 2, 23, 46]
+    assert pinion["turns"] > 100
+
+
+def test_orders_on_the_screen_and_as_json_files(place, capsys):
+    machine, out = place / "machine.toml", place / "o.json"
+    assert run(place, "orders", "--machine", machine, "-o", out, "--peaks", 3) == 0
+    said = capsys.readouterr().out
+    assert "synchronous averages, root mean squares" in said
+    assert "pinion of stage 1: residual less" in said
+    assert json.loads(out.read_text(encoding="utf-8"))["rows"][0]["order"] == 0
+    assert json.loads((place / "o-averages.json").read_text(encoding="utf-8"))["rows"]
 
 
 @pytest.mark.parametrize(
@@ -100,11 +146,13 @@ def test_orders_write_table_and_picture(place, options):
         ("spectrum", ["--window", "hamming"], "window='hamming'"),
         ("spectrum", ["--band", "5", "1"], "low must be below high"),
         ("spectrum", ["-o", "x.txt"], "must end in one of"),
+        ("orders", ["--machine", "M", "--against", "load"], "against='load'"),
         ("indicators", ["--baseline", "0"], "baseline=0"),
         ("indicators", ["--history", ""], "--history: the name is empty"),
     ],
 )
 def test_bad_options_are_one_line_and_exit_two(place, capsys, command, options, words):
+    options = [str(place / "machine.toml") if option == "M" else option for option in options]
     assert run(place, command, *options) == 2
     error = capsys.readouterr().err
     assert words in error

@@ -10,9 +10,18 @@ from typing import Any
 from gearmon.errors import ArgumentError
 from gearmon.terminal import Progress
 
-CASES = ("analyse", "memory", "stiffness", "harvesting", "dynamics", "stress", "signals")
+CASES = (
+    "analyse",
+    "memory",
+    "stiffness",
+    "harvesting",
+    "dynamics",
+    "stress",
+    "signals",
+    "detection",
+)
 #: Cases that have pictures.
-PICTURED = ("dynamics", "stress", "signals")
+PICTURED = ("dynamics", "stress", "signals", "detection")
 
 
 def run_case(
@@ -36,12 +45,13 @@ def run_case(
         Interpreter of an environment with ROSS, for the case "stiffness"; by default the
         environment variable GEARMON_ROSS_PYTHON.
     quick : bool
-        Rough figures in seconds, for "harvesting", "dynamics", "stress" and "signals".
+        Rough figures in seconds, for "harvesting", "dynamics", "stress", "signals" and
+        "detection".
     seed : int
-        Of what these two draw.
+        Of what "dynamics", "stress" and "detection" draw.
     count : int, optional
         Number of random systems of "stress" (5,000 by default), of parameter sets of "dynamics"
-        (10,000 by default).
+        (10,000 by default), of machines of "detection" (60 by default).
 
     Returns
     -------
@@ -85,6 +95,12 @@ def run_case(
         from gearmon.benchmark.signals import run_signals
 
         return run_signals(progress, quick=quick)
+    if case == "detection":
+        from gearmon.benchmark.detection import MACHINES, run_detection
+
+        return run_detection(
+            MACHINES if count is None else count, seed=seed, quick=quick, progress=progress
+        )
     raise ArgumentError(f"benchmark case={case!r} must be one of {', '.join(CASES)}")
 
 
@@ -109,6 +125,10 @@ def summary_rows(case: str, rows: Sequence[dict[str, Any]]) -> list[dict[str, An
     if case == "signals":
         shown = ("case", "method", "samples", "channels", "median_s", "times_own", "note")
         return [{name: row[name] for name in shown} for row in rows]
+    if case == "detection":
+        from gearmon.benchmark.detection import detection_summary
+
+        return detection_summary(rows)
     return list(rows)
 
 
@@ -145,4 +165,9 @@ def save_figures(case: str, rows: Sequence[dict[str, Any]], path: str | Path) ->
         from gearmon.report.signals_benchmark_plots import save_signals_figure
 
         return save_signals_figure(rows, path)
+    if case == "detection":
+        from gearmon.benchmark.detection import detection_summary
+        from gearmon.report.detection_plots import save_detection_figures
+
+        return save_detection_figures(rows, detection_summary(rows), path)
     raise ArgumentError(f"benchmark case={case!r} has no pictures; {', '.join(PICTURED)} have")

@@ -20,8 +20,8 @@ def machine_of(path: str) -> Machine:
     return load_machine(path)
 
 
-def recording_of(path: str, arguments: argparse.Namespace, machine: Machine) -> Recording:
-    """Read a recording as the options of the command say."""
+def recording_of(path: str, arguments: argparse.Namespace, machine: Machine | None) -> Recording:
+    """Read a recording as the options of the command, and the sensors of the machine, say."""
     from gearmon.signals.recording import read_recording
 
     return read_recording(
@@ -29,7 +29,7 @@ def recording_of(path: str, arguments: argparse.Namespace, machine: Machine) -> 
         sampling_rate_hz=arguments.sampling_rate,
         channels=[_channel(text) for text in arguments.channel] if arguments.channel else None,
         tacho=_channel(arguments.tacho) if arguments.tacho else None,
-        sensors=machine.sensors,
+        sensors=machine.sensors if machine is not None else (),
     )
 
 

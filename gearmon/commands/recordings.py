@@ -50,7 +50,7 @@ def run_learn(arguments: argparse.Namespace) -> int:
 def run_analyse(arguments: argparse.Namespace) -> int:
     """Run `gearmon analyse`."""
     machine = machine_of(arguments.machine)
-    reference = _reference(arguments, machine)
+    reference = reference_of(arguments, machine)
     kept: list[tuple[Analysis, Recording | None]] = []
     results = [
         _analysed(path, arguments, machine, reference, kept)
@@ -110,7 +110,8 @@ def _analysis_lines(result: dict[str, Any], analyses: list[Analysis]) -> list[st
     return lines
 
 
-def _reference(arguments: argparse.Namespace, machine: Machine) -> Reference | None:
+def reference_of(arguments: argparse.Namespace, machine: Machine) -> Reference | None:
+    """Return the reference that is named, or learn it from the healthy recording that is named."""
     from gearmon.diagnosis.analysis import learn
     from gearmon.signatures.reference import is_reference, read_reference
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,12 +14,16 @@ from gearmon.errors import GearmonError
 
 if TYPE_CHECKING:
     from gearmon.machine import Machine
-    from gearmon.signals.recording import Recording
+    from gearmon.signatures.gear_averages import GearAverages
     from gearmon.signatures.indicator_history import IndicatorHistory
     from gearmon.signatures.indicator_table import IndicatorTable
+    from gearmon.signatures.order_spectra import OrderSpectra
 
 # Columns of the table on a screen; the files hold the others too.
 _SHOWN = ("channel", "stage", "gear", "indicator", "value", "unit", "input")
+_AVERAGE_SHOWN = ("stage", "gear", "teeth", "rotation_order", "turns")
+# Columns of a map that is written beside others: what a table program can open.
+_MAP_COLUMNS = 1000
 
 
 def run_indicators(arguments: argparse.Namespace) -> int:
@@ -61,7 +65,9 @@ def _table(
 ) -> IndicatorTable:
     from gearmon.signatures.indicator_table import indicator_table
 
-    return indicator_table(_read(path, arguments, machine), machine, history, arguments.baseline)
+    return indicator_table(
+        recording_of(path, arguments, machine), machine, history, arguments.baseline
+    )
 
 
 def _history(arguments: argparse.Namespace) -> IndicatorHistory | None:
@@ -107,7 +113,7 @@ def run_spectrum(arguments: argparse.Namespace) -> int:
 
     machine = machine_of(arguments.machine) if arguments.machine else None
     found = recording_spectrum(
-        _read(arguments.recording[0], arguments, machine),
+        recording_of(arguments.recording[0], arguments, machine),
         arguments.kind,
         machine=machine,
         band=tuple(arguments.band) if arguments.band else None,
@@ -131,42 +137,98 @@ def run_spectrum(arguments: argparse.Namespace) -> int:
 
 def run_orders(arguments: argparse.Namespace) -> int:
     """Run `gearmon orders`."""
+    from gearmon.signatures.gear_averages import gear_averages
     from gearmon.signatures.order_spectra import order_spectra
 
     machine = machine_of(arguments.machine)
+    recording = recording_of(arguments.recording[0], arguments, machine)
     found = order_spectra(
-        _read(arguments.recording[0], arguments, machine),
+        recording,
         machine,
         arguments.shaft,
         top=arguments.max_order,
         window_name=arguments.window,
         most_peaks=arguments.peaks,
+        map_against=arguments.against,
     )
-    result = found.to_dict()
+    averages = gear_averages(recording, machine, signature=found.signature)
+    own = averages.to_dict()
+    notes = dict.fromkeys([*found.to_dict()["warnings"], *own["warnings"]])
+    result = {**found.to_dict(), "averages": own["averages"], "warnings": list(notes)}
     if arguments.output:
-        from gearmon.report.order_plots import save_order_picture
-
-        result["pictures"] = _written(
-            arguments.output,
-            result,
-            found.map_rows if arguments.map else found.rows,
-            lambda path: [save_order_picture(found, path, as_map=arguments.map)],
+        result["tables"], result["pictures"] = _orders_written(
+            Path(arguments.output), result, found, averages, only_map=arguments.map
         )
     title = f"{found.recording}: amplitude against order of shaft {found.shaft}, highest peaks"
-    show(arguments, result, lambda: _peak_lines(title, result))
+    show(arguments, result, lambda: _order_lines(title, result))
     return DONE
 
 
-def _read(path: str, arguments: argparse.Namespace, machine: Machine | None) -> Recording:
-    from gearmon.machine import Machine, OperatingPoint, ParallelStage
+def _orders_written(
+    target: Path,
+    result: dict[str, Any],
+    found: OrderSpectra,
+    averages: GearAverages,
+    *,
+    only_map: bool,
+) -> tuple[list[str], list[str]]:
+    """Write spectrum, map, averages and their lines, each under its own name, and pictures."""
+    from gearmon.report.average_plots import save_average_pictures
+    from gearmon.report.order_map_plots import save_order_map
+    from gearmon.report.order_plots import save_order_picture
+    from gearmon.report.text_tables import rows_as_csv
 
-    if machine is None:
-        # only the sensors of a machine matter on reading, and this one has none
-        machine = Machine(
-            operating=(OperatingPoint(speed_rpm=1.0),),
-            stages=(ParallelStage(pinion_teeth=20, gear_teeth=20),),
+    picture = target.with_suffix(".png")
+    if only_map:
+        parts: list[tuple[Path, Callable[[], list[dict[str, Any]]]]] = [(target, found.map_rows)]
+        drawn = [save_order_map(found, picture)]
+    else:
+        parts = [
+            (target, found.rows),
+            (_beside(target, "map"), lambda: found.map_rows(_MAP_COLUMNS)),
+            (_beside(target, "averages"), averages.rows),
+            (_beside(target, "lines"), averages.line_rows),
+        ]
+        drawn = [
+            save_order_picture(found, picture),
+            save_order_map(found, _beside(picture, "map")),
+            *save_average_pictures(averages, _beside(picture, "average")),
+        ]
+    tables = []
+    if target.suffix.lower() != ".png":
+        for path, rows in parts:
+            listed = rows()
+            whole = {**result, "rows": listed} if path == target else {"rows": listed}
+            write_table(str(path), whole, lambda: rows_as_csv(listed))  # noqa: B023 (called at once)
+            tables.append(str(path))
+    return tables, [str(path) for path in drawn]
+
+
+def _beside(target: Path, what: str) -> Path:
+    return target.with_name(f"{target.stem}-{what}{target.suffix}")
+
+
+def _order_lines(title: str, result: dict[str, Any]) -> list[str]:
+    from gearmon.report.text_tables import table_lines
+
+    rows = [
+        {name: own[name] for name in _AVERAGE_SHOWN} | channel
+        for own in result["averages"]
+        for channel in own["channels"]
+    ]
+    lines = ["", "synchronous averages, root mean squares", *table_lines(rows)]
+    for own in result["averages"]:
+        removed = own["removed_orders"]["residual"], own["removed_orders"]["difference"]
+        lines.append(
+            f"{own['gear']} of stage {own['stage']}: residual less {len(removed[0])} orders "
+            f"({_some(removed[0])}), difference less {len(removed[1])} ({_some(removed[1])})"
         )
-    return recording_of(path, arguments, machine)
+    return _peak_lines(title, result, lines)
+
+
+def _some(orders: list[float]) -> str:
+    shown = [f"{order:.6g}" for order in orders]
+    return ", ".join(shown if len(shown) < 6 else [*shown[:4], "...", shown[-1]])
 
 
 def _written(
@@ -185,13 +247,13 @@ def _written(
     return [str(path) for path in draw(target.with_suffix(".png"))]
 
 
-def _peak_lines(title: str, result: dict[str, Any]) -> list[str]:
+def _peak_lines(title: str, result: dict[str, Any], more: Sequence[str] = ()) -> list[str]:
     from gearmon.report.text_tables import table_lines
     from gearmon.report.wording import printable
 
-    lines = [printable(title), *table_lines(result["peaks"])]
+    lines = [printable(title), *table_lines(result["peaks"]), *more]
     return lines + [f"note: {note}" for note in result["warnings"]] + _files(result)
 
 
 def _files(result: dict[str, Any]) -> list[str]:
-    return [f"wrote {path}" for path in result.get("pictures", ())]
+    return [f"wrote {path}" for key in ("tables", "pictures") for path in result.get(key, ())]

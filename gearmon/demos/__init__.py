@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Protocol
 
 from gearmon.errors import ArgumentError
-from gearmon.terminal import progress_bar
+from gearmon.terminal import Progress, progress_bar
 
-DEMOS = ("crack", "harvest", "study")
+DEMOS = ("crack", "growth", "kinds", "day", "harvest", "study")
 
 
 class Demo(Protocol):
@@ -26,8 +27,10 @@ def run_demo(name: str, folder: Path) -> Demo:
 
     Parameters
     ----------
-    name : {"crack", "harvest", "study"}
-        A cracked tooth found; a harvester placed and tuned; the source study redrawn and judged.
+    name : {"crack", "growth", "kinds", "day", "harvest", "study"}
+        A cracked tooth found; a growing crack followed; pitting, wear and eccentricity told apart;
+        a day of changing load and speed without a fault; a harvester placed and tuned; the source
+        study redrawn and judged.
     folder : Path
         Where to write; made if it does not exist.
 
@@ -43,14 +46,31 @@ def run_demo(name: str, folder: Path) -> Demo:
     except OSError as error:
         raise ArgumentError(f"{folder}: cannot make this folder ({error.strerror})") from None
     with progress_bar("demo") as progress:
-        if name == "harvest":
-            from gearmon.demos.harvest import harvest_demo
+        return _of(name)(folder, progress)
 
-            return harvest_demo(folder, progress)
-        if name == "study":
-            from gearmon.report.study_report import write_study
 
-            return write_study(folder, progress)
-        from gearmon.demos.crack import crack_demo
+def _of(name: str) -> Callable[[Path, Progress | None], Demo]:
+    """Return the function of a demo; only what it needs is imported."""
+    if name == "growth":
+        from gearmon.demos.growth import growth_demo
 
-        return crack_demo(folder, progress)
+        return growth_demo
+    if name == "kinds":
+        from gearmon.demos.kinds import kinds_demo
+
+        return kinds_demo
+    if name == "day":
+        from gearmon.demos.day import day_demo
+
+        return day_demo
+    if name == "harvest":
+        from gearmon.demos.harvest import harvest_demo
+
+        return harvest_demo
+    if name == "study":
+        from gearmon.report.study_report import write_study
+
+        return write_study
+    from gearmon.demos.crack import crack_demo
+
+    return crack_demo

@@ -7,18 +7,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearmon.diagnosis.comparison import (
-    GroupTest,
-    LevelChange,
-    LevelTest,
-    compare_levels,
-    judge_groups,
-    judge_levels,
-)
+from gearmon.diagnosis.against_reference import Comparison, compare
 from gearmon.diagnosis.evidence import level_flags, summary, tooth_flags
+from gearmon.diagnosis.flagging import (
+    finding_flag,
+    foreign_flags,
+    named_by_kind,
+    response_warnings,
+)
+from gearmon.diagnosis.foreign import ForeignFinding, foreign_findings
+from gearmon.diagnosis.kind_features import FeatureVector, kind_features
+from gearmon.diagnosis.kind_turns import turn_changes
 from gearmon.diagnosis.localisation import locate
 from gearmon.diagnosis.results import Analysis, Change, Flag, ToothProfile
+from gearmon.diagnosis.tooth_evidence import ToothFinding, find_tooth, with_finding
 from gearmon.errors import ArgumentError, GearmonError
+from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine
 from gearmon.signals.recording import Recording
 from gearmon.signatures.indicators import gear_indicators, waveform_indicators
@@ -30,8 +34,11 @@ from gearmon.signatures.signature import Signature
 FAULT_BELOW = 0.01
 OPEN_BELOW = 0.05
 # Shares of that probability given to all levels together, to the levels of one group of families,
-# and to the search for a single tooth.
-_LEVEL_SHARE, _GROUP_SHARE, _TOOTH_SHARE = 0.5, 0.3, 0.2
+# to the search for a single tooth, and to lines of no gear. Their sum exceeds 1: the tests of
+# levels rest on scatter assumed on the safe side, and hardly ever give a false alarm.
+_LEVEL_SHARE, _GROUP_SHARE, _TOOTH_SHARE, _FOREIGN_SHARE = 0.4, 0.3, 0.6, 0.05
+# Of the last but one, the part for gears that the matched search cannot judge.
+_REST_SHARE = 0.5
 
 
 def learn(recordings: Sequence[Recording], machine: Machine) -> Reference:
@@ -87,22 +94,50 @@ def analyse(recording: Recording, machine: Machine, reference: Reference | None 
         return _no_mesh(signature, machine, indicators)
     indicators |= gear_indicators(signature)
     expected, notes = _expected(signature, machine) if reference is None else (None, ())
-    comparison = _compare(signature, reference) if reference is not None else None
-    profiles = _profiles(signature, reference, comparison)
-    return _judged(signature, machine, indicators, comparison, profiles, expected, notes)
+    evidence = _evidence(signature, machine, reference)
+    return _judged(signature, machine, indicators, evidence, expected, notes)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Comparison:
-    """Levels against a reference, with what was compared."""
+class _Evidence:
+    """All that was compared."""
 
-    change: LevelChange
-    test: LevelTest
-    groups: tuple[GroupTest, ...]
-    rows: tuple[int, ...]
-    reference_rows: tuple[int, ...]
-    columns: tuple[int, ...]
-    warnings: tuple[str, ...]
+    profiles: tuple[ToothProfile, ...]
+    comparison: Comparison | None = None
+    finding: ToothFinding | None = None
+    foreign: tuple[ForeignFinding, ...] = ()
+    changes: tuple[Change, ...] = ()
+    features: FeatureVector | None = None
+
+
+def _evidence(
+    signature: MeasuredSignature, machine: Machine, reference: Reference | None
+) -> _Evidence:
+    own = Profile.of(signature)
+    if reference is None:
+        return _Evidence(profiles=_profiles(signature, own, None, None))
+    foreign = foreign_findings(signature, reference, kinematics(machine))
+    striking = [f for f in foreign if f.false_alarm_probability < FAULT_BELOW]
+    comparison = compare(signature, reference, striking)
+    profiles = _profiles(signature, own, reference, comparison)
+    finding = find_tooth(
+        own, comparison.rows, reference.profiles, comparison.reference_rows, machine, profiles
+    )
+    changes = _changes(signature, comparison)
+    turns = turn_changes(
+        own.wheels,
+        comparison.rows,
+        [profile.wheels for profile in reference.profiles],
+        comparison.reference_rows,
+    )
+    return _Evidence(
+        profiles=with_finding(profiles, finding),
+        comparison=comparison,
+        finding=finding,
+        foreign=foreign,
+        changes=changes,
+        features=kind_features(changes, profiles, turns),
+    )
 
 
 def _check_fit(machine: Machine, reference: Reference) -> None:
@@ -113,80 +148,13 @@ def _check_fit(machine: Machine, reference: Reference) -> None:
         )
 
 
-def _compare(signature: MeasuredSignature, reference: Reference) -> _Comparison:
-    """Compare the channels and families that recording and reference share."""
-    shared = [name for name in signature.channel_names if name in reference.channel_names]
-    if not shared:
-        raise ArgumentError(
-            f"{signature.origin}: channels {', '.join(signature.channel_names)} are not in the "
-            f"reference, which has {', '.join(reference.channel_names)}"
-        )
-    rows = tuple(signature.channel_names.index(name) for name in shared)
-    reference_rows = tuple(reference.channel_names.index(name) for name in shared)
-    names = [family.name for family in signature.plan.families]
-    columns = tuple(i for i, name in enumerate(names) if name in reference.family_names)
-    if not columns:
-        raise ArgumentError(
-            f"{signature.origin}: shares no family of lines with the reference: sampling rate or "
-            "length differ too much"
-        )
-    theirs = [reference.family_names.index(names[i]) for i in columns]
-    pick = np.ix_(rows, columns)
-    healthy_pick = np.ix_(range(len(reference.profiles)), reference_rows, theirs)
-    change = compare_levels(
-        signature.level_db[pick],
-        signature.scatter_db[pick],
-        reference.level_db[healthy_pick],
-        reference.scatter_db[healthy_pick],
-    )
-    families = [signature.plan.families[i] for i in columns]
-    harmonics = len({(family.stage, family.harmonic) for family in families})
-    independent = harmonics * float(np.sqrt(len(rows)))
-    return _Comparison(
-        change=change,
-        test=judge_levels(change.standardised, change.worth, independent),
-        groups=judge_groups(change, families),
-        rows=rows,
-        reference_rows=reference_rows,
-        columns=columns,
-        warnings=_limits(signature, reference, shared),
-    )
-
-
-def _limits(
-    signature: MeasuredSignature, reference: Reference, shared: Sequence[str]
-) -> tuple[str, ...]:
-    """Name what limits a comparison with this reference."""
-    notes = []
-    if len(reference.profiles) == 1:
-        notes.append(
-            "the reference is one recording: how healthy recordings differ from one another is "
-            "assumed (2 dB a family, besides a common gain), not learned"
-        )
-    left_out = [name for name in signature.channel_names if name not in shared]
-    if left_out:
-        notes.append(f"channels not in the reference were left out: {', '.join(left_out)}")
-    missing = [name for name in reference.channel_names if name not in shared]
-    if missing:
-        notes.append(
-            f"channels of the reference not looked at: {', '.join(missing)}; a fault may show in "
-            "those alone"
-        )
-    speeds = [profile.speed_hz for profile in reference.profiles]
-    speed = signature.speed.estimated_hz
-    if not 0.97 * min(speeds) <= speed <= 1.03 * max(speeds):
-        notes.append(
-            f"speed {speed:.2f} Hz lies outside the reference's {min(speeds):.2f} to "
-            f"{max(speeds):.2f} Hz by more than 3 %: resonances may change levels"
-        )
-    return tuple(notes)
-
-
 def _profiles(
-    signature: MeasuredSignature, reference: Reference | None, comparison: _Comparison | None
+    signature: MeasuredSignature,
+    own: Profile,
+    reference: Reference | None,
+    comparison: Comparison | None,
 ) -> tuple[ToothProfile, ...]:
     """Look for a departing tooth on every gear that the recording resolves."""
-    own = Profile.of(signature)
     rows = comparison.rows if comparison else tuple(range(len(signature.channel_names)))
     theirs = comparison.reference_rows if comparison else ()
     healthy_profiles = reference.profiles if reference is not None else ()
@@ -227,52 +195,86 @@ def _judged(
     signature: MeasuredSignature,
     machine: Machine,
     indicators: dict[str, dict[str, float]],
-    comparison: _Comparison | None,
-    profiles: tuple[ToothProfile, ...],
+    evidence: _Evidence,
     expected: Signature | None,
     notes: tuple[str, ...],
 ) -> Analysis:
-    tooth = _best_tooth(profiles)
-    combined, score = tooth, -tooth
-    if comparison is not None:
-        strongest = comparison.groups[0].log10_probability
-        # not corrected for the number of tests: healthy recordings then still have an order
-        score = -min(comparison.test.log10_probability, strongest, tooth)
-        combined = min(
-            0.0,
-            comparison.test.log10_probability - np.log10(_LEVEL_SHARE),
-            strongest - np.log10(_GROUP_SHARE),
-            tooth - np.log10(_TOOTH_SHARE),
-        )
-    probability = float(10.0**combined)
-    changes = _changes(signature, comparison)
+    comparison, profiles = evidence.comparison, evidence.profiles
+    tests = _tests(evidence)
+    # not corrected for the number of tests: healthy recordings then still have an order
+    score = -min(log10 for _, log10 in tests)
+    probability = float(10.0 ** min(0.0, *(log10 - np.log10(share) for share, log10 in tests)))
     flags: tuple[Flag, ...] = ()
     if probability < FAULT_BELOW:
-        groups = comparison.groups if comparison else ()
-        flags = tooth_flags(profiles, FAULT_BELOW, len(profiles), groups)
-        if comparison is not None:
-            flags += level_flags(changes, comparison.groups, comparison.test, FAULT_BELOW)
+        flags = _flags(evidence, machine)
     verdict = _verdict(probability, with_reference=comparison is not None)
     warnings = signature.notes + notes + (comparison.warnings if comparison else ())
     against = "reference" if comparison else "expected signature" if expected else "nothing"
     missing = [mesh for mesh in signature.meshes if not mesh.found]
     warnings += tuple(f"mesh of stage {mesh.stage} not found: {mesh.reason}" for mesh in missing)
+    if comparison is not None and evidence.finding is not None:
+        warnings += response_warnings(evidence.finding)
+    test = comparison.test if comparison else None
     return Analysis(
         recording=signature.origin,
         machine=machine.name,
         verdict=verdict,
-        reason=summary(verdict, changes, profiles, comparison.test if comparison else None),
+        reason=summary(verdict, evidence.changes, profiles, test),
         score=abs(float(score)),
         false_alarm_probability=probability,
         compared_with=against,
         signature=signature,
         indicators=indicators,
-        changes=changes,
+        changes=evidence.changes,
         profiles=profiles,
         flags=flags,
         expected=expected,
         warnings=warnings,
+        foreign=evidence.foreign,
     )
+
+
+def _tests(evidence: _Evidence) -> list[tuple[float, float]]:
+    """Every test made: its share of the false alarms, and log10 of its probability."""
+    if evidence.comparison is None:
+        return [(1.0, _best_tooth(evidence.profiles))]
+    comparison, finding = evidence.comparison, evidence.finding
+    searched = (
+        {(gear.match.stage, gear.match.gear) for gear in finding.searched} if finding else set()
+    )
+    # gears that the matched search could not judge
+    rest = [p for p in evidence.profiles if (p.stage, p.gear) not in searched]
+    tooth = _best_tooth(rest) if rest else 0.0
+    if finding is not None:
+        tooth = min(finding.log10_probability, tooth - float(np.log10(_REST_SHARE)))
+    foreign = min((f.log10_probability for f in evidence.foreign), default=0.0)
+    return [
+        (_LEVEL_SHARE, comparison.test.log10_probability),
+        (_GROUP_SHARE, comparison.groups[0].log10_probability),
+        (_TOOTH_SHARE, min(0.0, tooth)),
+        (_FOREIGN_SHARE, foreign),
+    ]
+
+
+def _flags(evidence: _Evidence, machine: Machine) -> tuple[Flag, ...]:
+    """Flag what stands out: a tooth, groups of families, lines of no gear."""
+    comparison, finding = evidence.comparison, evidence.finding
+    if comparison is None:
+        return tooth_flags(evidence.profiles, FAULT_BELOW, len(evidence.profiles))
+    found: list[Flag] = []
+    tooth_limit = FAULT_BELOW * _TOOTH_SHARE
+    if finding is not None and finding.log10_probability < np.log10(tooth_limit):
+        found.append(
+            finding_flag(finding, evidence.profiles, evidence.features, machine, _TOOTH_SHARE)
+        )
+    else:
+        rest = evidence.profiles if finding is None else ()
+        found += tooth_flags(rest, tooth_limit, len(rest), comparison.groups)
+    found += level_flags(evidence.changes, comparison.groups, comparison.test, FAULT_BELOW)
+    if not any(flag.tooth for flag in found):
+        found = list(named_by_kind(found, evidence.features))
+    found += foreign_flags(evidence.foreign, FAULT_BELOW, _FOREIGN_SHARE)
+    return tuple(found)
 
 
 def _best_tooth(profiles: Sequence[ToothProfile]) -> float:
@@ -291,7 +293,7 @@ def _verdict(probability: float, *, with_reference: bool) -> str:
     return "healthy"
 
 
-def _changes(signature: MeasuredSignature, comparison: _Comparison | None) -> tuple[Change, ...]:
+def _changes(signature: MeasuredSignature, comparison: Comparison | None) -> tuple[Change, ...]:
     if comparison is None:
         return ()
     change = comparison.change

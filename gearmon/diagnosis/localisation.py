@@ -38,7 +38,7 @@ _OVERDISPERSION = {0: 9.0, 1: 4.5, 2: 3.0}
 _OVERDISPERSION_FROM_THREE = 2.0
 _WINDOW_TEETH = 2.0
 # Tooth j is in contact from j - 1 to about j + 0.6 mesh periods after the angle zero.
-_CONTACT_CENTRE = 0.8
+CONTACT_CENTRE = 0.8
 _LEAST_LINES = 8
 
 
@@ -223,7 +223,7 @@ def _profile(
         teeth=wheel.teeth,
         order=wheel.order,
         energy=by_tooth,
-        tooth=round(place * wheel.teeth - _CONTACT_CENTRE) % wheel.teeth + 1 if numbered else None,
+        tooth=round(place * wheel.teeth - CONTACT_CENTRE) % wheel.teeth + 1 if numbered else None,
         position=place,
         ratio=ratio,
         log10_probability=min(0.0, _log10_gamma(shape, ratio) + float(np.log10(wheel.teeth))),

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gearmon.diagnosis.foreign import ForeignFinding
 from gearmon.signatures.measured import MeasuredSignature
 from gearmon.signatures.signature import Signature
 
@@ -95,8 +96,7 @@ class ToothProfile:
     energy : ndarray of float, shape (teeth,)
         Energy of the departure over windows of two teeth centred on each tooth, median 1.
     tooth : int or None
-        Tooth with the most, counted from 1 at the tachometer pulse; None without a tachometer on
-        this gear's shaft, when only the position relative to the reference is known.
+        Tooth that stands out, from 1; None where nothing tells which tooth is the first.
     position : float
         The same place in turns of this gear after the recording's own angle zero, in [0, 1).
     ratio : float
@@ -105,6 +105,12 @@ class ToothProfile:
         Logarithm of the probability that a healthy gear shows as much anywhere in its turn.
     against : {"reference", "other teeth"}
         What was compared with.
+    counted_from : {"tacho", "reference"} or None
+        Tooth 1 enters mesh at the tachometer pulse, or about where the (first) healthy recording
+        begins; None if teeth are not numbered.
+    loss_by_tooth, loss_sigma_by_tooth : ndarray of float, shape (teeth,), or None
+        Estimated loss of stiffness of each pair, and its standard deviation, in the order of the
+        numbers; None without a reference.
     """
 
     stage: int
@@ -117,6 +123,9 @@ class ToothProfile:
     ratio: float
     log10_probability: float
     against: str
+    counted_from: str | None = None
+    loss_by_tooth: FloatArray | None = None
+    loss_sigma_by_tooth: FloatArray | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return built-in types, ready for JSON."""
@@ -129,6 +138,8 @@ class ToothProfile:
             "ratio": self.ratio,
             "log10_probability": self.log10_probability,
             "against": self.against,
+            "counted_from": self.counted_from,
+            "loss_by_tooth": None if self.loss_by_tooth is None else self.loss_by_tooth.tolist(),
         }
 
 
@@ -139,13 +150,16 @@ class Flag:
     Parameters
     ----------
     kind : str
-        "tooth damage" (localised), "changed mesh", "changed sidebands" or "changed residual".
+        Of a gear: "tooth damage" (one tooth: crack, breakage, chipping), "several teeth",
+        "distributed pitting", "wear", "eccentricity", "misalignment", "looseness", or where no kind
+        is clearer than others "changed mesh", "changed sidebands", "changed residual". Of no gear:
+        "bearing", "electrical", "unknown lines", and "looseness" heard at half orders.
     stage : int or None
         Stage, from 1.
     gear : str or None
         Gear, where the evidence singles one out.
     tooth : int or None
-        Tooth, where a tachometer allows to number it.
+        Tooth, counted as the evidence tells.
     stiffness_loss, stiffness_loss_low, stiffness_loss_high : float or None
         Estimated loss of the tooth pair's stiffness and its 90 % interval, as fractions; None where
         the recording or the machine file does not bear an estimate.
@@ -214,6 +228,8 @@ class Analysis:
         The expected signature, where the machine file has the data for it.
     warnings : tuple of str
         What limits the answer.
+    foreign : tuple of ForeignFinding
+        Lines of no gear that changed, most striking first.
     """
 
     recording: str
@@ -230,6 +246,7 @@ class Analysis:
     flags: tuple[Flag, ...]
     expected: Signature | None
     warnings: tuple[str, ...]
+    foreign: tuple[ForeignFinding, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return built-in types, ready for JSON: the contract of `gearmon analyse --json`."""
@@ -251,5 +268,6 @@ class Analysis:
             "flags": [flag.to_dict() for flag in self.flags],
             "changes": [change.to_dict() for change in self.changes],
             "teeth": [profile.to_dict() for profile in self.profiles],
+            "lines_of_no_gear": [finding.to_dict() for finding in self.foreign],
             "warnings": list(self.warnings),
         }

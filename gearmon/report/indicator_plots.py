@@ -75,6 +75,9 @@ def indicator_figure(tables: Sequence[IndicatorTable]) -> Figure:
         axes.append(ax)
         _panel(key, series, units[key], ax, places, channels, len(tables))
     legend(figure, axes, columns=5)
+    if any(name in GAUSSIAN for name, _ in panels):
+        top = 1 - 0.06 / height
+        figure.text(0.012, top, "dashed:\nGaussian noise", va="top", fontsize=6.5, color=GREY)
     return figure
 
 

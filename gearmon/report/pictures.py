@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from gearmon.diagnosis.results import Analysis
+from gearmon.diagnosis.results import Analysis, ToothProfile
 from gearmon.report import captions
 from gearmon.report.level_views import change_views, level_views, pattern_views
 from gearmon.report.plots import PAGE_WIDTH_IN, as_png, left_label, legend, new_figure, style
@@ -224,6 +224,10 @@ def _pattern(analysis: Analysis) -> Picture:
     )
 
 
+def _counted_from(profile: ToothProfile) -> str | None:
+    return None if profile.tooth is None else profile.counted_from or "tacho"
+
+
 def _turn(analysis: Analysis, wheel: WheelLines, first: bool) -> Picture:
     views = turn_views(analysis, wheel)
     profile = profile_of(analysis, wheel)
@@ -233,8 +237,7 @@ def _turn(analysis: Analysis, wheel: WheelLines, first: bool) -> Picture:
         plot_turn(view, ax)
     if profile is not None:
         plot_teeth(teeth_view(analysis, profile), axes[-1])
-    numbered = profile is not None and profile.tooth is not None
-    label_teeth(wheel.teeth, numbered, axes[-1])
+    label_teeth(wheel.teeth, None if profile is None else _counted_from(profile), axes[-1])
     legend(figure, axes[:1])
     return Picture(
         name=f"turn-{wheel.stage}-{wheel.gear}",

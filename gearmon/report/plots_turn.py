@@ -72,7 +72,8 @@ def plot_teeth(view: TeethView, ax: Axes) -> Axes:
     left = view.place > 0.6 * teeth
     ax.annotate(
         f"{name}{view.ratio:.1f} × median ({word})",
-        xy=(view.number[peak], view.energy[peak]),
+        # above the bars beside it, which may be higher
+        xy=(view.number[peak], float(view.energy.max())),
         xytext=(-6 if left else 6, 2),
         textcoords="offset points",
         ha="right" if left else "left",
@@ -86,15 +87,15 @@ def plot_teeth(view: TeethView, ax: Axes) -> Axes:
     return ax
 
 
-def label_teeth(teeth: int, numbered: bool, ax: Axes) -> Axes:
+def label_teeth(teeth: int, counted_from: str | None, ax: Axes) -> Axes:
     """Write the numbers of the teeth along the lowest axes.
 
     Parameters
     ----------
     teeth : int
         Teeth.
-    numbered : bool
-        Whether numbers count from a tachometer pulse.
+    counted_from : {"tacho", "reference"} or None
+        Where tooth 1 is; None if only this recording knows.
     ax : Axes
         The lowest axes.
 
@@ -107,11 +108,12 @@ def label_teeth(teeth: int, numbered: bool, ax: Axes) -> Axes:
     ticks = list(range(1, teeth + 1)) if step == 1 else [1, *range(step, teeth + 1, step)]
     ax.set_xlim(0.5, teeth + 0.5)
     ax.set_xticks(ticks)
-    ax.set_xlabel(
-        "Tooth (tooth 1 at the tachometer pulse)"
-        if numbered
-        else "Tooth, from the start of the recording (relative: no tachometer on this shaft)"
-    )
+    words = {
+        "tacho": "Tooth (tooth 1 at the tachometer pulse)",
+        "reference": "Tooth (tooth 1 where the first healthy recording begins)",
+    }
+    relative = "Tooth, from the start of the recording (relative: no tachometer on this shaft)"
+    ax.set_xlabel(words.get(counted_from or "", relative))
     return ax
 
 

@@ -40,6 +40,17 @@ INDICATOR_DEFINITIONS = {
     "signal",
     "ser": "sideband energy ratio: summed amplitudes of the sidebands up to the sixth over that of "
     "the first mesh harmonic",
+    "sideband index": "mean amplitude of the sidebands ±1 of the first mesh harmonic, in the unit "
+    "of the signal",
+    "sideband level factor": "summed amplitudes of the sidebands ±1 of the first mesh harmonic "
+    "over the standard deviation of the synchronous average",
+    "na4": "fourth moment of the residual signal (the synchronous average without shaft lines and "
+    "mesh harmonics) over the squared mean of its variances in the run so far; 3 for steady "
+    "Gaussian noise",
+    "na4*": "as NA4, with the variance held at that of the healthy records at the start of the run",
+    "nb4": "as NA4, of the envelope of the synchronous average in a band about the first mesh "
+    "harmonic",
+    "nb4*": "as NB4, with the variance held at that of the healthy records at the start of the run",
 }
 
 

@@ -37,10 +37,12 @@ def turn_views(analysis: Analysis, wheel: WheelLines) -> list[TurnView]:
     power = np.mean(average**2, axis=1)
     strongest = sorted(np.argsort(-power, kind="stable")[:MOST_CHANNELS].tolist())
     flagged = flagged_place(analysis, wheel.stage, wheel.gear)
+    profile = profile_of(analysis, wheel)
+    offset = 0.0 if profile is None else count_offset(profile)
     views = []
     for channel in strongest:
-        tooth, drawn = _by_tooth(average[channel], wheel.teeth)
-        _, drawn_rest = _by_tooth(rest[channel], wheel.teeth)
+        tooth, drawn = _by_tooth(average[channel], wheel.teeth, offset)
+        _, drawn_rest = _by_tooth(rest[channel], wheel.teeth, offset)
         views.append(
             TurnView(
                 channel=signature.channel_names[channel],
@@ -55,10 +57,10 @@ def turn_views(analysis: Analysis, wheel: WheelLines) -> list[TurnView]:
     return views
 
 
-def _by_tooth(waveform: FloatArray, teeth: int) -> tuple[FloatArray, FloatArray]:
+def _by_tooth(waveform: FloatArray, teeth: int, offset: float) -> tuple[FloatArray, FloatArray]:
     """One turn against the tooth number, from half a tooth before tooth 1: bars and curve agree."""
     points = len(waveform)
-    place = _wrapped(tooth_number(teeth * np.arange(points) / points), teeth)
+    place = _wrapped(tooth_number(teeth * np.arange(points) / points) + offset, teeth)
     order = np.argsort(place, kind="stable")
     return place[order], waveform[order]
 
@@ -87,8 +89,20 @@ def flagged_place(analysis: Analysis, stage: int, gear: str) -> float | None:
 
 def peak_place(profile: ToothProfile) -> float:
     """Return where in the turn the energy of a profile is highest, as a tooth number."""
-    place = tooth_number(np.array([profile.position * profile.teeth]))
+    place = tooth_number(np.array([profile.position * profile.teeth])) + count_offset(profile)
     return float(_wrapped(place, profile.teeth)[0])
+
+
+def count_offset(profile: ToothProfile) -> float:
+    """Return what turns numbers from the recording's angle zero into those of the evidence.
+
+    Teeth counted from the reference begin elsewhere than this recording does: the tooth that stands
+    out has both a place in the recording and its number, and the difference holds for all.
+    """
+    if profile.tooth is None or profile.counted_from != "reference":
+        return 0.0
+    place = tooth_number(np.array([profile.position * profile.teeth]))
+    return profile.tooth - float(place[0])
 
 
 def tooth_number(mesh_periods: FloatArray) -> FloatArray:
@@ -105,7 +119,9 @@ def teeth_view(analysis: Analysis, profile: ToothProfile) -> TeethView:
     """Return what a picture shows of a tooth profile."""
     return TeethView(
         energy=profile.energy,
-        number=_wrapped(tooth_number(np.arange(float(profile.teeth))), profile.teeth),
+        number=_wrapped(
+            tooth_number(np.arange(float(profile.teeth))) + count_offset(profile), profile.teeth
+        ),
         place=peak_place(profile),
         ratio=profile.ratio,
         flagged=flagged_place(analysis, profile.stage, profile.gear) is not None,

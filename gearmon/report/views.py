@@ -228,7 +228,7 @@ class TeethView:
     flagged : bool
         Whether that is flagged.
     numbered : bool
-        Whether numbers count from a tachometer pulse.
+        Whether the numbers hold for other recordings too.
     against : str
         What was compared with.
     """

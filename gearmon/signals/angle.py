@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +19,15 @@ from gearmon.signals.transforms import fast_length
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-# Samples beyond a chunk that its resampling sees: the taper that makes the chunk periodic for the
-# doubling of its rate, and the reach of the quintic spline.
+#: Share of the sampling rate up to which tones are read; above, they fade towards half the rate.
+READ_UP_TO = 0.45
+# Samples to either side that the low-pass of the doubling reaches, and Kaiser's shape of it: what
+# passes and what is stopped is 110 dB apart between 0.456 and 0.544 of the rate.
+_REACH, _KAISER = 40, 11.16
+# Times of which so many do not come after the one before are no times.
+_WAVEFORM = 0.1
+# Samples beyond a chunk that its resampling sees: the taper that makes the chunk periodic for its
+# Fourier transform, and the reach of the quintic spline.
 _MARGIN = 256
 _CHUNK = 1 << 16
 
@@ -57,15 +65,43 @@ class AngleTrack:
         """Check the knots."""
         if len(self.time_s) < 2 or len(self.time_s) != len(self.turns):
             raise ArgumentError(f"an angle track needs two knots or more, got {len(self.time_s)}")
-        if np.any(np.diff(self.time_s) <= 0) or np.any(np.diff(self.turns) <= 0):
-            raise ArgumentError(
-                "an angle track must increase: the shaft stands still or turns back"
-            )
+        falling = np.diff(self.time_s) <= 0
+        if falling.any() or np.any(np.diff(self.turns) <= 0):
+            text = "an angle track must increase: the shaft stands still or turns back"
+            if falling.mean() > _WAVEFORM:
+                text += (
+                    "; time_s looks like a tacho waveform, not like times of pulses: find them "
+                    "with gearmon.signals.tacho.find_pulses"
+                )
+            raise ArgumentError(text)
 
     @property
     def speed_hz(self) -> FloatArray:
         """Mean rotation frequency between the knots [Hz], shape (knots - 1,)."""
         return np.diff(self.turns) / np.diff(self.time_s)
+
+    def of_shaft(self, shaft_order: float) -> AngleTrack:
+        """Return the angle of another shaft.
+
+        Parameters
+        ----------
+        shaft_order : float > 0
+            Its turns a turn of this track's shaft.
+
+        Raises
+        ------
+        ArgumentError
+            If `shaft_order` is not above zero.
+        """
+        order = check_positive("shaft_order", shaft_order)
+        return AngleTrack(
+            time_s=self.time_s,
+            turns=self.turns * order,
+            method=self.method,
+            uncertainty_turns=self.uncertainty_turns * order,
+            # several turns of a slower shaft begin alike at shaft 1
+            indexed=self.indexed and order == 1.0,
+        )
 
     def time_at(self, turns: FloatArray) -> FloatArray:
         """Time [s] at the given angles [turns], ascending; linear beyond the ends."""
@@ -119,8 +155,9 @@ def resample_to_angle(
 
     The rate is doubled by a Fourier transform of each chunk before a quintic spline reads it at the
     wanted instants: relative error of a tone below 1e-6 at 0.1 and below 1e-4 at 0.3 of the
-    sampling rate. Nothing is removed: choose `per_turn` so that no angular step exceeds the time
-    step, or remove what would alias first.
+    sampling rate, 40 samples and more away from the ends; above 0.45 tones fade. Nothing else is
+    removed: choose `per_turn` so that no angular step exceeds the time step, or let
+    `gearmon.signals.angular_waveform` take out first what would alias.
 
     Parameters
     ----------
@@ -184,10 +221,12 @@ def _read_at(samples: FloatArray, position: FloatArray, oversampling: int) -> Fl
         chunk = np.where(mirrored, 2.0 * channel[end] - channel[index], channel[index])
         level = float(chunk.mean())
         tapered = (chunk - level) * taper
-        read = _double_rate(tapered) if oversampling == 2 else tapered
-        filtered = spline_filter1d(read, order=5, mode="mirror")
+        if oversampling == 2:
+            weights = _doubled_weights(tapered)
+        else:
+            weights = spline_filter1d(tapered, order=5, mode="mirror")
         result[row] = level + map_coordinates(
-            filtered, coordinates, order=5, mode="mirror", prefilter=False
+            weights, coordinates, order=5, mode="mirror", prefilter=False
         )
     return result
 
@@ -197,7 +236,7 @@ def _beyond_ends(
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_], NDArray[np.int64]]:
     """Continue a recording oddly about its first and last sample.
 
-    Value and slope then go on smoothly: a step there would ring through the doubling of the rate.
+    Value and slope then go on smoothly: a step there would ring through the transform.
     """
     below, above = index < 0, index > last
     reflected = np.where(below, -index, np.where(above, 2 * last - index, index))
@@ -205,11 +244,36 @@ def _beyond_ends(
     return np.clip(reflected, 0, last), below | above, end
 
 
-def _double_rate(chunk: FloatArray) -> FloatArray:
-    """Band-limited interpolation of a periodic chunk to twice its rate."""
+def _doubled_weights(chunk: FloatArray) -> FloatArray:
+    """Weights of quintic B-splines, two a sample, that interpolate a periodic band-limited chunk.
+
+    The chunk is brought to twice its rate by a low-pass that reaches 40 samples to either side and
+    leaves the samples as they are: what is wrong beyond an end of the recording is not heard
+    further inside. A low-pass with an edge at half the rate would ring by 1/(pi k^2) at k samples.
+    """
     half = np.fft.rfft(chunk)
-    half[-1] *= 0.5  # the Nyquist line is shared by both halves of the longer spectrum
-    return 2.0 * np.fft.irfft(half, n=2 * len(chunk))
+    # zeros between the samples repeat the spectrum
+    repeated = np.concatenate([half, np.conj(half[-2::-1])])
+    repeated *= _doubling(len(chunk))
+    result: FloatArray = np.fft.irfft(repeated, n=2 * len(chunk))
+    return result
+
+
+@lru_cache(maxsize=8)
+def _doubling(length: int) -> FloatArray:
+    """Transform of the low-pass over that of a quintic B-spline read at its knots; read-only."""
+    reach = np.arange(2 * _REACH + 1)
+    # a windowed sinc whose every second value is zero: it keeps the samples
+    side = np.sinc(reach / 2) * np.kaiser(4 * _REACH + 1, _KAISER)[2 * _REACH :]
+    kernel = np.zeros(2 * length)
+    kernel[: len(reach)] = side
+    kernel[-reach[1:]] = side[1:]
+    angle = np.pi * np.arange(length + 1) / length
+    # a quintic B-spline is 66, 26 and 1 over 120 at its knots
+    knots = (66 + 52 * np.cos(angle) + 2 * np.cos(2 * angle)) / 120
+    gain = np.fft.rfft(kernel).real / knots
+    gain.flags.writeable = False
+    return np.asarray(gain, dtype=np.float64)
 
 
 @dataclass(frozen=True, kw_only=True)

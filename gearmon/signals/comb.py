@@ -9,11 +9,13 @@ Logarithms keep one loud line of another origin from deciding alone.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError, check_positive, check_range
+from gearmon.signals.half_blocks import side_by_side
 from gearmon.signals.spectrum import hann, local_floor
 from gearmon.signals.transforms import fast_length, real_fft
 
@@ -125,19 +127,21 @@ class SpeedScan:
         """Return the best path of speeds through the blocks (all of them by default)."""
         rows = np.arange(len(self.centre_s)) if blocks is None else blocks
         scores = self.scores[rows]
-        path = _best_path(scores, self._reach(rows))
+        path = self._path if blocks is None else best_path(scores, self._reach(rows))
         return SpeedTrack(
             time_s=self.centre_s[rows],
-            speed_hz=self.middle_hz[rows] * _parabolic(scores, path, self.ratio),
+            speed_hz=self.middle_hz[rows] * peak_refined(scores, path, self.ratio),
             resolution_hz=self.resolution_hz,
         )
 
     @property
     def best_score(self) -> float:
         """Mean score of the best path: compares one nominal speed with another."""
-        rows = np.arange(len(self.centre_s))
-        path = _best_path(self.scores, self._reach(rows))
-        return float(self.scores[rows, path].mean())
+        return float(self.scores[np.arange(len(self.centre_s)), self._path].mean())
+
+    @cached_property
+    def _path(self) -> NDArray[np.int64]:
+        return best_path(self.scores, self._reach(np.arange(len(self.centre_s))))
 
     def _reach(self, rows: NDArray[np.int64]) -> int:
         """Candidates that the speed may move by from block to block: 2 % a second."""
@@ -208,13 +212,22 @@ def scan_speed(
     total = len(starts) * samples.shape[0] * length
     window = hann(block)
     lines = np.outer(used.orders, ratio) / bin_hz
-    for row, start in enumerate(starts):
-        part = _quality(samples[:, start : start + block] * window, length, bins, total)
-        nearest = np.minimum(np.rint(lines * middle[row]).astype(np.int64), bins - 1)
-        scores[row] = used.weights @ part[nearest]
+
+    def nearest_to(speed_hz: float) -> NDArray[np.int64]:
+        return np.minimum(np.rint(lines * speed_hz).astype(np.int64), bins - 1)
+
+    same = nearest_to(nominal_hz) if around is None else None
+
+    def scan_block(row: int) -> None:
+        part = samples[:, starts[row] : starts[row] + block] * window
+        own = line_quality(part, length, bins, total)
+        nearest = nearest_to(middle[row]) if same is None else same
+        scores[row] = used.weights @ np.take(own, nearest)
         where = int(np.searchsorted(kept, row))
         if where < len(kept) and kept[where] == row:
-            quality[where] = part
+            quality[where] = own
+
+    side_by_side(scan_block, range(len(starts)), total)
     return SpeedScan(
         centre_s=centre_s,
         middle_hz=middle,
@@ -235,8 +248,24 @@ def _kept_blocks(count: int) -> tuple[NDArray[np.int64], int]:
     return np.arange(stride if count >= 4 else 0, count, step), stride
 
 
-def _quality(windowed: FloatArray, length: int, bins: int, total: int) -> FloatArray:
-    """Mean over channels of log(1 + power over its local floor) of one block."""
+def line_quality(windowed: FloatArray, length: int, bins: int, total: int) -> FloatArray:
+    """Mean over channels of log(1 + power over its local floor) of one block.
+
+    Parameters
+    ----------
+    windowed : ndarray of float, shape (channels, n)
+        The block, times its window.
+    length : int
+        Length of the transform, at least n.
+    bins : int
+        Bins wanted.
+    total : int
+        Samples that transforms of this length will be taken of, as `real_fft` asks for.
+
+    Returns
+    -------
+    ndarray of float, shape (bins,)
+    """
     transform = real_fft(windowed, length, total=total)[:, :bins]
     power = transform.real**2 + transform.imag**2
     # 24 line widths: more than a group of sidebands, less than a resonance
@@ -251,41 +280,73 @@ def _candidates(bin_order: float, comb: Comb, tolerance: float) -> FloatArray:
     return 1 + tolerance * np.arange(-half, half + 1) / half
 
 
-def _best_path(scores: FloatArray, reach: int) -> NDArray[np.int64]:
+def best_path(scores: FloatArray, reach: int) -> NDArray[np.int64]:
     """Best sequence of candidates, moving at most `reach` a block, large moves penalised (Viterbi).
 
     The penalty is quadratic and costs one typical score contrast for a move over the whole reach.
+
+    Parameters
+    ----------
+    scores : ndarray of float, shape (blocks, candidates)
+        What each candidate is worth in each block.
+    reach : int
+        Candidates that the path may move by from block to block.
+
+    Returns
+    -------
+    ndarray of int, shape (blocks,)
+        The candidate in each block.
     """
     blocks, count = scores.shape
     contrast = float(np.mean(scores.max(axis=1) - np.median(scores, axis=1)))
     moves = np.unique(np.round(np.linspace(-reach, reach, 2 * min(reach, 24) + 1)).astype(int))
     penalty = contrast * (moves / max(1, reach)) ** 2
-    total = scores[0].copy()
-    origin = np.zeros((blocks, count), dtype=np.int64)
-    index = np.arange(count)
+    totals = np.empty((blocks, count))
+    totals[0] = scores[0]
+    spare = np.empty(count)
     for block in range(1, blocks):
-        best = np.full(count, -np.inf)
+        before, best = totals[block - 1], totals[block]
+        best.fill(-np.inf)
         for move, cost in zip(moves, penalty, strict=True):
-            source = np.clip(index - move, 0, count - 1)
-            value = total[source] - cost
-            better = value > best
-            best[better] = value[better]
-            origin[block, better] = source[better]
-        total = best + scores[block]
+            low, high = int(np.clip(move, 0, count)), int(np.clip(count + move, 0, count))
+            value = spare[: high - low]
+            np.subtract(before[low - move : high - move], cost, out=value)
+            np.maximum(best[low:high], value, out=best[low:high])
+            # a move from beyond an end is one from that end
+            np.maximum(best[:low], before[0] - cost, out=best[:low])
+            np.maximum(best[high:], before[-1] - cost, out=best[high:])
+        best += scores[block]
+    # where each step of the best path came from is found again: only that path is wanted
     path = np.empty(blocks, dtype=np.int64)
-    path[-1] = int(np.argmax(total))
+    path[-1] = int(np.argmax(totals[-1]))
     for block in range(blocks - 1, 0, -1):
-        path[block - 1] = origin[block, path[block]]
+        sources = np.clip(path[block] - moves, 0, count - 1)
+        path[block - 1] = sources[int(np.argmax(totals[block - 1, sources] - penalty))]
     return path
 
 
-def _parabolic(scores: FloatArray, path: NDArray[np.int64], speeds: FloatArray) -> FloatArray:
-    """Refine each block's speed to the peak of the parabola through three scores."""
+def peak_refined(scores: FloatArray, path: NDArray[np.int64], speeds: FloatArray) -> FloatArray:
+    """Refine each block's speed to the peak of the parabola through three scores.
+
+    Parameters
+    ----------
+    scores : ndarray of float, shape (blocks, candidates)
+        What each candidate is worth in each block.
+    path : ndarray of int, shape (blocks,)
+        The candidate chosen in each block.
+    speeds : ndarray of float, shape (candidates,)
+        The candidates, evenly spaced about their neighbours.
+
+    Returns
+    -------
+    ndarray of float, shape (blocks,)
+    """
     middle = np.clip(path, 1, len(speeds) - 2)
     rows = np.arange(len(path))
     left, here, right = (scores[rows, middle + shift] for shift in (-1, 0, 1))
     curvature = 2 * here - left - right
     safe = np.where(curvature > 0, curvature, 1.0)
     offset = np.where(curvature > 0, 0.5 * (right - left) / safe, 0.0)
-    refined: FloatArray = speeds[middle] + np.clip(offset, -0.5, 0.5) * (speeds[1] - speeds[0])
+    spacing = 0.5 * (speeds[middle + 1] - speeds[middle - 1])
+    refined: FloatArray = speeds[middle] + np.clip(offset, -0.5, 0.5) * spacing
     return refined

@@ -104,8 +104,7 @@ def refine_track(
         limit = max(0.2 / (speed_error * size / 2), float(orders.min()))
         candidate, freedom = _corrected(track, _below(lines, limit), wander)
         result = _lines(samples, sampling_rate_hz, candidate, orders, size)
-        gain = _misfit(_below(lines, limit)) - _misfit(_below(result, limit))
-        if gain > 2.0 * freedom:
+        if _gain(_below(lines, limit), _below(result, limit)) > 2.0 * freedom:
             track, lines = candidate, result
     return track
 
@@ -155,14 +154,20 @@ def standing_share(
     return float(np.clip(share, 0.0, 1.0).mean())
 
 
-def _misfit(lines: OrderLines) -> float:
-    """Negative log likelihood of lines that stand still but for noise of unknown variance.
+def _gain(before: OrderLines, after: OrderLines) -> float:
+    """Log likelihood that standing lines gain, noise of unknown variance about them.
 
-    Half overlapped blocks are worth about two thirds of their number.
+    Half overlapped blocks are worth about two thirds of their number. Another track may hold one
+    block more or less: its likelihood is that of as many blocks.
     """
-    blocks = lines.amplitude.shape[0]
+    blocks = min(before.amplitude.shape[0], after.amplitude.shape[0])
+    return float(2 / 3 * blocks * (_misfit(before) - _misfit(after)))
+
+
+def _misfit(lines: OrderLines) -> float:
+    """Negative log likelihood of lines that stand still, averaged over the blocks."""
     scatter = np.mean(np.abs(lines.amplitude - lines.mean) ** 2, axis=0)
-    return float(2 / 3 * blocks * np.log(scatter + 1e-3 * lines.noise).sum())
+    return float(np.log(scatter + 1e-3 * lines.noise).sum())
 
 
 def _lines(
@@ -196,7 +201,7 @@ def _corrected(track: AngleTrack, lines: OrderLines, wander: float) -> tuple[Ang
     middle = lines.first_turn + lines.block_turns / 2
     centres: FloatArray = middle + hop_turns * np.arange(len(smooth) + 1.0)
     shift = np.concatenate([[0.0], np.cumsum(smooth)])
-    return _shifted(track, centres, shift, spread), freedom
+    return shifted_track(track, centres, shift, spread), freedom
 
 
 def _robust_mean(
@@ -250,10 +255,27 @@ def _solve_tridiagonal(
     return solution, 1.0 / (ahead + behind - diagonal)
 
 
-def _shifted(
+def shifted_track(
     track: AngleTrack, centres: FloatArray, shift: FloatArray, spread: float
 ) -> AngleTrack:
-    """Add the angle error, known at `centres` of the old angle, to the track."""
+    """Add an angle error to a track.
+
+    Parameters
+    ----------
+    track : AngleTrack
+        The track.
+    centres : ndarray of float, shape (blocks,)
+        Angles of this track where the error is known [turns], ascending.
+    shift : ndarray of float, shape (blocks,)
+        What is to be added there [turns].
+    spread : float
+        Uncertainty of the result [turns].
+
+    Returns
+    -------
+    AngleTrack
+        Knots at the centres and at the ends of the old track.
+    """
     ends = track.turns[[0, -1]]
     inner = centres[(centres > ends[0]) & (centres < ends[1])]
     angle = np.concatenate([[ends[0]], inner, [ends[1]]])

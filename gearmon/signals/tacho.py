@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from gearmon.errors import RecordingError
+from gearmon.errors import ArgumentError, RecordingError, check_positive, check_range
 from gearmon.signals.angle import AngleTrack
+from gearmon.signals.tacho_spacing import learn_spacing, repair_uneven
 
 FloatArray = NDArray[np.float64]
 
@@ -16,6 +18,12 @@ FloatArray = NDArray[np.float64]
 _REPAIRABLE = 0.02
 # How far a nominal speed may be off.
 _SPEED_UNKNOWN = 0.03
+# Fewest pulses that are believed.
+_FEWEST = 4
+# Knots a turn that an angle track gets; of an encoder's many pulses neighbours are averaged.
+_KNOTS_PER_TURN = 16
+
+Edge = Literal["rising", "falling"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,7 +33,7 @@ class TachoPulses:
     Parameters
     ----------
     time_s : ndarray of float, shape (pulses,)
-        Rising edges [s], missing ones filled in, extra ones left out.
+        Edges [s], missing ones filled in, extra ones left out.
     missing, extra : int
         Pulses that were filled in and left out.
     """
@@ -35,12 +43,19 @@ class TachoPulses:
     extra: int
 
 
-def find_pulses(waveform: FloatArray, sampling_rate_hz: float) -> TachoPulses:
-    """Find the rising edges of a tachometer waveform.
+def find_pulses(
+    waveform: FloatArray,
+    sampling_rate_hz: float,
+    per_turn: int | None = None,
+    edge: Edge = "rising",
+    hysteresis: float = 0.1,
+) -> TachoPulses:
+    """Find the edges of a tachometer waveform.
 
-    The threshold is half way between the extremes, with a hysteresis of a tenth of their distance
-    on either side; edges are interpolated between samples. Intervals of two or three times the
-    median of their neighbours get the missing pulses, intervals below 0.6 of it lose one.
+    The threshold is half way between the extremes, with a hysteresis on either side; edges are
+    interpolated between samples. Intervals of two or three times the median of their neighbours get
+    the missing pulses, intervals below 0.6 of it lose one; of several pulses a turn the spacing is
+    learned first (`gearmon.signals.tacho_spacing`), so that uneven ones are left alone.
 
     Parameters
     ----------
@@ -48,6 +63,13 @@ def find_pulses(waveform: FloatArray, sampling_rate_hz: float) -> TachoPulses:
         The channel, any unit.
     sampling_rate_hz : float
         Sampling rate [Hz].
+    per_turn : int, optional
+        Pulses a turn, if known.
+    edge : {"rising", "falling"}
+        Which edge of the pulses to take: the sharper one, if they differ.
+    hysteresis : float
+        Part of the distance between the extremes that the waveform must pass the threshold by,
+        on either side, before a next edge counts; in [0.001, 0.45].
 
     Returns
     -------
@@ -57,23 +79,115 @@ def find_pulses(waveform: FloatArray, sampling_rate_hz: float) -> TachoPulses:
     ------
     RecordingError
         If there are fewer than four pulses, or more than 2 % have to be repaired.
+    ArgumentError
+        If an argument is out of its range.
     """
+    check_range("hysteresis", hysteresis, 1e-3, 0.45)
+    if edge not in ("rising", "falling"):
+        raise ArgumentError(f'edge must be "rising" or "falling", got {edge!r}')
     low, high = float(np.min(waveform)), float(np.max(waveform))
-    middle, margin = 0.5 * (low + high), 0.1 * (high - low)
-    raw = _edges(waveform, middle, margin) / sampling_rate_hz
-    if len(raw) < 4:
+    middle, margin = 0.5 * (low + high), hysteresis * (high - low)
+    if edge == "rising":
+        raw = _edges(waveform, middle, margin) / sampling_rate_hz
+    else:
+        raw = _edges(-np.asarray(waveform), -middle, margin) / sampling_rate_hz
+    if len(raw) < _FEWEST:
+        times = len(waveform) > _FEWEST and bool(np.all(np.diff(waveform) > 0))
+        hint = (
+            "; its values only rise, as times of pulses do: give those to track_from_pulse_times"
+            if times
+            else ""
+        )
         raise RecordingError(
             f"tacho channel: {len(raw)} pulses found between {low:g} and {high:g}; at least 4 are "
-            "needed. Name the right channel with --tacho, or leave the tacho out"
+            f"needed. Name the right channel with --tacho, or leave the tacho out{hint}"
         )
-    cleaned, extra = _without_extra(raw)
-    filled, missing = _with_missing(cleaned)
+    return _repaired(raw, per_turn)
+
+
+def _repaired(raw: FloatArray, per_turn: int | None) -> TachoPulses:
+    """Fill in and leave out pulses up to the limit, refuse beyond it."""
+    if per_turn is not None and per_turn > 1:
+        filled, missing, extra = repair_uneven(raw, per_turn)
+    else:
+        cleaned, extra = _without_extra(raw)
+        filled, missing = _with_missing(cleaned)
     if missing + extra > max(2, _REPAIRABLE * len(filled)):
         raise RecordingError(
             f"tacho channel: {missing} pulses missing and {extra} too many among {len(filled)}; "
             "at most 2 % can be repaired. Check the sensor, or leave the tacho out"
         )
     return TachoPulses(time_s=filled, missing=missing, extra=extra)
+
+
+def pulses_from_times(time_s: ArrayLike, per_turn: int | None = None) -> TachoPulses:
+    """Take pulses whose times were measured already, as a counter board gives them.
+
+    Parameters
+    ----------
+    time_s : array_like of float, shape (pulses,)
+        Times of the pulses [s], ascending.
+    per_turn : int, optional
+        Pulses a turn, if known.
+
+    Returns
+    -------
+    TachoPulses
+        Repaired as those of a waveform.
+
+    Raises
+    ------
+    RecordingError
+        If these are no times of pulses (they do not ascend: a waveform, perhaps), there are fewer
+        than four, or more than 2 % have to be repaired.
+    """
+    times = np.asarray(time_s, dtype=np.float64)
+    if times.ndim != 1 or len(times) < _FEWEST:
+        raise RecordingError(
+            f"pulse times: an array of shape {times.shape}; a row of at least 4 times is needed"
+        )
+    if not np.all(np.isfinite(times)):
+        place = int(np.argmin(np.isfinite(times)))
+        raise RecordingError(f"pulse times: pulse {place + 1} has no finite time")
+    falls = np.flatnonzero(np.diff(times) <= 0)
+    if len(falls):
+        first = int(falls[0])
+        raise RecordingError(
+            f"pulse times: pulse {first + 2} at {times[first + 1]:g} s does not come after pulse "
+            f"{first + 1} at {times[first]:g} s, nor do {len(falls) - 1} others after theirs; if "
+            "this is the waveform of a tachometer, give it to find_pulses with its sampling rate"
+        )
+    return _repaired(times, per_turn)
+
+
+def track_from_pulse_times(
+    time_s: ArrayLike, duration_s: float, per_turn: int = 1, shaft_order: float = 1.0
+) -> AngleTrack:
+    """Turn measured times of pulses into the angle of shaft 1.
+
+    Parameters
+    ----------
+    time_s : array_like of float, shape (pulses,)
+        Times of the pulses [s], ascending, on the clock of the recording.
+    duration_s : float
+        Duration of the recording [s].
+    per_turn : int
+        Pulses a turn of the shaft that carries them.
+    shaft_order : float
+        Turns of that shaft a turn of shaft 1.
+
+    Returns
+    -------
+    AngleTrack
+        Angle zero at the first pulse.
+
+    Raises
+    ------
+    RecordingError
+        As `pulses_from_times` and `track_from_pulses`.
+    """
+    pulses = pulses_from_times(time_s, per_turn)
+    return track_from_pulses(pulses, per_turn, shaft_order, duration_s)
 
 
 def _edges(waveform: FloatArray, middle: float, margin: float) -> FloatArray:
@@ -155,28 +269,35 @@ def track_from_pulses(
     pulses : TachoPulses
         The pulses.
     pulses_per_turn : int
-        Pulses a turn of the shaft that carries them. With several, one and the same of them is
-        used, so that their uneven spacing does not matter.
+        Pulses a turn of the shaft that carries them, > 0. Of several the spacing is learned and
+        corrected, see `learn_spacing`.
     shaft_order : float
-        Turns of that shaft a turn of shaft 1.
+        Turns of that shaft a turn of shaft 1, > 0.
     duration_s : float
         Duration of the recording [s]; the track is continued to its ends.
 
     Returns
     -------
     AngleTrack
-        Angle zero at the first pulse.
+        Angle zero at the first pulse. Its uncertainty is the jitter of single pulses: by how much
+        they come off the straight line between their neighbours, which counts three half times.
 
     Raises
     ------
     RecordingError
         If there are fewer than three turns.
     """
-    time = pulses.time_s[::pulses_per_turn]
-    if len(time) < 3:
-        raise RecordingError(f"tacho channel: {len(time)} turns recorded, at least 3 are needed")
-    turns = np.arange(len(time)) / shaft_order
-    jitter = float(np.std(np.diff(time, 2)) / np.sqrt(6)) if len(time) > 3 else 0.0
+    check_positive("pulses_per_turn", pulses_per_turn)
+    check_positive("shaft_order", shaft_order)
+    count = int(pulses_per_turn)
+    whole = (len(pulses.time_s) - 1) // count + 1
+    if whole < 3:
+        raise RecordingError(f"tacho channel: {whole} turns recorded, at least 3 are needed")
+    spacing = learn_spacing(pulses.time_s, count)
+    number = np.arange(len(pulses.time_s))
+    turns = (number // count + spacing[number % count]) / shaft_order
+    jitter = _jitter(pulses.time_s, turns)
+    time, turns = _thinned(pulses.time_s, turns, max(1, count // _KNOTS_PER_TURN))
     slope = np.diff(turns) / np.diff(time)
     ends = (turns[0] - time[0] * slope[0], turns[-1] + (duration_s - time[-1]) * slope[-1])
     inside = (time > 0) & (time < duration_s)
@@ -185,8 +306,29 @@ def track_from_pulses(
         turns=np.concatenate([[ends[0]], turns[inside], [ends[1]]]),
         method="tacho",
         # of several pulses a turn nobody knows which one came first
-        indexed=pulses_per_turn == 1 and shaft_order == 1.0,
+        indexed=count == 1 and shaft_order == 1.0,
         uncertainty_turns=jitter * float(slope.mean()),
+    )
+
+
+def _jitter(time_s: FloatArray, turns: FloatArray) -> float:
+    """Return the standard deviation of a pulse's time about its neighbours' line [s]."""
+    if len(time_s) < _FEWEST:
+        return 0.0
+    share = (turns[1:-1] - turns[:-2]) / (turns[2:] - turns[:-2])
+    off = time_s[1:-1] - (1 - share) * time_s[:-2] - share * time_s[2:]
+    return float(np.std(off / np.sqrt(1 + share**2 + (1 - share) ** 2)))
+
+
+def _thinned(time_s: FloatArray, turns: FloatArray, together: int) -> tuple[FloatArray, FloatArray]:
+    """Average neighbouring pulses of an encoder: less jitter, and fewer knots."""
+    if together == 1:
+        return time_s, turns
+    groups = len(time_s) // together
+    cut = groups * together
+    return (
+        time_s[:cut].reshape(groups, together).mean(axis=1),
+        turns[:cut].reshape(groups, together).mean(axis=1),
     )
 
 
@@ -212,7 +354,9 @@ def pulses_per_turn(pulses: TachoPulses, shaft_hz: float, tolerance: float = 0.0
     RecordingError
         If the rate of the pulses fits no whole number of pulses a turn.
     """
-    rate = 1.0 / float(np.median(np.diff(pulses.time_s)))
+    times = pulses.time_s
+    # the mean rate: of uneven pulses no single interval tells it
+    rate = (len(times) - 1) / float(times[-1] - times[0])
     count = max(1, round(rate / shaft_hz))
     if count * _SPEED_UNKNOWN > 0.25:
         raise RecordingError(

@@ -24,6 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gearmon.errors import ArgumentError
 from gearmon.signatures.families import NEAR_SIDEBANDS, WheelLines
 
 FloatArray = NDArray[np.float64]
@@ -75,8 +76,20 @@ class GearSignals:
     first: tuple[int, ...]
     band: tuple[int, int]
 
+    @property
+    def removed_orders(self) -> dict[str, tuple[float, ...]]:
+        """Orders of shaft 1 taken out of the average, by the signal that was left."""
+        residual = sorted(self.shaft + self.mesh)
+        difference = sorted(self.shaft + self.mesh + self.first)
+        return {
+            "residual": tuple(n * self.wheel.order for n in residual),
+            "difference": tuple(n * self.wheel.order for n in difference),
+        }
 
-def gear_signals(mean: ComplexArray, wheel: WheelLines) -> GearSignals:
+
+def gear_signals(
+    mean: ComplexArray, wheel: WheelLines, *, per_turn: int | None = None
+) -> GearSignals:
     """Build the signals of a gear from the lines of its machine.
 
     Parameters
@@ -85,20 +98,33 @@ def gear_signals(mean: ComplexArray, wheel: WheelLines) -> GearSignals:
         Complex peak amplitudes of all lines of the plan.
     wheel : WheelLines
         Which of them belong to the gear.
+    per_turn : int, optional
+        Values a turn, more than twice the highest multiple; by default so many that sums of eighth
+        powers over them are exact.
 
     Returns
     -------
     GearSignals
+
+    Raises
+    ------
+    ArgumentError
+        If `per_turn` is too small for the lines.
     """
     number, teeth = wheel.number, wheel.teeth
     top = int(number.max(initial=0))
+    if per_turn is None:
+        per_turn = 1 << int(np.ceil(np.log2(_OVERSAMPLING * (top + 1))))
+    elif per_turn <= 2 * top:
+        raise ArgumentError(
+            f"per_turn={per_turn} must be above {2 * top}, twice the highest multiple"
+        )
     spectrum = np.zeros((len(mean), max(top, teeth + NEAR_SIDEBANDS) + 1), dtype=complex)
     spectrum[:, number] = mean[:, wheel.lines]
     meshes = number[wheel.mesh]
     shaft = (number <= SHAFT_HARMONICS) & ~wheel.mesh
     first = np.isin(number, np.concatenate([meshes - 1, meshes + 1])) & ~wheel.mesh & ~shaft
     taken = wheel.mesh | shaft
-    per_turn = 1 << int(np.ceil(np.log2(_OVERSAMPLING * (top + 1))))
     near = [teeth + r for r in range(-NEAR_SIDEBANDS, NEAR_SIDEBANDS + 1) if r and teeth + r > 0]
     size = np.abs(spectrum)
     reach = max(1, min(teeth // 2, teeth - 1))

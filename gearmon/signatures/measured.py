@@ -13,28 +13,31 @@ from gearmon.errors import RecordingError
 from gearmon.gears.kinematics import Kinematics, kinematics
 from gearmon.machine import Machine
 from gearmon.signals.angle import AngleTrack
-from gearmon.signals.order_lines import OrderLines, order_lines, order_quality
+from gearmon.signals.fine_spectrum import FineSpectrum, fine_order_spectrum
+from gearmon.signals.order_lines import OrderLines, order_lines
 from gearmon.signals.presence import (
     MeshComb,
     MeshEvidence,
-    mesh_evidence,
-    spacing_mismatch,
 )
 from gearmon.signals.recording import Recording
+from gearmon.signals.sideband_spacing import spacing_mismatch, spacing_support
 from gearmon.signatures.families import MESH_HARMONICS, LinePlan, line_plan
+from gearmon.signatures.foreign_lines import ForeignLines
+from gearmon.signatures.foreign_search import foreign_lines
 from gearmon.signatures.speed import (
     SPEED_TOLERANCE,
     Speed,
-    find_track,
     line_peak,
     mesh_combs,
-    scan_nominal_speeds,
     speed_of,
 )
+from gearmon.signatures.tracking import track_recording
 
 FloatArray = NDArray[np.float64]
 
 # A mesh whose sidebands would rather stand elsewhere must be far clearer than others.
+# Height of a gear's own sidebands, in robust standard deviations, from which they count.
+_SUPPORTED = 4.0
 _FOUND_DESPITE_MISMATCH = 6.0
 
 
@@ -110,6 +113,8 @@ class MeasuredSignature:
         Whether the family stands above its own scatter.
     notes : tuple of str
         What the reader should know.
+    foreign : ForeignLines or None
+        Lines that no gear explains.
     """
 
     origin: str
@@ -126,6 +131,7 @@ class MeasuredSignature:
     scatter_db: FloatArray
     heard: NDArray[np.bool_]
     notes: tuple[str, ...]
+    foreign: ForeignLines | None = None
 
     @property
     def found(self) -> bool:
@@ -137,7 +143,7 @@ def measure_signature(recording: Recording, machine: Machine) -> MeasuredSignatu
     """Reduce a recording to the order lines of its machine.
 
     The speed comes from a tacho channel if there is one, else from the comb of mesh and shaft lines
-    within 3 % of a nominal speed of the machine file, refined by the phases of the mesh lines.
+    about a nominal speed of the machine file, refined by the phases of the mesh lines.
 
     Parameters
     ----------
@@ -162,17 +168,18 @@ def measure_signature(recording: Recording, machine: Machine) -> MeasuredSignatu
     _check_length(recording, slowest, machine)
     samples, rate = vibration.samples, vibration.sampling_rate_hz
     combs = mesh_combs(train)
-    shaft_orders = [shaft.order for shaft in train.shafts]
-    nominal_hz, scan = scan_nominal_speeds(samples, rate, train, machine)
-    track, notes = find_track(recording, machine, train, nominal_hz, scan)
-    evidence = mesh_evidence(scan, combs, shaft_orders, nominal_hz, SPEED_TOLERANCE)
-    plan = _plan(train, rate, track, nominal_hz)
+    tracking = track_recording(recording, machine, train)
+    track, nominal_hz = tracking.track, tracking.nominal_hz
+    plan = _plan(train, rate, track, tracking.plan_hz)
     turns = float(track.turns[-1] - track.turns[0])
     lines = order_lines(samples, rate, track, plan.orders, _block_turns(turns, slowest))
     level, scatter, heard = family_levels(lines, plan)
     peak_hz = line_peak(samples, rate, train, track)
-    speed = speed_of(track, nominal_hz, peak_hz, scan, recording.duration_s)
-    findings = _findings(speed, samples, rate, track, train, combs, evidence, lines, plan)
+    speed = speed_of(track, nominal_hz, peak_hz, tracking.scan, recording.duration_s)
+    # at most some millions of points: the test needs the resolution of seconds, not of hours
+    pieces = max(1, samples.shape[-1] >> 18)
+    spectrum = fine_order_spectrum(samples, rate, track, pieces)
+    findings = _findings(speed, spectrum, train, combs, tracking.evidence, lines, plan)
     return MeasuredSignature(
         origin=recording.origin,
         duration_s=recording.duration_s,
@@ -187,7 +194,8 @@ def measure_signature(recording: Recording, machine: Machine) -> MeasuredSignatu
         level_db=level,
         scatter_db=scatter,
         heard=heard,
-        notes=tuple(recording.notes) + notes,
+        notes=tuple(recording.notes) + tracking.notes,
+        foreign=foreign_lines(samples, rate, track, train, spectrum),
     )
 
 
@@ -259,26 +267,32 @@ def family_levels(
 
 def _findings(
     speed: Speed,
-    samples: FloatArray,
-    rate: float,
-    track: AngleTrack,
+    spectrum: FineSpectrum,
     train: Kinematics,
     combs: Sequence[MeshComb],
     evidence: Sequence[MeshEvidence],
     lines: OrderLines,
     plan: LinePlan,
 ) -> tuple[MeshFinding, ...]:
-    # at most some millions of points: the test needs the resolution of seconds, not of hours
-    pieces = max(1, samples.shape[-1] >> 18)
-    quality, bin_order = order_quality(samples, rate, track, pieces)
+    quality, bin_order = spectrum.quality, spectrum.step
     snr = 10 * np.log10(np.maximum(lines.cross_power() / lines.noise, 1e-3))
     findings = []
     # one harmonic could be a tone of anything; two, of whichever stage, fix the speed as well
     candidates = [seen for seen in evidence if seen.stands_out]
     several = sum(seen.clear for seen in candidates) >= 2
-    for mesh, comb, seen in zip(train.meshes, combs, evidence, strict=True):
-        found, reason = _judge(seen, quality, bin_order, comb, mesh.carrier == 0)
-        if found and not several and seen.visible > 1:
+    supports = [
+        _support(quality, bin_order, comb) if seen.stands_out and mesh.carrier == 0 else 0.0
+        for mesh, comb, seen in zip(train.meshes, combs, evidence, strict=True)
+    ]
+    # a tachometer tells the speed, as do the sidebands of a gear about a mesh of several harmonics
+    told = speed.method == "tacho" or any(
+        support >= _SUPPORTED and seen.clear >= 2
+        for support, seen in zip(supports, evidence, strict=True)
+    )
+    for mesh, comb, seen, support in zip(train.meshes, combs, evidence, supports, strict=True):
+        sure = told and seen.clear >= 2
+        found, reason = _judge(seen, quality, bin_order, comb, mesh.carrier == 0 and not sure)
+        if found and not several and seen.visible > 1 and support < _SUPPORTED:
             found, reason = False, _lonely(seen.visible - 1)
         chosen = [
             line
@@ -301,6 +315,22 @@ def _findings(
     return tuple(findings)
 
 
+def _support(quality: FloatArray, bin_order: float, comb: MeshComb) -> float:
+    """How clearly a mesh has sidebands of a gear that does not turn with shaft 1.
+
+    A machine without gears has lines at multiples of shaft 1 about anything: a gear is left out
+    when one of its first four sidebands falls on these.
+    """
+    found = 0.0
+    for spacing in comb.spacings:
+        multiples = spacing * np.arange(1, 5)
+        if np.abs(multiples - np.rint(multiples)).min() > max(4 * bin_order, 1e-3):
+            others = [other for other in comb.spacings if other != spacing]
+            height = spacing_support(quality, bin_order, comb, spacing, SPEED_TOLERANCE, others)
+            found = max(found, height)
+    return found
+
+
 def _lonely(others: int) -> str:
     return (
         f"one line suits it, but none of the {others} other harmonics that could be seen: "
@@ -309,9 +339,9 @@ def _lonely(others: int) -> str:
 
 
 def _judge(
-    seen: MeshEvidence, quality: FloatArray, bin_order: float, comb: MeshComb, parallel: bool
+    seen: MeshEvidence, quality: FloatArray, bin_order: float, comb: MeshComb, doubted: bool
 ) -> tuple[bool, str]:
-    """Whether a mesh is found, and why."""
+    """Whether a mesh is found, and why; `doubted` if its sidebands may yet tell another speed."""
     if not seen.visible:
         return False, "too few of its harmonics lie below half the sampling rate to judge it"
     if not seen.stands_out:
@@ -319,7 +349,7 @@ def _judge(
             f"its lines stand {seen.score:.1f} standard deviations above those of other tooth "
             f"counts, {seen.decoys_above} of {seen.decoys} of which are as clear"
         )
-    if parallel:
+    if doubted:
         for spacing in comb.spacings:
             others = [other for other in comb.spacings if other != spacing]
             excess, departure = spacing_mismatch(

@@ -8,22 +8,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.errors import ArgumentError
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine
-from gearmon.signals.angle import AngleGrid, angle_blocks
+from gearmon.signals.angle import READ_UP_TO
+from gearmon.signals.order_map import OrderMap, order_map
 from gearmon.signals.recording import Recording
-from gearmon.signals.spectrum import amplitude_spectrum
-from gearmon.signals.transforms import fast_length
+from gearmon.signatures.families import MESH_HARMONICS
 from gearmon.signatures.line_marks import Mark, machine_marks, mark_near
 from gearmon.signatures.measured import MeasuredSignature, measure_signature
 from gearmon.signatures.recording_spectrum import highest_peaks
 
 FloatArray = NDArray[np.float64]
 
-# Rows of a map; more blocks are averaged in power, so that each row is of equal length.
-_MAP_ROWS = 200
-_TURNS = 40.0
+# Turns of a block: many for a spectrum, that lines stand apart; in a map as few as give it so many
+# blocks, but enough to part the mesh from the sidebands of a shaft.
+_TURNS, _MAP_TURNS, _MAP_BLOCKS = 40.0, 8.0, {"time": 24, "speed": 72}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,11 +40,10 @@ class OrderSpectra:
         Cycles a turn of the shaft.
     amplitude : ndarray of float, shape (channels, bins)
         Peak amplitude, root mean square over the blocks.
-    map_time_s, map_speed_hz : ndarray of float, shape (rows,)
-        Middle of each row of the map [s], and speed of the shaft there [Hz].
-    map_amplitude : ndarray of float, shape (rows, channels, bins)
     resolution : float
         Noise bandwidth [orders].
+    map : OrderMap
+        The same along time or speed, in shorter blocks.
     peaks : tuple of dict
         Highest peaks and the lines of the machine they are near to.
     marks : tuple of Mark
@@ -61,10 +59,8 @@ class OrderSpectra:
     units: tuple[str | None, ...]
     order: FloatArray
     amplitude: FloatArray
-    map_time_s: FloatArray
-    map_speed_hz: FloatArray
-    map_amplitude: FloatArray
     resolution: float
+    map: OrderMap
     peaks: tuple[dict[str, Any], ...]
     marks: tuple[Mark, ...]
     signature: MeasuredSignature
@@ -76,15 +72,33 @@ class OrderSpectra:
         named = {"order": self.order.tolist(), **dict(columns)}
         return [dict(zip(named, row, strict=True)) for row in zip(*named.values(), strict=True)]
 
-    def map_rows(self) -> list[dict[str, Any]]:
-        """Return the map as rows: time, speed, channel and the amplitude at every order."""
-        names = [f"order_{value:.6g}" for value in self.order]
+    def map_rows(self, most: int | None = None) -> list[dict[str, Any]]:
+        """Return the map as rows: time, speed, blocks, channel and the amplitude at every order.
+
+        Parameters
+        ----------
+        most : int, optional
+            At most so many orders; of each group of neighbours the largest is kept, under the
+            order in the middle of the group.
+        """
+        own = self.map
+        count = len(own.order)
+        edges = np.linspace(0, count, min(most or count, count) + 1).astype(int)
+        middle = 0.5 * (own.order[edges[:-1]] + own.order[edges[1:] - 1])
+        names = [f"order_{value:.6g}" for value in middle]
+        held = np.maximum.reduceat(own.amplitude, edges[:-1], axis=2)
         return [
-            {"time_s": float(time), "speed_hz": float(speed), "channel": channel}
-            | dict(zip(names, self.map_amplitude[row, column].tolist(), strict=True))
-            for row, (time, speed) in enumerate(
-                zip(self.map_time_s, self.map_speed_hz, strict=True)
-            )
+            {
+                "time_s": float(own.time_s[row]),
+                "speed_hz": float(own.speed_hz[row]),
+                "blocks": int(own.blocks[row]),
+                "channel": channel,
+            }
+            | {
+                name: float(f"{value:.6g}")
+                for name, value in zip(names, held[row, column].tolist(), strict=True)
+            }
+            for row in range(len(own.time_s))
             for column, channel in enumerate(self.channel_names)
         ]
 
@@ -95,6 +109,12 @@ class OrderSpectra:
             "shaft": self.shaft,
             "speed": self.signature.speed.to_dict(),
             "resolution_orders": self.resolution,
+            "map": {
+                "against": self.map.against,
+                "rows": len(self.map.time_s),
+                "block_turns": self.map.block_turns,
+                "resolution_orders": self.map.resolution,
+            },
             "peaks": list(self.peaks),
             "lines": [{"name": mark.name, "order": mark.place} for mark in self.marks],
             "warnings": list(self.notes),
@@ -109,6 +129,7 @@ def order_spectra(
     top: float | None = None,
     window_name: str = "hann",
     most_peaks: int = 20,
+    map_against: str = "time",
 ) -> OrderSpectra:
     """Compute order spectrum and order map of every vibration channel.
 
@@ -125,11 +146,15 @@ def order_spectra(
         Of the blocks.
     most_peaks : int
         Peaks listed a channel.
+    map_against : {"time", "speed"}
+        What the rows of the map run along.
 
     Returns
     -------
     OrderSpectra
-        In half-overlapped blocks of 40 turns of the shaft, or a quarter of a short recording.
+        The spectrum in half-overlapped blocks of 40 turns of the shaft, or a quarter of a short
+        recording; the map in blocks of 8 to 40 turns, short enough for 24 rows (72 blocks along
+        speed) where it can be.
 
     Raises
     ------
@@ -141,36 +166,30 @@ def order_spectra(
     signature = measure_signature(recording, machine)
     vibration = recording.vibration()
     rate, track = vibration.sampling_rate_hz, signature.track
-    nyquist = 0.5 * rate / float(track.speed_hz.max())
-    last = 1.1 * max(8 * mesh.order for mesh in train.meshes)
-    highest = min(nyquist, last) if top is None else top * ratio
-    if not 0 < highest <= nyquist * (1 + 1e-9):
-        raise ArgumentError(f"top={top} orders must lie in (0, {nyquist / ratio:.4g}]")
-    grid = AngleGrid.of(vibration.samples.shape[-1], rate, track, highest)
-    turns = min(_TURNS / ratio, grid.count / grid.per_turn / 4)
-    block = min(grid.count, fast_length(max(16, int(turns * grid.per_turn))))
-    blocks = max(1, (grid.count - block) // max(1, block // 2) + 1)
-    together = -(-blocks // _MAP_ROWS)
-    bins = int(highest * block / grid.per_turn) + 1
-    powers = np.zeros((-(-blocks // together), len(vibration.samples), bins))
-    seen, middles = np.zeros(len(powers)), np.zeros(len(powers))
-    for number, (start, part) in enumerate(
-        angle_blocks(vibration.samples, rate, track, grid, block)
-    ):
-        found = amplitude_spectrum(
-            part - part.mean(axis=-1, keepdims=True),
-            float(grid.per_turn),
+    if top is None:
+        limit = READ_UP_TO * rate / float(track.speed_hz.max())
+        last = 1.1 * MESH_HARMONICS * max(mesh.order for mesh in train.meshes)
+        top = min(limit, last) / ratio
+
+    def found(turns: float, against: str) -> OrderMap:
+        return order_map(
+            vibration.samples,
+            rate,
+            track,
+            shaft_order=ratio,
+            top=top,
+            block_turns=turns,
             window_name=window_name,
-            length=block,
+            against=against,
         )
-        row = number // together
-        powers[row] += found.values[:, :bins] ** 2
-        middles[row] += grid.first_turn + (start + block / 2) / grid.per_turn
-        seen[row] += 1
-    amplitude = np.sqrt(powers.sum(axis=0) / seen.sum())
-    order = found.frequency_hz[:bins] / ratio
+
+    whole = found(_TURNS, "time")
+    turned = ratio * float(track.turns[-1] - track.turns[0])
+    blocks = _MAP_BLOCKS.get(map_against, 1)
+    turns = float(np.clip(2 * turned / blocks, _MAP_TURNS, _TURNS))
+    along = whole if (turns, map_against) == (_TURNS, "time") else found(turns, map_against)
+    amplitude, order = whole.mean, whole.order
     marks = machine_marks(machine, 1.0 / ratio, float(order[-1]))
-    time = track.time_at(middles / seen)
     return OrderSpectra(
         recording=recording.origin,
         shaft=shaft,
@@ -178,21 +197,13 @@ def order_spectra(
         units=vibration.units,
         order=order,
         amplitude=amplitude,
-        map_time_s=time,
-        map_speed_hz=ratio * _speed_at(signature, time),
-        map_amplitude=np.sqrt(powers / seen[:, None, None]),
-        resolution=found.resolution_hz / ratio,
+        resolution=whole.resolution,
+        map=along,
         peaks=_peaks(amplitude, order, vibration, marks, most_peaks),
         marks=marks,
         signature=signature,
-        notes=_notes(signature, blocks, block / grid.per_turn * ratio, shaft),
+        notes=_notes(signature, whole, along, shaft),
     )
-
-
-def _speed_at(signature: MeasuredSignature, time: FloatArray) -> FloatArray:
-    track = signature.track
-    middle = 0.5 * (track.time_s[1:] + track.time_s[:-1])
-    return np.asarray(np.interp(time, middle, track.speed_hz), dtype=np.float64)
 
 
 def _peaks(
@@ -216,9 +227,18 @@ def _peaks(
     )
 
 
-def _notes(signature: MeasuredSignature, blocks: int, turns: float, shaft: int) -> tuple[str, ...]:
+def _notes(
+    signature: MeasuredSignature, whole: OrderMap, along: OrderMap, shaft: int
+) -> tuple[str, ...]:
     notes = list(signature.notes)
-    notes.append(f"{blocks} half-overlapped blocks of {turns:.4g} turns of shaft {shaft}")
+    for name, own in (("spectrum", whole), ("map", along)):
+        notes.append(
+            f"{name}: {own.blocks.sum()} half-overlapped blocks of {own.block_turns:.4g} turns of "
+            f"shaft {shaft}"
+        )
+    if along.against == "speed":
+        low, high = float(along.speed_hz.min()), float(along.speed_hz.max())
+        notes.append(f"map: {len(along.speed_hz)} rows from {low:.5g} to {high:.5g} Hz")
     if not signature.found:
         notes.append("no mesh found: the speed, and with it every order, is not to be relied on")
     return tuple(notes)

@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import io
 import json
+import struct
 import zipfile
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,12 +25,19 @@ from gearmon.files import write_atomically
 from gearmon.machine import Machine, ParallelStage
 from gearmon.signals.order_lines import OrderLines
 from gearmon.signatures.families import WheelLines
+from gearmon.signatures.foreign_lines import ForeignLines
+from gearmon.signatures.foreign_storage import foreign_arrays, foreign_from_arrays
 from gearmon.signatures.measured import MeasuredSignature
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-FORMAT = "gearmon reference 1"
+FORMAT = "gearmon reference 2"
+# Without foreign lines; still read.
+_OLDER_FORMATS = ("gearmon reference 1",)
+# What reading a damaged archive may end in.
+_DAMAGE = (OSError, ValueError, LookupError, TypeError, EOFError, RuntimeError)
+_DAMAGED_ARCHIVE = (zipfile.BadZipFile, zlib.error, struct.error)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -107,6 +116,8 @@ class Profile:
         Whether the family stands above its own scatter.
     wheels : tuple of WheelPattern
         Patterns of the gears.
+    foreign : ForeignLines or None
+        Lines that no gear explains; None in references of the older format.
     """
 
     origin: str
@@ -118,6 +129,7 @@ class Profile:
     scatter_db: FloatArray
     heard: NDArray[np.bool_]
     wheels: tuple[WheelPattern, ...]
+    foreign: ForeignLines | None = None
 
     @classmethod
     def of(cls, signature: MeasuredSignature) -> Profile:
@@ -134,6 +146,7 @@ class Profile:
             wheels=tuple(
                 WheelPattern.of(wheel, signature.lines) for wheel in signature.plan.wheels
             ),
+            foreign=signature.foreign,
         )
 
 
@@ -295,6 +308,9 @@ def write_reference(reference: Reference, path: str | Path) -> None:
         for column, wheel in enumerate(profile.wheels):
             for name in _WHEEL_ARRAYS:
                 arrays[f"{row}/{column}/{name}"] = getattr(wheel, name)
+        if profile.foreign is not None:
+            stored = foreign_arrays(profile.foreign)
+            arrays |= {f"{row}/foreign/{name}": values for name, values in stored.items()}
     arrays["header"] = np.frombuffer(json.dumps(header).encode("utf-8"), dtype=np.uint8)
     buffer = io.BytesIO()
     np.savez_compressed(buffer, allow_pickle=False, **arrays)
@@ -347,7 +363,7 @@ def read_reference(path: str | Path) -> Reference:
         # opened here, so that it is closed even if it turns out to be no archive
         with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as archive:
             header = json.loads(bytes(archive["header"]).decode("utf-8"))
-            if header.get("format") != FORMAT:
+            if header.get("format") not in (FORMAT, *_OLDER_FORMATS):
                 raise SignatureError(
                     f"{path}: format {header.get('format')!r} is not {FORMAT!r}; learn it anew"
                 )
@@ -358,7 +374,7 @@ def read_reference(path: str | Path) -> Reference:
         raise
     except FileNotFoundError:
         raise SignatureError(f"{path}: no such file; make one with gearmon learn") from None
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile, EOFError, TypeError) as error:
+    except _DAMAGE + _DAMAGED_ARCHIVE as error:
         raise SignatureError(
             f"{path}: not a readable gearmon reference ({type(error).__name__}); make one with "
             "gearmon learn"
@@ -394,4 +410,13 @@ def _read_profile(archive: Any, row: int, entry: dict[str, Any]) -> Profile:
         scatter_db=archive[f"{row}/scatter_db"],
         heard=archive[f"{row}/heard"],
         wheels=wheels,
+        foreign=_read_foreign(archive, row),
     )
+
+
+def _read_foreign(archive: Any, row: int) -> ForeignLines | None:
+    start = f"{row}/foreign/"
+    stored = {
+        name.removeprefix(start): archive[name] for name in archive.files if name.startswith(start)
+    }
+    return foreign_from_arrays(stored) if stored else None

@@ -200,7 +200,10 @@ def means_decimal_commas(sample: list[str], lines: list[str]) -> bool:
     rows = [fields_of(line, ",") for line in sample]
     if any(" " in line.strip() or '"' in line for line in sample):
         return False
-    if not all(re.fullmatch("[+-]*[0-9]+", row[0]) and row[1].isdigit() for row in rows):
+    decimals = "[0-9]+([eE][+-]?[0-9]+)?"
+    if not all(
+        re.fullmatch("[+-]*[0-9]+", row[0]) and re.fullmatch(decimals, row[1]) for row in rows
+    ):
         return False
     above = text_above(lines, ",", ".", 2)
     names = fields_of(above, ",")[: filled(fields_of(above, ","))]
@@ -209,6 +212,8 @@ def means_decimal_commas(sample: list[str], lines: list[str]) -> bool:
             return False
         if len(names) == 1 and re.fullmatch(r"\S+(\s*[\[(].*[\])])?", names[0]):
             return True
+    if not all(row[1].isdigit() for row in rows):
+        return False
     if any(row[0] in ("-0", "+0") or re.fullmatch("0[0-9]+", row[1]) for row in rows):
         return True
     if len(rows) >= 50 and max(len(row[1]) for row in rows) > 1:

@@ -89,9 +89,12 @@ def test_the_flagged_tooth_is_named_and_coloured(ax, faulty):
     assert "(flagged)" in texts(ax)[0]
 
 
-@pytest.mark.parametrize(("numbered", "words"), [(True, "tachometer pulse"), (False, "relative")])
-def test_teeth_are_numbered_honestly(ax, numbered, words):
-    label_teeth(23, numbered, ax)
+@pytest.mark.parametrize(
+    ("counted_from", "words"),
+    [("tacho", "tachometer pulse"), ("reference", "first healthy recording"), (None, "relative")],
+)
+def test_teeth_are_numbered_honestly(ax, counted_from, words):
+    label_teeth(23, counted_from, ax)
     assert words in ax.get_xlabel()
     assert list(ax.get_xticks()) == list(range(1, 24))
 

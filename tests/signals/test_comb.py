@@ -164,10 +164,10 @@ def test_recording_shorter_than_a_block_is_one_block():
 def test_best_path_is_the_best_of_all_where_moves_are_free_of_charge(seed):
     # one block: the greatest score; constant scores but for one candidate: that candidate
     scores = white((1, 30), seed=seed)
-    assert comb._best_path(scores, 3)[0] == np.argmax(scores[0])
+    assert comb.best_path(scores, 3)[0] == np.argmax(scores[0])
     same = np.zeros((6, 30))
     same[:, seed % 30] = 1.0
-    np.testing.assert_array_equal(comb._best_path(same, 3), seed % 30)
+    np.testing.assert_array_equal(comb.best_path(same, 3), seed % 30)
 
 
 def test_best_path_equals_trying_all_paths():
@@ -181,7 +181,7 @@ def test_best_path_equals_trying_all_paths():
             total = scores[np.arange(5), path].sum() - contrast * np.sum((moves / reach) ** 2)
             if total > best:
                 best, chosen = total, path
-    np.testing.assert_array_equal(comb._best_path(scores, reach), chosen)
+    np.testing.assert_array_equal(comb.best_path(scores, reach), chosen)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from reference.slow_orders import direct_lines, naive_average
 from reference.synthetic_signals import lines_on, track_of, wandering_turns, white
 
 from gearmon.errors import ArgumentError
-from gearmon.signals import order_lines as order_lines_module
+from gearmon.signals import half_blocks
 from gearmon.signals.angle import AngleGrid, AngleTrack
 from gearmon.signals.order_lines import OrderLines, order_lines, order_quality, synchronous_average
 from gearmon.signals.phase import constant_track
@@ -38,7 +38,6 @@ def wandering(duration_s=10.0, speed_hz=20.0, wander=0.01, seed=0):
 
 @pytest.mark.parametrize("block_turns", [5.0, 20.0, 37.3, 1e9])
 def test_order_lines_equal_a_direct_sum(block_turns):
-    # tones of a tenth of the sampling rate at most: there resampling is good to a millionth
     duration, speed = 10.0, 20.0
     time = np.arange(int(duration * RATE)) / RATE
     curve = constant_track(speed, time[-1])
@@ -57,11 +56,15 @@ def test_order_lines_equal_a_direct_sum(block_turns):
     np.testing.assert_allclose(found.amplitude, slow, atol=2e-6)
 
 
-def test_transform_at_any_bin_equals_a_direct_sum():
-    # the non-uniform transform by itself, on noise: every bin, also next to 0 and half the rate
+@pytest.mark.parametrize("plan", ["SumPlan", "LinePlan"])
+def test_transform_at_any_bin_equals_a_direct_sum(plan):
+    # the transforms by themselves, on noise: every bin, also next to 0 and half the rate
     part = white((3, 500), seed=2)
     bins = np.array([0.0, 0.3, 1.0, 17.77, 125.5, 249.6, 250.0])
-    found = order_lines_module._LinePlan(500, bins).lines(part)
+    none = np.ones((2, len(bins)))
+    halves = getattr(half_blocks, plan)(250, 0.5 * bins, none)
+    rising, falling = (halves.lines(half) for half in (part[:, :250], part[:, 250:]))
+    found = rising[0] + falling[1] * np.exp(-1j * np.pi * bins)
     slow = direct_lines(part, 500, 0.0, bins, 500)[0]
     scale = np.where(bins > 0, 2.0, 1.0) / 250.0
     assert np.abs(found * scale - slow).max() < 1e-6 * np.abs(slow).max()

@@ -14,8 +14,8 @@ from gearmon.signals.presence import (
     MeshEvidence,
     combined_comb,
     mesh_evidence,
-    spacing_mismatch,
 )
+from gearmon.signals.sideband_spacing import spacing_mismatch
 
 RATE, NOMINAL, DURATION = 4000.0, 25.0, 6.0
 TIME = np.arange(int(DURATION * RATE)) / RATE

@@ -268,3 +268,11 @@ def test_time_of_day_and_dates_become_seconds():
     assert found.values[0] == pytest.approx([0.0, 0.01, 0.02, 0.03], abs=1e-12)
     clock = table("t;a\n" + "".join(f"{stamp[11:]};1\n" for stamp in stamps))
     assert np.array_equal(clock.values[0], found.values[0])
+
+
+def test_decimal_commas_with_exponents_under_one_name_are_one_column():
+    found = table("a\n0,0\n1,5e-162\n-2,5e+3\n").values
+    np.testing.assert_array_equal(found, [[0.0, 1.5e-162, -2500.0]])
+    two = table("a,b\n0,0\n1,5e-162\n").values
+    np.testing.assert_array_equal(two, [[0.0, 1.0], [0.0, 5e-162]])
+    assert table("0,0\n1,5e-162\n" * 4).values.shape == (2, 8)

@@ -161,6 +161,22 @@ def test_damaged_files_give_the_slow_readers_numbers_or_an_error(
     assert not any("\n" in message or len(message) > 600 for message in messages)
 
 
+def test_a_cut_last_number_is_told_below_a_header_too(tmp_path, monkeypatch):
+    # lines above the rows end otherwise than rows do, and say nothing about them
+    pytest.importorskip("pandas", minversion="3.1")
+    import pandas  # noqa: F401
+
+    path = tmp_path / "cut.csv"
+    path.write_text("DATA\na\n[g]\n" + "".join(f"{k / 7:.6f}\n" for k in range(60)) + "5.24806")
+    refusals = set()
+    for smallest in (0, 2**40):
+        monkeypatch.setattr(whole, "_SMALLEST", smallest)
+        with pytest.raises(RecordingError, match="line 64: the file is cut off") as refused:
+            read_table(open_source(path))
+        refusals.add(str(refused.value))
+    assert len(refusals) == 1
+
+
 def test_damaged_files_cause_no_other_exception(tmp_path):
     path = tmp_path / "damaged.csv"
     messages = []
@@ -175,3 +191,11 @@ def test_damaged_files_cause_no_other_exception(tmp_path):
         else:
             assert recording.samples.shape[1] >= 2
     assert all(message.startswith(str(path)) and "\n" not in message for message in messages)
+
+
+def test_a_zero_byte_does_not_part_a_quoted_field(tmp_path):
+    # five fields, three of them numbers: a damaged row, not a line of six names
+    path = tmp_path / "zero.txt"
+    path.write_bytes(b'a b c d\n"1.5" "2.5" . "4.\x004" "5.5"\n"1" "2" "3" "4"\n"5" "6" "7" "9"\n')
+    with pytest.raises(RecordingError, match="line 2"):
+        read_table(open_source(path))

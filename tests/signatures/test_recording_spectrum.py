@@ -88,12 +88,13 @@ def test_orders_of_any_shaft():
     mesh = {mark.name: mark.place for mark in second.marks}["mesh 1 ×1"]
     assert mesh == pytest.approx(57.0)
     assert second.order[-1] / first.order[-1] == pytest.approx(57 / 23, rel=0.01)
-    # the average is the mean square along the map
-    assert first.map_amplitude.shape[1:] == first.amplitude.shape
-    np.testing.assert_allclose(
-        np.sqrt(np.mean(first.map_amplitude**2, axis=0)), first.amplitude, rtol=1e-9
-    )
-    assert first.map_speed_hz.mean() == pytest.approx(2960 / 60, rel=0.03)
+    # the map has shorter blocks: the mesh line, clear of others, reads the same in it
+    assert first.map.resolution > first.resolution
+    ours, seen = first.map.order, np.sqrt(np.mean(first.map.amplitude**2, axis=0))
+    for row in range(2):
+        line = first.amplitude[row, np.abs(first.order - 23) < 0.1].max()
+        assert seen[row, np.abs(ours - 23) < 0.3].max() == pytest.approx(line, rel=0.2)
+    assert first.map.speed_hz.mean() == pytest.approx(2960 / 60, rel=0.03)
 
 
 @pytest.mark.parametrize(

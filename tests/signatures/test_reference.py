@@ -238,3 +238,37 @@ def test_writing_into_a_folder_that_is_not_there_is_refused(tmp_path):
     with pytest.raises(ArgumentError, match="cannot write there"):
         write_reference(reference(), tmp_path / "nowhere" / "healthy.ref")
     assert list(tmp_path.iterdir()) == []
+
+
+def rewritten(source, target, form, without="nothing"):
+    """A copy of a stored reference that says it has another format."""
+    with np.load(source) as archive:
+        arrays = {name: archive[name] for name in archive.files if without not in name}
+    header = json.loads(bytes(arrays["header"]))
+    header["format"] = form
+    arrays["header"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
+    with target.open("wb") as file:
+        np.savez_compressed(file, **arrays)
+
+
+def test_a_reference_of_the_older_format_is_read_without_foreign_lines(stored, tmp_path):
+    older = tmp_path / "older.ref"
+    rewritten(stored, older, "gearmon reference 1", "foreign")
+    known = read_reference(older)
+    assert all(profile.foreign is None for profile in known.profiles)
+    bare = [replace(profile, foreign=None) for profile in reference().profiles]
+    assert same(known.profiles, tuple(bare))
+
+
+def test_a_reference_of_an_unknown_format_is_refused(stored, tmp_path):
+    newer = tmp_path / "newer.ref"
+    rewritten(stored, newer, "gearmon reference 99")
+    with pytest.raises(SignatureError, match="'gearmon reference 99' is not 'gearmon reference 2'"):
+        read_reference(newer)
+
+
+def test_a_reference_whose_foreign_lines_are_damaged_is_refused(stored, tmp_path):
+    damaged = tmp_path / "damaged.ref"
+    rewritten(stored, damaged, "gearmon reference 2", "place")
+    with pytest.raises(SignatureError, match="not a readable gearmon reference"):
+        read_reference(damaged)

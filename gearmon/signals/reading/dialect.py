@@ -24,6 +24,8 @@ _SAMPLE = 100
 _SEPARATORS = ("\t", ";", ",", " ", "")
 _EMPTY = ' \t,;"'
 _MOST_COLUMNS = 1000
+# What may follow a decimal comma.
+_DECIMALS = re.compile(r"\d+([eE][+-]?\d+)?")
 _ONE_NAME = re.compile(r"\S+(?:\s*[\[(].*[\])])?")
 
 
@@ -241,6 +243,8 @@ def _clear_decimals(
     if not _may_be_decimals(lines, rows):
         return dialect
     verdict = _header_verdict(above) if above else None
+    if verdict is None and not all(second.isdigit() for _, second in rows):
+        return dialect  # 1e-5 stands by itself more often than 0,1e-5 does
     if verdict is None:
         verdict = _digit_verdict(rows)
     if verdict is None:
@@ -255,7 +259,9 @@ def _clear_decimals(
 
 
 def _may_be_decimals(lines: Sequence[str], rows: Sequence[Sequence[str]]) -> bool:
-    plain = all(first.lstrip("+-").isdigit() and second.isdigit() for first, second in rows)
+    plain = all(
+        first.lstrip("+-").isdigit() and _DECIMALS.fullmatch(second) for first, second in rows
+    )
     return plain and not any(mark in line.strip() for line in lines for mark in ' "')
 
 

@@ -123,9 +123,13 @@ def _split_outside_quotes(line: str, separator: str) -> list[str]:
 
 
 def _words_outside_quotes(line: str) -> list[str]:
-    pieces = line.split('"')
-    pieces[::2] = [_BLANKS.sub("\0", piece) for piece in pieces[::2]]
-    return [word for word in '"'.join(pieces).split("\0") if word]
+    words = [""]
+    for index, piece in enumerate(line.split('"')):
+        words[-1] += '"' if index else ""
+        first, *others = [piece] if index % 2 else _BLANKS.split(piece)
+        words[-1] += first
+        words.extend(others)
+    return [word for word in words if word]
 
 
 def _unquoted(field: str) -> str:

@@ -49,6 +49,8 @@ class Survey:
         Extremes.
     at_low, at_high : int
         Samples that equal them.
+    first_low, first_high : int
+        Index of the first sample that does.
     """
 
     finite: bool
@@ -56,6 +58,8 @@ class Survey:
     high: float = 0.0
     at_low: int = 0
     at_high: int = 0
+    first_low: int = 0
+    first_high: int = 0
 
 
 def survey(values: Floats) -> Survey:
@@ -66,6 +70,7 @@ def survey(values: Floats) -> Survey:
     values : ndarray of float64, shape (n,)
     """
     low, high, at_low, at_high = np.inf, -np.inf, 0, 0
+    first_low = first_high = 0
     for start in range(0, len(values), _CHUNK):
         part = values[start : start + _CHUNK]
         least, most = part.min(), part.max()
@@ -73,11 +78,25 @@ def survey(values: Floats) -> Survey:
             return Survey(finite=False)
         if least <= low:
             count = int(np.count_nonzero(part == least))
-            low, at_low = least, count + (at_low if least == low else 0)
+            if least < low:
+                low, at_low, first_low = least, 0, start
+            at_low += count
         if most >= high:
             count = int(np.count_nonzero(part == most))
-            high, at_high = most, count + (at_high if most == high else 0)
-    return Survey(finite=True, low=float(low), high=float(high), at_low=at_low, at_high=at_high)
+            if most > high:
+                high, at_high, first_high = most, 0, start
+            at_high += count
+    if not len(values):
+        return Survey(finite=True, low=float(low), high=float(high))
+    return Survey(
+        finite=True,
+        low=float(low),
+        high=float(high),
+        at_low=at_low,
+        at_high=at_high,
+        first_low=first_low + int(values[first_low : first_low + _CHUNK].argmin()),
+        first_high=first_high + int(values[first_high : first_high + _CHUNK].argmax()),
+    )
 
 
 def missing_values(values: Floats, found: Survey | None = None) -> tuple[int, int]:
@@ -126,10 +145,10 @@ def find_defect(values: Floats, found: Survey | None = None) -> Defect | None:
     if at_low + at_high == len(values):
         text = f"has only two values, {low:g} and {high:g}: is it a tacho or a switch?"
         return Defect(text=text, row=-1)
-    for count, extreme, place in ((at_high, high, np.argmax), (at_low, low, np.argmin)):
+    extremes = ((at_high, high, found.first_high), (at_low, low, found.first_low))
+    for count, extreme, first in extremes:
         if count < _FEWEST_SAMPLES:
             continue
-        first = int(place(values))
         if _is_piled_up(values[first:], high - low):
             share = count / len(values)
             text = f"is clipped: {count} samples ({100 * share:.2g} %) are exactly {extreme:g}"

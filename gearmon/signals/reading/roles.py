@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -11,7 +12,7 @@ import numpy as np
 from gearmon.errors import RecordingError
 from gearmon.signals.reading.columns import Column, find_column
 from gearmon.signals.reading.content import Content
-from gearmon.signals.reading.quality import find_defect, missing_values, survey
+from gearmon.signals.reading.quality import Survey, find_defect, missing_values, survey
 from gearmon.signals.reading.rate import sampling_rate
 from gearmon.signals.reading.rounding import Floats
 from gearmon.signals.reading.timebase import counts_evenly, rises_evenly
@@ -20,6 +21,8 @@ from gearmon.signals.reading.units import acceleration_factor
 ACCELERATION_UNIT = "m/s2"
 # Up to this size a copy without gaps between the channels costs nothing worth saving.
 _SMALL_BYTES = 32 * 1024 * 1024
+# From this size on threads are worth starting.
+_LONG_BYTES = 16 * 1024 * 1024
 _REMEDY_ALONE = "correct the file, or name the channels to use with --channel"
 
 
@@ -242,10 +245,15 @@ def _usable(
 ) -> tuple[list[int], list[str]]:
     """Return the indices of the columns to keep, and notes on those left out."""
     kept, notes, bad = [], [], []
-    for index, column in enumerate(columns):
-        if column.kind in ("time", "index") or _is_unwanted(index, column, wanted):
-            continue
-        fatal, note = _judged(content, index, column, wanted)
+    looked_at = [
+        index
+        for index, column in enumerate(columns)
+        if column.kind not in ("time", "index") and not _is_unwanted(index, column, wanted)
+    ]
+    surveys = _surveys(content.values, looked_at)
+    for index, found in zip(looked_at, surveys, strict=True):
+        column = columns[index]
+        fatal, note = _judged(content, index, column, wanted, found)
         if fatal:
             bad.append(note)
         else:
@@ -263,10 +271,21 @@ def _is_unwanted(index: int, column: Column, wanted: _Spoken) -> bool:
     return index not in wanted.channels and column.kind in ("vibration", "other")
 
 
-def _judged(content: Content, index: int, column: Column, wanted: _Spoken) -> tuple[bool, str]:
+def _surveys(values: Floats, indices: Sequence[int]) -> list[Survey]:
+    """Survey channels, by threads where they are long."""
+    if values.nbytes < _LONG_BYTES or len(indices) < 2:
+        return [survey(values[index]) for index in indices]
+    from concurrent.futures import ThreadPoolExecutor  # short recordings do without
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        return list(pool.map(lambda index: survey(values[index]), indices))
+
+
+def _judged(
+    content: Content, index: int, column: Column, wanted: _Spoken, found: Survey
+) -> tuple[bool, str]:
     """Return whether a channel is useless, and what is to be said about it; raise if it matters."""
     values = content.values[index]
-    found = survey(values)
     count, first = missing_values(values, found)
     if count:
         text = _missing_text(count, len(values))

@@ -284,7 +284,9 @@ def _check_tail(source: Source, layout: Layout, rows: int) -> None:
     if closed:
         return
     lines = decoded(text).split("\n")
-    check_last_line(source.path, lines, layout.first_line + rows - 1, layout.dialect)
+    number = layout.first_line + rows - 1
+    above = max(0, layout.first_line - (number - len(lines) + 1))  # lines that are no rows
+    check_last_line(source.path, lines[above:], number, layout.dialect)
 
 
 def _why_no_table(lines: Sequence[str]) -> str:

@@ -1,9 +1,10 @@
 """Large plain files in one go through the parallel parser of pandas, where nothing is in doubt.
 
 The parser of pandas 3.1 rounds correctly and uses all cores. It is lenient in ways that are not
-wanted here, so the bytes of the file are counted first: as many line ends and separators as the
-table must have, no blanks or zero bytes, no exponent of more than four digits. What fails any of
-this, or is no number to pandas, is left to the blocks, which say what is wrong and where.
+wanted here, so the bytes of the file are looked at first: as many line ends as there come out rows,
+no blanks or zero bytes, no exponent of more than four digits. What fails any of this, or is no
+number to pandas (a field that is missing neither), is left to the blocks, which say what is wrong
+and where.
 
 The parser takes about three times the memory of the numbers while it works.
 """
@@ -12,6 +13,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Literal
@@ -30,10 +32,11 @@ _SMALLEST, _LARGEST = 8 * 1024 * 1024, 1024 * 1024 * 1024
 # Loading pandas costs as much as it saves in a file of this size.
 _WORTH_LOADING = 192 * 1024 * 1024
 _SHARE = 8 * 1024 * 1024  # of one thread at a time
-_PIECE = 128 * 1024
+_PIECE = 64 * 1024
+_AHEAD = 16  # bytes beyond a piece: an exponent at its end is seen whole
 _NO_QUOTES: Literal[3] = 3
 _SPACE, _NEWLINE, _TAB, _RETURN = b" \n\t\r"
-_LOWER_E, _TO_LOWER = ord("e"), 0x20
+_UPPER_E, _LOWER_E, _TO_LOWER = ord("E"), ord("e"), 0x20
 _LONGEST_EXPONENT = 4
 _TAIL = 64 * 1024
 
@@ -42,7 +45,6 @@ _TAIL = 64 * 1024
 class _Counts:
     lines: int
     returns: int
-    separators: int
     clean: bool
 
 
@@ -78,9 +80,9 @@ def parse_file(source: Source, layout: Layout) -> Floats | None:
     begin = _start_of_line(text, layout.first_line)
     if begin is None:
         return None
-    counts = _count(text[begin:], ord(dialect.separator or "\0"))
+    counts = _count(source.path, begin, len(text), tabbed=dialect.separator == "\t")
     rows = counts.lines + int(text[-1] != _NEWLINE)
-    if not counts.clean or counts.separators != rows * (dialect.columns - 1):
+    if not counts.clean:
         return None
     if counts.returns not in (0, counts.lines):  # not the line ends of one system
         return None
@@ -137,40 +139,56 @@ def _start_of_line(text: Bytes, line: int) -> int | None:
     return begin
 
 
-def _count(text: Bytes, separator: int) -> _Counts:
-    """Count what makes up rows, with all cores."""
-    starts = range(0, len(text), _SHARE)
+def _count(path: str, begin: int, end: int, *, tabbed: bool) -> _Counts:
+    """Count what ends lines, and look for what is left to the blocks, with all cores."""
+    starts = range(begin, end, _SHARE)
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        found = list(pool.map(lambda start: _counted(text, start, separator), starts))
+        found = list(
+            pool.map(
+                lambda start: _counted(path, start, min(start + _SHARE, end), tabbed=tabbed),
+                starts,
+            )
+        )
     return _Counts(
         lines=sum(one.lines for one in found),
         returns=sum(one.returns for one in found),
-        separators=sum(one.separators for one in found),
         clean=all(one.clean for one in found),
     )
 
 
-def _counted(text: Bytes, begin: int, separator: int) -> _Counts:
-    lines = returns = separators = 0
-    mask = np.empty(_PIECE, np.bool_)  # used again and again: it stays in the cache
-    lower = np.empty(_PIECE, np.uint8)
+def _counted(path: str, begin: int, end: int, *, tabbed: bool) -> _Counts:
+    lines = returns = 0
+    # used again and again, so that they stay in the cache; mapped pages would cost more than this
+    held, mask = bytearray(_PIECE + _AHEAD), np.empty(_PIECE, np.bool_)
+    text = np.frombuffer(held, np.uint8)
     clean = True
-    for start in range(begin, min(begin + _SHARE, len(text)), _PIECE):
-        piece = text[start : start + _PIECE]
-        own, letters = mask[: len(piece)], lower[: len(piece)]
+    for start, got in _pieces(path, begin, end, held):
+        wanted = min(_PIECE, end - start)
+        if got < wanted:
+            return _Counts(lines=0, returns=0, clean=False)  # cut while it is read
+        piece, own = text[:wanted], mask[:wanted]
         ends = int(np.count_nonzero(np.equal(piece, _NEWLINE, out=own)))
-        between = int(np.count_nonzero(np.equal(piece, separator, out=own))) if separator else 0
         blanks = int(np.count_nonzero(np.less_equal(piece, _SPACE, out=own))) - ends
-        blanks -= between if separator == _TAB else 0
+        if blanks and tabbed:
+            blanks -= int(np.count_nonzero(np.equal(piece, _TAB, out=own)))
         if blanks:
             turns = int(np.count_nonzero(np.equal(piece, _RETURN, out=own)))
             clean &= blanks == turns
             returns += turns
-        lines, separators = lines + ends, separators + between
-        np.equal(np.bitwise_or(piece, _TO_LOWER, out=letters), _LOWER_E, out=own)
-        if own.any():
-            clean &= not _has_long_exponent(text, start + np.flatnonzero(own))
-    return _Counts(lines=lines, returns=returns, separators=separators, clean=clean)
+        lines += ends
+        if piece.max() >= _UPPER_E:
+            letters = np.flatnonzero(np.greater_equal(piece, _UPPER_E, out=own))
+            exponents = letters[piece[letters] | _TO_LOWER == _LOWER_E]
+            clean &= not _has_long_exponent(text[:got], exponents)
+    return _Counts(lines=lines, returns=returns, clean=clean)
+
+
+def _pieces(path: str, begin: int, end: int, held: bytearray) -> Iterator[tuple[int, int]]:
+    """Read a stretch of a file piece by piece; yield where each begins, and how many bytes came."""
+    with open(path, "rb", buffering=0) as file:
+        for start in range(begin, end, _PIECE):
+            file.seek(start)
+            yield start, file.readinto(held)
 
 
 def _has_long_exponent(text: Bytes, letters: npt.NDArray[np.int64]) -> bool:

@@ -1,0 +1,151 @@
+"""Command that follows a machine over time: history."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gearmon.commands.inputs import followed, machine_of, recording_of
+from gearmon.commands.output import BAD_INPUT, DONE, FLAGGED, show, write_json
+from gearmon.errors import ArgumentError, GearmonError
+
+if TYPE_CHECKING:
+    from gearmon.diagnosis.history import Entry
+    from gearmon.diagnosis.history_trends import HistoryTrends
+    from gearmon.machine import Machine
+
+
+def run_history(arguments: argparse.Namespace) -> int:
+    """Run `gearmon history`."""
+    from gearmon.diagnosis.history import History
+    from gearmon.diagnosis.history_store import append, read_history
+    from gearmon.diagnosis.history_trends import history_trends
+
+    _check(arguments)
+    limit = _limit(arguments.limit)
+    machine = machine_of(arguments.machine)
+    times = _times(arguments)
+    _refuse_known(arguments, machine, times)
+    entries, errors = _entries(arguments, machine, times)
+    replaced = 0
+    if arguments.store:
+        if entries:
+            replaced = append(arguments.store, entries, replace=arguments.replace)
+        history = read_history(arguments.store, machine.name)
+    else:
+        history = History(machine=machine.name)
+        for entry in entries:
+            history = history.with_entry(entry, replace=arguments.replace)
+    found = history_trends(history, limit=limit)
+    result = found.to_dict() | {"errors": errors, "replaced": replaced}
+    if arguments.output:
+        result["files"] = _written(arguments.output, found, result)
+    show(arguments, result, lambda: _lines(found, result))
+    if errors:
+        return BAD_INPUT
+    return FLAGGED if found.raised else DONE
+
+
+def _check(arguments: argparse.Namespace) -> None:
+    """Refuse what cannot work before any recording is analysed."""
+    if arguments.store == "":
+        raise ArgumentError("--store: the name is empty")
+    if not arguments.recording and not arguments.store:
+        raise ArgumentError("history: name recordings, or with --store a history file to look at")
+    if arguments.store:
+        store = Path(arguments.store).resolve()
+        others = [*arguments.recording, arguments.machine, arguments.reference, arguments.output]
+        if any(store == Path(path).resolve() for path in others if path):
+            raise ArgumentError(f"{arguments.store}: is another file of this command as well")
+
+
+def _limit(text: str | None) -> float | None:
+    """Read a loss, 20% or 0.2."""
+    if text is None:
+        return None
+    try:
+        number = float(text.removesuffix("%")) * (0.01 if text.endswith("%") else 1.0)
+    except ValueError:
+        number = float("nan")
+    if not 0 < number <= 1:
+        raise ArgumentError(
+            f"--limit {text}: must be a loss of pair stiffness above 0, up to 100%, such as 20%"
+        )
+    return number
+
+
+def _times(arguments: argparse.Namespace) -> list[datetime]:
+    from gearmon.diagnosis.recording_times import recording_times
+
+    if not arguments.recording:
+        return []
+    return recording_times(arguments.recording, arguments.times, arguments.time_from)
+
+
+def _refuse_known(arguments: argparse.Namespace, machine: Machine, times: list[datetime]) -> None:
+    """Refuse times that the history has already, before any recording is analysed."""
+    from gearmon.diagnosis.history_store import read_history
+
+    if arguments.replace or not arguments.store or not Path(arguments.store).exists():
+        return
+    known = {e.time_s: e for e in read_history(arguments.store, machine.name).entries}
+    for path, time in zip(arguments.recording, times, strict=True):
+        if time.timestamp() in known:
+            entry = known[time.timestamp()]
+            raise ArgumentError(
+                f"{path}: {arguments.store} has a recording of {entry.when} already "
+                f"({entry.recording}); add --replace, or give the right time"
+            )
+
+
+def _entries(
+    arguments: argparse.Namespace, machine: Machine, times: list[datetime]
+) -> tuple[list[Entry], list[dict[str, str]]]:
+    """Analyse the recordings; a bad one is reported in its place and the others are kept."""
+    if not arguments.recording:
+        return [], []
+    from gearmon.commands.recordings import reference_of
+    from gearmon.diagnosis.analysis import analyse
+    from gearmon.diagnosis.history import entry_of
+
+    reference = reference_of(arguments, machine)
+    source = arguments.time_from or "given"
+    entries: list[Entry] = []
+    errors: list[dict[str, str]] = []
+    for number, path in enumerate(followed(arguments.recording, "analysing")):
+        try:
+            analysis = analyse(recording_of(path, arguments, machine), machine, reference)
+            entries.append(entry_of(analysis, times[number], source))
+        except GearmonError as error:
+            print(f"gearmon: {error}", file=sys.stderr)
+            errors.append({"recording": path, "error": str(error)})
+    return entries, errors
+
+
+def _written(output: str, found: HistoryTrends, result: dict[str, Any]) -> list[str]:
+    """Write the table under the name, and the picture beside it."""
+    from gearmon.diagnosis.history_store import export_history
+    from gearmon.report.history_plots import save_history_picture
+
+    target, files = Path(output), []
+    if target.suffix.lower() == ".json":
+        write_json(output, result)
+        files.append(output)
+    elif target.suffix.lower() != ".png":
+        files.append(str(export_history(found.history, target)))
+    if found.history.entries:
+        files.append(str(save_history_picture(found, target.with_suffix(".png"))))
+    return files
+
+
+def _lines(found: HistoryTrends, result: dict[str, Any]) -> list[str]:
+    from gearmon.report.history_text import history_lines
+
+    lines = history_lines(found)
+    lines += [f"{entry['recording']}: not analysed" for entry in result["errors"]]
+    if result["replaced"]:
+        lines.append(f"replaced: {result['replaced']}")
+    return lines + [f"wrote {path}" for path in result.get("files", ())]

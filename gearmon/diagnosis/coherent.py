@@ -1,0 +1,287 @@
+"""What is left of a gear's pattern after the healthy one has been fitted to it.
+
+Both patterns, synchronous averages as complex lines, are turned to the same angle. About each mesh
+harmonic the healthy one may then change by a complex gain that varies slowly across the band: load,
+sensor gain and mounting change the gain, a small change of speed moves every line to another place
+of the path's response and makes the gain vary. Pitch errors and eccentricities of the machine
+itself cancel. The rest comes with the variance that the scatter of either recording leaves to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearmon.signatures.reference import WheelPattern
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+IntArray = NDArray[np.int64]
+
+# Terms of the gain's polynomial across a band; a speed changed by two per cent needs three.
+_GAIN_TERMS = 3
+# Lines that each fitted number needs, lest the fit take away what it is to leave.
+_LINES_A_NUMBER = 4
+# Sidebands this near to a mesh harmonic belong to eccentricity and misalignment, not to one tooth.
+NEAR = 2
+_LEAST_LINES = 4
+# Time over which the path remembers: how fast its response changes with frequency [s].
+_PATH_MEMORY_S = 1.4e-3
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BandDifference:
+    """Rest of the lines about one mesh harmonic.
+
+    Parameters
+    ----------
+    harmonic : int
+        Mesh harmonic, from 1.
+    number : ndarray of int, shape (lines,)
+        Multiples of the gear's rotation.
+    rest : ndarray of complex, shape (channels, lines)
+        New less fitted healthy amplitude, in units of its own standard deviation, corrected for
+        what the fit takes away: without a change its mean square is 1.
+    deviation : ndarray of float, shape (channels, lines)
+        That standard deviation [unit of the channel].
+    """
+
+    harmonic: int
+    number: IntArray
+    rest: ComplexArray
+    deviation: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CoherentDifference:
+    """Rest of one gear's pattern.
+
+    Parameters
+    ----------
+    stage : int
+        Stage, from 1.
+    gear : str
+        Gear.
+    teeth : int
+        Teeth.
+    order : float
+        Rotation of the gear, in turns of shaft 1.
+    bands : tuple of BandDifference
+        Bands with enough lines, by harmonic.
+    mesh_power : ndarray of float, shape (channels, harmonics + 1)
+        |A|^2 of the mesh harmonics in the new recording, 0 where not measured.
+    shift_turns : float
+        Angle zero of the (first) healthy recording, in turns of this gear after that of the new
+        one; 0 where nothing had to be turned.
+    patterns : int
+        Healthy patterns that were fitted; 0 if the gear was compared with nothing.
+    """
+
+    stage: int
+    gear: str
+    teeth: int
+    order: float
+    bands: tuple[BandDifference, ...]
+    mesh_power: FloatArray
+    shift_turns: float
+    patterns: int
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Pattern:
+    """A gear's lines on a full grid 0..top of multiples of its rotation."""
+
+    amplitude: ComplexArray
+    variance: FloatArray
+    usable: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, wheel: WheelPattern, channels: Sequence[int], top: int) -> _Pattern:
+        inside = wheel.number <= top
+        number = wheel.number[inside]
+        amplitude = np.zeros((len(channels), top + 1), dtype=complex)
+        variance = np.ones((len(channels), top + 1))
+        usable = np.zeros(top + 1, dtype=bool)
+        amplitude[:, number] = wheel.amplitude[list(channels)][:, inside]
+        variance[:, number] = np.maximum(
+            wheel.variance[list(channels)][:, inside], np.finfo(float).tiny
+        )
+        usable[number] = ~wheel.mesh[inside]
+        return cls(amplitude=amplitude, variance=variance, usable=usable)
+
+
+def coherent_difference(
+    wheel: WheelPattern,
+    channels: Sequence[int],
+    healthy: Sequence[WheelPattern],
+    healthy_channels: Sequence[int],
+    *,
+    same_zero: bool,
+    moved_hz: Sequence[float] = (),
+) -> CoherentDifference | None:
+    """Subtract the healthy patterns of a gear from a new one.
+
+    Parameters
+    ----------
+    wheel : WheelPattern
+        The gear in the new recording.
+    channels : sequence of int
+        Its channels to use.
+    healthy : sequence of WheelPattern
+        The same gear in healthy recordings; empty to leave the new pattern as it is.
+    healthy_channels : sequence of int
+        The same channels there.
+    same_zero : bool
+        Whether angle zero is the same position of the gear in all: then nothing is turned.
+    moved_hz : sequence of float, optional
+        By how much a line at one turn of the gear stands at another frequency than in each healthy
+        recording [Hz]; nothing if not given.
+
+    Returns
+    -------
+    CoherentDifference or None
+        None if too few lines are resolved.
+
+    Notes
+    -----
+    About mesh harmonic k of a gear with z teeth, A_n ~ sum_r sum_p g_rp x^p B_rn with
+    x = n/z - k, p = 0..2, of as many healthy patterns B_r as the lines of the band can carry, by
+    least squares weighted with 1/(var A + |g|^2 var B). Where lines have moved by d Hz, the gain
+    leaves what its polynomial cannot follow of a path that changes within 1/(2 pi tau): amplitudes
+    of a share (2 pi tau d)^2, tau = 1.4 ms, whose square is added to the variance.
+    """
+    patterns = (wheel, *healthy)
+    if not all(len(pattern.number) for pattern in patterns):
+        return None
+    top = min(int(pattern.number.max()) for pattern in patterns)
+    new = _Pattern.of(wheel, channels, top)
+    bands = _bands(wheel.teeth, top)
+    moved = np.abs(np.asarray(moved_hz)) if len(moved_hz) else np.zeros(len(healthy))
+    known, shift = [], 0.0
+    for row, pattern in enumerate(healthy):
+        own = _Pattern.of(pattern, healthy_channels, top)
+        angle = 0.0 if same_zero else _angle(own, new, bands)
+        shift = angle if row == 0 else shift
+        known.append(_turned(own, angle))
+    parts = tuple(_band_differences(new, known, bands, wheel.teeth, moved))
+    if not parts:
+        return None
+    return CoherentDifference(
+        stage=wheel.stage,
+        gear=wheel.gear,
+        teeth=wheel.teeth,
+        order=wheel.order,
+        bands=parts,
+        mesh_power=np.abs(new.amplitude[:, :: wheel.teeth]) ** 2,
+        shift_turns=shift,
+        patterns=len(known),
+    )
+
+
+def _bands(teeth: int, top: int) -> list[IntArray]:
+    """Multiples of the rotation about each mesh harmonic, half a mesh order to either side."""
+    bands: list[IntArray] = []
+    for k in range(1, (top + teeth // 2) // teeth + 1):
+        low, high = max(1, k * teeth - teeth // 2), min(top, k * teeth + (teeth - 1) // 2)
+        bands.append(np.arange(low, high + 1))
+    return bands
+
+
+def _angle(known: _Pattern, new: _Pattern, bands: Sequence[IntArray]) -> float:
+    """Angle [turns] by which a healthy pattern must be turned to explain most of the new one."""
+    top = len(new.usable) - 1
+    # eight steps per cycle of the highest line: the best angle is met within 3 per cent of power
+    steps = 1 << int(np.ceil(np.log2(8 * (top + 1))))
+    explained = np.zeros(steps)
+    for band in bands:
+        use = band[new.usable[band] & known.usable[band]]
+        if len(use) < _LEAST_LINES:
+            continue
+        weight = 1.0 / (new.variance[:, use] + known.variance[:, use])
+        product = np.zeros((len(weight), steps), dtype=complex)
+        product[:, use] = weight * np.conj(known.amplitude[:, use]) * new.amplitude[:, use]
+        power = np.sum(weight * np.abs(known.amplitude[:, use]) ** 2, axis=1)
+        match = np.abs(np.fft.fft(product, axis=1)) ** 2
+        explained += (match / np.maximum(power, np.finfo(float).tiny)[:, None]).sum(axis=0)
+    return int(np.argmax(explained)) / steps
+
+
+def _turned(known: _Pattern, angle: float) -> _Pattern:
+    turn = np.exp(2j * np.pi * angle * np.arange(len(known.usable)))
+    return _Pattern(amplitude=known.amplitude * turn, variance=known.variance, usable=known.usable)
+
+
+def _band_differences(
+    new: _Pattern,
+    known: Sequence[_Pattern],
+    bands: Sequence[IntArray],
+    teeth: int,
+    moved_hz: FloatArray,
+) -> Iterator[BandDifference]:
+    usable = new.usable.copy()
+    for pattern in known:
+        usable &= pattern.usable
+    for harmonic, band in enumerate(bands, start=1):
+        use = band[usable[band]]
+        offset = use - teeth * harmonic
+        far = np.abs(offset) > NEAR
+        if far.sum() < _LEAST_LINES:
+            continue
+        rest = np.empty((len(new.amplitude), int(far.sum())), dtype=complex)
+        deviation = np.empty(rest.shape)
+        for channel in range(len(rest)):
+            fitted = _fit(
+                new.amplitude[channel, use],
+                new.variance[channel, use],
+                np.array([pattern.amplitude[channel, use] for pattern in known]),
+                np.array([pattern.variance[channel, use] for pattern in known]),
+                offset / teeth,
+                np.minimum(1.0, (2 * np.pi * _PATH_MEMORY_S * moved_hz * teeth * harmonic) ** 2),
+            )
+            rest[channel], deviation[channel] = fitted[0][far], fitted[1][far]
+        yield BandDifference(harmonic=harmonic, number=use[far], rest=rest, deviation=deviation)
+
+
+def _fit(
+    value: ComplexArray,
+    variance: FloatArray,
+    basis: ComplexArray,
+    basis_variance: FloatArray,
+    place: FloatArray,
+    share: FloatArray,
+) -> tuple[ComplexArray, FloatArray]:
+    """Whitened rest of a band after the healthy patterns, and its standard deviation."""
+    room = len(value) // _LINES_A_NUMBER
+    if not len(basis) or room < 1:
+        deviation = np.sqrt(variance)
+        return value / deviation, deviation
+    chosen = _most_similar(value, variance, basis, max(1, min(len(basis), room // _GAIN_TERMS)))
+    terms = min(_GAIN_TERMS, max(1, room // len(chosen)))
+    powers = place ** np.arange(terms)[:, None]
+    columns = (basis[chosen][:, None, :] * powers).reshape(-1, len(value))
+    gain = np.zeros(len(columns), dtype=complex)
+    # the noise of a healthy pattern is heard through its gain, so the weights need the gain first
+    total = variance + basis_variance[chosen].mean(axis=0)
+    for _ in range(2):
+        weight = 1.0 / np.sqrt(total)
+        gain = np.linalg.lstsq((columns * weight).T, value * weight, rcond=None)[0]
+        across = np.abs(gain.reshape(len(chosen), terms) @ powers) ** 2
+        power = np.mean(across * np.abs(basis[chosen]) ** 2, axis=1)
+        total = variance + np.sum(across * basis_variance[chosen], axis=0)
+        total = total + float(share[chosen] ** 2 @ power)
+    deviation = np.sqrt(total)
+    left = np.sqrt(len(value) / max(1, len(value) - len(columns)))
+    return (value - gain @ columns) / deviation * left, deviation
+
+
+def _most_similar(
+    value: ComplexArray, variance: FloatArray, basis: ComplexArray, count: int
+) -> IntArray:
+    """Choose the healthy patterns that are most like the new one in this band."""
+    weight = 1.0 / variance
+    match = np.abs((basis.conj() * weight) @ value) ** 2
+    match /= np.maximum(np.sum(np.abs(basis) ** 2 * weight, axis=1), np.finfo(float).tiny)
+    return np.sort(np.argsort(match, kind="stable")[::-1][:count])

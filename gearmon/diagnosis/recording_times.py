@@ -1,0 +1,146 @@
+"""When a recording was made: as the user says, or from its file. It is never invented."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
+from gearmon.errors import ArgumentError
+
+#: Where times may be taken from if they are not given.
+SOURCES = ("modified", "name")
+
+_REMEDY = "name it as pump_2026-11-21T10-30-00.csv, or give the times"
+_DATE = re.compile(r"(?<!\d)(\d{4})([-_.]?)(\d{2})\2(\d{2})()()()()")
+_IN_NAME = re.compile(
+    r"(?<!\d)(\d{4})([-_.]?)(\d{2})\2(\d{2})"
+    r"(?:[T_ -]?(\d{2})[:\-.h]?(\d{2})(?:[:\-.m]?(\d{2}))?)?(Z|[+-]\d{2}:?\d{2})?(?![T_ \-.:]?\d)"
+)
+
+
+def read_time(text: str) -> datetime:
+    """Read a time in ISO 8601; one without an offset is taken as UTC.
+
+    Parameters
+    ----------
+    text : str
+        As "2026-11-21T10:30:00+01:00" or "2026-11-21".
+
+    Returns
+    -------
+    datetime
+        With its offset.
+
+    Raises
+    ------
+    ArgumentError
+        If it is no time.
+
+    Examples
+    --------
+    >>> read_time("2026-11-21T10:30:00+01:00").astimezone(UTC).hour
+    9
+    """
+    try:
+        moment = datetime.fromisoformat(text.strip())
+    except ValueError:
+        raise ArgumentError(
+            f"time {text!r} is not ISO 8601; write it as 2026-11-21T10:30:00Z"
+        ) from None
+    return moment if moment.tzinfo is not None else moment.replace(tzinfo=UTC)
+
+
+def time_from_name(path: str | Path) -> datetime:
+    """Read the time that stands in the name of a file; without an offset it is taken as UTC.
+
+    Parameters
+    ----------
+    path : str or Path
+        As "pump_2026-11-21T10-30-00.csv" or "20261121_1030.wav".
+
+    Raises
+    ------
+    ArgumentError
+        If no date, or more than one, stands in the name.
+
+    Examples
+    --------
+    >>> time_from_name("run 20261121_1030.csv").isoformat()
+    '2026-11-21T10:30:00+00:00'
+    """
+    name = Path(path).name
+    dates = [match for match in _DATE.finditer(name) if _moment(match) is not None]
+    if len(dates) != 1:
+        what = "no date stands" if not dates else f"{len(dates)} dates stand"
+        raise ArgumentError(f"{path}: {what} in the name of the file; {_REMEDY}")
+    whole = _IN_NAME.match(name, dates[0].start())
+    found = _moment(whole) if whole is not None else None
+    if found is None:
+        raise ArgumentError(
+            f"{path}: what follows the date in the name of the file is no time; {_REMEDY}"
+        )
+    return found
+
+
+def _moment(match: re.Match[str]) -> datetime | None:
+    year, _, month, day, hour, minute, second, offset = match.groups()
+    clock = f"{hour or '00'}:{minute or '00'}:{second or '00'}"
+    try:
+        return read_time(f"{year}-{month}-{day}T{clock}{offset or ''}")
+    except ArgumentError:
+        return None  # eight digits that are no date
+
+
+def time_modified(path: str | Path) -> datetime:
+    """Return when a file was last written.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no such file.
+    """
+    try:
+        return datetime.fromtimestamp(Path(path).stat().st_mtime, UTC)
+    except OSError as error:
+        raise ArgumentError(f"{path}: cannot be looked at ({error.strerror})") from None
+
+
+def recording_times(
+    paths: Sequence[str], given: str | None = None, source: str | None = None
+) -> list[datetime]:
+    """Return when each of some recordings was made.
+
+    Parameters
+    ----------
+    paths : sequence of str
+        The recordings.
+    given : str, optional
+        Times in ISO 8601, separated by commas, one for each recording.
+    source : {"modified", "name"}, optional
+        Where to take them from otherwise.
+
+    Raises
+    ------
+    ArgumentError
+        If neither or both are given, or they do not fit.
+    """
+    if given is not None and source is not None:
+        raise ArgumentError("--times and --time-from: give one of them, not both")
+    if given is not None:
+        times = [read_time(text) for text in given.split(",")]
+        if len(times) != len(paths):
+            raise ArgumentError(
+                f"--times: {len(times)} times for {len(paths)} recordings; give one for each"
+            )
+        return times
+    if source is None:
+        raise ArgumentError(
+            "when were the recordings made? Their samples do not tell: give --times "
+            "2026-11-21T10:30:00Z,... or --time-from name (or modified)"
+        )
+    if source not in SOURCES:
+        raise ArgumentError(f"--time-from {source}: must be one of {', '.join(SOURCES)}")
+    read = time_from_name if source == "name" else time_modified
+    return [read(path) for path in paths]

@@ -1,0 +1,189 @@
+"""The picture of a history: losses with intervals, when they began, the limit; the score below."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
+from matplotlib.figure import Figure
+
+from gearmon.diagnosis.history import Entry
+from gearmon.diagnosis.history_trends import SECONDS_PER_DAY, HistoryTrends, ToothTrend
+from gearmon.files import write_atomically
+from gearmon.report.history_text import told_teeth
+from gearmon.report.palette import (
+    BLACK,
+    GREY,
+    LIGHT_GREY,
+    VERDICT_STYLE,
+    VERMILLION,
+    series_colour,
+    series_marker,
+)
+from gearmon.report.plots import as_png, legend, light_grid, new_figure, style
+from gearmon.report.wording import gear_text
+
+#: Teeth that get a colour, and others that are drawn behind them in grey.
+MOST_TEETH, MOST_OTHERS = 4, 200
+_MARKERS = {"healthy": "o", "cannot tell": "^", "fault": "s", "no mesh found": "x"}
+#: How far beyond the recordings a trend is drawn towards its limit, in lengths of the history.
+_AHEAD = 1.0
+
+
+def save_history_picture(
+    found: HistoryTrends, path: Path, known_loss: Sequence[float] | None = None
+) -> Path:
+    """Draw a history and write the picture.
+
+    Parameters
+    ----------
+    found : HistoryTrends
+        With at least one recording.
+    path : Path
+        Name of the PNG.
+    known_loss : sequence of float, optional
+        What the loss is known to have been in each recording, where it is simulated.
+
+    Returns
+    -------
+    Path
+        `path`.
+    """
+    with style():
+        png = as_png(history_figure(found, known_loss))
+    write_atomically(path, png)
+    return path
+
+
+def history_figure(found: HistoryTrends, known_loss: Sequence[float] | None = None) -> Figure:
+    """Draw losses over time, if any were estimated or are known, and the scores."""
+    losses = bool(found.teeth) or known_loss is not None
+    heights = [2.3, 1.15] if losses else [1.8]
+    top = 0.55 if losses else 0.35
+    figure, axes = new_figure(heights, top_in=top, bottom_in=0.45, sharex=True)
+    if losses:
+        _losses(found, axes[0])
+    if known_loss is not None:
+        axes[0].plot(
+            [float(_days(entry.time_s)) for entry in found.history.entries],
+            100 * np.asarray(known_loss, dtype=float),
+            color=BLACK,
+            linewidth=0.9,
+            linestyle=(0, (1, 1.5)),
+            label="known loss",
+        )
+    _scores(found, axes[-1])
+    locator = AutoDateLocator()  # type: ignore[no-untyped-call]
+    axes[-1].xaxis.set_major_locator(locator)
+    axes[-1].xaxis.set_major_formatter(ConciseDateFormatter(locator))  # type: ignore[no-untyped-call]
+    axes[-1].set_xlabel("Time (UTC)")
+    legend(figure, axes, columns=4)
+    return figure
+
+
+def _days(time_s: float | np.ndarray) -> np.ndarray:
+    return np.asarray(time_s, dtype=float) / SECONDS_PER_DAY
+
+
+def _losses(found: HistoryTrends, ax: Axes) -> None:
+    shown = told_teeth(found)[:MOST_TEETH]
+    others = [tooth for tooth in found.teeth if tooth not in shown]
+    for number, tooth in enumerate(others[:MOST_OTHERS]):
+        series = tooth.trend.series
+        ax.plot(
+            _days(series.time_s),
+            100 * series.value,
+            color=LIGHT_GREY,
+            linewidth=0.5,
+            zorder=1,
+            label=f"{len(others)} other teeth" if number == 0 else "_",
+        )
+    for number, tooth in enumerate(shown):
+        _one_loss(tooth, number, ax)
+    if found.limit is not None:
+        ax.axhline(
+            100 * found.limit, color=VERMILLION, linewidth=0.9, linestyle=(0, (5, 2)), label="limit"
+        )
+    ax.set_ylabel("Loss of pair stiffness (%)")
+    light_grid(ax)
+
+
+def _one_loss(tooth: ToothTrend, number: int, ax: Axes) -> None:
+    series, colour = tooth.trend.series, series_colour(number)
+    # the recordings' own 90 % intervals
+    ax.errorbar(
+        _days(series.time_s),
+        100 * series.value,
+        yerr=100 * 1.645 * series.sigma,
+        fmt=series_marker(number),
+        markersize=3.2,
+        color=colour,
+        elinewidth=0.6,
+        label=gear_text(tooth.stage, tooth.gear, tooth.tooth),
+    )
+    start, now = float(series.time_s[0]), float(series.time_s[-1])
+    crossing, end = tooth.crossing, now
+    if crossing is not None and crossing.status == "ahead" and crossing.time_s is not None:
+        end = min(crossing.time_s, now + _AHEAD * (now - start))
+    if end <= start:
+        return
+    times = np.union1d(np.linspace(start, end, 300), [c.time_s for c in tooth.trend.changes])
+    value, low, high = tooth.trend.at(times)
+    behind = times <= now
+    ax.plot(_days(times[behind]), 100 * value[behind], color=colour, linewidth=1.0)
+    ax.plot(_days(times[~behind]), 100 * value[~behind], color=colour, linewidth=0.9, linestyle=":")
+    if np.isfinite(low).all() and np.isfinite(high).all():
+        ax.fill_between(
+            _days(times), 100 * low, 100 * high, color=colour, alpha=0.16, linewidth=0, zorder=0
+        )
+    for change in tooth.trend.changes:
+        ax.axvspan(
+            float(_days(change.low_s)), float(_days(change.high_s)), color=colour, alpha=0.10, lw=0
+        )
+        ax.axvline(float(_days(change.time_s)), color=colour, linewidth=0.8, linestyle="--")
+    if crossing is not None and crossing.time_s is not None and tooth.limit is not None:
+        late = crossing.high_s if crossing.high_s is not None else end
+        early = crossing.low_s if crossing.low_s is not None else crossing.time_s
+        shown_to = now + _AHEAD * (now - start)
+        ax.plot(
+            _days(np.minimum([early, late], shown_to)),
+            [100 * tooth.limit] * 2,
+            color=colour,
+            linewidth=2.6,
+            solid_capstyle="butt",
+        )
+
+
+def _scores(found: HistoryTrends, ax: Axes) -> None:
+    entries = found.history.entries
+    for verdict, marker in _MARKERS.items():
+        own: Sequence[Entry] = [entry for entry in entries if entry.verdict == verdict]
+        if own:
+            ax.plot(
+                [float(_days(entry.time_s)) for entry in own],
+                [entry.score for entry in own],
+                linestyle="",
+                marker=marker,
+                markersize=4,
+                color=VERDICT_STYLE[verdict][0],
+                markeredgecolor=BLACK,
+                markeredgewidth=0.4,
+                label=verdict,
+            )
+    for number, change in enumerate(found.evidence.changes if found.evidence else ()):
+        ax.axvspan(
+            float(_days(change.low_s)), float(_days(change.high_s)), color=GREY, alpha=0.2, lw=0
+        )
+        ax.axvline(
+            float(_days(change.time_s)),
+            color=GREY,
+            linewidth=0.9,
+            linestyle="--",
+            label="evidence changed (interval shaded)" if number == 0 else "_",
+        )
+    ax.set_ylabel("Score")
+    ax.set_ylim(bottom=min(0.0, ax.get_ylim()[0]))
+    light_grid(ax)

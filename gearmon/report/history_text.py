@@ -1,0 +1,166 @@
+"""A history in words: a line a recording, a line a tooth, when it began and what is left."""
+
+from __future__ import annotations
+
+import math
+from datetime import UTC, datetime
+
+from gearmon.diagnosis.change_shapes import ChangePoint
+from gearmon.diagnosis.history_trends import SECONDS_PER_DAY, HistoryTrends, ToothTrend
+from gearmon.diagnosis.trend import Crossing
+from gearmon.report.text_tables import table_lines
+from gearmon.report.wording import counted, gear_text, percent, printable, probability_text
+
+#: Histories shorter than this are told by the minute, longer ones by the day.
+_BY_MINUTE_S = 10 * SECONDS_PER_DAY
+#: After the year 9999 is never.
+_NEVER_S = 2.5e11
+
+
+def history_lines(found: HistoryTrends) -> list[str]:
+    """Tell what a history shows.
+
+    Parameters
+    ----------
+    found : HistoryTrends
+
+    Returns
+    -------
+    list of str
+    """
+    history = found.history
+    fine = _fine(found)
+    title = f"{printable(history.machine) or 'machine without a name'}: "
+    lines = [title + counted(len(history.entries), "recording") + ", times in UTC"]
+    lines += table_lines(
+        [
+            {
+                "time": moment_text(entry.time_s, fine=True),
+                "recording": printable(entry.recording),
+                "verdict": entry.verdict,
+                "score": round(entry.score, 2) + 0.0,
+                "finding": printable(entry.findings[0]) if entry.findings else "",
+            }
+            for entry in history.entries
+        ]
+    )
+    lines += ["", began_line(found)]
+    told = told_teeth(found)
+    for tooth in told:
+        lines += tooth_lines(tooth, fine=fine)
+    left_out = len(found.shown) - len(told)
+    if left_out:
+        lines.append(
+            f"{counted(left_out, 'other tooth', 'other teeth')} of the same gears changed too, as "
+            "they do where one tooth is damaged; --json and the files of -o have them all"
+        )
+    return lines + [f"note: {note}" for note in found.notes]
+
+
+def told_teeth(found: HistoryTrends) -> list[ToothTrend]:
+    """Return the teeth that the words are about: of every gear the clearest and any at its limit.
+
+    What one damaged tooth does to a gear raises the estimates of its other teeth too.
+    """
+    clearest = {id(tooth) for tooth in _first_of_gears(found)}
+    return [
+        tooth
+        for tooth in found.shown
+        if id(tooth) in clearest
+        or (tooth.crossing is not None and tooth.crossing.status == "reached")
+    ]
+
+
+def _first_of_gears(found: HistoryTrends) -> list[ToothTrend]:
+    """Return the tooth of every gear that lost most, of those that changed if any did."""
+    gears: dict[tuple[int, str], list[ToothTrend]] = {}
+    for tooth in found.shown:
+        gears.setdefault((tooth.stage, tooth.gear), []).append(tooth)
+    return [max(teeth, key=lambda t: (t.risen, t.now[0])) for teeth in gears.values()]
+
+
+def began_line(found: HistoryTrends) -> str:
+    """Tell when the evidence began to rise."""
+    if found.evidence is None:
+        return "evidence: too few recordings to say whether it changed"
+    if not found.evidence.changes:
+        return "evidence: no change that chance would not make as well"
+    told = [
+        change_text(change, fine=_fine(found), growth=("rises", "falls"))
+        for change in found.evidence.changes
+    ]
+    older = "; what causes it may be older than what shows" if found.began is not None else ""
+    return f"evidence: {'; then '.join(told)}{older}"
+
+
+def tooth_lines(tooth: ToothTrend, *, fine: bool) -> list[str]:
+    """Tell the trend of a tooth: loss now, when it began, rate, margin and limit."""
+    place = gear_text(tooth.stage, tooth.gear, tooth.tooth)
+    value, low, high = tooth.now
+    lines = [f"{place}: loss of pair stiffness now {_interval(value, low, high)}"]
+    lines += [
+        f"  {change_text(change, fine=fine, growth=('grows', 'shrinks'))}"
+        for change in tooth.trend.changes
+    ]
+    if not tooth.trend.changes:
+        lines.append("  no change that chance would not make as well")
+    if tooth.trend.grows:
+        rate = [SECONDS_PER_DAY * x for x in tooth.trend.rate()]
+        lines.append(f"  rate {_interval(*rate, signed=True)} a day")
+    margin, crossing = tooth.margin, tooth.crossing
+    if margin is not None and crossing is not None and tooth.limit is not None:
+        lines.append(f"  margin to the limit of {100 * tooth.limit:.3g} %: {_interval(*margin)}")
+        lines.append(f"  limit: {crossing_text(crossing, fine=fine)}")
+    return lines
+
+
+def change_text(change: ChangePoint, *, fine: bool, growth: tuple[str, str]) -> str:
+    """Tell a change: what, since when, with interval and probability."""
+    if change.kind == "growth":
+        what = f"{growth[0] if change.size > 0 else growth[1]} since"
+    else:
+        what = f"{'jumped up' if change.size > 0 else 'fell'} at"
+    low = "before the first recording" if change.open_before else moment_text(change.low_s, fine)
+    return (
+        f"{what} {moment_text(change.time_s, fine)} (between {low} and "
+        f"{moment_text(change.high_s, fine)}; false-alarm probability "
+        f"{probability_text(change.false_alarm_probability)})"
+    )
+
+
+def crossing_text(crossing: Crossing, *, fine: bool) -> str:
+    """Tell when a limit is reached, or why that is not said."""
+    if crossing.time_s is None:
+        return f"{crossing.status}: {crossing.reason}"
+    early = moment_text(crossing.low_s, fine) if crossing.low_s is not None else "now"
+    late = moment_text(crossing.high_s, fine) if crossing.high_s is not None else "never"
+    return (
+        f"{crossing.status}, {moment_text(crossing.time_s, fine)} ({early} to {late}): "
+        f"{crossing.reason}"
+    )
+
+
+def moment_text(time_s: float, fine: bool = True) -> str:
+    """Return a time as text, by the minute or by the day.
+
+    Examples
+    --------
+    >>> moment_text(0.0), moment_text(0.0, fine=False)
+    ('1970-01-01 00:00', '1970-01-01')
+    """
+    if not -6e10 < time_s < _NEVER_S:
+        return "beyond the calendar"
+    form = "%Y-%m-%d %H:%M" if fine else "%Y-%m-%d"
+    return datetime.fromtimestamp(time_s, UTC).strftime(form)
+
+
+def _fine(found: HistoryTrends) -> bool:
+    entries = found.history.entries
+    return not entries or entries[-1].time_s - entries[0].time_s < _BY_MINUTE_S
+
+
+def _interval(value: float, low: float, high: float, *, signed: bool = False) -> str:
+    width = high - low
+    decimals = 1 if width >= 0.01 or not math.isfinite(width) else 2 if width >= 1e-3 else 3
+    one, two, three = (percent(x, decimals, signed=signed) for x in (value, low, high))
+    return f"{one} ({two} to {three})"

@@ -1,0 +1,311 @@
+"""Samples spread onto equal steps of angle by a short kernel, for transforms at orders.
+
+A line of order o is the sum of x_n exp(-2 pi i o a_n) over the samples, a_n their angles. Spreading
+every sample onto the nearest steps of an even grid of angle,
+
+    g_j = sum over n of phi((j - P a_n)) x_n P da/dn,      P steps a turn,
+
+turns that sum into the transform of g over that of the kernel, at every order at once. Unlike
+interpolation this needs no band limit of the samples and no filter before; what is left is the
+share of order P - o that the kernel lets through, below exp(-pi w sqrt(1 - 2 o / P)) with a kernel
+of w steps.
+
+The kernel is that of Kaiser and Bessel, phi(u) = I0(b sqrt(1 - (2 u / w)^2)) / I0(b), read through
+one polynomial a sample of its reach, so that two matrix products give all weights.
+
+References
+----------
+Fessler and Sutton, Nonuniform fast Fourier transforms using min-max interpolation, IEEE Trans.
+Signal Processing 51 (2003) 560-574; Beatty, Nishimura and Pauly, Rapid gridding reconstruction with
+a minimal oversampling ratio, IEEE Trans. Medical Imaging 24 (2005) 799-808.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearmon.signals.angle import AngleTrack
+
+FloatArray = NDArray[np.float64]
+
+# Steps taken at a time: their weights stay in the cache of a processor core.
+_PIECE = 1 << 13
+# Steps whose places are found together.
+_STRETCH = 1 << 16
+# Steps between instants at which the track itself is read; a cubic stands in between.
+_NODES = 96
+# Knots of a track must be so many such lengths apart for that.
+_SPARSE = 6.0
+# Relative change of speed over which weights are linear in the speed.
+_STEADY = 5e-4
+_SPEED_STEP = 2.5e-4
+# Degree of the polynomials by the kernel's width, and of their slopes against the speed.
+_DEGREE, _SLOPE_DEGREE = {4: 6, 8: 8}, 5
+# With few steps a sample, of which a sample's reach sees less of the kernel.
+_FEW_STEPS, _LOW_DEGREE, _LOW_SLOPE_DEGREE = 0.6, 4, 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kernel:
+    """The kernel of Kaiser and Bessel for a share of the grid's bandwidth.
+
+    Parameters
+    ----------
+    width : int
+        Reach w [steps].
+    beta : float
+        Shape b.
+    """
+
+    width: int
+    beta: float
+
+    @classmethod
+    def of(cls, width: int, oversampling: float) -> Kernel:
+        """Return the kernel for orders up to half the steps a turn over `oversampling`."""
+        sigma = float(np.clip(oversampling, 1.05, 3.0))
+        return cls(width=width, beta=float(0.97 * np.pi * width * (1 - 0.5 / sigma)))
+
+    def at(self, u: FloatArray) -> FloatArray:
+        """Value at a distance u [steps], continued smoothly beyond its reach."""
+        from scipy.special import i0, j0
+
+        inside = 1 - (2 * u / self.width) ** 2
+        argument = self.beta * np.sqrt(np.abs(inside))
+        # beyond the reach no larger than the kernel at its end
+        result: FloatArray = np.where(inside < 0, j0(argument), i0(argument)) / i0(self.beta)
+        return result
+
+    def transform(self, x: FloatArray) -> FloatArray:
+        """Fourier transform at x cycles a step."""
+        argument = np.emath.sqrt(self.beta**2 - (np.pi * self.width * x) ** 2 + 0j)
+        small = np.abs(argument) < 1e-6
+        safe = np.where(small, 1.0, argument)
+        shape = np.where(small, 1.0, np.sinh(safe) / safe)
+        result: FloatArray = np.real(self.width * shape) / np.i0(self.beta)
+        return result
+
+
+class Gridding:
+    """Spreads samples onto equal steps of angle, any stretch of them, by any thread.
+
+    Parameters
+    ----------
+    samples : ndarray of float, shape (channels, n)
+        The signals.
+    sampling_rate_hz : float
+        Sampling rate [Hz].
+    track : AngleTrack
+        Angle of shaft 1 against time.
+    per_turn : float
+        Steps a turn, at least as many as samples at the slowest speed.
+    kernel : Kernel
+        The kernel.
+    """
+
+    def __init__(
+        self,
+        samples: FloatArray,
+        sampling_rate_hz: float,
+        track: AngleTrack,
+        per_turn: float,
+        kernel: Kernel,
+    ) -> None:
+        self._samples = samples
+        self._rate = sampling_rate_hz
+        self._track = track
+        self._per_turn = per_turn
+        self._kernel = kernel
+        most = per_turn * float(track.speed_hz.max()) / sampling_rate_hz
+        self._degree, self._slope_degree = (
+            (_LOW_DEGREE, _LOW_SLOPE_DEGREE)
+            if kernel.width == 4 and most < _FEW_STEPS
+            else (_DEGREE[kernel.width], _SLOPE_DEGREE)
+        )
+        self._held = threading.local()
+        self._tables: dict[tuple[int, int], tuple[FloatArray, FloatArray, FloatArray]] = {}
+
+    def spread(self, first_turn: float, out: FloatArray) -> None:
+        """Fill `out`, shape (channels, steps), from the angle `first_turn` [turns] on."""
+        count = out.shape[-1]
+        for start in range(0, count, _STRETCH):
+            part = out[:, start : start + _STRETCH]
+            turn = first_turn + start / self._per_turn
+            position, steps = self._positions(turn, part.shape[-1])
+            for begin in range(0, part.shape[-1], _PIECE):
+                own = slice(begin, begin + _PIECE)
+                self._piece(position[own], steps[own], part[:, own])
+
+    def _positions(self, first_turn: float, count: int) -> tuple[FloatArray, FloatArray]:
+        """Places [samples] of equal steps of angle, and steps a sample there."""
+        last_turn = first_turn + count / self._per_turn
+        track, knots = _part(self._track, first_turn, last_turn)
+        if knots * _SPARSE * _NODES > count + _SPARSE * _NODES:
+            angle = first_turn + np.arange(-1, count + 1) / self._per_turn
+            position = track.time_at(angle) * self._rate
+            return position[1:-1], 2.0 / (position[2:] - position[:-2])
+        pieces = -(-count // _NODES)
+        third = _NODES / 3
+        node = first_turn + np.arange(3 * pieces + 1) / (self._per_turn / third)
+        place = track.time_at(node) * self._rate
+        base = place[0]
+        points = np.stack([place[k : k + 3 * pieces : 3] for k in range(3)] + [place[3::3]])
+        values = (points - base).T @ _CUBIC + base
+        slopes = (points - base).T @ _CUBIC_SLOPE
+        bent = np.unique(((track.turns - first_turn) * self._per_turn // _NODES).astype(int))
+        bent = bent[(bent >= 0) & (bent < pieces)]
+        if len(bent):  # where a knot lies the curve is no single cubic
+            number = (bent[:, None] * _NODES + np.arange(_NODES)).ravel()
+            angles = first_turn + np.stack([number - 1, number, number + 1]) / self._per_turn
+            before, at, after = (track.time_at(angle) * self._rate for angle in angles)
+            values[bent] = at.reshape(-1, _NODES)
+            slopes[bent] = 0.5 * (after - before).reshape(-1, _NODES)
+        return values.reshape(-1)[:count], 1.0 / slopes.reshape(-1)[:count]
+
+    def _piece(self, position: FloatArray, steps: FloatArray, out: FloatArray) -> None:
+        low, high = float(steps.min()), float(steps.max())
+        taps = int(np.ceil(self._kernel.width / low))
+        count = len(position)
+        rows = self._rows(self._degree + 1 + 2 * taps + 2, count)
+        powers, rest = rows[: self._degree + 1], rows[self._degree + 1 :]
+        weights, taken, first, spare = rest[:taps], rest[taps:-2], rest[-2], rest[-1]
+        np.subtract(position, 0.5 * (taps - 1), out=spare)
+        np.rint(spare, out=first)
+        powers[0] = 1.0
+        np.subtract(spare, first, out=powers[1])
+        powers[1] *= 2.0
+        for k in range(2, self._degree + 1):
+            np.multiply(powers[k // 2], powers[k - k // 2], out=powers[k])
+        self._weigh(powers, steps, high / low - 1, taken, weights)
+        begin = int(first[0])
+        first -= begin
+        index = spare.view(np.intp)
+        np.copyto(index, first, casting="unsafe")
+        end = begin + int(index[-1]) + taps
+        for row, channel in enumerate(self._samples):
+            near = _stretch(channel, begin, end)
+            for k in range(taps):
+                np.take(near[k:], index, out=taken[k], mode="clip")
+            np.multiply(taken, weights, out=taken)
+            np.sum(taken, axis=0, out=out[row])
+            out[row] *= steps
+
+    def _rows(self, number: int, count: int) -> FloatArray:
+        """Memory for arrays of one piece, held by each thread: new pages cost as much as the work.
+
+        Rows are apart by more than a power of two, which would map them onto the same cache lines.
+        """
+        held: FloatArray | None = getattr(self._held, "rows", None)
+        if held is None or held.shape[0] < number:
+            held = np.empty((number, _PIECE + 72))
+            self._held.rows = held
+        return held[:number, :count]
+
+    def _weigh(
+        self,
+        powers: FloatArray,
+        steps: FloatArray,
+        change: float,
+        spare: FloatArray,
+        weights: FloatArray,
+    ) -> None:
+        count = len(steps)
+        parts = int(min(np.ceil(change / _STEADY), max(1, count // 64)))
+        length = -(-count // max(1, parts))
+        for begin in range(0, count, length):
+            own = steps[begin : begin + length]
+            number = round(float(np.log(own[len(own) // 2])) / _SPEED_STEP)
+            value, slope, bend = self._table(len(weights), number)
+            # the speed changes by this much a sample: the angles of neighbours are no straight line
+            drift = (own[-1] - own[0]) * own[len(own) // 2] / max(1, len(own) - 1)
+            near, part = powers[:, begin : begin + length], weights[:, begin : begin + length]
+            added = spare[:, begin : begin + length]
+            np.matmul(value + drift * bend, near, out=part)
+            np.matmul(slope, near[: self._slope_degree + 1], out=added)
+            added *= own - np.exp(number * _SPEED_STEP)
+            part += added
+
+    def _table(self, taps: int, number: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Polynomials of the weights, (taps, degree + 1), at one of a row of speeds.
+
+        Then their slopes against the speed [steps a sample] and against its change a sample: with
+        r' the change, a sample at the distance d is r d - r' d^2 / 2 steps away, and stands for
+        r - r' d of them.
+        """
+        key = (taps, number)
+        if key not in self._tables:
+            speed, step, kernel = float(np.exp(number * _SPEED_STEP)), 1e-3, self._kernel.at
+
+            def slope(away: FloatArray) -> FloatArray:
+                return (kernel((speed + step) * away) - kernel((speed - step) * away)) / (2 * step)
+
+            def bend(away: FloatArray) -> FloatArray:
+                return -0.5 * away * slope(away) - away / speed * kernel(speed * away)
+
+            self._tables[key] = (
+                _fitted(taps, self._degree, lambda away: kernel(speed * away)),
+                _fitted(taps, self._slope_degree, slope),
+                _fitted(taps, self._degree, bend),
+            )
+        return self._tables[key]
+
+
+def quick_gridding(
+    samples: FloatArray, sampling_rate_hz: float, track: AngleTrack, per_turn: float
+) -> Gridding:
+    """Return a gridding for spectra in which lines need only stand out, all orders alike."""
+    return Gridding(samples, sampling_rate_hz, track, per_turn, Kernel.of(4, 1.3))
+
+
+def _fitted(taps: int, degree: int, weight: Callable[[FloatArray], FloatArray]) -> FloatArray:
+    """Polynomials of the weight of every tap in twice the distance from the middle one."""
+    nodes = np.cos(np.pi * (np.arange(degree + 1) + 0.5) / (degree + 1))
+    away = 0.5 * nodes + (0.5 * (taps - 1) - np.arange(taps))[:, None]
+    fitted: FloatArray = np.linalg.solve(np.vander(nodes, increasing=True), weight(away).T).T
+    return fitted
+
+
+def _cubic() -> tuple[FloatArray, FloatArray]:
+    """Cubic through four points a third of `_NODES` apart, at every step, and its slope."""
+    at = np.arange(_NODES) * 3.0 / _NODES
+    fitted = np.linalg.inv(np.vander(np.arange(4.0), increasing=True))
+    values = np.vander(at, 4, increasing=True) @ fitted
+    powers = np.stack([0 * at, 0 * at + 1, 2 * at, 3 * at**2], axis=1)
+    return values.T.copy(), (powers @ fitted).T * 3.0 / _NODES
+
+
+_CUBIC, _CUBIC_SLOPE = _cubic()
+
+
+def _part(track: AngleTrack, first: float, last: float) -> tuple[AngleTrack, int]:
+    """Return the knots that make up a track between two angles, and how many lie between."""
+    low = int(np.searchsorted(track.turns, first))
+    high = int(np.searchsorted(track.turns, last))
+    begin, end = max(0, low - 3), min(len(track.turns), high + 4)
+    if end - begin < 2:
+        begin, end = max(0, end - 2), max(2, end)
+    return AngleTrack(
+        time_s=track.time_s[begin:end],
+        turns=track.turns[begin:end],
+        method=track.method,
+        uncertainty_turns=track.uncertainty_turns,
+    ), high - low
+
+
+def _stretch(channel: FloatArray, begin: int, end: int) -> FloatArray:
+    """Return samples from `begin` to before `end`, odd about the first and last one beyond.
+
+    A step there would stand out from a line that begins or ends with the recording.
+    """
+    last = len(channel) - 1
+    if begin >= 0 and end <= last + 1:
+        return channel[begin:end]
+    index = np.arange(begin, end)
+    inside = np.clip(index, 0, last)
+    beyond = np.clip(2 * inside - index, 0, last)
+    return np.where(index == inside, channel[inside], 2.0 * channel[inside] - channel[beyond])

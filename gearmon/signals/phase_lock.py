@@ -1,0 +1,245 @@
+"""Angle of shaft 1 from order lines taken together: each line against its own slow mean.
+
+Phases that are compared from block to block add up like a random walk and end half a block before
+the recording does. Compared with the line's own slowly varying mean they do neither: the blocks
+slide by a quarter of their length and are cut at the ends of the recording.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearmon.signals.angle import AngleGrid, AngleTrack, resample_to_angle
+from gearmon.signals.phase import shifted_track
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+# Length of the blocks: enough to part mesh lines from the sidebands of shaft 1 [turns].
+_BLOCK_TURNS = 4.0
+# Speeds at which a line has a mean of its own, their relative distance: the path turns it between.
+_CLASS_WIDTH = 0.04
+# Readings of the recording.
+_PASSES = 2
+# Solutions a reading: up to which share of the highest order lines are listened to.
+_LIMITS = (0.4, 0.7, 1.0, 1.0, 1.0)
+# A vote further than this from the consensus has slipped; what even the clearest line may err.
+_GATE_CYCLES = 0.25
+_FLOOR_CYCLES = 0.005
+# Phases of noise scatter evenly over a cycle, variance 1/12; a line near that is not listened to.
+_NOISE_VARIANCE = 1.0 / 12.0
+# Hann blocks a quarter of their length apart are worth this many independent ones.
+_OVERLAP = 2.7
+# Blocks whose transforms are taken together: bounds the memory.
+_TOGETHER = 256
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlidingLines:
+    """Complex amplitudes of order lines in sliding blocks.
+
+    Parameters
+    ----------
+    angle : ndarray of float, shape (blocks,)
+        Centres of gravity of the blocks' windows [turns].
+    orders : ndarray of float, shape (votes,)
+        Order of each vote: every line in every channel.
+    amplitude : ndarray of complex, shape (blocks, votes)
+        Amplitudes; their phases count from angle zero.
+    """
+
+    angle: FloatArray
+    orders: FloatArray
+    amplitude: ComplexArray
+
+
+def lock_track(
+    samples: FloatArray,
+    sampling_rate_hz: float,
+    track: AngleTrack,
+    orders: FloatArray,
+    wander: float = 0.02,
+) -> AngleTrack:
+    """Lock an angle track to the phases of order lines, right to the ends of the recording.
+
+    Parameters
+    ----------
+    samples : ndarray of float, shape (channels, n)
+        Vibration.
+    sampling_rate_hz : float
+        Sampling rate [Hz].
+    track : AngleTrack
+        A track whose speed is right to about 0.2 over the highest order.
+    orders : ndarray of float, shape (lines,)
+        Orders to follow: mesh harmonics.
+    wander : float
+        How restless the speed may be: standard deviation of its relative change in one second.
+
+    Returns
+    -------
+    AngleTrack
+        The track; unchanged but for an infinite uncertainty if no line can be heard.
+
+    Notes
+    -----
+    With y_lj the amplitude of line l in block j and e_j the angle error sought, the departures
+    arg(y_lj exp(-2 pi i o_l e_j) conj m_lj) / (2 pi o_l) from the line's mean m_lj (Gaussian window
+    of 40 turns) vote with o_l^2 over the variance of the line's own phase, and
+    sum w (e - vote)^2 + sum (second difference of e)^2 / q is minimised. A path whose delay changes
+    with speed turns all lines alike and cannot be told from rotation: the angle is that of the
+    vibration at the sensor. The uncertainty joins what the lines disagree about from block to block
+    with the slow drift of their means against each other, of which a change in the path's delay is
+    of the same size.
+    """
+    for _ in range(_PASSES):
+        lines = _sliding(samples, sampling_rate_hz, track, orders)
+        track = _locked(track, lines, wander)
+    return track
+
+
+def _unwound(lines: SlidingLines) -> FloatArray:
+    """Angle error from the phase advance of the lines from block to block [turns].
+
+    Blocks are a turn apart: a line of order o slips only if the speed is wrong by more than
+    0.5 / o. The order of a line weighs as in `lock_track`, its phases' variance is that of its
+    second differences: what the speed does not explain.
+    """
+    product = lines.amplitude[1:] * np.conj(lines.amplitude[:-1])
+    advance = np.angle(product) / (2 * np.pi)
+    jump = np.angle(product[1:] * np.conj(product[:-1])) / (2 * np.pi)
+    variance = np.mean(jump**2, axis=0) / 6 + _FLOOR_CYCLES**2
+    weight = np.where(variance < _NOISE_VARIANCE / 6, lines.orders**2 / variance, 0.0)
+    total = float(weight.sum())
+    if total <= 0:
+        return np.zeros(len(lines.angle))
+    increment = _median(advance / lines.orders, weight)
+    for _ in range(3):
+        rest = advance - increment[:, None] * lines.orders
+        votes = weight * (np.abs(rest) < _GATE_CYCLES)
+        mass = votes.sum(axis=1)
+        mean = (votes * rest / lines.orders).sum(axis=1) / np.maximum(mass, 1e-300)
+        increment = increment + np.where(mass > 0, mean, 0.0)
+    error: FloatArray = np.concatenate([[0.0], np.cumsum(increment)])
+    return error
+
+
+def _median(rows: FloatArray, weight: FloatArray) -> FloatArray:
+    """Weighted median along each row."""
+    place = np.argsort(rows, axis=1)
+    mass = np.cumsum(weight[place], axis=1)
+    middle = np.argmax(mass >= 0.5 * mass[:, -1:], axis=1)
+    found: FloatArray = np.take_along_axis(rows, place, axis=1)[np.arange(len(rows)), middle]
+    return found
+
+
+def _sliding(
+    samples: FloatArray, rate: float, track: AngleTrack, orders: FloatArray
+) -> SlidingLines:
+    """Amplitudes in Hann blocks a quarter of their length apart, cut at the ends."""
+    grid = AngleGrid.of(samples.shape[-1], rate, track, float(orders.max()))
+    per_turn, channels = grid.per_turn, samples.shape[0]
+    hop = max(2, int(min(_BLOCK_TURNS * per_turn, grid.count / 4)) // 4)
+    half = 2 * hop
+    count = grid.count // hop + 1
+    read = resample_to_angle(
+        samples, rate, track, per_turn, grid.first_turn, grid.count, precise=False
+    )
+    read = np.pad(read, ((0, 0), (half, half + hop)))
+    within = np.arange(-half, half)
+    window = 0.5 + 0.5 * np.cos(np.pi * within / half)
+    kernel = window[:, None] * np.exp(-2j * np.pi * np.outer(within / per_turn, orders))
+    parts = np.hstack([kernel.real, kernel.imag])  # real products take half the time
+    blocks = np.lib.stride_tricks.sliding_window_view(read, 2 * half, axis=-1)[:, ::hop]
+    amplitude = np.empty((count, channels, len(orders)), dtype=complex)
+    for first in range(0, count, _TOGETHER):
+        rows = slice(first, min(count, first + _TOGETHER))
+        for channel in range(channels):
+            both = blocks[channel, rows] @ parts
+            amplitude[rows, channel].real = both[:, : len(orders)]
+            amplitude[rows, channel].imag = both[:, len(orders) :]
+    centres = hop * np.arange(count)
+    # sums over the part of each window that lies on the recording
+    low = np.clip(-centres, -half, half) + half
+    high = np.clip(grid.count - centres, -half, half) + half
+    mass = np.concatenate([[0.0], np.cumsum(window)])
+    moment = np.concatenate([[0.0], np.cumsum(window * within)])
+    weight = mass[high] - mass[low]
+    place = grid.first_turn + centres / per_turn
+    turning = np.exp(-2j * np.pi * np.outer(place, orders))
+    amplitude *= (turning / weight[:, None])[:, None, :]
+    return SlidingLines(
+        angle=place + (moment[high] - moment[low]) / weight / per_turn,
+        orders=np.tile(orders, channels),
+        amplitude=amplitude.reshape(count, -1),
+    )
+
+
+def _locked(track: AngleTrack, lines: SlidingLines, wander: float) -> AngleTrack:
+    """Solve for the angle error of a track and take it away."""
+    hop_turns = float(np.median(np.diff(lines.angle)))
+    hop_s = hop_turns / float(np.mean(track.speed_hz))
+    step = wander * np.sqrt(hop_s) * hop_turns
+    order = lines.orders
+    low = 1.01 * float(order.min())
+    error = _unwound(lines)
+    hats = _speed_classes(track, lines.angle)
+    for share in _LIMITS:
+        turned = lines.amplitude * np.exp(-2j * np.pi * np.outer(error, order))
+        mean = _mean_at_speed(turned, hats)
+        rest = np.angle(turned * np.conj(mean)) / (2 * np.pi)
+        variance = np.mean(rest**2, axis=0) + _FLOOR_CYCLES**2
+        heard = (variance < 0.5 * _NOISE_VARIANCE) & (order <= max(share * order.max(), low))
+        weight = np.where(
+            heard & (np.abs(rest) < _GATE_CYCLES), order**2 / (variance * _OVERLAP), 0.0
+        )
+        total = weight.sum(axis=1)
+        departure = rest / order
+        vote = error + (weight * departure).sum(axis=1) / np.maximum(total, 1e-300)
+        error = _smoothed(vote, total, step)
+    if not heard.any():
+        return shifted_track(track, lines.angle, np.zeros(len(error)), float("inf"))
+    quick = float(np.mean(((weight * departure) ** 2).sum(axis=1)) / np.mean(total) ** 2)
+    drift = np.unwrap(np.angle(mean[:, heard]), axis=0) / (2 * np.pi * order[heard])
+    slow = float(np.average(np.var(drift, axis=0), weights=(order**2 / variance)[heard]))
+    return shifted_track(track, lines.angle, error, float(np.sqrt(quick + slow)))
+
+
+def _mean_at_speed(amplitude: ComplexArray, hats: FloatArray) -> ComplexArray:
+    """Mean of each line as a function of the speed, linear between classes of speed."""
+    mass = hats.sum(axis=0)[:, None]
+    mean: ComplexArray = hats @ ((hats.T @ amplitude) / np.maximum(mass, 1e-12))
+    return mean
+
+
+def _speed_classes(track: AngleTrack, angle: FloatArray) -> FloatArray:
+    """Weights of the blocks in overlapping classes of speed, shape (blocks, classes)."""
+    time = track.time_at(angle)
+    speed = np.gradient(angle, time)
+    place = np.log(speed / speed.min()) / _CLASS_WIDTH
+    count = max(1, round(float(place.max())))
+    place = place * (count / max(float(place.max()), 1e-12)) if count > 1 else 0.0 * place
+    classes = np.arange(count + 1 if count > 1 else 1)
+    hats: FloatArray = np.maximum(0.0, 1.0 - np.abs(place[:, None] - classes))
+    return hats
+
+
+def _smoothed(vote: FloatArray, weight: FloatArray, step: float) -> FloatArray:
+    """Minimise sum w (e - vote)^2 + sum (second difference of e)^2 / step^2."""
+    from scipy.linalg import solveh_banded
+
+    count = len(vote)
+    prior = 1.0 / step**2
+    band = np.zeros((3, count))  # lower diagonals of prior * D'D
+    band[0, :-2] += prior
+    band[0, 1:-1] += 4 * prior
+    band[0, 2:] += prior
+    band[1, :-2] -= 2 * prior
+    band[1, 1:-1] -= 2 * prior
+    band[2, :-2] += prior
+    # a weak pull to no error settles what no line tells
+    band[0] += weight + 1e-6 * prior
+    solution: FloatArray = solveh_banded(band, weight * vote, lower=True)
+    return solution

@@ -1,0 +1,223 @@
+"""What a loss of stiffness on one tooth adds to the lines of its mesh, before any path.
+
+Where the machine file bears a baseline, Hill's equation tells (`fault_family_response`). Else teeth
+of standard proportions carry the load on the deflection q = F/k(t): a tooth with a loss makes q
+larger while its pair is in contact, and that pulse, once a turn of the gear, travels to the sensors
+together with the mesh harmonics of q itself. Lines close to one another pass the same train and the
+same housing, so that their ratio holds without the dynamics behind it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearmon.errors import ArgumentError, GearmonError, check_range
+from gearmon.gears.faults import Fault
+from gearmon.gears.kinematics import kinematics
+from gearmon.gears.stiffness import MeshStiffness, mesh_stiffness
+from gearmon.machine import Machine, ParallelStage
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+_POINTS = 512
+_SMALL_LOSS = 1e-3
+# Face width over module where the file gives no geometry: it does not enter the ratio of lines.
+_STANDARD_WIDTH = 10.0
+_UNIT_STIFFNESS = 1e8
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ToothResponse:
+    """Lines that a small loss of stiffness on tooth 1 adds, beside the mesh harmonics.
+
+    Parameters
+    ----------
+    stage : int
+        Stage, from 1.
+    gear : {"pinion", "gear"}
+        Gear.
+    teeth : int
+        z of the gear.
+    lines : ndarray of complex, shape (top + 1,)
+        Change of the acceleration per unit of loss at multiples 0..top of the gear's rotation;
+        tooth 1 enters contact at angle 0.
+    mesh : ndarray of complex, shape (harmonics + 1,)
+        Acceleration of the healthy mesh at harmonics 0.. of the mesh, in the same unit.
+    pair_share : ndarray of float, shape (points,)
+        Share of the mesh stiffness that the tooth's pair carries along its contact.
+    contact_ratio : float
+        Mesh periods that the pair is in contact.
+    from_teeth_alone : bool
+        Whether standard proportions had to stand in for missing gear data.
+    """
+
+    stage: int
+    gear: str
+    teeth: int
+    lines: ComplexArray
+    mesh: ComplexArray
+    pair_share: FloatArray
+    contact_ratio: float
+    from_teeth_alone: bool
+
+    @cached_property
+    def _weight(self) -> FloatArray:
+        return self.pair_share**2 / float(np.sum(self.pair_share**2))
+
+    def amplitude(self, loss: FloatArray) -> FloatArray:
+        """Size of the response to a loss, in units of `lines`; about the loss itself if small.
+
+        Parameters
+        ----------
+        loss : ndarray of float, in [0, 1)
+            Loss of the pair's stiffness.
+
+        Returns
+        -------
+        ndarray of float
+            sqrt of the mean over the contact of [loss / (1 - loss s)]^2, weighted with s^2: where
+            the pair carries the share s of the mesh alone, the deflection grows by s loss/(1 - s
+            loss).
+        """
+        grown = loss[..., None] / (1.0 - loss[..., None] * self.pair_share)
+        size: FloatArray = np.sqrt(np.sum(grown**2 * self._weight, axis=-1))
+        return size
+
+    def band_power(self, number: FloatArray) -> FloatArray:
+        """Power of the response to a unit loss about multiples of the rotation.
+
+        Parameters
+        ----------
+        number : ndarray of float
+            Multiples of the rotation; 0 beyond the lines known.
+
+        Returns
+        -------
+        ndarray of float
+            Mean of |lines|^2 over one mesh order about each: single lines of a pulse may vanish for
+            a contact ratio that is a little different.
+        """
+        total = np.concatenate([[0.0], np.cumsum(np.abs(self.lines) ** 2)])
+        top = len(self.lines)
+        low = np.clip(np.rint(number - self.teeth / 2).astype(int), 0, top)
+        high = np.clip(np.rint(number + self.teeth / 2).astype(int), 0, top)
+        power: FloatArray = (total[high] - total[low]) / np.maximum(high - low, 1)
+        return np.where(number < top, power, 0.0)
+
+
+def tooth_response(
+    machine: Machine, stage: int, gear: str, max_order: float, operating: int = 0
+) -> ToothResponse:
+    """Compute the response to a small loss on one tooth of a parallel stage.
+
+    Parameters
+    ----------
+    machine : Machine
+        The machine; tooth counts suffice.
+    stage : int
+        Stage, from 1.
+    gear : {"pinion", "gear"}
+        Gear.
+    max_order : float
+        Highest order of shaft 1.
+    operating : int
+        Operating point, from 0.
+
+    Returns
+    -------
+    ToothResponse
+
+    Raises
+    ------
+    ArgumentError
+        If there is no such gear or the stage is planetary: its teeth meet several others a turn,
+        each heard through a path of its own.
+    """
+    check_range("stage", stage, 1, len(machine.stages))
+    own = machine.stages[stage - 1]
+    if not isinstance(own, ParallelStage) or gear not in ("pinion", "gear"):
+        raise ArgumentError(f"stage {stage}, {gear}: only gears of parallel stages are supported")
+    teeth = own.pinion_teeth if gear == "pinion" else own.gear_teeth
+    try:
+        return _from_hill(machine, stage, gear, teeth, max_order, operating)
+    except GearmonError:
+        # the file bears no baseline: no torque, no module, or teeth that would not run
+        return _from_teeth(machine, own, stage, gear, teeth, max_order)
+
+
+def _from_hill(
+    machine: Machine, stage: int, gear: str, teeth: int, max_order: float, operating: int
+) -> ToothResponse:
+    from gearmon.signatures.fault_family_response import loss_response  # brings Hill's equation
+
+    found = loss_response(machine, stage, gear, operating, max_order)
+    lines = np.concatenate([[0.0], found.acceleration])
+    mesh = np.concatenate([[0.0], found.mesh_acceleration])[::teeth]
+    stiffness = mesh_stiffness(machine.stages[stage - 1], number=stage)
+    share, _ = _pair_share(machine.stages[stage - 1], stiffness, stage, gear)
+    return ToothResponse(
+        stage=stage,
+        gear=gear,
+        teeth=teeth,
+        lines=lines,
+        mesh=mesh,
+        pair_share=share,
+        contact_ratio=stiffness.total_contact_ratio,
+        from_teeth_alone=False,
+    )
+
+
+def _from_teeth(
+    machine: Machine, own: ParallelStage, stage: int, gear: str, teeth: int, max_order: float
+) -> ToothResponse:
+    plain = ParallelStage(
+        pinion_teeth=own.pinion_teeth,
+        gear_teeth=own.gear_teeth,
+        module_mm=1.0,
+        face_width_mm=_STANDARD_WIDTH,
+        mesh_stiffness_n_per_m=_UNIT_STIFFNESS,
+    )
+    stiffness = mesh_stiffness(plain, number=stage)
+    share, phase = _pair_share(plain, stiffness, stage, gear)
+    mesh_order = kinematics(machine).mesh(stage).order
+    top = int(max_order / mesh_order * teeth)
+    number = np.arange(top + 1)
+    deflection = 1.0 / stiffness.at(phase)
+    turn = np.exp(-2j * np.pi / teeth * np.outer(number, phase))
+    width = float(phase[1] - phase[0])
+    lines = turn @ (share * deflection) * width / teeth * number**2
+    period = np.arange(_POINTS) / _POINTS
+    healthy = np.fft.fft(1.0 / stiffness.at(period)) / _POINTS
+    harmonic = np.arange(top // teeth + 1)
+    mesh = healthy[harmonic] * (harmonic * teeth) ** 2
+    return ToothResponse(
+        stage=stage,
+        gear=gear,
+        teeth=teeth,
+        lines=lines,
+        mesh=mesh,
+        pair_share=share,
+        contact_ratio=stiffness.total_contact_ratio,
+        from_teeth_alone=True,
+    )
+
+
+def _pair_share(
+    own: object, stiffness: MeshStiffness, stage: int, gear: str
+) -> tuple[FloatArray, FloatArray]:
+    """Share of the mesh that the pair of one tooth carries, and the phases of its contact."""
+    from gearmon.machine import PlanetaryStage
+
+    assert isinstance(own, ParallelStage | PlanetaryStage)
+    fault = Fault(kind="stiffness", stage=stage, gear=gear, tooth=1, size=_SMALL_LOSS)
+    hurt = mesh_stiffness(own, [replace(fault)], number=stage)
+    count = int(np.ceil(stiffness.total_contact_ratio * _POINTS))
+    phase = (np.arange(count) + 0.5) / count * stiffness.total_contact_ratio
+    healthy = stiffness.at(phase)
+    share: FloatArray = (healthy - hurt.at(phase)) / (_SMALL_LOSS * healthy)
+    return np.clip(share, 0.0, 1.0), phase

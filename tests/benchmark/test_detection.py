@@ -1,0 +1,128 @@
+"""The benchmark of detection runs, and its figures follow from its rows."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gearmon.benchmark import run_case, summary_rows
+from gearmon.benchmark.detection import (
+    detection_summary,
+    false_alarm_rows,
+    finding_rows,
+    roc_rows,
+    with_learning,
+)
+from gearmon.benchmark.detection_trials import _NOTHING, Outcome, _around
+from gearmon.diagnosis.plain_learning import novelty
+from gearmon.errors import ArgumentError
+
+TRUTH = {"machine": 0, "tacho": True, "variant": "same", "stage": 1, "gear": "pinion"}
+
+
+def row(condition="healthy", size=0.0, **changes):
+    return {**_NOTHING, **TRUTH, "condition": condition, "size": size, "tooth": 3} | changes
+
+
+def value(rows, figure, of, detector="gearmon"):
+    (found,) = [
+        r
+        for r in rows
+        if (r["figure"], r["of"], r["detector"]) == (figure, of, detector) and r["tacho"]
+    ]
+    return found["value"], found["count"]
+
+
+def test_quick_run():
+    seen = []
+    rows = run_case("detection", progress=seen.append, quick=True, count=1, seed=0)
+    assert seen == [1.0]
+    assert len(rows) == 6
+    assert len({tuple(row) for row in rows}) == 1
+    assert {row["condition"] for row in rows} == {"healthy", "tooth", "pitting"}
+    assert all(0 <= row["probability"] <= 1 for row in rows)
+    assert all(row["run_time_s"] > 0 for row in rows)
+    figures = {row["figure"] for row in summary_rows("detection", rows)}
+    assert {"ROC area", "false alarms", "called a fault", "run time in s"} <= figures
+
+
+@pytest.mark.parametrize(("name", "wrong"), [("count", 0), ("seed", -1)])
+def test_arguments_are_checked(name, wrong):
+    with pytest.raises(ArgumentError, match=name):
+        run_case("detection", quick=True, **{name: wrong})
+
+
+def test_areas_are_those_of_the_scores():
+    rows = [row(score=s, FM4=-s, machine=m) for m, s in enumerate((0.0, 1.0, 2.0, 3.0))]
+    rows += [row("tooth", 0.1, score=s, FM4=-s) for s in (2.5, 4.0)]
+    # another operating point is no part of it
+    rows.append(row(score=9.0, variant="load"))
+    found = roc_rows(rows)
+    assert value(found, "ROC area", "loss 0.1") == (7 / 8, 2)
+    assert value(found, "ROC area", "loss 0.1", "FM4") == (1 / 8, 2)
+
+
+def test_refused_recording_counts_as_unseen():
+    rows = [row(score=1.0), row("tooth", 0.1, score=2.0), row("tooth", 0.1, verdict="refused")]
+    assert value(roc_rows(rows), "ROC area", "loss 0.1") == (0.5, 2)
+
+
+def test_false_alarms_are_counted():
+    rows = [row(probability=p) for p in (0.005, 0.02, 0.2, 0.9)]
+    rows.append(row(probability=0.01, variant="gain"))
+    found = false_alarm_rows(rows)
+    assert value(found, "false alarms", "stated 0.01") == (2 / 5, 5)
+    assert value(found, "false alarms", "stated 0.01, gain") == (1.0, 1)
+    assert value(found, "false alarms", "stated 0.03") == (3 / 5, 5)
+
+
+def test_findings_are_counted():
+    right = {"verdict": "fault", "tooth_flag": True, "gear_right": True, "tooth_error": 0.2}
+    sized = {"loss": 0.25, "loss_low": 0.15, "loss_high": 0.3}
+    rows = [
+        row("tooth", 0.2, **right, **sized),
+        row("tooth", 0.2, **right, **sized | {"loss": 0.15, "loss_high": 0.19}),
+        row("tooth", 0.2, **right | {"gear_right": False, "tooth_error": None}),
+        row("tooth", 0.2, verdict="healthy"),
+        row("eccentricity", 1.0, verdict="fault", tooth_flag=True),
+        row("eccentricity", 1.0, verdict="fault"),
+    ]
+    found = finding_rows(rows)
+    assert value(found, "called a fault", "loss 0.2") == (0.75, 4)
+    assert value(found, "gear right", "loss 0.2") == (2 / 3, 3)
+    assert value(found, "tooth right", "loss 0.2") == (2 / 3, 3)
+    assert value(found, "interval covers", "loss 0.2") == (0.5, 2)
+    assert value(found, "loss error, quartiles", "loss 0.2") == (pytest.approx(0.0), 2)
+    assert value(found, "called a tooth", "eccentricity") == (0.5, 2)
+    assert len(detection_summary(rows)) >= len(found)
+
+
+def test_learning_is_trained_on_other_machines():
+    rng = np.random.default_rng(0)
+    outcomes = []
+    for machine in range(6):
+        for kind, shift in (("healthy", 0.0), ("healthy", 0.0), ("tooth", 6.0)):
+            features = rng.normal(shift, 1.0, 4)
+            outcomes.append(Outcome(row=row(kind, 0.2, machine=machine), features=features))
+    outcomes.append(Outcome(row=row(verdict="refused")))
+    rows = with_learning(outcomes)
+    assert rows[-1]["plain learning"] is None
+    assert value(roc_rows(rows), "ROC area", "loss 0.2", "plain learning")[0] > 0.95
+
+
+def test_novelty_refuses_what_does_not_fit():
+    assert novelty(np.zeros((3, 2)), np.zeros((0, 2))).shape == (0,)
+    for healthy, new in (
+        (np.zeros((3, 2)), np.zeros((1, 3))),
+        (np.zeros((1, 2)), np.zeros((1, 2))),
+    ):
+        with pytest.raises(ArgumentError):
+            novelty(healthy, new)
+    with pytest.raises(ArgumentError, match="finite"):
+        novelty(np.zeros((3, 2)), np.full((1, 2), np.nan))
+
+
+def test_distance_on_a_gear_goes_the_shorter_way():
+    assert _around(18.5, 19) == 0.5
+    assert _around(-3.0, 19) == 3.0
+    assert _around(40.0, 19) == 2.0

@@ -1,0 +1,119 @@
+"""Random machines and their recordings are what they are said to be."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gearmon.benchmark import detection_recordings as makers
+from gearmon.benchmark.detection_machines import GEARS, MESH_HZ, draw_machine
+from gearmon.benchmark.detection_recordings import Bench, Condition, Setting
+from gearmon.benchmark.detection_trials import OTHERS, SIZES
+from gearmon.errors import ArgumentError
+
+SHORT = Setting(seed=5, duration_s=1.0)
+
+
+@pytest.fixture(scope="module")
+def bench():
+    return Bench(drawn=draw_machine(np.random.default_rng(2), channels=2))
+
+
+@pytest.fixture
+def quiet(monkeypatch):
+    """Without noise, wander, bearings and unbalance, so that laws hold exactly."""
+    for name in ("SPEED_WANDER", "LOAD_WANDER", "UNBALANCE"):
+        monkeypatch.setattr(makers, name, 0.0)
+    monkeypatch.setattr(makers, "SNR_DB", 300.0)
+    monkeypatch.setattr(makers, "SOUND_BEARING", (0.0, 0.0))
+
+
+def test_machines_can_be_heard_and_differ():
+    drawn = [draw_machine(np.random.default_rng(seed), seed) for seed in range(12)]
+    assert len({d.machine.stages[0].pinion_teeth for d in drawn}) > 5
+    assert {len(d.stages) for d in drawn} == {1, 2}
+    for one in drawn:
+        for stage in one.stages:
+            assert MESH_HZ[0] <= stage.mechanics.mesh_frequency_hz <= MESH_HZ[1]
+            assert stage.mechanics.contact_ratio > 1
+
+
+def test_same_seeds_same_recording(bench):
+    one = bench.take(Condition(), SHORT)
+    again = Bench(drawn=draw_machine(np.random.default_rng(2), channels=2)).take(Condition(), SHORT)
+    assert np.array_equal(one.recording.samples, again.recording.samples)
+    other = bench.take(Condition(), replace(SHORT, seed=6))
+    assert not np.array_equal(one.recording.samples, other.recording.samples)
+
+
+def test_gain_and_tacho(bench):
+    plain = bench.take(Condition(), replace(SHORT, tacho=False)).recording
+    loud = bench.take(Condition(), replace(SHORT, gain=2.0)).recording
+    assert plain.channel_kinds == ("vibration", "vibration")
+    assert loud.channel_kinds[-1] == "tacho"
+    np.testing.assert_allclose(loud.samples[:2], 2 * plain.samples, rtol=1e-12)
+
+
+def test_pulses_stand_at_whole_turns(bench):
+    taken = bench.take(Condition(), SHORT)
+    pulses = taken.recording.samples[-1]
+    rise = np.flatnonzero((pulses[:-1] < 2.5) & (pulses[1:] >= 2.5))
+    share = (2.5 - pulses[rise]) / (pulses[rise + 1] - pulses[rise])
+    turns = [taken.turns_at(t) for t in (rise + share) / taken.recording.sampling_rate_hz]
+    np.testing.assert_allclose(turns, np.round(turns), atol=2e-5)
+    assert np.all(np.diff(np.round(turns)) == 1)
+
+
+def test_noise_is_twenty_decibels_down(bench, monkeypatch):
+    noisy = bench.take(Condition(), SHORT)
+    monkeypatch.setattr(makers, "SNR_DB", 300.0)
+    silent = bench.take(Condition(), SHORT)
+    rest = noisy.recording.samples[0] - silent.recording.samples[0]
+    assert np.std(rest) == pytest.approx(0.1 * np.std(silent.recording.samples[0]), rel=0.02)
+
+
+@pytest.mark.usefixtures("quiet")
+def test_vibration_is_a_part_with_the_load_and_a_part_of_errors(bench):
+    own = replace(SHORT, tacho=False)
+    rows = [
+        bench.take(Condition(), replace(own, load=load)).recording.samples[0]
+        for load in (0.8, 1.0, 1.2)
+    ]
+    np.testing.assert_allclose(rows[1], 0.5 * (rows[0] + rows[2]), atol=1e-6 * np.std(rows[1]))
+    # the errors are a part that does not grow with the load
+    assert np.std(rows[2]) / np.std(rows[1]) != pytest.approx(1.2, rel=1e-6)
+
+
+@pytest.mark.usefixtures("quiet")
+@pytest.mark.parametrize("gear", GEARS)
+def test_damaged_tooth_departs_once_a_turn_where_it_meshes(bench, gear):
+    drawn = bench.drawn
+    number = len(drawn.stages)
+    stage = drawn.stages[-1]
+    teeth = stage.gears[GEARS.index(gear)].teeth
+    hurt = Condition(kind="tooth", stage=number, gear=gear, tooth=9, size=0.1)
+    taken, sound = (bench.take(c, SHORT) for c in (hurt, Condition()))
+    turns = taken.turns.copy()
+    for other in drawn.stages[:-1]:
+        turns *= other.gears[0].teeth / other.gears[1].teeth
+    phase = turns * stage.gears[0].teeth % teeth
+    departure = taken.recording.samples[0] - sound.recording.samples[0]
+    energy, _ = np.histogram(phase, bins=teeth, range=(0, teeth), weights=departure**2)
+    # tooth 9 enters at phase 8; the housing rings on for a while
+    assert int(np.argmax(energy)) in (7, 8, 9, 10)
+    assert energy.max() > 5 * np.median(energy)
+
+
+@pytest.mark.usefixtures("quiet")
+@pytest.mark.parametrize("kind", OTHERS)
+def test_every_condition_is_heard(bench, kind):
+    condition = Condition(kind=kind, stage=1, gear="pinion", size=SIZES[kind][1], seed=4)
+    taken, sound = (bench.take(c, SHORT).recording for c in (condition, Condition()))
+    assert np.std(taken.samples[0] - sound.samples[0]) > 0.01 * np.std(sound.samples[0])
+
+
+def test_unknown_condition_is_refused():
+    with pytest.raises(ArgumentError, match="rust"):
+        Condition(kind="rust")

@@ -1,0 +1,61 @@
+"""Areas under ROC curves and intervals: closed forms, slow versions, laws."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gearmon.benchmark.detection_scores import roc_area, roc_area_interval, share_interval
+from gearmon.errors import ArgumentError
+
+SCORES = st.lists(st.integers(-5, 5), min_size=1, max_size=12)
+
+
+@given(SCORES, SCORES)
+def test_area_is_the_share_of_pairs_in_order(healthy, faulty):
+    pairs = list(itertools.product(healthy, faulty))
+    slow = sum(1.0 if f > h else 0.5 if f == h else 0.0 for h, f in pairs) / len(pairs)
+    assert roc_area(healthy, faulty) == pytest.approx(slow)
+    assert roc_area(faulty, healthy) == pytest.approx(1 - slow)
+
+
+def test_area_of_two_normal_laws():
+    # Phi(1/sqrt 2) for means one deviation apart
+    rng = np.random.default_rng(0)
+    area = roc_area(rng.normal(size=4000), rng.normal(1.0, 1.0, 4000))
+    assert area == pytest.approx(0.7602, abs=0.012)
+
+
+def test_interval_of_machines_covers():
+    rng = np.random.default_rng(1)
+    inside = 0
+    for trial in range(30):
+        healthy = [rng.normal(size=2) for _ in range(40)]
+        faulty = [rng.normal(1.0, 1.0, 1) for _ in range(40)]
+        area, low, high = roc_area_interval(healthy, faulty, seed=trial)
+        assert low <= area <= high
+        inside += low <= 0.7602 <= high
+    assert inside >= 25
+
+
+def test_machines_without_scores_do_no_harm():
+    none = np.zeros(0)
+    area, low, high = roc_area_interval([np.zeros(1), none, none], [none, np.ones(1), none])
+    assert (area, low, high) == (1.0, 1.0, 1.0)
+    with pytest.raises(ArgumentError):
+        roc_area([], [1.0])
+
+
+def test_wilson_solves_its_equation():
+    share, low, high = share_interval(7, 40)
+    assert share == 7 / 40
+    for limit in (low, high):
+        assert abs(share - limit) == pytest.approx(1.959964 * np.sqrt(limit * (1 - limit) / 40))
+    assert share_interval(0, 5)[1] == 0.0
+    assert share_interval(5, 5)[2] == pytest.approx(1.0)
+    with pytest.raises(ArgumentError):
+        share_interval(0, 0)

@@ -1,0 +1,141 @@
+"""Pictures of `gearmon orders`: axes and scales say what is drawn, and all of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from reference.small_gearbox import machine, recording
+
+from gearmon.report.average_plots import average_figure, save_average_pictures
+from gearmon.report.indicator_plots import indicator_figure
+from gearmon.report.order_map_plots import order_map_figure, plot_order_map, save_order_map
+from gearmon.report.order_plots import save_order_picture
+from gearmon.report.plots import new_figure, style
+from gearmon.report.tables import INDICATOR_DEFINITIONS
+from gearmon.signals.order_map import order_map
+from gearmon.signatures.gear_averages import gear_averages
+from gearmon.signatures.indicator_table import indicator_table
+from gearmon.signatures.order_spectra import order_spectra
+
+
+@pytest.fixture(scope="module")
+def spectra():
+    return {
+        way: order_spectra(recording(), machine(), map_against=way) for way in ("time", "speed")
+    }
+
+
+@pytest.fixture(scope="module")
+def averages():
+    return gear_averages(recording(), machine())
+
+
+def texts(figure):
+    return " | ".join(text.get_text() for text in figure.findobj(lambda a: hasattr(a, "get_text")))
+
+
+def labels(figure):
+    return [ax.get_xlabel() for ax in figure.axes] + [ax.get_ylabel() for ax in figure.axes]
+
+
+@pytest.mark.parametrize(
+    ("against", "words"), [("time", "Time (s)"), ("speed", "Speed of shaft 1 (Hz)")]
+)
+def test_map_names_its_axes_and_units(spectra, against, words):
+    with style():
+        figure = order_map_figure(spectra[against])
+    said = texts(figure)
+    assert words in said
+    assert "Order (cycles a turn of shaft 1)" in labels(figure)
+    assert "peak amplitude (m/s²)" in said
+    assert "GMF1 ×1" in said
+
+
+def test_map_keeps_every_line_and_is_calibrated(spectra):
+    found = spectra["time"]
+    _, (ax,) = new_figure([2.0])
+    image = plot_order_map(found, 0, ax)
+    drawn = image.get_array()
+    assert drawn.max() == pytest.approx(found.map.amplitude[:, 0, 2:].max())
+    assert image.norm.vmax / image.norm.vmin <= 1e4 * (1 + 1e-9)
+    low, high = ax.get_ylim()
+    assert (low, high) == pytest.approx((found.map.low[0], found.map.high[-1]))
+    assert ax.get_xlim()[1] == pytest.approx(found.map.order[-1])
+
+
+def test_speeds_never_driven_are_grey_and_said_so(spectra):
+    from dataclasses import replace
+
+    own = spectra["speed"].map
+    kept = np.array([0, 2])
+    width = 1.0
+    gap = replace(
+        own,
+        amplitude=np.repeat(own.amplitude[:1], 2, axis=0),
+        time_s=np.zeros(2),
+        speed_hz=40.5 + kept,
+        low=40.0 + kept,
+        high=40.0 + kept + width,
+        blocks=np.ones(2, dtype=np.int64),
+    )
+    found = replace(spectra["speed"], map=gap)
+    _, (ax,) = new_figure([2.0])
+    drawn = plot_order_map(found, 0, ax).get_array()
+    assert drawn.shape[0] == 3
+    assert np.ma.getmaskarray(drawn)[1].all()
+    with style():
+        assert "speeds that were not recorded" in texts(order_map_figure(found))
+
+
+def test_average_shows_the_whole_turn_with_its_errors(averages):
+    for own in averages.gears:
+        with style():
+            figure = average_figure(averages, own)
+        assert figure.axes[0].get_xlim() == (0.0, own.teeth)
+        said = texts(figure)
+        assert f"{own.teeth} teeth: mean of {own.average.turns} of its turns" in said
+        assert {"residual", "difference", "synchronous average"} <= set(said.split(" | "))
+        assert "± 2 standard errors" in said
+        zero = "tachometer pulse" if own.gear == "pinion" else "0 anywhere"
+        assert any(zero in label for label in labels(figure))
+        angle, whole = figure.axes[0].lines[0].get_data()
+        assert whole[-1] == whole[0]
+        assert len(whole) > 24 * own.teeth
+        # where it has a value the curve goes through it
+        known = np.arange(own.average.per_turn) * own.teeth / own.average.per_turn
+        read = np.interp(known, angle, whole)
+        assert np.corrcoef(read, own.average.waveform[0])[0, 1] > 0.99
+
+
+def test_pictures_are_written(spectra, averages, tmp_path):
+    paths = [
+        save_order_picture(spectra["time"], tmp_path / "a.png"),
+        save_order_map(spectra["speed"], tmp_path / "b.png"),
+        *save_average_pictures(averages, tmp_path / "c.png"),
+    ]
+    assert [path.name for path in paths] == ["a.png", "b.png", "c-1-pinion.png", "c-1-gear.png"]
+    assert all(path.read_bytes().startswith(b"\x89PNG") for path in paths)
+
+
+def test_indicators_say_what_is_dashed():
+    with style():
+        figure = indicator_figure([indicator_table(recording(), machine())])
+    assert "Gaussian noise" in texts(figure)
+
+
+def test_every_indicator_of_the_table_is_defined():
+    names = {row.indicator.lower() for row in indicator_table(recording(), machine()).rows}
+    assert names <= set(INDICATOR_DEFINITIONS)
+
+
+def test_order_map_of_signals_is_that_of_the_recording(spectra):
+    found = spectra["time"]
+    vibration = recording().vibration()
+    own = order_map(
+        vibration.samples,
+        vibration.sampling_rate_hz,
+        found.signature.track,
+        top=float(found.map.order[-1]),
+        block_turns=found.map.block_turns,
+    )
+    np.testing.assert_allclose(own.amplitude, found.map.amplitude, rtol=1e-9)

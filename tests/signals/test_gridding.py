@@ -1,0 +1,105 @@
+"""Spreading samples onto steps of angle: the sum over the samples that it stands for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from reference.synthetic_signals import track_of, wandering_turns, white
+
+from gearmon.signals import gridding
+from gearmon.signals.angle import AngleTrack
+from gearmon.signals.gridding import Gridding, Kernel
+from gearmon.signals.half_blocks import side_by_side
+
+RATE = 2000.0
+
+
+def spread_of(samples, track, per_turn, kernel, first_turn, count):
+    out = np.empty((len(samples), count))
+    Gridding(samples, RATE, track, per_turn, kernel).spread(first_turn, out)
+    return out
+
+
+@pytest.mark.parametrize(("width", "bound"), [(4, 3e-3), (8, 1e-6)])
+@pytest.mark.parametrize("oversampling", [1.3, 2.0, 3.0])
+def test_transform_of_the_kernel_is_its_fourier_integral(width, bound, oversampling):
+    kernel = Kernel.of(width, oversampling)
+    u = np.linspace(-width / 2, width / 2, 20_001)
+    x = np.linspace(0.0, 0.5, 7)
+    waves = np.cos(2 * np.pi * np.outer(x, u))
+    integral = np.trapezoid(kernel.at(u) * waves, u, axis=1)
+    np.testing.assert_allclose(kernel.transform(x), integral, rtol=1e-6, atol=1e-7 * width)
+    # continued beyond its reach it stays what it is at the end, or less
+    beyond = kernel.at(np.linspace(width / 2, 0.7 * width, 50))
+    assert np.abs(beyond).max() <= kernel.at(np.array([width / 2]))[0] * (1 + 1e-9)
+    assert kernel.at(np.array([width / 2]))[0] < 30 * bound
+
+
+@pytest.mark.parametrize("width", [4, 8])
+def test_every_step_is_the_weighted_sum_of_its_neighbours(width):
+    # slowly changing speed: angles of samples near a step, one by one
+    def turns(time):
+        return wandering_turns(time, 20.0, 0.02, 3)
+
+    track = track_of(turns, 4.0, 60)
+    samples = white((2, 8000), seed=1)
+    kernel = Kernel.of(width, 1.5)
+    per_turn, first, count = 130.0, 20.0, 3000
+    found = spread_of(samples, track, per_turn, kernel, first, count)
+    angle = track.turns_at(np.arange(8000) / RATE)
+    density = per_turn * np.gradient(angle)
+    for step in range(0, count, 37):
+        distance = step - per_turn * (angle - first)
+        near = np.abs(distance) <= 0.5 * width
+        slow = samples[:, near] @ (kernel.at(distance[near]) * density[near])
+        # taps beyond the reach hold what the kernel has at its end
+        end = float(kernel.at(np.array([0.5 * width]))[0])
+        np.testing.assert_allclose(found[:, step], slow, atol=5 * end + 3e-6)
+
+
+def test_dense_knots_and_sparse_ones_give_the_same_steps():
+    def turns(time):
+        return wandering_turns(time, 20.0, 0.01, 5)
+
+    samples = white((1, 8000), seed=2)
+    kernel = Kernel.of(8, 1.5)
+    dense, sparse = track_of(turns, 4.0, 2000), track_of(turns, 4.0, 50)
+    assert gridding._part(dense, 20.0, 60.0)[1] * gridding._SPARSE * gridding._NODES > 4000
+    assert gridding._part(sparse, 20.0, 60.0)[1] * gridding._SPARSE * gridding._NODES < 40_000
+    one, other = (spread_of(samples, track, 100.0, kernel, 20.0, 4000) for track in (dense, sparse))
+    assert np.abs(one - other).max() < 0.05 * np.abs(one).max()
+
+
+def test_stretches_do_not_depend_on_where_they_begin(monkeypatch):
+    track = AngleTrack(
+        time_s=np.linspace(0.0, 4.0, 9),
+        turns=20 * np.linspace(0.0, 4.0, 9) + 0.3 * np.linspace(0.0, 4.0, 9) ** 2,
+        method="comb",
+        uncertainty_turns=0.0,
+    )
+    samples, kernel = white((2, 8001), seed=4), Kernel.of(8, 1.5)
+    whole = spread_of(samples, track, 120.0, kernel, 0.0, 9600)
+    monkeypatch.setattr(gridding, "_PIECE", 700)
+    monkeypatch.setattr(gridding, "_STRETCH", 2000)
+    parts = spread_of(samples, track, 120.0, kernel, 0.0, 9600)
+    np.testing.assert_allclose(
+        parts, whole, atol=5e-5
+    )  # of sums near 5, by polynomials in the speed
+
+
+def test_a_constant_is_spread_evenly_to_the_ends():
+    track = AngleTrack(
+        time_s=np.array([0.0, 1.0]),
+        turns=np.array([0.0, 20.0]),
+        method="constant",
+        uncertainty_turns=0.0,
+    )
+    kernel = Kernel.of(8, 2.0)
+    found = spread_of(np.full((1, 2001), 9.81), track, 110.0, kernel, 0.0, 2200)
+    level = 9.81 * kernel.transform(np.zeros(1))[0]
+    np.testing.assert_allclose(found, level, rtol=1e-6)
+
+
+@pytest.mark.parametrize("work", [0, 1 << 40])
+def test_tasks_side_by_side_give_results_in_order(work):
+    assert side_by_side(lambda number: number**2, range(50), work) == [n**2 for n in range(50)]

@@ -1,0 +1,376 @@
+"""Families of signatures against full solves, slow integration, and laws they must obey."""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gearmon.cli import main
+from gearmon.errors import ArgumentError
+from gearmon.machine import load_machine
+from gearmon.signatures.expected import expected_signature
+from gearmon.signatures.fault_family import FAMILY_KINDS, fault_family, loss_response
+from gearmon.signatures.fault_family_mesh import common_grid, solved, turn_of
+from gearmon.signatures.signature import read_signature
+
+FOLDER = Path(__file__).resolve().parents[2] / "signatures"
+PAIR = load_machine(FOLDER / "reference_pair.toml")
+COMBINE = load_machine(FOLDER / "combine_gearbox.toml")
+PTO = load_machine(FOLDER / "tractor_pto.toml")
+
+
+def lines_of(signature, stage):
+    """Complex acceleration by place of the line, of one stage."""
+    kept = signature["stage"] == stage
+    values = signature["acceleration_ms2"] * np.exp(1j * signature["phase_rad"])
+    names = ("mesh_harmonic", "sideband", "sideband_of")
+    places = zip(*(signature[name][kept].tolist() for name in names), strict=True)
+    return dict(zip(places, values[kept], strict=True))
+
+
+def distances(made, full, stage):
+    """Relative distances of all lines, and of those that are no mesh harmonics."""
+    mine, other = lines_of(made, stage), lines_of(full, stage)
+    places = sorted(mine.keys() & other.keys())
+    assert len(places) >= 0.95 * max(len(mine), len(other))
+    difference = np.array([mine[place] - other[place] for place in places])
+    truth = np.array([other[place] for place in places])
+    side = np.array([place[1] != 0 for place in places])
+    whole = np.linalg.norm(difference) / np.linalg.norm(truth)
+    if not side.any():
+        return whole, 0.0
+    return whole, np.linalg.norm(difference[side]) / np.linalg.norm(truth[side])
+
+
+@pytest.mark.parametrize(
+    ("machine", "kind", "stage", "gear", "size", "tooth"),
+    [
+        (PAIR, "crack", 1, "pinion", "20%", 5),
+        (PAIR, "pitting", 1, "gear", "40%", 53),
+        (PAIR, "wear", 1, "gear", "10%", 1),
+        (COMBINE, "crack", 1, "gear", "1.5mm", 11),
+        (COMBINE, "breakage", 1, "pinion", "20%", 60),
+        (COMBINE, "spall", 2, "pinion", "40%", 23),
+        (COMBINE, "spall", 2, "gear", "10x2x0.3mm", 2),
+        (COMBINE, "pitting", 2, "gear", "12%flank", 3),
+        (COMBINE, "wear", 1, "gear", "0.02mm", 1),
+        (COMBINE, "pitch", 1, "gear", "5um", 7),
+        (COMBINE, "eccentricity", 1, "pinion", "20um", 1),
+        (COMBINE, "cumulative", 2, "pinion", "20um", 1),
+        (PTO, "missing", 1, "pinion", "1tooth", 4),
+        (COMBINE, "missing", 1, "gear", "1tooth", 4),
+    ],
+)
+def test_member_is_the_full_solve(machine, kind, stage, gear, size, tooth):
+    family = fault_family(
+        machine, kinds=[kind], sizes={kind: [size]}, gears=[(stage, gear)], operating=0
+    )
+    (member,) = family
+    full = expected_signature(machine, faults=[member.fault(tooth)], tolerance=1e-5)
+    whole, side = distances(family.signature(member, tooth), full, stage)
+    # the bound of the full solve; the share of cut harmonics in it is an estimate, off by up to 2
+    bound = 2 * full.header["stages"][stage - 1]["error_bound"]
+    assert whole < bound
+    # the bound is relative to all lines
+    levels = family.rows()[0]
+    if levels["sidebands_ms2"]:
+        assert side < bound * max(1.0, levels["healthy_ms2"] / levels["sidebands_ms2"]) * 2
+
+
+def test_misalignment_is_the_full_solve():
+    family = fault_family(
+        COMBINE, kinds=["misalignment"], sizes={"misalignment": ["20um"]}, gears=["1:gear"]
+    )
+    member = family.select(operating=0)[0]
+    full = expected_signature(COMBINE, faults=[member.fault()], tolerance=1e-6)
+    # the full solve takes the carrying part of the face at 4096 angles, which alias its corners
+    assert max(distances(family.signature(member), full, 1)) < 2e-4
+
+
+def test_healthy_is_the_expected_signature():
+    family = fault_family(COMBINE, kinds=["wear"], sizes=["5%"])
+    full = expected_signature(COMBINE, operating=1)
+    for stage in (1, 2):
+        assert max(distances(family.signature(operating=1), full, stage)) < 1e-6
+
+
+def test_wear_is_a_softer_mesh():
+    family = fault_family(PAIR, kinds=["wear"], sizes=["20%"], gears=["pinion"], max_hz=1.7e4)
+    stage = replace(PAIR.stages[0], mesh_stiffness_n_per_m=6.4e8)
+    soft = fault_family(
+        replace(PAIR, stages=(stage,)), kinds=["wear"], sizes=["0%"], gears=["pinion"], max_hz=1.7e4
+    )
+    member, other = family.members[0], soft.members[0]
+    assert member.loss == pytest.approx(0.2, rel=1e-12)
+    assert member.lines.acceleration == pytest.approx(other.lines.acceleration, rel=1e-9)
+    assert other.lines.acceleration == pytest.approx(soft.healthy[(0, 1, 0)].acceleration, rel=1e-9)
+
+
+@pytest.mark.parametrize("text", ["pitch:1:pinion:1:20um", "missing:1:pinion:1"])
+def test_jumping_excitation_against_slow_integration(text):
+    # the full solve cuts the harmonics of jumps: only an integration from corner to corner can say
+    from gearmon.gears.excitation import parse_fault_or_error
+
+    healthy = turn_of(PTO, 1, PTO.operating[0], None, "parabolic")
+    turn = turn_of(PTO, 1, PTO.operating[0], parse_fault_or_error(text), "parabolic")
+    own, period = turn.mechanics, turn.period
+    grid = common_grid([healthy, turn], 12e3)
+    even = healthy.even(grid)
+    count = 3 * period
+    made = solved([turn], period, even).lines(count)[0]
+    made[period - 1 :: period] += even.lines(3)
+    lines = stepped_lines(turn, grid.edges, count)
+    orders = np.arange(1, count + 1)
+    error = np.linalg.norm(orders**2 * (lines - made)) / np.linalg.norm(orders**2 * made)
+    assert error < 2e-5
+    assert own.mesh_frequency_hz == pytest.approx(540.03, abs=0.1)
+
+
+def stepped_lines(turn, edges, count, steps=150):
+    """Harmonics of z over a turn, in steps of constant k and e from corner to corner.
+
+    q = z' - (c/m) e has no jump where e has one.
+    """
+    own, period = turn.mechanics, turn.period
+    inner = [np.linspace(*ends, steps + 1)[:-1] for ends in pairwise(edges)]
+    place = np.concatenate([np.concatenate(inner) + mesh for mesh in range(period)])
+    place = np.append(place, period)
+    middle, step = 0.5 * (place[1:] + place[:-1]), np.diff(place) / own.mesh_frequency_hz
+    stiffness, error = own.stiffness.at(middle), turn.excitation.at(middle)
+    mass, half = own.equivalent_mass_kg, own.damping_ns_per_m / (2 * own.equivalent_mass_kg)
+    rate = np.sqrt(stiffness / mass - half**2)
+    fade, even, odd = np.exp(-half * step), np.cos(rate * step), np.sin(rate * step) / rate
+    maps = np.array(
+        [
+            [fade * (even + half * odd), fade * odd],
+            [-fade * odd * stiffness / mass, fade * (even - half * odd)],
+        ]
+    ).transpose(2, 0, 1)
+    rest = np.stack([own.force_n / stiffness + error, -2 * half * error], axis=1)
+    push = rest - (maps @ rest[:, :, None])[:, :, 0]
+    state, path = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), []
+    for own_map, own_push in zip(maps, push, strict=True):
+        path.append(state[0])
+        state = own_map @ state
+        state[:, 0] += own_push
+    path.append(state[0])
+    start = np.linalg.solve(np.eye(2) - state[:, 1:], state[:, 0])
+    z = np.array(path) @ np.append(1.0, start)
+    turned = np.exp(-2j * np.pi / period * np.outer(np.arange(1, count + 1), place)) * z
+    return ((turned[:, 1:] + turned[:, :-1]) / 2 * np.diff(place)).sum(axis=1) / period
+
+
+@pytest.mark.parametrize(
+    ("kind", "gear"), [("crack", "pinion"), ("pitting", "gear"), ("spall", "pinion")]
+)
+def test_small_losses_are_the_response_per_unit(kind, gear):
+    response = loss_response(COMBINE, 2, gear, max_order=300.0, kind=kind)
+    family = fault_family(
+        COMBINE,
+        kinds=[kind],
+        sizes=[0.005, 0.01],
+        gears=[(2, gear)],
+        operating=0,
+        max_hz=300.0 * COMBINE.operating[0].shaft1_hz,
+    )
+    left = []
+    for member in family:
+        exact = member.lines.acceleration - response.mesh_acceleration
+        left.append(np.linalg.norm(exact - member.loss * response.acceleration))
+    # what a response per unit leaves out is of second order
+    assert left[1] / left[0] == pytest.approx(4, rel=0.05)
+
+
+@settings(max_examples=6, deadline=None, derandomize=True)
+@given(
+    loss=st.floats(1e-3, 0.6),
+    gear=st.sampled_from(["pinion", "gear"]),
+    kind=st.sampled_from(["crack", "breakage", "pitting", "spall"]),
+)
+def test_response_at_a_loss_is_the_member_of_that_loss(loss, gear, kind):
+    response = loss_response(COMBINE, 1, gear, max_order=100.0, kind=kind, loss=loss)
+    (member,) = fault_family(
+        COMBINE,
+        kinds=[kind],
+        sizes=[loss],
+        gears=[(1, gear)],
+        operating=0,
+        max_hz=100.0 * COMBINE.operating[0].shaft1_hz,
+    )
+    assert response.loss == pytest.approx(member.loss, rel=1e-9)
+    whole = response.mesh_acceleration + response.loss * response.acceleration
+    exact = member.lines.acceleration
+    assert whole == pytest.approx(exact, abs=1e-6 * abs(exact).max())
+
+
+def test_a_tooth_later_is_a_mesh_period_later():
+    response = loss_response(COMBINE, 1, "gear", max_order=200.0)
+    assert response.at_tooth(1) == pytest.approx(response.acceleration)
+    table = response.at_tooth(np.arange(1, response.teeth + 1))
+    assert table.shape == (28, len(response.number))
+    # all teeth alike damaged: only mesh lines are left
+    total = table.sum(axis=0)
+    meshes = response.number % 28 == 0
+    assert abs(total[~meshes]).max() < 1e-9 * abs(total).max()
+    assert response.order[27] == pytest.approx(61.0)
+
+
+def test_turns_of_the_family_are_faults_of_other_teeth():
+    family = fault_family(COMBINE, kinds=["crack"], sizes=["20%"], gears=["1:gear"], operating=0)
+    member = family.members[0]
+    order, first = member.response()
+    _, seventh = member.response(7)
+    delay = np.exp(-2j * np.pi * 6 * member.lines.number / 28)
+    assert seventh == pytest.approx(first * delay)
+    assert order == pytest.approx(member.lines.number * 61 / 28)
+    signature = family.signature(member, 7)
+    assert signature.header["faults"] == ["crack:1:gear:7:20%"]
+    own = signature["stage"] == 1
+    assert signature["acceleration_ms2"][own] == pytest.approx(2 * abs(first))
+
+
+def test_family_costs_far_less_than_full_solves():
+    kinds = ("crack", "breakage", "pitting", "spall", "pitch", "wear")
+    start = time.process_time()
+    family = fault_family(PAIR, kinds=kinds, tolerance=1e-6)
+    each = (time.process_time() - start) / len(family)
+    assert len(family) == 58
+    start = time.process_time()
+    for size in ("2.5%", "40%"):
+        expected_signature(PAIR, faults=[f"crack:1:gear:1:{size}"], tolerance=1e-6)
+    assert (time.process_time() - start) / 2 > 3 * each
+
+
+def test_default_family_holds_every_kind_gear_and_operating_point():
+    family = fault_family(COMBINE, sizes=["5%", "20%", "20um"], max_hz=1500.0)
+    places = {(m.kind, m.stage, m.gear, m.operating) for m in family}
+    assert len(places) == len(FAMILY_KINDS) * 4 * 2
+    assert not family.notes
+    assert all(row["error"] <= 1e-6 for row in family.rows() if row["kind"] != "missing")
+    rows = {row["size"]: row for row in family.rows() if row["kind"] == "crack"}
+    assert rows["5%"]["sidebands_ms2"] < rows["20%"]["sidebands_ms2"]
+
+
+def test_what_the_machine_cannot_tell_is_left_out_and_named():
+    stage = replace(PAIR.stages[0], module_mm=None, face_width_mm=None)
+    bare = replace(PAIR, stages=(stage,))
+    family = fault_family(bare, max_hz=2e3)
+    assert {m.kind for m in family} >= {"crack", "pitting", "wear"}
+    assert "missing" not in {m.kind for m in family}
+    assert any(
+        note.startswith("missing of the pinion of stage 1 left out") for note in family.notes
+    )
+    with pytest.raises(ArgumentError, match="module_mm"):
+        fault_family(bare, kinds=["missing"])
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".json", ".parquet"])
+def test_files_give_back_the_table(tmp_path, suffix):
+    if suffix == ".parquet":
+        pytest.importorskip("pyarrow")
+    family = fault_family(COMBINE, kinds=["crack", "missing"], sizes=["5%"], max_hz=2e3)
+    path = tmp_path / f"family{suffix}"
+    family.write(path, mesh_harmonics=1, sidebands=2)
+    table, back = family.table(1, 2), read_signature(path)
+    assert abs(back["sideband"]).max() == 2
+    assert set(back["kind"]) == {"healthy", "crack", "missing"}
+    assert set(back["size"]) == {"", "5%", "1tooth"}
+    for name in table.columns:
+        assert (back[name] == table[name]).all(), name
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ({"kinds": ["cracks"]}, "did you mean crack"),
+        ({"kinds": []}, "kinds: none given"),
+        ({"sizes": ["12parsec"]}, "fits none of the kinds"),
+        ({"kinds": ["pitch"], "sizes": [0.2]}, "fits none of the kinds pitch"),
+        ({"kinds": ["crack", "pitch"], "sizes": [0.2]}, "no size fits kind 'pitch'"),
+        ({"kinds": ["crack"], "sizes": {"spall": [0.2]}}, "not among the kinds"),
+        ({"kinds": ["crack"], "sizes": {"crack": [1.2]}}, "1.2|120"),
+        ({"gears": ["1:sun"]}, "gear 'sun' is not in stage 1"),
+        ({"gears": ["3:pinion"]}, "stage"),
+        ({"gears": ["one:pinion"]}, "must be STAGE:GEAR"),
+        ({"gears": ["wheel"]}, "it has pinion, gear"),
+        ({"operating": 2}, "operating"),
+        ({"max_hz": -1.0}, "max_hz"),
+        ({"max_hz": 10.0}, "below the lowest mesh frequency"),
+        ({"tolerance": 0.0}, "tolerance"),
+        ({"kinds": ["crack"], "sizes": ["900mm"]}, "900"),
+    ],
+)
+def test_bad_arguments_get_one_line(arguments, says):
+    with pytest.raises(ArgumentError, match=says) as caught:
+        fault_family(COMBINE, **arguments)
+    assert "\n" not in str(caught.value)
+
+
+def test_teeth_that_are_not_there_are_refused():
+    family = fault_family(PAIR, kinds=["crack", "wear"], sizes=["5%"], gears=["pinion"])
+    with pytest.raises(ArgumentError, match=r"tooth=27 .* must be a whole number in \[1, 26\]"):
+        family.signature(family.select(kind="crack")[0], 27)
+    with pytest.raises(ArgumentError, match="of the whole gear"):
+        family.signature(family.select(kind="wear")[0], 2)
+    with pytest.raises(ArgumentError, match="kind='wear'"):
+        loss_response(PAIR, 1, "pinion", kind="wear")
+    with pytest.raises(ArgumentError, match="gear 'sun' is not in stage 1"):
+        loss_response(PAIR, 1, "sun")
+    with pytest.raises(ArgumentError, match="below the first line"):
+        loss_response(PAIR, 1, "pinion", max_order=0.5)
+
+
+def test_an_unstable_mesh_has_no_family():
+    stage = replace(PAIR.stages[0], damping_ns_per_m=1e-8)
+    with pytest.raises(ArgumentError, match="free vibrations do not die out"):
+        fault_family(replace(PAIR, stages=(stage,)), kinds=["crack"])
+
+
+def test_command_writes_table_and_picture(tmp_path, capsys):
+    target = tmp_path / "family.csv"
+    words = [
+        "family",
+        str(FOLDER / "combine_gearbox.toml"),
+        "--kind=crack",
+        "--kind=pitch",
+        "--size=5%",
+        "--size=20%",
+        "--size=10um",
+        "--operating=0",
+        "--max-hz=5000",
+        "--mesh-harmonics=2",
+        "--sidebands=2",
+        "--json",
+        "-o",
+        str(target),
+    ]
+    assert main(words) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert len(result["rows"]) == 4 * 3
+    assert (tmp_path / "family.png").read_bytes().startswith(b"\x89PNG")
+    assert set(read_signature(target)["kind"]) == {"healthy", "crack", "pitch"}
+    assert main(words[:-3]) == 0
+    assert "sidebands_ms2" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["-o", "family.txt"], "must end in one of"),
+        (["--kind", "crak"], "did you mean crack"),
+        (["--size", "20%", "--kind", "pitch"], "fits none"),
+    ],
+)
+def test_command_refuses_in_one_line(words, says, capsys):
+    assert main(["family", str(FOLDER / "combine_gearbox.toml"), *words]) == 2
+    error = capsys.readouterr().err
+    assert says in error
+    assert error.count("\n") == 1

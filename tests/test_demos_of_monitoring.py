@@ -1,0 +1,88 @@
+"""The demos of a growing crack, of kinds of faults and of a day, in short versions."""
+
+from __future__ import annotations
+
+import pytest
+from reference.small_gearbox import as_json
+
+from gearmon.demos import DEMOS, day, growth, kinds, run_demo
+from gearmon.diagnosis.history_store import read_history
+from gearmon.machine import load_machine
+from gearmon.signatures.reference import read_reference
+
+
+@pytest.fixture(scope="module", autouse=True)
+def shortened():
+    """Fewer recordings; a full demo takes half a minute of computing."""
+    patch = pytest.MonkeyPatch()
+    patch.setattr(kinds, "DURATION_S", 3.0)
+    patch.setattr(growth, "RECORDINGS", 5)
+    patch.setattr(growth, "SOUND", 2)
+    patch.setattr(growth, "HEALTHY_LOADS", (0.7, 0.85, 1.0))
+    patch.setattr(day, "HOURS", 2)
+    patch.setattr(day, "LEARNED", day.LEARNED[1:4])
+    patch.setattr(kinds, "NEW_LOADS", (0.93,))
+    patch.setattr(kinds, "HEALTHY_LOADS", (0.7, 0.85, 1.0))
+    patch.setattr(kinds, "EXAMPLES", 160)
+    yield
+    patch.undo()
+
+
+@pytest.fixture(scope="module")
+def growing(tmp_path_factory):
+    return run_demo("growth", tmp_path_factory.mktemp("growth"))
+
+
+@pytest.fixture(scope="module")
+def told_apart(tmp_path_factory):
+    return run_demo("kinds", tmp_path_factory.mktemp("kinds"))
+
+
+@pytest.fixture(scope="module")
+def through_a_day(tmp_path_factory):
+    return run_demo("day", tmp_path_factory.mktemp("day"))
+
+
+@pytest.mark.parametrize("name", ["growing", "told_apart", "through_a_day"])
+def test_picture_story_and_inputs_are_written(name, request):
+    demo = request.getfixturevalue(name)
+    assert demo.picture.read_bytes().startswith(b"\x89PNG")
+    assert demo.story.read_text().splitlines() == "\n".join(demo.told()).splitlines()
+    assert load_machine(demo.folder / "machine.toml").name == "conveyor drive"
+    assert read_reference(demo.folder / "healthy.ref").profiles
+    assert as_json(demo.to_dict()) == demo.to_dict()
+    assert str(demo.picture) in "\n".join(demo.lines())
+
+
+def test_demos_have_names_of_their_own():
+    assert {"crack", "growth", "kinds", "day"} <= set(DEMOS)
+
+
+def test_a_growing_crack_is_flagged_and_a_sound_gear_is_not(growing):
+    entries = growing.found.history.entries
+    assert growing.losses == tuple(growth.true_loss(number) for number in range(5))
+    assert growing.losses[1] == 0 < growing.losses[2]
+    assert growing.losses[-1] == pytest.approx(growth.LAST_LOSS)
+    assert entries[-1].verdict == "fault"
+    assert growing.flagged is not None
+    assert growing.flagged >= 2
+    kept = read_history(growing.folder / "history.db", "conveyor drive")
+    assert kept.entries == entries
+    assert "Flagged in every recording since" in growing.story.read_text()
+
+
+def test_every_state_is_judged_and_the_sound_one_is_sound(told_apart):
+    assert [one.truth for one in told_apart.judged] == list(kinds.STATES)
+    assert told_apart.judged[0].told == "sound"
+    right = sum(one.told == one.truth for one in told_apart.judged)
+    assert f"Right: {right} of 4." in told_apart.story.read_text()
+    for one in told_apart.judged:
+        assert (one.judgement is not None) == (one.analysis.verdict == "fault")
+        assert set(one.features) == set(kinds.FEATURES)
+
+
+def test_a_day_counts_its_alarms_itself(through_a_day):
+    verdicts = [analysis.verdict for analysis in through_a_day.analyses]
+    assert through_a_day.alarms == verdicts.count("fault")
+    assert f"False alarms: {through_a_day.alarms}," in through_a_day.story.read_text()
+    assert through_a_day.view.load.max() > 1.1 * through_a_day.view.load.min()

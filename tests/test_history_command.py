@@ -1,0 +1,94 @@
+"""`gearmon history`: exit codes, store, files and refusals."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from reference.small_gearbox import CRACK, MACHINE_FILE, reference, simulated
+
+from gearmon.cli import main
+from gearmon.signatures.reference import write_reference
+from gearmon.simulation import write_simulation
+
+TIMES = "2026-03-01T08:00:00Z,2026-03-02T08:00:00Z"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A machine file, a reference, and two recordings whose names hold their times."""
+    made = tmp_path_factory.mktemp("history")
+    (made / "machine.toml").write_text(MACHINE_FILE)
+    write_reference(reference(), made / "healthy.ref")
+    write_simulation(simulated(), made / "2026-03-01T08-00-00.csv")
+    write_simulation(simulated(CRACK, seed=18), made / "2026-03-02T08-00-00.csv")
+    return made
+
+
+def run(folder, *arguments, recordings=2):
+    names = ["2026-03-01T08-00-00.csv", "2026-03-02T08-00-00.csv"][:recordings]
+    known = ["--machine", str(folder / "machine.toml"), "--reference", str(folder / "healthy.ref")]
+    return main(["history", *(str(folder / name) for name in names), *known, *arguments])
+
+
+def test_store_grows_and_files_are_written(folder, tmp_path, capsys):
+    store, table = tmp_path / "history.db", tmp_path / "h.csv"
+    options = ("--time-from", "name", "--store", str(store), "--limit", "20%")
+    assert run(folder, *options, recordings=1) == 0
+    capsys.readouterr()
+    # the time of the first is known already
+    assert run(folder, *options) == 2
+    assert "already" in capsys.readouterr().err
+    assert run(folder, *options, "--replace", "-o", str(table), "--json") == 1
+    result = json.loads(capsys.readouterr().out)
+    assert [r["time"] for r in result["recordings"]] == [
+        "2026-03-01T08:00:00Z",
+        "2026-03-02T08:00:00Z",
+    ]
+    assert [r["verdict"] for r in result["recordings"]] == ["healthy", "fault"]
+    assert result["replaced"] == 1
+    assert result["limit"] == pytest.approx(0.2)
+    assert result["raised"]
+    assert table.read_text().startswith("time,")
+    assert table.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
+    # and it can be looked at without any recording
+    assert main(["history", "--machine", str(folder / "machine.toml"), "--store", str(store)]) == 1
+    assert "2 recordings" in capsys.readouterr().out
+
+
+def test_a_bad_recording_is_named_and_the_others_are_kept(folder, tmp_path, capsys):
+    bad = tmp_path / "bad.csv"
+    np.savetxt(bad, [1.0])
+    known = ["--machine", str(folder / "machine.toml"), "--reference", str(folder / "healthy.ref")]
+    good = str(folder / "2026-03-01T08-00-00.csv")
+    code = main(["history", str(bad), good, *known, "--times", TIMES, "--json"])
+    assert code == 2
+    result = json.loads(capsys.readouterr().out)
+    assert [entry["recording"] for entry in result["errors"]] == [str(bad)]
+    assert len(result["recordings"]) == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ((), "when were the recordings made"),
+        (("--times", "2026-01-01"), "1 times for 2 recordings"),
+        (("--times", TIMES, "--time-from", "name"), "not both"),
+        (("--times", TIMES, "--limit", "200%"), "--limit 200%"),
+        (("--times", TIMES, "--limit", "much"), "--limit much"),
+        (("--times", TIMES, "-o", "h.txt"), "must end in one of"),
+        (("--times", TIMES, "--store", ""), "--store: the name is empty"),
+    ],
+)
+def test_wrong_arguments_are_refused_before_any_work(folder, capsys, options, message):
+    assert run(folder, *options) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_the_store_must_be_a_file_of_its_own(folder, capsys):
+    path = str(folder / "healthy.ref")
+    assert run(folder, "--times", TIMES, "--store", path) == 2
+    assert "another file of this command" in capsys.readouterr().err
+    assert main(["history", "--machine", str(folder / "machine.toml")]) == 2
+    assert "name recordings" in capsys.readouterr().err
