@@ -75,8 +75,15 @@ def test_the_channel_that_hears_little_raises_no_alarm(load):
     assert told("h", load, "a4").verdict == "healthy"
 
 
-@pytest.mark.xfail(reason="a4 says healthy: what it would hear of a fault is not weighed")
-@pytest.mark.parametrize("load", [0, 20, 40, 60, 80])
+_NOT_WEIGHED = pytest.mark.xfail(
+    reason="a4 says healthy: what it would hear of a fault is not weighed"
+)
+
+
+@pytest.mark.parametrize(
+    "load",
+    [0, 20, 40, pytest.param(60, marks=_NOT_WEIGHED), pytest.param(80, marks=_NOT_WEIGHED)],
+)
 def test_the_channel_that_hears_little_gives_no_clean_bill(load):
     assert told("b", load, "a4").verdict in ("fault", "cannot tell")
 

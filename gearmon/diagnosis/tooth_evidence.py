@@ -19,6 +19,7 @@ from gearmon.diagnosis.tooth_search import (
     loss_estimate,
     most_likely,
     search_gear,
+    share_lines,
 )
 from gearmon.errors import ArgumentError
 from gearmon.machine import Machine
@@ -27,10 +28,10 @@ from gearmon.signatures.tooth_response import tooth_response
 
 FloatArray = NDArray[np.float64]
 
-# Mean misfit of the gears below which departures are noise, and the matched search is believed, and
+# Largest misfit of the gears below which departures are noise, and the matched search is believed, and
 # above which the healthy patterns plainly do not fit: then teeth differ by more than noise, and
 # only the search by energy knows how much.
-_NOISE_UP_TO, _NO_NOISE_FROM = 1.15, 1.4
+_NOISE_UP_TO, _NO_NOISE_FROM = 1.3, 1.8
 # Healthy pairs of simulated machines, loads, speeds and gains changed, exceed a Bayes factor B with
 # a probability of about (B / B_0)^-s; theory bounds it by 1/B.
 _LOG_FACTOR, _SLOPE = -3.8, 1.0
@@ -100,7 +101,7 @@ def trust_in_noise(misfit: float) -> float:
     Parameters
     ----------
     misfit : float
-        Mean square of departures beside the best teeth over that of noise.
+        Mean square of departures beside the best teeth over that of noise, largest of the gears.
 
     Returns
     -------
@@ -144,7 +145,7 @@ def find_tooth(
     if not searched:
         return None
     best, rivals = most_likely(searched)
-    trust = trust_in_noise(float(np.mean([gear.match.misfit for gear in searched])))
+    trust = trust_in_noise(_misfit(best, searched))
     by_energy = min((profile.log10_probability for profile in profiles), default=0.0)
     by_energy = min(0.0, by_energy + float(np.log10(max(1, len(profiles)))))
     matched = false_alarm_log10(log_evidence(searched))
@@ -208,6 +209,11 @@ def _numbered(own: Profile, healthy: Sequence[Profile], order: float) -> bool:
     The tachometer's zero is that of shaft 1: other shafts stand anywhere when it comes.
     """
     return own.tacho and abs(order - 1.0) < 1e-12 and all(profile.tacho for profile in healthy)
+
+
+def _misfit(best: SearchedGear, searched: Sequence[SearchedGear]) -> float:
+    """Largest misfit of the gears that cannot hear damage of the best one; 1 if there is none."""
+    return max((g.match.misfit for g in searched if not share_lines(g, best)), default=1.0)
 
 
 def _place(best: SearchedGear, numbered: bool) -> tuple[int, float]:

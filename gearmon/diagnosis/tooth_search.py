@@ -130,6 +130,13 @@ def most_likely(
     return best, tuple(rivals)
 
 
+def share_lines(one: SearchedGear, other: SearchedGear) -> bool:
+    """Tell whether one gear turns a whole number of times as often as the other."""
+    slow, fast = sorted((one.match.order, other.match.order))
+    ratio = fast / slow
+    return abs(ratio - round(ratio)) <= 1e-9 * ratio
+
+
 def _lead(one: SearchedGear, other: SearchedGear) -> float | None:
     """Logarithm of how much better one gear explains the lines that both have; None if none.
 
@@ -137,11 +144,10 @@ def _lead(one: SearchedGear, other: SearchedGear) -> float | None:
     there, up to one common factor, its loss. A cell where nothing is heard speaks against a gear
     that should be heard in it.
     """
-    base, faster = (one, other) if one.match.order <= other.match.order else (other, one)
-    ratio = faster.match.order / base.match.order
-    times = round(ratio)
-    if abs(ratio - times) > 1e-9 * ratio:
+    if not share_lines(one, other):
         return None
+    base, faster = (one, other) if one.match.order <= other.match.order else (other, one)
+    times = round(faster.match.order / base.match.order)
     cells = _Cells.of(base.difference, faster.difference, times)
     if cells is None:
         return None

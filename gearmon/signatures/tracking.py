@@ -234,7 +234,9 @@ def _steady(heard: _Heard, first: Tracking) -> tuple[AngleTrack, float]:
     if share > _STANDING and _wander(track) > _WANDERS:
         return _locked(heard, orders, (track, share))
     if _NEARLY < share < _STILL:
-        return _better(heard, orders, (track, share), _in_short_blocks(heard, track, orders))
+        best = _better(heard, orders, (track, share), _in_short_blocks(heard, track, orders))
+        # an angle that wobbles puts sidebands of slow shafts beside every mesh line
+        return _better(heard, orders, best, lock_track(*_ear(heard), best[0], orders))
     return track, share
 
 
