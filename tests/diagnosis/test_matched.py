@@ -1,0 +1,253 @@
+"""Coherent difference and matched search on patterns of lines whose content is known."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from gearmon.diagnosis.coherent import coherent_difference
+from gearmon.diagnosis.matched import LOSSES, log_mean, match_teeth, path_power
+from gearmon.diagnosis.tooth_evidence import (
+    false_alarm_log10,
+    losses_by_tooth,
+    trust_in_noise,
+)
+from gearmon.diagnosis.tooth_search import (
+    log_evidence,
+    loss_estimate,
+    most_likely,
+    search_gear,
+    share_lines,
+)
+from gearmon.errors import ArgumentError
+from gearmon.machine import Machine, OperatingPoint, ParallelStage, PlanetaryStage
+from gearmon.signatures.reference import WheelPattern
+from gearmon.signatures.tooth_response import tooth_response
+
+SPEED_HZ, TEETH, HARMONICS = 25.0, {"pinion": 27, "gear": 41}, 6
+SIGMA = 0.05
+
+
+@cache
+def machine(**data):
+    stage = ParallelStage(pinion_teeth=27, gear_teeth=41, **data)
+    return Machine(name="pair", operating=(OperatingPoint(speed_rpm=1500.0),), stages=(stage,))
+
+
+@cache
+def response(gear):
+    top = (HARMONICS + 1) * 27.0
+    return tooth_response(machine(), 1, gear, top)
+
+
+def order(gear):
+    return 1.0 if gear == "pinion" else 27 / 41
+
+
+def path(gear, seed):
+    """Transfer function at the multiples of the rotation: decaying noise, two channels."""
+    rng = np.random.default_rng([1, seed])
+    hz = order(gear) * SPEED_HZ * np.arange(len(response(gear).lines))
+    delay = np.sort(rng.exponential(4e-4, 60))
+    weight = rng.normal(size=(2, 60, 2)) @ np.array([1.0, 1j]) / np.sqrt(120)
+    return weight @ np.exp(-2j * np.pi * np.outer(delay, hz))
+
+
+def patterns(gear, seed, loss=0.0, tooth=1, gain=1.0, turn=0.0, noise=True, size=0.03):
+    """A healthy pattern with errors of its own, and a new one with a loss on a tooth."""
+    z, known = TEETH[gear], response(gear)
+    rng = np.random.default_rng([2, seed])
+    number = np.arange(1, HARMONICS * z + z // 2)
+    place = path(gear, seed)[:, number]
+    # in units in which the healthy mesh has a mean square line of 1
+    unit = np.sqrt(np.mean(np.abs(known.mesh[1:]) ** 2))
+    errors = rng.normal(size=(len(number), 2)) @ np.array([1.0, 1j])
+    own = size * errors * np.sqrt(known.band_power(number.astype(float))) / unit
+    meshes = number % z == 0
+    own[meshes] = known.mesh[number[meshes] // z] / unit
+    added = known.lines[number] / unit * float(known.amplitude(np.array([loss]))[0])
+    event = added * np.exp(-2j * np.pi * number * (tooth - 1) / z)
+    scatter = SIGMA * 0.1 if noise else 0.0
+
+    def pattern(lines):
+        hiss = rng.normal(size=(2, len(number), 2)) @ np.array([1.0, 1j]) / np.sqrt(2)
+        return WheelPattern(
+            stage=1,
+            gear=gear,
+            teeth=z,
+            order=order(gear),
+            number=number,
+            mesh=meshes,
+            amplitude=lines + scatter * hiss,
+            variance=np.full((2, len(number)), max(scatter, 1e-9) ** 2),
+        )
+
+    turned = np.exp(2j * np.pi * number * turn)
+    return pattern(own * place), pattern(gain * (own + event) * place * turned)
+
+
+def searched(gear, seed, same_zero=True, **changes):
+    healthy, new = patterns(gear, seed, **changes)
+    difference = coherent_difference(new, (0, 1), [healthy], (0, 1), same_zero=same_zero)
+    return search_gear(difference, response(gear), SPEED_HZ)
+
+
+@pytest.mark.parametrize("gain", [1.0, 0.3 - 2.0j])
+def test_a_changed_gain_leaves_nothing(gain):
+    healthy, new = patterns("pinion", 1, gain=gain, noise=False)
+    difference = coherent_difference(new, (0, 1), [healthy], (0, 1), same_zero=True)
+    left = max(np.abs(b.rest * b.deviation).max() for b in difference.bands)
+    assert left < 1e-10 * np.abs(new.amplitude).max()
+
+
+def test_a_gain_that_bends_across_the_band_leaves_nothing():
+    healthy, new = patterns("pinion", 1, noise=False)
+    x = new.number / 27 - np.rint(new.number / 27)
+    bent = WheelPattern(**{**vars(new), "amplitude": new.amplitude * (1 + 0.3j * x - 0.2 * x**2)})
+    difference = coherent_difference(bent, (0, 1), [healthy], (0, 1), same_zero=True)
+    assert max(np.abs(b.rest * b.deviation).max() for b in difference.bands) < 1e-10
+
+
+def test_the_rest_of_noise_has_unit_variance():
+    squares = []
+    for seed in range(40):
+        healthy, new = patterns("gear", seed, size=0.5)
+        difference = coherent_difference(new, (0, 1), [healthy], (0, 1), same_zero=True)
+        squares += [np.mean(np.abs(band.rest) ** 2) for band in difference.bands]
+    # the correction for the fit counts its numbers, not which lines they lean on
+    assert np.mean(squares) == pytest.approx(1.0, abs=0.06)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.137, 0.71])
+def test_patterns_are_turned_to_one_another(turn):
+    healthy, new = patterns("gear", 3, turn=turn, size=0.5)
+    difference = coherent_difference(new, (0, 1), [healthy], (0, 1), same_zero=False)
+    apart = (difference.shift_turns - turn + 0.5) % 1.0 - 0.5
+    assert abs(apart) < 1e-3
+
+
+def test_the_bayes_factor_of_noise_is_one_in_the_mean_at_most():
+    factors = np.exp([searched("pinion", seed).match.log_gear for seed in range(120)])
+    assert factors.mean() < 1.0
+    assert np.mean(factors > 10.0) <= 0.1
+
+
+@pytest.mark.parametrize("gear", ["pinion", "gear"])
+@pytest.mark.parametrize("seed", range(5))
+def test_a_planted_loss_is_found_on_its_tooth(gear, seed):
+    tooth = 5 + 4 * seed
+    found = searched(gear, seed, loss=0.2, tooth=tooth)
+    assert found.match.best + 1 == tooth
+    assert found.match.log_gear > 20
+    loss, sigma = losses_by_tooth(found.match)
+    assert np.argmax(loss) + 1 == tooth
+    assert np.delete(loss, tooth - 1).max() < 0.02
+    assert (sigma > 0).all()
+
+
+def test_the_size_of_planted_losses_is_told():
+    for loss in (0.1, 0.2, 0.4):
+        told = [loss_estimate(searched("gear", s, loss=loss, tooth=9), SPEED_HZ) for s in range(16)]
+        assert np.median([one.loss for one in told]) == pytest.approx(loss, rel=0.25)
+        inside = [one.low <= loss <= one.high for one in told]
+        assert np.mean(inside) >= 0.75
+
+
+def test_units_do_not_matter():
+    healthy, new = patterns("pinion", 2, loss=0.1, tooth=4)
+    one = searched("pinion", 2, loss=0.1, tooth=4)
+    large = [
+        WheelPattern(**{**vars(p), "amplitude": 1e3 * p.amplitude, "variance": 1e6 * p.variance})
+        for p in (healthy, new)
+    ]
+    difference = coherent_difference(large[1], (0, 1), large[:1], (0, 1), same_zero=True)
+    two = match_teeth(difference, response("pinion"), SPEED_HZ)
+    assert two.log_likelihood == pytest.approx(one.match.log_likelihood, rel=1e-9, abs=1e-9)
+
+
+def test_turning_the_recording_turns_the_tooth():
+    plain = searched("pinion", 6, loss=0.2, tooth=3)
+    turned = searched("pinion", 6, loss=0.2, tooth=3, turn=-5 / 27, same_zero=False)
+    assert (turned.match.best - plain.match.best) % 27 in (4, 5, 6)
+
+
+def test_the_more_likely_gear_is_blamed():
+    sound, hurt = searched("pinion", 7), searched("gear", 8, loss=0.2, tooth=30)
+    best, rivals = most_likely([sound, hurt])
+    assert best is hurt
+    assert rivals == ()
+    assert not share_lines(sound, hurt)
+    assert log_evidence([sound, hurt]) == pytest.approx(hurt.match.log_gear - np.log(2), abs=1e-6)
+    assert log_evidence([]) == 0.0
+
+
+def test_gears_on_one_shaft_share_lines_and_are_told_apart_by_what_they_should_sound_like():
+    hurt = searched("gear", 9, loss=0.3, tooth=11)
+    assert share_lines(hurt, hurt)
+    _best, rivals = most_likely([hurt, searched("gear", 9, loss=0.3, tooth=11)])
+    assert len(rivals) == 1
+    assert rivals[0][1] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_small_losses_add_in_proportion():
+    known = response("pinion")
+    assert known.amplitude(np.array([1e-5]))[0] == pytest.approx(1e-5, rel=1e-4)
+    grown = known.amplitude(LOSSES) / LOSSES
+    assert (np.diff(grown) > 0).all()
+    # a pair that carries all by itself gives way as 1/(1 - loss)
+    alone = type(known)(**{**vars_of(known), "pair_share": np.ones(5)})
+    assert alone.amplitude(np.array([0.5]))[0] == pytest.approx(1.0)
+
+
+def vars_of(known):
+    names = ("stage", "gear", "teeth", "lines", "mesh", "contact_ratio", "from_teeth_alone")
+    return {name: getattr(known, name) for name in names}
+
+
+def test_gear_data_make_hills_equation_the_source():
+    full = machine(module_mm=2.5, face_width_mm=25.0)
+    told = Machine(
+        name="pair",
+        operating=(OperatingPoint(speed_rpm=1500.0, torque_nm=100.0),),
+        stages=full.stages,
+    )
+    assert tooth_response(machine(), 1, "pinion", 60.0).from_teeth_alone
+    known = tooth_response(told, 1, "pinion", 60.0)
+    assert not known.from_teeth_alone
+    # far below resonance Hill's equation gives what the deflection F/k does
+    slow = Machine(
+        name="pair",
+        operating=(OperatingPoint(speed_rpm=15.0, torque_nm=100.0),),
+        stages=full.stages,
+    )
+    dynamic = tooth_response(slow, 1, "pinion", 60.0)
+    static = tooth_response(machine(), 1, "pinion", 60.0)
+    ratio = dynamic.lines[5:50] / dynamic.mesh[1] / (static.lines[5:50] / static.mesh[1])
+    assert np.abs(ratio) == pytest.approx(1.0, rel=0.03)
+
+
+def test_planetary_gears_have_no_template():
+    stage = PlanetaryStage(sun_teeth=20, planet_teeth=30, ring_teeth=80, planets=3, fixed="ring")
+    train = Machine(name="set", operating=(OperatingPoint(speed_rpm=900.0),), stages=(stage,))
+    with pytest.raises(ArgumentError, match="only gears of parallel stages"):
+        tooth_response(train, 1, "sun", 100.0)
+
+
+def test_the_path_is_told_by_neighbours_where_a_harmonic_is_silent():
+    expected = np.array([0.0, 2.0, 0.0, 2.0], dtype=complex)
+    measured = np.array([[0.0, 12.0, 0.0, 12.0]])
+    assert path_power(measured, expected)[0, 1:] == pytest.approx([3.0, 3.0, 3.0])
+
+
+def test_false_alarms_fall_with_the_factor_and_trust_with_the_misfit():
+    told = [false_alarm_log10(x) for x in (-10.0, 0.0, 5.0, 50.0)]
+    assert told[0] == 0.0
+    assert (np.diff(told) <= 0).all()
+    assert [trust_in_noise(x) for x in (0.9, 1.55, 3.0)] == pytest.approx([1.0, 0.5, 0.0])
+
+
+def test_means_of_logarithms_do_not_overflow():
+    assert log_mean(np.array([[1000.0], [1000.0]]))[0] == pytest.approx(1000.0)
+    assert log_mean(np.array([[0.0], [np.log(3.0)]]))[0] == pytest.approx(np.log(2.0))
