@@ -28,8 +28,8 @@ from gearmon.signatures.tooth_response import tooth_response
 
 FloatArray = NDArray[np.float64]
 
-# Largest misfit of the gears below which departures are noise, and the matched search is believed, and
-# above which the healthy patterns plainly do not fit: then teeth differ by more than noise, and
+# Largest misfit of the gears below which departures are noise and the matched search is believed,
+# and above which the healthy patterns plainly do not fit: then teeth differ by more than noise, and
 # only the search by energy knows how much.
 _NOISE_UP_TO, _NO_NOISE_FROM = 1.3, 1.8
 # Healthy pairs of simulated machines, loads, speeds and gains changed, exceed a Bayes factor B with
