@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gearmon.diagnosis.gear_pattern import GearPattern, mesh_bands, turning_angle
 from gearmon.signatures.reference import WheelPattern
 
 FloatArray = NDArray[np.float64]
@@ -90,29 +91,6 @@ class CoherentDifference:
     patterns: int
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Pattern:
-    """A gear's lines on a full grid 0..top of multiples of its rotation."""
-
-    amplitude: ComplexArray
-    variance: FloatArray
-    usable: NDArray[np.bool_]
-
-    @classmethod
-    def of(cls, wheel: WheelPattern, channels: Sequence[int], top: int) -> _Pattern:
-        inside = wheel.number <= top
-        number = wheel.number[inside]
-        amplitude = np.zeros((len(channels), top + 1), dtype=complex)
-        variance = np.ones((len(channels), top + 1))
-        usable = np.zeros(top + 1, dtype=bool)
-        amplitude[:, number] = wheel.amplitude[list(channels)][:, inside]
-        variance[:, number] = np.maximum(
-            wheel.variance[list(channels)][:, inside], np.finfo(float).tiny
-        )
-        usable[number] = ~wheel.mesh[inside]
-        return cls(amplitude=amplitude, variance=variance, usable=usable)
-
-
 def coherent_difference(
     wheel: WheelPattern,
     channels: Sequence[int],
@@ -157,15 +135,15 @@ def coherent_difference(
     if not all(len(pattern.number) for pattern in patterns):
         return None
     top = min(int(pattern.number.max()) for pattern in patterns)
-    new = _Pattern.of(wheel, channels, top)
-    bands = _bands(wheel.teeth, top)
+    new = GearPattern.of(wheel, channels, top)
+    bands = mesh_bands(wheel.teeth, top)
     moved = np.abs(np.asarray(moved_hz)) if len(moved_hz) else np.zeros(len(healthy))
     known, shift = [], 0.0
     for row, pattern in enumerate(healthy):
-        own = _Pattern.of(pattern, healthy_channels, top)
-        angle = 0.0 if same_zero else _angle(own, new, bands)
+        own = GearPattern.of(pattern, healthy_channels, top)
+        angle = 0.0 if same_zero else turning_angle(own, new, bands)
         shift = angle if row == 0 else shift
-        known.append(_turned(own, angle))
+        known.append(own.turned(angle))
     parts = tuple(_band_differences(new, known, bands, wheel.teeth, moved))
     if not parts:
         return None
@@ -181,42 +159,9 @@ def coherent_difference(
     )
 
 
-def _bands(teeth: int, top: int) -> list[IntArray]:
-    """Multiples of the rotation about each mesh harmonic, half a mesh order to either side."""
-    bands: list[IntArray] = []
-    for k in range(1, (top + teeth // 2) // teeth + 1):
-        low, high = max(1, k * teeth - teeth // 2), min(top, k * teeth + (teeth - 1) // 2)
-        bands.append(np.arange(low, high + 1))
-    return bands
-
-
-def _angle(known: _Pattern, new: _Pattern, bands: Sequence[IntArray]) -> float:
-    """Angle [turns] by which a healthy pattern must be turned to explain most of the new one."""
-    top = len(new.usable) - 1
-    # eight steps per cycle of the highest line: the best angle is met within 3 per cent of power
-    steps = 1 << int(np.ceil(np.log2(8 * (top + 1))))
-    explained = np.zeros(steps)
-    for band in bands:
-        use = band[new.usable[band] & known.usable[band]]
-        if len(use) < _LEAST_LINES:
-            continue
-        weight = 1.0 / (new.variance[:, use] + known.variance[:, use])
-        product = np.zeros((len(weight), steps), dtype=complex)
-        product[:, use] = weight * np.conj(known.amplitude[:, use]) * new.amplitude[:, use]
-        power = np.sum(weight * np.abs(known.amplitude[:, use]) ** 2, axis=1)
-        match = np.abs(np.fft.fft(product, axis=1)) ** 2
-        explained += (match / np.maximum(power, np.finfo(float).tiny)[:, None]).sum(axis=0)
-    return int(np.argmax(explained)) / steps
-
-
-def _turned(known: _Pattern, angle: float) -> _Pattern:
-    turn = np.exp(2j * np.pi * angle * np.arange(len(known.usable)))
-    return _Pattern(amplitude=known.amplitude * turn, variance=known.variance, usable=known.usable)
-
-
 def _band_differences(
-    new: _Pattern,
-    known: Sequence[_Pattern],
+    new: GearPattern,
+    known: Sequence[GearPattern],
     bands: Sequence[IntArray],
     teeth: int,
     moved_hz: FloatArray,

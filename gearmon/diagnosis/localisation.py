@@ -12,11 +12,11 @@ reference the other teeth of the same gear are the reference.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gearmon.diagnosis.gear_pattern import GearPattern, mesh_bands, turning_angle
 from gearmon.diagnosis.results import ToothProfile
 from gearmon.signatures.reference import WheelPattern
 
@@ -40,29 +40,6 @@ _WINDOW_TEETH = 2.0
 # Tooth j is in contact from j - 1 to about j + 0.6 mesh periods after the angle zero.
 CONTACT_CENTRE = 0.8
 _LEAST_LINES = 8
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Pattern:
-    """A gear's lines on a full grid 0..top of multiples of its rotation."""
-
-    amplitude: ComplexArray
-    variance: FloatArray
-    usable: NDArray[np.bool_]
-
-    @classmethod
-    def of(cls, wheel: WheelPattern, channels: Sequence[int], top: int) -> _Pattern:
-        inside = wheel.number <= top
-        number = wheel.number[inside]
-        amplitude = np.zeros((len(channels), top + 1), dtype=complex)
-        variance = np.ones((len(channels), top + 1))
-        usable = np.zeros(top + 1, dtype=bool)
-        amplitude[:, number] = wheel.amplitude[list(channels)][:, inside]
-        variance[:, number] = np.maximum(
-            wheel.variance[list(channels)][:, inside], np.finfo(float).tiny
-        )
-        usable[number] = ~wheel.mesh[inside]
-        return cls(amplitude=amplitude, variance=variance, usable=usable)
 
 
 def locate(
@@ -106,10 +83,10 @@ def locate(
     if not tops or len(tops) < 1 + len(healthy):
         return None
     top = min(tops)
-    new = _Pattern.of(wheel, channels, top)
-    bands = _bands(wheel.teeth, top)
+    new = GearPattern.of(wheel, channels, top)
+    bands = mesh_bands(wheel.teeth, top)
     known = [
-        _turned(_Pattern.of(pattern, healthy_channels, top), new, bands, same_zero)
+        _turned(GearPattern.of(pattern, healthy_channels, top), new, bands, same_zero)
         for pattern in healthy
     ]
     departure, counted = _departure(
@@ -120,41 +97,15 @@ def locate(
     return _profile(wheel, departure, numbered=numbered, patterns=len(healthy))
 
 
-def _bands(teeth: int, top: int) -> list[IntArray]:
-    """Multiples of the rotation about each mesh harmonic, half a mesh order to either side."""
-    bands: list[IntArray] = []
-    for k in range(1, (top + teeth // 2) // teeth + 1):
-        low, high = max(1, k * teeth - teeth // 2), min(top, k * teeth + (teeth - 1) // 2)
-        if high - low >= 3:
-            bands.append(np.arange(low, high + 1))
-    return bands
-
-
-def _turned(known: _Pattern, new: _Pattern, bands: Sequence[IntArray], same_zero: bool) -> _Pattern:
+def _turned(
+    known: GearPattern, new: GearPattern, bands: Sequence[IntArray], same_zero: bool
+) -> GearPattern:
     """Turn a healthy pattern to the angle at which it explains most of the new one."""
-    if same_zero:
-        return known
-    top = len(new.usable) - 1
-    # eight steps per cycle of the highest line: the best angle is met within 3 per cent of power
-    steps = 1 << int(np.ceil(np.log2(8 * (top + 1))))
-    explained = np.zeros(steps)
-    for band in bands:
-        use = band[new.usable[band] & known.usable[band]]
-        weight = 1.0 / (new.variance[:, use] + known.variance[:, use])
-        product = np.zeros((len(weight), steps), dtype=complex)
-        product[:, use] = weight * np.conj(known.amplitude[:, use]) * new.amplitude[:, use]
-        power = np.sum(weight * np.abs(known.amplitude[:, use]) ** 2, axis=1)
-        match = np.abs(np.fft.fft(product, axis=1)) ** 2
-        explained += (match / np.maximum(power, np.finfo(float).tiny)[:, None]).sum(axis=0)
-    angle = int(np.argmax(explained)) / steps
-    turn = np.exp(2j * np.pi * angle * np.arange(top + 1))
-    return _Pattern(
-        amplitude=known.amplitude * turn, variance=known.variance, usable=known.usable & new.usable
-    )
+    return known if same_zero else known.turned(turning_angle(known, new, bands))
 
 
 def _departure(
-    new: _Pattern,
+    new: GearPattern,
     known: Sequence[ComplexArray],
     variances: Sequence[FloatArray],
     bands: Sequence[IntArray],

@@ -9,7 +9,7 @@ same housing, so that their ratio holds without the dynamics behind it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -144,22 +144,28 @@ def tooth_response(
         raise ArgumentError(f"stage {stage}, {gear}: only gears of parallel stages are supported")
     teeth = own.pinion_teeth if gear == "pinion" else own.gear_teeth
     try:
-        return _from_hill(machine, stage, gear, teeth, max_order, operating)
+        return _from_hill(machine, own, stage, gear, teeth, max_order, operating)
     except GearmonError:
         # the file bears no baseline: no torque, no module, or teeth that would not run
         return _from_teeth(machine, own, stage, gear, teeth, max_order)
 
 
 def _from_hill(
-    machine: Machine, stage: int, gear: str, teeth: int, max_order: float, operating: int
+    machine: Machine,
+    own: ParallelStage,
+    stage: int,
+    gear: str,
+    teeth: int,
+    max_order: float,
+    operating: int,
 ) -> ToothResponse:
     from gearmon.signatures.fault_family_response import loss_response  # brings Hill's equation
 
     found = loss_response(machine, stage, gear, operating, max_order)
     lines = np.concatenate([[0.0], found.acceleration])
     mesh = np.concatenate([[0.0], found.mesh_acceleration])[::teeth]
-    stiffness = mesh_stiffness(machine.stages[stage - 1], number=stage)
-    share, _ = _pair_share(machine.stages[stage - 1], stiffness, stage, gear)
+    stiffness = mesh_stiffness(own, number=stage)
+    share, _ = _pair_share(own, stiffness, stage, gear)
     return ToothResponse(
         stage=stage,
         gear=gear,
@@ -208,14 +214,11 @@ def _from_teeth(
 
 
 def _pair_share(
-    own: object, stiffness: MeshStiffness, stage: int, gear: str
+    own: ParallelStage, stiffness: MeshStiffness, stage: int, gear: str
 ) -> tuple[FloatArray, FloatArray]:
     """Share of the mesh that the pair of one tooth carries, and the phases of its contact."""
-    from gearmon.machine import PlanetaryStage
-
-    assert isinstance(own, ParallelStage | PlanetaryStage)
     fault = Fault(kind="stiffness", stage=stage, gear=gear, tooth=1, size=_SMALL_LOSS)
-    hurt = mesh_stiffness(own, [replace(fault)], number=stage)
+    hurt = mesh_stiffness(own, [fault], number=stage)
     count = int(np.ceil(stiffness.total_contact_ratio * _POINTS))
     phase = (np.arange(count) + 0.5) / count * stiffness.total_contact_ratio
     healthy = stiffness.at(phase)
