@@ -37,6 +37,8 @@ _NOISE_UP_TO, _NO_NOISE_FROM = 1.3, 1.8
 _LOG_FACTOR, _SLOPE = -3.8, 1.0
 # Losses are not told apart more finely.
 _LEAST_SIGMA = 0.005
+# Width of a 90 % interval in standard deviations.
+_NORMAL_90 = 3.29
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -265,6 +267,11 @@ def _with_match(profile: ToothProfile, gear: SearchedGear, finding: ToothFinding
     numbered = profile.tooth is not None
     tooth, position = _place(gear, numbered)
     loss, sigma = losses_by_tooth(gear.match)
+    if gear is finding.best and 2 * loss[gear.match.best] > loss.sum():
+        # one answer for flag and history: the search for damage takes sizes too small
+        told = finding.loss
+        loss[gear.match.best] = told.loss
+        sigma[gear.match.best] = (told.high - told.low) / _NORMAL_90
     matched = false_alarm_log10(gear.match.log_gear - float(np.log(len(finding.searched))))
     matched = finding.trust * matched + (1.0 - finding.trust) * profile.log10_probability
     if not numbered:

@@ -97,6 +97,7 @@ def test_stiffness_loss_comes_with_an_interval(fault):
     profile = next(p for p in analysis(fault).profiles if p.gear == first.gear)
     assert np.argmax(profile.loss_by_tooth) + 1 == first.tooth
     assert len(profile.loss_sigma_by_tooth) == profile.teeth
+    assert profile.loss_by_tooth[first.tooth - 1] == first.stiffness_loss
 
 
 @pytest.mark.parametrize("tacho", [True, False])
