@@ -33,8 +33,8 @@ _HOMES = {
     "order_spectra": "gearmon.signatures.order_spectra",
     "gear_averages": "gearmon.signatures.gear_averages",
     "Reference": "gearmon.signatures.reference",
-    "read_reference": "gearmon.signatures.reference",
-    "write_reference": "gearmon.signatures.reference",
+    "read_reference": "gearmon.signatures.reference_storage",
+    "write_reference": "gearmon.signatures.reference_storage",
     "Analysis": "gearmon.diagnosis.results",
     "analyse": "gearmon.diagnosis.analysis",
     "learn": "gearmon.diagnosis.analysis",
@@ -73,8 +73,8 @@ if TYPE_CHECKING:
     from gearmon.signatures.order_spectra import order_spectra as order_spectra
     from gearmon.signatures.recording_spectrum import recording_spectrum as recording_spectrum
     from gearmon.signatures.reference import Reference as Reference
-    from gearmon.signatures.reference import read_reference as read_reference
-    from gearmon.signatures.reference import write_reference as write_reference
+    from gearmon.signatures.reference_storage import read_reference as read_reference
+    from gearmon.signatures.reference_storage import write_reference as write_reference
     from gearmon.signatures.signature import Signature as Signature
     from gearmon.signatures.signature import read_signature as read_signature
     from gearmon.signatures.signature import write_signature as write_signature

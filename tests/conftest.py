@@ -8,8 +8,11 @@ import os
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 os.environ["OMP_NUM_THREADS"] = "1"
 
+import gzip
+import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 from reference.simulated_machines import planetary, two_stages
@@ -45,3 +48,35 @@ def two_stage_recording() -> SimulatedRecording:
 def planetary_recording() -> SimulatedRecording:
     """A healthy planetary set with three planets that do not divide the ring's teeth."""
     return simulate(planetary(), (), 4.0, 8000.0, seed=3, channels=2)
+
+
+@pytest.fixture(scope="session")
+def shop(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a machine file, recordings, a reference, and things that are none of these."""
+    from reference.small_gearbox import CRACK, HEALTHY_LOADS, MACHINE_FILE, simulated
+    from reference.synthetic_signals import white
+
+    from gearmon.cli import main
+    from gearmon.simulation import write_simulation
+
+    folder = tmp_path_factory.mktemp("shop")
+    (folder / "machine.toml").write_text(MACHINE_FILE)
+    for seed, load in enumerate(HEALTHY_LOADS):
+        write_simulation(simulated(load=load, seed=seed), folder / f"healthy-{seed}.csv")
+    write_simulation(simulated(), folder / "new.csv")
+    write_simulation(simulated(CRACK), folder / "cracked.csv")
+    write_simulation(simulated(), folder / "no-time.csv", with_time=False)
+    noise = [f"{i / 10_000:.4f},{value:.5g}" for i, value in enumerate(white(20_000, seed=3))]
+    (folder / "noise.csv").write_text("time (s),a1 (m/s2)\n" + "\n".join(noise) + "\n")
+    (folder / "letter.txt").write_text("Dear reader,\nthis is a letter.\n")
+    (folder / "empty.csv").write_text("")
+    (folder / "bytes.bin").write_bytes(np.random.default_rng(0).bytes(4000))
+    (folder / "cut.csv.gz").write_bytes(gzip.compress(b"a1\n" + b"1.5\n" * 4000)[:-20])
+    (folder / "broken.toml").write_text("name = \n")
+    (folder / "other.toml").write_text(MACHINE_FILE.replace("= 57", "= 61"))
+    (folder / "bare.toml").write_text(re.sub(r"(module|face|torque).*\n", "", MACHINE_FILE))
+    (folder / "folder").mkdir()
+    learned = [str(folder / f"healthy-{seed}.csv") for seed in range(3)]
+    machine = ["--machine", str(folder / "machine.toml")]
+    assert main(["learn", *learned, *machine, "-o", str(folder / "healthy.ref")]) == 0
+    return folder

@@ -6,23 +6,24 @@ import json
 
 import numpy as np
 import pytest
-from reference.small_gearbox import CRACK, MACHINE_FILE, reference, simulated
 
 from gearmon.cli import main
-from gearmon.signatures.reference import write_reference
-from gearmon.simulation import write_simulation
 
 TIMES = "2026-03-01T08:00:00Z,2026-03-02T08:00:00Z"
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
+def folder(shop, tmp_path_factory):
     """A machine file, a reference, and two recordings whose names hold their times."""
     made = tmp_path_factory.mktemp("history")
-    (made / "machine.toml").write_text(MACHINE_FILE)
-    write_reference(reference(), made / "healthy.ref")
-    write_simulation(simulated(), made / "2026-03-01T08-00-00.csv")
-    write_simulation(simulated(CRACK, seed=18), made / "2026-03-02T08-00-00.csv")
+    names = {
+        "2026-03-01T08-00-00.csv": "new.csv",
+        "2026-03-02T08-00-00.csv": "cracked.csv",
+        "machine.toml": "machine.toml",
+        "healthy.ref": "healthy.ref",
+    }
+    for name, original in names.items():
+        (made / name).symlink_to(shop / original)
     return made
 
 

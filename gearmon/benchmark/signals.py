@@ -20,14 +20,21 @@ from gearmon.benchmark.timing import Timing, interleaved, task_time
 from gearmon.benchmark.whole_process import machine_facts
 from gearmon.errors import ArgumentError
 from gearmon.files import write_atomically
+from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, load_machine
 from gearmon.machine.example import EXAMPLE
 from gearmon.signals.envelope import envelope_spectrum
+from gearmon.signals.fine_spectrum import fine_order_spectrum
 from gearmon.signals.kurtogram import kurtogram
+from gearmon.signals.order_lines import order_lines
 from gearmon.signals.recording import Recording, read_recording
 from gearmon.signals.spectrum import amplitude_spectrum, power_density
 from gearmon.signals.transforms import batch
+from gearmon.signatures.foreign_search import foreign_lines
 from gearmon.signatures.indicator_table import indicator_table
+from gearmon.signatures.measured import MeasuredSignature
+from gearmon.signatures.speed import scan_nominal_speeds
+from gearmon.signatures.tracking import track_recording
 from gearmon.terminal import Progress
 
 FloatArray = NDArray[np.float64]
@@ -39,6 +46,7 @@ SCRIPT = Path(__file__).with_name("signals_kurtogram.py")
 LEVELS = 8
 RATE_HZ = 20_000.0
 SPEED_HZ = 24.5
+AFTER_READING = "from samples to all indicators"
 
 
 def run_signals(progress: Progress | None = None, *, quick: bool = False) -> list[dict[str, Any]]:
@@ -294,7 +302,44 @@ def _after_reading(count: int, repeats: int) -> Iterator[dict[str, Any]]:
             600.0,
         )
     names = ["indicator_table of samples in memory", "pandas.read_csv of the same samples"]
-    yield from _rows("from samples to all indicators", names, timings, count)
+    yield from _rows(AFTER_READING, names, timings, count)
+    signature = timings[0].result.signature
+    stages = _stages(recording, machine, signature)
+    own = interleaved([task for _, task in stages], repeats, 600.0)
+    for (name, _), timing in zip(stages, own, strict=True):
+        yield _row(
+            f"{AFTER_READING}, by stage",
+            name,
+            count,
+            1,
+            (timing.median_s, timing.fastest_s, timing.repeats),
+            timing.median_s / timings[0].median_s,
+            "times_own is the share of all",
+        )
+
+
+def _stages(
+    recording: Recording, machine: Machine, found: MeasuredSignature
+) -> list[tuple[str, Callable[[], Any]]]:
+    """Return the parts of the way from samples to indicators; the second holds the first."""
+    train, samples, rate = kinematics(machine), recording.samples, recording.sampling_rate_hz
+    pieces = max(1, samples.shape[-1] >> 18)
+    spectrum = fine_order_spectrum(samples, rate, found.track, pieces)
+    orders, block_turns = found.plan.orders, found.lines.block_turns
+    return [
+        ("speed by the comb", lambda: scan_nominal_speeds(samples, rate, train, machine)),
+        ("speed by the comb, angle by phases", lambda: track_recording(recording, machine, train)),
+        ("order lines", lambda: order_lines(samples, rate, found.track, orders, block_turns)),
+        (
+            "spectrum against angle",
+            lambda: fine_order_spectrum(samples, rate, found.track, pieces),
+        ),
+        (
+            "lines that no gear explains",
+            lambda: foreign_lines(samples, rate, found.track, train, spectrum),
+        ),
+        ("indicators of the raw vibration", lambda: indicator_table(recording)),
+    ]
 
 
 def _example() -> Machine:

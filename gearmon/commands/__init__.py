@@ -1,38 +1,36 @@
 """One function a command: arguments -> one call -> output and exit code.
 
-Everything heavy is imported inside the command that needs it.
+Everything heavy is imported inside the function that needs it.
 """
 
-from gearmon.commands.harvest import run_harvest
-from gearmon.commands.machines import (
-    run_baseline,
-    run_lines,
-    run_simulate,
-    run_stability,
-    run_stiffness,
-)
-from gearmon.commands.names import check_names
-from gearmon.commands.output import BAD_INPUT, DONE, FLAGGED
-from gearmon.commands.recordings import run_analyse, run_learn
-from gearmon.commands.signals import run_indicators, run_orders, run_spectrum
-from gearmon.commands.trials import run_benchmark, run_demo
+from gearmon.commands.command import Command
+from gearmon.commands.families import FAMILY
+from gearmon.commands.harvest import HARVEST
+from gearmon.commands.history import HISTORY
+from gearmon.commands.kinds import KINDS
+from gearmon.commands.machines import BASELINE, LINES, SIMULATE, STABILITY, STIFFNESS
+from gearmon.commands.recordings import ANALYSE, LEARN
+from gearmon.commands.signals import INDICATORS, ORDERS, SPECTRUM
+from gearmon.commands.trials import BENCHMARK, DEMO
 
-__all__ = [
-    "BAD_INPUT",
-    "DONE",
-    "FLAGGED",
-    "check_names",
-    "run_analyse",
-    "run_baseline",
-    "run_benchmark",
-    "run_demo",
-    "run_harvest",
-    "run_indicators",
-    "run_learn",
-    "run_lines",
-    "run_orders",
-    "run_simulate",
-    "run_spectrum",
-    "run_stability",
-    "run_stiffness",
-]
+#: All commands, in the order of a first use.
+COMMANDS = (
+    LINES,
+    STIFFNESS,
+    BASELINE,
+    FAMILY,
+    STABILITY,
+    SIMULATE,
+    LEARN,
+    ANALYSE,
+    KINDS,
+    HISTORY,
+    INDICATORS,
+    SPECTRUM,
+    ORDERS,
+    HARVEST,
+    DEMO,
+    BENCHMARK,
+)
+
+__all__ = ["COMMANDS", "Command"]

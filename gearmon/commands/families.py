@@ -6,7 +6,9 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from gearmon.commands.command import Command
 from gearmon.commands.inputs import machine_of
+from gearmon.commands.options import machine_argument
 from gearmon.commands.output import DONE, show
 from gearmon.errors import ArgumentError
 
@@ -65,3 +67,49 @@ def _lines(result: dict[str, Any]) -> list[str]:
         lines.append(f"({len(shown)} of {len(rows)} members; --json or -o FILE gives them all)")
     lines += [f"note: {note}" for note in result["notes"]]
     return lines + [f"wrote {path}" for path in result.get("pictures", ())]
+
+
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    machine_argument(parser)
+    option = parser.add_argument
+    option(
+        "--kind",
+        action="append",
+        metavar="KIND",
+        help="stiffness, crack, breakage, pitting, spall, wear or missing; of errors pitch, "
+        "profile, cumulative, eccentricity or misalignment; repeatable (nine of these)",
+    )
+    option(
+        "--size",
+        action="append",
+        metavar="SIZE",
+        help="such as 20%% or 1.5mm, of errors 20um; repeatable (2.5%% to 40%%, 5um to 40um)",
+    )
+    option("--gear", action="append", metavar="STAGE:GEAR", help="such as 1:pinion; repeatable")
+    option(
+        "--operating",
+        action="append",
+        type=int,
+        metavar="N",
+        help="operating point, from 0; repeatable (all)",
+    )
+    option("--max-hz", type=float, metavar="F", help="no lines above this frequency")
+    option(
+        "--tolerance",
+        type=float,
+        default=1e-6,
+        metavar="X",
+        help="relative error of what a fault adds (1e-6)",
+    )
+    option("--mesh-harmonics", type=int, metavar="N", help="write no lines about higher ones")
+    option("--sidebands", type=int, metavar="N", help="write no sidebands farther off")
+
+
+FAMILY = Command(
+    name="family",
+    help="the spectra of every kind and size of fault of every gear, as table and picture",
+    example="gearmon family machine.toml --kind crack --kind pitting --size 5% --size 20% -o f.csv",
+    add=_arguments,
+    run=run_family,
+    endings=(".csv", ".json", ".parquet"),
+)

@@ -5,7 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from gearmon.commands.command import Command
 from gearmon.commands.inputs import machine_of, recording_of
+from gearmon.commands.options import fault_option, machine_argument
 from gearmon.commands.output import DONE, show, write_table
 from gearmon.errors import ArgumentError
 
@@ -67,3 +69,49 @@ def _refuse_without_recordings(arguments: argparse.Namespace) -> None:
     for name in ("share", "degraded", "channel"):
         if getattr(arguments, name):
             raise ArgumentError(f"--{name}: only beside recordings; name them after the machine")
+
+
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    option = parser.add_argument
+    machine_argument(parser)
+    option(
+        "recording",
+        metavar="RECORDING",
+        nargs="*",
+        help="one for each operating point, every vibration channel a position; without any, the "
+        "expected lines of the machine are used",
+    )
+    option("--harvester", metavar="FILE", help="harvester file (TOML); a 15 mm bimorph by default")
+    option("--count", type=int, default=1, metavar="N", help="harvesters of a set, 1 to 3 (1)")
+    option(
+        "--share",
+        action="append",
+        type=float,
+        metavar="F",
+        help="share of time of each recording, in their order; repeatable",
+    )
+    option(
+        "--degraded",
+        action="append",
+        default=[],
+        metavar="RECORDING",
+        help="the same operating point with a damaged gear; repeatable, in the same order",
+    )
+    fault_option(parser)
+    option("--path-gain", type=float, default=1.0, metavar="G", help="mesh to harvester (1)")
+    option("--wander", type=float, default=0.005, metavar="F", help="of speed, relative (0.005)")
+    option("--sampling-rate", type=float, metavar="HZ", help="needed if the file does not hold it")
+    option("--channel", action="append", metavar="NAME|N", help="only these channels; repeatable")
+    option("--tacho", metavar="NAME|N", help=argparse.SUPPRESS)
+
+
+HARVEST = Command(
+    name="harvest",
+    help="say where to put a vibration energy harvester, how to tune it and what it will power",
+    example="gearmon harvest machine.toml full.csv idle.csv --share 0.7 --share 0.3 "
+    "-o harvest.json",
+    add=_arguments,
+    run=run_harvest,
+    endings=(".csv", ".json"),
+    output="write the result to this file, and pictures beside it",
+)

@@ -8,7 +8,9 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gearmon.commands.command import Command
 from gearmon.commands.inputs import followed, machine_of, recording_of
+from gearmon.commands.options import recording_options
 from gearmon.commands.output import BAD_INPUT, DONE, FLAGGED, show, write_json
 from gearmon.errors import ArgumentError, GearmonError
 
@@ -149,3 +151,41 @@ def _lines(found: HistoryTrends, result: dict[str, Any]) -> list[str]:
     if result["replaced"]:
         lines.append(f"replaced: {result['replaced']}")
     return lines + [f"wrote {path}" for path in result.get("files", ())]
+
+
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    recording_options(parser, least=0)
+    option = parser.add_argument
+    option("--reference", metavar="PATH", help="what gearmon learn wrote, or a healthy recording")
+    option(
+        "--store",
+        metavar="DB",
+        help="keep the history in this file; next time name the new recordings only, or none",
+    )
+    option(
+        "--times",
+        metavar="ISO8601,...",
+        help="when each was made, such as 2026-03-01T08:00; UTC where there is no offset",
+    )
+    option(
+        "--time-from",
+        metavar="SOURCE",
+        help="name (of the file, such as drive-2026-03-01.csv) or modified (when it was)",
+    )
+    option("--limit", metavar="LOSS", help="of pair stiffness at which to act, such as 20%%")
+    option("--replace", action="store_true", help="recordings of the same time give way")
+
+
+HISTORY = Command(
+    name="history",
+    help="follow a machine through recordings: loss of each tooth, when it began, what is left",
+    example="gearmon history drive-*.csv --machine machine.toml --reference healthy.ref "
+    "--time-from name --store history.db --limit 20% -o history.csv",
+    add=_arguments,
+    run=run_history,
+    endings=(".csv", ".json", ".parquet", ".png"),
+    output="write the table to this file, and a picture beside it",
+    more="A tooth is listed once its loss stands clear of noise and of zero in several recordings; "
+    "changes are looked for in six or more. Exit code: 0 if nothing is flagged, 1 if something "
+    "is, 2 if a recording cannot be used.",
+)

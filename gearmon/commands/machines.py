@@ -1,4 +1,4 @@
-"""Commands that start from a machine file: lines, stiffness, baseline, simulate."""
+"""Commands that start from a machine file: lines, stiffness, baseline, stability, simulate."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from gearmon.commands.command import Command
 from gearmon.commands.inputs import machine_of
+from gearmon.commands.options import fault_option, machine_argument
 from gearmon.commands.output import DONE, show, write_table
 from gearmon.errors import ArgumentError
 from gearmon.terminal import progress_bar
@@ -198,3 +200,96 @@ def run_simulate(arguments: argparse.Namespace) -> int:
     result = {"recording": str(files[0]), "truth": str(files[1])}
     show(arguments, result, lambda: [f"wrote {files[0]} and {files[1]}"])
     return DONE
+
+
+def _stiffness_arguments(parser: argparse.ArgumentParser) -> None:
+    machine_argument(parser)
+    fault_option(parser)
+    parser.add_argument(
+        "--form",
+        default="potential-energy",
+        help="stiffness form (potential-energy), or all: four forms and their spectra side by side",
+    )
+    parser.add_argument("--stage", type=int, metavar="N", help="only this stage, from 1")
+
+
+def _baseline_arguments(parser: argparse.ArgumentParser) -> None:
+    machine_argument(parser)
+    fault_option(parser, errors=True)
+    option = parser.add_argument
+    option(
+        "--tolerance",
+        type=float,
+        default=1e-6,
+        metavar="X",
+        help="relative error of the acceleration (1e-6)",
+    )
+    option("--max-hz", type=float, metavar="F", help="no lines above this frequency")
+
+
+def _stability_arguments(parser: argparse.ArgumentParser) -> None:
+    machine_argument(parser)
+    option = parser.add_argument
+    option("--form", default="parabolic", help="stiffness form (parabolic)")
+    option("--stage", type=int, metavar="N", help="only this stage, from 1")
+    option("--harmonics", type=int, default=12, metavar="N", help="stiffness harmonics taken (12)")
+
+
+def _simulate_arguments(parser: argparse.ArgumentParser) -> None:
+    machine_argument(parser)
+    fault_option(parser)
+    option = parser.add_argument
+    option("--duration", type=float, default=10.0, metavar="S", help="length in s (10)")
+    option("--sampling-rate", type=float, default=20000.0, metavar="HZ", help="in Hz (20000)")
+    option("--channels", type=int, default=2, metavar="N", help="vibration channels (2)")
+    option("--load", type=float, default=1.0, metavar="F", help="share of the nominal torque (1)")
+    option("--speed-drift", type=float, default=0.005, metavar="F", help="wander, relative (0.005)")
+    option("--load-drift", type=float, default=0.03, metavar="F", help="wander, relative (0.03)")
+    option("--snr-db", type=float, default=20.0, metavar="DB", help="vibration over noise (20)")
+    option("--tacho", action="store_true", help="add a column with one pulse a turn of shaft 1")
+    option("--no-time", action="store_true", help="leave out the time column")
+    option("--seed", type=int, default=0, metavar="N", help="seed of the recording (0)")
+    option("--machine-seed", type=int, default=0, metavar="N", help="seed of the machine (0)")
+
+
+LINES = Command(
+    name="lines",
+    help="orders and frequencies of every shaft, mesh, assembly phase, hunting tooth and bearing",
+    example="gearmon lines machine.toml",
+    add=machine_argument,
+    run=run_lines,
+    endings=(".csv", ".json"),
+)
+STIFFNESS = Command(
+    name="stiffness",
+    help="mesh stiffness over a mesh period or a turn, healthy and damaged, as table and picture",
+    example="gearmon stiffness machine.toml --fault crack:1:pinion:5:1.5mm -o stiffness.csv",
+    add=_stiffness_arguments,
+    run=run_stiffness,
+    endings=(".csv", ".json"),
+)
+BASELINE = Command(
+    name="baseline",
+    help="the spectrum that a healthy (or damaged) machine should emit, from its gear data",
+    example="gearmon baseline machine.toml --fault crack:1:pinion:5:20% -o lines.csv",
+    add=_baseline_arguments,
+    run=run_baseline,
+    endings=(".csv", ".json", ".parquet"),
+)
+STABILITY = Command(
+    name="stability",
+    help="how far each mesh is from parametric instability, as table and chart",
+    example="gearmon stability machine.toml -o stability.csv",
+    add=_stability_arguments,
+    run=run_stability,
+    endings=(".csv", ".json"),
+)
+SIMULATE = Command(
+    name="simulate",
+    help="write a recording of a simulated machine (CSV), with the truth beside it (JSON)",
+    example="gearmon simulate machine.toml --fault crack:1:pinion:5:20% -o cracked.csv",
+    add=_simulate_arguments,
+    run=run_simulate,
+    endings=(".csv",),
+    output="write the recording to this file; needed",
+)

@@ -7,22 +7,6 @@ from pathlib import Path
 
 from gearmon.errors import ArgumentError
 
-_ENDINGS = {
-    "lines": (".csv", ".json"),
-    "stiffness": (".csv", ".json"),
-    "baseline": (".csv", ".json", ".parquet"),
-    "family": (".csv", ".json", ".parquet"),
-    "simulate": (".csv",),
-    "stability": (".csv", ".json"),
-    "analyse": (".json",),
-    "history": (".csv", ".json", ".parquet", ".png"),
-    "indicators": (".csv", ".json", ".png"),
-    "spectrum": (".csv", ".json", ".png"),
-    "orders": (".csv", ".json", ".png"),
-    "harvest": (".csv", ".json"),
-    "benchmark": (".csv", ".json"),
-}
-
 
 def check_names(arguments: argparse.Namespace) -> None:
     """Refuse names of files that cannot work, before any work is done.
@@ -30,7 +14,7 @@ def check_names(arguments: argparse.Namespace) -> None:
     Parameters
     ----------
     arguments : argparse.Namespace
-        Parsed arguments.
+        Parsed arguments; `output_endings` holds the endings that the output may have, if not any.
 
     Raises
     ------
@@ -50,7 +34,7 @@ def check_names(arguments: argparse.Namespace) -> None:
             raise ArgumentError(f"{path}: is read as well; give another name to write to")
     if given.get("report") and Path(given["report"]).suffix.lower() not in (".html", ".htm"):
         raise ArgumentError(f"{given['report']}: the name of a report must end in .html")
-    endings = _ENDINGS.get(arguments.command)
+    endings = arguments.output_endings
     if given.get("output") and endings and Path(given["output"]).suffix.lower() not in endings:
         listed = ", ".join(endings)
         raise ArgumentError(f"{given['output']}: the name must end in one of {listed}")

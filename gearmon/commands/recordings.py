@@ -7,7 +7,9 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gearmon.commands.command import Command
 from gearmon.commands.inputs import followed, machine_of, recording_of
+from gearmon.commands.options import recording_options
 from gearmon.commands.output import BAD_INPUT, DONE, FLAGGED, show, write_json
 from gearmon.errors import ArgumentError, GearmonError
 
@@ -22,7 +24,8 @@ def run_learn(arguments: argparse.Namespace) -> int:
     """Run `gearmon learn`."""
     from gearmon.report.text import reference_text
     from gearmon.signatures.measured import measure_signature
-    from gearmon.signatures.reference import make_reference, write_reference
+    from gearmon.signatures.reference import make_reference
+    from gearmon.signatures.reference_storage import write_reference
 
     if not arguments.output:
         raise ArgumentError("learn: -o REFERENCE is missing; name the reference file to write")
@@ -113,7 +116,7 @@ def _analysis_lines(result: dict[str, Any], analyses: list[Analysis]) -> list[st
 def reference_of(arguments: argparse.Namespace, machine: Machine) -> Reference | None:
     """Return the reference that is named, or learn it from the healthy recording that is named."""
     from gearmon.diagnosis.analysis import learn
-    from gearmon.signatures.reference import is_reference, read_reference
+    from gearmon.signatures.reference_storage import is_reference, read_reference
 
     if not arguments.reference:
         return None
@@ -121,3 +124,35 @@ def reference_of(arguments: argparse.Namespace, machine: Machine) -> Reference |
     if is_reference(path) or not path.is_file():
         return read_reference(path)
     return learn([recording_of(str(path), arguments, machine)], machine)
+
+
+def _analyse_arguments(parser: argparse.ArgumentParser) -> None:
+    recording_options(parser)
+    parser.add_argument(
+        "--reference", metavar="PATH", help="what gearmon learn wrote, or one healthy recording"
+    )
+    parser.add_argument(
+        "--report", metavar="HTML", help="write a report (.html), and a PNG a picture beside it"
+    )
+
+
+LEARN = Command(
+    name="learn",
+    help="build a healthy reference from one or more healthy recordings, best at several loads",
+    example="gearmon learn idle.csv half.csv full.csv --machine machine.toml -o healthy.ref",
+    add=recording_options,
+    run=run_learn,
+    output="write the reference to this file, of any name; needed",
+)
+ANALYSE = Command(
+    name="analyse",
+    help="say whether the machine of a recording is healthy, and why",
+    example="gearmon analyse new.csv --machine machine.toml --reference healthy.ref "
+    "--report report.html",
+    add=_analyse_arguments,
+    run=run_analyse,
+    endings=(".json",),
+    more="Without --reference only a gross fault of one tooth can be called, and no machine is "
+    "called healthy. Exit code: 0 if nothing is flagged, 1 if something is, 2 if a recording "
+    "cannot be used.",
+)

@@ -8,7 +8,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gearmon.commands.command import Command
 from gearmon.commands.inputs import followed, machine_of, recording_of
+from gearmon.commands.options import recording_options, window_and_peaks
 from gearmon.commands.output import BAD_INPUT, DONE, show, write_table
 from gearmon.errors import GearmonError
 
@@ -257,3 +259,77 @@ def _peak_lines(title: str, result: dict[str, Any], more: Sequence[str] = ()) ->
 
 def _files(result: dict[str, Any]) -> list[str]:
     return [f"wrote {path}" for key in ("tables", "pictures") for path in result.get(key, ())]
+
+
+def _indicator_arguments(parser: argparse.ArgumentParser) -> None:
+    recording_options(parser, machine_required=False)
+    option = parser.add_argument
+    option(
+        "--baseline",
+        type=int,
+        default=1,
+        metavar="N",
+        help="records at the start of the run that were healthy, for NA4* and NB4* (1)",
+    )
+    option("--history", metavar="FILE", help="go on with the run in this file (JSON), and write it")
+
+
+def _spectrum_arguments(parser: argparse.ArgumentParser) -> None:
+    recording_options(parser, machine_required=False, several=False)
+    parser.add_argument(
+        "--kind",
+        default="amplitude",
+        metavar="KIND",
+        help="amplitude (peak; default), rms, density, energy, envelope, cepstrum, kurtogram or "
+        "coherence",
+    )
+    parser.add_argument(
+        "--band",
+        type=float,
+        nargs=2,
+        metavar=("LO", "HI"),
+        help="in Hz: what is shown; for envelope the band that is demodulated; for coherence the "
+        "modulation frequencies; for cepstrum quefrencies in s",
+    )
+    window_and_peaks(parser)
+
+
+def _order_arguments(parser: argparse.ArgumentParser) -> None:
+    recording_options(parser, several=False)
+    option = parser.add_argument
+    option("--shaft", type=int, default=1, metavar="N", help="whose turns orders count (1)")
+    option("--map", action="store_true", help="write the map only, in full resolution")
+    option("--against", default="time", metavar="WHAT", help="of the map: time (default) or speed")
+    option("--max-order", type=float, metavar="X", help="no orders above this one")
+    window_and_peaks(parser)
+
+
+_WRITTEN = "write the table to this file, and a picture beside it"
+INDICATORS = Command(
+    name="indicators",
+    help="every condition indicator of recordings, with its input; several are those of a run",
+    example="gearmon indicators monday.csv tuesday.csv --machine machine.toml -o indicators.csv",
+    add=_indicator_arguments,
+    run=run_indicators,
+    endings=(".csv", ".json", ".png"),
+    output=_WRITTEN,
+)
+SPECTRUM = Command(
+    name="spectrum",
+    help="a calibrated spectrum of a recording, of any kind, as table and picture",
+    example="gearmon spectrum new.csv --kind envelope --band 2000 4000 --machine machine.toml "
+    "-o spectrum.csv",
+    add=_spectrum_arguments,
+    run=run_spectrum,
+    endings=(".csv", ".json", ".png"),
+    output=_WRITTEN,
+)
+ORDERS = Command(
+    name="orders",
+    help="order spectrum, order map, and the synchronous average of every gear with its scatter",
+    example="gearmon orders new.csv --machine machine.toml --shaft 2 -o orders.csv",
+    add=_order_arguments,
+    run=run_orders,
+    endings=(".csv", ".json", ".png"),
+    output="write the tables to files of this name and others beside it, with pictures",
+)

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from gearmon.commands.command import Command
 from gearmon.commands.output import DONE, show, write_table
 from gearmon.terminal import progress_bar
 
@@ -49,3 +50,48 @@ def run_benchmark(arguments: argparse.Namespace) -> int:
         ),
     )
     return DONE
+
+
+def _demo_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "name",
+        metavar="NAME",
+        nargs="?",
+        default="crack",
+        help="crack (found; default), growth (of a crack), kinds (pitting, wear and eccentricity "
+        "told apart), day (of a sound machine), harvest, study",
+    )
+
+
+def _benchmark_arguments(parser: argparse.ArgumentParser) -> None:
+    option = parser.add_argument
+    option("--quick", action="store_true", help="rough figures in seconds")
+    option("--seed", type=int, default=0, metavar="N", help="of what is drawn at random (0)")
+    option("--count", type=int, metavar="N", help="random systems, parameter sets or machines")
+    option("--ross-python", metavar="PATH", help="interpreter of an environment with ROSS")
+    option(
+        "case",
+        metavar="CASE",
+        nargs="?",
+        default="analyse",
+        help="analyse (default), memory, stiffness, signals, harvesting, dynamics, stress or "
+        "detection",
+    )
+
+
+DEMO = Command(
+    name="demo",
+    help="run a whole job on data it makes itself",
+    example="gearmon demo growth",
+    add=_demo_arguments,
+    run=run_demo,
+    output="write into this folder (gearmon-NAME)",
+)
+BENCHMARK = Command(
+    name="benchmark",
+    help="measure run time, memory and error, side by side with named competitors",
+    example="gearmon benchmark dynamics --quick -o benchmark.csv",
+    add=_benchmark_arguments,
+    run=run_benchmark,
+    endings=(".csv", ".json"),
+)

@@ -17,7 +17,7 @@ from gearmon.files import write_atomically
 from gearmon.machine import load_machine
 from gearmon.report.day_plots import DayView, save_day_picture
 from gearmon.signals.recording import Recording
-from gearmon.signatures.reference import write_reference
+from gearmon.signatures.reference_storage import write_reference
 from gearmon.terminal import Progress
 
 FloatArray = NDArray[np.float64]

@@ -19,7 +19,7 @@ from gearmon.gears.faults import Fault
 from gearmon.machine import load_machine
 from gearmon.report.history_plots import save_history_picture
 from gearmon.report.history_text import history_lines, moment_text
-from gearmon.signatures.reference import write_reference
+from gearmon.signatures.reference_storage import write_reference
 from gearmon.terminal import Progress
 
 RECORDINGS, SOUND = 20, 6
@@ -93,7 +93,20 @@ class GrowthDemo:
             )
             last = entries[-1].findings
             told.append(f"The last recording's findings: {'; '.join(last)}.")
-        return [*told, "", *history_lines(self.found)]
+        return [*told, *self._held(), "", *history_lines(self.found)]
+
+    def _held(self) -> list[str]:
+        """Tell how the trend of the cracked tooth and the truth agree, if it is listed at all."""
+        own = [t for t in self.found.shown if (t.stage, t.gear, t.tooth) == (1, "pinion", TOOTH)]
+        if not own:
+            return []
+        entries = self.found.history.entries
+        _, low, high = own[0].at([entry.time_s for entry in entries])
+        inside = sum(a <= loss <= b for a, loss, b in zip(low, self.losses, high, strict=True))
+        return [
+            f"The truth lies within the 90 % interval of the trend in {inside} of {len(entries)} "
+            "recordings."
+        ]
 
     def to_dict(self) -> dict[str, Any]:
         """Return built-in types, ready for JSON."""

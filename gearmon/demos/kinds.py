@@ -23,7 +23,8 @@ from gearmon.report.kind_plots import KindView, save_kind_picture
 from gearmon.report.text_tables import table_lines
 from gearmon.report.wording import percent
 from gearmon.signals.recording import Recording
-from gearmon.signatures.reference import Profile, Reference, write_reference
+from gearmon.signatures.reference import Profile, Reference
+from gearmon.signatures.reference_storage import write_reference
 from gearmon.simulation import Settings
 from gearmon.terminal import Progress
 

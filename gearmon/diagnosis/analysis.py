@@ -14,9 +14,11 @@ from gearmon.diagnosis.flagging import (
     foreign_flags,
     named_by_kind,
     response_warnings,
+    runout_flags,
 )
 from gearmon.diagnosis.foreign import ForeignFinding, foreign_findings
 from gearmon.diagnosis.kind_features import FeatureVector, kind_features
+from gearmon.diagnosis.kind_runout import RunoutGrowth, healthy_turns, runout_growth
 from gearmon.diagnosis.kind_turns import turn_changes
 from gearmon.diagnosis.localisation import locate
 from gearmon.diagnosis.results import Analysis, Change, Flag, ToothProfile
@@ -34,10 +36,11 @@ from gearmon.signatures.signature import Signature
 FAULT_BELOW = 0.01
 OPEN_BELOW = 0.05
 # Shares of that probability given to all levels together, to the levels of one group of families,
-# to the search for a single tooth, and to lines of no gear. Their sum exceeds 1: the tests of
-# levels rest on scatter assumed on the safe side, and hardly ever give a false alarm.
+# to the search for a single tooth, to lines of no gear, and to runout. Their sum exceeds 1: the
+# tests of levels rest on scatter assumed on the safe side, and hardly ever give a false alarm.
 _LEVEL_SHARE, _GROUP_SHARE, _TOOTH_SHARE, _FOREIGN_SHARE = 0.4, 0.3, 0.6, 0.05
-# Of the last but one, the part for gears that the matched search cannot judge.
+_RUNOUT_SHARE = 0.05
+# Of that of the search for a tooth, the part for gears that the matched search cannot judge.
 _REST_SHARE = 0.5
 
 
@@ -108,6 +111,7 @@ class _Evidence:
     foreign: tuple[ForeignFinding, ...] = ()
     changes: tuple[Change, ...] = ()
     features: FeatureVector | None = None
+    runout: tuple[RunoutGrowth, ...] = ()
 
 
 def _evidence(
@@ -124,12 +128,8 @@ def _evidence(
         own, comparison.rows, reference.profiles, comparison.reference_rows, machine, profiles
     )
     changes = _changes(signature, comparison)
-    turns = turn_changes(
-        own.wheels,
-        comparison.rows,
-        [profile.wheels for profile in reference.profiles],
-        comparison.reference_rows,
-    )
+    healthy = [profile.wheels for profile in reference.profiles]
+    turns = turn_changes(own.wheels, comparison.rows, healthy, comparison.reference_rows)
     return _Evidence(
         profiles=with_finding(profiles, finding),
         comparison=comparison,
@@ -137,6 +137,7 @@ def _evidence(
         foreign=foreign,
         changes=changes,
         features=kind_features(changes, profiles, turns),
+        runout=runout_growth(turns, healthy_turns(healthy, comparison.reference_rows)),
     )
 
 
@@ -201,8 +202,9 @@ def _judged(
 ) -> Analysis:
     comparison, profiles = evidence.comparison, evidence.profiles
     tests = _tests(evidence)
-    # not corrected for the number of tests: healthy recordings then still have an order
-    score = -min(log10 for _, log10 in tests)
+    # weighed as the verdict weighs them, but never cut off at a probability of 1 as that is
+    largest = max(share for share, _ in tests)
+    score = max(0.0, *(float(np.log10(share / largest)) - log10 for share, log10 in tests))
     probability = float(10.0 ** min(0.0, *(log10 - np.log10(share) for share, log10 in tests)))
     flags: tuple[Flag, ...] = ()
     if probability < FAULT_BELOW:
@@ -220,7 +222,7 @@ def _judged(
         machine=machine.name,
         verdict=verdict,
         reason=summary(verdict, evidence.changes, profiles, test),
-        score=abs(float(score)),
+        score=score,
         false_alarm_probability=probability,
         compared_with=against,
         signature=signature,
@@ -248,11 +250,13 @@ def _tests(evidence: _Evidence) -> list[tuple[float, float]]:
     if finding is not None:
         tooth = min(finding.log10_probability, tooth - float(np.log10(_REST_SHARE)))
     foreign = min((f.log10_probability for f in evidence.foreign), default=0.0)
+    runout = min((growth.log10_probability for growth in evidence.runout), default=0.0)
     return [
         (_LEVEL_SHARE, comparison.test.log10_probability),
         (_GROUP_SHARE, comparison.groups[0].log10_probability),
         (_TOOTH_SHARE, min(0.0, tooth)),
         (_FOREIGN_SHARE, foreign),
+        (_RUNOUT_SHARE, runout),
     ]
 
 
@@ -270,9 +274,12 @@ def _flags(evidence: _Evidence, machine: Machine) -> tuple[Flag, ...]:
     else:
         rest = evidence.profiles if finding is None else ()
         found += tooth_flags(rest, tooth_limit, len(rest), comparison.groups)
+    found += runout_flags(
+        evidence.runout, FAULT_BELOW, _RUNOUT_SHARE, found, evidence.features, finding
+    )
     found += level_flags(evidence.changes, comparison.groups, comparison.test, FAULT_BELOW)
     if not any(flag.tooth for flag in found):
-        found = list(named_by_kind(found, evidence.features))
+        found = list(named_by_kind(found, evidence.features, finding))
     found += foreign_flags(evidence.foreign, FAULT_BELOW, _FOREIGN_SHARE)
     return tuple(found)
 

@@ -31,7 +31,12 @@ from gearmon.diagnosis.change_shapes import (
     path_length,
     steps,
 )
-from gearmon.diagnosis.noise_bounds import kink_quantile, step_quantile, tube_bound
+from gearmon.diagnosis.noise_bounds import (
+    kink_quantile,
+    known_noise_bound,
+    step_quantile,
+    tube_bound,
+)
 from gearmon.errors import ArgumentError, check_range
 
 FloatArray = NDArray[np.float64]
@@ -55,8 +60,8 @@ def find_changes(
     Parameters
     ----------
     series : Series
-        The standard deviations need to be right relative to one another only: the scatter about the
-        trend sets the scale.
+        The scatter about the trend sets the scale of the noise; where the standard deviations are
+        known in size, noise is held to be at least that.
     below : float, in (0, 0.5]
         Probability of calling any change in a series without one.
     level : float, in (0, 1)
@@ -80,7 +85,9 @@ def find_changes(
     direction that is uniform on the sphere of the remaining m dimensions. The places of a kink are
     a curve on that sphere, of length kappa; that the noise comes within an angle arccos(c) of it
     has a probability of at most ``kappa / 2 pi (1 - c^2)^(m/2 - 1) + P(B(1/2, (m-1)/2) >= c^2) /
-    2``, for either sign. Recordings are taken as independent.
+    2``, for either sign. Recordings are taken as independent. Where the standard deviations are
+    known, a change also has to be larger than noise of that size would make it: values that scatter
+    less than they are said to be sure of tell nothing below that.
     """
     check_range("below", below, 0.0, 0.5)
     check_range("level", level, 0.0, 1.0)
@@ -164,7 +171,12 @@ def _borne(series: Series, known: Sequence[ChangePoint], change: ChangePoint) ->
     columns = np.column_stack([change.column(series.time_s), series.value]) * weight[:, None]
     shape, rest = (columns - basis @ (basis.T @ columns)).T
     kept = np.arange(len(series)) != np.argmax(shape * rest * np.sign(shape @ rest))
-    fewer = Series(time_s=series.time_s[kept], value=series.value[kept], sigma=series.sigma[kept])
+    fewer = replace(
+        series,
+        time_s=series.time_s[kept],
+        value=series.value[kept],
+        sigma=series.sigma[kept],
+    )
     without = _search(fewer, known)
     return without is not None and without.false_alarm_probability < WITHOUT_ONE
 
@@ -236,6 +248,8 @@ def _search(series: Series, known: Sequence[ChangePoint]) -> ChangePoint | None:
     left = len(series) - base.shape[1]
     if left < 3 or size <= 1e-12 * float(np.linalg.norm(series.value * weight)):
         return None
+    if series.sigma_known and 2.0 * known_noise_bound(size, 0.0) >= 1.0:
+        return None  # whatever the shape, the probability of the two families is 1
     families = [kinks(series.time_s), steps(series.time_s)]
     best: tuple[float, str, float] | None = None
     bounds = []
@@ -252,6 +266,9 @@ def _search(series: Series, known: Sequence[ChangePoint]) -> ChangePoint | None:
         return None
     closeness, kind, place = best
     probability = min(1.0, sum(tube_bound(closeness, length, left) for length in bounds))
+    if series.sigma_known:
+        least = sum(known_noise_bound(closeness * size, length) for length in bounds)
+        probability = max(probability, min(1.0, least))
     return ChangePoint(
         kind=kind,
         time_s=place,
@@ -291,7 +308,8 @@ def _with_interval(
     quantile = kink_quantile(level, freedom)
     if change.kind == "step":
         quantile = max(quantile, step_quantile(level, freedom))
-    most = least * (1.0 + quantile / freedom) + np.finfo(float).tiny
+    variance = max(least / freedom, 1.0) if series.sigma_known else least / freedom
+    most = least + variance * quantile + np.finfo(float).tiny
     # a step lies anywhere between the recordings on its two sides
     later = np.searchsorted(times, middles[step_rss <= most])
     kept = np.concatenate([places[kink_rss <= most], times[later - 1], times[later]])

@@ -68,7 +68,8 @@ class Series:
     sigma : ndarray of float, shape (n,)
         Standard deviations, > 0.
     sigma_known : bool
-        Whether they are known in size and not only relative to one another.
+        Whether they are known in size and not only relative to one another: noise is then never
+        held to be smaller, whatever the scatter.
 
     Raises
     ------

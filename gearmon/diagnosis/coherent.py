@@ -15,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.diagnosis.gear_pattern import GearPattern, mesh_bands, turning_angle
+from gearmon.diagnosis.gear_pattern import GearPattern, mesh_bands
+from gearmon.diagnosis.gear_turning import turning_beside_event
 from gearmon.signatures.reference import WheelPattern
 
 FloatArray = NDArray[np.float64]
@@ -141,7 +142,7 @@ def coherent_difference(
     known, shift = [], 0.0
     for row, pattern in enumerate(healthy):
         own = GearPattern.of(pattern, healthy_channels, top)
-        angle = 0.0 if same_zero else turning_angle(own, new, bands)
+        angle = 0.0 if same_zero else turning_beside_event(own, new, bands, wheel.teeth)
         shift = angle if row == 0 else shift
         known.append(own.turned(angle))
     parts = tuple(_band_differences(new, known, bands, wheel.teeth, moved))

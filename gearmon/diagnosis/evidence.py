@@ -10,6 +10,11 @@ from gearmon.diagnosis.comparison import GroupTest, LevelTest
 from gearmon.diagnosis.results import Change, Flag, ToothProfile
 
 _SENTENCES = 4
+#: What no recording tells by itself.
+UNKNOWABLE = (
+    "Without a healthy recording it cannot be known whether the gear was always so, how much "
+    "stiffness is lost, nor of wear, pitting, misalignment or eccentricity, which change all teeth."
+)
 
 
 def tooth_flags(
@@ -60,6 +65,11 @@ def tooth_flags(
     ]
     if first.tooth is not None:
         evidence.append("teeth are counted from the one that enters mesh at the tachometer pulse")
+    if first.against != "reference":
+        evidence.append(
+            "one tooth of a sound gear may be cut as differently: without a healthy recording it "
+            "cannot be known whether it was always so, nor how much stiffness is lost"
+        )
     evidence += [
         f"the {other.gear} of stage {other.stage} shows it too ({other.ratio:.1f} times)"
         + (", on the same shaft" if _on_one_shaft(first, other) else "")
@@ -215,8 +225,10 @@ def summary(
     )
     if test is None:
         return (
-            "There is no healthy reference: pitch errors and eccentricity of a sound gear look "
-            f"like weak damage, so only a gross fault could be called. {tooth}"
+            "There is no healthy reference: teeth were compared with the others of their gear. "
+            "Pitch errors and eccentricity of a sound gear look like weak damage, so only gross "
+            "damage of one tooth can be found: on simulated machines two of three losses of 40 % "
+            f"of a pair's stiffness, one of four of 20 %. {tooth} {UNKNOWABLE}"
         )
     moved = (
         f"Line levels differ from the reference by {test.rms:.1f} times their learned scatter "

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_left
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from typing import Any
 
@@ -15,7 +15,7 @@ from gearmon.diagnosis.results import VERDICTS, Analysis, Flag, ToothProfile
 from gearmon.errors import ArgumentError, check_finite, check_range
 
 #: Half the width of the 90 % interval of a flag, in standard deviations.
-_HALF_OF_90 = 1.6448536269514722
+HALF_OF_90 = 1.6448536269514722
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -296,7 +296,16 @@ def _places(profiles: Iterable[ToothProfile], flags: Sequence[Flag]) -> Iterable
             continue
         for number, (loss, sigma) in enumerate(zip(losses, sigmas, strict=True)):
             energy = float(profile.energy[number]) if len(profile.energy) == len(losses) else None
-            yield _tooth(profile, number + 1, energy, float(loss), float(sigma))
+            place = _tooth(profile, number + 1, energy, float(loss), float(sigma))
+            told = (flagged.tooth, flagged.stiffness_loss) if flagged is not None else None
+            if flagged is not None and told == (number + 1, loss):
+                # the same estimate, whose interval is not the same to both sides
+                place = replace(
+                    place,
+                    loss_low=flagged.stiffness_loss_low,
+                    loss_high=flagged.stiffness_loss_high,
+                )
+            yield place
 
 
 def _whole_gear(profile: ToothProfile, flagged: Flag | None) -> Place:
@@ -333,7 +342,7 @@ def _loss(loss: float, sigma: float) -> dict[str, Any]:
     """Return an estimate with its 90 % interval; nothing where there is none."""
     if not (math.isfinite(loss) and math.isfinite(sigma) and sigma > 0):
         return {}
-    half = _HALF_OF_90 * sigma
+    half = HALF_OF_90 * sigma
     return {"loss": loss, "loss_low": loss - half, "loss_high": loss + half, "loss_sigma": sigma}
 
 
@@ -345,7 +354,7 @@ def _flag_loss(flag: Flag) -> dict[str, Any]:
     half = max(high - loss, loss - low)
     if not math.isfinite(half) or half <= 0:
         return {}
-    return {"loss": loss, "loss_low": low, "loss_high": high, "loss_sigma": half / _HALF_OF_90}
+    return {"loss": loss, "loss_low": low, "loss_high": high, "loss_sigma": half / HALF_OF_90}
 
 
 def _finite(value: float | None) -> float | None:
@@ -357,4 +366,9 @@ def _finding(flag: Flag) -> str:
     parts += [f"stage {flag.stage}"] if flag.stage else []
     parts += [flag.gear] if flag.gear else []
     parts += [f"tooth {flag.tooth}"] if flag.tooth else []
-    return ", ".join(parts)
+    text = ", ".join(parts)
+    loss, low, high = flag.stiffness_loss, flag.stiffness_loss_low, flag.stiffness_loss_high
+    if loss is None or low is None or high is None:
+        return text
+    least, middle, most = (f"{100 * x:.{0 if high >= 0.1 else 1}f}" for x in (low, loss, high))
+    return f"{text}: loss {middle} % ({least} to {most} %)"

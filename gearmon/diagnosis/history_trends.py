@@ -7,15 +7,17 @@ sound machines follow no known law, so whether they changed is tested by permuta
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.diagnosis.change_points import FEWEST, change_probability, permuted_probability
+from gearmon.diagnosis.change_points import FEWEST, permuted_probability
 from gearmon.diagnosis.change_shapes import ChangePoint, Series
-from gearmon.diagnosis.history import History, time_text
+from gearmon.diagnosis.history import Entry, History, Place
+from gearmon.diagnosis.tooth_trends import ToothTrend, change_dict, crossing_dict, follow_tooth
 from gearmon.diagnosis.trend import Crossing, Trend, fit_trend
 from gearmon.errors import check_range
 
@@ -23,87 +25,9 @@ FloatArray = NDArray[np.float64]
 
 #: Share of the false-alarm probability given to all losses together; the score gets the rest.
 _LOSS_SHARE = 0.5
-SECONDS_PER_DAY = 86400.0
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ToothTrend:
-    """The loss of one tooth, or the largest of one gear, over time.
-
-    Parameters
-    ----------
-    stage : int
-    gear : str
-    tooth : int or None
-        None: the largest loss of the gear, where teeth cannot be told from one recording to
-        another.
-    trend : Trend
-        Of the loss as a fraction.
-    false_alarm_probability : float
-        Bound on the probability of a change as clear on any tooth of a machine without one.
-    recordings : int
-        Recordings in the history; those beyond the trend's had no estimate.
-    limit : float or None
-        What the loss is held against.
-    """
-
-    stage: int
-    gear: str
-    tooth: int | None
-    trend: Trend
-    false_alarm_probability: float
-    recordings: int
-    limit: float | None
-
-    @property
-    def now(self) -> tuple[float, float, float]:
-        """Loss at the newest recording with its interval."""
-        value, low, high = self.trend.at(self.trend.series.time_s[-1:])
-        return float(value[0]), float(low[0]), float(high[0])
-
-    @property
-    def margin(self) -> tuple[float, float, float] | None:
-        """What is left to the limit at the newest recording, with its interval."""
-        if self.limit is None:
-            return None
-        value, low, high = self.now
-        return self.limit - value, self.limit - high, self.limit - low
-
-    @property
-    def crossing(self) -> Crossing | None:
-        """When the limit is reached."""
-        return None if self.limit is None else self.trend.crossing(self.limit)
-
-    @property
-    def risen(self) -> bool:
-        """Whether its latest change is a rise."""
-        return bool(self.trend.changes) and self.trend.changes[-1].size > 0
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return built-in types, ready for JSON."""
-        value, low, high = self.now
-        rate = [SECONDS_PER_DAY * x for x in self.trend.rate()]
-        crossing, margin = self.crossing, self.margin
-        return {
-            "stage": self.stage,
-            "gear": self.gear,
-            "tooth": self.tooth,
-            "estimates": len(self.trend.series),
-            "recordings": self.recordings,
-            "loss": _number(value),
-            "loss_low": _number(low),
-            "loss_high": _number(high),
-            "rate_per_day": _number(rate[0]),
-            "rate_per_day_low": _number(rate[1]),
-            "rate_per_day_high": _number(rate[2]),
-            "false_alarm_probability": self.false_alarm_probability,
-            "changes": [change_dict(change) for change in self.trend.changes],
-            "limit": self.limit,
-            "margin": None if margin is None else _number(margin[0]),
-            "margin_low": None if margin is None else _number(margin[1]),
-            "margin_high": None if margin is None else _number(margin[2]),
-            "limit_reached": None if crossing is None else _crossing_dict(crossing),
-        }
+#: Newest recordings for which it is told what could be forecast at their time.
+FORECASTS = 20
+_Key = tuple[int, str, int | None]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -114,7 +38,7 @@ class HistoryTrends:
     ----------
     history : History
     teeth : tuple of ToothTrend
-        Clearest change first.
+        Those whose loss stands clear of noise and zero first, then by the clearness of changes.
     evidence : Trend or None
         Of the scores, as standard deviations of a normal variable; None for a short history.
     evidence_probability : float
@@ -123,6 +47,9 @@ class HistoryTrends:
         Limit of the loss.
     level : float
         Of all intervals.
+    forecasts : dict of float to Crossing
+        By the time of a recording: when the limit is reached by the first tooth to do so, as told
+        by the recordings up to that time; of the newest `FORECASTS` and where it can be said.
     notes : tuple of str
         What limits the answer.
     """
@@ -133,18 +60,13 @@ class HistoryTrends:
     evidence_probability: float
     limit: float | None
     level: float
+    forecasts: dict[float, Crossing]
     notes: tuple[str, ...]
 
     @property
     def shown(self) -> tuple[ToothTrend, ...]:
-        """Teeth worth a line: those that changed, and the largest loss of every other gear."""
-        changed = [tooth for tooth in self.teeth if tooth.trend.changes]
-        gears = {(tooth.stage, tooth.gear) for tooth in changed}
-        for tooth in sorted(self.teeth, key=lambda tooth: -tooth.now[0]):
-            if (tooth.stage, tooth.gear) not in gears:
-                gears.add((tooth.stage, tooth.gear))
-                changed.append(tooth)
-        return tuple(changed)
+        """Teeth whose loss stands clear of its noise and of zero over several recordings."""
+        return tuple(tooth for tooth in self.teeth if tooth.stands)
 
     @property
     def began(self) -> ChangePoint | None:
@@ -159,18 +81,25 @@ class HistoryTrends:
         return (
             bool(entries and entries[-1].verdict == "fault")
             or self.began is not None
-            or any(tooth.risen for tooth in self.teeth)
+            or any(tooth.risen for tooth in self.shown)
             or any(
-                c is not None and c.status == "reached" for c in (t.crossing for t in self.teeth)
+                c is not None and c.status == "reached" for c in (t.crossing for t in self.shown)
             )
         )
+
+    def _forecast_dict(self, entry: Entry) -> dict[str, Any] | None:
+        crossing = self.forecasts.get(entry.time_s)
+        return None if crossing is None else crossing_dict(crossing)
 
     def to_dict(self) -> dict[str, Any]:
         """Return built-in types, ready for JSON."""
         changes = self.evidence.changes if self.evidence is not None else ()
         return {
             "machine": self.history.machine,
-            "recordings": [entry.to_dict() for entry in self.history.entries],
+            "recordings": [
+                entry.to_dict() | {"limit_reached": self._forecast_dict(entry)}
+                for entry in self.history.entries
+            ],
             "level": self.level,
             "limit": self.limit,
             "teeth": [tooth.to_dict() for tooth in self.shown],
@@ -212,56 +141,79 @@ def history_trends(
     check_range("level", level, 0.01, 0.999)
     if limit is not None:
         check_range("limit", limit, 1e-6, 1.0)
-    followed = _loss_series(history)
-    teeth = []
-    for (stage, gear, tooth), series in followed.items():
-        allowed = _LOSS_SHARE * below / len(followed)
-        trend = fit_trend(series, below=allowed, level=level)
-        probability = min(
-            [change_probability(series), *(c.false_alarm_probability for c in trend.changes)]
+    followed = _followed(history)
+
+    def follow(key: _Key, until: float = np.inf) -> ToothTrend:
+        known = [(time, place) for time, place in followed[key] if time <= until]
+        return follow_tooth(
+            [time for time, _ in known],
+            [place for _, place in known],
+            followed=len(followed),
+            below=_LOSS_SHARE * below,
+            level=level,
+            recordings=sum(entry.time_s <= until for entry in history.entries),
+            limit=limit,
         )
-        teeth.append(
-            ToothTrend(
-                stage=stage,
-                gear=gear,
-                tooth=tooth,
-                trend=trend,
-                false_alarm_probability=min(1.0, probability * len(followed) / _LOSS_SHARE),
-                recordings=len(history.entries),
-                limit=limit,
-            )
-        )
+
+    teeth = {key: follow(key) for key in followed}
     evidence, chance = _evidence(history, (1 - _LOSS_SHARE) * below, level)
+    ranked = sorted(teeth.values(), key=lambda t: (not t.stands, t.false_alarm_probability))
     return HistoryTrends(
         history=history,
-        teeth=tuple(sorted(teeth, key=lambda tooth: tooth.false_alarm_probability)),
+        teeth=tuple(ranked),
         evidence=evidence,
         evidence_probability=min(1.0, chance / (1 - _LOSS_SHARE)),
         limit=limit,
         level=level,
-        notes=tuple(_notes(history, teeth)),
+        forecasts={} if limit is None else _forecasts(history, teeth, follow),
+        notes=tuple(_notes(history, ranked)),
     )
 
 
-def _loss_series(history: History) -> dict[tuple[int, str, int | None], Series]:
-    """Estimates of each tooth; of gears as a whole where teeth have none."""
-    found: dict[tuple[int, str, int | None], list[tuple[float, float, float]]] = {}
+def _followed(history: History) -> dict[_Key, list[tuple[float, Place]]]:
+    """Estimates of each tooth with their times; of gears as a whole where teeth have none."""
+    found: dict[_Key, list[tuple[float, Place]]] = {}
     for entry in history.entries:
         for place in entry.places:
             if place.loss is not None and place.loss_sigma is not None:
-                found.setdefault(place.key, []).append((entry.time_s, place.loss, place.loss_sigma))
+                found.setdefault(place.key, []).append((entry.time_s, place))
     whole = {(stage, gear) for stage, gear, tooth in found if tooth is None}
     numbered = {
         (stage, gear)
         for (stage, gear, tooth), points in found.items()
         if tooth is not None and (len(points) >= FEWEST or (stage, gear) not in whole)
     }
-    chosen = {}
-    for key, points in found.items():
-        if (key[:2] in numbered) == (key[2] is not None):
-            time_s, value, sigma = np.array(points).T
-            chosen[key] = Series(time_s=time_s, value=value, sigma=sigma)
-    return chosen
+    return {
+        key: points
+        for key, points in found.items()
+        if (key[:2] in numbered) == (key[2] is not None)
+    }
+
+
+def _forecasts(
+    history: History, teeth: dict[_Key, ToothTrend], follow: Callable[[_Key, float], ToothTrend]
+) -> dict[float, Crossing]:
+    """When the limit is reached, as the newest recordings' own time could tell."""
+    standing = [key for key, tooth in teeth.items() if tooth.stands]
+    found = {}
+    for entry in history.entries[-FORECASTS:]:
+        told = [_forecast(key, entry, follow) for key in standing]
+        known = [crossing for crossing in told if crossing is not None]
+        if known:
+            # a limit that is reached stands before any that lies ahead
+            found[entry.time_s] = min(known, key=lambda c: (c.status != "reached", c.time_s or 0.0))
+    return found
+
+
+def _forecast(
+    key: _Key, entry: Entry, follow: Callable[[_Key, float], ToothTrend]
+) -> Crossing | None:
+    """Say when one tooth reaches the limit, by the recordings up to one; None where unknown."""
+    if not any(place.key == key and place.loss is not None for place in entry.places):
+        return None
+    tooth = follow(key, entry.time_s)
+    crossing = tooth.crossing if tooth.stands and tooth.low[-1] > 0 else None
+    return None if crossing is None or crossing.status == "not extrapolated" else crossing
 
 
 def _evidence(history: History, below: float, level: float) -> tuple[Trend | None, float]:
@@ -328,35 +280,3 @@ def _notes(history: History, teeth: list[ToothTrend]) -> list[str]:
                 "later than the damage may have"
             )
     return notes
-
-
-def change_dict(change: ChangePoint) -> dict[str, Any]:
-    """Return a change as built-in types, ready for JSON."""
-    return {
-        "kind": change.kind,
-        "time": time_text(change.time_s),
-        "time_low": time_text(change.low_s),
-        "time_high": time_text(change.high_s),
-        "may_have_begun_before": change.open_before,
-        "direction": "rise" if change.size > 0 else "fall",
-        "false_alarm_probability": change.false_alarm_probability,
-    }
-
-
-def _crossing_dict(crossing: Crossing) -> dict[str, Any]:
-    return {
-        "status": crossing.status,
-        "reason": crossing.reason,
-        "time": _moment(crossing.time_s),
-        "time_low": _moment(crossing.low_s),
-        "time_high": _moment(crossing.high_s),
-    }
-
-
-def _moment(time_s: float | None) -> str | None:
-    # a slow trend may reach its limit after the year 9999, which is as good as never
-    return None if time_s is None or not 0 <= time_s < 2.5e11 else time_text(time_s)
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

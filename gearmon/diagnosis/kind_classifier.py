@@ -64,6 +64,8 @@ class KindClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         Features.
     n_iter_ : int
         Steps that the slowest network took.
+    machine_ : str
+        Teeth of the machine that it was trained for; "" if nobody told.
 
     Examples
     --------
@@ -125,6 +127,7 @@ class KindClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         self.networks_: list[list[FloatArray]] = []
         self.temperature_ = 1.0
         self.n_iter_ = 1
+        self.machine_ = ""
         if len(self.classes_) > 1:
             self._train(scaled, codes, random)
         self._learn_distances(scaled, codes)
@@ -294,6 +297,7 @@ def write_kinds(classifier: KindClassifier, path: str | Path) -> None:
         "temperature": classifier.temperature_,
         "reach": classifier.reach_,
         "networks": len(classifier.networks_),
+        "machine": classifier.machine_,
     }
     arrays = {name: np.asarray(getattr(classifier, name)) for name in _ARRAYS}
     arrays["classes_"] = arrays["classes_"].astype(str)
@@ -341,5 +345,6 @@ def read_kinds(path: str | Path) -> KindClassifier:
         ) from None
     classifier.temperature_ = float(header["temperature"])
     classifier.reach_ = float(header["reach"])
+    classifier.machine_ = str(header.get("machine", ""))
     classifier.n_features_in_ = len(classifier.mean_)
     return classifier

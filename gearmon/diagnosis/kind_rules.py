@@ -19,6 +19,7 @@ from gearmon.errors import ArgumentError
 
 if TYPE_CHECKING:
     from gearmon.diagnosis.kind_classifier import KindClassifier
+    from gearmon.diagnosis.kind_spread import DepartureSpread
 
 #: Change that healthy machines reach now and then [dB].
 USUAL_DB = 2.0
@@ -26,6 +27,11 @@ USUAL_DB = 2.0
 USUAL_PEAK_DB = 6.0
 #: Decibels of evidence that make a kind e times as probable, by the rules.
 _SOFTNESS_DB = 2.5
+#: Most that speaks for a kind of teeth [dB].
+_SURE_DB = 12.0
+#: Decibels that speak against a smooth change for each by which farther lines changed; and by which
+#: its fourth to sixth sidebands stay behind the first.
+_ROUGH, _DECAY_DB = 4.0, 6.0
 #: Kinds that show in the mesh and not in the turn of one of its gears.
 _OF_A_MESH = ("wear",)
 
@@ -79,6 +85,7 @@ def judge_kind(
     *,
     stage: int | None = None,
     gear: str | None = None,
+    spread: DepartureSpread | None = None,
 ) -> KindJudgement:
     """Judge the kind of a fault.
 
@@ -90,6 +97,9 @@ def judge_kind(
         Trained by `kind_training.train_kinds` on this machine; by default the rules judge.
     stage, gear : int, str, optional
         Gear that was found damaged by other means; by default the one with the most evidence.
+    spread : DepartureSpread, optional
+        How far the departure of that gear is one tooth's; the rules then rest on it. A classifier
+        has not seen such numbers and passes over it.
 
     Returns
     -------
@@ -102,7 +112,7 @@ def judge_kind(
     """
     row = features.row(stage, gear)
     if classifier is None:
-        probabilities = rule_probabilities(features.named(row))
+        probabilities = rule_probabilities(features.named(row), spread)
     else:
         values = features.values[row : row + 1]
         if classifier.n_features_in_ != values.shape[1]:
@@ -126,47 +136,82 @@ def judge_kind(
     )
 
 
-def rule_probabilities(row: Mapping[str, float]) -> dict[str, float]:
+def rule_probabilities(
+    row: Mapping[str, float], spread: DepartureSpread | None = None
+) -> dict[str, float]:
     """Weigh the kinds by rules.
 
     Parameters
     ----------
     row : mapping of str to float
         One row of features by name.
+    spread : DepartureSpread, optional
+        How far the departure of this gear is that of one tooth, see `kind_spread`.
 
     Returns
     -------
     dict of str to float
         Of every kind of `KINDS`; they sum to 1.
     """
-    weights = _weights(row)
+    weights = _of_teeth(row, spread) | _of_lines(row, spread is not None)
     values = np.array([weights[kind] for kind in KINDS]) / _SOFTNESS_DB
     shares = np.exp(values - values.max())
     return dict(zip(KINDS, (shares / shares.sum()).tolist(), strict=True))
 
 
-def _weights(row: Mapping[str, float]) -> dict[str, float]:
-    """Return for each kind what speaks for it less what it leaves unexplained [dB]."""
+def _of_teeth(row: Mapping[str, float], spread: DepartureSpread | None) -> dict[str, float]:
+    """Return what speaks for damage of one tooth, and of several [dB]."""
+    if spread is None:
+        peak = min(row["peak_db"] - USUAL_PEAK_DB, 12.0)
+        # in a short turn two teeth are a large share: spread over half of the teeth is no event
+        wide = 4.0 * max(row["teeth_involved"] - 3.0, 0.0)
+        alone = row["peaks"] <= 1
+        return {
+            "tooth damage": peak - (0.0 if alone else 5.0) - wide,
+            "several teeth": peak - (5.0 if alone else 0.0) - 0.5 * wide,
+        }
+    one = min(max(spread.one_tooth, 1e-9), 1.0 - 1e-9)
+    odds_db = 10.0 * float(np.log10(one / (1.0 - one)))
+    share = spread.teeth_involved / len(spread.by_tooth)
+    height = min(row["peak_db"] - USUAL_PEAK_DB, 5.0)
+    return {
+        "tooth damage": float(np.clip(odds_db, -_SURE_DB, _SURE_DB)),
+        "several teeth": min(-odds_db, 6.0) + 2.0 * height + 16.0 * (0.5 - share),
+    }
+
+
+def _of_lines(row: Mapping[str, float], seen: bool) -> dict[str, float]:
+    """Return for other kinds what speaks for each less what it leaves unexplained [dB].
+
+    Parameters
+    ----------
+    row : mapping of str to float
+    seen : bool
+        Whether it is known by other means how far one tooth is the cause.
+    """
     far, known = row["far_db"], row["turns_known"] > 0
     # where single sidebands are not known the nearest are taken to lead, the farther ones to follow
     once, twice = row["once_db"], row["twice_db"] if known else row["near_db"] - 3.0
     thrice = row["thrice_db"] if known else far
     several = row["several_db"] if known else far
-    peak = min(row["peak_db"] - USUAL_PEAK_DB, 12.0)
-    # in a short turn two teeth are a large share: what is spread over half of the teeth is no event
-    spread = 4.0 * max(row["teeth_involved"] - 3.0, 0.0)
-    alone = row["peaks"] <= 1
+    event = 0.0 if seen else max(min(row["peak_db"] - USUAL_PEAK_DB, 12.0), 0.0)
+    wide = 0.0 if seen else 2.0 * max(row["teeth_involved"] - 3.0, 0.0)
     beyond = max(far, several, 0.0)
+    # what changes smoothly over the turn does not reach the farther lines
+    rough = _ROUGH * max(far - USUAL_DB, 0.0)
     mesh = row["mesh_rms_db"] - USUAL_DB
     return {
-        "tooth damage": peak - (0.0 if alone else 5.0) - spread,
-        "several teeth": peak - (5.0 if alone else 0.0) - 0.5 * spread,
-        "distributed pitting": min(far, several + 2.0) - USUAL_DB - max(peak, 0.0) + 0.5 * spread
+        "distributed pitting": min(3.0 * (far - USUAL_DB), _SURE_DB) - event + wide
         if far > USUAL_DB
         else far - USUAL_DB,
-        "wear": mesh - max(once, twice, beyond, 0.0) - max(peak, 0.0),
-        "eccentricity": once - USUAL_DB - 1.5 * beyond - max(twice - once + 3.0, 0.0),
-        "misalignment": twice - USUAL_DB - max(once, thrice, 0.0) - 0.5 * max(far, 0.0),
+        "wear": mesh - max(once, twice, beyond, 0.0) - event,
+        "eccentricity": once
+        - USUAL_DB
+        - 1.5 * max(several - max(once - _DECAY_DB, 0.0), 0.0)
+        - rough
+        - event
+        - max(twice - once + 3.0, 0.0),
+        "misalignment": twice - USUAL_DB - max(once, thrice, 0.0) - rough - event,
         "looseness": min(twice, thrice, several)
         - USUAL_DB
         - 0.7 * max(far, 0.0)
@@ -198,12 +243,16 @@ def _evidence(kind: str, gear: tuple[int, str], row: Mapping[str, float]) -> tup
         f"gears of other stages on the same shaft: sidebands changed by {row['shaft_near_db']:+.1f}"
         " dB"
     )
+    askew = (
+        f"what changes once a turn of {whose} may also be a gear that stands askew on its shaft: "
+        "measure runout and face of the gear"
+    )
     told = {
         "tooth damage": (event, sides),
         "several teeth": (event, sides),
         "distributed pitting": (sides, event),
         "wear": (mesh, sides),
-        "eccentricity": (sides,),
+        "eccentricity": (sides, askew),
         "misalignment": (sides, mesh),
         "looseness": (sides, both),
     }

@@ -22,7 +22,7 @@ from gearmon.diagnosis.kind_names import KINDS
 from gearmon.diagnosis.kind_turns import TurnChange, turn_changes
 from gearmon.errors import check_range
 from gearmon.machine import Machine
-from gearmon.signatures.reference import WheelPattern
+from gearmon.signatures.reference import WheelPattern, tooth_counts
 
 if TYPE_CHECKING:
     from gearmon.diagnosis.kind_classifier import KindClassifier
@@ -93,7 +93,9 @@ def train_kinds(
 
     check_range("count", count, 10 * len(KINDS), 1_000_000)
     rows, kinds = training_table(examples(machine, seed, count, operating))
-    return KindClassifier(random_state=seed).fit(rows, kinds)
+    classifier = KindClassifier(random_state=seed).fit(rows, kinds)
+    classifier.machine_ = tooth_counts(machine)
+    return classifier
 
 
 def training_table(made: list[Example]) -> tuple[FloatArray, NDArray[np.str_]]:

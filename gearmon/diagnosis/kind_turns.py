@@ -20,6 +20,8 @@ FloatArray = NDArray[np.float64]
 SIDEBANDS = 6
 #: A line this many dB or less above its own noise in both recordings says nothing about a gain.
 _CLEAR_DB = 6.0
+#: Standard error of the level of a line that noise drowns [dB].
+_UNHEARD_DB = 10.0 / np.log(10.0) * (1.0 - 1e-9)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -70,7 +72,8 @@ def turn_changes(
     -----
     The power of the lines on both sides, less their variance and never below it, is compared in
     decibels, mesh harmonic by mesh harmonic and channel by channel; the median of the clear ones in
-    a channel is its gain. Means are weighted by ``1/(scatter^2 + 1 dB^2)``. No alignment is needed.
+    a channel is its gain. Means are weighted by ``1/(scatter^2 + 1 dB^2)``; lines below the noise
+    in all recordings count as unchanged. No alignment is needed.
     """
     found: list[tuple[WheelPattern, FloatArray, FloatArray]] = []
     for wheel in wheels:
@@ -86,15 +89,17 @@ def turn_changes(
         reference = np.mean([level[:, :harmonics] for level, _ in old], axis=0)
         scatter = np.mean([own[:, :harmonics] ** 2 for _, own in old], axis=0)
         change = new_db[:, :harmonics] - reference
+        # a line below the noise in all recordings would tell of the noise, not of the gear
+        unheard = (new_scatter[:, :harmonics] >= _UNHEARD_DB) & (scatter >= _UNHEARD_DB**2)
         spread = np.sqrt(new_scatter[:, :harmonics] ** 2 + scatter)
-        found.append((wheel, change, spread))
+        found.append((wheel, np.where(unheard, np.nan, change), spread))
     gain = _gains(found, len(rows))
     return tuple(
         TurnChange(
             stage=wheel.stage,
             gear=wheel.gear,
             change_db=np.average(
-                np.clip(change - gain[:, None, None], -30.0, 30.0),
+                np.nan_to_num(np.clip(change - gain[:, None, None], -30.0, 30.0)),
                 axis=(0, 1),
                 weights=1.0 / (spread**2 + 1.0),
             ),

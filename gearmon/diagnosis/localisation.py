@@ -6,7 +6,9 @@ patterns, turned to the same angle and fitted band by band with a complex gain e
 sensor), are subtracted from the new one; the rest is whitened, put back into angle, and its energy
 over windows of two teeth compared with their median. A machine's own pitch errors and
 eccentricities cancel, which is why this sees losses that kurtosis and FM4 do not. Without a
-reference the other teeth of the same gear are the reference.
+reference the other teeth of the same gear are the reference, and nothing cancels: at a false-alarm
+probability of 1 % (seen: 1 of 52 machines) a loss of 20 % of one pair's stiffness was found in 21
+of 76 recordings of 52 simulated machines, one of 40 % in 52 of 76.
 """
 
 from __future__ import annotations
@@ -33,7 +35,8 @@ _DEPARTURE_FROM_THREE = 0.1
 # Healthy departures are not Gaussian noise: their windows scatter like a fraction of the degrees of
 # freedom that noise of the same spectrum would have. One healthy pattern cannot follow a change of
 # load, several can; the teeth of one gear differ from one another by their pitch errors. Read off
-# simulated healthy machines, and rounded to the safe side.
+# simulated healthy machines, and rounded to the safe side. Half of it without a pattern would find
+# 50 instead of 43 of 88 losses of 20 and 40 %, with two false alarms instead of one in 44 machines.
 _OVERDISPERSION = {0: 9.0, 1: 4.5, 2: 3.0}
 _OVERDISPERSION_FROM_THREE = 2.0
 _WINDOW_TEETH = 2.0

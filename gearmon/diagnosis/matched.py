@@ -26,15 +26,11 @@ from gearmon.signatures.tooth_response import ToothResponse
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+IntArray = NDArray[np.int64]
 
 # Decay times of the energy in a housing [s]: damping ratios of 1 to 6 per cent between 700 Hz and
 # 7 kHz have 1/(4 pi zeta f) of 0.2 to 10 ms, the loudest modes being the better damped ones.
 DECAY_S = (0.0002, 0.0006, 0.002)
-# Where within the contact of a tooth its damage speaks is known to about a third of a mesh period:
-# profile relief and deflection shift the edges of contact.
-_EARLIEST = -0.3
-# Share of the decay that is looked at.
-_COVERED = 0.95
 # Losses that are tried: a factor of 1.19 apart.
 LOSSES = np.geomspace(0.005, 0.9, 31)
 # Losses that are held possible before the recording is heard.
@@ -44,8 +40,11 @@ _LEAST_LOSS, _LARGEST_LOSS = 0.01, 0.7
 PATH_DEVIATION = 0.45
 # Points a mesh period at which the decaying impulse response is taken, how far, and at most.
 _POINTS, _REACH, _MOST_POINTS = 2.0, 3.0, 40
-# Share of a departure that even the right tooth does not explain: the model is not that good.
-MISFIT = 0.03
+# Share of a departure's mean square that counts as noise, since even the right tooth does not
+# explain all of it: when damage is looked for, when its size is estimated, and when one tooth is
+# held against its neighbours. Those differ in detail, and in detail the model is wrong: however
+# strong a departure, it then tells the place no better than one that just stands out of the noise.
+SEARCH_MISFIT, SIZE_MISFIT, PLACE_MISFIT = 0.3, 0.03, 1.0
 # Share of an event that leaks to each other tooth; misfit of one band at which it stops to count.
 _LEAK, _MOST_MISFIT = 0.05, 6.0
 # Where logarithms of likelihoods are cut off, below the largest.
@@ -72,6 +71,9 @@ class ToothMatch:
         Rotation of the gear, in turns of shaft 1.
     log_likelihood : ndarray of float, shape (losses, teeth)
         Logarithm of the likelihood of each of `LOSSES` on each tooth over that of no damage.
+    log_place : ndarray of float, shape (teeth,)
+        Logarithm of the likelihood of each tooth if one is damaged, up to a constant: the same with
+        more of the departure held for noise, see `PLACE_MISFIT`.
     lines : int
         Lines of the gear that were looked at.
     misfit : float
@@ -84,14 +86,14 @@ class ToothMatch:
     teeth: int
     order: float
     log_likelihood: FloatArray
+    log_place: FloatArray
     lines: int
     misfit: float
 
     @property
     def log_tooth(self) -> FloatArray:
         """Logarithm of the Bayes factor of each tooth, shape (teeth,)."""
-        possible = (LOSSES >= _LEAST_LOSS) & (LOSSES <= _LARGEST_LOSS)
-        return log_mean(self.log_likelihood[possible])
+        return _any_loss(self.log_likelihood)
 
     @property
     def log_gear(self) -> float:
@@ -100,8 +102,14 @@ class ToothMatch:
 
     @property
     def best(self) -> int:
-        """Tooth that explains most, from 0."""
-        return int(np.argmax(self.log_tooth))
+        """Tooth where damage is most likely if there is any, from 0."""
+        return int(np.argmax(self.log_place))
+
+
+def _any_loss(log_likelihood: FloatArray) -> FloatArray:
+    """Average over the losses held possible, shape (losses, teeth) to (teeth,)."""
+    possible = (LOSSES >= _LEAST_LOSS) & (LOSSES <= _LARGEST_LOSS)
+    return log_mean(log_likelihood[possible])
 
 
 def log_mean(logarithms: FloatArray, weight: FloatArray | None = None) -> FloatArray:
@@ -142,7 +150,7 @@ def match_teeth(
     path = path_power(difference.mesh_power, response.mesh)
     rotation_hz = difference.order * speed_hz
     size = response.amplitude(LOSSES)
-    total = np.zeros((len(LOSSES), difference.teeth))
+    total = np.zeros((2, len(LOSSES), difference.teeth))
     lines = 0
     misfits: list[float] = []
     for band in difference.bands:
@@ -171,7 +179,7 @@ def match_teeth(
             turned = place * band.rest[channel, inside]
             misfits.append(_misfit(turned))
             parts = [
-                _log_likelihood(turned, signal[:, None] * delay, size, against_others)
+                _log_likelihood(turned, number, signal[:, None] * delay, size, against_others)
                 for delay in delays
             ]
             total += _with_unsure_path(log_mean(np.array(parts)))
@@ -182,7 +190,8 @@ def match_teeth(
         gear=difference.gear,
         teeth=difference.teeth,
         order=difference.order,
-        log_likelihood=total,
+        log_likelihood=total[0],
+        log_place=_any_loss(total[1]),
         lines=lines,
         misfit=float(np.mean(misfits)),
     )
@@ -246,14 +255,22 @@ def _ramp(time: FloatArray, decay_s: float) -> FloatArray:
 
 
 def _log_likelihood(
-    turned: ComplexArray, root: ComplexArray, size: FloatArray, against_others: bool
+    turned: ComplexArray,
+    number: IntArray,
+    root: ComplexArray,
+    size: FloatArray,
+    against_others: bool,
 ) -> FloatArray:
-    """Logarithm of the likelihood ratio of one band of one channel, shape (losses, teeth).
+    """Logarithm of the likelihood ratio of one band of one channel, shape (2, losses, teeth).
+
+    The first to tell whether there is damage or how much, the second to tell where.
 
     Parameters
     ----------
     turned : ndarray of complex, shape (teeth, lines)
         The rest, turned so that each tooth in turn stands where tooth 1 would.
+    number : ndarray of int, shape (lines,)
+        Multiples of the gear's rotation.
     root : ndarray of complex, shape (lines, delays)
         Square root of the covariance of the response to a unit loss.
     size : ndarray of float, shape (losses,)
@@ -268,11 +285,15 @@ def _log_likelihood(
     spread = spread[kept]
     projection = (root @ vector[:, kept] / np.sqrt(spread)).conj()
     energy = np.abs(turned @ projection) ** 2
-    misfit = MISFIT * float(np.mean(np.abs(turned[0]) ** 2))
-    scale = max(1.0, misfit, _beside(energy, spread) if against_others else 0.0)
-    ratio = size[:, None] ** 2 * spread / scale
-    gain = ratio / (1.0 + ratio)
-    result: FloatArray = gain @ energy.T / scale - np.log1p(ratio).sum(axis=1)[:, None]
+    whole = float(np.mean(np.abs(turned[0]) ** 2))
+    scale = max(1.0, (SEARCH_MISFIT if against_others else SIZE_MISFIT) * whole)
+    if against_others:
+        leak = _leak(projection, spread, number, len(turned))
+        scale = max(scale, _beside(energy, spread, leak))
+    scales = np.array([scale, max(scale, PLACE_MISFIT * whole)])
+    ratio = size[:, None] ** 2 * spread / scales[:, None, None]
+    gain = ratio / (1.0 + ratio) / scales[:, None, None]
+    result: FloatArray = gain @ energy.T - np.log1p(ratio).sum(axis=-1)[..., None]
     return result
 
 
@@ -280,7 +301,7 @@ def _with_unsure_path(log_likelihood: FloatArray) -> FloatArray:
     """Average over the path's power in a band, which the mesh harmonics tell only roughly."""
     steps = np.log(LOSSES)[:, None] - np.log(LOSSES)
     weight = np.exp(-0.5 * (steps / PATH_DEVIATION) ** 2)
-    largest = log_likelihood.max(axis=0)
+    largest = log_likelihood.max(axis=1, keepdims=True)
     share = np.exp(np.maximum(log_likelihood - largest, _FAR_BELOW))
     mean: FloatArray = largest + np.log(weight @ share / weight.sum(axis=1)[:, None])
     return mean
@@ -297,8 +318,23 @@ def _misfit(turned: ComplexArray) -> float:
     return float(np.clip(rest / np.log(2.0), 0.0, _MOST_MISFIT))
 
 
-def _beside(energy: FloatArray, spread: FloatArray) -> float:
-    """Mean square of the departure at most other teeth.
+def _leak(projection: ComplexArray, spread: FloatArray, number: IntArray, teeth: int) -> FloatArray:
+    """Share of an event's energy that is seen so many teeth after it, shape (teeth,).
+
+    Neighbours hear it because the path rings on; all teeth do because lines are missing about the
+    mesh harmonics, most where a gear has few teeth.
+    """
+    event = projection.conj() * np.sqrt(spread)
+    turn = np.zeros((len(spread), len(spread), teeth), dtype=complex)
+    turn[:, :, number % teeth] = projection.T[:, None, :] * event.T
+    seen = np.abs(np.fft.ifft(turn)) ** 2
+    energy = spread @ seen.sum(axis=1)
+    share: FloatArray = energy / energy[0]
+    return share
+
+
+def _beside(energy: FloatArray, spread: FloatArray, leak: FloatArray) -> float:
+    """Mean square of the departure at most other teeth, what leaks from the largest taken off.
 
     A departure around much of the turn is no damage of one tooth; what is left of it after the fit
     of the healthy pattern counts as noise. Told by a high quantile over the teeth, over that of a
@@ -307,6 +343,13 @@ def _beside(energy: FloatArray, spread: FloatArray) -> float:
     from scipy.special import gammaincinv
 
     weight = spread / spread.sum()
+    level = energy @ weight
+    largest = int(np.argmax(level))
+    after = np.arange(len(level)) - largest
+    # a tooth before the largest is as good a neighbour as one after it
+    heard = np.maximum(leak[after], leak[-after])
+    # each component leaks more or less than the mean: what exceeds it stays, to be on the safe side
+    beside = np.maximum(energy - (heard * level[largest])[:, None], 0.0) @ weight
     degrees = 1.0 / float(np.sum(weight**2))
-    level = float(np.quantile(energy @ weight, _MOST_TEETH))
-    return level / (float(gammaincinv(degrees, _MOST_TEETH)) / degrees)
+    expected = float(gammaincinv(degrees, _MOST_TEETH)) / degrees
+    return float(np.quantile(beside, _MOST_TEETH)) / expected

@@ -36,6 +36,31 @@ def tube_bound(closeness: float, length: float, dimensions: int) -> float:
     return min(1.0, middle + end)
 
 
+def known_noise_bound(gain: float, length: float) -> float:
+    """Bound the probability that noise of known size reaches as far along any direction of a path.
+
+    Parameters
+    ----------
+    gain : float, >= 0
+        Length of the projection, in standard deviations of the noise.
+    length : float, >= 0
+        Length of the path of directions on the unit sphere [rad].
+
+    Returns
+    -------
+    float
+        ``length / pi exp(-g^2 / 2) + erfc(g / sqrt 2)``, at most 1: the limit of `tube_bound` for
+        many dimensions.
+
+    Examples
+    --------
+    >>> known_noise_bound(0.0, 0.0), round(known_noise_bound(1.6448536, 0.0), 6)
+    (1.0, 0.1)
+    """
+    end = math.erfc(gain / math.sqrt(2.0))
+    return min(1.0, length / math.pi * math.exp(-0.5 * gain**2) + end)
+
+
 def kink_quantile(level: float, freedom: int) -> float:
     """Return the square of Student's t that a two-sided interval at `level` takes."""
     from scipy.special import stdtrit

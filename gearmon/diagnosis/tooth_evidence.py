@@ -28,15 +28,21 @@ from gearmon.signatures.tooth_response import tooth_response
 
 FloatArray = NDArray[np.float64]
 
-# Largest misfit of the gears below which departures are noise and the matched search is believed,
-# and above which the healthy patterns plainly do not fit: then teeth differ by more than noise, and
-# only the search by energy knows how much.
-_NOISE_UP_TO, _NO_NOISE_FROM = 1.3, 1.8
+# Misfit beside the blamed tooth below which departures are noise and the matched search is
+# believed, and above which the healthy patterns plainly do not fit: then teeth differ by more than
+# noise, and only the search by energy knows how much. Of sound simulated machines one in twenty
+# exceeds the first.
+_NOISE_UP_TO, _NO_NOISE_FROM = 1.1, 1.5
 # Healthy pairs of simulated machines, loads, speeds and gains changed, exceed a Bayes factor B with
 # a probability of about (B / B_0)^-s; theory bounds it by 1/B.
-_LOG_FACTOR, _SLOPE = -3.8, 1.0
+_LOG_FACTOR, _SLOPE = -2.0, 1.0
+# Where a factor is worth asking how much healthy recordings differ from one another, and how many
+# are asked at most.
+_ASKED_FROM, _ASKED = 2.0, 6
 # Losses are not told apart more finely.
 _LEAST_SIGMA = 0.005
+# Logarithm of odds against damage that are as good as any larger.
+_NEVER = 600.0
 # Width of a 90 % interval in standard deviations.
 _NORMAL_90 = 3.29
 
@@ -61,13 +67,16 @@ class ToothFinding:
     log10_probability : float
         Logarithm of the probability that a healthy machine shows as much on any tooth.
     trust : float, in [0, 1]
-        Share of it that the matched search decides; the rest is the search by energy, see
-        `trust_in_noise`.
+        Share of it that the matched search decides; the rest is the search by energy. 1 where
+        healthy recordings were asked, else see `trust_in_noise`.
     rivals : tuple of (str, int, float)
         Gear and stage of others whose patterns show it too, and the logarithm of the factor by
         which the best explains it better.
     searched : tuple of SearchedGear
         All gears looked at.
+    among : tuple of float
+        Logarithms of the Bayes factor of damage of healthy recordings, each against the others;
+        empty where none were asked.
     """
 
     best: SearchedGear
@@ -79,6 +88,7 @@ class ToothFinding:
     trust: float
     rivals: tuple[tuple[str, int, float], ...]
     searched: tuple[SearchedGear, ...]
+    among: tuple[float, ...] = ()
 
 
 def false_alarm_log10(log_factor: float) -> float:
@@ -97,13 +107,42 @@ def false_alarm_log10(log_factor: float) -> float:
     return min(0.0, -_SLOPE * (log_factor - _LOG_FACTOR) / float(np.log(10.0)))
 
 
+def false_alarm_among(log_factor: float, healthy: Sequence[float]) -> float:
+    """log10 of the probability that a healthy machine reaches a factor, known what others reached.
+
+    Parameters
+    ----------
+    log_factor : float
+        Natural logarithm of the Bayes factor of damage.
+    healthy : sequence of float
+        The same of healthy recordings of this machine, each against the others. At other loads the
+        teeth of a machine with errors depart one by one, far beyond noise.
+
+    Returns
+    -------
+    float
+        At most 0; that of `false_alarm_log10` if there are none.
+
+    Notes
+    -----
+    The excess x = ln B - ln B_0 is taken as exponential with an unknown mean of no preferred
+    size, at least about the 1 of simulated machines. With n healthy excesses x_i >= 1, the mean
+    integrated out, P(x) = (1 + x / sum x_i)^-n.
+    """
+    if not healthy:
+        return false_alarm_log10(log_factor)
+    excess = [max(1.0, other - _LOG_FACTOR) for other in healthy]
+    share = max(0.0, log_factor - _LOG_FACTOR) / sum(excess)
+    return -len(excess) * float(np.log10(1.0 + share))
+
+
 def trust_in_noise(misfit: float) -> float:
     """Share of the matched search in the decision.
 
     Parameters
     ----------
     misfit : float
-        Mean square of departures beside the best teeth over that of noise, largest of the gears.
+        Mean square of a departure beside its best tooth over that of noise.
 
     Returns
     -------
@@ -147,10 +186,15 @@ def find_tooth(
     if not searched:
         return None
     best, rivals = most_likely(searched)
-    trust = trust_in_noise(_misfit(best, searched))
+    factor = log_evidence(searched)
+    among: tuple[float, ...] = ()
+    if factor > _ASKED_FROM:
+        among = _healthy_factors(healthy, healthy_rows, machine)
+    # healthy recordings that misfit each other tell better what a misfit makes than any rule
+    trust = 1.0 if among else trust_in_noise(_misfit(best, searched))
     by_energy = min((profile.log10_probability for profile in profiles), default=0.0)
     by_energy = min(0.0, by_energy + float(np.log10(max(1, len(profiles)))))
-    matched = false_alarm_log10(log_evidence(searched))
+    matched = false_alarm_among(factor, among)
     numbered = _numbered(own, healthy, best.match.order)
     tooth, position = _place(best, numbered)
     return ToothFinding(
@@ -161,6 +205,7 @@ def find_tooth(
         loss=loss_estimate(best, own.speed_hz),
         log10_probability=trust * matched + (1.0 - trust) * by_energy,
         trust=trust,
+        among=among,
         rivals=tuple((gear.match.gear, gear.match.stage, lead) for gear, lead in rivals),
         searched=searched,
     )
@@ -198,6 +243,22 @@ def _searched(
             yield found
 
 
+def _healthy_factors(
+    healthy: Sequence[Profile], rows: Sequence[int], machine: Machine
+) -> tuple[float, ...]:
+    """Evidence of damage in healthy recordings, some of them, each against all others."""
+    if len(healthy) < 2:
+        return ()
+    chosen = np.unique(np.linspace(0, len(healthy) - 1, _ASKED).round().astype(int))
+    found = []
+    for row in chosen:
+        others = [*healthy[:row], *healthy[row + 1 :]]
+        searched = tuple(_searched(healthy[row], rows, others, rows, machine))
+        if searched:
+            found.append(log_evidence(searched))
+    return tuple(found)
+
+
 def _same(wheel: WheelPattern, profile: Profile) -> WheelPattern | None:
     for other in profile.wheels:
         if (other.stage, other.gear, other.teeth) == (wheel.stage, wheel.gear, wheel.teeth):
@@ -214,23 +275,26 @@ def _numbered(own: Profile, healthy: Sequence[Profile], order: float) -> bool:
 
 
 def _misfit(best: SearchedGear, searched: Sequence[SearchedGear]) -> float:
-    """Largest misfit of the gears that cannot hear damage of the best one; 1 if there is none."""
-    return max((g.match.misfit for g in searched if not share_lines(g, best)), default=1.0)
+    """Largest misfit of the best gear and of those that hear its damage as one event a turn.
+
+    In the others' patterns a large event is spread around the turn, and is no sign of bad fit.
+    """
+    return max(g.match.misfit for g in searched if g is best or share_lines(g, best))
 
 
 def _place(best: SearchedGear, numbered: bool) -> tuple[int, float]:
     """Tooth, counted from 1, and the middle of its contact in turns after the angle zero."""
     teeth, index = best.match.teeth, best.match.best
-    entry = index + (0.0 if numbered else _between(best.match.log_tooth, index))
+    entry = index + (0.0 if numbered else _between(best.match.log_place, index))
     position = (entry + CONTACT_CENTRE) / teeth % 1.0
     if numbered:
         return index + 1, position
     return round(entry + best.difference.shift_turns * teeth) % teeth + 1, position
 
 
-def _between(log_tooth: FloatArray, index: int) -> float:
+def _between(log_place: FloatArray, index: int) -> float:
     """Place of the maximum of a parabola through the best tooth and its neighbours."""
-    before, here, after = log_tooth[[index - 1, index, (index + 1) % len(log_tooth)]]
+    before, here, after = log_place[[index - 1, index, (index + 1) % len(log_place)]]
     bend = 2.0 * here - before - after
     return float(np.clip(0.5 * (after - before) / bend, -0.5, 0.5)) if bend > 0 else 0.0
 
@@ -272,7 +336,8 @@ def _with_match(profile: ToothProfile, gear: SearchedGear, finding: ToothFinding
         told = finding.loss
         loss[gear.match.best] = told.loss
         sigma[gear.match.best] = (told.high - told.low) / _NORMAL_90
-    matched = false_alarm_log10(gear.match.log_gear - float(np.log(len(finding.searched))))
+    factor = gear.match.log_gear - float(np.log(len(finding.searched)))
+    matched = false_alarm_among(factor, finding.among)
     matched = finding.trust * matched + (1.0 - finding.trust) * profile.log10_probability
     if not numbered:
         turned = np.roll(np.arange(profile.teeth), tooth - 1 - gear.match.best)
@@ -308,10 +373,8 @@ def losses_by_tooth(match: ToothMatch) -> tuple[FloatArray, FloatArray]:
     chance /= chance.sum(axis=0)
     mean = LOSSES @ chance
     spread = np.sqrt(np.maximum(LOSSES**2 @ chance - mean**2, 0.0))
-    factor = match.log_tooth
-    most = max(0.0, float(factor.max()))
-    damaged = np.exp(factor - most) / len(factor)
-    damaged /= np.exp(-most) + damaged.sum()
+    damaged = np.exp(match.log_place - match.log_place.max())
+    damaged /= damaged.sum() * (1.0 + np.exp(min(-match.log_gear, _NEVER)))
     least = np.maximum(spread, np.maximum(0.1 * mean, _LEAST_SIGMA))
     sigma: FloatArray = np.sqrt(least**2 + damaged * (1.0 - damaged) * mean**2)
     return damaged * mean, sigma

@@ -23,7 +23,7 @@ FloatArray = NDArray[np.float64]
 _COMPETES = 2.3
 # Standard deviation of the logarithm of the loss that all bands have in common: the stiffness of
 # the teeth in contact and the level of the mesh harmonics are not what the gear data say.
-COMMON_DEVIATION = 0.2
+COMMON_DEVIATION = 0.3
 # Lines of a cell in which gears are told apart, at least; standard deviation of the logarithm of
 # its amplitude about what is expected, and freedom of Student's law for it.
 _LEAST_CELL, _CELL_DEVIATION, _FREEDOM = 4, 0.6, 4.0

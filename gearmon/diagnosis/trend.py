@@ -124,7 +124,7 @@ class Trend:
         value, low, _ = (float(x[0]) for x in self.at(self.series.time_s[-1:]))
         if value >= limit:
             sure = "" if low >= limit else "; its interval reaches below the limit"
-            time, early, late = self._solved(limit) if self.grows else (None, None, None)
+            time, early, late = self.when(limit) if self.grows else (None, None, None)
             return Crossing(
                 status="reached",
                 reason=f"the trend is at or above the limit{sure}",
@@ -141,7 +141,7 @@ class Trend:
         slope, least, _ = self.rate()
         if slope <= 0 or least <= 0:
             return _refused("the present rate is not surely above zero")
-        time, early, late = self._solved(limit)
+        time, early, late = self.when(limit)
         if time is None:
             return _refused("the present rate does not lead to the limit")
         return Crossing(
@@ -185,20 +185,24 @@ class Trend:
             places = [float(p) for p in np.union1d(spread, [last.time_s])]
         elif last is not None:
             places = [float(p) for p in 0.5 * (series.time_s[1:] + series.time_s[:-1])]
-        fits = _Fits(rss=np.empty(len(places)), places=places, coefficients=[], inverse=[])
         weight = 1.0 / series.sigma
-        for number, place in enumerate(places):
-            matrix = self._columns(series.time_s, place) * weight[:, None]
-            # columns of equal size: seconds of years stand beside ones
-            size = np.maximum(np.linalg.norm(matrix, axis=0), np.finfo(float).tiny)
-            normal = (matrix / size).T @ (matrix / size)
-            inverse = np.linalg.pinv(normal, hermitian=True, rcond=1e-12) / np.outer(size, size)
-            coefficients = inverse @ (matrix.T @ (series.value * weight))
-            rest = series.value * weight - matrix @ coefficients
-            fits.rss[number] = float(rest @ rest)
-            fits.coefficients.append(coefficients)
-            fits.inverse.append(inverse)
-        return fits
+        matrix = np.array([self._columns(series.time_s, place) for place in places])
+        matrix *= weight[:, None]
+        # columns of equal size: seconds of years stand beside ones
+        size = np.maximum(np.linalg.norm(matrix, axis=1), np.finfo(float).tiny)
+        scaled = matrix / size[:, None, :]
+        normal = scaled.transpose(0, 2, 1) @ scaled
+        inverse = np.linalg.pinv(normal, hermitian=True, rcond=1e-12)
+        inverse /= size[:, :, None] * size[:, None, :]
+        target = series.value * weight
+        coefficients = np.einsum("pij,pnj,n->pi", inverse, matrix, target)
+        rest = target - np.einsum("pnj,pj->pn", matrix, coefficients)
+        return _Fits(
+            rss=np.einsum("pn,pn->p", rest, rest),
+            places=places,
+            coefficients=coefficients,
+            inverse=inverse,
+        )
 
     def _budget(self, fits: _Fits) -> FloatArray:
         """Return how far, squared, each fit may be strained; negative where it is excluded."""
@@ -226,8 +230,18 @@ class Trend:
             low, high = np.minimum(low, centre - half), np.maximum(high, centre + half)
         return value, low, high
 
-    def _solved(self, limit: float) -> tuple[float | None, float | None, float | None]:
-        """When the straight line through the last piece is at the limit, with its interval."""
+    def when(self, limit: float) -> tuple[float | None, float | None, float | None]:
+        """Time at which the straight line through the last piece is at a limit, with its interval.
+
+        Parameters
+        ----------
+        limit : float
+
+        Returns
+        -------
+        time_s, low_s, high_s : float or None
+            All None where the line does not rise; `high_s` None where it may never get there.
+        """
         fits = self._fits
         budget = self._budget(fits)
         now, span = float(self.series.time_s[-1]), self._span
@@ -266,8 +280,8 @@ class _Fits:
 
     rss: FloatArray
     places: list[float | None]
-    coefficients: list[FloatArray]
-    inverse: list[FloatArray]
+    coefficients: FloatArray
+    inverse: FloatArray
 
 
 def fit_trend(

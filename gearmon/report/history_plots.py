@@ -11,7 +11,8 @@ from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 from matplotlib.figure import Figure
 
 from gearmon.diagnosis.history import Entry
-from gearmon.diagnosis.history_trends import SECONDS_PER_DAY, HistoryTrends, ToothTrend
+from gearmon.diagnosis.history_trends import HistoryTrends
+from gearmon.diagnosis.tooth_trends import SECONDS_PER_DAY, ToothTrend
 from gearmon.files import write_atomically
 from gearmon.report.history_text import told_teeth
 from gearmon.report.palette import (
@@ -31,6 +32,10 @@ MOST_TEETH, MOST_OTHERS = 4, 200
 _MARKERS = {"healthy": "o", "cannot tell": "^", "fault": "s", "no mesh found": "x"}
 #: How far beyond the recordings a trend is drawn towards its limit, in lengths of the history.
 _AHEAD = 1.0
+#: The scale of losses reaches to this at least [%].
+_LEAST_SHOWN = 5.0
+#: And that of the score to where faults are called.
+_LEAST_SCORE = 2.0
 
 
 def save_history_picture(
@@ -62,7 +67,7 @@ def history_figure(found: HistoryTrends, known_loss: Sequence[float] | None = No
     """Draw losses over time, if any were estimated or are known, and the scores."""
     losses = bool(found.teeth) or known_loss is not None
     heights = [2.3, 1.15] if losses else [1.8]
-    top = 0.55 if losses else 0.35
+    top = 0.74 if found.shown else 0.45 if losses else 0.35
     figure, axes = new_figure(heights, top_in=top, bottom_in=0.45, sharex=True)
     if losses:
         _losses(found, axes[0])
@@ -80,7 +85,7 @@ def history_figure(found: HistoryTrends, known_loss: Sequence[float] | None = No
     axes[-1].xaxis.set_major_locator(locator)
     axes[-1].xaxis.set_major_formatter(ConciseDateFormatter(locator))  # type: ignore[no-untyped-call]
     axes[-1].set_xlabel("Time (UTC)")
-    legend(figure, axes, columns=4)
+    legend(figure, axes, columns=3)
     return figure
 
 
@@ -99,7 +104,7 @@ def _losses(found: HistoryTrends, ax: Axes) -> None:
             color=LIGHT_GREY,
             linewidth=0.5,
             zorder=1,
-            label=f"{len(others)} other teeth" if number == 0 else "_",
+            label=f"{len(others)} {'other ' if shown else ''}teeth" if number == 0 else "_",
         )
     for number, tooth in enumerate(shown):
         _one_loss(tooth, number, ax)
@@ -107,6 +112,9 @@ def _losses(found: HistoryTrends, ax: Axes) -> None:
         ax.axhline(
             100 * found.limit, color=VERMILLION, linewidth=0.9, linestyle=(0, (5, 2)), label="limit"
         )
+    # what sound teeth seem to lose is next to nothing, and is not to fill the picture
+    low, high = ax.get_ylim()
+    ax.set_ylim(min(low, -0.1 * _LEAST_SHOWN), max(high, _LEAST_SHOWN))
     ax.set_ylabel("Loss of pair stiffness (%)")
     light_grid(ax)
 
@@ -114,10 +122,11 @@ def _losses(found: HistoryTrends, ax: Axes) -> None:
 def _one_loss(tooth: ToothTrend, number: int, ax: Axes) -> None:
     series, colour = tooth.trend.series, series_colour(number)
     # the recordings' own 90 % intervals
+    reach = np.maximum([series.value - tooth.low, tooth.high - series.value], 0.0)
     ax.errorbar(
         _days(series.time_s),
         100 * series.value,
-        yerr=100 * 1.645 * series.sigma,
+        yerr=100 * reach,
         fmt=series_marker(number),
         markersize=3.2,
         color=colour,
@@ -128,32 +137,57 @@ def _one_loss(tooth: ToothTrend, number: int, ax: Axes) -> None:
     crossing, end = tooth.crossing, now
     if crossing is not None and crossing.status == "ahead" and crossing.time_s is not None:
         end = min(crossing.time_s, now + _AHEAD * (now - start))
-    if end <= start:
-        return
+    if end > start:
+        _trend(tooth, start, end, colour, ax)
+    if crossing is not None and crossing.time_s is not None and tooth.limit is not None:
+        last = now + _AHEAD * (now - start)
+        late = last if crossing.high_s is None else crossing.high_s
+        early = crossing.time_s if crossing.low_s is None else crossing.low_s
+        ax.plot(
+            _days(np.minimum([early, late], last)),
+            [100 * tooth.limit] * 2,
+            color=colour,
+            linewidth=2.6,
+            solid_capstyle="butt",
+            label="when the limit is reached",
+        )
+
+
+def _trend(tooth: ToothTrend, start: float, end: float, colour: str, ax: Axes) -> None:
+    """Draw the trend up to `end`, dotted after the last recording, and when it changed."""
+    now = float(tooth.trend.series.time_s[-1])
     times = np.union1d(np.linspace(start, end, 300), [c.time_s for c in tooth.trend.changes])
-    value, low, high = tooth.trend.at(times)
+    value, low, high = tooth.at(times)
     behind = times <= now
     ax.plot(_days(times[behind]), 100 * value[behind], color=colour, linewidth=1.0)
     ax.plot(_days(times[~behind]), 100 * value[~behind], color=colour, linewidth=0.9, linestyle=":")
     if np.isfinite(low).all() and np.isfinite(high).all():
         ax.fill_between(
-            _days(times), 100 * low, 100 * high, color=colour, alpha=0.16, linewidth=0, zorder=0
-        )
-    for change in tooth.trend.changes:
-        ax.axvspan(
-            float(_days(change.low_s)), float(_days(change.high_s)), color=colour, alpha=0.10, lw=0
-        )
-        ax.axvline(float(_days(change.time_s)), color=colour, linewidth=0.8, linestyle="--")
-    if crossing is not None and crossing.time_s is not None and tooth.limit is not None:
-        late = crossing.high_s if crossing.high_s is not None else end
-        early = crossing.low_s if crossing.low_s is not None else crossing.time_s
-        shown_to = now + _AHEAD * (now - start)
-        ax.plot(
-            _days(np.minimum([early, late], shown_to)),
-            [100 * tooth.limit] * 2,
+            _days(times),
+            100 * np.maximum(low, np.minimum(value, 0.0)),
+            100 * high,
             color=colour,
-            linewidth=2.6,
-            solid_capstyle="butt",
+            alpha=0.16,
+            linewidth=0,
+            zorder=0,
+            label=f"trend, {100 * tooth.trend.level:.3g} % interval",
+        )
+    for number, change in enumerate(tooth.trend.changes):
+        # the interval of the time stands at the foot: full height would hide what is drawn there
+        ax.axvspan(
+            float(_days(change.low_s)),
+            float(_days(change.high_s)),
+            ymax=0.04,
+            color=colour,
+            alpha=0.35,
+            lw=0,
+        )
+        ax.axvline(
+            float(_days(change.time_s)),
+            color=colour,
+            linewidth=0.8,
+            linestyle="--",
+            label="loss changed (interval at the foot)" if number == 0 else "_",
         )
 
 
@@ -184,6 +218,7 @@ def _scores(found: HistoryTrends, ax: Axes) -> None:
             linestyle="--",
             label="evidence changed (interval shaded)" if number == 0 else "_",
         )
-    ax.set_ylabel("Score")
-    ax.set_ylim(bottom=min(0.0, ax.get_ylim()[0]))
+    ax.set_ylabel("Score (−log₁₀ p)")
+    low, high = ax.get_ylim()
+    ax.set_ylim(min(0.0, low), max(high, _LEAST_SCORE))
     light_grid(ax)

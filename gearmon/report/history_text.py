@@ -6,7 +6,9 @@ import math
 from datetime import UTC, datetime
 
 from gearmon.diagnosis.change_shapes import ChangePoint
-from gearmon.diagnosis.history_trends import SECONDS_PER_DAY, HistoryTrends, ToothTrend
+from gearmon.diagnosis.history import Entry
+from gearmon.diagnosis.history_trends import HistoryTrends
+from gearmon.diagnosis.tooth_trends import SECONDS_PER_DAY, ToothTrend
 from gearmon.diagnosis.trend import Crossing
 from gearmon.report.text_tables import table_lines
 from gearmon.report.wording import counted, gear_text, percent, printable, probability_text
@@ -39,7 +41,7 @@ def history_lines(found: HistoryTrends) -> list[str]:
                 "recording": printable(entry.recording),
                 "verdict": entry.verdict,
                 "score": round(entry.score, 2) + 0.0,
-                "finding": printable(entry.findings[0]) if entry.findings else "",
+                "finding": printable(finding_text(found, entry)),
             }
             for entry in history.entries
         ]
@@ -48,13 +50,33 @@ def history_lines(found: HistoryTrends) -> list[str]:
     told = told_teeth(found)
     for tooth in told:
         lines += tooth_lines(tooth, fine=fine)
-    left_out = len(found.shown) - len(told)
-    if left_out:
-        lines.append(
-            f"{counted(left_out, 'other tooth', 'other teeth')} of the same gears changed too, as "
-            "they do where one tooth is damaged; --json and the files of -o have them all"
-        )
+    lines += _others_line(found, len(told))
     return lines + [f"note: {note}" for note in found.notes]
+
+
+def finding_text(found: HistoryTrends, entry: Entry) -> str:
+    """Tell the strongest finding of a recording, and when by then a limit was to be reached.
+
+    Parameters
+    ----------
+    found : HistoryTrends
+    entry : Entry
+        One of its recordings.
+
+    Returns
+    -------
+    str
+        Empty if nothing was found.
+    """
+    parts = [*entry.findings[:1]]
+    crossing = found.forecasts.get(entry.time_s)
+    if not parts and crossing is not None:
+        parts.append("trend of a tooth")
+    if crossing is not None and crossing.status == "reached":
+        parts.append("limit reached")
+    elif crossing is not None and crossing.time_s is not None:
+        parts.append(f"limit about {moment_text(crossing.time_s, _fine(found))}")
+    return "; ".join(parts)
 
 
 def told_teeth(found: HistoryTrends) -> list[ToothTrend]:
@@ -62,21 +84,39 @@ def told_teeth(found: HistoryTrends) -> list[ToothTrend]:
 
     What one damaged tooth does to a gear raises the estimates of its other teeth too.
     """
-    clearest = {id(tooth) for tooth in _first_of_gears(found)}
-    return [
-        tooth
-        for tooth in found.shown
-        if id(tooth) in clearest
-        or (tooth.crossing is not None and tooth.crossing.status == "reached")
-    ]
-
-
-def _first_of_gears(found: HistoryTrends) -> list[ToothTrend]:
-    """Return the tooth of every gear that lost most, of those that changed if any did."""
     gears: dict[tuple[int, str], list[ToothTrend]] = {}
     for tooth in found.shown:
         gears.setdefault((tooth.stage, tooth.gear), []).append(tooth)
-    return [max(teeth, key=lambda t: (t.risen, t.now[0])) for teeth in gears.values()]
+    most = {
+        id(max(teeth, key=lambda tooth: (tooth.risen, tooth.now[0]))) for teeth in gears.values()
+    }
+    return [
+        tooth
+        for tooth in found.shown
+        if id(tooth) in most or (tooth.crossing is not None and tooth.crossing.status == "reached")
+    ]
+
+
+def _others_line(found: HistoryTrends, told: int) -> list[str]:
+    """Tell of the teeth that are not told of one by one."""
+    if not found.teeth:
+        return []
+    lines = []
+    left_out = len(found.shown) - told
+    if left_out:
+        lines.append(
+            f"{counted(left_out, 'other tooth', 'other teeth')} of the same gears stand out too, "
+            "as they do where one tooth is damaged; --json and the files of -o have them all"
+        )
+    sound = len(found.teeth) - len(found.shown)
+    if sound:
+        whole = all(tooth.tooth is None for tooth in found.teeth)
+        what = counted(sound, "gear") if whole else counted(sound, "tooth", "teeth")
+        lines.append(
+            f"{what} followed without a loss that stands clear of its noise and of zero over "
+            "several recordings"
+        )
+    return lines
 
 
 def began_line(found: HistoryTrends) -> str:
@@ -94,18 +134,36 @@ def began_line(found: HistoryTrends) -> str:
 
 
 def tooth_lines(tooth: ToothTrend, *, fine: bool) -> list[str]:
-    """Tell the trend of a tooth: loss now, when it began, rate, margin and limit."""
+    """Tell the trend of a tooth: loss now, when it began, rate, margin and limit.
+
+    Parameters
+    ----------
+    tooth : ToothTrend
+    fine : bool
+        Whether times are told by the minute.
+
+    Returns
+    -------
+    list of str
+    """
     place = gear_text(tooth.stage, tooth.gear, tooth.tooth)
     value, low, high = tooth.now
     lines = [f"{place}: loss of pair stiffness now {_interval(value, low, high)}"]
-    lines += [
-        f"  {change_text(change, fine=fine, growth=('grows', 'shrinks'))}"
-        for change in tooth.trend.changes
-    ]
+    unseen = tooth.low[0] <= 0
+    for number, change in enumerate(tooth.trend.changes):
+        # growth that starts slowly is older than what shows of it
+        rise = "shows and grows" if number == 0 and unseen else "grows"
+        lines.append(f"  {change_text(change, fine=fine, growth=(rise, 'shrinks'))}")
+    rises = [change for change in tooth.trend.changes if change.size > 0]
+    if rises and unseen:
+        lines.append(
+            f"  where none was found, a loss of up to {percent(tooth.missed, 1)} may have been "
+            "missed: it may have begun earlier"
+        )
     if not tooth.trend.changes:
         lines.append("  no change that chance would not make as well")
     if tooth.trend.grows:
-        rate = [SECONDS_PER_DAY * x for x in tooth.trend.rate()]
+        rate = [SECONDS_PER_DAY * x for x in tooth.rate()]
         lines.append(f"  rate {_interval(*rate, signed=True)} a day")
     margin, crossing = tooth.margin, tooth.crossing
     if margin is not None and crossing is not None and tooth.limit is not None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,6 +80,10 @@ class AngleTrack:
         """Mean rotation frequency between the knots [Hz], shape (knots - 1,)."""
         return np.diff(self.turns) / np.diff(self.time_s)
 
+    @cached_property
+    def _time(self) -> _Curve:
+        return _Curve(self.turns, self.time_s)
+
     def of_shaft(self, shaft_order: float) -> AngleTrack:
         """Return the angle of another shaft.
 
@@ -105,40 +109,66 @@ class AngleTrack:
 
     def time_at(self, turns: FloatArray) -> FloatArray:
         """Time [s] at the given angles [turns], ascending; linear beyond the ends."""
-        return _hermite(self.turns, self.time_s, turns)
+        return self._time.at(turns)[0]
+
+    def time_and_slope_at(self, turns: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Time [s] at the given angles [turns], ascending, and its slope there [s/turn]."""
+        return self._time.at(turns)
 
     def turns_at(self, time_s: FloatArray) -> FloatArray:
         """Angle [turns] at the given times [s], ascending; linear beyond the ends."""
-        angle = _hermite(self.time_s, self.turns, time_s)
+        angle = _Curve(self.time_s, self.turns).at(time_s)[0]
         # Newton steps on the curve of time against angle, so that both are one and the same curve
-        step = 1e-6 * float(np.median(np.diff(self.turns)))
         for _ in range(2):
-            slope = (self.time_at(angle + step) - self.time_at(angle)) / step
-            angle = angle + (time_s - self.time_at(angle)) / slope
+            time, slope = self._time.at(angle)
+            angle += (time_s - time) / slope
         return angle
 
 
-def _hermite(x: FloatArray, y: FloatArray, at: FloatArray) -> FloatArray:
-    """Cubic Hermite curve with slopes from parabolas through neighbours, linear outside.
+class _Curve:
+    """Cubic Hermite curve with slopes from parabolas through neighbours, linear outside."""
 
-    The points `at` must ascend: intervals are then found by cutting, not by searching.
-    """
-    width = np.diff(x)
-    secant = np.diff(y) / width
-    slope = np.empty_like(y)
-    slope[0], slope[-1] = secant[0], secant[-1]
-    slope[1:-1] = (secant[:-1] * width[1:] + secant[1:] * width[:-1]) / (width[1:] + width[:-1])
-    # two straight pieces at the ends continue the curve
-    knot = np.concatenate([x[:1], x[:-1], x[-1:]])
-    value = np.concatenate([y[:1], y[:-1], y[-1:]])
-    first = np.concatenate([slope[:1], slope[:-1], slope[-1:]])
-    second = np.concatenate([[0.0], (3 * secant - 2 * slope[:-1] - slope[1:]) / width, [0.0]])
-    third = np.concatenate([[0.0], (slope[:-1] + slope[1:] - 2 * secant) / width**2, [0.0]])
-    cuts = np.concatenate([[0], np.searchsorted(at, x), [len(at)]])
-    piece = np.repeat(np.arange(len(knot)), np.diff(cuts))
-    u = at - knot[piece]
-    curve: FloatArray = value[piece] + u * (first[piece] + u * (second[piece] + u * third[piece]))
-    return curve
+    def __init__(self, x: FloatArray, y: FloatArray) -> None:
+        width = np.diff(x)
+        secant = np.diff(y) / width
+        slope = np.empty_like(y)
+        slope[0], slope[-1] = secant[0], secant[-1]
+        slope[1:-1] = (secant[:-1] * width[1:] + secant[1:] * width[:-1]) / (width[1:] + width[:-1])
+        second = (3 * secant - 2 * slope[:-1] - slope[1:]) / width
+        third = (slope[:-1] + slope[1:] - 2 * secant) / width**2
+        self._x = x
+        # two straight pieces at the ends continue the curve
+        self._pieces = (
+            np.concatenate([x[:1], x[:-1], x[-1:]]),
+            np.concatenate([y[:1], y[:-1], y[-1:]]),
+            np.concatenate([slope[:1], slope[:-1], slope[-1:]]),
+            np.concatenate([[0.0], second, [0.0]]),
+            np.concatenate([[0.0], third, [0.0]]),
+        )
+
+    def at(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return values and slopes at ascending points: pieces are found by cutting."""
+        if len(points) == 0:
+            return np.zeros(0), np.zeros(0)
+        first, last = np.searchsorted(self._x, points[[0, -1]], side="right")
+        cuts = np.searchsorted(points, self._x[first:last])
+        sizes = np.diff(np.concatenate([[0], cuts, [len(points)]]))
+        knot, value, tangent, turn, bend = (
+            np.repeat(coefficient[first : last + 1], sizes) for coefficient in self._pieces
+        )
+        u = np.subtract(points, knot, out=knot)
+        bend *= u
+        curve = turn + bend
+        curve *= u
+        curve += tangent
+        curve *= u
+        curve += value
+        turn *= 2.0
+        bend *= 3.0
+        turn += bend
+        turn *= u
+        tangent += turn
+        return curve, tangent
 
 
 def resample_to_angle(

@@ -17,13 +17,15 @@ from numpy.typing import NDArray
 from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.signals.half_blocks import side_by_side
 from gearmon.signals.spectrum import hann, local_floor
-from gearmon.signals.transforms import fast_length, real_fft
+from gearmon.signals.transforms import fast_length, windowed_transforms
 
 FloatArray = NDArray[np.float64]
 
 _MAX_CANDIDATES = 6000
 # Spectra kept for judging whether a mesh is there; more would only take memory.
 _KEPT_BLOCKS = 80
+# Lines of a comb that are looked up together.
+_ROWS = 12
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -219,10 +221,10 @@ def scan_speed(
     same = nearest_to(nominal_hz) if around is None else None
 
     def scan_block(row: int) -> None:
-        part = samples[:, starts[row] : starts[row] + block] * window
-        own = line_quality(part, length, bins, total)
+        part = samples[:, starts[row] : starts[row] + block]
+        own = line_quality(part, window, length, bins, total)
         nearest = nearest_to(middle[row]) if same is None else same
-        scores[row] = used.weights @ np.take(own, nearest)
+        scores[row] = weighted_sum(own, nearest, used.weights)
         where = int(np.searchsorted(kept, row))
         if where < len(kept) and kept[where] == row:
             quality[where] = own
@@ -241,6 +243,27 @@ def scan_speed(
     )
 
 
+def weighted_sum(values: FloatArray, index: NDArray[np.int64], weights: FloatArray) -> FloatArray:
+    """Sum of values picked by each row of an index, weighted row by row.
+
+    Parameters
+    ----------
+    values : ndarray of float, shape (n,)
+    index : ndarray of int, shape (rows, candidates)
+    weights : ndarray of float, shape (rows,)
+
+    Returns
+    -------
+    ndarray of float, shape (candidates,)
+    """
+    total = np.zeros(index.shape[1])
+    # some rows at a time stay in the cache of a processor core
+    for first in range(0, len(index), _ROWS):
+        rows = slice(first, first + _ROWS)
+        total += weights[rows] @ np.take(values, index[rows])
+    return total
+
+
 def _kept_blocks(count: int) -> tuple[NDArray[np.int64], int]:
     """Blocks whose spectra are kept, and the distance of blocks that do not overlap."""
     stride = 2 if count > 1 else 1
@@ -248,13 +271,17 @@ def _kept_blocks(count: int) -> tuple[NDArray[np.int64], int]:
     return np.arange(stride if count >= 4 else 0, count, step), stride
 
 
-def line_quality(windowed: FloatArray, length: int, bins: int, total: int) -> FloatArray:
+def line_quality(
+    block: FloatArray, window: FloatArray, length: int, bins: int, total: int
+) -> FloatArray:
     """Mean over channels of log(1 + power over its local floor) of one block.
 
     Parameters
     ----------
-    windowed : ndarray of float, shape (channels, n)
-        The block, times its window.
+    block : ndarray of float, shape (channels, n)
+        The block.
+    window : ndarray of float, shape (n,)
+        Its window.
     length : int
         Length of the transform, at least n.
     bins : int
@@ -266,11 +293,17 @@ def line_quality(windowed: FloatArray, length: int, bins: int, total: int) -> Fl
     -------
     ndarray of float, shape (bins,)
     """
-    transform = real_fft(windowed, length, total=total)[:, :bins]
-    power = transform.real**2 + transform.imag**2
-    # 24 line widths: more than a group of sidebands, less than a resonance
-    result: FloatArray = np.log1p(power / local_floor(power, 96)).mean(axis=0)
-    return result
+    quality = np.zeros(bins)
+    for transform in windowed_transforms(block, window, length, total):
+        own = transform[:bins]
+        power = own.real**2
+        power += own.imag**2
+        # 24 line widths: more than a group of sidebands, less than a resonance
+        power /= local_floor(power, 96)
+        power += 1.0
+        quality += np.log(power, out=power)
+    quality /= len(block)
+    return quality
 
 
 def _candidates(bin_order: float, comb: Comb, tolerance: float) -> FloatArray:
@@ -301,20 +334,23 @@ def best_path(scores: FloatArray, reach: int) -> NDArray[np.int64]:
     contrast = float(np.mean(scores.max(axis=1) - np.median(scores, axis=1)))
     moves = np.unique(np.round(np.linspace(-reach, reach, 2 * min(reach, 24) + 1)).astype(int))
     penalty = contrast * (moves / max(1, reach)) ** 2
+    # steps to either side cost the same
+    sideways = [(m, c) for m, c in zip(moves.tolist(), penalty.tolist(), strict=True) if m > 0]
     totals = np.empty((blocks, count))
     totals[0] = scores[0]
+    # a move from beyond an end is one from that end
+    before = np.empty(count + 2 * reach)
     spare = np.empty(count)
     for block in range(1, blocks):
-        before, best = totals[block - 1], totals[block]
-        best.fill(-np.inf)
-        for move, cost in zip(moves, penalty, strict=True):
-            low, high = int(np.clip(move, 0, count)), int(np.clip(count + move, 0, count))
-            value = spare[: high - low]
-            np.subtract(before[low - move : high - move], cost, out=value)
-            np.maximum(best[low:high], value, out=best[low:high])
-            # a move from beyond an end is one from that end
-            np.maximum(best[:low], before[0] - cost, out=best[:low])
-            np.maximum(best[high:], before[-1] - cost, out=best[high:])
+        best = totals[block]
+        before[:reach], before[reach + count :] = totals[block - 1, 0], totals[block - 1, -1]
+        before[reach : reach + count] = totals[block - 1]
+        best[:] = totals[block - 1]
+        for move, cost in sideways:
+            low, high = reach - move, reach + move
+            np.maximum(before[low : low + count], before[high : high + count], out=spare)
+            np.subtract(spare, cost, out=spare)
+            np.maximum(best, spare, out=best)
         best += scores[block]
     # where each step of the best path came from is found again: only that path is wanted
     path = np.empty(blocks, dtype=np.int64)

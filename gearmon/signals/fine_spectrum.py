@@ -18,7 +18,7 @@ from gearmon.signals.angle import AngleGrid, AngleTrack
 from gearmon.signals.gridding import Gridding, Kernel
 from gearmon.signals.half_blocks import side_by_side
 from gearmon.signals.spectrum import hann, local_floor
-from gearmon.signals.transforms import batch, fast_length, real_fft
+from gearmon.signals.transforms import batch, fast_length, real_fft, window_powers
 
 FloatArray = NDArray[np.float64]
 
@@ -210,9 +210,10 @@ def fine_envelope_spectrum(
     ends = np.array([[p * block / sampling_rate_hz] for p in range(pieces)]) + middle_s[[0, -1]]
     turns = track.turns_at(ends.ravel()).reshape(pieces, 2)
     count = int(np.floor(np.diff(turns, axis=-1).min() * per_turn))
+    total = 2 * samples.size * min(pieces, _MOST_PIECES) // pieces
 
     def part(piece: int) -> FloatArray:
-        squared = _whitened_envelope(samples[:, piece * block : (piece + 1) * block])
+        squared = _whitened_envelope(samples[:, piece * block : (piece + 1) * block], total)
         slow = squared.reshape(len(samples), -1, together).mean(axis=-1)
         angle = turns[piece, 0] + np.arange(count) / per_turn
         at_s = track.time_at(angle) - piece * block / sampling_rate_hz
@@ -227,12 +228,14 @@ def fine_envelope_spectrum(
     return replace(spectrum, power=spectrum.power[:, :last], floor=spectrum.floor[:, :last])
 
 
-def _whitened_envelope(samples: FloatArray) -> FloatArray:
+def _whitened_envelope(samples: FloatArray, total: int) -> FloatArray:
     """Squared envelope of signals all of whose Fourier lines were given one amplitude."""
     count = samples.shape[-1]
     length = fast_length(count)
-    lines = real_fft(samples - samples.mean(axis=-1, keepdims=True), length)
-    lines /= np.maximum(np.abs(lines), np.finfo(float).tiny)
+    lines = real_fft(samples - samples.mean(axis=-1, keepdims=True), length, total=total)
+    size = np.maximum(np.abs(lines), np.finfo(float).tiny)
+    lines.real /= size
+    lines.imag /= size
     lines[:, 0] = 0.0
     squared = np.empty(samples.shape)
     work = batch(length, 1, samples.size, inverse=True)
@@ -241,7 +244,8 @@ def _whitened_envelope(samples: FloatArray) -> FloatArray:
         work.input[0, : lines.shape[-1]] = line
         work.input[0, lines.shape[-1] :] = 0.0
         analytic = work.run()[0, :count]
-        np.add(analytic.real**2, analytic.imag**2, out=row)
+        np.square(analytic.real, out=row)
+        row += np.square(analytic.imag)
     return squared
 
 
@@ -262,9 +266,8 @@ def _of_pieces(
     def power_of(piece: int) -> FloatArray:
         values = part(piece)
         # an offset as large as the signal must not hide it behind its own side lobes
-        spectrum = real_fft((values - values.mean(axis=-1, keepdims=True)) * weights, length)
-        result: FloatArray = spectrum.real**2 + spectrum.imag**2
-        return result
+        centred = values - values.mean(axis=-1, keepdims=True)
+        return window_powers(centred, weights, length, len(heard) * length)
 
     powers = side_by_side(power_of, [int(piece) for piece in heard], 2 * len(heard) * block)
     power = np.asarray(sum(powers)) * ((2.0 / weights.sum()) ** 2 / len(heard))
@@ -278,6 +281,29 @@ def _of_pieces(
         width=rate / block,
         pieces=len(heard),
     )
+
+
+def highest_within(values: FloatArray, reach: int) -> FloatArray:
+    """Return the running maximum over `reach` places to either side, fewer at the ends.
+
+    Parameters
+    ----------
+    values : ndarray of float, shape (..., n)
+    reach : int, >= 0
+
+    Returns
+    -------
+    ndarray of float, shape (..., n)
+    """
+    count, size = values.shape[-1], 2 * reach + 1
+    ends = np.full((*values.shape[:-1], reach), -np.inf)
+    highest = np.concatenate([ends, values, ends], axis=-1)
+    done = 1  # places that each value is the highest of, from its own on
+    while done < size:
+        more = min(done, size - done)
+        highest = np.maximum(highest[..., : highest.shape[-1] - more], highest[..., more:])
+        done += more
+    return np.asarray(highest[..., :count])
 
 
 def standing_peaks(spectrum: FineSpectrum, least_ratio: float) -> NDArray[np.intp]:

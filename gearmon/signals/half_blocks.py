@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.gridding import Gridding, Kernel
 from gearmon.signals.spectrum import hann
-from gearmon.signals.transforms import batch, fast_length, real_fft
+from gearmon.signals.transforms import batch, fast_length, window_powers
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -108,7 +108,8 @@ class HalfBlocks:
         kept : dict
             Number of a half -> the half, shape (channels, steps).
         """
-        plan = line_plan(self.steps, self.orders * self.turns, self.beside)
+        total = 2 * count * self.steps * self.channels
+        plan = line_plan(self.steps, self.orders * self.turns, self.beside, total)
         wanted = {half for block in heard for half in (block, block + 1)}
         together = max(1, _TOGETHER // self.steps)
 
@@ -127,23 +128,33 @@ class HalfBlocks:
             )
 
         firsts = range(0, count, together)
-        found = side_by_side(part, firsts, count * self.steps * self.channels)
+        found = side_by_side(part, firsts, total // 2)
         kept = {k: half for one in found for k, half in one[2].items()}
         return np.concatenate([f[0] for f in found]), np.concatenate([f[1] for f in found]), kept
+
+    def some(self, first_turn: float, wanted: Sequence[int]) -> dict[int, FloatArray]:
+        """Return some halves by their numbers, each of shape (channels, steps)."""
+
+        def half(number: int) -> FloatArray:
+            values = np.empty((self.channels, self.steps))
+            self.gridding.spread(first_turn + number * self.turns, values)
+            return values
+
+        work = len(wanted) * self.steps * self.channels
+        return dict(zip(wanted, side_by_side(half, wanted, work), strict=True))
 
     def powers(self, kept: dict[int, FloatArray], heard: range) -> FloatArray:
         """Mean power of the plain Hann spectra of blocks, (channels, bins)."""
         window = hann(2 * self.steps)
         length = 4 * self.steps
 
+        work = len(heard) * length * self.channels
+
         def power(number: int) -> FloatArray:
             block = np.concatenate([kept[number], kept[number + 1]], axis=-1)
             block -= block.mean(axis=-1, keepdims=True)
-            spectrum = real_fft(block * window, length)
-            result: FloatArray = spectrum.real**2 + spectrum.imag**2
-            return result
+            return window_powers(block, window, length, work)
 
-        work = len(heard) * length * self.channels
         total: FloatArray = sum(side_by_side(power, heard, work), np.zeros(1)) / len(heard)
         return total
 
@@ -190,9 +201,10 @@ class LinePlan:
     _REACH = 8
     _BETA = 2.30 * 8
 
-    def __init__(self, steps: int, bins: FloatArray, beside: FloatArray) -> None:
+    def __init__(self, steps: int, bins: FloatArray, beside: FloatArray, total: int = 0) -> None:
         self.length = 2 * steps
         self.steps = steps
+        self._total = total
         centred = (np.arange(steps) - steps / 2) / self.length
         self._flat = 1 / _kernel_transform(centred, self._REACH, self._BETA)
         target = 2.0 * bins
@@ -211,8 +223,7 @@ class LinePlan:
     def lines(self, halves: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Return the transforms under the rising and the falling half of the window."""
         result = np.empty((2, len(halves), len(self._taken)), dtype=np.complex128)
-        total = max(halves.size, len(halves) * self.length)
-        one = batch(self.length, 1, total)
+        one = batch(self.length, 1, max(self._total, len(halves) * self.length))
         one.input[0, self.steps :] = 0.0
         for row, half in enumerate(halves):
             np.multiply(half, self._flat, out=one.input[0, : self.steps])
@@ -223,7 +234,9 @@ class LinePlan:
         return result[0], result[1]
 
 
-def line_plan(steps: int, bins: FloatArray, beside: FloatArray) -> SumPlan | LinePlan:
+def line_plan(
+    steps: int, bins: FloatArray, beside: FloatArray, total: int = 0
+) -> SumPlan | LinePlan:
     """Return the transform of halves of so many steps at bins [cycles a half].
 
     Parameters
@@ -234,9 +247,12 @@ def line_plan(steps: int, bins: FloatArray, beside: FloatArray) -> SumPlan | Lin
         Cycles a half, >= 0.
     beside : ndarray of float, shape (2, lines)
         What spreading leaves of a line, over that of one a bin of the whole block below and above.
+    total : int
+        Samples that the caller will transform in all, as for `batch`.
     """
-    few = len(bins) <= _FEW_LINES and steps * len(bins) <= _LARGEST_MATRIX
-    return (SumPlan if few else LinePlan)(steps, bins, beside)
+    if len(bins) <= _FEW_LINES and steps * len(bins) <= _LARGEST_MATRIX:
+        return SumPlan(steps, bins, beside)
+    return LinePlan(steps, bins, beside, total)
 
 
 def _with_neighbours(weight: ComplexArray, share: FloatArray) -> ComplexArray:

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError
 from gearmon.signals.angle import AngleGrid, AngleTrack
+from gearmon.signals.angle_phasors import phasors
 from gearmon.signals.gridding import quick_gridding
 from gearmon.signals.half_blocks import HalfBlocks, side_by_side
 from gearmon.signals.spectrum import hann, local_floor
-from gearmon.signals.transforms import fast_length, real_fft
+from gearmon.signals.transforms import fast_length, window_powers
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -139,29 +140,87 @@ def order_lines(
     """
     if len(orders) == 0 or orders.min() < 0:
         raise ArgumentError("orders: at least one, all >= 0, are needed")
-    grid = AngleGrid.of(samples.shape[-1], sampling_rate_hz, track, float(orders.max()))
-    # rounded down: the last of the blocks that just fill a recording must not fall off its end
-    block = min(grid.count, max(8, int(block_turns * grid.per_turn + 1e-6)))
-    turns = block / grid.per_turn
-    halves = HalfBlocks.of(samples, sampling_rate_hz, track, orders, turns, precise=precise)
-    count = 2 * (grid.count - block) // block + 2
-    every = max(1, (count - 1) // _FLOOR_BLOCKS)
-    heard = range(every - 1, count - 1, every)
+    grid, halves, count = _halves(
+        samples, sampling_rate_hz, track, orders, block_turns, precise=precise
+    )
+    turns, heard = 2 * halves.turns, _heard(count - 1)
     rising, falling, kept = halves.transforms(grid.first_turn, count, heard)
     starts = grid.first_turn + 0.5 * turns * np.arange(count - 1)
-    shift = np.exp(-2j * np.pi * orders * starts[:, None])[:, None, :]
-    half_turn = np.exp(-2j * np.pi * orders * (0.5 * turns))
+    shift = phasors(-orders * starts[:, None])[:, None, :]
+    half_turn = phasors(-orders * (0.5 * turns))
     rows = (rising[:-1] + falling[1:] * half_turn) * shift
     scale = np.where(orders > 0, 2.0, 1.0) / (halves.steps * halves.response)
-    off_line = halves.powers(kept, heard)
-    floor = _floor_at(off_line, orders / halves.bin_order, len(heard))
     return OrderLines(
         orders=orders,
         amplitude=rows * scale,
         block_turns=turns,
         first_turn=grid.first_turn,
-        noise=floor * scale**2,
+        noise=_noise(halves, kept, heard),
     )
+
+
+def line_noise(
+    samples: FloatArray,
+    sampling_rate_hz: float,
+    track: AngleTrack,
+    orders: FloatArray,
+    block_turns: float,
+) -> FloatArray:
+    """Return the noise that `order_lines` tells, without the lines.
+
+    Parameters
+    ----------
+    samples, sampling_rate_hz, track, orders, block_turns
+        As for `order_lines`.
+
+    Returns
+    -------
+    ndarray of float, shape (channels, lines)
+        Mean power |A|^2 that noise alone would show at each line.
+    """
+    grid, halves, count = _halves(
+        samples, sampling_rate_hz, track, orders, block_turns, precise=False
+    )
+    heard = _heard(count - 1)
+    wanted = sorted({half for block in heard for half in (block, block + 1)})
+    return _noise(halves, halves.some(grid.first_turn, wanted), heard)
+
+
+def _halves(
+    samples: FloatArray,
+    rate: float,
+    track: AngleTrack,
+    orders: FloatArray,
+    block_turns: float,
+    *,
+    precise: bool,
+) -> tuple[AngleGrid, HalfBlocks, int]:
+    """Halves of blocks, and how many of them the recording holds."""
+    grid = AngleGrid.of(samples.shape[-1], rate, track, float(orders.max()))
+    block = steps_of_block(grid, block_turns)
+    turns = block / grid.per_turn
+    halves = HalfBlocks.of(samples, rate, track, orders, turns, precise=precise)
+    return grid, halves, 2 * (grid.count - block) // block + 2
+
+
+def steps_of_block(grid: AngleGrid, block_turns: float) -> int:
+    """Return the steps of a block of so many turns, cut to the recording."""
+    # rounded down: the last of the blocks that just fill a recording must not fall off its end
+    return min(grid.count, max(8, int(block_turns * grid.per_turn + 1e-6)))
+
+
+def _heard(blocks: int) -> range:
+    """Blocks whose spectra tell the noise."""
+    every = max(1, blocks // _FLOOR_BLOCKS)
+    return range(every - 1, blocks, every)
+
+
+def _noise(halves: HalfBlocks, kept: dict[int, FloatArray], heard: range) -> FloatArray:
+    """Noise power at each line, from the blocks between whose lines it is heard."""
+    floor = _floor_at(halves.powers(kept, heard), halves.orders / halves.bin_order, len(heard))
+    scale = np.where(halves.orders > 0, 2.0, 1.0) / (halves.steps * halves.response)
+    noise: FloatArray = floor * scale**2
+    return noise
 
 
 def _floor_at(power: FloatArray, bins: FloatArray, blocks: int) -> FloatArray:
@@ -239,9 +298,7 @@ def order_quality(
     def power(piece: int) -> FloatArray:
         part = np.empty((samples.shape[0], block))
         gridding.spread(grid.first_turn + piece * block / per_turn, part)
-        spectrum = real_fft(part * window, length)
-        result: FloatArray = spectrum.real**2 + spectrum.imag**2
-        return result
+        return window_powers(part, window, length, pieces * length)
 
     heard = np.unique(np.linspace(0, pieces - 1, min(pieces, _MOST_PIECES)).astype(int))
     powers = side_by_side(power, [int(piece) for piece in heard], 2 * len(heard) * block)

@@ -7,14 +7,13 @@ ratio, a smoothness prior carries the track through blocks where nothing can be 
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.comb import SpeedTrack
-from gearmon.signals.order_lines import OrderLines, order_lines
+from gearmon.signals.order_lines import OrderLines
+from gearmon.signals.order_sums import OrderSums
 
 FloatArray = NDArray[np.float64]
 
@@ -97,27 +96,23 @@ def refine_track(
     if it raises the likelihood of standing lines by four times what its degrees of freedom (the
     trace of the smoother) would gain by fitting noise, half a unit each.
     """
+    sums = OrderSums(samples, sampling_rate_hz, orders)
+    return refined(sums, track, block_turns, wander)
+
+
+def refined(
+    sums: OrderSums, track: AngleTrack, block_turns: float = 8.0, wander: float = 0.003
+) -> AngleTrack:
+    """Refine a track as `refine_track` does, by lines of a recording that was read before."""
     turns = float(track.turns[-1] - track.turns[0])
     size = min(block_turns, turns / 4)
-    lines = _lines(samples, sampling_rate_hz, track, orders, size)
     for speed_error in _SPEED_ERRORS:
-        limit = max(0.2 / (speed_error * size / 2), float(orders.min()))
-        candidate, freedom = _corrected(track, _below(lines, limit), wander)
-        result = _lines(samples, sampling_rate_hz, candidate, orders, size)
-        if _gain(_below(lines, limit), _below(result, limit)) > 2.0 * freedom:
-            track, lines = candidate, result
+        limit = 0.2 / (speed_error * size / 2)
+        before = sums.blocks(track, size, limit)
+        candidate, freedom = _corrected(track, before, wander)
+        if _gain(before, sums.blocks(candidate, size, limit)) > 2.0 * freedom:
+            track = candidate
     return track
-
-
-def _below(lines: OrderLines, limit: float) -> OrderLines:
-    """Return the lines up to an order."""
-    keep = lines.orders <= limit
-    return replace(
-        lines,
-        orders=lines.orders[keep],
-        amplitude=lines.amplitude[:, :, keep],
-        noise=lines.noise[:, keep],
-    )
 
 
 def standing_share(
@@ -142,8 +137,13 @@ def standing_share(
         Mean over the lines that are heard of |mean A|^2 / mean |A|^2, both less the share of noise,
         in [0, 1]; 0 if none is heard.
     """
+    return share_standing(OrderSums(samples, sampling_rate_hz, orders), track)
+
+
+def share_standing(sums: OrderSums, track: AngleTrack) -> float:
+    """Return `standing_share` from the lines of a recording that was read before."""
     turns = float(track.turns[-1] - track.turns[0])
-    lines = _lines(samples, sampling_rate_hz, track, orders, min(_BLOCK_TURNS, turns / 4))
+    lines = sums.blocks(track, min(_BLOCK_TURNS, turns / 4))
     power = np.mean(np.abs(lines.amplitude) ** 2, axis=0)
     heard = power > _HEARD * lines.noise
     if not heard.any():
@@ -168,16 +168,6 @@ def _misfit(lines: OrderLines) -> float:
     """Negative log likelihood of lines that stand still, averaged over the blocks."""
     scatter = np.mean(np.abs(lines.amplitude - lines.mean) ** 2, axis=0)
     return float(np.log(scatter + 1e-3 * lines.noise).sum())
-
-
-def _lines(
-    samples: FloatArray,
-    sampling_rate_hz: float,
-    track: AngleTrack,
-    orders: FloatArray,
-    block_turns: float,
-) -> OrderLines:
-    return order_lines(samples, sampling_rate_hz, track, orders, block_turns, precise=False)
 
 
 def _corrected(track: AngleTrack, lines: OrderLines, wander: float) -> tuple[AngleTrack, float]:

@@ -7,12 +7,12 @@ slide by a quarter of their length and are cut at the ends of the recording.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.signals.angle import AngleGrid, AngleTrack, resample_to_angle
+from gearmon.signals.angle import AngleTrack
+from gearmon.signals.angle_phasors import phasors
+from gearmon.signals.order_sums import OrderSums, SlidingLines
 from gearmon.signals.phase import shifted_track
 
 FloatArray = NDArray[np.float64]
@@ -33,27 +33,8 @@ _FLOOR_CYCLES = 0.005
 _NOISE_VARIANCE = 1.0 / 12.0
 # Hann blocks a quarter of their length apart are worth this many independent ones.
 _OVERLAP = 2.7
-# Blocks whose transforms are taken together: bounds the memory.
-_TOGETHER = 256
-
-
-@dataclass(frozen=True, kw_only=True)
-class SlidingLines:
-    """Complex amplitudes of order lines in sliding blocks.
-
-    Parameters
-    ----------
-    angle : ndarray of float, shape (blocks,)
-        Centres of gravity of the blocks' windows [turns].
-    orders : ndarray of float, shape (votes,)
-        Order of each vote: every line in every channel.
-    amplitude : ndarray of complex, shape (blocks, votes)
-        Amplitudes; their phases count from angle zero.
-    """
-
-    angle: FloatArray
-    orders: FloatArray
-    amplitude: ComplexArray
+# Blocks from which the import of a solver costs less than a loop.
+_LONG = 4000
 
 
 def lock_track(
@@ -94,9 +75,13 @@ def lock_track(
     with the slow drift of their means against each other, of which a change in the path's delay is
     of the same size.
     """
+    return locked(OrderSums(samples, sampling_rate_hz, orders), track, wander)
+
+
+def locked(sums: OrderSums, track: AngleTrack, wander: float = 0.02) -> AngleTrack:
+    """Lock a track as `lock_track` does, to lines of a recording that was read before."""
     for _ in range(_PASSES):
-        lines = _sliding(samples, sampling_rate_hz, track, orders)
-        track = _locked(track, lines, wander)
+        track = _locked(track, sums.sliding(track, _BLOCK_TURNS), wander)
     return track
 
 
@@ -135,48 +120,6 @@ def _median(rows: FloatArray, weight: FloatArray) -> FloatArray:
     return found
 
 
-def _sliding(
-    samples: FloatArray, rate: float, track: AngleTrack, orders: FloatArray
-) -> SlidingLines:
-    """Amplitudes in Hann blocks a quarter of their length apart, cut at the ends."""
-    grid = AngleGrid.of(samples.shape[-1], rate, track, float(orders.max()))
-    per_turn, channels = grid.per_turn, samples.shape[0]
-    hop = max(2, int(min(_BLOCK_TURNS * per_turn, grid.count / 4)) // 4)
-    half = 2 * hop
-    count = grid.count // hop + 1
-    read = resample_to_angle(
-        samples, rate, track, per_turn, grid.first_turn, grid.count, precise=False
-    )
-    read = np.pad(read, ((0, 0), (half, half + hop)))
-    within = np.arange(-half, half)
-    window = 0.5 + 0.5 * np.cos(np.pi * within / half)
-    kernel = window[:, None] * np.exp(-2j * np.pi * np.outer(within / per_turn, orders))
-    parts = np.hstack([kernel.real, kernel.imag])  # real products take half the time
-    blocks = np.lib.stride_tricks.sliding_window_view(read, 2 * half, axis=-1)[:, ::hop]
-    amplitude = np.empty((count, channels, len(orders)), dtype=complex)
-    for first in range(0, count, _TOGETHER):
-        rows = slice(first, min(count, first + _TOGETHER))
-        for channel in range(channels):
-            both = blocks[channel, rows] @ parts
-            amplitude[rows, channel].real = both[:, : len(orders)]
-            amplitude[rows, channel].imag = both[:, len(orders) :]
-    centres = hop * np.arange(count)
-    # sums over the part of each window that lies on the recording
-    low = np.clip(-centres, -half, half) + half
-    high = np.clip(grid.count - centres, -half, half) + half
-    mass = np.concatenate([[0.0], np.cumsum(window)])
-    moment = np.concatenate([[0.0], np.cumsum(window * within)])
-    weight = mass[high] - mass[low]
-    place = grid.first_turn + centres / per_turn
-    turning = np.exp(-2j * np.pi * np.outer(place, orders))
-    amplitude *= (turning / weight[:, None])[:, None, :]
-    return SlidingLines(
-        angle=place + (moment[high] - moment[low]) / weight / per_turn,
-        orders=np.tile(orders, channels),
-        amplitude=amplitude.reshape(count, -1),
-    )
-
-
 def _locked(track: AngleTrack, lines: SlidingLines, wander: float) -> AngleTrack:
     """Solve for the angle error of a track and take it away."""
     hop_turns = float(np.median(np.diff(lines.angle)))
@@ -187,7 +130,7 @@ def _locked(track: AngleTrack, lines: SlidingLines, wander: float) -> AngleTrack
     error = _unwound(lines)
     hats = _speed_classes(track, lines.angle)
     for share in _LIMITS:
-        turned = lines.amplitude * np.exp(-2j * np.pi * np.outer(error, order))
+        turned = lines.amplitude * phasors(np.outer(-error, order))
         mean = _mean_at_speed(turned, hats)
         rest = np.angle(turned * np.conj(mean)) / (2 * np.pi)
         variance = np.mean(rest**2, axis=0) + _FLOOR_CYCLES**2
@@ -228,8 +171,6 @@ def _speed_classes(track: AngleTrack, angle: FloatArray) -> FloatArray:
 
 def _smoothed(vote: FloatArray, weight: FloatArray, step: float) -> FloatArray:
     """Minimise sum w (e - vote)^2 + sum (second difference of e)^2 / step^2."""
-    from scipy.linalg import solveh_banded
-
     count = len(vote)
     prior = 1.0 / step**2
     band = np.zeros((3, count))  # lower diagonals of prior * D'D
@@ -241,5 +182,31 @@ def _smoothed(vote: FloatArray, weight: FloatArray, step: float) -> FloatArray:
     band[2, :-2] += prior
     # a weak pull to no error settles what no line tells
     band[0] += weight + 1e-6 * prior
-    solution: FloatArray = solveh_banded(band, weight * vote, lower=True)
-    return solution
+    return _solve_banded(band, weight * vote)
+
+
+def _solve_banded(band: FloatArray, right: FloatArray) -> FloatArray:
+    """Solve a symmetric system of five diagonals, given by its lower three, by L D L'."""
+    if len(right) > _LONG:
+        from scipy.linalg import solveh_banded  # short recordings do without
+
+        solution: FloatArray = solveh_banded(band, right, lower=True)
+        return solution
+    main, beside, apart = band.tolist()
+    value = right.tolist()
+    for i, pivot in enumerate(main):
+        if i > 0:
+            share = beside[i - 1] / main[i - 1]
+            pivot -= share * beside[i - 1]
+            value[i] -= share * value[i - 1]
+            beside[i] -= share * apart[i - 1]
+        if i > 1:
+            share = apart[i - 2] / main[i - 2]
+            pivot -= share * apart[i - 2]
+            value[i] -= share * value[i - 2]
+        main[i] = pivot
+    after, behind = 0.0, 0.0
+    for i in range(len(main) - 1, -1, -1):
+        after, behind = (value[i] - beside[i] * after - apart[i] * behind) / main[i], after
+        value[i] = after
+    return np.array(value)

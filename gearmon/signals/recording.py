@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import InitVar, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -49,6 +49,8 @@ class Recording:
         The column of each channel in its file, counted from 1 and counting every column.
     speed_rpm : float > 0 or None
         The speed that the file states as one number [1/min], of whatever shaft it means.
+    known_finite : bool
+        Whether the samples were looked at already and are finite; they are not looked at again.
 
     Raises
     ------
@@ -74,14 +76,17 @@ class Recording:
     notes: tuple[str, ...] = ()
     columns: tuple[int, ...] = ()
     speed_rpm: float | None = None
+    known_finite: InitVar[bool] = False
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, known_finite: bool) -> None:
         check_positive("sampling_rate_hz", self.sampling_rate_hz, "Hz")
         samples = np.asarray(self.samples, dtype=np.float64)
         if samples.ndim != 2:
             raise ArgumentError(f"samples have shape {samples.shape}, must be (channels, n)")
         self._fill(samples.view(), len(samples))
-        self._check_samples()
+        self._check_count()
+        if not known_finite:
+            self._check_samples()
 
     def _fill(self, samples: Samples, count: int) -> None:
         samples.flags.writeable = False
@@ -101,12 +106,14 @@ class Recording:
             if kind not in CHANNEL_KINDS:
                 raise ArgumentError(f"kind '{kind}' is none of {', '.join(CHANNEL_KINDS)}")
 
-    def _check_samples(self) -> None:
+    def _check_count(self) -> None:
         if self.samples.shape[1] < 2:
             where = f"{self.origin}: " if self.origin else ""
             raise RecordingError(
                 f"{where}{self.samples.shape[1]} sample(s) per channel; at least 2 are needed"
             )
+
+    def _check_samples(self) -> None:
         for name, channel in zip(self.channel_names, self.samples, strict=True):
             if not survey(channel).finite:
                 where = f"{self.origin}: " if self.origin else ""
@@ -162,6 +169,7 @@ class Recording:
             channel_kinds=tuple(self.channel_kinds[index] for index in indices),
             units=tuple(self.units[index] for index in indices),
             columns=tuple(self.columns[index] for index in indices),
+            known_finite=True,
         )
 
 
@@ -263,6 +271,7 @@ def _recorded(content: Content, wanted: Wanted, speed_rpm: float | None = None) 
         origin=content.path,
         notes=found.notes,
         speed_rpm=speed_rpm,
+        known_finite=found.finite,
     )
 
 

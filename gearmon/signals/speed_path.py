@@ -14,8 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.errors import check_positive, check_range
-from gearmon.signals.angle import AngleGrid, AngleTrack, resample_to_angle
-from gearmon.signals.comb import Comb, SpeedTrack, best_path, line_quality, peak_refined, scan_speed
+from gearmon.signals.angle import AngleGrid, AngleTrack
+from gearmon.signals.comb import (
+    Comb,
+    SpeedTrack,
+    best_path,
+    line_quality,
+    peak_refined,
+    scan_speed,
+    weighted_sum,
+)
+from gearmon.signals.gridding import quick_gridding
+from gearmon.signals.half_blocks import side_by_side
 from gearmon.signals.phase import integrate_speed
 from gearmon.signals.phase_lock import lock_track
 from gearmon.signals.spectrum import hann
@@ -108,10 +118,14 @@ def find_path(
     window = hann(block)
     scores = np.empty((len(starts), len(ratio)))
     total = len(starts) * samples.shape[0] * length
-    part = np.zeros(bins + 1)  # the last one stands for what lies beyond the band: nothing
-    for row, start in enumerate(starts):
-        part[:-1] = line_quality(samples[:, start : start + block] * window, length, bins, total)
-        scores[row] = used.weights @ part[nearest]
+
+    def score(row: int) -> None:
+        part = samples[:, starts[row] : starts[row] + block]
+        quality = line_quality(part, window, length, bins, total)
+        # the last one stands for what lies beyond the band: nothing
+        scores[row] = weighted_sum(np.append(quality, 0.0), nearest, used.weights)
+
+    side_by_side(score, range(len(starts)), total)
     path = best_path(scores, max(1, round(_SLOPE_PER_S * hop / sampling_rate_hz / step)))
     speed = SpeedTrack(
         time_s=(starts + block / 2) / sampling_rate_hz,
@@ -153,9 +167,10 @@ def unwarp(
     """
     top = 0.45 * sampling_rate_hz / float(track.speed_hz.max())
     grid = AngleGrid.of(samples.shape[-1], sampling_rate_hz, track, 0.0)
-    read = resample_to_angle(
-        samples, sampling_rate_hz, track, grid.per_turn, grid.first_turn, grid.count, precise=False
-    )
+    # what spreading takes of an order it takes of the noise there as well
+    read = np.empty((samples.shape[0], grid.count))
+    per_turn = float(grid.per_turn)
+    quick_gridding(samples, sampling_rate_hz, track, per_turn).spread(grid.first_turn, read)
     scan = scan_speed(read, grid.per_turn, comb.below(top), 1.0, tolerance, block_turns)
     inner = integrate_speed(scan.track(), (grid.count - 1) / grid.per_turn)
     ends = track.turns[[0, -1]]

@@ -183,12 +183,15 @@ def _of_frames(frames: Frames, wanted: Wanted, close: Callable[[], object]) -> R
     numbers = [column.number for column in frames.columns]
     rows = [numbers.index(column.number) for column in head.columns]
     scales = np.array(head.scales)[:, None]
+    every, unscaled = rows == list(range(len(numbers))), bool((scales == 1.0).all())
 
     def pieces(start: int, stop: int) -> Iterator[Floats]:
         for first in range(start, stop, BLOCK):
-            part = frames.read(first, min(stop, first + BLOCK))[rows]
-            with np.errstate(over="ignore"):
-                part *= scales
+            part = frames.read(first, min(stop, first + BLOCK))
+            part = part if every else part[rows]
+            if not unscaled:
+                with np.errstate(over="ignore"):
+                    part = part * scales
             yield part
 
     return _stream((head, frames.path), frames.count, pieces, close, frames.speed_rpm)

@@ -9,13 +9,12 @@ from numpy.typing import NDArray
 
 from gearmon.errors import RecordingError
 from gearmon.signals.streaming import BLOCK, RecordingStream
-from gearmon.signals.tacho import TachoPulses, _edges, _with_missing, _without_extra
+from gearmon.signals.tacho import TachoPulses, _edges, repaired_pulses
 
 FloatArray = NDArray[np.float64]
 
-# As in `tacho`: where the level is not judged, and what may be repaired.
+# As in `tacho`: where the level is not judged.
 _HYSTERESIS = 0.1
-_REPAIRABLE = 0.02
 _FEWEST = 4
 
 
@@ -23,6 +22,7 @@ def stream_pulses(
     stream: RecordingStream,
     channel: int | None = None,
     *,
+    per_turn: int | None = None,
     samples: int = BLOCK,
     progress: Callable[[float], object] | None = None,
 ) -> TachoPulses:
@@ -37,6 +37,9 @@ def stream_pulses(
         The recording.
     channel : int, optional
         Index of the tacho channel; the only one of that kind if not given.
+    per_turn : int, optional
+        Pulses a turn, if known: the spacing of several is learned, so that uneven ones are left
+        alone.
     samples : int > 0
         Samples of each channel in memory at a time.
     progress : callable, optional
@@ -69,7 +72,13 @@ def stream_pulses(
         kept = wave[certain[-1] :] if len(certain) else wave
         told(0.5 + 0.5 * (first + block.shape[1]) / stream.shape[1])
     raw = np.concatenate(found) / stream.sampling_rate_hz
-    return _repaired(stream.origin, raw, low, high)
+    if len(raw) < _FEWEST:
+        raise RecordingError(
+            f"{stream.origin}: {len(raw)} pulses found in the tacho channel between {low:g} and "
+            f"{high:g}; at least {_FEWEST} are needed. Name the right channel with --tacho, or "
+            "leave the tacho out"
+        )
+    return repaired_pulses(raw, per_turn, f"{stream.origin}: tacho channel")
 
 
 def _untold(share: float) -> None:
@@ -83,20 +92,3 @@ def _tacho_row(stream: RecordingStream) -> int:
             f"{stream.origin}: {len(rows)} tacho channels; name the one to use with --tacho"
         )
     return rows[0]
-
-
-def _repaired(origin: str, raw: FloatArray, low: float, high: float) -> TachoPulses:
-    if len(raw) < _FEWEST:
-        raise RecordingError(
-            f"{origin}: {len(raw)} pulses found in the tacho channel between {low:g} and {high:g}; "
-            f"at least {_FEWEST} are needed. Name the right channel with --tacho, or leave the "
-            "tacho out"
-        )
-    cleaned, extra = _without_extra(raw)
-    filled, missing = _with_missing(cleaned)
-    if missing + extra > max(2, _REPAIRABLE * len(filled)):
-        raise RecordingError(
-            f"{origin}: {missing} tacho pulses missing and {extra} too many among {len(filled)}; "
-            "at most 2 % can be repaired. Check the sensor, or leave the tacho out"
-        )
-    return TachoPulses(time_s=filled, missing=missing, extra=extra)

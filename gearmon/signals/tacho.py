@@ -33,14 +33,24 @@ class TachoPulses:
     Parameters
     ----------
     time_s : ndarray of float, shape (pulses,)
-        Edges [s], missing ones filled in, extra ones left out.
+        Edges [s], ascending, missing ones filled in, extra ones left out.
     missing, extra : int
         Pulses that were filled in and left out.
+
+    Raises
+    ------
+    RecordingError
+        If these are no times of pulses: they do not ascend (a waveform, perhaps), or are not
+        finite.
     """
 
     time_s: FloatArray
-    missing: int
-    extra: int
+    missing: int = 0
+    extra: int = 0
+
+    def __post_init__(self) -> None:
+        """Check the times."""
+        _check_times(self.time_s)
 
 
 def find_pulses(
@@ -102,11 +112,28 @@ def find_pulses(
             f"tacho channel: {len(raw)} pulses found between {low:g} and {high:g}; at least 4 are "
             f"needed. Name the right channel with --tacho, or leave the tacho out{hint}"
         )
-    return _repaired(raw, per_turn)
+    return repaired_pulses(raw, per_turn)
 
 
-def _repaired(raw: FloatArray, per_turn: int | None) -> TachoPulses:
-    """Fill in and leave out pulses up to the limit, refuse beyond it."""
+def repaired_pulses(
+    raw: FloatArray, per_turn: int | None, channel: str = "tacho channel"
+) -> TachoPulses:
+    """Fill in and leave out pulses up to the limit, refuse beyond it.
+
+    Parameters
+    ----------
+    raw : ndarray of float, shape (pulses,)
+        Times as they were found [s], ascending.
+    per_turn : int, optional
+        Pulses a turn, if known: the spacing of several is learned.
+    channel : str
+        What messages call the channel.
+
+    Raises
+    ------
+    RecordingError
+        If more than 2 % have to be repaired.
+    """
     if per_turn is not None and per_turn > 1:
         filled, missing, extra = repair_uneven(raw, per_turn)
     else:
@@ -114,7 +141,7 @@ def _repaired(raw: FloatArray, per_turn: int | None) -> TachoPulses:
         filled, missing = _with_missing(cleaned)
     if missing + extra > max(2, _REPAIRABLE * len(filled)):
         raise RecordingError(
-            f"tacho channel: {missing} pulses missing and {extra} too many among {len(filled)}; "
+            f"{channel}: {missing} pulses missing and {extra} too many among {len(filled)}; "
             "at most 2 % can be repaired. Check the sensor, or leave the tacho out"
         )
     return TachoPulses(time_s=filled, missing=missing, extra=extra)
@@ -146,6 +173,15 @@ def pulses_from_times(time_s: ArrayLike, per_turn: int | None = None) -> TachoPu
         raise RecordingError(
             f"pulse times: an array of shape {times.shape}; a row of at least 4 times is needed"
         )
+    _check_times(times)
+    return repaired_pulses(times, per_turn)
+
+
+def _check_times(times: FloatArray) -> None:
+    if times.ndim != 1:
+        raise RecordingError(
+            f"pulse times: an array of shape {times.shape}; a row of times is needed"
+        )
     if not np.all(np.isfinite(times)):
         place = int(np.argmin(np.isfinite(times)))
         raise RecordingError(f"pulse times: pulse {place + 1} has no finite time")
@@ -157,7 +193,6 @@ def pulses_from_times(time_s: ArrayLike, per_turn: int | None = None) -> TachoPu
             f"{first + 1} at {times[first]:g} s, nor do {len(falls) - 1} others after theirs; if "
             "this is the waveform of a tachometer, give it to find_pulses with its sampling rate"
         )
-    return _repaired(times, per_turn)
 
 
 def track_from_pulse_times(

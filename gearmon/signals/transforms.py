@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -109,6 +109,47 @@ def _fftw(blocks: FloatArray, length: int) -> ComplexArray:
         blocks, n=length, axis=-1, planner_effort="FFTW_ESTIMATE", threads=1
     )
     return result
+
+
+def windowed_transforms(
+    signals: FloatArray, weights: FloatArray, length: int, total: int
+) -> Iterator[ComplexArray]:
+    """Give the transform of each signal, windowed and zero-padded; valid until the next one.
+
+    Parameters
+    ----------
+    signals : ndarray of float, shape (channels, n)
+    weights : ndarray of float, shape (n,)
+        The window.
+    length : int, >= n
+        Transform length.
+    total : int
+        Samples that the caller will transform in all at this length, as for `real_fft`.
+
+    Yields
+    ------
+    ndarray of complex, shape (length // 2 + 1,)
+        Unscaled.
+    """
+    planned = total >= _FFTW_PAYS_FROM and length >= 1 << 12
+    for signal in signals:
+        if planned:
+            one = batch(length, 1, total)
+            fill(one, signal, len(weights), weights)
+            yield one.run()[0]
+        else:
+            yield np.fft.rfft(signal * weights, n=length)
+
+
+def window_powers(signals: FloatArray, weights: FloatArray, length: int, total: int) -> FloatArray:
+    """Squared magnitudes of `windowed_transforms`, shape (channels, length // 2 + 1)."""
+    powers = np.empty((len(signals), length // 2 + 1))
+    for row, lines in zip(
+        powers, windowed_transforms(signals, weights, length, total), strict=True
+    ):
+        np.square(lines.real, out=row)
+        row += np.square(lines.imag)
+    return powers
 
 
 class Batch:

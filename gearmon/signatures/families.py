@@ -7,6 +7,7 @@ several families claim goes to the one it is nearest to in its own harmonics.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
@@ -136,7 +137,8 @@ def line_plan(train: Kinematics, top_order: float, finest_spacing: float) -> Lin
         Up to eight mesh harmonics a stage, sidebands of every modulation, all multiples of every
         gear's rotation up to half a mesh order beyond.
     """
-    claims = _Claims(Fraction(top_order).limit_denominator(10**6))
+    unit = _common_denominator(train)
+    claims = _Claims(Fraction(top_order).limit_denominator(10**6), unit)
     for mesh in train.meshes:
         _claim_mesh(claims, mesh)
     for mesh in train.meshes:
@@ -150,42 +152,65 @@ def line_plan(train: Kinematics, top_order: float, finest_spacing: float) -> Lin
         if wheel.relative_order >= finest_spacing
     ]
     for mesh, wheel in wheels:
+        centre, turning = claims.units(mesh.exact), claims.units(wheel.exact_relative)
         for k in _harmonics(mesh, claims.top):
             for r in range(-(wheel.teeth // 2), wheel.teeth // 2 + 1):
-                claims.add(k * mesh.exact + r * wheel.exact_relative, 10**6, None)
+                claims.add(k * centre + r * turning, 10**6, None)
     if not claims.owner:  # no mesh can be seen at this sampling rate: at least the shafts
         for rotation in train.shafts:
-            claims.add(rotation.exact, 10**6, None)
+            claims.add(claims.units(rotation.exact), 10**6, None)
     exact = sorted(claims.owner)
     position = {order: index for index, order in enumerate(exact)}
     meshes = {
-        k * mesh.exact for mesh in train.meshes for k in range(1, int(claims.top / mesh.exact) + 1)
+        k * claims.units(mesh.exact)
+        for mesh in train.meshes
+        for k in range(1, int(claims.top / mesh.exact) + 1)
     }
     return LinePlan(
-        orders=np.array([float(order) for order in exact]),
+        orders=np.array([order / unit for order in exact]),
         families=tuple(_families(claims, position)),
         wheels=tuple(
-            _wheel_lines(mesh.stage, wheel, position, meshes, claims.top) for mesh, wheel in wheels
+            _wheel_lines(mesh.stage, wheel, position, meshes, claims) for mesh, wheel in wheels
         ),
     )
+
+
+def _common_denominator(train: Kinematics) -> int:
+    """Return the least number of parts of an order of which all lines of a train are multiples."""
+    exact = [rotation.exact for rotation in train.shafts]
+    for mesh in train.meshes:
+        exact += [mesh.exact, Fraction(mesh.carrier)]
+        exact += [wheel.exact_relative for wheel in mesh.wheels]
+        exact += [family.exact for family in mesh.modulations]
+    return math.lcm(*(order.denominator for order in exact))
 
 
 _Key = tuple[str, int, str, int, Fraction, int | None]
 
 
 class _Claims:
-    """Lines and the family each belongs to: the strongest claim wins."""
+    """Lines and the family each belongs to: the strongest claim wins.
 
-    def __init__(self, top: Fraction) -> None:
+    Orders are counted in whole parts of one, `unit` of them: that is as exact as fractions.
+    """
+
+    def __init__(self, top: Fraction, unit: int) -> None:
         self.top = top
-        self.owner: dict[Fraction, tuple[int, _Key | None]] = {}
+        self.unit = unit
+        self.owner: dict[int, tuple[int, _Key | None]] = {}
         self.cut: set[_Key] = set()
+        # the first whole number that is not below the top
+        self._end = math.ceil(top * unit)
 
-    def add(self, order: Fraction, rank: int, key: _Key | None) -> None:
-        if order >= self.top and key is not None:
+    def units(self, order: Fraction) -> int:
+        """Return an order in parts."""
+        return int(order * self.unit)
+
+    def add(self, order: int, rank: int, key: _Key | None) -> None:
+        if order >= self._end and key is not None:
             # a family that the sampling rate cuts short would differ from recording to recording
             self.cut.add(key)
-        if not 0 < order < self.top:
+        if not 0 < order < self._end:
             return
         held = self.owner.get(order)
         if held is None or rank < held[0]:
@@ -199,9 +224,9 @@ def _harmonics(mesh: Mesh, top: Fraction) -> range:
 def _claim_mesh(claims: _Claims, mesh: Mesh) -> None:
     for k in _harmonics(mesh, claims.top):
         key = ("mesh", mesh.stage, "", k, Fraction(0), None)
-        claims.add(k * mesh.exact, -1000 + k, key)
+        claims.add(k * claims.units(mesh.exact), -1000 + k, key)
         for order in group_orders(mesh, k):
-            claims.add(order, -500 + k, key)
+            claims.add(claims.units(order), -500 + k, key)
 
 
 def group_orders(mesh: Mesh, harmonic: int) -> tuple[Fraction, ...]:
@@ -252,17 +277,18 @@ def _claim_sidebands(
     claims: _Claims, mesh: Mesh, spacing: Fraction, gear: str, shaft: int | None, teeth: int
 ) -> None:
     half = max(NEAR_SIDEBANDS, teeth // 2)
+    centre, apart = claims.units(mesh.exact), claims.units(spacing)
     for k in _harmonics(mesh, claims.top):
         for r in range(1, half + 1):
-            if r * spacing > mesh.exact / 2:
+            if 2 * r * apart > centre:
                 break
             kind = "sidebands" if r <= NEAR_SIDEBANDS else "residual"
             key = (kind, mesh.stage, gear, k, spacing, shaft)
-            for order in (k * mesh.exact - r * spacing, k * mesh.exact + r * spacing):
-                claims.add(order, r, key)
+            claims.add(k * centre - r * apart, r, key)
+            claims.add(k * centre + r * apart, r, key)
 
 
-def _families(claims: _Claims, position: dict[Fraction, int]) -> Iterator[Family]:
+def _families(claims: _Claims, position: dict[int, int]) -> Iterator[Family]:
     members: dict[_Key, list[int]] = {}
     for order, (_, key) in claims.owner.items():
         if key is not None and key not in claims.cut:
@@ -281,12 +307,11 @@ def _families(claims: _Claims, position: dict[Fraction, int]) -> Iterator[Family
 
 
 def _wheel_lines(
-    stage: int, wheel: Wheel, position: dict[Fraction, int], meshes: set[Fraction], top: Fraction
+    stage: int, wheel: Wheel, position: dict[int, int], meshes: set[int], claims: _Claims
 ) -> WheelLines:
-
-    multiples = (
-        (n, n * wheel.exact_relative) for n in range(1, int(top / wheel.exact_relative) + 1)
-    )
+    turning = claims.units(wheel.exact_relative)
+    last = int(claims.top / wheel.exact_relative)
+    multiples = ((n, n * turning) for n in range(1, last + 1))
     held = [(n, order, position[order]) for n, order in multiples if order in position]
     return WheelLines(
         stage=stage,

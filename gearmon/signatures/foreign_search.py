@@ -19,6 +19,7 @@ from gearmon.signals.fine_spectrum import (
     FineSpectrum,
     fine_envelope_spectrum,
     fine_spectrum,
+    highest_within,
     standing_peaks,
 )
 from gearmon.signatures.foreign_lines import ForeignLine, ForeignLines, NoiseGrid
@@ -164,12 +165,10 @@ def _decibels(power: FloatArray) -> NDArray[np.float32]:
 
 def _hidden(spectrum: FineSpectrum, course: _Course, in_time: FloatArray | None) -> FloatArray:
     """Power up to which a line is taken for a part of stronger ones about it, cell by cell."""
-    from scipy.ndimage import maximum_filter1d
-
     highest = _highest_in_cells(spectrum, 1 / _CELLS_AN_ORDER)
     orders = (np.arange(highest.shape[-1]) + 0.5) / _CELLS_AN_ORDER
     reach = 1 + int(np.ceil(course.reach(spectrum.width) * _CELLS_AN_ORDER))
-    hidden = course.skirt(orders) * maximum_filter1d(highest, 2 * reach + 1, mode="nearest")
+    hidden = course.skirt(orders) * highest_within(highest, reach)
     if in_time is None:
         return np.asarray(hidden)
     # what was smeared over angle, or is near enough to what was not
@@ -178,7 +177,7 @@ def _hidden(spectrum: FineSpectrum, course: _Course, in_time: FloatArray | None)
     count = min(in_time.shape[-1], hidden.shape[-1])
     half = 1
     for _ in range(int(np.ceil(np.log2(cells.max()))) + 1):
-        wide = maximum_filter1d(in_time, 2 * half + 1, mode="nearest")
+        wide = highest_within(in_time, half)
         own = (cells[:count] > half / 2) & (cells[:count] <= half)
         hidden[:, :count][:, own] = np.maximum(
             hidden[:, :count][:, own], wide[:, :count][:, own] / _SHARPER

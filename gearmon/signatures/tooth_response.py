@@ -1,10 +1,11 @@
 """What a loss of stiffness on one tooth adds to the lines of its mesh, before any path.
 
-Where the machine file bears a baseline, Hill's equation tells (`fault_family_response`). Else teeth
-of standard proportions carry the load on the deflection q = F/k(t): a tooth with a loss makes q
-larger while its pair is in contact, and that pulse, once a turn of the gear, travels to the sensors
+Where the machine file bears a baseline, Hill's equation tells (`fault_family_response`). Without
+dynamics the teeth carry the load on the deflection q = F/k(t): a tooth with a loss makes q larger
+while its pair is in contact, and that pulse, once a turn of the gear, travels to the sensors
 together with the mesh harmonics of q itself. Lines close to one another pass the same train and the
-same housing, so that their ratio holds without the dynamics behind it.
+same housing, so that their ratio holds without the dynamics behind it. Teeth of standard
+proportions stand in where the file says nothing of them but their number.
 """
 
 from __future__ import annotations
@@ -111,7 +112,11 @@ class ToothResponse:
 
 
 def tooth_response(
-    machine: Machine, stage: int, gear: str, max_order: float, operating: int = 0
+    machine: Machine,
+    stage: int,
+    gear: str,
+    max_order: float,
+    operating: int = 0,
 ) -> ToothResponse:
     """Compute the response to a small loss on one tooth of a parallel stage.
 
@@ -181,22 +186,16 @@ def _from_hill(
 def _from_teeth(
     machine: Machine, own: ParallelStage, stage: int, gear: str, teeth: int, max_order: float
 ) -> ToothResponse:
-    plain = ParallelStage(
-        pinion_teeth=own.pinion_teeth,
-        gear_teeth=own.gear_teeth,
-        module_mm=1.0,
-        face_width_mm=_STANDARD_WIDTH,
-        mesh_stiffness_n_per_m=_UNIT_STIFFNESS,
-    )
-    stiffness = mesh_stiffness(plain, number=stage)
-    share, phase = _pair_share(plain, stiffness, stage, gear)
+    used, stiffness = _teeth(own, stage)
+    share, phase = _pair_share(used, stiffness, stage, gear)
     mesh_order = kinematics(machine).mesh(stage).order
-    top = int(max_order / mesh_order * teeth)
+    top = min(int(max_order / mesh_order * teeth), teeth * _POINTS // 2)
     number = np.arange(top + 1)
-    deflection = 1.0 / stiffness.at(phase)
-    turn = np.exp(-2j * np.pi / teeth * np.outer(number, phase))
-    width = float(phase[1] - phase[0])
-    lines = turn @ (share * deflection) * width / teeth * number**2
+    pulse = np.zeros(teeth * _POINTS)
+    pulse[: len(share)] = share / stiffness.at(phase)
+    # the pulse is taken in the middle of each step
+    late = np.exp(-1j * np.pi * number / len(pulse))
+    lines = np.fft.rfft(pulse)[: top + 1] * late / len(pulse) * number**2
     period = np.arange(_POINTS) / _POINTS
     healthy = np.fft.fft(1.0 / stiffness.at(period)) / _POINTS
     harmonic = np.arange(top // teeth + 1)
@@ -209,8 +208,23 @@ def _from_teeth(
         mesh=mesh,
         pair_share=share,
         contact_ratio=stiffness.total_contact_ratio,
-        from_teeth_alone=True,
+        from_teeth_alone=used is not own,
     )
+
+
+def _teeth(own: ParallelStage, stage: int) -> tuple[ParallelStage, MeshStiffness]:
+    """Teeth of the file or, where it does not tell, of standard proportions."""
+    try:
+        return own, mesh_stiffness(own, number=stage)
+    except GearmonError:
+        plain = ParallelStage(
+            pinion_teeth=own.pinion_teeth,
+            gear_teeth=own.gear_teeth,
+            module_mm=1.0,
+            face_width_mm=_STANDARD_WIDTH,
+            mesh_stiffness_n_per_m=_UNIT_STIFFNESS,
+        )
+        return plain, mesh_stiffness(plain, number=stage)
 
 
 def _pair_share(
@@ -220,7 +234,7 @@ def _pair_share(
     fault = Fault(kind="stiffness", stage=stage, gear=gear, tooth=1, size=_SMALL_LOSS)
     hurt = mesh_stiffness(own, [fault], number=stage)
     count = int(np.ceil(stiffness.total_contact_ratio * _POINTS))
-    phase = (np.arange(count) + 0.5) / count * stiffness.total_contact_ratio
+    phase = (np.arange(count) + 0.5) / _POINTS
     healthy = stiffness.at(phase)
     share: FloatArray = (healthy - hurt.at(phase)) / (_SMALL_LOSS * healthy)
     return np.clip(share, 0.0, 1.0), phase

@@ -21,6 +21,7 @@ def rows(monkeypatch):
         signals._envelope(4096, 1),
         signals._kurtogram(1 << 15, 1),
         signals._reading(20_000, 2, 1),
+        signals._after_reading(200_000, 1),
     ]
     return [row for step in steps for row in step]
 
@@ -29,6 +30,8 @@ def test_rows_have_times_and_a_picture(rows, tmp_path):
     timed = [row for row in rows if row["median_s"] is not None]
     assert all(row["median_s"] > 0 for row in timed)
     assert {row["case"] for row in rows} >= {"amplitude spectrum", "reading CSV"}
+    stages = [row for row in rows if row["case"].endswith("by stage")]
+    assert {"speed by the comb", "order lines"} <= {row["method"] for row in stages}
     absent = [row for row in rows if row["method"] == "PySDKit"]
     assert "not run" in absent[0]["note"]
     (path,) = save_signals_figure(rows, tmp_path / "b.png")

@@ -81,6 +81,8 @@ def test_what_it_was_compared_with_is_told():
     assert "the healthy pattern" in flag.evidence[0]
     (flag,) = tooth_flags([profile(-9, against="other teeth")], 0.01, 1)
     assert "its other teeth" in flag.evidence[0]
+    assert "cannot be known whether it was always so" in " ".join(flag.evidence)
+    assert flag.stiffness_loss is None
 
 
 def test_groups_that_stand_out_are_flagged():
@@ -134,6 +136,9 @@ def test_summary_is_short_and_has_figures(verdict):
 def test_summary_without_a_reference_or_a_turn():
     told = summary("cannot tell", [], [], None)
     assert "no healthy reference" in told
+    # and what can then not be known
+    for unknown in ("always so", "how much stiffness", "wear", "eccentricity"):
+        assert unknown in told
     assert "No gear's turn could be resolved" in told
 
 

@@ -129,13 +129,16 @@ def test_an_entry_keeps_every_tooth_and_the_gear():
         analysis([flag()], [with_losses(profile(), [0, 0.1, 0, np.nan, 0], [0.01] * 5)]), NOW
     )
     assert kept.time_s == NOW.timestamp()
-    assert kept.findings == ("tooth damage, stage 1, pinion, tooth 2",)
+    assert kept.findings == ("tooth damage, stage 1, pinion, tooth 2: loss 10 % (0 to 14 %)",)
     by_tooth = {place.tooth: place for place in kept.places}
     assert set(by_tooth) == {None, 1, 2, 3, 4, 5}
     assert by_tooth[2].loss == 0.1
     assert by_tooth[2].statistic == 9.0
     assert by_tooth[4].loss is None
-    # the gear as a whole has what was flagged, the wider side of its interval counts
+    # the tooth and the gear as a whole have the interval that was flagged
+    assert (by_tooth[2].loss_low, by_tooth[2].loss_high) == (0.0, 0.14)
+    assert by_tooth[1].loss_low == pytest.approx(-0.0164485, abs=1e-6)
+    # its wider side counts
     assert by_tooth[None].loss_sigma == pytest.approx(0.1 / 1.6448536)
 
 
@@ -353,8 +356,112 @@ def test_a_sound_machine_raises_nothing():
     found = history_trends(cracked(step=0.0), limit=0.2)
     assert not found.raised
     assert found.began is None
-    assert found.shown[0].crossing.status == "not extrapolated"
-    assert "no change that chance" in "\n".join(history_lines(found))
+    assert found.shown == ()
+    assert found.teeth[0].crossing.status == "not extrapolated"
+    told = "\n".join(history_lines(found))
+    assert "no change that chance" in told
+    assert "5 teeth followed without a loss that stands clear" in told
+
+
+def with_loss(losses, sigmas, teeth=(1,)):
+    """A history of the same losses on some teeth."""
+    return History(
+        machine="conveyor",
+        entries=tuple(
+            entry(n, [tooth(j, float(loss), float(sigma)) for j in teeth])
+            for n, (loss, sigma) in enumerate(zip(losses, sigmas, strict=True))
+        ),
+    )
+
+
+def test_estimates_far_below_their_uncertainty_show_nothing_however_orderly():
+    # what a search gives for sound teeth: next to nothing, and never zero
+    growing = 1e-6 * np.exp(0.3 * np.arange(20))
+    found = history_trends(with_loss(growing, np.full(20, 0.005), range(1, 80)), limit=0.2)
+    assert found.shown == ()
+    assert not found.raised
+    assert all(not tooth_.trend.changes for tooth_ in found.teeth)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_noise_on_many_teeth_lists_none(seed):
+    generator = np.random.default_rng(seed)
+    entries = tuple(
+        entry(n, [tooth(j, float(generator.normal(0.0, 0.01)), teeth=60) for j in range(1, 61)])
+        for n in range(12)
+    )
+    assert history_trends(History(machine="conveyor", entries=entries)).shown == ()
+
+
+def test_a_loss_in_two_recordings_is_no_trend():
+    losses = np.r_[np.zeros(10), 0.3, 0.3]
+    found = history_trends(with_loss(losses, np.full(12, 0.01)))
+    assert found.shown == ()
+    found = history_trends(with_loss(np.r_[losses, 0.3, 0.3], np.full(14, 0.01)))
+    assert [tooth_.tooth for tooth_ in found.shown] == [1]
+    assert found.shown[0].trend.changes[0].kind == "step"
+
+
+def test_what_all_recordings_share_is_not_averaged_out():
+    # the scale of all losses is off by a third, and each recording says that it may be
+    true = 0.02 * np.maximum(np.arange(20) - 6.0, 0.0)
+    generator = np.random.default_rng(1)
+    losses = 0.7 * true + generator.normal(0.0, 0.004, 20)
+    sigmas = np.hypot(0.26 * np.abs(losses), 0.005)
+    found = history_trends(with_loss(losses, sigmas), limit=0.4).shown[0]
+    value, low, high = found.now
+    assert low <= true[-1] <= high
+    assert high - low < 1.2 * 2 * 1.645 * sigmas[-1]
+    assert found.crossing.low_s <= 1.7e9 + 26 * WEEK <= found.crossing.high_s
+    rate = 0.02 / WEEK
+    assert found.rate()[1] <= rate <= found.rate()[2]
+    # more recordings of the same make the trend surer, its size not
+    again = history_trends(with_loss(np.repeat(losses, 4), np.repeat(sigmas, 4)), limit=0.4).shown[
+        0
+    ]
+    assert (again.now[2] - again.now[1]) / again.now[0] > 0.9 * 2 * 1.645 * 0.26
+    assert value == pytest.approx(0.7 * true[-1], abs=0.01)
+
+
+def test_losses_too_small_to_be_found_are_not_taken_for_none():
+    # nothing is found below 4 %, and then at once nearly all of it
+    true = 0.01 * np.arange(20.0)
+    losses = np.where(true < 0.04, 0.0, true)
+    sigmas = np.where(true < 0.04, 0.005, 0.2 * true)
+    found = history_trends(with_loss(losses, sigmas)).shown[0]
+    assert found.missed == pytest.approx(0.04)
+    times = found.trend.series.time_s
+    _, low, high = found.at(times)
+    assert np.all((low <= true) & (true <= high))
+    assert "may have begun earlier" in "\n".join(
+        history_lines(history_trends(with_loss(losses, sigmas)))
+    )
+
+
+def test_a_loss_that_came_at_once_was_hardly_missed_before():
+    losses, sigmas = np.repeat([0.0, 0.4], 8), np.repeat([0.005, 0.1], 8)
+    found = history_trends(with_loss(losses, sigmas)).shown[0]
+    assert found.trend.changes[0].kind == "step"
+    _, _, high = found.at(found.trend.series.time_s)
+    assert np.all(high[:8] < 0.2)
+    assert np.all(high[8:] > 0.4)
+
+
+def test_forecasts_are_those_of_their_time():
+    history = cracked(24)
+    whole = history_trends(history, limit=0.25)
+    for count in (18, 24):
+        known = History(machine="conveyor", entries=history.entries[:count])
+        crossing = history_trends(known, limit=0.25).shown[0].crossing
+        assert whole.forecasts[known.entries[-1].time_s] == crossing
+    assert history.entries[3].time_s not in whole.forecasts
+    assert history_trends(history).forecasts == {}
+    rows = as_json(whole.to_dict())["recordings"]
+    assert rows[3]["limit_reached"] is None
+    assert rows[-1]["limit_reached"]["status"] == whole.forecasts[history.entries[-1].time_s].status
+    told = history_lines(whole)
+    dated = [line for line in told if "limit about 202" in line]
+    assert len(dated) == sum(c.status == "ahead" for c in whole.forecasts.values()) > 3
 
 
 def test_evidence_is_followed_where_no_loss_is_estimated():

@@ -15,7 +15,12 @@ from gearmon.diagnosis.change_points import (
     permuted_probability,
 )
 from gearmon.diagnosis.change_shapes import Series
-from gearmon.diagnosis.noise_bounds import kink_quantile, step_quantile, tube_bound
+from gearmon.diagnosis.noise_bounds import (
+    kink_quantile,
+    known_noise_bound,
+    step_quantile,
+    tube_bound,
+)
 from gearmon.diagnosis.trend import fit_trend
 from gearmon.errors import ArgumentError
 
@@ -74,6 +79,24 @@ def test_bound_holds_for_random_directions_about_a_path():
         deviation = math.sqrt(bound / len(noise))
         assert share < bound + 3 * deviation
         assert share > 0.9 * bound - 3 * deviation
+
+
+def test_bound_for_known_noise_is_the_limit_of_many_dimensions():
+    for gain, length in ((1.5, 0.0), (3.0, 2.0), (4.5, 7.0)):
+        m = 10**7
+        limit = tube_bound(gain / math.sqrt(m), length, m)
+        assert known_noise_bound(gain, length) == pytest.approx(limit, rel=1e-4)
+
+
+def test_values_quieter_than_they_are_said_to_be_show_no_change():
+    shape = np.r_[np.zeros(10), np.arange(10.0)]
+    assert change_probability(series(0.1 * shape, 1.0)) > 0.3
+    assert find_changes(series(0.1 * shape, 1.0)) == ()
+    # where only the ratios of the uncertainties are known, the same shape is beyond doubt
+    assert change_probability(series(0.1 * shape, 1.0, sigma_known=False)) < 1e-9
+    (change,) = find_changes(series(3.0 * shape, 1.0), most=1)
+    # and its time is no surer than the stated noise allows
+    assert change.high_s - change.low_s > 0.2 * DAY
 
 
 def test_quantiles_have_their_limits():

@@ -10,6 +10,7 @@ import pytest
 from gearmon.diagnosis.coherent import coherent_difference
 from gearmon.diagnosis.matched import LOSSES, log_mean, match_teeth, path_power
 from gearmon.diagnosis.tooth_evidence import (
+    false_alarm_among,
     false_alarm_log10,
     losses_by_tooth,
     trust_in_noise,
@@ -245,7 +246,31 @@ def test_false_alarms_fall_with_the_factor_and_trust_with_the_misfit():
     told = [false_alarm_log10(x) for x in (-10.0, 0.0, 5.0, 50.0)]
     assert told[0] == 0.0
     assert (np.diff(told) <= 0).all()
-    assert [trust_in_noise(x) for x in (0.9, 1.55, 3.0)] == pytest.approx([1.0, 0.5, 0.0])
+    assert [trust_in_noise(x) for x in (0.9, 1.3, 3.0)] == pytest.approx([1.0, 0.5, 0.0])
+
+
+def test_a_factor_that_healthy_recordings_reach_is_no_alarm():
+    factors = np.linspace(-5.0, 300.0, 40)
+    alone = np.array([false_alarm_among(x, ()) for x in factors])
+    assert alone == pytest.approx([false_alarm_log10(x) for x in factors])
+    calm = np.array([false_alarm_among(x, (-8.0, -5.0, -6.0)) for x in factors])
+    wild = np.array([false_alarm_among(x, (57.0, 26.0, 28.0)) for x in factors])
+    assert (np.diff(calm) <= 0).all()
+    assert (alone <= calm + 1e-12).all()
+    assert (calm <= wild).all()
+    # as much as the others reached is nothing unusual; ten times as much is
+    assert false_alarm_among(57.0, (57.0, 26.0, 28.0)) > -1.0
+    assert false_alarm_among(570.0, (57.0, 26.0, 28.0)) < -2.0
+
+
+def test_the_law_among_few_healthy_ones_holds_for_exponential_excesses():
+    rng = np.random.default_rng(5)
+    told = []
+    for _ in range(20_000):
+        *healthy, new = 20.0 * rng.exponential(size=4) - 2.0
+        told.append(false_alarm_among(new, healthy))
+    assert np.mean(np.array(told) < -1.0) == pytest.approx(0.1, rel=0.1)
+    assert np.mean(np.array(told) < -2.0) == pytest.approx(0.01, rel=0.3)
 
 
 def test_means_of_logarithms_do_not_overflow():

@@ -108,7 +108,7 @@ def is_comment(line: str) -> bool:
 
 def is_number(field: str, decimal: str) -> bool:
     body = field[1:] if field[:1] in ("+", "-") else field
-    match = re.fullmatch(r"([0-9]*)(?:([.,])([0-9]*))?(?:[eEdD][+-]?[0-9]{1,4})?", body)
+    match = re.fullmatch(r"([0-9]*)(?:([.,])([0-9]*))?(?:[eEdD][+-]?[0-9]+)?", body)
     if match is None or match[2] not in (None, decimal):
         return False
     return bool(match[1] or match[3])

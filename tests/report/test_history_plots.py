@@ -52,13 +52,32 @@ def test_losses_limit_and_scores_are_drawn():
     with style():
         figure = history_figure(found, [0.0] * 14)
     upper, lower = figure.axes
-    assert {"stage 1, pinion, tooth 2", "limit", "healthy", "fault", "known loss"} <= labels(figure)
+    assert {
+        "stage 1, pinion, tooth 2",
+        "trend, 90 % interval",
+        "limit",
+        "healthy",
+        "fault",
+        "known loss",
+    } <= labels(figure)
     assert "(%)" in upper.get_ylabel()
-    assert lower.get_ylabel() == "Score"
+    assert lower.get_ylabel().startswith("Score (")
+    figure.draw_without_rendering()
+    drawn = figure.legends[0].get_window_extent()
+    assert drawn.x0 >= 0
+    assert drawn.y0 >= upper.get_window_extent().y1
     limit = [line for line in upper.lines if line.get_label() == "limit"]
     assert limit[0].get_ydata()[0] == pytest.approx(30.0)
     begin = found.teeth[0].trend.changes[0].time_s / 86400.0
     assert any(np.allclose(line.get_xdata(), begin) for line in upper.lines)
+
+
+def test_losses_of_sound_teeth_do_not_fill_the_picture():
+    quiet = history(count=4)
+    with style():
+        upper, lower = history_figure(history_trends(quiet)).axes
+    assert upper.get_ylim()[1] >= 5.0
+    assert lower.get_ylim()[1] >= 2.0
 
 
 def test_without_estimates_only_the_scores_are_drawn(tmp_path):

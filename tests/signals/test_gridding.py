@@ -64,8 +64,6 @@ def test_dense_knots_and_sparse_ones_give_the_same_steps():
     samples = white((1, 8000), seed=2)
     kernel = Kernel.of(8, 1.5)
     dense, sparse = track_of(turns, 4.0, 2000), track_of(turns, 4.0, 50)
-    assert gridding._part(dense, 20.0, 60.0)[1] * gridding._SPARSE * gridding._NODES > 4000
-    assert gridding._part(sparse, 20.0, 60.0)[1] * gridding._SPARSE * gridding._NODES < 40_000
     one, other = (spread_of(samples, track, 100.0, kernel, 20.0, 4000) for track in (dense, sparse))
     assert np.abs(one - other).max() < 0.05 * np.abs(one).max()
 
@@ -80,7 +78,6 @@ def test_stretches_do_not_depend_on_where_they_begin(monkeypatch):
     samples, kernel = white((2, 8001), seed=4), Kernel.of(8, 1.5)
     whole = spread_of(samples, track, 120.0, kernel, 0.0, 9600)
     monkeypatch.setattr(gridding, "_PIECE", 700)
-    monkeypatch.setattr(gridding, "_STRETCH", 2000)
     parts = spread_of(samples, track, 120.0, kernel, 0.0, 9600)
     np.testing.assert_allclose(
         parts, whole, atol=5e-5

@@ -123,14 +123,17 @@ def alike(first: float, second: float) -> bool:
     return first == second and math.copysign(1, first) == math.copysign(1, second)
 
 
-@pytest.mark.parametrize("way", ["blocks", "compiled blocks", "whole"])
+@pytest.mark.parametrize("way", ["blocks", "compiled blocks", "pandas", "polars"])
 @pytest.mark.parametrize("block_bytes", [37, 256 * 1024])
 def test_damaged_files_give_the_slow_readers_numbers_or_an_error(
     block_bytes, way, tmp_path, monkeypatch
 ):
-    if way != "blocks":
+    if way == "polars":
+        pytest.importorskip("polars", minversion="2.1")
+    elif way != "blocks":
         pytest.importorskip("pandas", minversion="3.1")
-    monkeypatch.setattr(whole, "_SMALLEST", 0 if way == "whole" else 2**40)
+    monkeypatch.setattr(whole, "is_at_hand", lambda **_: way == "polars")
+    monkeypatch.setattr(whole, "_SMALLEST", 0 if way in ("pandas", "polars") else 2**40)
     monkeypatch.setattr(Source.blocks, "__defaults__", (block_bytes,))
     monkeypatch.setattr(table, "COMPILED_BLOCK_BYTES", block_bytes)
     monkeypatch.setattr(table, "is_worthwhile", lambda *_: way == "compiled blocks")

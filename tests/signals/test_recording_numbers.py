@@ -114,3 +114,13 @@ def test_a_field_may_be_longer_than_any_word():
     found = parse_block(block, 2, ",", ".")
     assert found[0, 0] == 1.23456789e-25
     assert found[1, 0] == float("1" * 60)
+
+
+@pytest.mark.parametrize(
+    "field",
+    [str(2**64) + ".5", str(2**65), "2" + "0" * 36, "0" * 60 + "2" + "0" * 36,
+     "0." + "0" * 40 + "7", str(2**64) + ".", "-" + str(3 * 2**64) + ".25e-3"],
+)  # fmt: skip
+def test_digits_beyond_a_word_are_never_dropped(field):
+    found = parse_block(f"1.5\n{field}\n".encode(), 1, ";", ".")
+    assert found[1, 0] == float(field)

@@ -9,6 +9,7 @@ from reference.synthetic_signals import lines_on, wandering_turns, white
 
 from gearmon.errors import ArgumentError
 from gearmon.gears.kinematics import kinematics
+from gearmon.signals import phase_lock
 from gearmon.signals.comb import peak_refined
 from gearmon.signals.phase import constant_track
 from gearmon.signals.phase_lock import lock_track
@@ -181,3 +182,19 @@ def test_angle_of_the_cases_rises_as_told(law):
     assert speed.mean() == pytest.approx(25.0 * 1.05, rel=0.08)
     expected = 0.05 if law == "wander" else 0.05 / np.sqrt(12)
     assert speed.std() / speed.mean() == pytest.approx(expected, rel=0.4)
+
+
+@pytest.mark.parametrize("count", [3, 4, 30])
+def test_five_diagonals_are_solved_as_the_dense_system(monkeypatch, count):
+    generator = np.random.default_rng(count)
+    band = generator.standard_normal((3, count))
+    band[0] += 6.0
+    dense = np.diag(band[0])
+    for k in (1, 2):
+        side = np.diag(band[k, : count - k], k)
+        dense += side + side.T
+    right = generator.standard_normal(count)
+    slow = np.linalg.solve(dense, right)
+    np.testing.assert_allclose(phase_lock._solve_banded(band, right), slow, rtol=1e-10)
+    monkeypatch.setattr(phase_lock, "_LONG", 0)
+    np.testing.assert_allclose(phase_lock._solve_banded(band, right), slow, rtol=1e-10)

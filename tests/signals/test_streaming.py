@@ -17,6 +17,7 @@ from gearmon.signals.phase import constant_track
 from gearmon.signals.recording import read_recording
 from gearmon.signals.streaming import open_recording
 from gearmon.signals.streaming_average import stream_average
+from gearmon.signals.streaming_reading import positions, read_between
 from gearmon.signals.streaming_statistics import Moments, stream_indicators
 from gearmon.signals.streaming_tacho import stream_pulses
 from gearmon.signals.tacho import find_pulses, track_from_pulses
@@ -188,12 +189,61 @@ class TestAverage:
                 stream_average(stream, track, shaft_order=0.0004)
 
 
+class TestReadingBetweenSamples:
+    @pytest.mark.parametrize(
+        ("frequency", "error"), [(0.0, 1e-14), (0.03, 1e-5), (0.1, 1e-5), (0.15, 1e-5), (0.2, 1e-4)]
+    )
+    def test_tones(self, frequency, error):
+        def tone(at):
+            return 2.0 + np.cos(2 * np.pi * frequency * at + 0.4)
+
+        at = np.sort(RNG.uniform(10, 9980, 9000))
+        found = read_between(tone(np.arange(10_000.0))[None], at)
+        assert np.abs(found - tone(at)).max() < max(error, 1e-14 * 3)
+
+    def test_samples_come_back_and_a_ramp_goes_on_at_the_ends(self):
+        values = RNG.normal(size=(2, 500))
+        assert np.allclose(read_between(values, np.arange(500.0)), values, rtol=0, atol=1e-6)
+        ramp = np.arange(500.0)[None]
+        at = np.linspace(0, 499, 4000)
+        assert np.allclose(read_between(ramp, at), at, rtol=0, atol=2e-3)
+        inside = (at > 6) & (at < 493)
+        assert np.allclose(read_between(ramp, at)[:, inside], at[inside], rtol=0, atol=1e-4)
+
+    @pytest.mark.parametrize("knots", [2, 40, 2000])
+    def test_places_are_those_of_the_track(self, knots):
+        time = np.linspace(0.0, 10.0, knots)
+        turns = 20.0 * time + 0.05 * np.sin(time)
+        track = AngleTrack(time_s=time, turns=turns, method="tacho", uncertainty_turns=0.0)
+        for first, count in ((3.25, 5000), (11.0, 17), (0.5, 1)):
+            wanted = track.time_at(first + np.arange(count) / 400) * RATE
+            found = positions(track, first, 400, count, RATE)
+            assert np.abs(found - wanted).max() < 1e-3
+
+
 class TestTacho:
     @pytest.mark.parametrize("samples", [50, 1000, 1 << 18])
     def test_equal_those_of_the_whole_recording(self, path, samples):
         expected = find_pulses(read_recording(path, tacho=2).samples[1], RATE)
         with open_recording(path, tacho=2) as stream:
             found = stream_pulses(stream, samples=samples)
+        assert np.allclose(found.time_s, expected.time_s, rtol=0, atol=1e-12)
+
+    def test_uneven_pulses_are_learned_as_in_memory(self, tmp_path):
+        # three stripes a turn at 0, 0.2 and 0.7 of it: intervals of 0.2, 0.5 and 0.3
+        turns = 12.0 * TIME[:60_000] + 0.2 * np.sin(2 * np.pi * 0.2 * TIME[:60_000])
+        away = np.mod(turns[:, None] - np.array([0.0, 0.2, 0.7]) + 0.5, 1) - 0.5
+        wave = np.clip(40.0 * (0.03 - np.abs(away).min(axis=1)), 0.0, 1.0)
+        wave[20_000:20_350] = 0.0  # a stripe or two go unseen
+        target = tmp_path / "stripes.wav"
+        wavfile.write(target, int(RATE), np.stack([RNG.normal(size=60_000), wave], 1).astype("f4"))
+        expected = find_pulses(read_recording(target, tacho=2).samples[1], RATE, per_turn=3)
+        with open_recording(target, tacho=2) as stream:
+            found = stream_pulses(stream, per_turn=3, samples=1000)
+            with pytest.raises(RecordingError, match=r"stripes\.wav: tacho .* at most 2 %"):
+                stream_pulses(stream)
+        assert 1 <= expected.missing <= 3
+        assert (found.missing, found.extra) == (expected.missing, expected.extra)
         assert np.allclose(found.time_s, expected.time_s, rtol=0, atol=1e-12)
 
     def test_no_tacho_channel(self, path):

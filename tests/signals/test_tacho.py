@@ -219,3 +219,13 @@ def test_many_pulses_a_turn_are_asked_for_and_not_guessed(count, slip):
     # 60 pulses at 1 % slip come at 59.4 a nominal turn: 59 and 60 are equally possible
     with pytest.raises(RecordingError, match="pulses_per_turn"):
         pulses_per_turn(evenly(count * 25.0 * (1 + slip)), 25.0)
+
+
+def test_a_waveform_is_no_row_of_pulse_times():
+    wave = np.sin(2 * np.pi * 25 * np.arange(2000) / 5000)
+    with pytest.raises(RecordingError, match=r"does not come after .* give it to find_pulses"):
+        track_from_pulses(TachoPulses(time_s=wave), 1, 1.0, 0.4)
+    with pytest.raises(RecordingError, match="pulse 3 has no finite time"):
+        TachoPulses(time_s=np.array([0.0, 1.0, np.nan]))
+    with pytest.raises(RecordingError, match="a row of times is needed"):
+        TachoPulses(time_s=np.zeros((2, 5)))

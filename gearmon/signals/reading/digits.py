@@ -199,7 +199,9 @@ def _values(text: Bytes, parts: _Mantissas, powers: Integers | None) -> tuple[Fl
     crowded = not known.all()
     if crowded:  # 0.00001234567890123456789 is still a matter of 19 digits
         leading = _word(text, parts.end - 2 * _WORD, parts.after - 2 * _WORD)
-        known |= (mantissa == 0) & (leading < 1000) & (parts.after <= _MOST_WORDS * _WORD)
+        # of more digits before the point the number may be a multiple of 2**64
+        nothing = (mantissa == 0) & (parts.before <= _MOST_DIGITS)
+        known |= nothing & (leading < 1000) & (parts.after <= _MOST_WORDS * _WORD)
     mantissa *= _POWERS.take(parts.after, mode="clip")
     mantissa += _digits(text, parts.end, parts.after)
     if crowded:

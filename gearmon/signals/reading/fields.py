@@ -23,7 +23,7 @@ _MISSING = frozenset(_NO_VALUE.split())
 def _number(decimal: str) -> re.Pattern[str]:
     point = re.escape(decimal)
     digits = rf"[+-]?(?:[0-9]+(?:{point}[0-9]*)?|{point}[0-9]+)"
-    return re.compile(rf"{digits}(?:[eEdD][+-]?[0-9]{{1,4}})?")
+    return re.compile(rf"{digits}(?:[eEdD][+-]?[0-9]+)?")
 
 
 def is_number(field: str, decimal: str) -> bool:

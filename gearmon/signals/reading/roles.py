@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -64,6 +65,8 @@ class Interpreted:
         What was assumed or left out.
     time : Column or None
         The time column.
+    finite : bool
+        Whether all samples are known to be finite, also after they were multiplied.
     """
 
     samples: Floats
@@ -72,6 +75,7 @@ class Interpreted:
     rate_hz: float
     notes: tuple[str, ...]
     time: Column | None = None
+    finite: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,7 +140,7 @@ def _interpreted(content: Content, wanted: Wanted) -> Interpreted:
     columns, remarks = _confirmed(content, columns, spoken)
     time = _time_column(columns)
     rate = sampling_rate(content, time, wanted.sampling_rate_hz, "; ".join(remarks))
-    kept, left_out = _usable(content, columns, spoken)
+    kept, left_out, largest = _usable(content, columns, spoken)
     samples = _taken(content.values, kept)
     parted = [_unit_and_scale(columns[index], spoken.sensors.get(index)) for index in kept]
     for row, (_, scale) in enumerate(parted):
@@ -151,6 +155,9 @@ def _interpreted(content: Content, wanted: Wanted) -> Interpreted:
         rate_hz=rate.rate_hz,
         notes=tuple(note for note in notes if note),
         time=time,
+        finite=all(
+            math.isfinite(size * scale) for size, (_, scale) in zip(largest, parted, strict=True)
+        ),
     )
 
 
@@ -242,9 +249,9 @@ def _time_column(columns: Sequence[Column]) -> Column | None:
 
 def _usable(
     content: Content, columns: Sequence[Column], wanted: _Spoken
-) -> tuple[list[int], list[str]]:
-    """Return the indices of the columns to keep, and notes on those left out."""
-    kept, notes, bad = [], [], []
+) -> tuple[list[int], list[str], list[float]]:
+    """Return the columns to keep, notes on those left out, and the sizes of those kept."""
+    kept, notes, bad, largest = [], [], [], []
     looked_at = [
         index
         for index, column in enumerate(columns)
@@ -258,11 +265,12 @@ def _usable(
             bad.append(note)
         else:
             kept.append(index)
+            largest.append(max(abs(found.low), abs(found.high)))
         if note:
             notes.append(f"{note}: left out" if fatal else note)
     if not any(columns[index].kind == "vibration" for index in kept):
         _raise_no_channel(content.path, columns, bad)
-    return kept, notes
+    return kept, notes, largest
 
 
 def _is_unwanted(index: int, column: Column, wanted: _Spoken) -> bool:

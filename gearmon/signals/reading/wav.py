@@ -101,7 +101,8 @@ def _samples(layout: _Layout, start: int, stop: int) -> Floats:
     if layout.tag == _INTEGERS:
         if layout.bits == 8:
             values -= _BIAS_8_BITS
-        values /= 2.0 ** (31 if layout.bits == 24 else layout.bits - 1)
+        # by a power of two: as exact as a division, and quicker
+        values *= 0.5 ** (31 if layout.bits == 24 else layout.bits - 1)
     return values
 
 

@@ -1,62 +1,75 @@
-"""Large plain files in one go through the parallel parser of pandas, where nothing is in doubt.
+"""Large plain files in one go through a parallel parser, where nothing is in doubt.
 
-The parser of pandas 3.1 rounds correctly and uses all cores. It is lenient in ways that are not
-wanted here, so the bytes of the file are looked at first: as many line ends as there come out rows,
-no blanks or zero bytes, no exponent of more than four digits. What fails any of this, or is no
-number to pandas (a field that is missing neither), is left to the blocks, which say what is wrong
-and where.
+The parsers of pandas 3.1 and of polars round correctly and use all cores. Either is lenient in ways
+that are not wanted here, so another thread looks at the bytes of the file meanwhile: for pandas at
+zero bytes, at exponents of more than four digits, and at as many line ends as there come out rows;
+for polars see `strict`. What fails any of this, or is no number to either (a field that is missing
+neither), is left to the blocks, which say what is wrong and where.
 
-The parser takes about three times the memory of the numbers while it works.
+The parsers take up to three times the memory of the numbers while they work.
 """
 
 from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
+from gearmon.signals.reading.byte_scan import (
+    has_lone_return,
+    has_long_exponent,
+    line_feeds,
+    pieces,
+)
 from gearmon.signals.reading.compiled import is_exact
 from gearmon.signals.reading.dialect import Layout
 from gearmon.signals.reading.rounding import Floats
 from gearmon.signals.reading.source import Source
+from gearmon.signals.reading.strict import is_at_hand, parse_strictly
 
 Bytes = npt.NDArray[np.uint8]
 
 _SMALLEST, _LARGEST = 8 * 1024 * 1024, 1024 * 1024 * 1024
-# Loading pandas costs as much as it saves in a file of this size.
+# Loading pandas or polars costs as much as it saves in a file of this size.
 _WORTH_LOADING = 192 * 1024 * 1024
-_SHARE = 8 * 1024 * 1024  # of one thread at a time
+# Up to so many columns polars is quicker than pandas.
+_FEW_COLUMNS = 2
 _PIECE = 64 * 1024
-_AHEAD = 16  # bytes beyond a piece: an exponent at its end is seen whole
 _NO_QUOTES: Literal[3] = 3
-_SPACE, _NEWLINE, _TAB, _RETURN = b" \n\t\r"
-_UPPER_E, _LOWER_E, _TO_LOWER = ord("E"), ord("e"), 0x20
-_LONGEST_EXPONENT = 4
+_NEWLINE = ord("\n")
 _TAIL = 64 * 1024
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Counts:
-    lines: int
-    returns: int
-    clean: bool
-
-
 def is_eligible(source: Source, layout: Layout) -> bool:
-    """Tell whether a file may be read in one go: plain, large but not too large, pandas at hand."""
+    """Tell whether a file may be read in one go: plain, large but not too large, parser at hand."""
     dialect = layout.dialect
     if source.content is not None or source.zipped or source.encoding:
         return False
     if dialect.stamp is not None or dialect.trailing or dialect.separator == " ":
         return False
-    least = _SMALLEST if "pandas" in sys.modules else _WORTH_LOADING
-    return least <= os.path.getsize(source.path) <= _LARGEST and is_exact()
+    size = os.path.getsize(source.path)
+    if not _SMALLEST <= size <= _LARGEST:
+        return False
+    return _parser(dialect.columns, size) is not None
+
+
+def _parser(columns: int, size: int) -> Callable[[Source, Layout, int], Floats | None] | None:
+    """Return the quicker parser of those that are loaded or, for a large file, installed."""
+    parsers = ((is_at_hand, _by_polars), (_has_pandas, _by_pandas))
+    load = size >= _WORTH_LOADING
+    for has, parse in parsers if columns <= _FEW_COLUMNS else parsers[::-1]:
+        if has(load=load):
+            return parse
+    return None
+
+
+def _has_pandas(*, load: bool) -> bool:
+    return ("pandas" in sys.modules or load) and is_exact()
 
 
 def parse_file(source: Source, layout: Layout) -> Floats | None:
@@ -73,43 +86,60 @@ def parse_file(source: Source, layout: Layout) -> Floats | None:
     -------
     ndarray of float64, shape (columns, rows), or None
     """
-    import pandas
-
-    dialect = layout.dialect
     text = np.asarray(np.memmap(source.path, np.uint8, "r"))
     begin = _start_of_line(text, layout.first_line)
     if begin is None:
         return None
-    counts = _count(source.path, begin, len(text), tabbed=dialect.separator == "\t")
-    rows = counts.lines + int(text[-1] != _NEWLINE)
-    if not counts.clean:
-        return None
-    if counts.returns not in (0, counts.lines):  # not the line ends of one system
-        return None
-    try:
-        frame = pandas.read_csv(
-            os.path.abspath(source.path),
-            sep=dialect.separator or ("," if dialect.decimal != "," else ";"),
-            decimal="." if dialect.decimal == dialect.separator else dialect.decimal,
-            header=None,
-            skiprows=layout.first_line - 1,
-            dtype=float,
-            na_filter=False,
-            quoting=_NO_QUOTES,
-            skip_blank_lines=False,
-            compression=None,
-            engine="c",
-        )
-    except (ValueError, OverflowError):  # any text that is no number
-        return None
-    values: Floats = frame.to_numpy()
-    if values.shape != (rows, dialect.columns):
-        return None
+    parse = _parser(layout.dialect.columns, len(text))
+    del text  # its pages count as memory
+    return None if parse is None else parse(source, layout, begin)
+
+
+def _by_polars(source: Source, layout: Layout, begin: int) -> Floats | None:  # noqa: ARG001
+    return parse_strictly(source.path, layout.dialect, layout.first_line)
+
+
+def _by_pandas(source: Source, layout: Layout, begin: int) -> Floats | None:
+    import pandas
+
+    dialect = layout.dialect
+    with ThreadPoolExecutor(1) as pool:
+        counted = pool.submit(_lines, source.path, begin)
+        try:
+            frame = pandas.read_csv(
+                os.path.abspath(source.path),
+                sep=dialect.separator or ("," if dialect.decimal != "," else ";"),
+                decimal="." if dialect.decimal == dialect.separator else dialect.decimal,
+                header=None,
+                skiprows=layout.first_line - 1,
+                dtype=float,
+                na_filter=False,
+                quoting=_NO_QUOTES,
+                skip_blank_lines=False,
+                compression=None,
+                engine="c",
+            )
+        except (ValueError, OverflowError):  # any text that is no number
+            return None
+        values: Floats = frame.to_numpy()
+        if values.shape != (counted.result(), dialect.columns):
+            return None
     # pandas locks what it hands out; the frame ends here, so the numbers are nobody else's
     if not values.flags.writeable and (values.base is None or values.base.flags.writeable):
         values.flags.writeable = True
     by_column = np.ascontiguousarray(values.T)
     return by_column if by_column.flags.writeable else by_column.copy()
+
+
+def _lines(path: str, begin: int) -> int:
+    """Return how many lines a file has from a byte on; -1 where anything in it is in doubt."""
+    lines = 0
+    piece = None
+    for piece in pieces(path, begin):
+        if b"\0" in piece.text or has_lone_return(piece) or has_long_exponent(piece):
+            return -1
+        lines += line_feeds(piece)
+    return lines + int(piece is not None and piece.text[-1] != _NEWLINE)
 
 
 def tail(source: Source) -> tuple[bytes, bool]:
@@ -125,7 +155,7 @@ def tail(source: Source) -> tuple[bytes, bool]:
 def _start_of_line(text: Bytes, line: int) -> int | None:
     """Return where the line (counted from 1) begins; None if fewer line feeds than that are there.
 
-    A lone carriage return ends a line as well, but not here.
+    A lone carriage return ends a line as well, but not here: it gives None too.
     """
     begin, missing = 0, line - 1
     while missing:
@@ -133,73 +163,9 @@ def _start_of_line(text: Bytes, line: int) -> int | None:
             return None
         ends = np.flatnonzero(text[begin : begin + _PIECE] == _NEWLINE)
         if len(ends) >= missing:
-            return begin + int(ends[missing - 1]) + 1
+            begin += int(ends[missing - 1]) + 1
+            above = text[:begin].tobytes()
+            return begin if above.count(b"\r") == above.count(b"\r\n") else None
         missing -= len(ends)
         begin += _PIECE
     return begin
-
-
-def _count(path: str, begin: int, end: int, *, tabbed: bool) -> _Counts:
-    """Count what ends lines, and look for what is left to the blocks, with all cores."""
-    starts = range(begin, end, _SHARE)
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        found = list(
-            pool.map(
-                lambda start: _counted(path, start, min(start + _SHARE, end), tabbed=tabbed),
-                starts,
-            )
-        )
-    return _Counts(
-        lines=sum(one.lines for one in found),
-        returns=sum(one.returns for one in found),
-        clean=all(one.clean for one in found),
-    )
-
-
-def _counted(path: str, begin: int, end: int, *, tabbed: bool) -> _Counts:
-    lines = returns = 0
-    # used again and again, so that they stay in the cache; mapped pages would cost more than this
-    held, mask = bytearray(_PIECE + _AHEAD), np.empty(_PIECE, np.bool_)
-    text = np.frombuffer(held, np.uint8)
-    clean = True
-    for start, got in _pieces(path, begin, end, held):
-        wanted = min(_PIECE, end - start)
-        if got < wanted:
-            return _Counts(lines=0, returns=0, clean=False)  # cut while it is read
-        piece, own = text[:wanted], mask[:wanted]
-        ends = int(np.count_nonzero(np.equal(piece, _NEWLINE, out=own)))
-        blanks = int(np.count_nonzero(np.less_equal(piece, _SPACE, out=own))) - ends
-        if blanks and tabbed:
-            blanks -= int(np.count_nonzero(np.equal(piece, _TAB, out=own)))
-        if blanks:
-            turns = int(np.count_nonzero(np.equal(piece, _RETURN, out=own)))
-            clean &= blanks == turns
-            returns += turns
-        lines += ends
-        if piece.max() >= _UPPER_E:
-            letters = np.flatnonzero(np.greater_equal(piece, _UPPER_E, out=own))
-            exponents = letters[piece[letters] | _TO_LOWER == _LOWER_E]
-            clean &= not _has_long_exponent(text[:got], exponents)
-    return _Counts(lines=lines, returns=returns, clean=clean)
-
-
-def _pieces(path: str, begin: int, end: int, held: bytearray) -> Iterator[tuple[int, int]]:
-    """Read a stretch of a file piece by piece; yield where each begins, and how many bytes came."""
-    with open(path, "rb", buffering=0) as file:
-        for start in range(begin, end, _PIECE):
-            file.seek(start)
-            yield start, file.readinto(held)
-
-
-def _has_long_exponent(text: Bytes, letters: npt.NDArray[np.int64]) -> bool:
-    """Tell whether more than four digits follow a sign or the letter e itself."""
-    if not len(letters):
-        return False
-    last = len(text) - 1
-    after = np.minimum(letters + 1, last)
-    signed = (text[after] == ord("+")) | (text[after] == ord("-"))
-    digits = np.ones(len(letters), np.bool_)
-    for step in range(1, _LONGEST_EXPONENT + 2):
-        characters = text[np.minimum(letters + signed + step, last)]
-        digits &= characters - np.uint8(ord("0")) <= 9
-    return bool(digits.any())

@@ -1,0 +1,199 @@
+"""What is heard in a recording: the lines of its meshes, and how clearly they stand out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearmon.gears.kinematics import Kinematics, Mesh
+from gearmon.signals.angle import AngleTrack
+from gearmon.signals.comb import SpeedScan, SpeedTrack, scan_speed
+from gearmon.signals.order_sums import OrderSums
+from gearmon.signals.phase import standing_share
+from gearmon.signals.presence import MeshEvidence, mesh_evidence
+from gearmon.signatures.families import group_orders
+from gearmon.signatures.speed import SPEED_TOLERANCE, machine_comb, mesh_combs
+
+FloatArray = NDArray[np.float64]
+
+# Scan about a followed speed, for judging whether a mesh is there [turns, reach].
+_JUDGED_TURNS = 20.0
+_JUDGED_REACH = 0.012
+# Harmonics of each mesh whose phases are followed.
+_HARMONICS = 6
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tracking:
+    """The angle of shaft 1, and what was found on the way.
+
+    Parameters
+    ----------
+    track : AngleTrack
+        Angle of shaft 1.
+    nominal_hz : float
+        The nominal speed that is meant [Hz].
+    scan : SpeedScan
+        Scan about the speed, from which the evidence comes.
+    evidence : tuple of MeshEvidence
+        How clearly each mesh stands out.
+    notes : tuple of str
+        What the reader should know.
+    """
+
+    track: AngleTrack
+    nominal_hz: float
+    scan: SpeedScan
+    evidence: tuple[MeshEvidence, ...]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def plan_hz(self) -> float:
+        """Speed for which orders are planned [Hz]: nominal, unless they would leave the band."""
+        highest = float(self.track.speed_hz.max())
+        return self.nominal_hz if highest < 1.06 * self.nominal_hz else highest
+
+    @property
+    def standing(self) -> int:
+        """Meshes that stand out."""
+        return sum(seen.stands_out for seen in self.evidence)
+
+    @property
+    def convincing(self) -> bool:
+        """Whether several harmonics of meshes that stand out are clear."""
+        return sum(seen.clear for seen in self.evidence if seen.stands_out) >= 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class Heard:
+    """Vibration and what is listened for in it.
+
+    Parameters
+    ----------
+    samples : ndarray of float, shape (channels, n)
+        Vibration.
+    rate : float
+        Sampling rate [Hz].
+    train : Kinematics
+        Orders of the machine.
+    nominal_hz : float
+        Speed of shaft 1 that is meant [Hz].
+    """
+
+    samples: FloatArray
+    rate: float
+    train: Kinematics
+    nominal_hz: float
+
+    @property
+    def last_s(self) -> float:
+        """Time of the last sample [s]."""
+        return float((self.samples.shape[-1] - 1) / self.rate)
+
+    def orders(self, speed_hz: float) -> FloatArray:
+        """Mesh harmonics whose phases are followed while the speed is at most `speed_hz`."""
+        top = 0.45 * self.rate / speed_hz
+        found = {
+            float(order)
+            for mesh in self.train.meshes
+            for k in range(1, _HARMONICS + 1)
+            for order in _followed(mesh, k)
+        }
+        return np.array(sorted(order for order in found if order < top))
+
+    def sums(self) -> OrderSums | None:
+        """Lines of the meshes about the nominal speed; None if all lie beyond the band."""
+        orders = self.orders(self.nominal_hz * (1 + SPEED_TOLERANCE))
+        return OrderSums(self.samples, self.rate, orders) if len(orders) else None
+
+    def share(self, track: AngleTrack) -> float:
+        """Share of the mesh lines' power that stands still in the angle of a track."""
+        orders = self.orders(float(track.speed_hz.max()))
+        return standing_share(self.samples, self.rate, track, orders) if len(orders) else 0.0
+
+
+def _followed(mesh: Mesh, harmonic: int) -> tuple[Fraction, ...]:
+    """Lines of one mesh harmonic whose phase is followed: those that the planets leave."""
+    if mesh.carrier == 0:
+        return (harmonic * mesh.exact,)
+    return group_orders(mesh, harmonic)
+
+
+def judge(heard: Heard, track: AngleTrack) -> Tracking:
+    """Judge the meshes on a scan about a track whose speed changes or is far from nominal.
+
+    Parameters
+    ----------
+    heard : Heard
+        The recording.
+    track : AngleTrack
+        Angle of shaft 1.
+
+    Returns
+    -------
+    Tracking
+    """
+    time_s = np.linspace(0.0, heard.last_s, 2 + int(8 * heard.last_s))
+    middle = 0.5 * (time_s[1:] + time_s[:-1])
+    speed = np.diff(track.turns_at(time_s)) / np.diff(time_s)
+    around = SpeedTrack(time_s=middle, speed_hz=speed, resolution_hz=float("nan"))
+    block_s = min(_JUDGED_TURNS / float(speed.mean()), 0.25 * heard.last_s)
+    comb = machine_comb(heard.train)
+    scan = scan_speed(
+        heard.samples, heard.rate, comb, heard.nominal_hz, _JUDGED_REACH, block_s, around=around
+    )
+    centre_hz = float(np.mean(scan.middle_hz))
+    return Tracking(
+        track=track,
+        nominal_hz=heard.nominal_hz,
+        scan=scan,
+        evidence=evidence_of(heard, scan, centre_hz, _JUDGED_REACH),
+    )
+
+
+def evidence_of(
+    heard: Heard, scan: SpeedScan, centre_hz: float, tolerance: float
+) -> tuple[MeshEvidence, ...]:
+    """Tell how clearly each mesh stands out in a scan.
+
+    Parameters
+    ----------
+    heard : Heard
+        The recording.
+    scan : SpeedScan
+        The scan.
+    centre_hz : float
+        Speed about which it looked [Hz].
+    tolerance : float
+        How far, as a fraction.
+
+    Returns
+    -------
+    tuple of MeshEvidence
+        One a mesh.
+    """
+    orders = [shaft.order for shaft in heard.train.shafts]
+    return mesh_evidence(scan, mesh_combs(heard.train), orders, centre_hz, tolerance)
+
+
+def wander(track: AngleTrack) -> float:
+    """Relative standard deviation of the speed over half seconds.
+
+    Parameters
+    ----------
+    track : AngleTrack
+        Angle of shaft 1.
+
+    Returns
+    -------
+    float
+        0 for a track of less than a second and a half.
+    """
+    halves = np.arange(track.time_s[0], track.time_s[-1], 0.5)
+    if len(halves) < 3:
+        return 0.0
+    turns = np.diff(track.turns_at(halves))
+    return float(np.std(turns) / np.mean(turns))

@@ -1,0 +1,229 @@
+"""The angle of shaft 1 without a tachometer: a steady comb, or a followed one.
+
+The steady comb is tried first, within 3 % of a nominal speed. Where its lines do not stand still in
+the angle that it gives, or no mesh shows at it, the speed is looked for in short blocks and far
+about the nominal one, and kept only if the mesh stands out better at the speeds so found.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from gearmon.machine import Machine
+from gearmon.signals.angle import AngleTrack
+from gearmon.signals.comb import scan_speed
+from gearmon.signals.order_lines import order_quality
+from gearmon.signals.order_sums import OrderSums
+from gearmon.signals.phase import integrate_speed, refined, share_standing
+from gearmon.signals.phase_lock import locked
+from gearmon.signals.sideband_spacing import spacing_mismatch, spacing_support
+from gearmon.signals.speed_path import find_path, follow_speed
+from gearmon.signatures.hearing import Heard, Tracking, judge, wander
+from gearmon.signatures.speed import SPEED_TOLERANCE, machine_comb, mesh_combs
+
+# Shorter blocks, searched about the track so far, follow a speed that wanders (turns, tolerance).
+_FINER_SCANS = ((10.0, 0.012), (6.0, 0.006))
+# Share of the mesh lines' power that must stand still in angle for a track to be left alone.
+_STANDING = 0.82
+# Below this share shorter blocks do not mend a track: the speed must be followed.
+_NEARLY = 0.6
+# Above this share nothing is left to gain from shorter blocks.
+_STILL = 0.93
+# Below this share the angle of a mesh line is not known to a tenth of its period.
+_LOST = 0.5
+# Wander of the speed from which the ends of a recording need care, relative standard deviation.
+_WANDERS = 1e-3
+# How much more of the lines must stand still before a speed far away is believed.
+_BETTER = 0.02
+# The same if fewer meshes stand out there.
+_FAR_BETTER = 0.2
+# Turns that are looked at for a speed elsewhere, and how far off it counts.
+_LOOK_TURNS = 60.0
+_ELSEWHERE = 0.01
+# How far the speed is looked for when it is not found about nominal.
+_REACH = 0.25
+# Sidebands that contradict or support a followed speed, in robust standard deviations.
+_CONTRADICTED = 6.0
+_SUPPORTED = 3.0
+
+
+def track_by_ear(heard: Heard, sums: OrderSums, first: Tracking, machine: Machine) -> Tracking:
+    """Track without a tachometer, beginning with the track of the comb.
+
+    Parameters
+    ----------
+    heard : Heard
+        The recording.
+    sums : OrderSums
+        Its mesh lines.
+    first : Tracking
+        The steady comb's track and evidence.
+    machine : Machine
+        Nominal speeds.
+
+    Returns
+    -------
+    Tracking
+    """
+    steady, share = _steady(heard, sums, first)
+    calm = share > (_NEARLY if wander(steady) < _WANDERS else _STANDING)
+    if not calm or _elsewhere(heard, first):
+        followed = _follow(heard, machine)
+        if followed is not None and _outdoes(followed, (first, share)):
+            return _with_doubt(heard, *followed)
+        if share <= _STANDING:
+            steady, share = _finer(heard, sums, first, (steady, share))
+    return _with_doubt(heard, replace(first, track=steady), share if first.standing else 1.0)
+
+
+def _elsewhere(heard: Heard, first: Tracking) -> bool:
+    """Whether the comb may stand at another speed: no mesh shows, or one does but a look says so.
+
+    The look is at some turns from the middle of the recording, far about the nominal speed.
+    """
+    if first.standing in (0, len(first.evidence)):
+        return first.standing == 0
+    length = round(_LOOK_TURNS / heard.nominal_hz * heard.rate)
+    begin = max(0, (heard.samples.shape[-1] - length) // 2)
+    part = heard.samples[:, begin : begin + length]
+    path = find_path(part, heard.rate, machine_comb(heard.train), heard.nominal_hz, _REACH)
+    here = begin / heard.rate + path.speed.time_s
+    known = first.scan.track().at(here)
+    return bool(np.median(np.abs(path.speed.speed_hz / known - 1)) > _ELSEWHERE)
+
+
+def _outdoes(followed: tuple[Tracking, float], steady: tuple[Tracking, float]) -> bool:
+    """Whether a followed speed shows more meshes than a steady one, or lines far more still."""
+    more = followed[0].standing - steady[0].standing
+    return more > 0 or followed[1] > steady[1] + (_BETTER if more == 0 else _FAR_BETTER)
+
+
+def _steady(heard: Heard, sums: OrderSums, first: Tracking) -> tuple[AngleTrack, float]:
+    """Refine the comb's track by phases; lock it to them if its speed wanders."""
+    # long blocks part the mesh lines from the sidebands of slow shafts; a calm speed allows them
+    slowest = min(shaft.order for shaft in heard.train.shafts)
+    calm = float(np.clip(2.0 / slowest, 8.0, 20.0))
+    track = refined(sums, first.track, calm)
+    share = share_standing(sums, track)
+    if share > _STANDING and wander(track) > _WANDERS:
+        return _locked(sums, (track, share))
+    if _NEARLY < share < _STILL:
+        best = _better(sums, (track, share), _in_short_blocks(sums, track))
+        # an angle that wobbles puts sidebands of slow shafts beside every mesh line
+        return _better(sums, best, locked(sums, best[0]))
+    return track, share
+
+
+def _locked(sums: OrderSums, known: tuple[AngleTrack, float]) -> tuple[AngleTrack, float]:
+    """Lock a track that wanders to the lines, which shorter blocks lose half a block from the end.
+
+    A path whose delay changes makes lines that a track stands still in turn a little.
+    """
+    return _better(sums, known, locked(sums, known[0]), 0.01)
+
+
+def _in_short_blocks(sums: OrderSums, track: AngleTrack) -> AngleTrack:
+    return refined(sums, track, block_turns=5.0, wander=0.01)
+
+
+def _better(
+    sums: OrderSums, known: tuple[AngleTrack, float], track: AngleTrack, leeway: float = 0.0
+) -> tuple[AngleTrack, float]:
+    """Return the known track, or another one in which the lines stand more still."""
+    share = share_standing(sums, track)
+    return (track, share) if share > known[1] - leeway else known
+
+
+def _finer(
+    heard: Heard, sums: OrderSums, first: Tracking, best: tuple[AngleTrack, float]
+) -> tuple[AngleTrack, float]:
+    """Follow a speed that wanders within the tolerance by scans in shorter blocks."""
+    comb, speed = machine_comb(heard.train), first.scan.track()
+    if best[1] <= _NEARLY:
+        best = _better(sums, best, _in_short_blocks(sums, best[0]))
+    enough = _STANDING
+    for turns, tolerance in _FINER_SCANS:
+        block_s = turns / heard.nominal_hz
+        if best[1] > enough or heard.last_s < 8 * block_s:
+            break
+        enough = _STILL  # once the speed is known to wander, even its last second must be right
+        finer = scan_speed(
+            heard.samples, heard.rate, comb, heard.nominal_hz, tolerance, block_s, around=speed
+        )
+        speed = finer.track()
+        other = _in_short_blocks(sums, integrate_speed(speed, heard.last_s))
+        best = _better(sums, best, other)
+    if best[1] > _STANDING and wander(best[0]) > _WANDERS:
+        best = _locked(sums, best)
+    return best
+
+
+def _follow(heard: Heard, machine: Machine) -> tuple[Tracking, float] | None:
+    """Look for the comb in short blocks far about nominal; None if no mesh stands out there."""
+    comb = machine_comb(heard.train)
+    nominal = {point.shaft1_hz for point in machine.operating}
+    paths = [(find_path(heard.samples, heard.rate, comb, hz, _REACH), hz) for hz in sorted(nominal)]
+    path, nominal_hz = max(paths, key=lambda pair: pair[0].score)
+    heard = replace(heard, nominal_hz=nominal_hz)
+    orders = heard.orders(0.5 * nominal_hz)
+    track = follow_speed(heard.samples, heard.rate, comb, orders, path.speed)
+    judged = judge(heard, track)
+    if not judged.convincing or not _spacing_agrees(heard, judged):
+        return None
+    speeds = path.speed.speed_hz
+    note = (
+        f"the speed was followed over the recording, from {speeds[0]:.4g} to {speeds[-1]:.4g} Hz "
+        f"between {speeds.min():.4g} and {speeds.max():.4g} Hz; nominal is {nominal_hz:.4g} Hz"
+    )
+    return replace(judged, notes=(note,)), heard.share(track)
+
+
+def _spacing_agrees(heard: Heard, judged: Tracking) -> bool:
+    """Whether the sidebands agree with a followed speed; they must show if it is far off.
+
+    A mesh of one tooth more stands at the same lines if the shaft turns a little slower: only the
+    spacing of its sidebands tells.
+    """
+    speeds = judged.track.speed_hz
+    nominal = heard.nominal_hz
+    low, high = (1 - SPEED_TOLERANCE) * speeds.min(), (1 + SPEED_TOLERANCE) * speeds.max()
+    quality = order_quality(
+        heard.samples, heard.rate, judged.track, max(1, heard.samples.shape[-1] >> 18)
+    )
+    supported = False
+    combs = mesh_combs(heard.train)
+    for mesh, comb, seen in zip(heard.train.meshes, combs, judged.evidence, strict=True):
+        if not seen.stands_out or mesh.carrier != 0:
+            continue
+        excess, support = 0.0, 0.0
+        for spacing in comb.spacings:
+            others = [other for other in comb.spacings if other != spacing]
+            excess = max(excess, spacing_mismatch(*quality, comb, spacing, _REACH, others)[0])
+            support = max(support, spacing_support(*quality, comb, spacing, _REACH, others))
+        clear = support >= _SUPPORTED
+        # right sidebands of one gear fix the speed: what beats those of the other is some line else
+        if not (clear and support > excess) and excess > 0 and seen.score - excess < _CONTRADICTED:
+            return False
+        supported = supported or clear
+    return supported or bool(low <= nominal <= high)
+
+
+def _with_doubt(heard: Heard, tracking: Tracking, share: float) -> Tracking:
+    """Say so if the lines do not stand still in the angle that was found."""
+    if share >= _LOST:
+        return tracking
+    order = max(mesh.order for mesh in heard.train.meshes)
+    cycles = np.sqrt(-np.log(max(share, 1e-3))) / (2 * np.pi)
+    known = tracking.track.uncertainty_turns
+    doubt = max(cycles / order, known if np.isfinite(known) else 0.0)
+    note = (
+        f"the angle is doubtful: only {share:.0%} of the power of the mesh lines stands still in "
+        "it; record with a tachometer"
+    )
+    return replace(
+        tracking,
+        track=replace(tracking.track, uncertainty_turns=float(doubt)),
+        notes=(*tracking.notes, note),
+    )

@@ -1,0 +1,81 @@
+"""The angle between two patterns, also where one tooth is louder than all others."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gearmon.diagnosis.gear_pattern import GearPattern, mesh_bands, turning_angle
+from gearmon.diagnosis.gear_turning import turning_beside_event
+
+TEETH, TOP = 29, 6 * 29
+NUMBER = np.arange(TOP + 1)
+
+
+def complex_noise(rng, *shape):
+    return (rng.normal(size=shape) + 1j * rng.normal(size=shape)) / np.sqrt(2)
+
+
+def pattern(lines, noise, rng):
+    return GearPattern(
+        amplitude=lines + noise * complex_noise(rng, *lines.shape),
+        variance=np.full(lines.shape, max(noise, 1e-6) ** 2),
+        usable=(NUMBER > 0) & (NUMBER % TEETH > 0),
+    )
+
+
+def pair(seed, turn, event=0.0, noise=0.05):
+    """Healthy pattern of random teeth, and the same turned, with an event on one tooth."""
+    rng = np.random.default_rng([9, seed])
+    path = np.exp(-2j * np.pi * np.outer(rng.uniform(0, 1.5, 8), NUMBER) / TEETH)
+    path = complex_noise(rng, 2, 8) @ path
+    healthy = path * np.fft.fft(rng.normal(size=TEETH))[NUMBER % TEETH]
+    # the event is heard through another path: it moves no flank, it bends a tooth
+    other = complex_noise(rng, 2, 8) @ np.exp(
+        -2j * np.pi * np.outer(rng.uniform(0, 1.5, 8), NUMBER) / TEETH
+    )
+    tooth = int(rng.integers(TEETH))
+    added = event * other * np.exp(-2j * np.pi * NUMBER * tooth / TEETH)
+    new = healthy * np.exp(2j * np.pi * turn * NUMBER) + added
+    return pattern(healthy, noise, rng), pattern(new, noise, rng), mesh_bands(TEETH, TOP)
+
+
+def error(found, turn):
+    return abs((found - turn + 0.5) % 1.0 - 0.5) * TEETH
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 50), st.floats(0, 1))
+def test_without_an_event_nothing_changes(seed, turn):
+    known, new, bands = pair(seed, turn)
+    found = turning_beside_event(known, new, bands, TEETH)
+    assert error(found, turn) < 0.1
+    assert error(found, turning_angle(known, new, bands)) < 0.1
+
+
+def test_a_loud_tooth_does_not_turn_the_gear():
+    turns = np.random.default_rng(3).uniform(size=40)
+    plain, beside = [], []
+    for seed, turn in enumerate(turns):
+        known, new, bands = pair(seed, turn, event=40.0)
+        plain.append(error(turning_angle(known, new, bands), turn) < 0.5)
+        beside.append(error(turning_beside_event(known, new, bands, TEETH), turn) < 0.5)
+    assert np.mean(plain) < 0.8  # the case is one
+    assert np.mean(beside) > np.mean(plain) + 0.15
+
+
+@pytest.mark.parametrize("event", [0.0, 5.0])
+def test_nothing_healthy_to_turn_is_no_error(event):
+    known, new, bands = pair(1, 0.3, event=event)
+    silent = GearPattern(
+        amplitude=np.zeros_like(known.amplitude), variance=known.variance, usable=known.usable
+    )
+    assert 0.0 <= turning_beside_event(silent, new, bands, TEETH) < 1.0
+    none = GearPattern(
+        amplitude=known.amplitude,
+        variance=known.variance,
+        usable=np.zeros_like(known.usable),
+    )
+    assert 0.0 <= turning_beside_event(none, new, bands, TEETH) < 1.0

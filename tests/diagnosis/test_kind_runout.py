@@ -1,0 +1,115 @@
+"""Growth of the first sidebands: a law that holds, and what must not matter to it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gearmon.diagnosis.flagging import runout_flags
+from gearmon.diagnosis.kind_features import NAMES, FeatureVector
+from gearmon.diagnosis.kind_runout import (
+    PRIOR_DB,
+    PRIOR_WORTH,
+    healthy_turns,
+    runout_growth,
+)
+from gearmon.diagnosis.kind_turns import TurnChange
+from gearmon.signatures.reference import WheelPattern
+
+TEETH = 20
+
+
+def turn(*change_db, stage=1, gear="pinion"):
+    return TurnChange(stage=stage, gear=gear, change_db=np.array(change_db, dtype=float))
+
+
+def log10(*change_db, **more):
+    return runout_growth([turn(*change_db)], **more)[0].log10_probability
+
+
+def test_no_growth_is_nothing():
+    assert runout_growth([]) == ()
+    assert log10(0, 0, 0, 0, 0, 0) == pytest.approx(0.0)
+    assert log10(-20, -20, 0, 0, 0, 0) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("kind", "change"),
+    [("eccentricity", (14, 3, 0, 0, 0, 0)), ("misalignment", (3, 14, 0, 0, 0, 0))],
+)
+def test_what_grew_names_the_kind(kind, change):
+    sound, found = turn(1, 0, 0, 0, 0, 0, gear="gear"), turn(*change)
+    first, second = runout_growth([sound, found])
+    assert (first.gear, first.kind, second.gear) == ("pinion", kind, "gear")
+    assert first.change_db == 14
+    assert first.log10_probability < -3.3
+    assert "+14.0 dB" in first.evidence[0]
+
+
+def test_probabilities_are_those_of_students_law():
+    """Ten degrees of freedom: t exceeds 4.144 with a probability of 0.1 %; two places."""
+    assert log10(4.143700494 * PRIOR_DB, 0, 0, 0, 0, 0) == pytest.approx(np.log10(0.002), abs=1e-5)
+
+
+@given(st.floats(-20, 20), st.floats(0, 30), st.floats(0, 30))
+def test_what_all_sidebands_do_is_no_runout(common, once, more):
+    plain = log10(once, 0, 0, 0, 0, 0)
+    louder = log10(*(max(common, 0.0) + np.array([once, 0, 0, 0, 0, 0])))
+    assert louder == pytest.approx(plain, abs=1e-9)
+    assert log10(once + more, 0, 0, 0, 0, 0) <= plain + 1e-12
+
+
+def test_references_that_scatter_more_ask_for_more():
+    unsteady = [[turn(8, 0, 0, 0, 0, 0)], [turn(-8, 0, 0, 0, 0, 0)]]
+    calm = [[turn(0.1, 0, 0, 0, 0, 0)], [turn(-0.1, 0, 0, 0, 0, 0)]]
+    change = (12, 0, 0, 0, 0, 0)
+    assert log10(*change, healthy=unsteady) > log10(*change) > log10(*change, healthy=calm)
+    (found,) = runout_growth([turn(*change)], unsteady)
+    # contrasts +-8 and 0, of two recordings
+    square = (PRIOR_WORTH * PRIOR_DB**2 + 2 * 32.0) / (PRIOR_WORTH + 2)
+    assert found.sigma_db == pytest.approx(np.sqrt(square))
+
+
+def pattern(factor, seed=0):
+    """Random sidebands, those once a turn away multiplied."""
+    rng = np.random.default_rng(seed)
+    number = np.arange(1, 6 * TEETH + 11)
+    lines = rng.normal(size=(2, len(number))) + 1j * rng.normal(size=(2, len(number)))
+    once = np.abs((number + TEETH // 2) % TEETH - TEETH // 2) == 1
+    return WheelPattern(
+        stage=1,
+        gear="pinion",
+        teeth=TEETH,
+        order=1.0,
+        number=number,
+        mesh=number % TEETH == 0,
+        amplitude=np.where(once, factor, 1.0) * lines,
+        variance=np.full(lines.shape, 1e-9),
+    )
+
+
+def test_healthy_recordings_are_compared_with_one_another():
+    assert healthy_turns([[pattern(1.0)]], (0, 1)) == ()
+    told = healthy_turns([[pattern(1.0)], [pattern(2.0)]], (0, 1))
+    assert [own[0].change_db[0] for own in told] == pytest.approx(
+        [-20 * np.log10(2), 20 * np.log10(2)], abs=1e-4
+    )
+
+
+def features(**changed):
+    row = dict.fromkeys(NAMES, 0.0) | {"turns_known": 1.0, "teeth_involved": 4.0} | changed
+    return FeatureVector(gears=((1, "pinion"),), values=np.array([[row[name] for name in NAMES]]))
+
+
+def test_flags_of_runout_name_gear_and_kind_once():
+    growth = runout_growth([turn(15, 0, 0, 0, 0, 0)])
+    (flag,) = runout_flags(growth, 0.01, 0.05, (), None)
+    assert (flag.kind, flag.stage, flag.gear, flag.tooth) == ("eccentricity", 1, "pinion", None)
+    assert flag.false_alarm_probability == pytest.approx(10 ** growth[0].log10_probability / 0.05)
+    assert runout_flags(growth, 0.01, 0.05, [flag], None) == ()
+    assert runout_flags(runout_growth([turn(5, 0, 0, 0, 0, 0)]), 0.01, 0.05, (), None) == ()
+    # pits on many teeth move the first sidebands, and all others with them
+    pitted = features(once_db=15.0, near_db=10.0, several_db=8.0, far_db=9.0)
+    assert runout_flags(growth, 0.01, 0.05, (), pitted)[0].kind == "distributed pitting"
