@@ -7,6 +7,9 @@ from pathlib import Path
 
 from gearmon.errors import ArgumentError
 
+_OUTPUTS = ("output", "report")
+_NEVER_EMPTY = (*_OUTPUTS, "reference", "tacho", "machine", "harvester", "history", "trained")
+
 
 def check_names(arguments: argparse.Namespace) -> None:
     """Refuse names of files that cannot work, before any work is done.
@@ -22,13 +25,13 @@ def check_names(arguments: argparse.Namespace) -> None:
         If a name is empty, has the wrong ending, or would be written over what is read.
     """
     given = vars(arguments)
-    for name in ("output", "report", "reference", "tacho", "machine", "harvester", "history"):
+    for name in _NEVER_EMPTY:
         if given.get(name) == "":
             raise ArgumentError(f"--{name}: the name is empty")
     inputs = [*given.get("recording", ()), *given.get("degraded", ())]
     inputs += [given.get(name) for name in ("machine", "reference", "harvester")]
     read = {Path(path).resolve() for path in inputs if path}
-    for name in ("output", "report"):
+    for name in _OUTPUTS:
         path = given.get(name)
         if path and Path(path).resolve() in read:
             raise ArgumentError(f"{path}: is read as well; give another name to write to")

@@ -131,7 +131,7 @@ def _evidence(
     healthy = [profile.wheels for profile in reference.profiles]
     turns = turn_changes(own.wheels, comparison.rows, healthy, comparison.reference_rows)
     return _Evidence(
-        profiles=with_finding(profiles, finding),
+        profiles=with_finding(profiles, finding, float(np.log10(FAULT_BELOW * _TOOTH_SHARE))),
         comparison=comparison,
         finding=finding,
         foreign=foreign,

@@ -10,6 +10,8 @@ from gearmon.diagnosis.comparison import GroupTest, LevelTest
 from gearmon.diagnosis.results import Change, Flag, ToothProfile
 
 _SENTENCES = 4
+# Loss of a pair's stiffness that is gross damage of a tooth.
+_GROSS = 0.5
 #: What no recording tells by itself.
 UNKNOWABLE = (
     "Without a healthy recording it cannot be known whether the gear was always so, how much "
@@ -236,6 +238,27 @@ def summary(
     )
     strongest = sentences(changes)[:1]
     if verdict == "healthy":
-        return f"{moved} {tooth}"
+        return f"{moved} {tooth}{_noticed(profiles)}"
     detail = f" Most of all, {strongest[0]}." if strongest else ""
     return f"{moved}{detail} {tooth}"
+
+
+def _noticed(profiles: Sequence[ToothProfile]) -> str:
+    """Say how much damage of one tooth a healthy verdict excludes; changed levels tell of more."""
+    searched = [p for p in profiles if p.loss_by_tooth is not None]
+    from_loss = [p.noticed_from or 1.0 for p in searched]
+    seen = [loss for loss in from_loss if loss <= _GROSS]
+    blind = [
+        f"the {p.gear} of stage {p.stage}"
+        for p, loss in zip(searched, from_loss, strict=True)
+        if loss > _GROSS
+    ]
+    if not searched:
+        return ""
+    if not seen:
+        return " Damage of one tooth alone might not be noticed, not even a gross one."
+    but = f", but hardly on {', '.join(blind)}" if blind else ""
+    return (
+        f" Damage of one tooth would mostly be noticed from a loss of {100 * max(seen):.2g} % of "
+        f"its pair's stiffness{but}."
+    )

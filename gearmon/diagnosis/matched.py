@@ -74,6 +74,8 @@ class ToothMatch:
     log_place : ndarray of float, shape (teeth,)
         Logarithm of the likelihood of each tooth if one is damaged, up to a constant: the same with
         more of the departure held for noise, see `PLACE_MISFIT`.
+    expected : ndarray of float, shape (losses,)
+        What the first would be on average at a tooth that has lost as much.
     lines : int
         Lines of the gear that were looked at.
     misfit : float
@@ -87,6 +89,7 @@ class ToothMatch:
     order: float
     log_likelihood: FloatArray
     log_place: FloatArray
+    expected: FloatArray
     lines: int
     misfit: float
 
@@ -151,6 +154,7 @@ def match_teeth(
     rotation_hz = difference.order * speed_hz
     size = response.amplitude(LOSSES)
     total = np.zeros((2, len(LOSSES), difference.teeth))
+    expected = np.zeros(len(LOSSES))
     lines = 0
     misfits: list[float] = []
     for band in difference.bands:
@@ -182,7 +186,8 @@ def match_teeth(
                 _log_likelihood(turned, number, signal[:, None] * delay, size, against_others)
                 for delay in delays
             ]
-            total += _with_unsure_path(log_mean(np.array(parts)))
+            total += _with_unsure_path(log_mean(np.array([told for told, _ in parts])))
+            expected += np.mean([mean for _, mean in parts], axis=0)
     if not misfits:
         return None
     return ToothMatch(
@@ -192,6 +197,7 @@ def match_teeth(
         order=difference.order,
         log_likelihood=total[0],
         log_place=_any_loss(total[1]),
+        expected=expected,
         lines=lines,
         misfit=float(np.mean(misfits)),
     )
@@ -260,10 +266,11 @@ def _log_likelihood(
     root: ComplexArray,
     size: FloatArray,
     against_others: bool,
-) -> FloatArray:
+) -> tuple[FloatArray, FloatArray]:
     """Logarithm of the likelihood ratio of one band of one channel, shape (2, losses, teeth).
 
-    The first to tell whether there is damage or how much, the second to tell where.
+    The first to tell whether there is damage or how much, the second to tell where. With it the
+    mean of the first at a tooth that has lost as much, shape (losses,).
 
     Parameters
     ----------
@@ -294,7 +301,7 @@ def _log_likelihood(
     ratio = size[:, None] ** 2 * spread / scales[:, None, None]
     gain = ratio / (1.0 + ratio) / scales[:, None, None]
     result: FloatArray = gain @ energy.T - np.log1p(ratio).sum(axis=-1)[..., None]
-    return result
+    return result, np.sum(ratio[0] - np.log1p(ratio[0]), axis=1)
 
 
 def _with_unsure_path(log_likelihood: FloatArray) -> FloatArray:

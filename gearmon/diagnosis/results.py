@@ -111,6 +111,9 @@ class ToothProfile:
     loss_by_tooth, loss_sigma_by_tooth : ndarray of float, shape (teeth,), or None
         Estimated loss of stiffness of each pair, and its standard deviation, in the order of the
         numbers; None without a reference.
+    noticed_from : float or None
+        Loss of a pair's stiffness from which damage of one tooth would have been noticed; None
+        without a reference, or if even the loss of nearly all might not be.
     """
 
     stage: int
@@ -126,6 +129,7 @@ class ToothProfile:
     counted_from: str | None = None
     loss_by_tooth: FloatArray | None = None
     loss_sigma_by_tooth: FloatArray | None = None
+    noticed_from: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return built-in types, ready for JSON."""
@@ -140,6 +144,7 @@ class ToothProfile:
             "against": self.against,
             "counted_from": self.counted_from,
             "loss_by_tooth": None if self.loss_by_tooth is None else self.loss_by_tooth.tolist(),
+            "noticed_from": self.noticed_from,
         }
 
 

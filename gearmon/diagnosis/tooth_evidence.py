@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from gearmon.diagnosis.coherent import coherent_difference
 from gearmon.diagnosis.localisation import CONTACT_CENTRE
 from gearmon.diagnosis.matched import LOSSES, ToothMatch
+from gearmon.diagnosis.noticeable import needed_factor, noticed_from
 from gearmon.diagnosis.results import ToothProfile
 from gearmon.diagnosis.tooth_search import (
     LossEstimate,
@@ -300,7 +301,7 @@ def _between(log_place: FloatArray, index: int) -> float:
 
 
 def with_finding(
-    profiles: Sequence[ToothProfile], finding: ToothFinding | None
+    profiles: Sequence[ToothProfile], finding: ToothFinding | None, log10_limit: float
 ) -> tuple[ToothProfile, ...]:
     """Put what the matched search found into the profiles of the gears.
 
@@ -310,24 +311,30 @@ def with_finding(
         One a gear, of the energy of its departure.
     finding : ToothFinding or None
         What was found.
+    log10_limit : float
+        log10 of the false-alarm probability below which the search calls a fault.
 
     Returns
     -------
     tuple of ToothProfile
-        With tooth, position, probability and losses by tooth of the matched search where it looked.
+        With tooth, position, probability, losses by tooth and the loss that would have been noticed
+        of the matched search where it looked.
     """
     if finding is None:
         return tuple(profiles)
+    needed = needed_factor(lambda factor: false_alarm_among(factor, finding.among), log10_limit)
     by_gear = {(gear.match.stage, gear.match.gear): gear for gear in finding.searched}
     return tuple(
-        _with_match(profile, by_gear[profile.stage, profile.gear], finding)
+        _with_match(profile, by_gear[profile.stage, profile.gear], finding, needed)
         if (profile.stage, profile.gear) in by_gear
         else profile
         for profile in profiles
     )
 
 
-def _with_match(profile: ToothProfile, gear: SearchedGear, finding: ToothFinding) -> ToothProfile:
+def _with_match(
+    profile: ToothProfile, gear: SearchedGear, finding: ToothFinding, needed: float
+) -> ToothProfile:
     numbered = profile.tooth is not None
     tooth, position = _place(gear, numbered)
     loss, sigma = losses_by_tooth(gear.match)
@@ -350,6 +357,7 @@ def _with_match(profile: ToothProfile, gear: SearchedGear, finding: ToothFinding
         log10_probability=matched,
         loss_by_tooth=loss,
         loss_sigma_by_tooth=sigma,
+        noticed_from=noticed_from(gear.match, needed, len(finding.searched)),
     )
 
 
