@@ -30,8 +30,10 @@ _LINES_A_NUMBER = 4
 # Sidebands this near to a mesh harmonic belong to eccentricity and misalignment, not to one tooth.
 NEAR = 2
 _LEAST_LINES = 4
-# Time over which the path remembers: how fast its response changes with frequency [s].
-_PATH_MEMORY_S = 1.4e-3
+# Damping ratio of the path's modes: a speed changed by so large a share moves a line across one.
+_PATH_DAMPING = 0.03
+# Lines to either side that tell how loud the pattern is about a line.
+_BESIDE = 2
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -99,7 +101,7 @@ def coherent_difference(
     healthy_channels: Sequence[int],
     *,
     same_zero: bool,
-    moved_hz: Sequence[float] = (),
+    moved: Sequence[float] = (),
 ) -> CoherentDifference | None:
     """Subtract the healthy patterns of a gear from a new one.
 
@@ -115,9 +117,8 @@ def coherent_difference(
         The same channels there.
     same_zero : bool
         Whether angle zero is the same position of the gear in all: then nothing is turned.
-    moved_hz : sequence of float, optional
-        By how much a line at one turn of the gear stands at another frequency than in each healthy
-        recording [Hz]; nothing if not given.
+    moved : sequence of float, optional
+        Speed of the new recording over that of each healthy one, less 1; zero if not given.
 
     Returns
     -------
@@ -128,9 +129,11 @@ def coherent_difference(
     -----
     About mesh harmonic k of a gear with z teeth, A_n ~ sum_r sum_p g_rp x^p B_rn with
     x = n/z - k, p = 0..2, of as many healthy patterns B_r as the lines of the band can carry, by
-    least squares weighted with 1/(var A + |g|^2 var B). Where lines have moved by d Hz, the gain
-    leaves what its polynomial cannot follow of a path that changes within 1/(2 pi tau): amplitudes
-    of a share (2 pi tau d)^2, tau = 1.4 ms, whose square is added to the variance.
+    least squares weighted with 1/(var A + |g|^2 var B). Where the speed has changed by a share d,
+    every line stands elsewhere among the modes of the path, whose half width is a share
+    zeta = 0.03 of their frequency. The gain then leaves what its polynomial cannot follow,
+    amplitudes of a share (d/zeta)^2 of the pattern about the line, whose square is added to the
+    variance.
     """
     patterns = (wheel, *healthy)
     if not all(len(pattern.number) for pattern in patterns):
@@ -138,14 +141,15 @@ def coherent_difference(
     top = min(int(pattern.number.max()) for pattern in patterns)
     new = GearPattern.of(wheel, channels, top)
     bands = mesh_bands(wheel.teeth, top)
-    moved = np.abs(np.asarray(moved_hz)) if len(moved_hz) else np.zeros(len(healthy))
+    change = np.asarray(moved) if len(moved) else np.zeros(len(healthy))
+    left = np.minimum(1.0, (change / _PATH_DAMPING) ** 2)
     known, shift = [], 0.0
     for row, pattern in enumerate(healthy):
         own = GearPattern.of(pattern, healthy_channels, top)
         angle = 0.0 if same_zero else turning_beside_event(own, new, bands, wheel.teeth)
         shift = angle if row == 0 else shift
         known.append(own.turned(angle))
-    parts = tuple(_band_differences(new, known, bands, wheel.teeth, moved))
+    parts = tuple(_band_differences(new, known, bands, wheel.teeth, left))
     if not parts:
         return None
     return CoherentDifference(
@@ -165,7 +169,7 @@ def _band_differences(
     known: Sequence[GearPattern],
     bands: Sequence[IntArray],
     teeth: int,
-    moved_hz: FloatArray,
+    left: FloatArray,
 ) -> Iterator[BandDifference]:
     usable = new.usable.copy()
     for pattern in known:
@@ -185,7 +189,7 @@ def _band_differences(
                 np.array([pattern.amplitude[channel, use] for pattern in known]),
                 np.array([pattern.variance[channel, use] for pattern in known]),
                 offset / teeth,
-                np.minimum(1.0, (2 * np.pi * _PATH_MEMORY_S * moved_hz * teeth * harmonic) ** 2),
+                left,
             )
             rest[channel], deviation[channel] = fitted[0][far], fitted[1][far]
         yield BandDifference(harmonic=harmonic, number=use[far], rest=rest, deviation=deviation)
@@ -215,12 +219,23 @@ def _fit(
         weight = 1.0 / np.sqrt(total)
         gain = np.linalg.lstsq((columns * weight).T, value * weight, rcond=None)[0]
         across = np.abs(gain.reshape(len(chosen), terms) @ powers) ** 2
-        power = np.mean(across * np.abs(basis[chosen]) ** 2, axis=1)
+        heard = _about_lines(across * np.abs(basis[chosen]) ** 2, place != 0)
         total = variance + np.sum(across * basis_variance[chosen], axis=0)
-        total = total + float(share[chosen] ** 2 @ power)
+        total = total + share[chosen] ** 2 @ heard
     deviation = np.sqrt(total)
     left = np.sqrt(len(value) / max(1, len(value) - len(columns)))
     return (value - gain @ columns) / deviation * left, deviation
+
+
+def _about_lines(power: FloatArray, told: NDArray[np.bool_]) -> FloatArray:
+    """Mean power of the lines about each, those not told left out."""
+    window = np.ones(2 * _BESIDE + 1)
+    # cut by hand: of a band shorter than the window numpy would return the window's length
+    own = slice(_BESIDE, _BESIDE + len(told))
+    count = np.convolve(told, window)[own]
+    total = [np.convolve(np.where(told, row, 0.0), window)[own] for row in power]
+    mean: FloatArray = np.array(total) / np.maximum(count, 1.0)
+    return mean
 
 
 def _most_similar(

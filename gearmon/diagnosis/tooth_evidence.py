@@ -36,7 +36,7 @@ FloatArray = NDArray[np.float64]
 _NOISE_UP_TO, _NO_NOISE_FROM = 1.1, 1.5
 # Healthy pairs of simulated machines, loads, speeds and gains changed, exceed a Bayes factor B with
 # a probability of about (B / B_0)^-s; theory bounds it by 1/B.
-_LOG_FACTOR, _SLOPE = -2.0, 1.0
+_LOG_FACTOR, _SLOPE = -1.5, 1.0
 # Where a factor is worth asking how much healthy recordings differ from one another, and how many
 # are asked at most.
 _ASKED_FROM, _ASKED = 2.0, 6
@@ -230,7 +230,7 @@ def _searched(
             [pattern for _, pattern in same],
             healthy_rows,
             same_zero=_numbered(own, healthy, wheel.order),
-            moved_hz=[wheel.order * (own.speed_hz - profile.speed_hz) for profile, _ in same],
+            moved=[own.speed_hz / profile.speed_hz - 1.0 for profile, _ in same],
         )
         if difference is None:
             continue
