@@ -30,7 +30,7 @@ _LINES_A_NUMBER = 4
 # Sidebands this near to a mesh harmonic belong to eccentricity and misalignment, not to one tooth.
 NEAR = 2
 _LEAST_LINES = 4
-# Damping ratio of the path's modes: a speed changed by so large a share moves a line across one.
+# Damping ratio of the path's modes: a speed changed by twice as large a share moves a line across.
 _PATH_DAMPING = 0.03
 # Lines to either side that tell how loud the pattern is about a line.
 _BESIDE = 2
@@ -130,10 +130,9 @@ def coherent_difference(
     About mesh harmonic k of a gear with z teeth, A_n ~ sum_r sum_p g_rp x^p B_rn with
     x = n/z - k, p = 0..2, of as many healthy patterns B_r as the lines of the band can carry, by
     least squares weighted with 1/(var A + |g|^2 var B). Where the speed has changed by a share d,
-    every line stands elsewhere among the modes of the path, whose half width is a share
-    zeta = 0.03 of their frequency. The gain then leaves what its polynomial cannot follow,
-    amplitudes of a share (d/zeta)^2 of the pattern about the line, whose square is added to the
-    variance.
+    every line stands elsewhere among the modes of the path, whose width is a share 2 zeta = 0.06
+    of their frequency. The gain then leaves what its polynomial cannot follow, amplitudes of a
+    share d/(2 zeta) of the pattern about the line, whose square is added to the variance.
     """
     patterns = (wheel, *healthy)
     if not all(len(pattern.number) for pattern in patterns):
@@ -142,7 +141,7 @@ def coherent_difference(
     new = GearPattern.of(wheel, channels, top)
     bands = mesh_bands(wheel.teeth, top)
     change = np.asarray(moved) if len(moved) else np.zeros(len(healthy))
-    left = np.minimum(1.0, (change / _PATH_DAMPING) ** 2)
+    left = np.minimum(1.0, np.abs(change) / (2.0 * _PATH_DAMPING))
     known, shift = [], 0.0
     for row, pattern in enumerate(healthy):
         own = GearPattern.of(pattern, healthy_channels, top)

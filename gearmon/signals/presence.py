@@ -116,25 +116,19 @@ def combined_comb(
     Comb
         Each order once, with its largest weight.
     """
-    weights: dict[float, float] = {}
-
-    def add(order: float, weight: float) -> None:
-        key = round(order, 9)
-        if key > 0:
-            weights[key] = max(weights.get(key, 0.0), weight)
-
+    found: list[tuple[float, float]] = []
     for mesh in meshes:
         for k, group in enumerate(mesh.groups, start=1):
-            for order in group:
-                add(order, 1.0)
+            found += [(order, 1.0) for order in group]
             for spacing in mesh.spacings:
-                add(k * mesh.order + spacing, sideband_weight)
-                add(k * mesh.order - spacing, sideband_weight)
+                found.append((k * mesh.order + spacing, sideband_weight))
+                found.append((k * mesh.order - spacing, sideband_weight))
     for number, order in enumerate(shaft_orders):
-        for harmonic in range(1, 9 if number == 0 else 4):
-            add(harmonic * order, 0.3)
-    orders = np.array(sorted(weights))
-    return Comb(orders=orders, weights=np.array([weights[order] for order in orders]))
+        found += [(harmonic * order, 0.3) for harmonic in range(1, 9 if number == 0 else 4)]
+    weighed = sorted([(round(order, 9), weight) for order, weight in found])
+    # of lines that coincide the last one has the largest weight
+    weights = {order: weight for order, weight in weighed if order > 0}
+    return Comb(orders=np.array(list(weights)), weights=np.array(list(weights.values())))
 
 
 def mesh_evidence(
@@ -177,13 +171,13 @@ def _evidence(
     others = [mesh for i, mesh in enumerate(meshes) if i != index]
     mesh = meshes[index]
     shared = judged.comb_score(combined_comb(others, shaft_orders)) if others or shaft_orders else 0
-    own = judged.best(mesh, shared)
-    decoys = [
-        judged.best(decoy, shared)
+    rival = [
+        decoy
         for spacing in mesh.spacings
         for decoy in _decoys(mesh, spacing)
         if decoy.order > 2 * spacing and _apart(decoy.order, meshes, 1.5 * spacing)
     ]
+    own, *decoys = judged.best([mesh, *rival], shared)
     decoys = [strength for strength in decoys if len(strength)]
     if len(own) == 0 or len(decoys) < 8:
         return MeshEvidence.none(len(decoys))
@@ -262,23 +256,42 @@ class _JudgedSpectrum:
     def comb_score(self, comb: Comb) -> FloatArray:
         """Weighted sum of the comb's lines for every correction."""
         used = comb.orders < self.top_order
-        orders = np.outer(1 + self.corrections, comb.orders[used])
+        orders = (1 + self.corrections)[:, None] * comb.orders[used]
         return self._at(orders) @ comb.weights[used]
 
-    def best(self, mesh: MeshComb, shared: FloatArray | int) -> FloatArray:
-        """Log strength of each harmonic's group at the speed that suits comb and mesh best."""
-        own = self.comb_score(combined_comb([mesh], ()))
-        correction = 1 + self.corrections[int(np.argmax(own + shared))]
-        strengths = [
-            np.log(np.mean(np.exp(self._at(correction * np.array(group)))))
-            for group in mesh.groups
-            if max(group) < self.top_order and min(group) > 0
+    def best(self, meshes: Sequence[MeshComb], shared: FloatArray | int) -> list[FloatArray]:
+        """Log strength of each harmonic's group at the speed that suits comb and mesh best.
+
+        One array a mesh, of the groups within the spectrum.
+        """
+        seen = [self._seen(mesh) for mesh in meshes]
+        corrections = [
+            1
+            + self.corrections[int(np.argmax(self.comb_score(combined_comb([mesh], ())) + shared))]
+            for mesh in meshes
         ]
-        return np.array(strengths)
+        orders = [
+            correction * order
+            for groups, correction in zip(seen, corrections, strict=True)
+            for group in groups
+            for order in group
+        ]
+        sizes = np.array([len(group) for groups in seen for group in groups], dtype=int)
+        if len(sizes) == 0:
+            return [np.zeros(0) for _ in meshes]
+        powers = np.add.reduceat(np.exp(self._at(np.array(orders))), np.cumsum(sizes) - sizes)
+        strengths = np.log(powers / sizes)
+        return np.split(strengths, np.cumsum([len(groups) for groups in seen])[:-1])
+
+    def _seen(self, mesh: MeshComb) -> list[tuple[float, ...]]:
+        """Return the groups of a mesh that lie within the spectrum."""
+        return [group for group in mesh.groups if max(group) < self.top_order and min(group) > 0]
 
     def _at(self, orders: FloatArray) -> FloatArray:
-        index = np.minimum(np.rint(orders / self.bin_order).astype(int), len(self.quality) - 1)
-        taken: FloatArray = self.quality[index]
+        place = orders / self.bin_order
+        index = np.rint(place, out=place).astype(np.intp)
+        # beyond the last bin its value stands
+        taken: FloatArray = self.quality.take(index, mode="clip")
         return taken
 
 

@@ -68,6 +68,43 @@ def test_dense_knots_and_sparse_ones_give_the_same_steps():
     assert np.abs(one - other).max() < 0.05 * np.abs(one).max()
 
 
+@pytest.mark.parametrize(("width", "bound"), [(4, 5e-4), (8, 5e-7)])
+@pytest.mark.parametrize("steps", [0.45, 0.7, 1.05, 1.3])
+def test_polynomials_give_the_kernel_at_every_number_of_steps_a_sample(width, bound, steps):
+    track = track_of(lambda time: 20.0 * time, 2.0, 5)
+    samples = np.sign(white((1, 4000), seed=6))
+    kernel, taps = Kernel.of(width, 1.5), int(np.ceil(width / steps))
+    found = spread_of(samples, track, 100.0 * steps, kernel, 10.0, 500)[0]
+    place = 1000.0 + np.arange(500) / steps  # of each step [samples]
+    nearest = np.rint(place - 0.5 * (taps - 1)).astype(int)[:, None] + np.arange(taps)
+    weights = kernel.at(steps * (nearest - place[:, None])) * steps
+    slow = np.sum(samples[0, nearest] * weights, axis=1)
+    # where two samples are as near either of them may be taken: they lie at the kernel's end
+    end = 2.0 * float(kernel.at(np.array([0.5 * width]))[0])
+    assert np.median(np.abs(found - slow)) < bound
+    assert np.abs(found - slow).max() < bound + end
+
+
+@pytest.mark.parametrize("knots", [6, 40, 900, 6000])
+def test_steps_stand_where_the_track_has_them(knots):
+    rng = np.random.default_rng(7)
+    # knots at random, steps beyond both ends
+    time = np.sort(rng.uniform(0.5, 3.5, knots))
+    track = AngleTrack(
+        time_s=time,
+        turns=wandering_turns(time, 20.0, 0.05, 8),
+        method="tacho",
+        uncertainty_turns=0.0,
+    )
+    per_turn = 90.0
+    grid = Gridding(white((1, 8000), seed=1), RATE, track, per_turn, Kernel.of(8, 1.5))
+    for first, count in ((0.0, 7001), (33.3, 5), (21.7, 16)):
+        position, steps = grid._positions(first, count)
+        time_s, slope = track.time_and_slope_at(first + np.arange(count) / per_turn)
+        np.testing.assert_allclose(position, RATE * time_s, rtol=0, atol=1e-8)
+        np.testing.assert_allclose(steps, per_turn / (RATE * slope), rtol=1e-8)
+
+
 def test_stretches_do_not_depend_on_where_they_begin(monkeypatch):
     track = AngleTrack(
         time_s=np.linspace(0.0, 4.0, 9),
