@@ -44,24 +44,24 @@ def differences(change, seed, told):
     return coherent_difference(new, (0,), [healthy], (0,), same_zero=True, moved=told).bands
 
 
-@pytest.mark.parametrize("change", [-0.02, -0.005, 0.01, 0.02])
-def test_what_the_modes_change_stays_within_the_stated_deviation(change):
-    means = [
+def mean_squares(change, told):
+    return [
         np.mean(np.abs(band.rest) ** 2)
         for seed in range(20)
-        for band in differences(change, seed, [change])
+        for band in differences(change, seed, told)
     ]
-    assert np.mean(means) < 1.5
-    assert np.quantile(means, 0.95) < 3.0
+
+
+@pytest.mark.parametrize("change", [-0.02, -0.005, 0.002, 0.01, 0.02])
+def test_what_the_modes_change_stays_within_the_stated_deviation(change):
+    # in step with the change, be it small or large; bands differ as their modes are damped
+    means = mean_squares(change, [change])
+    assert 0.5 < np.mean(means) < 1.2
+    assert np.quantile(means, 0.95) < 5.0
 
 
 def test_taken_for_the_same_speed_the_modes_look_like_damage():
-    means = [
-        np.mean(np.abs(band.rest) ** 2)
-        for seed in range(20)
-        for band in differences(0.02, seed, [])
-    ]
-    assert np.quantile(means, 0.95) > 10.0
+    assert np.quantile(mean_squares(0.02, []), 0.95) > 10.0
 
 
 def test_the_same_speed_costs_nothing():
