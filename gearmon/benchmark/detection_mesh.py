@@ -256,7 +256,7 @@ class Turn:
 
         operator = LinearOperator((self.size, self.size), matvec=left, dtype=np.float64)
         right = self._healthy(loss * motion)
-        change, failed = gmres(operator, right, rtol=RESIDUAL, restart=40, maxiter=3)
+        change, failed = gmres(operator, right, rtol=RESIDUAL, restart=100, maxiter=10)
         if failed:
             raise ArithmeticError(f"the motion with damage was not found in {failed} steps")
         return motion + np.asarray(change, dtype=np.float64)

@@ -123,6 +123,12 @@ def _lines(result: dict[str, Any]) -> list[str]:
         shown = [f"{kind} {percent(p, 0)}" for kind, p in ranked if p >= LEAST_SHOWN]
         lines.append(f"  {', '.join(shown)}")
         lines += [f"  {sentence}" for sentence in told["evidence"]]
+        if told["kind"] not in entry["flagged"]:
+            flagged = ", ".join(dict.fromkeys(entry["flagged"]))
+            lines.append(
+                f"  gearmon analyse flags {flagged}: it looks at the turn of each gear, the "
+                "classifier at levels; where they differ, trust the flag"
+            )
     return lines
 
 
@@ -155,6 +161,7 @@ KINDS = Command(
     endings=(".json",),
     more="The classifier is trained on simulated signatures of the machine file, so that no "
     "recording of a fault is needed; its probabilities hold on such machines, not surely on "
-    "yours. A kind is judged only where gearmon analyse calls a fault. Exit code: 0 if nothing is "
-    "flagged, 1 if something is, 2 if a recording cannot be used.",
+    "yours, and there it is right in two of three. A kind is judged only where gearmon analyse "
+    "calls a fault. Exit code: 0 if nothing is flagged, 1 if something is, 2 if a recording cannot "
+    "be used.",
 )
