@@ -75,8 +75,10 @@ def test_what_is_missing_is_said(shop, tmp_path):
         run(shop / "new.csv", *machine)
     with pytest.raises(ArgumentError, match="name recordings"):
         run(*machine)
-    with pytest.raises(ArgumentError, match="count"):
+    with pytest.raises(ArgumentError, match="--examples=8 must lie in"):
         run(*machine, "--trained", tmp_path / "x.kinds", "--examples", 8)
+    with pytest.raises(ArgumentError, match="--seed=-1 must lie in"):
+        run(*machine, "--trained", tmp_path / "x.kinds", "--seed", -1)
 
 
 def test_it_is_a_command():

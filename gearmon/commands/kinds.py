@@ -12,7 +12,7 @@ from gearmon.commands.inputs import followed, machine_of, recording_of
 from gearmon.commands.options import recording_options
 from gearmon.commands.output import BAD_INPUT, DONE, FLAGGED, show, write_json
 from gearmon.commands.recordings import reference_of
-from gearmon.errors import ArgumentError, GearmonError
+from gearmon.errors import ArgumentError, GearmonError, check_range
 
 if TYPE_CHECKING:
     from gearmon.diagnosis.kind_classifier import KindClassifier
@@ -55,7 +55,7 @@ def run_kinds(arguments: argparse.Namespace) -> int:
 def _classifier(arguments: argparse.Namespace, machine: Machine) -> tuple[KindClassifier, bool]:
     """Read the classifier that is named, or train it and keep it under that name."""
     from gearmon.diagnosis.kind_classifier import read_kinds, write_kinds
-    from gearmon.diagnosis.kind_training import train_kinds
+    from gearmon.diagnosis.kind_training import EXAMPLES_BETWEEN, train_kinds
     from gearmon.signatures.reference import tooth_counts
 
     path = arguments.trained
@@ -67,6 +67,8 @@ def _classifier(arguments: argparse.Namespace, machine: Machine) -> tuple[KindCl
                 f"file has {tooth_counts(machine)}; name another file to train one"
             )
         return classifier, False
+    check_range("--examples", arguments.examples, *EXAMPLES_BETWEEN)
+    check_range("--seed", arguments.seed, 0, 2**63 - 1)
     classifier = train_kinds(machine, seed=arguments.seed, count=arguments.examples)
     if path:
         write_kinds(classifier, path)

@@ -39,6 +39,8 @@ _PATH_POINTS = 384
 _LONGEST_ECHO = 80.0
 #: Examples that a classifier is trained on unless another number is given.
 EXAMPLES = 1600
+#: Examples that a classifier can be trained on: ten a kind at least.
+EXAMPLES_BETWEEN = (10 * len(KINDS), 1_000_000)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -91,7 +93,7 @@ def train_kinds(
     """
     from gearmon.diagnosis.kind_classifier import KindClassifier
 
-    check_range("count", count, 10 * len(KINDS), 1_000_000)
+    check_range("count", count, *EXAMPLES_BETWEEN)
     rows, kinds = training_table(examples(machine, seed, count, operating))
     classifier = KindClassifier(random_state=seed).fit(rows, kinds)
     classifier.machine_ = tooth_counts(machine)

@@ -25,9 +25,6 @@ from gearmon.signatures.fault_family_motion import (
 )
 from gearmon.signatures.fault_family_panels import FloatArray, PhaseGrid
 
-#: Longest turn [rad] of an oscillating stiffness form over half a panel.
-FORM_HALF_TURN = 8.0
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Turn:
