@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError
 from gearmon.machine import Machine, ParallelStage
+from gearmon.signals.mean_scatter import variance_of_mean
 from gearmon.signals.order_lines import OrderLines
 from gearmon.signatures.families import WheelLines
 from gearmon.signatures.foreign_lines import ForeignLines
@@ -22,6 +23,11 @@ from gearmon.signatures.measured import MeasuredSignature
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+
+# Least variance of a line over that of the noise between lines. Among the lines of a second stage
+# the latter is far too large; with few blocks it is still the better guess.
+_FEW_BLOCKS = 9
+_LEAST_OF_FEW, _LEAST = 0.25, 0.01
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -43,7 +49,7 @@ class WheelPattern:
     amplitude : ndarray of complex, shape (channels, lines)
         Synchronous mean.
     variance : ndarray of float, shape (channels, lines)
-        Variance of that mean, from the scatter of the blocks.
+        Variance of that mean, see `variance_of_mean`.
     order : float
         Rotation of the gear, in turns of shaft 1.
     """
@@ -61,11 +67,9 @@ class WheelPattern:
     def of(cls, wheel: WheelLines, lines: OrderLines) -> WheelPattern:
         """Return the pattern of a gear from measured lines."""
         blocks = lines.amplitude[:, :, wheel.lines]
-        mean = blocks.mean(axis=0)
-        worth = max(1.0, lines.independent_blocks - 1.0)
-        scatter = np.mean(np.abs(blocks - mean) ** 2, axis=0)
-        # one or two blocks tell nothing about their scatter: the noise between the lines does
+        # a few blocks tell little about their scatter: the noise between the lines helps
         floor = lines.noise[:, wheel.lines] / max(1.0, lines.independent_blocks)
+        least = _LEAST_OF_FEW if len(blocks) < _FEW_BLOCKS else _LEAST
         return cls(
             stage=wheel.stage,
             gear=wheel.gear,
@@ -73,8 +77,8 @@ class WheelPattern:
             order=wheel.order,
             number=wheel.number,
             mesh=wheel.mesh,
-            amplitude=mean,
-            variance=np.maximum(scatter / worth, 0.25 * floor),
+            amplitude=blocks.mean(axis=0),
+            variance=np.maximum(variance_of_mean(blocks), least * floor),
         )
 
 
