@@ -3,7 +3,8 @@
 Without a pulse on its own shaft a gear's healthy pattern is turned until it explains most of the
 new one. A tooth that lost much of its stiffness is louder than all else in the new pattern and may
 be laid on whichever tooth of the healthy gear departs most. So the event is looked for in what the
-healthy pattern leaves, taken out of the new pattern, and the angle sought once more.
+healthy pattern leaves, all that is heard about its place is fitted to the lines and taken out of
+the new pattern, and the angle sought once more.
 """
 
 from __future__ import annotations
@@ -21,8 +22,11 @@ ComplexArray = NDArray[np.complex128]
 
 # An event counts from this energy over that of the median place on.
 _EVENT = 6.0
-# Teeth before and after its middle that it takes up, the ringing of the housing included.
-_BEFORE, _AFTER = 1.5, 3.0
+# Teeth before and after its middle that it takes up, the ringing of the housing included, and steps
+# of its waveform: a band holds one value a tooth, but not at places known beforehand.
+_BEFORE, _AFTER, _STEP = 2, 5, 0.5
+# Share of the largest singular value below which a direction is noise.
+_RANK = 1e-2
 # Teeth over which its energy is summed, and places looked at for each tooth.
 _WINDOW, _PLACES = 3, 8
 # Times that event and angle are sought, and change of the angle [teeth] at which that ends.
@@ -82,8 +86,9 @@ def _event(
         rest[:, use] = (value - gain[:, None] * known.amplitude[:, use]) / deviation[:, use]
         used.append(use)
     places = _PLACES * teeth
-    waves = [_around(rest, use, places) for use in used]
-    energy = np.sum([np.sum(np.abs(wave) ** 2, axis=0) for wave in waves], axis=0)
+    energy = np.sum(
+        [np.sum(np.abs(_around(rest, use, places)) ** 2, axis=0) for use in used], axis=0
+    )
     if not used or not energy.any():
         return None
     wide = _WINDOW * _PLACES
@@ -91,13 +96,16 @@ def _event(
     window = ends[wide : wide + places] - ends[:places]
     if float(window.max()) < _EVENT * float(np.median(window)):
         return None
-    middle = int(np.argmax(window)) + 1 + wide // 2
-    away = ((np.arange(places) - middle + places // 2) % places - places // 2) / _PLACES
-    inside = (away > -_BEFORE) & (away < _AFTER)
+    middle = (int(np.argmax(window)) + 1 + wide // 2) / _PLACES
+    delay = (middle + np.arange(-_BEFORE, _AFTER + 0.25, _STEP)) / teeth
     event = np.zeros_like(new.amplitude)
-    for use, wave in zip(used, waves, strict=True):
-        lines = np.fft.fft(wave * inside, axis=1) / places
-        event[:, use] = lines[:, use % places] * deviation[:, use]
+    for use in used:
+        # all that is heard there, not what the healthy pattern leaves of it: that would put the
+        # pattern in its place, at the very angle that is in doubt
+        for channel, scale in enumerate(deviation[:, use]):
+            wave = np.exp(-2j * np.pi * np.outer(use, delay)) / scale[:, None]
+            part = np.linalg.lstsq(wave, new.amplitude[channel, use] / scale, rcond=_RANK)[0]
+            event[channel, use] = (wave @ part) * scale
     return event
 
 

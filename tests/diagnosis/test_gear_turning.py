@@ -55,15 +55,16 @@ def test_without_an_event_nothing_changes(seed, turn):
     assert error(found, turning_angle(known, new, bands)) < 0.1
 
 
-def test_a_loud_tooth_does_not_turn_the_gear():
-    turns = np.random.default_rng(3).uniform(size=40)
+@pytest.mark.parametrize("event", [40.0, 300.0])
+def test_a_loud_tooth_does_not_turn_the_gear(event):
+    turns = np.random.default_rng(3).uniform(size=30)
     plain, beside = [], []
     for seed, turn in enumerate(turns):
-        known, new, bands = pair(seed, turn, event=40.0)
+        known, new, bands = pair(seed, turn, event=event)
         plain.append(error(turning_angle(known, new, bands), turn) < 0.5)
         beside.append(error(turning_beside_event(known, new, bands, TEETH), turn) < 0.5)
-    assert np.mean(plain) < 0.8  # the case is one
-    assert np.mean(beside) > np.mean(plain) + 0.15
+    assert np.mean(plain) < 0.2  # the case is one
+    assert all(beside)
 
 
 @pytest.mark.parametrize("event", [0.0, 5.0])
