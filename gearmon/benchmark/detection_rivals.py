@@ -1,7 +1,9 @@
-"""Textbook indicators given the same reference as our own detector.
+"""Other detectors given the same reference as our own.
 
-Each is taken as the logarithm of its value over that of the reference recording, of the gear and
-channel where it rose most: the best that a threshold on it can do without knowing where to look.
+Textbook indicators are taken as the logarithm of their value over that of the reference recording,
+of the gear and channel where they rose most: the best that a threshold can do without knowing where
+to look. The localised difference is the strongest of what needs no template: averages subtracted,
+whitened, mesh gains fitted, and the energy at one tooth held against that at the others.
 """
 
 from __future__ import annotations
@@ -9,11 +11,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gearmon.diagnosis.localisation import locate
 from gearmon.diagnosis.results import Analysis
 from gearmon.signals import indicators
 from gearmon.signals.run_history import RunHistory, na4_frozen
 from gearmon.signatures.gear_signals import gear_signals
 from gearmon.signatures.measured import MeasuredSignature
+from gearmon.signatures.reference import Profile
 
 FloatArray = NDArray[np.float64]
 
@@ -27,6 +31,7 @@ INDICATORS = (
     "sideband index",
     "sideband level factor",
 )
+LOCALISED = "localised difference"
 #: As they stand in the results.
 RIVALS = (
     "FM4",
@@ -36,6 +41,7 @@ RIVALS = (
     "energy ratio",
     "sideband energy ratio",
     "sideband index",
+    LOCALISED,
     "plain learning",
 )
 _LEAST = 1e-12
@@ -107,7 +113,38 @@ def rises(new: Analysis, healthy: Analysis) -> tuple[dict[str, float], FloatArra
     for name in (*INDICATORS, "kurtosis"):
         change = changes.get(name, np.zeros(1))
         features += [float(change.max()), float(change.mean()), float(change.min())]
-    return {name: float(change.max()) for name, change in changes.items()}, np.array(features)
+    rises_of = {name: float(change.max()) for name, change in changes.items()}
+    rises_of[LOCALISED] = localised_difference(new.signature, healthy.signature)
+    return rises_of, np.array(features)
+
+
+def localised_difference(signature: MeasuredSignature, healthy: MeasuredSignature) -> float:
+    """Search the whitened difference of two recordings for one tooth, without a template.
+
+    Parameters
+    ----------
+    signature : MeasuredSignature
+    healthy : MeasuredSignature
+        The reference recording.
+
+    Returns
+    -------
+    float
+        -log10 of the probability of the most striking tooth of all gears; 0 if none can be judged.
+    """
+    own, known = Profile.of(signature), Profile.of(healthy)
+    patterns = {(wheel.stage, wheel.gear): wheel for wheel in known.wheels}
+    channels = range(len(signature.channel_names))
+    best = 0.0
+    for wheel in own.wheels:
+        other = patterns.get((wheel.stage, wheel.gear))
+        if other is None:
+            continue
+        # a pulse on shaft 1 tells where the gears on it stand
+        same = own.tacho and known.tacho and abs(wheel.order - 1.0) < 1e-12
+        found = locate(wheel, channels, [other], channels, numbered=same, same_zero=same)
+        best = best if found is None else max(best, -found.log10_probability)
+    return best
 
 
 def _of_waveform(new: Analysis, healthy: Analysis) -> FloatArray:

@@ -36,6 +36,7 @@ DETECTOR_STYLES: dict[str, tuple[str, str, str]] = {
     "energy ratio": (SKY, "P", "-."),
     "sideband energy ratio": (PURPLE, "X", ":"),
     "sideband index": (PURPLE, "<", "--"),
+    "localised difference": (GREEN, "p", "-"),
     "plain learning": (BLACK, "*", "-"),
 }
 #: From which loss on the gear and tooth found are counted.

@@ -42,6 +42,8 @@ def test_quick_run():
     assert {row["condition"] for row in rows} == {"healthy", "tooth", "pitting"}
     assert all(0 <= row["probability"] <= 1 for row in rows)
     assert all(row["run_time_s"] > 0 for row in rows)
+    # logarithms of probabilities: what found no mesh is not judged
+    assert all((row["localised difference"] or 0.0) >= 0 for row in rows)
     figures = {row["figure"] for row in summary_rows("detection", rows)}
     assert {"ROC area", "false alarms", "called a fault", "run time in s"} <= figures
 
