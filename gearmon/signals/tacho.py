@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from gearmon.errors import ArgumentError, RecordingError, check_positive, check_range
 from gearmon.signals.angle import AngleTrack
-from gearmon.signals.tacho_spacing import learn_spacing, repair_uneven
+from gearmon.signals.pulse_repair import Repaired, repair_even
+from gearmon.signals.tacho_spacing import is_even, learn_spacing, misplaced, repair_uneven
 
 FloatArray = NDArray[np.float64]
 
@@ -63,9 +64,9 @@ def find_pulses(
     """Find the edges of a tachometer waveform.
 
     The threshold is half way between the extremes, with a hysteresis on either side; edges are
-    interpolated between samples. Intervals of two or three times the median of their neighbours get
-    the missing pulses, intervals below 0.6 of it lose one; of several pulses a turn the spacing is
-    learned first (`gearmon.signals.tacho_spacing`), so that uneven ones are left alone.
+    interpolated between samples. Missing pulses are filled in and extra ones left out
+    (`gearmon.signals.pulse_repair`); of several pulses a turn the spacing is learned first
+    (`gearmon.signals.tacho_spacing`), so that uneven ones are left alone.
 
     Parameters
     ----------
@@ -132,19 +133,28 @@ def repaired_pulses(
     Raises
     ------
     RecordingError
-        If more than 2 % have to be repaired.
+        If more than 2 % have to be repaired, or it is unclear how.
     """
-    if per_turn is not None and per_turn > 1:
-        filled, missing, extra = repair_uneven(raw, per_turn)
+    if per_turn is None or is_even(raw, per_turn):
+        found = repair_even(raw)
     else:
-        cleaned, extra = _without_extra(raw)
-        filled, missing = _with_missing(cleaned)
-    if missing + extra > max(2, _REPAIRABLE * len(filled)):
+        filled, missing, extra = repair_uneven(raw, per_turn)
+        wrong = misplaced(filled, per_turn) if missing or extra else None
+        unclear_s = None if wrong is None else float(filled[wrong])
+        found = Repaired(time_s=filled, missing=missing, extra=extra, unclear_s=unclear_s)
+    if found.missing + found.extra > max(2, _REPAIRABLE * len(found.time_s)):
         raise RecordingError(
-            f"{channel}: {missing} pulses missing and {extra} too many among {len(filled)}; "
-            "at most 2 % can be repaired. Check the sensor, or leave the tacho out"
+            f"{channel}: {found.missing} pulses missing and {found.extra} too many among "
+            f"{len(found.time_s)}; at most 2 % can be repaired. Check the sensor, or leave the "
+            "tacho out"
         )
-    return TachoPulses(time_s=filled, missing=missing, extra=extra)
+    if found.unclear_s is not None:
+        raise RecordingError(
+            f"{channel}: pulses about {found.unclear_s:.4g} s come at times that fit no steady or "
+            "slowly changing speed, and it is unclear which are missing or too many. Check the "
+            "sensor, or leave the tacho out"
+        )
+    return TachoPulses(time_s=found.time_s, missing=found.missing, extra=found.extra)
 
 
 def pulses_from_times(time_s: ArrayLike, per_turn: int | None = None) -> TachoPulses:
@@ -241,54 +251,6 @@ def _edges(waveform: FloatArray, middle: float, margin: float) -> FloatArray:
         step = part[after] - part[before]
         edges[row] = start + before + (middle - part[before]) / step
     return edges
-
-
-_NEIGHBOURS = 15
-
-
-def _typical(interval: FloatArray) -> FloatArray:
-    """Median interval among each one's neighbours: the speed may change along the recording."""
-    half = min(_NEIGHBOURS, len(interval)) // 2
-    padded = np.pad(interval, half, mode="reflect") if half else interval
-    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1)
-    typical: FloatArray = np.median(windows, axis=-1)
-    return typical
-
-
-def _without_extra(time_s: FloatArray) -> tuple[FloatArray, int]:
-    """Leave out pulses that come too soon, of two close ones the one that fits its neighbours less.
-
-    A short interval between pulses i and i + 1 means that one of them is extra: without the right
-    one the intervals on both sides add up to the typical one.
-    """
-    time = time_s
-    extra = 0
-    while len(time) > 3:
-        interval = np.diff(time)
-        typical = _typical(interval)
-        short = np.flatnonzero(interval < 0.6 * typical)
-        if len(short) == 0:
-            break
-        index = int(short[0])
-        cost = []
-        for candidate in (index, index + 1):
-            rest = np.delete(time, candidate)
-            near = np.diff(rest)[max(0, index - 2) : index + 2]
-            cost.append(float(np.sum((near / typical[index] - 1) ** 2)))
-        time = np.delete(time, index + int(np.argmin(cost)))
-        extra += 1
-        if extra > max(10, 0.1 * len(time_s)):
-            break  # far beyond repair: the caller refuses
-    return time, extra
-
-
-def _with_missing(time_s: FloatArray) -> tuple[FloatArray, int]:
-    interval = np.diff(time_s)
-    steps = np.maximum(1, np.rint(interval / _typical(interval))).astype(int)
-    parts = [time_s[:1]]
-    for index, count in enumerate(steps):
-        parts.append(time_s[index] + interval[index] * np.arange(1, count + 1) / count)
-    return np.concatenate(parts), int(np.sum(steps - 1))
 
 
 def track_from_pulses(

@@ -15,6 +15,11 @@ FloatArray = NDArray[np.float64]
 _FIRST_TURNS = 6
 # How far from its place a pulse may come, as a share of the smaller interval beside it.
 _EARLY_OR_LATE = 0.35
+# How far the shares of a turn may differ for pulses to be called even.
+_EVEN = 0.05
+# How far off the cubic through its neighbours a pulse may be: smaller intervals beside it, and
+# robust deviations.
+_MISPLACED, _DEVIATIONS = 0.1, 8.0
 # Repairs beyond which the sequence is left to the caller's refusal.
 _HOPELESS = 0.1
 
@@ -81,13 +86,78 @@ def _walk(time_s: FloatArray, gaps: FloatArray, per_turn: int) -> tuple[FloatArr
         if late > reach:
             found.append(found[-1] + gaps[step] * turn)
             missing += 1
-        elif late < -reach:
+        elif late < -reach or _next_is_nearer(time_s, index, late):
             extra += 1
             index += 1
         else:
             found.append(float(time_s[index]))
             index += 1
     return np.array(found), missing, extra
+
+
+def _next_is_nearer(time_s: FloatArray, index: int, late: float) -> bool:
+    """Whether the pulse after one that comes so late [s] is nearer to the place of both."""
+    if index + 1 >= len(time_s):
+        return False
+    return abs(late + float(time_s[index + 1] - time_s[index])) < abs(late)
+
+
+def is_even(time_s: FloatArray, per_turn: int) -> bool:
+    """Tell whether the intervals of a turn are alike, judged where they repeat best.
+
+    Of fewer than three turns it is asked whether most intervals are like the next one.
+
+    Parameters
+    ----------
+    time_s : ndarray of float, shape (pulses,)
+        Times of the pulses [s], ascending.
+    per_turn : int
+        Pulses a turn.
+    """
+    if per_turn < 2:
+        return True
+    if len(time_s) < 3 * per_turn + 1:
+        # too few turns to see intervals repeat
+        ratio = np.diff(np.log(np.diff(time_s)))
+        return bool(np.median(np.abs(ratio)) < 2 * _EVEN)
+    _, shares = _repeating(time_s, per_turn)
+    return bool(np.max(np.abs(shares * per_turn - 1)) < _EVEN)
+
+
+def misplaced(time_s: FloatArray, per_turn: int) -> int | None:
+    """Return the first pulse that is not where its neighbours and the spacing put it, if any.
+
+    Parameters
+    ----------
+    time_s : ndarray of float, shape (pulses,)
+        Times of the pulses [s], ascending, as repaired.
+    per_turn : int
+        Pulses a turn.
+
+    Notes
+    -----
+    The cubic through the two pulses before and the two after, at their learned angles, must come
+    within a tenth of the smaller interval beside a pulse, or within eight robust standard
+    deviations of what it usually misses by.
+    """
+    if len(time_s) < 3 * per_turn + 1:
+        return None
+    number = np.arange(len(time_s))
+    angle = number // per_turn + learn_spacing(time_s, per_turn)[number % per_turn]
+    nodes = [slice(0, -4), slice(1, -3), slice(3, -1), slice(4, None)]
+    here = angle[2:-2]
+    cubic = np.zeros(len(here))
+    for own in nodes:
+        weight = np.ones(len(here))
+        for other in nodes:
+            if other != own:
+                weight *= (here - angle[other]) / (angle[own] - angle[other])
+        cubic += weight * time_s[own]
+    interval = np.diff(time_s)
+    off = np.abs(time_s[2:-2] - cubic) / np.minimum(interval[1:-2], interval[2:-1])
+    usual = float(np.median(off)) / 0.6745
+    wrong = np.flatnonzero(off > max(_MISPLACED, _DEVIATIONS * usual))
+    return int(wrong[0]) + 2 if len(wrong) else None
 
 
 def learn_spacing(time_s: FloatArray, per_turn: int) -> FloatArray:
