@@ -293,10 +293,12 @@ def _log_likelihood(
     projection = (root @ vector[:, kept] / np.sqrt(spread)).conj()
     energy = np.abs(turned @ projection) ** 2
     whole = float(np.mean(np.abs(turned[0]) ** 2))
-    scale = max(1.0, (SEARCH_MISFIT if against_others else SIZE_MISFIT) * whole)
+    beside = _beside(energy, spread, _leak(projection, spread, number, len(turned)))
     if against_others:
-        leak = _leak(projection, spread, number, len(turned))
-        scale = max(scale, _beside(energy, spread, leak))
+        scale = max(1.0, SEARCH_MISFIT * whole, beside)
+    else:
+        # where there is less noise than stated, a weak event would be taken for too small
+        scale = max(SIZE_MISFIT * whole, min(1.0, beside))
     scales = np.array([scale, max(scale, PLACE_MISFIT * whole)])
     ratio = size[:, None] ** 2 * spread / scales[:, None, None]
     gain = ratio / (1.0 + ratio) / scales[:, None, None]

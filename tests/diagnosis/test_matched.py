@@ -156,6 +156,19 @@ def test_the_size_of_planted_losses_is_told():
         assert np.mean(inside) >= 0.75
 
 
+def test_noise_that_is_stated_too_large_makes_no_loss_too_small():
+    """Weak events, and variances of the patterns stated 2.5 times what they are."""
+    loss, told = 0.03, []
+    for seed in range(16):
+        pair = [
+            WheelPattern(**{**vars(p), "variance": 2.5 * p.variance})
+            for p in patterns("gear", seed, loss=loss, tooth=9)
+        ]
+        difference = coherent_difference(pair[1], (0, 1), pair[:1], (0, 1), same_zero=True)
+        told.append(loss_estimate(search_gear(difference, response("gear"), SPEED_HZ), SPEED_HZ))
+    assert np.median([one.loss for one in told]) == pytest.approx(loss, rel=0.25)
+
+
 def test_units_do_not_matter():
     healthy, new = patterns("pinion", 2, loss=0.1, tooth=4)
     one = searched("pinion", 2, loss=0.1, tooth=4)
