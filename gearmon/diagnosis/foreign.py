@@ -211,11 +211,13 @@ def compare_foreign(
 
     Notes
     -----
-    The change of a line over its standard deviation follows a t law: between healthy recordings a
-    foreign line changes by 3 dB (a prior worth ten differences, joined by those among the healthy
-    recordings themselves), more if the speed differs. Times the lines looked at, those that may
-    hide below the noise of the healthy recordings included, and plus the peaks of mere noise that
-    are as high, it gives the number of such changes to expect of a healthy machine.
+    The change of a line over its standard deviation follows a t law: between healthy recordings it
+    changes by 4 dB (a prior worth fifteen differences, joined by those among the healthy recordings
+    themselves), more if the speed differs. Summed over the lines that can change (those at
+    multiples of one another have one source and count for fewer), with those that may hide below
+    the noise of the healthy recordings (as many so far below what is listed as stand above it,
+    which have to come out of the noise first, and two just below it), and plus the peaks of mere
+    noise that are as high, it gives the number of such changes to expect of a healthy machine.
     """
     comparison = ForeignComparison(
         lines=lines,

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.diagnosis.foreign_names import MAINS_HZ
+from gearmon.diagnosis.foreign_sources import sources
 from gearmon.diagnosis.speed_scatter import speed_scatter_db
 from gearmon.gears.kinematics import Kinematics
 from gearmon.signatures.foreign_lines import ForeignLine, ForeignLines
@@ -19,12 +20,13 @@ from gearmon.signatures.gear_orders import distance_to, known_orders
 FloatArray = NDArray[np.float64]
 
 # What a foreign line of a healthy machine is taken to change by from one recording to another
-# before any is seen [dB], and the differences that this prior is worth.
-PRIOR_CHANGE_DB, PRIOR_WORTH = 3.0, 10.0
-# Lines below the noise of the reference that a healthy machine has at least, on average.
-_LEAST_HIDDEN = 0.2
-# Lines so little above the least that is listed tell how many stand below it [dB].
-_NEAR_NOISE_DB = 6.0
+# before any is seen [dB], and the differences that this prior is worth (so that the 4 dB are known
+# to a fifth): a change by one zone of vibration severity (ISO 20816: a factor of 2.5, 8 dB) is
+# twice as much.
+PRIOR_CHANGE_DB, PRIOR_WORTH = 4.0, 15.0
+# Sources just below the noise of the reference that a healthy machine has at least: any shaft runs
+# in two bearings.
+_LEAST_HIDDEN = 2.0
 # Lines of two recordings within this share of their order, or so many widths, are the same one.
 _SAME_SHARE, _SAME_WIDTHS = 3e-3, 3.0
 # So much nearer or farther a peak may stand beside a gear's order in another recording.
@@ -49,7 +51,8 @@ class LineChange:
     new : bool
         Whether no healthy recording lists it.
     log10_probability : float
-        Logarithm of the expected number of lines of a healthy machine that change as much.
+        Logarithm of the expected number of unrelated lines of a healthy machine that change as
+        much.
     """
 
     line: ForeignLine
@@ -65,6 +68,67 @@ class _Before:
 
     level_db: FloatArray  # (recordings, channels)
     listed: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Rise:
+    """Level of a line now and then, means over the channels that hear it [dB].
+
+    `reading` and `moved` are variances [dB^2] that the noise and a change of speed add to the
+    difference.
+    """
+
+    now: float
+    then: FloatArray  # (recordings,)
+    reading: float
+    moved: float
+    listed: NDArray[np.bool_]
+
+    @property
+    def change(self) -> float:
+        return self.now - float(self.then.mean())
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Law:
+    """How much lines of a healthy machine change, and how many there are.
+
+    Parameters
+    ----------
+    variance, worth : float
+        Of the difference between two healthy recordings [dB^2], and the differences known.
+    listed : float
+        Lines that can change, counted as unrelated ones.
+    hidden_db : ndarray of float
+        How far other sources stand below what is listed [dB].
+    hidden_weight : float
+        What each of those counts for.
+    """
+
+    variance: float
+    worth: float
+    listed: float
+    hidden_db: FloatArray
+    hidden_weight: float
+
+    def sigma(self, rise: _Rise) -> float:
+        """Return the standard deviation of a rise on a healthy machine [dB]."""
+        count = len(rise.then)
+        own = 2 * float(np.var(rise.then, ddof=1)) if count > 1 else 0.0
+        # a mean over several healthy recordings moves less than one of them
+        share = 0.5 * (1 + 1 / count)
+        return float(np.sqrt(share * max(self.variance, own) + rise.reading + rise.moved))
+
+    def expected(self, rises: Sequence[_Rise]) -> FloatArray:
+        """Return how many unrelated lines of a healthy machine rise as much as each does."""
+        from scipy.special import stdtr
+
+        change = np.array([[rise.change] for rise in rises])
+        sigma = np.array([[self.sigma(rise)] for rise in rises])
+        seen = self.listed * stdtr(self.worth, -change / sigma)
+        # a hidden source has to come out of the noise first
+        out = stdtr(self.worth, -(change + self.hidden_db) / sigma)
+        return np.asarray(seen[:, 0] + self.hidden_weight * out.sum(axis=1))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -92,21 +156,45 @@ class ForeignComparison:
         """Return the change of every line that the healthy recordings can be asked for."""
         pairs = [(line, self._before(line)) for line in self.lines]
         kept = [(line, before) for line, before in pairs if before is not None]
-        pooled, worth = self._scatter([before for _, before in kept])
-        opportunities = sum(bool(before.listed.any()) for _, before in kept) + self._hidden
-        return [self._change(line, b, pooled, worth, opportunities) for line, b in kept]
+        if not kept:
+            return []
+        rises = [self._rise(line, before) for line, before in kept]
+        groups = _sources_of([line for line, _ in kept], self.lines)
+        law = self._law([[rises[i] for i in group] for group in groups])
+        return [
+            self._change(line, rise, law, float(expected))
+            for (line, _), rise, expected in zip(kept, rises, law.expected(rises), strict=True)
+        ]
 
-    @cached_property
-    def _hidden(self) -> float:
-        """Lines that healthy recordings may hide below their noise."""
-        near = [
-            sum(
-                max(line.over_noise_db) < other.grid(line.kind).least_db + _NEAR_NOISE_DB
-                for line in other
+    def _law(self, sources_rises: Sequence[Sequence[_Rise]]) -> _Law:
+        """Scatter of lines, the prior joined by healthy recordings, and how many may change."""
+        total, worth, listed = PRIOR_WORTH * PRIOR_CHANGE_DB**2, PRIOR_WORTH, _LEAST_HIDDEN
+        for rises in sources_rises:
+            share = _chances(len(rises)) / len(rises)
+            for rise in rises:
+                if rise.listed.any():
+                    listed += share
+                if rise.listed.all() and len(rise.listed) > 1:
+                    # the variance of a difference is twice that of either level
+                    total += share * 2 * float(np.var(rise.then) * len(rise.then))
+                    worth += share * (len(rise.then) - 1)
+        # as many sources stand so far below what is listed as stand above it; those that only other
+        # channels heard do stand below
+        hidden = [
+            abs(
+                max(max(other.lines[i].over_noise_db) for i in group)
+                - other.grid(other.lines[group[0]].kind).least_db
             )
             for other in self.healthy
+            for group in _sources_of(other.lines, other)
         ]
-        return _LEAST_HIDDEN + float(np.mean(near))
+        return _Law(
+            variance=total / worth,
+            worth=worth,
+            listed=listed,
+            hidden_db=np.array(hidden),
+            hidden_weight=1 / len(self.healthy),
+        )
 
     def _before(self, line: ForeignLine) -> _Before | None:
         """Level of a line in the healthy recordings; None if one of them cannot tell."""
@@ -154,51 +242,48 @@ class ForeignComparison:
         """Orders of the gears, by the top order and the resolution asked for."""
         return {}
 
-    def _scatter(self, before: Sequence[_Before]) -> tuple[float, float]:
-        """Variance between healthy recordings and the differences that it rests on."""
-        total, worth = PRIOR_WORTH * PRIOR_CHANGE_DB**2, PRIOR_WORTH
-        for one in before:
-            if one.listed.all() and len(one.listed) > 1:
-                # the variance of a difference is twice that of either level
-                total += 2 * float(np.var(one.level_db.mean(axis=1)) * len(one.listed))
-                worth += len(one.listed) - 1
-        return total / worth, worth
-
-    def _change(
-        self,
-        line: ForeignLine,
-        before: _Before,
-        pooled: float,
-        worth: float,
-        opportunities: float,
-    ) -> LineChange:
+    def _rise(self, line: ForeignLine, before: _Before) -> _Rise:
         grid = self.lines.grid(line.kind)
         over = np.array(line.over_noise_db)
         heard = over >= min(grid.least_db, over.max())
         gain = self.gain_db if line.kind == "spectrum" else np.zeros(len(over))
-        then = before.level_db[:, heard].mean(axis=1)
-        now = float(np.mean((np.array(line.level_db) - gain)[heard]))
-        count = len(then)
-        own = 2 * float(np.var(then, ddof=1)) if count > 1 else 0.0
-        # a mean over several healthy recordings moves less than one of them
-        share = 0.5 * (1 + 1 / count)
-        variance = share * max(pooled, own) + 0.5 * _reading_variance(over[heard])
+        moved = 0.0
         if line.locked != "time" and line.kind == "spectrum":
             moves = min(abs(self.lines.speed_hz / x.speed_hz - 1) for x in self.healthy)
-            variance += speed_scatter_db(moves, independent=float(heard.sum())) ** 2
-        change, sigma = now - float(then.mean()), float(np.sqrt(variance))
-        new = not before.listed.any()
-        expected = opportunities * _t_exceeds(change / sigma, worth)
+            moved = speed_scatter_db(moves, independent=float(heard.sum())) ** 2
+        return _Rise(
+            now=float(np.mean((np.array(line.level_db) - gain)[heard])),
+            then=before.level_db[:, heard].mean(axis=1),
+            reading=0.5 * _reading_variance(over[heard]),
+            moved=moved,
+            listed=before.listed,
+        )
+
+    def _change(self, line: ForeignLine, rise: _Rise, law: _Law, expected: float) -> LineChange:
+        grid = self.lines.grid(line.kind)
+        new = not rise.listed.any()
         if new:
-            ratio = 10 ** (over.max() / 10)
+            ratio = 10 ** (max(line.over_noise_db) / 10)
             expected += grid.looked_at * float(noise_exceeds(ratio, grid.pieces))
         return LineChange(
             line=line,
-            change_db=change,
-            sigma_db=sigma,
+            change_db=rise.change,
+            sigma_db=law.sigma(rise),
             new=new,
             log10_probability=float(np.log10(max(expected, 10.0**LEAST_LOG10))),
         )
+
+
+def _chances(lines: int) -> float:
+    """Return how many unrelated lines have as many chances of a rise as those of one source.
+
+    With three quarters of their variance in common, from three standard deviations on, to a tenth.
+    """
+    return float(lines**0.7)
+
+
+def _sources_of(lines: Sequence[ForeignLine], whole: ForeignLines) -> list[list[int]]:
+    return sources(lines, {grid.kind: grid.width for grid in whole.grids})
 
 
 def _same(line: ForeignLine, other: ForeignLine, width: float) -> bool:
@@ -228,10 +313,3 @@ def _reading_variance(over_noise_db: FloatArray) -> float:
     """Variance of a level that is read in noise [dB^2], mean over channels."""
     ratio = 10 ** (np.minimum(over_noise_db, 200.0) / 10)
     return float(np.mean((10 / np.log(10)) ** 2 * 2 / ratio))
-
-
-def _t_exceeds(value: float, freedom: float) -> float:
-    """Probability that Student's t with so many degrees of freedom exceeds a value."""
-    from scipy.special import stdtr
-
-    return float(stdtr(freedom, -value))

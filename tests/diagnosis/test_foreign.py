@@ -10,8 +10,10 @@ import pytest
 from reference.foreign_cases import SPEED_HZ, bearing_order, heard, impacts, train
 from reference.small_gearbox import machine as small_machine
 from reference.small_gearbox import recording, reference
+from scipy.special import stdtrit
 
 from gearmon.diagnosis.foreign import compare_foreign, disturbed, family_gain_db, foreign_findings
+from gearmon.diagnosis.foreign_changes import PRIOR_CHANGE_DB, PRIOR_WORTH
 from gearmon.diagnosis.foreign_names import name_lines
 from gearmon.gears.kinematics import kinematics
 from gearmon.signatures.foreign_lines import ForeignLine, ForeignLines, NoiseGrid
@@ -150,19 +152,89 @@ def listed(orders, level_db, over_db):
     return ForeignLines(lines=lines, grids=grids, speed_hz=25.0, cell_hz=1.25, in_time_db=cells)
 
 
+def scatters(generator, references, shape):
+    """Levels as the prior has them: machines differ in how much theirs move."""
+    variance = PRIOR_CHANGE_DB**2 * PRIOR_WORTH / generator.chisquare(PRIOR_WORTH)
+    return generator.normal(scale=np.sqrt(variance / 2), size=(references + 1, *shape))
+
+
 @pytest.mark.parametrize("references", [1, 3])
 def test_false_alarms_come_as_often_as_stated(references):
     generator = np.random.default_rng(11 + references)
     pairs, lines, alarms = 1000, 10, 0
     orders = np.linspace(5.07, 90.33, lines)
     for _ in range(pairs):
-        # machines differ in how much their lines move: as the prior has it
-        variance = 3.0**2 * 10 / generator.chisquare(10)
         over = generator.uniform(30.0, 50.0, lines)
-        moved = generator.normal(scale=np.sqrt(variance / 2), size=(references + 1, lines))
+        moved = scatters(generator, references, (lines,))
         new, *before = (listed(orders, NOISE_DB + over + m, over + m) for m in moved)
         alarms += bool(flagged(new, before))
     assert 0.005 * pairs <= alarms <= 0.02 * pairs
+
+
+def test_false_alarms_of_sources_with_harmonics_come_as_often_as_stated():
+    generator = np.random.default_rng(17)
+    pairs, alarms = 800, 0
+    harmonics = np.arange(1, 5)
+    orders = np.concatenate([harmonics * f for f in (5.072, 6.118, 7.341, 8.657, 10.329)])
+    source = np.repeat(np.arange(5), len(harmonics))
+    for _ in range(pairs):
+        over = generator.uniform(30.0, 50.0, len(orders))
+        # a quarter of the variance is every line's own
+        both = scatters(generator, 1, (5 + len(orders),))
+        moved = np.sqrt(0.75) * both[:, source] + np.sqrt(0.25) * both[:, 5:]
+        new, before = (listed(orders, NOISE_DB + over + m, over + m) for m in moved)
+        alarms += bool(flagged(new, [before]))
+    assert 0.003 * pairs <= alarms <= 0.02 * pairs
+
+
+def test_sources_that_come_out_of_the_noise_alarm_no_more_often_than_stated():
+    generator = np.random.default_rng(23)
+    pairs, alarms = 1000, 0
+    orders = np.array([11.37, 17.61])
+    for _ in range(pairs):
+        # both just hidden in the reference
+        over = LEAST_DB + np.diff(scatters(generator, 1, (2,)), axis=0)[0]
+        seen = over > LEAST_DB
+        new = listed(orders[seen], NOISE_DB + over[seen], over[seen])
+        alarms += bool(flagged(new, [listed([], [], [])]))
+    assert alarms <= 0.02 * pairs
+
+
+def test_harmonics_are_fewer_chances_than_unrelated_lines():
+    harmonics = 5.07 * np.arange(1, 9)
+    odd = 5.07 * np.sqrt(np.arange(1, 9) ** 2 + 0.7)
+    risen = np.array([16.0] + [0.0] * 7)
+    found = []
+    for others in (harmonics, odd):
+        over = np.full(8, 40.0)
+        before = listed(others, NOISE_DB + over, over)
+        new = listed(others, NOISE_DB + over + risen, over + risen)
+        found.append(compare_foreign(new, [before], train())[0].log10_probability)
+    # with two hidden ones
+    assert found[1] - found[0] == pytest.approx(np.log10((8 + 2) / (8**0.7 + 2)), abs=0.01)
+
+
+def test_lines_that_only_other_channels_hear_are_no_chances_of_a_rise():
+    over = np.array([40.0])
+    new = listed([5.07], NOISE_DB + over + 16.0, over + 16.0)
+    found = []
+    for others in (0, 30):
+        odd = 7.31 + 1.77 * np.sqrt(np.arange(others))
+        levels = np.concatenate([over, np.full(others, -50.0)])
+        before = listed([5.07, *odd], NOISE_DB + levels, levels)
+        found.append(compare_foreign(new, [before], train())[0].log10_probability)
+    assert found[1] == pytest.approx(found[0], abs=1e-3)
+
+
+@pytest.mark.parametrize("lines", [2, 4, 8, 16])
+def test_chances_of_lines_that_have_three_quarters_in_common(lines):
+    generator = np.random.default_rng(29)
+    common, own = generator.normal(size=(50_000, 1)), generator.normal(size=(50_000, lines))
+    scale = np.sqrt(15 / generator.chisquare(15, size=(50_000, 1)))
+    alike = (scale * (np.sqrt(0.75) * common + np.sqrt(0.25) * own)).max(axis=1)
+    # where one line in a thousand stands
+    limit = stdtrit(15, 0.999)
+    assert lines**0.7 == pytest.approx(np.mean(alike > limit) / 1e-3, rel=0.25)
 
 
 def test_noise_alone_never_alarms_above_the_stated_probability():
