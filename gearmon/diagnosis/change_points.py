@@ -1,16 +1,16 @@
 """When did it begin: change points of a short, unevenly spaced, unevenly certain series.
 
-A change is either *growth*, a kink ``b max(0, t - tau)`` at any time from the first recording on,
-or a *step* between two neighbouring recordings. The penalty for assuming one is not a matter of
-taste: it is the bound on the probability that noise alone correlates as well with any kink or step.
+A change is either *growth* from any time after the first recording on or a *step* between two
+neighbouring recordings. Growth is found as a kink ``b max(0, t - tau)``, to which any that speeds
+up is close enough; when it began and how it bends is then told by `onsets`. The penalty for
+assuming a change is not a matter of taste: it is the bound on the probability that noise alone
+correlates as well with any kink or step.
 
 References
 ----------
 I. Johnstone and D. Siegmund, On Hotelling's formula for the volume of tubes and Naiman's
 inequality, Ann. Statist. 17 (1989), for the bound; M. Knowles, D. Siegmund and H. Zhang, Confidence
-regions in semilinear regression, Biometrika 78 (1991), for its use on kinks; Y.-C. Yao,
-Approximating the distribution of the maximum likelihood estimate of the change-point, Ann. Statist.
-15 (1987), for the two-sided walk about a step.
+regions in semilinear regression, Biometrika 78 (1991), for its use on kinks.
 """
 
 from __future__ import annotations
@@ -31,12 +31,8 @@ from gearmon.diagnosis.change_shapes import (
     path_length,
     steps,
 )
-from gearmon.diagnosis.noise_bounds import (
-    kink_quantile,
-    known_noise_bound,
-    step_quantile,
-    tube_bound,
-)
+from gearmon.diagnosis.noise_bounds import known_noise_bound, tube_bound
+from gearmon.diagnosis.onsets import shaped, with_interval
 from gearmon.errors import ArgumentError, check_range
 
 FloatArray = NDArray[np.float64]
@@ -101,8 +97,8 @@ def find_changes(
             break
         if not _borne(series, found, best):
             break
-        found = _refined(series, [*found, best], below)
-    placed = [_with_interval(series, one, _others(found, one), level) for one in found]
+        found = _refined(series, [*found, shaped(series, best, found)], below)
+    placed = [with_interval(series, one, _others(found, one), level) for one in found]
     return _sized(series, sorted(placed, key=lambda change: change.time_s))
 
 
@@ -233,7 +229,7 @@ def _refined(series: Series, found: list[ChangePoint], below: float) -> list[Cha
         for number, change in enumerate(found):
             better = _search(series, _others(found, change))
             if better is not None:
-                found[number] = better
+                found[number] = shaped(series, better, _others(found, change))
     return [change for change in found if change.false_alarm_probability < below]
 
 
@@ -288,62 +284,3 @@ def _sized(series: Series, changes: Sequence[ChangePoint]) -> tuple[ChangePoint,
     return tuple(
         replace(change, size=float(size)) for change, size in zip(changes, sizes[1:], strict=True)
     )
-
-
-def _with_interval(
-    series: Series, change: ChangePoint, others: Sequence[ChangePoint], level: float
-) -> ChangePoint:
-    """Return a change with the interval of its time: wherever the fit is not much worse.
-
-    A small change may be a step as well as growth: places of both count.
-    """
-    times = series.time_s
-    freedom = len(series) - 3 - len(others)
-    if freedom < 1:
-        return change
-    places, kink_rows = kinks(times, borne_by=1)
-    middles, step_rows = steps(times)
-    kink_rss, step_rss = profile(series, kink_rows, others), profile(series, step_rows, others)
-    least = float(min(kink_rss.min(), step_rss.min()))
-    quantile = kink_quantile(level, freedom)
-    if change.kind == "step":
-        quantile = max(quantile, step_quantile(level, freedom))
-    variance = max(least / freedom, 1.0) if series.sigma_known else least / freedom
-    most = least + variance * quantile + np.finfo(float).tiny
-    # a step lies anywhere between the recordings on its two sides
-    later = np.searchsorted(times, middles[step_rss <= most])
-    kept = np.concatenate([places[kink_rss <= most], times[later - 1], times[later]])
-    own, rss = (places, kink_rss) if change.kind == "growth" else (middles, step_rss)
-    low = float(kept.min())
-    return replace(
-        change,
-        time_s=float(own[np.argmin(rss)]),
-        low_s=low,
-        high_s=float(kept.max()),
-        open_before=bool(low <= times[0]),
-    )
-
-
-def profile(series: Series, rows: FloatArray, others: Sequence[ChangePoint]) -> FloatArray:
-    """Return the weighted sum of squares that each of some shapes leaves, beside known changes.
-
-    Parameters
-    ----------
-    series : Series
-    rows : ndarray of float, shape (places, n)
-        Shapes of the change at each place.
-    others : sequence of ChangePoint
-
-    Returns
-    -------
-    ndarray of float, shape (places,)
-    """
-    weight = 1.0 / series.sigma
-    base = base_columns(series.time_s, others, with_tangents=False)
-    basis = np.linalg.qr(base * weight[:, None])[0]
-    rest = series.value * weight
-    rest = rest - basis @ (basis.T @ rest)
-    paths, kept = directions(rows * weight, basis)
-    rss = np.full(len(rows), float(rest @ rest))
-    rss[kept] -= (paths @ rest) ** 2
-    return np.asarray(np.maximum(rss, 0.0))

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gearmon.diagnosis.change_growth import STRAIGHT, Growth
 from gearmon.errors import ArgumentError
 
 FloatArray = NDArray[np.float64]
@@ -27,17 +28,21 @@ class ChangePoint:
     Parameters
     ----------
     kind : {"growth", "step"}
-        A kink, or a jump between two recordings.
+        Growth from some time on, or a jump between two recordings.
     time_s : float
-        Of a kink when it began; of a step the middle between the two recordings [s].
+        Of growth when it began; of a step the middle between the two recordings [s].
     low_s, high_s : float
         Interval of that time [s], at the level asked for; see `open_before`.
     open_before : bool
         Whether the interval begins with the first recording: it may have begun before.
     size : float
-        Growth: change of slope [1/s]. Step: its height.
+        Growth: change of slope, mean up to the last recording [1/s]. Step: its height.
     false_alarm_probability : float
         Bound on the probability that noise gives as clear a change anywhere in the series.
+    growth : Growth
+        Of growth: its course.
+    span_s : float, > 0
+        Of growth: from `time_s` to the last recording [s].
     """
 
     kind: str
@@ -47,13 +52,29 @@ class ChangePoint:
     open_before: bool
     size: float
     false_alarm_probability: float
+    growth: Growth = STRAIGHT
+    span_s: float = 1.0
 
     def column(self, time_s: FloatArray) -> FloatArray:
         """Return the shape of the change at some times, for unit size."""
         since = np.asarray(time_s, dtype=float) - self.time_s
         if self.kind == "growth":
-            return np.maximum(since, 0.0)
+            return np.asarray(self.span_s * self.growth.at(since / self.span_s))
         return np.asarray(since > 0, dtype=float)
+
+    def rate(self, time_s: FloatArray) -> FloatArray:
+        """Return the derivative of `column`; 0 for a step."""
+        since = np.asarray(time_s, dtype=float) - self.time_s
+        if self.kind == "growth":
+            return self.growth.rate(since / self.span_s)
+        return np.zeros(len(since))
+
+    def tangents(self, time_s: FloatArray) -> list[FloatArray]:
+        """Return the directions in which `column` moves with the time and the course of growth."""
+        if self.kind != "growth":
+            return []
+        share = (np.asarray(time_s, dtype=float) - self.time_s) / self.span_s
+        return [self.growth.rate(share), self.growth.bend(share)]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -113,8 +134,8 @@ def base_columns(
         Times [s].
     changes : sequence of ChangePoint
     with_tangents : bool
-        Whether kinks bring the direction in which they would move as well: what a kink that is a
-        little off leaves behind must not be taken for another change.
+        Whether growth brings the directions in which it would move and bend as well: what growth
+        that is a little off leaves behind must not be taken for another change.
 
     Returns
     -------
@@ -123,8 +144,8 @@ def base_columns(
     columns = [np.ones(len(time_s))]
     for change in changes:
         columns.append(change.column(time_s))
-        if with_tangents and change.kind == "growth":
-            columns.append(np.asarray(time_s > change.time_s, dtype=float))
+        if with_tangents:
+            columns += change.tangents(time_s)
     return np.column_stack(columns)
 
 

@@ -125,7 +125,7 @@ class ToothTrend:
         if found.time_s is None:
             return found
         down, up = self._factors
-        early, late = (self.trend.when(self.limit * factor)[0] for factor in (down, up))
+        early, late = (self.trend.time_at(self.limit * factor) for factor in (down, up))
         times = self.trend.series.time_s
         first = times[-1] if found.status == "ahead" else times[0]
         low, high = found.low_s, found.high_s
@@ -317,6 +317,7 @@ def change_dict(change: ChangePoint) -> dict[str, Any]:
     """Return a change as built-in types, ready for JSON."""
     return {
         "kind": change.kind,
+        "course": change.growth.kind if change.kind == "growth" else None,
         "time": time_text(change.time_s),
         "time_low": time_text(change.low_s),
         "time_high": time_text(change.high_s),

@@ -179,9 +179,10 @@ def change_text(change: ChangePoint, *, fine: bool, growth: tuple[str, str]) -> 
     else:
         what = f"{'jumped up' if change.size > 0 else 'fell'} at"
     low = "before the first recording" if change.open_before else moment_text(change.low_s, fine)
+    bent = change.kind == "growth" and not change.growth.straight
     return (
-        f"{what} {moment_text(change.time_s, fine)} (between {low} and "
-        f"{moment_text(change.high_s, fine)}; false-alarm probability "
+        f"{what} {moment_text(change.time_s, fine)}{', faster and faster' if bent else ''} "
+        f"(between {low} and {moment_text(change.high_s, fine)}; false-alarm probability "
         f"{probability_text(change.false_alarm_probability)})"
     )
 
