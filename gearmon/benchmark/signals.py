@@ -32,7 +32,7 @@ from gearmon.signals.spectrum import amplitude_spectrum, power_density
 from gearmon.signals.transforms import batch
 from gearmon.signatures.foreign_search import foreign_lines
 from gearmon.signatures.indicator_table import indicator_table
-from gearmon.signatures.measured import MeasuredSignature
+from gearmon.signatures.measured import LEAKAGE, PIECES_HEARD, MeasuredSignature
 from gearmon.signatures.speed import scan_nominal_speeds
 from gearmon.signatures.tracking import track_recording
 from gearmon.terminal import Progress
@@ -324,15 +324,18 @@ def _stages(
     """Return the parts of the way from samples to indicators; the second holds the first."""
     train, samples, rate = kinematics(machine), recording.samples, recording.sampling_rate_hz
     pieces = max(1, samples.shape[-1] >> 18)
-    spectrum = fine_order_spectrum(samples, rate, found.track, pieces)
+    spectrum = fine_order_spectrum(samples, rate, found.track, pieces, most=PIECES_HEARD)
     orders, block_turns = found.plan.orders, found.lines.block_turns
     return [
         ("speed by the comb", lambda: scan_nominal_speeds(samples, rate, train, machine)),
         ("speed by the comb, angle by phases", lambda: track_recording(recording, machine, train)),
-        ("order lines", lambda: order_lines(samples, rate, found.track, orders, block_turns)),
+        (
+            "order lines",
+            lambda: order_lines(samples, rate, found.track, orders, block_turns, error=LEAKAGE),
+        ),
         (
             "spectrum against angle",
-            lambda: fine_order_spectrum(samples, rate, found.track, pieces),
+            lambda: fine_order_spectrum(samples, rate, found.track, pieces, most=PIECES_HEARD),
         ),
         (
             "lines that no gear explains",

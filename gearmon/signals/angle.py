@@ -84,6 +84,10 @@ class AngleTrack:
     def _time(self) -> _Curve:
         return _Curve(self.turns, self.time_s)
 
+    @cached_property
+    def _angle(self) -> _Curve:
+        return _Curve(self.time_s, self.turns)
+
     def of_shaft(self, shaft_order: float) -> AngleTrack:
         """Return the angle of another shaft.
 
@@ -117,7 +121,7 @@ class AngleTrack:
 
     def turns_at(self, time_s: FloatArray) -> FloatArray:
         """Angle [turns] at the given times [s], ascending; linear beyond the ends."""
-        angle = _Curve(self.time_s, self.turns).at(time_s)[0]
+        angle = self._angle.at(time_s)[0]
         # Newton steps on the curve of time against angle, so that both are one and the same curve
         for _ in range(2):
             time, slope = self._time.at(angle)

@@ -15,17 +15,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError, check_positive, check_range
-from gearmon.signals.half_blocks import side_by_side
 from gearmon.signals.spectrum import hann, local_floor
+from gearmon.signals.threads import side_by_side
 from gearmon.signals.transforms import fast_length, windowed_transforms
 
 FloatArray = NDArray[np.float64]
 
 _MAX_CANDIDATES = 6000
+# Blocks from which on they do not overlap: a long recording has enough of them.
+_MANY_BLOCKS = 400
+# Moves to either side that a path may choose among, and the most candidates from one to the next.
+_MOVES, _SPACING = 24, 12
 # Spectra kept for judging whether a mesh is there; more would only take memory.
 _KEPT_BLOCKS = 80
-# Lines of a comb that are looked up together.
-_ROWS = 12
+# Lines of a comb that are looked up together, and blocks in which they are.
+_ROWS, _BLOCKS = 12, 4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -178,7 +182,8 @@ def scan_speed(
     tolerance : float
         How far from nominal to look, as a fraction, in (0, 0.3].
     block_s : float
-        Duration of a half-overlapped Hann block [s]; cut to the recording.
+        Duration of a Hann block [s], cut to the recording. Blocks overlap by half, but for those
+        of a recording that holds more than 400 so: they stand end to end.
     around : SpeedTrack, optional
         First track about which each block is searched, in place of the nominal speed.
 
@@ -197,6 +202,8 @@ def scan_speed(
     count = samples.shape[-1]
     block = int(min(count, max(16.0, round(block_s * sampling_rate_hz))))
     hop = max(block // 2, 1)
+    if (count - block) // hop >= _MANY_BLOCKS:
+        hop = block
     length = fast_length(2 * block)
     bin_hz = sampling_rate_hz / length
     used = comb.below(0.49 * sampling_rate_hz / (nominal_hz * (1 + tolerance)))
@@ -208,7 +215,7 @@ def scan_speed(
         starts = np.append(starts, count - block)  # hears the recording to its end
     centre_s = (starts + block / 2) / sampling_rate_hz
     middle = np.full(len(starts), nominal_hz) if around is None else around.at(centre_s)
-    kept, stride = _kept_blocks(len(starts))
+    kept, stride = _kept_blocks(len(starts), 1 if hop == block else 2)
     scores = np.empty((len(starts), len(ratio)))
     quality = np.empty((len(kept), bins), dtype=np.float32)
     total = len(starts) * samples.shape[0] * length
@@ -220,16 +227,22 @@ def scan_speed(
 
     same = nearest_to(nominal_hz) if around is None else None
 
-    def scan_block(row: int) -> None:
-        part = samples[:, starts[row] : starts[row] + block]
-        own = line_quality(part, window, length, bins, total)
-        nearest = nearest_to(middle[row]) if same is None else same
-        scores[row] = weighted_sum(own, nearest, used.weights)
-        where = int(np.searchsorted(kept, row))
-        if where < len(kept) and kept[where] == row:
-            quality[where] = own
+    def scan_blocks(first: int) -> None:
+        rows = np.arange(first, min(first + _BLOCKS, len(starts)))
+        own = np.empty((bins, len(rows)))
+        for column, row in enumerate(rows):
+            part = samples[:, starts[row] : starts[row] + block]
+            own[:, column] = line_quality(part, window, length, bins, total)
+        if same is not None:
+            scores[rows] = weighted_sum(own, same, used.weights).T
+        else:
+            for column, row in enumerate(rows):
+                nearest = nearest_to(middle[row])
+                scores[row] = weighted_sum(own[:, column], nearest, used.weights)
+        begin, end = np.searchsorted(kept, rows[[0, -1]] + [0, 1])
+        quality[begin:end] = own.T[kept[begin:end] - first]
 
-    side_by_side(scan_block, range(len(starts)), total)
+    side_by_side(scan_blocks, range(0, len(starts), _BLOCKS), total)
     return SpeedScan(
         centre_s=centre_s,
         middle_hz=middle,
@@ -248,25 +261,27 @@ def weighted_sum(values: FloatArray, index: NDArray[np.int64], weights: FloatArr
 
     Parameters
     ----------
-    values : ndarray of float, shape (n,)
+    values : ndarray of float, shape (n,) or (n, columns)
     index : ndarray of int, shape (rows, candidates)
     weights : ndarray of float, shape (rows,)
 
     Returns
     -------
-    ndarray of float, shape (candidates,)
+    ndarray of float, shape (candidates,) or (candidates, columns)
     """
-    total = np.zeros(index.shape[1])
+    total = np.zeros((index.shape[1], *values.shape[1:]))
+    flat = total.reshape(-1)
     # some rows at a time stay in the cache of a processor core
     for first in range(0, len(index), _ROWS):
         rows = slice(first, first + _ROWS)
-        total += weights[rows] @ np.take(values, index[rows])
+        taken = values.take(index[rows], axis=0)
+        flat += weights[rows] @ taken.reshape(len(taken), -1)
     return total
 
 
-def _kept_blocks(count: int) -> tuple[NDArray[np.int64], int]:
+def _kept_blocks(count: int, stride: int) -> tuple[NDArray[np.int64], int]:
     """Blocks whose spectra are kept, and the distance of blocks that do not overlap."""
-    stride = 2 if count > 1 else 1
+    stride = min(stride, count)
     step = max(2 * stride, -(-count // _KEPT_BLOCKS) // (2 * stride) * 2 * stride)
     return np.arange(stride if count >= 4 else 0, count, step), stride
 
@@ -332,25 +347,24 @@ def best_path(scores: FloatArray, reach: int) -> NDArray[np.int64]:
     """
     blocks, count = scores.shape
     contrast = float(np.mean(scores.max(axis=1) - np.median(scores, axis=1)))
-    moves = np.unique(np.round(np.linspace(-reach, reach, 2 * min(reach, 24) + 1)).astype(int))
+    most = min(reach, max(_MOVES, -(-reach // _SPACING)))
+    moves = np.unique(np.round(np.linspace(-reach, reach, 2 * most + 1)).astype(int))
     penalty = contrast * (moves / max(1, reach)) ** 2
     # steps to either side cost the same
-    sideways = [(m, c) for m, c in zip(moves.tolist(), penalty.tolist(), strict=True) if m > 0]
+    sideways, cost = moves[moves > 0], penalty[moves > 0][:, None]
     totals = np.empty((blocks, count))
     totals[0] = scores[0]
     # a move from beyond an end is one from that end
     before = np.empty(count + 2 * reach)
-    spare = np.empty(count)
+    moved = np.lib.stride_tricks.sliding_window_view(before, count)
     for block in range(1, blocks):
-        best = totals[block]
-        before[:reach], before[reach + count :] = totals[block - 1, 0], totals[block - 1, -1]
-        before[reach : reach + count] = totals[block - 1]
-        best[:] = totals[block - 1]
-        for move, cost in sideways:
-            low, high = reach - move, reach + move
-            np.maximum(before[low : low + count], before[high : high + count], out=spare)
-            np.subtract(spare, cost, out=spare)
-            np.maximum(best, spare, out=best)
+        last, best = totals[block - 1], totals[block]
+        before[:reach], before[reach + count :] = last[0], last[-1]
+        before[reach : reach + count] = last
+        near = moved[reach - sideways]
+        np.maximum(near, moved[reach + sideways], out=near)
+        near -= cost
+        np.maximum(last, near.max(axis=0, initial=-np.inf), out=best)
         best += scores[block]
     # where each step of the best path came from is found again: only that path is wanted
     path = np.empty(blocks, dtype=np.int64)

@@ -16,16 +16,16 @@ from numpy.typing import NDArray
 from gearmon.errors import ArgumentError, check_positive
 from gearmon.signals.angle import AngleGrid, AngleTrack
 from gearmon.signals.gridding import Gridding, Kernel
-from gearmon.signals.half_blocks import side_by_side
 from gearmon.signals.spectrum import hann, local_floor
-from gearmon.signals.transforms import batch, fast_length, real_fft, window_powers
+from gearmon.signals.threads import side_by_side
+from gearmon.signals.transforms import batch, fast_length, window_powers
 
 FloatArray = NDArray[np.float64]
 
 # Bins of the running median that tells the noise under the lines.
 _FLOOR_BINS = 384
-# Pieces of a long recording that are looked at, spread over all of it.
-_MOST_PIECES = 16
+#: Pieces of a long recording that are looked at, spread over all of it.
+MOST_PIECES = 16
 # Reach of the kernel that spreads samples over angle [steps]: a line is read to 0.3 %.
 _QUICK = 4
 # Power of a Hann window's side lobes over that of its main lobe, with 8 dB to spare: the share not
@@ -94,7 +94,11 @@ class FineSpectrum:
 
 
 def fine_order_spectrum(
-    samples: FloatArray, sampling_rate_hz: float, track: AngleTrack, pieces: int = 1
+    samples: FloatArray,
+    sampling_rate_hz: float,
+    track: AngleTrack,
+    pieces: int = 1,
+    most: int = MOST_PIECES,
 ) -> FineSpectrum:
     """Spectrum of whole signals against the angle of shaft 1.
 
@@ -107,7 +111,9 @@ def fine_order_spectrum(
     track : AngleTrack
         Angle of shaft 1 against time.
     pieces : int
-        Consecutive pieces whose powers are averaged, >= 1; of more than 16 so many, spread evenly.
+        Consecutive pieces whose powers are averaged, >= 1.
+    most : int
+        Of more pieces only so many are looked at, spread evenly.
 
     Returns
     -------
@@ -127,10 +133,12 @@ def fine_order_spectrum(
     def share(orders: FloatArray) -> FloatArray:
         return kernel.transform(orders / per_turn) ** 2
 
-    return _of_pieces(part, block, pieces, per_turn, share)
+    return _of_pieces(part, block, (pieces, most), per_turn, share)
 
 
-def fine_spectrum(samples: FloatArray, sampling_rate_hz: float, pieces: int = 1) -> FineSpectrum:
+def fine_spectrum(
+    samples: FloatArray, sampling_rate_hz: float, pieces: int = 1, most: int = MOST_PIECES
+) -> FineSpectrum:
     """Spectrum of whole signals against time, made like `fine_order_spectrum`.
 
     Parameters
@@ -139,7 +147,7 @@ def fine_spectrum(samples: FloatArray, sampling_rate_hz: float, pieces: int = 1)
         The signals.
     sampling_rate_hz : float
         Sampling rate [Hz], > 0.
-    pieces : int
+    pieces, most : int
         As for `fine_order_spectrum`.
 
     Returns
@@ -152,7 +160,7 @@ def fine_spectrum(samples: FloatArray, sampling_rate_hz: float, pieces: int = 1)
     return _of_pieces(
         lambda piece: samples[:, piece * block : (piece + 1) * block],
         block,
-        pieces,
+        (pieces, most),
         sampling_rate_hz,
     )
 
@@ -163,6 +171,7 @@ def fine_envelope_spectrum(
     track: AngleTrack,
     top_order: float,
     pieces: int = 1,
+    most: int = MOST_PIECES,
 ) -> FineSpectrum:
     """Spectrum of the squared envelope of whitened signals against the angle of shaft 1.
 
@@ -180,7 +189,7 @@ def fine_envelope_spectrum(
         Angle of shaft 1 against time.
     top_order : float
         Highest order wanted, > 0; cut to an eighth of the sampling rate.
-    pieces : int
+    pieces, most : int
         As for `fine_order_spectrum`.
 
     Returns
@@ -203,18 +212,18 @@ def fine_envelope_spectrum(
     check_positive("top_order", top_order)
     fastest = float(track.speed_hz.max())
     top_order = min(top_order, sampling_rate_hz / 8 / fastest)
-    together = max(1, int(sampling_rate_hz / (4 * top_order * fastest)))
+    together = 2 * max(1, int(sampling_rate_hz / (8 * top_order * fastest)))
     block = samples.shape[-1] // pieces // together * together
     per_turn = int(np.ceil(4 * top_order))
-    middle_s = (0.5 * (together - 1) + together * np.arange(block // together)) / sampling_rate_hz
+    middle_s = (0.5 * together - 1 + together * np.arange(block // together)) / sampling_rate_hz
     ends = np.array([[p * block / sampling_rate_hz] for p in range(pieces)]) + middle_s[[0, -1]]
     turns = track.turns_at(ends.ravel()).reshape(pieces, 2)
     count = int(np.floor(np.diff(turns, axis=-1).min() * per_turn))
-    total = 2 * samples.size * min(pieces, _MOST_PIECES) // pieces
+    total = 2 * samples.size * min(pieces, most) // pieces
 
     def part(piece: int) -> FloatArray:
         squared = _whitened_envelope(samples[:, piece * block : (piece + 1) * block], total)
-        slow = squared.reshape(len(samples), -1, together).mean(axis=-1)
+        slow = squared.reshape(len(samples), -1, together // 2).mean(axis=-1)
         angle = turns[piece, 0] + np.arange(count) / per_turn
         at_s = track.time_at(angle) - piece * block / sampling_rate_hz
         read = np.array([np.interp(at_s, middle_s, row) for row in slow])
@@ -223,27 +232,31 @@ def fine_envelope_spectrum(
         relative: FloatArray = read / mean
         return relative
 
-    spectrum = _of_pieces(part, count, pieces, per_turn)
+    spectrum = _of_pieces(part, count, (pieces, most), per_turn)
     last = int(top_order / spectrum.step) + 1
     return replace(spectrum, power=spectrum.power[:, :last], floor=spectrum.floor[:, :last])
 
 
 def _whitened_envelope(samples: FloatArray, total: int) -> FloatArray:
-    """Squared envelope of signals all of whose Fourier lines were given one amplitude."""
+    """Squared envelope, at every other sample, of signals given one amplitude at all frequencies.
+
+    The analytic signal has no negative frequencies: half as many values hold it. Its square is
+    twice as wide, so that what beats at the whole band's width comes on top of the slow beats: few
+    lines are that far apart.
+    """
     count = samples.shape[-1]
     length = fast_length(count)
-    lines = real_fft(samples - samples.mean(axis=-1, keepdims=True), length, total=total)
-    size = np.maximum(np.abs(lines), np.finfo(float).tiny)
-    lines.real /= size
-    lines.imag /= size
-    lines[:, 0] = 0.0
-    squared = np.empty(samples.shape)
-    work = batch(length, 1, samples.size, inverse=True)
-    for row, line in zip(squared, lines, strict=True):
-        # without negative frequencies the signal is analytic: its modulus is the envelope
-        work.input[0, : lines.shape[-1]] = line
-        work.input[0, lines.shape[-1] :] = 0.0
-        analytic = work.run()[0, :count]
+    squared = np.empty((len(samples), count // 2))
+    forth = batch(length, 1, total)
+    back = batch(length // 2, 1, total, inverse=True)
+    for row, signal in zip(squared, samples, strict=True):
+        np.subtract(signal, signal.mean(), out=forth.input[0, :count])
+        forth.input[0, count:] = 0.0
+        lines = forth.run()[0, : length // 2]
+        size = np.maximum(np.abs(lines), np.finfo(float).tiny)
+        np.divide(lines, size, out=back.input[0])
+        back.input[0, 0] = 0.0
+        analytic = back.run()[0, : count // 2]
         np.square(analytic.real, out=row)
         row += np.square(analytic.imag)
     return squared
@@ -252,16 +265,17 @@ def _whitened_envelope(samples: FloatArray, total: int) -> FloatArray:
 def _of_pieces(
     part: Callable[[int], FloatArray],
     block: int,
-    pieces: int,
+    pieces_and_most: tuple[int, int],
     rate: float,
     share: Callable[[FloatArray], FloatArray] | None = None,
 ) -> FineSpectrum:
     """Average the powers of pieces; `share` tells what of them stands at each place."""
+    pieces, most = pieces_and_most
     if pieces < 1 or block < 8:
         raise ArgumentError(f"pieces={pieces}: each must hold 8 samples or more, got {block}")
     length = fast_length(2 * block)
     weights = hann(block)
-    heard = np.unique(np.linspace(0, pieces - 1, min(pieces, _MOST_PIECES)).astype(int))
+    heard = np.unique(np.linspace(0, pieces - 1, min(pieces, most)).astype(int))
 
     def power_of(piece: int) -> FloatArray:
         values = part(piece)

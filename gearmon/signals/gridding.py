@@ -23,8 +23,8 @@ a minimal oversampling ratio, IEEE Trans. Medical Imaging 24 (2005) 799-808.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,11 +40,12 @@ _STEADY = 5e-4
 _SPEED_STEP = 2.5e-4
 # By the kernel's width: up to so many steps a sample, the degree of the polynomials and of their
 # slopes against the speed. With few steps a sample's reach sees less of the kernel. What all
-# weights of a step together miss is below 5e-4 of it with the short kernel, below 5e-7 with the
-# long one up to 1.3 steps a sample.
+# weights of a step together miss is below 5e-4 of it with the short kernel, below 1e-5 with the
+# middle one and 5e-7 with the long one up to 1.3 steps a sample.
 _DEGREES = {
     4: ((0.6, 4, 2), (1.15, 5, 3), (np.inf, 6, 3)),
-    8: ((0.8, 7, 4), (1.1, 7, 5), (np.inf, 8, 5)),
+    6: ((0.7, 6, 3), (0.85, 6, 4), (1.05, 7, 4), (np.inf, 8, 5)),
+    8: ((0.8, 6, 4), (1.1, 7, 4), (np.inf, 8, 5)),
 }
 # Steps whose places are found together, and those between two that the track is asked for.
 _PLACED, _STRIDE = 1 << 16, 16
@@ -142,7 +143,7 @@ class Gridding:
             (degree, slope) for limit, degree, slope in _DEGREES[kernel.width] if most <= limit
         )
         self._held = threading.local()
-        self._tables: dict[tuple[int, int], tuple[FloatArray, FloatArray, FloatArray]] = {}
+        self._tables: dict[tuple[int, int], tuple[FloatArray, FloatArray]] = {}
 
     def spread(self, first_turn: float, out: FloatArray) -> None:
         """Fill `out`, shape (channels, steps), from the angle `first_turn` [turns] on."""
@@ -243,37 +244,37 @@ class Gridding:
         for begin in range(0, count, length):
             own = steps[begin : begin + length]
             number = round(float(np.log(own[len(own) // 2])) / _SPEED_STEP)
-            value, slope, bend = self._table(len(weights), number)
+            both, bend = self._table(len(weights), number)
             # the speed changes by this much a sample: the angles of neighbours are no straight line
             drift = (own[-1] - own[0]) * own[len(own) // 2] / max(1, len(own) - 1)
             near = powers[:, begin : begin + length]
             sloped = near[self._degree + 1 :]
             np.subtract(own, np.exp(number * _SPEED_STEP), out=sloped[0])
             np.multiply(near[1 : self._slope_degree + 1], sloped[0], out=sloped[1:])
-            both = np.concatenate([value + drift * bend, slope], axis=1)
-            np.matmul(both, near, out=weights[:, begin : begin + length])
+            np.matmul(both + drift * bend, near, out=weights[:, begin : begin + length])
 
-    def _table(self, taps: int, number: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Polynomials of the weights, (taps, degree + 1), at one of a row of speeds.
+    def _table(self, taps: int, number: int) -> tuple[FloatArray, FloatArray]:
+        """Polynomials of the weights, and of their slopes, at one of a row of speeds.
 
-        Then their slopes against the speed [steps a sample] and against its change a sample: with
-        r' the change, a sample at the distance d is r d - r' d^2 / 2 steps away, and stands for
-        r - r' d of them.
+        Shape (taps, terms): the weights at a speed [steps a sample] and their slopes against it;
+        then what their change a sample adds to both: with r' the change, a sample at the distance d
+        is r d - r' d^2 / 2 steps away, and stands for r - r' d of them.
         """
         key = (taps, number)
         if key not in self._tables:
-            speed, step, kernel = float(np.exp(number * _SPEED_STEP)), 1e-3, self._kernel.at
-
-            def slope(away: FloatArray) -> FloatArray:
-                return (kernel((speed + step) * away) - kernel((speed - step) * away)) / (2 * step)
-
-            def bend(away: FloatArray) -> FloatArray:
-                return -0.5 * away * slope(away) - away / speed * kernel(speed * away)
-
+            speed, step = float(np.exp(number * _SPEED_STEP)), 1e-3
+            away, fit = _nodes(taps, self._degree)
+            near, fit_slope = _nodes(taps, self._slope_degree)
+            places = [(speed, away), (speed + step, away), (speed - step, away)]
+            places += [(speed + step, near), (speed - step, near)]
+            asked = np.concatenate([steps * where for steps, where in places], axis=1)
+            cuts = np.cumsum([where.shape[1] for _, where in places[:-1]])
+            own, more, less, high, low = np.split(self._kernel.at(asked), cuts, axis=1)
+            bend = -0.25 / step * away * (more - less) - away / speed * own
+            none = np.zeros((taps, self._slope_degree + 1))
             self._tables[key] = (
-                _fitted(taps, self._degree, lambda away: kernel(speed * away)),
-                _fitted(taps, self._slope_degree, slope),
-                _fitted(taps, self._degree, bend),
+                np.concatenate([own @ fit, (high - low) @ fit_slope / (2 * step)], axis=1),
+                np.concatenate([bend @ fit, none], axis=1),
             )
         return self._tables[key]
 
@@ -285,12 +286,18 @@ def quick_gridding(
     return Gridding(samples, sampling_rate_hz, track, per_turn, Kernel.of(4, 1.3))
 
 
-def _fitted(taps: int, degree: int, weight: Callable[[FloatArray], FloatArray]) -> FloatArray:
-    """Polynomials of the weight of every tap in the distance from the middle one."""
+@lru_cache(maxsize=64)
+def _nodes(taps: int, degree: int) -> tuple[FloatArray, FloatArray]:
+    """Distances from every tap at which its weight is asked for, and what makes polynomials of it.
+
+    The polynomials are in the distance from the middle tap. Read-only.
+    """
     nodes = np.cos(np.pi * (np.arange(degree + 1) + 0.5) / (degree + 1))
     away = 0.5 * nodes + (0.5 * (taps - 1) - np.arange(taps))[:, None]
-    fitted: FloatArray = np.linalg.solve(np.vander(nodes, increasing=True), weight(away).T).T
-    return fitted * 2.0 ** np.arange(degree + 1)
+    fit = np.linalg.inv(np.vander(nodes, increasing=True)).T * 2.0 ** np.arange(degree + 1)
+    for held in (away, fit):
+        held.flags.writeable = False
+    return away, fit
 
 
 def _stretch(channel: FloatArray, begin: int, end: int) -> FloatArray:

@@ -6,10 +6,8 @@ once, under the rising and under the falling half of the window.
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,21 +15,22 @@ from numpy.typing import NDArray
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.gridding import Gridding, Kernel
 from gearmon.signals.spectrum import hann
+from gearmon.signals.threads import side_by_side
 from gearmon.signals.transforms import batch, fast_length, window_powers
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-# Kernel width and steps a cycle of the highest order: what spreading adds is below 1e-6, 2e-4.
-_PRECISE, _QUICK = (8, 2.6), (4, 2.6)
-# Steps a sample, at the least, where less accuracy is wanted.
-_COARSEST = 0.25
+# Width of the kernel, steps a cycle of the highest order, and a sample, at the least: what
+# spreading adds is below 1e-6 where there are twice as many steps a cycle, 1e-4 or some 1e-3.
+_PRECISE, _MIDDLE, _QUICK = (8, 2.6, 1.0), (6, 3.2, 0.25), (4, 2.6, 0.25)
+_MIDDLE_FROM, _QUICK_FROM = 1e-4, 1e-3
 # Up to so many lines a matrix product is quicker than a transform.
 _FEW_LINES, _LARGEST_MATRIX = 20, 1 << 21
-# Steps taken at a time, and from how many on threads are worth starting.
-_TOGETHER, _WORTH_THREADS, _MOST_THREADS = 1 << 16, 1 << 19, 4
-
-Found = TypeVar("Found")
+# Steps taken at a time.
+_TOGETHER = 1 << 18
+# Lines and bins whose weights make one matrix.
+_MOST_LINES, _MOST_BINS = 24, 64
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,16 +54,18 @@ class HalfBlocks:
         orders: FloatArray,
         block_turns: float,
         *,
-        precise: bool,
+        error: float,
     ) -> HalfBlocks:
-        """Return the halves of blocks of `block_turns` turns, for lines at the given orders."""
+        """Return the halves of blocks of `block_turns` turns, for lines at the given orders.
+
+        Of a line, spreading adds `error` elsewhere: 1e-3, 1e-4, or else 1e-6.
+        """
         top = float(orders.max())
-        width, room = _PRECISE if precise else _QUICK
+        whole = rate / float(track.speed_hz.min())
         # steps that last no longer than a sample hold the whole band; fewer of them do for lines
         # low in it, and what is folded onto these the kernel has taken out before
-        least = max(
-            room * top, (1.0 if precise else _COARSEST) * rate / float(track.speed_hz.min())
-        )
+        width, room, coarsest = _choice(error, top, whole)
+        least = max(room * top, coarsest * whole)
         steps = fast_length(int(np.ceil(block_turns * least))) // 2
         per_turn = 2 * steps / block_turns
         kernel = Kernel.of(width, per_turn / (2 * max(top, 1e-3 * per_turn)))
@@ -159,15 +160,12 @@ class HalfBlocks:
         return total
 
 
-def side_by_side(task: Callable[[int], Found], numbers: Sequence[int], work: int) -> list[Found]:
-    """Do a task for every number, by threads where there is work for them."""
-    threads = min(os.cpu_count() or 1, _MOST_THREADS, len(numbers))
-    if threads < 2 or work < _WORTH_THREADS:
-        return [task(number) for number in numbers]
-    from concurrent.futures import ThreadPoolExecutor  # short recordings do without
-
-    with ThreadPoolExecutor(threads) as pool:
-        return list(pool.map(task, numbers))
+def _choice(error: float, top: float, whole: float) -> tuple[int, float, float]:
+    """Choose the kernel by what it may add, the highest order and samples a turn."""
+    if error >= _QUICK_FROM:
+        return _QUICK
+    # close to half the sampling rate it would need more steps than the longer kernel
+    return _MIDDLE if error >= _MIDDLE_FROM and _MIDDLE[1] * top <= whole else _PRECISE
 
 
 class SumPlan:
@@ -207,31 +205,67 @@ class LinePlan:
         self._total = total
         centred = (np.arange(steps) - steps / 2) / self.length
         self._flat = 1 / _kernel_transform(centred, self._REACH, self._BETA)
-        target = 2.0 * bins
+        ascending = np.argsort(bins, kind="stable")
+        self._place = 2 * np.argsort(ascending)
+        target = 2.0 * bins[ascending]
         base = np.floor(target).astype(int) - self._REACH // 2 + 1
         near = base[:, None] + np.arange(self._REACH)
         offset = (target[:, None] - near) / (self._REACH / 2)
         kernel = np.i0(self._BETA * np.sqrt(np.maximum(0.0, 1 - offset**2)))
         # the kernel acts on the spectrum of the half centred at zero: undo the shift on the grid
         weight = kernel * np.exp(0.5j * np.pi * (near - target[:, None]))
-        self._rising = _with_neighbours(weight, -0.25 * beside)
-        self._falling = _with_neighbours(weight, 0.25 * beside)
-        wrapped = (base[:, None] - 1 + np.arange(self._REACH + 2)) % self.length
-        self._mirrored = wrapped > steps
-        self._taken = np.where(self._mirrored, self.length - wrapped, wrapped)
+        share = 0.25 * beside[:, ascending]
+        both = [_with_neighbours(weight, -share), _with_neighbours(weight, share)]
+        # bins from the lowest to the highest that is asked for, also below 0 and above the middle
+        self._first = int(base.min(initial=1)) - 1
+        wanted = self._first + np.arange(int(base.max(initial=1)) + self._REACH - self._first + 1)
+        wrapped = wanted % self.length
+        self._mirrored = np.flatnonzero(wrapped > steps)
+        self._taken = np.where(wrapped > steps, self.length - wrapped, wrapped)
+        self._groups = _groups(base - 1 - self._first, np.stack(both, axis=-1))
 
     def lines(self, halves: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Return the transforms under the rising and the falling half of the window."""
-        result = np.empty((2, len(halves), len(self._taken)), dtype=np.complex128)
+        bins = np.empty((len(halves), len(self._taken)), dtype=np.complex128)
         one = batch(self.length, 1, max(self._total, len(halves) * self.length))
         one.input[0, self.steps :] = 0.0
-        for row, half in enumerate(halves):
+        for row, half in zip(bins, halves, strict=True):
             np.multiply(half, self._flat, out=one.input[0, : self.steps])
-            values = one.run()[0][self._taken]
-            np.conjugate(values, out=values, where=self._mirrored)
-            result[0, row] = np.einsum("ln,ln->l", values, self._rising)
-            result[1, row] = np.einsum("ln,ln->l", values, self._falling)
-        return result[0], result[1]
+            one.run()[0].take(self._taken, out=row, mode="clip")
+        bins[:, self._mirrored] = np.conj(bins[:, self._mirrored])
+        found = np.empty((len(halves), 2 * len(self._place)), dtype=np.complex128)
+        for begin, first, weights in self._groups:
+            own = bins[:, first : first + len(weights)]
+            np.matmul(own, weights, out=found[:, begin : begin + weights.shape[1]])
+        return found[:, self._place], found[:, self._place + 1]
+
+
+def _groups(base: NDArray[np.intp], weights: ComplexArray) -> list[tuple[int, int, ComplexArray]]:
+    """Join lines next to one another: one matrix of weights of the bins about them.
+
+    Parameters
+    ----------
+    base : ndarray of int, shape (lines,)
+        First bin of each line, ascending.
+    weights : ndarray of complex, shape (lines, bins of a line, 2)
+        Weights of two sums.
+
+    Returns
+    -------
+    list of tuple
+        First sum, first bin, weights of shape (bins, sums).
+    """
+    groups, begin, width = [], 0, weights.shape[1]
+    while begin < len(base):
+        first = int(base[begin])
+        near = int(np.searchsorted(base, first + _MOST_BINS - width, side="right"))
+        end = min(near, begin + _MOST_LINES)
+        own = (base[begin:end] - first)[:, None] + np.arange(width)
+        joined = np.zeros((int(own[-1, -1]) + 1, end - begin, 2), dtype=np.complex128)
+        joined[own, np.arange(end - begin)[:, None]] = weights[begin:end]
+        groups.append((2 * begin, first, joined.reshape(len(joined), -1)))
+        begin = end
+    return groups
 
 
 def line_plan(

@@ -125,16 +125,17 @@ def _locked(track: AngleTrack, lines: SlidingLines, wander: float) -> AngleTrack
     hop_turns = float(np.median(np.diff(lines.angle)))
     hop_s = hop_turns / float(np.mean(track.speed_hz))
     step = wander * np.sqrt(hop_s) * hop_turns
-    order = lines.orders
-    low = 1.01 * float(order.min())
+    low = 1.01 * float(lines.orders.min())
     error = _unwound(lines)
     hats = _speed_classes(track, lines.angle)
     for share in _LIMITS:
-        turned = lines.amplitude * phasors(np.outer(-error, order))
+        near = lines.orders <= max(share * float(lines.orders.max()), low)
+        order = lines.orders[near]
+        turned = lines.amplitude[:, near] * phasors(np.outer(-error, order))
         mean = _mean_at_speed(turned, hats)
         rest = np.angle(turned * np.conj(mean)) / (2 * np.pi)
         variance = np.mean(rest**2, axis=0) + _FLOOR_CYCLES**2
-        heard = (variance < 0.5 * _NOISE_VARIANCE) & (order <= max(share * order.max(), low))
+        heard = variance < 0.5 * _NOISE_VARIANCE
         weight = np.where(
             heard & (np.abs(rest) < _GATE_CYCLES), order**2 / (variance * _OVERLAP), 0.0
         )

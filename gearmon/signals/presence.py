@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.signals.comb import Comb, SpeedScan, SpeedTrack
+from gearmon.signals.threads import side_by_side
 
 FloatArray = NDArray[np.float64]
 
@@ -159,7 +160,11 @@ def mesh_evidence(
         One a mesh.
     """
     judged = _JudgedSpectrum.of(scan, nominal_hz, tolerance)
-    return tuple(_evidence(judged, meshes, shaft_orders, index) for index in range(len(meshes)))
+
+    def evidence(index: int) -> MeshEvidence:
+        return _evidence(judged, meshes, shaft_orders, index)
+
+    return tuple(side_by_side(evidence, range(len(meshes)), scan.scores.size))
 
 
 def _evidence(

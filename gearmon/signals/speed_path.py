@@ -25,10 +25,10 @@ from gearmon.signals.comb import (
     weighted_sum,
 )
 from gearmon.signals.gridding import quick_gridding
-from gearmon.signals.half_blocks import side_by_side
 from gearmon.signals.phase import integrate_speed
 from gearmon.signals.phase_lock import lock_track
 from gearmon.signals.spectrum import hann
+from gearmon.signals.threads import side_by_side
 from gearmon.signals.transforms import fast_length
 
 FloatArray = NDArray[np.float64]

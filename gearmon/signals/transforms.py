@@ -19,6 +19,8 @@ ComplexArray = NDArray[np.complex128]
 
 # Above this many samples in equal transforms the import of FFTW (a quarter of a second) pays off.
 _FFTW_PAYS_FROM = 1 << 23
+# The same of windowed pieces of one recording: so long a one loads it for its order lines as well.
+_WINDOWED_PAYS_FROM = 1 << 22
 # Plans with buffers, for spectra of whole signals and of many blocks, are used from this size on.
 _PLANS_PAY_FROM = 1 << 20
 # Buffers of so many numbers stay in the cache of a processor core.
@@ -131,7 +133,7 @@ def windowed_transforms(
     ndarray of complex, shape (length // 2 + 1,)
         Unscaled.
     """
-    planned = total >= _FFTW_PAYS_FROM and length >= 1 << 12
+    planned = total >= _WINDOWED_PAYS_FROM and length >= 1 << 12
     for signal in signals:
         if planned:
             one = batch(length, 1, total)

@@ -87,7 +87,8 @@ def foreign_lines(
     course = _Course.of(track)
     # pieces of the whole recording: of very many only some were looked at
     pieces = max(1, round(float(track.turns[-1] - track.turns[0]) * order_spectrum.width))
-    by_time = fine_spectrum(samples, sampling_rate_hz, pieces)
+    heard = order_spectrum.pieces
+    by_time = fine_spectrum(samples, sampling_rate_hz, pieces, heard)
     cell_hz = course.mean / _CELLS_AN_ORDER
     in_time = _highest_in_cells(by_time, cell_hz)
     grid = _noise_grid("spectrum", order_spectrum, course, in_time)
@@ -96,7 +97,7 @@ def foreign_lines(
     found = _of_spectra(order_spectrum, by_time, known, course, least)
     bearings = [line.order for line in train.lines if line.kind == "bearing"]
     top = max([_ENVELOPE_ORDER] + [_ENVELOPE_HARMONICS * order for order in bearings])
-    envelope = fine_envelope_spectrum(samples, sampling_rate_hz, track, top, pieces)
+    envelope = fine_envelope_spectrum(samples, sampling_rate_hz, track, top, pieces, heard)
     beats = _noise_grid("envelope", envelope, course)
     known = known_orders(train, envelope.top, envelope.width)
     least = over_median * 10 ** (beats.least_db / 10)

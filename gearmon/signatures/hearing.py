@@ -14,6 +14,7 @@ from gearmon.signals.comb import SpeedScan, SpeedTrack, scan_speed
 from gearmon.signals.order_sums import OrderSums
 from gearmon.signals.phase import standing_share
 from gearmon.signals.presence import MeshEvidence, mesh_evidence
+from gearmon.signals.threads import at_once
 from gearmon.signatures.families import group_orders
 from gearmon.signatures.speed import SPEED_TOLERANCE, machine_comb, mesh_combs
 
@@ -176,7 +177,12 @@ def evidence_of(
         One a mesh.
     """
     orders = [shaft.order for shaft in heard.train.shafts]
-    return mesh_evidence(scan, mesh_combs(heard.train), orders, centre_hz, tolerance)
+
+    def judged() -> tuple[MeshEvidence, ...]:
+        return mesh_evidence(scan, mesh_combs(heard.train), orders, centre_hz, tolerance)
+
+    # the path through all blocks, which is wanted next, is found meanwhile
+    return at_once(judged, lambda: scan.best_score, scan.scores.size)[0]
 
 
 def wander(track: AngleTrack) -> float:

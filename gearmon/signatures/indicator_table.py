@@ -14,6 +14,7 @@ from gearmon.machine import Machine
 from gearmon.signals import indicators
 from gearmon.signals.recording import Recording
 from gearmon.signals.run_history import na4, na4_frozen
+from gearmon.signals.threads import at_once
 from gearmon.signatures.gear_signals import GearSignals, gear_signals
 from gearmon.signatures.indicator_history import IndicatorHistory
 from gearmon.signatures.measured import MeasuredSignature, measure_signature
@@ -162,22 +163,24 @@ def indicator_table(
     """
     check_range("baseline", baseline, 1, 1_000_000)
     vibration = recording.vibration()
-    rows = [
-        row
-        for name, unit, samples in zip(
-            vibration.channel_names, vibration.units, vibration.samples, strict=True
-        )
-        for row in _of_waveform(samples, name, unit)
-    ]
+
+    def raw() -> list[IndicatorRow]:
+        channels = zip(vibration.channel_names, vibration.units, vibration.samples, strict=True)
+        return [
+            row for name, unit, samples in channels for row in _of_waveform(samples, name, unit)
+        ]
+
     if machine is None:
         return IndicatorTable(
             recording=recording.origin,
-            rows=tuple(rows),
+            rows=tuple(raw()),
             signature=None,
             history=history,
             notes=tuple(recording.notes),
         )
-    signature = measure_signature(recording, machine)
+    rows, signature = at_once(
+        raw, lambda: measure_signature(recording, machine), vibration.samples.size
+    )
     notes = list(signature.notes)
     names = signature.channel_names
     run = history if history is not None else IndicatorHistory.of(names)

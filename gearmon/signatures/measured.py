@@ -21,6 +21,7 @@ from gearmon.signals.presence import (
 )
 from gearmon.signals.recording import Recording
 from gearmon.signals.sideband_spacing import spacing_mismatch, spacing_support
+from gearmon.signals.threads import at_once
 from gearmon.signatures.families import MESH_HARMONICS, LinePlan, line_plan
 from gearmon.signatures.foreign_lines import ForeignLines
 from gearmon.signatures.foreign_search import foreign_lines
@@ -35,6 +36,10 @@ from gearmon.signatures.tracking import track_recording
 
 FloatArray = NDArray[np.float64]
 
+#: What a line may add elsewhere, relative to it: the angle is not known as well.
+LEAKAGE = 1e-4
+#: Pieces of a long recording in which lines of other origin are looked for.
+PIECES_HEARD = 8
 # A mesh whose sidebands would rather stand elsewhere must be far clearer than others.
 # Height of a gear's own sidebands, in robust standard deviations, from which they count.
 _SUPPORTED = 4.0
@@ -171,14 +176,10 @@ def measure_signature(recording: Recording, machine: Machine) -> MeasuredSignatu
     tracking = track_recording(recording, machine, train)
     track, nominal_hz = tracking.track, tracking.nominal_hz
     plan = _plan(train, rate, track, tracking.plan_hz)
-    turns = float(track.turns[-1] - track.turns[0])
-    lines = order_lines(samples, rate, track, plan.orders, _block_turns(turns, slowest))
+    lines, (spectrum, foreign) = _spectra(samples, rate, track, train, plan)
     level, scatter, heard = family_levels(lines, plan)
     peak_hz = line_peak(samples, rate, train, track)
     speed = speed_of(track, nominal_hz, peak_hz, tracking.scan, recording.duration_s)
-    # at most some millions of points: the test needs the resolution of seconds, not of hours
-    pieces = max(1, samples.shape[-1] >> 18)
-    spectrum = fine_order_spectrum(samples, rate, track, pieces)
     findings = _findings(speed, spectrum, train, combs, tracking.evidence, lines, plan)
     return MeasuredSignature(
         origin=recording.origin,
@@ -195,8 +196,27 @@ def measure_signature(recording: Recording, machine: Machine) -> MeasuredSignatu
         scatter_db=scatter,
         heard=heard,
         notes=tuple(recording.notes) + tracking.notes,
-        foreign=foreign_lines(samples, rate, track, train, spectrum),
+        foreign=foreign,
     )
+
+
+def _spectra(
+    samples: FloatArray, rate: float, track: AngleTrack, train: Kinematics, plan: LinePlan
+) -> tuple[OrderLines, tuple[FineSpectrum, ForeignLines]]:
+    """Lines of the plan; fine spectrum and lines of other origin: both at once."""
+    turns = float(track.turns[-1] - track.turns[0])
+    block_turns = _block_turns(turns, min(shaft.order for shaft in train.shafts))
+    # at most some millions of points: the test needs the resolution of seconds, not of hours
+    pieces = max(1, samples.shape[-1] >> 18)
+
+    def planned() -> OrderLines:
+        return order_lines(samples, rate, track, plan.orders, block_turns, error=LEAKAGE)
+
+    def others() -> tuple[FineSpectrum, ForeignLines]:
+        spectrum = fine_order_spectrum(samples, rate, track, pieces, PIECES_HEARD)
+        return spectrum, foreign_lines(samples, rate, track, train, spectrum)
+
+    return at_once(planned, others, samples.size)
 
 
 def _check_length(recording: Recording, slowest_order: float, machine: Machine) -> None:

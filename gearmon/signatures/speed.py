@@ -122,17 +122,16 @@ def scan_nominal_speeds(
     """
     comb = machine_comb(train)
     duration = samples.shape[-1] / rate
-    best: tuple[float, float, SpeedScan] | None = None
+    scans = []
     for nominal in sorted({point.shaft1_hz for point in machine.operating}):
         block_s = _SCAN_TURNS / nominal
         if duration < 4 * block_s:
             block_s = duration
         scan = scan_speed(samples, rate, comb, nominal, SPEED_TOLERANCE, block_s)
-        if best is None or scan.best_score > best[0]:
-            best = (scan.best_score, nominal, scan)
-    if best is None:
+        scans.append((nominal, scan))
+    if not scans:
         raise ArgumentError("machine has no operating point: add [operating] speed_rpm = ...")
-    return best[1], best[2]
+    return scans[0] if len(scans) == 1 else max(scans, key=lambda pair: pair[1].best_score)
 
 
 def speed_of(

@@ -196,3 +196,48 @@ def test_best_path_equals_trying_all_paths():
 def test_arguments_out_of_range_are_refused(changes, named):
     with pytest.raises(ArgumentError, match=named):
         scan_speed(np.zeros((1, 4000)), RATE, COMB, **changes)
+
+
+def test_path_of_many_moves_is_the_best_of_all_steps_one_by_one():
+    # more candidates within reach than moves: each step of the path is one of them, and the best
+    scores, reach = white((40, 900), seed=3), 400
+    scores[np.arange(40), 300 + 7 * np.arange(40)] += 8.0
+    contrast = np.mean(scores.max(axis=1) - np.median(scores, axis=1))
+    count = max(24, -(-reach // 12))
+    moves = np.unique(np.round(np.linspace(-reach, reach, 2 * count + 1)).astype(int))
+    total, came = scores[0].copy(), []
+    for row in scores[1:]:
+        before = np.clip(np.arange(900)[:, None] - moves, 0, 899)
+        each = total[before] - contrast * (moves / reach) ** 2
+        came.append(before[np.arange(900), each.argmax(axis=1)])
+        total = row + each.max(axis=1)
+    path = [int(np.argmax(total))]
+    for before in reversed(came):
+        path.append(int(before[path[-1]]))
+    np.testing.assert_array_equal(comb.best_path(scores, reach), path[::-1])
+
+
+def test_columns_are_summed_as_if_each_were_alone():
+    values, index = white((50, 3), seed=5), np.random.default_rng(5).integers(0, 50, (30, 8))
+    weights = np.linspace(0.1, 1.0, 30)
+    found = comb.weighted_sum(values, index, weights)
+    for column, own in zip(values.T, found.T, strict=True):
+        np.testing.assert_allclose(own, comb.weighted_sum(column, index, weights), rtol=1e-12)
+        np.testing.assert_allclose(own, weights @ column[index], rtol=1e-12)
+
+
+def test_blocks_of_a_long_recording_stand_end_to_end(monkeypatch):
+    time = np.arange(int(20.0 * RATE)) / RATE
+    turns = wandering_turns(time, 24.8, 0.004, 2)
+    samples = machine(turns, seed=4)
+    plain = scan_speed(samples, RATE, COMB, NOMINAL)
+    monkeypatch.setattr(comb, "_MANY_BLOCKS", 30)
+    apart = scan_speed(samples, RATE, COMB, NOMINAL)
+    assert (plain.stride, apart.stride) == (2, 1)
+    assert len(plain.centre_s) == 39
+    np.testing.assert_allclose(np.diff(apart.centre_s), 1.0)
+    assert np.all(np.diff(apart.kept) >= 2)
+    # every second one of the others: the same blocks, heard alike
+    np.testing.assert_allclose(apart.scores, plain.scores[::2], rtol=1e-12)
+    turned = np.interp(np.array([-0.5, 0.5]) + apart.centre_s[:, None], time, turns)
+    assert np.std(apart.track().speed_hz / np.diff(turned)[:, 0] - 1) < 1.5e-3

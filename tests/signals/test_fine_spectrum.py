@@ -7,6 +7,7 @@ import pytest
 from reference.synthetic_signals import lines_on, track_of, wandering_turns, white
 
 from gearmon.errors import ArgumentError
+from gearmon.signals import fine_spectrum as module
 from gearmon.signals.fine_spectrum import (
     fine_envelope_spectrum,
     fine_order_spectrum,
@@ -132,3 +133,26 @@ def test_highest_within_a_reach_is_found_one_by_one(reach):
         [max(row[max(0, i - reach) : i + reach + 1]) for i in range(len(row))] for row in values
     ]
     np.testing.assert_array_equal(highest_within(values, reach), slow)
+
+
+@pytest.mark.parametrize("most", [2, 5])
+def test_no_more_pieces_are_heard_than_asked_for(most):
+    samples = white((1, len(TIME)), seed=6)
+    assert fine_spectrum(samples, RATE, 10, most).pieces == most
+    assert fine_order_spectrum(samples, RATE, TRACK, 10, most).pieces == most
+    envelope = fine_envelope_spectrum(samples, RATE, TRACK, 10.0, 10, most)
+    assert envelope.pieces == most
+    heard = [fine_spectrum(part, RATE).power for part in np.split(samples, 2, axis=1)]
+    np.testing.assert_allclose(fine_spectrum(samples, RATE, 2).power, np.mean(heard, axis=0))
+
+
+@pytest.mark.parametrize("count", [1000, 1003])
+def test_whitened_envelope_is_that_of_the_analytic_signal(count):
+    samples = white((2, count), seed=7)
+    length = module.fast_length(count)
+    lines = np.fft.rfft(samples - samples.mean(axis=1, keepdims=True), length)
+    lines[:, [0, -1]] = 0.0
+    lines[:, 1:-1] /= np.abs(lines[:, 1:-1])
+    analytic = np.fft.ifft(lines, length, norm="forward")
+    found = module._whitened_envelope(samples, samples.size)
+    np.testing.assert_allclose(found, np.abs(analytic[:, : count // 2 * 2 : 2]) ** 2, rtol=1e-9)

@@ -9,7 +9,6 @@ from reference.synthetic_signals import track_of, wandering_turns, white
 from gearmon.signals import gridding
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.gridding import Gridding, Kernel
-from gearmon.signals.half_blocks import side_by_side
 
 RATE = 2000.0
 
@@ -20,7 +19,7 @@ def spread_of(samples, track, per_turn, kernel, first_turn, count):
     return out
 
 
-@pytest.mark.parametrize(("width", "bound"), [(4, 3e-3), (8, 1e-6)])
+@pytest.mark.parametrize(("width", "bound"), [(4, 3e-3), (6, 6e-5), (8, 1e-6)])
 @pytest.mark.parametrize("oversampling", [1.3, 2.0, 3.0])
 def test_transform_of_the_kernel_is_its_fourier_integral(width, bound, oversampling):
     kernel = Kernel.of(width, oversampling)
@@ -35,7 +34,7 @@ def test_transform_of_the_kernel_is_its_fourier_integral(width, bound, oversampl
     assert kernel.at(np.array([width / 2]))[0] < 30 * bound
 
 
-@pytest.mark.parametrize("width", [4, 8])
+@pytest.mark.parametrize("width", [4, 6, 8])
 def test_every_step_is_the_weighted_sum_of_its_neighbours(width):
     # slowly changing speed: angles of samples near a step, one by one
     def turns(time):
@@ -68,7 +67,7 @@ def test_dense_knots_and_sparse_ones_give_the_same_steps():
     assert np.abs(one - other).max() < 0.05 * np.abs(one).max()
 
 
-@pytest.mark.parametrize(("width", "bound"), [(4, 5e-4), (8, 5e-7)])
+@pytest.mark.parametrize(("width", "bound"), [(4, 5e-4), (6, 1e-5), (8, 5e-7)])
 @pytest.mark.parametrize("steps", [0.45, 0.7, 1.05, 1.3])
 def test_polynomials_give_the_kernel_at_every_number_of_steps_a_sample(width, bound, steps):
     track = track_of(lambda time: 20.0 * time, 2.0, 5)
@@ -132,8 +131,3 @@ def test_a_constant_is_spread_evenly_to_the_ends():
     found = spread_of(np.full((1, 2001), 9.81), track, 110.0, kernel, 0.0, 2200)
     level = 9.81 * kernel.transform(np.zeros(1))[0]
     np.testing.assert_allclose(found, level, rtol=1e-6)
-
-
-@pytest.mark.parametrize("work", [0, 1 << 40])
-def test_tasks_side_by_side_give_results_in_order(work):
-    assert side_by_side(lambda number: number**2, range(50), work) == [n**2 for n in range(50)]

@@ -236,3 +236,39 @@ def test_order_quality_peaks_at_the_lines(pieces):
     # the scale of a channel does not matter
     other, _ = order_quality(samples * [[5.0], [0.01]], RATE, curve, pieces)
     np.testing.assert_allclose(other, quality, rtol=1e-6)
+
+
+@pytest.mark.parametrize("count", [30, 400])
+def test_many_lines_in_any_order_equal_a_direct_sum(count):
+    # near and far from one another, some twice, in no order: they share matrices in groups
+    rng = np.random.default_rng(count)
+    bins = np.concatenate([rng.uniform(0.0, 250.0, count), 40 + 0.01 * np.arange(count)])
+    bins[5] = bins[3]
+    part = white((2, 500), seed=3)
+    halves = half_blocks.LinePlan(250, 0.5 * bins, np.ones((2, len(bins))))
+    rising, falling = (halves.lines(half) for half in (part[:, :250], part[:, 250:]))
+    found = rising[0] + falling[1] * np.exp(-1j * np.pi * bins)
+    slow = direct_lines(part, 500, 0.0, bins, 500)[0]
+    scale = np.where(bins > 0, 2.0, 1.0) / 250.0
+    assert np.abs(found * scale - slow).max() < 1e-6 * np.abs(slow).max()
+
+
+@pytest.mark.parametrize("tone", [0.7, 11.0, 24.3, 37.0, 46.0])
+def test_error_that_is_allowed_is_not_exceeded(tone):
+    # a strong line within the orders or above them, read all over
+    speed, orders = 20.0, np.append(np.linspace(0.3, 25.0, 80), tone)
+    orders = orders[orders <= 25.0]
+    samples = lines_on(speed * np.arange(20_000) / RATE, [tone], [1.0], 0.3)
+    curve = constant_track(speed, 20_000 / RATE)
+    exact, quicker = (
+        order_lines(samples, RATE, curve, orders, 20.0, error=error).amplitude
+        for error in (1e-6, 1e-4)
+    )
+    # what is read besides the line itself stands as far off as a Hann window sees
+    slow = np.zeros(len(orders), dtype=complex)
+    far = np.abs(orders - tone) > 2.0
+    slow[orders == tone] = np.exp(0.3j)
+    known = far | (orders == tone)
+    assert np.abs(exact[:, 0] - slow)[:, known].max() < 3e-5
+    assert np.abs(quicker - exact).max() < 1e-4
+    assert np.abs(quicker - exact).max() > 0.0  # another kernel

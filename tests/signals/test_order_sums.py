@@ -149,3 +149,13 @@ def test_phasors_are_the_exponential(cycles):
 def test_phasors_keep_the_shape():
     phases = np.random.default_rng(0).uniform(-3, 3, (7, 1300))
     np.testing.assert_allclose(phasors(phases.T), np.exp(2j * np.pi * phases.T), atol=3e-14)
+
+
+def test_multiples_of_an_order_are_heard_as_if_each_were_alone():
+    samples, track = recording(channels=2)
+    orders = np.array([7.0, 23.0, 46.0, 69.0, 70.1, 115.0])
+    found = OrderSums(samples, RATE, orders).blocks(track, 8.0)
+    for column, order in enumerate(orders):
+        # as few cycles a stretch as with all of them
+        alone = OrderSums(samples, RATE, np.array([order, 115.0001])).blocks(track, 8.0)
+        np.testing.assert_allclose(found.amplitude[..., column], alone.amplitude[..., 0], atol=1e-4)

@@ -1,0 +1,60 @@
+"""Tasks side by side on the cores of this machine; their results do not depend on how many."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
+
+# Values handled from which on threads are worth starting, and how many at the most.
+_WORTH_THREADS, _MOST_THREADS = 1 << 19, 4
+
+Found = TypeVar("Found")
+Other = TypeVar("Other")
+
+
+def side_by_side(task: Callable[[int], Found], numbers: Sequence[int], work: int) -> list[Found]:
+    """Do a task for every number, by threads where there is work for them.
+
+    Parameters
+    ----------
+    task : callable
+        Takes a number. Tasks must not depend on one another.
+    numbers : sequence of int
+    work : int
+        Values that all of them handle.
+
+    Returns
+    -------
+    list
+        What the tasks returned, in the order of the numbers.
+    """
+    threads = min(_cores(), _MOST_THREADS, len(numbers))
+    if threads < 2 or work < _WORTH_THREADS:
+        return [task(number) for number in numbers]
+    from concurrent.futures import ThreadPoolExecutor  # short recordings do without
+
+    with ThreadPoolExecutor(threads) as pool:
+        return list(pool.map(task, numbers))
+
+
+def _cores() -> int:
+    """Return how many processor cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def at_once(one: Callable[[], Found], other: Callable[[], Other], work: int) -> tuple[Found, Other]:
+    """Do two tasks, by threads where there is work for them.
+
+    Parameters
+    ----------
+    one, other : callable
+        The tasks, without arguments.
+    work : int
+        Values that they handle.
+    """
+    tasks: tuple[Callable[[], Any], ...] = (one, other)
+    found: list[Any] = side_by_side(lambda number: tasks[number](), range(2), work)
+    return found[0], found[1]
