@@ -35,9 +35,8 @@ MOST_LINES = 200
 OWN_WIDTHS = 1.5
 # Load and speed that wander slowly set a skirt about every line: so far [Hz], at most so high.
 _SKIRT_HZ, _SKIRT_WIDTHS, _SKIRT_SHARE = 2.0, 16.0, 4e-3
-# What the errors of the angle add to it is taken so much larger than they are said to be; where
-# nothing is said [turns].
-_ANGLE_SPARE, _UNKNOWN_ANGLE = 3.0, 1e-3
+# What the errors of the angle add to it; where nothing is said of them [turns].
+_UNKNOWN_ANGLE = 1e-3
 # A line that stands still in time must have this share of what follows the shafts about it.
 _TIME_SHARE = 0.05
 # A line is the sharper one on the grid on which its power is so many times the other's.
@@ -229,7 +228,7 @@ class _Course:
 
     def skirt(self, orders: FloatArray) -> FloatArray:
         """Share of a line's power that may stand about it: slow wander, and errors of the angle."""
-        swing = 2 * np.pi * orders * _ANGLE_SPARE * self.angle
+        swing = 2 * np.pi * orders * self.angle
         return np.asarray(np.minimum(_SKIRT_SHARE + swing**2, 0.5), dtype=np.float64)
 
     def reach(self, width: float) -> float:

@@ -159,9 +159,8 @@ def speed_of(
     span = float(track.time_s[-1] - track.time_s[0])
     speeds = track.speed_hz
     if np.isfinite(track.uncertainty_turns):
-        # both ends of the track are uncertain by what its increments leave, summed as a walk
-        walk = track.uncertainty_turns * np.sqrt(max(1, len(speeds)))
-        uncertainty = float(walk) / duration_s
+        # both ends of the track are uncertain
+        uncertainty = float(np.sqrt(2) * track.uncertainty_turns) / duration_s
     else:
         uncertainty = 0.5 * scan.resolution_hz
     return Speed(

@@ -19,6 +19,7 @@ from gearmon.signals.order_sums import OrderSums
 from gearmon.signals.phase import integrate_speed, refined, share_standing
 from gearmon.signals.phase_lock import locked
 from gearmon.signals.sideband_spacing import spacing_mismatch, spacing_support
+from gearmon.signals.slip_check import LEAST_TURNS, SlipCheck, check_slips
 from gearmon.signals.speed_path import find_path, follow_speed
 from gearmon.signatures.hearing import Heard, Tracking, judge, wander
 from gearmon.signatures.speed import SPEED_TOLERANCE, machine_comb, mesh_combs
@@ -35,6 +36,8 @@ _STILL = 0.93
 _LOST = 0.5
 # Wander of the speed from which the ends of a recording need care, relative standard deviation.
 _WANDERS = 1e-3
+# Stretches in which the angle may have slipped that a note names.
+_NAMED = 3
 # How much more of the lines must stand still before a speed far away is believed.
 _BETTER = 0.02
 # The same if fewer meshes stand out there.
@@ -75,7 +78,8 @@ def track_by_ear(heard: Heard, sums: OrderSums, first: Tracking, machine: Machin
             return _with_doubt(heard, *followed)
         if share <= _STANDING:
             steady, share = _finer(heard, sums, first, (steady, share))
-    return _with_doubt(heard, replace(first, track=steady), share if first.standing else 1.0)
+    found = replace(first, track=steady)
+    return _with_doubt(heard, found, share, sums) if first.standing else found
 
 
 def _elsewhere(heard: Heard, first: Tracking) -> bool:
@@ -94,7 +98,7 @@ def _elsewhere(heard: Heard, first: Tracking) -> bool:
     return bool(np.median(np.abs(path.speed.speed_hz / known - 1)) > _ELSEWHERE)
 
 
-def _outdoes(followed: tuple[Tracking, float], steady: tuple[Tracking, float]) -> bool:
+def _outdoes(followed: tuple[Tracking, float, OrderSums], steady: tuple[Tracking, float]) -> bool:
     """Whether a followed speed shows more meshes than a steady one, or lines far more still."""
     more = followed[0].standing - steady[0].standing
     return more > 0 or followed[1] > steady[1] + (_BETTER if more == 0 else _FAR_BETTER)
@@ -160,8 +164,11 @@ def _finer(
     return best
 
 
-def _follow(heard: Heard, machine: Machine) -> tuple[Tracking, float] | None:
-    """Look for the comb in short blocks far about nominal; None if no mesh stands out there."""
+def _follow(heard: Heard, machine: Machine) -> tuple[Tracking, float, OrderSums] | None:
+    """Look for the comb in short blocks far about nominal; None if no mesh stands out there.
+
+    Returns the track, the share of the lines that stands still in it, and the lines.
+    """
     comb = machine_comb(heard.train)
     nominal = {point.shaft1_hz for point in machine.operating}
     paths = [(find_path(heard.samples, heard.rate, comb, hz, _REACH), hz) for hz in sorted(nominal)]
@@ -177,7 +184,11 @@ def _follow(heard: Heard, machine: Machine) -> tuple[Tracking, float] | None:
         f"the speed was followed over the recording, from {speeds[0]:.4g} to {speeds[-1]:.4g} Hz "
         f"between {speeds.min():.4g} and {speeds.max():.4g} Hz; nominal is {nominal_hz:.4g} Hz"
     )
-    return replace(judged, notes=(note,)), heard.share(track)
+    orders = heard.orders(float(track.speed_hz.max()))
+    if len(orders) == 0:
+        return None
+    sums = OrderSums(heard.samples, heard.rate, orders)
+    return replace(judged, notes=(note,)), share_standing(sums, track), sums
 
 
 def _spacing_agrees(heard: Heard, judged: Tracking) -> bool:
@@ -210,20 +221,32 @@ def _spacing_agrees(heard: Heard, judged: Tracking) -> bool:
     return supported or bool(low <= nominal <= high)
 
 
-def _with_doubt(heard: Heard, tracking: Tracking, share: float) -> Tracking:
-    """Say so if the lines do not stand still in the angle that was found."""
-    if share >= _LOST:
+def _with_doubt(heard: Heard, tracking: Tracking, share: float, sums: OrderSums) -> Tracking:
+    """State how far the angle may be off, and say so if the lines do not hold it."""
+    track = tracking.track
+    if track.turns[-1] - track.turns[0] < LEAST_TURNS:
         return tracking
-    order = max(mesh.order for mesh in heard.train.meshes)
-    cycles = np.sqrt(-np.log(max(share, 1e-3))) / (2 * np.pi)
-    known = tracking.track.uncertainty_turns
-    doubt = max(cycles / order, known if np.isfinite(known) else 0.0)
-    note = (
-        f"the angle is doubtful: only {share:.0%} of the power of the mesh lines stands still in "
-        "it; record with a tachometer"
-    )
-    return replace(
-        tracking,
-        track=replace(tracking.track, uncertainty_turns=float(doubt)),
-        notes=(*tracking.notes, note),
+    check = check_slips(sums, track)
+    doubt, notes = check.typical_turns, tracking.notes
+    if share < _LOST:
+        order = max(mesh.order for mesh in heard.train.meshes)
+        cycles = np.sqrt(-np.log(max(share, 1e-3))) / (2 * np.pi)
+        doubt = max(cycles / order, doubt)
+        notes += (
+            f"the angle is doubtful: only {share:.0%} of the power of the mesh lines stands still "
+            "in it; record with a tachometer",
+        )
+    elif not check.locked:
+        notes += (_slips_told(check),)
+    return replace(tracking, track=replace(track, uncertainty_turns=float(doubt)), notes=notes)
+
+
+def _slips_told(check: SlipCheck) -> str:
+    """Say where an angle may have slipped."""
+    lost = [stretch for stretch in check.lost if not stretch.harmless]
+    where = ", ".join(f"{one.start_s:.4g} to {one.end_s:.4g} s" for one in lost[:_NAMED])
+    more = f" and {len(lost) - _NAMED} times more" if len(lost) > _NAMED else ""
+    return (
+        f"the angle is doubtful: the mesh lines do not hold it from {where}{more}, where it may "
+        "have slipped by whole mesh periods; leave these parts out, or record with a tachometer"
     )

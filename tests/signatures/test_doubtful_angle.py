@@ -1,0 +1,59 @@
+"""What is said of an angle that was heard: how far it may be off, and where it may have slipped."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from reference.speed_cases import make_case
+
+from gearmon.gears.kinematics import kinematics
+from gearmon.signals.angle import AngleTrack
+from gearmon.signals.order_sums import OrderSums
+from gearmon.signatures.hearing import Heard
+from gearmon.signatures.tracking import track_recording
+from gearmon.signatures.tracking_by_ear import _with_doubt
+
+
+def slipped(track, turns, at_s, lasting_s=0.4):
+    """A track that slips once."""
+    knots = np.linspace(track.time_s[0], track.time_s[-1], 500)
+    error = turns * np.clip((knots - at_s) / lasting_s, 0, 1)
+    return AngleTrack(
+        time_s=knots,
+        turns=track.turns_at(knots) + error,
+        method="comb",
+        uncertainty_turns=track.uncertainty_turns,
+    )
+
+
+@pytest.mark.parametrize("periods", [0, 1, -3])
+def test_an_angle_that_slips_is_doubtful_and_one_that_does_not_is_not(periods):
+    case = make_case(0, amount=0.002)
+    train = kinematics(case.machine)
+    found = track_recording(case.recording, case.machine, train)
+    samples, rate = case.recording.samples, case.recording.sampling_rate_hz
+    heard = Heard(samples=samples, rate=rate, train=train, nominal_hz=found.nominal_hz)
+    order = float(train.meshes[0].order)
+    track = slipped(found.track, periods / order, 5.0)
+    sums = OrderSums(samples, rate, heard.orders(float(track.speed_hz.max())))
+    told = _with_doubt(heard, replace(found, track=track, notes=()), 0.9, sums)
+    if periods == 0:
+        assert told.notes == ()
+        assert told.track.uncertainty_turns * order < 0.02
+    else:
+        (note,) = told.notes
+        assert note.startswith("the angle is doubtful: the mesh lines do not hold it from ")
+        assert told.track.uncertainty_turns * order > 0.3 * abs(periods)
+
+
+def test_the_stated_uncertainty_of_a_wandering_speed_is_that_of_its_error():
+    ratios = []
+    for seed in range(3):
+        case = make_case(seed, amount=0.01)
+        track = track_recording(case.recording, case.machine, kinematics(case.machine)).track
+        time = np.arange(0, len(case.turns), 40) / case.recording.sampling_rate_hz
+        error = track.turns_at(time) - case.turns[::40]
+        ratios.append(float(np.std(error)) / track.uncertainty_turns)
+    assert 0.2 < np.median(ratios) < 1.7
