@@ -112,6 +112,18 @@ def _explained(spread: DepartureSpread) -> str:
     )
 
 
+def _second_told(spread: DepartureSpread) -> list[str]:
+    """Tell of a second damaged tooth, where one is likely."""
+    second = spread.second
+    if second is None or spread.several_teeth <= _NAMED:
+        return []
+    count, way = abs(second.distance), "after" if second.distance > 0 else "before"
+    return [
+        f"a second tooth, {count} {'tooth' if count == 1 else 'teeth'} {way} the one that departs "
+        f"most, is heard at about {second.size:.1f} of it"
+    ]
+
+
 def _spread_flag(
     finding: ToothFinding,
     spread: DepartureSpread,
@@ -125,6 +137,7 @@ def _spread_flag(
         f"the {gear} of stage {stage} departs from the healthy pattern around its turn, "
         f"{match.lines} lines looked at",
         _explained(spread),
+        *_second_told(spread),
     ]
     judged = _judged(features, finding)
     if judged is not None:

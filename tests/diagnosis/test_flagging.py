@@ -71,6 +71,15 @@ def test_what_one_tooth_does_not_explain_is_named_otherwise(kind, departure, cha
     assert any("not of many" in sentence for sentence in flag.evidence)
 
 
+def test_the_second_of_two_teeth_is_told():
+    pair = weights(4)
+    pair[11] = 0.7
+    flag = finding_flag(finding(gear(pair)), (), features(peak_db=13), machine(), 0.6)
+    assert flag.tooth is None
+    (told,) = [sentence for sentence in flag.evidence if "second tooth" in sentence]
+    assert told.startswith("a second tooth, 7 teeth after the one that departs most")
+
+
 def half_explained(seed):
     """One tooth beside unrelated lines of nearly the same power."""
     own = gear(weights(3), seed=seed, height=10 * np.sqrt(0.55), noise=0.0)
