@@ -39,6 +39,10 @@ _HEARD_CYCLES, _FLOOR_CYCLES = 0.12, 0.005
 _FAINT = 0.3
 # Coherence below which an angle is lost, and up to which a lost stretch reaches.
 _LOST, _SOUND = 1 / 3, 0.6
+# Where the coherence is below the first for more than a tenth of the time, the lines fade by
+# themselves, as those of real gears do for a turn or two: shorter stretches than the second [turns]
+# are then no sign of a slip.
+_STEADY_LINES, _SLIP_TURNS = 0.75, 5.0
 # Lost stretches nearer to one another than this are one [turns].
 _APART_TURNS = 6.0
 # Error of the speed while it is lost, its largest.
@@ -232,8 +236,9 @@ def _coherence(amplitude: ComplexArray, mean: ComplexArray) -> FloatArray:
 def _stretches(coherence: FloatArray, hop: float) -> list[tuple[int, int]]:
     """Where the coherence is lost, as far as it is not sound."""
     found: list[tuple[int, int]] = []
+    least = _SLIP_TURNS if np.quantile(coherence, 0.1) < _STEADY_LINES else 0.0
     for start, stop in _runs(coherence < _SOUND):
-        if float(coherence[start:stop].min()) >= _LOST:
+        if float(coherence[start:stop].min()) >= _LOST or (stop - start) * hop < least:
             continue
         # while the angle slips by several periods the lines come back once in each
         if found and (start - found[-1][1]) * hop < _APART_TURNS:

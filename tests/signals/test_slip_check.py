@@ -121,6 +121,25 @@ def test_lines_that_vanish_for_a_while_are_no_slip():
     assert check.uncertainty_turns[[0, -1]].max() * FIRST < 0.05
 
 
+def fading(turns, level, seed):
+    """The machine, loud lines of either mesh a fraction of an order beside its own added."""
+    own = np.sort(np.outer((FIRST, SECOND), MESH).ravel())
+    orders = np.concatenate([own + 0.22, own - 0.17])
+    phases = np.random.default_rng(seed).uniform(0, 6.28, len(orders))
+    return machine(turns, seed=seed) + lines_on(turns, orders, np.full(len(orders), level), phases)
+
+
+def test_lines_that_beat_with_others_are_no_slip():
+    turns = wandering_turns(TIME, SPEED, 0.005, seed=4)
+    sound = 0
+    for seed in range(5):
+        samples = fading(turns, 0.5, seed)
+        plain = check_slips(sums_of(samples), track_with(turns))
+        assert np.quantile(plain.coherence, 0.1) < 0.75  # the case is one
+        sound += plain.locked
+    assert sound >= 4
+
+
 def test_a_slip_at_the_end_is_lost():
     turns = wandering_turns(TIME, SPEED, 0.005, seed=4)
     check = check_slips(sums_of(machine(turns)), track_with(turns, 2 / FIRST, 11.6, 0.5))
