@@ -12,7 +12,6 @@ from gearmon.gears.kinematics import Kinematics, Mesh
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.comb import SpeedScan, SpeedTrack, scan_speed
 from gearmon.signals.order_sums import OrderSums
-from gearmon.signals.phase import standing_share
 from gearmon.signals.presence import MeshEvidence, mesh_evidence
 from gearmon.signals.threads import at_once
 from gearmon.signatures.families import group_orders
@@ -105,15 +104,15 @@ class Heard:
         }
         return np.array(sorted(order for order in found if order < top))
 
-    def sums(self) -> OrderSums | None:
-        """Lines of the meshes about the nominal speed; None if all lie beyond the band."""
-        orders = self.orders(self.nominal_hz * (1 + SPEED_TOLERANCE))
-        return OrderSums(self.samples, self.rate, orders) if len(orders) else None
+    def sums(self, fastest_hz: float | None = None) -> OrderSums | None:
+        """Lines of the meshes up to a speed; None if all lie beyond the band.
 
-    def share(self, track: AngleTrack) -> float:
-        """Share of the mesh lines' power that stands still in the angle of a track."""
-        orders = self.orders(float(track.speed_hz.max()))
-        return standing_share(self.samples, self.rate, track, orders) if len(orders) else 0.0
+        If no speed is given, that is the fastest one about nominal.
+        """
+        if fastest_hz is None:
+            fastest_hz = self.nominal_hz * (1 + SPEED_TOLERANCE)
+        orders = self.orders(fastest_hz)
+        return OrderSums(self.samples, self.rate, orders) if len(orders) else None
 
 
 def _followed(mesh: Mesh, harmonic: int) -> tuple[Fraction, ...]:

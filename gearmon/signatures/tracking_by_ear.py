@@ -184,10 +184,9 @@ def _follow(heard: Heard, machine: Machine) -> tuple[Tracking, float, OrderSums]
         f"the speed was followed over the recording, from {speeds[0]:.4g} to {speeds[-1]:.4g} Hz "
         f"between {speeds.min():.4g} and {speeds.max():.4g} Hz; nominal is {nominal_hz:.4g} Hz"
     )
-    orders = heard.orders(float(track.speed_hz.max()))
-    if len(orders) == 0:
+    sums = heard.sums(float(track.speed_hz.max()))
+    if sums is None:
         return None
-    sums = OrderSums(heard.samples, heard.rate, orders)
     return replace(judged, notes=(note,)), share_standing(sums, track), sums
 
 
