@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gearmon.diagnosis.matched import log_mean
 from gearmon.diagnosis.tooth_search import SearchedGear
 
 FloatArray = NDArray[np.float64]
@@ -183,10 +184,3 @@ def log_likelihood(band: Band, power: FloatArray, energy: FloatArray) -> FloatAr
     told = told + rest / spread[:, :, None]
     told = told + (lines - energy.shape[1]) * np.log(spread)[:, :, None]
     return log_mean(-told)
-
-
-def log_mean(logarithms: FloatArray) -> FloatArray:
-    """Logarithm of the mean over the first axis of numbers given by their logarithms."""
-    largest = logarithms.max(axis=0)
-    mean: FloatArray = largest + np.log(np.mean(np.exp(logarithms - largest), axis=0))
-    return mean

@@ -21,9 +21,9 @@ from gearmon.diagnosis.event_likelihood import (
     Band,
     event,
     log_likelihood,
-    log_mean,
     weighted,
 )
+from gearmon.diagnosis.matched import log_mean
 
 FloatArray = NDArray[np.float64]
 

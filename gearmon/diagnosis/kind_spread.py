@@ -24,9 +24,9 @@ from gearmon.diagnosis.event_likelihood import (
     energies,
     event,
     log_likelihood,
-    log_mean,
 )
 from gearmon.diagnosis.kind_second import SecondTooth, second_tooth
+from gearmon.diagnosis.matched import log_mean
 from gearmon.diagnosis.tooth_search import SearchedGear
 
 FloatArray = NDArray[np.float64]
