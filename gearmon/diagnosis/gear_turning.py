@@ -102,10 +102,11 @@ def _event(
     for use in used:
         # all that is heard there, not what the healthy pattern leaves of it: that would put the
         # pattern in its place, at the very angle that is in doubt
+        waves = np.exp(-2j * np.pi * np.outer(use, delay))
         for channel, scale in enumerate(deviation[:, use]):
-            wave = np.exp(-2j * np.pi * np.outer(use, delay)) / scale[:, None]
-            part = np.linalg.lstsq(wave, new.amplitude[channel, use] / scale, rcond=_RANK)[0]
-            event[channel, use] = (wave @ part) * scale
+            told = new.amplitude[channel, use] / scale
+            size = np.linalg.lstsq(waves / scale[:, None], told, rcond=_RANK)[0]
+            event[channel, use] = waves @ size
     return event
 
 
