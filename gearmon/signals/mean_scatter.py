@@ -7,8 +7,6 @@ and a slow drift hardly cancels at all. What tells is the spectrum of the block 
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -54,7 +52,7 @@ def variance_of_mean(blocks: ComplexArray) -> FloatArray:
     shared = 2 * _SHARED * (1 - 1 / count)
     turns = np.arange(1, count) / count
     shape = (1 + shared) / (1 + shared * np.cos(2 * np.pi * turns))
-    power = np.abs(_transform(blocks)[1:] / count) ** 2
+    power = np.abs(np.fft.fft(blocks, axis=0)[1:] / count) ** 2
     told: FloatArray = power * shape.reshape(-1, *[1] * (blocks.ndim - 1))
     if count < _FEW:
         whole: FloatArray = told.mean(axis=0)
@@ -64,16 +62,8 @@ def variance_of_mean(blocks: ComplexArray) -> FloatArray:
     return np.where(slow > _EXCESS * usual, slow, usual)
 
 
-def _transform(blocks: ComplexArray) -> ComplexArray:
-    """Discrete Fourier transform over the blocks; a matrix is quick enough for so few."""
-    count = np.arange(len(blocks))
-    matrix = np.exp(-2j * np.pi / len(blocks) * (np.outer(count, count) % len(blocks)))
-    result: ComplexArray = np.tensordot(matrix, blocks, axes=1)
-    return result
-
-
 def _median_of_exponentials(count: int) -> float:
     """Mean of the median of so many exponential variables of mean 1."""
-    waits: Any = 1.0 / np.arange(count, 0, -1)  # between one of them and the next larger
+    waits = 1.0 / np.arange(count, 0, -1)  # between one of them and the next larger
     reached = np.cumsum(waits)
     return float(0.5 * (reached[(count - 1) // 2] + reached[count // 2]))
