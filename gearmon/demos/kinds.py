@@ -11,10 +11,10 @@ import numpy as np
 from gearmon.demos.conveyor import DURATION_S, MACHINE, RATE_HZ
 from gearmon.demos.gear_states import State, state_recording
 from gearmon.diagnosis.analysis import analyse, learn
+from gearmon.diagnosis.hypotheses.fault_kinds import KindJudgement, judge_kind
+from gearmon.diagnosis.hypotheses.runout import turn_changes
 from gearmon.diagnosis.kind_features import FeatureVector, kind_features
-from gearmon.diagnosis.kind_rules import KindJudgement, judge_kind
 from gearmon.diagnosis.kind_training import train_kinds
-from gearmon.diagnosis.kind_turns import turn_changes
 from gearmon.diagnosis.results import Analysis
 from gearmon.files import write_atomically
 from gearmon.gears.faults import Fault

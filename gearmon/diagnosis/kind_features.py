@@ -18,7 +18,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.diagnosis.kind_turns import TurnChange
+from gearmon.diagnosis.hypotheses.runout import TurnChange
 from gearmon.errors import ArgumentError
 
 FloatArray = NDArray[np.float64]

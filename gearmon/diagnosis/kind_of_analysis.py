@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from gearmon.diagnosis.hypotheses.fault_kinds import KindJudgement, judge_kind
+from gearmon.diagnosis.hypotheses.runout import turn_changes
 from gearmon.diagnosis.kind_features import FeatureVector, kind_features
-from gearmon.diagnosis.kind_rules import KindJudgement, judge_kind
-from gearmon.diagnosis.kind_turns import turn_changes
 from gearmon.diagnosis.results import Analysis
 from gearmon.signatures.reference import Profile, Reference
 

@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gearmon.diagnosis.hypotheses.runout import TurnChange, turn_changes
 from gearmon.diagnosis.kind_departure import departure_energy
 from gearmon.diagnosis.kind_faults import draw_wrong, log_uniform
 from gearmon.diagnosis.kind_features import NAMES, FeatureVector, kind_features
 from gearmon.diagnosis.kind_lines import GearLines, MachineLines, machine_lines
 from gearmon.diagnosis.kind_names import KINDS
-from gearmon.diagnosis.kind_turns import TurnChange, turn_changes
 from gearmon.errors import check_range
 from gearmon.machine import Machine
 from gearmon.signatures.reference import WheelPattern, tooth_counts

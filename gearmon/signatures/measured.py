@@ -40,6 +40,8 @@ FloatArray = NDArray[np.float64]
 LEAKAGE = 1e-4
 #: Pieces of a long recording in which lines of other origin are looked for.
 PIECES_HEARD = 8
+# Bands of the broadband spectrum, a sixth of an octave each at most, and samples of a segment.
+_BANDS, _BAND_SAMPLES = 40, 2048
 # A mesh whose sidebands would rather stand elsewhere must be far clearer than others.
 # Height of a gear's own sidebands, in robust standard deviations, from which they count.
 _SUPPORTED = 4.0
@@ -116,6 +118,8 @@ class MeasuredSignature:
         Standard error of the level, from the scatter of the blocks [dB].
     heard : ndarray of bool, shape (channels, families)
         Whether the family stands above its own scatter.
+    band_db : ndarray of float, shape (channels, bands)
+        Levels of the broadband spectrum, see `broadband_levels` [dB re 1 unit^2/Hz].
     notes : tuple of str
         What the reader should know.
     foreign : ForeignLines or None
@@ -135,6 +139,7 @@ class MeasuredSignature:
     level_db: FloatArray
     scatter_db: FloatArray
     heard: NDArray[np.bool_]
+    band_db: FloatArray
     notes: tuple[str, ...]
     foreign: ForeignLines | None = None
 
@@ -195,9 +200,42 @@ def measure_signature(recording: Recording, machine: Machine) -> MeasuredSignatu
         level_db=level,
         scatter_db=scatter,
         heard=heard,
+        band_db=broadband_levels(samples, rate),
         notes=tuple(recording.notes) + tracking.notes,
         foreign=foreign,
     )
+
+
+def broadband_levels(samples: FloatArray, rate: float) -> FloatArray:
+    """Levels of the spectrum between its lines, in bands of equal ratio.
+
+    Parameters
+    ----------
+    samples : ndarray of float, shape (channels, n)
+        Vibration.
+    rate : float
+        Sampling rate [Hz].
+
+    Returns
+    -------
+    ndarray of float, shape (channels, 40)
+        Median over the bins of each band of Welch's density [dB re 1 unit^2/Hz], from a thousandth
+        of the sampling rate to 0.475 of it: order lines fill few of the bins. NaN where a short
+        recording has no bin in a band.
+    """
+    from scipy.signal import welch
+
+    length = min(_BAND_SAMPLES, samples.shape[-1] // 8)
+    frequency, density = welch(samples, rate, nperseg=length, axis=-1)
+    edges = np.geomspace(2.0 * rate / _BAND_SAMPLES, 0.475 * rate, _BANDS + 1)
+    band = np.digitize(frequency, edges) - 1
+    levels = np.full((len(samples), _BANDS), np.nan)
+    for number in range(_BANDS):
+        inside = band == number
+        if inside.any():
+            middle = np.median(density[:, inside], axis=1)
+            levels[:, number] = 10 * np.log10(np.maximum(middle, np.finfo(float).tiny))
+    return levels
 
 
 def _spectra(

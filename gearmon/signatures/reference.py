@@ -104,8 +104,11 @@ class Profile:
         Whether the family stands above its own scatter.
     wheels : tuple of WheelPattern
         Patterns of the gears.
+    band_db : ndarray of float, shape (channels, bands)
+        Levels of the broadband spectrum, see `broadband_levels`; no bands in references of an older
+        format.
     foreign : ForeignLines or None
-        Lines that no gear explains; None in references of the older format.
+        Lines that no gear explains; None in references of the oldest format.
     """
 
     origin: str
@@ -117,6 +120,7 @@ class Profile:
     scatter_db: FloatArray
     heard: NDArray[np.bool_]
     wheels: tuple[WheelPattern, ...]
+    band_db: FloatArray
     foreign: ForeignLines | None = None
 
     @classmethod
@@ -134,6 +138,7 @@ class Profile:
             wheels=tuple(
                 WheelPattern.of(wheel, signature.lines) for wheel in signature.plan.wheels
             ),
+            band_db=signature.band_db,
             foreign=signature.foreign,
         )
 

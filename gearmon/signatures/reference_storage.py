@@ -19,9 +19,9 @@ from gearmon.signatures.foreign_lines import ForeignLines
 from gearmon.signatures.foreign_storage import foreign_arrays, foreign_from_arrays
 from gearmon.signatures.reference import Profile, Reference, WheelPattern
 
-FORMAT = "gearmon reference 2"
+FORMAT = "gearmon reference 3"
 # Without foreign lines; still read.
-_OLDER_FORMATS = ("gearmon reference 1",)
+_OLDER_FORMATS = ("gearmon reference 1", "gearmon reference 2")
 # What reading a damaged archive may end in.
 _DAMAGE = (OSError, ValueError, LookupError, TypeError, EOFError, RuntimeError)
 _DAMAGED_ARCHIVE = (zipfile.BadZipFile, zlib.error, struct.error)
@@ -56,6 +56,7 @@ def write_reference(reference: Reference, path: str | Path) -> None:
     for row, profile in enumerate(reference.profiles):
         header["profiles"].append(_profile_header(profile))
         arrays[f"{row}/level_db"] = profile.level_db
+        arrays[f"{row}/band_db"] = profile.band_db
         arrays[f"{row}/scatter_db"] = profile.scatter_db
         arrays[f"{row}/heard"] = profile.heard
         for column, wheel in enumerate(profile.wheels):
@@ -157,11 +158,19 @@ def _read_profile(archive: Any, row: int, entry: dict[str, Any]) -> Profile:
         tacho=entry["tacho"],
         family_names=tuple(entry["family_names"]),
         level_db=archive[f"{row}/level_db"],
+        band_db=_read_bands(archive, row),
         scatter_db=archive[f"{row}/scatter_db"],
         heard=archive[f"{row}/heard"],
         wheels=wheels,
         foreign=_read_foreign(archive, row),
     )
+
+
+def _read_bands(archive: Any, row: int) -> NDArray[Any]:
+    if f"{row}/band_db" in archive.files:
+        bands: NDArray[Any] = archive[f"{row}/band_db"]
+        return bands
+    return np.zeros((len(archive[f"{row}/level_db"]), 0))
 
 
 def _read_foreign(archive: Any, row: int) -> ForeignLines | None:

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.diagnosis.coherent import CoherentDifference
+from gearmon.diagnosis.law.gear_lines import GearDeviation
 from gearmon.signatures.tooth_response import ToothResponse
 
 FloatArray = NDArray[np.float64]
@@ -125,7 +125,7 @@ def log_mean(logarithms: FloatArray, weight: FloatArray | None = None) -> FloatA
 
 
 def match_teeth(
-    difference: CoherentDifference,
+    difference: GearDeviation,
     response: ToothResponse,
     speed_hz: float,
     *,
@@ -135,7 +135,7 @@ def match_teeth(
 
     Parameters
     ----------
-    difference : CoherentDifference
+    difference : GearDeviation
         The departure.
     response : ToothResponse
         Expected lines of this gear.

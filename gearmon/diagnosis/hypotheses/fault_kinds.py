@@ -18,8 +18,8 @@ from gearmon.diagnosis.kind_names import KINDS, NONE
 from gearmon.errors import ArgumentError
 
 if TYPE_CHECKING:
+    from gearmon.diagnosis.hypotheses.several_teeth import DepartureSpread
     from gearmon.diagnosis.kind_classifier import KindClassifier
-    from gearmon.diagnosis.kind_spread import DepartureSpread
 
 #: Change that healthy machines reach now and then [dB].
 USUAL_DB = 2.0

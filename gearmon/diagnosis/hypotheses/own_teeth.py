@@ -18,7 +18,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.diagnosis.gear_pattern import GearPattern, mesh_bands, turning_angle
+from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE, GearPattern, mesh_bands, turning
 from gearmon.diagnosis.results import ToothProfile
 from gearmon.signatures.reference import WheelPattern
 
@@ -40,8 +40,6 @@ _DEPARTURE_FROM_THREE = 0.1
 _OVERDISPERSION = {0: 9.0, 1: 4.5, 2: 3.0}
 _OVERDISPERSION_FROM_THREE = 2.0
 _WINDOW_TEETH = 2.0
-# Tooth j is in contact from j - 1 to about j + 0.6 mesh periods after the angle zero.
-CONTACT_CENTRE = 0.8
 _LEAST_LINES = 8
 
 
@@ -89,7 +87,7 @@ def locate(
     new = GearPattern.of(wheel, channels, top)
     bands = mesh_bands(wheel.teeth, top)
     known = [
-        _turned(GearPattern.of(pattern, healthy_channels, top), new, bands, same_zero)
+        _turned(GearPattern.of(pattern, healthy_channels, top), new, wheel.teeth, same_zero)
         for pattern in healthy
     ]
     departure, counted = _departure(
@@ -100,11 +98,9 @@ def locate(
     return _profile(wheel, departure, numbered=numbered, patterns=len(healthy))
 
 
-def _turned(
-    known: GearPattern, new: GearPattern, bands: Sequence[IntArray], same_zero: bool
-) -> GearPattern:
+def _turned(known: GearPattern, new: GearPattern, teeth: int, same_zero: bool) -> GearPattern:
     """Turn a healthy pattern to the angle at which it explains most of the new one."""
-    return known if same_zero else known.turned(turning_angle(known, new, bands))
+    return known if same_zero else known.turned(turning(known, new, teeth))
 
 
 def _departure(

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.diagnosis.matched import log_mean
-from gearmon.diagnosis.tooth_search import SearchedGear
+from gearmon.diagnosis.hypotheses.tooth_match import log_mean
+from gearmon.diagnosis.hypotheses.tooth_search import SearchedGear
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
