@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gearmon.commands.command import Command
-from gearmon.commands.inputs import followed, machine_of, recording_of
+from gearmon.commands.inputs import followed, loss_of, machine_of, recording_of
 from gearmon.commands.options import recording_options
 from gearmon.commands.output import BAD_INPUT, DONE, FLAGGED, show, write_json
 from gearmon.errors import ArgumentError, GearmonError
@@ -27,7 +27,7 @@ def run_history(arguments: argparse.Namespace) -> int:
     from gearmon.diagnosis.history_trends import history_trends
 
     _check(arguments)
-    limit = _limit(arguments.limit)
+    limit = loss_of(arguments.limit, "--limit")
     machine = machine_of(arguments.machine)
     times = _times(arguments)
     _refuse_known(arguments, machine, times)
@@ -62,21 +62,6 @@ def _check(arguments: argparse.Namespace) -> None:
         others = [*arguments.recording, arguments.machine, arguments.reference, arguments.output]
         if any(store == Path(path).resolve() for path in others if path):
             raise ArgumentError(f"{arguments.store}: is another file of this command as well")
-
-
-def _limit(text: str | None) -> float | None:
-    """Read a loss, 20% or 0.2."""
-    if text is None:
-        return None
-    try:
-        number = float(text.removesuffix("%")) * (0.01 if text.endswith("%") else 1.0)
-    except ValueError:
-        number = float("nan")
-    if not 0 < number <= 1:
-        raise ArgumentError(
-            f"--limit {text}: must be a loss of pair stiffness above 0, up to 100%, such as 20%"
-        )
-    return number
 
 
 def _times(arguments: argparse.Namespace) -> list[datetime]:

@@ -11,6 +11,7 @@ from gearmon.diagnosis.decision.calibration import false_alarm_probability
 from gearmon.diagnosis.decision.coverage import noticed_from
 from gearmon.diagnosis.decision.evidence import (
     Evidence,
+    angle_unsure,
     broadband_strength,
     decide,
     tooth_strength,
@@ -36,6 +37,7 @@ from gearmon.errors import ArgumentError, GearmonError
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine
 from gearmon.signals.recording import Recording
+from gearmon.signatures.families import Family
 from gearmon.signatures.indicators import gear_indicators, waveform_indicators
 from gearmon.signatures.measured import MeasuredSignature, measure_signature
 from gearmon.signatures.reference import Profile, Reference, make_reference, tooth_counts
@@ -215,6 +217,10 @@ class _Compared:
             ),
             nongear=nongear,
             references=len(theirs),
+            angle_unsure=angle_unsure(
+                signature.track.uncertainty_turns,
+                max(mesh.order for mesh in kinematics(self.machine).meshes),
+            ),
         )
 
     def _flags(
@@ -222,28 +228,29 @@ class _Compared:
     ) -> tuple[Flag, ...]:
         theirs = [profile.wheels for profile in self.reference.profiles]
         turns = turn_changes(self.own.wheels, self.rows, theirs, self.healthy.rows)
-        families = {family.name: family for family in self.signature.plan.families}
-        compared = [families[name] for name in evidence.deviation.family_names]
         return Flagging(
             evidence=evidence,
             machine=self.machine,
             changes=changes,
             features=kind_features(changes, profiles, turns),
-            path=path_change(evidence.deviation.levels, compared),
+            path=path_change(evidence.deviation.levels, self._families(evidence.deviation)),
         ).flags()
 
-    def _changes(self, deviation: MachineDeviation) -> tuple[Change, ...]:
+    def _families(self, deviation: MachineDeviation) -> list[Family]:
+        """Families of lines that were compared, in the order of their levels."""
         families = {family.name: family for family in self.signature.plan.families}
+        return [families[name] for name in deviation.family_names]
+
+    def _changes(self, deviation: MachineDeviation) -> tuple[Change, ...]:
         levels, found = deviation.levels, []
         for i, channel in enumerate(self.shared):
-            for j, name in enumerate(deviation.family_names):
-                family = families[name]
+            for j, family in enumerate(self._families(deviation)):
                 if not np.isfinite(levels.rest_db[i, j]):
                     continue
                 found.append(
                     Change(
                         channel=channel,
-                        family=name,
+                        family=family.name,
                         kind=family.kind,
                         stage=family.stage,
                         harmonic=family.harmonic,
@@ -301,7 +308,9 @@ class _Compared:
             for wheel in mesh.wheels
         ]
         missing = dict.fromkeys(gear for gear in gears if gear not in seen)
-        return tuple(f"the {gear} of stage {stage}" for stage, gear in missing)
+        deaf = tuple(f"the {gear} of stage {stage}" for stage, gear in missing)
+        silent = [n for n in self.reference.channel_names if n not in self.shared]
+        return deaf + tuple(f"what channel {name} hears" for name in silent)
 
     def _limits(self) -> tuple[str, ...]:
         """Name what limits a comparison with this reference."""

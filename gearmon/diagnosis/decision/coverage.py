@@ -1,8 +1,9 @@
 """What damage a recording could have told of, had there been any.
 
-A clean bill of health is worth what the search behind it could see. The likelihood of damage says so
-itself: at a tooth that has lost some stiffness the logarithm of its ratio to that of no damage is
-known on average, from the noise about every line and from how loud the path makes the response.
+A clean bill of health is worth what could be heard. How loud the response to damage of one tooth is
+at the sensor is known roughly: its lines are, up to the path, and the path is told by the mesh
+harmonics of the same recording. Beside the noise about every line it tells how strong the evidence
+of each loss would be.
 """
 
 from __future__ import annotations
@@ -10,10 +11,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.diagnosis.decision.evidence import tooth_evidence_needed
+from gearmon.diagnosis.decision.evidence import tooth_strength
 from gearmon.diagnosis.decision.thresholds import LIMITS
-from gearmon.diagnosis.hypotheses.tooth_damage import STANDS_OUT, GearEvidence
-from gearmon.diagnosis.hypotheses.tooth_match import LOSSES, PATH_DEVIATION
+from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence
+from gearmon.diagnosis.hypotheses.tooth_match import LOSSES
 
 FloatArray = NDArray[np.float64]
 
@@ -24,7 +25,7 @@ _PAIR_SHARE = 0.65
 
 
 def noticed_from(gear: GearEvidence, gears: int) -> float | None:
-    """Find the loss from which damage of one tooth would have been called a fault.
+    """Find the loss of one tooth from which a machine would not have been called healthy.
 
     Parameters
     ----------
@@ -40,37 +41,34 @@ def noticed_from(gear: GearEvidence, gears: int) -> float | None:
 
     Notes
     -----
-    One tooth has to overcome that all teeth, gears and losses share the prior probability, and to
-    stand out of the misfit of its machine. The path about the lines of the response is taken as
-    weaker than its mesh harmonics tell by one standard deviation.
+    A known signal of energy E over the noise has a log likelihood ratio of E/2 in the mean; one
+    tooth has to overcome that all teeth, gears and losses share the prior probability. Half of the
+    losses of this size are noticed: the path about the lines of the response is known to a factor
+    of about 1.6 only. And this is what can be heard: a machine that departs much from one healthy
+    recording to the next hides more.
     """
-    deviation = gear.deviation
-    expected = _expected(gear) - float(np.log(deviation.teeth * gears * _LOSSES_IN_FIVE))
-    lines = sum(band.rest.size for band in deviation.bands)
-    # a gamma variable of so many degrees: how far the tooth stands out of its turn
-    peak = 1.0 + np.maximum(expected, 0.0) / max(1.0, 2.0 * lines / deviation.teeth)
-    misfit = max(1.0, deviation.misfit)
-    believed = expected * np.minimum(1.0, misfit**-2 + (peak / misfit / STANDS_OUT) ** 2)
-    enough = believed >= tooth_evidence_needed(LIMITS.fault)
-    if not enough.any():
+    told = 0.5 * _energy(gear) - float(np.log(gear.deviation.teeth * gears * _LOSSES_IN_FIVE))
+    strength = np.array([tooth_strength(value) for value in told.tolist()])
+    if strength[-1] < LIMITS.open:
         return None
-    loss = float(LOSSES[int(np.argmax(enough))]) * float(np.exp(PATH_DEVIATION))
-    return loss if loss <= LOSSES[-1] else None
+    return float(np.exp(np.interp(LIMITS.open, strength, np.log(LOSSES))))
 
 
-def _expected(gear: GearEvidence) -> FloatArray:
-    """Mean log likelihood ratio at a tooth that has lost each of `LOSSES`.
+def _energy(gear: GearEvidence) -> FloatArray:
+    """Energy of the response to each of `LOSSES` over that of the noise.
 
     Without a template: a pulse of one of z teeth modulates every mesh harmonic X_k by the depth a,
-    lines of X_k a / z each (McFadden 1986), taken in the energy of the tooth's window.
+    lines of X_k a / z each (McFadden 1986).
     """
-    if gear.search is not None:
-        return gear.search.match.expected
-    deviation = gear.deviation
+    deviation, search = gear.deviation, gear.search
     signal = 0.0
     for band in deviation.bands:
-        if band.harmonic < deviation.mesh_power.shape[1]:
-            power = deviation.mesh_power[:, band.harmonic] / deviation.teeth**2
-            signal += float(np.sum(power[:, None] / band.deviation**2))
-    value: FloatArray = (_PAIR_SHARE * LOSSES) ** 2 * signal
-    return value
+        if search is not None:
+            power = search.expected_power(band.number.astype(np.float64))
+        elif band.harmonic < deviation.mesh_power.shape[1]:
+            power = (deviation.mesh_power[:, band.harmonic] / deviation.teeth**2)[:, None]
+        else:
+            continue
+        signal += float(np.sum(power / band.noise**2))
+    size = _PAIR_SHARE * LOSSES if search is None else search.response.amplitude(LOSSES)
+    return np.asarray(size**2 * signal)

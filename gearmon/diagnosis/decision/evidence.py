@@ -39,6 +39,8 @@ class Evidence:
         Lines of no gear that changed.
     references : int, >= 1
         Healthy recordings.
+    angle_unsure : bool
+        Whether the angle of shaft 1 may be off by so much that a healthy pattern smears.
     """
 
     deviation: MachineDeviation
@@ -46,6 +48,7 @@ class Evidence:
     runout: tuple[RunoutGrowth, ...]
     nongear: tuple[ForeignFinding, ...]
     references: int
+    angle_unsure: bool = False
 
     @cached_property
     def strengths(self) -> dict[str, float]:
@@ -57,6 +60,9 @@ class Evidence:
         }
         if self.finding is not None:
             told["tooth"] = tooth_strength(self.finding.evidence)
+        if self.angle_unsure:
+            # what a smeared angle does to the lines looks like a change of the gears
+            told |= {name: LIMITS.unsure_share * told[name] for name in ("levels", "tooth") if name in told}
         return told
 
     @property
@@ -70,14 +76,23 @@ class Evidence:
         return false_alarm_probability(self.strength, self.references, self.deviation.gap)
 
 
+def angle_unsure(uncertainty_turns: float, mesh_order: float) -> bool:
+    """Whether an angle is too unsure to compare patterns by.
+
+    Parameters
+    ----------
+    uncertainty_turns : float
+        Standard deviation of the angle of shaft 1 [turns]; infinite where nothing is known of it.
+    mesh_order : float
+        Order of the fastest mesh.
+    """
+    known = np.isfinite(uncertainty_turns)
+    return bool(known and uncertainty_turns * mesh_order > LIMITS.unsure_mesh_periods)
+
+
 def tooth_strength(evidence: float) -> float:
     """Strength of a believed log Bayes factor of damage of one tooth."""
     return (evidence - LIMITS.tooth_offset) / LIMITS.tooth_scale
-
-
-def tooth_evidence_needed(strength: float) -> float:
-    """Return the believed log Bayes factor of a strength: the inverse of `tooth_strength`."""
-    return LIMITS.tooth_offset + LIMITS.tooth_scale * strength
 
 
 def levels_strength(families: LevelDeviation, broadband: LevelDeviation | None) -> float:
@@ -128,7 +143,7 @@ def decide(evidence: Evidence, unheard: Sequence[str] = ()) -> Decision:
     if evidence.strength >= LIMITS.fault:
         return Decision(verdict="fault", unheard=tuple(unheard))
     open_ = evidence.strength >= LIMITS.open or evidence.probability < LIMITS.rare
-    if open_ or unheard:
+    if open_ or unheard or evidence.angle_unsure:
         return Decision(verdict="cannot tell", unheard=tuple(unheard))
     return Decision(verdict="healthy")
 

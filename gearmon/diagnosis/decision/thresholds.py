@@ -41,6 +41,9 @@ class Limits:
         Energy at the most striking place of a gear's turn, over the misfit of its median tooth,
         below which a departure is that of the whole turn: single teeth of up to 40 % loss have 0.8
         and more, two of fourteen cases of distributed pitting would pass for one tooth without it.
+    unsure_mesh_periods, unsure_share : float
+        Standard deviation of the angle [mesh periods] from which it is unsure, and the share of the
+        strength of lines and levels that then counts: a quarter of a period halves a mesh line.
     must_notice : float
         Loss of a pair's stiffness that a healthy verdict has to exclude on every gear.
     """
@@ -57,6 +60,8 @@ class Limits:
     noise_strength: float = 0.9
     noise_rise_db: float = 1.5
     all_around: float = 0.3
+    unsure_mesh_periods: float = 0.25
+    unsure_share: float = 0.5
     must_notice: float = 0.4
 
 

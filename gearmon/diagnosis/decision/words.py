@@ -92,6 +92,11 @@ def reason(
         return f"The machine sounds as it did when it was healthy.{_noticed(profiles)} {rested}"
     if evidence.strength >= LIMITS.open or evidence.probability < LIMITS.rare:
         told = "More changed than is usual, but not enough to call it a fault: record again."
+    elif evidence.angle_unsure:
+        told = (
+            "Nothing speaks against the machine, but its angle was lost on the way: record again at "
+            "a steadier speed, or with a tachometer."
+        )
     else:
         told = "Nothing speaks against the machine, but not all of it was heard."
     if unheard:

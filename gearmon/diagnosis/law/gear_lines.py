@@ -96,6 +96,8 @@ class BandDeviation:
         What is left, over `deviation`: of mean square 1 on a healthy machine.
     deviation : ndarray of float, shape (channels, lines)
         Standard deviation of the line about the prediction, in the recording's unit.
+    noise : ndarray of float, shape (channels, lines)
+        The same for the noise of the recordings alone, healthy departures left out.
     scale : float
         Variance of departures here over its prior, as the references tell; 1 for one reference.
     """
@@ -104,6 +106,7 @@ class BandDeviation:
     number: IntArray
     rest: ComplexArray
     deviation: FloatArray
+    noise: FloatArray
     scale: float = 1.0
 
 
@@ -297,8 +300,8 @@ class GearLaw:
                 continue
             scale = scales.get(harmonic, np.ones(len(new.amplitude)))
             pattern = known.amplitude[:, use]
-            variance = new.variance[:, use] + known.variance[:, use]
-            variance += (spread * scale)[:, None] * _loudness(pattern, offset)
+            noise = new.variance[:, use] + known.variance[:, use]
+            variance = noise + (spread * scale)[:, None] * _loudness(pattern, offset)
             rest = _without_gain(new.amplitude[:, use] - pattern, pattern, variance, offset / teeth)
             found.append(
                 BandDeviation(
@@ -306,6 +309,7 @@ class GearLaw:
                     number=use[far],
                     rest=rest[:, far],
                     deviation=np.sqrt(variance[:, far]),
+                    noise=np.sqrt(noise[:, far]),
                     scale=float(np.mean(scale)),
                 )
             )

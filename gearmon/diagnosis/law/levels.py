@@ -24,8 +24,8 @@ _DB = float(20.0 / np.log(10.0))
 _LINES, _BROADBAND = (0.06, 0.6), (0.15, 0.6)
 # Recordings that the prior of the scale is worth, and the least scale.
 _WORTH, _LEAST_SCALE = 4.0, 0.3
-# Squares of standardised deviations are cut off here, lest one line decide for all.
-_MOST = 25.0
+#: Squares of standardised deviations are cut off here, lest one line decide for all.
+MOST_SQUARE = 25.0
 # Median of a squared standard normal variable.
 _MEDIAN = 0.4549
 
@@ -55,14 +55,14 @@ class LevelDeviation:
 
     def mean_square(self, columns: Sequence[int] | slice = slice(None)) -> float:
         """Mean square of the standardised rest of some levels; about 1 on a healthy machine."""
-        squares = np.minimum(self.standardised[:, columns] ** 2, _MOST)
+        squares = np.minimum(self.standardised[:, columns] ** 2, MOST_SQUARE)
         return float(np.nanmean(squares)) if np.isfinite(squares).any() else 0.0
 
     @property
     def by_channel(self) -> FloatArray:
         """Mean square of each channel."""
         rows = [row[np.isfinite(row)] for row in self.standardised]
-        return np.array([np.mean(np.minimum(row**2, _MOST)) if len(row) else 0.0 for row in rows])
+        return np.array([np.mean(np.minimum(row**2, MOST_SQUARE)) if len(row) else 0.0 for row in rows])
 
 
 def level_deviation(
