@@ -11,7 +11,6 @@ from gearmon.diagnosis.decision.calibration import false_alarm_probability
 from gearmon.diagnosis.decision.coverage import noticed_from
 from gearmon.diagnosis.decision.evidence import (
     Evidence,
-    angle_unsure,
     broadband_strength,
     decide,
     tooth_strength,
@@ -217,10 +216,8 @@ class _Compared:
             ),
             nongear=nongear,
             references=len(theirs),
-            angle_unsure=angle_unsure(
-                signature.track.uncertainty_turns,
-                max(mesh.order for mesh in kinematics(self.machine).meshes),
-            ),
+            angle=signature.track.uncertainty_turns
+            * max(mesh.order for mesh in kinematics(self.machine).meshes),
         )
 
     def _flags(
@@ -292,7 +289,7 @@ class _Compared:
             counted_from="tacho" if indexed else "reference",
             loss_by_tooth=losses[0] if losses else None,
             loss_sigma_by_tooth=losses[1] if losses else None,
-            noticed_from=noticed_from(gear, len(finding.searched)),
+            noticed_from=noticed_from(gear),
         )
 
     def _unheard(self, profiles: Sequence[ToothProfile], must_notice: float) -> tuple[str, ...]:

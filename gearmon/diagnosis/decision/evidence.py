@@ -39,8 +39,9 @@ class Evidence:
         Lines of no gear that changed.
     references : int, >= 1
         Healthy recordings.
-    angle_unsure : bool
-        Whether the angle of shaft 1 may be off by so much that a healthy pattern smears.
+    angle : float
+        Standard deviation of the angle of shaft 1 [periods of the fastest mesh]; infinite where
+        nothing is known of it.
     """
 
     deviation: MachineDeviation
@@ -48,7 +49,7 @@ class Evidence:
     runout: tuple[RunoutGrowth, ...]
     nongear: tuple[ForeignFinding, ...]
     references: int
-    angle_unsure: bool = False
+    angle: float = 0.0
 
     @cached_property
     def strengths(self) -> dict[str, float]:
@@ -60,10 +61,19 @@ class Evidence:
         }
         if self.finding is not None:
             told["tooth"] = tooth_strength(self.finding.evidence)
-        if self.angle_unsure:
+        if np.isfinite(self.angle) and self.angle > LIMITS.angle_unsure:
             # what a smeared angle does to the lines looks like a change of the gears
-            told |= {name: LIMITS.unsure_share * told[name] for name in ("levels", "tooth") if name in told}
+            told |= {
+                name: LIMITS.unsure_share * told[name]
+                for name in ("levels", "tooth")
+                if name in told
+            }
         return told
+
+    @property
+    def angle_lost(self) -> bool:
+        """Whether lines and levels mean little: the angle is off throughout, not after a slip."""
+        return LIMITS.angle_unsure < self.angle < LIMITS.angle_slipped
 
     @property
     def strength(self) -> float:
@@ -74,20 +84,6 @@ class Evidence:
     def probability(self) -> float:
         """Probability that a healthy machine shows as much, by the calibration."""
         return false_alarm_probability(self.strength, self.references, self.deviation.gap)
-
-
-def angle_unsure(uncertainty_turns: float, mesh_order: float) -> bool:
-    """Whether an angle is too unsure to compare patterns by.
-
-    Parameters
-    ----------
-    uncertainty_turns : float
-        Standard deviation of the angle of shaft 1 [turns]; infinite where nothing is known of it.
-    mesh_order : float
-        Order of the fastest mesh.
-    """
-    known = np.isfinite(uncertainty_turns)
-    return bool(known and uncertainty_turns * mesh_order > LIMITS.unsure_mesh_periods)
 
 
 def tooth_strength(evidence: float) -> float:
@@ -143,7 +139,7 @@ def decide(evidence: Evidence, unheard: Sequence[str] = ()) -> Decision:
     if evidence.strength >= LIMITS.fault:
         return Decision(verdict="fault", unheard=tuple(unheard))
     open_ = evidence.strength >= LIMITS.open or evidence.probability < LIMITS.rare
-    if open_ or unheard or evidence.angle_unsure:
+    if open_ or unheard or evidence.angle_lost:
         return Decision(verdict="cannot tell", unheard=tuple(unheard))
     return Decision(verdict="healthy")
 

@@ -92,7 +92,7 @@ def reason(
         return f"The machine sounds as it did when it was healthy.{_noticed(profiles)} {rested}"
     if evidence.strength >= LIMITS.open or evidence.probability < LIMITS.rare:
         told = "More changed than is usual, but not enough to call it a fault: record again."
-    elif evidence.angle_unsure:
+    elif evidence.angle_lost:
         told = (
             "Nothing speaks against the machine, but its angle was lost on the way: record again at "
             "a steadier speed, or with a tachometer."

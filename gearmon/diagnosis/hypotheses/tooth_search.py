@@ -29,7 +29,7 @@ FloatArray = NDArray[np.float64]
 _COMPETES = 2.3
 # Standard deviation of the logarithm of the loss that all bands have in common: the stiffness of
 # the teeth in contact and the level of the mesh harmonics are not what the gear data say.
-COMMON_DEVIATION = 0.3
+COMMON_DEVIATION = 0.2
 # True size over that of the likelihood in the median: 52 losses of 10 to 40 % on 13 machines of the
 # detection benchmark, and 16 of 7 to 30 % on a simulated one. Lines next to the mesh harmonics, which
 # carry a part of the response, are left out as those of runout. And the largest loss there is.

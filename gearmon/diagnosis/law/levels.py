@@ -23,7 +23,7 @@ _DB = float(20.0 / np.log(10.0))
 # common gain. Healthy simulated pairs, loads from 40 to 115 %, gears of accuracy grade 6.
 _LINES, _BROADBAND = (0.06, 0.6), (0.15, 0.6)
 # Recordings that the prior of the scale is worth, and the least scale.
-_WORTH, _LEAST_SCALE = 4.0, 0.3
+_WORTH, _LEAST_SCALE = 4.0, 1.0
 #: Squares of standardised deviations are cut off here, lest one line decide for all.
 MOST_SQUARE = 25.0
 # Median of a squared standard normal variable.
@@ -62,7 +62,9 @@ class LevelDeviation:
     def by_channel(self) -> FloatArray:
         """Mean square of each channel."""
         rows = [row[np.isfinite(row)] for row in self.standardised]
-        return np.array([np.mean(np.minimum(row**2, MOST_SQUARE)) if len(row) else 0.0 for row in rows])
+        return np.array(
+            [np.mean(np.minimum(row**2, MOST_SQUARE)) if len(row) else 0.0 for row in rows]
+        )
 
 
 def level_deviation(

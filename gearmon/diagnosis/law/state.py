@@ -122,7 +122,9 @@ def _load(profile: Profile, base: Profile, rows: Sequence[int], base_rows: Seque
     of_mesh = np.array([name.startswith("mesh") for name in shared])
     parts = [_middle(change[heard & of_mesh]), _middle(change[heard & ~of_mesh])]
     if profile.band_db.shape[1:] == base.band_db.shape[1:]:
-        parts.append(_middle(_NEPER * (profile.band_db[list(rows)] - base.band_db[list(base_rows)])))
+        parts.append(
+            _middle(_NEPER * (profile.band_db[list(rows)] - base.band_db[list(base_rows)]))
+        )
     # a gain moves lines and floor alike; what moves them apart is the load
     same_way = all(part > 0 for part in parts) or all(part < 0 for part in parts)
     gain = min(parts, key=abs) if same_way else 0.0
