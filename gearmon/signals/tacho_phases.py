@@ -36,6 +36,9 @@ _TRIED = np.arange(-4.0, 31.0, 2.0)
 # Twice the log likelihood that a drift of the lines must gain to be believed: chance gains as much
 # in one recording of a thousand, half of chi square of one degree of freedom.
 _DRIFTS = 10.0
+# Coherence of the fractions of a sample by which edges advance a turn, from which on quantisation
+# beats with the rotation and passes for a drift; of white ones 200 turns give 0.07.
+_BEATS = 0.25
 # Pulses over which the angle must keep to their mean, and standard deviations of that mean.
 _MEAN_OF, _DEVIATIONS = 25, 4.0
 
@@ -86,31 +89,82 @@ def join(sums: OrderSums, known: AngleTrack, time_s: FloatArray, turns: FloatArr
     locked from there on (`gearmon.signals.phase_lock`). What the pulses then lie beside the angle
     is their scatter and a drift, of which the likelihood under a random walk tells whether it is
     there at all; without, the mean is taken: so the quantisation of n pulses goes down by sqrt(n).
+    At a speed so steady that edges beat with the samples, quantisation is not white and would pass
+    for a drift: none is looked for while the mean explains the pulses.
     """
-    sample_turns = (turns[-1] - turns[0]) / (time_s[-1] - time_s[0]) / sums.sampling_rate_hz
-    # the error of an edge between two samples is even over one
-    scatter = max(known.uncertainty_turns, sample_turns / np.sqrt(12))
-    few = len(turns) < _PULSES or turns[-1] - turns[0] < _TURNS
-    if few or scatter * float(sums.orders.max()) < _FINE_CYCLES:
+    pulses = _Pulses.of(known, time_s, turns, sums.sampling_rate_hz)
+    if not pulses.enough or pulses.scatter * float(sums.orders.max()) < _FINE_CYCLES:
         return Joined(track=known)
-    a_turn = (len(turns) - 1) / (turns[-1] - turns[0])
-    course = _smoothed(turns, time_s, 2, _STIFF * a_turn**4)
+    course = pulses.course()
     if np.any(np.diff(course) <= 0):
         return Joined(track=known)
     track = locked(sums, track_through(course, turns, float(known.time_s[-1])))
     beside = turns - track.turns_at(time_s)
-    moved = track.turns + np.interp(track.turns, turns - beside, _smoothed(turns, beside, 1))
+    moved = track.turns + np.interp(track.turns, turns - beside, pulses.drift(course, beside))
     if not np.isfinite(track.uncertainty_turns) or np.any(np.diff(moved) <= 0):
         return Joined(track=known)
     doubt = min(track.uncertainty_turns, known.uncertainty_turns)
     joined = replace(track, turns=moved, uncertainty_turns=doubt, indexed=known.indexed)
     if _stillness(sums, joined) <= _stillness(sums, known):
         return Joined(track=known)
-    allowed = 0.5 * sample_turns, known.uncertainty_turns
-    beyond = _departure(turns - joined.turns_at(time_s), *allowed)
+    beyond = pulses.departure(turns - joined.turns_at(time_s))
     if beyond > 1.0:
         return Joined(track=known, beyond=beyond)
     return Joined(track=joined, used=True, beyond=beyond)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Pulses:
+    """Pulses, their jitter and the length of a sample [turns], and the sampling rate [Hz]."""
+
+    time_s: FloatArray
+    turns: FloatArray
+    jitter: float
+    sample: float
+    rate: float
+
+    @classmethod
+    def of(cls, known: AngleTrack, time_s: FloatArray, turns: FloatArray, rate: float) -> _Pulses:
+        speed_hz = float((turns[-1] - turns[0]) / (time_s[-1] - time_s[0]))
+        jitter = known.uncertainty_turns
+        return cls(time_s=time_s, turns=turns, jitter=jitter, sample=speed_hz / rate, rate=rate)
+
+    @property
+    def enough(self) -> bool:
+        return len(self.turns) >= _PULSES and self.turns[-1] - self.turns[0] >= _TURNS
+
+    @property
+    def scatter(self) -> float:
+        """Standard deviation of a pulse [turns]; an edge is somewhere between two samples."""
+        return max(self.jitter, self.sample / np.sqrt(12))
+
+    @property
+    def a_turn(self) -> float:
+        return float((len(self.turns) - 1) / (self.turns[-1] - self.turns[0]))
+
+    def course(self) -> FloatArray:
+        """Return the times of the pulses [s] as a smooth course of the speed has them."""
+        return _smoothed(self.turns, self.time_s, 2, _STIFF * self.a_turn**4)
+
+    def drift(self, course: FloatArray, beside: FloatArray) -> FloatArray:
+        """Return what of the distance between pulses and lines is no scatter [turns]."""
+        mean = np.full(len(beside), beside.mean())
+        if self._beats(course) and self.departure(beside - mean) <= 1.0:
+            return mean
+        return _smoothed(self.turns, beside, 1)
+
+    def _beats(self, course: FloatArray) -> bool:
+        """Whether edges fall at the same place between two samples turn after turn."""
+        lag = max(1, round(self.a_turn))
+        samples = self.rate * (course[lag:] - course[:-lag])
+        return self.jitter < self.sample and abs(np.mean(np.exp(2j * np.pi * samples))) > _BEATS
+
+    def departure(self, beside: FloatArray) -> float:
+        """By how much means of pulses lie beside an angle, over what they may."""
+        count = min(_MEAN_OF, len(beside) // 4)
+        means = np.convolve(beside, np.full(count, 1.0 / count), "valid")
+        allowed = 0.5 * self.sample + _DEVIATIONS * self.jitter / np.sqrt(count)
+        return float(np.max(np.abs(means)) / allowed)
 
 
 def _stillness(sums: OrderSums, track: AngleTrack) -> float:
@@ -118,13 +172,6 @@ def _stillness(sums: OrderSums, track: AngleTrack) -> float:
     amplitude = sums.sliding(track, _BLOCK_TURNS).amplitude
     power = np.maximum(np.mean(np.abs(amplitude) ** 2, axis=0), np.finfo(float).tiny)
     return float(np.mean(np.abs(amplitude.mean(axis=0)) ** 2 / power))
-
-
-def _departure(beside: FloatArray, half_sample: float, jitter: float) -> float:
-    """By how much means of pulses lie beside an angle, over what they may."""
-    count = min(_MEAN_OF, len(beside) // 4)
-    means = np.convolve(beside, np.full(count, 1.0 / count), "valid")
-    return float(np.max(np.abs(means)) / (half_sample + _DEVIATIONS * jitter / np.sqrt(count)))
 
 
 def _smoothed(x: FloatArray, y: FloatArray, order: int, least: float = 0.0) -> FloatArray:

@@ -102,19 +102,27 @@ def _with_tacho(
 def _check_believed(
     judged: Tracking | None, track: AngleTrack, machine: Machine, heard: Heard, first: Tracking
 ) -> None:
-    """Refuse pulses at whose speed no mesh shows, if one shows elsewhere."""
+    """Refuse pulses at whose speed fewer lines show than at another one."""
     if judged is None:
-        if not first.standing or abs(_mean_hz(track) / _mean_hz(first.track) - 1) < _APART:
+        if not first.standing or _apart(track, first.track) < _APART:
             return
         judged = judge(heard, track)
-    if judged.standing:
-        return
-    heard_best = first if first.standing else _by_ear(heard, first, machine)
-    if heard_best.standing:
+    rival = first if first.standing or judged.standing else _by_ear(heard, first, machine)
+    if _apart(track, rival.track) > _APART and _clarity(rival) > _clarity(judged):
         raise RecordingError(
-            f"no mesh stands out at the {_mean_hz(track):.4g} Hz that its pulses say, but at "
-            f"{_mean_hz(heard_best.track):.4g} Hz"
+            f"the mesh lines stand out less at the {_mean_hz(track):.4g} Hz that its pulses say "
+            f"than at {_mean_hz(rival.track):.4g} Hz"
         )
+
+
+def _clarity(found: Tracking) -> tuple[int, int]:
+    """How many meshes stand out, and how many of their harmonics are clear."""
+    return found.standing, sum(seen.clear for seen in found.evidence if seen.stands_out)
+
+
+def _apart(one: AngleTrack, other: AngleTrack) -> float:
+    """How far the mean speeds of two tracks are apart, as a fraction."""
+    return abs(_mean_hz(one) / _mean_hz(other) - 1)
 
 
 def _departs(track: AngleTrack, nominal_hz: float) -> bool:

@@ -320,7 +320,7 @@ USELESS = {
     "noise": (white(len(TIME), 1.0, seed=3), "pulses missing and"),
     "too few": (np.where(np.abs(TIME % 8.0 - 4.0) < 0.1, 1.0, 0.0), "2 pulses found"),
     "another shaft": (squared(0.8 * TURNS, 1), "pulses a second are 0.79 a turn"),
-    "an engine nearby": (squared(23.9 * TIME, 1), "no mesh stands out at the 23.9 Hz"),
+    "an engine nearby": (squared(23.9 * TIME, 1), "the mesh lines stand out less at the 23.9 Hz"),
 }
 
 
