@@ -140,7 +140,7 @@ class _Pulses:
 
     @property
     def a_turn(self) -> float:
-        return float((len(self.turns) - 1) / (self.turns[-1] - self.turns[0]))
+        return (len(self.turns) - 1) / float(self.turns[-1] - self.turns[0])
 
     def course(self) -> FloatArray:
         """Return the times of the pulses [s] as a smooth course of the speed has them."""
