@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from gearmon.errors import ArgumentError
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.order_sums import OrderSums
 from gearmon.signals.phase_lock import locked
@@ -98,7 +99,10 @@ def join(sums: OrderSums, known: AngleTrack, time_s: FloatArray, turns: FloatArr
     course = pulses.course()
     if np.any(np.diff(course) <= 0):
         return Joined(track=known)
-    track = locked(sums, track_through(course, turns, float(known.time_s[-1])))
+    try:
+        track = locked(sums, track_through(course, turns, float(known.time_s[-1])))
+    except ArgumentError:  # lines that would turn the shaft back
+        return Joined(track=known)
     beside = turns - track.turns_at(time_s)
     moved = track.turns + np.interp(track.turns, turns - beside, pulses.drift(course, beside))
     if not np.isfinite(track.uncertainty_turns) or np.any(np.diff(moved) <= 0):

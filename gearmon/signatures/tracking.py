@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from gearmon.errors import RecordingError
+from gearmon.errors import ArgumentError, RecordingError
 from gearmon.gears.kinematics import Kinematics
 from gearmon.machine import Machine
 from gearmon.signals.angle import AngleTrack
@@ -67,7 +67,7 @@ def track_recording(recording: Recording, machine: Machine, train: Kinematics) -
             continue
         try:
             return _with_tacho(recording, index, machine, heard, first)
-        except RecordingError as error:
+        except (ArgumentError, RecordingError) as error:
             if recording.tacho_told:
                 raise
             why = str(error).removeprefix("tacho channel: ").split(". ")[0]
