@@ -9,6 +9,7 @@ where the pulses are in the mean; what the pulses say of the drift beyond their 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -140,7 +141,7 @@ class _Pulses:
     @property
     def scatter(self) -> float:
         """Standard deviation of a pulse [turns]; an edge is somewhere between two samples."""
-        return max(self.jitter, self.sample / np.sqrt(12))
+        return max(self.jitter, self.sample / math.sqrt(12))
 
     @property
     def a_turn(self) -> float:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from gearmon.errors import ArgumentError, RecordingError
 from gearmon.gears.kinematics import Kinematics
 from gearmon.machine import Machine
 from gearmon.signals.angle import AngleTrack
+from gearmon.signals.comb import SpeedScan
 from gearmon.signals.phase import integrate_speed
 from gearmon.signals.recording import Recording
 from gearmon.signals.tacho import (
@@ -55,18 +57,13 @@ def track_recording(recording: Recording, machine: Machine, train: Kinematics) -
     samples, rate = vibration.samples, vibration.sampling_rate_hz
     nominal_hz, scan = scan_nominal_speeds(samples, rate, train, machine)
     heard = Heard(samples=samples, rate=rate, train=train, nominal_hz=nominal_hz)
-    first = Tracking(
-        track=integrate_speed(scan.track(), heard.last_s),
-        nominal_hz=nominal_hz,
-        scan=scan,
-        evidence=evidence_of(heard, scan, nominal_hz, SPEED_TOLERANCE),
-    )
+    ear = _Ear(heard=heard, scan=scan, machine=machine)
     notes: list[str] = []
     for index, kind in enumerate(recording.channel_kinds):
         if kind != "tacho":
             continue
         try:
-            return _with_tacho(recording, index, machine, heard, first)
+            return _with_tacho(recording, index, ear)
         except (ArgumentError, RecordingError) as error:
             if recording.tacho_told:
                 raise
@@ -75,43 +72,58 @@ def track_recording(recording: Recording, machine: Machine, train: Kinematics) -
                 f"{recording.channel_names[index]} is no usable tachometer, though its name "
                 f"suggests one: {why}; the vibration alone tells the angle"
             )
-    found = _by_ear(heard, first, machine)
-    return replace(found, notes=(*notes, *found.notes))
+    return replace(ear.alone, notes=(*notes, *ear.alone.notes))
 
 
-def _by_ear(heard: Heard, first: Tracking, machine: Machine) -> Tracking:
-    sums = heard.sums()
-    if sums is None:
-        return replace(first, notes=("no mesh harmonic lies below the Nyquist frequency",))
-    return track_by_ear(heard, sums, first, machine)
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Ear:
+    """What the vibration alone tells, as far as it is asked for."""
+
+    heard: Heard
+    scan: SpeedScan
+    machine: Machine
+
+    @cached_property
+    def first(self) -> Tracking:
+        """The comb about a nominal speed."""
+        heard, nominal_hz = self.heard, self.heard.nominal_hz
+        evidence = evidence_of(heard, self.scan, nominal_hz, SPEED_TOLERANCE)
+        track = integrate_speed(self.scan.track(), heard.last_s)
+        return Tracking(track=track, nominal_hz=nominal_hz, scan=self.scan, evidence=evidence)
+
+    @cached_property
+    def alone(self) -> Tracking:
+        """The angle by comb and phases."""
+        sums = self.heard.sums()
+        if sums is None:
+            note = "no mesh harmonic lies below the Nyquist frequency"
+            return replace(self.first, notes=(note,))
+        return track_by_ear(self.heard, sums, self.first, self.machine)
 
 
-def _with_tacho(
-    recording: Recording, index: int, machine: Machine, heard: Heard, first: Tracking
-) -> Tracking:
+def _with_tacho(recording: Recording, index: int, ear: _Ear) -> Tracking:
     """Track by the pulses of one channel and the lines between them."""
-    tacho = _Tacho.of(recording, index, machine, heard)
-    departs = _departs(tacho.track, first.nominal_hz)
-    found = judge(heard, tacho.track) if departs else replace(first, track=tacho.track)
-    if not recording.tacho_told:
-        _check_believed(found if departs else None, tacho.track, machine, heard, first)
-    track, notes = tacho.joined(heard)
+    tacho = _Tacho.of(recording, index, ear.machine, ear.heard)
+    if _departs(tacho.track, ear.heard.nominal_hz):
+        found = judge(ear.heard, tacho.track)
+        if not recording.tacho_told:
+            _check_believed(found, ear)
+    else:
+        found = replace(ear.first, track=tacho.track)
+        far = found.standing > 0 and _apart(tacho.track, ear.first.track) > _APART
+        if far and not recording.tacho_told:
+            _check_believed(judge(ear.heard, tacho.track), ear)
+    track, notes = tacho.joined(ear.heard)
     return replace(found, track=track, notes=notes)
 
 
-def _check_believed(
-    judged: Tracking | None, track: AngleTrack, machine: Machine, heard: Heard, first: Tracking
-) -> None:
+def _check_believed(judged: Tracking, ear: _Ear) -> None:
     """Refuse pulses at whose speed fewer lines show than at another one."""
-    if judged is None:
-        if not first.standing or _apart(track, first.track) < _APART:
-            return
-        judged = judge(heard, track)
-    rival = first if first.standing or judged.standing else _by_ear(heard, first, machine)
-    if _apart(track, rival.track) > _APART and _clarity(rival) > _clarity(judged):
+    rival = ear.first if ear.first.standing or judged.standing else ear.alone
+    if _apart(judged.track, rival.track) > _APART and _clarity(rival) > _clarity(judged):
         raise RecordingError(
-            f"the mesh lines stand out less at the {_mean_hz(track):.4g} Hz that its pulses say "
-            f"than at {_mean_hz(rival.track):.4g} Hz"
+            f"the mesh lines stand out less at the {_mean_hz(judged.track):.4g} Hz that its pulses "
+            f"say than at {_mean_hz(rival.track):.4g} Hz"
         )
 
 
