@@ -297,7 +297,7 @@ class _Compared:
         seen = {
             (p.stage, p.gear)
             for p in profiles
-            if p.noticed_from is not None and p.noticed_from <= must_notice
+            if p.noticed_from is not None and p.noticed_from <= LIMITS.about * must_notice
         }
         gears = [
             (mesh.stage, wheel.gear)

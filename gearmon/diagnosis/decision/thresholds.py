@@ -49,6 +49,8 @@ class Limits:
         still tell.
     must_notice : float
         Loss of a pair's stiffness that a healthy verdict has to exclude on every gear.
+    about : float
+        What counts as that loss: what would be noticed is known to a factor of 1.6 only.
     """
 
     fault: float = 2.0
@@ -67,6 +69,7 @@ class Limits:
     angle_slipped: float = 0.5
     unsure_share: float = 0.5
     must_notice: float = 0.4
+    about: float = 1.1
 
 
 LIMITS = Limits()
