@@ -9,13 +9,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gearmon.diagnosis.change_growth import CHANCES, GROWTHS, STRAIGHT, Growth, growth_rows
-from gearmon.diagnosis.change_points import find_changes
-from gearmon.diagnosis.change_shapes import Series
-from gearmon.diagnosis.history import Entry, History, Place
-from gearmon.diagnosis.history_trends import history_trends
-from gearmon.diagnosis.onsets import profile
-from gearmon.diagnosis.trend import fit_trend
+from gearmon.diagnosis.history import (
+    Entry,
+    Growth,
+    History,
+    Place,
+    Series,
+    find_changes,
+    fit_trend,
+    history_trends,
+)
+from gearmon.diagnosis.history.onset import CHANCES, GROWTHS, STRAIGHT, growth_rows, profile
 from gearmon.errors import ArgumentError
 from gearmon.report.history_text import change_text
 

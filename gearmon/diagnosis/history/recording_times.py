@@ -13,10 +13,10 @@ from gearmon.errors import ArgumentError
 SOURCES = ("modified", "name")
 
 _REMEDY = "name it as pump_2026-11-21T10-30-00.csv, or give the times"
-_DATE = re.compile(r"(?<!\d)(\d{4})([-_.]?)(\d{2})\2(\d{2})()()()()")
-_IN_NAME = re.compile(
-    r"(?<!\d)(\d{4})([-_.]?)(\d{2})\2(\d{2})"
-    r"(?:[T_ -]?(\d{2})[:\-.h]?(\d{2})(?:[:\-.m]?(\d{2}))?)?(Z|[+-]\d{2}:?\d{2})?(?![T_ \-.:]?\d)"
+_DATE = r"(?<!\d)(\d{4})([-_.]?)(\d{2})\2(\d{2})"
+_CLOCK = (
+    r"(?:[T_ -]?(\d{2})[:\-.h]?(\d{2})(?:[:\-.m]?(\d{2}))?)?(Z|[+-]\d{2}:?\d{2})?"
+    r"(?![T_ \-.:]?\d)"
 )
 
 
@@ -52,6 +52,26 @@ def read_time(text: str) -> datetime:
     return moment if moment.tzinfo is not None else moment.replace(tzinfo=UTC)
 
 
+def time_text(time_s: float) -> str:
+    """Return seconds since 1970 as ISO 8601 text in UTC.
+
+    Raises
+    ------
+    ArgumentError
+        If the year lies outside 1 to 9999.
+
+    Examples
+    --------
+    >>> time_text(0.0)
+    '1970-01-01T00:00:00Z'
+    """
+    try:
+        moment = datetime.fromtimestamp(time_s, UTC)
+    except (OverflowError, ValueError, OSError):
+        raise ArgumentError(f"time_s={time_s} s is no time between the years 1 and 9999") from None
+    return moment.isoformat().replace("+00:00", "Z")
+
+
 def time_from_name(path: str | Path) -> datetime:
     """Read the time that stands in the name of a file; without an offset it is taken as UTC.
 
@@ -71,12 +91,12 @@ def time_from_name(path: str | Path) -> datetime:
     '2026-11-21T10:30:00+00:00'
     """
     name = Path(path).name
-    dates = [match for match in _DATE.finditer(name) if _moment(match) is not None]
+    # eight digits that are no date are a number
+    dates = [match for match in re.finditer(_DATE, name) if _moment(match) is not None]
     if len(dates) != 1:
         what = "no date stands" if not dates else f"{len(dates)} dates stand"
         raise ArgumentError(f"{path}: {what} in the name of the file; {_REMEDY}")
-    whole = _IN_NAME.match(name, dates[0].start())
-    found = _moment(whole) if whole is not None else None
+    found = _moment(re.compile(_DATE + _CLOCK).match(name, dates[0].start()))
     if found is None:
         raise ArgumentError(
             f"{path}: what follows the date in the name of the file is no time; {_REMEDY}"
@@ -84,13 +104,16 @@ def time_from_name(path: str | Path) -> datetime:
     return found
 
 
-def _moment(match: re.Match[str]) -> datetime | None:
-    year, _, month, day, hour, minute, second, offset = match.groups()
-    clock = f"{hour or '00'}:{minute or '00'}:{second or '00'}"
+def _moment(match: re.Match[str] | None) -> datetime | None:
+    if match is None:
+        return None
+    year, _, month, day, *clock = (part or "" for part in match.groups())
+    hour, minute, second, offset = clock or ("", "", "", "")
+    time = f"{hour or '00'}:{minute or '00'}:{second or '00'}{offset}"
     try:
-        return read_time(f"{year}-{month}-{day}T{clock}{offset or ''}")
+        return read_time(f"{year}-{month}-{day}T{time}")
     except ArgumentError:
-        return None  # eight digits that are no date
+        return None
 
 
 def time_modified(path: str | Path) -> datetime:
@@ -142,5 +165,4 @@ def recording_times(
         )
     if source not in SOURCES:
         raise ArgumentError(f"--time-from {source}: must be one of {', '.join(SOURCES)}")
-    read = time_from_name if source == "name" else time_modified
-    return [read(path) for path in paths]
+    return [(time_from_name if source == "name" else time_modified)(path) for path in paths]

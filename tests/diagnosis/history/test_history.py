@@ -14,10 +14,20 @@ import numpy as np
 import pytest
 from reference.small_gearbox import as_json
 
-from gearmon.diagnosis.history import Entry, History, Place, entry_of, time_text
-from gearmon.diagnosis.history_store import append, export_history, read_history
-from gearmon.diagnosis.history_trends import history_trends, normal_equivalent
-from gearmon.diagnosis.recording_times import read_time, recording_times, time_from_name
+from gearmon.diagnosis.history import (
+    Entry,
+    History,
+    Place,
+    append,
+    entry_of,
+    export_history,
+    history_trends,
+    read_history,
+    recording_times,
+    time_text,
+)
+from gearmon.diagnosis.history.recording_times import read_time, time_from_name
+from gearmon.diagnosis.history.trends import normal_equivalent
 from gearmon.diagnosis.results import Flag, ToothProfile
 from gearmon.errors import ArgumentError, SignatureError
 from gearmon.report.history_text import history_lines

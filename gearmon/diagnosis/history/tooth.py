@@ -9,17 +9,17 @@ none: only that it was too small to be found.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import bdtrc, ndtri
 
-from gearmon.diagnosis.change_points import change_probability
-from gearmon.diagnosis.change_shapes import ChangePoint, Series
-from gearmon.diagnosis.history import HALF_OF_90, Place, time_text
-from gearmon.diagnosis.trend import Crossing, Trend, fit_trend
+from gearmon.diagnosis.history.onset import Series, change_probability
+from gearmon.diagnosis.history.store import HALF_OF_90, Place
+from gearmon.diagnosis.history.trend import Crossing, Trend, fit_trend
 
 FloatArray = NDArray[np.float64]
 
@@ -96,8 +96,8 @@ class ToothTrend:
 
     def rate(self) -> tuple[float, float, float]:
         """Rise of the loss at the newest recording with its interval [1/s]."""
-        value, low, high = self._widened(*(np.array([x]) for x in self.trend.rate()))
-        return float(value[0]), float(low[0]), float(high[0])
+        value, low, high = self._widened(*np.array(self.trend.rate()))
+        return float(value), float(low), float(high)
 
     @property
     def now(self) -> tuple[float, float, float]:
@@ -124,10 +124,8 @@ class ToothTrend:
             found = replace(found, reason=reason)
         if found.time_s is None:
             return found
-        down, up = self._factors
-        early, late = (self.trend.time_at(self.limit * factor) for factor in (down, up))
-        times = self.trend.series.time_s
-        first = times[-1] if found.status == "ahead" else times[0]
+        early, late = (self.trend.time_at(self.limit * factor) for factor in self._factors)
+        first = self.trend.series.time_s[-1 if found.status == "ahead" else 0]
         low, high = found.low_s, found.high_s
         if low is not None and early is not None:
             low = found.time_s - math.hypot(found.time_s - low, found.time_s - early)
@@ -144,8 +142,6 @@ class ToothTrend:
     @property
     def _factors(self) -> tuple[float, float]:
         """How much smaller and larger all losses may be, at the level of the trend."""
-        from scipy.special import ndtri
-
         up = math.exp(float(ndtri(0.5 + 0.5 * self.trend.level)) * self.common)
         return 1.0 / up, up
 
@@ -153,37 +149,33 @@ class ToothTrend:
         self, value: FloatArray, low: FloatArray, high: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Add what all recordings share to the interval of a loss, or of its rate."""
-        down, up = self._factors
-        size = np.maximum(value, 0.0)
+        (down, up), size = self._factors, np.maximum(value, 0.0)
         below = np.hypot(value - low, (1.0 - down) * size)
         above = np.hypot(high - value, (up - 1.0) * size)
         return value, value - below, value + above
 
     def to_dict(self) -> dict[str, Any]:
         """Return built-in types, ready for JSON."""
-        value, low, high = self.now
-        rate = [SECONDS_PER_DAY * x for x in self.rate()]
-        crossing, margin = self.crossing, self.margin
+        crossing, per_day = self.crossing, np.multiply(SECONDS_PER_DAY, self.rate())
         return {
             "stage": self.stage,
             "gear": self.gear,
             "tooth": self.tooth,
             "estimates": len(self.trend.series),
             "recordings": self.recordings,
-            "loss": _number(value),
-            "loss_low": _number(low),
-            "loss_high": _number(high),
-            "rate_per_day": _number(rate[0]),
-            "rate_per_day_low": _number(rate[1]),
-            "rate_per_day_high": _number(rate[2]),
+            **_with_interval("loss", self.now),
+            **_with_interval("rate_per_day", per_day),
             "false_alarm_probability": self.false_alarm_probability,
-            "changes": [change_dict(change) for change in self.trend.changes],
+            "changes": [change.to_dict() for change in self.trend.changes],
             "limit": self.limit,
-            "margin": None if margin is None else _number(margin[0]),
-            "margin_low": None if margin is None else _number(margin[1]),
-            "margin_high": None if margin is None else _number(margin[2]),
-            "limit_reached": None if crossing is None else crossing_dict(crossing),
+            **_with_interval("margin", self.margin or [math.nan] * 3),
+            "limit_reached": None if crossing is None else crossing.to_dict(),
         }
+
+
+def _with_interval(name: str, values: Iterable[float]) -> dict[str, float | None]:
+    names = (name, f"{name}_low", f"{name}_high")
+    return {n: float(x) if np.isfinite(x) else None for n, x in zip(names, values, strict=True)}
 
 
 def follow_tooth(
@@ -236,29 +228,23 @@ def follow_tooth(
         refined = fit_trend(own, below=below, level=level)
         # a loss that came at once may hide behind what could have been missed before it
         trend = refined if refined.changes else trend
-    probability = min(
-        [change_probability(stated), *(c.false_alarm_probability for c in trend.changes)]
+    chances = [change_probability(stated), *(c.false_alarm_probability for c in trend.changes)]
+    low, high = (
+        np.array([getattr(place, name) for place in places], dtype=float)
+        for name in ("loss_low", "loss_high")
     )
     reach = HALF_OF_90 * stated.sigma
-    ends = zip(places, stated.value - reach, stated.value + reach, strict=True)
-    bounds = [
-        (
-            low if place.loss_low is None else place.loss_low,
-            high if place.loss_high is None else place.loss_high,
-        )
-        for place, low, high in ends
-    ]
     found = ToothTrend(
         stage=places[0].stage,
         gear=places[0].gear,
         tooth=places[0].tooth,
         trend=trend,
-        low=np.array([low for low, _ in bounds], dtype=float),
-        high=np.array([high for _, high in bounds], dtype=float),
+        low=np.where(np.isnan(low), stated.value - reach, low),
+        high=np.where(np.isnan(high), stated.value + reach, high),
         common=common,
         missed=missed,
         stands=False,
-        false_alarm_probability=min(1.0, probability * followed),
+        false_alarm_probability=min(1.0, min(chances) * followed),
         recordings=recordings,
         limit=limit,
     )
@@ -302,46 +288,9 @@ def own_series(stated: Series) -> tuple[Series, float, float]:
 
 def _stands(found: ToothTrend, stated: Series, followed: int, below: float) -> bool:
     """Tell whether a loss stands clear of zero in its trend and in several recordings."""
-    from scipy.special import bdtrc
-
     clear = found.low > 0
     _, trend_low, _ = found.at(stated.time_s)
-    count = int(np.count_nonzero(clear))
     if np.count_nonzero(clear & (trend_low > 0)) < SEVERAL:
         return False
-    by_chance = float(bdtrc(count - 1, len(stated), _CLEAR_BY_CHANCE))
-    return bool(found.trend.changes) or by_chance * followed < below
-
-
-def change_dict(change: ChangePoint) -> dict[str, Any]:
-    """Return a change as built-in types, ready for JSON."""
-    return {
-        "kind": change.kind,
-        "course": change.growth.kind if change.kind == "growth" else None,
-        "time": time_text(change.time_s),
-        "time_low": time_text(change.low_s),
-        "time_high": time_text(change.high_s),
-        "may_have_begun_before": change.open_before,
-        "direction": "rise" if change.size > 0 else "fall",
-        "false_alarm_probability": change.false_alarm_probability,
-    }
-
-
-def crossing_dict(crossing: Crossing) -> dict[str, Any]:
-    """Return when a limit is reached as built-in types, ready for JSON."""
-    return {
-        "status": crossing.status,
-        "reason": crossing.reason,
-        "time": _moment(crossing.time_s),
-        "time_low": _moment(crossing.low_s),
-        "time_high": _moment(crossing.high_s),
-    }
-
-
-def _moment(time_s: float | None) -> str | None:
-    # a slow trend may reach its limit after the year 9999, which is as good as never
-    return None if time_s is None or not 0 <= time_s < 2.5e11 else time_text(time_s)
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
+    by_chance = bdtrc(np.count_nonzero(clear) - 1.0, len(stated), _CLEAR_BY_CHANCE)
+    return bool(found.trend.changes) or float(by_chance) * followed < below

@@ -7,18 +7,17 @@ sound machines follow no known law, so whether they changed is tested by permuta
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtri_exp
 
-from gearmon.diagnosis.change_points import FEWEST, permuted_probability
-from gearmon.diagnosis.change_shapes import ChangePoint, Series
-from gearmon.diagnosis.history import Entry, History, Place
-from gearmon.diagnosis.tooth_trends import ToothTrend, change_dict, crossing_dict, follow_tooth
-from gearmon.diagnosis.trend import Crossing, Trend, fit_trend
+from gearmon.diagnosis.history.onset import FEWEST, ChangePoint, Series, permuted_probability
+from gearmon.diagnosis.history.store import History, Place
+from gearmon.diagnosis.history.tooth import ToothTrend, follow_tooth
+from gearmon.diagnosis.history.trend import Crossing, Trend, fit_trend
 from gearmon.errors import check_range
 
 FloatArray = NDArray[np.float64]
@@ -77,27 +76,22 @@ class HistoryTrends:
     @property
     def raised(self) -> bool:
         """Whether a person should look: a fault, a loss or evidence that rose, a limit reached."""
-        entries = self.history.entries
+        entries, crossings = self.history.entries, [tooth.crossing for tooth in self.shown]
         return (
             bool(entries and entries[-1].verdict == "fault")
             or self.began is not None
             or any(tooth.risen for tooth in self.shown)
-            or any(
-                c is not None and c.status == "reached" for c in (t.crossing for t in self.shown)
-            )
+            or any(crossing and crossing.status == "reached" for crossing in crossings)
         )
-
-    def _forecast_dict(self, entry: Entry) -> dict[str, Any] | None:
-        crossing = self.forecasts.get(entry.time_s)
-        return None if crossing is None else crossing_dict(crossing)
 
     def to_dict(self) -> dict[str, Any]:
         """Return built-in types, ready for JSON."""
         changes = self.evidence.changes if self.evidence is not None else ()
+        reached = {time_s: crossing.to_dict() for time_s, crossing in self.forecasts.items()}
         return {
             "machine": self.history.machine,
             "recordings": [
-                entry.to_dict() | {"limit_reached": self._forecast_dict(entry)}
+                entry.to_dict() | {"limit_reached": reached.get(entry.time_s)}
                 for entry in self.history.entries
             ],
             "level": self.level,
@@ -106,7 +100,7 @@ class HistoryTrends:
             "teeth_followed": len(self.teeth),
             "evidence": {
                 "false_alarm_probability": self.evidence_probability,
-                "changes": [change_dict(change) for change in changes],
+                "changes": [change.to_dict() for change in changes],
             },
             "raised": self.raised,
             "warnings": list(self.notes),
@@ -155,9 +149,19 @@ def history_trends(
             limit=limit,
         )
 
-    teeth = {key: follow(key) for key in followed}
+    teeth = [follow(key) for key in followed]
     evidence, chance = _evidence(history, (1 - _LOSS_SHARE) * below, level)
-    ranked = sorted(teeth.values(), key=lambda t: (not t.stands, t.false_alarm_probability))
+    ranked = sorted(teeth, key=lambda t: (not t.stands, t.false_alarm_probability))
+    standing = [key for key, tooth in zip(followed, teeth, strict=True) if tooth.stands]
+    forecasts: dict[float, Crossing] = {}
+    for entry in history.entries[-FORECASTS:] if limit is not None else ():
+        keys = {place.key for place in entry.places if place.loss is not None}
+        told = [follow(key, entry.time_s) for key in standing if key in keys]
+        known = [c for tooth in told if (c := _forecast(tooth)) is not None]
+        if known:
+            # a limit that is reached stands before any that lies ahead
+            first = min(known, key=lambda c: (c.status != "reached", c.time_s or 0.0))
+            forecasts[entry.time_s] = first
     return HistoryTrends(
         history=history,
         teeth=tuple(ranked),
@@ -165,9 +169,15 @@ def history_trends(
         evidence_probability=min(1.0, chance / (1 - _LOSS_SHARE)),
         limit=limit,
         level=level,
-        forecasts={} if limit is None else _forecasts(history, teeth, follow),
+        forecasts=forecasts,
         notes=tuple(_notes(history, ranked)),
     )
+
+
+def _forecast(tooth: ToothTrend) -> Crossing | None:
+    """Say when a tooth reaches the limit, as its newest recording's own time could tell."""
+    crossing = tooth.crossing if tooth.stands and tooth.low[-1] > 0 else None
+    return None if crossing is None or crossing.status == "not extrapolated" else crossing
 
 
 def _followed(history: History) -> dict[_Key, list[tuple[float, Place]]]:
@@ -188,32 +198,6 @@ def _followed(history: History) -> dict[_Key, list[tuple[float, Place]]]:
         for key, points in found.items()
         if (key[:2] in numbered) == (key[2] is not None)
     }
-
-
-def _forecasts(
-    history: History, teeth: dict[_Key, ToothTrend], follow: Callable[[_Key, float], ToothTrend]
-) -> dict[float, Crossing]:
-    """When the limit is reached, as the newest recordings' own time could tell."""
-    standing = [key for key, tooth in teeth.items() if tooth.stands]
-    found = {}
-    for entry in history.entries[-FORECASTS:]:
-        told = [_forecast(key, entry, follow) for key in standing]
-        known = [crossing for crossing in told if crossing is not None]
-        if known:
-            # a limit that is reached stands before any that lies ahead
-            found[entry.time_s] = min(known, key=lambda c: (c.status != "reached", c.time_s or 0.0))
-    return found
-
-
-def _forecast(
-    key: _Key, entry: Entry, follow: Callable[[_Key, float], ToothTrend]
-) -> Crossing | None:
-    """Say when one tooth reaches the limit, by the recordings up to one; None where unknown."""
-    if not any(place.key == key and place.loss is not None for place in entry.places):
-        return None
-    tooth = follow(key, entry.time_s)
-    crossing = tooth.crossing if tooth.stands and tooth.low[-1] > 0 else None
-    return None if crossing is None or crossing.status == "not extrapolated" else crossing
 
 
 def _evidence(history: History, below: float, level: float) -> tuple[Trend | None, float]:
@@ -254,8 +238,6 @@ def normal_equivalent(score: FloatArray) -> FloatArray:
     >>> normal_equivalent(np.array([0.0, 2.0])).round(3)
     array([-1.282,  2.326])
     """
-    from scipy.special import ndtri_exp
-
     log = np.minimum(-np.log(10.0) * np.asarray(score, dtype=float), np.log(0.9))
     return np.asarray(-ndtri_exp(log), dtype=np.float64)
 

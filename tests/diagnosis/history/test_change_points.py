@@ -9,19 +9,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gearmon.diagnosis.change_points import (
-    change_probability,
-    find_changes,
-    permuted_probability,
-)
-from gearmon.diagnosis.change_shapes import Series
+from gearmon.diagnosis.history import Series, find_changes, fit_trend
+from gearmon.diagnosis.history.onset import change_probability, permuted_probability
 from gearmon.diagnosis.noise_bounds import (
     kink_quantile,
     known_noise_bound,
     step_quantile,
     tube_bound,
 )
-from gearmon.diagnosis.trend import fit_trend
 from gearmon.errors import ArgumentError
 
 DAY = 86400.0
