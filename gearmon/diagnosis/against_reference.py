@@ -15,7 +15,8 @@ from gearmon.diagnosis.comparison import (
     judge_groups,
     judge_levels,
 )
-from gearmon.diagnosis.foreign import ForeignFinding, disturbed
+from gearmon.diagnosis.nongear import NonGearFinding as ForeignFinding
+from gearmon.diagnosis.nongear import disturbed
 from gearmon.diagnosis.speed_scatter import family_speed_scatter_db
 from gearmon.errors import ArgumentError
 from gearmon.signatures.measured import MeasuredSignature

@@ -16,11 +16,12 @@ from gearmon.diagnosis.flagging import (
     response_warnings,
     runout_flags,
 )
-from gearmon.diagnosis.foreign import ForeignFinding, foreign_findings
 from gearmon.diagnosis.kind_features import FeatureVector, kind_features
 from gearmon.diagnosis.kind_runout import RunoutGrowth, healthy_turns, runout_growth
 from gearmon.diagnosis.kind_turns import turn_changes
 from gearmon.diagnosis.localisation import locate
+from gearmon.diagnosis.nongear import NonGearFinding as ForeignFinding
+from gearmon.diagnosis.nongear import nongear_findings as foreign_findings
 from gearmon.diagnosis.results import Analysis, Change, Flag, ToothProfile
 from gearmon.diagnosis.tooth_evidence import ToothFinding, find_tooth, with_finding
 from gearmon.errors import ArgumentError, GearmonError

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from gearmon.diagnosis.foreign import ForeignFinding
 from gearmon.diagnosis.kind_features import FeatureVector
 from gearmon.diagnosis.kind_names import NONE
 from gearmon.diagnosis.kind_rules import KindJudgement, judge_kind
 from gearmon.diagnosis.kind_runout import RunoutGrowth
 from gearmon.diagnosis.kind_spread import DepartureSpread, departure_spread
+from gearmon.diagnosis.nongear import NonGearFinding as ForeignFinding
 from gearmon.diagnosis.results import Flag, ToothProfile
 from gearmon.diagnosis.tooth_evidence import ToothFinding
 from gearmon.diagnosis.tooth_search import SearchedGear

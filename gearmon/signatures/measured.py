@@ -23,8 +23,7 @@ from gearmon.signals.recording import Recording
 from gearmon.signals.sideband_spacing import spacing_mismatch, spacing_support
 from gearmon.signals.threads import at_once
 from gearmon.signatures.families import MESH_HARMONICS, LinePlan, line_plan
-from gearmon.signatures.foreign_lines import ForeignLines
-from gearmon.signatures.foreign_search import foreign_lines
+from gearmon.signatures.nongear_lines import NonGearLines, nongear_lines
 from gearmon.signatures.speed import (
     SPEED_TOLERANCE,
     Speed,
@@ -118,7 +117,7 @@ class MeasuredSignature:
         Whether the family stands above its own scatter.
     notes : tuple of str
         What the reader should know.
-    foreign : ForeignLines or None
+    foreign : NonGearLines or None
         Lines that no gear explains.
     """
 
@@ -136,7 +135,7 @@ class MeasuredSignature:
     scatter_db: FloatArray
     heard: NDArray[np.bool_]
     notes: tuple[str, ...]
-    foreign: ForeignLines | None = None
+    foreign: NonGearLines | None = None
 
     @property
     def found(self) -> bool:
@@ -202,7 +201,7 @@ def measure_signature(recording: Recording, machine: Machine) -> MeasuredSignatu
 
 def _spectra(
     samples: FloatArray, rate: float, track: AngleTrack, train: Kinematics, plan: LinePlan
-) -> tuple[OrderLines, tuple[FineSpectrum, ForeignLines]]:
+) -> tuple[OrderLines, tuple[FineSpectrum, NonGearLines]]:
     """Lines of the plan; fine spectrum and lines of other origin: both at once."""
     turns = float(track.turns[-1] - track.turns[0])
     block_turns = _block_turns(turns, min(shaft.order for shaft in train.shafts))
@@ -212,9 +211,9 @@ def _spectra(
     def planned() -> OrderLines:
         return order_lines(samples, rate, track, plan.orders, block_turns, error=LEAKAGE)
 
-    def others() -> tuple[FineSpectrum, ForeignLines]:
+    def others() -> tuple[FineSpectrum, NonGearLines]:
         spectrum = fine_order_spectrum(samples, rate, track, pieces, PIECES_HEARD)
-        return spectrum, foreign_lines(samples, rate, track, train, spectrum)
+        return spectrum, nongear_lines(samples, rate, track, train, spectrum)
 
     return at_once(planned, others, samples.size)
 

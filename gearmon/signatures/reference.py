@@ -18,8 +18,8 @@ from gearmon.machine import Machine, ParallelStage
 from gearmon.signals.mean_scatter import variance_of_mean
 from gearmon.signals.order_lines import OrderLines
 from gearmon.signatures.families import WheelLines
-from gearmon.signatures.foreign_lines import ForeignLines
 from gearmon.signatures.measured import MeasuredSignature
+from gearmon.signatures.nongear_lines import NonGearLines
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -104,7 +104,7 @@ class Profile:
         Whether the family stands above its own scatter.
     wheels : tuple of WheelPattern
         Patterns of the gears.
-    foreign : ForeignLines or None
+    foreign : NonGearLines or None
         Lines that no gear explains; None in references of the older format.
     """
 
@@ -117,7 +117,7 @@ class Profile:
     scatter_db: FloatArray
     heard: NDArray[np.bool_]
     wheels: tuple[WheelPattern, ...]
-    foreign: ForeignLines | None = None
+    foreign: NonGearLines | None = None
 
     @classmethod
     def of(cls, signature: MeasuredSignature) -> Profile:

@@ -1,17 +1,19 @@
-"""Finds the lines of a recording that no gear explains.
+"""Lines of a recording that no gear explains: found, kept as value objects, stored.
 
-A line is foreign if it stands at no order that the gears and shafts of the machine can have. On
-which of two grids it is sharper, angle or time, tells whether it follows the shafts or stays where
-it is when the speed wanders.
+Such lines come from bearings, the mains, loose parts, other machines: they stand at no order that
+the gears and shafts of the machine can have. On which of two grids one is sharper, angle or time,
+tells whether it follows the shafts or stays where it is when the speed wanders.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import gammaincc, gammainccinv
 
 from gearmon.gears.kinematics import Kinematics
 from gearmon.signals.angle import AngleTrack
@@ -22,7 +24,6 @@ from gearmon.signals.fine_spectrum import (
     highest_within,
     standing_peaks,
 )
-from gearmon.signatures.foreign_lines import ForeignLine, ForeignLines, NoiseGrid
 from gearmon.signatures.gear_orders import distance_to, known_orders
 
 FloatArray = NDArray[np.float64]
@@ -49,15 +50,200 @@ _CELLS_AN_ORDER = 20
 _BANDS = 128
 # The envelope is looked at up to this order, or this multiple of the highest order of a bearing.
 _ENVELOPE_ORDER, _ENVELOPE_HARMONICS = 20.0, 3.5
+KINDS = ("spectrum", "envelope")
+LOCKS = ("shaft", "time", "either")
+_PLACES = ("order", "frequency_hz", "low_order", "high_order")
+_GRID = ("width", "top", "pieces", "least_db", "looked_at")
 
 
-def foreign_lines(
+@dataclass(frozen=True, kw_only=True)
+class NonGearLine:
+    """A line that no gear explains.
+
+    Parameters
+    ----------
+    kind : {"spectrum", "envelope"}
+        Where it stands: in the spectrum, or in that of the squared envelope.
+    order : float
+        Its mean place [cycles a turn of shaft 1].
+    frequency_hz : float
+        The same [Hz].
+    locked : {"shaft", "time", "either"}
+        Whether it follows the speed, stays at its frequency, or the speed is too even to tell.
+    level_db : tuple of float
+        Level in each channel [dB re 1 unit^2, peak amplitude; of an envelope: dB re 1].
+    over_noise_db : tuple of float
+        Power over the mean of the noise about it, each channel [dB].
+    low_order, high_order : float
+        Orders that it sweeps while the speed wanders.
+    """
+
+    kind: str
+    order: float
+    frequency_hz: float
+    locked: str
+    level_db: tuple[float, ...]
+    over_noise_db: tuple[float, ...]
+    low_order: float
+    high_order: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NoiseGrid:
+    """What a spectrum could have shown: its noise, resolution and reach.
+
+    Parameters
+    ----------
+    kind : {"spectrum", "envelope"}
+        Which spectrum.
+    width : float
+        One over the turns in a piece [orders].
+    top : float
+        Highest order.
+    pieces : int
+        Pieces whose powers were averaged.
+    least_db : float
+        Power over noise from which lines were listed [dB].
+    looked_at : float
+        Independent values, all channels.
+    noise_db : ndarray of float, shape (channels, bands)
+        Mean noise power of a bin in equal bands from 0 to `top` [dB, as the levels].
+    hidden_db : ndarray of float32, shape (channels, cells)
+        Level up to which a line about a far stronger one is taken for a part of that and not
+        listed, in equal cells from 0 to `top` [dB].
+    """
+
+    kind: str
+    width: float
+    top: float
+    pieces: int
+    least_db: float
+    looked_at: float
+    noise_db: FloatArray
+    hidden_db: NDArray[np.float32]
+
+    def unseen_at(self, order: float) -> FloatArray:
+        """Level up to which a line at an order would not be listed, shape (channels,) [dB]."""
+        cells = self.hidden_db.shape[-1]
+        cell = min(int(order * cells / self.top), cells - 1)
+        return np.maximum(self.noise_at(order) + self.least_db, self.hidden_db[:, cell])
+
+    def noise_at(self, order: float) -> FloatArray:
+        """Noise about an order, shape (channels,) [dB]."""
+        bands = self.noise_db.shape[-1]
+        middles = (np.arange(bands) + 0.5) * self.top / bands
+        return np.array([np.interp(order, middles, row) for row in self.noise_db])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NonGearLines:
+    """The lines of no gear of one recording and what else could have been seen.
+
+    Parameters
+    ----------
+    lines : tuple of NonGearLine
+        Strongest over the noise first.
+    grids : tuple of NoiseGrid
+        Of the spectrum and of the envelope.
+    speed_hz : float
+        Mean speed of shaft 1 [Hz].
+    cell_hz : float
+        Width of the cells of `in_time_db` [Hz].
+    in_time_db : ndarray of float32, shape (channels, cells)
+        Highest power in the spectrum against time, gears included, in cells from 0 Hz on: no line
+        of the mains was stronger, even where a gear's line hid it [dB].
+    """
+
+    lines: tuple[NonGearLine, ...]
+    grids: tuple[NoiseGrid, ...]
+    speed_hz: float
+    cell_hz: float
+    in_time_db: NDArray[np.float32]
+
+    def __iter__(self) -> Iterator[NonGearLine]:
+        """Go through the lines."""
+        return iter(self.lines)
+
+    def __len__(self) -> int:
+        """Return the number of lines."""
+        return len(self.lines)
+
+    def grid(self, kind: str) -> NoiseGrid:
+        """Return the grid of the spectrum or of the envelope."""
+        return next(grid for grid in self.grids if grid.kind == kind)
+
+    def highest_in_time(self, low_hz: float, high_hz: float) -> FloatArray | None:
+        """Highest power in time between two frequencies [dB], a channel; None if not known."""
+        first, last = int(low_hz / self.cell_hz), int(high_hz / self.cell_hz)
+        if last >= self.in_time_db.shape[-1]:
+            return None
+        return np.asarray(self.in_time_db[:, first : last + 1].max(axis=-1))
+
+
+def contaminated(
+    orders: FloatArray, lines: Iterable[NonGearLine], resolution: float
+) -> NDArray[np.bool_]:
+    """Tell which orders a line of no gear disturbs.
+
+    Parameters
+    ----------
+    orders : ndarray of float
+        Orders that are to be measured.
+    lines : iterable of NonGearLine
+        Lines; those of the envelope disturb nothing and are passed over.
+    resolution : float
+        Distance at which a line still disturbs [orders]: twice one over the length of a Hann
+        block for single blocks, twice one over the recording for its synchronous mean.
+
+    Returns
+    -------
+    ndarray of bool
+        Like `orders`.
+    """
+    mask = np.zeros(np.shape(orders), dtype=bool)
+    for line in lines:
+        if line.kind == "spectrum":
+            mask |= (orders > line.low_order - resolution) & (orders < line.high_order + resolution)
+    return mask
+
+
+def taken(lines: NonGearLines, rows: Sequence[int]) -> NonGearLines:
+    """Keep some channels of the lines only.
+
+    Parameters
+    ----------
+    lines : NonGearLines
+        Lines of all channels.
+    rows : sequence of int
+        Channels to keep, in their new order.
+
+    Returns
+    -------
+    NonGearLines
+    """
+    kept = tuple(
+        replace(
+            line,
+            level_db=tuple(line.level_db[row] for row in rows),
+            over_noise_db=tuple(line.over_noise_db[row] for row in rows),
+        )
+        for line in lines
+    )
+    own = list(rows)
+    grids = tuple(
+        replace(grid, noise_db=grid.noise_db[own], hidden_db=grid.hidden_db[own])
+        for grid in lines.grids
+    )
+    return replace(lines, lines=kept, grids=grids, in_time_db=lines.in_time_db[own])
+
+
+def nongear_lines(
     samples: FloatArray,
     sampling_rate_hz: float,
     track: AngleTrack,
     train: Kinematics,
     order_spectrum: FineSpectrum,
-) -> ForeignLines:
+) -> NonGearLines:
     """List the lines of a recording that no gear explains.
 
     Parameters
@@ -75,7 +261,7 @@ def foreign_lines(
 
     Returns
     -------
-    ForeignLines
+    NonGearLines
 
     Notes
     -----
@@ -93,7 +279,8 @@ def foreign_lines(
     grid = _noise_grid("spectrum", order_spectrum, course, in_time)
     known = known_orders(train, order_spectrum.top, order_spectrum.width)
     least = over_median * 10 ** (grid.least_db / 10)
-    found = _of_spectra(order_spectrum, by_time, known, course, least)
+    found = list(_sharp_in_angle(order_spectrum, by_time, known, course, least))
+    found += _sharp_in_time(order_spectrum, by_time, course, least)
     bearings = [line.order for line in train.lines if line.kind == "bearing"]
     top = max([_ENVELOPE_ORDER] + [_ENVELOPE_HARMONICS * order for order in bearings])
     envelope = fine_envelope_spectrum(samples, sampling_rate_hz, track, top, pieces, heard)
@@ -102,7 +289,7 @@ def foreign_lines(
     least = over_median * 10 ** (beats.least_db / 10)
     found += _of_envelope(envelope, known, course, least)
     found.sort(key=lambda line: -max(line.over_noise_db))
-    return ForeignLines(
+    return NonGearLines(
         lines=tuple(found[:MOST_LINES]),
         grids=tuple(_as_listed(one, found[MOST_LINES:]) for one in (grid, beats)),
         speed_hz=course.mean,
@@ -111,7 +298,7 @@ def foreign_lines(
     )
 
 
-def _as_listed(grid: NoiseGrid, left_out: list[ForeignLine]) -> NoiseGrid:
+def _as_listed(grid: NoiseGrid, left_out: list[NonGearLine]) -> NoiseGrid:
     """Raise the level from which lines are listed over that of the lines left out."""
     highest = [max(line.over_noise_db) for line in left_out if line.kind == grid.kind]
     return replace(grid, least_db=max([grid.least_db, *highest]))
@@ -131,22 +318,16 @@ def noise_exceeds(ratio: float | FloatArray, pieces: int) -> FloatArray:
     -------
     ndarray of float
     """
-    from scipy.special import gammaincc
-
     return np.asarray(gammaincc(pieces, pieces * np.asarray(ratio)), dtype=np.float64)
 
 
 def _least_ratio(looked_at: float, pieces: int) -> float:
     """Ratio to the mean noise that so few peaks of noise exceed."""
-    from scipy.special import gammainccinv
-
     return float(gammainccinv(pieces, min(0.5, _NOISE_PEAKS / looked_at))) / pieces
 
 
 def _mean_over_median(pieces: int) -> float:
     """Mean over median of a gamma law of shape `pieces`."""
-    from scipy.special import gammainccinv
-
     return pieces / float(gammainccinv(pieces, 0.5))
 
 
@@ -236,18 +417,9 @@ class _Course:
         return max(_SKIRT_WIDTHS * width, _SKIRT_HZ / self.mean)
 
 
-def _of_spectra(
-    by_angle: FineSpectrum, by_time: FineSpectrum, known: FloatArray, course: _Course, least: float
-) -> list[ForeignLine]:
-    return [
-        *_sharp_in_angle(by_angle, by_time, known, course, least),
-        *_sharp_in_time(by_angle, by_time, course, least),
-    ]
-
-
 def _sharp_in_angle(
     by_angle: FineSpectrum, by_time: FineSpectrum, known: FloatArray, course: _Course, least: float
-) -> Iterator[ForeignLine]:
+) -> Iterator[NonGearLine]:
     peaks = standing_peaks(by_angle, least)
     peaks = peaks[distance_to(known, by_angle.places(peaks)) > OWN_WIDTHS * by_angle.width]
     orders = by_angle.places(peaks)
@@ -282,7 +454,7 @@ def _mirrored(power: FloatArray, peak: int, reach: int) -> bool:
 
 def _sharp_in_time(
     by_angle: FineSpectrum, by_time: FineSpectrum, course: _Course, least: float
-) -> Iterator[ForeignLine]:
+) -> Iterator[NonGearLine]:
     peaks = standing_peaks(by_time, least)
     hertz = by_time.places(peaks)
     rows, power = _clearest_channel(by_time, peaks)
@@ -314,13 +486,13 @@ def _clearest_channel(
 
 def _of_envelope(
     envelope: FineSpectrum, known: FloatArray, course: _Course, least: float
-) -> Iterator[ForeignLine]:
+) -> Iterator[NonGearLine]:
     peaks = standing_peaks(envelope, least)
     orders = envelope.places(peaks)
     reach = course.reach(envelope.width)
     # slow wander of load and speed modulates everything
-    foreign = (distance_to(known, orders) > OWN_WIDTHS * envelope.width) & (orders > reach)
-    peaks, orders = peaks[foreign], orders[foreign]
+    own = (distance_to(known, orders) <= OWN_WIDTHS * envelope.width) | (orders <= reach)
+    peaks, orders = peaks[~own], orders[~own]
     rows, power = _clearest_channel(envelope, peaks)
     about = envelope.highest_near(orders - reach, orders + reach)[rows, np.arange(len(peaks))]
     for i in np.flatnonzero(power > course.skirt(orders) * about):
@@ -335,10 +507,10 @@ def _line(
     orders: tuple[float, float, float],
     locked: str,
     speed_hz: float,
-) -> ForeignLine:
+) -> NonGearLine:
     power = np.maximum(spectrum.power[:, bin_], np.finfo(float).tiny)
     noise = spectrum.floor[:, bin_] * _mean_over_median(spectrum.pieces)
-    return ForeignLine(
+    return NonGearLine(
         kind=kind,
         order=orders[0],
         frequency_hz=orders[0] * speed_hz,
@@ -347,4 +519,75 @@ def _line(
         over_noise_db=tuple(float(value) for value in 10 * np.log10(power / noise)),
         low_order=orders[1],
         high_order=orders[2],
+    )
+
+
+def line_arrays(lines: NonGearLines) -> dict[str, NDArray[Any]]:
+    """Return arrays that hold all of the lines.
+
+    Parameters
+    ----------
+    lines : NonGearLines
+
+    Returns
+    -------
+    dict of str to ndarray
+        "speed_hz", with the width of the cells of "in_time_db"; "kind" and "locked" (positions in
+        `KINDS` and `LOCKS`), "place" and "level" with one row a line; "grid", "noise/KIND" and
+        "hidden/KIND" of each grid.
+    """
+    arrays: dict[str, NDArray[Any]] = {
+        "speed_hz": np.array([lines.speed_hz, lines.cell_hz]),
+        "in_time_db": lines.in_time_db,
+        "kind": np.array([KINDS.index(line.kind) for line in lines], dtype=np.int8),
+        "locked": np.array([LOCKS.index(line.locked) for line in lines], dtype=np.int8),
+        "place": np.array([[getattr(line, name) for name in _PLACES] for line in lines]),
+        "level": np.array([[line.level_db, line.over_noise_db] for line in lines]),
+        "grid": np.array([[getattr(grid, name) for name in _GRID] for grid in lines.grids]),
+    }
+    for grid in lines.grids:
+        arrays |= {f"noise/{grid.kind}": grid.noise_db, f"hidden/{grid.kind}": grid.hidden_db}
+    return arrays
+
+
+def lines_from_arrays(arrays: Mapping[str, NDArray[Any]]) -> NonGearLines:
+    """Return the lines that `line_arrays` took apart.
+
+    Parameters
+    ----------
+    arrays : mapping of str to ndarray
+
+    Returns
+    -------
+    NonGearLines
+
+    Raises
+    ------
+    KeyError, ValueError, IndexError
+        If something is missing or does not fit.
+    """
+    rows = zip(arrays["kind"], arrays["locked"], arrays["place"], arrays["level"], strict=True)
+    lines = tuple(
+        NonGearLine(
+            kind=KINDS[kind],
+            locked=LOCKS[locked],
+            level_db=tuple(level[0].tolist()),
+            over_noise_db=tuple(level[1].tolist()),
+            **dict(zip(_PLACES, place.tolist(), strict=True)),
+        )
+        for kind, locked, place, level in rows
+    )
+    grids = []
+    for kind, values in zip(KINDS, arrays["grid"].tolist(), strict=True):
+        known = dict(zip(_GRID, values, strict=True))
+        known["pieces"] = int(known["pieces"])
+        noise, hidden = arrays[f"noise/{kind}"], arrays[f"hidden/{kind}"]
+        grids.append(NoiseGrid(kind=kind, noise_db=noise, hidden_db=hidden, **known))
+    speed_hz, cell_hz = arrays["speed_hz"].tolist()
+    return NonGearLines(
+        lines=lines,
+        grids=tuple(grids),
+        speed_hz=speed_hz,
+        cell_hz=cell_hz,
+        in_time_db=arrays["in_time_db"],
     )

@@ -10,7 +10,7 @@ from reference.synthetic_signals import track_of, wandering_turns
 
 from gearmon.gears.kinematics import kinematics
 from gearmon.signals.fine_spectrum import fine_order_spectrum
-from gearmon.signatures.foreign_search import foreign_lines
+from gearmon.signatures.nongear_lines import nongear_lines
 
 RATE_HZ, DURATION_S, SPEED_HZ = 6000.0, 6.0, 24.7
 
@@ -59,7 +59,7 @@ def recorded(
     duration_s=DURATION_S,
     added=None,
 ):
-    """Samples of two channels and the track of their angle; foreign lines all have `level`."""
+    """Samples of two channels and the track of their angle; lines of no gear all have `level`."""
     generator = np.random.default_rng([2, seed])
     time_s = np.arange(round(duration_s * RATE_HZ)) / RATE_HZ
     turns = wandering_turns(time_s, speed_hz, wander, seed=seed)
@@ -81,10 +81,10 @@ def recorded(
 
 
 def heard(seed=0, **changes):
-    """The foreign lines of such a recording."""
+    """The lines of no gear of such a recording."""
     samples, track = recorded(seed, **changes)
     spectrum = fine_order_spectrum(samples, RATE_HZ, track)
-    return foreign_lines(samples, RATE_HZ, track, train(), spectrum)
+    return nongear_lines(samples, RATE_HZ, track, train(), spectrum)
 
 
 def impacts(ring, size, slip=-0.01, jitter=0.02, resonance_hz=1900.0, damping=0.05):

@@ -7,24 +7,30 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reference.foreign_cases import SPEED_HZ, bearing_order, heard, impacts, train
+from reference.nongear_cases import SPEED_HZ, bearing_order, heard, impacts, train
 from reference.small_gearbox import machine as small_machine
 from reference.small_gearbox import recording, reference
 from scipy.special import stdtrit
 
-from gearmon.diagnosis.foreign import compare_foreign, disturbed, family_gain_db, foreign_findings
-from gearmon.diagnosis.foreign_changes import PRIOR_CHANGE_DB, PRIOR_WORTH
-from gearmon.diagnosis.foreign_names import name_lines
+from gearmon.diagnosis.nongear import (
+    PRIOR_CHANGE_DB,
+    PRIOR_WORTH,
+    compare_lines,
+    disturbed,
+    family_gain_db,
+    name_lines,
+    nongear_findings,
+)
 from gearmon.gears.kinematics import kinematics
-from gearmon.signatures.foreign_lines import ForeignLine, ForeignLines, NoiseGrid
 from gearmon.signatures.measured import measure_signature
+from gearmon.signatures.nongear_lines import NoiseGrid, NonGearLine, NonGearLines
 
 BELOW = 0.01
 CHANNELS, NOISE_DB, LEAST_DB = 2, -60.0, 12.0
 
 
 def flagged(new, healthy, **given):
-    found = compare_foreign(new, healthy, train(), **given)
+    found = compare_lines(new, healthy, train(), **given)
     return [one for one in found if one.false_alarm_probability < BELOW]
 
 
@@ -123,7 +129,7 @@ def test_disturbed_orders_hold_seen_and_hidden_lines(healthy):
 def listed(orders, level_db, over_db):
     """Lines as if they had been heard, in noise that hides nothing else."""
     lines = tuple(
-        ForeignLine(
+        NonGearLine(
             kind="spectrum",
             order=order,
             frequency_hz=25.0 * order,
@@ -149,7 +155,7 @@ def listed(orders, level_db, over_db):
         for kind in ("spectrum", "envelope")
     )
     cells = np.full((CHANNELS, 800), NOISE_DB, dtype=np.float32)
-    return ForeignLines(lines=lines, grids=grids, speed_hz=25.0, cell_hz=1.25, in_time_db=cells)
+    return NonGearLines(lines=lines, grids=grids, speed_hz=25.0, cell_hz=1.25, in_time_db=cells)
 
 
 def scatters(generator, references, shape):
@@ -209,7 +215,7 @@ def test_harmonics_are_fewer_chances_than_unrelated_lines():
         over = np.full(8, 40.0)
         before = listed(others, NOISE_DB + over, over)
         new = listed(others, NOISE_DB + over + risen, over + risen)
-        found.append(compare_foreign(new, [before], train())[0].log10_probability)
+        found.append(compare_lines(new, [before], train())[0].log10_probability)
     # with two hidden ones
     assert found[1] - found[0] == pytest.approx(np.log10((8 + 2) / (8**0.7 + 2)), abs=0.01)
 
@@ -222,7 +228,7 @@ def test_lines_that_only_other_channels_hear_are_no_chances_of_a_rise():
         odd = 7.31 + 1.77 * np.sqrt(np.arange(others))
         levels = np.concatenate([over, np.full(others, -50.0)])
         before = listed([5.07, *odd], NOISE_DB + levels, levels)
-        found.append(compare_foreign(new, [before], train())[0].log10_probability)
+        found.append(compare_lines(new, [before], train())[0].log10_probability)
     assert found[1] == pytest.approx(found[0], abs=1e-3)
 
 
@@ -268,7 +274,7 @@ def test_measured_signatures_compare_with_a_reference():
     healthy = measure_signature(base, small_machine())
     assert [
         one
-        for one in foreign_findings(healthy, reference(), train_)
+        for one in nongear_findings(healthy, reference(), train_)
         if one.false_alarm_probability < BELOW
     ] == []
     gains = family_gain_db(healthy, reference(), [0, 1], [0, 1])
@@ -277,6 +283,6 @@ def test_measured_signatures_compare_with_a_reference():
     samples = base.samples.copy()
     samples[:2] += 0.2 * samples[:2].std() * np.cos(2 * np.pi * 100.0 * time_s)
     humming = measure_signature(replace(base, samples=samples), small_machine())
-    found = foreign_findings(humming, reference(), train_)
+    found = nongear_findings(humming, reference(), train_)
     assert found[0].kind == "electrical"
     assert found[0].false_alarm_probability < BELOW

@@ -1,9 +1,4 @@
-"""New and grown lines that no gear explains, against healthy recordings.
-
-A healthy machine has such lines too: of bearings, of the mains, of what nobody knows. Only what is
-new or has grown counts. A line that the healthy recordings do not list may have been there below
-their noise, so that it must stand out of what they could have shown.
-"""
+"""Findings that are no gear's: new and grown lines, named, with the sentences that tell them."""
 
 from __future__ import annotations
 
@@ -14,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.diagnosis.foreign_changes import LEAST_LOG10, ForeignComparison, LineChange
-from gearmon.diagnosis.foreign_names import NamedSeries, name_lines, of_hunting_tooth
+from gearmon.diagnosis.nongear.changes import LEAST_LOG10, LineChange, line_changes
+from gearmon.diagnosis.nongear.names import NamedSeries, name_lines, of_hunting_tooth
 from gearmon.gears.kinematics import Kinematics
-from gearmon.signatures.foreign_lines import ForeignLine, ForeignLines, contaminated, taken
 from gearmon.signatures.measured import MeasuredSignature
+from gearmon.signatures.nongear_lines import NonGearLine, NonGearLines, contaminated, taken
 from gearmon.signatures.reference import Reference
 
 FloatArray = NDArray[np.float64]
@@ -29,7 +24,7 @@ _SENTENCES = 4
 
 
 @dataclass(frozen=True, kw_only=True)
-class ForeignFinding:
+class NonGearFinding:
     """Something that changed and is no gear.
 
     Parameters
@@ -59,7 +54,7 @@ class ForeignFinding:
     evidence: tuple[str, ...]
 
     @property
-    def lines(self) -> tuple[ForeignLine, ...]:
+    def lines(self) -> tuple[NonGearLine, ...]:
         """Its lines, most striking first."""
         return tuple(change.line for change in self.changes)
 
@@ -82,7 +77,7 @@ class ForeignFinding:
             Orders that are to be measured.
         resolution : float
             Distance at which a line still disturbs [orders]; see
-            `gearmon.signatures.foreign_lines.contaminated`.
+            `gearmon.signatures.nongear_lines.contaminated`.
 
         Returns
         -------
@@ -107,13 +102,13 @@ class ForeignFinding:
         }
 
 
-def foreign_findings(
+def nongear_findings(
     signature: MeasuredSignature,
     reference: Reference,
     train: Kinematics,
     gain_db: FloatArray | None = None,
-) -> tuple[ForeignFinding, ...]:
-    """Compare the foreign lines of a recording with those of a reference.
+) -> tuple[NonGearFinding, ...]:
+    """Compare the lines of no gear of a recording with those of a reference.
 
     Parameters
     ----------
@@ -129,8 +124,8 @@ def foreign_findings(
 
     Returns
     -------
-    tuple of ForeignFinding
-        Most striking first; none if the reference is of a format that holds no foreign lines.
+    tuple of NonGearFinding
+        Most striking first; none if the reference is of a format that holds no lines of no gear.
     """
     shared = [name for name in signature.channel_names if name in reference.channel_names]
     profiles = [p for p in reference.profiles if p.foreign is not None]
@@ -141,7 +136,7 @@ def foreign_findings(
     if gain_db is None:
         gain_db = family_gain_db(signature, reference, rows, theirs)
     healthy = [taken(p.foreign, theirs) for p in profiles if p.foreign is not None]
-    return compare_foreign(taken(signature.foreign, rows), healthy, train, gain_db, shared)
+    return compare_lines(taken(signature.foreign, rows), healthy, train, gain_db, shared)
 
 
 def family_gain_db(
@@ -164,38 +159,38 @@ def family_gain_db(
         0 dB where no common family is heard.
     """
     names = [family.name for family in signature.plan.families]
-    columns = [names.index(name) for name in reference.family_names if name in names]
-    wanted = [names[column] for column in columns]
-    places = [reference.family_names.index(name) for name in wanted]
-    gains = np.zeros(len(rows))
-    if not columns:
-        return gains
-    healthy = reference.level_db.mean(axis=0)[:, places]
-    heard = np.ones_like(healthy, dtype=bool)
+    common = [name for name in reference.family_names if name in names]
+    if not common:
+        return np.zeros(len(rows))
+
+    def columns(own: Sequence[str]) -> list[int]:
+        return [list(own).index(name) for name in common]
+
+    mine, known = columns(names), columns(reference.family_names)
+    healthy = reference.level_db.mean(axis=0)[np.ix_(theirs, known)]
+    heard = signature.heard[np.ix_(rows, mine)].copy()
     for profile in reference.profiles:
-        index = {name: column for column, name in enumerate(profile.family_names)}
-        heard &= profile.heard[:, [index[name] for name in wanted]]
-    for i, (row, their) in enumerate(zip(rows, theirs, strict=True)):
-        both = signature.heard[row, columns] & heard[their]
-        if both.any():
-            gains[i] = np.median((signature.level_db[row, columns] - healthy[their])[both])
-    return gains
+        heard &= profile.heard[np.ix_(theirs, columns(profile.family_names))]
+    moved = signature.level_db[np.ix_(rows, mine)] - healthy
+    return np.array(
+        [np.median(m[h]) if h.any() else 0.0 for m, h in zip(moved, heard, strict=True)]
+    )
 
 
-def compare_foreign(
-    lines: ForeignLines,
-    healthy: Sequence[ForeignLines],
+def compare_lines(
+    lines: NonGearLines,
+    healthy: Sequence[NonGearLines],
     train: Kinematics,
     gain_db: FloatArray | None = None,
     channel_names: Sequence[str] = (),
-) -> tuple[ForeignFinding, ...]:
+) -> tuple[NonGearFinding, ...]:
     """Find the lines that are new or have grown, and say what they may be.
 
     Parameters
     ----------
-    lines : ForeignLines
+    lines : NonGearLines
         Of the new recording.
-    healthy : sequence of ForeignLines
+    healthy : sequence of NonGearLines
         Of healthy recordings of the same channels, at least one.
     train : Kinematics
         The machine with its bearings.
@@ -206,7 +201,7 @@ def compare_foreign(
 
     Returns
     -------
-    tuple of ForeignFinding
+    tuple of NonGearFinding
         Most striking first. Their probabilities are corrected for all lines looked at.
 
     Notes
@@ -219,30 +214,16 @@ def compare_foreign(
     which have to come out of the noise first, and two just below it), and plus the peaks of mere
     noise that are as high, it gives the number of such changes to expect of a healthy machine.
     """
-    comparison = ForeignComparison(
-        lines=lines,
-        healthy=tuple(healthy),
-        train=train,
-        gain_db=np.zeros(len(lines.in_time_db)) if gain_db is None else np.asarray(gain_db),
-    )
-    changes = comparison.changes()
+    gains = np.zeros(len(lines.in_time_db)) if gain_db is None else np.asarray(gain_db)
+    changes = line_changes(lines, healthy, train, gains)
     striking = [change for change in changes if change.log10_probability < np.log10(_STRIKING)]
-    grid = lines.grid("spectrum")
-    named = name_lines([change.line for change in striking], train, grid.width, grid.top)
-    findings = [
-        _finding(series, striking, grid.width, channel_names)
-        for series in named
-        if not _explained(series, striking, train, comparison)
-    ]
+    grid, findings = lines.grid("spectrum"), []
+    for series in name_lines([change.line for change in striking], train, grid.width, grid.top):
+        first = striking[min(series.labels)].line
+        width = lines.grid(first.kind).width
+        if series.kind != "unknown lines" or not of_hunting_tooth(first, train, width):
+            findings.append(_finding(series, striking, grid.width, channel_names))
     return tuple(sorted(findings, key=lambda finding: finding.log10_probability))
-
-
-def _explained(
-    series: NamedSeries, changes: Sequence[LineChange], train: Kinematics, among: ForeignComparison
-) -> bool:
-    line = changes[series.members[0]].line
-    width = among.lines.grid(line.kind).width
-    return series.kind == "unknown lines" and of_hunting_tooth(line, train, width)
 
 
 def _finding(
@@ -250,18 +231,18 @@ def _finding(
     changes: Sequence[LineChange],
     width: float,
     channel_names: Sequence[str],
-) -> ForeignFinding:
-    labels = dict(zip(series.members, series.labels, strict=True))
-    order = sorted(series.members, key=lambda i: changes[i].log10_probability)
+) -> NonGearFinding:
+    order = sorted(series.labels, key=lambda i: changes[i].log10_probability)
     first = changes[order[0]].log10_probability
-    return ForeignFinding(
+    told = order[:_SENTENCES]
+    return NonGearFinding(
         kind=series.kind,
         name=series.name,
         changes=tuple(changes[i] for i in order),
         orders=series.orders,
         width=width,
         log10_probability=min(0.0, max(first, LEAST_LOG10)),
-        evidence=tuple(_sentence(changes[i], labels[i], channel_names) for i in order[:_SENTENCES]),
+        evidence=tuple(_sentence(changes[i], series.labels[i], channel_names) for i in told),
     )
 
 
@@ -288,18 +269,18 @@ def _sentence(change: LineChange, label: str, channel_names: Sequence[str]) -> s
 
 def disturbed(
     orders: FloatArray,
-    findings: Sequence[ForeignFinding],
+    findings: Sequence[NonGearFinding],
     resolution: float,
     below: float = 0.01,
 ) -> NDArray[np.bool_]:
-    """Tell which orders new or grown foreign lines disturb.
+    """Tell which orders new or grown lines of no gear disturb.
 
     Parameters
     ----------
     orders : ndarray of float
         Orders that are to be measured.
-    findings : sequence of ForeignFinding
-        Of `compare_foreign`.
+    findings : sequence of NonGearFinding
+        Of `compare_lines`.
     resolution : float
         Distance at which a line still disturbs [orders].
     below : float

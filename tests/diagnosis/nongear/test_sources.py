@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gearmon.diagnosis.foreign_sources import sources
-from gearmon.signatures.foreign_lines import ForeignLine
+from gearmon.diagnosis.nongear import harmonic_sources
+from gearmon.signatures.nongear_lines import NonGearLine
 
 WIDTH = 0.005
 WIDTHS = {"spectrum": WIDTH, "envelope": WIDTH}
@@ -17,7 +17,7 @@ WIDTHS = {"spectrum": WIDTH, "envelope": WIDTH}
 def lines(orders, kind="spectrum", locked="shaft"):
     """Lines at some orders, all alike."""
     return [
-        ForeignLine(
+        NonGearLine(
             kind=kind,
             order=float(order),
             frequency_hz=25.0 * float(order),
@@ -37,18 +37,18 @@ def test_harmonics_read_to_half_a_width_have_one_source(fundamental):
     numbers = np.array([1, 2, 3, 5, 6, 8, 11])
     read = fundamental * numbers + generator.uniform(-0.5, 0.5, len(numbers)) * WIDTH
     order = generator.permutation(len(numbers))
-    found = sources(lines(read[order]), WIDTHS)
+    found = harmonic_sources(lines(read[order]), WIDTHS)
     assert [[int(order[i]) for i in group] for group in found] == [list(range(len(numbers)))]
 
 
 def test_kinds_and_locks_are_held_apart():
     both = lines([4.21, 8.42]) + lines([4.21, 8.42], kind="envelope") + lines([8.42], locked="time")
-    assert sorted(map(sorted, sources(both, WIDTHS))) == [[0, 1], [2, 3], [4]]
+    assert sorted(map(sorted, harmonic_sources(both, WIDTHS))) == [[0, 1], [2, 3], [4]]
 
 
 def test_two_series_are_told_apart():
     first, second = 4.2107 * np.arange(1, 6), 5.1313 * np.arange(1, 6)
-    found = sources(lines(np.concatenate([first, second])), WIDTHS)
+    found = harmonic_sources(lines(np.concatenate([first, second])), WIDTHS)
     assert sorted(map(sorted, found)) == [[0, 1, 2, 3, 4], [5, 6, 7, 8, 9]]
 
 
@@ -57,7 +57,7 @@ def test_unrelated_lines_seldom_share_a_source():
     joined = 0
     for _ in range(200):
         unrelated = lines(generator.uniform(1.0, 60.0, 15))
-        joined += len(unrelated) - len(sources(unrelated, WIDTHS))
+        joined += len(unrelated) - len(harmonic_sources(unrelated, WIDTHS))
     # each of 15 fundamentals finds a partner by chance with less than 1 %
     assert joined <= 0.01 * 15 * 200
 
@@ -65,7 +65,7 @@ def test_unrelated_lines_seldom_share_a_source():
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.floats(0.01, 200.0), max_size=40), st.floats(1e-3, 0.1))
 def test_every_line_has_one_source(orders, width):
-    found = sources(lines(orders), {"spectrum": width, "envelope": width})
+    found = harmonic_sources(lines(orders), {"spectrum": width, "envelope": width})
     assert sorted(i for group in found for i in group) == list(range(len(orders)))
     for group in found:
         assert group[0] == min(group, key=lambda i: (orders[i], group.index(i)))

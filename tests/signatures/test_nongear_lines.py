@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from reference.foreign_cases import (
+from reference.nongear_cases import (
     RATE_HZ,
     SPEED_HZ,
     bearing_order,
@@ -19,11 +19,16 @@ from reference.simulated_machines import planetary
 
 from gearmon.gears.kinematics import kinematics
 from gearmon.signals.fine_spectrum import fine_order_spectrum
-from gearmon.signatures import foreign_search
-from gearmon.signatures.foreign_lines import ForeignLine, contaminated, taken
-from gearmon.signatures.foreign_search import foreign_lines, noise_exceeds
-from gearmon.signatures.foreign_storage import foreign_arrays, foreign_from_arrays
 from gearmon.signatures.gear_orders import distance_to, known_orders
+from gearmon.signatures.nongear_lines import (
+    NonGearLine,
+    contaminated,
+    line_arrays,
+    lines_from_arrays,
+    noise_exceeds,
+    nongear_lines,
+    taken,
+)
 
 TURNING = (3.27, 7.61, 40.37)
 
@@ -94,7 +99,7 @@ def test_known_orders_hold_shafts_meshes_and_sidebands(of_train):
 
 @given(order=st.floats(0.1, 100.0), resolution=st.floats(1e-3, 1.0), smear=st.floats(0.0, 0.02))
 def test_orders_near_a_line_are_contaminated(order, resolution, smear):
-    line = ForeignLine(
+    line = NonGearLine(
         kind="spectrum",
         order=order,
         frequency_hz=order,
@@ -125,7 +130,7 @@ def test_noise_law(pieces):
 
 def test_storage_gives_back_every_bit():
     for known in (heard(1, orders=TURNING, tones_hz=(100.0,)), heard(3)):
-        back = foreign_from_arrays(foreign_arrays(known))
+        back = lines_from_arrays(line_arrays(known))
         assert back.lines == known.lines
         assert (back.speed_hz, back.cell_hz) == (known.speed_hz, known.cell_hz)
         np.testing.assert_array_equal(back.in_time_db, known.in_time_db)
@@ -140,7 +145,7 @@ def test_a_silent_channel_changes_nothing():
     samples, track = recorded(1, orders=TURNING)
     silent = np.vstack([samples, np.zeros(samples.shape[-1])])
     one, other = (
-        foreign_lines(x, RATE_HZ, track, train(), fine_order_spectrum(x, RATE_HZ, track))
+        nongear_lines(x, RATE_HZ, track, train(), fine_order_spectrum(x, RATE_HZ, track))
         for x in (samples, silent)
     )
     assert [line.order for line in one] == [line.order for line in other]
@@ -149,7 +154,7 @@ def test_a_silent_channel_changes_nothing():
 
 def test_of_very_many_lines_the_clearest_are_listed(monkeypatch):
     everything = heard(1, orders=TURNING, level=[0.2, 0.05, 0.02])
-    monkeypatch.setattr(foreign_search, "MOST_LINES", 2)
+    monkeypatch.setattr("gearmon.signatures.nongear_lines.MOST_LINES", 2)
     known = heard(1, orders=TURNING, level=[0.2, 0.05, 0.02])
     assert known.lines == everything.lines[:2]
     assert known.grid("spectrum").least_db == max(everything.lines[2].over_noise_db)
