@@ -9,6 +9,7 @@ import numpy as np
 
 from gearmon.diagnosis.against_reference import Comparison, compare
 from gearmon.diagnosis.evidence import level_flags, summary, tooth_flags
+from gearmon.diagnosis.fault_types.features import FeatureVector, kind_features
 from gearmon.diagnosis.flagging import (
     finding_flag,
     foreign_flags,
@@ -16,7 +17,6 @@ from gearmon.diagnosis.flagging import (
     response_warnings,
     runout_flags,
 )
-from gearmon.diagnosis.kind_features import FeatureVector, kind_features
 from gearmon.diagnosis.kind_runout import RunoutGrowth, healthy_turns, runout_growth
 from gearmon.diagnosis.kind_turns import turn_changes
 from gearmon.diagnosis.localisation import locate

@@ -7,8 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gearmon.diagnosis.kind_features import FeatureVector
-from gearmon.diagnosis.kind_names import NONE
+from gearmon.diagnosis.fault_types.features import NONE, FeatureVector
 from gearmon.diagnosis.kind_rules import KindJudgement, judge_kind
 from gearmon.diagnosis.kind_runout import RunoutGrowth
 from gearmon.diagnosis.kind_spread import DepartureSpread, departure_spread

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.diagnosis.kind_lines import GearLines, MachineLines
-from gearmon.diagnosis.kind_names import NONE
+from gearmon.diagnosis.fault_types.features import NONE
+from gearmon.diagnosis.fault_types.lines import GearLines, MachineLines
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

@@ -13,12 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gearmon.diagnosis.kind_features import FeatureVector
-from gearmon.diagnosis.kind_names import KINDS, NONE
+from gearmon.diagnosis.fault_types.features import KINDS, NONE, FeatureVector
 from gearmon.errors import ArgumentError
 
 if TYPE_CHECKING:
-    from gearmon.diagnosis.kind_classifier import KindClassifier
+    from gearmon.diagnosis.fault_types.classifier import KindClassifier
     from gearmon.diagnosis.kind_spread import DepartureSpread
 
 #: Change that healthy machines reach now and then [dB].

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gearmon.diagnosis.fault_types import NAMES, FeatureVector
 from gearmon.diagnosis.flagging import runout_flags
-from gearmon.diagnosis.kind_features import NAMES, FeatureVector
 from gearmon.diagnosis.kind_runout import (
     PRIOR_DB,
     PRIOR_WORTH,

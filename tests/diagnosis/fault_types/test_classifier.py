@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from sklearn.utils.estimator_checks import estimator_checks_generator
 
-from gearmon.diagnosis.kind_classifier import KindClassifier, read_kinds, write_kinds
-from gearmon.diagnosis.kind_names import NONE
+from gearmon.diagnosis.fault_types import NONE, KindClassifier, read_kinds, write_kinds
 from gearmon.errors import ArgumentError, SignatureError
 
 

@@ -11,12 +11,8 @@ from functools import cache
 import pytest
 from reference.small_gearbox import analysis, machine, reference
 
-from gearmon.diagnosis.kind_features import kind_features
-from gearmon.diagnosis.kind_names import NONE
+from gearmon.diagnosis.fault_types import NONE, analysis_features, train_kinds
 from gearmon.diagnosis.kind_rules import judge_kind
-from gearmon.diagnosis.kind_training import train_kinds
-from gearmon.diagnosis.kind_turns import turn_changes
-from gearmon.signatures.reference import Profile
 
 PINION_10 = "crack:1:pinion:3:10%"
 WORN = "wear:1:pinion:all:20%"
@@ -29,11 +25,7 @@ def classifier():
 
 @cache
 def features(fault, load, seed):
-    told = analysis(fault, load, seed)
-    own = Profile.of(told.signature)
-    rows = range(len(told.signature.channel_names))
-    turns = turn_changes(own.wheels, rows, [p.wheels for p in reference().profiles], rows)
-    return kind_features(told.changes, told.profiles, turns)
+    return analysis_features(analysis(fault, load, seed), reference())
 
 
 @pytest.mark.parametrize("judge", ["rules", "classifier"])

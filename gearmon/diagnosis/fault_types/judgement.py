@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gearmon.diagnosis.kind_features import FeatureVector, kind_features
+from gearmon.diagnosis.fault_types.features import FeatureVector, kind_features
 from gearmon.diagnosis.kind_rules import KindJudgement, judge_kind
 from gearmon.diagnosis.kind_turns import turn_changes
 from gearmon.diagnosis.results import Analysis
 from gearmon.signatures.reference import Profile, Reference
 
 if TYPE_CHECKING:
-    from gearmon.diagnosis.kind_classifier import KindClassifier
+    from gearmon.diagnosis.fault_types.classifier import KindClassifier
 
 
 def kind_of_analysis(
@@ -26,7 +26,7 @@ def kind_of_analysis(
     reference : Reference
         The same reference.
     classifier : KindClassifier, optional
-        Trained on the machine, see `kind_training.train_kinds`; by default the rules judge.
+        Trained on the machine, see `train_kinds`; by default the rules judge.
 
     Returns
     -------
@@ -42,9 +42,8 @@ def kind_of_analysis(
     if analysis.verdict != "fault" or not (analysis.changes or analysis.profiles):
         return None
     features = analysis_features(analysis, reference)
-    flagged = [(flag.stage, flag.gear) for flag in analysis.flags if flag.stage and flag.gear]
-    known = next((gear for gear in flagged if gear in features.gears), None)
-    stage, gear = known if known is not None else (None, None)
+    flagged = [(flag.stage, flag.gear) for flag in analysis.flags]
+    stage, gear = next((own for own in flagged if own in features.gears), (None, None))
     return judge_kind(features, classifier, stage=stage, gear=gear)
 
 

@@ -14,18 +14,17 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.diagnosis.kind_departure import departure_energy
+from gearmon.diagnosis.fault_types.features import KINDS, NAMES, FeatureVector, kind_features
+from gearmon.diagnosis.fault_types.lines import GearLines, MachineLines, machine_lines
 from gearmon.diagnosis.kind_faults import draw_wrong, log_uniform
-from gearmon.diagnosis.kind_features import NAMES, FeatureVector, kind_features
-from gearmon.diagnosis.kind_lines import GearLines, MachineLines, machine_lines
-from gearmon.diagnosis.kind_names import KINDS
 from gearmon.diagnosis.kind_turns import TurnChange, turn_changes
+from gearmon.diagnosis.results import Change
 from gearmon.errors import check_range
 from gearmon.machine import Machine
 from gearmon.signatures.reference import WheelPattern, tooth_counts
 
 if TYPE_CHECKING:
-    from gearmon.diagnosis.kind_classifier import KindClassifier
+    from gearmon.diagnosis.fault_types.classifier import KindClassifier
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -33,6 +32,9 @@ ComplexArray = NDArray[np.complex128]
 #: Scatter between healthy recordings that a level is taken to have at least [dB].
 _BETWEEN_DB = 2.0
 _NEAR = 3
+#: Teeth over which the energy of a departure is summed, and the share of its amplitude by which a
+#: healthy line departs.
+_WINDOW_TEETH, _DEPARTURE = 2.0, 0.1
 #: Points at which a path is drawn; between them it is straight.
 _PATH_POINTS = 384
 #: Longest echo, in periods of the highest order.
@@ -84,14 +86,14 @@ def train_kinds(
     Returns
     -------
     KindClassifier
-        Trained on `kind_features.NAMES`.
+        Trained on `features.NAMES`.
 
     Raises
     ------
     ArgumentError
         If the machine lacks data.
     """
-    from gearmon.diagnosis.kind_classifier import KindClassifier
+    from gearmon.diagnosis.fault_types.classifier import KindClassifier
 
     check_range("count", count, *EXAMPLES_BETWEEN)
     rows, kinds = training_table(examples(machine, seed, count, operating))
@@ -131,7 +133,7 @@ def draw_example(lines: MachineLines, kind: str, generator: np.random.Generator)
     lines : MachineLines
         Of the machine.
     kind : str
-        One of `kind_faults.KINDS`.
+        One of `KINDS`.
     generator : numpy.random.Generator
     """
     errors, spread = _errors(lines, generator)
@@ -254,45 +256,31 @@ def _with_strange_lines(measured: _Measured, rng: np.random.Generator) -> _Measu
     return measured._replace(amplitude=amplitude)
 
 
-class _Level(NamedTuple):
-    """Change of one family, as `diagnosis.results.Change` has it."""
-
-    channel: str
-    kind: str
-    stage: int
-    harmonic: int
-    gear: str
-    shaft: int | None
-    change_db: float
-    scatter_db: float
-
-
 def _changes(
     lines: MachineLines, view: _View, one: _Measured, two: _Measured, rng: np.random.Generator
-) -> list[_Level]:
+) -> list[Change]:
     """Compare the families of lines, channel by channel."""
     before, before_scatter = _family_levels(lines, one)
     after, after_scatter = _family_levels(lines, two)
-    between = rng.uniform(0.3, 1.5)
-    moved = after - before + rng.normal(0, between, after.shape)
+    after += rng.normal(0, rng.uniform(0.3, 1.5), after.shape)
     scatter = np.sqrt(before_scatter**2 + after_scatter**2 + _BETWEEN_DB**2)
-    found = []
-    for column, family in enumerate(lines.plan.families):
-        if lines.plan.orders[max(family.lines)] >= view.top:
-            continue
-        for channel in range(len(moved)):
-            level = _Level(
-                channel=str(channel),
-                kind=family.kind,
-                stage=family.stage,
-                harmonic=family.harmonic,
-                gear=family.gear,
-                shaft=family.shaft,
-                change_db=float(moved[channel, column]),
-                scatter_db=float(scatter[channel, column]),
-            )
-            found.append(level)
-    return found
+    return [
+        Change(
+            channel=str(channel),
+            family=family.name,
+            kind=family.kind,
+            stage=family.stage,
+            harmonic=family.harmonic,
+            gear=family.gear,
+            shaft=family.shaft,
+            level_db=float(after[channel, column]),
+            reference_db=float(before[channel, column]),
+            scatter_db=float(scatter[channel, column]),
+        )
+        for column, family in enumerate(lines.plan.families)
+        for channel in range(len(after))
+        if lines.plan.orders[max(family.lines)] < view.top
+    ]
 
 
 def _family_levels(lines: MachineLines, measured: _Measured) -> tuple[FloatArray, FloatArray]:
@@ -339,6 +327,52 @@ def _wheels(
         return shapes, ()
     turns = turn_changes([new for _, new in kept], rows, [[old for old, _ in kept]], rows)
     return shapes, turns
+
+
+def departure_energy(new: WheelPattern, old: WheelPattern, near: int) -> FloatArray:
+    """Return the energy of a departure around the turn of a gear, by tooth.
+
+    Parameters
+    ----------
+    new, old : WheelPattern
+        Of the new recording and of the healthy one, at the same angle.
+    near : int
+        Sidebands about each mesh harmonic that are left out on both sides.
+
+    Returns
+    -------
+    ndarray of float, shape (teeth,)
+        Over windows of two teeth, median 1.
+
+    Notes
+    -----
+    About each mesh harmonic one complex gain per channel is fitted; the rest is divided by the
+    scatter to expect, that is noise and a tenth of the amplitude.
+    """
+    teeth, top = new.teeth, int(new.number.max())
+    band = (new.number + teeth // 2) // teeth
+    start = np.flatnonzero(np.diff(band, prepend=-1))
+    width = np.diff(start, append=len(band))
+    far = ~new.mesh & (np.abs(new.number - band * teeth) > near)
+    lines = np.add.reduceat(far, start, dtype=np.int64)
+    value, known = np.where(far, new.amplitude, 0.0), np.where(far, old.amplitude, 0.0)
+    product = np.add.reduceat(value * known.conj(), start, axis=1)
+    power = np.add.reduceat(np.abs(known) ** 2, start, axis=1)
+    gain = np.repeat(product / np.maximum(power, np.finfo(float).tiny), width, axis=1)
+    usual = np.add.reduceat(np.abs(value) ** 2, start, axis=1) / np.maximum(lines, 1)
+    spread = new.variance + old.variance + _DEPARTURE**2 * np.repeat(usual, width, axis=1)
+    # a gain fitted to three lines leaves nothing of them
+    counted = far & np.repeat(lines >= 4, width)
+    steps = 1 << int(np.ceil(np.log2(4 * top)))
+    waveform = np.zeros((len(value), steps), dtype=np.complex128)
+    waveform[:, new.number] = np.where(counted, (value - gain * known) / np.sqrt(spread), 0.0)
+    energy = np.sum(np.abs(np.fft.ifft(waveform, axis=1)) ** 2, axis=0)
+    ends = np.concatenate([[0.0], np.cumsum(np.tile(energy, 2))])
+    begin = np.arange(teeth) * steps // teeth
+    wide = max(1, round(steps * _WINDOW_TEETH / teeth))
+    windows = ends[begin + wide] - ends[begin]
+    middle = float(np.median(windows))
+    return np.asarray(windows / middle if middle > 0 else np.ones(teeth))
 
 
 def _raised(energy: FloatArray, share: float) -> FloatArray:

@@ -9,18 +9,19 @@ import pytest
 from reference.simulated_machines import one_pair, two_stages
 from reference.small_gearbox import machine
 
-from gearmon.diagnosis.kind_classifier import KindClassifier
-from gearmon.diagnosis.kind_departure import departure_energy
-from gearmon.diagnosis.kind_features import NAMES
-from gearmon.diagnosis.kind_lines import machine_lines
-from gearmon.diagnosis.kind_names import KINDS, NONE
-from gearmon.diagnosis.kind_rules import judge_kind, rule_probabilities
-from gearmon.diagnosis.kind_training import (
+from gearmon.diagnosis.fault_types import (
+    KINDS,
+    NAMES,
+    NONE,
+    KindClassifier,
+    departure_energy,
     draw_example,
     examples,
+    machine_lines,
     train_kinds,
     training_table,
 )
+from gearmon.diagnosis.kind_rules import judge_kind, rule_probabilities
 from gearmon.errors import ArgumentError
 from gearmon.machine import Machine, OperatingPoint, ParallelStage
 from gearmon.signatures.expected import expected_signature

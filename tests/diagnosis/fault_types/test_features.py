@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gearmon.diagnosis.kind_features import FEATURES, NAMES, kind_features
+from gearmon.diagnosis.fault_types import FEATURES, NAMES, kind_features
 from gearmon.diagnosis.kind_turns import TurnChange, turn_changes
 from gearmon.errors import ArgumentError
 from gearmon.signatures.reference import WheelPattern

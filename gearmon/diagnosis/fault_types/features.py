@@ -11,18 +11,34 @@ mesh harmonics themselves, many damaged teeth in far sidebands without any one p
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.diagnosis.kind_turns import TurnChange
 from gearmon.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from gearmon.diagnosis.kind_turns import TurnChange
+    from gearmon.diagnosis.results import Change
 
 FloatArray = NDArray[np.float64]
 
+#: Nothing is wrong with the gears: healthy, or something that repeats with no gear.
+NONE = "none of these"
+#: Kinds of fault that are told apart; the last is none of them.
+KINDS = (
+    "tooth damage",
+    "several teeth",
+    "distributed pitting",
+    "wear",
+    "eccentricity",
+    "misalignment",
+    "looseness",
+    NONE,
+)
 #: What each number means, in the order of the columns.
 FEATURES: dict[str, str] = {
     "mesh_db": "change of the mesh harmonics of the stage, mean [dB]",
@@ -61,56 +77,20 @@ _MOST_PEAKS = 6
 _APART, _APART_SHARE = 3, 0.125
 
 
-class LevelLike(Protocol):
-    """What is needed of a change of level, such as `diagnosis.results.Change`."""
-
-    @property
-    def channel(self) -> str:
-        """See there."""
-
-    @property
-    def kind(self) -> str:
-        """See there."""
-
-    @property
-    def stage(self) -> int:
-        """See there."""
-
-    @property
-    def harmonic(self) -> int:
-        """See there."""
-
-    @property
-    def gear(self) -> str:
-        """See there."""
-
-    @property
-    def shaft(self) -> int | None:
-        """See there."""
-
-    @property
-    def change_db(self) -> float:
-        """See there."""
-
-    @property
-    def scatter_db(self) -> float:
-        """See there."""
-
-
-class ProfileLike(Protocol):
+class TurnEnergy(Protocol):
     """What is needed of a look around a gear, such as `diagnosis.results.ToothProfile`."""
 
     @property
     def stage(self) -> int:
-        """See there."""
+        """Stage, from 1."""
 
     @property
     def gear(self) -> str:
-        """See there."""
+        """Gear."""
 
     @property
     def energy(self) -> FloatArray:
-        """See there."""
+        """Energy of the departure by tooth, shape (teeth,)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -162,8 +142,8 @@ class FeatureVector:
 
 
 def kind_features(
-    changes: Sequence[LevelLike],
-    profiles: Sequence[ProfileLike] = (),
+    changes: Sequence[Change],
+    profiles: Sequence[TurnEnergy] = (),
     turns: Sequence[TurnChange] = (),
 ) -> FeatureVector:
     """Condense changes against the healthy machine to the features of each gear.
@@ -192,31 +172,33 @@ def kind_features(
     From the changes of each channel their median over all families is taken away. Means over
     channels and harmonics weigh each change by ``1/(scatter^2 + 1 dB^2)``.
     """
-    groups, shafts = _grouped(changes)
-    gears = _gears(groups, profiles, turns)
-    if not gears:
-        raise ArgumentError("no change of level and no turn of a gear to tell a kind of fault from")
+    groups = _grouped(changes)
+    shafts = {(c.stage, c.gear): c.shaft for c in changes if c.shaft is not None and c.gear}
     own_turns = {(turn.stage, turn.gear): turn for turn in turns}
     shapes = {(p.stage, p.gear): _shape(p.energy) for p in profiles}
+    gears = {key[1:] for key in groups if key[0] != "mesh"} | own_turns.keys() | shapes.keys()
+    gears |= {(stage, "") for _, stage, _ in groups if stage not in {own for own, _ in gears}}
+    if not gears:
+        raise ArgumentError("no change of level and no turn of a gear to tell a kind of fault from")
+    ranked = tuple(sorted(gears))
     single = {
-        gear: _mesh(groups, gear[0])
+        gear: _mesh(groups.get(("mesh", gear[0], ""), _UNCHANGED))
         | _sides(groups, gear, own_turns.get(gear))
         | shapes.get(gear, _NO_SHAPE)
-        for gear in gears
+        for gear in ranked
     }
     overall = _rms(np.concatenate([g.change for g in groups.values()])) if groups else 0.0
     rows = []
-    for gear in gears:
+    for gear in ranked:
         found = single[gear] | _others(gear, single, shafts) | {"overall_db": overall}
         rows.append([found[name] for name in NAMES])
-    return FeatureVector(gears=gears, values=np.array(rows, dtype=np.float64))
+    return FeatureVector(gears=ranked, values=np.array(rows, dtype=np.float64))
 
 
 _Gear = tuple[int, str]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Group:
+class _Group(NamedTuple):
     """Changes of one kind of family about one gear, over channels and harmonics."""
 
     change: FloatArray
@@ -233,54 +215,32 @@ class _Group:
         octave = np.log2(self.harmonic)
         centred = octave - np.average(octave, weights=self.weight)
         spread = float(np.sum(self.weight * centred**2))
-        if spread < 1e-9:
-            return 0.0
-        return float(np.sum(self.weight * centred * self.change)) / spread
+        product = float(np.sum(self.weight * centred * self.change))
+        return product / spread if spread >= 1e-9 else 0.0
 
 
-def _grouped(
-    changes: Sequence[LevelLike],
-) -> tuple[dict[tuple[str, int, str], _Group], dict[_Gear, int]]:
+_UNCHANGED = _Group(np.zeros(1), np.ones(1), np.ones(1))
+
+
+def _grouped(changes: Sequence[Change]) -> dict[tuple[str, int, str], _Group]:
     """Sort changes by kind, stage and gear, freed of the gain of their channels."""
     by_channel: dict[str, list[float]] = {}
+    members: dict[tuple[str, int, str], list[tuple[float, float, int]]] = {}
     for change in changes:
         by_channel.setdefault(change.channel, []).append(change.change_db)
     gain = {channel: float(np.median(values)) for channel, values in by_channel.items()}
-    lists: dict[tuple[str, int, str], list[tuple[float, float, int]]] = {}
-    shafts: dict[_Gear, int] = {}
     for change in changes:
-        key = (change.kind, change.stage, change.gear)
-        moved = change.change_db - gain[change.channel]
-        lists.setdefault(key, []).append((moved, change.scatter_db, change.harmonic))
-        if change.shaft is not None and change.gear:
-            shafts[change.stage, change.gear] = change.shaft
+        row = (change.change_db - gain[change.channel], change.scatter_db, change.harmonic)
+        members.setdefault((change.kind, change.stage, change.gear), []).append(row)
     groups = {}
-    for key, members in lists.items():
-        moved_db, scatter_db, harmonic = np.array(members, dtype=np.float64).T
-        groups[key] = _Group(
-            change=np.clip(moved_db, -LARGEST_DB, LARGEST_DB),
-            weight=1.0 / (scatter_db**2 + 1.0),
-            harmonic=harmonic,
-        )
-    return groups, shafts
+    for key, rows in members.items():
+        moved_db, scatter_db, harmonic = np.array(rows, dtype=np.float64).T
+        cut_db = np.clip(moved_db, -LARGEST_DB, LARGEST_DB)
+        groups[key] = _Group(cut_db, 1.0 / (scatter_db**2 + 1.0), harmonic)
+    return groups
 
 
-def _gears(
-    groups: Mapping[tuple[str, int, str], _Group],
-    profiles: Iterable[ProfileLike],
-    turns: Iterable[TurnChange],
-) -> tuple[_Gear, ...]:
-    found = {(stage, gear) for kind, stage, gear in groups if kind != "mesh"}
-    found |= {(profile.stage, profile.gear) for profile in profiles}
-    found |= {(turn.stage, turn.gear) for turn in turns}
-    bare = {stage for _, stage, _ in groups} - {stage for stage, _ in found}
-    return tuple(sorted(found | {(stage, "") for stage in bare}))
-
-
-def _mesh(groups: Mapping[tuple[str, int, str], _Group], stage: int) -> dict[str, float]:
-    group = groups.get(("mesh", stage, ""))
-    if group is None:
-        return dict.fromkeys(("mesh_db", "mesh_first_db", "mesh_slope_db", "mesh_rms_db"), 0.0)
+def _mesh(group: _Group) -> dict[str, float]:
     first = group.harmonic == group.harmonic.min()
     return {
         "mesh_db": group.mean,
@@ -295,49 +255,43 @@ def _sides(
 ) -> dict[str, float]:
     found: dict[str, float] = {}
     for kind, name in (("sidebands", "near"), ("residual", "far")):
-        group = groups.get((kind, *gear))
-        found[f"{name}_db"] = group.mean if group else 0.0
-        found[f"{name}_slope_db"] = group.slope if group else 0.0
+        group = groups.get((kind, *gear), _UNCHANGED)
+        found |= {f"{name}_db": group.mean, f"{name}_slope_db": group.slope}
+    values = [found["near_db"]] * 4
+    if turn is not None:
+        moved = np.clip(turn.change_db, -LARGEST_DB, LARGEST_DB)
+        values = [*moved[:3].tolist(), float(moved[3:].mean())]
     single = ("once_db", "twice_db", "thrice_db", "several_db")
-    if turn is None:
-        return found | dict.fromkeys(single, found["near_db"]) | {"turns_known": 0.0}
-    moved = np.clip(turn.change_db, -LARGEST_DB, LARGEST_DB)
-    values = (*moved[:3].tolist(), float(moved[3:].mean()))
-    return found | dict(zip(single, values, strict=True)) | {"turns_known": 1.0}
+    known = {"turns_known": float(turn is not None)}
+    return found | dict(zip(single, values, strict=True)) | known
 
 
-_NO_SHAPE = {
-    "peak_db": 0.0,
-    "second_db": 0.0,
-    "top_share": 0.0,
-    "teeth_involved": 0.0,
-    "peaks": 0.0,
-    "turn_once": 0.0,
-    "turn_twice": 0.0,
-}
+_SHAPE = ("peak_db", "second_db", "top_share", "teeth_involved", "peaks", "turn_once", "turn_twice")
+_NO_SHAPE = dict.fromkeys(_SHAPE, 0.0)
 
 
 def _shape(energy: FloatArray) -> dict[str, float]:
     """Describe how the departure is spread around a turn."""
     level = np.maximum(np.asarray(energy, dtype=np.float64), 0.0)
-    middle, top = float(np.median(level)), float(level.max(initial=0.0))
+    middle, teeth = float(np.median(level)), len(level)
     excess = np.maximum(level - middle, 0.0)
     total = float(excess.sum())
     if middle <= 0 or total <= 0:
         return _NO_SHAPE
-    teeth = len(level)
-    wide = min(_WINDOW_TEETH, teeth)
-    window = sum((np.roll(excess, -i) for i in range(wide)), np.zeros(teeth))
+    window = sum(np.roll(excess, -i) for i in range(min(_WINDOW_TEETH, teeth)))
+    top_db, second_db = 10 * np.log10(np.array([level.max(), _second(level)]) / middle)
     turns = np.exp(2j * np.pi * np.arange(teeth) / teeth)
-    return {
-        "peak_db": min(10 * float(np.log10(top / middle)), 60.0),
-        "second_db": min(10 * float(np.log10(_second(level) / middle)), 60.0),
-        "top_share": float(window.max()) / total,
-        "teeth_involved": float(np.log2(total**2 / float(np.sum(excess**2)))),
-        "peaks": float(min(_separate_peaks(level, middle), _MOST_PEAKS)),
-        "turn_once": float(np.abs(np.sum(excess * turns))) / total,
-        "turn_twice": float(np.abs(np.sum(excess * turns**2))) / total,
-    }
+    once, twice = (abs(np.sum(excess * turns**number)) / total for number in (1, 2))
+    values = (
+        min(top_db, 60.0),
+        min(second_db, 60.0),
+        np.max(window) / total,
+        np.log2(total**2 / np.sum(excess**2)),
+        min(_separate_peaks(level, middle), _MOST_PEAKS),
+        once,
+        twice,
+    )
+    return {name: float(value) for name, value in zip(_SHAPE, values, strict=True)}
 
 
 def _second(level: FloatArray) -> float:
@@ -363,24 +317,24 @@ def _apart(teeth: int) -> int:
 
 
 def _others(
-    gear: _Gear, single: Mapping[_Gear, Mapping[str, float]], shafts: Mapping[_Gear, int]
+    gear: _Gear, single: Mapping[_Gear, Mapping[str, float]], shafts: Mapping[_Gear, int | None]
 ) -> dict[str, float]:
     """Return what the other gears show, for contrast."""
-    stage, shaft = gear[0], shafts.get(gear)
-    others = {other: row for other, row in single.items() if other != gear}
-    mates = [row for other, row in others.items() if other[0] == stage]
-    coupled = [
-        row
-        for other, row in others.items()
-        if shaft is not None and shafts.get(other) == shaft and other[0] != stage
-    ]
-    apart = [row for other, row in others.items() if other[0] != stage]
+    others = [other for other in single if other != gear]
+    mates = [other for other in others if other[0] == gear[0]]
+    apart = [other for other in others if other[0] != gear[0]]
+    shaft = shafts.get(gear)
+    coupled = [other for other in apart if shaft is not None and shafts.get(other) == shaft]
+
+    def largest(name: str, of: Sequence[_Gear]) -> float:
+        return max((single[other][name] for other in of), default=0.0)
+
     return {
-        "mate_near_db": max((row["near_db"] for row in mates), default=0.0),
-        "mate_far_db": max((row["far_db"] for row in mates), default=0.0),
-        "rival_peak_db": max((row["peak_db"] for row in others.values()), default=0.0),
-        "shaft_near_db": max((row["near_db"] for row in coupled), default=0.0),
-        "elsewhere_mesh_db": max((row["mesh_rms_db"] for row in apart), default=0.0),
+        "mate_near_db": largest("near_db", mates),
+        "mate_far_db": largest("far_db", mates),
+        "rival_peak_db": largest("peak_db", others),
+        "shaft_near_db": largest("near_db", coupled),
+        "elsewhere_mesh_db": largest("mesh_rms_db", apart),
     }
 
 

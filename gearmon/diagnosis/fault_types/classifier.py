@@ -13,15 +13,27 @@ from __future__ import annotations
 
 import io
 import json
+import warnings
 import zipfile
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import minimize_scalar
+from scipy.spatial.distance import cdist
+from scipy.special import expit, log_softmax, softmax
 from sklearn.base import BaseEstimator, ClassifierMixin
+from sklearn.covariance import LedoitWolf
+from sklearn.ensemble import IsolationForest
+from sklearn.exceptions import ConvergenceWarning
+from sklearn.model_selection import StratifiedKFold
+from sklearn.neural_network import MLPClassifier
+from sklearn.utils import check_random_state
+from sklearn.utils.multiclass import check_classification_targets
+from sklearn.utils.validation import check_is_fitted, validate_data
 
-from gearmon.diagnosis.kind_names import NONE
+from gearmon.diagnosis.fault_types.features import NONE
 from gearmon.errors import ArgumentError, SignatureError
 from gearmon.files import write_atomically
 
@@ -112,25 +124,21 @@ class KindClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         ValueError
             If the data are not what scikit-learn asks of training data.
         """
-        from sklearn.utils import check_random_state
-        from sklearn.utils.multiclass import check_classification_targets
-        from sklearn.utils.validation import validate_data
-
         rows, labels = validate_data(self, X, y, dtype=np.float64)
         check_classification_targets(labels)
         self.classes_, codes = np.unique(labels, return_inverse=True)
-        random = check_random_state(self.random_state)
-        self.mean_ = rows.mean(axis=0)
-        spread = rows.std(axis=0)
+        self.mean_, spread = rows.mean(axis=0), rows.std(axis=0)
         self.scale_ = np.where(spread > 1e-9 * np.maximum(np.abs(self.mean_), 1.0), spread, 1.0)
         scaled = self._scaled(rows)
         self.networks_: list[list[FloatArray]] = []
-        self.temperature_ = 1.0
-        self.n_iter_ = 1
-        self.machine_ = ""
+        self.temperature_, self.n_iter_, self.machine_ = 1.0, 1, ""
         if len(self.classes_) > 1:
-            self._train(scaled, codes, random)
-        self._learn_distances(scaled, codes)
+            self._train(scaled, codes, check_random_state(self.random_state))
+        centres = [scaled[codes == code].mean(axis=0) for code in range(len(self.classes_))]
+        self.centres_ = np.array(centres)
+        inner = LedoitWolf(assume_centered=True).fit(scaled - self.centres_[codes]).covariance_
+        self.whitener_ = np.linalg.inv(np.linalg.cholesky(inner + 1e-6 * np.eye(len(inner)))).T
+        self.reach_ = max(float(np.quantile(self._distance(scaled), _INSIDE)), 1e-9)
         return self
 
     def predict_proba(self, X: ArrayLike) -> FloatArray:
@@ -146,24 +154,18 @@ class KindClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         ndarray of float, shape (rows, classes)
             In the order of `classes_`; rows sum to 1.
         """
-        from sklearn.utils.validation import check_is_fitted, validate_data
-
         check_is_fitted(self)
         rows = validate_data(self, X, dtype=np.float64, reset=False)
-        scaled = self._scaled(rows)
-        probability = _softmax(self._logits(scaled) / self.temperature_)
+        probability = softmax(self._logits(self._scaled(rows)) / self.temperature_, axis=1)
         escape = np.flatnonzero(self.classes_ == self.other)
         if len(escape):
-            beyond = self.novelty(rows) / _HALF_BEYOND
-            strange = 1.0 / (1.0 + np.exp(np.clip(_SHARPNESS * (1.0 - beyond), -50.0, 50.0)))
+            strange = expit(_SHARPNESS * (self.novelty(rows) / _HALF_BEYOND - 1.0))
             probability *= 1.0 - strange[:, None]
             probability[:, escape[0]] += strange
         return np.asarray(probability)
 
     def predict(self, X: ArrayLike) -> NDArray[Any]:
         """Return the most probable class of each row."""
-        from sklearn.utils.validation import check_is_fitted
-
         check_is_fitted(self)
         return np.asarray(self.classes_[np.argmax(self.predict_proba(X), axis=1)])
 
@@ -175,18 +177,18 @@ class KindClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         Mahalanobis distance with the pooled covariance within classes, over its 99.5 % quantile
         among the training examples.
         """
-        scaled = np.asarray((np.asarray(rows, dtype=np.float64) - self.mean_) / self.scale_)
-        away = scaled[:, None, :] - self.centres_
-        distance = np.sqrt(np.sum((away @ self.whitener_) ** 2, axis=2).min(axis=1))
-        return np.asarray(distance / self.reach_)
+        plain = (np.asarray(rows, dtype=np.float64) - self.mean_) / self.scale_
+        return np.asarray(self._distance(plain) / self.reach_)
+
+    def _distance(self, scaled: FloatArray) -> FloatArray:
+        whitened = cdist(scaled @ self.whitener_, self.centres_ @ self.whitener_)
+        return np.asarray(whitened.min(axis=1))
 
     def _scaled(self, rows: FloatArray) -> FloatArray:
         return np.asarray(np.clip((rows - self.mean_) / self.scale_, -_CUT, _CUT))
 
     def _train(self, rows: FloatArray, codes: NDArray[np.intp], random: Any) -> None:
         """Fit one network a fold, and the temperature on what each has not seen."""
-        from sklearn.model_selection import StratifiedKFold
-
         folds = min(self.folds, int(np.bincount(codes).min()))
         if folds < 2:  # a class of one example cannot be held out
             self.networks_ = [self._network(rows, codes, random)]
@@ -194,17 +196,18 @@ class KindClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         splits = StratifiedKFold(n_splits=folds, shuffle=True, random_state=random)
         unseen = np.zeros((len(rows), len(self.classes_)))
         for kept, held in splits.split(rows, codes):
-            network = self._network(rows[kept], codes[kept], random)
-            self.networks_.append(network)
-            unseen[held] = _forward(network, rows[held])
-        self.temperature_ = _temperature(unseen, codes)
+            self.networks_.append(self._network(rows[kept], codes[kept], random))
+            unseen[held] = _forward(self.networks_[-1], rows[held])
+
+        def entropy(log_temperature: float) -> float:
+            told = log_softmax(unseen / np.exp(log_temperature), axis=1)
+            return -float(np.mean(told[np.arange(len(codes)), codes]))
+
+        # between 1/20 and 20
+        best = minimize_scalar(entropy, bounds=(-3.0, 3.0), method="bounded")
+        self.temperature_ = float(np.exp(best.x))
 
     def _network(self, rows: FloatArray, codes: NDArray[np.intp], random: Any) -> list[FloatArray]:
-        import warnings
-
-        from sklearn.exceptions import ConvergenceWarning
-        from sklearn.neural_network import MLPClassifier
-
         network = MLPClassifier(
             hidden_layer_sizes=(self.hidden,),
             activation="tanh",
@@ -229,45 +232,10 @@ class KindClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
             return np.zeros((len(scaled), len(self.classes_)))
         return np.asarray(np.mean([_forward(net, scaled) for net in self.networks_], axis=0))
 
-    def _learn_distances(self, scaled: FloatArray, codes: NDArray[np.intp]) -> None:
-        from sklearn.covariance import LedoitWolf
-
-        count = len(self.classes_)
-        self.centres_ = np.array([scaled[codes == code].mean(axis=0) for code in range(count)])
-        inner = scaled - self.centres_[codes]
-        covariance = LedoitWolf(assume_centered=True).fit(inner).covariance_
-        covariance = covariance + 1e-6 * np.eye(len(covariance))
-        self.whitener_ = np.linalg.inv(np.linalg.cholesky(covariance)).T
-        self.reach_ = 1.0
-        away = scaled[:, None, :] - self.centres_
-        distance = np.sqrt(np.sum((away @ self.whitener_) ** 2, axis=2).min(axis=1))
-        self.reach_ = max(float(np.quantile(distance, _INSIDE)), 1e-9)
-
 
 def _forward(network: list[FloatArray], rows: FloatArray) -> FloatArray:
     first, bias, second, end = network
     return np.asarray(np.tanh(rows @ first + bias) @ second + end)
-
-
-def _softmax(logits: FloatArray) -> FloatArray:
-    grown = np.exp(logits - logits.max(axis=1, keepdims=True))
-    return np.asarray(grown / grown.sum(axis=1, keepdims=True))
-
-
-def _temperature(logits: FloatArray, codes: NDArray[np.intp]) -> float:
-    """Return the temperature of least cross-entropy, between 1/20 and 20."""
-    from scipy.optimize import minimize_scalar
-
-    rows = np.arange(len(codes))
-
-    def entropy(log_temperature: float) -> float:
-        scaled = logits / np.exp(log_temperature)
-        top = scaled.max(axis=1)
-        total = top + np.log(np.exp(scaled - top[:, None]).sum(axis=1))
-        return float(np.mean(total - scaled[rows, codes]))
-
-    best = minimize_scalar(entropy, bounds=(-3.0, 3.0), method="bounded")
-    return float(np.exp(best.x))
 
 
 _ARRAYS = ("classes_", "mean_", "scale_", "centres_", "whitener_")
@@ -348,3 +316,48 @@ def read_kinds(path: str | Path) -> KindClassifier:
     classifier.machine_ = str(header.get("machine", ""))
     classifier.n_features_in_ = len(classifier.mean_)
     return classifier
+
+
+# Of a plain detector, as a yardstick
+TREES = 100
+
+
+def novelty(healthy: FloatArray, candidates: FloatArray, seed: int = 0) -> FloatArray:
+    """Return how unlike healthy rows of features each candidate is, without any physics.
+
+    What many monitoring systems do, as a yardstick: an isolation forest that has seen how the
+    indicators of healthy machines change from one recording to the next.
+
+    Parameters
+    ----------
+    healthy : ndarray of float, shape (n, features), n >= 2
+        Features of healthy recordings, such as logarithms of indicators over those of a reference.
+    candidates : ndarray of float, shape (m, features)
+    seed : int
+
+    Returns
+    -------
+    ndarray of float, shape (m,)
+        In (0, 1); rises with novelty.
+
+    Raises
+    ------
+    ArgumentError
+        If the shapes do not fit or a feature is not finite.
+
+    References
+    ----------
+    Liu, Ting and Zhou, Isolation forest, ICDM 2008.
+    """
+    known, new = np.asarray(healthy, dtype=float), np.asarray(candidates, dtype=float)
+    if known.ndim != 2 or new.ndim != 2 or len(known) < 2 or known.shape[1] != new.shape[1]:
+        raise ArgumentError(
+            f"healthy {known.shape} and candidates {new.shape} must be tables with the same "
+            "features, and at least two healthy rows"
+        )
+    if not (np.isfinite(known).all() and np.isfinite(new).all()):
+        raise ArgumentError("features must be finite numbers")
+    if not len(new):
+        return np.zeros(0)
+    forest = IsolationForest(n_estimators=TREES, random_state=seed).fit(known)
+    return -np.asarray(forest.score_samples(new), dtype=np.float64)
