@@ -11,17 +11,11 @@ through it: changes that noise would not make (`find_changes`), the trend with i
         print(tooth.gear, tooth.tooth, tooth.now, tooth.crossing)
 """
 
-from gearmon.diagnosis.history.onset import ChangePoint, Growth, Series, find_changes
+from gearmon.diagnosis.history.entries import Entry, History, Place, entry_of
+from gearmon.diagnosis.history.onset import find_changes
 from gearmon.diagnosis.history.recording_times import recording_times, time_text
-from gearmon.diagnosis.history.store import (
-    Entry,
-    History,
-    Place,
-    append,
-    entry_of,
-    export_history,
-    read_history,
-)
+from gearmon.diagnosis.history.shapes import ChangePoint, Growth, Series
+from gearmon.diagnosis.history.store import append, export_history, read_history
 from gearmon.diagnosis.history.tooth import SECONDS_PER_DAY, ToothTrend
 from gearmon.diagnosis.history.trend import Crossing, Trend, fit_trend
 from gearmon.diagnosis.history.trends import HistoryTrends, history_trends

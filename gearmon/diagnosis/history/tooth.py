@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import bdtrc, ndtri
 
-from gearmon.diagnosis.history.onset import Series, change_probability
-from gearmon.diagnosis.history.store import HALF_OF_90, Place
+from gearmon.diagnosis.history.entries import HALF_OF_90, Place
+from gearmon.diagnosis.history.onset import change_probability
+from gearmon.diagnosis.history.shapes import Series
 from gearmon.diagnosis.history.trend import Crossing, Trend, fit_trend
 
 FloatArray = NDArray[np.float64]

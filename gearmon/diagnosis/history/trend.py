@@ -15,18 +15,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.diagnosis.history.onset import (
-    FEWEST,
+from gearmon.diagnosis.history.onset import FEWEST, MOST_CHANGES, find_changes
+from gearmon.diagnosis.history.recording_times import time_text
+from gearmon.diagnosis.history.shapes import (
     GROWTHS,
-    MOST_CHANGES,
     STEP,
     ChangePoint,
     Series,
     change_columns,
-    find_changes,
     growth_rows,
 )
-from gearmon.diagnosis.history.recording_times import time_text
 from gearmon.diagnosis.noise_bounds import kink_quantile
 from gearmon.errors import ArgumentError, check_finite, check_range
 
@@ -264,7 +262,7 @@ class Trend:
         # an agreement better than the stated uncertainties allow is not taken at its word
         least = 1.0 if self.series.sigma_known else 0.0
         variance = max(float(left.min()) / freedom, least)
-        return variance * kink_quantile(self.level, freedom) - (left - left.min())
+        return np.asarray(variance * kink_quantile(self.level, freedom) - (left - left.min()))
 
     def _allowed(
         self, times: FloatArray, *, rates: bool = False, only: slice = slice(None)

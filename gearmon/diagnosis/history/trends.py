@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri_exp
 
-from gearmon.diagnosis.history.onset import FEWEST, ChangePoint, Series, permuted_probability
-from gearmon.diagnosis.history.store import History, Place
+from gearmon.diagnosis.history.entries import History, Place
+from gearmon.diagnosis.history.onset import FEWEST, permuted_probability
+from gearmon.diagnosis.history.shapes import ChangePoint, Series
 from gearmon.diagnosis.history.tooth import ToothTrend, follow_tooth
 from gearmon.diagnosis.history.trend import Crossing, Trend, fit_trend
 from gearmon.errors import check_range

@@ -252,7 +252,8 @@ def _level_in(
         # there it was taken for a gear's
         if away < (OWN_WIDTHS + _SPARE_WIDTHS) * width:
             return None, False
-    level = np.max([grid.unseen_at(order), *(x.level_db for x in same)], axis=0)
+    levels = [grid.unseen_at(order), *(np.array(x.level_db) for x in same)]
+    level: FloatArray = np.max(levels, axis=0)
     if line.kind == "spectrum" and (line.locked == "time" or _of_the_mains(line)):
         reach = _SAME_SHARE * line.frequency_hz + 2 * width * other.speed_hz
         highest = other.highest_in_time(line.frequency_hz - reach, line.frequency_hz + reach)

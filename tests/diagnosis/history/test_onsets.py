@@ -19,7 +19,8 @@ from gearmon.diagnosis.history import (
     fit_trend,
     history_trends,
 )
-from gearmon.diagnosis.history.onset import CHANCES, GROWTHS, STRAIGHT, growth_rows, profile
+from gearmon.diagnosis.history.onset import profile
+from gearmon.diagnosis.history.shapes import CHANCES, GROWTHS, STRAIGHT, growth_rows
 from gearmon.errors import ArgumentError
 from gearmon.report.history_text import change_text
 

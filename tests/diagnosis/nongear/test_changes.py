@@ -265,7 +265,7 @@ def test_every_line_stands_in_one_series():
     orders = np.sort(generator.uniform(0.3, 90.0, 40))
     lines = listed(orders, [-20.0] * 40, [30.0] * 40).lines
     series = name_lines(lines, train(), 0.005, 100.0)
-    assert sorted(i for one in series for i in one.members) == list(range(40))
+    assert sorted(i for one in series for i in one.labels) == list(range(40))
 
 
 def test_measured_signatures_compare_with_a_reference():
