@@ -15,16 +15,13 @@ from gearmon.commands.output import BAD_INPUT, DONE, FLAGGED, show, write_json
 from gearmon.errors import ArgumentError, GearmonError
 
 if TYPE_CHECKING:
-    from gearmon.diagnosis.history import Entry
-    from gearmon.diagnosis.history_trends import HistoryTrends
+    from gearmon.diagnosis.history import Entry, HistoryTrends
     from gearmon.machine import Machine
 
 
 def run_history(arguments: argparse.Namespace) -> int:
     """Run `gearmon history`."""
-    from gearmon.diagnosis.history import History
-    from gearmon.diagnosis.history_store import append, read_history
-    from gearmon.diagnosis.history_trends import history_trends
+    from gearmon.diagnosis.history import History, append, history_trends, read_history
 
     _check(arguments)
     limit = loss_of(arguments.limit, "--limit")
@@ -65,7 +62,7 @@ def _check(arguments: argparse.Namespace) -> None:
 
 
 def _times(arguments: argparse.Namespace) -> list[datetime]:
-    from gearmon.diagnosis.recording_times import recording_times
+    from gearmon.diagnosis.history import recording_times
 
     if not arguments.recording:
         return []
@@ -74,7 +71,7 @@ def _times(arguments: argparse.Namespace) -> list[datetime]:
 
 def _refuse_known(arguments: argparse.Namespace, machine: Machine, times: list[datetime]) -> None:
     """Refuse times that the history has already, before any recording is analysed."""
-    from gearmon.diagnosis.history_store import read_history
+    from gearmon.diagnosis.history import read_history
 
     if arguments.replace or not arguments.store or not Path(arguments.store).exists():
         return
@@ -114,7 +111,7 @@ def _entries(
 
 def _written(output: str, found: HistoryTrends, result: dict[str, Any]) -> list[str]:
     """Write the table under the name, and the picture beside it."""
-    from gearmon.diagnosis.history_store import export_history
+    from gearmon.diagnosis.history import export_history
     from gearmon.report.history_plots import save_history_picture
 
     target, files = Path(output), []

@@ -18,7 +18,7 @@ from gearmon.diagnosis.decision.evidence import (
 from gearmon.diagnosis.decision.flags import Flagging, own_teeth_flags
 from gearmon.diagnosis.decision.thresholds import LIMITS
 from gearmon.diagnosis.decision.words import fault_sentence, own_teeth_reason, reason
-from gearmon.diagnosis.foreign import disturbed, foreign_findings
+from gearmon.diagnosis.fault_types.features import kind_features
 from gearmon.diagnosis.hypotheses.changed_path import path_change
 from gearmon.diagnosis.hypotheses.own_teeth import locate
 from gearmon.diagnosis.hypotheses.runout import healthy_turns, runout_growth, turn_changes
@@ -29,8 +29,8 @@ from gearmon.diagnosis.hypotheses.tooth_damage import (
     place,
     told_losses,
 )
-from gearmon.diagnosis.kind_features import kind_features
 from gearmon.diagnosis.law import HealthyMachine, MachineDeviation
+from gearmon.diagnosis.nongear import disturbed, nongear_findings
 from gearmon.diagnosis.results import Analysis, Change, Flag, ToothProfile
 from gearmon.errors import ArgumentError, GearmonError
 from gearmon.gears.kinematics import kinematics
@@ -193,7 +193,7 @@ class _Compared:
 
     def _evidence(self) -> Evidence:
         signature, healthy = self.signature, self.healthy
-        nongear = foreign_findings(signature, self.reference, kinematics(self.machine))
+        nongear = nongear_findings(signature, self.reference, kinematics(self.machine))
         striking = [f for f in nongear if f.false_alarm_probability < LIMITS.rare]
         mask = disturbed(signature.plan.orders, striking, 2.0 / signature.lines.block_turns)
         disturbed_families = [
@@ -345,9 +345,10 @@ class _Compared:
             return found
         strength = broadband_strength(broadband)
         gain = float(np.median(broadband.gain_db))
+        flags: tuple[Flag, ...] = ()
         probability = false_alarm_probability(strength, len(self.reference.profiles), deviation.gap)
         if gain < _SILENT_DB:
-            verdict, flags = "cannot tell", ()
+            verdict = "cannot tell"
             told = (
                 f"The recording is {-gain:.0f} dB quieter than the healthy ones and shows no gear "
                 "mesh: the machine stood still, or the sensor is dead or disconnected."

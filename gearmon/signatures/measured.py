@@ -23,8 +23,7 @@ from gearmon.signals.recording import Recording
 from gearmon.signals.sideband_spacing import spacing_mismatch, spacing_support
 from gearmon.signals.threads import at_once
 from gearmon.signatures.families import MESH_HARMONICS, LinePlan, line_plan
-from gearmon.signatures.foreign_lines import ForeignLines
-from gearmon.signatures.foreign_search import foreign_lines
+from gearmon.signatures.nongear_lines import NonGearLines, nongear_lines
 from gearmon.signatures.speed import (
     SPEED_TOLERANCE,
     Speed,
@@ -122,7 +121,7 @@ class MeasuredSignature:
         Levels of the broadband spectrum, see `broadband_levels` [dB re 1 unit^2/Hz].
     notes : tuple of str
         What the reader should know.
-    foreign : ForeignLines or None
+    foreign : NonGearLines or None
         Lines that no gear explains.
     """
 
@@ -141,7 +140,7 @@ class MeasuredSignature:
     heard: NDArray[np.bool_]
     band_db: FloatArray
     notes: tuple[str, ...]
-    foreign: ForeignLines | None = None
+    foreign: NonGearLines | None = None
 
     @property
     def found(self) -> bool:
@@ -240,7 +239,7 @@ def broadband_levels(samples: FloatArray, rate: float) -> FloatArray:
 
 def _spectra(
     samples: FloatArray, rate: float, track: AngleTrack, train: Kinematics, plan: LinePlan
-) -> tuple[OrderLines, tuple[FineSpectrum, ForeignLines]]:
+) -> tuple[OrderLines, tuple[FineSpectrum, NonGearLines]]:
     """Lines of the plan; fine spectrum and lines of other origin: both at once."""
     turns = float(track.turns[-1] - track.turns[0])
     block_turns = _block_turns(turns, min(shaft.order for shaft in train.shafts))
@@ -250,9 +249,9 @@ def _spectra(
     def planned() -> OrderLines:
         return order_lines(samples, rate, track, plan.orders, block_turns, error=LEAKAGE)
 
-    def others() -> tuple[FineSpectrum, ForeignLines]:
+    def others() -> tuple[FineSpectrum, NonGearLines]:
         spectrum = fine_order_spectrum(samples, rate, track, pieces, PIECES_HEARD)
-        return spectrum, foreign_lines(samples, rate, track, train, spectrum)
+        return spectrum, nongear_lines(samples, rate, track, train, spectrum)
 
     return at_once(planned, others, samples.size)
 

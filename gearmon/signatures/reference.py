@@ -18,8 +18,8 @@ from gearmon.machine import Machine, ParallelStage
 from gearmon.signals.mean_scatter import variance_of_mean
 from gearmon.signals.order_lines import OrderLines
 from gearmon.signatures.families import WheelLines
-from gearmon.signatures.foreign_lines import ForeignLines
 from gearmon.signatures.measured import MeasuredSignature
+from gearmon.signatures.nongear_lines import NonGearLines
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -107,7 +107,7 @@ class Profile:
     band_db : ndarray of float, shape (channels, bands)
         Levels of the broadband spectrum, see `broadband_levels`; no bands in references of an older
         format.
-    foreign : ForeignLines or None
+    foreign : NonGearLines or None
         Lines that no gear explains; None in references of the oldest format.
     """
 
@@ -121,7 +121,7 @@ class Profile:
     heard: NDArray[np.bool_]
     wheels: tuple[WheelPattern, ...]
     band_db: FloatArray
-    foreign: ForeignLines | None = None
+    foreign: NonGearLines | None = None
 
     @classmethod
     def of(cls, signature: MeasuredSignature) -> Profile:

@@ -15,12 +15,11 @@ from numpy.typing import NDArray
 
 from gearmon.errors import SignatureError
 from gearmon.files import write_atomically
-from gearmon.signatures.foreign_lines import ForeignLines
-from gearmon.signatures.foreign_storage import foreign_arrays, foreign_from_arrays
+from gearmon.signatures.nongear_lines import NonGearLines, line_arrays, lines_from_arrays
 from gearmon.signatures.reference import Profile, Reference, WheelPattern
 
 FORMAT = "gearmon reference 3"
-# Without foreign lines; still read.
+# Without lines of no gear, without broadband levels; still read.
 _OLDER_FORMATS = ("gearmon reference 1", "gearmon reference 2")
 # What reading a damaged archive may end in.
 _DAMAGE = (OSError, ValueError, LookupError, TypeError, EOFError, RuntimeError)
@@ -63,7 +62,7 @@ def write_reference(reference: Reference, path: str | Path) -> None:
             for name in _WHEEL_ARRAYS:
                 arrays[f"{row}/{column}/{name}"] = getattr(wheel, name)
         if profile.foreign is not None:
-            stored = foreign_arrays(profile.foreign)
+            stored = line_arrays(profile.foreign)
             arrays |= {f"{row}/foreign/{name}": values for name, values in stored.items()}
     arrays["header"] = np.frombuffer(json.dumps(header).encode("utf-8"), dtype=np.uint8)
     buffer = io.BytesIO()
@@ -173,9 +172,9 @@ def _read_bands(archive: Any, row: int) -> NDArray[Any]:
     return np.zeros((len(archive[f"{row}/level_db"]), 0))
 
 
-def _read_foreign(archive: Any, row: int) -> ForeignLines | None:
+def _read_foreign(archive: Any, row: int) -> NonGearLines | None:
     start = f"{row}/foreign/"
     stored = {
         name.removeprefix(start): archive[name] for name in archive.files if name.startswith(start)
     }
-    return foreign_from_arrays(stored) if stored else None
+    return lines_from_arrays(stored) if stored else None

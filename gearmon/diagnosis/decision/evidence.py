@@ -17,10 +17,10 @@ import numpy as np
 
 from gearmon.diagnosis.decision.calibration import false_alarm_probability
 from gearmon.diagnosis.decision.thresholds import LIMITS
-from gearmon.diagnosis.foreign import ForeignFinding
 from gearmon.diagnosis.hypotheses.runout import RunoutGrowth
 from gearmon.diagnosis.hypotheses.tooth_damage import ToothFinding
 from gearmon.diagnosis.law import LevelDeviation, MachineDeviation
+from gearmon.diagnosis.nongear import NonGearFinding
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -35,7 +35,7 @@ class Evidence:
         The tooth whose damage explains it best.
     runout : tuple of RunoutGrowth
         Growth of first and second sidebands.
-    nongear : tuple of ForeignFinding
+    nongear : tuple of NonGearFinding
         Lines of no gear that changed.
     references : int, >= 1
         Healthy recordings.
@@ -47,7 +47,7 @@ class Evidence:
     deviation: MachineDeviation
     finding: ToothFinding | None
     runout: tuple[RunoutGrowth, ...]
-    nongear: tuple[ForeignFinding, ...]
+    nongear: tuple[NonGearFinding, ...]
     references: int
     angle: float = 0.0
 

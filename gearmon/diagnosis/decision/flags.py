@@ -15,12 +15,11 @@ from gearmon.diagnosis.decision.evidence import (
     tooth_strength,
 )
 from gearmon.diagnosis.decision.thresholds import LIMITS
+from gearmon.diagnosis.fault_types.features import NONE, FeatureVector
 from gearmon.diagnosis.hypotheses.changed_path import PathChange
 from gearmon.diagnosis.hypotheses.fault_kinds import KindJudgement, judge_kind
 from gearmon.diagnosis.hypotheses.several_teeth import DepartureSpread, departure_spread
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, ToothFinding
-from gearmon.diagnosis.kind_features import FeatureVector
-from gearmon.diagnosis.kind_names import NONE
 from gearmon.diagnosis.results import Change, Flag, ToothProfile
 from gearmon.errors import GearmonError
 from gearmon.machine import Machine
@@ -194,7 +193,7 @@ class Flagging:
         return tuple(found)
 
     def _levels(self, nongear: bool) -> list[Flag]:
-        """Flag changed levels: by noise, by a path, by the kind of a gear's fault, or as they are."""
+        """Flag changed levels: as noise, a path, a kind of a gear's fault, or as they are."""
         strongest = sentences(self.changes)
         probability = self._probability(self.evidence.strengths["levels"])
         if noise_rose(self.evidence.deviation):
@@ -214,8 +213,8 @@ class Flagging:
                 *strongest,
             )
             return [_flag("path changed", None, None, probability, told)]
-        first = self.changes and max(self.changes, key=lambda c: abs(c.standardised))
-        if not first:
+        first = max(self.changes, key=lambda c: abs(c.standardised), default=None)
+        if first is None:
             return [_flag("broadband change", None, None, probability, ("no line moved with it",))]
         own = [
             change

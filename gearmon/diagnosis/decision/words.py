@@ -94,8 +94,8 @@ def reason(
         told = "More changed than is usual, but not enough to call it a fault: record again."
     elif evidence.angle_lost:
         told = (
-            "Nothing speaks against the machine, but its angle was lost on the way: record again at "
-            "a steadier speed, or with a tachometer."
+            "Nothing speaks against the machine, but its angle was lost on the way: record again "
+            "at a steadier speed, or with a tachometer."
         )
     else:
         told = "Nothing speaks against the machine, but not all of it was heard."

@@ -1,9 +1,9 @@
 """Whether the path from the gears to the sensor changed, rather than the gears.
 
-A sensor that was moved, or a housing that was opened, colours every line anew: all that stands about
-one mesh harmonic, the harmonic itself and the sidebands of either gear, rises or falls together in
-each channel, and differently from harmonic to harmonic. A gear at fault moves its own sidebands, or
-the mesh, against the rest of the band.
+A sensor that was moved, or a housing that was opened, colours every line anew: all that stands
+about one mesh harmonic, the harmonic itself and the sidebands of either gear, rises or falls
+together in each channel, and differently from harmonic to harmonic. A gear at fault moves its own
+sidebands, or the mesh, against the rest of the band.
 """
 
 from __future__ import annotations

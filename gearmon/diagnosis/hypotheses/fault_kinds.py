@@ -13,13 +13,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gearmon.diagnosis.kind_features import FeatureVector
-from gearmon.diagnosis.kind_names import KINDS, NONE
+from gearmon.diagnosis.fault_types.features import KINDS, NONE, FeatureVector
 from gearmon.errors import ArgumentError
 
 if TYPE_CHECKING:
+    from gearmon.diagnosis.fault_types.classifier import KindClassifier
     from gearmon.diagnosis.hypotheses.several_teeth import DepartureSpread
-    from gearmon.diagnosis.kind_classifier import KindClassifier
 
 #: Change that healthy machines reach now and then [dB].
 USUAL_DB = 2.0

@@ -1,8 +1,8 @@
 """The law of healthy levels: families of order lines, and the broadband spectrum between them.
 
-Every level is predicted for the operating state (`state`), less what all levels of a channel have in
-common: the gain of its sensor. How far healthy levels depart is prior knowledge, sharpened by how
-far the references depart from one another's predictions.
+Every level is predicted for the operating state (`state`), less what all levels of a channel have
+in common: the gain of its sensor. How far healthy levels depart is prior knowledge, widened where
+the references depart farther from one another's predictions.
 """
 
 from __future__ import annotations
