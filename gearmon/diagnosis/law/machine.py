@@ -55,6 +55,8 @@ class HealthyMachine:
         The healthy recordings.
     rows : tuple of int
         Channels of theirs that are used.
+    family_names : tuple of str
+        Families of lines that all of them have.
     states : ndarray of float, shape (references, 2)
         Their operating states.
     gears : dict
@@ -63,6 +65,7 @@ class HealthyMachine:
 
     profiles: tuple[Profile, ...]
     rows: tuple[int, ...]
+    family_names: tuple[str, ...]
     states: FloatArray
     gears: dict[tuple[int, str], tuple[GearLaw, bool]]
 
@@ -81,7 +84,13 @@ class HealthyMachine:
             patterns = turned_alike(same, every, same_zero=indexed)
             law = GearLaw(wheel=wheel, patterns=patterns, states=states)
             gears[wheel.stage, wheel.gear] = law, indexed
-        return cls(profiles=profiles, rows=tuple(rows), states=states, gears=gears)
+        return cls(
+            profiles=profiles,
+            rows=tuple(rows),
+            family_names=tuple(reference.family_names),
+            states=states,
+            gears=gears,
+        )
 
     def indexed(self, own: Profile, stage: int, gear: str) -> bool:
         """Whether recording and references count the turns of a gear from the same pulse."""
@@ -111,8 +120,7 @@ class HealthyMachine:
             found = law.deviation(wheel, rows, state, same_zero=zero)
             if found is not None:
                 gears.append(found)
-        names = [n for n in own.family_names if n not in left_out]
-        names = [n for n in names if all(n in p.family_names for p in self.profiles)]
+        names = [n for n in own.family_names if n in self.family_names and n not in left_out]
         return MachineDeviation(
             state=state,
             gap=float(np.min(np.linalg.norm(self.states - state, axis=1))),
