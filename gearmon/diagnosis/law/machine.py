@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gearmon.diagnosis.law.gear_lines import GearDeviation, GearLaw, turned_alike
 from gearmon.diagnosis.law.levels import LevelDeviation, level_deviation
 from gearmon.diagnosis.law.state import operating_states
+from gearmon.errors import ArgumentError
 from gearmon.signatures.reference import Profile, Reference, WheelPattern
 
 FloatArray = NDArray[np.float64]
@@ -109,6 +110,11 @@ class HealthyMachine:
             Its channels, those of the law.
         left_out : sequence of str
             Families of lines not to compare.
+
+        Raises
+        ------
+        ArgumentError
+            If no family of lines is left.
         """
         state = operating_states([own], self.profiles[0], [rows], self.rows)[0]
         gears = []
@@ -121,6 +127,11 @@ class HealthyMachine:
             if found is not None:
                 gears.append(found)
         names = [n for n in own.family_names if n in self.family_names and n not in left_out]
+        if not names:
+            raise ArgumentError(
+                f"{own.origin}: shares no family of lines with the reference: sampling rate or "
+                "length differ too much"
+            )
         return MachineDeviation(
             state=state,
             gap=float(np.min(np.linalg.norm(self.states - state, axis=1))),
