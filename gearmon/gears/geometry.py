@@ -8,13 +8,430 @@ inwards. Results are positive radii.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from gearmon.errors import ArgumentError, check_positive, check_range
-from gearmon.gears.geometry_checks import check_pair, trim_ring
-from gearmon.gears.involute import inverse_involute, involute, transverse_pressure_angle
-from gearmon.gears.involute_pair import GearTeeth, PairGeometry, Two
-from gearmon.gears.rack import Rack
+from gearmon.gears.pulses import FloatArray
+
+#: Bottom clearance of ISO 53 racks; the rounding takes it up.
+CLEARANCE = 0.25
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rack:
+    """Basic rack of a gear.
+
+    Parameters
+    ----------
+    dedendum : float
+        h_fP*, depth of the gear's root below the rack's datum line.
+    pressure_angle_rad : float
+        Normal pressure angle [rad].
+    helix_angle_rad : float
+        Helix angle at the reference circle [rad].
+
+    Examples
+    --------
+    >>> round(Rack(dedendum=1.25, pressure_angle_rad=math.radians(20)).rounding, 5)
+    0.37995
+    """
+
+    dedendum: float
+    pressure_angle_rad: float
+    helix_angle_rad: float = 0.0
+
+    @property
+    def rounding(self) -> float:
+        """Radius of the rounded rack tip rho_fP*."""
+        alpha = self.pressure_angle_rad
+        wanted = CLEARANCE / (1 - math.sin(alpha))
+        # full rounding: the centre of the arc sits on the middle line of the rack tooth
+        full = (math.pi / 4 - self.dedendum * math.tan(alpha)) * math.cos(alpha)
+        full /= 1 - math.sin(alpha)
+        rounding = min(wanted, full)
+        if rounding <= 0:
+            most = math.pi / 4 / math.tan(alpha)
+            raise ArgumentError(
+                f"root_factor={self.dedendum} makes the rack pointed at a pressure angle of "
+                f"{math.degrees(alpha):g} deg; it must be < {most:.4g}"
+            )
+        return rounding
+
+    @property
+    def straight_depth(self) -> float:
+        """Depth below the datum line down to which the flank is straight."""
+        return self.dedendum - self.rounding * (1 - math.sin(self.pressure_angle_rad))
+
+    @property
+    def transverse_pressure_angle_rad(self) -> float:
+        """alpha_t = atan(tan alpha_n/cos beta)."""
+        return math.atan(math.tan(self.pressure_angle_rad) / math.cos(self.helix_angle_rad))
+
+    def least_shift(self, teeth: int) -> float:
+        """Return the profile shift below which `teeth` are undercut."""
+        sine = math.sin(self.transverse_pressure_angle_rad)
+        return self.straight_depth - 0.5 * teeth / math.cos(self.helix_angle_rad) * sine**2
+
+    def least_teeth(self, profile_shift: float) -> int:
+        """Return the number of teeth from which on there is no undercut."""
+        sine = math.sin(self.transverse_pressure_angle_rad)
+        depth = max(self.straight_depth - profile_shift, 0.0)
+        return math.ceil(2 * depth * math.cos(self.helix_angle_rad) / sine**2 - 1e-9)
+
+    def form_roll(self, teeth: int, profile_shift: float, *, internal: bool = False) -> float:
+        """Return the roll length at which the involute meets the fillet.
+
+        Parameters
+        ----------
+        teeth : int
+        profile_shift : float
+        internal : bool
+            For a ring the involute ends there; its tool is not a rack, so the circle that the
+            straight part of the rack would reach is taken.
+
+        Returns
+        -------
+        float
+            In normal modules; above the undercut where there is one.
+        """
+        radius = 0.5 * teeth / math.cos(self.helix_angle_rad)
+        alpha = self.transverse_pressure_angle_rad
+        depth = self.straight_depth - profile_shift
+        if internal:
+            return math.sqrt(max((radius + depth) ** 2 - (radius * math.cos(alpha)) ** 2, 0.0))
+        roll = radius * math.sin(alpha) - depth / math.sin(alpha)
+        return roll if roll >= 0 else self._undercut_roll(teeth, profile_shift)
+
+    def fillet(
+        self, teeth: int, profile_shift: float, angles_rad: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return points of the generated fillet of an external gear, in the transverse section.
+
+        Parameters
+        ----------
+        teeth : int
+        profile_shift : float
+        angles_rad : ndarray
+            Angles of the rack-tip normal in the normal section, from alpha_n (where the involute
+            begins) to pi/2 (root circle).
+
+        Returns
+        -------
+        height, half_thickness : ndarray
+            Distance from the gear's centre along the middle line of the tooth, and from that line,
+            in normal modules.
+
+        Notes
+        -----
+        The point of the rack tip whose normal has angle g touches the gear when that normal passes
+        through the pitch point: with depth a and distance b from the middle line of the tooth,
+        ``phi = (a/tan g + b)/R`` has been rolled.
+        """
+        g, cosine = np.asarray(angles_rad, dtype=np.float64), math.cos(self.helix_angle_rad)
+        alpha, rounding = self.pressure_angle_rad, self.rounding
+        depth = self.dedendum - rounding - profile_shift + rounding * np.sin(g)
+        middle = math.pi / 4 + self.straight_depth * math.tan(alpha) + rounding * math.cos(alpha)
+        across = (middle - rounding * np.cos(g)) / cosine
+        # the transverse section is wider by 1/cos(beta), so its normals are flatter or steeper
+        slope = np.arctan2(np.sin(g), np.cos(g) * cosine)
+        radius = 0.5 * teeth / cosine
+        rolled = (depth / np.tan(slope) + across) / radius
+        reach = depth / np.sin(slope)
+        height = radius * np.cos(rolled) - reach * np.sin(slope - rolled)
+        half = radius * np.sin(rolled) - reach * np.cos(slope - rolled)
+        return height, half
+
+    def base_half_angle(self, teeth: int, profile_shift: float) -> float:
+        """Return half the angle that a tooth takes on the base circle [rad]."""
+        alpha = self.transverse_pressure_angle_rad
+        shift = 2 * profile_shift * math.tan(self.pressure_angle_rad)
+        return (math.pi / 2 + shift) / teeth + math.tan(alpha) - alpha
+
+    def _undercut_roll(self, teeth: int, profile_shift: float) -> float:
+        """Return the roll length at which the fillet cuts the involute, found by halving."""
+        base = 0.5 * teeth / math.cos(self.helix_angle_rad)
+        base *= math.cos(self.transverse_pressure_angle_rad)
+        half_angle = self.base_half_angle(teeth, profile_shift)
+        low, high = self.pressure_angle_rad, math.pi / 2
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            height, half = self.fillet(teeth, profile_shift, np.array([middle]))
+            radius = float(np.hypot(height[0], half[0]))
+            tangent = math.sqrt(max((radius / base) ** 2 - 1, 0.0))
+            flank = half_angle - (tangent - math.atan(tangent))
+            beyond = radius > base and math.atan2(float(half[0]), float(height[0])) > flank
+            low, high = (middle, high) if beyond else (low, middle)
+        return base * tangent
+
+
+def involute(angle_rad: float) -> float:
+    """Return the involute function tan(angle) - angle."""
+    return math.tan(angle_rad) - angle_rad
+
+
+def inverse_involute(value: float) -> float:
+    """Return the angle [rad] in [0, pi/2) whose involute function is `value` >= 0.
+
+    Examples
+    --------
+    >>> round(inverse_involute(involute(0.4)), 12)
+    0.4
+    """
+    if not value >= 0:
+        raise ArgumentError(f"value={value} of the involute function must be >= 0")
+    # small angles: inv x = x^3/3; large ones: tan x = value + x; Newton falls on a convex function
+    angle: float = min((3 * value) ** (1 / 3), math.atan(value + math.pi / 2))
+    for _ in range(60):
+        if angle == 0:
+            break
+        step = (involute(angle) - value) / math.tan(angle) ** 2
+        angle -= step
+        if abs(step) <= 1e-16 * angle:
+            break
+    return angle
+
+
+def transverse_pressure_angle(pressure_angle_rad: float, helix_angle_rad: float) -> float:
+    """Return alpha_t = atan(tan alpha_n/cos beta) [rad]."""
+    return math.atan(math.tan(pressure_angle_rad) / math.cos(helix_angle_rad))
+
+
+def base_helix_angle(helix_angle_rad: float, pressure_angle_rad: float) -> float:
+    """Return beta_b = asin(sin beta cos alpha_n) [rad]."""
+    return math.asin(math.sin(helix_angle_rad) * math.cos(pressure_angle_rad))
+
+
+def base_radius(
+    teeth: int, module_m: float, pressure_angle_rad: float, helix_angle_rad: float = 0.0
+) -> float:
+    """Return the base radius z m_t cos(alpha_t)/2 [m].
+
+    Examples
+    --------
+    >>> round(2e3 * base_radius(26, 0.002, math.radians(20)), 5)
+    48.86402
+    """
+    alpha_t = transverse_pressure_angle(pressure_angle_rad, helix_angle_rad)
+    return 0.5 * teeth * module_m / math.cos(helix_angle_rad) * math.cos(alpha_t)
+
+
+def overlap_ratio(helix_angle_rad: float, face_width_m: float | None, module_m: float) -> float:
+    """Return eps_beta = b sin|beta|/(pi m_n).
+
+    Raises
+    ------
+    ArgumentError
+        If the gears are helical and the face width is not known.
+    """
+    if helix_angle_rad == 0:
+        return 0.0
+    if face_width_m is None:
+        raise ArgumentError("face_width_m is missing: the overlap ratio of helical gears needs it")
+    return face_width_m * math.sin(abs(helix_angle_rad)) / (math.pi * module_m)
+
+
+def contact_zones(contact_ratio: float) -> list[tuple[float, float, int]]:
+    """Zones that one pair passes from entry to exit.
+
+    Parameters
+    ----------
+    contact_ratio : float, > 0
+
+    Returns
+    -------
+    list of (start, end, pairs)
+        Start and end [mesh periods] and the number of pairs that carry there.
+
+    Examples
+    --------
+    >>> contact_zones(1.5)
+    [(0.0, 0.5, 2), (0.5, 1.0, 1), (1.0, 1.5, 2)]
+    """
+    few = math.floor(contact_ratio)
+    part = contact_ratio - few
+    if part < 1e-12:
+        return [(float(i), float(i + 1), few) for i in range(few)]
+    zones = []
+    for i in range(few):
+        zones += [(float(i), i + part, few + 1), (i + part, float(i + 1), few)]
+    return [*zones, (float(few), contact_ratio, few + 1)]
+
+
+Two = tuple[float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class GearTeeth:
+    """Teeth of one gear, in modules.
+
+    Parameters
+    ----------
+    teeth : int, >= 5
+        Number of teeth, positive for internal gears too.
+    profile_shift : float
+        Profile shift coefficient x.
+    tip_factor : float
+        Addendum of the gear h_a*, before any tip shortening.
+    root_factor : float
+        Dedendum of the basic rack h_fP*.
+    name : str
+        What messages call the gear; the ending of its keys in a machine file.
+    """
+
+    teeth: int
+    profile_shift: float = 0.0
+    tip_factor: float = 1.0
+    root_factor: float = 1.25
+    name: str = "gear"
+
+    def __post_init__(self) -> None:
+        if self.teeth != int(self.teeth) or self.teeth < 5:
+            raise ArgumentError(f"{self.name}_teeth={self.teeth} must be a whole number >= 5")
+        check_range(f"profile_shift_{self.name}", self.profile_shift, -2, 3)
+        check_range(f"tip_factor_{self.name}", self.tip_factor, 0.1, 3)
+        check_range(f"root_factor_{self.name}", self.root_factor, 0.2, 4)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PairGeometry:
+    """Geometry of a pair; index 0 is the first gear given, index 1 its mate.
+
+    Lengths are in metres, angles in radians, radii positive. Made by `pair_geometry`.
+
+    Parameters
+    ----------
+    gears : tuple of two GearTeeth
+    internal : bool
+        Whether the second gear is a ring with internal teeth.
+    normal_module_m, transverse_module_m : float
+    normal_pressure_angle_rad, transverse_pressure_angle_rad, working_pressure_angle_rad : float
+        alpha_n, alpha_t at the reference circle; alpha_wt at the working circle.
+    helix_angle_rad : float
+        Magnitude of the helix angle at the reference circle.
+    face_width_m : float or None
+    centre_distance_m : float
+        Working centre distance a_w, positive.
+    tip_shortening : (float, float)
+        k, in modules, <= 0 where tips are cut back to keep the tip clearance.
+    reference_radii_m, base_radii_m, working_radii_m, tip_radii_m, root_radii_m : (float, float)
+    form_rolls_m : (float, float)
+        Roll length (distance from the base tangent point along the line of action) at which the
+        involute begins above the fillet; for a ring, at which it ends.
+    path_m : (float, float)
+        Roll lengths on the first gear at which the path of contact begins (tip of the mate) and
+        ends (own tip); the first gear is taken to drive.
+    warnings : tuple of str
+    """
+
+    gears: tuple[GearTeeth, GearTeeth]
+    internal: bool
+    normal_module_m: float
+    transverse_module_m: float
+    normal_pressure_angle_rad: float
+    transverse_pressure_angle_rad: float
+    working_pressure_angle_rad: float
+    helix_angle_rad: float
+    face_width_m: float | None
+    centre_distance_m: float
+    tip_shortening: Two
+    reference_radii_m: Two
+    base_radii_m: Two
+    working_radii_m: Two
+    tip_radii_m: Two
+    root_radii_m: Two
+    form_rolls_m: Two
+    path_m: Two
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def base_pitch_m(self) -> float:
+        """Transverse base pitch p_bt [m]."""
+        return math.pi * self.transverse_module_m * math.cos(self.transverse_pressure_angle_rad)
+
+    @property
+    def path_length_m(self) -> float:
+        """Length of the path of contact g_alpha [m]."""
+        return self.path_m[1] - self.path_m[0]
+
+    @property
+    def transverse_contact_ratio(self) -> float:
+        """Transverse contact ratio eps_alpha."""
+        return self.path_length_m / self.base_pitch_m
+
+    @property
+    def overlap_ratio(self) -> float:
+        """Overlap ratio eps_beta = b sin(beta)/(pi m_n); 0 for spur gears."""
+        return overlap_ratio(self.helix_angle_rad, self.face_width_m, self.normal_module_m)
+
+    @property
+    def total_contact_ratio(self) -> float:
+        """Total contact ratio eps_gamma = eps_alpha + eps_beta."""
+        return self.transverse_contact_ratio + self.overlap_ratio
+
+    @property
+    def zones(self) -> list[tuple[float, float, int]]:
+        """Zones that a pair passes from entry to exit: start, end [mesh periods], pairs carrying.
+
+        Of helical gears the pairs that touch anywhere along the face width.
+        """
+        return contact_zones(self.total_contact_ratio)
+
+    @property
+    def base_helix_angle_rad(self) -> float:
+        """Helix angle on the base circle [rad]."""
+        return base_helix_angle(self.helix_angle_rad, self.normal_pressure_angle_rad)
+
+    @property
+    def pitch_point_phase(self) -> float:
+        """Mesh periods from the entry of a pair into contact to its contact at the pitch point."""
+        pitch = self.base_radii_m[0] * math.tan(self.working_pressure_angle_rad)
+        return (pitch - self.path_m[0]) / self.base_pitch_m
+
+    @property
+    def tip_thicknesses_m(self) -> Two:
+        """Tooth thickness along the tip circle, in the transverse section [m]."""
+        return self.thickness_m(0, self.tip_radii_m[0]), self.thickness_m(1, self.tip_radii_m[1])
+
+    def thickness_m(self, index: int, radius_m: float) -> float:
+        """Return the transverse tooth thickness of a gear on a circle outside its base circle [m].
+
+        Parameters
+        ----------
+        index : {0, 1}
+        radius_m : float
+            At least the base radius.
+
+        Raises
+        ------
+        ArgumentError
+            If the circle lies inside the base circle, where there is no involute.
+        """
+        base = self.base_radii_m[index]
+        if radius_m < base * (1 - 1e-12):
+            name = self.gears[index].name
+            raise ArgumentError(f"radius_m={radius_m} of the {name} must be >= base radius {base}")
+        gear, sign = self.gears[index], self.sign(index)
+        shift = gear.profile_shift * math.tan(self.normal_pressure_angle_rad)
+        half_angle = (math.pi / 2 + 2 * shift) / gear.teeth
+        here = math.acos(min(1.0, base / radius_m))
+        difference = involute(self.transverse_pressure_angle_rad) - involute(here)
+        return 2 * radius_m * (half_angle + sign * difference)
+
+    def sign(self, index: int) -> int:
+        """Return -1 for the ring of an internal pair, else 1."""
+        return -1 if self.internal and index == 1 else 1
+
+    def rack(self, index: int) -> Rack:
+        """Return the basic rack that generates a gear."""
+        return Rack(
+            dedendum=self.gears[index].root_factor,
+            pressure_angle_rad=self.normal_pressure_angle_rad,
+            helix_angle_rad=self.helix_angle_rad,
+        )
+
 
 __all__ = ["GearTeeth", "PairGeometry", "pair_geometry"]
 
@@ -207,3 +624,258 @@ def _circles(
         "form_rolls_m": tuple(forms),
         "path_m": (length - signs[1] * rolls[1], rolls[0]),
     }
+
+
+#: Profile shifts are given with three decimals; less than this is rounding, not jamming.
+SHIFT_ROUNDING = 0.01
+#: Most that the tip of a ring is taken to be relieved without being told, in modules.
+LARGEST_RING_TRIM = 0.3
+#: Tip thickness below which tips are called sharp, in modules.
+SHARP_TIP = 0.2
+#: Profile shift that undercut teeth may lack, in modules, if their mate stays clear of it: the
+#: practical limit of 14 teeth where 18 are needed in theory.
+TOLERATED_UNDERCUT = 0.2
+
+
+def check_pair(pair: PairGeometry) -> PairGeometry:
+    """Return the pair with its warnings, or refuse it.
+
+    Raises
+    ------
+    ArgumentError
+        If the pair cannot run, with the number that offends and what would cure it.
+    """
+    warnings = [*pair.warnings, *_check_backlash(pair)]
+    for index in (0, 1):
+        warnings += _check_tip(pair, index)
+    _check_contact_ratio(pair)
+    for index in (0, 1):
+        _check_clearance(pair, index)
+    for index in (0, 1):
+        if pair.sign(index) > 0:
+            warnings += _check_root(pair, index)
+    if pair.internal:
+        warnings += _check_ring(pair)
+    return replace(pair, warnings=tuple(warnings))
+
+
+def trim_ring(pair: PairGeometry) -> PairGeometry:
+    """Return an internal pair whose ring tips clear the involute of the mate, with a warning.
+
+    Ring tips of full height reach below the involute of many planets; they are relieved in
+    practice, and the path of contact then begins where the involute does.
+
+    Raises
+    ------
+    ArgumentError
+        If more than 0.3 modules would have to go.
+    """
+    if not pair.internal:
+        return pair
+    planet, ring = pair.gears
+    base, offset = pair.base_radii_m[1], _line_length(pair)
+    least = math.hypot(base, pair.form_rolls_m[0] + offset)
+    trim = (least - pair.tip_radii_m[1]) / pair.normal_module_m
+    if trim <= 1e-9:
+        return pair
+    if trim > LARGEST_RING_TRIM:
+        raise ArgumentError(
+            f"tip_factor_{ring.name}={ring.tip_factor:g}: the tips of the {ring.name} reach "
+            f"{trim:.3g} modules below the involute of the {planet.name} (interference); give "
+            f"tip_factor_{ring.name} <= {ring.tip_factor - trim:.3f}"
+        )
+    note = (
+        f"the tips of the {ring.name} are taken as relieved by {trim:.3f} modules, for they would "
+        f"touch the fillet of the {planet.name}; tip_factor_{ring.name} <= "
+        f"{ring.tip_factor - trim:.3f} would say so"
+    )
+    return replace(
+        pair,
+        tip_radii_m=(pair.tip_radii_m[0], least),
+        path_m=(pair.form_rolls_m[0], pair.path_m[1]),
+        warnings=(*pair.warnings, note),
+    )
+
+
+def _line_length(pair: PairGeometry) -> float:
+    """Distance between the base tangent points along the line of action."""
+    return pair.centre_distance_m * math.sin(pair.working_pressure_angle_rad)
+
+
+def _check_backlash(pair: PairGeometry) -> list[str]:
+    first, second = pair.gears
+    total = first.teeth + pair.sign(1) * second.teeth
+    inv = involute(pair.working_pressure_angle_rad) - involute(pair.transverse_pressure_angle_rad)
+    tight = inv * total / (2 * math.tan(pair.normal_pressure_angle_rad))
+    given = first.profile_shift + second.profile_shift
+    distance = 1e3 * pair.centre_distance_m
+    if given > tight + SHIFT_ROUNDING:
+        raise ArgumentError(
+            f"centre_distance_mm={distance:.5g} jams the teeth: profile_shift_{first.name} + "
+            f"profile_shift_{second.name} = {given:g}, but this distance takes {tight:.4f} at most"
+        )
+    if given < tight - 0.2:
+        return [
+            f"profile shifts sum to {given:g} where the centre distance {distance:.5g} mm has room "
+            f"for {tight:.3f}: the pair has much backlash"
+        ]
+    return []
+
+
+def _check_tip(pair: PairGeometry, index: int) -> list[str]:
+    gear = pair.gears[index]
+    if pair.tip_radii_m[index] < pair.base_radii_m[index]:
+        raise ArgumentError(
+            f"tip_factor_{gear.name}={gear.tip_factor:g} puts the tips of the {gear.name} at "
+            f"{1e3 * pair.tip_radii_m[index]:.5g} mm, inside its base circle of "
+            f"{1e3 * pair.base_radii_m[index]:.5g} mm, where there is no involute; "
+            f"{'reduce' if pair.sign(index) < 0 else 'raise'} tip_factor_{gear.name}"
+        )
+    thickness = pair.tip_thicknesses_m[index] * math.cos(pair.helix_angle_rad)
+    modules = thickness / pair.normal_module_m
+    if modules <= 0:
+        raise ArgumentError(
+            f"the teeth of the {gear.name} are pointed: tip thickness {modules:.3f} modules with "
+            f"profile_shift_{gear.name}={gear.profile_shift:g} and tip_factor_{gear.name}="
+            f"{gear.tip_factor:g}; reduce either"
+        )
+    if modules < SHARP_TIP:
+        return [f"the teeth of the {gear.name} are sharp: tip thickness {modules:.3f} modules"]
+    return []
+
+
+def _check_contact_ratio(pair: PairGeometry) -> None:
+    transverse = pair.transverse_contact_ratio
+    # a helical pair whose face width is not known cannot be judged by its total
+    helical = pair.helix_angle_rad > 0
+    if helical and pair.face_width_m is None:
+        return
+    ratio = pair.total_contact_ratio if helical else transverse
+    if ratio >= 1 and transverse > 0:
+        return
+    first, second = pair.gears
+    name = "total contact ratio" if helical else "contact ratio"
+    raise ArgumentError(
+        f"{name} {ratio:.4f} is below 1: no pair would carry for a while; reduce the "
+        f"centre distance ({1e3 * pair.centre_distance_m:.5g} mm) or the profile shifts, or raise "
+        f"tip_factor_{first.name} or tip_factor_{second.name}"
+    )
+
+
+def _check_clearance(pair: PairGeometry, index: int) -> None:
+    mate = 1 - index
+    if pair.internal:
+        outer = pair.root_radii_m[1] - pair.centre_distance_m - pair.tip_radii_m[0]
+        inner = pair.tip_radii_m[1] - pair.centre_distance_m - pair.root_radii_m[0]
+        gap = outer if index == 0 else inner
+    else:
+        gap = pair.centre_distance_m - pair.tip_radii_m[index] - pair.root_radii_m[mate]
+    if gap <= 0:
+        gear, other = pair.gears[index].name, pair.gears[mate].name
+        raise ArgumentError(
+            f"the tips of the {gear} run {-1e3 * gap:.4g} mm into the roots of the {other}; "
+            f"reduce tip_factor_{gear} or raise root_factor_{other} or the centre distance"
+        )
+
+
+def _check_root(pair: PairGeometry, index: int) -> list[str]:
+    """Contact must stay on the involute of an external gear."""
+    gear, mate = pair.gears[index], pair.gears[1 - index]
+    start = pair.path_m[0] if index == 0 else _line_length(pair) - pair.path_m[1]
+    form = pair.form_rolls_m[index]
+    least = pair.rack(index).least_shift(gear.teeth)
+    undercut = gear.profile_shift < least - 1e-9
+    short = (form - start) / pair.normal_module_m
+    if short > 1e-6:
+        where = f"the tips of the {mate.name} reach {short:.3g} modules below the involute of"
+        if undercut:
+            raise ArgumentError(
+                f"{where} the {gear.name}, whose {gear.teeth} teeth are undercut at "
+                f"profile_shift_{gear.name}={gear.profile_shift:g}; give at least {least:.4f}, or "
+                f"{pair.rack(index).least_teeth(gear.profile_shift)} teeth"
+            )
+        raise ArgumentError(
+            f"{where} the {gear.name} (interference); reduce tip_factor_{mate.name}="
+            f"{mate.tip_factor:g} or raise root_factor_{gear.name}={gear.root_factor:g}"
+        )
+    if not undercut:
+        return []
+    if gear.profile_shift < least - TOLERATED_UNDERCUT:
+        raise ArgumentError(
+            f"the {gear.teeth} teeth of the {gear.name} are undercut at "
+            f"profile_shift_{gear.name}={gear.profile_shift:g}, beyond the practical limit of "
+            f"{least - TOLERATED_UNDERCUT:.4f}; give at least {least:.4f}, or "
+            f"{pair.rack(index).least_teeth(gear.profile_shift)} teeth"
+        )
+    return [
+        f"the {gear.teeth} teeth of the {gear.name} are undercut below the path of contact: "
+        f"profile_shift_{gear.name}={gear.profile_shift:g} where {least:.4f} would avoid it"
+    ]
+
+
+def _check_ring(pair: PairGeometry) -> list[str]:
+    planet, ring = pair.gears
+    end = math.hypot(pair.base_radii_m[1], pair.path_m[1] + _line_length(pair))
+    if end > pair.root_radii_m[1]:
+        raise ArgumentError(
+            f"the tips of the {planet.name} touch the {ring.name} beyond its root circle "
+            f"({1e3 * end:.5g} > {1e3 * pair.root_radii_m[1]:.5g} mm); reduce "
+            f"tip_factor_{planet.name} or raise root_factor_{ring.name}"
+        )
+    room = _tip_passage(pair)
+    if room < 0:
+        raise ArgumentError(
+            f"tips of {planet.name} and {ring.name} collide outside the mesh by "
+            f"{-math.degrees(room):.3g} deg: ring_teeth - planet_teeth = "
+            f"{ring.teeth - planet.teeth} is too small; "
+            f"take more teeth in the ring or reduce the tip factors"
+        )
+    room = _radial_passage(pair)
+    if room < 0:
+        return [
+            f"the {planet.name} cannot be put into the {ring.name} radially, only along its axis: "
+            f"tips would collide by {-math.degrees(room):.3g} deg"
+        ]
+    return []
+
+
+def _tip_passage(pair: PairGeometry) -> float:
+    """Angle [rad] by which the tips of the inner gear miss those of the ring where they cross."""
+    inner, outer = pair.tip_radii_m
+    a = pair.centre_distance_m
+    reach = (outer**2 - inner**2 - a**2) / (2 * a * inner)
+    if reach >= 1:
+        return math.inf
+    at_inner = math.acos(reach)
+    at_outer = math.acos((a**2 + outer**2 - inner**2) / (2 * a * outer))
+    tips = [
+        involute(math.acos(min(1.0, base / tip)))
+        for base, tip in zip(pair.base_radii_m, pair.tip_radii_m, strict=True)
+    ]
+    working = involute(pair.working_pressure_angle_rad)
+    teeth = pair.gears[0].teeth / pair.gears[1].teeth
+    return (at_inner + tips[0] - working) * teeth + working - tips[1] - at_outer
+
+
+def _radial_passage(pair: PairGeometry) -> float:
+    """Angle [rad] by which the tips of the inner gear pass those of the ring moving radially.
+
+    Where a tip of the one passes a tip of the other at the same distance from the line of
+    centres, at the angle at which that is tightest.
+    """
+    tips = [
+        math.acos(min(1.0, base / tip))
+        for base, tip in zip(pair.base_radii_m, pair.tip_radii_m, strict=True)
+    ]
+    ratio = pair.gears[1].teeth / pair.gears[0].teeth
+    inner, outer = pair.tip_radii_m
+    # y of both tips is equal, and so is its rate as the gears roll: sin^2 of both angles follows
+    radii = outer / inner
+    if radii >= ratio:
+        return math.inf
+    square = (ratio**2 - radii**2) / (ratio**2 - 1)
+    at_inner = math.asin(math.sqrt(min(1.0, square)))
+    at_outer = math.asin(min(1.0, math.sin(at_inner) / radii))
+    working = involute(pair.working_pressure_angle_rad)
+    own = at_inner + involute(tips[0]) - working
+    return own - ratio * (at_outer + involute(tips[1]) - working)

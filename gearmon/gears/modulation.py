@@ -14,6 +14,7 @@ the phase: the phase modulation of McFadden, whose index grows with the mesh har
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -22,17 +23,377 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gearmon.gears.contact_family import ContactFamily
-from gearmon.gears.contact_offset import (
-    ContactOffset,
-    OffsetState,
-    contact_offsets,
-    state_of,
-)
-from gearmon.gears.missing_material import GearError
+from gearmon.gears.faults import GearError
 from gearmon.gears.pairs import MeshPair
-from gearmon.gears.panels import ComplexArray, FloatArray
-from gearmon.gears.pulses import Pulse
+from gearmon.gears.pulses import (
+    LARGEST_TURN,
+    LEAST_OVERLAP,
+    POINTS,
+    ComplexArray,
+    CurvePulse,
+    FloatArray,
+    Pulse,
+    gauss,
+    legendre,
+    panel_nodes,
+)
+
+#: Errors that move the contact of all teeth of a gear as it turns.
+MOVING_KINDS = ("eccentricity", "cumulative", "misalignment")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContactOffset:
+    """How the errors of one gear move the contact, as it turns.
+
+    Parameters
+    ----------
+    gear : str
+    teeth : int
+    leaving, entering : complex
+        a and b are their real parts after multiplication by ``exp(2 pi i phase/teeth)``
+        [mesh periods].
+    lead_m : complex
+        Lead deviation across the face, likewise [m].
+    """
+
+    gear: str
+    teeth: int
+    leaving: complex = 0j
+    entering: complex = 0j
+    lead_m: complex = 0j
+
+    @property
+    def is_none(self) -> bool:
+        """Whether nothing moves."""
+        return not (self.leaving or self.entering or self.lead_m)
+
+    def turned(self, amplitude: complex, angle: FloatArray) -> FloatArray:
+        """Return the real part of an amplitude turned by an angle [rad]."""
+        return np.asarray(amplitude.real * np.cos(angle) - amplitude.imag * np.sin(angle))
+
+
+@dataclass(frozen=True, kw_only=True)
+class OffsetState:
+    """Where the contact lies at some instants: arrays of one shape.
+
+    Parameters
+    ----------
+    leaving, entering : ndarray
+        a and b [mesh periods].
+    share : ndarray
+        Part of the face width that carries.
+    """
+
+    leaving: FloatArray
+    entering: FloatArray
+    share: FloatArray
+
+    @property
+    def lost(self) -> FloatArray:
+        """What the contact ratio loses."""
+        return self.leaving + self.entering
+
+
+def contact_offsets(pair: MeshPair, errors: Iterable[GearError]) -> tuple[ContactOffset, ...]:
+    """Return how errors move the contact, one entry for each gear that has such errors.
+
+    Parameters
+    ----------
+    pair : MeshPair
+        With a module.
+    errors : iterable of GearError
+        Those of other gears, of single teeth and of size 0 are left aside.
+    """
+    found = []
+    for index, member in enumerate(pair.members):
+        own = [e for e in errors if e.gear == member.name and e.kind in MOVING_KINDS and e.size_m]
+        parts = [_moved(error, pair, index) for error in own]
+        offset = ContactOffset(
+            gear=member.name,
+            teeth=member.teeth.teeth,
+            leaving=sum((part[0] for part in parts), 0j),
+            entering=sum((part[1] for part in parts), 0j),
+            lead_m=sum((part[2] for part in parts), 0j),
+        )
+        if not offset.is_none:
+            found.append(offset)
+    return tuple(found)
+
+
+def state_of(
+    offsets: Iterable[ContactOffset], angles: Iterable[FloatArray], free_gap_m: float
+) -> OffsetState:
+    """Return the contact with gears turned by angles [rad].
+
+    Parameters
+    ----------
+    offsets : iterable of ContactOffset
+    angles : iterable of ndarray
+        Of each gear; shapes that broadcast.
+    free_gap_m : float
+        Lead deviation that the load just closes.
+    """
+    leaving, entering, lead = np.zeros(()), np.zeros(()), np.zeros(())
+    for offset, angle in zip(offsets, angles, strict=True):
+        leaving = leaving + offset.turned(offset.leaving, angle)
+        entering = entering + offset.turned(offset.entering, angle)
+        lead = lead + offset.turned(offset.lead_m, angle)
+    share = carrying_share(np.abs(lead), free_gap_m)
+    return OffsetState(leaving=leaving, entering=entering, share=share)
+
+
+def first_gear_share(pair: MeshPair) -> float:
+    """Return s, the share of a transmission error by which the first gear moves."""
+    if pair.second.internal:
+        return 1.0
+    one, two = (float(member.teeth.teeth) ** 2 for member in pair.members)
+    return two / (one + two)
+
+
+def _moved(error: GearError, pair: MeshPair, index: int) -> tuple[complex, complex, complex]:
+    """Return a, b [mesh periods] and the lead [m] of one error, as turning amplitudes."""
+    size = error.size_m * cmath.exp(1j * error.phase_rad)
+    if error.kind == "misalignment":
+        return 0j, 0j, size
+    geometry = pair.unchecked_geometry
+    share = first_gear_share(pair)
+    along = size / geometry.base_pitch_m
+    if error.kind == "cumulative":
+        # a tooth that stands back meets its mate farther down the line of action
+        own = -(1 - share) if index == 0 else share
+        return own * along, -own * along, 0j
+    external = not pair.second.internal
+    # d_t = e cos x; the offset turns with its gear: those of external gears turn against each other
+    normal = -1j * along if index == 1 and external else 1j * along
+    line = geometry.centre_distance_m * math.sin(geometry.working_pressure_angle_rad)
+    one, two = (radius / line for radius in geometry.base_radii_m)
+    leaving = (one if external else -one) * normal + share * along
+    return leaving, two * normal + (1 - share) * along, 0j
+
+
+def carrying_share(gap_m: FloatArray, free_gap_m: float) -> FloatArray:
+    """Return the part of the face width that carries, in (0, 1].
+
+    Parameters
+    ----------
+    gap_m : ndarray
+        Lead deviation across the face, >= 0 [m].
+    free_gap_m : float
+        That which the load just closes: 2 F/k [m].
+
+    Notes
+    -----
+    A face of even stiffness under a linear gap: ``f = min(1, sqrt(2 F/(k g)))``, as b_cal/b of
+    ISO 6336-1 for K_Hbeta.
+    """
+    wide = gap_m > free_gap_m
+    return np.sqrt(np.where(wide, free_gap_m / np.where(wide, gap_m, 1.0), 1.0))
+
+
+IntArray = NDArray[np.integer]
+
+#: Chebyshev points tried one after the other, until the pulses have converged.
+NODES = (3, 5, 9, 17)
+CONVERGED = 1e-10
+#: Phases evaluated together; bounds the memory.
+PHASES_PER_BLOCK = 16_384
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ContactFamily:
+    """Pulses of one pair over the loss of contact ratio.
+
+    Parameters
+    ----------
+    largest : float
+        Loss of contact ratio reached to either side [mesh periods].
+    edges : ndarray, shape (nodes, pieces + 1)
+        Chebyshev coefficients of the edges of the pieces, from the entry of the pair.
+    series : ndarray, shape (nodes, pieces, degree + 1)
+        Chebyshev coefficients of the Legendre coefficients on each piece [N/m].
+    overlap_ratio : float
+    """
+
+    largest: float
+    edges: FloatArray
+    series: FloatArray
+    overlap_ratio: float
+
+    @classmethod
+    def of(
+        cls, member: Callable[[float], Pulse], largest: float, overlap_ratio: float
+    ) -> ContactFamily | None:
+        """Return the family through the pulses that `member` gives for losses of contact ratio.
+
+        None where the pulses have not the same pieces: a zone of contact vanishes.
+        """
+        sound = member(0.0)
+        parts = _parts(sound)
+        found = None
+        for count in NODES if largest else (1,):
+            x = np.cos(np.pi * (np.arange(count) + 0.5) / count)
+            pulses = [member(float(largest * value)) for value in x]
+            if any(len(pulse.starts) != len(sound.starts) for pulse in pulses):
+                return None
+            edges = np.array([_edges(pulse, parts) for pulse in pulses])
+            if np.diff(edges, axis=1).min(initial=1.0) <= 0:
+                return None
+            series = np.array(
+                [_series(pulse, own) for pulse, own in zip(pulses, edges, strict=True)]
+            )
+            analysis = _chebyshev(count, x).T * np.where(np.arange(count) == 0, 1, 2)[:, None]
+            found = cls(
+                largest=largest,
+                edges=np.tensordot(analysis / count, edges, 1),
+                series=np.tensordot(analysis / count, series, 1),
+                overlap_ratio=overlap_ratio,
+            )
+            size = np.abs(found.series[0]).max(initial=0.0)
+            if np.abs(found.series[-1]).max(initial=0.0) <= CONVERGED * size:
+                break
+        return found
+
+    @classmethod
+    def rigid(cls, pulse: Pulse, overlap_ratio: float) -> ContactFamily:
+        """Return the family of a contact that keeps its length."""
+        edges = _edges(pulse, _parts(pulse))
+        series = _series(pulse, edges)
+        return cls(largest=0.0, edges=edges[None], series=series[None], overlap_ratio=overlap_ratio)
+
+    def pulse(self, lost: float) -> CurvePulse:
+        """Return the pulse for one loss of contact ratio."""
+        edges, series = self._members(np.array([lost]))
+        return CurvePulse(
+            starts=edges[0, :-1],
+            ends=edges[0, 1:],
+            polynomial=np.zeros((len(edges[0]) - 1, 3)),
+            series=series[0],
+        )
+
+    def entry(self, leaving: FloatArray, entering: FloatArray) -> FloatArray:
+        """Return when a pair enters [mesh periods]: the middle of its contact shifts by (b - a)/2.
+
+        A contact whose length is nominal, as that of the half-duty forms, keeps it.
+        """
+        lengths = self._terms(leaving + entering) @ self.edges[:, -1]
+        sound = float((self._terms(np.zeros(1)) @ self.edges[:, -1])[0])
+        return np.asarray(0.5 * (entering - leaving + sound - lengths))
+
+    def coefficients(
+        self, orders: IntArray, leaving: FloatArray, entering: FloatArray
+    ) -> ComplexArray:
+        """Return the coefficients [N/m] of a mesh whose contact stays as in each state.
+
+        Parameters
+        ----------
+        orders : ndarray of int, shape (m,)
+        leaving, entering : ndarray, shape (n,)
+
+        Returns
+        -------
+        ndarray of complex, shape (n, m)
+        """
+        entry = self.entry(leaving, entering)
+        lost, place = np.unique(np.round(leaving + entering, 15), return_inverse=True)
+        own = np.array([self.pulse(float(value)).transform(orders) for value in lost])
+        eps = self.overlap_ratio
+        spread = np.sinc(orders * eps) * np.exp(-1j * np.pi * orders * eps)
+        turned = np.exp(-2j * np.pi * orders * entry[:, None])
+        return np.asarray(own[place.reshape(-1)] * turned * spread)
+
+    def at(self, phase: FloatArray, leaving: FloatArray, entering: FloatArray) -> FloatArray:
+        """Return the mesh stiffness [N/m] at phases with a contact each, shape (n,)."""
+        total = np.zeros(len(phase))
+        for low in range(0, len(phase), PHASES_PER_BLOCK):
+            block = slice(low, low + PHASES_PER_BLOCK)
+            total[block] = self._at(phase[block], leaving[block], entering[block])
+        return total
+
+    def _at(self, phase: FloatArray, leaving: FloatArray, entering: FloatArray) -> FloatArray:
+        terms = self._terms(leaving + entering)
+        edges = terms @ self.edges
+        eps = self.overlap_ratio
+        since = np.mod(phase - self.entry(leaving, entering), 1.0)
+        total = np.zeros(len(phase))
+        for turn in range(math.ceil(float(edges[:, -1].max()) + eps)):
+            x = since + turn
+            if eps < LEAST_OVERLAP:
+                total += self._value(terms, edges, x)
+            else:
+                late = self._integral(terms, edges, x - eps)
+                total += (self._integral(terms, edges, x) - late) / eps
+        return total
+
+    def _value(self, terms: FloatArray, edges: FloatArray, x: FloatArray) -> FloatArray:
+        total = np.zeros(len(x))
+        for piece in range(self.series.shape[1]):
+            here = np.flatnonzero((x >= edges[:, piece]) & (x < edges[:, piece + 1]))
+            if len(here):
+                series = terms[here] @ self.series[:, piece]
+                own = legendre(series.shape[1], _local(edges[here], x[here], piece))
+                total[here] = np.einsum("np,pn->p", own, series)
+        return total
+
+    def _integral(self, terms: FloatArray, edges: FloatArray, x: FloatArray) -> FloatArray:
+        """Integral of each pulse from its start to `x`."""
+        total = np.zeros(len(x))
+        for piece in range(self.series.shape[1]):
+            width = edges[:, piece + 1] - edges[:, piece]
+            past = x >= edges[:, piece + 1]
+            total += np.where(past, width * (terms @ self.series[:, piece, 0]), 0.0)
+            here = np.flatnonzero((x >= edges[:, piece]) & ~past)
+            if len(here):
+                series = terms[here] @ self.series[:, piece]
+                own = legendre(series.shape[1] + 1, _local(edges[here], x[here], piece))
+                # integral of P_n from -1 is (P_{n+1} - P_{n-1})/(2n + 1), and x + 1 for n = 0
+                part = series[:, 0] * (1 + own[1])
+                for n in range(1, series.shape[1]):
+                    part += series[:, n] * (own[n + 1] - own[n - 1]) / (2 * n + 1)
+                total[here] += 0.5 * width[here] * part
+        return total
+
+    def _members(self, lost: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return edges and series for losses of contact ratio, shape (n,)."""
+        terms = self._terms(lost)
+        return terms @ self.edges, np.tensordot(terms, self.series, 1)
+
+    def _terms(self, lost: FloatArray) -> FloatArray:
+        return _chebyshev(len(self.edges), lost / self.largest if self.largest else lost)
+
+
+def _parts(pulse: Pulse) -> list[int]:
+    """Return into how many parts each piece is cut, so that none oscillates much."""
+    fastest = float(np.abs(pulse.rates).max(initial=0.0))
+    longest = LARGEST_TURN / fastest if fastest else np.inf
+    return [max(1, math.ceil(width / longest)) for width in pulse.ends - pulse.starts]
+
+
+def _edges(pulse: Pulse, parts: list[int]) -> FloatArray:
+    cut = [
+        np.linspace(low, high, count + 1)[:-1]
+        for low, high, count in zip(pulse.starts, pulse.ends, parts, strict=True)
+    ]
+    return np.concatenate([*cut, pulse.ends[-1:]])
+
+
+def _series(pulse: Pulse, edges: FloatArray) -> FloatArray:
+    if isinstance(pulse, CurvePulse) or pulse.rates.size:
+        points = POINTS
+    else:
+        points = pulse.polynomial.shape[1]
+    values = pulse.value(panel_nodes(edges, points))
+    return np.asarray(values @ gauss(points)[2].T)
+
+
+def _chebyshev(count: int, x: FloatArray) -> FloatArray:
+    return np.cos(np.arange(count) * np.arccos(np.clip(x, -1.0, 1.0))[:, None])
+
+
+def _local(edges: FloatArray, x: FloatArray, piece: int) -> FloatArray:
+    low, high = edges[:, piece], edges[:, piece + 1]
+    return np.asarray((2 * np.clip(x, low, high) - low - high) / (high - low))
+
 
 #: Angles of a gear at which the carrying part of a misaligned face is taken; it has corners.
 SHARE_ANGLES, JOINT_SHARE_ANGLES = 4096, 64

@@ -11,9 +11,16 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from gearmon.errors import ArgumentError
-from gearmon.gears import involute, iso6336
-from gearmon.gears.geometry import GearTeeth, PairGeometry, pair_geometry
-from gearmon.gears.involute_pair import Two
+from gearmon.gears import iso6336
+from gearmon.gears.geometry import (
+    GearTeeth,
+    PairGeometry,
+    Two,
+    base_radius,
+    overlap_ratio,
+    pair_geometry,
+    transverse_pressure_angle,
+)
 from gearmon.machine import ParallelStage, PlanetaryStage
 
 Stage = ParallelStage | PlanetaryStage
@@ -170,7 +177,7 @@ class MeshPair:
             return 0.0
         module = 1e-3 * self.need("module_mm", "overlap ratio")
         width = 1e-3 * self.need("face_width_mm", "overlap ratio")
-        return involute.overlap_ratio(self.helix_angle_rad, width, module)
+        return overlap_ratio(self.helix_angle_rad, width, module)
 
     @property
     def pitch_phase(self) -> float:
@@ -184,9 +191,7 @@ class MeshPair:
         """Base radii [m]."""
         module = 1e-3 * self.need("module_mm", "base circle", "force_n and equivalent_mass_kg")
         one, two = (
-            involute.base_radius(
-                member.teeth.teeth, module, self.pressure_angle_rad, self.helix_angle_rad
-            )
+            base_radius(member.teeth.teeth, module, self.pressure_angle_rad, self.helix_angle_rad)
             for member in self.members
         )
         return one, two
@@ -222,7 +227,7 @@ class MeshPair:
         """
         if force_n is None or self.stage.face_width_mm is None:
             return None
-        alpha = involute.transverse_pressure_angle(self.pressure_angle_rad, self.helix_angle_rad)
+        alpha = transverse_pressure_angle(self.pressure_angle_rad, self.helix_angle_rad)
         tangential = force_n * math.cos(alpha) * self.stage.application_factor
         return tangential / self.stage.face_width_mm
 

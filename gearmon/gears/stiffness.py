@@ -16,20 +16,201 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gearmon.errors import ArgumentError, nearest_name
-from gearmon.gears.contact_offset import MOVING_KINDS
-from gearmon.gears.curve_pulses import product
-from gearmon.gears.damage import acting_faults, damage_trains, wear_curve
-from gearmon.gears.energy_stiffness import energy_member, energy_stiffness
-from gearmon.gears.faults import Fault
+from gearmon.gears.damage import (
+    acting_faults,
+    damage_trains,
+    gear_losses,
+    measured_patches,
+    wear_curve,
+)
+from gearmon.gears.faults import Fault, GearError
 from gearmon.gears.iso6336 import MethodB
-from gearmon.gears.missing_material import GearError
-from gearmon.gears.modulation import ModulationTrain, modulation_trains
+from gearmon.gears.modulation import MOVING_KINDS, ModulationTrain, modulation_trains
 from gearmon.gears.pairs import MeshPair, Stage, mesh_pairs
-from gearmon.gears.potential_energy import POTENTIAL_ENERGY, PotentialEnergy
-from gearmon.gears.pulse_trains import PulseTerm, PulseTrain
-from gearmon.gears.pulses import ComplexArray, FloatArray, Pulse
-from gearmon.gears.stiffness_forms import FORMS, StiffnessForm, stiffness_form
-from gearmon.gears.stretch import shorter_pulse, unit_pulse
+from gearmon.gears.pulses import (
+    ComplexArray,
+    CurvePulse,
+    FloatArray,
+    Pulse,
+    PulseTerm,
+    PulseTrain,
+    product,
+)
+from gearmon.gears.stiffness_forms import (
+    FORMS,
+    StiffnessForm,
+    shorter_pulse,
+    stiffness_form,
+    unit_pulse,
+)
+from gearmon.gears.tooth_mesh import PairState, TeethInMesh
+from gearmon.gears.tooth_pairs import POTENTIAL_ENERGY, PotentialEnergy, ToothPair, teeth_of
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EnergyStiffness:
+    """Parts of a mesh stiffness.
+
+    Parameters
+    ----------
+    healthy : PulseTrain
+    missing : tuple of PulseTrain
+    variation : float
+        Half the peak to peak of the healthy stiffness over its mean.
+    warnings : tuple of str
+    """
+
+    healthy: PulseTrain
+    missing: tuple[PulseTrain, ...]
+    variation: float
+    warnings: tuple[str, ...]
+
+
+def energy_stiffness(
+    pair: MeshPair, faults: Sequence[Fault], form: PotentialEnergy, force_n: float | None
+) -> EnergyStiffness:
+    """Return the stiffness of a mesh from its teeth.
+
+    Parameters
+    ----------
+    pair : MeshPair
+    faults : sequence of Fault
+        That act in this mesh.
+    form : PotentialEnergy
+    force_n : float or None
+        Static force on the line of action [N].
+
+    Raises
+    ------
+    ArgumentError
+        If data are missing, or damage does not fit its tooth.
+    """
+    if pair.given("stiffness_variation") is not None:
+        raise ArgumentError(
+            f"{pair.where}: stiffness_variation cannot be imposed on the {form.name} form, whose "
+            f"curve follows from the teeth; leave it out or choose another form"
+        )
+    if form.contact == "load-dependent" and force_n is None:
+        raise ArgumentError(
+            f"{pair.where}: the load-dependent contact needs the static tooth force; give "
+            f"torque_nm of [operating], force_n in this stage, or contact='constant'"
+        )
+    teeth = teeth_of(pair, form)
+    mesh = TeethInMesh(
+        pair=teeth, worn=_worn(pair, teeth, faults), is_coupled=form.is_coupled, force_n=force_n
+    )
+    factor = _factor(pair, teeth, form, force_n, faults)
+    healthy = _train(pair, "all teeth", 1, [PulseTerm(pulse=mesh.healthy)], factor)
+    return EnergyStiffness(
+        healthy=healthy,
+        missing=_missing(pair, teeth, mesh, faults, factor),
+        variation=_variation(healthy),
+        warnings=teeth.warnings,
+    )
+
+
+def energy_member(
+    pair: MeshPair, faults: Sequence[Fault], form: PotentialEnergy, force_n: float | None
+) -> Callable[[float], CurvePulse]:
+    """Return what gives the pulse [N/m] of sound or worn pairs at other centre distances.
+
+    Parameters
+    ----------
+    pair, faults, form, force_n
+        As in `energy_stiffness`.
+
+    Returns
+    -------
+    callable
+        Maps what the contact ratio loses to the pulse of a pair, from its entry.
+    """
+    teeth = teeth_of(pair, form)
+    factor = _factor(pair, teeth, form, force_n, faults)
+
+    def member(lost: float) -> CurvePulse:
+        moved = teeth.parted(lost)
+        mesh = TeethInMesh(
+            pair=moved,
+            worn=_worn(pair, moved, faults),
+            is_coupled=form.is_coupled,
+            force_n=force_n,
+        )
+        return mesh.healthy.scaled(factor)
+
+    return member
+
+
+def _missing(
+    pair: MeshPair, teeth: ToothPair, mesh: TeethInMesh, faults: Sequence[Fault], factor: float
+) -> tuple[PulseTrain, ...]:
+    names = [member.name for member in pair.members]
+    z = (pair.first.teeth.teeth, pair.second.teeth.teeth)
+    one, two = (gear_losses(pair, name, faults, teeth.contact_ratio, teeth) for name in names)
+    trains = [
+        _train(pair, names[0], z[0], mesh.terms(one, {}, z) if one else [], factor),
+        _train(pair, names[1], z[1], mesh.terms({}, two, z) if two else [], factor),
+        _train(
+            pair,
+            f"{names[0]} and {names[1]}",
+            math.lcm(*z),
+            mesh.meeting_terms(one, two, z) if one and two else [],
+            factor,
+        ),
+    ]
+    return tuple(train for train in trains if train.terms)
+
+
+def _worn(pair: MeshPair, teeth: ToothPair, faults: Sequence[Fault]) -> PairState:
+    """Return the loss by measured wear of each gear."""
+    helical = pair.overlap_ratio > 0
+    one, two = (
+        measured_patches(
+            [f for f in faults if f.kind == "wear" and f.gear == member.name and not f.is_loss],
+            teeth,
+            index,
+            helical,
+        )
+        for index, member in enumerate(pair.members)
+    )
+    return one, two
+
+
+def _factor(
+    pair: MeshPair,
+    teeth: ToothPair,
+    form: PotentialEnergy,
+    force_n: float | None,
+    faults: Sequence[Fault],
+) -> float:
+    """Return what the pulses are multiplied by: wear given as a loss, and an imposed mean."""
+    worn = math.prod(1 - f.loss for f in faults if f.kind == "wear" and f.is_loss)
+    imposed = pair.given("mesh_stiffness_n_per_m")
+    if imposed is None:
+        return worn
+    sound = TeethInMesh(pair=teeth, is_coupled=form.is_coupled, force_n=force_n)
+    return worn * imposed / sound.healthy.area
+
+
+def _train(
+    pair: MeshPair, gear: str, period: int, terms: list[PulseTerm], factor: float
+) -> PulseTrain:
+    scaled = terms
+    if factor != 1:
+        scaled = [replace(term, pulse=term.pulse.scaled(factor)) for term in terms]
+    return PulseTrain(
+        gear=gear, period_mesh=period, overlap_ratio=pair.overlap_ratio, terms=tuple(scaled)
+    )
+
+
+def _variation(train: PulseTrain) -> float:
+    pulse = train.terms[0].pulse
+    corners = np.concatenate([pulse.starts, pulse.ends[-1:]])
+    edges = np.unique(np.concatenate([corners, corners + train.overlap_ratio]) % 1.0)
+    edges = np.concatenate([edges, edges[:1] + 1])
+    inside = np.concatenate([[1e-9], np.arange(1, 32) / 32, [1 - 1e-9]])
+    values = train.at(edges[:-1, None] + np.diff(edges)[:, None] * inside)
+    return 0.5 * float(np.ptp(values)) / float(train.coefficients([0])[0].real)
+
 
 #: Names of all forms: curves over a mesh period, and the one computed from the teeth.
 FORM_NAMES: tuple[str, ...] = (*FORMS, POTENTIAL_ENERGY)
@@ -261,7 +442,7 @@ def _from_form(
 ) -> MeshStiffness:
     unit, variation = unit_pulse(pair, form)
     mean, iso = _mean(pair, form, force_n)
-    pulse = _worn(pair, unit.scaled(mean), acting)
+    pulse = _worn_pulse(pair, unit.scaled(mean), acting)
     train = PulseTrain(
         gear="all teeth",
         period_mesh=1,
@@ -298,7 +479,7 @@ def _modulated(
         form, mean = found.form, _mean(pair, found.form, force_n)[0]
 
         def member(lost: float) -> Pulse:
-            return _worn(pair, shorter_pulse(pair, form, lost).scaled(mean), acting)
+            return _worn_pulse(pair, shorter_pulse(pair, form, lost).scaled(mean), acting)
 
     trains, more = modulation_trains(pair, moving, member, found.free_gap_m)
     return replace(found, modulations=trains, warnings=(*found.warnings, *notes, *more))
@@ -355,7 +536,7 @@ def _from_teeth(
     )
 
 
-def _worn(pair: MeshPair, pulse: Pulse, acting: list[Fault]) -> Pulse:
+def _worn_pulse(pair: MeshPair, pulse: Pulse, acting: list[Fault]) -> Pulse:
     """Return the pulse of a pair whose teeth are all worn."""
     factor = math.prod(1 - f.loss for f in acting if f.kind == "wear" and f.is_loss)
     left = wear_curve(pair, acting, pulse.length)

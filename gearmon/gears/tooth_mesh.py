@@ -16,11 +16,9 @@ from itertools import pairwise, product
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.gears.curve_pulses import CurvePulse
 from gearmon.gears.faults import LossPatch
-from gearmon.gears.involute import contact_zones
-from gearmon.gears.panels import FloatArray, panel_nodes
-from gearmon.gears.pulse_trains import PulseTerm
+from gearmon.gears.geometry import contact_zones
+from gearmon.gears.pulses import CurvePulse, FloatArray, PulseTerm, panel_nodes
 from gearmon.gears.tooth_pairs import PairCompliance, ToothPair
 
 #: Losses of the teeth of a gear, by tooth number.

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearmon.gears.fault_geometry import tooth_damage
 from gearmon.gears.faults import Fault
-from gearmon.gears.panels import FloatArray
+from gearmon.gears.pulses import FloatArray
 from gearmon.gears.tooth import Tooth
-from gearmon.gears.tooth_damage import ToothDamage
+from gearmon.gears.tooth_damage import ToothDamage, tooth_damage
 from gearmon.gears.tooth_pairs import ToothPair
 
 #: Points of each curve of an outline.

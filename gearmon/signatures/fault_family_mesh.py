@@ -10,12 +10,11 @@ from functools import cached_property
 import numpy as np
 
 from gearmon.errors import ArgumentError, check_range, nearest_name
-from gearmon.gears.excitation import Excitation, displacement_excitation
-from gearmon.gears.faults import Fault
+from gearmon.gears.excitation import Excitation, FlankError, displacement_excitation
+from gearmon.gears.faults import Fault, GearError
 from gearmon.gears.mechanics import StageMechanics, stage_mechanics
-from gearmon.gears.missing_material import FlankError, GearError
 from gearmon.gears.pairs import MeshPair, mesh_pairs
-from gearmon.gears.pulse_trains import PulseTrain
+from gearmon.gears.pulses import PulseTrain
 from gearmon.machine import Machine, OperatingPoint
 from gearmon.signatures.fault_family_motion import (
     Deviations,

@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.gears.pulse_trains import LEAST_OVERLAP, PulseTrain
+from gearmon.gears.pulses import LEAST_OVERLAP, PulseTrain
 from gearmon.gears.stiffness import MeshStiffness
 from gearmon.simulation.manufacture import GearErrors
 from gearmon.simulation.motion import ShaftMotion, Wander

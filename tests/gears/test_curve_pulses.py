@@ -10,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import spherical_jn
 
-from gearmon.gears.curve_pulses import CurvePulse, product
-from gearmon.gears.panels import PanelCurves, panel_nodes, spherical_bessel
+from gearmon.gears.pulses import CurvePulse, PanelCurves, panel_nodes, product, spherical_bessel
 from gearmon.gears.stiffness_forms import FORMS
 
 EDGES = np.array([0.0, 0.4, 1.0, 1.4])

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from reference.mesh_curves import fft_coefficients
 
 from gearmon.errors import ArgumentError
-from gearmon.gears.form_comparison import FOUR_FORMS, compare_forms
-from gearmon.gears.pulse_trains import PulseTerm, PulseTrain
+from gearmon.gears.pulses import PulseTerm, PulseTrain
 from gearmon.gears.stiffness_forms import FourierSum, Parabolic, Wave
+from gearmon.gears.stiffness_report import FOUR_FORMS, compare_forms
 from gearmon.machine import Machine, OperatingPoint, ParallelStage
 
 STAGE = ParallelStage(

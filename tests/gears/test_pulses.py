@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gearmon.gears.pulse_trains import PulseTerm, PulseTrain
-from gearmon.gears.pulses import Pulse
+from gearmon.gears.pulses import Pulse, PulseTerm, PulseTrain
 
 NUMBERS = st.floats(-3, 3)
 

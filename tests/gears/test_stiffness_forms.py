@@ -12,14 +12,14 @@ from reference.mesh_curves import fft_coefficients, parabolic_mesh
 from scipy.special import sici
 
 from gearmon.errors import ArgumentError
-from gearmon.gears.pulse_trains import PulseTerm, PulseTrain
+from gearmon.gears.geometry import contact_zones
+from gearmon.gears.pulses import PulseTerm, PulseTrain
 from gearmon.gears.stiffness_forms import (
     FORMS,
     FourierSum,
     Parabolic,
     Rectangular,
     Wave,
-    contact_zones,
     stiffness_form,
     zone_means,
 )
