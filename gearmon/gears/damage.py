@@ -3,36 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from scipy.optimize import brentq
 
 from gearmon.errors import ArgumentError
-from gearmon.gears.faults import (
-    BANDS,
-    Fault,
-    LossCurve,
-    LossPatch,
-    Share,
-    loss_patches,
-    overlap,
-    union,
-)
+from gearmon.gears.faults import BANDS, Fault, LossCurve, LossPatch, loss_patches, overlap, union
 from gearmon.gears.pairs import MeshPair, mesh_pairs
 from gearmon.gears.pulses import (
     FloatArray,
     Pulse,
     PulseTerm,
     PulseTrain,
+    distinct,
     gauss,
     panel_nodes,
-    product,
 )
 from gearmon.gears.tooth_damage import SOUND, ToothDamage, largest_size, tooth_damage
 from gearmon.gears.tooth_mesh import meeting
-from gearmon.gears.tooth_pairs import Beams, ToothPair, teeth_of
+from gearmon.gears.tooth_pairs import ToothPair, teeth_of
 
 #: Slices of the cracked part of a helical face.
 SLICES = 8
@@ -87,9 +79,11 @@ def measured_patches(
     if not damage.is_none:
         patches = union(patches, _section_patches(damage, pair, index, is_helical))
     nominal = pair.contact_ratio if length is None else length
-    patches = _stretched(patches, nominal / pair.contact_ratio)
+    factor = nominal / pair.contact_ratio
+    if abs(factor - 1) > 1e-9:
+        patches = tuple(patch.stretched(factor) for patch in patches)
     if any(fault.kind == "missing" for fault in faults):
-        gone = LossPatch(weight=1.0, start=0.0, end=nominal, curve=_bridged(pair, nominal))
+        gone = LossPatch(1.0, 0.0, nominal, curve=_bridged(pair, nominal))
         patches = union(patches, (gone,))
     return patches
 
@@ -143,65 +137,28 @@ def size_for_loss(fault: Fault, loss: float, pair: ToothPair, index: int) -> Fau
         raise ArgumentError(f"fault {fault} has no size to be found; give one in mm or as share")
     if not 0 <= loss < 1:
         raise ArgumentError(f"loss={loss:g} must lie in [0, 1)")
-    low, high = 0.0, largest_size(fault, pair.teeth[index])
-    most = stiffness_loss(replace(fault, size=high), pair, index).mean
+    most_size = largest_size(fault, pair.teeth[index])
+    most = stiffness_loss(replace(fault, size=most_size), pair, index).mean
     if loss > most:
         raise ArgumentError(
             f"a {fault.kind} costs at most {100 * most:.3g} % of the stiffness of its pair, at "
-            f"{high:.4g}{fault.unit}; loss={100 * loss:.3g} % is out of its reach"
+            f"{most_size:.4g}{fault.unit}; loss={100 * loss:.3g} % is out of its reach"
         )
 
     def missed(size: float) -> float:
         return stiffness_loss(replace(fault, size=size), pair, index).mean - loss
 
-    return replace(fault, size=_root(missed, low, high, most - loss) if loss else 0.0)
+    if loss in (0, most):
+        return replace(fault, size=most_size if loss else 0.0)
+    return replace(fault, size=brentq(missed, 0.0, most_size, rtol=1e-9))
 
 
 def patch_loss(patches: Sequence[LossPatch], phase: FloatArray) -> FloatArray:
     """Return the loss at phases of the contact, of the whole face width."""
     total = np.zeros(phase.shape)
     for patch in patches:
-        inside = (phase >= patch.start) & (phase < patch.end)
-        share = patch.weight * (patch.face_end - patch.face_start)
-        curve = 1.0 if patch.curve is None else patch.curve.share(phase)
-        total += np.where(inside, share * curve, 0.0)
+        total += (patch.face_end - patch.face_start) * patch.at(phase)
     return total
-
-
-def _root(curve: Callable[[float], float], low: float, high: float, end: float) -> float:
-    """Return where a rising curve that starts below 0 and ends at `end` >= 0 crosses it.
-
-    False position that halves the value of an end which stays (Illinois).
-    """
-    begin, stayed = curve(low), 0
-    for _ in range(60):
-        middle = (low * end - high * begin) / (end - begin)
-        value = curve(middle)
-        if value < 0:
-            low, begin = middle, value
-            end *= 0.5 if stayed < 0 else 1.0
-            stayed = -1
-        else:
-            high, end = middle, value
-            begin *= 0.5 if stayed > 0 else 1.0
-            stayed = 1
-        if abs(value) < 1e-12 or high - low < 1e-9 * high:
-            return middle
-    return middle
-
-
-def _stretched(patches: tuple[LossPatch, ...], factor: float) -> tuple[LossPatch, ...]:
-    if abs(factor - 1) < 1e-9:
-        return patches
-    return tuple(
-        replace(
-            patch,
-            start=factor * patch.start,
-            end=factor * patch.end,
-            curve=patch.curve.stretched(factor) if patch.curve else None,
-        )
-        for patch in patches
-    )
 
 
 def _broken(fault: Fault, pair: ToothPair, index: int) -> tuple[LossPatch, ...]:
@@ -229,8 +186,7 @@ def _broken(fault: Fault, pair: ToothPair, index: int) -> tuple[LossPatch, ...]:
         start, end = (max(0.0, edge), end) if index == 0 else (0.0, min(end, edge))
     if share == 0 or end <= start:
         return ()
-    patch = LossPatch(weight=1.0, start=start, end=end, face_start=begin)
-    return (replace(patch, face_end=min(1.0, begin + share)),)
+    return (LossPatch(1.0, start, end, begin, min(1.0, begin + share)),)
 
 
 def _bridged(pair: ToothPair, length: float) -> LossCurve:
@@ -248,7 +204,7 @@ def _bridged(pair: ToothPair, length: float) -> LossCurve:
         alone = (few == 1) & (phase >= part) & (phase < 1)
         return np.where(alone, 1 - np.minimum(ends / own, 1.0), 1.0)
 
-    return LossCurve(share=share, corners=(part, 1.0))
+    return LossCurve(share, (part, 1.0))
 
 
 def _section_patches(
@@ -268,23 +224,13 @@ def _section_patches(
 
 def _patch(damage: ToothDamage, pair: ToothPair, index: int, low: float, high: float) -> LossPatch:
     beams = pair.beams(*((damage, SOUND) if index == 0 else (SOUND, damage)))
-    curve = LossCurve(share=_lost(pair, beams), corners=tuple(pair.corners(beams).tolist()))
-    return LossPatch(
-        weight=1.0,
-        start=0.0,
-        end=pair.contact_ratio,
-        face_start=low,
-        face_end=high,
-        curve=curve,
-    )
 
-
-def _lost(pair: ToothPair, beams: Beams) -> Share:
     def share(phase: FloatArray) -> FloatArray:
         roll = pair.roll(phase)
         return 1 - pair.compliances(roll).total / pair.compliances(roll, beams).total
 
-    return share
+    curve = LossCurve(share, tuple(pair.corners(beams).tolist()))
+    return LossPatch(1.0, 0.0, pair.contact_ratio, low, high, curve)
 
 
 def _face_edges(damage: ToothDamage, pair: ToothPair) -> list[float]:
@@ -320,13 +266,8 @@ def _slice(damage: ToothDamage, low: float, high: float, width: float) -> ToothD
 
 
 def _edges(patches: Sequence[LossPatch], pair: ToothPair) -> FloatArray:
-    corners = [0.0, pair.contact_ratio]
-    for patch in patches:
-        corners += [patch.start, patch.end]
-        corners += list(patch.curve.corners) if patch.curve else []
-    inside = np.clip(np.array(corners), 0.0, pair.contact_ratio)
-    edges = np.unique(inside)
-    return np.asarray(edges[np.concatenate([[True], np.diff(edges) > 1e-12])])
+    corners = [0.0, pair.contact_ratio, *(corner for p in patches for corner in p.corners)]
+    return distinct(np.clip(corners, 0.0, pair.contact_ratio), 1e-12)
 
 
 def acting_faults(pair: MeshPair, faults: Iterable[Fault]) -> tuple[list[Fault], list[str]]:
@@ -457,14 +398,10 @@ def wear_curve(pair: MeshPair, faults: Sequence[Fault], length: float) -> LossCu
     if not patches:
         return None
 
-    def left(phase: FloatArray) -> FloatArray:
-        total = np.ones(phase.shape)
-        for patch in patches:
-            total -= patch.weight * (1.0 if patch.curve is None else patch.curve.share(phase))
-        return total
-
-    corners = {corner for p in patches if p.curve for corner in p.curve.corners}
-    return LossCurve(share=left, corners=tuple(sorted(corners)))
+    return LossCurve(
+        lambda phase: 1 - np.asarray(sum(patch.at(phase) for patch in patches)),
+        tuple(sorted({corner for patch in patches for corner in patch.corners})),
+    )
 
 
 def _needs_pitch(faults: Sequence[Fault]) -> bool:
@@ -498,22 +435,13 @@ def _meetings(
 def _terms(
     pulse: Pulse, patches: Sequence[LossPatch], sign: float, offset: float
 ) -> list[PulseTerm]:
-    return [
-        PulseTerm(
-            pulse=_lost_pulse(pulse.window(patch.start, patch.end), patch),
-            weight=sign * patch.weight,
-            offset=offset,
-            face_start=patch.face_start,
-            face_end=patch.face_end,
-        )
-        for patch in patches
-    ]
-
-
-def _lost_pulse(pulse: Pulse, patch: LossPatch) -> Pulse:
-    if patch.curve is None:
-        return pulse
-    return product(pulse, patch.curve.share, patch.curve.corners)
+    found = []
+    for p in patches:
+        lost = pulse.window(p.start, p.end)
+        if p.curve is not None:
+            lost = lost.times(p.curve.share, p.curve.corners)
+        found.append(PulseTerm(lost, sign * p.weight, offset, p.face_start, p.face_end))
+    return found
 
 
 def _train(pair: MeshPair, gear: str, period: int, terms: tuple[PulseTerm, ...]) -> PulseTrain:

@@ -13,25 +13,16 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.faults import WHOLE_KINDS, Fault, GearError
 from gearmon.gears.modulation import carrying_share
 from gearmon.gears.pairs import MeshPair
-from gearmon.gears.pulses import (
-    LARGEST_TURN,
-    ComplexArray,
-    CurvePulse,
-    FloatArray,
-    Pulse,
-    PulseTerm,
-    PulseTrain,
-    product,
-    subdivided,
-)
+from gearmon.gears.pulses import ComplexArray, FloatArray, Pulse, PulseTerm, PulseTrain, distinct
 from gearmon.gears.stiffness import MeshStiffness
 from gearmon.gears.tooth_damage import tooth_damage
 from gearmon.gears.tooth_pairs import ToothPair, teeth_of
@@ -56,54 +47,32 @@ def tip_corner_gap(pair: ToothPair, beyond_m: FloatArray, *, leaving: bool) -> F
     """
     beyond = np.asarray(beyond_m, dtype=np.float64)
     rolls = pair.rolls(pair.path_m[1] + beyond if leaving else pair.path_m[0] - beyond)
+    centres, working = pair.centres_m
     own, mate = (0, 1) if leaving else (1, 0)
+
+    def flank(index: int, radius: FloatArray | float) -> FloatArray:
+        """Return the angle of a flank from the line of centres, in the sense of motion."""
+        tooth = pair.teeth[index]
+        tangent = np.sqrt(np.maximum((radius / tooth.base_radius_m) ** 2 - 1, 0.0))
+        rolled = rolls[index] / tooth.base_radius_m - working
+        # an external second gear is rolled off while the first one is rolled on
+        sign = -1 if index == 1 and not tooth.internal else 1
+        return np.asarray(sign * (rolled - (tangent - np.arctan(tangent))))
+
     radius = pair.teeth[own].tip_radius_m
-    x, y = _from_first_centre(pair, own, radius, _flank(pair, own, radius, rolls[own]))
-    distance, corner = _seen_from(pair, mate, x, y)
-    ahead = _flank(pair, mate, distance, rolls[mate]) - corner
+    corner = radius * np.exp(1j * flank(own, radius))
+    # from the centre of its gear to that of the mate; external gears face each other
+    seen = corner + (centres if own == 1 else -centres) if centres < 0 else centres - corner.conj()
+    ahead = flank(mate, np.abs(seen)) - np.angle(seen)
     # the first gear pushes: its flank stays behind that of the second
     return np.asarray(pair.teeth[mate].base_radius_m * (ahead if leaving else -ahead))
-
-
-def _working(pair: ToothPair) -> tuple[float, float]:
-    """Return signed centre distance, negative for a ring, and working pressure angle."""
-    base = pair.first.base_radius_m + pair.second.sign * pair.second.base_radius_m
-    centres = math.copysign(math.hypot(pair.line_m, base), base)
-    return centres, math.acos(base / centres)
-
-
-def _flank(pair: ToothPair, index: int, radius: FloatArray | float, roll: FloatArray) -> FloatArray:
-    """Return the angle of a flank at a radius, from the line of centres in the sense of motion."""
-    tooth = pair.teeth[index]
-    tangent = np.sqrt(np.maximum((radius / tooth.base_radius_m) ** 2 - 1, 0.0))
-    rolled = roll / tooth.base_radius_m - _working(pair)[1]
-    # an external second gear is rolled off while the first one is rolled on
-    sign = -1 if index == 1 and not tooth.internal else 1
-    return np.asarray(sign * (rolled - (tangent - np.arctan(tangent))))
-
-
-def _from_first_centre(
-    pair: ToothPair, index: int, radius: float, angle: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    x, y = radius * np.cos(angle), radius * np.sin(angle)
-    if index == 0:
-        return x, y
-    centres, sign = _working(pair)[0], pair.second.sign
-    return centres - sign * x, y
-
-
-def _seen_from(
-    pair: ToothPair, index: int, x: FloatArray, y: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    own = x if index == 0 else pair.second.sign * (_working(pair)[0] - x)
-    return np.hypot(own, y), np.arctan2(y, own)
 
 
 #: Lines of the turn of a misaligned gear under load; they fall with their square at least.
 GAP_LINES = 2048
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class TurningError:
     """Material missing alike from all pairs in contact, as a gear turns: a few lines of its turn.
 
@@ -174,7 +143,7 @@ class TurningError:
         return np.asarray(lines)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class FlankError:
     """Material missing from one tooth of a gear, or from all of them, along their contact.
 
@@ -222,7 +191,7 @@ def error_of(
     ArgumentError
         If the gear has no such tooth.
     """
-    teeth = pair.members[index].teeth.teeth
+    teeth = pair.teeth[index]
     if error.tooth is not None and error.tooth > teeth:
         raise ArgumentError(
             f"error {error}: tooth {error.tooth} does not exist, the {error.gear} of {pair.where} "
@@ -230,23 +199,12 @@ def error_of(
         )
     size, length = error.size_m, pair.contact_ratio
     if error.kind in WHOLE_KINDS:
-        return TurningError(
-            gear=error.gear,
-            teeth=teeth,
-            kind=error.kind,
-            size_m=size,
-            phase_rad=error.phase_rad,
-            free_gap_m=free_gap_m,
-        )
+        return TurningError(error.gear, teeth, error.kind, size, error.phase_rad, free_gap_m)
 
-    def pitch(phase: FloatArray) -> FloatArray:
-        return np.full(phase.shape, size)
+    def curve(phase: FloatArray) -> FloatArray:
+        return np.asarray(size * (2 * phase / length - 1) ** (0 if error.kind == "pitch" else 2))
 
-    def profile(phase: FloatArray) -> FloatArray:
-        return np.asarray(size * (2 * phase / length - 1) ** 2)
-
-    curve = pitch if error.kind == "pitch" else profile
-    return FlankError(gear=error.gear, teeth=teeth, tooth=error.tooth, curve=curve)
+    return FlankError(error.gear, teeth, error.tooth, curve)
 
 
 def profile_lost_by(fault: Fault, pair: MeshPair, index: int) -> list[TurningError | FlankError]:
@@ -255,33 +213,28 @@ def profile_lost_by(fault: Fault, pair: MeshPair, index: int) -> list[TurningErr
     A spall that leaves a part of the face width in contact moves nothing. Even wear moves all
     pairs alike, which shifts the mean and makes no line.
     """
-    gear, number = fault.gear, pair.members[index].teeth.teeth
+    gear, number = fault.gear, pair.teeth[index]
     if fault.kind == "wear":
         size = 1e-3 * fault.size
-        return [TurningError(gear=gear, teeth=number, kind="wear", size_m=size)] if size else []
+        return [TurningError(gear, number, "wear", size)] if size else []
     if fault.kind not in ("spall", "missing"):
         return []
     teeth = teeth_of(pair)
     if fault.kind == "missing":
         curve, corners = _bridge(teeth), (teeth.contact_ratio - 1, 1.0)
-        return [
-            FlankError(gear=gear, teeth=number, tooth=fault.tooth, curve=curve, corners=corners)
-        ]
+        return [FlankError(gear, number, fault.tooth, curve, corners)]
     (hole,) = tooth_damage([fault], teeth.teeth[index]).holes
     if hole.width_m < teeth.first.face_width_m * (1 - 1e-9):
         return []
     tooth = teeth.teeth[index]
-    ends = [
-        teeth.phase_of(index, tooth.angle_at_height(height)) for height in (hole.low_m, hole.high_m)
-    ]
-    low, high, depth = min(ends), max(ends), hole.depth_m
+    low, high = sorted(
+        teeth.phase_of(index, tooth.angle_at_height(at)) for at in (hole.low_m, hole.high_m)
+    )
 
     def spalled(phase: FloatArray) -> FloatArray:
-        return np.where((phase >= low) & (phase < high), depth, 0.0)
+        return np.where((phase >= low) & (phase < high), hole.depth_m, 0.0)
 
-    return [
-        FlankError(gear=gear, teeth=number, tooth=fault.tooth, curve=spalled, corners=(low, high))
-    ]
+    return [FlankError(gear, number, fault.tooth, spalled, (low, high))]
 
 
 def _bridge(pair: ToothPair) -> Callable[[FloatArray], FloatArray]:
@@ -318,11 +271,6 @@ class FlankExcitation:
     stiffness: MeshStiffness
     error: FlankError
 
-    @property
-    def gear(self) -> str:
-        """Gear of the error."""
-        return self.error.gear
-
     @cached_property
     def period_mesh(self) -> int:
         """True period [mesh periods], with that of the stiffness that shares the load."""
@@ -347,26 +295,17 @@ class FlankExcitation:
     @cached_property
     def force(self) -> PulseTrain:
         """sum_i k_i e_i [N], the force that would close all gaps."""
-        pulses: dict[int, Pulse] = {}
-
-        def with_gap(term: PulseTerm, entry: int) -> PulseTerm:
-            if id(term.pulse) not in pulses:
-                curve, corners = self.error.curve, self.error.corners
-                pulses[id(term.pulse)] = product(term.pulse, curve, corners)
-            return PulseTerm(
-                pulse=pulses[id(term.pulse)],
-                weight=term.weight,
-                offset=float(entry),
-                face_start=term.face_start,
-                face_end=term.face_end,
-            )
-
-        terms = [with_gap(term, entry) for entry in self._entries for term in self._terms_of(entry)]
-        return PulseTrain(
-            gear=self.gear,
-            period_mesh=self.period_mesh,
-            overlap_ratio=self.stiffness.overlap_ratio,
-            terms=tuple(terms),
+        gaps: dict[int, Pulse] = {}
+        terms = []
+        for entry in self._entries:
+            for term in self._terms_of(entry):
+                key = id(term.pulse)
+                if key not in gaps:
+                    gaps[key] = term.pulse.times(self.error.curve, self.error.corners)
+                terms.append(replace(term, pulse=gaps[key], offset=float(entry)))
+        healthy = self.stiffness.healthy
+        return replace(
+            healthy, gear=self.error.gear, period_mesh=self.period_mesh, terms=tuple(terms)
         )
 
     @property
@@ -410,36 +349,32 @@ class FlankExcitation:
             grouped.setdefault(tuple(key), []).append(window)
         return grouped
 
-    def _quotient(self, window: int) -> CurvePulse:
+    def _quotient(self, window: int) -> Pulse:
         """Return e within one mesh period, as a pulse that begins at phase 0."""
-        return CurvePulse.of(self._edges, lambda phase: self.at(window + phase))
+        return Pulse.of(self._edges, lambda phase: self.at(window + phase))
 
     @cached_property
     def _edges(self) -> FloatArray:
         """Corners of everything, folded into one mesh period."""
         trains = (self.force, self.stiffness.healthy, *self.stiffness.pulses)
-        found: list[NDArray[np.float64]] = [np.array([0.0, 1.0])]
-        fastest = 0.0
+        found = [np.array([0.0, 1.0])]
+        fastest = 2 * LARGEST_TURN
         for train in trains:
             for term in train.terms:
-                pulse = term.pulse
-                limits = term.offset + np.concatenate([pulse.starts, pulse.ends])
-                found += [
-                    limits + f * train.overlap_ratio for f in (term.face_start, term.face_end)
-                ]
-                fastest = max(fastest, float(np.abs(pulse.rates).max(initial=0.0)))
-        return subdivided(
-            _folded(np.concatenate(found)), LARGEST_TURN / fastest if fastest else 0.5
-        )
+                faces = np.array([term.face_start, term.face_end]) * train.overlap_ratio
+                found.append(np.add.outer(term.offset + term.pulse.edges, faces).ravel())
+                fastest = max(fastest, term.pulse.fastest)
+        edges = distinct(np.append(np.mod(np.concatenate(found), 1.0), 1.0), 1e-11)
+        edges[-1] = 1.0
+        parts = np.ceil(np.diff(edges) * fastest / LARGEST_TURN).astype(int)
+        cut = [
+            np.linspace(*ends, n + 1)[:-1] for ends, n in zip(pairwise(edges), parts, strict=True)
+        ]
+        return np.append(np.concatenate(cut), 1.0)
 
 
-def _folded(limits: ArrayLike) -> FloatArray:
-    edges = np.unique(np.concatenate([np.mod(limits, 1.0), [0.0, 1.0]]))
-    edges = edges[np.concatenate([[True], np.diff(edges) > 1e-11])]
-    edges[-1] = 1.0
-    return np.asarray(edges)
-
-
+#: Largest turn of an oscillating part across one piece where it is sampled [rad].
+LARGEST_TURN = 6.0
 #: Longest period that is sampled [mesh periods].
 LONGEST_PERIOD = 20_000
 
@@ -517,11 +452,11 @@ class Excitation:
         check_range("count", count, 0, 10_000_000)
         period = self.period_mesh if period_mesh is None else period_mesh
         total = np.zeros(count + 1, dtype=np.complex128)
-        for part in self.parts:
+        for part, error in zip(self.parts, self.errors, strict=True):
             if period % part.period_mesh:
                 raise ArgumentError(
                     f"period_mesh={period} must be a multiple of {part.period_mesh}, after which "
-                    f"the errors of the {part.gear} repeat"
+                    f"the errors of the {error.gear} repeat"
                 )
             step = period // part.period_mesh
             total[::step] += part.lines(count // step)

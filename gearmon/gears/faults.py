@@ -12,13 +12,18 @@ import math
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, fields, replace
+from itertools import product
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.errors import ArgumentError, check_finite, nearest_name
+from gearmon.errors import ArgumentError, check_finite, check_word, nearest_name
 
+FloatArray = NDArray[np.float64]
+#: What material a crack leaves without load, by name.
+LIMITS = ("flat", "parabolic")
+Limit = Literal["flat", "parabolic"]
 #: Losses of pair stiffness, and what they are worth.
 LOSS_UNITS = {"": 1.0, "%": 0.01}
 #: Severity of pitting by share of the flank: lower and upper end of each level (ASM Handbook).
@@ -90,7 +95,7 @@ class FaultShape:
             if value is None:
                 continue
             if item.name == "limit":
-                _check_limit(value)
+                check_word("limit of a crack ", value, LIMITS)
                 continue
             check_finite(_key(item.name), value, "deg" if item.name == "angle" else "mm")
             if item.name == "angle" and not 5 <= value <= 90:
@@ -103,8 +108,11 @@ class FaultShape:
     def options(self, kind: str) -> str:
         """Return the dimensions as they are written after a size."""
         given = [(key, getattr(self, _field(key))) for key in KIND_OPTIONS.get(kind, ())]
-        written = [(key, _written(value)) for key, value in given if value is not None]
-        return "".join(f",{key}={value}" for key, value in written)
+        return "".join(
+            f",{key}={value}" if isinstance(value, str) else f",{key}={value:g}"
+            for key, value in given
+            if value is not None
+        )
 
 
 #: Nothing given beyond the size.
@@ -267,17 +275,6 @@ def _option(kind: str, text: str) -> tuple[str, float | str]:
         raise ArgumentError(f"dimension {text!r} of a {kind} is not a number") from None
 
 
-def _check_limit(value: str) -> None:
-    if value not in LIMITS:
-        near = nearest_name(value, LIMITS)
-        hint = f"; did you mean {near}?" if near else ""
-        raise ArgumentError(f"limit={value!r} of a crack must be one of {', '.join(LIMITS)}{hint}")
-
-
-def _written(value: float | str) -> str:
-    return value if isinstance(value, str) else f"{value:g}"
-
-
 def _field(key: str) -> str:
     return "start" if key == "from" else key
 
@@ -286,18 +283,7 @@ def _key(name: str) -> str:
     return "from" if name == "start" else name
 
 
-#: What material a crack leaves without load, by name.
-LIMITS = ("flat", "parabolic")
-
-
-Limit = Literal["flat", "parabolic"]
-
-
-FloatArray = NDArray[np.float64]
-Share = Callable[[FloatArray], FloatArray]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class LossCurve:
     """A share of the stiffness along the contact.
 
@@ -309,24 +295,20 @@ class LossCurve:
         Phases at which the share is not smooth.
     """
 
-    share: Share
+    share: Callable[[FloatArray], FloatArray]
     corners: tuple[float, ...] = ()
 
-    def times(self, other: LossCurve) -> LossCurve:
+    def times(self, other: LossCurve | None) -> LossCurve:
         """Return the product of two curves."""
-        one, two = self.share, other.share
-        return LossCurve(
-            share=lambda phase: one(phase) * two(phase),
-            corners=tuple(sorted({*self.corners, *other.corners})),
-        )
+        if other is None:
+            return self
+        corners = tuple(sorted({*self.corners, *other.corners}))
+        return LossCurve(lambda phase: self.share(phase) * other.share(phase), corners)
 
     def stretched(self, factor: float) -> LossCurve:
         """Return the same curve over a contact that is `factor` times as long."""
-        share = self.share
-        return LossCurve(
-            share=lambda phase: share(phase / factor),
-            corners=tuple(factor * corner for corner in self.corners),
-        )
+        corners = tuple(factor * corner for corner in self.corners)
+        return LossCurve(lambda phase: self.share(phase / factor), corners)
 
 
 #: What each kind means, for help texts.
@@ -339,8 +321,17 @@ KINDS: dict[str, str] = {
     "wear": "every tooth of the gear alike (TOOTH is 'all')",
     "missing": "the whole tooth is gone; its neighbours bridge the gap with their ends",
 }
+#: What each kind of error means, for help texts.
+ERROR_KINDS: dict[str, str] = {
+    "eccentricity": "the gear runs out: once per turn, SIZE is the offset of its centre",
+    "pitch": "one tooth stands back by SIZE over its whole contact",
+    "profile": "SIZE is missing at both ends of the contact, nothing in its middle",
+    "misalignment": "the gear wobbles: SIZE is the lead deviation across the face, turning with it",
+    "cumulative": "slow cumulative pitch error: once per turn, SIZE is half of its range F_p",
+}
+#: Errors of a whole gear.
+WHOLE_KINDS = ("eccentricity", "misalignment", "cumulative")
 GEARS = ("pinion", "gear", "sun", "planet", "ring")
-UNITS = LOSS_UNITS
 #: Share of the path of contact that is hurt, centred on the pitch point.
 BANDS = {"pitting": 0.3, "spall": 0.15}
 SYNTAX = "KIND:STAGE:GEAR:TOOTH:SIZE, such as crack:1:pinion:5:20% or crack:1:pinion:5:1.5mm"
@@ -393,8 +384,8 @@ class Fault:
     shape: FaultShape = PLAIN
 
     def __post_init__(self) -> None:
-        _check_word("fault kind", self.kind, KINDS)
-        _check_word("gear", self.gear, GEARS)
+        check_word("fault kind ", self.kind, KINDS)
+        check_word("gear ", self.gear, GEARS)
         if self.stage != int(self.stage) or self.stage < 1:
             raise ArgumentError(f"fault stage={self.stage} must be a whole number >= 1")
         self._check_tooth()
@@ -403,7 +394,7 @@ class Fault:
     @property
     def is_loss(self) -> bool:
         """Whether the size is a loss of stiffness, and not something measured on the tooth."""
-        return self.unit in UNITS
+        return self.unit in LOSS_UNITS
 
     @property
     def loss(self) -> float:
@@ -419,7 +410,7 @@ class Fault:
                 f"fault {self}: the loss of stiffness follows from the teeth; convert it with "
                 f"gears.damage.stiffness_loss"
             )
-        return self.size * UNITS[self.unit]
+        return self.size * LOSS_UNITS[self.unit]
 
     def __str__(self) -> str:
         """Return the fault in the form that `parse_fault` reads."""
@@ -434,30 +425,6 @@ class Fault:
             raise ArgumentError(f"fault {self.kind}: TOOTH must be {wanted}")
         if self.tooth is not None and (self.tooth != int(self.tooth) or self.tooth < 1):
             raise ArgumentError(f"fault tooth={self.tooth} must be a whole number >= 1")
-
-
-@dataclass(frozen=True, kw_only=True)
-class LossPatch:
-    """A share of the stiffness lost in a part of the contact and of the face width.
-
-    Parameters
-    ----------
-    weight : float
-        Share lost there; negative in the overlap of two faults, which do not add up.
-    start, end : float
-        Part of the contact, in mesh periods from the entry of the pair.
-    face_start, face_end : float, in [0, 1]
-        Part of the face width, from the side that enters contact first.
-    curve : LossCurve, optional
-        By what the weight is multiplied along the contact; by default 1.
-    """
-
-    weight: float
-    start: float
-    end: float
-    face_start: float = 0.0
-    face_end: float = 1.0
-    curve: LossCurve | None = None
 
 
 def parse_fault(text: str) -> Fault:
@@ -490,7 +457,7 @@ def parse_fault(text: str) -> Fault:
     if len(parts) != 5:
         raise ArgumentError(f"fault {text!r} has {len(parts)} parts and not 5: {SYNTAX}")
     kind, stage, gear, tooth, size = parts
-    _check_word("fault kind", kind, KINDS)
+    check_word("fault kind ", kind, KINDS)
     try:
         number, unit, shape = parse_size(kind, size)
     except ArgumentError as error:
@@ -535,59 +502,71 @@ def loss_patches(fault: Fault, contact_ratio: float, pitch_phase: float) -> tupl
     if fault.loss == 0:
         return ()
     if fault.kind == "breakage":
-        return (LossPatch(weight=1.0, start=0.0, end=contact_ratio, face_end=fault.loss),)
+        return (LossPatch(1.0, 0.0, contact_ratio, face_end=fault.loss),)
     if fault.kind not in BANDS:
-        return (LossPatch(weight=fault.loss, start=0.0, end=contact_ratio),)
+        return (LossPatch(fault.loss, 0.0, contact_ratio),)
     half = 0.5 * BANDS[fault.kind] * contact_ratio
     # a pitch point near an end of the path leaves less of the band in contact
     start, end = max(0.0, pitch_phase - half), min(contact_ratio, pitch_phase + half)
-    return (LossPatch(weight=fault.loss, start=start, end=end),) if end > start else ()
+    return (LossPatch(fault.loss, start, end),) if end > start else ()
+
+
+@dataclass(frozen=True)
+class LossPatch:
+    """A share of the stiffness lost in a part of the contact and of the face width.
+
+    Parameters
+    ----------
+    weight : float
+        Share lost there; negative in the overlap of two faults, which do not add up.
+    start, end : float
+        Part of the contact, in mesh periods from the entry of the pair.
+    face_start, face_end : float, in [0, 1]
+        Part of the face width, from the side that enters contact first.
+    curve : LossCurve, optional
+        By what the weight is multiplied along the contact; by default 1.
+    """
+
+    weight: float
+    start: float
+    end: float
+    face_start: float = 0.0
+    face_end: float = 1.0
+    curve: LossCurve | None = None
+
+    def at(self, phase: FloatArray) -> FloatArray:
+        """Return the share lost at phases of the contact, where the patch lies on the face."""
+        inside = (phase >= self.start) & (phase < self.end)
+        curve = 1.0 if self.curve is None else self.curve.share(phase)
+        return np.where(inside, self.weight * curve, 0.0)
+
+    @property
+    def corners(self) -> tuple[float, ...]:
+        """Phases at which the loss is not smooth."""
+        return self.start, self.end, *(self.curve.corners if self.curve else ())
+
+    def stretched(self, factor: float) -> LossPatch:
+        """Return the same loss over a contact that is `factor` times as long."""
+        curve = self.curve.stretched(factor) if self.curve else None
+        start, end = factor * self.start, factor * self.end
+        return replace(self, start=start, end=end, curve=curve)
 
 
 def union(one: Sequence[LossPatch], other: Sequence[LossPatch]) -> tuple[LossPatch, ...]:
     """Return the loss of two faults of one pair: what is left after both is multiplied."""
-    return (*one, *other, *(negated(patch) for patch in overlap(one, other)))
+    return (*one, *other, *(replace(p, weight=-p.weight) for p in overlap(one, other)))
 
 
 def overlap(one: Sequence[LossPatch], other: Sequence[LossPatch]) -> tuple[LossPatch, ...]:
     """Return the product of two losses, patch by patch."""
     patches = []
-    for a in one:
-        for b in other:
-            start, end = max(a.start, b.start), min(a.end, b.end)
-            low, high = max(a.face_start, b.face_start), min(a.face_end, b.face_end)
-            if start < end and low < high:
-                patches.append(
-                    LossPatch(
-                        weight=a.weight * b.weight,
-                        start=start,
-                        end=end,
-                        face_start=low,
-                        face_end=high,
-                        curve=_product(a.curve, b.curve),
-                    )
-                )
+    for a, b in product(one, other):
+        start, end = max(a.start, b.start), min(a.end, b.end)
+        low, high = max(a.face_start, b.face_start), min(a.face_end, b.face_end)
+        if start < end and low < high:
+            curve = b.curve if a.curve is None else a.curve.times(b.curve)
+            patches.append(LossPatch(a.weight * b.weight, start, end, low, high, curve))
     return tuple(patches)
-
-
-def negated(patch: LossPatch) -> LossPatch:
-    """Return the patch with the opposite weight."""
-    return replace(patch, weight=-patch.weight)
-
-
-def _product(one: LossCurve | None, other: LossCurve | None) -> LossCurve | None:
-    if one is None or other is None:
-        return one or other
-    return one.times(other)
-
-
-def _check_word(name: str, word: str, known: Iterable[str]) -> None:
-    words = list(known)
-    if word in words:
-        return
-    near = nearest_name(str(word), words)
-    hint = f"; did you mean {near}?" if near else ""
-    raise ArgumentError(f"{name} {word!r} is not one of {', '.join(words)}{hint}")
 
 
 def _whole(name: str, word: str, text: str) -> int:
@@ -598,20 +577,6 @@ def _whole(name: str, word: str, text: str) -> int:
         raise ArgumentError(
             f"fault {text!r}: {name} {word!r} must be a whole number{hint}; {SYNTAX}"
         ) from None
-
-
-#: What each kind of error means, for help texts.
-ERROR_KINDS: dict[str, str] = {
-    "eccentricity": "the gear runs out: once per turn, SIZE is the offset of its centre",
-    "pitch": "one tooth stands back by SIZE over its whole contact",
-    "profile": "SIZE is missing at both ends of the contact, nothing in its middle",
-    "misalignment": "the gear wobbles: SIZE is the lead deviation across the face, turning with it",
-    "cumulative": "slow cumulative pitch error: once per turn, SIZE is half of its range F_p",
-}
-
-
-#: Errors of a whole gear.
-WHOLE_KINDS = ("eccentricity", "misalignment", "cumulative")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -685,12 +650,7 @@ def parse_fault_or_error(text: str) -> Fault | GearError:
     kind = text.split(":")[0].strip()
     if kind in ERROR_KINDS:
         return parse_error(text)
-    if kind not in KINDS:
-        near = nearest_name(kind, (*KINDS, *ERROR_KINDS))
-        hint = f"; did you mean {near}?" if near else ""
-        raise ArgumentError(
-            f"fault kind {kind!r} is not one of {', '.join((*KINDS, *ERROR_KINDS))}{hint}"
-        )
+    check_word("fault kind ", kind, (*KINDS, *ERROR_KINDS))
     return parse_fault(text)
 
 
@@ -718,11 +678,8 @@ def parse_error(text: str) -> GearError:
     if len(parts) != 5:
         raise ArgumentError(f"error {text!r} has {len(parts)} parts and not 5: {syntax}")
     kind, stage, gear, tooth, size = parts
-    for name, word, known in (("error kind", kind, tuple(ERROR_KINDS)), ("gear", gear, GEARS)):
-        if word not in known:
-            near = nearest_name(word, known)
-            hint = f"; did you mean {near}?" if near else ""
-            raise ArgumentError(f"{name} {word!r} is not one of {', '.join(known)}{hint}")
+    check_word("error kind ", kind, ERROR_KINDS)
+    check_word("gear ", gear, GEARS)
     scale = {"um": 1e-6, "mm": 1e-3}.get(size[-2:])
     try:
         if scale is None:

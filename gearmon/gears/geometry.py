@@ -8,10 +8,12 @@ inwards. Results are positive radii.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import cached_property
 
 import numpy as np
+from scipy.optimize import newton
 
 from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.gears.pulses import FloatArray
@@ -183,15 +185,18 @@ def inverse_involute(value: float) -> float:
     if not value >= 0:
         raise ArgumentError(f"value={value} of the involute function must be >= 0")
     # small angles: inv x = x^3/3; large ones: tan x = value + x; Newton falls on a convex function
-    angle: float = min((3 * value) ** (1 / 3), math.atan(value + math.pi / 2))
-    for _ in range(60):
-        if angle == 0:
-            break
-        step = (involute(angle) - value) / math.tan(angle) ** 2
-        angle -= step
-        if abs(step) <= 1e-16 * angle:
-            break
-    return angle
+    angle = min(math.cbrt(3 * value), math.atan(value + math.pi / 2))
+    if angle == 0:
+        return 0.0
+    found = newton(
+        lambda x: involute(x) - value,
+        angle,
+        fprime=lambda x: math.tan(x) ** 2,
+        tol=1e-30,
+        rtol=4e-16,
+        disp=False,  # rounding of tan x - x keeps small angles from settling to the last digit
+    )
+    return float(found)
 
 
 def transverse_pressure_angle(pressure_angle_rad: float, helix_angle_rad: float) -> float:
@@ -306,9 +311,9 @@ class PairGeometry:
     gears : tuple of two GearTeeth
     internal : bool
         Whether the second gear is a ring with internal teeth.
-    normal_module_m, transverse_module_m : float
-    normal_pressure_angle_rad, transverse_pressure_angle_rad, working_pressure_angle_rad : float
-        alpha_n, alpha_t at the reference circle; alpha_wt at the working circle.
+    normal_module_m : float
+    normal_pressure_angle_rad, working_pressure_angle_rad : float
+        alpha_n at the reference circle; alpha_wt at the working circle.
     helix_angle_rad : float
         Magnitude of the helix angle at the reference circle.
     face_width_m : float or None
@@ -316,35 +321,82 @@ class PairGeometry:
         Working centre distance a_w, positive.
     tip_shortening : (float, float)
         k, in modules, <= 0 where tips are cut back to keep the tip clearance.
-    reference_radii_m, base_radii_m, working_radii_m, tip_radii_m, root_radii_m : (float, float)
-    form_rolls_m : (float, float)
-        Roll length (distance from the base tangent point along the line of action) at which the
-        involute begins above the fillet; for a ring, at which it ends.
+    tip_radii_m : (float, float)
     path_m : (float, float)
-        Roll lengths on the first gear at which the path of contact begins (tip of the mate) and
-        ends (own tip); the first gear is taken to drive.
+        Roll lengths (distances from the base tangent point along the line of action) on the first
+        gear at which the path of contact begins (tip of the mate) and ends (own tip); the first
+        gear is taken to drive.
     warnings : tuple of str
     """
 
     gears: tuple[GearTeeth, GearTeeth]
     internal: bool
     normal_module_m: float
-    transverse_module_m: float
     normal_pressure_angle_rad: float
-    transverse_pressure_angle_rad: float
     working_pressure_angle_rad: float
     helix_angle_rad: float
     face_width_m: float | None
     centre_distance_m: float
     tip_shortening: Two
-    reference_radii_m: Two
-    base_radii_m: Two
-    working_radii_m: Two
     tip_radii_m: Two
-    root_radii_m: Two
-    form_rolls_m: Two
     path_m: Two
     warnings: tuple[str, ...] = ()
+
+    @property
+    def transverse_module_m(self) -> float:
+        """Transverse module m_t [m]."""
+        return self.normal_module_m / math.cos(self.helix_angle_rad)
+
+    @cached_property
+    def transverse_pressure_angle_rad(self) -> float:
+        """Pressure angle alpha_t at the reference circle [rad]."""
+        return transverse_pressure_angle(self.normal_pressure_angle_rad, self.helix_angle_rad)
+
+    @cached_property
+    def reference_radii_m(self) -> Two:
+        """Radii of the reference circles [m]."""
+        return _both(lambda gear, _: 0.5 * self.transverse_module_m * gear.teeth, self)
+
+    @cached_property
+    def base_radii_m(self) -> Two:
+        """Radii of the base circles [m]."""
+        one, two = self.reference_radii_m
+        cosine = math.cos(self.transverse_pressure_angle_rad)
+        return one * cosine, two * cosine
+
+    @property
+    def working_radii_m(self) -> Two:
+        """Radii of the working pitch circles [m]."""
+        one, two = self.base_radii_m
+        cosine = math.cos(self.working_pressure_angle_rad)
+        return one / cosine, two / cosine
+
+    @cached_property
+    def root_radii_m(self) -> Two:
+        """Radii of the root circles [m]."""
+        return _both(
+            lambda gear, i: (
+                self.reference_radii_m[i]
+                - self.sign(i) * self.normal_module_m * (gear.root_factor - gear.profile_shift)
+            ),
+            self,
+        )
+
+    @cached_property
+    def form_rolls_m(self) -> Two:
+        """Roll lengths [m] at which the involute begins above the fillet; for a ring, ends."""
+
+        def roll(gear: GearTeeth, i: int) -> float:
+            rack, internal = self.rack(i), self.sign(i) < 0
+            found = rack.form_roll(gear.teeth, gear.profile_shift, internal=internal)
+            return found * self.normal_module_m
+
+        return _both(roll, self)
+
+    @property
+    def line_m(self) -> float:
+        """Distance between the base tangent points along the line of action [m]."""
+        return self.centre_distance_m * math.sin(self.working_pressure_angle_rad)
 
     @property
     def base_pitch_m(self) -> float:
@@ -498,66 +550,53 @@ def pair_geometry(
     1.7897799
     """
     check_positive("module_m", module_m, "m")
-    frame = _frame(first, second, module_m, pressure_angle_rad, abs(helix_angle_rad), internal)
-    working, distance = _working(frame, first, second, centre_distance_m)
-    excess = (distance - frame["reference_distance"]) / module_m
-    excess -= first.profile_shift + second.profile_shift
-    shortening = _shortening(tip_shortening, excess, internal)
-    circles = _circles(frame, (first, second), shortening, working)
-    pair = PairGeometry(
-        gears=(first, second),
-        internal=internal,
-        normal_module_m=module_m,
-        transverse_module_m=frame["transverse_module"],
-        normal_pressure_angle_rad=pressure_angle_rad,
-        transverse_pressure_angle_rad=frame["alpha_t"],
-        working_pressure_angle_rad=working,
-        helix_angle_rad=abs(helix_angle_rad),
-        face_width_m=face_width_m,
-        centre_distance_m=abs(distance),
-        tip_shortening=shortening,
-        **circles,
-    )
-    if not check:
-        return pair
-    return check_pair(trim_ring(pair))
-
-
-def _frame(
-    first: GearTeeth,
-    second: GearTeeth,
-    module_m: float,
-    alpha_n: float,
-    beta: float,
-    internal: bool,
-) -> dict[str, float]:
-    """Return what follows from rack, helix and teeth alone; signed for internal pairs."""
-    check_range("pressure_angle_rad", alpha_n, 0.1, 0.8, "rad")
-    check_range("helix_angle_rad", beta, 0.0, 0.8, "rad")
+    check_range("pressure_angle_rad", pressure_angle_rad, 0.1, 0.8, "rad")
+    beta = check_range("helix_angle_rad", abs(helix_angle_rad), 0.0, 0.8, "rad")
     if internal and second.teeth <= first.teeth:
         raise ArgumentError(
             f"{second.name}_teeth={second.teeth} of an internal gear must be > "
             f"{first.name}_teeth={first.teeth}"
         )
-    total = first.teeth + (-second.teeth if internal else second.teeth)
-    transverse = module_m / math.cos(beta)
-    return {
-        "total": total,
-        "module": module_m,
-        "transverse_module": transverse,
-        "alpha_n": alpha_n,
-        "alpha_t": transverse_pressure_angle(alpha_n, beta),
-        "beta": beta,
-        "sign": -1.0 if internal else 1.0,
-        "reference_distance": 0.5 * transverse * total,
-    }
+    pair = PairGeometry(
+        gears=(first, second),
+        internal=internal,
+        normal_module_m=module_m,
+        normal_pressure_angle_rad=pressure_angle_rad,
+        working_pressure_angle_rad=0.0,
+        helix_angle_rad=beta,
+        face_width_m=face_width_m,
+        centre_distance_m=0.0,
+        tip_shortening=(0.0, 0.0),
+        tip_radii_m=(0.0, 0.0),
+        path_m=(0.0, 0.0),
+    )
+    working, distance = _working(pair, centre_distance_m)
+    pair = replace(pair, working_pressure_angle_rad=working, centre_distance_m=abs(distance))
+    if not isinstance(tip_shortening, tuple):
+        if tip_shortening is None:
+            excess = (distance - 0.5 * pair.transverse_module_m * _total(pair)) / module_m
+            excess -= first.profile_shift + second.profile_shift
+            # a centre distance above the tight one, or a ring, needs no cutting back
+            tip_shortening = 0.0 if internal else min(0.0, excess)
+        tip_shortening = tip_shortening, tip_shortening
+    pair = _with_tips(replace(pair, tip_shortening=tip_shortening))
+    return check_pair(trim_ring(pair)) if check else pair
 
 
-def _working(
-    frame: dict[str, float], first: GearTeeth, second: GearTeeth, centre_distance_m: float | None
-) -> Two:
+def _both(value: Callable[[GearTeeth, int], float], pair: PairGeometry) -> Two:
+    return value(pair.gears[0], 0), value(pair.gears[1], 1)
+
+
+def _total(pair: PairGeometry) -> int:
+    """Return z1 + z2 with the sign of a ring."""
+    return pair.gears[0].teeth + pair.sign(1) * pair.gears[1].teeth
+
+
+def _working(pair: PairGeometry, centre_distance_m: float | None) -> Two:
     """Return working pressure angle and signed centre distance."""
-    base = frame["reference_distance"] * math.cos(frame["alpha_t"])
+    (first, second), alpha = pair.gears, pair.transverse_pressure_angle_rad
+    total, tangent = _total(pair), math.tan(pair.normal_pressure_angle_rad)
+    base = 0.5 * pair.transverse_module_m * total * math.cos(alpha)
     if centre_distance_m is not None:
         distance = check_positive("centre_distance_m", centre_distance_m, "m")
         if distance < abs(base) * (1 - 1e-12):
@@ -567,63 +606,35 @@ def _working(
             )
         return math.acos(min(1.0, abs(base) / distance)), math.copysign(distance, base)
     shifts = first.profile_shift + second.profile_shift
-    inv = involute(frame["alpha_t"]) + 2 * shifts * math.tan(frame["alpha_n"]) / frame["total"]
+    inv = involute(alpha) + 2 * shifts * tangent / total
     if inv < 0:
-        least = -involute(frame["alpha_t"]) * frame["total"] / (2 * math.tan(frame["alpha_n"]))
-        bound = "least" if frame["sign"] > 0 else "most"
         raise ArgumentError(
             f"profile_shift_{first.name} + profile_shift_{second.name} = {shifts:g} leaves no "
-            f"working pressure angle; the sum must be at {bound} {least:.4g}"
+            f"working pressure angle; the sum must be at {'most' if pair.internal else 'least'} "
+            f"{-involute(alpha) * total / (2 * tangent):.4g}"
         )
     angle = inverse_involute(inv)
     return angle, base / math.cos(angle)
 
 
-def _shortening(given: float | Two | None, excess: float, internal: bool) -> Two:
-    if isinstance(given, tuple):
-        return given
-    if given is None:
-        # a centre distance above the tight one, or a ring, needs no cutting back
-        given = 0.0 if internal else min(0.0, excess)
-    return given, given
-
-
-def _circles(
-    frame: dict[str, float],
-    gears: tuple[GearTeeth, GearTeeth],
-    shortening: Two,
-    working: float,
-) -> dict[str, Any]:
-    signs = (1.0, frame["sign"])
-    module, cosine = frame["module"], math.cos(frame["alpha_t"])
-    reference = [0.5 * frame["transverse_module"] * gear.teeth for gear in gears]
-    base = [radius * cosine for radius in reference]
-    heights = [
-        (gear.tip_factor + gear.profile_shift + k, gear.root_factor - gear.profile_shift)
-        for gear, k in zip(gears, shortening, strict=True)
-    ]
-    tip = [r + s * module * h for r, s, (h, _) in zip(reference, signs, heights, strict=True)]
-    root = [r - s * module * h for r, s, (_, h) in zip(reference, signs, heights, strict=True)]
-    forms = [
-        Rack(
-            dedendum=gear.root_factor,
-            pressure_angle_rad=frame["alpha_n"],
-            helix_angle_rad=frame["beta"],
-        ).form_roll(gear.teeth, gear.profile_shift, internal=sign < 0)
-        * module
-        for gear, sign in zip(gears, signs, strict=True)
-    ]
-    length = (signs[1] * base[1] + base[0]) * math.tan(working)
-    rolls = [math.sqrt(max(t * t - b * b, 0.0)) for t, b in zip(tip, base, strict=True)]
-    return {
-        "reference_radii_m": tuple(reference),
-        "base_radii_m": tuple(base),
-        "working_radii_m": tuple(radius / math.cos(working) for radius in base),
-        "tip_radii_m": tuple(tip),
-        "root_radii_m": tuple(root),
-        "form_rolls_m": tuple(forms),
-        "path_m": (length - signs[1] * rolls[1], rolls[0]),
-    }
+def _with_tips(pair: PairGeometry) -> PairGeometry:
+    """Return the pair with its tip circles, and the path of contact that they make."""
+    tips = _both(
+        lambda gear, i: (
+            pair.reference_radii_m[i]
+            + pair.sign(i)
+            * pair.normal_module_m
+            * (gear.tip_factor + gear.profile_shift + pair.tip_shortening[i])
+        ),
+        pair,
+    )
+    one, two = (
+        math.sqrt(max(tip**2 - base**2, 0.0))
+        for tip, base in zip(tips, pair.base_radii_m, strict=True)
+    )
+    sign, tangent = pair.sign(1), math.tan(pair.working_pressure_angle_rad)
+    length = (pair.base_radii_m[0] + sign * pair.base_radii_m[1]) * tangent
+    return replace(pair, tip_radii_m=tips, path_m=(length - sign * two, one))
 
 
 #: Profile shifts are given with three decimals; less than this is rounding, not jamming.
@@ -673,7 +684,7 @@ def trim_ring(pair: PairGeometry) -> PairGeometry:
     if not pair.internal:
         return pair
     planet, ring = pair.gears
-    base, offset = pair.base_radii_m[1], _line_length(pair)
+    base, offset = pair.base_radii_m[1], pair.line_m
     least = math.hypot(base, pair.form_rolls_m[0] + offset)
     trim = (least - pair.tip_radii_m[1]) / pair.normal_module_m
     if trim <= 1e-9:
@@ -697,16 +708,10 @@ def trim_ring(pair: PairGeometry) -> PairGeometry:
     )
 
 
-def _line_length(pair: PairGeometry) -> float:
-    """Distance between the base tangent points along the line of action."""
-    return pair.centre_distance_m * math.sin(pair.working_pressure_angle_rad)
-
-
 def _check_backlash(pair: PairGeometry) -> list[str]:
     first, second = pair.gears
-    total = first.teeth + pair.sign(1) * second.teeth
     inv = involute(pair.working_pressure_angle_rad) - involute(pair.transverse_pressure_angle_rad)
-    tight = inv * total / (2 * math.tan(pair.normal_pressure_angle_rad))
+    tight = inv * _total(pair) / (2 * math.tan(pair.normal_pressure_angle_rad))
     given = first.profile_shift + second.profile_shift
     distance = 1e3 * pair.centre_distance_m
     if given > tight + SHIFT_ROUNDING:
@@ -781,7 +786,7 @@ def _check_clearance(pair: PairGeometry, index: int) -> None:
 def _check_root(pair: PairGeometry, index: int) -> list[str]:
     """Contact must stay on the involute of an external gear."""
     gear, mate = pair.gears[index], pair.gears[1 - index]
-    start = pair.path_m[0] if index == 0 else _line_length(pair) - pair.path_m[1]
+    start = pair.path_m[0] if index == 0 else pair.line_m - pair.path_m[1]
     form = pair.form_rolls_m[index]
     least = pair.rack(index).least_shift(gear.teeth)
     undercut = gear.profile_shift < least - 1e-9
@@ -815,7 +820,7 @@ def _check_root(pair: PairGeometry, index: int) -> list[str]:
 
 def _check_ring(pair: PairGeometry) -> list[str]:
     planet, ring = pair.gears
-    end = math.hypot(pair.base_radii_m[1], pair.path_m[1] + _line_length(pair))
+    end = math.hypot(pair.base_radii_m[1], pair.path_m[1] + pair.line_m)
     if end > pair.root_radii_m[1]:
         raise ArgumentError(
             f"the tips of the {planet.name} touch the {ring.name} beyond its root circle "

@@ -24,7 +24,25 @@ from gearmon.machine import Bearing, Machine, OperatingPoint, ParallelStage, Pla
 
 
 @dataclass(frozen=True, kw_only=True)
-class Shaft:
+class Turning:
+    """Something that repeats a fixed number of times per turn of shaft 1.
+
+    Parameters
+    ----------
+    exact : Fraction
+        Its order: how often per turn of shaft 1, seen from the housing, without sign.
+    """
+
+    exact: Fraction
+
+    @property
+    def order(self) -> float:
+        """The order as a number."""
+        return float(self.exact)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shaft(Turning):
     """A shaft in the power flow.
 
     Parameters
@@ -39,16 +57,10 @@ class Shaft:
 
     number: int
     name: str
-    exact: Fraction
-
-    @property
-    def order(self) -> float:
-        """Turns per turn of shaft 1."""
-        return float(self.exact)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Wheel:
+class Wheel(Turning):
     """A gear in a mesh.
 
     Parameters
@@ -67,13 +79,7 @@ class Wheel:
     gear: str
     teeth: int
     shaft: int | None
-    exact: Fraction
     exact_relative: Fraction
-
-    @property
-    def order(self) -> float:
-        """Turns per turn of shaft 1, seen from the housing."""
-        return float(self.exact)
 
     @property
     def relative_order(self) -> float:
@@ -82,7 +88,7 @@ class Wheel:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Modulation:
+class Modulation(Turning):
     """The spacing of one family of sidebands about the harmonics of a mesh.
 
     Parameters
@@ -100,16 +106,10 @@ class Modulation:
     name: str
     gear: str
     shaft: int | None
-    exact: Fraction
-
-    @property
-    def order(self) -> float:
-        """Spacing of the sidebands as an order of shaft 1."""
-        return float(self.exact)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Mesh:
+class Mesh(Turning):
     """The mesh of one stage; in a planetary set all meshes have the same frequency.
 
     Parameters
@@ -134,17 +134,11 @@ class Mesh:
 
     stage: int
     name: str
-    exact: Fraction
     wheels: tuple[Wheel, ...]
     modulations: tuple[Modulation, ...]
     planets: int = 0
     carrier: Fraction = Fraction(0)
     equally_spaced: bool = True
-
-    @property
-    def order(self) -> float:
-        """Mesh frequency as an order of shaft 1."""
-        return float(self.exact)
 
     @property
     def teeth(self) -> tuple[int, ...]:
@@ -203,7 +197,7 @@ class Mesh:
         return tuple(float(order) for order in sorted(orders))
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Line:
     """A frequency that the machine can show.
 
@@ -226,10 +220,10 @@ class Line:
     stage: int | None
     shaft: int | None
     order: float
-    exact: Fraction | None
+    exact: Fraction | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Coincidence:
     """Two mesh harmonics at exactly the same frequency: their lines cannot be told apart."""
 
@@ -289,14 +283,7 @@ class Kinematics:
         for low, high in combinations(self.meshes, 2):
             ratio = low.exact / high.exact
             if max(ratio.numerator, ratio.denominator) <= highest_harmonic:
-                found.append(
-                    Coincidence(
-                        stage=low.stage,
-                        harmonic=ratio.denominator,
-                        other_stage=high.stage,
-                        other_harmonic=ratio.numerator,
-                    )
-                )
+                found.append(Coincidence(low.stage, ratio.denominator, high.stage, ratio.numerator))
         return tuple(found)
 
 
@@ -355,22 +342,6 @@ def _numbered(what: str, items: tuple[_Item, ...], number: int) -> _Item:
     return items[number - 1]
 
 
-__all__ = [
-    "Coincidence",
-    "Kinematics",
-    "Line",
-    "LineRow",
-    "LineTable",
-    "Mesh",
-    "Modulation",
-    "Shaft",
-    "Wheel",
-    "kinematics",
-    "line_table",
-    "planetary_speeds",
-]
-
-
 def kinematics(machine: Machine) -> Kinematics:
     """Return the shafts, meshes and lines of a machine as orders of shaft 1.
 
@@ -395,14 +366,20 @@ def kinematics(machine: Machine) -> Kinematics:
     orders = [Fraction(1)]
     meshes = []
     for number, stage in enumerate(machine.stages, start=1):
-        mesh, driven = _mesh(number, stage, orders[-1])
+        if isinstance(stage, ParallelStage):
+            mesh, driven = _parallel_mesh(number, stage, orders[-1])
+        else:
+            mesh, driven = _planetary_mesh(number, stage, orders[-1])
         meshes.append(mesh)
         orders.append(driven)
+    names = {len(orders): "output"} | {1: "input"}
     shafts = tuple(
-        Shaft(number=number, name=_shaft_name(number, len(orders)), exact=order)
+        Shaft(number=number, name=names.get(number, "intermediate"), exact=order)
         for number, order in enumerate(orders, start=1)
     )
-    lines = [*_shaft_lines(shafts)]
+    lines = [
+        _line("shaft", f"{shaft.name} shaft", shaft.exact, shaft=shaft.number) for shaft in shafts
+    ]
     for mesh, stage in zip(meshes, machine.stages, strict=True):
         lines += _parallel_lines(mesh) if stage.kind == "parallel" else _planetary_lines(mesh)
     for bearing in machine.bearings:
@@ -471,27 +448,12 @@ def planetary_speeds(stage: PlanetaryStage) -> dict[str, Fraction]:
     return speeds
 
 
-def _mesh(
-    number: int, stage: ParallelStage | PlanetaryStage, driving: Fraction
-) -> tuple[Mesh, Fraction]:
-    """Return the mesh of a stage whose input turns at `driving`, and its output's order."""
-    if isinstance(stage, ParallelStage):
-        return _parallel_mesh(number, stage, driving)
-    return _planetary_mesh(number, stage, driving)
-
-
 def _parallel_mesh(number: int, stage: ParallelStage, driving: Fraction) -> tuple[Mesh, Fraction]:
     mesh = driving * stage.pinion_teeth
     sides = (("pinion", stage.pinion_teeth, number), ("gear", stage.gear_teeth, number + 1))
     wheels = tuple(
-        Wheel(
-            gear=gear,
-            teeth=teeth,
-            shaft=shaft,
-            exact=mesh / teeth,
-            exact_relative=mesh / teeth,
-        )
-        for gear, teeth, shaft in sides
+        Wheel(gear=gear, teeth=z, shaft=shaft, exact=mesh / z, exact_relative=mesh / z)
+        for gear, z, shaft in sides
     )
     modulations = tuple(
         Modulation(name=f"{w.gear} rotation", gear=w.gear, shaft=w.shaft, exact=w.exact)
@@ -570,15 +532,6 @@ def _mesh_name(stage_name: str, *teeth: int) -> str:
     return f"{stage_name}, {pair}" if stage_name else pair
 
 
-def _shaft_name(number: int, count: int) -> str:
-    return {1: "input", count: "output"}.get(number, "intermediate")
-
-
-def _shaft_lines(shafts: tuple[Shaft, ...]) -> Iterator[Line]:
-    for shaft in shafts:
-        yield _line("shaft", f"{shaft.name} shaft", shaft.exact, shaft=shaft.number)
-
-
 def _parallel_lines(mesh: Mesh) -> list[Line]:
     pair = _pair_lines(mesh, mesh.name, *mesh.teeth)
     return [_line("mesh", mesh.name, mesh.exact, stage=mesh.stage), *pair]
@@ -641,27 +594,20 @@ def _bearing_lines(
         ("outer race (BPFO)", bearing.balls * (1 - g) / 2),
         ("inner race (BPFI)", bearing.balls * (1 + g) / 2),
     ):
-        yield Line(
-            kind="bearing",
-            name=f"{bearing.name}: {name}",
-            stage=stage,
-            shaft=bearing.shaft,
-            order=factor * turning,
-            exact=None,
-        )
+        named = f"{bearing.name}: {name}"
+        yield Line("bearing", named, stage, bearing.shaft, factor * turning)
 
 
 def _line(
     kind: str, name: str, exact: Fraction, stage: int | None = None, shaft: int | None = None
 ) -> Line:
-    return Line(kind=kind, name=name, stage=stage, shaft=shaft, order=float(exact), exact=exact)
+    return Line(kind, name, stage, shaft, float(exact), exact)
 
 
 def _row(line: Line, point: OperatingPoint) -> LineRow:
-    if line.exact is None:
-        frequency_hz = line.order * point.shaft1_hz
-    else:  # one rounding only: 500 Hz reads 500.0
-        frequency_hz = float(line.exact * Fraction(point.speed_rpm) / 60)
+    exact, hertz = line.exact, line.order * point.shaft1_hz
+    if exact is not None:  # one rounding only: 500 Hz reads 500.0
+        hertz = float(exact * Fraction(point.speed_rpm) / 60)
     return LineRow(
         operating=point.name or f"{point.speed_rpm:g} rpm",
         speed_rpm=point.speed_rpm,
@@ -670,5 +616,5 @@ def _row(line: Line, point: OperatingPoint) -> LineRow:
         name=line.name,
         shaft=line.shaft,
         order=line.order,
-        frequency_hz=frequency_hz,
+        frequency_hz=hertz,
     )

@@ -10,6 +10,20 @@ are those of a Fourier series in theta,
 with P_m the transform of the pulse of one pair whose contact ratio is l smaller, b its delay and f
 the part of the face that carries. With l = 0 and f = 1 that is ``P_m i^s J_s(2 pi m |b|)`` up to
 the phase: the phase modulation of McFadden, whose index grows with the mesh harmonic.
+
+Let a gear stand off by d along the line of action (d_t, away from its mate) and along the normal of
+its flank (d_n, from the first gear to the second). The line of action, a tangent of both base
+circles, then turns by d_n/L and its length between the tangent points, L = a sin(alpha_w), changes,
+so that a pair enters later by b and leaves earlier by a, in mesh periods,
+
+    a = (+-r_b1 d_n/L + s d_t)/p_b,    b = (r_b2 d_n/L + (1 - s) d_t)/p_b
+
+(lower sign: internal), to the first order in d/L. Their sum is what the contact ratio loses, that
+is its derivative with respect to the centre distance; half their difference is the shift of the
+contact, the phase modulation of the stiffness. s is the share of d_t by which the first gear runs
+ahead of even rotation, the rest being the second gear's lag. Two gears free to turn do so below
+their resonance in inverse proportion to their masses at the line of action, here those of discs of
+equal width.
 """
 
 from __future__ import annotations
@@ -21,23 +35,32 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.polynomial import chebyshev
+from numpy.typing import ArrayLike
 
 from gearmon.gears.faults import GearError
 from gearmon.gears.pairs import MeshPair
 from gearmon.gears.pulses import (
-    LARGEST_TURN,
     LEAST_OVERLAP,
-    POINTS,
     ComplexArray,
-    CurvePulse,
     FloatArray,
+    IntArray,
+    PanelCurves,
     Pulse,
-    gauss,
     legendre,
-    panel_nodes,
 )
 
+#: Angles of a gear at which the carrying part of a misaligned face is taken; it has corners.
+SHARE_ANGLES, JOINT_SHARE_ANGLES = 4096, 64
+#: Gear orders beyond the index of modulation at which its lines are below rounding error.
+SPARE_ORDERS = 14
+#: Mesh orders computed together; bounds the memory.
+ORDERS_PER_BLOCK, JOINT_ORDERS_PER_BLOCK = 1024, 128
+#: Chebyshev points of the loss of contact tried one after the other, until pulses have converged.
+NODES = (3, 5, 9, 17)
+CONVERGED = 1e-10
+#: Phases evaluated together; bounds the memory.
+PHASES_PER_BLOCK = 16_384
 #: Errors that move the contact of all teeth of a gear as it turns.
 MOVING_KINDS = ("eccentricity", "cumulative", "misalignment")
 
@@ -191,18 +214,18 @@ def carrying_share(gap_m: FloatArray, free_gap_m: float) -> FloatArray:
     return np.sqrt(np.where(wide, free_gap_m / np.where(wide, gap_m, 1.0), 1.0))
 
 
-IntArray = NDArray[np.integer]
-
-#: Chebyshev points tried one after the other, until the pulses have converged.
 NODES = (3, 5, 9, 17)
 CONVERGED = 1e-10
 #: Phases evaluated together; bounds the memory.
 PHASES_PER_BLOCK = 16_384
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class ContactFamily:
     """Pulses of one pair over the loss of contact ratio.
+
+    The pulse of a pair is a smooth function of what its contact ratio has lost, piece by piece,
+    with edges that move. It is interpolated in Chebyshev points of that loss.
 
     Parameters
     ----------
@@ -228,48 +251,33 @@ class ContactFamily:
 
         None where the pulses have not the same pieces: a zone of contact vanishes.
         """
-        sound = member(0.0)
-        parts = _parts(sound)
-        found = None
+        pieces = len(member(0.0).series)
         for count in NODES if largest else (1,):
-            x = np.cos(np.pi * (np.arange(count) + 0.5) / count)
+            x = chebyshev.chebpts1(count)
             pulses = [member(float(largest * value)) for value in x]
-            if any(len(pulse.starts) != len(sound.starts) for pulse in pulses):
+            if any(len(pulse.series) != pieces for pulse in pulses):
                 return None
-            edges = np.array([_edges(pulse, parts) for pulse in pulses])
-            if np.diff(edges, axis=1).min(initial=1.0) <= 0:
-                return None
-            series = np.array(
-                [_series(pulse, own) for pulse, own in zip(pulses, edges, strict=True)]
-            )
-            analysis = _chebyshev(count, x).T * np.where(np.arange(count) == 0, 1, 2)[:, None]
-            found = cls(
-                largest=largest,
-                edges=np.tensordot(analysis / count, edges, 1),
-                series=np.tensordot(analysis / count, series, 1),
-                overlap_ratio=overlap_ratio,
-            )
-            size = np.abs(found.series[0]).max(initial=0.0)
-            if np.abs(found.series[-1]).max(initial=0.0) <= CONVERGED * size:
+            width = max(pulse.series.shape[1] for pulse in pulses)
+            padded = [
+                np.pad(pulse.series, ((0, 0), (0, width - pulse.series.shape[1])))
+                for pulse in pulses
+            ]
+            analysis = np.linalg.inv(chebyshev.chebvander(x, count - 1))
+            edges = analysis @ np.array([pulse.edges for pulse in pulses])
+            series = np.tensordot(analysis, np.array(padded), 1)
+            if np.abs(series[-1]).max() <= CONVERGED * np.abs(series[0]).max():
                 break
-        return found
+        return cls(largest, edges, series, overlap_ratio)
 
     @classmethod
     def rigid(cls, pulse: Pulse, overlap_ratio: float) -> ContactFamily:
         """Return the family of a contact that keeps its length."""
-        edges = _edges(pulse, _parts(pulse))
-        series = _series(pulse, edges)
-        return cls(largest=0.0, edges=edges[None], series=series[None], overlap_ratio=overlap_ratio)
+        return cls(0.0, pulse.edges[None], pulse.series[None], overlap_ratio)
 
-    def pulse(self, lost: float) -> CurvePulse:
+    def pulse(self, lost: float) -> Pulse:
         """Return the pulse for one loss of contact ratio."""
-        edges, series = self._members(np.array([lost]))
-        return CurvePulse(
-            starts=edges[0, :-1],
-            ends=edges[0, 1:],
-            polynomial=np.zeros((len(edges[0]) - 1, 3)),
-            series=series[0],
-        )
+        (terms,) = self._terms(np.array([lost]))
+        return Pulse(terms @ self.edges, np.tensordot(terms, self.series, 1))
 
     def entry(self, leaving: FloatArray, entering: FloatArray) -> FloatArray:
         """Return when a pair enters [mesh periods]: the middle of its contact shifts by (b - a)/2.
@@ -277,8 +285,7 @@ class ContactFamily:
         A contact whose length is nominal, as that of the half-duty forms, keeps it.
         """
         lengths = self._terms(leaving + entering) @ self.edges[:, -1]
-        sound = float((self._terms(np.zeros(1)) @ self.edges[:, -1])[0])
-        return np.asarray(0.5 * (entering - leaving + sound - lengths))
+        return np.asarray(0.5 * (entering - leaving + self.pulse(0.0).length - lengths))
 
     def coefficients(
         self, orders: IntArray, leaving: FloatArray, entering: FloatArray
@@ -313,11 +320,11 @@ class ContactFamily:
     def _at(self, phase: FloatArray, leaving: FloatArray, entering: FloatArray) -> FloatArray:
         terms = self._terms(leaving + entering)
         edges = terms @ self.edges
+        turned = np.mod(phase - self.entry(leaving, entering), 1.0)
         eps = self.overlap_ratio
-        since = np.mod(phase - self.entry(leaving, entering), 1.0)
         total = np.zeros(len(phase))
         for turn in range(math.ceil(float(edges[:, -1].max()) + eps)):
-            x = since + turn
+            x = turned + turn
             if eps < LEAST_OVERLAP:
                 total += self._value(terms, edges, x)
             else:
@@ -329,80 +336,38 @@ class ContactFamily:
         total = np.zeros(len(x))
         for piece in range(self.series.shape[1]):
             here = np.flatnonzero((x >= edges[:, piece]) & (x < edges[:, piece + 1]))
-            if len(here):
-                series = terms[here] @ self.series[:, piece]
-                own = legendre(series.shape[1], _local(edges[here], x[here], piece))
-                total[here] = np.einsum("np,pn->p", own, series)
+            total[here] = _on_piece(self.series[:, piece], terms[here], edges[here], x[here], piece)
         return total
 
     def _integral(self, terms: FloatArray, edges: FloatArray, x: FloatArray) -> FloatArray:
         """Integral of each pulse from its start to `x`."""
         total = np.zeros(len(x))
-        for piece in range(self.series.shape[1]):
-            width = edges[:, piece + 1] - edges[:, piece]
-            past = x >= edges[:, piece + 1]
-            total += np.where(past, width * (terms @ self.series[:, piece, 0]), 0.0)
-            here = np.flatnonzero((x >= edges[:, piece]) & ~past)
-            if len(here):
-                series = terms[here] @ self.series[:, piece]
-                own = legendre(series.shape[1] + 1, _local(edges[here], x[here], piece))
-                # integral of P_n from -1 is (P_{n+1} - P_{n-1})/(2n + 1), and x + 1 for n = 0
-                part = series[:, 0] * (1 + own[1])
-                for n in range(1, series.shape[1]):
-                    part += series[:, n] * (own[n + 1] - own[n - 1]) / (2 * n + 1)
-                total[here] += 0.5 * width[here] * part
+        for piece, series in enumerate(self._primitives):
+            here = np.flatnonzero(x > edges[:, piece])
+            half = 0.5 * (edges[here, piece + 1] - edges[here, piece])
+            total[here] += half * _on_piece(series, terms[here], edges[here], x[here], piece)
         return total
 
-    def _members(self, lost: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return edges and series for losses of contact ratio, shape (n,)."""
-        terms = self._terms(lost)
-        return terms @ self.edges, np.tensordot(terms, self.series, 1)
+    @cached_property
+    def _primitives(self) -> FloatArray:
+        """Series of the running integrals over -1 ... 1, shape (pieces, nodes, degree + 2)."""
+        parts = self.series.reshape(-1, self.series.shape[2]).T
+        unit = PanelCurves(edges=np.array([-1.0, 1.0]), coefficients=parts[None])
+        whole = unit.integral().coefficients[0].T.reshape(*self.series.shape[:2], -1)
+        return np.moveaxis(whole, 1, 0)
 
     def _terms(self, lost: FloatArray) -> FloatArray:
-        return _chebyshev(len(self.edges), lost / self.largest if self.largest else lost)
+        share = lost / self.largest if self.largest else 0 * lost
+        return np.asarray(chebyshev.chebvander(np.clip(share, -1.0, 1.0), len(self.edges) - 1))
 
 
-def _parts(pulse: Pulse) -> list[int]:
-    """Return into how many parts each piece is cut, so that none oscillates much."""
-    fastest = float(np.abs(pulse.rates).max(initial=0.0))
-    longest = LARGEST_TURN / fastest if fastest else np.inf
-    return [max(1, math.ceil(width / longest)) for width in pulse.ends - pulse.starts]
-
-
-def _edges(pulse: Pulse, parts: list[int]) -> FloatArray:
-    cut = [
-        np.linspace(low, high, count + 1)[:-1]
-        for low, high, count in zip(pulse.starts, pulse.ends, parts, strict=True)
-    ]
-    return np.concatenate([*cut, pulse.ends[-1:]])
-
-
-def _series(pulse: Pulse, edges: FloatArray) -> FloatArray:
-    if isinstance(pulse, CurvePulse) or pulse.rates.size:
-        points = POINTS
-    else:
-        points = pulse.polynomial.shape[1]
-    values = pulse.value(panel_nodes(edges, points))
-    return np.asarray(values @ gauss(points)[2].T)
-
-
-def _chebyshev(count: int, x: FloatArray) -> FloatArray:
-    return np.cos(np.arange(count) * np.arccos(np.clip(x, -1.0, 1.0))[:, None])
-
-
-def _local(edges: FloatArray, x: FloatArray, piece: int) -> FloatArray:
+def _on_piece(
+    series: FloatArray, terms: FloatArray, edges: FloatArray, x: FloatArray, piece: int
+) -> FloatArray:
+    """Evaluate a piece at one place of each of several pulses."""
     low, high = edges[:, piece], edges[:, piece + 1]
-    return np.asarray((2 * np.clip(x, low, high) - low - high) / (high - low))
-
-
-#: Angles of a gear at which the carrying part of a misaligned face is taken; it has corners.
-SHARE_ANGLES, JOINT_SHARE_ANGLES = 4096, 64
-#: Gear orders beyond the index of modulation at which its lines are below rounding error.
-SPARE_ORDERS = 14
-#: Mesh orders computed together; bounds the memory.
-ORDERS_PER_BLOCK, JOINT_ORDERS_PER_BLOCK = 1024, 128
-
-IntArray = NDArray[np.integer]
+    local = (2 * np.clip(x, low, high) - low - high) / (high - low)
+    return np.asarray(np.einsum("pn,np->p", terms @ series, legendre(series.shape[1], local)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -552,10 +517,7 @@ class ModulationTrain:
 
 
 def modulation_trains(
-    pair: MeshPair,
-    errors: Iterable[GearError],
-    member: Callable[[float], Pulse],
-    free_gap_m: float,
+    pair: MeshPair, errors: Iterable[GearError], member: Callable[[float], Pulse], free_gap_m: float
 ) -> tuple[tuple[ModulationTrain, ...], list[str]]:
     """Return what errors of turning gears change of a mesh stiffness, and notes.
 

@@ -99,6 +99,11 @@ class MeshPair:
         return self.first, self.second
 
     @property
+    def teeth(self) -> tuple[int, int]:
+        """Numbers of teeth of both gears."""
+        return self.first.teeth.teeth, self.second.teeth.teeth
+
+    @property
     def is_main(self) -> bool:
         """Whether the overrides of the stage are meant for this pair (not for planet-ring)."""
         return not self.second.internal
@@ -244,25 +249,29 @@ class MeshPair:
         return min(found, key=lambda body: body.factor, default=None)
 
     def _geometry(self, *, check: bool) -> PairGeometry:
-        width = self.stage.face_width_mm
-        instead = "contact_ratio" if self.is_main else ""
-        module = self.need("module_mm", "contact ratio", instead)
+        self.need("module_mm", "contact ratio", "contact_ratio" if self.is_main else "")
         distance, shortening = self._fixed_by_others()
         try:
-            return pair_geometry(
-                self.first.teeth,
-                self.second.teeth,
-                module_m=1e-3 * module,
-                pressure_angle_rad=self.pressure_angle_rad,
-                helix_angle_rad=self.helix_angle_rad,
-                face_width_m=None if width is None else 1e-3 * width,
-                centre_distance_m=distance,
-                internal=self.second.internal,
-                tip_shortening=shortening,
-                check=check,
-            )
+            return self._placed(distance, shortening, check=check)
         except ArgumentError as error:
             raise ArgumentError(f"{self.where}: {error}") from None
+
+    def _placed(
+        self, distance_m: float | None, shortening: float | Two | None = None, *, check: bool
+    ) -> PairGeometry:
+        width = self.stage.face_width_mm
+        return pair_geometry(
+            self.first.teeth,
+            self.second.teeth,
+            module_m=1e-3 * self.need("module_mm", "tip shortening"),
+            pressure_angle_rad=self.pressure_angle_rad,
+            helix_angle_rad=self.helix_angle_rad,
+            face_width_m=None if width is None else 1e-3 * width,
+            centre_distance_m=distance_m,
+            internal=self.second.internal,
+            tip_shortening=shortening,
+            check=check,
+        )
 
     def _fixed_by_others(self) -> tuple[float | None, float | Two | None]:
         """Return centre distance and tip shortening where they are not this pair's to choose."""
@@ -293,15 +302,7 @@ class MeshPair:
         """Return the shortening of both gears: where one is not told, what it is otherwise."""
         usual = self.stage.tip_shortening
         if usual is None and None in told:
-            usual = pair_geometry(
-                self.first.teeth,
-                self.second.teeth,
-                module_m=1e-3 * self.need("module_mm", "tip shortening"),
-                pressure_angle_rad=self.pressure_angle_rad,
-                helix_angle_rad=self.helix_angle_rad,
-                centre_distance_m=distance_m,
-                check=False,
-            ).tip_shortening[0]
+            usual = self._placed(distance_m, check=False).tip_shortening[0]
         one, two = (usual or 0.0 if k is None else k for k in told)
         return one, two
 

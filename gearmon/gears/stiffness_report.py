@@ -37,7 +37,7 @@ FOUR_FORMS: dict[str, tuple[str, ...]] = {
 }
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class FormCurve:
     """One form of the stiffness of a mesh.
 
@@ -169,7 +169,8 @@ def compare_forms(
     check_range("mesh_periods", mesh_periods, 1, 100)
     check_range("points_per_mesh", points_per_mesh, 2, 100_000)
     check_range("harmonics", harmonics, 1, 10_000)
-    wanted = _wanted() if forms is None else list(forms)
+    usual = [(group, name) for group, names in FOUR_FORMS.items() for name in names]
+    wanted = usual if forms is None else list(forms)
     if not wanted:
         raise ArgumentError("forms: at least one form must be given")
     pair = mesh_pairs(machine.stages[stage - 1], stage, machine.path)[0]
@@ -178,16 +179,10 @@ def compare_forms(
     orders = np.arange(1, harmonics + 1)
     curves = []
     for group, form in wanted:
-        stiffness = pair_stiffness(pair, (), form, force_n=force)
-        curves.append(
-            FormCurve(
-                group=group,
-                name=form if isinstance(form, str) else form.name,
-                stiffness=stiffness,
-                stiffness_n_per_m=stiffness.at(phase),
-                lines=stiffness.healthy.coefficients(orders) / stiffness.healthy_mean_n_per_m,
-            )
-        )
+        found = pair_stiffness(pair, (), form, force_n=force)
+        name = form if isinstance(form, str) else form.name
+        lines = found.healthy.coefficients(orders) / found.healthy_mean_n_per_m
+        curves.append(FormCurve(group, name, found, found.at(phase), lines))
     return FormComparison(
         machine=machine.name,
         stage=stage,
@@ -198,14 +193,10 @@ def compare_forms(
     )
 
 
-def _wanted() -> list[tuple[str, str | StiffnessForm | PotentialEnergy]]:
-    return [(group, name) for group, names in FOUR_FORMS.items() for name in names]
-
-
-def _running(machine: Any, stage: int) -> tuple[float | None, float | None]:
-    """Return static tooth force and mesh frequency where they are known."""
+def _running(machine: Any, stage: int, mesh: int = 0) -> tuple[float | None, float | None]:
+    """Return static tooth force and mesh frequency where they are known; most forms do without."""
     try:
-        mechanics = stage_mechanics(machine, stage)
+        mechanics = stage_mechanics(machine, stage, mesh=mesh)
     except ArgumentError:
         return None, None
     return mechanics.force_n, mechanics.mesh_frequency_hz
@@ -221,7 +212,7 @@ CURVE_POINTS = 25
 MEASURED_UNITS = {"crack": "mm", "breakage": "mm", "wear": "mm", "pitting": "flank"}
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class FaultLoss:
     """A fault, what it costs, and the size or loss on the other side.
 
@@ -404,7 +395,8 @@ def stiffness_report(
             for mesh, pair in enumerate(
                 mesh_pairs(machine.stages[number - 1], number, machine.path)
             )
-            if _can_be_shown(pair)
+            # overrides of a planetary stage are meant for sun and planet
+            if pair.is_main or pair.stage.module_mm is not None
         ),
     )
 
@@ -437,14 +429,6 @@ def size_curve(fault: Fault, pair: ToothPair, index: int, points: int = CURVE_PO
     )
 
 
-def _can_be_shown(pair: MeshPair) -> bool:
-    """Whether a mesh is asked for: that of planet and ring only if its gears have a module.
-
-    Overrides of a planetary stage are meant for sun and planet.
-    """
-    return pair.is_main or pair.stage.module_mm is not None
-
-
 def _mesh(
     machine: Any,
     pair: MeshPair,
@@ -454,7 +438,7 @@ def _mesh(
     points: int,
 ) -> StageStiffness:
     number = pair.number or 1
-    force = _force(machine, number, mesh)
+    force, _ = _running(machine, number, mesh)
     healthy = pair_stiffness(pair, (), form, force_n=force)
     damaged = pair_stiffness(pair, faults, form, force_n=force) if faults else healthy
     notes = list(damaged.warnings)
@@ -477,14 +461,6 @@ def _mesh(
     )
 
 
-def _force(machine: Any, number: int, mesh: int) -> float | None:
-    """Return the static tooth force where it is known; most forms do without."""
-    try:
-        return stage_mechanics(machine, number, mesh=mesh).force_n
-    except ArgumentError:
-        return None
-
-
 def _teeth(pair: MeshPair, notes: list[str]) -> ToothPair | None:
     try:
         return teeth_of(pair)
@@ -505,20 +481,20 @@ def _window(losses: tuple[FaultLoss, ...], mesh: MeshStiffness, points: int) -> 
 def _fault_loss(fault: Fault, pair: MeshPair, teeth: ToothPair | None) -> FaultLoss:
     names = [member.name for member in pair.members]
     if teeth is None or fault.gear not in names:
-        return FaultLoss(fault=fault, loss=None, measured="")
+        return FaultLoss(fault, None, "")
     index = names.index(fault.gear)
     loss = stiffness_loss(fault, teeth, index)
     if not fault.is_loss:
         size = size_text(fault.kind, fault.size, fault.unit, fault.shape)
-        return FaultLoss(fault=fault, loss=loss, measured=size or "whole tooth")
+        return FaultLoss(fault, loss, size or "whole tooth")
     unit = MEASURED_UNITS.get(fault.kind)
     if unit is None:
-        return FaultLoss(fault=fault, loss=loss, measured="")
+        return FaultLoss(fault, loss, "")
     try:
         found = size_for_loss(replace(fault, unit=unit, size=0.0), loss.mean, teeth, index)
     except ArgumentError:
-        return FaultLoss(fault=fault, loss=loss, measured="out of reach")
-    return FaultLoss(fault=fault, loss=loss, measured=f"{found.size:.3g}{found.unit}")
+        return FaultLoss(fault, loss, "out of reach")
+    return FaultLoss(fault, loss, f"{found.size:.3g}{found.unit}")
 
 
 def _curve(

@@ -19,6 +19,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.optimize import brentq
 
 from gearmon.errors import ArgumentError
 from gearmon.gears.geometry import PairGeometry, Rack
@@ -232,22 +233,17 @@ def roomy_roll(
         Roll length that is wanted; the arc ends there if it has room.
     """
 
-    def is_beyond(roll: float) -> bool:
+    def beyond(roll: float) -> float:
         slope = roll / base_m - half_angle
         radius = arc_radius(math.hypot(base_m, roll), root_m, roll)
         # end of the involute: base tangent point plus roll along the tangent
         half = base_m * math.sin(slope) - roll * math.cos(slope)
         along = base_m * math.cos(slope) + roll * math.sin(slope)
         half, along = half + radius * math.cos(slope), along - radius * math.sin(slope)
-        return math.atan2(half, along) > half_pitch
+        return math.atan2(half, along) - half_pitch
 
     low, high = roll_m, math.sqrt(root_m**2 - base_m**2)
-    if not is_beyond(low):
-        return low
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if is_beyond(middle) else (low, middle)
-    return 0.5 * (low + high)
+    return float(brentq(beyond, low, high, xtol=1e-15)) if beyond(low) > 0 else low
 
 
 #: Which curve joins the involute and the root circle; see `Tooth`.
@@ -411,15 +407,7 @@ class Tooth:
             return low
         if height_m >= self.height(high):
             return high
-        t = 0.5 * (low + high)
-        for _ in range(60):
-            # the height is convex in t and its slope known: Newton, kept inside
-            slope = float(self.roll(t)) * math.cos(t)
-            step = (float(self.height(t)) - height_m) / slope
-            t = min(max(t - step, low), high)
-            if abs(step) < 1e-14:
-                break
-        return t
+        return float(brentq(lambda t: float(self.height(t)) - height_m, low, high, xtol=1e-15))
 
     @cached_property
     def root_part(self) -> RootPart | None:

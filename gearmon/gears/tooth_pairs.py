@@ -179,6 +179,13 @@ class ToothPair:
         """Transverse contact ratio of the path."""
         return (self.path_m[1] - self.path_m[0]) / self.base_pitch_m
 
+    @property
+    def centres_m(self) -> tuple[float, float]:
+        """Signed centre distance [m], negative for a ring, and working pressure angle [rad]."""
+        base = self.first.base_radius_m + self.second.sign * self.second.base_radius_m
+        centres = math.copysign(math.hypot(self.line_m, base), base)
+        return centres, math.acos(base / centres)
+
     @cached_property
     def foundations(self) -> tuple[Body, Body]:
         """The bodies of both gears."""

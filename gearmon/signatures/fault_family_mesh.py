@@ -80,8 +80,7 @@ class Turn:
     def fastest(self) -> float:
         """Cycles a mesh period of the fastest part of an oscillating stiffness form."""
         terms = [term for train in self.mechanics.stiffness.trains for term in train.terms]
-        rates = [float(np.abs(term.pulse.rates).max(initial=0.0)) for term in terms]
-        return max(rates, default=0.0) / (2 * math.pi)
+        return max((term.pulse.fastest for term in terms), default=0.0) / (2 * math.pi)
 
     def stiffness(self, grid: PhaseGrid, periods: int) -> FloatArray:
         """Return k [N/m] in the first mesh periods, shape (periods, panels, points)."""
