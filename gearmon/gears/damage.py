@@ -1,4 +1,7 @@
-"""What damaged teeth take from the stiffness of a mesh, as trains of missing pulses."""
+"""What damaged teeth take: from what is measured on a tooth to the loss of its pair, and back.
+
+The losses of single teeth become trains of pulses that are missing from the mesh.
+"""
 
 from __future__ import annotations
 

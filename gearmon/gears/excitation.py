@@ -5,6 +5,10 @@ the load as their stiffness, so the mesh sees the mean of their errors, weighted
 ``m z'' + c (z - e)' + k(t) (z - e) = F``. What moves all pairs alike (eccentricity, wobble) needs
 no sharing. What eccentricity, cumulative pitch error and misalignment do to the stiffness itself is
 in `modulation`; the sharing of the errors of single flanks is that of the stiffness without it.
+
+A pair that lacks material gives way to its neighbours: the mesh sees ``sum_i k_i e_i / sum_i k_i``.
+Numerator and denominator are sums of pulses, so within each mesh period the quotient is smooth
+between known corners, and its Fourier integrals are exact.
 """
 
 from __future__ import annotations
@@ -26,6 +30,16 @@ from gearmon.gears.pulses import ComplexArray, FloatArray, Pulse, PulseTerm, Pul
 from gearmon.gears.stiffness import MeshStiffness
 from gearmon.gears.tooth_damage import tooth_damage
 from gearmon.gears.tooth_pairs import ToothPair, teeth_of
+
+#: Lines of the turn of a misaligned gear under load; they fall with their square at least.
+GAP_LINES = 2048
+#: Most contacts of faulty teeth, each computed by itself, in a true period.
+MOST_CONTACTS = 5_000
+Windows = dict[tuple[tuple[int, int, int], ...], list[int]]
+#: Largest turn of an oscillating part across one piece where it is sampled [rad].
+LARGEST_TURN = 6.0
+#: Longest period that is sampled [mesh periods].
+LONGEST_PERIOD = 20_000
 
 
 def tip_corner_gap(pair: ToothPair, beyond_m: FloatArray, *, leaving: bool) -> FloatArray:
@@ -66,10 +80,6 @@ def tip_corner_gap(pair: ToothPair, beyond_m: FloatArray, *, leaving: bool) -> F
     ahead = flank(mate, np.abs(seen)) - np.angle(seen)
     # the first gear pushes: its flank stays behind that of the second
     return np.asarray(pair.teeth[mate].base_radius_m * (ahead if leaving else -ahead))
-
-
-#: Lines of the turn of a misaligned gear under load; they fall with their square at least.
-GAP_LINES = 2048
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,12 +262,6 @@ def _bridge(pair: ToothPair) -> Callable[[FloatArray], FloatArray]:
     return curve
 
 
-#: Most contacts of faulty teeth, each computed by itself, in a true period.
-MOST_CONTACTS = 5_000
-
-Windows = dict[tuple[tuple[int, int, int], ...], list[int]]
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FlankExcitation:
     """Displacement excitation by one `FlankError`.
@@ -371,12 +375,6 @@ class FlankExcitation:
             np.linspace(*ends, n + 1)[:-1] for ends, n in zip(pairwise(edges), parts, strict=True)
         ]
         return np.append(np.concatenate(cut), 1.0)
-
-
-#: Largest turn of an oscillating part across one piece where it is sampled [rad].
-LARGEST_TURN = 6.0
-#: Longest period that is sampled [mesh periods].
-LONGEST_PERIOD = 20_000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,9 +1,13 @@
 """Faults of single teeth or of all teeth, and the stiffness that they take from a pair.
 
 The size of a fault is the loss of stiffness of the pair whose tooth it is, or what can be measured
-on the tooth (see `fault_shapes`), from which the loss follows. A fault is turned into `LossPatch`
+on the tooth, from which the loss follows. A fault is turned into `LossPatch`
 objects: where, along the contact of the pair and across its face width, which share of the
 stiffness is gone.
+
+A size is written as a number and its unit, and further dimensions after commas:
+``1.5mm,angle=70``, ``1.5mm,limit=parabolic``, ``4x1.5x0.5mm,at=0.2``, ``12%flank,radius=0.3``,
+``2level``. Errors of manufacture or mounting are written alike, with a size in um.
 """
 
 from __future__ import annotations
@@ -49,6 +53,33 @@ KIND_OPTIONS: dict[str, tuple[str, ...]] = {
     "pitting": ("radius", "depth"),
     "breakage": ("height", "from"),
 }
+
+
+#: What each kind means, for help texts.
+KINDS: dict[str, str] = {
+    "stiffness": "uniform loss over the whole contact of the tooth",
+    "crack": "root crack through the face width: uniform loss over the whole contact",
+    "breakage": "corner broken off: that share of the face width carries nothing",
+    "pitting": "loss while the contact passes the neighbourhood of the pitch point",
+    "spall": "as pitting, in a narrower band about the pitch point",
+    "wear": "every tooth of the gear alike (TOOTH is 'all')",
+    "missing": "the whole tooth is gone; its neighbours bridge the gap with their ends",
+}
+#: What each kind of error means, for help texts.
+ERROR_KINDS: dict[str, str] = {
+    "eccentricity": "the gear runs out: once per turn, SIZE is the offset of its centre",
+    "pitch": "one tooth stands back by SIZE over its whole contact",
+    "profile": "SIZE is missing at both ends of the contact, nothing in its middle",
+    "misalignment": "the gear wobbles: SIZE is the lead deviation across the face, turning with it",
+    "cumulative": "slow cumulative pitch error: once per turn, SIZE is half of its range F_p",
+}
+#: Errors of a whole gear.
+WHOLE_KINDS = ("eccentricity", "misalignment", "cumulative")
+GEARS = ("pinion", "gear", "sun", "planet", "ring")
+#: Share of the path of contact that is hurt, centred on the pitch point.
+BANDS = {"pitting": 0.3, "spall": 0.15}
+SYNTAX = "KIND:STAGE:GEAR:TOOTH:SIZE, such as crack:1:pinion:5:20% or crack:1:pinion:5:1.5mm"
+GearName = Literal["pinion", "gear", "sun", "planet", "ring"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -311,34 +342,6 @@ class LossCurve:
         return LossCurve(lambda phase: self.share(phase / factor), corners)
 
 
-#: What each kind means, for help texts.
-KINDS: dict[str, str] = {
-    "stiffness": "uniform loss over the whole contact of the tooth",
-    "crack": "root crack through the face width: uniform loss over the whole contact",
-    "breakage": "corner broken off: that share of the face width carries nothing",
-    "pitting": "loss while the contact passes the neighbourhood of the pitch point",
-    "spall": "as pitting, in a narrower band about the pitch point",
-    "wear": "every tooth of the gear alike (TOOTH is 'all')",
-    "missing": "the whole tooth is gone; its neighbours bridge the gap with their ends",
-}
-#: What each kind of error means, for help texts.
-ERROR_KINDS: dict[str, str] = {
-    "eccentricity": "the gear runs out: once per turn, SIZE is the offset of its centre",
-    "pitch": "one tooth stands back by SIZE over its whole contact",
-    "profile": "SIZE is missing at both ends of the contact, nothing in its middle",
-    "misalignment": "the gear wobbles: SIZE is the lead deviation across the face, turning with it",
-    "cumulative": "slow cumulative pitch error: once per turn, SIZE is half of its range F_p",
-}
-#: Errors of a whole gear.
-WHOLE_KINDS = ("eccentricity", "misalignment", "cumulative")
-GEARS = ("pinion", "gear", "sun", "planet", "ring")
-#: Share of the path of contact that is hurt, centred on the pitch point.
-BANDS = {"pitting": 0.3, "spall": 0.15}
-SYNTAX = "KIND:STAGE:GEAR:TOOTH:SIZE, such as crack:1:pinion:5:20% or crack:1:pinion:5:1.5mm"
-
-GearName = Literal["pinion", "gear", "sun", "planet", "ring"]
-
-
 @dataclass(frozen=True, kw_only=True)
 class Fault:
     """One fault of one tooth, or of all teeth of a gear.
@@ -435,7 +438,7 @@ def parse_fault(text: str) -> Fault:
     text : str
         SIZE is the loss of pair stiffness, ``0.2`` or ``20%``, or what is measured on the tooth:
         ``crack:1:pinion:5:1.5mm``, ``spall:1:gear:3:4x1.5x0.5mm``, ``pitting:1:gear:3:12%flank``;
-        see `fault_shapes`. TOOTH is a number or ``all``. A missing tooth has no SIZE.
+        see `parse_size`. TOOTH is a number or ``all``. A missing tooth has no SIZE.
 
     Returns
     -------

@@ -1,8 +1,16 @@
 """Yielding of the gear body under a tooth, and what it does to the neighbouring tooth.
 
+The body of an external gear follows a published fit. A ring is held all round its outside: the
+tooth root loads an arc of the root circle, and the deflection is the exact plane-stress one of a
+ring, so that thickness of the rim and coupling of teeth any distance apart follow from it. Every
+Fourier component of the tractions is one small linear system for the complex potentials of the
+ring; the loads are those that a tooth root passes on: a moment as linear pressure, a pull along the
+circle as uniform shear, a push into the body as uniform pressure.
+
 References
 ----------
-Sainsot, Velex & Duverger, J. Mech. Des. 126 (2004) 142.
+Sainsot, Velex & Duverger, J. Mech. Des. 126 (2004) 142, for the fit and the loads; Muskhelishvili,
+Some Basic Problems of the Mathematical Theory of Elasticity (1953), for the potentials.
 """
 
 from __future__ import annotations
@@ -22,6 +30,27 @@ from gearmon.gears.tooth import Tooth, where_tangent
 ARC_PHASE = 60.0
 #: Beyond so many decades of decay across the ring, its other circle is as good as infinitely far.
 LARGEST_DECAY = 40.0
+
+
+#: Coefficients A ... F of the polynomials L, M, P, Q.
+SAINSOT = {
+    "L": (-5.574e-5, -1.9986e-3, -2.3015e-4, 4.7702e-3, 0.0271, 6.8045),
+    "M": (60.111e-5, 28.100e-3, -83.431e-4, -9.9256e-3, 0.1624, 0.9086),
+    "P": (-50.952e-5, 185.50e-3, 0.0538e-4, 53.300e-3, 0.2895, 0.9236),
+    "Q": (-6.2042e-5, 9.0889e-3, -4.0964e-4, 7.8297e-3, -0.1472, 0.6904),
+}
+#: Where the polynomials were fitted: R_f/r_bore and the half root angle [rad].
+RADIUS_RATIOS = (1.4, 7.0)
+ROOT_ANGLES = (0.01, 0.12)
+#: Fit of the coupling to finite elements: E b C = torsion + slope ln(z) + bore r/R + constant.
+COUPLING_SLOPE, COUPLING_BORE, COUPLING_CONSTANT = 0.69, -2.03, -0.43
+#: From where the arm u of the force is measured to the root circle.
+Arm = Literal["axis", "contact"]
+#: Tangent of the fillet against the middle of the tooth where the loaded arc ends: there it ends
+#: in the fillet foundation of external gears with the standard rack.
+ARC_TANGENT = math.radians(75)
+#: Rim thickness in modules below which a ring is called thin (ISO 6336-3: rim factor above 1).
+THIN_RIM = 3.5
 
 
 @lru_cache(maxsize=256)
@@ -139,23 +168,6 @@ def _mean_work(ratio: float, kappa: float, half: float, outwards: float) -> Floa
     return np.asarray(np.real(np.outer(mean, moved)))
 
 
-#: Coefficients A ... F of the polynomials L, M, P, Q.
-SAINSOT = {
-    "L": (-5.574e-5, -1.9986e-3, -2.3015e-4, 4.7702e-3, 0.0271, 6.8045),
-    "M": (60.111e-5, 28.100e-3, -83.431e-4, -9.9256e-3, 0.1624, 0.9086),
-    "P": (-50.952e-5, 185.50e-3, 0.0538e-4, 53.300e-3, 0.2895, 0.9236),
-    "Q": (-6.2042e-5, 9.0889e-3, -4.0964e-4, 7.8297e-3, -0.1472, 0.6904),
-}
-#: Where the polynomials were fitted: R_f/r_bore and the half root angle [rad].
-RADIUS_RATIOS = (1.4, 7.0)
-ROOT_ANGLES = (0.01, 0.12)
-#: Fit of the coupling to finite elements: E b C = torsion + slope ln(z) + bore r/R + constant.
-COUPLING_SLOPE, COUPLING_BORE, COUPLING_CONSTANT = 0.69, -2.03, -0.43
-
-#: From where the arm u of the force is measured to the root circle.
-Arm = Literal["axis", "contact"]
-
-
 def sainsot(radius_ratio: float, root_angle_rad: float) -> tuple[float, float, float, float]:
     """Return the polynomials L, M, P, Q.
 
@@ -265,13 +277,6 @@ class Foundation:
         dip = COUPLING_SLOPE * math.log(tooth.teeth / apart) + COUPLING_CONSTANT
         dip += COUPLING_BORE * inner / tooth.reference_radius_m
         return max(0.0, torsion + dip) / (tooth.elastic_modulus_pa * tooth.face_width_m)
-
-
-#: Tangent of the fillet against the middle of the tooth where the loaded arc ends: there it ends
-#: in the fillet foundation of external gears with the standard rack.
-ARC_TANGENT = math.radians(75)
-#: Rim thickness in modules below which a ring is called thin (ISO 6336-3: rim factor above 1).
-THIN_RIM = 3.5
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,7 +2,10 @@
 
 Formulas and signs follow ISO 21771: an internal gear has a negative number of teeth and negative
 diameters in them, and a positive profile shift makes its teeth thicker too, which moves its tips
-inwards. Results are positive radii.
+inwards. Results are positive radii. The basic rack, in normal modules, generates the fillet; its
+tip is rounded so that the flank stays straight down to the standard clearance of 0.25 modules, or
+fully where less room is left. Pairs that cannot run (undercut, interference, pointed tips, a contact
+ratio below 1) are refused.
 """
 
 from __future__ import annotations
@@ -20,6 +23,19 @@ from gearmon.gears.pulses import FloatArray
 
 #: Bottom clearance of ISO 53 racks; the rounding takes it up.
 CLEARANCE = 0.25
+
+
+Two = tuple[float, float]
+__all__ = ["GearTeeth", "PairGeometry", "pair_geometry"]
+#: Profile shifts are given with three decimals; less than this is rounding, not jamming.
+SHIFT_ROUNDING = 0.01
+#: Most that the tip of a ring is taken to be relieved without being told, in modules.
+LARGEST_RING_TRIM = 0.3
+#: Tip thickness below which tips are called sharp, in modules.
+SHARP_TIP = 0.2
+#: Profile shift that undercut teeth may lack, in modules, if their mate stays clear of it: the
+#: practical limit of 14 teeth where 18 are needed in theory.
+TOLERATED_UNDERCUT = 0.2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -265,9 +281,6 @@ def contact_zones(contact_ratio: float) -> list[tuple[float, float, int]]:
     return [*zones, (float(few), contact_ratio, few + 1)]
 
 
-Two = tuple[float, float]
-
-
 @dataclass(frozen=True, kw_only=True)
 class GearTeeth:
     """Teeth of one gear, in modules.
@@ -485,9 +498,6 @@ class PairGeometry:
         )
 
 
-__all__ = ["GearTeeth", "PairGeometry", "pair_geometry"]
-
-
 def pair_geometry(
     first: GearTeeth,
     second: GearTeeth,
@@ -635,17 +645,6 @@ def _with_tips(pair: PairGeometry) -> PairGeometry:
     sign, tangent = pair.sign(1), math.tan(pair.working_pressure_angle_rad)
     length = (pair.base_radii_m[0] + sign * pair.base_radii_m[1]) * tangent
     return replace(pair, tip_radii_m=tips, path_m=(length - sign * two, one))
-
-
-#: Profile shifts are given with three decimals; less than this is rounding, not jamming.
-SHIFT_ROUNDING = 0.01
-#: Most that the tip of a ring is taken to be relieved without being told, in modules.
-LARGEST_RING_TRIM = 0.3
-#: Tip thickness below which tips are called sharp, in modules.
-SHARP_TIP = 0.2
-#: Profile shift that undercut teeth may lack, in modules, if their mate stays clear of it: the
-#: practical limit of 14 teeth where 18 are needed in theory.
-TOLERATED_UNDERCUT = 0.2
 
 
 def check_pair(pair: PairGeometry) -> PairGeometry:

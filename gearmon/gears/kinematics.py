@@ -22,6 +22,8 @@ from typing import Any, TypeVar
 from gearmon.errors import ArgumentError
 from gearmon.machine import Bearing, Machine, OperatingPoint, ParallelStage, PlanetaryStage
 
+_Item = TypeVar("_Item")
+
 
 @dataclass(frozen=True, kw_only=True)
 class Turning:
@@ -331,9 +333,6 @@ class LineTable:
             "rows": [asdict(row) for row in self.rows],
             "notes": list(self.notes),
         }
-
-
-_Item = TypeVar("_Item")
 
 
 def _numbered(what: str, items: tuple[_Item, ...], number: int) -> _Item:

@@ -65,6 +65,12 @@ PHASES_PER_BLOCK = 16_384
 MOVING_KINDS = ("eccentricity", "cumulative", "misalignment")
 
 
+NODES = (3, 5, 9, 17)
+CONVERGED = 1e-10
+#: Phases evaluated together; bounds the memory.
+PHASES_PER_BLOCK = 16_384
+
+
 @dataclass(frozen=True, kw_only=True)
 class ContactOffset:
     """How the errors of one gear move the contact, as it turns.
@@ -212,12 +218,6 @@ def carrying_share(gap_m: FloatArray, free_gap_m: float) -> FloatArray:
     """
     wide = gap_m > free_gap_m
     return np.sqrt(np.where(wide, free_gap_m / np.where(wide, gap_m, 1.0), 1.0))
-
-
-NODES = (3, 5, 9, 17)
-CONVERGED = 1e-10
-#: Phases evaluated together; bounds the memory.
-PHASES_PER_BLOCK = 16_384
 
 
 @dataclass(frozen=True, eq=False)

@@ -155,7 +155,8 @@ def spherical_bessel(count: int, x: FloatArray) -> FloatArray:
     middle = ~(large | small)
     total[:, large] = _bessel_up(count, x[large])
     total[:, middle] = _bessel_down(count, x[middle])
-    total[:, small] = spherical_jn(np.arange(count)[:, None], x[small])
+    # SciPy's are not numbers where 1/x overflows
+    total[:, small] = spherical_jn(np.arange(count)[:, None], x[small] * (size[small] > 1e-30))
     return total
 
 
@@ -173,11 +174,11 @@ def _bessel_up(count: int, x: FloatArray) -> FloatArray:
 
 
 def _bessel_down(count: int, x: FloatArray) -> FloatArray:
-    # Miller: any start far above decays into the wanted solution; the ratios to the next order
-    # below stay finite however many orders there are
+    # Miller: any start above decays into the wanted solution, as Airy's function of the orders
+    # over the cube root of half of them: by exp(-4/3 10^1.5) here
     total = np.empty((max(count, 2), len(x)))
     later, now = np.zeros(len(x)), np.full(len(x), 1e-200)
-    for n in range(len(total) + 20, 0, -1):
+    for n in range(len(total) + max(20, math.ceil(10 * math.cbrt(count / 2))), 0, -1):
         later, now = now, (2 * n + 1) / x * now - later
         huge = np.abs(now) > 1e200
         if huge.any():

@@ -1,4 +1,8 @@
-"""Stiffness of the meshes of a machine, healthy and damaged: tables and data for pictures."""
+"""Stiffness of the meshes of a machine: tables and data for pictures.
+
+`stiffness_report` holds healthy and damaged teeth against each other, `compare_forms` the forms of
+a healthy mesh: curves over mesh periods, and their lines.
+"""
 
 from __future__ import annotations
 
@@ -35,6 +39,12 @@ FOUR_FORMS: dict[str, tuple[str, ...]] = {
     "rectangular": ("rectangular", "rectangular-half"),
     "fourier": ("fourier-true", "fourier"),
 }
+
+
+#: Sizes at which a curve of loss against size is taken.
+CURVE_POINTS = 25
+#: Unit and dimensions in which a loss of each kind is told as a size.
+MEASURED_UNITS = {"crack": "mm", "breakage": "mm", "wear": "mm", "pitting": "flank"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,12 +214,6 @@ def _running(machine: Any, stage: int, mesh: int = 0) -> tuple[float | None, flo
 
 def _column(name: str) -> str:
     return f"{name.replace('-', '_')}_n_per_m"
-
-
-#: Sizes at which a curve of loss against size is taken.
-CURVE_POINTS = 25
-#: Unit and dimensions in which a loss of each kind is told as a size.
-MEASURED_UNITS = {"crack": "mm", "breakage": "mm", "wear": "mm", "pitting": "flank"}
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,11 @@
 
 The energy integrals run along the middle line of the tooth from its root to the contact. Their
 integrands do not depend on where the contact is, apart from the lever arm, which enters through
-three moments: so running integrals serve all contacts.
+three moments: so running integrals serve all contacts. Below the involute the beam is the fillet
+that the rack generates, or straight; in a ring it is an arc that touches the involute and the root
+circle: the tool that shapes a ring is a pinion whose data nobody gives, its fillet lies close to an
+arc (ISO 6336-3 describes it by a radius too), and what matters most, where the involute ends and
+how deep the root lies, is kept.
 
 References
 ----------
@@ -30,6 +34,17 @@ from gearmon.gears.tooth_damage import SOUND, ToothDamage, crossings, sections
 CRITICAL_TANGENT = math.radians(30)
 #: Maps parameters from 0 at the root circle to 1 at the involute to height and half thickness.
 Curve = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+
+
+#: Tangent angle of the critical section of a ring's fillet, ISO 6336-3 [rad].
+RING_TANGENT = math.radians(60)
+#: Which curve joins the involute and the root circle; see `Tooth`.
+Root = Literal["fillet", "straight", "base"]
+ROOTS: tuple[Root, ...] = ("fillet", "straight", "base")
+#: Where the involute is split for its integrals: 1/h^3 is steep towards the tip.
+SPLITS = (0.6, 0.87)
+#: Shear factor of a rectangular section.
+SHEAR_FACTOR = 1.2
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -167,10 +182,6 @@ def _differentiation(points: int) -> FloatArray:
     return np.asarray(slopes @ analysis)
 
 
-#: Tangent angle of the critical section of a ring's fillet, ISO 6336-3 [rad].
-RING_TANGENT = math.radians(60)
-
-
 def ring_root(end_m: tuple[float, float], slope_rad: float, root_radius_m: float) -> RootPart:
     """Return the fillet of a ring's tooth.
 
@@ -244,15 +255,6 @@ def roomy_roll(
 
     low, high = roll_m, math.sqrt(root_m**2 - base_m**2)
     return float(brentq(beyond, low, high, xtol=1e-15)) if beyond(low) > 0 else low
-
-
-#: Which curve joins the involute and the root circle; see `Tooth`.
-Root = Literal["fillet", "straight", "base"]
-ROOTS: tuple[Root, ...] = ("fillet", "straight", "base")
-#: Where the involute is split for its integrals: 1/h^3 is steep towards the tip.
-SPLITS = (0.6, 0.87)
-#: Shear factor of a rectangular section.
-SHEAR_FACTOR = 1.2
 
 
 @dataclass(frozen=True, kw_only=True)

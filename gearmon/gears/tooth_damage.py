@@ -1,7 +1,8 @@
 """Damage of one tooth as a change of its sections: root crack, spalls and pits, wear.
 
 Sizes are metres here. A section across the tooth has area A and second moment I; a crack cuts a
-part of its thickness away, a spall takes a rectangle off the loaded side.
+part of its thickness away, a spall takes a rectangle off the loaded side. `tooth_damage` gives the
+damage that measured faults mean.
 """
 
 from __future__ import annotations
@@ -26,6 +27,12 @@ WIDTH_POINTS = 3
 PIT_PANELS = 4
 #: Largest part of the face width that pits may take at one height.
 LARGEST_WIDTH = 0.98
+
+
+#: Usual radius and depth of round pits, in modules.
+PIT_RADIUS, PIT_DEPTH = 0.1, 0.1
+#: Part of the face width that the pits of a row take, usually and at most; rows overlap by half.
+PIT_FILL, LARGEST_FILL = 0.3, 0.55
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -383,12 +390,6 @@ def crossings(
         upper = (curve(middle) > level) == rising
         left, right = np.where(upper, left, middle), np.where(upper, middle, right)
     return np.asarray(0.5 * (left + right))
-
-
-#: Usual radius and depth of round pits, in modules.
-PIT_RADIUS, PIT_DEPTH = 0.1, 0.1
-#: Part of the face width that the pits of a row take, usually and at most; rows overlap by half.
-PIT_FILL, LARGEST_FILL = 0.3, 0.55
 
 
 def tooth_damage(faults: Sequence[Fault], tooth: Tooth) -> ToothDamage:

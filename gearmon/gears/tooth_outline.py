@@ -18,6 +18,9 @@ from gearmon.gears.tooth_pairs import ToothPair
 POINTS = 60
 
 
+_GONE = ("breakage", "missing")
+
+
 @dataclass(frozen=True, eq=False)
 class FlankMark:
     """A damaged part of a flank, seen from the mate.
@@ -126,9 +129,6 @@ def teeth_picture(
         marks=marks,
         flank_sizes_mm={tooth.name: _flank_size(tooth) for tooth in pair.teeth},
     )
-
-
-_GONE = ("breakage", "missing")
 
 
 def half_profile(tooth: Tooth) -> tuple[FloatArray, FloatArray]:

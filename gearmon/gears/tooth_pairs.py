@@ -1,4 +1,13 @@
-"""Two teeth in contact: every compliance of the pair along its path of contact."""
+"""Two teeth in contact: every compliance of the pair along its path of contact.
+
+Bending, shear and compression of both teeth, the yielding of their bodies, and the flattening of
+the flanks at their contact: a constant, or a form that depends on the load. `PotentialEnergy` is
+the stiffness form that is computed from them.
+
+References
+----------
+Yang & Sun, J. Mech. Transm. Autom. Des. 107 (1985) 529; Weber & Banaschek (1953).
+"""
 
 from __future__ import annotations
 
@@ -21,6 +30,18 @@ from gearmon.gears.tooth_damage import LARGEST_WIDTH, ToothDamage
 #: How flanks give way; see `hertz_compliance` and `weber_banaschek_compliance`.
 Contact = Literal["constant", "load-dependent"]
 CONTACTS: tuple[Contact, ...] = ("constant", "load-dependent")
+
+
+Beams = tuple[ToothBeam, ToothBeam]
+Body = Foundation | RingBody
+#: Name under which the form is chosen.
+POTENTIAL_ENERGY = "potential-energy"
+#: Radius on which a gear is held where no bore is given, over its reference radius. The beam
+#: model then lies within 7 % of ISO 6336 for most pairs.
+USUAL_BORE = 0.4
+#: Thickness of the rim of a ring where none is given, in modules: the least for which ISO 6336-3
+#: counts a ring as stiff.
+USUAL_RIM = 3.5
 
 
 def hertz_compliance(
@@ -87,10 +108,6 @@ def weber_banaschek_compliance(
     bracket = np.log(depth) - poisson_ratio / (2 * (1 - poisson_ratio))
     # crushing loads flatten a contact as wide as the tooth, beyond what the form describes
     return np.asarray(4 * plane / np.asarray(width_m) * np.maximum(bracket, 0.25))
-
-
-Beams = tuple[ToothBeam, ToothBeam]
-Body = Foundation | RingBody
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -447,16 +464,6 @@ def _path(geometry: PairGeometry, contact_ratio: float | None) -> tuple[float, f
     middle = 0.5 * sum(geometry.path_m)
     half = 0.5 * contact_ratio * geometry.base_pitch_m
     return middle - half, middle + half
-
-
-#: Name under which the form is chosen.
-POTENTIAL_ENERGY = "potential-energy"
-#: Radius on which a gear is held where no bore is given, over its reference radius. The beam
-#: model then lies within 7 % of ISO 6336 for most pairs.
-USUAL_BORE = 0.4
-#: Thickness of the rim of a ring where none is given, in modules: the least for which ISO 6336-3
-#: counts a ring as stiff.
-USUAL_RIM = 3.5
 
 
 @dataclass(frozen=True, kw_only=True)

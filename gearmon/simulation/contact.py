@@ -30,6 +30,24 @@ TOLERANCE_USED = 0.7
 _LARGEST_OVER_DEVIATION = 3.0
 
 
+#: Band of the wander [Hz].
+WANDER_BAND_HZ = (0.05, 2.0)
+#: Cosines in the sum.
+WANDER_LINES = 16
+# Newton's method doubles its digits: four steps for the usual wander, more for a wild one.
+_NEWTON_STEPS, _TIME_ERROR_S = 60, 1e-11
+IntArray = NDArray[np.int64]
+#: Points in a turn of the fastest gear at which load and runout are taken.
+POINTS_PER_TURN = 128
+# Three points fix the parabola of a spur pair, four the cubic that it is when spread over the face
+# width of a helical one. They lie inside the interval, where it cannot matter to which side of an
+# event its ends belong.
+_SPUR_NODES = np.array([0.125, 0.5, 0.875])
+_HELICAL_NODES = np.array([0.125, 0.375, 0.625, 0.875])
+# Longer than any contact: a pulse train with this period is a single pulse.
+_ONCE = 1_000_000
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GearErrors:
     """How one gear departs from its ideal shape, along the line of action.
@@ -138,14 +156,6 @@ def _grade_factor(grade: float) -> float:
     return math.pow(2.0, 0.5 * (grade - 5))
 
 
-#: Band of the wander [Hz].
-WANDER_BAND_HZ = (0.05, 2.0)
-#: Cosines in the sum.
-WANDER_LINES = 16
-# Newton's method doubles its digits: four steps for the usual wander, more for a wild one.
-_NEWTON_STEPS, _TIME_ERROR_S = 60, 1e-11
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Wander:
     """A slow random departure from a nominal value, relative to it.
@@ -245,19 +255,6 @@ class ShaftMotion:
             if not np.any(np.abs(change) > _TIME_ERROR_S):
                 break
         return time
-
-
-IntArray = NDArray[np.int64]
-
-#: Points in a turn of the fastest gear at which load and runout are taken.
-POINTS_PER_TURN = 128
-# Three points fix the parabola of a spur pair, four the cubic that it is when spread over the face
-# width of a helical one. They lie inside the interval, where it cannot matter to which side of an
-# event its ends belong.
-_SPUR_NODES = np.array([0.125, 0.5, 0.875])
-_HELICAL_NODES = np.array([0.125, 0.375, 0.625, 0.875])
-# Longer than any contact: a pulse train with this period is a single pulse.
-_ONCE = 1_000_000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -27,6 +27,18 @@ IntArray = NDArray[np.intp]
 SUBSTEPS = 8
 
 
+#: Runge-Kutta steps in a piece of the part of the run-in whose errors are forgotten too.
+COARSE_SUBSTEPS = 4
+#: That part of the run-in.
+COARSE_SHARE = 0.65
+#: Largest disagreement of two chunks at their joint, relative to the static deformation.
+JOINT_TOLERANCE = 3e-6
+#: Most passes over chunks that do not join; only irregular (rattling) motion is not done then.
+REPAIR_PASSES = 6
+# A step costs as much for this many chunks as it costs to call the routines that make it.
+_CHUNKS_PER_CALL = 600.0
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GearedSystem:
     """Inertias, dampers and shafts of a drive train, seen from the deformations of its elements.
@@ -424,18 +436,6 @@ def _acceleration_matrices(coupling: FloatArray, substeps: int) -> FloatArray:
     passed = np.linspace(0.0, 1.0, 2 * substeps + 1)
     fixed = np.hstack([-coupling, np.eye(size)])
     return np.stack([np.hstack([fixed, share * np.eye(size)]) for share in passed])
-
-
-#: Runge-Kutta steps in a piece of the part of the run-in whose errors are forgotten too.
-COARSE_SUBSTEPS = 4
-#: That part of the run-in.
-COARSE_SHARE = 0.65
-#: Largest disagreement of two chunks at their joint, relative to the static deformation.
-JOINT_TOLERANCE = 3e-6
-#: Most passes over chunks that do not join; only irregular (rattling) motion is not done then.
-REPAIR_PASSES = 6
-# A step costs as much for this many chunks as it costs to call the routines that make it.
-_CHUNKS_PER_CALL = 600.0
 
 
 def integrate(

@@ -30,6 +30,10 @@ FloatArray = NDArray[np.float64]
 TACHO_HIGH_V, TACHO_WIDTH_TURNS = 5.0, 0.05
 
 
+#: Rows that are formatted at a time.
+ROWS_AT_A_TIME = 20_000
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SimulatedRecording:
     """A recording of a simulated machine, with what is true of it.
@@ -272,10 +276,6 @@ def _tacho(
         TACHO_HIGH_V,
         TACHO_WIDTH_TURNS,
     )
-
-
-#: Rows that are formatted at a time.
-ROWS_AT_A_TIME = 20_000
 
 
 def write_simulation(

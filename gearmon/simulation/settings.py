@@ -12,6 +12,11 @@ from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, OperatingPoint
 
+#: Sampling rate over mesh frequency that anti-aliasing needs to let the mesh through.
+LEAST_RATE_OVER_MESH = 2.56
+#: Most samples in a channel.
+MOST_SAMPLES = 100_000_000
+
 
 def stream(seed: int, *purpose: str | int) -> np.random.Generator:
     """Return the generator of one purpose.
@@ -43,12 +48,6 @@ def check_seed(name: str, seed: int) -> int:
     if isinstance(seed, bool) or seed != int(seed) or seed < 0:
         raise ArgumentError(f"{name}={seed} must be a whole number >= 0")
     return int(seed)
-
-
-#: Sampling rate over mesh frequency that anti-aliasing needs to let the mesh through.
-LEAST_RATE_OVER_MESH = 2.56
-#: Most samples in a channel.
-MOST_SAMPLES = 100_000_000
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -33,6 +33,19 @@ from gearmon.simulation.settings import stream
 FloatArray = NDArray[np.float64]
 
 
+#: Shear modulus of steel [Pa].
+SHEAR_MODULUS_PA = 80e9
+#: Damping ratio that the shafts alone would give to the lowest mode of the train, if all of its
+#: energy were in them; their loss of energy is proportional to their stiffness.
+SHAFT_DAMPING_RATIO = 0.05
+#: Shaft over reference diameter of the smaller gear on it, where no bore is given.
+SHAFT_OVER_GEAR = 0.6
+#: Length of a shaft over the sum of the face widths of the gears on it.
+SHAFT_OVER_WIDTHS = 1.5
+#: Face width over module where none is given.
+WIDTH_OVER_MODULE = 10.0
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Part:
     """One stage: how its meshes see its coordinates, and how easily those are accelerated.
@@ -281,19 +294,6 @@ def _errors(data: PartData, pair: MeshPair, member: Member, suffix: str) -> Gear
         data.accuracy_grade,
         stream(data.seed, "errors", data.number, member.name, flank),
     )
-
-
-#: Shear modulus of steel [Pa].
-SHEAR_MODULUS_PA = 80e9
-#: Damping ratio that the shafts alone would give to the lowest mode of the train, if all of its
-#: energy were in them; their loss of energy is proportional to their stiffness.
-SHAFT_DAMPING_RATIO = 0.05
-#: Shaft over reference diameter of the smaller gear on it, where no bore is given.
-SHAFT_OVER_GEAR = 0.6
-#: Length of a shaft over the sum of the face widths of the gears on it.
-SHAFT_OVER_WIDTHS = 1.5
-#: Face width over module where none is given.
-WIDTH_OVER_MODULE = 10.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -22,6 +22,26 @@ FloatArray = NDArray[np.float64]
 FLAT_SHARE = 0.4
 
 
+Progress = Callable[[float], None]
+#: Steps of the integration in a period of the fastest natural frequency that the recording carries:
+#: the dynamic mesh force is then right to about 3e-4 of its rms.
+STEPS_PER_PERIOD = 24
+#: Steps in a period of faster ones, which only have to stay stable and damped.
+STEPS_PER_FAST_PERIOD = 10
+#: Share of the sampling rate up to which a natural frequency counts as carried.
+CARRIED_SHARE = 0.6
+#: Time constants of the slowest transient in the run-in of a chunk: e^-14 = 1e-6.
+RUN_IN_CONSTANTS = 14.0
+#: Cells of the fine grid per sample, and per period of the fastest natural frequency.
+CELLS_PER_SAMPLE, CELLS_PER_PERIOD = 8, 6
+#: Steps of one mesh that are held in memory at a time.
+STEPS_PER_BLOCK = 5_000_000
+#: Part of a planet's mesh force that is heard only while it passes the sensor.
+PLANET_PASS_DEPTH = 0.8
+# Cosine flanks that let the record begin and end without a blow [s], beyond what is kept.
+_FLANK_S = 0.02
+
+
 def triangle_means(
     forces: MeshForces,
     start_s: float,
@@ -184,27 +204,6 @@ def fade_ends(rows: FloatArray, flank: int) -> None:
     rise = 0.5 - 0.5 * np.cos(np.pi * (np.arange(flank) + 0.5) / flank)
     rows[:, :flank] *= rise
     rows[:, -flank:] *= rise[::-1]
-
-
-Progress = Callable[[float], None]
-
-#: Steps of the integration in a period of the fastest natural frequency that the recording carries:
-#: the dynamic mesh force is then right to about 3e-4 of its rms.
-STEPS_PER_PERIOD = 24
-#: Steps in a period of faster ones, which only have to stay stable and damped.
-STEPS_PER_FAST_PERIOD = 10
-#: Share of the sampling rate up to which a natural frequency counts as carried.
-CARRIED_SHARE = 0.6
-#: Time constants of the slowest transient in the run-in of a chunk: e^-14 = 1e-6.
-RUN_IN_CONSTANTS = 14.0
-#: Cells of the fine grid per sample, and per period of the fastest natural frequency.
-CELLS_PER_SAMPLE, CELLS_PER_PERIOD = 8, 6
-#: Steps of one mesh that are held in memory at a time.
-STEPS_PER_BLOCK = 5_000_000
-#: Part of a planet's mesh force that is heard only while it passes the sensor.
-PLANET_PASS_DEPTH = 0.8
-# Cosine flanks that let the record begin and end without a blow [s], beyond what is kept.
-_FLANK_S = 0.02
 
 
 @dataclass(frozen=True, kw_only=True)
