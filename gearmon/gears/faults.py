@@ -126,7 +126,7 @@ class FaultShape:
             if value is None:
                 continue
             if item.name == "limit":
-                check_word("limit of a crack ", value, LIMITS)
+                check_word("crack limit=", value, LIMITS)
                 continue
             check_finite(_key(item.name), value, "deg" if item.name == "angle" else "mm")
             if item.name == "angle" and not 5 <= value <= 90:
