@@ -4,8 +4,8 @@ Formulas and signs follow ISO 21771: an internal gear has a negative number of t
 diameters in them, and a positive profile shift makes its teeth thicker too, which moves its tips
 inwards. Results are positive radii. The basic rack, in normal modules, generates the fillet; its
 tip is rounded so that the flank stays straight down to the standard clearance of 0.25 modules, or
-fully where less room is left. Pairs that cannot run (undercut, interference, pointed tips, a contact
-ratio below 1) are refused.
+fully where less room is left. Pairs that cannot run (undercut, interference, pointed tips, a
+contact ratio below 1) are refused.
 """
 
 from __future__ import annotations

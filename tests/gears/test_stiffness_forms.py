@@ -19,7 +19,6 @@ from gearmon.gears.stiffness_forms import (
     FourierSum,
     Parabolic,
     Rectangular,
-    Wave,
     zone_means,
 )
 
