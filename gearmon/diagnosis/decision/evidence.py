@@ -20,6 +20,7 @@ from gearmon.diagnosis.decision.thresholds import LIMITS
 from gearmon.diagnosis.hypotheses.runout import RunoutGrowth
 from gearmon.diagnosis.hypotheses.tooth_damage import ToothFinding
 from gearmon.diagnosis.law import LevelDeviation, MachineDeviation
+from gearmon.diagnosis.law.state import LENGTH
 from gearmon.diagnosis.nongear import NonGearFinding
 
 
@@ -56,7 +57,7 @@ class Evidence:
         """Strength of every test, by its name."""
         told = {
             "levels": levels_strength(self.deviation.levels, self.deviation.broadband)
-            / (1.0 + LIMITS.gap_weight * max(0.0, self.deviation.gap - FAR)),
+            / (1.0 + LIMITS.light_weight * max(0.0, min(self.deviation.light, LENGTH) - FAR)),
             "runout": rare_strength([one.log10_probability for one in self.runout]),
             "lines of no gear": rare_strength([one.log10_probability for one in self.nongear]),
         }

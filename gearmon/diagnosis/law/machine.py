@@ -28,6 +28,8 @@ class MachineDeviation:
         Operating state of the recording: load [Np] and speed beside the first reference.
     gap : float
         Distance to the nearest reference's state.
+    light : float
+        By how much its load is lighter than that of every reference [Np]; 0 if it is not.
     gears : tuple of GearDeviation
         One for each gear that recording and reference resolve.
     family_names : tuple of str
@@ -40,6 +42,7 @@ class MachineDeviation:
 
     state: FloatArray
     gap: float
+    light: float
     gears: tuple[GearDeviation, ...]
     family_names: tuple[str, ...]
     levels: LevelDeviation
@@ -135,6 +138,7 @@ class HealthyMachine:
         return MachineDeviation(
             state=state,
             gap=float(np.min(np.linalg.norm(self.states - state, axis=1))),
+            light=float(max(0.0, self.states[:, 0].min() - state[0])),
             gears=tuple(gears),
             family_names=tuple(names),
             levels=self._levels(own, rows, names, state),
