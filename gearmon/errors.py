@@ -87,6 +87,28 @@ def nearest_name(word: str, known: Iterable[str]) -> str | None:
     return matches[0] if matches else None
 
 
+def check_word(name: str, word: str, known: Iterable[str]) -> None:
+    """Raise if `word` is not one of the known words, with the one that looks most like it.
+
+    Parameters
+    ----------
+    name : str
+        What the word is, with what stands between it and the word: "form=", "gear ".
+    word : str
+    known : iterable of str
+
+    Raises
+    ------
+    ArgumentError
+        If the word is not known.
+    """
+    words = list(known)
+    if word not in words:
+        near = nearest_name(str(word), words)
+        hint = f"; did you mean {near}?" if near else ""
+        raise ArgumentError(f"{name}{word!r} is not one of {', '.join(words)}{hint}")
+
+
 def _shown(value: float, unit: str) -> str:
     return f"{value}{_suffix(unit)}"
 

@@ -11,8 +11,7 @@ from gearmon import demos
 from gearmon.cli import main
 from gearmon.commands import COMMANDS
 from gearmon.dynamics import stability_map
-from gearmon.gears.faults import KINDS
-from gearmon.gears.missing_material import ERROR_KINDS
+from gearmon.gears.faults import ERROR_KINDS, KINDS
 
 NAMES = [command.name for command in COMMANDS]
 # Files that examples name, and those that stand for them.

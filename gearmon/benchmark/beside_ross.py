@@ -17,10 +17,10 @@ import numpy as np
 from gearmon.errors import ArgumentError
 from gearmon.gears.foundation import Foundation
 from gearmon.gears.pairs import mesh_pairs
-from gearmon.gears.panels import FloatArray
-from gearmon.gears.potential_energy import POTENTIAL_ENERGY, teeth_of
+from gearmon.gears.pulses import FloatArray
 from gearmon.gears.stiffness import mesh_stiffness
 from gearmon.gears.tooth import ToothBeam
+from gearmon.gears.tooth_pairs import POTENTIAL_ENERGY, teeth_of
 from gearmon.machine import ParallelStage
 
 #: Names the interpreter of an environment with ROSS, which needs an old plotly.

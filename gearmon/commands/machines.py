@@ -61,7 +61,7 @@ def run_stiffness(arguments: argparse.Namespace) -> int:
 
 def _run_forms(arguments: argparse.Namespace) -> int:
     """Run `gearmon stiffness --form all`: the forms of a healthy mesh and their spectra."""
-    from gearmon.gears.form_comparison import compare_forms
+    from gearmon.gears.stiffness_report import compare_forms
     from gearmon.report.text_tables import rows_as_csv, table_lines
 
     if arguments.fault:

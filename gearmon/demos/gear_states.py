@@ -11,10 +11,9 @@ from gearmon.gears.faults import Fault
 from gearmon.machine import Machine
 from gearmon.signals.recording import Recording
 from gearmon.simulation import Settings
-from gearmon.simulation.contact import Drive
-from gearmon.simulation.motion import ShaftMotion, random_wander
+from gearmon.simulation.contact import Drive, ShaftMotion, random_wander
 from gearmon.simulation.path import noise, random_path, tacho_pulses, through_path
-from gearmon.simulation.streams import stream
+from gearmon.simulation.settings import stream
 from gearmon.simulation.train import Train, build_train
 from gearmon.simulation.vibration import mesh_vibration
 

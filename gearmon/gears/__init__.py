@@ -1,1 +1,79 @@
-"""Gears: geometry, kinematics, mesh stiffness and faults."""
+"""Gears: what the gears of a machine are, and the stiffness with which they mesh.
+
+From a machine to the numbers of an equation of motion: `kinematics` says at which orders shafts,
+meshes and bearings show; `mesh_pairs` gives the pairs of a stage, with their geometry (ISO 21771)
+and the stiffness of ISO 6336; `mesh_stiffness` gives k over its true period, as one of the forms
+derived from the contact ratio or from the elastic energy of the teeth, with the teeth that a
+`Fault` has damaged; `displacement_excitation` what errors and lost profile move; `stage_mechanics`
+mass, damping, force and stiffness of a mesh at an operating point.
+
+>>> from gearmon.gears import mesh_stiffness, parse_fault
+>>> from gearmon.machine import ParallelStage
+>>> stage = ParallelStage(pinion_teeth=26, gear_teeth=53, module_mm=2.0, face_width_mm=20.0)
+>>> sound = mesh_stiffness(stage, form="potential-energy")
+>>> cracked = mesh_stiffness(stage, [parse_fault("crack:1:pinion:5:1.5mm")], "potential-energy")
+>>> sound.period_mesh, cracked.period_mesh
+(1, 26)
+>>> 0.97 < cracked.mean_n_per_m / sound.mean_n_per_m < 1
+True
+
+Two functions bear the names of their modules and are imported from there:
+`gearmon.gears.kinematics.kinematics` and `gearmon.gears.stiffness_report.stiffness_report`.
+
+The modules: `kinematics`; `geometry` (circles, rack, whether a pair can run); `iso6336`; `pairs`;
+`faults` (damage and errors as they are written), `tooth_damage` and `damage` (what they take from
+a tooth and from its pair); `tooth`, `foundation`, `tooth_pairs` and `tooth_mesh` (potential
+energy); `pulses` and `stiffness_forms`; `stiffness` with `modulation` by turning gears;
+`excitation`; `mechanics`; `stiffness_report` and `tooth_outline` (what pictures need).
+"""
+
+from gearmon.gears.excitation import Excitation, displacement_excitation
+from gearmon.gears.faults import (
+    ERROR_KINDS,
+    KINDS,
+    Fault,
+    GearError,
+    parse_error,
+    parse_fault,
+    parse_fault_or_error,
+)
+from gearmon.gears.geometry import GearTeeth, PairGeometry, pair_geometry
+from gearmon.gears.iso6336 import MethodB, method_b
+from gearmon.gears.kinematics import Kinematics, line_table
+from gearmon.gears.mechanics import StageMechanics, pair_resonance, stage_mechanics
+from gearmon.gears.pairs import MeshPair, mesh_pairs
+from gearmon.gears.stiffness import FORM_NAMES, MeshStiffness, mesh_stiffness, pair_stiffness
+from gearmon.gears.stiffness_report import StiffnessReport, compare_forms
+from gearmon.gears.tooth_pairs import PotentialEnergy, teeth_of
+
+__all__ = [
+    "ERROR_KINDS",
+    "FORM_NAMES",
+    "KINDS",
+    "Excitation",
+    "Fault",
+    "GearError",
+    "GearTeeth",
+    "Kinematics",
+    "MeshPair",
+    "MeshStiffness",
+    "MethodB",
+    "PairGeometry",
+    "PotentialEnergy",
+    "StageMechanics",
+    "StiffnessReport",
+    "compare_forms",
+    "displacement_excitation",
+    "line_table",
+    "mesh_pairs",
+    "mesh_stiffness",
+    "method_b",
+    "pair_geometry",
+    "pair_resonance",
+    "pair_stiffness",
+    "parse_error",
+    "parse_fault",
+    "parse_fault_or_error",
+    "stage_mechanics",
+    "teeth_of",
+]

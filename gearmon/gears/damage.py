@@ -1,23 +1,276 @@
-"""What damaged teeth take from the stiffness of a mesh, as trains of missing pulses."""
+"""What damaged teeth take: from what is measured on a tooth to the loss of its pair, and back.
+
+The losses of single teeth become trains of pulses that are missing from the mesh.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
+from scipy.optimize import brentq
 
 from gearmon.errors import ArgumentError
-from gearmon.gears.curve_pulses import product
-from gearmon.gears.fault_sizes import measured_patches
-from gearmon.gears.faults import BANDS, Fault, LossPatch, loss_patches, overlap, union
-from gearmon.gears.loss_curves import LossCurve
+from gearmon.gears.faults import BANDS, Fault, LossCurve, LossPatch, loss_patches, overlap, union
 from gearmon.gears.pairs import MeshPair, mesh_pairs
-from gearmon.gears.potential_energy import teeth_of
-from gearmon.gears.pulse_trains import PulseTerm, PulseTrain
-from gearmon.gears.pulses import FloatArray, Pulse
+from gearmon.gears.pulses import (
+    FloatArray,
+    Pulse,
+    PulseTerm,
+    PulseTrain,
+    distinct,
+    gauss,
+    panel_nodes,
+)
+from gearmon.gears.tooth_damage import SOUND, ToothDamage, largest_size, tooth_damage
 from gearmon.gears.tooth_mesh import meeting
-from gearmon.gears.tooth_pairs import ToothPair
+from gearmon.gears.tooth_pairs import ToothPair, teeth_of
+
+#: Slices of the cracked part of a helical face.
+SLICES = 8
+
+
+@dataclass(frozen=True, kw_only=True)
+class PairLoss:
+    """Loss of stiffness of the pair of a damaged tooth.
+
+    Parameters
+    ----------
+    mean : float
+        Loss of its mean over the contact: the measure that sizes are converted to.
+    greatest : float
+        Largest loss at any point of the contact.
+    at_middle : float
+        Loss in the middle of the contact.
+    """
+
+    mean: float
+    greatest: float
+    at_middle: float
+
+
+def measured_patches(
+    faults: Sequence[Fault],
+    pair: ToothPair,
+    index: int,
+    is_helical: bool = False,
+    length: float | None = None,
+) -> tuple[LossPatch, ...]:
+    """Return the loss that measured faults of one tooth cause along the contact of its pair.
+
+    Parameters
+    ----------
+    faults : sequence of Fault
+        With sizes that are no losses.
+    pair : ToothPair
+    index : {0, 1}
+        Gear of the tooth.
+    is_helical : bool
+        Whether parts of the face are in contact one after the other, so that damage acts on its
+        own part only.
+    length : float, optional
+        Nominal length of the contact on which the true one is laid [mesh periods].
+    """
+    patches: tuple[LossPatch, ...] = ()
+    for fault in faults:
+        if fault.kind == "breakage":
+            patches = union(patches, _broken(fault, pair, index))
+    damage = tooth_damage(faults, pair.teeth[index])
+    if not damage.is_none:
+        patches = union(patches, _section_patches(damage, pair, index, is_helical))
+    nominal = pair.contact_ratio if length is None else length
+    factor = nominal / pair.contact_ratio
+    if abs(factor - 1) > 1e-9:
+        patches = tuple(patch.stretched(factor) for patch in patches)
+    if any(fault.kind == "missing" for fault in faults):
+        gone = LossPatch(1.0, 0.0, nominal, curve=_bridged(pair, nominal))
+        patches = union(patches, (gone,))
+    return patches
+
+
+def stiffness_loss(fault: Fault, pair: ToothPair, index: int) -> PairLoss:
+    """Return the loss of pair stiffness that a fault means.
+
+    Parameters
+    ----------
+    fault : Fault
+        With any size.
+    pair : ToothPair
+    index : {0, 1}
+        Gear of the tooth.
+    """
+    if fault.is_loss:
+        pitch = 0.5 * pair.contact_ratio
+        patches = loss_patches(fault, pair.contact_ratio, pitch)
+    else:
+        patches = measured_patches([fault], pair, index)
+    edges = _edges(patches, pair)
+    phase = panel_nodes(edges)
+    stiffness = pair.compliances(pair.roll(phase)).stiffness
+    lost = patch_loss(patches, phase)
+    weights = gauss(phase.shape[1])[1] * np.diff(edges)[:, None]
+    mean = float((weights * stiffness * lost).sum() / (weights * stiffness).sum())
+    middle = patch_loss(patches, np.array([0.5 * pair.contact_ratio]))
+    return PairLoss(mean=mean, greatest=float(lost.max()), at_middle=float(middle[0]))
+
+
+def size_for_loss(fault: Fault, loss: float, pair: ToothPair, index: int) -> Fault:
+    """Return the same fault with the size at which its pair loses this much on average.
+
+    Parameters
+    ----------
+    fault : Fault
+        With a size in a unit that is no loss; its value does not matter.
+    loss : float, in [0, 1)
+        Mean loss of the stiffness of the pair.
+    pair : ToothPair
+    index : {0, 1}
+
+    Raises
+    ------
+    ArgumentError
+        If no size of this kind of damage costs so much.
+    """
+    if fault.unit == "level":
+        fault = replace(fault, unit="flank", size=0.1)
+    if fault.is_loss or fault.unit == "tooth":
+        raise ArgumentError(f"fault {fault} has no size to be found; give one in mm or as share")
+    if not 0 <= loss < 1:
+        raise ArgumentError(f"loss={loss:g} must lie in [0, 1)")
+    most_size = largest_size(fault, pair.teeth[index])
+    most = stiffness_loss(replace(fault, size=most_size), pair, index).mean
+    if loss > most:
+        raise ArgumentError(
+            f"a {fault.kind} costs at most {100 * most:.3g} % of the stiffness of its pair, at "
+            f"{most_size:.4g}{fault.unit}; loss={100 * loss:.3g} % is out of its reach"
+        )
+
+    def missed(size: float) -> float:
+        return stiffness_loss(replace(fault, size=size), pair, index).mean - loss
+
+    if loss in (0, most):
+        return replace(fault, size=most_size if loss else 0.0)
+    return replace(fault, size=brentq(missed, 0.0, most_size, rtol=1e-9))
+
+
+def patch_loss(patches: Sequence[LossPatch], phase: FloatArray) -> FloatArray:
+    """Return the loss at phases of the contact, of the whole face width."""
+    total = np.zeros(phase.shape)
+    for patch in patches:
+        total += (patch.face_end - patch.face_start) * patch.at(phase)
+    return total
+
+
+def _broken(fault: Fault, pair: ToothPair, index: int) -> tuple[LossPatch, ...]:
+    """Return the loss of a broken-off part of the tooth."""
+    tooth, end = pair.teeth[index], pair.contact_ratio
+    width = 1e3 * tooth.face_width_m
+    begin = (fault.shape.start or 0.0) / width
+    share = fault.size / width
+    if begin + share > 1 + 1e-9:
+        raise ArgumentError(
+            f"fault {fault}: more than the face width of {width:g} mm is broken off; a whole tooth "
+            f"is written missing:{fault.stage}:{fault.gear}:{fault.tooth}"
+        )
+    if share > 0.99:
+        raise ArgumentError(
+            f"fault {fault}: the whole face width is broken off; write "
+            f"missing:{fault.stage}:{fault.gear}:{fault.tooth}"
+        )
+    start = 0.0
+    if fault.shape.height is not None:
+        broken = tooth.radius_below_tip(1e-3 * fault.shape.height)
+        angle = tooth.angle_at_radius(max(broken, tooth.base_radius_m))
+        edge = pair.phase_of(index, angle)
+        # the tip of the first gear leaves last, that of the second enters first
+        start, end = (max(0.0, edge), end) if index == 0 else (0.0, min(end, edge))
+    if share == 0 or end <= start:
+        return ()
+    return (LossPatch(1.0, start, end, begin, min(1.0, begin + share)),)
+
+
+def _bridged(pair: ToothPair, length: float) -> LossCurve:
+    """Return the loss of a pair that is gone while the ends of its neighbours bridge the gap.
+
+    Where no other pair is in its regular contact, the corner of a neighbour's tip still carries,
+    about as stiffly as at the end of its path.
+    """
+    part, few = length % 1.0, math.floor(length)
+    factor = pair.contact_ratio / length
+    ends = pair.compliances(pair.roll(np.array([0.0, pair.contact_ratio]))).stiffness.mean()
+
+    def share(phase: FloatArray) -> FloatArray:
+        own = pair.compliances(pair.roll(factor * phase)).stiffness
+        alone = (few == 1) & (phase >= part) & (phase < 1)
+        return np.where(alone, 1 - np.minimum(ends / own, 1.0), 1.0)
+
+    return LossCurve(share, (part, 1.0))
+
+
+def _section_patches(
+    damage: ToothDamage, pair: ToothPair, index: int, is_helical: bool
+) -> tuple[LossPatch, ...]:
+    """Return the loss by weaker sections: over the whole face, or slice by slice."""
+    if not is_helical:
+        return (_patch(damage, pair, index, 0.0, 1.0),)
+    edges = _face_edges(damage, pair)
+    patches = []
+    for low, high in pairwise(edges):
+        local = _slice(damage, low, high, pair.teeth[index].face_width_m)
+        if not local.is_none:
+            patches.append(_patch(local, pair, index, low, high))
+    return tuple(patches)
+
+
+def _patch(damage: ToothDamage, pair: ToothPair, index: int, low: float, high: float) -> LossPatch:
+    beams = pair.beams(*((damage, SOUND) if index == 0 else (SOUND, damage)))
+
+    def share(phase: FloatArray) -> FloatArray:
+        roll = pair.roll(phase)
+        return 1 - pair.compliances(roll).total / pair.compliances(roll, beams).total
+
+    curve = LossCurve(share, tuple(pair.corners(beams).tolist()))
+    return LossPatch(1.0, 0.0, pair.contact_ratio, low, high, curve)
+
+
+def _face_edges(damage: ToothDamage, pair: ToothPair) -> list[float]:
+    """Return shares of the face width at which the damage of a helical tooth changes."""
+    edges = {0.0, 1.0}
+    crack, width = damage.crack, pair.first.face_width_m
+    if crack is not None:
+        slices = 1 if crack.depths[0] == crack.depths[1] else SLICES
+        end = min(1.0, crack.start + crack.extent)
+        edges |= set(np.linspace(crack.start, end, slices + 1).tolist())
+    for hole in damage.holes:
+        if not hole.round:
+            edges |= {hole.start, min(1.0, hole.start + hole.width_m / width)}
+    return sorted(edges)
+
+
+def _slice(damage: ToothDamage, low: float, high: float, width: float) -> ToothDamage:
+    """Return the damage of a slice of the face, as if the whole face had it."""
+    middle, crack = np.array([0.5 * (low + high)]), damage.crack
+    if crack is not None:
+        depth = float(crack.at(middle)[0])
+        whole = replace(crack, depth_m=depth, far_depth_m=None, extent=1.0, start=0.0)
+        crack = whole if depth else None
+    holes = []
+    for hole in damage.holes:
+        inside = hole.start <= middle[0] <= hole.start + hole.width_m / width
+        if hole.round:
+            holes.append(hole)
+        elif inside:
+            # just short of the whole face: a slice in the hole hardly touches its mate
+            holes.append(replace(hole, width_m=0.999 * width, start=0.0))
+    return replace(damage, crack=crack, holes=tuple(holes))
+
+
+def _edges(patches: Sequence[LossPatch], pair: ToothPair) -> FloatArray:
+    corners = [0.0, pair.contact_ratio, *(corner for p in patches for corner in p.corners)]
+    return distinct(np.clip(corners, 0.0, pair.contact_ratio), 1e-12)
 
 
 def acting_faults(pair: MeshPair, faults: Iterable[Fault]) -> tuple[list[Fault], list[str]]:
@@ -148,14 +401,10 @@ def wear_curve(pair: MeshPair, faults: Sequence[Fault], length: float) -> LossCu
     if not patches:
         return None
 
-    def left(phase: FloatArray) -> FloatArray:
-        total = np.ones(phase.shape)
-        for patch in patches:
-            total -= patch.weight * (1.0 if patch.curve is None else patch.curve.share(phase))
-        return total
-
-    corners = {corner for p in patches if p.curve for corner in p.curve.corners}
-    return LossCurve(share=left, corners=tuple(sorted(corners)))
+    return LossCurve(
+        lambda phase: 1 - np.asarray(sum(patch.at(phase) for patch in patches)),
+        tuple(sorted({corner for patch in patches for corner in patch.corners})),
+    )
 
 
 def _needs_pitch(faults: Sequence[Fault]) -> bool:
@@ -189,22 +438,13 @@ def _meetings(
 def _terms(
     pulse: Pulse, patches: Sequence[LossPatch], sign: float, offset: float
 ) -> list[PulseTerm]:
-    return [
-        PulseTerm(
-            pulse=_lost(pulse.window(patch.start, patch.end), patch),
-            weight=sign * patch.weight,
-            offset=offset,
-            face_start=patch.face_start,
-            face_end=patch.face_end,
-        )
-        for patch in patches
-    ]
-
-
-def _lost(pulse: Pulse, patch: LossPatch) -> Pulse:
-    if patch.curve is None:
-        return pulse
-    return product(pulse, patch.curve.share, patch.curve.corners)
+    found = []
+    for p in patches:
+        lost = pulse.window(p.start, p.end)
+        if p.curve is not None:
+            lost = lost.times(p.curve.share, p.curve.corners)
+        found.append(PulseTerm(lost, sign * p.weight, offset, p.face_start, p.face_end))
+    return found
 
 
 def _train(pair: MeshPair, gear: str, period: int, terms: tuple[PulseTerm, ...]) -> PulseTrain:

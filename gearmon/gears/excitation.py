@@ -5,35 +5,376 @@ the load as their stiffness, so the mesh sees the mean of their errors, weighted
 ``m z'' + c (z - e)' + k(t) (z - e) = F``. What moves all pairs alike (eccentricity, wobble) needs
 no sharing. What eccentricity, cumulative pitch error and misalignment do to the stiffness itself is
 in `modulation`; the sharing of the errors of single flanks is that of the stiffness without it.
+
+A pair that lacks material gives way to its neighbours: the mesh sees ``sum_i k_i e_i / sum_i k_i``.
+Numerator and denominator are sums of pulses, so within each mesh period the quotient is smooth
+between known corners, and its Fourier integrals are exact.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gearmon.errors import ArgumentError, check_range, nearest_name
-from gearmon.gears.error_windows import FlankExcitation
-from gearmon.gears.faults import GEARS, KINDS, Fault, parse_fault
-from gearmon.gears.missing_material import (
-    ERROR_KINDS,
-    FlankError,
-    GearError,
-    TurningError,
-    error_of,
-    profile_lost_by,
-)
+from gearmon.errors import ArgumentError, check_range
+from gearmon.gears.faults import WHOLE_KINDS, Fault, GearError
+from gearmon.gears.modulation import carrying_share
 from gearmon.gears.pairs import MeshPair
-from gearmon.gears.panels import ComplexArray, FloatArray
+from gearmon.gears.pulses import ComplexArray, FloatArray, Pulse, PulseTerm, PulseTrain, distinct
 from gearmon.gears.stiffness import MeshStiffness
+from gearmon.gears.tooth_damage import tooth_damage
+from gearmon.gears.tooth_pairs import ToothPair, teeth_of
 
+#: Lines of the turn of a misaligned gear under load; they fall with their square at least.
+GAP_LINES = 2048
+#: Most contacts of faulty teeth, each computed by itself, in a true period.
+MOST_CONTACTS = 5_000
+Windows = dict[tuple[tuple[int, int, int], ...], list[int]]
+#: Largest turn of an oscillating part across one piece where it is sampled [rad].
+LARGEST_TURN = 6.0
 #: Longest period that is sampled [mesh periods].
 LONGEST_PERIOD = 20_000
+
+
+def tip_corner_gap(pair: ToothPair, beyond_m: FloatArray, *, leaving: bool) -> FloatArray:
+    """Return the gap of a pair just outside its path of contact [m].
+
+    Parameters
+    ----------
+    pair : ToothPair
+        External, or a planet in its ring.
+    beyond_m : ndarray, >= 0
+        How far the rolling has gone beyond the end of the path, along the line of action [m].
+    leaving : bool
+        Whether the tip of the first gear is leaving; else that of the second is entering.
+
+    Notes
+    -----
+    The tip corner of one gear is seen from the centre of the other; the angle from there to the
+    flank at the same radius, times the base radius, is the distance along the line of action.
+    """
+    beyond = np.asarray(beyond_m, dtype=np.float64)
+    rolls = pair.rolls(pair.path_m[1] + beyond if leaving else pair.path_m[0] - beyond)
+    centres, working = pair.centres_m
+    own, mate = (0, 1) if leaving else (1, 0)
+
+    def flank(index: int, radius: FloatArray | float) -> FloatArray:
+        """Return the angle of a flank from the line of centres, in the sense of motion."""
+        tooth = pair.teeth[index]
+        tangent = np.sqrt(np.maximum((radius / tooth.base_radius_m) ** 2 - 1, 0.0))
+        rolled = rolls[index] / tooth.base_radius_m - working
+        # an external second gear is rolled off while the first one is rolled on
+        sign = -1 if index == 1 and not tooth.internal else 1
+        return np.asarray(sign * (rolled - (tangent - np.arctan(tangent))))
+
+    radius = pair.teeth[own].tip_radius_m
+    corner = radius * np.exp(1j * flank(own, radius))
+    # from the centre of its gear to that of the mate; external gears face each other
+    seen = corner + (centres if own == 1 else -centres) if centres < 0 else centres - corner.conj()
+    ahead = flank(mate, np.abs(seen)) - np.angle(seen)
+    # the first gear pushes: its flank stays behind that of the second
+    return np.asarray(pair.teeth[mate].base_radius_m * (ahead if leaving else -ahead))
+
+
+@dataclass(frozen=True, eq=False)
+class TurningError:
+    """Material missing alike from all pairs in contact, as a gear turns: a few lines of its turn.
+
+    Parameters
+    ----------
+    gear : str
+    teeth : int
+        Teeth of the gear: the error repeats after as many mesh periods.
+    kind : {"eccentricity", "cumulative", "misalignment", "wear"}
+    size_m : float
+    phase_rad : float
+    free_gap_m : float
+        Lead deviation that the load just closes; 0 for teeth without load. The face of a misaligned
+        gear touches where it stands out, and is moved by ``g (f - 1)/2`` with g the lead deviation
+        and f the part of the face that carries.
+    """
+
+    gear: str
+    teeth: int
+    kind: str
+    size_m: float
+    phase_rad: float = 0.0
+    free_gap_m: float = 0.0
+
+    @property
+    def period_mesh(self) -> int:
+        """True period [mesh periods]."""
+        return 1 if self.kind == "wear" else self.teeth
+
+    def at(self, phase: FloatArray) -> FloatArray:
+        """Return the missing material [m] at mesh phases."""
+        if self.kind == "wear":
+            return np.full(phase.shape, self.size_m)
+        turned = np.cos(2 * math.pi * phase / self.teeth + self.phase_rad)
+        if self.kind != "misalignment":
+            return np.asarray(self.size_m * turned)
+        # whichever end of the face stands out carries: twice per turn
+        gap = self.size_m * np.abs(turned)
+        share = carrying_share(np.abs(gap), self.free_gap_m)
+        return np.asarray(0.5 * gap * (share - 1))
+
+    def lines(self, count: int) -> ComplexArray:
+        """Return the Fourier coefficients 0 ... count [m] over `period_mesh`.
+
+        Notes
+        -----
+        ``|cos x| = 2/pi + (4/pi) sum_k (-1)^(k+1) cos(2 k x)/(4 k^2 - 1)``.
+        """
+        total = np.zeros(count + 1, dtype=np.complex128)
+        if self.kind == "wear":
+            total[0] = self.size_m
+        elif self.kind != "misalignment":
+            if count:
+                total[1] = 0.5 * self.size_m * np.exp(1j * self.phase_rad)
+        elif self.free_gap_m:
+            total[:GAP_LINES] = self._loaded_lines()[: count + 1]
+        else:
+            k = np.arange(count // 2 + 1)
+            signs = np.where(k % 2, 1.0, -1.0) / (4 * k**2 - 1)
+            total[::2] = -self.size_m / math.pi * signs * np.exp(2j * k * self.phase_rad)
+        return total
+
+    def _loaded_lines(self) -> ComplexArray:
+        phase = np.arange(4 * GAP_LINES) / (4 * GAP_LINES) * self.teeth
+        lines = np.fft.rfft(self.at(phase), norm="forward")[:GAP_LINES]
+        # what samples of so little make are rounding errors
+        lines[np.abs(lines) < 1e-16 * abs(self.size_m)] = 0
+        return np.asarray(lines)
+
+
+@dataclass(frozen=True, eq=False)
+class FlankError:
+    """Material missing from one tooth of a gear, or from all of them, along their contact.
+
+    Parameters
+    ----------
+    gear : str
+    teeth : int
+        Teeth of the gear.
+    tooth : int or None
+        The only tooth that it concerns; None for all.
+    curve : callable
+        Maps contact phase [mesh periods] to missing material [m].
+    corners : tuple of float
+        Contact phases at which it is not smooth.
+    """
+
+    gear: str
+    teeth: int
+    tooth: int | None
+    curve: Callable[[FloatArray], FloatArray]
+    corners: tuple[float, ...] = ()
+
+    @property
+    def period_mesh(self) -> int:
+        """Mesh periods after which it repeats."""
+        return 1 if self.tooth is None else self.teeth
+
+
+def error_of(
+    error: GearError, pair: MeshPair, index: int, free_gap_m: float = 0.0
+) -> TurningError | FlankError:
+    """Return what an error of a gear takes from the pairs of its mesh.
+
+    Parameters
+    ----------
+    error : GearError
+    pair : MeshPair
+    index : {0, 1}
+        Gear of the error.
+    free_gap_m : float
+        Lead deviation that the load just closes, see `TurningError`.
+
+    Raises
+    ------
+    ArgumentError
+        If the gear has no such tooth.
+    """
+    teeth = pair.teeth[index]
+    if error.tooth is not None and error.tooth > teeth:
+        raise ArgumentError(
+            f"error {error}: tooth {error.tooth} does not exist, the {error.gear} of {pair.where} "
+            f"has {teeth} teeth"
+        )
+    size, length = error.size_m, pair.contact_ratio
+    if error.kind in WHOLE_KINDS:
+        return TurningError(error.gear, teeth, error.kind, size, error.phase_rad, free_gap_m)
+
+    def curve(phase: FloatArray) -> FloatArray:
+        return np.asarray(size * (2 * phase / length - 1) ** (0 if error.kind == "pitch" else 2))
+
+    return FlankError(error.gear, teeth, error.tooth, curve)
+
+
+def profile_lost_by(fault: Fault, pair: MeshPair, index: int) -> list[TurningError | FlankError]:
+    """Return what damage takes from the profile: wear, through spalls and missing teeth.
+
+    A spall that leaves a part of the face width in contact moves nothing. Even wear moves all
+    pairs alike, which shifts the mean and makes no line.
+    """
+    gear, number = fault.gear, pair.teeth[index]
+    if fault.kind == "wear":
+        size = 1e-3 * fault.size
+        return [TurningError(gear, number, "wear", size)] if size else []
+    if fault.kind not in ("spall", "missing"):
+        return []
+    teeth = teeth_of(pair)
+    if fault.kind == "missing":
+        curve, corners = _bridge(teeth), (teeth.contact_ratio - 1, 1.0)
+        return [FlankError(gear, number, fault.tooth, curve, corners)]
+    (hole,) = tooth_damage([fault], teeth.teeth[index]).holes
+    if hole.width_m < teeth.first.face_width_m * (1 - 1e-9):
+        return []
+    tooth = teeth.teeth[index]
+    low, high = sorted(
+        teeth.phase_of(index, tooth.angle_at_height(at)) for at in (hole.low_m, hole.high_m)
+    )
+
+    def spalled(phase: FloatArray) -> FloatArray:
+        return np.where((phase >= low) & (phase < high), hole.depth_m, 0.0)
+
+    return [FlankError(gear, number, fault.tooth, spalled, (low, high))]
+
+
+def _bridge(pair: ToothPair) -> Callable[[FloatArray], FloatArray]:
+    """Return how far the neighbours of a missing tooth must approach to touch."""
+    part = pair.contact_ratio - 1
+
+    def curve(phase: FloatArray) -> FloatArray:
+        alone = (phase > part) & (phase < 1) & (part < 1)
+        before = np.clip(phase - part, 0.0, None) * pair.base_pitch_m
+        after = np.clip(1 - phase, 0.0, None) * pair.base_pitch_m
+        leaving = tip_corner_gap(pair, before, leaving=True)
+        entering = tip_corner_gap(pair, after, leaving=False)
+        return np.where(alone, np.minimum(leaving, entering), 0.0)
+
+    return curve
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FlankExcitation:
+    """Displacement excitation by one `FlankError`.
+
+    Parameters
+    ----------
+    stiffness : MeshStiffness
+    error : FlankError
+    """
+
+    stiffness: MeshStiffness
+    error: FlankError
+
+    @cached_property
+    def period_mesh(self) -> int:
+        """True period [mesh periods], with that of the stiffness that shares the load."""
+        return math.lcm(self.stiffness.period_mesh, self.error.period_mesh)
+
+    def at(self, phase: FloatArray) -> FloatArray:
+        """Return e [m] at mesh phases."""
+        stiffness = self.stiffness.at(phase)
+        # without any load nothing is transmitted either
+        return np.asarray(self.force.at(phase) / np.where(stiffness > 0, stiffness, 1.0))
+
+    def lines(self, count: int) -> ComplexArray:
+        """Return the Fourier coefficients 0 ... count [m] over `period_mesh`; none aliased."""
+        v = np.arange(count + 1) / self.period_mesh
+        total = np.zeros(count + 1, dtype=np.complex128)
+        for windows in self._windows.values():
+            pulse = self._quotient(windows[0])
+            places = [np.exp(-2j * np.pi * v * n) for n in windows]
+            total += pulse.transform(v) * np.sum(places, axis=0)
+        return total / self.period_mesh
+
+    @cached_property
+    def force(self) -> PulseTrain:
+        """sum_i k_i e_i [N], the force that would close all gaps."""
+        gaps: dict[int, Pulse] = {}
+        terms = []
+        for entry in self._entries:
+            for term in self._terms_of(entry):
+                key = id(term.pulse)
+                if key not in gaps:
+                    gaps[key] = term.pulse.times(self.error.curve, self.error.corners)
+                terms.append(replace(term, pulse=gaps[key], offset=float(entry)))
+        healthy = self.stiffness.healthy
+        return replace(
+            healthy, gear=self.error.gear, period_mesh=self.period_mesh, terms=tuple(terms)
+        )
+
+    @property
+    def _entries(self) -> range:
+        error = self.error
+        found = range((error.tooth or 1) - 1, self.period_mesh, error.period_mesh)
+        if len(found) > MOST_CONTACTS:
+            raise ArgumentError(
+                f"the errors repeat after {self.period_mesh} mesh periods only, in which their "
+                f"flanks meet {len(found)} times, more than {MOST_CONTACTS}; ask for errors and "
+                f"faults of one gear at a time"
+            )
+        return found
+
+    def _terms_of(self, entry: int) -> Iterable[PulseTerm]:
+        """Give what makes up the stiffness of the pair that enters at `entry`."""
+        yield from self.stiffness.healthy.terms
+        for train in self.stiffness.pulses:
+            for term in train.terms:
+                # a term without pieces takes nothing
+                if (entry - round(term.offset)) % train.period_mesh == 0 and len(term.pulse.starts):
+                    yield term
+
+    @cached_property
+    def _windows(self) -> Windows:
+        """Mesh periods in which the error acts, grouped by what acts in them."""
+        reach = math.ceil(self.stiffness.total_contact_ratio + 1e-9)
+        active = {
+            (entry + n) % self.period_mesh: n for entry in self._entries for n in range(reach)
+        }
+        if self.error.period_mesh < reach:
+            active = dict.fromkeys(range(self.period_mesh), 0)
+        grouped: Windows = {}
+        for window, since in sorted(active.items()):
+            key = [(-1, 0, since)]
+            for t, train in enumerate(self.stiffness.pulses):
+                for i, term in enumerate(train.terms):
+                    ago = (window - round(term.offset)) % train.period_mesh
+                    if ago < reach:
+                        key.append((t, i, ago))
+            grouped.setdefault(tuple(key), []).append(window)
+        return grouped
+
+    def _quotient(self, window: int) -> Pulse:
+        """Return e within one mesh period, as a pulse that begins at phase 0."""
+        return Pulse.of(self._edges, lambda phase: self.at(window + phase))
+
+    @cached_property
+    def _edges(self) -> FloatArray:
+        """Corners of everything, folded into one mesh period."""
+        trains = (self.force, self.stiffness.healthy, *self.stiffness.pulses)
+        found = [np.array([0.0, 1.0])]
+        fastest = 2 * LARGEST_TURN
+        for train in trains:
+            for term in train.terms:
+                faces = np.array([term.face_start, term.face_end]) * train.overlap_ratio
+                found.append(np.add.outer(term.offset + term.pulse.edges, faces).ravel())
+                fastest = max(fastest, term.pulse.fastest)
+        edges = distinct(np.append(np.mod(np.concatenate(found), 1.0), 1.0), 1e-11)
+        edges[-1] = 1.0
+        parts = np.ceil(np.diff(edges) * fastest / LARGEST_TURN).astype(int)
+        cut = [
+            np.linspace(*ends, n + 1)[:-1] for ends, n in zip(pairwise(edges), parts, strict=True)
+        ]
+        return np.append(np.concatenate(cut), 1.0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -109,11 +450,11 @@ class Excitation:
         check_range("count", count, 0, 10_000_000)
         period = self.period_mesh if period_mesh is None else period_mesh
         total = np.zeros(count + 1, dtype=np.complex128)
-        for part in self.parts:
+        for part, error in zip(self.parts, self.errors, strict=True):
             if period % part.period_mesh:
                 raise ArgumentError(
                     f"period_mesh={period} must be a multiple of {part.period_mesh}, after which "
-                    f"the errors of the {part.gear} repeat"
+                    f"the errors of the {error.gear} repeat"
                 )
             step = period // part.period_mesh
             total[::step] += part.lines(count // step)
@@ -157,82 +498,3 @@ def displacement_excitation(
         if fault.gear in names and not fault.is_loss:
             found += profile_lost_by(fault, pair, names.index(fault.gear))
     return Excitation(stiffness=stiffness, errors=tuple(found), warnings=tuple(notes))
-
-
-def parse_fault_or_error(text: str) -> Fault | GearError:
-    """Read a fault or an error of a gear; the kind decides.
-
-    Parameters
-    ----------
-    text : str
-        See `faults.parse_fault` and `parse_error`.
-
-    Raises
-    ------
-    ArgumentError
-        If the text is neither.
-
-    Examples
-    --------
-    >>> parse_fault_or_error("pitch:1:gear:7:8um").kind
-    'pitch'
-    """
-    kind = text.split(":")[0].strip()
-    if kind in ERROR_KINDS:
-        return parse_error(text)
-    if kind not in KINDS:
-        near = nearest_name(kind, (*KINDS, *ERROR_KINDS))
-        hint = f"; did you mean {near}?" if near else ""
-        raise ArgumentError(
-            f"fault kind {kind!r} is not one of {', '.join((*KINDS, *ERROR_KINDS))}{hint}"
-        )
-    return parse_fault(text)
-
-
-def parse_error(text: str) -> GearError:
-    """Read an error of a gear written as ``KIND:STAGE:GEAR:TOOTH:SIZE``.
-
-    Parameters
-    ----------
-    text : str
-        SIZE in um or mm; TOOTH is a number or ``all``: ``eccentricity:1:pinion:all:20um``,
-        ``pitch:1:gear:7:8um``.
-
-    Raises
-    ------
-    ArgumentError
-        If the text is not of this form.
-
-    Examples
-    --------
-    >>> round(parse_error("eccentricity:1:pinion:all:20um").size_m, 9)
-    2e-05
-    """
-    syntax = "KIND:STAGE:GEAR:TOOTH:SIZE, such as eccentricity:1:pinion:all:20um"
-    parts = [part.strip() for part in text.split(":")]
-    if len(parts) != 5:
-        raise ArgumentError(f"error {text!r} has {len(parts)} parts and not 5: {syntax}")
-    kind, stage, gear, tooth, size = parts
-    for name, word, known in (("error kind", kind, tuple(ERROR_KINDS)), ("gear", gear, GEARS)):
-        if word not in known:
-            near = nearest_name(word, known)
-            hint = f"; did you mean {near}?" if near else ""
-            raise ArgumentError(f"{name} {word!r} is not one of {', '.join(known)}{hint}")
-    scale = {"um": 1e-6, "mm": 1e-3}.get(size[-2:])
-    try:
-        if scale is None:
-            raise ValueError
-        return GearError(
-            kind=kind,
-            stage=int(stage),
-            gear=gear,
-            tooth=None if tooth == "all" else int(tooth),
-            size_m=scale * float(size[:-2]),
-        )
-    except ArgumentError:
-        raise
-    except ValueError:
-        raise ArgumentError(
-            f"error {text!r}: STAGE and TOOTH must be whole numbers and SIZE a number in um or mm: "
-            f"{syntax}"
-        ) from None

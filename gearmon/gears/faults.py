@@ -1,27 +1,59 @@
 """Faults of single teeth or of all teeth, and the stiffness that they take from a pair.
 
 The size of a fault is the loss of stiffness of the pair whose tooth it is, or what can be measured
-on the tooth (see `fault_shapes`), from which the loss follows. A fault is turned into `LossPatch`
+on the tooth, from which the loss follows. A fault is turned into `LossPatch`
 objects: where, along the contact of the pair and across its face width, which share of the
 stiffness is gone.
+
+A size is written as a number and its unit, and further dimensions after commas:
+``1.5mm,angle=70``, ``1.5mm,limit=parabolic``, ``4x1.5x0.5mm,at=0.2``, ``12%flank,radius=0.3``,
+``2level``. Errors of manufacture or mounting are written alike, with a size in um.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
-from typing import Literal
+import math
+import re
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, fields, replace
+from itertools import product
+from typing import Any, Literal
 
-from gearmon.errors import ArgumentError, nearest_name
-from gearmon.gears.fault_shapes import (
-    LOSS_UNITS,
-    PLAIN,
-    FaultShape,
-    check_size,
-    parse_size,
-    size_text,
-)
-from gearmon.gears.loss_curves import LossCurve
+import numpy as np
+from numpy.typing import NDArray
+
+from gearmon.errors import ArgumentError, check_finite, check_word, nearest_name
+
+FloatArray = NDArray[np.float64]
+#: What material a crack leaves without load, by name.
+LIMITS = ("flat", "parabolic")
+Limit = Literal["flat", "parabolic"]
+#: Losses of pair stiffness, and what they are worth.
+LOSS_UNITS = {"": 1.0, "%": 0.01}
+#: Severity of pitting by share of the flank: lower and upper end of each level (ASM Handbook).
+LEVELS: dict[int, tuple[str, float, float]] = {
+    1: ("slight", 0.03, 0.10),
+    2: ("moderate", 0.10, 0.30),
+    3: ("severe", 0.30, 0.50),
+}
+#: Units that each kind understands beside the loss of stiffness.
+KIND_UNITS: dict[str, tuple[str, ...]] = {
+    "crack": ("mm",),
+    "spall": ("mm",),
+    "pitting": ("flank", "%flank", "level"),
+    "breakage": ("mm",),
+    "wear": ("mm",),
+    "missing": ("tooth",),
+    "stiffness": (),
+}
+#: Further dimensions that each kind takes with a size that is no loss.
+KIND_OPTIONS: dict[str, tuple[str, ...]] = {
+    "crack": ("angle", "far", "width", "from", "limit"),
+    "spall": ("at", "from"),
+    "pitting": ("radius", "depth"),
+    "breakage": ("height", "from"),
+}
+
 
 #: What each kind means, for help texts.
 KINDS: dict[str, str] = {
@@ -33,13 +65,281 @@ KINDS: dict[str, str] = {
     "wear": "every tooth of the gear alike (TOOTH is 'all')",
     "missing": "the whole tooth is gone; its neighbours bridge the gap with their ends",
 }
+#: What each kind of error means, for help texts.
+ERROR_KINDS: dict[str, str] = {
+    "eccentricity": "the gear runs out: once per turn, SIZE is the offset of its centre",
+    "pitch": "one tooth stands back by SIZE over its whole contact",
+    "profile": "SIZE is missing at both ends of the contact, nothing in its middle",
+    "misalignment": "the gear wobbles: SIZE is the lead deviation across the face, turning with it",
+    "cumulative": "slow cumulative pitch error: once per turn, SIZE is half of its range F_p",
+}
+#: Errors of a whole gear.
+WHOLE_KINDS = ("eccentricity", "misalignment", "cumulative")
 GEARS = ("pinion", "gear", "sun", "planet", "ring")
-UNITS = LOSS_UNITS
 #: Share of the path of contact that is hurt, centred on the pitch point.
 BANDS = {"pitting": 0.3, "spall": 0.15}
 SYNTAX = "KIND:STAGE:GEAR:TOOTH:SIZE, such as crack:1:pinion:5:20% or crack:1:pinion:5:1.5mm"
-
 GearName = Literal["pinion", "gear", "sun", "planet", "ring"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FaultShape:
+    """Dimensions of damage beyond its size; None where they are not given.
+
+    Parameters
+    ----------
+    angle : float, optional
+        Of a crack against the middle of the tooth [deg]; by default 60.
+    far : float, optional
+        Depth [mm] of a crack at its other end along the face; by default its size.
+    width : float, optional
+        Part of the face width that is cracked [mm]; by default all.
+    start : float, optional
+        Distance [mm] along the face at which the damage begins, from the side that enters contact
+        first; by default 0. Written ``from=``.
+    length, depth : float, optional
+        Of a spall, along the profile and into the tooth [mm]; depth of pits [mm].
+    at : float, optional
+        Middle of a spall above the pitch circle [mm], negative below; by default 0.
+    radius : float, optional
+        Of pits [mm]; by default a tenth of the module.
+    height : float, optional
+        Of a broken-off corner, from the tip down [mm]; by default the whole tooth.
+    limit : {"flat", "parabolic"}, optional
+        Line up to which a cracked section carries, see `tooth_damage.RootCrack`; by default flat.
+    """
+
+    angle: float | None = None
+    far: float | None = None
+    width: float | None = None
+    start: float | None = None
+    length: float | None = None
+    depth: float | None = None
+    at: float | None = None
+    radius: float | None = None
+    height: float | None = None
+    limit: str | None = None
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if value is None:
+                continue
+            if item.name == "limit":
+                check_word("crack limit=", value, LIMITS)
+                continue
+            check_finite(_key(item.name), value, "deg" if item.name == "angle" else "mm")
+            if item.name == "angle" and not 5 <= value <= 90:
+                raise ArgumentError(f"angle={value:g} deg of a crack must lie in [5, 90] deg")
+            if item.name in ("width", "length", "depth", "radius", "height") and value <= 0:
+                raise ArgumentError(f"{item.name}={value:g} mm must be > 0")
+            if item.name in ("start", "far") and value < 0:
+                raise ArgumentError(f"{_key(item.name)}={value:g} mm must be >= 0")
+
+    def options(self, kind: str) -> str:
+        """Return the dimensions as they are written after a size."""
+        given = [(key, getattr(self, _field(key))) for key in KIND_OPTIONS.get(kind, ())]
+        return "".join(
+            f",{key}={value}" if isinstance(value, str) else f",{key}={value:g}"
+            for key, value in given
+            if value is not None
+        )
+
+
+#: Nothing given beyond the size.
+PLAIN = FaultShape()
+
+
+def parse_size(kind: str, text: str) -> tuple[float, str, FaultShape]:
+    """Read a size: number, unit, and further dimensions.
+
+    Parameters
+    ----------
+    kind : str
+        Kind of the fault, which decides what the dimensions mean.
+    text : str
+
+    Returns
+    -------
+    size : float
+    unit : str
+    shape : FaultShape
+
+    Raises
+    ------
+    ArgumentError
+        If the text is no size.
+
+    Examples
+    --------
+    >>> parse_size("crack", "1.5mm,angle=70")[:2]
+    (1.5, 'mm')
+    """
+    head, *options = [part.strip() for part in text.split(",")]
+    shape: dict[str, Any] = {}
+    for option in options:
+        key, value = _option(kind, option)
+        shape[_field(key)] = value
+    names = [name for _, (name, _, _) in sorted(LEVELS.items())]
+    if kind == "pitting" and head in names:
+        return float(names.index(head) + 1), "level", FaultShape(**shape)
+    numbers, unit = _numbers(head)
+    if len(numbers) == 3 and kind == "spall":
+        shape |= {"length": numbers[1], "depth": numbers[2]}
+    elif len(numbers) != 1:
+        raise ArgumentError(f"SIZE {head!r} of a {kind} must be one number and its unit")
+    return numbers[0], unit, FaultShape(**shape)
+
+
+def size_text(kind: str, size: float, unit: str, shape: FaultShape) -> str:
+    """Return a size in the form that `parse_size` reads."""
+    if unit == "tooth":
+        return ""
+    head = f"{size:g}"
+    if kind == "spall" and unit == "mm":
+        head += f"x{shape.length:g}x{shape.depth:g}"
+    return f"{head}{unit}{shape.options(kind)}"
+
+
+def check_size(kind: str, size: float, unit: str, shape: FaultShape) -> None:
+    """Refuse a size that has no meaning for its kind.
+
+    Raises
+    ------
+    ArgumentError
+    """
+    if unit not in LOSS_UNITS and unit not in KIND_UNITS[kind]:
+        own = [u for u in KIND_UNITS[kind] if u != "tooth"]
+        others = f", or its size in {' or '.join(own)}" if own else ""
+        raise ArgumentError(
+            f"fault unit {unit!r} is not known for {kind}; give the loss of stiffness of the tooth "
+            f"pair as a fraction (0.2) or in per cent (20%){others}"
+        )
+    if unit == "tooth":
+        return
+    if unit in LOSS_UNITS:
+        _check_loss(size, unit)
+        if shape != PLAIN:
+            raise ArgumentError(
+                f"fault size={size:g}{unit} is a loss of stiffness, which has no dimensions; give "
+                f"the size in {' or '.join(KIND_UNITS[kind]) or 'no unit'} or leave them out"
+            )
+    else:
+        _check_physical(kind, size, unit, shape)
+
+
+def flank_share(size: float, unit: str) -> float:
+    """Return the share of the flank that is pitted; of a level, the middle of its range."""
+    if unit == "level":
+        _, low, high = LEVELS[int(size)]
+        return 0.5 * (low + high)
+    return size * (0.01 if unit == "%flank" else 1.0)
+
+
+def flank_level(share: float) -> int | None:
+    """Return the level of pitting of a share of the flank, or None below the first.
+
+    The upper end of a level belongs to the next; beyond the last range it is the last.
+
+    Examples
+    --------
+    >>> flank_level(0.2), flank_level(0.01)
+    (2, None)
+    """
+    found = [number for number, (_, low, _) in LEVELS.items() if share >= low]
+    return max(found) if found else None
+
+
+def _check_loss(size: float, unit: str) -> None:
+    if not (math.isfinite(size) and 0 <= size * LOSS_UNITS[unit] < 1):
+        top = "100 %" if unit == "%" else "1"
+        raise ArgumentError(
+            f"fault size={size:g}{unit} must lie in [0, {top}): it is the loss of stiffness of "
+            f"the tooth pair"
+        )
+
+
+def _check_physical(kind: str, size: float, unit: str, shape: FaultShape) -> None:
+    check_finite("fault size", size, unit)
+    if unit == "level":
+        if size not in LEVELS:
+            names = ", ".join(f"{number} ({name})" for number, (name, _, _) in LEVELS.items())
+            raise ArgumentError(f"pitting level={size:g} must be one of {names}")
+        return
+    if size < 0:
+        raise ArgumentError(f"fault size={size:g}{unit} must be >= 0")
+    if kind == "pitting" and not flank_share(size, unit) <= 0.5:
+        top = "50%flank" if unit == "%flank" else "0.5flank"
+        raise ArgumentError(
+            f"fault size={size:g}{unit} must be at most {top}: beyond half of the flank the pits "
+            f"run into one another; give the loss of stiffness instead"
+        )
+    if kind == "spall" and (shape.length is None or shape.depth is None):
+        raise ArgumentError(
+            f"a spall of {size:g} mm needs its width along the face, its length along the profile "
+            f"and its depth: 4x1.5x0.5mm"
+        )
+
+
+def _numbers(text: str) -> tuple[list[float], str]:
+    number = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+    match = re.fullmatch(rf"\s*({number}(?:\s*x\s*{number})*)\s*([%A-Za-z ]*)", text)
+    if match is None:
+        raise ArgumentError(f"SIZE {text!r} is not a number")
+    return [float(part) for part in match[1].split("x")], match[2].strip()
+
+
+def _option(kind: str, text: str) -> tuple[str, float | str]:
+    known = KIND_OPTIONS.get(kind, ())
+    key, equals, value = (part.strip() for part in text.partition("="))
+    if not equals or key not in known:
+        near = nearest_name(key, known)
+        hint = f"; did you mean {near}?" if near else ""
+        names = ", ".join(known) if known else "none"
+        raise ArgumentError(f"dimension {text!r} of a {kind} is not known: {names}{hint}")
+    if key == "limit":
+        return key, value
+    number = re.sub(r"(mm|deg)$", "", value).strip()
+    try:
+        return key, float(number)
+    except ValueError:
+        raise ArgumentError(f"dimension {text!r} of a {kind} is not a number") from None
+
+
+def _field(key: str) -> str:
+    return "start" if key == "from" else key
+
+
+def _key(name: str) -> str:
+    return "from" if name == "start" else name
+
+
+@dataclass(frozen=True, eq=False)
+class LossCurve:
+    """A share of the stiffness along the contact.
+
+    Parameters
+    ----------
+    share : callable
+        Maps phases [mesh periods from the entry of the pair], any shape, to shares.
+    corners : tuple of float
+        Phases at which the share is not smooth.
+    """
+
+    share: Callable[[FloatArray], FloatArray]
+    corners: tuple[float, ...] = ()
+
+    def times(self, other: LossCurve | None) -> LossCurve:
+        """Return the product of two curves."""
+        if other is None:
+            return self
+        corners = tuple(sorted({*self.corners, *other.corners}))
+        return LossCurve(lambda phase: self.share(phase) * other.share(phase), corners)
+
+    def stretched(self, factor: float) -> LossCurve:
+        """Return the same curve over a contact that is `factor` times as long."""
+        corners = tuple(factor * corner for corner in self.corners)
+        return LossCurve(lambda phase: self.share(phase / factor), corners)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,8 +387,8 @@ class Fault:
     shape: FaultShape = PLAIN
 
     def __post_init__(self) -> None:
-        _check_word("fault kind", self.kind, KINDS)
-        _check_word("gear", self.gear, GEARS)
+        check_word("fault kind ", self.kind, KINDS)
+        check_word("gear ", self.gear, GEARS)
         if self.stage != int(self.stage) or self.stage < 1:
             raise ArgumentError(f"fault stage={self.stage} must be a whole number >= 1")
         self._check_tooth()
@@ -97,7 +397,7 @@ class Fault:
     @property
     def is_loss(self) -> bool:
         """Whether the size is a loss of stiffness, and not something measured on the tooth."""
-        return self.unit in UNITS
+        return self.unit in LOSS_UNITS
 
     @property
     def loss(self) -> float:
@@ -106,14 +406,14 @@ class Fault:
         Raises
         ------
         ArgumentError
-            If the size is given in other units; `gears.fault_sizes.stiffness_loss` converts it.
+            If the size is given in other units; `gears.damage.stiffness_loss` converts it.
         """
         if not self.is_loss:
             raise ArgumentError(
                 f"fault {self}: the loss of stiffness follows from the teeth; convert it with "
-                f"gears.fault_sizes.stiffness_loss"
+                f"gears.damage.stiffness_loss"
             )
-        return self.size * UNITS[self.unit]
+        return self.size * LOSS_UNITS[self.unit]
 
     def __str__(self) -> str:
         """Return the fault in the form that `parse_fault` reads."""
@@ -130,30 +430,6 @@ class Fault:
             raise ArgumentError(f"fault tooth={self.tooth} must be a whole number >= 1")
 
 
-@dataclass(frozen=True, kw_only=True)
-class LossPatch:
-    """A share of the stiffness lost in a part of the contact and of the face width.
-
-    Parameters
-    ----------
-    weight : float
-        Share lost there; negative in the overlap of two faults, which do not add up.
-    start, end : float
-        Part of the contact, in mesh periods from the entry of the pair.
-    face_start, face_end : float, in [0, 1]
-        Part of the face width, from the side that enters contact first.
-    curve : LossCurve, optional
-        By what the weight is multiplied along the contact; by default 1.
-    """
-
-    weight: float
-    start: float
-    end: float
-    face_start: float = 0.0
-    face_end: float = 1.0
-    curve: LossCurve | None = None
-
-
 def parse_fault(text: str) -> Fault:
     """Read a fault written as ``KIND:STAGE:GEAR:TOOTH:SIZE``.
 
@@ -162,7 +438,7 @@ def parse_fault(text: str) -> Fault:
     text : str
         SIZE is the loss of pair stiffness, ``0.2`` or ``20%``, or what is measured on the tooth:
         ``crack:1:pinion:5:1.5mm``, ``spall:1:gear:3:4x1.5x0.5mm``, ``pitting:1:gear:3:12%flank``;
-        see `fault_shapes`. TOOTH is a number or ``all``. A missing tooth has no SIZE.
+        see `parse_size`. TOOTH is a number or ``all``. A missing tooth has no SIZE.
 
     Returns
     -------
@@ -184,7 +460,7 @@ def parse_fault(text: str) -> Fault:
     if len(parts) != 5:
         raise ArgumentError(f"fault {text!r} has {len(parts)} parts and not 5: {SYNTAX}")
     kind, stage, gear, tooth, size = parts
-    _check_word("fault kind", kind, KINDS)
+    check_word("fault kind ", kind, KINDS)
     try:
         number, unit, shape = parse_size(kind, size)
     except ArgumentError as error:
@@ -229,59 +505,71 @@ def loss_patches(fault: Fault, contact_ratio: float, pitch_phase: float) -> tupl
     if fault.loss == 0:
         return ()
     if fault.kind == "breakage":
-        return (LossPatch(weight=1.0, start=0.0, end=contact_ratio, face_end=fault.loss),)
+        return (LossPatch(1.0, 0.0, contact_ratio, face_end=fault.loss),)
     if fault.kind not in BANDS:
-        return (LossPatch(weight=fault.loss, start=0.0, end=contact_ratio),)
+        return (LossPatch(fault.loss, 0.0, contact_ratio),)
     half = 0.5 * BANDS[fault.kind] * contact_ratio
     # a pitch point near an end of the path leaves less of the band in contact
     start, end = max(0.0, pitch_phase - half), min(contact_ratio, pitch_phase + half)
-    return (LossPatch(weight=fault.loss, start=start, end=end),) if end > start else ()
+    return (LossPatch(fault.loss, start, end),) if end > start else ()
+
+
+@dataclass(frozen=True)
+class LossPatch:
+    """A share of the stiffness lost in a part of the contact and of the face width.
+
+    Parameters
+    ----------
+    weight : float
+        Share lost there; negative in the overlap of two faults, which do not add up.
+    start, end : float
+        Part of the contact, in mesh periods from the entry of the pair.
+    face_start, face_end : float, in [0, 1]
+        Part of the face width, from the side that enters contact first.
+    curve : LossCurve, optional
+        By what the weight is multiplied along the contact; by default 1.
+    """
+
+    weight: float
+    start: float
+    end: float
+    face_start: float = 0.0
+    face_end: float = 1.0
+    curve: LossCurve | None = None
+
+    def at(self, phase: FloatArray) -> FloatArray:
+        """Return the share lost at phases of the contact, where the patch lies on the face."""
+        inside = (phase >= self.start) & (phase < self.end)
+        curve = 1.0 if self.curve is None else self.curve.share(phase)
+        return np.where(inside, self.weight * curve, 0.0)
+
+    @property
+    def corners(self) -> tuple[float, ...]:
+        """Phases at which the loss is not smooth."""
+        return self.start, self.end, *(self.curve.corners if self.curve else ())
+
+    def stretched(self, factor: float) -> LossPatch:
+        """Return the same loss over a contact that is `factor` times as long."""
+        curve = self.curve.stretched(factor) if self.curve else None
+        start, end = factor * self.start, factor * self.end
+        return replace(self, start=start, end=end, curve=curve)
 
 
 def union(one: Sequence[LossPatch], other: Sequence[LossPatch]) -> tuple[LossPatch, ...]:
     """Return the loss of two faults of one pair: what is left after both is multiplied."""
-    return (*one, *other, *(negated(patch) for patch in overlap(one, other)))
+    return (*one, *other, *(replace(p, weight=-p.weight) for p in overlap(one, other)))
 
 
 def overlap(one: Sequence[LossPatch], other: Sequence[LossPatch]) -> tuple[LossPatch, ...]:
     """Return the product of two losses, patch by patch."""
     patches = []
-    for a in one:
-        for b in other:
-            start, end = max(a.start, b.start), min(a.end, b.end)
-            low, high = max(a.face_start, b.face_start), min(a.face_end, b.face_end)
-            if start < end and low < high:
-                patches.append(
-                    LossPatch(
-                        weight=a.weight * b.weight,
-                        start=start,
-                        end=end,
-                        face_start=low,
-                        face_end=high,
-                        curve=_product(a.curve, b.curve),
-                    )
-                )
+    for a, b in product(one, other):
+        start, end = max(a.start, b.start), min(a.end, b.end)
+        low, high = max(a.face_start, b.face_start), min(a.face_end, b.face_end)
+        if start < end and low < high:
+            curve = b.curve if a.curve is None else a.curve.times(b.curve)
+            patches.append(LossPatch(a.weight * b.weight, start, end, low, high, curve))
     return tuple(patches)
-
-
-def negated(patch: LossPatch) -> LossPatch:
-    """Return the patch with the opposite weight."""
-    return replace(patch, weight=-patch.weight)
-
-
-def _product(one: LossCurve | None, other: LossCurve | None) -> LossCurve | None:
-    if one is None or other is None:
-        return one or other
-    return one.times(other)
-
-
-def _check_word(name: str, word: str, known: Iterable[str]) -> None:
-    words = list(known)
-    if word in words:
-        return
-    near = nearest_name(str(word), words)
-    hint = f"; did you mean {near}?" if near else ""
-    raise ArgumentError(f"{name} {word!r} is not one of {', '.join(words)}{hint}")
 
 
 def _whole(name: str, word: str, text: str) -> int:
@@ -291,4 +579,125 @@ def _whole(name: str, word: str, text: str) -> int:
         hint = " or 'all'" if name == "TOOTH" else ""
         raise ArgumentError(
             f"fault {text!r}: {name} {word!r} must be a whole number{hint}; {SYNTAX}"
+        ) from None
+
+
+@dataclass(frozen=True, kw_only=True)
+class GearError:
+    """An error of manufacture or mounting of one gear.
+
+    Parameters
+    ----------
+    kind : {"eccentricity", "pitch", "profile", "misalignment", "cumulative"}
+        See `ERROR_KINDS`.
+    stage : int, >= 1
+    gear : str
+    tooth : int or None
+        Of pitch and profile errors; None for all teeth.
+    size_m : float
+        Missing material along the line of action [m]; negative for too much material.
+    phase_rad : float
+        Angle of the gear, from the entry of tooth 1, at which eccentricity, misalignment or
+        cumulative pitch error is largest, negated.
+
+    Raises
+    ------
+    ArgumentError
+        If a value has no meaning.
+    """
+
+    kind: str
+    stage: int
+    gear: str
+    tooth: int | None
+    size_m: float
+    phase_rad: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_finite("size_m", self.size_m, "m")
+        if self.kind not in ERROR_KINDS:
+            raise ArgumentError(f"error kind {self.kind!r} is not one of {', '.join(ERROR_KINDS)}")
+        if self.stage < 1:
+            raise ArgumentError(f"error stage={self.stage} must be >= 1")
+        if self.tooth is not None and self.tooth < 1:
+            raise ArgumentError(f"error tooth={self.tooth} must be >= 1")
+        if self.kind in WHOLE_KINDS and self.tooth is not None:
+            raise ArgumentError(f"error {self.kind} is of the whole gear: TOOTH must be 'all'")
+        if self.kind == "pitch" and self.tooth is None:
+            raise ArgumentError("error pitch is of one tooth: TOOTH must be its number")
+
+    def __str__(self) -> str:
+        """Return the error in the form that `parse_error` reads."""
+        tooth = "all" if self.tooth is None else self.tooth
+        return f"{self.kind}:{self.stage}:{self.gear}:{tooth}:{1e6 * self.size_m:g}um"
+
+
+def parse_fault_or_error(text: str) -> Fault | GearError:
+    """Read a fault or an error of a gear; the kind decides.
+
+    Parameters
+    ----------
+    text : str
+        See `faults.parse_fault` and `parse_error`.
+
+    Raises
+    ------
+    ArgumentError
+        If the text is neither.
+
+    Examples
+    --------
+    >>> parse_fault_or_error("pitch:1:gear:7:8um").kind
+    'pitch'
+    """
+    kind = text.split(":")[0].strip()
+    if kind in ERROR_KINDS:
+        return parse_error(text)
+    check_word("fault kind ", kind, (*KINDS, *ERROR_KINDS))
+    return parse_fault(text)
+
+
+def parse_error(text: str) -> GearError:
+    """Read an error of a gear written as ``KIND:STAGE:GEAR:TOOTH:SIZE``.
+
+    Parameters
+    ----------
+    text : str
+        SIZE in um or mm; TOOTH is a number or ``all``: ``eccentricity:1:pinion:all:20um``,
+        ``pitch:1:gear:7:8um``.
+
+    Raises
+    ------
+    ArgumentError
+        If the text is not of this form.
+
+    Examples
+    --------
+    >>> round(parse_error("eccentricity:1:pinion:all:20um").size_m, 9)
+    2e-05
+    """
+    syntax = "KIND:STAGE:GEAR:TOOTH:SIZE, such as eccentricity:1:pinion:all:20um"
+    parts = [part.strip() for part in text.split(":")]
+    if len(parts) != 5:
+        raise ArgumentError(f"error {text!r} has {len(parts)} parts and not 5: {syntax}")
+    kind, stage, gear, tooth, size = parts
+    check_word("error kind ", kind, ERROR_KINDS)
+    check_word("gear ", gear, GEARS)
+    scale = {"um": 1e-6, "mm": 1e-3}.get(size[-2:])
+    try:
+        if scale is None:
+            raise ValueError
+        return GearError(
+            kind=kind,
+            stage=int(stage),
+            gear=gear,
+            tooth=None if tooth == "all" else int(tooth),
+            size_m=scale * float(size[:-2]),
+        )
+    except ArgumentError:
+        raise
+    except ValueError:
+        raise ArgumentError(
+            f"error {text!r}: STAGE and TOOTH must be whole numbers and SIZE a number in um or mm: "
+            f"{syntax}"
         ) from None

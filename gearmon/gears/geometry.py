@@ -2,21 +2,500 @@
 
 Formulas and signs follow ISO 21771: an internal gear has a negative number of teeth and negative
 diameters in them, and a positive profile shift makes its teeth thicker too, which moves its tips
-inwards. Results are positive radii.
+inwards. Results are positive radii. The basic rack, in normal modules, generates the fillet; its
+tip is rounded so that the flank stays straight down to the standard clearance of 0.25 modules, or
+fully where less room is left. Pairs that cannot run (undercut, interference, pointed tips, a
+contact ratio below 1) are refused.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.optimize import newton
 
 from gearmon.errors import ArgumentError, check_positive, check_range
-from gearmon.gears.geometry_checks import check_pair, trim_ring
-from gearmon.gears.involute import inverse_involute, involute, transverse_pressure_angle
-from gearmon.gears.involute_pair import GearTeeth, PairGeometry, Two
-from gearmon.gears.rack import Rack
+from gearmon.gears.pulses import FloatArray
 
+#: Bottom clearance of ISO 53 racks; the rounding takes it up.
+CLEARANCE = 0.25
+
+
+Two = tuple[float, float]
 __all__ = ["GearTeeth", "PairGeometry", "pair_geometry"]
+#: Profile shifts are given with three decimals; less than this is rounding, not jamming.
+SHIFT_ROUNDING = 0.01
+#: Most that the tip of a ring is taken to be relieved without being told, in modules.
+LARGEST_RING_TRIM = 0.3
+#: Tip thickness below which tips are called sharp, in modules.
+SHARP_TIP = 0.2
+#: Profile shift that undercut teeth may lack, in modules, if their mate stays clear of it: the
+#: practical limit of 14 teeth where 18 are needed in theory.
+TOLERATED_UNDERCUT = 0.2
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rack:
+    """Basic rack of a gear.
+
+    Parameters
+    ----------
+    dedendum : float
+        h_fP*, depth of the gear's root below the rack's datum line.
+    pressure_angle_rad : float
+        Normal pressure angle [rad].
+    helix_angle_rad : float
+        Helix angle at the reference circle [rad].
+
+    Examples
+    --------
+    >>> round(Rack(dedendum=1.25, pressure_angle_rad=math.radians(20)).rounding, 5)
+    0.37995
+    """
+
+    dedendum: float
+    pressure_angle_rad: float
+    helix_angle_rad: float = 0.0
+
+    @property
+    def rounding(self) -> float:
+        """Radius of the rounded rack tip rho_fP*."""
+        alpha = self.pressure_angle_rad
+        wanted = CLEARANCE / (1 - math.sin(alpha))
+        # full rounding: the centre of the arc sits on the middle line of the rack tooth
+        full = (math.pi / 4 - self.dedendum * math.tan(alpha)) * math.cos(alpha)
+        full /= 1 - math.sin(alpha)
+        rounding = min(wanted, full)
+        if rounding <= 0:
+            most = math.pi / 4 / math.tan(alpha)
+            raise ArgumentError(
+                f"root_factor={self.dedendum} makes the rack pointed at a pressure angle of "
+                f"{math.degrees(alpha):g} deg; it must be < {most:.4g}"
+            )
+        return rounding
+
+    @property
+    def straight_depth(self) -> float:
+        """Depth below the datum line down to which the flank is straight."""
+        return self.dedendum - self.rounding * (1 - math.sin(self.pressure_angle_rad))
+
+    @property
+    def transverse_pressure_angle_rad(self) -> float:
+        """alpha_t = atan(tan alpha_n/cos beta)."""
+        return math.atan(math.tan(self.pressure_angle_rad) / math.cos(self.helix_angle_rad))
+
+    def least_shift(self, teeth: int) -> float:
+        """Return the profile shift below which `teeth` are undercut."""
+        sine = math.sin(self.transverse_pressure_angle_rad)
+        return self.straight_depth - 0.5 * teeth / math.cos(self.helix_angle_rad) * sine**2
+
+    def least_teeth(self, profile_shift: float) -> int:
+        """Return the number of teeth from which on there is no undercut."""
+        sine = math.sin(self.transverse_pressure_angle_rad)
+        depth = max(self.straight_depth - profile_shift, 0.0)
+        return math.ceil(2 * depth * math.cos(self.helix_angle_rad) / sine**2 - 1e-9)
+
+    def form_roll(self, teeth: int, profile_shift: float, *, internal: bool = False) -> float:
+        """Return the roll length at which the involute meets the fillet.
+
+        Parameters
+        ----------
+        teeth : int
+        profile_shift : float
+        internal : bool
+            For a ring the involute ends there; its tool is not a rack, so the circle that the
+            straight part of the rack would reach is taken.
+
+        Returns
+        -------
+        float
+            In normal modules; above the undercut where there is one.
+        """
+        radius = 0.5 * teeth / math.cos(self.helix_angle_rad)
+        alpha = self.transverse_pressure_angle_rad
+        depth = self.straight_depth - profile_shift
+        if internal:
+            return math.sqrt(max((radius + depth) ** 2 - (radius * math.cos(alpha)) ** 2, 0.0))
+        roll = radius * math.sin(alpha) - depth / math.sin(alpha)
+        return roll if roll >= 0 else self._undercut_roll(teeth, profile_shift)
+
+    def fillet(
+        self, teeth: int, profile_shift: float, angles_rad: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return points of the generated fillet of an external gear, in the transverse section.
+
+        Parameters
+        ----------
+        teeth : int
+        profile_shift : float
+        angles_rad : ndarray
+            Angles of the rack-tip normal in the normal section, from alpha_n (where the involute
+            begins) to pi/2 (root circle).
+
+        Returns
+        -------
+        height, half_thickness : ndarray
+            Distance from the gear's centre along the middle line of the tooth, and from that line,
+            in normal modules.
+
+        Notes
+        -----
+        The point of the rack tip whose normal has angle g touches the gear when that normal passes
+        through the pitch point: with depth a and distance b from the middle line of the tooth,
+        ``phi = (a/tan g + b)/R`` has been rolled.
+        """
+        g, cosine = np.asarray(angles_rad, dtype=np.float64), math.cos(self.helix_angle_rad)
+        alpha, rounding = self.pressure_angle_rad, self.rounding
+        depth = self.dedendum - rounding - profile_shift + rounding * np.sin(g)
+        middle = math.pi / 4 + self.straight_depth * math.tan(alpha) + rounding * math.cos(alpha)
+        across = (middle - rounding * np.cos(g)) / cosine
+        # the transverse section is wider by 1/cos(beta), so its normals are flatter or steeper
+        slope = np.arctan2(np.sin(g), np.cos(g) * cosine)
+        radius = 0.5 * teeth / cosine
+        rolled = (depth / np.tan(slope) + across) / radius
+        reach = depth / np.sin(slope)
+        height = radius * np.cos(rolled) - reach * np.sin(slope - rolled)
+        half = radius * np.sin(rolled) - reach * np.cos(slope - rolled)
+        return height, half
+
+    def base_half_angle(self, teeth: int, profile_shift: float) -> float:
+        """Return half the angle that a tooth takes on the base circle [rad]."""
+        alpha = self.transverse_pressure_angle_rad
+        shift = 2 * profile_shift * math.tan(self.pressure_angle_rad)
+        return (math.pi / 2 + shift) / teeth + math.tan(alpha) - alpha
+
+    def _undercut_roll(self, teeth: int, profile_shift: float) -> float:
+        """Return the roll length at which the fillet cuts the involute, found by halving."""
+        base = 0.5 * teeth / math.cos(self.helix_angle_rad)
+        base *= math.cos(self.transverse_pressure_angle_rad)
+        half_angle = self.base_half_angle(teeth, profile_shift)
+        low, high = self.pressure_angle_rad, math.pi / 2
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            height, half = self.fillet(teeth, profile_shift, np.array([middle]))
+            radius = float(np.hypot(height[0], half[0]))
+            tangent = math.sqrt(max((radius / base) ** 2 - 1, 0.0))
+            flank = half_angle - (tangent - math.atan(tangent))
+            beyond = radius > base and math.atan2(float(half[0]), float(height[0])) > flank
+            low, high = (middle, high) if beyond else (low, middle)
+        return base * tangent
+
+
+def involute(angle_rad: float) -> float:
+    """Return the involute function tan(angle) - angle."""
+    return math.tan(angle_rad) - angle_rad
+
+
+def inverse_involute(value: float) -> float:
+    """Return the angle [rad] in [0, pi/2) whose involute function is `value` >= 0.
+
+    Examples
+    --------
+    >>> round(inverse_involute(involute(0.4)), 12)
+    0.4
+    """
+    if not value >= 0:
+        raise ArgumentError(f"value={value} of the involute function must be >= 0")
+    # small angles: inv x = x^3/3; large ones: tan x = value + x; Newton falls on a convex function
+    angle = min(math.cbrt(3 * value), math.atan(value + math.pi / 2))
+    if angle == 0:
+        return 0.0
+    found = newton(
+        lambda x: involute(x) - value,
+        angle,
+        fprime=lambda x: math.tan(x) ** 2,
+        tol=1e-30,
+        rtol=4e-16,
+        disp=False,  # rounding of tan x - x keeps small angles from settling to the last digit
+    )
+    return float(found)
+
+
+def transverse_pressure_angle(pressure_angle_rad: float, helix_angle_rad: float) -> float:
+    """Return alpha_t = atan(tan alpha_n/cos beta) [rad]."""
+    return math.atan(math.tan(pressure_angle_rad) / math.cos(helix_angle_rad))
+
+
+def base_helix_angle(helix_angle_rad: float, pressure_angle_rad: float) -> float:
+    """Return beta_b = asin(sin beta cos alpha_n) [rad]."""
+    return math.asin(math.sin(helix_angle_rad) * math.cos(pressure_angle_rad))
+
+
+def base_radius(
+    teeth: int, module_m: float, pressure_angle_rad: float, helix_angle_rad: float = 0.0
+) -> float:
+    """Return the base radius z m_t cos(alpha_t)/2 [m].
+
+    Examples
+    --------
+    >>> round(2e3 * base_radius(26, 0.002, math.radians(20)), 5)
+    48.86402
+    """
+    alpha_t = transverse_pressure_angle(pressure_angle_rad, helix_angle_rad)
+    return 0.5 * teeth * module_m / math.cos(helix_angle_rad) * math.cos(alpha_t)
+
+
+def overlap_ratio(helix_angle_rad: float, face_width_m: float | None, module_m: float) -> float:
+    """Return eps_beta = b sin|beta|/(pi m_n).
+
+    Raises
+    ------
+    ArgumentError
+        If the gears are helical and the face width is not known.
+    """
+    if helix_angle_rad == 0:
+        return 0.0
+    if face_width_m is None:
+        raise ArgumentError("face_width_m is missing: the overlap ratio of helical gears needs it")
+    return face_width_m * math.sin(abs(helix_angle_rad)) / (math.pi * module_m)
+
+
+def contact_zones(contact_ratio: float) -> list[tuple[float, float, int]]:
+    """Zones that one pair passes from entry to exit.
+
+    Parameters
+    ----------
+    contact_ratio : float, > 0
+
+    Returns
+    -------
+    list of (start, end, pairs)
+        Start and end [mesh periods] and the number of pairs that carry there.
+
+    Examples
+    --------
+    >>> contact_zones(1.5)
+    [(0.0, 0.5, 2), (0.5, 1.0, 1), (1.0, 1.5, 2)]
+    """
+    few = math.floor(contact_ratio)
+    part = contact_ratio - few
+    if part < 1e-12:
+        return [(float(i), float(i + 1), few) for i in range(few)]
+    zones = []
+    for i in range(few):
+        zones += [(float(i), i + part, few + 1), (i + part, float(i + 1), few)]
+    return [*zones, (float(few), contact_ratio, few + 1)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class GearTeeth:
+    """Teeth of one gear, in modules.
+
+    Parameters
+    ----------
+    teeth : int, >= 5
+        Number of teeth, positive for internal gears too.
+    profile_shift : float
+        Profile shift coefficient x.
+    tip_factor : float
+        Addendum of the gear h_a*, before any tip shortening.
+    root_factor : float
+        Dedendum of the basic rack h_fP*.
+    name : str
+        What messages call the gear; the ending of its keys in a machine file.
+    """
+
+    teeth: int
+    profile_shift: float = 0.0
+    tip_factor: float = 1.0
+    root_factor: float = 1.25
+    name: str = "gear"
+
+    def __post_init__(self) -> None:
+        if self.teeth != int(self.teeth) or self.teeth < 5:
+            raise ArgumentError(f"{self.name}_teeth={self.teeth} must be a whole number >= 5")
+        check_range(f"profile_shift_{self.name}", self.profile_shift, -2, 3)
+        check_range(f"tip_factor_{self.name}", self.tip_factor, 0.1, 3)
+        check_range(f"root_factor_{self.name}", self.root_factor, 0.2, 4)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PairGeometry:
+    """Geometry of a pair; index 0 is the first gear given, index 1 its mate.
+
+    Lengths are in metres, angles in radians, radii positive. Made by `pair_geometry`.
+
+    Parameters
+    ----------
+    gears : tuple of two GearTeeth
+    internal : bool
+        Whether the second gear is a ring with internal teeth.
+    normal_module_m : float
+    normal_pressure_angle_rad, working_pressure_angle_rad : float
+        alpha_n at the reference circle; alpha_wt at the working circle.
+    helix_angle_rad : float
+        Magnitude of the helix angle at the reference circle.
+    face_width_m : float or None
+    centre_distance_m : float
+        Working centre distance a_w, positive.
+    tip_shortening : (float, float)
+        k, in modules, <= 0 where tips are cut back to keep the tip clearance.
+    tip_radii_m : (float, float)
+    path_m : (float, float)
+        Roll lengths (distances from the base tangent point along the line of action) on the first
+        gear at which the path of contact begins (tip of the mate) and ends (own tip); the first
+        gear is taken to drive.
+    warnings : tuple of str
+    """
+
+    gears: tuple[GearTeeth, GearTeeth]
+    internal: bool
+    normal_module_m: float
+    normal_pressure_angle_rad: float
+    working_pressure_angle_rad: float
+    helix_angle_rad: float
+    face_width_m: float | None
+    centre_distance_m: float
+    tip_shortening: Two
+    tip_radii_m: Two
+    path_m: Two
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def transverse_module_m(self) -> float:
+        """Transverse module m_t [m]."""
+        return self.normal_module_m / math.cos(self.helix_angle_rad)
+
+    @cached_property
+    def transverse_pressure_angle_rad(self) -> float:
+        """Pressure angle alpha_t at the reference circle [rad]."""
+        return transverse_pressure_angle(self.normal_pressure_angle_rad, self.helix_angle_rad)
+
+    @cached_property
+    def reference_radii_m(self) -> Two:
+        """Radii of the reference circles [m]."""
+        return _both(lambda gear, _: 0.5 * self.transverse_module_m * gear.teeth, self)
+
+    @cached_property
+    def base_radii_m(self) -> Two:
+        """Radii of the base circles [m]."""
+        one, two = self.reference_radii_m
+        cosine = math.cos(self.transverse_pressure_angle_rad)
+        return one * cosine, two * cosine
+
+    @property
+    def working_radii_m(self) -> Two:
+        """Radii of the working pitch circles [m]."""
+        one, two = self.base_radii_m
+        cosine = math.cos(self.working_pressure_angle_rad)
+        return one / cosine, two / cosine
+
+    @cached_property
+    def root_radii_m(self) -> Two:
+        """Radii of the root circles [m]."""
+        return _both(
+            lambda gear, i: (
+                self.reference_radii_m[i]
+                - self.sign(i) * self.normal_module_m * (gear.root_factor - gear.profile_shift)
+            ),
+            self,
+        )
+
+    @cached_property
+    def form_rolls_m(self) -> Two:
+        """Roll lengths [m] at which the involute begins above the fillet; for a ring, ends."""
+
+        def roll(gear: GearTeeth, i: int) -> float:
+            rack, internal = self.rack(i), self.sign(i) < 0
+            found = rack.form_roll(gear.teeth, gear.profile_shift, internal=internal)
+            return found * self.normal_module_m
+
+        return _both(roll, self)
+
+    @property
+    def line_m(self) -> float:
+        """Distance between the base tangent points along the line of action [m]."""
+        return self.centre_distance_m * math.sin(self.working_pressure_angle_rad)
+
+    @property
+    def base_pitch_m(self) -> float:
+        """Transverse base pitch p_bt [m]."""
+        return math.pi * self.transverse_module_m * math.cos(self.transverse_pressure_angle_rad)
+
+    @property
+    def path_length_m(self) -> float:
+        """Length of the path of contact g_alpha [m]."""
+        return self.path_m[1] - self.path_m[0]
+
+    @property
+    def transverse_contact_ratio(self) -> float:
+        """Transverse contact ratio eps_alpha."""
+        return self.path_length_m / self.base_pitch_m
+
+    @property
+    def overlap_ratio(self) -> float:
+        """Overlap ratio eps_beta = b sin(beta)/(pi m_n); 0 for spur gears."""
+        return overlap_ratio(self.helix_angle_rad, self.face_width_m, self.normal_module_m)
+
+    @property
+    def total_contact_ratio(self) -> float:
+        """Total contact ratio eps_gamma = eps_alpha + eps_beta."""
+        return self.transverse_contact_ratio + self.overlap_ratio
+
+    @property
+    def zones(self) -> list[tuple[float, float, int]]:
+        """Zones that a pair passes from entry to exit: start, end [mesh periods], pairs carrying.
+
+        Of helical gears the pairs that touch anywhere along the face width.
+        """
+        return contact_zones(self.total_contact_ratio)
+
+    @property
+    def base_helix_angle_rad(self) -> float:
+        """Helix angle on the base circle [rad]."""
+        return base_helix_angle(self.helix_angle_rad, self.normal_pressure_angle_rad)
+
+    @property
+    def pitch_point_phase(self) -> float:
+        """Mesh periods from the entry of a pair into contact to its contact at the pitch point."""
+        pitch = self.base_radii_m[0] * math.tan(self.working_pressure_angle_rad)
+        return (pitch - self.path_m[0]) / self.base_pitch_m
+
+    @property
+    def tip_thicknesses_m(self) -> Two:
+        """Tooth thickness along the tip circle, in the transverse section [m]."""
+        return self.thickness_m(0, self.tip_radii_m[0]), self.thickness_m(1, self.tip_radii_m[1])
+
+    def thickness_m(self, index: int, radius_m: float) -> float:
+        """Return the transverse tooth thickness of a gear on a circle outside its base circle [m].
+
+        Parameters
+        ----------
+        index : {0, 1}
+        radius_m : float
+            At least the base radius.
+
+        Raises
+        ------
+        ArgumentError
+            If the circle lies inside the base circle, where there is no involute.
+        """
+        base = self.base_radii_m[index]
+        if radius_m < base * (1 - 1e-12):
+            name = self.gears[index].name
+            raise ArgumentError(f"radius_m={radius_m} of the {name} must be >= base radius {base}")
+        gear, sign = self.gears[index], self.sign(index)
+        shift = gear.profile_shift * math.tan(self.normal_pressure_angle_rad)
+        half_angle = (math.pi / 2 + 2 * shift) / gear.teeth
+        here = math.acos(min(1.0, base / radius_m))
+        difference = involute(self.transverse_pressure_angle_rad) - involute(here)
+        return 2 * radius_m * (half_angle + sign * difference)
+
+    def sign(self, index: int) -> int:
+        """Return -1 for the ring of an internal pair, else 1."""
+        return -1 if self.internal and index == 1 else 1
+
+    def rack(self, index: int) -> Rack:
+        """Return the basic rack that generates a gear."""
+        return Rack(
+            dedendum=self.gears[index].root_factor,
+            pressure_angle_rad=self.normal_pressure_angle_rad,
+            helix_angle_rad=self.helix_angle_rad,
+        )
 
 
 def pair_geometry(
@@ -81,66 +560,53 @@ def pair_geometry(
     1.7897799
     """
     check_positive("module_m", module_m, "m")
-    frame = _frame(first, second, module_m, pressure_angle_rad, abs(helix_angle_rad), internal)
-    working, distance = _working(frame, first, second, centre_distance_m)
-    excess = (distance - frame["reference_distance"]) / module_m
-    excess -= first.profile_shift + second.profile_shift
-    shortening = _shortening(tip_shortening, excess, internal)
-    circles = _circles(frame, (first, second), shortening, working)
-    pair = PairGeometry(
-        gears=(first, second),
-        internal=internal,
-        normal_module_m=module_m,
-        transverse_module_m=frame["transverse_module"],
-        normal_pressure_angle_rad=pressure_angle_rad,
-        transverse_pressure_angle_rad=frame["alpha_t"],
-        working_pressure_angle_rad=working,
-        helix_angle_rad=abs(helix_angle_rad),
-        face_width_m=face_width_m,
-        centre_distance_m=abs(distance),
-        tip_shortening=shortening,
-        **circles,
-    )
-    if not check:
-        return pair
-    return check_pair(trim_ring(pair))
-
-
-def _frame(
-    first: GearTeeth,
-    second: GearTeeth,
-    module_m: float,
-    alpha_n: float,
-    beta: float,
-    internal: bool,
-) -> dict[str, float]:
-    """Return what follows from rack, helix and teeth alone; signed for internal pairs."""
-    check_range("pressure_angle_rad", alpha_n, 0.1, 0.8, "rad")
-    check_range("helix_angle_rad", beta, 0.0, 0.8, "rad")
+    check_range("pressure_angle_rad", pressure_angle_rad, 0.1, 0.8, "rad")
+    beta = check_range("helix_angle_rad", abs(helix_angle_rad), 0.0, 0.8, "rad")
     if internal and second.teeth <= first.teeth:
         raise ArgumentError(
             f"{second.name}_teeth={second.teeth} of an internal gear must be > "
             f"{first.name}_teeth={first.teeth}"
         )
-    total = first.teeth + (-second.teeth if internal else second.teeth)
-    transverse = module_m / math.cos(beta)
-    return {
-        "total": total,
-        "module": module_m,
-        "transverse_module": transverse,
-        "alpha_n": alpha_n,
-        "alpha_t": transverse_pressure_angle(alpha_n, beta),
-        "beta": beta,
-        "sign": -1.0 if internal else 1.0,
-        "reference_distance": 0.5 * transverse * total,
-    }
+    pair = PairGeometry(
+        gears=(first, second),
+        internal=internal,
+        normal_module_m=module_m,
+        normal_pressure_angle_rad=pressure_angle_rad,
+        working_pressure_angle_rad=0.0,
+        helix_angle_rad=beta,
+        face_width_m=face_width_m,
+        centre_distance_m=0.0,
+        tip_shortening=(0.0, 0.0),
+        tip_radii_m=(0.0, 0.0),
+        path_m=(0.0, 0.0),
+    )
+    working, distance = _working(pair, centre_distance_m)
+    pair = replace(pair, working_pressure_angle_rad=working, centre_distance_m=abs(distance))
+    if not isinstance(tip_shortening, tuple):
+        if tip_shortening is None:
+            excess = (distance - 0.5 * pair.transverse_module_m * _total(pair)) / module_m
+            excess -= first.profile_shift + second.profile_shift
+            # a centre distance above the tight one, or a ring, needs no cutting back
+            tip_shortening = 0.0 if internal else min(0.0, excess)
+        tip_shortening = tip_shortening, tip_shortening
+    pair = _with_tips(replace(pair, tip_shortening=tip_shortening))
+    return check_pair(trim_ring(pair)) if check else pair
 
 
-def _working(
-    frame: dict[str, float], first: GearTeeth, second: GearTeeth, centre_distance_m: float | None
-) -> Two:
+def _both(value: Callable[[GearTeeth, int], float], pair: PairGeometry) -> Two:
+    return value(pair.gears[0], 0), value(pair.gears[1], 1)
+
+
+def _total(pair: PairGeometry) -> int:
+    """Return z1 + z2 with the sign of a ring."""
+    return pair.gears[0].teeth + pair.sign(1) * pair.gears[1].teeth
+
+
+def _working(pair: PairGeometry, centre_distance_m: float | None) -> Two:
     """Return working pressure angle and signed centre distance."""
-    base = frame["reference_distance"] * math.cos(frame["alpha_t"])
+    (first, second), alpha = pair.gears, pair.transverse_pressure_angle_rad
+    total, tangent = _total(pair), math.tan(pair.normal_pressure_angle_rad)
+    base = 0.5 * pair.transverse_module_m * total * math.cos(alpha)
     if centre_distance_m is not None:
         distance = check_positive("centre_distance_m", centre_distance_m, "m")
         if distance < abs(base) * (1 - 1e-12):
@@ -150,60 +616,270 @@ def _working(
             )
         return math.acos(min(1.0, abs(base) / distance)), math.copysign(distance, base)
     shifts = first.profile_shift + second.profile_shift
-    inv = involute(frame["alpha_t"]) + 2 * shifts * math.tan(frame["alpha_n"]) / frame["total"]
+    inv = involute(alpha) + 2 * shifts * tangent / total
     if inv < 0:
-        least = -involute(frame["alpha_t"]) * frame["total"] / (2 * math.tan(frame["alpha_n"]))
-        bound = "least" if frame["sign"] > 0 else "most"
         raise ArgumentError(
             f"profile_shift_{first.name} + profile_shift_{second.name} = {shifts:g} leaves no "
-            f"working pressure angle; the sum must be at {bound} {least:.4g}"
+            f"working pressure angle; the sum must be at {'most' if pair.internal else 'least'} "
+            f"{-involute(alpha) * total / (2 * tangent):.4g}"
         )
     angle = inverse_involute(inv)
     return angle, base / math.cos(angle)
 
 
-def _shortening(given: float | Two | None, excess: float, internal: bool) -> Two:
-    if isinstance(given, tuple):
-        return given
-    if given is None:
-        # a centre distance above the tight one, or a ring, needs no cutting back
-        given = 0.0 if internal else min(0.0, excess)
-    return given, given
+def _with_tips(pair: PairGeometry) -> PairGeometry:
+    """Return the pair with its tip circles, and the path of contact that they make."""
+    tips = _both(
+        lambda gear, i: (
+            pair.reference_radii_m[i]
+            + pair.sign(i)
+            * pair.normal_module_m
+            * (gear.tip_factor + gear.profile_shift + pair.tip_shortening[i])
+        ),
+        pair,
+    )
+    one, two = (
+        math.sqrt(max(tip**2 - base**2, 0.0))
+        for tip, base in zip(tips, pair.base_radii_m, strict=True)
+    )
+    sign, tangent = pair.sign(1), math.tan(pair.working_pressure_angle_rad)
+    length = (pair.base_radii_m[0] + sign * pair.base_radii_m[1]) * tangent
+    return replace(pair, tip_radii_m=tips, path_m=(length - sign * two, one))
 
 
-def _circles(
-    frame: dict[str, float],
-    gears: tuple[GearTeeth, GearTeeth],
-    shortening: Two,
-    working: float,
-) -> dict[str, Any]:
-    signs = (1.0, frame["sign"])
-    module, cosine = frame["module"], math.cos(frame["alpha_t"])
-    reference = [0.5 * frame["transverse_module"] * gear.teeth for gear in gears]
-    base = [radius * cosine for radius in reference]
-    heights = [
-        (gear.tip_factor + gear.profile_shift + k, gear.root_factor - gear.profile_shift)
-        for gear, k in zip(gears, shortening, strict=True)
+def check_pair(pair: PairGeometry) -> PairGeometry:
+    """Return the pair with its warnings, or refuse it.
+
+    Raises
+    ------
+    ArgumentError
+        If the pair cannot run, with the number that offends and what would cure it.
+    """
+    warnings = [*pair.warnings, *_check_backlash(pair)]
+    for index in (0, 1):
+        warnings += _check_tip(pair, index)
+    _check_contact_ratio(pair)
+    for index in (0, 1):
+        _check_clearance(pair, index)
+    for index in (0, 1):
+        if pair.sign(index) > 0:
+            warnings += _check_root(pair, index)
+    if pair.internal:
+        warnings += _check_ring(pair)
+    return replace(pair, warnings=tuple(warnings))
+
+
+def trim_ring(pair: PairGeometry) -> PairGeometry:
+    """Return an internal pair whose ring tips clear the involute of the mate, with a warning.
+
+    Ring tips of full height reach below the involute of many planets; they are relieved in
+    practice, and the path of contact then begins where the involute does.
+
+    Raises
+    ------
+    ArgumentError
+        If more than 0.3 modules would have to go.
+    """
+    if not pair.internal:
+        return pair
+    planet, ring = pair.gears
+    base, offset = pair.base_radii_m[1], pair.line_m
+    least = math.hypot(base, pair.form_rolls_m[0] + offset)
+    trim = (least - pair.tip_radii_m[1]) / pair.normal_module_m
+    if trim <= 1e-9:
+        return pair
+    if trim > LARGEST_RING_TRIM:
+        raise ArgumentError(
+            f"tip_factor_{ring.name}={ring.tip_factor:g}: the tips of the {ring.name} reach "
+            f"{trim:.3g} modules below the involute of the {planet.name} (interference); give "
+            f"tip_factor_{ring.name} <= {ring.tip_factor - trim:.3f}"
+        )
+    note = (
+        f"the tips of the {ring.name} are taken as relieved by {trim:.3f} modules, for they would "
+        f"touch the fillet of the {planet.name}; tip_factor_{ring.name} <= "
+        f"{ring.tip_factor - trim:.3f} would say so"
+    )
+    return replace(
+        pair,
+        tip_radii_m=(pair.tip_radii_m[0], least),
+        path_m=(pair.form_rolls_m[0], pair.path_m[1]),
+        warnings=(*pair.warnings, note),
+    )
+
+
+def _check_backlash(pair: PairGeometry) -> list[str]:
+    first, second = pair.gears
+    inv = involute(pair.working_pressure_angle_rad) - involute(pair.transverse_pressure_angle_rad)
+    tight = inv * _total(pair) / (2 * math.tan(pair.normal_pressure_angle_rad))
+    given = first.profile_shift + second.profile_shift
+    distance = 1e3 * pair.centre_distance_m
+    if given > tight + SHIFT_ROUNDING:
+        raise ArgumentError(
+            f"centre_distance_mm={distance:.5g} jams the teeth: profile_shift_{first.name} + "
+            f"profile_shift_{second.name} = {given:g}, but this distance takes {tight:.4f} at most"
+        )
+    if given < tight - 0.2:
+        return [
+            f"profile shifts sum to {given:g} where the centre distance {distance:.5g} mm has room "
+            f"for {tight:.3f}: the pair has much backlash"
+        ]
+    return []
+
+
+def _check_tip(pair: PairGeometry, index: int) -> list[str]:
+    gear = pair.gears[index]
+    if pair.tip_radii_m[index] < pair.base_radii_m[index]:
+        raise ArgumentError(
+            f"tip_factor_{gear.name}={gear.tip_factor:g} puts the tips of the {gear.name} at "
+            f"{1e3 * pair.tip_radii_m[index]:.5g} mm, inside its base circle of "
+            f"{1e3 * pair.base_radii_m[index]:.5g} mm, where there is no involute; "
+            f"{'reduce' if pair.sign(index) < 0 else 'raise'} tip_factor_{gear.name}"
+        )
+    thickness = pair.tip_thicknesses_m[index] * math.cos(pair.helix_angle_rad)
+    modules = thickness / pair.normal_module_m
+    if modules <= 0:
+        raise ArgumentError(
+            f"the teeth of the {gear.name} are pointed: tip thickness {modules:.3f} modules with "
+            f"profile_shift_{gear.name}={gear.profile_shift:g} and tip_factor_{gear.name}="
+            f"{gear.tip_factor:g}; reduce either"
+        )
+    if modules < SHARP_TIP:
+        return [f"the teeth of the {gear.name} are sharp: tip thickness {modules:.3f} modules"]
+    return []
+
+
+def _check_contact_ratio(pair: PairGeometry) -> None:
+    transverse = pair.transverse_contact_ratio
+    # a helical pair whose face width is not known cannot be judged by its total
+    helical = pair.helix_angle_rad > 0
+    if helical and pair.face_width_m is None:
+        return
+    ratio = pair.total_contact_ratio if helical else transverse
+    if ratio >= 1 and transverse > 0:
+        return
+    first, second = pair.gears
+    name = "total contact ratio" if helical else "contact ratio"
+    raise ArgumentError(
+        f"{name} {ratio:.4f} is below 1: no pair would carry for a while; reduce the "
+        f"centre distance ({1e3 * pair.centre_distance_m:.5g} mm) or the profile shifts, or raise "
+        f"tip_factor_{first.name} or tip_factor_{second.name}"
+    )
+
+
+def _check_clearance(pair: PairGeometry, index: int) -> None:
+    mate = 1 - index
+    if pair.internal:
+        outer = pair.root_radii_m[1] - pair.centre_distance_m - pair.tip_radii_m[0]
+        inner = pair.tip_radii_m[1] - pair.centre_distance_m - pair.root_radii_m[0]
+        gap = outer if index == 0 else inner
+    else:
+        gap = pair.centre_distance_m - pair.tip_radii_m[index] - pair.root_radii_m[mate]
+    if gap <= 0:
+        gear, other = pair.gears[index].name, pair.gears[mate].name
+        raise ArgumentError(
+            f"the tips of the {gear} run {-1e3 * gap:.4g} mm into the roots of the {other}; "
+            f"reduce tip_factor_{gear} or raise root_factor_{other} or the centre distance"
+        )
+
+
+def _check_root(pair: PairGeometry, index: int) -> list[str]:
+    """Contact must stay on the involute of an external gear."""
+    gear, mate = pair.gears[index], pair.gears[1 - index]
+    start = pair.path_m[0] if index == 0 else pair.line_m - pair.path_m[1]
+    form = pair.form_rolls_m[index]
+    least = pair.rack(index).least_shift(gear.teeth)
+    undercut = gear.profile_shift < least - 1e-9
+    short = (form - start) / pair.normal_module_m
+    if short > 1e-6:
+        where = f"the tips of the {mate.name} reach {short:.3g} modules below the involute of"
+        if undercut:
+            raise ArgumentError(
+                f"{where} the {gear.name}, whose {gear.teeth} teeth are undercut at "
+                f"profile_shift_{gear.name}={gear.profile_shift:g}; give at least {least:.4f}, or "
+                f"{pair.rack(index).least_teeth(gear.profile_shift)} teeth"
+            )
+        raise ArgumentError(
+            f"{where} the {gear.name} (interference); reduce tip_factor_{mate.name}="
+            f"{mate.tip_factor:g} or raise root_factor_{gear.name}={gear.root_factor:g}"
+        )
+    if not undercut:
+        return []
+    if gear.profile_shift < least - TOLERATED_UNDERCUT:
+        raise ArgumentError(
+            f"the {gear.teeth} teeth of the {gear.name} are undercut at "
+            f"profile_shift_{gear.name}={gear.profile_shift:g}, beyond the practical limit of "
+            f"{least - TOLERATED_UNDERCUT:.4f}; give at least {least:.4f}, or "
+            f"{pair.rack(index).least_teeth(gear.profile_shift)} teeth"
+        )
+    return [
+        f"the {gear.teeth} teeth of the {gear.name} are undercut below the path of contact: "
+        f"profile_shift_{gear.name}={gear.profile_shift:g} where {least:.4f} would avoid it"
     ]
-    tip = [r + s * module * h for r, s, (h, _) in zip(reference, signs, heights, strict=True)]
-    root = [r - s * module * h for r, s, (_, h) in zip(reference, signs, heights, strict=True)]
-    forms = [
-        Rack(
-            dedendum=gear.root_factor,
-            pressure_angle_rad=frame["alpha_n"],
-            helix_angle_rad=frame["beta"],
-        ).form_roll(gear.teeth, gear.profile_shift, internal=sign < 0)
-        * module
-        for gear, sign in zip(gears, signs, strict=True)
+
+
+def _check_ring(pair: PairGeometry) -> list[str]:
+    planet, ring = pair.gears
+    end = math.hypot(pair.base_radii_m[1], pair.path_m[1] + pair.line_m)
+    if end > pair.root_radii_m[1]:
+        raise ArgumentError(
+            f"the tips of the {planet.name} touch the {ring.name} beyond its root circle "
+            f"({1e3 * end:.5g} > {1e3 * pair.root_radii_m[1]:.5g} mm); reduce "
+            f"tip_factor_{planet.name} or raise root_factor_{ring.name}"
+        )
+    room = _tip_passage(pair)
+    if room < 0:
+        raise ArgumentError(
+            f"tips of {planet.name} and {ring.name} collide outside the mesh by "
+            f"{-math.degrees(room):.3g} deg: ring_teeth - planet_teeth = "
+            f"{ring.teeth - planet.teeth} is too small; "
+            f"take more teeth in the ring or reduce the tip factors"
+        )
+    room = _radial_passage(pair)
+    if room < 0:
+        return [
+            f"the {planet.name} cannot be put into the {ring.name} radially, only along its axis: "
+            f"tips would collide by {-math.degrees(room):.3g} deg"
+        ]
+    return []
+
+
+def _tip_passage(pair: PairGeometry) -> float:
+    """Angle [rad] by which the tips of the inner gear miss those of the ring where they cross."""
+    inner, outer = pair.tip_radii_m
+    a = pair.centre_distance_m
+    reach = (outer**2 - inner**2 - a**2) / (2 * a * inner)
+    if reach >= 1:
+        return math.inf
+    at_inner = math.acos(reach)
+    at_outer = math.acos((a**2 + outer**2 - inner**2) / (2 * a * outer))
+    tips = [
+        involute(math.acos(min(1.0, base / tip)))
+        for base, tip in zip(pair.base_radii_m, pair.tip_radii_m, strict=True)
     ]
-    length = (signs[1] * base[1] + base[0]) * math.tan(working)
-    rolls = [math.sqrt(max(t * t - b * b, 0.0)) for t, b in zip(tip, base, strict=True)]
-    return {
-        "reference_radii_m": tuple(reference),
-        "base_radii_m": tuple(base),
-        "working_radii_m": tuple(radius / math.cos(working) for radius in base),
-        "tip_radii_m": tuple(tip),
-        "root_radii_m": tuple(root),
-        "form_rolls_m": tuple(forms),
-        "path_m": (length - signs[1] * rolls[1], rolls[0]),
-    }
+    working = involute(pair.working_pressure_angle_rad)
+    teeth = pair.gears[0].teeth / pair.gears[1].teeth
+    return (at_inner + tips[0] - working) * teeth + working - tips[1] - at_outer
+
+
+def _radial_passage(pair: PairGeometry) -> float:
+    """Angle [rad] by which the tips of the inner gear pass those of the ring moving radially.
+
+    Where a tip of the one passes a tip of the other at the same distance from the line of
+    centres, at the angle at which that is tightest.
+    """
+    tips = [
+        math.acos(min(1.0, base / tip))
+        for base, tip in zip(pair.base_radii_m, pair.tip_radii_m, strict=True)
+    ]
+    ratio = pair.gears[1].teeth / pair.gears[0].teeth
+    inner, outer = pair.tip_radii_m
+    # y of both tips is equal, and so is its rate as the gears roll: sin^2 of both angles follows
+    radii = outer / inner
+    if radii >= ratio:
+        return math.inf
+    square = (ratio**2 - radii**2) / (ratio**2 - 1)
+    at_inner = math.asin(math.sqrt(min(1.0, square)))
+    at_outer = math.asin(min(1.0, math.sin(at_inner) / radii))
+    working = involute(pair.working_pressure_angle_rad)
+    own = at_inner + involute(tips[0]) - working
+    return own - ratio * (at_outer + involute(tips[1]) - working)

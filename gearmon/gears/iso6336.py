@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 from gearmon.errors import ArgumentError, check_positive, check_range
-from gearmon.gears.involute import base_helix_angle
+from gearmon.gears.geometry import base_helix_angle
 
 #: What warnings begin with.
 METHOD = "ISO 6336-1 Method B"

@@ -14,35 +14,331 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import asdict, dataclass
 from fractions import Fraction
+from itertools import combinations
+from typing import Any, TypeVar
 
-from gearmon.gears.orders import (
-    Coincidence,
-    Kinematics,
-    Line,
-    LineRow,
-    LineTable,
-    Mesh,
-    Modulation,
-    Shaft,
-    Wheel,
-)
+from gearmon.errors import ArgumentError
 from gearmon.machine import Bearing, Machine, OperatingPoint, ParallelStage, PlanetaryStage
 
-__all__ = [
-    "Coincidence",
-    "Kinematics",
-    "Line",
-    "LineRow",
-    "LineTable",
-    "Mesh",
-    "Modulation",
-    "Shaft",
-    "Wheel",
-    "kinematics",
-    "line_table",
-    "planetary_speeds",
-]
+_Item = TypeVar("_Item")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Turning:
+    """Something that repeats a fixed number of times per turn of shaft 1.
+
+    Parameters
+    ----------
+    exact : Fraction
+        Its order: how often per turn of shaft 1, seen from the housing, without sign.
+    """
+
+    exact: Fraction
+
+    @property
+    def order(self) -> float:
+        """The order as a number."""
+        return float(self.exact)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shaft(Turning):
+    """A shaft in the power flow.
+
+    Parameters
+    ----------
+    number : int
+        Counted from 1, the input.
+    name : str
+        What it is in the train.
+    exact : Fraction
+        Turns per turn of shaft 1, without sign.
+    """
+
+    number: int
+    name: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wheel(Turning):
+    """A gear in a mesh.
+
+    Parameters
+    ----------
+    gear : {"pinion", "gear", "sun", "planet", "ring"}
+    teeth : int
+    shaft : int or None
+        Shaft that it turns with; None if it stands still or turns on a planet pin.
+    exact : Fraction
+        Turns per turn of shaft 1, seen from the housing.
+    exact_relative : Fraction
+        Turns per turn of shaft 1 relative to the carrier (to the housing in a parallel stage):
+        ``teeth * exact_relative`` is the mesh order.
+    """
+
+    gear: str
+    teeth: int
+    shaft: int | None
+    exact_relative: Fraction
+
+    @property
+    def relative_order(self) -> float:
+        """Turns per turn of shaft 1 relative to the carrier."""
+        return float(self.exact_relative)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Modulation(Turning):
+    """The spacing of one family of sidebands about the harmonics of a mesh.
+
+    Parameters
+    ----------
+    name : str
+        What modulates, in words.
+    gear : {"pinion", "gear", "sun", "planet", "ring", "carrier"}
+        The member to blame.
+    shaft : int or None
+        Shaft that turns at this order, if any.
+    exact : Fraction
+        Spacing as an order of shaft 1.
+    """
+
+    name: str
+    gear: str
+    shaft: int | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mesh(Turning):
+    """The mesh of one stage; in a planetary set all meshes have the same frequency.
+
+    Parameters
+    ----------
+    stage : int
+        Counted from 1.
+    name : str
+    exact : Fraction
+        Tooth pairs per turn of shaft 1.
+    wheels : tuple of Wheel
+        Pinion and gear, or sun, planet and ring.
+    modulations : tuple of Modulation
+        The families of sidebands to look for.
+    planets : int
+        Planets; 0 in a parallel stage.
+    carrier : Fraction
+        Signed order of the carrier, positive where tooth contacts on the ring run with it; 0 in a
+        parallel stage or if the carrier stands still.
+    equally_spaced : bool
+        Whether the planets sit at equal angles.
+    """
+
+    stage: int
+    name: str
+    wheels: tuple[Wheel, ...]
+    modulations: tuple[Modulation, ...]
+    planets: int = 0
+    carrier: Fraction = Fraction(0)
+    equally_spaced: bool = True
+
+    @property
+    def teeth(self) -> tuple[int, ...]:
+        """Tooth counts, in the order of `wheels`."""
+        return tuple(wheel.teeth for wheel in self.wheels)
+
+    def wheel(self, gear: str) -> Wheel:
+        """Return the wheel called `gear`.
+
+        Raises
+        ------
+        ArgumentError
+            If the stage has no such gear.
+        """
+        for wheel in self.wheels:
+            if wheel.gear == gear:
+                return wheel
+        known = ", ".join(wheel.gear for wheel in self.wheels)
+        raise ArgumentError(f"gear={gear!r} is not in stage {self.stage}; it has {known}")
+
+    def healthy_orders(self, harmonic: int, reach: int = 2) -> tuple[float, ...]:
+        """Return where a sensor on the housing sees one mesh harmonic of a faultless stage.
+
+        Parameters
+        ----------
+        harmonic : int, 1 or more
+            Harmonic of the mesh.
+        reach : int, 1 or more
+            Lines wanted on either side of the harmonic, for a planetary set.
+
+        Returns
+        -------
+        tuple of float
+            Orders, ascending: of a parallel stage the mesh harmonic alone.
+
+        Raises
+        ------
+        ArgumentError
+            If `harmonic` or `reach` is less than 1.
+
+        Notes
+        -----
+        Past the sensor go N equal planets whose contacts with the ring differ in phase by
+        2 pi z_r / N. Their sum leaves only the lines k f_m + s f_c with k z_r + s divisible by N
+        (McFadden and Smith 1985): there may be none at the mesh harmonic itself. With unequal
+        spacing nothing cancels and every s is possible.
+        """
+        if harmonic < 1 or reach < 1:
+            raise ArgumentError(f"harmonic={harmonic} and reach={reach} must be 1 or more")
+        if self.carrier == 0:
+            return (float(harmonic * self.exact),)
+        step = self.planets if self.equally_spaced else 1
+        first = -harmonic * self.wheel("ring").teeth % step - step * reach
+        shifts = (s for s in range(first, step * reach + 1, step))
+        orders = (abs(harmonic * self.exact + s * self.carrier) for s in shifts)
+        return tuple(float(order) for order in sorted(orders))
+
+
+@dataclass(frozen=True)
+class Line:
+    """A frequency that the machine can show.
+
+    Parameters
+    ----------
+    kind : str
+        "shaft", "mesh", "assembly phase", "hunting tooth", "rotation", "planet pass",
+        "local fault" or "bearing".
+    name : str
+    stage : int or None
+    shaft : int or None
+    order : float
+        In turns of shaft 1.
+    exact : Fraction or None
+        The same, exactly; None where angles enter (bearings).
+    """
+
+    kind: str
+    name: str
+    stage: int | None
+    shaft: int | None
+    order: float
+    exact: Fraction | None = None
+
+
+@dataclass(frozen=True)
+class Coincidence:
+    """Two mesh harmonics at exactly the same frequency: their lines cannot be told apart."""
+
+    stage: int
+    harmonic: int
+    other_stage: int
+    other_harmonic: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kinematics:
+    """Shafts, meshes and lines of a machine.
+
+    Parameters
+    ----------
+    shafts : tuple of Shaft
+        Shaft 1 is the input; stage i lies between shafts i and i + 1.
+    meshes : tuple of Mesh
+        One for each stage.
+    lines : tuple of Line
+        Everything: the shafts, then each stage, then the bearings.
+    """
+
+    shafts: tuple[Shaft, ...]
+    meshes: tuple[Mesh, ...]
+    lines: tuple[Line, ...]
+
+    def shaft(self, number: int) -> Shaft:
+        """Return the shaft with this number, counted from 1.
+
+        Raises
+        ------
+        ArgumentError
+            If there is no such shaft.
+        """
+        return _numbered("shaft", self.shafts, number)
+
+    def mesh(self, stage: int) -> Mesh:
+        """Return the mesh of this stage, counted from 1.
+
+        Raises
+        ------
+        ArgumentError
+            If there is no such stage.
+        """
+        return _numbered("stage", self.meshes, stage)
+
+    def coincidences(self, highest_harmonic: int = 20) -> tuple[Coincidence, ...]:
+        """Return the lowest common harmonic of every two stages that have one.
+
+        Parameters
+        ----------
+        highest_harmonic : int
+            Harmonics above this do not count.
+        """
+        found = []
+        for low, high in combinations(self.meshes, 2):
+            ratio = low.exact / high.exact
+            if max(ratio.numerator, ratio.denominator) <= highest_harmonic:
+                found.append(Coincidence(low.stage, ratio.denominator, high.stage, ratio.numerator))
+        return tuple(found)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LineRow:
+    """A line at one operating point."""
+
+    operating: str
+    speed_rpm: float
+    stage: int | None
+    kind: str
+    name: str
+    shaft: int | None
+    order: float
+    frequency_hz: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class LineTable:
+    """The lines of a machine at its operating points.
+
+    Parameters
+    ----------
+    machine : str
+        Name of the machine.
+    rows : tuple of LineRow
+    notes : tuple of str
+        Remarks on the machine file and on lines that coincide.
+    """
+
+    machine: str
+    rows: tuple[LineRow, ...]
+    notes: tuple[str, ...] = ()
+
+    def __iter__(self) -> Iterator[LineRow]:
+        return iter(self.rows)
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return built-in types only, ready for JSON."""
+        return {
+            "machine": self.machine,
+            "rows": [asdict(row) for row in self.rows],
+            "notes": list(self.notes),
+        }
+
+
+def _numbered(what: str, items: tuple[_Item, ...], number: int) -> _Item:
+    if not 1 <= number <= len(items):
+        raise ArgumentError(f"{what}={number} must lie in [1, {len(items)}]")
+    return items[number - 1]
 
 
 def kinematics(machine: Machine) -> Kinematics:
@@ -69,14 +365,20 @@ def kinematics(machine: Machine) -> Kinematics:
     orders = [Fraction(1)]
     meshes = []
     for number, stage in enumerate(machine.stages, start=1):
-        mesh, driven = _mesh(number, stage, orders[-1])
+        if isinstance(stage, ParallelStage):
+            mesh, driven = _parallel_mesh(number, stage, orders[-1])
+        else:
+            mesh, driven = _planetary_mesh(number, stage, orders[-1])
         meshes.append(mesh)
         orders.append(driven)
+    names = {len(orders): "output"} | {1: "input"}
     shafts = tuple(
-        Shaft(number=number, name=_shaft_name(number, len(orders)), exact=order)
+        Shaft(number=number, name=names.get(number, "intermediate"), exact=order)
         for number, order in enumerate(orders, start=1)
     )
-    lines = [*_shaft_lines(shafts)]
+    lines = [
+        _line("shaft", f"{shaft.name} shaft", shaft.exact, shaft=shaft.number) for shaft in shafts
+    ]
     for mesh, stage in zip(meshes, machine.stages, strict=True):
         lines += _parallel_lines(mesh) if stage.kind == "parallel" else _planetary_lines(mesh)
     for bearing in machine.bearings:
@@ -145,27 +447,12 @@ def planetary_speeds(stage: PlanetaryStage) -> dict[str, Fraction]:
     return speeds
 
 
-def _mesh(
-    number: int, stage: ParallelStage | PlanetaryStage, driving: Fraction
-) -> tuple[Mesh, Fraction]:
-    """Return the mesh of a stage whose input turns at `driving`, and its output's order."""
-    if isinstance(stage, ParallelStage):
-        return _parallel_mesh(number, stage, driving)
-    return _planetary_mesh(number, stage, driving)
-
-
 def _parallel_mesh(number: int, stage: ParallelStage, driving: Fraction) -> tuple[Mesh, Fraction]:
     mesh = driving * stage.pinion_teeth
     sides = (("pinion", stage.pinion_teeth, number), ("gear", stage.gear_teeth, number + 1))
     wheels = tuple(
-        Wheel(
-            gear=gear,
-            teeth=teeth,
-            shaft=shaft,
-            exact=mesh / teeth,
-            exact_relative=mesh / teeth,
-        )
-        for gear, teeth, shaft in sides
+        Wheel(gear=gear, teeth=z, shaft=shaft, exact=mesh / z, exact_relative=mesh / z)
+        for gear, z, shaft in sides
     )
     modulations = tuple(
         Modulation(name=f"{w.gear} rotation", gear=w.gear, shaft=w.shaft, exact=w.exact)
@@ -244,15 +531,6 @@ def _mesh_name(stage_name: str, *teeth: int) -> str:
     return f"{stage_name}, {pair}" if stage_name else pair
 
 
-def _shaft_name(number: int, count: int) -> str:
-    return {1: "input", count: "output"}.get(number, "intermediate")
-
-
-def _shaft_lines(shafts: tuple[Shaft, ...]) -> Iterator[Line]:
-    for shaft in shafts:
-        yield _line("shaft", f"{shaft.name} shaft", shaft.exact, shaft=shaft.number)
-
-
 def _parallel_lines(mesh: Mesh) -> list[Line]:
     pair = _pair_lines(mesh, mesh.name, *mesh.teeth)
     return [_line("mesh", mesh.name, mesh.exact, stage=mesh.stage), *pair]
@@ -315,27 +593,20 @@ def _bearing_lines(
         ("outer race (BPFO)", bearing.balls * (1 - g) / 2),
         ("inner race (BPFI)", bearing.balls * (1 + g) / 2),
     ):
-        yield Line(
-            kind="bearing",
-            name=f"{bearing.name}: {name}",
-            stage=stage,
-            shaft=bearing.shaft,
-            order=factor * turning,
-            exact=None,
-        )
+        named = f"{bearing.name}: {name}"
+        yield Line("bearing", named, stage, bearing.shaft, factor * turning)
 
 
 def _line(
     kind: str, name: str, exact: Fraction, stage: int | None = None, shaft: int | None = None
 ) -> Line:
-    return Line(kind=kind, name=name, stage=stage, shaft=shaft, order=float(exact), exact=exact)
+    return Line(kind, name, stage, shaft, float(exact), exact)
 
 
 def _row(line: Line, point: OperatingPoint) -> LineRow:
-    if line.exact is None:
-        frequency_hz = line.order * point.shaft1_hz
-    else:  # one rounding only: 500 Hz reads 500.0
-        frequency_hz = float(line.exact * Fraction(point.speed_rpm) / 60)
+    exact, hertz = line.exact, line.order * point.shaft1_hz
+    if exact is not None:  # one rounding only: 500 Hz reads 500.0
+        hertz = float(exact * Fraction(point.speed_rpm) / 60)
     return LineRow(
         operating=point.name or f"{point.speed_rpm:g} rpm",
         speed_rpm=point.speed_rpm,
@@ -344,5 +615,5 @@ def _row(line: Line, point: OperatingPoint) -> LineRow:
         name=line.name,
         shaft=line.shaft,
         order=line.order,
-        frequency_hz=frequency_hz,
+        frequency_hz=hertz,
     )

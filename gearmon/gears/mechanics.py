@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from gearmon.errors import ArgumentError, check_range
-from gearmon.gears.faults import Fault, faults_of_stage
+from gearmon.gears.faults import Fault, GearError, faults_of_stage
 from gearmon.gears.iso6336 import (
     LOW_LOAD_N_PER_MM,
     Resonance,
@@ -16,7 +16,6 @@ from gearmon.gears.iso6336 import (
     resonance_speed_rpm,
 )
 from gearmon.gears.kinematics import kinematics
-from gearmon.gears.missing_material import GearError
 from gearmon.gears.pairs import Member, MeshPair, mesh_pairs
 from gearmon.gears.stiffness import MeshStiffness, pair_stiffness
 from gearmon.gears.stiffness_forms import StiffnessForm

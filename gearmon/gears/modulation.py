@@ -10,29 +10,45 @@ are those of a Fourier series in theta,
 with P_m the transform of the pulse of one pair whose contact ratio is l smaller, b its delay and f
 the part of the face that carries. With l = 0 and f = 1 that is ``P_m i^s J_s(2 pi m |b|)`` up to
 the phase: the phase modulation of McFadden, whose index grows with the mesh harmonic.
+
+Let a gear stand off by d along the line of action (d_t, away from its mate) and along the normal of
+its flank (d_n, from the first gear to the second). The line of action, a tangent of both base
+circles, then turns by d_n/L and its length between the tangent points, L = a sin(alpha_w), changes,
+so that a pair enters later by b and leaves earlier by a, in mesh periods,
+
+    a = (+-r_b1 d_n/L + s d_t)/p_b,    b = (r_b2 d_n/L + (1 - s) d_t)/p_b
+
+(lower sign: internal), to the first order in d/L. Their sum is what the contact ratio loses, that
+is its derivative with respect to the centre distance; half their difference is the shift of the
+contact, the phase modulation of the stiffness. s is the share of d_t by which the first gear runs
+ahead of even rotation, the rest being the second gear's lag. Two gears free to turn do so below
+their resonance in inverse proportion to their masses at the line of action, here those of discs of
+equal width.
 """
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.polynomial import chebyshev
+from numpy.typing import ArrayLike
 
-from gearmon.gears.contact_family import ContactFamily
-from gearmon.gears.contact_offset import (
-    ContactOffset,
-    OffsetState,
-    contact_offsets,
-    state_of,
-)
-from gearmon.gears.missing_material import GearError
+from gearmon.gears.faults import GearError
 from gearmon.gears.pairs import MeshPair
-from gearmon.gears.panels import ComplexArray, FloatArray
-from gearmon.gears.pulses import Pulse
+from gearmon.gears.pulses import (
+    LEAST_OVERLAP,
+    ComplexArray,
+    FloatArray,
+    IntArray,
+    PanelCurves,
+    Pulse,
+    legendre,
+)
 
 #: Angles of a gear at which the carrying part of a misaligned face is taken; it has corners.
 SHARE_ANGLES, JOINT_SHARE_ANGLES = 4096, 64
@@ -40,8 +56,318 @@ SHARE_ANGLES, JOINT_SHARE_ANGLES = 4096, 64
 SPARE_ORDERS = 14
 #: Mesh orders computed together; bounds the memory.
 ORDERS_PER_BLOCK, JOINT_ORDERS_PER_BLOCK = 1024, 128
+#: Chebyshev points of the loss of contact tried one after the other, until pulses have converged.
+NODES = (3, 5, 9, 17)
+CONVERGED = 1e-10
+#: Phases evaluated together; bounds the memory.
+PHASES_PER_BLOCK = 16_384
+#: Errors that move the contact of all teeth of a gear as it turns.
+MOVING_KINDS = ("eccentricity", "cumulative", "misalignment")
 
-IntArray = NDArray[np.integer]
+
+NODES = (3, 5, 9, 17)
+CONVERGED = 1e-10
+#: Phases evaluated together; bounds the memory.
+PHASES_PER_BLOCK = 16_384
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContactOffset:
+    """How the errors of one gear move the contact, as it turns.
+
+    Parameters
+    ----------
+    gear : str
+    teeth : int
+    leaving, entering : complex
+        a and b are their real parts after multiplication by ``exp(2 pi i phase/teeth)``
+        [mesh periods].
+    lead_m : complex
+        Lead deviation across the face, likewise [m].
+    """
+
+    gear: str
+    teeth: int
+    leaving: complex = 0j
+    entering: complex = 0j
+    lead_m: complex = 0j
+
+    @property
+    def is_none(self) -> bool:
+        """Whether nothing moves."""
+        return not (self.leaving or self.entering or self.lead_m)
+
+    def turned(self, amplitude: complex, angle: FloatArray) -> FloatArray:
+        """Return the real part of an amplitude turned by an angle [rad]."""
+        return np.asarray(amplitude.real * np.cos(angle) - amplitude.imag * np.sin(angle))
+
+
+@dataclass(frozen=True, kw_only=True)
+class OffsetState:
+    """Where the contact lies at some instants: arrays of one shape.
+
+    Parameters
+    ----------
+    leaving, entering : ndarray
+        a and b [mesh periods].
+    share : ndarray
+        Part of the face width that carries.
+    """
+
+    leaving: FloatArray
+    entering: FloatArray
+    share: FloatArray
+
+    @property
+    def lost(self) -> FloatArray:
+        """What the contact ratio loses."""
+        return self.leaving + self.entering
+
+
+def contact_offsets(pair: MeshPair, errors: Iterable[GearError]) -> tuple[ContactOffset, ...]:
+    """Return how errors move the contact, one entry for each gear that has such errors.
+
+    Parameters
+    ----------
+    pair : MeshPair
+        With a module.
+    errors : iterable of GearError
+        Those of other gears, of single teeth and of size 0 are left aside.
+    """
+    found = []
+    for index, member in enumerate(pair.members):
+        own = [e for e in errors if e.gear == member.name and e.kind in MOVING_KINDS and e.size_m]
+        parts = [_moved(error, pair, index) for error in own]
+        offset = ContactOffset(
+            gear=member.name,
+            teeth=member.teeth.teeth,
+            leaving=sum((part[0] for part in parts), 0j),
+            entering=sum((part[1] for part in parts), 0j),
+            lead_m=sum((part[2] for part in parts), 0j),
+        )
+        if not offset.is_none:
+            found.append(offset)
+    return tuple(found)
+
+
+def state_of(
+    offsets: Iterable[ContactOffset], angles: Iterable[FloatArray], free_gap_m: float
+) -> OffsetState:
+    """Return the contact with gears turned by angles [rad].
+
+    Parameters
+    ----------
+    offsets : iterable of ContactOffset
+    angles : iterable of ndarray
+        Of each gear; shapes that broadcast.
+    free_gap_m : float
+        Lead deviation that the load just closes.
+    """
+    leaving, entering, lead = np.zeros(()), np.zeros(()), np.zeros(())
+    for offset, angle in zip(offsets, angles, strict=True):
+        leaving = leaving + offset.turned(offset.leaving, angle)
+        entering = entering + offset.turned(offset.entering, angle)
+        lead = lead + offset.turned(offset.lead_m, angle)
+    share = carrying_share(np.abs(lead), free_gap_m)
+    return OffsetState(leaving=leaving, entering=entering, share=share)
+
+
+def first_gear_share(pair: MeshPair) -> float:
+    """Return s, the share of a transmission error by which the first gear moves."""
+    if pair.second.internal:
+        return 1.0
+    one, two = (float(member.teeth.teeth) ** 2 for member in pair.members)
+    return two / (one + two)
+
+
+def _moved(error: GearError, pair: MeshPair, index: int) -> tuple[complex, complex, complex]:
+    """Return a, b [mesh periods] and the lead [m] of one error, as turning amplitudes."""
+    size = error.size_m * cmath.exp(1j * error.phase_rad)
+    if error.kind == "misalignment":
+        return 0j, 0j, size
+    geometry = pair.unchecked_geometry
+    share = first_gear_share(pair)
+    along = size / geometry.base_pitch_m
+    if error.kind == "cumulative":
+        # a tooth that stands back meets its mate farther down the line of action
+        own = -(1 - share) if index == 0 else share
+        return own * along, -own * along, 0j
+    external = not pair.second.internal
+    # d_t = e cos x; the offset turns with its gear: those of external gears turn against each other
+    normal = -1j * along if index == 1 and external else 1j * along
+    line = geometry.centre_distance_m * math.sin(geometry.working_pressure_angle_rad)
+    one, two = (radius / line for radius in geometry.base_radii_m)
+    leaving = (one if external else -one) * normal + share * along
+    return leaving, two * normal + (1 - share) * along, 0j
+
+
+def carrying_share(gap_m: FloatArray, free_gap_m: float) -> FloatArray:
+    """Return the part of the face width that carries, in (0, 1].
+
+    Parameters
+    ----------
+    gap_m : ndarray
+        Lead deviation across the face, >= 0 [m].
+    free_gap_m : float
+        That which the load just closes: 2 F/k [m].
+
+    Notes
+    -----
+    A face of even stiffness under a linear gap: ``f = min(1, sqrt(2 F/(k g)))``, as b_cal/b of
+    ISO 6336-1 for K_Hbeta.
+    """
+    wide = gap_m > free_gap_m
+    return np.sqrt(np.where(wide, free_gap_m / np.where(wide, gap_m, 1.0), 1.0))
+
+
+@dataclass(frozen=True, eq=False)
+class ContactFamily:
+    """Pulses of one pair over the loss of contact ratio.
+
+    The pulse of a pair is a smooth function of what its contact ratio has lost, piece by piece,
+    with edges that move. It is interpolated in Chebyshev points of that loss.
+
+    Parameters
+    ----------
+    largest : float
+        Loss of contact ratio reached to either side [mesh periods].
+    edges : ndarray, shape (nodes, pieces + 1)
+        Chebyshev coefficients of the edges of the pieces, from the entry of the pair.
+    series : ndarray, shape (nodes, pieces, degree + 1)
+        Chebyshev coefficients of the Legendre coefficients on each piece [N/m].
+    overlap_ratio : float
+    """
+
+    largest: float
+    edges: FloatArray
+    series: FloatArray
+    overlap_ratio: float
+
+    @classmethod
+    def of(
+        cls, member: Callable[[float], Pulse], largest: float, overlap_ratio: float
+    ) -> ContactFamily | None:
+        """Return the family through the pulses that `member` gives for losses of contact ratio.
+
+        None where the pulses have not the same pieces: a zone of contact vanishes.
+        """
+        pieces = len(member(0.0).series)
+        for count in NODES if largest else (1,):
+            x = chebyshev.chebpts1(count)
+            pulses = [member(float(largest * value)) for value in x]
+            if any(len(pulse.series) != pieces for pulse in pulses):
+                return None
+            width = max(pulse.series.shape[1] for pulse in pulses)
+            padded = [
+                np.pad(pulse.series, ((0, 0), (0, width - pulse.series.shape[1])))
+                for pulse in pulses
+            ]
+            analysis = np.linalg.inv(chebyshev.chebvander(x, count - 1))
+            edges = analysis @ np.array([pulse.edges for pulse in pulses])
+            series = np.tensordot(analysis, np.array(padded), 1)
+            if np.abs(series[-1]).max() <= CONVERGED * np.abs(series[0]).max():
+                break
+        return cls(largest, edges, series, overlap_ratio)
+
+    @classmethod
+    def rigid(cls, pulse: Pulse, overlap_ratio: float) -> ContactFamily:
+        """Return the family of a contact that keeps its length."""
+        return cls(0.0, pulse.edges[None], pulse.series[None], overlap_ratio)
+
+    def pulse(self, lost: float) -> Pulse:
+        """Return the pulse for one loss of contact ratio."""
+        (terms,) = self._terms(np.array([lost]))
+        return Pulse(terms @ self.edges, np.tensordot(terms, self.series, 1))
+
+    def entry(self, leaving: FloatArray, entering: FloatArray) -> FloatArray:
+        """Return when a pair enters [mesh periods]: the middle of its contact shifts by (b - a)/2.
+
+        A contact whose length is nominal, as that of the half-duty forms, keeps it.
+        """
+        lengths = self._terms(leaving + entering) @ self.edges[:, -1]
+        return np.asarray(0.5 * (entering - leaving + self.pulse(0.0).length - lengths))
+
+    def coefficients(
+        self, orders: IntArray, leaving: FloatArray, entering: FloatArray
+    ) -> ComplexArray:
+        """Return the coefficients [N/m] of a mesh whose contact stays as in each state.
+
+        Parameters
+        ----------
+        orders : ndarray of int, shape (m,)
+        leaving, entering : ndarray, shape (n,)
+
+        Returns
+        -------
+        ndarray of complex, shape (n, m)
+        """
+        entry = self.entry(leaving, entering)
+        lost, place = np.unique(np.round(leaving + entering, 15), return_inverse=True)
+        own = np.array([self.pulse(float(value)).transform(orders) for value in lost])
+        eps = self.overlap_ratio
+        spread = np.sinc(orders * eps) * np.exp(-1j * np.pi * orders * eps)
+        turned = np.exp(-2j * np.pi * orders * entry[:, None])
+        return np.asarray(own[place.reshape(-1)] * turned * spread)
+
+    def at(self, phase: FloatArray, leaving: FloatArray, entering: FloatArray) -> FloatArray:
+        """Return the mesh stiffness [N/m] at phases with a contact each, shape (n,)."""
+        total = np.zeros(len(phase))
+        for low in range(0, len(phase), PHASES_PER_BLOCK):
+            block = slice(low, low + PHASES_PER_BLOCK)
+            total[block] = self._at(phase[block], leaving[block], entering[block])
+        return total
+
+    def _at(self, phase: FloatArray, leaving: FloatArray, entering: FloatArray) -> FloatArray:
+        terms = self._terms(leaving + entering)
+        edges = terms @ self.edges
+        turned = np.mod(phase - self.entry(leaving, entering), 1.0)
+        eps = self.overlap_ratio
+        total = np.zeros(len(phase))
+        for turn in range(math.ceil(float(edges[:, -1].max()) + eps)):
+            x = turned + turn
+            if eps < LEAST_OVERLAP:
+                total += self._value(terms, edges, x)
+            else:
+                late = self._integral(terms, edges, x - eps)
+                total += (self._integral(terms, edges, x) - late) / eps
+        return total
+
+    def _value(self, terms: FloatArray, edges: FloatArray, x: FloatArray) -> FloatArray:
+        total = np.zeros(len(x))
+        for piece in range(self.series.shape[1]):
+            here = np.flatnonzero((x >= edges[:, piece]) & (x < edges[:, piece + 1]))
+            total[here] = _on_piece(self.series[:, piece], terms[here], edges[here], x[here], piece)
+        return total
+
+    def _integral(self, terms: FloatArray, edges: FloatArray, x: FloatArray) -> FloatArray:
+        """Integral of each pulse from its start to `x`."""
+        total = np.zeros(len(x))
+        for piece, series in enumerate(self._primitives):
+            here = np.flatnonzero(x > edges[:, piece])
+            half = 0.5 * (edges[here, piece + 1] - edges[here, piece])
+            total[here] += half * _on_piece(series, terms[here], edges[here], x[here], piece)
+        return total
+
+    @cached_property
+    def _primitives(self) -> FloatArray:
+        """Series of the running integrals over -1 ... 1, shape (pieces, nodes, degree + 2)."""
+        parts = self.series.reshape(-1, self.series.shape[2]).T
+        unit = PanelCurves(edges=np.array([-1.0, 1.0]), coefficients=parts[None])
+        whole = unit.integral().coefficients[0].T.reshape(*self.series.shape[:2], -1)
+        return np.moveaxis(whole, 1, 0)
+
+    def _terms(self, lost: FloatArray) -> FloatArray:
+        share = lost / self.largest if self.largest else 0 * lost
+        return np.asarray(chebyshev.chebvander(np.clip(share, -1.0, 1.0), len(self.edges) - 1))
+
+
+def _on_piece(
+    series: FloatArray, terms: FloatArray, edges: FloatArray, x: FloatArray, piece: int
+) -> FloatArray:
+    """Evaluate a piece at one place of each of several pulses."""
+    low, high = edges[:, piece], edges[:, piece + 1]
+    local = (2 * np.clip(x, low, high) - low - high) / (high - low)
+    return np.asarray(np.einsum("pn,np->p", terms @ series, legendre(series.shape[1], local)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -191,10 +517,7 @@ class ModulationTrain:
 
 
 def modulation_trains(
-    pair: MeshPair,
-    errors: Iterable[GearError],
-    member: Callable[[float], Pulse],
-    free_gap_m: float,
+    pair: MeshPair, errors: Iterable[GearError], member: Callable[[float], Pulse], free_gap_m: float
 ) -> tuple[tuple[ModulationTrain, ...], list[str]]:
     """Return what errors of turning gears change of a mesh stiffness, and notes.
 

@@ -11,9 +11,16 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from gearmon.errors import ArgumentError
-from gearmon.gears import involute, iso6336
-from gearmon.gears.geometry import GearTeeth, PairGeometry, pair_geometry
-from gearmon.gears.involute_pair import Two
+from gearmon.gears import iso6336
+from gearmon.gears.geometry import (
+    GearTeeth,
+    PairGeometry,
+    Two,
+    base_radius,
+    overlap_ratio,
+    pair_geometry,
+    transverse_pressure_angle,
+)
 from gearmon.machine import ParallelStage, PlanetaryStage
 
 Stage = ParallelStage | PlanetaryStage
@@ -90,6 +97,11 @@ class MeshPair:
     def members(self) -> tuple[Member, Member]:
         """Both gears."""
         return self.first, self.second
+
+    @property
+    def teeth(self) -> tuple[int, int]:
+        """Numbers of teeth of both gears."""
+        return self.first.teeth.teeth, self.second.teeth.teeth
 
     @property
     def is_main(self) -> bool:
@@ -170,7 +182,7 @@ class MeshPair:
             return 0.0
         module = 1e-3 * self.need("module_mm", "overlap ratio")
         width = 1e-3 * self.need("face_width_mm", "overlap ratio")
-        return involute.overlap_ratio(self.helix_angle_rad, width, module)
+        return overlap_ratio(self.helix_angle_rad, width, module)
 
     @property
     def pitch_phase(self) -> float:
@@ -184,9 +196,7 @@ class MeshPair:
         """Base radii [m]."""
         module = 1e-3 * self.need("module_mm", "base circle", "force_n and equivalent_mass_kg")
         one, two = (
-            involute.base_radius(
-                member.teeth.teeth, module, self.pressure_angle_rad, self.helix_angle_rad
-            )
+            base_radius(member.teeth.teeth, module, self.pressure_angle_rad, self.helix_angle_rad)
             for member in self.members
         )
         return one, two
@@ -222,7 +232,7 @@ class MeshPair:
         """
         if force_n is None or self.stage.face_width_mm is None:
             return None
-        alpha = involute.transverse_pressure_angle(self.pressure_angle_rad, self.helix_angle_rad)
+        alpha = transverse_pressure_angle(self.pressure_angle_rad, self.helix_angle_rad)
         tangential = force_n * math.cos(alpha) * self.stage.application_factor
         return tangential / self.stage.face_width_mm
 
@@ -239,25 +249,29 @@ class MeshPair:
         return min(found, key=lambda body: body.factor, default=None)
 
     def _geometry(self, *, check: bool) -> PairGeometry:
-        width = self.stage.face_width_mm
-        instead = "contact_ratio" if self.is_main else ""
-        module = self.need("module_mm", "contact ratio", instead)
+        self.need("module_mm", "contact ratio", "contact_ratio" if self.is_main else "")
         distance, shortening = self._fixed_by_others()
         try:
-            return pair_geometry(
-                self.first.teeth,
-                self.second.teeth,
-                module_m=1e-3 * module,
-                pressure_angle_rad=self.pressure_angle_rad,
-                helix_angle_rad=self.helix_angle_rad,
-                face_width_m=None if width is None else 1e-3 * width,
-                centre_distance_m=distance,
-                internal=self.second.internal,
-                tip_shortening=shortening,
-                check=check,
-            )
+            return self._placed(distance, shortening, check=check)
         except ArgumentError as error:
             raise ArgumentError(f"{self.where}: {error}") from None
+
+    def _placed(
+        self, distance_m: float | None, shortening: float | Two | None = None, *, check: bool
+    ) -> PairGeometry:
+        width = self.stage.face_width_mm
+        return pair_geometry(
+            self.first.teeth,
+            self.second.teeth,
+            module_m=1e-3 * self.need("module_mm", "tip shortening"),
+            pressure_angle_rad=self.pressure_angle_rad,
+            helix_angle_rad=self.helix_angle_rad,
+            face_width_m=None if width is None else 1e-3 * width,
+            centre_distance_m=distance_m,
+            internal=self.second.internal,
+            tip_shortening=shortening,
+            check=check,
+        )
 
     def _fixed_by_others(self) -> tuple[float | None, float | Two | None]:
         """Return centre distance and tip shortening where they are not this pair's to choose."""
@@ -288,15 +302,7 @@ class MeshPair:
         """Return the shortening of both gears: where one is not told, what it is otherwise."""
         usual = self.stage.tip_shortening
         if usual is None and None in told:
-            usual = pair_geometry(
-                self.first.teeth,
-                self.second.teeth,
-                module_m=1e-3 * self.need("module_mm", "tip shortening"),
-                pressure_angle_rad=self.pressure_angle_rad,
-                helix_angle_rad=self.helix_angle_rad,
-                centre_distance_m=distance_m,
-                check=False,
-            ).tip_shortening[0]
+            usual = self._placed(distance_m, check=False).tip_shortening[0]
         one, two = (usual or 0.0 if k is None else k for k in told)
         return one, two
 

@@ -15,21 +15,22 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gearmon.errors import ArgumentError, nearest_name
-from gearmon.gears.contact_offset import MOVING_KINDS
-from gearmon.gears.curve_pulses import product
-from gearmon.gears.damage import acting_faults, damage_trains, wear_curve
-from gearmon.gears.energy_stiffness import energy_member, energy_stiffness
-from gearmon.gears.faults import Fault
+from gearmon.errors import ArgumentError, check_word
+from gearmon.gears.damage import (
+    acting_faults,
+    damage_trains,
+    gear_losses,
+    measured_patches,
+    wear_curve,
+)
+from gearmon.gears.faults import Fault, GearError
 from gearmon.gears.iso6336 import MethodB
-from gearmon.gears.missing_material import GearError
-from gearmon.gears.modulation import ModulationTrain, modulation_trains
+from gearmon.gears.modulation import MOVING_KINDS, ModulationTrain, modulation_trains
 from gearmon.gears.pairs import MeshPair, Stage, mesh_pairs
-from gearmon.gears.potential_energy import POTENTIAL_ENERGY, PotentialEnergy
-from gearmon.gears.pulse_trains import PulseTerm, PulseTrain
-from gearmon.gears.pulses import ComplexArray, FloatArray, Pulse
-from gearmon.gears.stiffness_forms import FORMS, StiffnessForm, stiffness_form
-from gearmon.gears.stretch import shorter_pulse, unit_pulse
+from gearmon.gears.pulses import ComplexArray, FloatArray, Pulse, PulseTerm, PulseTrain
+from gearmon.gears.stiffness_forms import FORMS, StiffnessForm, shorter_pulse, unit_pulse
+from gearmon.gears.tooth_mesh import PairState, TeethInMesh
+from gearmon.gears.tooth_pairs import POTENTIAL_ENERGY, PotentialEnergy, ToothPair, teeth_of
 
 #: Names of all forms: curves over a mesh period, and the one computed from the teeth.
 FORM_NAMES: tuple[str, ...] = (*FORMS, POTENTIAL_ENERGY)
@@ -244,68 +245,145 @@ def pair_stiffness(
     _check_contact(pair)
     acting, notes = acting_faults(pair, faults)
     if isinstance(chosen, PotentialEnergy):
-        found = _from_teeth(pair, acting, chosen, force_n, notes)
+        parts = _from_teeth(pair, acting, chosen, force_n)
     else:
-        found = _from_form(pair, acting, chosen, force_n, notes)
-    if force_n is not None:
-        found = replace(found, free_gap_m=2 * abs(force_n) / found.healthy_mean_n_per_m)
-    return _modulated(found, pair, acting, tuple(errors), force_n)
+        parts = _from_form(pair, acting, chosen, force_n)
+    healthy = PulseTrain.healthy(parts.member(0.0), pair.overlap_ratio)
+    mean = float(healthy.coefficients([0])[0].real)
+    gap = 0.0 if force_n is None else 2 * abs(force_n) / mean
+    moving, still = _moving(pair, errors, force_n)
+    modulations, more = modulation_trains(pair, moving, parts.member, gap)
+    geometry = pair.geometry.warnings if pair.given("contact_ratio") is None else ()
+    return MeshStiffness(
+        healthy=healthy,
+        pulses=tuple(train for train in parts.missing if train.terms),
+        contact_ratio=pair.contact_ratio,
+        overlap_ratio=pair.overlap_ratio,
+        variation=_variation(healthy) if parts.variation is None else parts.variation,
+        form=chosen,
+        iso=parts.iso,
+        modulations=modulations,
+        free_gap_m=gap,
+        warnings=(*geometry, *parts.warnings, *notes, *still, *more),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Parts:
+    """What a form says of a mesh.
+
+    `member` gives the pulse [N/m] of a sound or worn pair whose contact ratio is so much smaller.
+    """
+
+    member: Callable[[float], Pulse]
+    missing: Sequence[PulseTrain]
+    variation: float | None = None
+    iso: MethodB | None = None
+    warnings: tuple[str, ...] = ()
 
 
 def _from_form(
-    pair: MeshPair,
-    acting: list[Fault],
-    form: StiffnessForm,
-    force_n: float | None,
-    notes: list[str],
-) -> MeshStiffness:
-    unit, variation = unit_pulse(pair, form)
+    pair: MeshPair, acting: list[Fault], form: StiffnessForm, force_n: float | None
+) -> _Parts:
+    variation = unit_pulse(pair, form)[1]
     mean, iso = _mean(pair, form, force_n)
-    pulse = _worn(pair, unit.scaled(mean), acting)
-    train = PulseTrain(
-        gear="all teeth",
-        period_mesh=1,
-        overlap_ratio=pair.overlap_ratio,
-        terms=(PulseTerm(pulse=pulse),),
-    )
-    return MeshStiffness(
-        healthy=train,
-        pulses=damage_trains(pair, pulse, acting),
-        contact_ratio=pair.contact_ratio,
-        overlap_ratio=pair.overlap_ratio,
+    worn = _worn_share(acting)
+
+    def member(lost: float) -> Pulse:
+        pulse = shorter_pulse(pair, form, lost).scaled(mean * worn)
+        left = wear_curve(pair, acting, pulse.length)
+        return pulse if left is None else pulse.times(left.share, left.corners)
+
+    return _Parts(
+        member=member,
+        missing=damage_trains(pair, member(0.0), acting),
         variation=variation,
-        form=form,
         iso=iso,
-        warnings=(*_geometry_notes(pair), *(iso.warnings if iso else ()), *notes),
+        warnings=iso.warnings if iso else (),
     )
 
 
-def _modulated(
-    found: MeshStiffness,
-    pair: MeshPair,
-    acting: list[Fault],
-    errors: tuple[GearError, ...],
-    force_n: float | None,
-) -> MeshStiffness:
-    """Return the stiffness with what errors of turning gears change of it."""
-    moving, notes = _moving(pair, errors, force_n)
-    if not moving:
-        return replace(found, warnings=(*found.warnings, *notes))
-    member: Callable[[float], Pulse]
-    if isinstance(found.form, PotentialEnergy):
-        member = energy_member(pair, acting, found.form, force_n)
-    else:
-        form, mean = found.form, _mean(pair, found.form, force_n)[0]
+def _from_teeth(
+    pair: MeshPair, acting: list[Fault], form: PotentialEnergy, force_n: float | None
+) -> _Parts:
+    if pair.given("stiffness_variation") is not None:
+        raise ArgumentError(
+            f"{pair.where}: stiffness_variation cannot be imposed on the {form.name} form, whose "
+            f"curve follows from the teeth; leave it out or choose another form"
+        )
+    if form.contact == "load-dependent" and force_n is None:
+        raise ArgumentError(
+            f"{pair.where}: the load-dependent contact needs the static tooth force; give "
+            f"torque_nm of [operating], force_n in this stage, or contact='constant'"
+        )
+    teeth = teeth_of(pair, form)
 
-        def member(lost: float) -> Pulse:
-            return _worn(pair, shorter_pulse(pair, form, lost).scaled(mean), acting)
+    def mesh(lost: float = 0.0, wear: Sequence[Fault] = acting) -> TeethInMesh:
+        moved = teeth.parted(lost)
+        worn = _worn_state(pair, moved, wear)
+        return TeethInMesh(pair=moved, worn=worn, is_coupled=form.is_coupled, force_n=force_n)
 
-    trains, more = modulation_trains(pair, moving, member, found.free_gap_m)
-    return replace(found, modulations=trains, warnings=(*found.warnings, *notes, *more))
+    factor, imposed = _worn_share(acting), pair.given("mesh_stiffness_n_per_m")
+    if imposed is not None:
+        factor *= imposed / mesh(wear=()).healthy.area
+    return _Parts(
+        member=lambda lost: mesh(lost).healthy.scaled(factor),
+        missing=_missing_teeth(pair, teeth, mesh(), acting, factor),
+        warnings=teeth.warnings,
+    )
+
+
+def _missing_teeth(
+    pair: MeshPair, teeth: ToothPair, mesh: TeethInMesh, acting: Sequence[Fault], factor: float
+) -> list[PulseTrain]:
+    names, z = [member.name for member in pair.members], pair.teeth
+    one, two = (gear_losses(pair, name, acting, teeth.contact_ratio, teeth) for name in names)
+    found: list[tuple[str, int, list[PulseTerm]]] = [
+        (names[0], z[0], mesh.terms(one, {}, z) if one else []),
+        (names[1], z[1], mesh.terms({}, two, z) if two else []),
+        (" and ".join(names), math.lcm(*z), mesh.meeting_terms(one, two, z) if one and two else []),
+    ]
+    return [
+        PulseTrain(
+            gear=gear,
+            period_mesh=period,
+            overlap_ratio=pair.overlap_ratio,
+            terms=tuple(replace(term, pulse=term.pulse.scaled(factor)) for term in terms),
+        )
+        for gear, period, terms in found
+    ]
+
+
+def _worn_state(pair: MeshPair, teeth: ToothPair, faults: Sequence[Fault]) -> PairState:
+    """Return the loss by measured wear of each gear."""
+    one, two = (
+        measured_patches(
+            [f for f in faults if f.kind == "wear" and f.gear == member.name and not f.is_loss],
+            teeth,
+            index,
+            pair.overlap_ratio > 0,
+        )
+        for index, member in enumerate(pair.members)
+    )
+    return one, two
+
+
+def _worn_share(acting: Sequence[Fault]) -> float:
+    """Return what wear that is given as a loss leaves of the stiffness."""
+    return math.prod(1 - f.loss for f in acting if f.kind == "wear" and f.is_loss)
+
+
+def _variation(train: PulseTrain) -> float:
+    edges = train.terms[0].pulse.edges
+    edges = np.unique(np.concatenate([edges, edges + train.overlap_ratio]) % 1.0)
+    edges = np.append(edges, edges[0] + 1)
+    inside = np.concatenate([[1e-9], np.arange(1, 32) / 32, [1 - 1e-9]])
+    values = train.at(edges[:-1, None] + np.diff(edges)[:, None] * inside)
+    return 0.5 * float(np.ptp(values)) / float(train.coefficients([0])[0].real)
 
 
 def _moving(
-    pair: MeshPair, errors: Sequence[GearError], force_n: float | None
+    pair: MeshPair, errors: Iterable[GearError], force_n: float | None
 ) -> tuple[list[GearError], list[str]]:
     """Return the errors that modulate the stiffness, and notes on those that cannot."""
     own = [member.name for member in pair.members]
@@ -327,40 +405,8 @@ def _moving(
 def _chosen(form: str | StiffnessForm | PotentialEnergy) -> StiffnessForm | PotentialEnergy:
     if not isinstance(form, str):
         return form
-    if form == POTENTIAL_ENERGY:
-        return PotentialEnergy()
-    if form not in FORMS:
-        near = nearest_name(form, FORM_NAMES)
-        hint = f"; did you mean {near}?" if near else ""
-        raise ArgumentError(f"form={form!r} is not one of {', '.join(FORM_NAMES)}{hint}")
-    return stiffness_form(form)
-
-
-def _from_teeth(
-    pair: MeshPair,
-    acting: list[Fault],
-    form: PotentialEnergy,
-    force_n: float | None,
-    notes: list[str],
-) -> MeshStiffness:
-    parts = energy_stiffness(pair, acting, form, force_n)
-    return MeshStiffness(
-        healthy=parts.healthy,
-        pulses=parts.missing,
-        contact_ratio=pair.contact_ratio,
-        overlap_ratio=pair.overlap_ratio,
-        variation=parts.variation,
-        form=form,
-        warnings=(*_geometry_notes(pair), *parts.warnings, *notes),
-    )
-
-
-def _worn(pair: MeshPair, pulse: Pulse, acting: list[Fault]) -> Pulse:
-    """Return the pulse of a pair whose teeth are all worn."""
-    factor = math.prod(1 - f.loss for f in acting if f.kind == "wear" and f.is_loss)
-    left = wear_curve(pair, acting, pulse.length)
-    scaled = pulse.scaled(factor)
-    return scaled if left is None else product(scaled, left.share, left.corners)
+    check_word("form=", form, FORM_NAMES)
+    return PotentialEnergy() if form == POTENTIAL_ENERGY else FORMS[form]
 
 
 def _check_contact(pair: MeshPair) -> None:
@@ -385,7 +431,3 @@ def _mean(
     if form.normalisation == "mean":
         return iso.mean_n_per_m(width), iso
     return iso.single_n_per_m(width) * form.pulse(pair.contact_ratio).area, iso
-
-
-def _geometry_notes(pair: MeshPair) -> tuple[str, ...]:
-    return pair.geometry.warnings if pair.given("contact_ratio") is None else ()

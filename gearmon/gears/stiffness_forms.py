@@ -15,9 +15,10 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from gearmon.errors import ArgumentError, check_range, nearest_name
-from gearmon.gears.involute import contact_zones
-from gearmon.gears.pulses import FloatArray, Pulse
+from gearmon.errors import ArgumentError, check_range
+from gearmon.gears.geometry import contact_zones
+from gearmon.gears.pairs import MeshPair
+from gearmon.gears.pulses import POINTS, FloatArray, Pulse, PulseTrain
 
 #: Loss of stiffness of a pair from the middle of its contact to its ends, Cai & Hayashi (1994).
 CURVATURE_CAI = 0.45
@@ -63,7 +64,9 @@ class Parabolic:
     normalisation: Normalisation = "mean"
 
     def __post_init__(self) -> None:
-        _check_curvature(self.curvature)
+        q = self.curvature
+        if not 0 <= q < 1:
+            raise ArgumentError(f"curvature={q} must lie in [0, 1); usual values 0.45 and 0.391")
         _check_choice("normalisation", self.normalisation, ("mean", "maximum"))
 
     @property
@@ -73,37 +76,30 @@ class Parabolic:
 
     def pulse(self, contact_ratio: float) -> Pulse:
         """Return the stiffness of one pair over its contact, in units of its maximum."""
-        q, length = self.curvature, contact_ratio
-        coefficients = [1 - q, 4 * q / length, -4 * q / length**2]
-        return _pieces([0.0], [length], np.array([coefficients]))
+        return Pulse.of(
+            [0.0, contact_ratio],
+            lambda t: 1 - self.curvature * (2 * t / contact_ratio - 1) ** 2,
+            points=3,
+        )
 
     def outline(self, contact_ratio: float) -> Pulse:
-        """Return the pulse itself."""
+        """Return the pulse whose sum has the peaks that count."""
         return self.pulse(contact_ratio)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Wave:
+class Wave(Parabolic):
     """Half-sine arches through the end and middle values of the parabola in each zone.
 
     Parameters
     ----------
-    curvature : float, in [0, 1)
-        q of the parabola that gives the values.
-    normalisation : {"mean", "maximum"}
-        See `Parabolic`.
+    curvature, normalisation
+        Of the parabola that gives the values.
 
     Notes
     -----
     The definition is a reconstruction; the pairs in contact share each arch equally.
     """
-
-    curvature: float = CURVATURE_CAI
-    normalisation: Normalisation = "mean"
-
-    def __post_init__(self) -> None:
-        _check_curvature(self.curvature)
-        _check_choice("normalisation", self.normalisation, ("mean", "maximum"))
 
     @property
     def name(self) -> str:
@@ -112,78 +108,64 @@ class Wave:
 
     def pulse(self, contact_ratio: float) -> Pulse:
         """Return the stiffness of one pair over its contact, in units of its maximum."""
-        zones = contact_zones(contact_ratio)
-        starts, ends, pairs = (np.array(part) for part in zip(*zones, strict=True))
-        levels = np.array(
-            [
-                _parabola_sum(
-                    np.array([low, 0.5 * (low + high)]) % 1.0, n, contact_ratio, self.curvature
-                )
-                for low, high, n in zones
-            ]
-        )
-        end, rise = levels[:, 0] / pairs, (levels[:, 1] - levels[:, 0]) / pairs
-        rate = np.pi / (ends - starts)
-        # rise sin(rate (x - start)) written as the real part of a turning number
-        weight = -1j * rise * np.exp(-1j * rate * starts)
-        return Pulse(
-            starts=starts,
-            ends=ends,
-            polynomial=np.column_stack([end, 0 * end, 0 * end]),
-            weights=weight[:, None],
-            rates=rate[:, None],
-        )
+        edges, pairs = _zones(contact_ratio)
+        width = np.diff(edges)
+        at = np.stack([edges[:-1], edges[:-1] + 0.5 * width], axis=1) % 1.0
+        levels = np.array([self._sum(x, n, contact_ratio) for x, n in zip(at, pairs, strict=True)])
+        end, rise = (levels[:, 0] / pairs)[:, None], (np.diff(levels)[:, 0] / pairs)[:, None]
 
-    def outline(self, contact_ratio: float) -> Pulse:
-        """Return the pulse itself."""
-        return self.pulse(contact_ratio)
+        def arches(t: FloatArray) -> FloatArray:
+            return np.asarray(end + rise * np.sin(np.pi * (t - edges[:-1, None]) / width[:, None]))
+
+        return Pulse.of(edges, arches)
+
+    def _sum(self, phase: FloatArray, pairs: int, contact_ratio: float) -> FloatArray:
+        # summed without the contact test, so that the zone ends give their one-sided limits
+        s = 2 * (phase[:, None] + np.arange(pairs)) / contact_ratio - 1
+        return np.asarray((1 - self.curvature * s * s).sum(axis=1))
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rectangular:
+class Rectangular(Parabolic):
     """One level while n + 1 pairs carry, a lower one while n do: the parabola's zone means.
 
     Parameters
     ----------
     duty : {"true", "half"}
         The high level lasts eps_a - n mesh periods (n = whole part of eps_a), or half a period.
-    curvature : float, in [0, 1)
-        q of the parabola whose zone means are the levels.
-    normalisation : {"mean", "maximum"}
-        See `Parabolic`.
+    curvature, normalisation
+        Of the parabola whose zone means are the levels.
     """
 
     duty: Duty = "true"
-    curvature: float = CURVATURE_CAI
-    normalisation: Normalisation = "mean"
 
     def __post_init__(self) -> None:
-        _check_curvature(self.curvature)
+        super().__post_init__()
         _check_choice("duty", self.duty, ("true", "half"))
-        _check_choice("normalisation", self.normalisation, ("mean", "maximum"))
 
     @property
     def name(self) -> str:
         """Name under which the form is chosen."""
         return "rectangular" if self.duty == "true" else "rectangular-half"
 
+    def length(self, contact_ratio: float) -> float:
+        """Return the nominal length of the contact of a pair [mesh periods]."""
+        return contact_ratio if self.duty == "true" else math.floor(contact_ratio) + 0.5
+
     def pulse(self, contact_ratio: float) -> Pulse:
         """Return the stiffness of one pair over its contact, in units of its maximum."""
-        few = math.floor(contact_ratio)
         high, low = zone_means(contact_ratio, self.curvature)
-        nominal = contact_ratio if self.duty == "true" else few + 0.5
-        zones = contact_zones(nominal)
-        level = np.array([(low if pairs == few else high) / pairs for _, _, pairs in zones])
-        starts, ends = [zone[0] for zone in zones], [zone[1] for zone in zones]
-        return _pieces(starts, ends, np.column_stack([level, 0 * level, 0 * level]))
+        edges, pairs = _zones(self.length(contact_ratio))
+        level = np.where(pairs == math.floor(contact_ratio), low, high) / pairs
+        return Pulse(edges, level[:, None])
 
     def outline(self, contact_ratio: float) -> Pulse:
-        """Return the pulse itself."""
-        return self.pulse(contact_ratio)
+        """Return the pulse of the rectangle: the overshoot of a Fourier sum is no stiffness."""
+        return Rectangular.pulse(self, contact_ratio)
 
 
 @dataclass(frozen=True, kw_only=True)
-class FourierSum:
+class FourierSum(Rectangular):
     """The first terms of the Fourier series of the rectangle.
 
     Parameters
@@ -204,14 +186,12 @@ class FourierSum:
 
     terms: int = 30
     duty: Duty = "half"
-    curvature: float = CURVATURE_CAI
-    normalisation: Normalisation = "mean"
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.terms != int(self.terms):
             raise ArgumentError(f"terms={self.terms} must be a whole number in [1, 400]")
         check_range("terms", self.terms, 1, 400)
-        self._rectangle()
 
     @property
     def name(self) -> str:
@@ -220,51 +200,22 @@ class FourierSum:
 
     def pulse(self, contact_ratio: float) -> Pulse:
         """Return the stiffness of one pair over its contact, in units of its maximum."""
-        orders = np.arange(1, self.terms + 1) * (2 if self.duty == "half" else 1)
-        orders = orders - (1 if self.duty == "half" else 0)
-        rectangle = self._rectangle().pulse(contact_ratio)
-        amplitudes = 2 * rectangle.transform(orders)
-        few = math.floor(contact_ratio)
-        zones = contact_zones(contact_ratio if self.duty == "true" else few + 0.5)
-        share = np.array([1 / pairs for _, _, pairs in zones])
-        return Pulse(
-            starts=rectangle.starts,
-            ends=rectangle.ends,
-            polynomial=np.column_stack([share * rectangle.area, 0 * share, 0 * share]),
-            weights=share[:, None] * amplitudes,
-            rates=np.tile(2 * np.pi * orders, (len(share), 1)),
-        )
+        orders = np.arange(1, self.terms + 1)
+        if self.duty == "half":
+            orders = 2 * orders - 1
+        rectangle = self.outline(contact_ratio)
+        mean, amplitudes = rectangle.area, 2 * rectangle.transform(orders)
+        edges, pairs = _zones(self.length(contact_ratio))
+        rates = 2 * np.pi * orders
 
-    def outline(self, contact_ratio: float) -> Pulse:
-        """Return the pulse of the rectangle: the overshoot of the sum is no stiffness."""
-        return self._rectangle().pulse(contact_ratio)
+        def terms(t: FloatArray) -> FloatArray:
+            turned = np.exp(1j * rates * t[..., None]) @ amplitudes
+            return np.asarray((mean + turned.real) / pairs[:, None])
 
-    def _rectangle(self) -> Rectangular:
-        return Rectangular(
-            duty=self.duty, curvature=self.curvature, normalisation=self.normalisation
-        )
-
-
-def stiffness_form(form: str | StiffnessForm) -> StiffnessForm:
-    """Return the form of this name, or the form itself.
-
-    Raises
-    ------
-    ArgumentError
-        If no form has the name.
-
-    Examples
-    --------
-    >>> stiffness_form("rectangular-half").duty
-    'half'
-    """
-    if not isinstance(form, str):
-        return form
-    if form not in FORMS:
-        near = nearest_name(form, FORMS)
-        hint = f"; did you mean {near}?" if near else ""
-        raise ArgumentError(f"form={form!r} is not one of {', '.join(FORMS)}{hint}")
-    return FORMS[form]
+        # over half a piece the fastest term turns by w: beyond w + 36 coefficients vanish
+        reach = 0.5 * float(rates[-1] * np.diff(edges).max())
+        found = Pulse.of(edges, terms, POINTS + math.ceil(1.05 * reach) + 20)
+        return Pulse(found.edges, found.series, fastest=float(rates[-1]))
 
 
 def zone_means(contact_ratio: float, curvature: float = CURVATURE_CAI) -> tuple[float, float]:
@@ -286,21 +237,98 @@ def zone_means(contact_ratio: float, curvature: float = CURVATURE_CAI) -> tuple[
     return (low if part < 1e-12 else float(inside.sum()) / part), low
 
 
-def _parabola_sum(
-    phase: FloatArray, pairs: int, contact_ratio: float, curvature: float
-) -> FloatArray:
-    # summed without the contact test, so that the zone ends give their one-sided limits
-    s = 2 * (phase[:, None] + np.arange(pairs)) / contact_ratio - 1
-    return np.asarray((1 - curvature * s * s).sum(axis=1))
+def unit_pulse(pair: MeshPair, form: StiffnessForm) -> tuple[Pulse, float]:
+    """Return the pulse of one pair that makes a mean stiffness of 1, and the variation.
+
+    Parameters
+    ----------
+    pair : MeshPair
+        Its stage may impose stiffness_variation.
+    form : StiffnessForm
+
+    Returns
+    -------
+    pulse : Pulse
+    variation : float
+        Half the peak to peak of the mesh stiffness over its mean.
+
+    Raises
+    ------
+    ArgumentError
+        If the variation imposed would make the stiffness negative somewhere.
+    """
+    eps, overlap = pair.contact_ratio, pair.overlap_ratio
+    pulse, natural = form.pulse(eps), _variation(form, eps, overlap)
+    pulse = pulse.scaled(1 / pulse.area)
+    wanted = pair.given("stiffness_variation")
+    if wanted is None:
+        return pulse, natural
+    if eps < 1 or (natural < 1e-9 and wanted > 0):
+        raise ArgumentError(
+            f"{pair.where}: stiffness_variation={wanted:g} cannot be imposed: a mesh with contact "
+            f"ratios {eps:.4g} and {overlap:.4g} has no curve to stretch; leave it out"
+        )
+    stretched = _stretched(pulse, wanted / natural if wanted else 0.0)
+    if _mesh_curve(stretched, overlap).min() <= 0:
+        raise ArgumentError(
+            f"{pair.where}: stiffness_variation={wanted:g} makes the {form.name} stiffness "
+            f"negative in a part of the mesh; {natural:.4g} follows from its contact ratio"
+        )
+    return stretched, wanted
 
 
-def _pieces(starts: list[float], ends: list[float], polynomial: FloatArray) -> Pulse:
-    return Pulse(starts=np.array(starts), ends=np.array(ends), polynomial=polynomial)
+def shorter_pulse(pair: MeshPair, form: StiffnessForm, lost: float) -> Pulse:
+    """Return the pulse of `unit_pulse` where the contact ratio is smaller by `lost`.
+
+    The greatest stiffness of a single pair is kept, and the factor of an imposed variation.
+    """
+    eps = pair.contact_ratio
+    pulse = form.pulse(eps - lost).scaled(1 / form.pulse(eps).area)
+    wanted = pair.given("stiffness_variation")
+    if wanted is None:
+        return pulse
+    return _stretched(pulse, wanted and wanted / _variation(form, eps, pair.overlap_ratio))
 
 
-def _check_curvature(value: float) -> None:
-    if not 0 <= value < 1:
-        raise ArgumentError(f"curvature={value} must lie in [0, 1); usual values 0.45 and 0.391")
+def _stretched(pulse: Pulse, factor: float) -> Pulse:
+    """Return the pulse whose sum departs `factor` times as far from the mean.
+
+    The constant that this adds is shared among the pairs in contact as they share the stiffness
+    at the ends of each zone, linearly between.
+    """
+    parts = pulse.cut(_zones(pulse.length)[0])
+    kinds = np.arange(len(parts.series)) % (2 if pulse.length % 1 > 1e-12 else 1)
+    sums = np.array([parts.limits[kinds == kind].sum(axis=0) for kind in range(kinds.max() + 1)])
+    share = parts.limits / sums[kinds]
+    series = factor * parts.series
+    series = np.pad(series, ((0, 0), (0, max(0, 2 - series.shape[1]))))
+    series[:, 0] += (1 - factor) * share.mean(axis=1)
+    series[:, 1] += (1 - factor) * 0.5 * np.diff(share)[:, 0]
+    return Pulse(parts.edges, series, pulse.fastest)
+
+
+def _mesh_curve(pulse: Pulse, overlap: float) -> FloatArray:
+    """Return the sum of a pulse over the pairs where its extremes are, with a margin of points."""
+    zones = _zones(pulse.length)[0] % 1
+    edges = np.unique(np.concatenate([[0.0, 1.0], zones, (zones + overlap) % 1]))
+    # between the zone ends a curve has one extreme at most, a Fourier sum has its ripple
+    points = 4096 if pulse.fastest else 64
+    fractions = np.concatenate([[1e-9], np.arange(1, points) / points, [1 - 1e-9]])
+    phase = edges[:-1, None] + np.diff(edges)[:, None] * fractions
+    return PulseTrain.healthy(pulse, overlap).at(phase)
+
+
+def _variation(form: StiffnessForm, contact_ratio: float, overlap: float) -> float:
+    outline = form.outline(contact_ratio)
+    return 0.5 * float(np.ptp(_mesh_curve(outline, overlap))) / outline.area
+
+
+def _zones(contact_ratio: float) -> tuple[FloatArray, FloatArray]:
+    """Return the edges of the zones that a pair passes, and how many pairs carry in each."""
+    starts, ends, pairs = (
+        np.array(part) for part in zip(*contact_zones(contact_ratio), strict=True)
+    )
+    return np.append(starts, ends[-1]), pairs
 
 
 def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:

@@ -1,4 +1,8 @@
-"""Stiffness of the meshes of a machine, healthy and damaged: tables and data for pictures."""
+"""Stiffness of the meshes of a machine: tables and data for pictures.
+
+`stiffness_report` holds healthy and damaged teeth against each other, `compare_forms` the forms of
+a healthy mesh: curves over mesh periods, and their lines.
+"""
 
 from __future__ import annotations
 
@@ -9,19 +13,33 @@ from typing import Any
 import numpy as np
 
 from gearmon.errors import ArgumentError, check_range
-from gearmon.gears.damage import acting_faults
-from gearmon.gears.fault_geometry import largest_size
-from gearmon.gears.fault_shapes import LEVELS, flank_level, flank_share, size_text
-from gearmon.gears.fault_sizes import PairLoss, size_for_loss, stiffness_loss
-from gearmon.gears.faults import Fault, faults_of_stage, parse_fault
+from gearmon.gears.damage import PairLoss, acting_faults, size_for_loss, stiffness_loss
+from gearmon.gears.faults import (
+    LEVELS,
+    Fault,
+    faults_of_stage,
+    flank_level,
+    flank_share,
+    parse_fault,
+    size_text,
+)
 from gearmon.gears.mechanics import stage_mechanics
 from gearmon.gears.pairs import MeshPair, mesh_pairs
-from gearmon.gears.panels import FloatArray
-from gearmon.gears.potential_energy import PotentialEnergy, teeth_of
+from gearmon.gears.pulses import ComplexArray, FloatArray
 from gearmon.gears.stiffness import MeshStiffness, pair_stiffness
 from gearmon.gears.stiffness_forms import StiffnessForm
+from gearmon.gears.tooth_damage import largest_size
 from gearmon.gears.tooth_outline import TeethPicture, teeth_picture
-from gearmon.gears.tooth_pairs import ToothPair
+from gearmon.gears.tooth_pairs import PotentialEnergy, ToothPair, teeth_of
+
+#: The four forms, each with its variants: the duty of the rectangle is eps_a - 1, or one half.
+FOUR_FORMS: dict[str, tuple[str, ...]] = {
+    "parabolic": ("parabolic",),
+    "wave": ("wave",),
+    "rectangular": ("rectangular", "rectangular-half"),
+    "fourier": ("fourier-true", "fourier"),
+}
+
 
 #: Sizes at which a curve of loss against size is taken.
 CURVE_POINTS = 25
@@ -29,7 +47,176 @@ CURVE_POINTS = 25
 MEASURED_UNITS = {"crack": "mm", "breakage": "mm", "wear": "mm", "pitting": "flank"}
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False)
+class FormCurve:
+    """One form of the stiffness of a mesh.
+
+    Parameters
+    ----------
+    group, name : str
+        The form, and the variant of it.
+    stiffness : MeshStiffness
+    stiffness_n_per_m : ndarray, shape (p,)
+        At the phases of the comparison [N/m].
+    lines : complex ndarray, shape (n,)
+        c_1 ... c_n of ``k = mean (1 + sum_n (c_n exp(2 pi i n phase) + conj))``.
+    """
+
+    group: str
+    name: str
+    stiffness: MeshStiffness
+    stiffness_n_per_m: FloatArray
+    lines: ComplexArray
+
+    @property
+    def amplitudes_n_per_m(self) -> FloatArray:
+        """Amplitudes 2 |c_n| mean of the mesh harmonics [N/m]."""
+        return np.asarray(2 * np.abs(self.lines) * self.stiffness.healthy_mean_n_per_m)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FormComparison:
+    """Forms of the stiffness of one mesh side by side.
+
+    Parameters
+    ----------
+    machine : str
+    stage : int
+    mesh : str
+    mesh_frequency_hz : float or None
+        None where the machine has no operating point.
+    phase : ndarray, shape (p,)
+        [mesh periods].
+    curves : tuple of FormCurve
+    """
+
+    machine: str
+    stage: int
+    mesh: str
+    mesh_frequency_hz: float | None
+    phase: FloatArray
+    curves: tuple[FormCurve, ...]
+
+    @property
+    def contact_ratio(self) -> float:
+        """Transverse contact ratio."""
+        return self.curves[0].stiffness.contact_ratio
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return the curves: one row a phase, one column a form, in N/m."""
+        columns = {_column(curve.name): curve.stiffness_n_per_m for curve in self.curves}
+        return [
+            {"stage": self.stage, "mesh_phase": float(phase)}
+            | {name: float(values[i]) for name, values in columns.items()}
+            for i, phase in enumerate(self.phase)
+        ]
+
+    def line_rows(self) -> list[dict[str, Any]]:
+        """Return the spectra: one row a mesh harmonic, amplitudes in N/m."""
+        count = len(self.curves[0].lines)
+        hertz = self.mesh_frequency_hz
+        return [
+            {"stage": self.stage, "mesh_harmonic": n + 1}
+            | ({} if hertz is None else {"frequency_hz": (n + 1) * hertz})
+            | {_column(curve.name): float(curve.amplitudes_n_per_m[n]) for curve in self.curves}
+            for n in range(count)
+        ]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything in built-in types."""
+        return {
+            "machine": self.machine,
+            "stage": self.stage,
+            "mesh": self.mesh,
+            "contact_ratio": self.contact_ratio,
+            "overlap_ratio": self.curves[0].stiffness.overlap_ratio,
+            "forms": [
+                {
+                    "form": curve.name,
+                    "mean_stiffness_n_per_m": curve.stiffness.healthy_mean_n_per_m,
+                    "stiffness_variation": curve.stiffness.variation,
+                }
+                for curve in self.curves
+            ],
+            "table": self.rows(),
+            "spectrum": self.line_rows(),
+        }
+
+
+def compare_forms(
+    machine: Any,
+    stage: int = 1,
+    *,
+    forms: Iterable[tuple[str, str | StiffnessForm | PotentialEnergy]] | None = None,
+    mesh_periods: int = 2,
+    points_per_mesh: int = 200,
+    harmonics: int = 20,
+) -> FormComparison:
+    """Return the four forms of the stiffness of a healthy mesh side by side, with their spectra.
+
+    Parameters
+    ----------
+    machine : Machine
+    stage : int
+        Counted from 1; of a planetary stage its sun-planet mesh.
+    forms : iterable of (str, form), optional
+        Group and form of each curve; by default `FOUR_FORMS`.
+    mesh_periods : int, 1 to 100
+    points_per_mesh : int, 2 to 100,000
+    harmonics : int, 1 to 10,000
+        Mesh harmonics of the spectra, exact and none aliased.
+
+    Returns
+    -------
+    FormComparison
+
+    Raises
+    ------
+    ArgumentError
+        If the machine lacks data, or a form or number has no meaning.
+    """
+    check_range("stage", stage, 1, len(machine.stages))
+    check_range("mesh_periods", mesh_periods, 1, 100)
+    check_range("points_per_mesh", points_per_mesh, 2, 100_000)
+    check_range("harmonics", harmonics, 1, 10_000)
+    usual = [(group, name) for group, names in FOUR_FORMS.items() for name in names]
+    wanted = usual if forms is None else list(forms)
+    if not wanted:
+        raise ArgumentError("forms: at least one form must be given")
+    pair = mesh_pairs(machine.stages[stage - 1], stage, machine.path)[0]
+    force, hertz = _running(machine, stage)
+    phase = np.arange(mesh_periods * points_per_mesh + 1) / points_per_mesh
+    orders = np.arange(1, harmonics + 1)
+    curves = []
+    for group, form in wanted:
+        found = pair_stiffness(pair, (), form, force_n=force)
+        name = form if isinstance(form, str) else form.name
+        lines = found.healthy.coefficients(orders) / found.healthy_mean_n_per_m
+        curves.append(FormCurve(group, name, found, found.at(phase), lines))
+    return FormComparison(
+        machine=machine.name,
+        stage=stage,
+        mesh=pair.name,
+        mesh_frequency_hz=hertz,
+        phase=phase,
+        curves=tuple(curves),
+    )
+
+
+def _running(machine: Any, stage: int, mesh: int = 0) -> tuple[float | None, float | None]:
+    """Return static tooth force and mesh frequency where they are known; most forms do without."""
+    try:
+        mechanics = stage_mechanics(machine, stage, mesh=mesh)
+    except ArgumentError:
+        return None, None
+    return mechanics.force_n, mechanics.mesh_frequency_hz
+
+
+def _column(name: str) -> str:
+    return f"{name.replace('-', '_')}_n_per_m"
+
+
+@dataclass(frozen=True)
 class FaultLoss:
     """A fault, what it costs, and the size or loss on the other side.
 
@@ -212,7 +399,8 @@ def stiffness_report(
             for mesh, pair in enumerate(
                 mesh_pairs(machine.stages[number - 1], number, machine.path)
             )
-            if _can_be_shown(pair)
+            # overrides of a planetary stage are meant for sun and planet
+            if pair.is_main or pair.stage.module_mm is not None
         ),
     )
 
@@ -245,14 +433,6 @@ def size_curve(fault: Fault, pair: ToothPair, index: int, points: int = CURVE_PO
     )
 
 
-def _can_be_shown(pair: MeshPair) -> bool:
-    """Whether a mesh is asked for: that of planet and ring only if its gears have a module.
-
-    Overrides of a planetary stage are meant for sun and planet.
-    """
-    return pair.is_main or pair.stage.module_mm is not None
-
-
 def _mesh(
     machine: Any,
     pair: MeshPair,
@@ -262,7 +442,7 @@ def _mesh(
     points: int,
 ) -> StageStiffness:
     number = pair.number or 1
-    force = _force(machine, number, mesh)
+    force, _ = _running(machine, number, mesh)
     healthy = pair_stiffness(pair, (), form, force_n=force)
     damaged = pair_stiffness(pair, faults, form, force_n=force) if faults else healthy
     notes = list(damaged.warnings)
@@ -285,14 +465,6 @@ def _mesh(
     )
 
 
-def _force(machine: Any, number: int, mesh: int) -> float | None:
-    """Return the static tooth force where it is known; most forms do without."""
-    try:
-        return stage_mechanics(machine, number, mesh=mesh).force_n
-    except ArgumentError:
-        return None
-
-
 def _teeth(pair: MeshPair, notes: list[str]) -> ToothPair | None:
     try:
         return teeth_of(pair)
@@ -313,20 +485,20 @@ def _window(losses: tuple[FaultLoss, ...], mesh: MeshStiffness, points: int) -> 
 def _fault_loss(fault: Fault, pair: MeshPair, teeth: ToothPair | None) -> FaultLoss:
     names = [member.name for member in pair.members]
     if teeth is None or fault.gear not in names:
-        return FaultLoss(fault=fault, loss=None, measured="")
+        return FaultLoss(fault, None, "")
     index = names.index(fault.gear)
     loss = stiffness_loss(fault, teeth, index)
     if not fault.is_loss:
         size = size_text(fault.kind, fault.size, fault.unit, fault.shape)
-        return FaultLoss(fault=fault, loss=loss, measured=size or "whole tooth")
+        return FaultLoss(fault, loss, size or "whole tooth")
     unit = MEASURED_UNITS.get(fault.kind)
     if unit is None:
-        return FaultLoss(fault=fault, loss=loss, measured="")
+        return FaultLoss(fault, loss, "")
     try:
         found = size_for_loss(replace(fault, unit=unit, size=0.0), loss.mean, teeth, index)
     except ArgumentError:
-        return FaultLoss(fault=fault, loss=loss, measured="out of reach")
-    return FaultLoss(fault=fault, loss=loss, measured=f"{found.size:.3g}{found.unit}")
+        return FaultLoss(fault, loss, "out of reach")
+    return FaultLoss(fault, loss, f"{found.size:.3g}{found.unit}")
 
 
 def _curve(

@@ -2,7 +2,11 @@
 
 The energy integrals run along the middle line of the tooth from its root to the contact. Their
 integrands do not depend on where the contact is, apart from the lever arm, which enters through
-three moments: so running integrals serve all contacts.
+three moments: so running integrals serve all contacts. Below the involute the beam is the fillet
+that the rack generates, or straight; in a ring it is an arc that touches the involute and the root
+circle: the tool that shapes a ring is a pinion whose data nobody gives, its fillet lies close to an
+arc (ISO 6336-3 describes it by a radius too), and what matters most, where the involute ends and
+how deep the root lies, is kept.
 
 References
 ----------
@@ -12,21 +16,28 @@ Yang & Lin, J. Vib. Acoust. 109 (1987) 189; Tian (2004); Ma et al., Mech. Mach. 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.optimize import brentq
 
 from gearmon.errors import ArgumentError
-from gearmon.gears.involute_pair import PairGeometry
-from gearmon.gears.panels import FloatArray, PanelCurves, panel_nodes
-from gearmon.gears.rack import Rack
-from gearmon.gears.ring_root import ring_root, roomy_roll
-from gearmon.gears.tooth_damage import SOUND, ToothDamage, sections
-from gearmon.gears.tooth_fillet import RootPart, fillet_root, straight_root
+from gearmon.gears.geometry import PairGeometry, Rack
+from gearmon.gears.pulses import FloatArray, PanelCurves, gauss, panel_nodes
+from gearmon.gears.tooth_damage import SOUND, ToothDamage, crossings, sections
 
+#: Tangent angle of the critical section of a fillet, ISO 6336-3 [rad].
+CRITICAL_TANGENT = math.radians(30)
+#: Maps parameters from 0 at the root circle to 1 at the involute to height and half thickness.
+Curve = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+
+
+#: Tangent angle of the critical section of a ring's fillet, ISO 6336-3 [rad].
+RING_TANGENT = math.radians(60)
 #: Which curve joins the involute and the root circle; see `Tooth`.
 Root = Literal["fillet", "straight", "base"]
 ROOTS: tuple[Root, ...] = ("fillet", "straight", "base")
@@ -34,6 +45,216 @@ ROOTS: tuple[Root, ...] = ("fillet", "straight", "base")
 SPLITS = (0.6, 0.87)
 #: Shear factor of a rectangular section.
 SHEAR_FACTOR = 1.2
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RootPart:
+    """A curve from the root circle (parameter 0) to the involute (parameter 1).
+
+    Parameters
+    ----------
+    curve : callable
+        Maps parameters to height and half thickness [m].
+    is_straight : bool
+        Whether the half thickness is the same everywhere.
+    crack_parameter : float
+        Parameter at which root cracks begin.
+    """
+
+    curve: Curve
+    is_straight: bool = False
+    crack_parameter: float = 0.0
+
+    def at(self, parameter: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return height and half thickness [m]."""
+        return self.curve(parameter)
+
+    def points(self, edges: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return height, half thickness and slope of the height at the panel nodes of `edges`."""
+        height, half = self.at(panel_nodes(edges))
+        slope = 2 * (height @ _differentiation(height.shape[1]).T) / np.diff(edges)[:, None]
+        return height, half, slope
+
+    def edges(self, levels: FloatArray) -> FloatArray:
+        """Return panel edges, with corners where the half thickness crosses `levels` [m]."""
+        if not len(levels):
+            return np.array([0.0, 1.0])
+        edges = np.unique(np.concatenate([[0.0, 1.0], self._crossings(levels)]))
+        return np.asarray(edges[np.concatenate([[True], np.diff(edges) > 1e-12])])
+
+    @cached_property
+    def crack_start(self) -> tuple[float, float]:
+        """Height and half thickness [m] where a root crack begins."""
+        height, half = self.at(np.array([self.crack_parameter]))
+        return float(height[0]), float(half[0])
+
+    def _crossings(self, levels: FloatArray) -> FloatArray:
+        if self.is_straight:
+            return np.zeros(0)
+        return crossings(lambda p: self.at(p)[1], 0.0, 1.0, levels)
+
+
+def straight_root(base_radius: float, root_radius: float, half_angle: float) -> RootPart:
+    """Return a part of constant thickness from the root circle up to the base circle."""
+    half = base_radius * math.sin(half_angle)
+    low, high = math.sqrt(root_radius**2 - half**2), base_radius * math.cos(half_angle)
+
+    def curve(parameter: FloatArray) -> tuple[FloatArray, FloatArray]:
+        height = low + (high - low) * parameter
+        return height, np.full_like(height, half)
+
+    return RootPart(curve=curve, is_straight=True)
+
+
+def fillet_root(
+    rack: Rack, teeth: int, profile_shift: float, form_roll: float, module_m: float
+) -> RootPart:
+    """Return the fillet that a rack generates, up to where the involute begins.
+
+    Parameters
+    ----------
+    rack : Rack
+    teeth : int
+    profile_shift : float
+    form_roll : float
+        Roll length at which the involute begins, in modules.
+    module_m : float
+        Normal module [m].
+    """
+    base = 0.5 * teeth / math.cos(rack.helix_angle_rad)
+    base *= math.cos(rack.transverse_pressure_angle_rad)
+    upper = rack.pressure_angle_rad
+    if rack.least_shift(teeth) > profile_shift:
+        upper = _undercut_end(rack, teeth, profile_shift, math.hypot(base, form_roll))
+
+    def curve(parameter: FloatArray) -> tuple[FloatArray, FloatArray]:
+        angles = math.pi / 2 + (upper - math.pi / 2) * parameter
+        height, half = rack.fillet(teeth, profile_shift, angles)
+        return module_m * height, module_m * half
+
+    return RootPart(curve=curve, crack_parameter=where_tangent(curve, CRITICAL_TANGENT))
+
+
+def where_tangent(curve: Curve, angle_rad: float) -> float:
+    """Return the parameter of a fillet at which its tangent makes an angle with the tooth's middle.
+
+    Parameters
+    ----------
+    curve : callable
+        See `RootPart`.
+    angle_rad : float
+    """
+    grid = np.linspace(0, 1, 129)
+    height, half = curve(grid)
+    tangent = np.arctan2(-np.gradient(half, grid), np.gradient(height, grid))
+    # at the root circle the tangent lies across; towards the involute it stands up
+    steep = np.flatnonzero(tangent <= angle_rad)
+    if not len(steep) or steep[0] == 0:
+        return 0.0
+    i = int(steep[0])
+    share = (tangent[i - 1] - angle_rad) / (tangent[i - 1] - tangent[i])
+    return float(grid[i - 1] + share * (grid[i] - grid[i - 1]))
+
+
+def _undercut_end(rack: Rack, teeth: int, profile_shift: float, form_radius: float) -> float:
+    """Return the angle of the rack-tip normal at which an undercut fillet cuts the involute."""
+    low, high = rack.pressure_angle_rad, math.pi / 2
+    grid = np.linspace(high, low, 513)
+    radius = np.hypot(*rack.fillet(teeth, profile_shift, grid))
+    first = int(np.argmax(radius >= form_radius))
+    if first == 0:
+        return low
+    share = (form_radius - radius[first - 1]) / (radius[first] - radius[first - 1])
+    return float(grid[first - 1] + share * (grid[first] - grid[first - 1]))
+
+
+@lru_cache(maxsize=8)
+def _differentiation(points: int) -> FloatArray:
+    """Return the matrix from values at Gauss points to slopes there."""
+    nodes, _, analysis = gauss(points)
+    slopes = np.stack(
+        [
+            np.polynomial.legendre.legval(nodes, np.polynomial.legendre.legder(row))
+            for row in np.eye(points)
+        ],
+        axis=1,
+    )
+    return np.asarray(slopes @ analysis)
+
+
+def ring_root(end_m: tuple[float, float], slope_rad: float, root_radius_m: float) -> RootPart:
+    """Return the fillet of a ring's tooth.
+
+    Parameters
+    ----------
+    end_m : (float, float)
+        Half thickness and height [m] of the tooth where its involute ends; heights of a ring are
+        negative.
+    slope_rad : float
+        Angle of the flank against the middle of the tooth there.
+    root_radius_m : float
+
+    Notes
+    -----
+    With the end P of the involute and the normal n into the space, the arc about P + rho n touches
+    the root circle if ``rho = (R_f^2 - |P|^2)/(2 (R_f + P n))``.
+    """
+    half, height = end_m
+    normal = math.cos(slope_rad), math.sin(slope_rad)
+    radius = arc_radius(math.hypot(*end_m), root_radius_m, -half * normal[0] - height * normal[1])
+    centre = half + radius * normal[0], height + radius * normal[1]
+    # the beam begins where the arc is deepest; beyond that it rises with the root circle
+    low, high = math.pi, math.atan2(-normal[0], -normal[1]) % (2 * math.pi)
+
+    def curve(parameter: FloatArray) -> tuple[FloatArray, FloatArray]:
+        angle = low + (high - low) * parameter
+        return centre[1] + radius * np.cos(angle), centre[0] + radius * np.sin(angle)
+
+    return RootPart(curve=curve, crack_parameter=where_tangent(curve, RING_TANGENT))
+
+
+def arc_radius(end_radius_m: float, root_radius_m: float, roll_m: float) -> float:
+    """Return the radius [m] of the arc that touches the involute at a circle, and the root circle.
+
+    Parameters
+    ----------
+    end_radius_m : float
+        Radius at which the involute ends.
+    root_radius_m : float
+    roll_m : float
+        Roll length there: the distance of the normal's foot, as it is tangent to the base circle.
+    """
+    return (root_radius_m**2 - end_radius_m**2) / (2 * (root_radius_m - roll_m))
+
+
+def roomy_roll(
+    base_m: float, root_m: float, half_angle: float, half_pitch: float, roll_m: float
+) -> float:
+    """Return the roll length from which the arc has room up to the middle of the tooth space.
+
+    Parameters
+    ----------
+    base_m, root_m : float
+        Base and root radius [m].
+    half_angle : float
+        Half the angle of the spaces on the base circle [rad].
+    half_pitch : float
+        Half the angle of a pitch [rad].
+    roll_m : float
+        Roll length that is wanted; the arc ends there if it has room.
+    """
+
+    def beyond(roll: float) -> float:
+        slope = roll / base_m - half_angle
+        radius = arc_radius(math.hypot(base_m, roll), root_m, roll)
+        # end of the involute: base tangent point plus roll along the tangent
+        half = base_m * math.sin(slope) - roll * math.cos(slope)
+        along = base_m * math.cos(slope) + roll * math.sin(slope)
+        half, along = half + radius * math.cos(slope), along - radius * math.sin(slope)
+        return math.atan2(half, along) - half_pitch
+
+    low, high = roll_m, math.sqrt(root_m**2 - base_m**2)
+    return float(brentq(beyond, low, high, xtol=1e-15)) if beyond(low) > 0 else low
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -188,15 +409,7 @@ class Tooth:
             return low
         if height_m >= self.height(high):
             return high
-        t = 0.5 * (low + high)
-        for _ in range(60):
-            # the height is convex in t and its slope known: Newton, kept inside
-            slope = float(self.roll(t)) * math.cos(t)
-            step = (float(self.height(t)) - height_m) / slope
-            t = min(max(t - step, low), high)
-            if abs(step) < 1e-14:
-                break
-        return t
+        return float(brentq(lambda t: float(self.height(t)) - height_m, low, high, xtol=1e-15))
 
     @cached_property
     def root_part(self) -> RootPart | None:

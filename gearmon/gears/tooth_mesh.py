@@ -8,19 +8,17 @@ too. Every pair keeps a pulse of its own; the mesh stiffness is their sum.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise, product
+from itertools import chain, pairwise, product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.gears.curve_pulses import CurvePulse
 from gearmon.gears.faults import LossPatch
-from gearmon.gears.involute import contact_zones
-from gearmon.gears.panels import FloatArray, panel_nodes
-from gearmon.gears.pulse_trains import PulseTerm
+from gearmon.gears.geometry import contact_zones
+from gearmon.gears.pulses import FloatArray, Pulse, PulseTerm, distinct, panel_nodes
 from gearmon.gears.tooth_pairs import PairCompliance, ToothPair
 
 #: Losses of the teeth of a gear, by tooth number.
@@ -61,11 +59,11 @@ class TeethInMesh:
         return max(0, math.ceil(self.pair.contact_ratio - 1e-12) - 1)
 
     @cached_property
-    def healthy(self) -> CurvePulse:
+    def healthy(self) -> Pulse:
         """What a pair carries among sound neighbours, per unit of deflection [N/m]."""
         return self.pulse([SOUND_PAIR] * (2 * self.reach + 1))
 
-    def pulse(self, states: Sequence[PairState]) -> CurvePulse:
+    def pulse(self, states: Sequence[PairState]) -> Pulse:
         """Return what a pair carries over its contact [N/m].
 
         Parameters
@@ -74,7 +72,7 @@ class TeethInMesh:
             Of the pairs from `reach` before it to `reach` after it, itself in the middle.
         """
         edges = self._edges(states)
-        return CurvePulse.through(edges, self.loads(panel_nodes(edges), states)[self.reach])
+        return Pulse.through(edges, self.loads(panel_nodes(edges), states)[self.reach])
 
     def loads(self, phase: FloatArray, states: Sequence[PairState] | None = None) -> FloatArray:
         """Return what each pair carries per unit of deflection [N/m].
@@ -112,7 +110,7 @@ class TeethInMesh:
         period = teeth[0] if losses else teeth[1]
         found: list[PulseTerm] = []
         # teeth that are damaged alike, with neighbours alike, lose the same
-        known: dict[tuple[PairState, ...], CurvePulse] = {}
+        known: dict[tuple[PairState, ...], Pulse] = {}
         for low, high in _face_parts(losses, other):
             one, two = _inside(losses, low, high), _inside(other, low, high)
             for entry in sorted(self._near(one or two, period)):
@@ -136,9 +134,7 @@ class TeethInMesh:
                 found += _term(lost, entry, low, high)
         return found
 
-    def _difference(
-        self, entry: int, one: Losses, two: Losses, teeth: tuple[int, int]
-    ) -> CurvePulse:
+    def _difference(self, entry: int, one: Losses, two: Losses, teeth: tuple[int, int]) -> Pulse:
         """Return the loss near damage of both gears, less that near either."""
         joint = self._states(entry, one, two, teeth)
         first = self._states(entry, one, {}, teeth)
@@ -150,7 +146,7 @@ class TeethInMesh:
         lost = total - sound - self.loads(phase, joint)[self.reach]
         return _trimmed(edges, lost, float(sound.max()))
 
-    def _lost(self, states: Sequence[PairState]) -> CurvePulse:
+    def _lost(self, states: Sequence[PairState]) -> Pulse:
         edges = self._edges(states)
         # where no damaged tooth is in contact nothing changes
         middle = 0.5 * (edges[:-1] + edges[1:])
@@ -200,7 +196,8 @@ class TeethInMesh:
         total = np.ones(phase.shape)
         for patches in (*self.worn, *state):
             if patches:
-                total += 1 / np.maximum(1 - _loss(patches, phase), LEAST_LEFT) - 1
+                lost = sum(patch.at(phase) for patch in patches)
+                total += 1 / np.maximum(1 - lost, LEAST_LEFT) - 1
         return total
 
     def _solve(
@@ -240,12 +237,11 @@ class TeethInMesh:
         eps = self.pair.contact_ratio
         edges = [limit for zone in contact_zones(eps) for limit in zone[:2]]
         for n, state in zip(range(-self.reach, self.reach + 1), states, strict=True):
-            for patches in (*self.worn, *state):
-                edges += [corner + n for corner in _corners(patches)]
-        limits = np.unique(np.clip(np.array(edges), 0.0, eps))
-        limits = limits[np.concatenate([[True], np.diff(limits) > 1e-10])]
+            for patch in chain(*self.worn, *state):
+                edges += [corner + n for corner in patch.corners]
+        limits = distinct(np.clip(edges, 0.0, eps), 1e-10)
         limits[-1] = eps
-        return np.asarray(limits)
+        return limits
 
     def _states(
         self, entry: int, one: Losses, two: Losses, teeth: tuple[int, int]
@@ -276,30 +272,10 @@ def meeting(one: int, z1: int, two: int, z2: int) -> int | None:
     return one + z1 * turns
 
 
-def _loss(patches: Sequence[LossPatch], phase: FloatArray) -> FloatArray:
-    """Return the loss of a slice of the face at phases of its contact."""
-    total = np.zeros(phase.shape)
-    for patch in patches:
-        inside = (phase >= patch.start) & (phase < patch.end)
-        curve = 1.0 if patch.curve is None else patch.curve.share(phase)
-        total += np.where(inside, patch.weight * curve, 0.0)
-    return total
-
-
-def _corners(patches: Iterable[LossPatch]) -> list[float]:
-    return [
-        corner
-        for patch in patches
-        for corner in (patch.start, patch.end, *(patch.curve.corners if patch.curve else ()))
-    ]
-
-
 def _face_parts(one: Losses, two: Losses) -> list[tuple[float, float]]:
     """Return the parts of the face width in which all damage is uniform along the face."""
-    edges = {0.0, 1.0}
-    for patches in (*one.values(), *two.values()):
-        for patch in patches:
-            edges |= {patch.face_start, patch.face_end}
+    patches = chain(*one.values(), *two.values())
+    edges = {0.0, 1.0}.union(*({patch.face_start, patch.face_end} for patch in patches))
     return list(pairwise(sorted(edges)))
 
 
@@ -312,18 +288,16 @@ def _inside(losses: Losses, low: float, high: float) -> Losses:
     return found
 
 
-def _trimmed(edges: FloatArray, values: FloatArray, scale: float) -> CurvePulse:
+def _trimmed(edges: FloatArray, values: FloatArray, scale: float) -> Pulse:
     """Return the pulse without the pieces at its ends where nothing is lost."""
     used = np.flatnonzero(np.abs(values).max(axis=1) > 1e-12 * scale)
     if not len(used):
-        return CurvePulse.through(edges[:1], values[:0])
+        return Pulse.through(edges[:1], values[:0])
     first, last = int(used[0]), int(used[-1])
-    return CurvePulse.through(edges[first : last + 2], values[first : last + 1])
+    return Pulse.through(edges[first : last + 2], values[first : last + 1])
 
 
-def _term(pulse: CurvePulse, offset: int, low: float, high: float) -> list[PulseTerm]:
+def _term(pulse: Pulse, offset: int, low: float, high: float) -> list[PulseTerm]:
     if not len(pulse.starts):
         return []
-    return [
-        PulseTerm(pulse=pulse, weight=-1.0, offset=float(offset), face_start=low, face_end=high)
-    ]
+    return [PulseTerm(pulse, -1.0, float(offset), low, high)]

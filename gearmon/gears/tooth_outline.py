@@ -8,18 +8,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearmon.gears.fault_geometry import tooth_damage
 from gearmon.gears.faults import Fault
-from gearmon.gears.panels import FloatArray
+from gearmon.gears.pulses import FloatArray
 from gearmon.gears.tooth import Tooth
-from gearmon.gears.tooth_damage import ToothDamage
+from gearmon.gears.tooth_damage import ToothDamage, tooth_damage
 from gearmon.gears.tooth_pairs import ToothPair
 
 #: Points of each curve of an outline.
 POINTS = 60
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+_GONE = ("breakage", "missing")
+
+
+@dataclass(frozen=True, eq=False)
 class FlankMark:
     """A damaged part of a flank, seen from the mate.
 
@@ -129,9 +131,6 @@ def teeth_picture(
     )
 
 
-_GONE = ("breakage", "missing")
-
-
 def half_profile(tooth: Tooth) -> tuple[FloatArray, FloatArray]:
     """Return half thickness and height [m] of the loaded side, from the root circle to the tip."""
     t = np.linspace(tooth.start, tooth.tip, POINTS)
@@ -148,10 +147,7 @@ def _frames(pair: ToothPair, roll: float) -> tuple[_Frame, _Frame]:
 
     The second gear stands above the first, a ring around it with its centre below.
     """
-    sign = pair.second.sign
-    base = pair.first.base_radius_m + sign * pair.second.base_radius_m
-    centres = math.copysign(math.hypot(pair.line_m, base), sign)
-    working = math.acos(base / centres)
+    centres, working = pair.centres_m
     found = []
     rolls = pair.rolls(np.array(roll))
     for tooth, own, centre in zip(pair.teeth, rolls, (0.0, centres), strict=True):
@@ -215,40 +211,20 @@ def _gone(fault: Fault, tooth: Tooth, frame: _Frame) -> FloatArray:
 
 def _marks(damage: ToothDamage, faults: Sequence[Fault], tooth: Tooth) -> list[FlankMark]:
     width, root = 1e3 * tooth.face_width_m, 1e3 * tooth.root_height_m
+    crack, top = damage.crack, 1e3 * float(tooth.height(tooth.tip)) - root
     found = []
-    if damage.crack is not None:
+    if crack is not None:
         start = 1e3 * tooth.crack_start[0] - root
-        found.append(
-            FlankMark(
-                kind="crack",
-                face_start_mm=width * damage.crack.start,
-                face_width_mm=width * damage.crack.extent,
-                low_mm=start,
-                high_mm=start,
-            )
-        )
+        found.append(FlankMark("crack", width * crack.start, width * crack.extent, start, start))
     for hole in damage.holes:
-        kind = "pits" if hole.round else "spall"
-        wide = 1e3 * hole.width_m
+        kind, start = ("pits", 0.0) if hole.round else ("spall", width * hole.start)
         low, high = 1e3 * hole.low_m - root, 1e3 * hole.high_m - root
-        start = width * hole.start if not hole.round else 0.0
-        found.append(
-            FlankMark(kind=kind, face_start_mm=start, face_width_mm=wide, low_mm=low, high_mm=high)
-        )
-    top = 1e3 * float(tooth.height(tooth.tip)) - root
+        found.append(FlankMark(kind, start, 1e3 * hole.width_m, low, high))
     for fault in faults:
         if fault.kind in _GONE:
             share = width if fault.kind == "missing" else fault.size
             lost = top if fault.shape.height is None else fault.shape.height
-            found.append(
-                FlankMark(
-                    kind=fault.kind,
-                    face_start_mm=fault.shape.start or 0.0,
-                    face_width_mm=share,
-                    low_mm=top - lost,
-                    high_mm=top,
-                )
-            )
+            found.append(FlankMark(fault.kind, fault.shape.start or 0.0, share, top - lost, top))
     return found
 
 

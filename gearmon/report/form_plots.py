@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from gearmon.files import replacing
-from gearmon.gears.form_comparison import FormComparison, FormCurve
+from gearmon.gears.stiffness_report import FormComparison, FormCurve
 
 #: Colours that can be told apart by everyone (Okabe & Ito): a form, and its variant.
 COLOURS = ("#0072B2", "#D55E00")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gearmon.diagnosis.results import Analysis, Flag
-from gearmon.gears.orders import LineTable
+from gearmon.gears.kinematics import LineTable
 from gearmon.report.level_views import BEYOND, is_beyond
 from gearmon.report.tables import Table, mesh_sentences
 from gearmon.report.wording import (

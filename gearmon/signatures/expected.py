@@ -18,15 +18,10 @@ import numpy.typing as npt
 
 from gearmon.dynamics import Method
 from gearmon.errors import ArgumentError, check_positive, check_range
-from gearmon.gears.excitation import (
-    Excitation,
-    displacement_excitation,
-    parse_fault_or_error,
-)
-from gearmon.gears.faults import Fault
+from gearmon.gears.excitation import Excitation, displacement_excitation
+from gearmon.gears.faults import Fault, GearError, parse_fault_or_error
 from gearmon.gears.kinematics import kinematics
 from gearmon.gears.mechanics import StageMechanics, stage_mechanics
-from gearmon.gears.missing_material import GearError
 from gearmon.gears.pairs import mesh_pairs
 from gearmon.machine import Machine, OperatingPoint
 from gearmon.signatures.signature import Signature

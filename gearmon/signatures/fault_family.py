@@ -236,7 +236,7 @@ def fault_family(
     machine : Machine
         With the data that a baseline needs.
     kinds : iterable of str, optional
-        Kinds of `gears.faults.KINDS` and `gears.missing_material.ERROR_KINDS`; by default
+        Kinds of `gears.faults.KINDS` and `gears.faults.ERROR_KINDS`; by default
         `FAMILY_KINDS`, of which those that the machine file has too little data for are left out
         and named in `FaultFamily.notes`.
     sizes : sequence or mapping of str to sequence, optional

@@ -10,10 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gearmon.errors import ArgumentError, check_range
-from gearmon.gears.excitation import parse_fault_or_error
-from gearmon.gears.faults import Fault
+from gearmon.gears.faults import Fault, GearError, parse_fault_or_error
 from gearmon.gears.mechanics import StageMechanics
-from gearmon.gears.missing_material import GearError
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]

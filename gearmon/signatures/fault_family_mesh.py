@@ -10,12 +10,11 @@ from functools import cached_property
 import numpy as np
 
 from gearmon.errors import ArgumentError, check_range, nearest_name
-from gearmon.gears.excitation import Excitation, displacement_excitation
-from gearmon.gears.faults import Fault
+from gearmon.gears.excitation import Excitation, FlankError, displacement_excitation
+from gearmon.gears.faults import Fault, GearError
 from gearmon.gears.mechanics import StageMechanics, stage_mechanics
-from gearmon.gears.missing_material import FlankError, GearError
 from gearmon.gears.pairs import MeshPair, mesh_pairs
-from gearmon.gears.pulse_trains import PulseTrain
+from gearmon.gears.pulses import PulseTrain
 from gearmon.machine import Machine, OperatingPoint
 from gearmon.signatures.fault_family_motion import (
     Deviations,
@@ -81,8 +80,7 @@ class Turn:
     def fastest(self) -> float:
         """Cycles a mesh period of the fastest part of an oscillating stiffness form."""
         terms = [term for train in self.mechanics.stiffness.trains for term in train.terms]
-        rates = [float(np.abs(term.pulse.rates).max(initial=0.0)) for term in terms]
-        return max(rates, default=0.0) / (2 * math.pi)
+        return max((term.pulse.fastest for term in terms), default=0.0) / (2 * math.pi)
 
     def stiffness(self, grid: PhaseGrid, periods: int) -> FloatArray:
         """Return k [N/m] in the first mesh periods, shape (periods, panels, points)."""

@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gearmon.errors import ArgumentError
-from gearmon.gears.panels import gauss
+from gearmon.gears.pulses import gauss
 from gearmon.signatures.fault_family_panels import (
     POINTS,
     FloatArray,

@@ -20,7 +20,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.gears.panels import gauss, panel_nodes
+from gearmon.gears.pulses import gauss, panel_nodes
 
 FloatArray = npt.NDArray[np.float64]
 

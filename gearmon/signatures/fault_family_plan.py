@@ -6,9 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from gearmon.errors import ArgumentError, check_range, nearest_name
-from gearmon.gears.excitation import parse_fault_or_error
-from gearmon.gears.faults import KINDS
-from gearmon.gears.missing_material import ERROR_KINDS
+from gearmon.gears.faults import ERROR_KINDS, KINDS, parse_fault_or_error
 from gearmon.gears.pairs import mesh_pairs
 from gearmon.machine import Machine
 from gearmon.signatures.fault_family_members import fault_text

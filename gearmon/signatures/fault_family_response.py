@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearmon.errors import ArgumentError, check_positive, check_range
-from gearmon.gears.excitation import parse_fault_or_error
+from gearmon.gears.faults import parse_fault_or_error
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine
 from gearmon.signatures.fault_family_members import ComplexArray, FloatArray, IntArray, fault_text

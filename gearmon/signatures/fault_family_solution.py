@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gearmon.gears.excitation import parse_fault_or_error
+from gearmon.gears.faults import parse_fault_or_error
 from gearmon.gears.kinematics import kinematics
 from gearmon.gears.mechanics import StageMechanics
 from gearmon.machine import Machine

@@ -10,8 +10,7 @@ import math
 
 import numpy as np
 
-from gearmon.gears.contact_offset import state_of
-from gearmon.gears.modulation import ModulationTrain
+from gearmon.gears.modulation import ModulationTrain, state_of
 from gearmon.signatures.fault_family_mesh import Turn, turn_cycles
 from gearmon.signatures.fault_family_motion import ComplexArray, EvenMesh
 from gearmon.signatures.fault_family_panels import FloatArray, PhaseGrid

@@ -1,7 +1,16 @@
-"""Recordings of simulated machines whose condition is known."""
+"""Recordings of simulated machines whose condition is known.
 
-from gearmon.simulation.output import write_simulation
-from gearmon.simulation.recorder import SimulatedRecording, record, simulate
+The equations of motion of all shafts and meshes are integrated along the drive's turning, with
+teeth that differ by manufacture and damage, and what reaches a sensor is recorded with its truth:
+`simulate` from a machine, its faults and `Settings`; `write_simulation` puts recording and truth
+into files.
+
+The modules: `settings` and the random streams of a seed; `contact` (what every mesh sees as the
+shafts turn), `train` (the machine as masses and meshes), `integrate` (the marching of the system),
+`vibration` (blocks of it, as samples), `path` (to the sensor), `truth`, `recorder` (all together).
+"""
+
+from gearmon.simulation.recorder import SimulatedRecording, record, simulate, write_simulation
 from gearmon.simulation.settings import Settings
 
 __all__ = ["Settings", "SimulatedRecording", "record", "simulate", "write_simulation"]

@@ -14,17 +14,29 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from gearmon.gears.pulse_trains import LEAST_OVERLAP, PulseTrain
+from gearmon.errors import check_positive, check_range
+from gearmon.gears.pulses import LEAST_OVERLAP, PulseTrain
 from gearmon.gears.stiffness import MeshStiffness
-from gearmon.simulation.manufacture import GearErrors
-from gearmon.simulation.motion import ShaftMotion, Wander
-from gearmon.simulation.system import Course, divided_course
+from gearmon.simulation.integrate import Course, divided_course
 
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
+#: Share of the tolerance that a machine tool uses up.
+TOLERANCE_USED = 0.7
+# A single pitch deviation is the difference of two independent ones; among the teeth of a gear
+# the largest of them is about three standard deviations of one tooth.
+_LARGEST_OVER_DEVIATION = 3.0
+
+
+#: Band of the wander [Hz].
+WANDER_BAND_HZ = (0.05, 2.0)
+#: Cosines in the sum.
+WANDER_LINES = 16
+# Newton's method doubles its digits: four steps for the usual wander, more for a wild one.
+_NEWTON_STEPS, _TIME_ERROR_S = 60, 1e-11
+IntArray = NDArray[np.int64]
 #: Points in a turn of the fastest gear at which load and runout are taken.
 POINTS_PER_TURN = 128
 # Three points fix the parabola of a spur pair, four the cubic that it is when spread over the face
@@ -34,6 +46,215 @@ _SPUR_NODES = np.array([0.125, 0.5, 0.875])
 _HELICAL_NODES = np.array([0.125, 0.375, 0.625, 0.875])
 # Longer than any contact: a pulse train with this period is a single pulse.
 _ONCE = 1_000_000
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GearErrors:
+    """How one gear departs from its ideal shape, along the line of action.
+
+    Parameters
+    ----------
+    pitch_m : ndarray, shape (teeth,)
+        Missing material on each flank [m]; mean zero.
+    eccentricity_m : float
+        Amplitude of the once-per-turn part [m].
+    eccentricity_phase_rad : float
+        Angle of the gear, from the entry of tooth 1, at which that part is largest, negated.
+    """
+
+    pitch_m: FloatArray
+    eccentricity_m: float
+    eccentricity_phase_rad: float
+
+    def __post_init__(self) -> None:
+        # deviations are read by tooth number for as long as the machine exists
+        self.pitch_m.setflags(write=False)
+
+
+def single_pitch_tolerance_m(diameter_m: float, module_m: float, grade: float) -> float:
+    """Return the single pitch tolerance f_pT of ISO 1328-1:2013 [m].
+
+    Parameters
+    ----------
+    diameter_m, module_m : float
+        Reference diameter and normal module [m].
+    grade : float, 1 to 11
+        Flank tolerance class A.
+
+    Notes
+    -----
+    ``f_pT = (0.001 d + 0.4 m_n + 5) sqrt(2)^(A - 5)`` in micrometres, with d and m_n in mm; not
+    rounded.
+
+    Examples
+    --------
+    >>> round(1e6 * single_pitch_tolerance_m(0.1, 0.003, 5), 3)
+    6.3
+    """
+    d, m = 1e3 * diameter_m, 1e3 * module_m
+    return 1e-6 * (0.001 * d + 0.4 * m + 5) * _grade_factor(grade)
+
+
+def runout_tolerance_m(diameter_m: float, module_m: float, grade: float) -> float:
+    """Return the runout tolerance F_rT of ISO 1328-1:2013 [m], peak to peak.
+
+    Parameters
+    ----------
+    diameter_m, module_m, grade
+        See `single_pitch_tolerance_m`.
+
+    Notes
+    -----
+    ``F_rT = 0.9 (0.002 d + 0.55 sqrt(d) + 0.7 m_n + 12) sqrt(2)^(A - 5)`` in micrometres.
+
+    Examples
+    --------
+    >>> round(1e6 * runout_tolerance_m(0.1, 0.003, 5), 2)
+    17.82
+    """
+    d, m = 1e3 * diameter_m, 1e3 * module_m
+    total = 0.002 * d + 0.55 * math.sqrt(d) + 0.7 * m + 12
+    return 1e-6 * 0.9 * total * _grade_factor(grade)
+
+
+def random_errors(
+    teeth: int, diameter_m: float, module_m: float, grade: float, generator: np.random.Generator
+) -> GearErrors:
+    """Draw the errors of a gear of the given accuracy grade.
+
+    Parameters
+    ----------
+    teeth : int
+    diameter_m, module_m : float
+        Reference diameter and normal module [m].
+    grade : float, 1 to 11
+        Flank tolerance class of ISO 1328-1; 6 is a good ground gear.
+    generator : numpy.random.Generator
+
+    Returns
+    -------
+    GearErrors
+    """
+    check_range("accuracy_grade", grade, 1, 11)
+    pitch = TOLERANCE_USED * single_pitch_tolerance_m(diameter_m, module_m, grade)
+    runout = TOLERANCE_USED * runout_tolerance_m(diameter_m, module_m, grade)
+    deviations = generator.normal(0.0, pitch / _LARGEST_OVER_DEVIATION, teeth)
+    return GearErrors(
+        pitch_m=deviations - deviations.mean(),
+        # between a gear that happens to run true and one that uses up its share
+        eccentricity_m=0.5 * runout * generator.uniform(0.4, 1.0),
+        eccentricity_phase_rad=generator.uniform(0, 2 * math.pi),
+    )
+
+
+def ideal(teeth: int) -> GearErrors:
+    """Return the errors of a perfect gear: none."""
+    return GearErrors(pitch_m=np.zeros(teeth), eccentricity_m=0.0, eccentricity_phase_rad=0.0)
+
+
+def _grade_factor(grade: float) -> float:
+    return math.pow(2.0, 0.5 * (grade - 5))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Wander:
+    """A slow random departure from a nominal value, relative to it.
+
+    Parameters
+    ----------
+    amplitudes, frequencies_hz, phases_rad : ndarray, shape (lines,)
+        Cosines whose sum it is.
+    """
+
+    amplitudes: FloatArray
+    frequencies_hz: FloatArray
+    phases_rad: FloatArray
+
+    def value(self, time_s: ArrayLike) -> FloatArray:
+        """Departure at the given times (any shape)."""
+        time = np.asarray(time_s, dtype=np.float64)
+        total = np.zeros(time.shape)
+        for amplitude, rate, phase in self._lines():
+            total += amplitude * np.cos(rate * time + phase)
+        return total
+
+    def integral(self, time_s: ArrayLike) -> FloatArray:
+        """Integral of the departure from time 0 [s]."""
+        time = np.asarray(time_s, dtype=np.float64)
+        total = np.zeros(time.shape)
+        for amplitude, rate, phase in self._lines():
+            total += amplitude / rate * (np.sin(rate * time + phase) - math.sin(phase))
+        return total
+
+    def _lines(self) -> list[tuple[float, float, float]]:
+        rates = 2 * math.pi * self.frequencies_hz
+        rows = zip(self.amplitudes, rates, self.phases_rad, strict=True)
+        return [(float(a), float(rate), float(phase)) for a, rate, phase in rows if a]
+
+
+def random_wander(deviation: float, generator: np.random.Generator) -> Wander:
+    """Draw a wander with the given standard deviation over a long time.
+
+    Parameters
+    ----------
+    deviation : float, 0 to 0.1
+        Standard deviation relative to the nominal value.
+    generator : numpy.random.Generator
+
+    Notes
+    -----
+    A random walk has a power density that falls as 1/f^2; lines at equal ratios of frequency then
+    carry powers that fall as 1/f.
+    """
+    low, high = np.log(WANDER_BAND_HZ)
+    place = (np.arange(WANDER_LINES) + generator.random(WANDER_LINES)) / WANDER_LINES
+    frequencies = np.exp(low + (high - low) * place)
+    amplitudes = 1 / np.sqrt(frequencies)
+    amplitudes *= deviation * math.sqrt(2) / np.linalg.norm(amplitudes)
+    phases = generator.uniform(0, 2 * math.pi, WANDER_LINES)
+    return Wander(amplitudes=amplitudes, frequencies_hz=frequencies, phases_rad=phases)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ShaftMotion:
+    """Motion of shaft 1.
+
+    Parameters
+    ----------
+    mean_hz : float
+        Speed about which it wanders [Hz].
+    wander : Wander
+        Departure of the speed, always above -1.
+    start_turns : float
+        Angle at time 0 [turns].
+    """
+
+    mean_hz: float
+    wander: Wander
+    start_turns: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_positive("mean_hz", self.mean_hz, "Hz")
+
+    def speed_hz(self, time_s: ArrayLike) -> FloatArray:
+        """Speed at the given times [Hz]."""
+        return self.mean_hz * (1.0 + self.wander.value(time_s))
+
+    def turns(self, time_s: ArrayLike) -> FloatArray:
+        """Angle at the given times [turns]."""
+        time = np.asarray(time_s, dtype=np.float64)
+        return self.start_turns + self.mean_hz * (time + self.wander.integral(time))
+
+    def times_s(self, turns: ArrayLike) -> FloatArray:
+        """Return the times at which the angle is `turns` [s]."""
+        wanted = np.asarray(turns, dtype=np.float64)
+        time = (wanted - self.start_turns) / self.mean_hz
+        for _ in range(_NEWTON_STEPS):
+            change = (self.turns(time) - wanted) / self.speed_hz(time)
+            time = time - change
+            if not np.any(np.abs(change) > _TIME_ERROR_S):
+                break
+        return time
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

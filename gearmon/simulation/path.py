@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.simulation.streams import stream
+from gearmon.simulation.settings import stream
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

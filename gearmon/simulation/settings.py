@@ -3,17 +3,51 @@
 from __future__ import annotations
 
 import math
+import zlib
 from dataclasses import dataclass
+
+import numpy as np
 
 from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, OperatingPoint
-from gearmon.simulation.streams import check_seed
 
 #: Sampling rate over mesh frequency that anti-aliasing needs to let the mesh through.
 LEAST_RATE_OVER_MESH = 2.56
 #: Most samples in a channel.
 MOST_SAMPLES = 100_000_000
+
+
+def stream(seed: int, *purpose: str | int) -> np.random.Generator:
+    """Return the generator of one purpose.
+
+    Parameters
+    ----------
+    seed : int, >= 0
+    *purpose : str or int
+        What the numbers are for, such as ``"pitch", 1, "pinion"``.
+
+    Examples
+    --------
+    >>> one, two = stream(7, "noise", 1), stream(7, "noise", 1)
+    >>> bool(one.random() == two.random())
+    True
+    """
+    name = "/".join(str(part) for part in purpose).encode()
+    return np.random.default_rng([seed, zlib.crc32(name)])
+
+
+def check_seed(name: str, seed: int) -> int:
+    """Return `seed` as an int.
+
+    Raises
+    ------
+    ArgumentError
+        If it is not a whole number from 0 on.
+    """
+    if isinstance(seed, bool) or seed != int(seed) or seed < 0:
+        raise ArgumentError(f"{name}={seed} must be a whole number >= 0")
+    return int(seed)
 
 
 @dataclass(frozen=True, kw_only=True)

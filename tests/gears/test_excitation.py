@@ -11,13 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gearmon.errors import ArgumentError
-from gearmon.gears.excitation import displacement_excitation, parse_error
-from gearmon.gears.faults import parse_fault
-from gearmon.gears.missing_material import ERROR_KINDS
+from gearmon.gears.excitation import displacement_excitation, tip_corner_gap
+from gearmon.gears.faults import ERROR_KINDS, parse_error, parse_fault
 from gearmon.gears.pairs import mesh_pairs
-from gearmon.gears.potential_energy import teeth_of
 from gearmon.gears.stiffness import mesh_stiffness
-from gearmon.gears.tip_corner import tip_corner_gap
+from gearmon.gears.tooth_pairs import teeth_of
 from gearmon.machine import ParallelStage
 
 STAGE = ParallelStage(pinion_teeth=26, gear_teeth=53, module_mm=2.0, face_width_mm=20.0)

@@ -11,13 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gearmon.errors import ArgumentError
-from gearmon.gears.fault_sizes import size_for_loss, stiffness_loss
+from gearmon.gears.damage import size_for_loss, stiffness_loss
 from gearmon.gears.faults import parse_fault
 from gearmon.gears.pairs import mesh_pairs
-from gearmon.gears.potential_energy import POTENTIAL_ENERGY, teeth_of
-from gearmon.gears.pulse_trains import PulseTrain
+from gearmon.gears.pulses import PulseTrain
 from gearmon.gears.stiffness import pair_stiffness
-from gearmon.gears.tooth_pairs import ToothPair
+from gearmon.gears.tooth_pairs import POTENTIAL_ENERGY, ToothPair, teeth_of
 from gearmon.machine import ParallelStage, PlanetaryStage
 
 PARALLEL = ParallelStage(pinion_teeth=26, gear_teeth=53, module_mm=2.0, face_width_mm=20.0)

@@ -12,10 +12,9 @@ from hypothesis import strategies as st
 from reference.tooth_cases import PAPER
 
 from gearmon.errors import ArgumentError
-from gearmon.gears.fault_geometry import tooth_damage
-from gearmon.gears.fault_shapes import FaultShape, flank_level, flank_share
-from gearmon.gears.fault_sizes import measured_patches, patch_loss, size_for_loss, stiffness_loss
-from gearmon.gears.faults import Fault, parse_fault
+from gearmon.gears.damage import measured_patches, patch_loss, size_for_loss, stiffness_loss
+from gearmon.gears.faults import Fault, FaultShape, flank_level, flank_share, parse_fault
+from gearmon.gears.tooth_damage import tooth_damage
 
 #: Sizes of every kind, as written.
 WRITTEN = [

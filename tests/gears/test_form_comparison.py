@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from reference.mesh_curves import fft_coefficients
 
 from gearmon.errors import ArgumentError
-from gearmon.gears.form_comparison import FOUR_FORMS, compare_forms
-from gearmon.gears.pulse_trains import PulseTerm, PulseTrain
+from gearmon.gears.pulses import PulseTrain
 from gearmon.gears.stiffness_forms import FourierSum, Parabolic, Wave
+from gearmon.gears.stiffness_report import FOUR_FORMS, compare_forms
 from gearmon.machine import Machine, OperatingPoint, ParallelStage
 
 STAGE = ParallelStage(
@@ -81,8 +81,7 @@ def test_curve_is_the_sum_of_its_lines():
 def test_lines_of_any_curvature_and_overlap_are_the_fft(sixtyfourths, lag, q, terms):
     """Closed forms against Gauss-FFT to 1e-12, of helical pairs too."""
     for form in (Parabolic(curvature=q), Wave(curvature=q), FourierSum(terms=terms, curvature=q)):
-        term = PulseTerm(pulse=form.pulse(sixtyfourths / 64))
-        train = PulseTrain(gear="all teeth", period_mesh=1, overlap_ratio=lag / 64, terms=(term,))
+        train = PulseTrain.healthy(form.pulse(sixtyfourths / 64), lag / 64)
         slow = fft_coefficients(train.at, 1.0, 25, 128, nodes=16)
         found = train.coefficients(np.arange(26))
         np.testing.assert_allclose(found / slow[0].real, slow / slow[0].real, atol=1e-12)

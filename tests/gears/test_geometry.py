@@ -12,9 +12,16 @@ from hypothesis import strategies as st
 from reference.tooth_generation import path_of_contact, ring_path_of_contact
 
 from gearmon.errors import ArgumentError
-from gearmon.gears.geometry import GearTeeth, PairGeometry, pair_geometry
-from gearmon.gears.geometry_checks import _tip_passage
-from gearmon.gears.involute import base_radius, contact_zones, inverse_involute, involute
+from gearmon.gears.geometry import (
+    GearTeeth,
+    PairGeometry,
+    _tip_passage,
+    base_radius,
+    contact_zones,
+    inverse_involute,
+    involute,
+    pair_geometry,
+)
 
 DEG = math.pi / 180
 

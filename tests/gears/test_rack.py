@@ -9,7 +9,7 @@ import pytest
 from reference.tooth_generation import half_angle_after_cutting
 
 from gearmon.errors import ArgumentError
-from gearmon.gears.rack import Rack
+from gearmon.gears.geometry import Rack
 
 ALPHA = math.radians(20)
 

@@ -14,18 +14,20 @@ from reference.tooth_cases import PAPER
 from reference.tooth_elements import tooth_compliance
 
 from gearmon.errors import ArgumentError
-from gearmon.gears.contact import weber_banaschek_compliance
-from gearmon.gears.fault_geometry import tooth_damage
-from gearmon.gears.fault_sizes import stiffness_loss
+from gearmon.gears.damage import stiffness_loss
 from gearmon.gears.faults import parse_fault
 from gearmon.gears.geometry import GearTeeth, pair_geometry
 from gearmon.gears.pairs import mesh_pairs
-from gearmon.gears.potential_energy import PotentialEnergy, teeth_of
 from gearmon.gears.stiffness import pair_stiffness
-from gearmon.gears.tooth_damage import SOUND
+from gearmon.gears.tooth_damage import SOUND, tooth_damage
 from gearmon.gears.tooth_mesh import SOUND_PAIR, TeethInMesh
 from gearmon.gears.tooth_outline import teeth_picture
-from gearmon.gears.tooth_pairs import tooth_pair
+from gearmon.gears.tooth_pairs import (
+    PotentialEnergy,
+    teeth_of,
+    tooth_pair,
+    weber_banaschek_compliance,
+)
 from gearmon.machine import PlanetaryStage
 
 #: Second stage of a 5 MW wind turbine gearbox (Nejad et al. 2016), rims of its report.

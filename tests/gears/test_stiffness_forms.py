@@ -12,15 +12,13 @@ from reference.mesh_curves import fft_coefficients, parabolic_mesh
 from scipy.special import sici
 
 from gearmon.errors import ArgumentError
-from gearmon.gears.pulse_trains import PulseTerm, PulseTrain
+from gearmon.gears.geometry import contact_zones
+from gearmon.gears.pulses import PulseTrain
 from gearmon.gears.stiffness_forms import (
     FORMS,
     FourierSum,
     Parabolic,
     Rectangular,
-    Wave,
-    contact_zones,
-    stiffness_form,
     zone_means,
 )
 
@@ -29,9 +27,8 @@ RATIOS = st.floats(1.0, 3.2)
 
 def mesh(form, ratio, overlap=0.0):
     """Mesh stiffness in units of the greatest of one pair."""
-    pulse = stiffness_form(form).pulse(ratio)
-    terms = (PulseTerm(pulse=pulse),)
-    return PulseTrain(gear="all teeth", period_mesh=1, overlap_ratio=overlap, terms=terms)
+    chosen = FORMS[form] if isinstance(form, str) else form
+    return PulseTrain.healthy(chosen.pulse(ratio), overlap)
 
 
 def relative(form, ratio, orders):
@@ -191,7 +188,7 @@ def test_overshoot_of_the_fourier_sum():
 @given(st.sampled_from(sorted(FORMS)), RATIOS)
 def test_every_form_is_symmetric_in_time(name, ratio):
     """A pair enters as it leaves: c_n times exp(i pi n length) is real."""
-    pulse = stiffness_form(name).pulse(ratio)
+    pulse = FORMS[name].pulse(ratio)
     n = np.arange(1, 12)
     turned = pulse.transform(n) * np.exp(1j * np.pi * n * pulse.length)
     np.testing.assert_allclose(turned.imag, 0, atol=1e-12)
@@ -206,9 +203,6 @@ def test_contact_ratio_of_whole_number(name):
 
 
 def test_names():
-    assert stiffness_form("wave") == Wave()
-    own = Rectangular(duty="half", curvature=0.3)
-    assert stiffness_form(own) is own
     assert {name: form.name for name, form in FORMS.items() if name != "parabolic-gu"} == {
         name: name for name in FORMS if name != "parabolic-gu"
     }
@@ -221,7 +215,6 @@ def test_zones_of_a_short_helical_contact():
 @pytest.mark.parametrize(
     ("make", "match"),
     [
-        (lambda: stiffness_form("parabola"), "form='parabola' is not one of .*; did you mean"),
         (lambda: Parabolic(curvature=1.0), r"curvature=1.0 must lie in \[0, 1\)"),
         (lambda: Parabolic(normalisation="peak"), "normalisation='peak' must be one of"),
         (lambda: Rectangular(duty="quarter"), "duty='quarter' must be one of true, half"),

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from reference.tooth_cases import PAPER
 
+from gearmon.gears.excitation import tip_corner_gap
 from gearmon.gears.geometry import GearTeeth, pair_geometry
-from gearmon.gears.tip_corner import tip_corner_gap
 from gearmon.gears.tooth_pairs import tooth_pair
 
 

@@ -13,11 +13,10 @@ from reference.tooth_cases import PAPER, STRAIGHT, TIAN, teeth
 from reference.tooth_reference import tooth_compliance
 
 from gearmon.errors import ArgumentError
-from gearmon.gears.contact import hertz_compliance, weber_banaschek_compliance
 from gearmon.gears.foundation import Foundation, sainsot
 from gearmon.gears.geometry import GearTeeth, pair_geometry
 from gearmon.gears.tooth import ToothBeam
-from gearmon.gears.tooth_pairs import tooth_pair
+from gearmon.gears.tooth_pairs import hertz_compliance, tooth_pair, weber_banaschek_compliance
 
 
 def stiffness(pair, *fractions):

@@ -13,11 +13,11 @@ from reference.mesh_curves import fft_coefficients
 from reference.tooth_reference import coupled_mesh
 
 from gearmon.errors import ArgumentError
-from gearmon.gears.fault_sizes import measured_patches
+from gearmon.gears.damage import measured_patches
 from gearmon.gears.faults import parse_fault
 from gearmon.gears.pairs import mesh_pairs
-from gearmon.gears.potential_energy import PotentialEnergy, teeth_of
 from gearmon.gears.stiffness import FORM_NAMES, mesh_stiffness, pair_stiffness
+from gearmon.gears.tooth_pairs import PotentialEnergy, teeth_of
 from gearmon.machine import ParallelStage, PlanetaryStage
 
 FORM = "potential-energy"

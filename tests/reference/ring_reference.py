@@ -8,7 +8,7 @@ import numpy as np
 
 
 def arc_compliance_slow(ratio, half, nu, apart=0.0, orders=240, elements=40):
-    """Compliances of a plane ring for loads on an arc; see `gears.annulus.arc_compliance`.
+    """Compliances of a plane ring for loads on an arc; see `gears.foundation.arc_compliance`.
 
     Displacements of each order by quadratic elements along the radius: no potentials.
     """

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from gearmon.gears.form_comparison import FOUR_FORMS, compare_forms
+from gearmon.gears.stiffness_report import FOUR_FORMS, compare_forms
 from gearmon.machine import Machine, OperatingPoint, ParallelStage
 from gearmon.report.form_plots import form_figure, plot_curves, plot_lines, save_form_figure
 

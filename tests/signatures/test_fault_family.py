@@ -117,7 +117,7 @@ def test_wear_is_a_softer_mesh():
 @pytest.mark.parametrize("text", ["pitch:1:pinion:1:20um", "missing:1:pinion:1"])
 def test_jumping_excitation_against_slow_integration(text):
     # the full solve cuts the harmonics of jumps: only an integration from corner to corner can say
-    from gearmon.gears.excitation import parse_fault_or_error
+    from gearmon.gears.faults import parse_fault_or_error
 
     healthy = turn_of(PTO, 1, PTO.operating[0], None, "parabolic")
     turn = turn_of(PTO, 1, PTO.operating[0], parse_fault_or_error(text), "parabolic")

@@ -11,11 +11,10 @@ from reference.simulated_machines import one_pair
 
 from gearmon.gears.faults import parse_fault
 from gearmon.gears.mechanics import stage_mechanics
-from gearmon.simulation.contact import Drive, Ripple, contact_course
+from gearmon.simulation.contact import Drive, Ripple, ShaftMotion, contact_course, random_wander
 from gearmon.simulation.integrate import integrate
-from gearmon.simulation.motion import ShaftMotion, random_wander
-from gearmon.simulation.sampling import triangle_means
 from gearmon.simulation.train import build_train
+from gearmon.simulation.vibration import triangle_means
 
 CELLS = 5 * 4096
 

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from gearmon.simulation.integrate import integrate
-from gearmon.simulation.system import GearedSystem, divided_course
+from gearmon.simulation.integrate import GearedSystem, divided_course, integrate
 
 MASS, DAMPING, STIFFNESS, FORCE = 0.28, 2.0e3, 4.0e8, 4.0e3
 PERIOD = 1.6e-3

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gearmon.errors import ArgumentError
-from gearmon.simulation.manufacture import (
+from gearmon.simulation.contact import (
     ideal,
     random_errors,
     runout_tolerance_m,

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gearmon.errors import ArgumentError
-from gearmon.simulation.motion import ShaftMotion, random_wander
-from gearmon.simulation.streams import check_seed, stream
+from gearmon.simulation.contact import ShaftMotion, random_wander
+from gearmon.simulation.settings import check_seed, stream
 
 
 def wander(deviation=0.005, seed=0):

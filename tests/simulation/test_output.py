@@ -43,7 +43,7 @@ def test_truth_stands_beside_it(recording, tmp_path):
 
 def test_rows_are_written_in_parts_without_a_seam(recording, tmp_path, monkeypatch):
     whole = write_simulation(recording, tmp_path / "whole.csv")[0].read_text()
-    monkeypatch.setattr("gearmon.simulation.output.ROWS_AT_A_TIME", 100)
+    monkeypatch.setattr("gearmon.simulation.recorder.ROWS_AT_A_TIME", 100)
     assert write_simulation(recording, tmp_path / "parts.csv")[0].read_text() == whole
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gearmon.simulation.sampling import FLAT_SHARE, band_spectrum, fade_ends, triangle_means
-from gearmon.simulation.system import SUBSTEPS, Course, MeshForces
+from gearmon.simulation.integrate import SUBSTEPS, Course, MeshForces
+from gearmon.simulation.vibration import FLAT_SHARE, band_spectrum, fade_ends, triangle_means
 
 
 def forces_of(force, integral, times):

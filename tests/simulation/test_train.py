@@ -12,9 +12,8 @@ from gearmon.errors import ArgumentError
 from gearmon.gears.faults import parse_fault
 from gearmon.gears.mechanics import stage_mechanics
 from gearmon.machine import Machine, OperatingPoint
-from gearmon.simulation.contact import Drive, contact_course
+from gearmon.simulation.contact import Drive, ShaftMotion, contact_course, random_wander
 from gearmon.simulation.integrate import integrate
-from gearmon.simulation.motion import ShaftMotion, random_wander
 from gearmon.simulation.train import build_train
 
 

@@ -16,10 +16,9 @@ from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError
 from gearmon.gears.excitation import displacement_excitation
-from gearmon.gears.faults import Fault
+from gearmon.gears.faults import Fault, GearError
 from gearmon.gears.kinematics import kinematics
 from gearmon.gears.mechanics import stage_mechanics
-from gearmon.gears.missing_material import GearError
 from gearmon.gears.pairs import mesh_pairs
 from gearmon.machine import Machine
 from gearmon.signatures.families import MESH_HARMONICS, LinePlan, WheelLines, line_plan

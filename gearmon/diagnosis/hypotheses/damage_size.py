@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from gearmon.errors import ArgumentError, check_range
-from gearmon.gears.fault_sizes import size_for_loss
+from gearmon.gears.damage import size_for_loss
 from gearmon.gears.faults import Fault
 from gearmon.gears.pairs import MeshPair, mesh_pairs
-from gearmon.gears.potential_energy import teeth_of
-from gearmon.gears.tooth_pairs import ToothPair
+from gearmon.gears.tooth_pairs import ToothPair, teeth_of
 from gearmon.machine import Machine
 
 #: What is measured for each kind of damage: unit in which `gears.faults` takes it, unit in words,
@@ -94,7 +93,7 @@ def physical_size(
 
     Notes
     -----
-    The forward conversion `gears.fault_sizes.stiffness_loss` (potential energy of the tooth with a
+    The forward conversion `gears.damage.stiffness_loss` (potential energy of the tooth with a
     flat limit line of the crack) rises with the size, and is inverted by bracketing. Against finite
     elements that line costs shallow cracks too little stiffness, by up to 45 %: the depth given is
     then too large.

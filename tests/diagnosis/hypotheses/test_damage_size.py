@@ -7,10 +7,10 @@ from reference.simulated_machines import one_pair, two_stages
 
 from gearmon.diagnosis.hypotheses.damage_size import physical_size
 from gearmon.errors import ArgumentError
-from gearmon.gears.fault_sizes import stiffness_loss
+from gearmon.gears.damage import stiffness_loss
 from gearmon.gears.faults import Fault
 from gearmon.gears.pairs import mesh_pairs
-from gearmon.gears.potential_energy import teeth_of
+from gearmon.gears.tooth_pairs import teeth_of
 
 
 @pytest.mark.parametrize(
