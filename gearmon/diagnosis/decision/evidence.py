@@ -56,8 +56,7 @@ class Evidence:
     def strengths(self) -> dict[str, float]:
         """Strength of every test, by its name."""
         told = {
-            "levels": levels_strength(self.deviation.levels, self.deviation.broadband)
-            / (1.0 + LIMITS.light_weight * max(0.0, min(self.deviation.light, LENGTH) - FAR)),
+            "levels": self._levels(),
             "runout": rare_strength([one.log10_probability for one in self.runout]),
             "lines of no gear": rare_strength([one.log10_probability for one in self.nongear]),
         }
@@ -73,6 +72,14 @@ class Evidence:
             # and smears single sidebands most
             told["runout"] = min(0.0, told["runout"])
         return told
+
+    def _levels(self) -> float:
+        """Strength of changed levels, as far as the references bear the comparison."""
+        deviation = self.deviation
+        told = levels_strength(deviation.levels, deviation.broadband)
+        lighter = max(0.0, min(deviation.light, LENGTH) - FAR)
+        # a shorter recording has shorter blocks, which part lines from their neighbours less
+        return told * deviation.length / (1.0 + LIMITS.light_weight * lighter)
 
     @property
     def angle_lost(self) -> bool:

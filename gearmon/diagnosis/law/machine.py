@@ -30,6 +30,8 @@ class MachineDeviation:
         Distance to the nearest reference's state.
     light : float
         By how much its load is lighter than that of every reference [Np]; 0 if it is not.
+    length : float, in (0, 1]
+        Its length over that of the shortest reference, at most 1.
     gears : tuple of GearDeviation
         One for each gear that recording and reference resolve.
     family_names : tuple of str
@@ -43,6 +45,7 @@ class MachineDeviation:
     state: FloatArray
     gap: float
     light: float
+    length: float
     gears: tuple[GearDeviation, ...]
     family_names: tuple[str, ...]
     levels: LevelDeviation
@@ -139,6 +142,7 @@ class HealthyMachine:
             state=state,
             gap=float(np.min(np.linalg.norm(self.states - state, axis=1))),
             light=float(max(0.0, self.states[:, 0].min() - state[0])),
+            length=min(1.0, own.duration_s / min(p.duration_s for p in self.profiles)),
             gears=tuple(gears),
             family_names=tuple(names),
             levels=self._levels(own, rows, names, state),

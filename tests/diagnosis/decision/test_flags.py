@@ -51,6 +51,7 @@ def evidence(own=None, lines=0.0, noise=0.0, noise_gain_db=0.0, runout=()):
         state=np.zeros(2),
         gap=0.0,
         light=0.0,
+        length=1.0,
         gears=(own.difference,) if own is not None else (),
         family_names=(),
         levels=levels(lines),
