@@ -1,28 +1,70 @@
-"""Short texts for a terminal."""
+"""An analysis in words: the lines of a terminal, the facts and tables of a report.
+
+And what it rests on: the reference, and the lines of a machine.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from gearmon.diagnosis.results import Analysis, Flag
+from gearmon import __version__
+from gearmon.diagnosis.results import Analysis, Change, Flag
 from gearmon.gears.orders import LineTable
-from gearmon.report.level_views import BEYOND, is_beyond
-from gearmon.report.tables import Table, mesh_sentences
+from gearmon.machine import Machine, ParallelStage
+from gearmon.report.text_tables import Table, table_lines
 from gearmon.report.wording import (
     counted,
     gear_text,
     loss_text,
+    percent,
     printable,
     probability_text,
     score_text,
+    unit_text,
     with_uncertainty,
 )
-from gearmon.signatures.listing import signature_lines
 from gearmon.signatures.reference import Reference
-from gearmon.signatures.signature import Signature
+from gearmon.signatures.speed import SPEED_TOLERANCE
 
+# Changes of more than this many standard deviations are highlighted in pictures and tables.
+BEYOND = 3.0
 # Sentences of evidence that a terminal shows of each flag; the report has them all.
 _SENTENCES = 2
+# Definitions of the usual condition indicators, by their name in lower case.
+INDICATOR_DEFINITIONS = {
+    "rms": "root mean square less the mean, in the unit of the signal",
+    "peak to peak": "largest less smallest value, in the unit of the signal",
+    "crest factor": "largest departure from the mean over the root mean square",
+    "kurtosis": "fourth central moment over the squared variance; 3 for Gaussian noise, 1.5 for a "
+    "sine",
+    "fm0": "peak to peak of the synchronous average over the summed amplitudes of its mesh "
+    "harmonics",
+    "fm4": "kurtosis of the difference signal: the synchronous average without shaft lines, mesh "
+    "harmonics and their first sidebands; 3 for Gaussian noise",
+    "m6a": "sixth moment of the difference signal over its variance cubed; 15 for Gaussian noise",
+    "m8a": "eighth moment of the difference signal over the fourth power of its variance; 105 for "
+    "Gaussian noise",
+    "energy ratio": "root mean square of the difference signal over that of the regular meshing "
+    "signal",
+    "ser": "sideband energy ratio: summed amplitudes of the sidebands up to the sixth over that of "
+    "the first mesh harmonic",
+    "sideband index": "mean amplitude of the sidebands ±1 of the first mesh harmonic, in the unit "
+    "of the signal",
+    "sideband level factor": "summed amplitudes of the sidebands ±1 of the first mesh harmonic "
+    "over the standard deviation of the synchronous average",
+    "na4": "fourth moment of the residual signal (the synchronous average without shaft lines and "
+    "mesh harmonics) over the squared mean of its variances in the run so far; 3 for steady "
+    "Gaussian noise",
+    "na4*": "as NA4, with the variance held at that of the healthy records at the start of the run",
+    "nb4": "as NA4, of the envelope of the synchronous average in a band about the first mesh "
+    "harmonic",
+    "nb4*": "as NB4, with the variance held at that of the healthy records at the start of the run",
+}
+
+
+def is_beyond(change: Change) -> bool:
+    """Tell whether a change exceeds `BEYOND` standard deviations."""
+    return abs(change.standardised) > BEYOND
 
 
 def analysis_text(analysis: Analysis, most_changes: int = 5) -> str:
@@ -113,19 +155,6 @@ def reference_text(reference: Reference) -> str:
     return "\n".join(lines)
 
 
-def signature_text(signature: Signature, most: int = 30) -> str:
-    """Return a signature: what holds for each stage, then its strongest lines by frequency.
-
-    Parameters
-    ----------
-    signature : Signature
-        The signature.
-    most : int
-        Largest number of lines.
-    """
-    return "\n".join(signature_lines(signature, most))
-
-
 def line_table_text(lines: LineTable) -> str:
     """Return the lines of a machine as a table in columns, with its notes.
 
@@ -157,25 +186,205 @@ def line_table_text(lines: LineTable) -> str:
     return "\n".join([lines.machine or "machine", *table_lines(table), *notes])
 
 
-def table_lines(table: Table) -> list[str]:
-    """Return a table in columns of equal width, two spaces apart.
+def facts(analysis: Analysis) -> tuple[tuple[str, str], ...]:
+    """Return what a reader wants to know first: names with values."""
+    signature, speed = analysis.signature, analysis.signature.speed
+    if signature.found:
+        running = with_uncertainty(speed.estimated_hz, speed.uncertainty_hz, "Hz")
+        running += f" ({60 * speed.estimated_hz:.1f} rpm), by {speed.method}"
+    else:
+        running = "not known: no line of the machine was found"
+    channels = ", ".join(
+        f"{name} ({unit_text(unit)})"
+        for name, unit in zip(signature.channel_names, signature.units, strict=True)
+    )
+    return (
+        ("Machine", printable(analysis.machine) or "without a name"),
+        ("Recording", printable(analysis.recording)),
+        ("Score", score_text(analysis.score)),
+        ("False-alarm probability", probability_text(analysis.false_alarm_probability)),
+        ("Compared with", analysis.compared_with),
+        ("Speed of shaft 1", running),
+        ("Meshes", "; ".join(mesh_sentences(analysis))),
+        ("Channels", printable(channels)),
+        ("Length", f"{signature.duration_s:.4g} s at {signature.sampling_rate_hz:.6g} Hz"),
+    )
 
-    Parameters
-    ----------
-    table : Table
-        The table.
 
-    Examples
-    --------
-    >>> table_lines(Table(headings=("name", "Hz"), rows=(("mesh", "4.25"),), align="lr"))
-    ['name    Hz', 'mesh  4.25']
-    """
-    everything: Sequence[tuple[str, ...]] = (table.headings, *table.rows)
-    widths = [max(len(row[column]) for row in everything) for column in range(len(table.headings))]
-    return [
-        "  ".join(
-            cell.rjust(width) if side == "r" else cell.ljust(width)
-            for cell, width, side in zip(row, widths, table.align, strict=True)
-        ).rstrip()
-        for row in everything
+def mesh_sentences(analysis: Analysis) -> list[str]:
+    """Return one short statement for each mesh."""
+    sentences = []
+    for mesh in analysis.signature.meshes:
+        if mesh.found:
+            height = f", {mesh.snr_db:.0f} dB above the floor" if mesh.snr_db is not None else ""
+            sentences.append(f"mesh {mesh.stage} found at {mesh.frequency_hz:.2f} Hz{height}")
+        else:
+            sentences.append(f"mesh {mesh.stage} not found")
+    return sentences
+
+
+def mesh_table(analysis: Analysis) -> Table:
+    """Return the meshes, how clear they are and why they count as found or not."""
+    rows = tuple(
+        (
+            str(mesh.stage),
+            f"{mesh.frequency_hz:.3f}",
+            "yes" if mesh.found else "no",
+            "–" if mesh.snr_db is None else f"{mesh.snr_db:.1f}",
+            f"{mesh.score:.1f}",
+            mesh.reason,
+        )
+        for mesh in analysis.signature.meshes
+    )
+    headings = ("Mesh", "Frequency (Hz)", "Found", "Over floor (dB)", "Score (σ)", "Why")
+    return Table(headings=headings, rows=rows, align="rrlrrl")
+
+
+def flag_table(analysis: Analysis) -> Table:
+    """Return the flags, strongest first."""
+    rows = tuple(
+        (
+            flag.kind,
+            gear_text(flag.stage, flag.gear, flag.tooth),
+            loss_text(flag.stiffness_loss, flag.stiffness_loss_low, flag.stiffness_loss_high)
+            or "not estimated",
+            probability_text(flag.false_alarm_probability),
+            "; ".join(flag.evidence),
+        )
+        for flag in analysis.flags
+    )
+    headings = ("Kind", "Place", "Stiffness loss (90 %)", "False-alarm probability", "Evidence")
+    return Table(headings=headings, rows=rows, align="lllrl")
+
+
+def indicator_table(analysis: Analysis) -> tuple[Table, tuple[tuple[str, str], ...]]:
+    """Return the condition indicators by channel, and the definitions of those that are known."""
+    channels = analysis.signature.channel_names
+    rows = tuple(
+        (name, *(f"{values[c]:.4g}" if c in values else "–" for c in channels))
+        for name, values in analysis.indicators.items()
+    )
+    known = {_plain_name(name): None for name in analysis.indicators}
+    definitions = tuple(
+        (name, INDICATOR_DEFINITIONS[name.lower()])
+        for name in known
+        if name.lower() in INDICATOR_DEFINITIONS
+    )
+    table = Table(headings=("Indicator", *channels), rows=rows, align="l" + "r" * len(channels))
+    return table, definitions
+
+
+def _plain_name(name: str) -> str:
+    """Name of an indicator; what comes after a comma only says of which gear."""
+    return name.split(",")[0].replace("_", " ").strip()
+
+
+def change_table(analysis: Analysis) -> Table:
+    """Return all changes, the most significant first."""
+    changes = sorted(analysis.changes, key=lambda change: -abs(change.standardised))
+    rows = tuple(
+        (
+            change.channel,
+            change.family,
+            f"{change.level_db:.1f}",
+            f"{change.reference_db:.1f}",
+            _signed(change.change_db),
+            f"{change.scatter_db:.1f}",
+            _signed(change.standardised),
+        )
+        for change in changes
+    )
+    return Table(
+        headings=(
+            "Channel",
+            "Family of lines",
+            "Level (dB)",
+            "Healthy (dB)",
+            "Change (dB)",
+            "Scatter (dB)",
+            "Change / scatter",
+        ),
+        rows=rows,
+        align="llrrrrr",
+        marked=tuple(is_beyond(change) for change in changes),
+    )
+
+
+def _signed(value: float) -> str:
+    return f"{value:+.1f}".replace("-", "−")
+
+
+def settings_table(analysis: Analysis, reference: Reference | None, machine: Machine) -> Table:
+    """Return how the answer was found: what was given, and the lengths and limits used."""
+    signature = analysis.signature
+    lines = signature.lines
+    rows = [
+        ("Machine file", printable(machine.path) or "none (built in a program)"),
+        ("Teeth", "; ".join(_teeth(machine))),
+        ("Operating points", "; ".join(_operating(machine))),
+        ("Reference", _origins(reference)),
+        ("Search for the speed", f"± {percent(SPEED_TOLERANCE, 0)} about each nominal speed"),
+        (
+            "Order analysis",
+            f"{lines.amplitude.shape[0]} half-overlapped Hann blocks of {lines.block_turns:.4g} "
+            f"turns of shaft 1; {len(lines.orders)} lines in {len(signature.plan.families)} "
+            "families",
+        ),
+        ("Highlighted", f"changes beyond {BEYOND:g} standard deviations"),
+        ("Made with", f"gearmon {__version__}"),
     ]
+    return Table(headings=("Setting", "Value"), rows=tuple(rows), align="ll")
+
+
+def _teeth(machine: Machine) -> list[str]:
+    parts = []
+    for number, stage in enumerate(machine.stages, start=1):
+        name = f" ({stage.name})" if stage.name else ""
+        if isinstance(stage, ParallelStage):
+            teeth = f"{stage.pinion_teeth}/{stage.gear_teeth}"
+        else:
+            teeth = (
+                f"sun {stage.sun_teeth}, {stage.planets} planets {stage.planet_teeth}, "
+                f"ring {stage.ring_teeth}"
+            )
+        parts.append(f"stage {number}{name}: {teeth}")
+    return parts
+
+
+def _operating(machine: Machine) -> list[str]:
+    parts = []
+    for point in machine.operating:
+        torque = "" if point.torque_nm is None else f", {point.torque_nm:g} N·m"
+        name = f"{point.name}: " if point.name else ""
+        parts.append(f"{name}{point.speed_rpm:g} rpm{torque}")
+    return parts
+
+
+def _origins(reference: Reference | None) -> str:
+    if reference is None:
+        return "none"
+    return printable("; ".join(reference.origins))
+
+
+def overview_table(analyses: Sequence[Analysis]) -> Table:
+    """Return one row a recording, for reports on several."""
+    rows = tuple(
+        (
+            printable(analysis.recording),
+            analysis.verdict,
+            score_text(analysis.score),
+            probability_text(analysis.false_alarm_probability),
+            f"{analysis.signature.speed.estimated_hz:.4f}" if analysis.signature.found else "–",
+            analysis.reason,
+        )
+        for analysis in analyses
+    )
+    headings = (
+        "Recording",
+        "Verdict",
+        "Score",
+        "False-alarm probability",
+        "Shaft 1 (Hz)",
+        "Reason",
+    )
+    return Table(headings=headings, rows=rows, align="llrrrl")
