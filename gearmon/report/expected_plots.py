@@ -21,7 +21,7 @@ from gearmon.report.palette import (
     series_colour,
     series_marker,
 )
-from gearmon.report.plots import Picture, named_handles, sheet, sheet_style, style
+from gearmon.report.plots import Picture, named_handles, plot_marks, sheet, sheet_style, style
 from gearmon.signatures.fault_family import FaultFamily
 
 _ORDERS = {1: ("1st", GREEN, ":"), 2: ("2nd", BLUE, "--"), 3: ("3rd", GREY, "-.")}
@@ -58,17 +58,8 @@ def stability_figure(stability: StabilityMap) -> Picture:
             label = f"multiple scales, {name} order"
             _plot_boundary(tongue, edges, colour, dashes, label, ax)
     if stability.mark is not None:
-        ax.plot(
-            *stability.mark,
-            marker="*",
-            markersize=13,
-            color="white",
-            markeredgecolor=BLACK,
-            linestyle="none",
-            label="this pair",
-            clip_on=False,
-            zorder=5,
-        )
+        above = {"markeredgecolor": BLACK, "label": "this pair", "clip_on": False, "zorder": 5}
+        plot_marks(ax, *stability.mark, "*", 13, "white", **above)
     ax.set_title(f"damping ratio {stability.chart.damping_ratio:.3g}", fontsize=10)
     handles = named_handles([ax])
     # below the axes, where it hides nothing
@@ -80,24 +71,17 @@ def stability_figure(stability: StabilityMap) -> Picture:
 def _plot_growth(stability: StabilityMap, ax: Axes) -> QuadContourSet | None:
     """Draw growth as filled contours, if anything grows, and where each tongue begins."""
     chart = stability.chart
-    ax.set_xlim(chart.speeds[0], chart.speeds[-1])
-    ax.set_ylim(0, chart.variations[-1])
-    ax.set_xlabel("mesh frequency over natural frequency, ω/ω₀")
-    ax.set_ylabel("stiffness variation ε")
+    ax.set(
+        xlim=(chart.speeds[0], chart.speeds[-1]),
+        ylim=(0, chart.variations[-1]),
+        xlabel="mesh frequency over natural frequency, ω/ω₀",
+        ylabel="stiffness variation ε",
+    )
     starts = [2 / tongue.number for tongue in stability.tongues]
     inside = [x for x in starts if chart.speeds[0] <= x <= chart.speeds[-1]]
     if inside:
-        ax.plot(
-            inside,
-            np.zeros(len(inside)),
-            marker="^",
-            markersize=5,
-            color=VERMILLION,
-            linestyle="none",
-            clip_on=False,
-            label="2/n",
-            zorder=4,
-        )
+        above = {"label": "2/n", "clip_on": False, "zorder": 4}
+        plot_marks(ax, inside, np.zeros(len(inside)), "^", 5, VERMILLION, **above)
     top = float(chart.growth.max())
     if top <= _LEAST_GROWTH:
         return None
@@ -190,10 +174,8 @@ def _plot_kind(rows: Sequence[dict[str, Any]], gears: Sequence[str], ax: Axes) -
         ax.plot(x, y, color=colour, linewidth=1.1)
         # gears that behave alike lie upon one another: the first ones stay to be seen behind
         size = max(3.5, 6.5 - number)
-        ax.plot(
-            x, y, series_marker(number), color=colour, markersize=size, linestyle="none", label=gear
-        )
-        ax.plot(x[lost], y[lost], "o", markersize=9, markerfacecolor="none", markeredgecolor=GREY)
+        plot_marks(ax, x, y, series_marker(number), size, colour, label=gear)
+        plot_marks(ax, x[lost], y[lost], "o", 9, GREY, markerfacecolor="none")
     ax.set_xscale("log")
     # gears of one kind differ a little in what a size takes
     ticks = sorted({float(f"{size:.2g}") for size in sizes})
@@ -203,8 +185,10 @@ def _plot_kind(rows: Sequence[dict[str, Any]], gears: Sequence[str], ax: Axes) -
         note = f"not shown: below {_LEAST_DB:g} dB"
         ax.text(0.03, 0.04, note, transform=ax.transAxes, fontsize=7, color=GREY)
     ax.minorticks_off()
-    ax.set_xlim(0.85 * min(sizes), 1.18 * max(sizes))
-    ax.set_xlabel("loss of pair stiffness in %" if is_loss else "size in um")
+    ax.set(
+        xlim=(0.85 * min(sizes), 1.18 * max(sizes)),
+        xlabel="loss of pair stiffness in %" if is_loss else "size in um",
+    )
     ax.set_title(f"{rows[0]['kind']}: change of the mesh lines" if alike else rows[0]["kind"])
     ax.grid(True, color="#e3e5e8", linewidth=0.5)
 

@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 
+from gearmon.diagnosis.change_shapes import ChangePoint
 from gearmon.diagnosis.history_trends import HistoryTrends
 from gearmon.diagnosis.tooth_trends import SECONDS_PER_DAY, ToothTrend
 from gearmon.report.history_text import told_teeth
-from gearmon.report.palette import (
-    BLACK,
-    GREY,
-    LIGHT_GREY,
-    VERMILLION,
-    series_colour,
-    series_marker,
-)
+from gearmon.report.palette import BLACK, GREY, LIGHT_GREY, VERMILLION, series_colour, series_marker
 from gearmon.report.plots import Picture, legend, light_grid, new_figure, plot_verdicts, style
 from gearmon.report.wording import gear_text
 
@@ -51,7 +46,7 @@ def history_figure(found: HistoryTrends, known_loss: Sequence[float] | None = No
         _losses(found, axes[0])
     if known_loss is not None:
         axes[0].plot(
-            [float(_days(entry.time_s)) for entry in found.history.entries],
+            _days([entry.time_s for entry in found.history.entries]),
             100 * np.asarray(known_loss, dtype=float),
             color=BLACK,
             linewidth=0.9,
@@ -67,7 +62,7 @@ def history_figure(found: HistoryTrends, known_loss: Sequence[float] | None = No
     return figure
 
 
-def _days(time_s: float | np.ndarray) -> np.ndarray:
+def _days(time_s: Any) -> Any:
     return np.asarray(time_s, dtype=float) / SECONDS_PER_DAY
 
 
@@ -150,41 +145,29 @@ def _trend(tooth: ToothTrend, start: float, end: float, colour: str, ax: Axes) -
             zorder=0,
             label=f"trend, {100 * tooth.trend.level:.3g} % interval",
         )
-    for number, change in enumerate(tooth.trend.changes):
-        # the interval of the time stands at the foot: full height would hide what is drawn there
-        ax.axvspan(
-            float(_days(change.low_s)),
-            float(_days(change.high_s)),
-            ymax=0.04,
-            color=colour,
-            alpha=0.35,
-            lw=0,
-        )
-        ax.axvline(
-            float(_days(change.time_s)),
-            color=colour,
-            linewidth=0.8,
-            linestyle="--",
-            label="loss changed (interval at the foot)" if number == 0 else "_",
-        )
+    # the interval of the time stands at the foot: full height would hide what is drawn there
+    foot = {"color": colour, "alpha": 0.35, "ymax": 0.04}
+    _mark_changes(tooth.trend.changes, "loss changed (interval at the foot)", foot, ax)
+
+
+def _mark_changes(
+    changes: Sequence[ChangePoint], label: str, interval: dict[str, Any], ax: Axes
+) -> None:
+    """Draw when something changed, and the interval of that time."""
+    for number, change in enumerate(changes):
+        ax.axvspan(_days(change.low_s), _days(change.high_s), lw=0, **interval)
+        line = {"color": interval["color"], "linewidth": 0.85, "linestyle": "--"}
+        ax.axvline(_days(change.time_s), label="_" if number else label, **line)
 
 
 def _scores(found: HistoryTrends, ax: Axes) -> None:
     entries = found.history.entries
-    times = [float(_days(entry.time_s)) for entry in entries]
+    times = _days([entry.time_s for entry in entries])
     verdicts = [entry.verdict for entry in entries]
     plot_verdicts(times, [entry.score for entry in entries], verdicts, ax, 4)
-    for number, change in enumerate(found.evidence.changes if found.evidence else ()):
-        ax.axvspan(
-            float(_days(change.low_s)), float(_days(change.high_s)), color=GREY, alpha=0.2, lw=0
-        )
-        ax.axvline(
-            float(_days(change.time_s)),
-            color=GREY,
-            linewidth=0.9,
-            linestyle="--",
-            label="evidence changed (interval shaded)" if number == 0 else "_",
-        )
+    if found.evidence:
+        shade = {"color": GREY, "alpha": 0.2}
+        _mark_changes(found.evidence.changes, "evidence changed (interval shaded)", shade, ax)
     ax.set_ylabel("Score (−log₁₀ p)")
     low, high = ax.get_ylim()
     ax.set_ylim(min(0.0, low), max(high, _LEAST_SCORE))

@@ -17,7 +17,7 @@ from gearmon.files import write_atomically
 from gearmon.machine import Machine
 from gearmon.report import text
 from gearmon.report.palette import VERDICT_STYLE
-from gearmon.report.wording import gear_text, loss_text, printable, probability_text
+from gearmon.report.wording import gear_text, printable, probability_text
 from gearmon.signals.recording import Recording
 from gearmon.signatures.reference import Reference
 
@@ -170,7 +170,7 @@ def _flag(flag: Flag) -> dict[str, Any]:
     return {
         "kind": flag.kind,
         "place": gear_text(flag.stage, flag.gear, flag.tooth),
-        "loss": loss_text(flag.stiffness_loss, flag.stiffness_loss_low, flag.stiffness_loss_high),
+        "loss": text.flag_loss(flag),
         "probability": probability_text(flag.false_alarm_probability),
         "evidence": flag.evidence,
     }

@@ -31,6 +31,7 @@ from gearmon.report.plots import (
     legend,
     light_grid,
     new_figure,
+    plot_marks,
     style,
 )
 from gearmon.report.spectrum_plots import MOST_STRIPS
@@ -180,26 +181,13 @@ def _plot_levels(
             label="healthy at this load and gain, ± standard deviation",
         )
     beyond = np.array([change is not None and is_beyond(change) for change in changes], dtype=bool)
+    far = f"measured, changed by more than {BEYOND:g} standard deviations"
     for chosen, colour, marker, size, label in (
         (~beyond, BLUE, "o", 3.2, "measured"),
-        (
-            beyond,
-            VERMILLION,
-            "D",
-            4.2,
-            f"measured, changed by more than {BEYOND:g} standard deviations",
-        ),
+        (beyond, VERMILLION, "D", 4.2, far),
     ):
-        ax.plot(
-            place[chosen],
-            level_db[chosen],
-            linestyle="none",
-            marker=marker,
-            markersize=size,
-            color=colour,
-            label=label,
-            zorder=5,
-        )
+        x, y = place[chosen], level_db[chosen]
+        plot_marks(ax, x, y, marker, size, colour, label=label, zorder=5)
     light_grid(ax)
     ax.yaxis.set_major_locator(MaxNLocator(5))
 
@@ -487,15 +475,9 @@ def _plot_pattern(
     )
     for row, (channel, own) in enumerate(zip(signature.channel_names, level, strict=True)):
         offset = 0.5 * ((row + 0.5) / len(level) - 0.5)
-        ax.plot(
-            harmonics + offset,
-            own,
-            linestyle="none",
-            marker=series_marker(row),
-            markersize=4.5,
-            color=series_colour(row),
-            label=f"measured, {channel}",
-        )
+        marker, colour = series_marker(row), series_colour(row)
+        label = f"measured, {channel}"
+        plot_marks(ax, harmonics + offset, own, marker, 4.5, colour, label=label)
     mesh = next(mesh for mesh in signature.meshes if mesh.stage == stage)
     labels = [f"×{k}\n{k * mesh.frequency_hz:.4g} Hz" for k in harmonics.tolist()]
     ax.set_xticks(harmonics, labels)

@@ -240,6 +240,13 @@ def common_scale(axes: Sequence[Axes]) -> None:
         ax.set_ylim(min(low for low, _ in limits), max(high for _, high in limits))
 
 
+def plot_marks(
+    ax: Axes, x: Any, y: Any, marker: str | int, size: float, colour: str, **how: Any
+) -> None:
+    """Draw single values, with no line between them."""
+    ax.plot(x, y, linestyle="none", marker=marker, markersize=size, color=colour, **how)
+
+
 def plot_verdicts(
     x: Sequence[float], scores: Sequence[float], verdicts: Sequence[str], ax: Axes, size: float
 ) -> None:
@@ -247,17 +254,9 @@ def plot_verdicts(
     for verdict, marker in VERDICT_MARKERS.items():
         own = [number for number, given in enumerate(verdicts) if given == verdict]
         if own:
-            ax.plot(
-                [x[number] for number in own],
-                [scores[number] for number in own],
-                linestyle="",
-                marker=marker,
-                markersize=size,
-                color=VERDICT_STYLE[verdict][0],
-                markeredgecolor=BLACK,
-                markeredgewidth=0.4,
-                label=verdict,
-            )
+            places, values = [x[number] for number in own], [scores[number] for number in own]
+            edge = {"markeredgecolor": BLACK, "markeredgewidth": 0.4, "label": verdict}
+            plot_marks(ax, places, values, marker, size, VERDICT_STYLE[verdict][0], **edge)
 
 
 def as_png(figure: Figure) -> bytes:

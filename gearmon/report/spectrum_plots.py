@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.image import AxesImage
+from matplotlib.markers import TICKUP
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from numpy.typing import NDArray
 
@@ -22,6 +23,7 @@ from gearmon.report.plots import (
     legend,
     light_grid,
     new_figure,
+    plot_marks,
     spread,
     style,
 )
@@ -353,28 +355,13 @@ def _decades(strip: Strip, ax: Axes) -> None:
 def _plot_sidebands(name: str, marks: Sequence[LineMark], series: int, ax: Axes) -> None:
     detected = [mark for mark in marks if mark.amplitude is not None]
     colour = series_colour(series)
-    ax.plot(
-        [mark.place for mark in detected],
-        [mark.amplitude or np.nan for mark in detected],
-        linestyle="none",
-        marker=series_marker(series),
-        markersize=4.2,
-        markerfacecolor="none",
-        markeredgecolor=colour,
-        markeredgewidth=1.0,
-        label=f"sidebands of {name}",
-    )
+    places, sizes = [m.place for m in detected], [m.amplitude for m in detected]
+    open_ = {"markerfacecolor": "none", "markeredgewidth": 1.0, "label": f"sidebands of {name}"}
+    plot_marks(ax, places, sizes, series_marker(series), 4.2, colour, **open_)
     # ticks at the bottom show every place, detected or not
-    ax.plot(
-        [mark.place for mark in marks],
-        np.full(len(marks), 0.0),
-        linestyle="none",
-        marker=2,
-        markersize=6 if series % 2 == 0 else 4,
-        color=colour,
-        transform=ax.get_xaxis_transform(),
-        clip_on=False,
-    )
+    foot = {"transform": ax.get_xaxis_transform(), "clip_on": False}
+    long = 6 if series % 2 == 0 else 4
+    plot_marks(ax, [m.place for m in marks], [0.0] * len(marks), TICKUP, long, colour, **foot)
 
 
 def _label_sidebands(strip: Strip, ax: Axes) -> None:

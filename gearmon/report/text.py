@@ -104,7 +104,7 @@ def analysis_text(analysis: Analysis, most_changes: int = 5) -> str:
 
 
 def _flag_lines(flag: Flag) -> list[str]:
-    loss = loss_text(flag.stiffness_loss, flag.stiffness_loss_low, flag.stiffness_loss_high)
+    loss = flag_loss(flag)
     head = f"  flag: {flag.kind}, {gear_text(flag.stage, flag.gear, flag.tooth)}"
     if loss:
         head += f", loss of stiffness {loss}"
@@ -164,24 +164,19 @@ def line_table_text(lines: LineTable) -> str:
         The lines.
     """
     several = len({row.operating for row in lines}) > 1
-    rows = tuple(
-        (
-            *((row.operating,) if several else ()),
-            "–" if row.stage is None else str(row.stage),
-            row.kind,
-            row.name,
-            "–" if row.shaft is None else str(row.shaft),
-            f"{row.order:.5f}",
-            f"{row.frequency_hz:.3f}",
-        )
+    rows = [
+        ({"operating": row.operating} if several else {})
+        | {
+            "stage": "–" if row.stage is None else row.stage,
+            "kind": row.kind,
+            "line": row.name,
+            "shaft": "–" if row.shaft is None else row.shaft,
+            "order": f"{row.order:.5f}",
+            "Hz": f"{row.frequency_hz:.3f}",
+        }
         for row in lines
-    )
-    headings = ("stage", "kind", "line", "shaft", "order", "Hz")
-    table = Table(
-        headings=(("operating",) if several else ()) + headings,
-        rows=rows,
-        align="l" * several + "rllrrr",
-    )
+    ]
+    table = Table.of(rows, "l" * several + "rllrrr")
     notes = [f"note: {note}" for note in lines.notes]
     return "\n".join([lines.machine or "machine", *table_lines(table), *notes])
 
@@ -225,36 +220,38 @@ def mesh_sentences(analysis: Analysis) -> list[str]:
 
 def mesh_table(analysis: Analysis) -> Table:
     """Return the meshes, how clear they are and why they count as found or not."""
-    rows = tuple(
-        (
-            str(mesh.stage),
-            f"{mesh.frequency_hz:.3f}",
-            "yes" if mesh.found else "no",
-            "–" if mesh.snr_db is None else f"{mesh.snr_db:.1f}",
-            f"{mesh.score:.1f}",
-            mesh.reason,
-        )
+    rows = [
+        {
+            "Mesh": mesh.stage,
+            "Frequency (Hz)": f"{mesh.frequency_hz:.3f}",
+            "Found": "yes" if mesh.found else "no",
+            "Over floor (dB)": "–" if mesh.snr_db is None else f"{mesh.snr_db:.1f}",
+            "Score (σ)": f"{mesh.score:.1f}",
+            "Why": mesh.reason,
+        }
         for mesh in analysis.signature.meshes
-    )
-    headings = ("Mesh", "Frequency (Hz)", "Found", "Over floor (dB)", "Score (σ)", "Why")
-    return Table(headings=headings, rows=rows, align="rrlrrl")
+    ]
+    return Table.of(rows, "rrlrrl")
 
 
 def flag_table(analysis: Analysis) -> Table:
     """Return the flags, strongest first."""
-    rows = tuple(
-        (
-            flag.kind,
-            gear_text(flag.stage, flag.gear, flag.tooth),
-            loss_text(flag.stiffness_loss, flag.stiffness_loss_low, flag.stiffness_loss_high)
-            or "not estimated",
-            probability_text(flag.false_alarm_probability),
-            "; ".join(flag.evidence),
-        )
+    rows = [
+        {
+            "Kind": flag.kind,
+            "Place": gear_text(flag.stage, flag.gear, flag.tooth),
+            "Stiffness loss (90 %)": flag_loss(flag) or "not estimated",
+            "False-alarm probability": probability_text(flag.false_alarm_probability),
+            "Evidence": "; ".join(flag.evidence),
+        }
         for flag in analysis.flags
-    )
-    headings = ("Kind", "Place", "Stiffness loss (90 %)", "False-alarm probability", "Evidence")
-    return Table(headings=headings, rows=rows, align="lllrl")
+    ]
+    return Table.of(rows, "lllrl")
+
+
+def flag_loss(flag: Flag) -> str:
+    """Return the estimated loss of stiffness with its interval, "" if there is none."""
+    return loss_text(flag.stiffness_loss, flag.stiffness_loss_low, flag.stiffness_loss_high)
 
 
 def indicator_table(analysis: Analysis) -> tuple[Table, tuple[tuple[str, str], ...]]:
@@ -280,38 +277,21 @@ def _plain_name(name: str) -> str:
 
 
 def change_table(analysis: Analysis) -> Table:
-    """Return all changes, the most significant first."""
+    """Return all changes, the most significant first, those beyond `BEYOND` marked."""
     changes = sorted(analysis.changes, key=lambda change: -abs(change.standardised))
-    rows = tuple(
-        (
-            change.channel,
-            change.family,
-            f"{change.level_db:.1f}",
-            f"{change.reference_db:.1f}",
-            _signed(change.change_db),
-            f"{change.scatter_db:.1f}",
-            _signed(change.standardised),
-        )
+    rows = [
+        {
+            "Channel": change.channel,
+            "Family of lines": change.family,
+            "Level (dB)": f"{change.level_db:.1f}",
+            "Healthy (dB)": f"{change.reference_db:.1f}",
+            "Change (dB)": f"{change.change_db:+.1f}".replace("-", "−"),
+            "Scatter (dB)": f"{change.scatter_db:.1f}",
+            "Change / scatter": f"{change.standardised:+.1f}".replace("-", "−"),
+        }
         for change in changes
-    )
-    return Table(
-        headings=(
-            "Channel",
-            "Family of lines",
-            "Level (dB)",
-            "Healthy (dB)",
-            "Change (dB)",
-            "Scatter (dB)",
-            "Change / scatter",
-        ),
-        rows=rows,
-        align="llrrrrr",
-        marked=tuple(is_beyond(change) for change in changes),
-    )
-
-
-def _signed(value: float) -> str:
-    return f"{value:+.1f}".replace("-", "−")
+    ]
+    return Table.of(rows, "llrrrrr", marked=[is_beyond(change) for change in changes])
 
 
 def settings_table(analysis: Analysis, reference: Reference | None, machine: Machine) -> Table:
@@ -322,7 +302,7 @@ def settings_table(analysis: Analysis, reference: Reference | None, machine: Mac
         ("Machine file", printable(machine.path) or "none (built in a program)"),
         ("Teeth", "; ".join(_teeth(machine))),
         ("Operating points", "; ".join(_operating(machine))),
-        ("Reference", _origins(reference)),
+        ("Reference", printable("; ".join(reference.origins)) if reference else "none"),
         ("Search for the speed", f"± {percent(SPEED_TOLERANCE, 0)} about each nominal speed"),
         (
             "Order analysis",
@@ -360,31 +340,19 @@ def _operating(machine: Machine) -> list[str]:
     return parts
 
 
-def _origins(reference: Reference | None) -> str:
-    if reference is None:
-        return "none"
-    return printable("; ".join(reference.origins))
-
-
 def overview_table(analyses: Sequence[Analysis]) -> Table:
     """Return one row a recording, for reports on several."""
-    rows = tuple(
-        (
-            printable(analysis.recording),
-            analysis.verdict,
-            score_text(analysis.score),
-            probability_text(analysis.false_alarm_probability),
-            f"{analysis.signature.speed.estimated_hz:.4f}" if analysis.signature.found else "–",
-            analysis.reason,
-        )
-        for analysis in analyses
-    )
-    headings = (
-        "Recording",
-        "Verdict",
-        "Score",
-        "False-alarm probability",
-        "Shaft 1 (Hz)",
-        "Reason",
-    )
-    return Table(headings=headings, rows=rows, align="llrrrl")
+    rows = [
+        {
+            "Recording": printable(own.recording),
+            "Verdict": own.verdict,
+            "Score": score_text(own.score),
+            "False-alarm probability": probability_text(own.false_alarm_probability),
+            "Shaft 1 (Hz)": f"{own.signature.speed.estimated_hz:.4f}"
+            if own.signature.found
+            else "–",
+            "Reason": own.reason,
+        }
+        for own in analyses
+    ]
+    return Table.of(rows, "llrrrl")

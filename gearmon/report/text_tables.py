@@ -31,14 +31,27 @@ class Table:
     marked: tuple[bool, ...] = ()
 
     @staticmethod
-    def of(rows: Sequence[dict[str, Any]]) -> Table:
-        """Make a table of rows with the same keys: six figures of a number, nothing for None."""
+    def of(
+        rows: Sequence[dict[str, Any]], align: str | None = None, marked: Sequence[bool] = ()
+    ) -> Table:
+        """Make a table of rows with the same keys: six figures of a number, nothing for None.
+
+        Parameters
+        ----------
+        rows : sequence of dict
+            Without rows there are no headings either.
+        align : str, optional
+            As in the table; by default columns of numbers stand to the right.
+        marked : sequence of bool
+            As in the table.
+        """
         names = tuple(rows[0]) if rows else ()
         number = [all(_is_number(row[name]) for row in rows) for name in names]
         return Table(
             headings=names,
             rows=tuple(tuple(_cell(row[name]) for name in names) for row in rows),
-            align="".join("r" if right else "l" for right in number),
+            align=align or "".join("r" if right else "l" for right in number),
+            marked=tuple(marked),
         )
 
 

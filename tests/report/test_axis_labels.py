@@ -70,8 +70,9 @@ def test_pictures_of_an_analysis(faulty, alone, gearless):
     gear = found["turn-1-gear"]
     assert any(label.startswith("Tooth") for label in gear)
     found["turn-1-gear"] = {
-        label if not label.startswith("Tooth") else
-        "Tooth, from the start of the recording (relative: no tachometer on this shaft)"
+        label
+        if not label.startswith("Tooth")
+        else "Tooth, from the start of the recording (relative: no tachometer on this shaft)"
         for label in gear
     }
     assert found == OF_AN_ANALYSIS
