@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -254,6 +255,14 @@ def _wrapped(number: FloatArray, gear: WheelLines | ToothProfile) -> FloatArray:
     return np.asarray((number - 0.5) % gear.teeth + 0.5, dtype=float)
 
 
+def _rpm(speed_hz: Any) -> Any:
+    return 60.0 * speed_hz
+
+
+def _hz(speed_rpm: Any) -> Any:
+    return speed_rpm / 60.0
+
+
 @style()
 def speed_figure(analysis: Analysis) -> Picture:
     """Draw the speed of shaft 1 over time.
@@ -285,7 +294,7 @@ def speed_figure(analysis: Analysis) -> Picture:
     ax.set_xlabel("Time (s)")
     ax.set_ylabel("Shaft 1 (Hz)")
     ax.ticklabel_format(useOffset=False)
-    right = ax.secondary_yaxis("right", functions=(lambda hz: 60.0 * hz, lambda rpm: rpm / 60.0))
+    right = ax.secondary_yaxis("right", functions=(_rpm, _hz))
     right.set_ylabel("Shaft 1 (rpm)")
     light_grid(ax)
     legend(figure, [ax])

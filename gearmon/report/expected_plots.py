@@ -49,7 +49,7 @@ def stability_figure(stability: StabilityMap) -> Picture:
         bar = figure.colorbar(filled, ax=ax, format="%.2g")
         bar.set_label("growth: ln of the largest multiplier, per mesh period")
     else:
-        middle = {"transform": ax.transAxes, "ha": "center", "va": "center"}
+        middle: dict[str, Any] = {"transform": ax.transAxes, "ha": "center", "va": "center"}
         ax.text(0.5, 0.5, "stable everywhere", color=GREY, fontsize=13, **middle)
     for tongue in stability.tongues:
         _plot_boundary(tongue, tongue.exact, BLACK, "-", "boundary, exact", ax)
@@ -63,8 +63,8 @@ def stability_figure(stability: StabilityMap) -> Picture:
     ax.set_title(f"damping ratio {stability.chart.damping_ratio:.3g}", fontsize=10)
     handles = named_handles([ax])
     # below the axes, where it hides nothing
-    place = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.13), "ncols": 5}
-    ax.legend(handles.values(), handles.keys(), fontsize=8, frameon=False, **place)  # type: ignore[arg-type]
+    place: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.13), "ncols": 5}
+    ax.legend(list(handles.values()), list(handles), fontsize=8, frameon=False, **place)
     return figure
 
 
@@ -137,7 +137,7 @@ def family_figure(family: FaultFamily, operating: int | None = None) -> Picture:
         ax.set_visible(False)
     for ax in axes[:, 0]:
         ax.set_ylabel("dB re healthy mesh lines")
-    named = named_handles(axes.flat[: len(kinds)])
+    named = named_handles(list(axes.flat[: len(kinds)]))
     named["teeth part: beyond the linear model"] = axes.flat[0].plot(
         [], [], "o", markersize=9, markerfacecolor="none", markeredgecolor=GREY
     )[0]

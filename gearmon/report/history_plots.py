@@ -156,7 +156,7 @@ def _mark_changes(
     """Draw when something changed, and the interval of that time."""
     for number, change in enumerate(changes):
         ax.axvspan(_days(change.low_s), _days(change.high_s), lw=0, **interval)
-        line = {"color": interval["color"], "linewidth": 0.85, "linestyle": "--"}
+        line: dict[str, Any] = {"color": interval["color"], "linewidth": 0.85, "linestyle": "--"}
         ax.axvline(_days(change.time_s), label="_" if number else label, **line)
 
 

@@ -20,11 +20,14 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatterMathtext, LogFormatterSciNotation
+from numpy.typing import NDArray
 from PIL import Image
 
 from gearmon.files import replacing, write_atomically
 from gearmon.report.palette import BLACK, LIGHT_GREY, VERDICT_STYLE
 from gearmon.report.wording import power_of_ten
+
+_Floats = Sequence[float] | NDArray[np.float64]
 
 # Width of the text on an A4 page with 15 mm margins [inch].
 PAGE_WIDTH_IN = 7.1
@@ -111,7 +114,8 @@ class Picture(Figure):
         self.many_colours = many_colours
         self.name = self.heading = self.caption = self.alt = ""
         # marks on an axis are made when it is drawn, in the style of that moment
-        self._style = {name: matplotlib.rcParams[name] for name in _STYLE}
+        settings: Any = matplotlib.rcParams
+        self._style: Any = {name: settings[name] for name in _STYLE}
 
     def told(self, *, name: str, heading: str, caption: str, alt: str) -> Picture:
         """Give the figure its words, and return it."""
@@ -248,7 +252,7 @@ def plot_marks(
 
 
 def plot_verdicts(
-    x: Sequence[float], scores: Sequence[float], verdicts: Sequence[str], ax: Axes, size: float
+    x: _Floats, scores: _Floats, verdicts: Sequence[str], ax: Axes, size: float
 ) -> None:
     """Draw scores, each with the colour and the shape of its verdict."""
     for verdict, marker in VERDICT_MARKERS.items():

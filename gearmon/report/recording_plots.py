@@ -90,7 +90,7 @@ def order_map_figure(found: OrderSpectra) -> Picture:
     label_marks(line_marks(found.marks, *_ends(found)), axes[0])
     axes[-1].set_xlabel(order_axis(found))
     left_label(figure, axes, "Time (s)" if over_time else f"Speed of shaft {found.shaft} (Hz)")
-    if not over_time and np.any(np.ma.getmaskarray(axes[0].images[0].get_array())):
+    if not over_time and np.ma.is_masked(axes[0].images[0].get_array()):
         figure.text(0.995, 0.004, "grey: speeds that were not recorded", ha="right", fontsize=6)
     return figure
 

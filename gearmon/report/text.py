@@ -167,10 +167,10 @@ def line_table_text(lines: LineTable) -> str:
     rows = [
         ({"operating": row.operating} if several else {})
         | {
-            "stage": "–" if row.stage is None else row.stage,
+            "stage": "–" if row.stage is None else str(row.stage),
             "kind": row.kind,
             "line": row.name,
-            "shaft": "–" if row.shaft is None else row.shaft,
+            "shaft": "–" if row.shaft is None else str(row.shaft),
             "order": f"{row.order:.5f}",
             "Hz": f"{row.frequency_hz:.3f}",
         }
