@@ -276,11 +276,11 @@ def test_teeth_are_numbered_honestly(healthy, tooth, counted_from, words):
     assert list(ax.get_xticks()) == list(range(1, 24))
 
 
-def test_teeth_counted_from_the_reference_keep_their_number(healthy):
-    own = profile_of(healthy.analysis, 1, "pinion")
+def test_teeth_counted_from_the_reference_keep_their_number(faulty):
+    own = profile_of(faulty.analysis, 1, "pinion")
     moved = replace(own, tooth=9, counted_from="reference")
-    analysis = replace(healthy.analysis, profiles=(moved,))
-    ax = turn_figure(analysis, pinion(healthy)).axes[-1]
+    analysis = replace(faulty.analysis, profiles=(moved,))
+    ax = turn_figure(analysis, pinion(faulty)).axes[-1]
     assert "tooth 9: " in texts(ax)[0]
     highest = max(ax.patches, key=lambda bar: bar.get_height())
     assert highest.get_x() + 0.4 == pytest.approx(9, abs=1)
