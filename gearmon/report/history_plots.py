@@ -9,9 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 
-from gearmon.diagnosis.change_shapes import ChangePoint
-from gearmon.diagnosis.history_trends import HistoryTrends
-from gearmon.diagnosis.tooth_trends import SECONDS_PER_DAY, ToothTrend
+from gearmon.diagnosis.history import SECONDS_PER_DAY, ChangePoint, HistoryTrends, ToothTrend
 from gearmon.report.history_text import told_teeth
 from gearmon.report.palette import BLACK, GREY, LIGHT_GREY, VERMILLION, series_colour, series_marker
 from gearmon.report.plots import Picture, legend, light_grid, new_figure, plot_verdicts, style

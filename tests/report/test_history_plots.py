@@ -3,8 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gearmon.diagnosis.history import Entry, History, Place
-from gearmon.diagnosis.history_trends import history_trends
+from gearmon.diagnosis.history import Entry, History, Place, history_trends
 from gearmon.report.demo_plots import DayView, KindView, day_figure, kind_figure
 from gearmon.report.history_plots import history_figure
 from gearmon.report.plots import as_png
