@@ -68,6 +68,8 @@ class Evidence:
                 for name in ("levels", "tooth")
                 if name in told
             }
+            # and smears single sidebands most
+            told["runout"] = min(0.0, told["runout"])
         return told
 
     @property

@@ -4,7 +4,7 @@ Synchronous averages of the references, as complex lines, are turned to the same
 for the state of the new recording (`state`). About each mesh harmonic the healthy pattern may
 change by a complex gain that varies slowly across the band: load, sensor gain and mounting change
 the gain, a small change of speed moves every line to another place of the path's response and makes
-the gain vary. Gains have a prior about one: they explain little that a healthy machine would not do.
+the gain vary. Gains have a prior about one: they explain little that no healthy machine would do.
 Beyond that, every line departs by a share of how loud the pattern is about it: the prior of the
 state's law, sharpened band by band by how far the references depart from one another. Pitch errors
 and eccentricities of the machine itself cancel.
