@@ -47,11 +47,12 @@ def run_family(arguments: argparse.Namespace) -> int:
         raise ArgumentError("no fault is left: " + "; ".join(family.notes))
     result = family.to_dict()
     if output:
-        from gearmon.report.family_plots import save_family_figure
+        from gearmon.report.expected_plots import family_figure
+        from gearmon.report.plots import save
 
         family.write(output, arguments.mesh_harmonics, arguments.sidebands)
         picture = Path(output).with_suffix(".png")
-        result["pictures"] = [str(save_family_figure(family, picture))]
+        result["pictures"] = [str(save(family_figure(family), picture))]
     show(arguments, result, lambda: _lines(result))
     return DONE
 

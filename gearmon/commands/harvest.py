@@ -45,10 +45,11 @@ def run_harvest(arguments: argparse.Namespace) -> int:
         )
     result = survey.to_dict()
     if arguments.output:
-        from gearmon.report.harvest_plots import save_harvest_figures
+        from gearmon.report.harvest_plots import harvest_figures
+        from gearmon.report.plots import save_all
 
         write_table(arguments.output, result, lambda: rows_as_csv(survey.rows()))
-        pictures = save_harvest_figures(survey, Path(arguments.output).with_suffix(".png"))
+        pictures = save_all(harvest_figures(survey), Path(arguments.output).with_suffix(".png"))
         result["pictures"] = [str(path) for path in pictures]
     show(
         arguments,

@@ -112,7 +112,8 @@ def _entries(
 def _written(output: str, found: HistoryTrends, result: dict[str, Any]) -> list[str]:
     """Write the table under the name, and the picture beside it."""
     from gearmon.diagnosis.history import export_history
-    from gearmon.report.history_plots import save_history_picture
+    from gearmon.report.history_plots import history_figure
+    from gearmon.report.plots import save
 
     target, files = Path(output), []
     if target.suffix.lower() == ".json":
@@ -121,7 +122,7 @@ def _written(output: str, found: HistoryTrends, result: dict[str, Any]) -> list[
     elif target.suffix.lower() != ".png":
         files.append(str(export_history(found.history, target)))
     if found.history.entries:
-        files.append(str(save_history_picture(found, target.with_suffix(".png"))))
+        files.append(str(save(history_figure(found), target.with_suffix(".png"))))
     return files
 
 

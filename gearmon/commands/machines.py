@@ -50,11 +50,12 @@ def run_stiffness(arguments: argparse.Namespace) -> int:
     )
     result = report.to_dict()
     if arguments.output:
-        from gearmon.report.stiffness_plots import save_stiffness_figures
+        from gearmon.report.plots import save_all
+        from gearmon.report.stiffness_plots import stiffness_figures
 
         write_table(arguments.output, result, lambda: rows_as_csv(report.rows()))
         picture = Path(arguments.output).with_suffix(".png")
-        result["pictures"] = [str(path) for path in save_stiffness_figures(report, picture)]
+        result["pictures"] = [str(path) for path in save_all(stiffness_figures(report), picture)]
     show(arguments, result, lambda: _stiffness_lines(result, report.rows(), table_lines))
     return DONE
 
@@ -71,10 +72,11 @@ def _run_forms(arguments: argparse.Namespace) -> int:
     comparison = compare_forms(machine_of(arguments.machine), stage=arguments.stage or 1)
     result = comparison.to_dict()
     if arguments.output:
-        from gearmon.report.form_plots import save_form_figure
+        from gearmon.report.plots import save
+        from gearmon.report.stiffness_plots import form_figure
 
         write_table(arguments.output, result, lambda: rows_as_csv(comparison.rows()))
-        picture = save_form_figure(comparison, Path(arguments.output).with_suffix(".png"))
+        picture = save(form_figure(comparison), Path(arguments.output).with_suffix(".png"))
         result["pictures"] = [str(picture)]
     show(
         arguments,
@@ -149,7 +151,8 @@ def run_stability(arguments: argparse.Namespace) -> int:
     result: dict[str, Any] = {"machine": machine.name, "rows": rows}
     if arguments.output:
         from gearmon.dynamics.stability_map import stability_map_of
-        from gearmon.report.stability_plots import save_stability_figure
+        from gearmon.report.expected_plots import stability_figure
+        from gearmon.report.plots import save
 
         write_table(arguments.output, result, lambda: rows_as_csv(rows))
         base = Path(arguments.output)
@@ -159,7 +162,7 @@ def run_stability(arguments: argparse.Namespace) -> int:
             for number, (stage, problem) in enumerate(drawn.items(), start=1):
                 chart = stability_map_of(problem, points=CHART_POINTS)
                 target = base.with_name(f"{base.stem}-stage{stage}.png")
-                pictures.append(str(save_stability_figure(chart, target)))
+                pictures.append(str(save(stability_figure(chart), target)))
                 if progress is not None:
                     progress(number / len(drawn))
         result["pictures"] = pictures

@@ -81,9 +81,10 @@ def _history(arguments: argparse.Namespace) -> IndicatorHistory | None:
 
 
 def _indicator_picture(tables: list[IndicatorTable], path: Path) -> list[Path]:
-    from gearmon.report.indicator_plots import save_indicator_picture
+    from gearmon.report.plots import save
+    from gearmon.report.recording_plots import indicator_figure
 
-    return [save_indicator_picture(tables, path)]
+    return [save(indicator_figure(tables), path)]
 
 
 def _indicator_lines(result: dict[str, Any], tables: list[IndicatorTable]) -> list[str]:
@@ -124,13 +125,14 @@ def run_spectrum(arguments: argparse.Namespace) -> int:
     )
     result = found.to_dict()
     if arguments.output:
-        from gearmon.report.spectrum_command_plots import save_spectrum_picture
+        from gearmon.report.plots import save
+        from gearmon.report.spectrum_plots import spectrum_figure
 
         result["pictures"] = _written(
             arguments.output,
             result,
             found.rows,
-            lambda path: [save_spectrum_picture(found, path)],
+            lambda path: [save(spectrum_figure(found), path)],
         )
     title = f"{found.recording}: {found.value_name}, highest peaks"
     show(arguments, result, lambda: _peak_lines(title, result))
@@ -175,15 +177,15 @@ def _orders_written(
     only_map: bool,
 ) -> tuple[list[str], list[str]]:
     """Write spectrum, map, averages and their lines, each under its own name, and pictures."""
-    from gearmon.report.average_plots import save_average_pictures
-    from gearmon.report.order_map_plots import save_order_map
-    from gearmon.report.order_plots import save_order_picture
+    from gearmon.report.plots import save, save_all
+    from gearmon.report.recording_plots import average_figures, order_map_figure
+    from gearmon.report.spectrum_plots import order_figure
     from gearmon.report.text_tables import rows_as_csv
 
     picture = target.with_suffix(".png")
     if only_map:
         parts: list[tuple[Path, Callable[[], list[dict[str, Any]]]]] = [(target, found.map_rows)]
-        drawn = [save_order_map(found, picture)]
+        drawn = [save(order_map_figure(found), picture)]
     else:
         parts = [
             (target, found.rows),
@@ -192,9 +194,9 @@ def _orders_written(
             (_beside(target, "lines"), averages.line_rows),
         ]
         drawn = [
-            save_order_picture(found, picture),
-            save_order_map(found, _beside(picture, "map")),
-            *save_average_pictures(averages, _beside(picture, "average")),
+            save(order_figure(found), picture),
+            save(order_map_figure(found), _beside(picture, "map")),
+            *save_all(average_figures(averages), _beside(picture, "average")),
         ]
     tables = []
     if target.suffix.lower() != ".png":

@@ -16,7 +16,8 @@ from gearmon.diagnosis.decision import LIMITS
 from gearmon.diagnosis.results import Analysis
 from gearmon.files import write_atomically
 from gearmon.machine import load_machine
-from gearmon.report.day_plots import DayView, save_day_picture
+from gearmon.report.demo_plots import DayView, day_figure
+from gearmon.report.plots import save
 from gearmon.signals.recording import Recording
 from gearmon.signatures.reference_storage import write_reference
 from gearmon.terminal import Progress
@@ -151,7 +152,7 @@ def day_demo(folder: Path, progress: Progress | None = None) -> DayDemo:
         channel_names=healthy[0].vibration().channel_names,
     )
     picture, story = folder / "day.png", folder / "day.txt"
-    save_day_picture(view, picture)
+    save(day_figure(view), picture)
     demo = DayDemo(folder=folder, analyses=tuple(analyses), view=view, picture=picture, story=story)
     write_atomically(story, "\n".join(demo.told()) + "\n")
     return demo

@@ -22,8 +22,9 @@ from gearmon.diagnosis.history import (
 from gearmon.files import write_atomically
 from gearmon.gears.faults import Fault
 from gearmon.machine import load_machine
-from gearmon.report.history_plots import save_history_picture
+from gearmon.report.history_plots import history_figure
 from gearmon.report.history_text import history_lines, moment_text
+from gearmon.report.plots import save
 from gearmon.signatures.reference_storage import write_reference
 from gearmon.terminal import Progress
 
@@ -167,7 +168,7 @@ def growth_demo(folder: Path, progress: Progress | None = None) -> GrowthDemo:
     found = history_trends(read_history(store, machine.name), limit=LIMIT)
     picture, story = folder / "growth.png", folder / "growth.txt"
     losses = tuple(true_loss(number) for number in range(RECORDINGS))
-    save_history_picture(found, picture, losses)
+    save(history_figure(found, losses), picture)
     demo = GrowthDemo(
         folder=folder,
         found=found,

@@ -11,8 +11,9 @@ from gearmon.gears.faults import parse_fault
 from gearmon.harvesting.request import load_harvester
 from gearmon.harvesting.survey import Survey, survey_measured
 from gearmon.machine import Machine, load_machine
-from gearmon.report.harvest_plots import save_harvest_figures
+from gearmon.report.harvest_plots import harvest_figures
 from gearmon.report.harvest_text import harvest_lines
+from gearmon.report.plots import save_all
 from gearmon.signals.recording import Recording, read_recording
 from gearmon.simulation import simulate, write_simulation
 from gearmon.terminal import Progress
@@ -148,7 +149,7 @@ def harvest_demo(folder: Path, progress: Progress | None = None) -> HarvestDemo:
         shares=[point.share for point in machine.operating],
         degraded=damaged,
     )
-    pictures = save_harvest_figures(survey, folder / "harvest.png")
+    pictures = save_all(harvest_figures(survey), folder / "harvest.png")
     return HarvestDemo(folder=folder, survey=survey, pictures=tuple(pictures))
 
 

@@ -18,7 +18,8 @@ from gearmon.diagnosis.results import Analysis
 from gearmon.files import write_atomically
 from gearmon.gears.faults import Fault
 from gearmon.machine import Machine, load_machine
-from gearmon.report.kind_plots import KindView, save_kind_picture
+from gearmon.report.demo_plots import KindView, kind_figure
+from gearmon.report.plots import save
 from gearmon.report.text_tables import table_lines
 from gearmon.report.wording import percent
 from gearmon.signals.recording import Recording
@@ -198,7 +199,7 @@ def kinds_demo(folder: Path, progress: Progress | None = None) -> KindsDemo:
             judged.append(_judged(truth, load, analysis, reference, classifier))
             _follow(progress, (len(HEALTHY_LOADS) + 12 + len(judged)) / steps)
     picture, story = folder / "kinds.png", folder / "kinds.txt"
-    save_kind_picture([_view(truth, judged) for truth in STATES], picture)
+    save(kind_figure([_view(truth, judged) for truth in STATES]), picture)
     demo = KindsDemo(folder=folder, judged=tuple(judged), picture=picture, story=story)
     write_atomically(story, "\n".join(demo.told()) + "\n")
     return demo

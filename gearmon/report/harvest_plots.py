@@ -6,80 +6,60 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from gearmon.files import replacing
 from gearmon.harvesting.placement import Placed
 from gearmon.harvesting.survey import Survey
 from gearmon.harvesting.tuning import power_against_tuning
 from gearmon.harvesting.vibration import Vibration
 from gearmon.report.palette import BLACK, BLUE, GREY, VERMILLION, series_colour
+from gearmon.report.plots import Picture, sheet, sheet_style
 
-MICRO = 1e6
+_MICRO = 1e6
+_SIZE_IN = (8.0, 4.6)
 #: Lines that a picture shows of each operating point: more would be a black band.
-MOST_LINES_DRAWN = 400
-LONGEST_LABEL = 44
+_MOST_LINES_DRAWN = 400
+_LONGEST_LABEL = 44
 #: Columns of the response, what they are called and what they are multiplied by.
-RESPONSES = (
+_RESPONSES = (
     ("power_w", "mean power in µW", 1e6),
     ("voltage_v", "voltage amplitude in V", 1.0),
     ("travel_m", "tip amplitude in µm", 1e6),
     ("stress_pa", "peak stress in MPa", 1e-6),
 )
 #: Relative step of a measured curve: 1 % of frequency.
-CURVE_STEP = 0.01
+_CURVE_STEP = 0.01
 
 
-def save_harvest_figures(survey: Survey, path: str | Path) -> list[Path]:
-    """Write four PNG files beside each other.
+def harvest_figures(survey: Survey) -> dict[str, Picture]:
+    """Draw the four pictures of a survey: "-energy", "-tuning", "-positions" and "-response".
 
     Parameters
     ----------
     survey : Survey
-    path : str or Path
-        Name of the pictures; "-energy", "-tuning", "-positions" and "-response" are put
-        before its suffix.
-
-    Returns
-    -------
-    list of Path
     """
-    base = Path(path)
-    drawn = {"energy": plot_energy, "tuning": plot_tuning, "positions": plot_positions}
-    written = []
-    for name, draw in drawn.items():
-        figure = Figure(figsize=(8.0, 4.6), layout="constrained")
-        draw(survey, figure.add_subplot())
-        target = base.with_name(f"{base.stem}-{name}.png")
-        _save(figure, target)
-        written.append(target)
-    figure = Figure(figsize=(8.0, 4.6), layout="constrained")
-    plot_response(survey, figure)
-    written.append(base.with_name(f"{base.stem}-response.png"))
-    _save(figure, written[-1])
-    return written
+    return {
+        "-energy": energy_figure(survey),
+        "-tuning": tuning_figure(survey),
+        "-positions": positions_figure(survey),
+        "-response": response_figure(survey),
+    }
 
 
-def _save(figure: Figure, target: Path) -> None:
-    with replacing(target) as temporary:
-        figure.savefig(temporary, dpi=130, format="png")
-
-
-def plot_response(survey: Survey, figure: Figure) -> Figure:
+@sheet_style()
+def response_figure(survey: Survey) -> Picture:
     """Draw power, voltage, tip displacement and peak stress at 1 m/s2 against frequency.
 
     Parameters
     ----------
     survey : Survey
-    figure : Figure
-        Empty; of what is not modelled no panel is drawn.
+        Of what is not modelled no panel is drawn.
     """
-    rows = survey.response()
+    figure, rows = sheet(*_SIZE_IN), survey.response()
     if not rows:
         return figure
     panels = [
-        (name, label, factor) for name, label, factor in RESPONSES if rows[0][name] is not None
+        (name, label, factor) for name, label, factor in _RESPONSES if rows[0][name] is not None
     ]
     frequency = np.array([row["frequency_hz"] for row in rows])
     grid = figure.subplots(-(-len(panels) // 2), 2, squeeze=False, sharex=True)
@@ -98,14 +78,16 @@ def plot_response(survey: Survey, figure: Figure) -> Figure:
     return figure
 
 
-def plot_energy(survey: Survey, ax: Axes) -> Axes:
+@sheet_style()
+def energy_figure(survey: Survey) -> Picture:
     """Draw the energy of the lines at the best position, and the harvester's response over them.
 
     Parameters
     ----------
     survey : Survey
-    ax : Axes
     """
+    figure = sheet(*_SIZE_IN)
+    ax = figure.add_subplot()
     best = survey.best
     for number, point in enumerate(best.position.healthy):
         label = f"{_short(point.vibration.name)} ({100 * point.share:.0f} % of the time)"
@@ -121,22 +103,24 @@ def plot_energy(survey: Survey, ax: Axes) -> Axes:
         beside = ax.twinx()
         grid = np.geomspace(low, high, 4000)
         gain = best.tuned.harvester.gains(grid).power_w
-        beside.plot(grid, gain * MICRO, color=BLACK, linewidth=1.0, linestyle="--")
-        beside.set(yscale="log", ylim=(gain.max() * MICRO * 1e-6, gain.max() * MICRO * 30))
+        beside.plot(grid, gain * _MICRO, color=BLACK, linewidth=1.0, linestyle="--")
+        beside.set(yscale="log", ylim=(gain.max() * _MICRO * 1e-6, gain.max() * _MICRO * 30))
         beside.set_ylabel("harvester: µW per (m/s²)² (dashed)")
     ax.set_title(f"{_short(best.position.name)}: energy of the lines and what is tuned to them")
     ax.legend(fontsize=8, loc="upper left")
-    return ax
+    return figure
 
 
-def plot_tuning(survey: Survey, ax: Axes) -> Axes:
+@sheet_style()
+def tuning_figure(survey: Survey) -> Picture:
     """Draw mean power against natural frequency for the best positions, with the load found.
 
     Parameters
     ----------
     survey : Survey
-    ax : Axes
     """
+    figure = sheet(*_SIZE_IN)
+    ax = figure.add_subplot()
     for number, place in enumerate(survey.placed[:3]):
         if place.tuned is None:
             continue
@@ -146,12 +130,12 @@ def plot_tuning(survey: Survey, ax: Axes) -> Axes:
         near = middle * (1 + harvester.damping_ratio * np.linspace(-8, 8, 81))
         grid = np.unique(np.concatenate([np.geomspace(low, high, 240), near]))
         grid = grid[(grid >= low) & (grid <= high)]
-        power = power_against_tuning(harvester, place.position.healthy, grid) * MICRO
+        power = power_against_tuning(harvester, place.position.healthy, grid) * _MICRO
         colour = series_colour(number)
-        best = f"best {place.power_w * MICRO:.3g} µW at {middle:.4g} Hz"
+        best = f"best {place.power_w * _MICRO:.3g} µW at {middle:.4g} Hz"
         label = f"{_short(place.position.name)}: {best}"
         ax.plot(grid, power, color=colour, linewidth=1.2, label=label)
-        ax.plot(middle, place.power_w * MICRO, "o", color=colour, markersize=5)
+        ax.plot(middle, place.power_w * _MICRO, "o", color=colour, markersize=5)
     ax.set(xscale="log", yscale="log")
     bottom, top = ax.get_ylim()
     ax.set_ylim(max(bottom, top * 1e-7), top * 8)
@@ -160,7 +144,7 @@ def plot_tuning(survey: Survey, ax: Axes) -> Axes:
     _plain_frequencies(ax)
     ax.set_title("Power against tuning, load as chosen at the best")
     ax.legend(fontsize=8, loc="upper left")
-    return ax
+    return figure
 
 
 def _plain_frequencies(ax: Axes) -> None:
@@ -174,20 +158,22 @@ def _plain_frequencies(ax: Axes) -> None:
         )
 
 
-def plot_positions(survey: Survey, ax: Axes) -> Axes:
+@sheet_style()
+def positions_figure(survey: Survey) -> Picture:
     """Draw the mean power at every position, sound and damaged, with its uncertainty.
 
     Parameters
     ----------
     survey : Survey
-    ax : Axes
     """
+    figure = sheet(*_SIZE_IN)
+    ax = figure.add_subplot()
     names = [_short(place.position.name) for place in survey.placed]
     rows = np.arange(len(names))
-    power = np.array([place.power_w for place in survey.placed]) * MICRO
-    low = np.array([place.power_low_w for place in survey.placed]) * MICRO
-    high = np.array([place.power_high_w for place in survey.placed]) * MICRO
-    degraded = np.array([place.degraded_power_w for place in survey.placed]) * MICRO
+    power = np.array([place.power_w for place in survey.placed]) * _MICRO
+    low = np.array([place.power_low_w for place in survey.placed]) * _MICRO
+    high = np.array([place.power_high_w for place in survey.placed]) * _MICRO
+    degraded = np.array([place.degraded_power_w for place in survey.placed]) * _MICRO
     ax.barh(rows, power, height=0.5, color=BLUE, alpha=0.85, label="gears sound")
     known = np.isfinite(low)
     if known.any():
@@ -218,18 +204,18 @@ def plot_positions(survey: Survey, ax: Axes) -> Axes:
     ax.set_xlabel("mean power over the duty cycle in µW")
     ax.set_title("Where to put it")
     ax.legend(fontsize=8, loc="best")
-    return ax
+    return figure
 
 
 def _draw_energy(ax: Axes, vibration: Vibration, colour: str, label: str) -> None:
     """Lines as lines; a spectrum of bins as the curve of its peaks."""
     frequency, energy = vibration.frequency_hz, vibration.energy_j_per_kg
     if vibration.resolution_hz == 0:
-        shown = np.sort(np.argsort(-energy)[:MOST_LINES_DRAWN])
+        shown = np.sort(np.argsort(-energy)[:_MOST_LINES_DRAWN])
         feet = np.full(len(shown), energy.max() * 1e-9)
         ax.vlines(frequency[shown], feet, energy[shown], color=colour, linewidth=1.3, label=label)
         return
-    group = np.floor(np.log(frequency) / CURVE_STEP).astype(np.int64)
+    group = np.floor(np.log(frequency) / _CURVE_STEP).astype(np.int64)
     starts = np.flatnonzero(np.diff(group, prepend=group[0] - 1))
     peaks = np.maximum.reduceat(energy, starts)
     ax.plot(frequency[starts], peaks, color=colour, linewidth=0.9, label=label)
@@ -263,4 +249,4 @@ def _span(place: Placed) -> tuple[float, float]:
 
 def _short(text: str) -> str:
     name = Path(text).name if "/" in text else text
-    return name if len(name) <= LONGEST_LABEL else name[: LONGEST_LABEL - 1] + "…"
+    return name if len(name) <= _LONGEST_LABEL else name[: _LONGEST_LABEL - 1] + "…"

@@ -3,31 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
-from matplotlib.figure import Figure
 
-from gearmon.diagnosis.history import SECONDS_PER_DAY, Entry, HistoryTrends, ToothTrend
-from gearmon.files import write_atomically
+from gearmon.diagnosis.history import SECONDS_PER_DAY, ChangePoint, HistoryTrends, ToothTrend
 from gearmon.report.history_text import told_teeth
-from gearmon.report.palette import (
-    BLACK,
-    GREY,
-    LIGHT_GREY,
-    VERDICT_STYLE,
-    VERMILLION,
-    series_colour,
-    series_marker,
-)
-from gearmon.report.plots import as_png, legend, light_grid, new_figure, style
+from gearmon.report.palette import BLACK, GREY, LIGHT_GREY, VERMILLION, series_colour, series_marker
+from gearmon.report.plots import Picture, legend, light_grid, new_figure, plot_verdicts, style
 from gearmon.report.wording import gear_text
 
 #: Teeth that get a colour, and others that are drawn behind them in grey.
-MOST_TEETH, MOST_OTHERS = 4, 200
-_MARKERS = {"healthy": "o", "cannot tell": "^", "fault": "s", "no mesh found": "x"}
+_MOST_TEETH, _MOST_OTHERS = 4, 200
 #: How far beyond the recordings a trend is drawn towards its limit, in lengths of the history.
 _AHEAD = 1.0
 #: The scale of losses reaches to this at least [%].
@@ -36,33 +25,17 @@ _LEAST_SHOWN = 5.0
 _LEAST_SCORE = 2.0
 
 
-def save_history_picture(
-    found: HistoryTrends, path: Path, known_loss: Sequence[float] | None = None
-) -> Path:
-    """Draw a history and write the picture.
+@style()
+def history_figure(found: HistoryTrends, known_loss: Sequence[float] | None = None) -> Picture:
+    """Draw losses over time, if any were estimated or are known, and the scores.
 
     Parameters
     ----------
     found : HistoryTrends
         With at least one recording.
-    path : Path
-        Name of the PNG.
     known_loss : sequence of float, optional
         What the loss is known to have been in each recording, where it is simulated.
-
-    Returns
-    -------
-    Path
-        `path`.
     """
-    with style():
-        png = as_png(history_figure(found, known_loss))
-    write_atomically(path, png)
-    return path
-
-
-def history_figure(found: HistoryTrends, known_loss: Sequence[float] | None = None) -> Figure:
-    """Draw losses over time, if any were estimated or are known, and the scores."""
     losses = bool(found.teeth) or known_loss is not None
     heights = [2.3, 1.15] if losses else [1.8]
     top = 0.74 if found.shown else 0.45 if losses else 0.35
@@ -71,7 +44,7 @@ def history_figure(found: HistoryTrends, known_loss: Sequence[float] | None = No
         _losses(found, axes[0])
     if known_loss is not None:
         axes[0].plot(
-            [float(_days(entry.time_s)) for entry in found.history.entries],
+            _days([entry.time_s for entry in found.history.entries]),
             100 * np.asarray(known_loss, dtype=float),
             color=BLACK,
             linewidth=0.9,
@@ -87,14 +60,14 @@ def history_figure(found: HistoryTrends, known_loss: Sequence[float] | None = No
     return figure
 
 
-def _days(time_s: float | np.ndarray) -> np.ndarray:
+def _days(time_s: Any) -> Any:
     return np.asarray(time_s, dtype=float) / SECONDS_PER_DAY
 
 
 def _losses(found: HistoryTrends, ax: Axes) -> None:
-    shown = told_teeth(found)[:MOST_TEETH]
+    shown = told_teeth(found)[:_MOST_TEETH]
     others = [tooth for tooth in found.teeth if tooth not in shown]
-    for number, tooth in enumerate(others[:MOST_OTHERS]):
+    for number, tooth in enumerate(others[:_MOST_OTHERS]):
         series = tooth.trend.series
         ax.plot(
             _days(series.time_s),
@@ -170,52 +143,29 @@ def _trend(tooth: ToothTrend, start: float, end: float, colour: str, ax: Axes) -
             zorder=0,
             label=f"trend, {100 * tooth.trend.level:.3g} % interval",
         )
-    for number, change in enumerate(tooth.trend.changes):
-        # the interval of the time stands at the foot: full height would hide what is drawn there
-        ax.axvspan(
-            float(_days(change.low_s)),
-            float(_days(change.high_s)),
-            ymax=0.04,
-            color=colour,
-            alpha=0.35,
-            lw=0,
-        )
-        ax.axvline(
-            float(_days(change.time_s)),
-            color=colour,
-            linewidth=0.8,
-            linestyle="--",
-            label="loss changed (interval at the foot)" if number == 0 else "_",
-        )
+    # the interval of the time stands at the foot: full height would hide what is drawn there
+    foot = {"color": colour, "alpha": 0.35, "ymax": 0.04}
+    _mark_changes(tooth.trend.changes, "loss changed (interval at the foot)", foot, ax)
+
+
+def _mark_changes(
+    changes: Sequence[ChangePoint], label: str, interval: dict[str, Any], ax: Axes
+) -> None:
+    """Draw when something changed, and the interval of that time."""
+    for number, change in enumerate(changes):
+        ax.axvspan(_days(change.low_s), _days(change.high_s), lw=0, **interval)
+        line: dict[str, Any] = {"color": interval["color"], "linewidth": 0.85, "linestyle": "--"}
+        ax.axvline(_days(change.time_s), label="_" if number else label, **line)
 
 
 def _scores(found: HistoryTrends, ax: Axes) -> None:
     entries = found.history.entries
-    for verdict, marker in _MARKERS.items():
-        own: Sequence[Entry] = [entry for entry in entries if entry.verdict == verdict]
-        if own:
-            ax.plot(
-                [float(_days(entry.time_s)) for entry in own],
-                [entry.score for entry in own],
-                linestyle="",
-                marker=marker,
-                markersize=4,
-                color=VERDICT_STYLE[verdict][0],
-                markeredgecolor=BLACK,
-                markeredgewidth=0.4,
-                label=verdict,
-            )
-    for number, change in enumerate(found.evidence.changes if found.evidence else ()):
-        ax.axvspan(
-            float(_days(change.low_s)), float(_days(change.high_s)), color=GREY, alpha=0.2, lw=0
-        )
-        ax.axvline(
-            float(_days(change.time_s)),
-            color=GREY,
-            linewidth=0.9,
-            linestyle="--",
-            label="evidence changed (interval shaded)" if number == 0 else "_",
-        )
+    times = _days([entry.time_s for entry in entries])
+    verdicts = [entry.verdict for entry in entries]
+    plot_verdicts(times, [entry.score for entry in entries], verdicts, ax, 4)
+    if found.evidence:
+        shade = {"color": GREY, "alpha": 0.2}
+        _mark_changes(found.evidence.changes, "evidence changed (interval shaded)", shade, ax)
     ax.set_ylabel("Score (−log₁₀ p)")
     low, high = ax.get_ylim()
     ax.set_ylim(min(0.0, low), max(high, _LEAST_SCORE))

@@ -15,9 +15,9 @@ from gearmon.diagnosis.results import Analysis, Flag
 from gearmon.errors import ArgumentError
 from gearmon.files import write_atomically
 from gearmon.machine import Machine
-from gearmon.report import tables
+from gearmon.report import text
 from gearmon.report.palette import VERDICT_STYLE
-from gearmon.report.wording import gear_text, loss_text, printable, probability_text
+from gearmon.report.wording import gear_text, printable, probability_text
 from gearmon.signals.recording import Recording
 from gearmon.signatures.reference import Reference
 
@@ -114,7 +114,8 @@ def _section(
 ) -> tuple[dict[str, Any], list[Path]]:
     """Draw one recording, write its pictures, and return what the template needs of it."""
     # drawing is slow to load, and text reports do without it
-    from gearmon.report.pictures import pictures
+    from gearmon.report.analysis_plots import analysis_figures
+    from gearmon.report.plots import as_png
 
     try:
         recording = next(supply)
@@ -123,16 +124,17 @@ def _section(
             f"recordings: {number - 1} given, fewer than the analyses; give one each"
         ) from None
     shown, files = [], []
-    for picture in pictures(analysis, recording, reference):
-        file = target.with_name(f"{target.stem}-{number:02d}-{picture.name}.png")
-        write_atomically(file, picture.png)
+    for figure in analysis_figures(analysis, recording, reference):
+        png = as_png(figure)
+        file = target.with_name(f"{target.stem}-{number:02d}-{figure.name}.png")
+        write_atomically(file, png)
         files.append(file)
         shown.append(
             {
-                "title": picture.title,
-                "caption": picture.caption,
-                "alt": printable(picture.alt),
-                "data": base64.b64encode(picture.png).decode("ascii"),
+                "title": figure.heading,
+                "caption": figure.caption,
+                "alt": printable(figure.alt),
+                "data": base64.b64encode(png).decode("ascii"),
             }
         )
     return _contents(number, analysis, reference, machine) | {"pictures": shown}, files
@@ -141,7 +143,7 @@ def _section(
 def _contents(
     number: int, analysis: Analysis, reference: Reference | None, machine: Machine
 ) -> dict[str, Any]:
-    indicators, definitions = tables.indicator_table(analysis)
+    indicators, definitions = text.indicator_table(analysis)
     background, colour, sign = VERDICT_STYLE[analysis.verdict]
     return {
         "anchor": f"recording-{number}",
@@ -151,28 +153,24 @@ def _contents(
         "background": background,
         "colour": colour,
         "sign": sign,
-        "facts": tables.facts(analysis),
+        "facts": text.facts(analysis),
         "flags": [_flag(flag) for flag in analysis.flags],
-        "warnings": [*analysis.warnings, *_unsaid_notes(analysis)],
-        "meshes": tables.mesh_table(analysis),
-        "flag_table": tables.flag_table(analysis),
+        "warnings": list(dict.fromkeys([*analysis.warnings, *analysis.signature.notes])),
+        "meshes": text.mesh_table(analysis),
+        "flag_table": text.flag_table(analysis),
         "indicators": indicators,
         "definitions": definitions,
-        "changes": tables.change_table(analysis),
+        "changes": text.change_table(analysis),
         "changes_shown": _CHANGES_SHOWN,
-        "settings": tables.settings_table(analysis, reference, machine),
+        "settings": text.settings_table(analysis, reference, machine),
     }
-
-
-def _unsaid_notes(analysis: Analysis) -> list[str]:
-    return [note for note in analysis.signature.notes if note not in analysis.warnings]
 
 
 def _flag(flag: Flag) -> dict[str, Any]:
     return {
         "kind": flag.kind,
         "place": gear_text(flag.stage, flag.gear, flag.tooth),
-        "loss": loss_text(flag.stiffness_loss, flag.stiffness_loss_low, flag.stiffness_loss_high),
+        "loss": text.flag_loss(flag),
         "probability": probability_text(flag.false_alarm_probability),
         "evidence": flag.evidence,
     }
@@ -195,7 +193,7 @@ def _rendered(
         made=datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
         version=__version__,
         sections=sections,
-        overview=tables.overview_table(analyses),
+        overview=text.overview_table(analyses),
         failures=failures,
         styles=VERDICT_STYLE,
     )

@@ -1,10 +1,16 @@
-"""Figures: size, lettering and files. The modules `plots*` are the only users of matplotlib."""
+"""Figures: size, lettering and files. The modules `*plots` are the only users of matplotlib.
+
+A function `..._figure` takes a result and returns a `Picture`: a matplotlib figure that keeps its
+style wherever it is drawn, and carries its words where a report needs them.
+"""
 
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import matplotlib
@@ -13,16 +19,27 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogFormatterMathtext, LogFormatterSciNotation
+from numpy.typing import NDArray
 from PIL import Image
 
-from gearmon.report.palette import BLACK, LIGHT_GREY
+from gearmon.files import replacing, write_atomically
+from gearmon.report.palette import BLACK, LIGHT_GREY, VERDICT_STYLE
+from gearmon.report.wording import power_of_ten
+
+_Floats = Sequence[float] | NDArray[np.float64]
 
 # Width of the text on an A4 page with 15 mm margins [inch].
 PAGE_WIDTH_IN = 7.1
-PNG_DOTS_PER_INCH = 190
+PNG_DOTS_PER_INCH, SHEET_DOTS_PER_INCH = 190, 130
+# Every verdict has a shape as well as a colour.
+VERDICT_MARKERS = {"healthy": "o", "cannot tell": "^", "fault": "s", "no mesh found": "x"}
 
+# Names of machines, channels and files may hold a dollar sign: it starts no formula.
+_PLAIN: dict[str, Any] = {"text.parse_math": False}
 # Letters of 7 to 8 points on a picture that fills the width of an A4 page.
 _STYLE: dict[str, Any] = {
+    **_PLAIN,
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],
     "font.size": 7.5,
@@ -53,6 +70,86 @@ def style() -> Iterator[None]:
         yield
 
 
+@contextmanager
+def sheet_style() -> Iterator[None]:
+    """Draw in the caller's own style, names as they are."""
+    with matplotlib.rc_context(_PLAIN):  # type: ignore[arg-type,unused-ignore]
+        yield
+
+
+class Picture(Figure):
+    """A figure that is drawn in the style that it was made in, with its words.
+
+    Not known to pyplot: it goes when its last user does.
+
+    Parameters
+    ----------
+    size_in : tuple of float
+        Width and height [inch].
+    dpi : float
+        Dots per inch of a PNG.
+    many_colours : bool
+        Whether it has areas in shades of colour. Lines and letters do with a palette: the same to
+        the eye at a third of the size.
+    layout : str, optional
+        As matplotlib's.
+
+    Attributes
+    ----------
+    name, heading, caption, alt : str
+        Part of a file name; heading; what to look for; and what is to be seen, for readers who do
+        not see it. Empty but in reports.
+    """
+
+    def __init__(
+        self,
+        size_in: tuple[float, float],
+        *,
+        dpi: float = PNG_DOTS_PER_INCH,
+        many_colours: bool = False,
+        layout: Any = None,
+    ) -> None:
+        super().__init__(figsize=size_in, dpi=dpi, layout=layout)
+        FigureCanvasAgg(self)
+        self.many_colours = many_colours
+        self.name = self.heading = self.caption = self.alt = ""
+        # marks on an axis are made when it is drawn, in the style of that moment
+        settings: Any = matplotlib.rcParams
+        self._style: Any = {name: settings[name] for name in _STYLE}
+
+    def told(self, *, name: str, heading: str, caption: str, alt: str) -> Picture:
+        """Give the figure its words, and return it."""
+        self.name, self.heading, self.caption, self.alt = name, heading, caption, alt
+        return self
+
+    def draw(self, renderer: Any) -> None:
+        """Draw in the figure's own style."""
+        for ax in self.axes:
+            for axis in (ax.xaxis, ax.yaxis):
+                if isinstance(axis.get_major_formatter(), LogFormatterMathtext):
+                    axis.set_major_formatter(_PowersOfTen())
+                if isinstance(axis.get_minor_formatter(), LogFormatterMathtext):
+                    axis.set_minor_formatter(_PowersOfTen())
+        with matplotlib.rc_context(self._style):
+            super().draw(renderer)
+
+
+class _PowersOfTen(LogFormatterSciNotation):
+    """Powers of ten without formulas: 10⁻³, 2×10⁻³."""
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        text = super().__call__(x, pos).replace(r"\times", "×")
+        text = re.sub(r"10\^\{(-?\d+)\}", lambda found: power_of_ten(int(found[1])), text)
+        return re.sub(r"\$\\mathdefault\{(.*)\}\$", r"\1", text)
+
+
+def sheet(width_in: float, height_in: float) -> Picture:
+    """Return an empty figure for several axes that make room for their own letters."""
+    return Picture(
+        (width_in, height_in), dpi=SHEET_DOTS_PER_INCH, many_colours=True, layout="constrained"
+    )
+
+
 def new_figure(
     heights_in: Sequence[float],
     *,
@@ -62,7 +159,8 @@ def new_figure(
     right_in: float = 0.12,
     gap_in: float = 0.12,
     sharex: bool = False,
-) -> tuple[Figure, list[Axes]]:
+    many_colours: bool = False,
+) -> tuple[Picture, list[Axes]]:
     """Return a figure as wide as a page, with axes one above the other.
 
     The margins are given, not found by measuring all letters: that took as long as drawing.
@@ -75,16 +173,11 @@ def new_figure(
         Margins, and the gap between neighbours [inch].
     sharex : bool
         Whether all have one horizontal scale, numbered at the lowest only.
-
-    Returns
-    -------
-    figure : Figure
-        Not known to pyplot: it goes when its last user does.
-    axes : list of Axes
+    many_colours : bool
+        See `Picture`.
     """
     height = top_in + bottom_in + sum(heights_in) + gap_in * (len(heights_in) - 1)
-    figure = Figure(figsize=(PAGE_WIDTH_IN, height))
-    FigureCanvasAgg(figure)
+    figure = Picture((PAGE_WIDTH_IN, height), many_colours=many_colours)
     left, width = left_in / PAGE_WIDTH_IN, 1 - (left_in + right_in) / PAGE_WIDTH_IN
     axes: list[Axes] = []
     below = height - top_in
@@ -101,14 +194,19 @@ def new_figure(
     return figure, axes
 
 
-def legend(figure: Figure, axes: Sequence[Axes], columns: int = 4) -> None:
-    """Put one legend above all axes: each name once, and only if something is drawn under it."""
+def named_handles(axes: Sequence[Axes]) -> dict[str, Artist]:
+    """Return what has a name on any of the axes: each name once, and only if it has data."""
     named: dict[str, Artist] = {}
     for ax in axes:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
-            data = getattr(handle, "get_xdata", lambda: [0])()
-            if len(data):
+            if len(getattr(handle, "get_xdata", lambda: [0])()):
                 named.setdefault(label, handle)
+    return named
+
+
+def legend(figure: Figure, axes: Sequence[Axes], columns: int = 4) -> None:
+    """Put one legend above all axes."""
+    named = named_handles(axes)
     figure.legend(
         list(named.values()),
         list(named),
@@ -127,40 +225,86 @@ def left_label(figure: Figure, axes: Sequence[Axes], text: str) -> None:
     figure.text(0.012, middle, text, rotation=90, ha="center", va="center", fontsize=7.5)
 
 
-def as_png(figure: Figure, *, many_colours: bool = False) -> bytes:
-    """Draw a figure as a PNG.
-
-    Parameters
-    ----------
-    figure : Figure
-        The figure.
-    many_colours : bool
-        Whether it has areas in shades of colour. Lines and letters do with a palette: the same to
-        the eye at a third of the size.
-
-    Returns
-    -------
-    bytes
-    """
-    figure.set_dpi(PNG_DOTS_PER_INCH)
-    canvas = FigureCanvasAgg(figure)
-    canvas.draw()  # type: ignore[no-untyped-call]
-    pixels = np.asarray(canvas.buffer_rgba())[:, :, :3]  # type: ignore[no-untyped-call]
-    image = Image.fromarray(np.ascontiguousarray(pixels))
-    if not many_colours:
-        image = image.quantize(256, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
-        # the palette averages nearby shades; paper stays white
-        colours = image.getpalette() or []
-        image.putpalette([255 if shade > 251 else shade for shade in colours])
-    file = io.BytesIO()
-    image.save(file, format="png", dpi=(PNG_DOTS_PER_INCH, PNG_DOTS_PER_INCH))
-    return file.getvalue()
+def above(ax: Axes, x: float, text: str, up: float = 3, **how: Any) -> None:
+    """Write a text above axes, at a place of their horizontal axis."""
+    how = {"xycoords": ("data", "axes fraction"), "ha": "center", "va": "bottom"} | how
+    ax.annotate(text, xy=(x, 1.0), xytext=(0, up), textcoords="offset points", **how)
 
 
 def light_grid(ax: Axes, axis: str = "y") -> None:
     """Put a grid behind the data that does not compete with it."""
     ax.grid(visible=True, axis=axis, color=LIGHT_GREY, linewidth=0.5)  # type: ignore[arg-type]
     ax.set_axisbelow(True)
+
+
+def common_scale(axes: Sequence[Axes]) -> None:
+    """Give all axes one vertical scale: it shows which channel is loud and which is not."""
+    limits = [ax.get_ylim() for ax in axes]
+    for ax in axes:
+        ax.set_ylim(min(low for low, _ in limits), max(high for _, high in limits))
+
+
+def plot_marks(
+    ax: Axes, x: Any, y: Any, marker: str | int, size: float, colour: str, **how: Any
+) -> None:
+    """Draw single values, with no line between them."""
+    ax.plot(x, y, linestyle="none", marker=marker, markersize=size, color=colour, **how)
+
+
+def plot_verdicts(
+    x: _Floats, scores: _Floats, verdicts: Sequence[str], ax: Axes, size: float
+) -> None:
+    """Draw scores, each with the colour and the shape of its verdict."""
+    for verdict, marker in VERDICT_MARKERS.items():
+        own = [number for number, given in enumerate(verdicts) if given == verdict]
+        if own:
+            places, values = [x[number] for number in own], [scores[number] for number in own]
+            edge = {"markeredgecolor": BLACK, "markeredgewidth": 0.4, "label": verdict}
+            plot_marks(ax, places, values, marker, size, VERDICT_STYLE[verdict][0], **edge)
+
+
+def as_png(figure: Figure) -> bytes:
+    """Draw a figure as a PNG."""
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()  # type: ignore[no-untyped-call]
+    pixels = np.asarray(canvas.buffer_rgba())[:, :, :3]  # type: ignore[no-untyped-call]
+    image = Image.fromarray(np.ascontiguousarray(pixels))
+    if not getattr(figure, "many_colours", True):
+        image = image.quantize(256, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+        # the palette averages nearby shades; paper stays white
+        colours = image.getpalette() or []
+        image.putpalette([255 if shade > 251 else shade for shade in colours])
+    file = io.BytesIO()
+    image.save(file, format="png", dpi=(figure.dpi, figure.dpi))
+    return file.getvalue()
+
+
+def save(figure: Figure, path: str | Path) -> Path:
+    """Write a figure in one step, in the format of the suffix; return the path."""
+    target = Path(path)
+    if target.suffix.lower() == ".png":
+        write_atomically(target, as_png(figure))
+        return target
+    with replacing(target) as temporary:
+        figure.savefig(temporary)
+    return target
+
+
+def save_all(figures: Mapping[str, Figure], path: str | Path) -> list[Path]:
+    """Write several figures beside each other, each with its name put before the suffix.
+
+    Parameters
+    ----------
+    figures : mapping of str to Figure
+        By what is added to the name: "-energy" for ``harvest-energy.png``; "" for nothing.
+    path : str or Path
+        The name that is added to.
+    """
+    target = Path(path)
+    return [
+        save(figure, target.with_name(f"{target.stem}{added}{target.suffix}"))
+        for added, figure in figures.items()
+    ]
 
 
 def spread(places: list[float], least: float, low: float, high: float) -> list[float]:
@@ -171,7 +315,7 @@ def spread(places: list[float], least: float, low: float, high: float) -> list[f
     places : list of float
         Wanted places, ascending.
     least : float
-        Least distance; halved until all fit.
+        Least distance; smaller where not all would fit.
     low, high : float
         Range that they may use.
 

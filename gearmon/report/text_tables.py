@@ -1,11 +1,85 @@
-"""Tables as aligned text and as CSV."""
+"""Tables as aligned text, as CSV and, in a report, as HTML."""
 
 from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table:
+    """A table of texts.
+
+    Parameters
+    ----------
+    headings : tuple of str
+        Headings of the columns.
+    rows : tuple of tuple of str
+        The rows.
+    align : str
+        One letter a column: "l" for text, "r" for numbers.
+    marked : tuple of bool
+        Rows to highlight; empty for none.
+    """
+
+    headings: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    align: str
+    marked: tuple[bool, ...] = ()
+
+    @staticmethod
+    def of(
+        rows: Sequence[dict[str, Any]], align: str | None = None, marked: Sequence[bool] = ()
+    ) -> Table:
+        """Make a table of rows with the same keys: six figures of a number, nothing for None.
+
+        Parameters
+        ----------
+        rows : sequence of dict
+            Without rows there are no headings either.
+        align : str, optional
+            As in the table; by default columns of numbers stand to the right.
+        marked : sequence of bool
+            As in the table.
+        """
+        names = tuple(rows[0]) if rows else ()
+        number = [all(_is_number(row[name]) for row in rows) for name in names]
+        return Table(
+            headings=names,
+            rows=tuple(tuple(_cell(row[name]) for name in names) for row in rows),
+            align=align or "".join("r" if right else "l" for right in number),
+            marked=tuple(marked),
+        )
+
+
+def table_lines(table: Table | Sequence[dict[str, Any]]) -> list[str]:
+    """Return a table in columns of equal width, two spaces apart: numbers stand to the right.
+
+    Parameters
+    ----------
+    table : Table or sequence of dict
+        A table, or rows with the same keys.
+
+    Examples
+    --------
+    >>> table_lines([{"name": "mesh", "Hz": 4.25}])
+    ['name    Hz', 'mesh  4.25']
+    """
+    table = table if isinstance(table, Table) else Table.of(table)
+    if not table.headings:
+        return ["(nothing)"]
+    everything = (table.headings, *table.rows)
+    widths = [max(map(len, column)) for column in zip(*everything, strict=True)]
+    return [
+        "  ".join(
+            cell.rjust(width) if side == "r" else cell.ljust(width)
+            for cell, width, side in zip(row, widths, table.align, strict=True)
+        ).rstrip()
+        for row in everything
+    ]
 
 
 def rows_as_csv(rows: Sequence[dict[str, Any]]) -> str:
@@ -27,35 +101,6 @@ def rows_as_csv(rows: Sequence[dict[str, Any]]) -> str:
         writer.writeheader()
         writer.writerows(rows)
     return text.getvalue()
-
-
-def table_lines(rows: Sequence[dict[str, Any]]) -> list[str]:
-    """Return rows as aligned text: words to the left, numbers to the right.
-
-    Parameters
-    ----------
-    rows : sequence of dict
-        Rows with the same keys.
-
-    Returns
-    -------
-    list of str
-    """
-    if not rows:
-        return ["(nothing)"]
-    names = list(rows[0])
-    cells = [[_cell(row[name]) for name in names] for row in rows]
-    widths = [max(len(name), *(len(row[i]) for row in cells)) for i, name in enumerate(names)]
-    right = [all(_is_number(row[name]) for row in rows) for name in names]
-    return [_line(names, widths, right), *(_line(row, widths, right) for row in cells)]
-
-
-def _line(cells: Iterable[str], widths: Sequence[int], right: Sequence[bool]) -> str:
-    padded = (
-        cell.rjust(width) if to_right else cell.ljust(width)
-        for cell, width, to_right in zip(cells, widths, right, strict=True)
-    )
-    return "  ".join(padded).rstrip()
 
 
 def _is_number(value: Any) -> bool:

@@ -10,8 +10,9 @@ from gearmon.harvesting.inertial import InertialHarvester
 from gearmon.harvesting.request import built_in
 from gearmon.harvesting.survey import survey_measured
 from gearmon.machine import Machine, OperatingPoint, ParallelStage
-from gearmon.report.harvest_plots import save_harvest_figures
+from gearmon.report.harvest_plots import harvest_figures
 from gearmon.report.harvest_text import harvest_lines
+from gearmon.report.plots import save_all
 from gearmon.signals.recording import Recording
 
 RATE = 4000.0
@@ -45,7 +46,7 @@ def survey(request):
 
 
 def test_four_pictures_are_written(survey, tmp_path):
-    written = save_harvest_figures(survey, tmp_path / "day.png")
+    written = save_all(harvest_figures(survey), tmp_path / "day.png")
     assert [p.name for p in written] == [
         "day-energy.png",
         "day-tuning.png",
@@ -55,6 +56,36 @@ def test_four_pictures_are_written(survey, tmp_path):
     for path in written:
         with Image.open(path) as picture:
             assert picture.size == (1040, 598)
+
+
+def test_figures_are_those_of_the_survey_in_the_units_of_their_axes(survey):
+    figures = harvest_figures(survey)
+    positions = figures["-positions"].axes[0]
+    assert positions.get_xlabel() == "mean power over the duty cycle in µW"
+    widths = [bar.get_width() for bar in positions.patches]
+    assert widths == pytest.approx([1e6 * place.power_w for place in survey.placed])
+    tuning = figures["-tuning"].axes[0]
+    assert tuning.get_ylabel() == "mean power over the duty cycle in µW"
+    best = next(line for line in tuning.lines if line.get_marker() == "o")
+    assert best.get_ydata()[0] == pytest.approx(1e6 * survey.best.power_w)
+    energy, beside = figures["-energy"].axes
+    assert energy.get_ylabel() == "energy of a line in J/kg, (2πfA)²/2"
+    assert beside.get_ylabel() == "harvester: µW per (m/s²)² (dashed)"
+    frequency, gain = beside.lines[0].get_data()
+    harvester = survey.best.tuned.harvester
+    assert gain == pytest.approx(1e6 * harvester.gains(frequency).power_w)
+    factors = {
+        "mean power in µW": ("power_w", 1e6),
+        "voltage amplitude in V": ("voltage_v", 1.0),
+        "tip amplitude in µm": ("travel_m", 1e6),
+        "peak stress in MPa": ("stress_pa", 1e-6),
+    }
+    rows = survey.response()
+    drawn = [ax for ax in figures["-response"].axes if ax.lines]
+    assert len(drawn) >= 2
+    for ax in drawn:
+        name, factor = factors[ax.get_ylabel()]
+        assert ax.lines[0].get_ydata() == pytest.approx([factor * row[name] for row in rows])
 
 
 def test_words_name_places_harvester_and_what_is_missing(survey):

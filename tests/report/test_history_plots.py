@@ -2,13 +2,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from gearmon.diagnosis.history import Entry, History, Place, history_trends
-from gearmon.report.day_plots import DayView, save_day_picture
-from gearmon.report.history_plots import history_figure, save_history_picture
-from gearmon.report.kind_plots import KindView, save_kind_picture
-from gearmon.report.plots import style
+from gearmon.report.demo_plots import DayView, KindView, day_figure, kind_figure
+from gearmon.report.history_plots import history_figure
+from gearmon.report.plots import as_png
 
 
 def history(losses=True, count=14):
@@ -48,8 +46,7 @@ def labels(figure):
 
 def test_losses_limit_and_scores_are_drawn():
     found = history_trends(history(), limit=0.3)
-    with style():
-        figure = history_figure(found, [0.0] * 14)
+    figure = history_figure(found, [0.0] * 14)
     upper, lower = figure.axes
     assert {
         "stage 1, pinion, tooth 2",
@@ -73,26 +70,24 @@ def test_losses_limit_and_scores_are_drawn():
 
 def test_losses_of_sound_teeth_do_not_fill_the_picture():
     quiet = history(count=4)
-    with style():
-        upper, lower = history_figure(history_trends(quiet)).axes
+    upper, lower = history_figure(history_trends(quiet)).axes
     assert upper.get_ylim()[1] >= 5.0
     assert lower.get_ylim()[1] >= 2.0
 
 
-def test_without_estimates_only_the_scores_are_drawn(tmp_path):
+def test_without_estimates_only_the_scores_are_drawn():
     found = history_trends(history(losses=False))
-    with style():
-        assert len(history_figure(found).axes) == 1
-    path = save_history_picture(found, tmp_path / "h.png")
-    with Image.open(path) as image:
-        assert image.size[0] > 1000
+    (ax,) = history_figure(found).axes
+    drawn = [line for line in ax.lines if line.get_label() in ("healthy", "fault")]
+    times = [entry.time_s / 86400.0 for entry in found.history.entries]
+    assert sorted(x for line in drawn for x in line.get_xdata()) == pytest.approx(times)
 
 
-def test_one_recording_can_be_drawn(tmp_path):
-    save_history_picture(history_trends(history(count=1), limit=0.2), tmp_path / "h.png")
+def test_one_recording_can_be_drawn():
+    assert as_png(history_figure(history_trends(history(count=1), limit=0.2)))
 
 
-def test_day_and_kinds_are_drawn(tmp_path):
+def test_day_and_kinds_are_drawn():
     hour = np.arange(6.0)
     view = DayView(
         hour=hour,
@@ -109,9 +104,12 @@ def test_day_and_kinds_are_drawn(tmp_path):
         KindView(title=title, features=("mesh", "far"), names=("a", "b"), value_db=np.ones((2, 2)))
         for title in ("one", "two")
     ]
-    for path in (
-        save_day_picture(view, tmp_path / "day.png"),
-        save_kind_picture(kinds, tmp_path / "kinds.png"),
-    ):
-        with Image.open(path) as image:
-            assert image.size[0] > 1000
+    load, speed, level, score = day_figure(view).axes
+    assert np.allclose(load.lines[0].get_ydata(), 100 * view.load)
+    assert np.array_equal(speed.lines[0].get_ydata(), view.speed_hz)
+    assert np.array_equal(level.lines[1].get_ydata(), -hour)
+    assert len(score.lines) == 4
+    one, two = kind_figure(kinds).axes
+    assert [one.get_title(loc="left"), two.get_title(loc="left")] == ["one", "two"]
+    assert [bar.get_height() for bar in one.patches] == [1.0] * 4
+    assert [label.get_text() for label in two.get_xticklabels()] == ["mesh", "far"]

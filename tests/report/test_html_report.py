@@ -10,7 +10,7 @@ import pytest
 
 from gearmon.errors import ArgumentError
 from gearmon.report.html import Failure, write_report
-from gearmon.report.tables import change_table, indicator_table
+from gearmon.report.text import change_table, indicator_table
 
 
 class Page(HTMLParser):

@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 from reference.small_gearbox import machine, recording
 
-from gearmon.report.average_plots import average_figure, save_average_pictures
-from gearmon.report.indicator_plots import indicator_figure
-from gearmon.report.order_map_plots import order_map_figure, plot_order_map, save_order_map
-from gearmon.report.order_plots import save_order_picture
-from gearmon.report.plots import new_figure, style
-from gearmon.report.tables import INDICATOR_DEFINITIONS
+from gearmon.report.plots import save, save_all
+from gearmon.report.recording_plots import (
+    average_figure,
+    average_figures,
+    indicator_figure,
+    order_map_figure,
+)
+from gearmon.report.spectrum_plots import order_figure
+from gearmon.report.text import INDICATOR_DEFINITIONS
 from gearmon.signals.order_map import order_map
 from gearmon.signatures.gear_averages import gear_averages
 from gearmon.signatures.indicator_table import indicator_table
@@ -42,8 +45,7 @@ def labels(figure):
     ("against", "words"), [("time", "Time (s)"), ("speed", "Speed of shaft 1 (Hz)")]
 )
 def test_map_names_its_axes_and_units(spectra, against, words):
-    with style():
-        figure = order_map_figure(spectra[against])
+    figure = order_map_figure(spectra[against])
     said = texts(figure)
     assert words in said
     assert "Order (cycles a turn of shaft 1)" in labels(figure)
@@ -53,8 +55,8 @@ def test_map_names_its_axes_and_units(spectra, against, words):
 
 def test_map_keeps_every_line_and_is_calibrated(spectra):
     found = spectra["time"]
-    _, (ax,) = new_figure([2.0])
-    image = plot_order_map(found, 0, ax)
+    ax = order_map_figure(found).axes[0]
+    image = ax.images[0]
     drawn = image.get_array()
     assert drawn.max() == pytest.approx(found.map.amplitude[:, 0, 2:].max())
     assert image.norm.vmax / image.norm.vmin <= 1e4 * (1 + 1e-9)
@@ -79,18 +81,16 @@ def test_speeds_never_driven_are_grey_and_said_so(spectra):
         blocks=np.ones(2, dtype=np.int64),
     )
     found = replace(spectra["speed"], map=gap)
-    _, (ax,) = new_figure([2.0])
-    drawn = plot_order_map(found, 0, ax).get_array()
+    figure = order_map_figure(found)
+    drawn = figure.axes[0].images[0].get_array()
     assert drawn.shape[0] == 3
     assert np.ma.getmaskarray(drawn)[1].all()
-    with style():
-        assert "speeds that were not recorded" in texts(order_map_figure(found))
+    assert "speeds that were not recorded" in texts(figure)
 
 
 def test_average_shows_the_whole_turn_with_its_errors(averages):
     for own in averages.gears:
-        with style():
-            figure = average_figure(averages, own)
+        figure = average_figure(averages, own)
         assert figure.axes[0].get_xlim() == (0.0, own.teeth)
         said = texts(figure)
         assert f"{own.teeth} teeth: mean of {own.average.turns} of its turns" in said
@@ -109,17 +109,16 @@ def test_average_shows_the_whole_turn_with_its_errors(averages):
 
 def test_pictures_are_written(spectra, averages, tmp_path):
     paths = [
-        save_order_picture(spectra["time"], tmp_path / "a.png"),
-        save_order_map(spectra["speed"], tmp_path / "b.png"),
-        *save_average_pictures(averages, tmp_path / "c.png"),
+        save(order_figure(spectra["time"]), tmp_path / "a.png"),
+        save(order_map_figure(spectra["speed"]), tmp_path / "b.png"),
+        *save_all(average_figures(averages), tmp_path / "c.png"),
     ]
     assert [path.name for path in paths] == ["a.png", "b.png", "c-1-pinion.png", "c-1-gear.png"]
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in paths)
 
 
 def test_indicators_say_what_is_dashed():
-    with style():
-        figure = indicator_figure([indicator_table(recording(), machine())])
+    figure = indicator_figure([indicator_table(recording(), machine())])
     assert "Gaussian noise" in texts(figure)
 
 

@@ -4,19 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 from gearmon.gears.stiffness_report import stiffness_report
 from gearmon.machine import Machine, OperatingPoint, ParallelStage
-from gearmon.report.stiffness_plots import (
-    plot_compliance_shares,
-    plot_flank,
-    plot_size_curve,
-    plot_stiffness,
-    plot_teeth,
-    save_stiffness_figures,
-    stiffness_figure,
-)
+from gearmon.report.plots import save_all
+from gearmon.report.stiffness_plots import stiffness_figure, stiffness_figures
 
 STAGE = ParallelStage(pinion_teeth=26, gear_teeth=53, module_mm=2.0, face_width_mm=20.0)
 
@@ -38,47 +30,42 @@ def stage():
     return found
 
 
-@pytest.fixture
-def ax():
-    return Figure().add_subplot()
+@pytest.fixture(scope="module")
+def sheet(stage):
+    """Axes of the sheet by what stands along their vertical axis."""
+    return {ax.get_ylabel(): ax for ax in stiffness_figure(stage).axes}
 
 
-def test_stiffness(stage, ax):
-    assert plot_stiffness(stage, ax) is ax
-    lines = {line.get_label(): line for line in ax.lines}
+def test_stiffness(stage, sheet):
+    lines = {line.get_label(): line for line in sheet["mesh stiffness in GN/m"].lines}
     x, y = lines["healthy"].get_data()
     np.testing.assert_allclose(y, 1e-9 * stage.healthy.at(x))
     x, y = lines["damaged"].get_data()
     np.testing.assert_allclose(y, 1e-9 * stage.damaged.at(x))
-    assert ax.get_ylabel() == "mesh stiffness in GN/m"
 
 
-def test_teeth(stage, ax):
-    plot_teeth(stage.picture, ax)
-    labels = [line.get_label() for line in ax.lines]
-    assert labels == ["pinion", "gear", "crack", "contact"]
+def test_teeth(sheet):
+    ax = sheet["along the line of centres in mm"]
+    assert [line.get_label() for line in ax.lines] == ["pinion", "gear", "crack", "contact"]
     assert ax.get_aspect() == 1.0
-    assert ax.get_xlabel().endswith("in mm")
 
 
-def test_flank(stage, ax):
-    plot_flank(stage.picture, "pinion", ax)
+def test_flank(sheet):
+    ax = sheet["above root in mm"]
     assert "pinion" in ax.get_title()
     (crack,) = ax.lines
     assert list(crack.get_xdata()) == [0.0, 20.0]
 
 
-def test_shares_fill_the_whole(stage, ax):
-    plot_compliance_shares(stage, ax)
+def test_shares_fill_the_whole(sheet):
+    ax = sheet["share of pair compliance in %"]
     assert ax.get_ylim() == (0, 100)
     top = ax.collections[-1].get_paths()[0].vertices[:, 1].max()
     assert top == pytest.approx(100)
 
 
-def test_size_curve(stage, ax):
-    plot_size_curve(stage.curve, ax)
-    assert ax.get_xlabel() == "depth of the root crack (pinion) in mm"
-    mark = ax.lines[-1]
+def test_size_curve(stage, sheet):
+    mark = sheet["loss of pair stiffness in %"].lines[-1]
     assert mark.get_xdata()[0] == 1.5
     assert mark.get_ydata()[0] == pytest.approx(100 * stage.faults[0].loss.mean, rel=0.02)
 
@@ -97,11 +84,11 @@ def test_size_curve(stage, ax):
 def test_sheets_of_every_kind(fault, tmp_path):
     report = stiffness_report(machine(), [fault], points_per_mesh=20)
     assert len(stiffness_figure(report.stages[0]).axes) >= 4
-    (path,) = save_stiffness_figures(report, tmp_path / "sheet.svg")
+    (path,) = save_all(stiffness_figures(report), tmp_path / "sheet.svg")
     assert path.read_bytes().startswith(b"<?xml")
 
 
 def test_each_stage_has_its_file(tmp_path):
     report = stiffness_report(machine(2), points_per_mesh=20)
-    paths = save_stiffness_figures(report, tmp_path / "sheet.png")
+    paths = save_all(stiffness_figures(report), tmp_path / "sheet.png")
     assert [path.name for path in paths] == ["sheet-stage1.png", "sheet-stage2.png"]

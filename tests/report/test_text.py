@@ -7,7 +7,6 @@ from gearmon.report.text import (
     analysis_text,
     line_table_text,
     reference_text,
-    signature_text,
 )
 
 
@@ -42,10 +41,9 @@ def test_a_name_cannot_steer_the_terminal(healthy):
     assert "\x1b" not in analysis_text(replace(healthy.analysis, recording="\x1b[2Jx"))
 
 
-def test_reference_signature_and_lines_as_text(healthy, alone):
+def test_reference_and_lines_as_text(healthy):
     assert "3 healthy recordings" in reference_text(healthy.reference)
     assert "made-2.csv" in reference_text(healthy.reference)
-    assert "mesh 1" in signature_text(alone.analysis.expected, most=3)
     table = line_table_text(line_table(healthy.machine)).splitlines()
     assert table[1].split() == ["stage", "kind", "line", "shaft", "order", "Hz"]
     assert any("460.000" in line for line in table)

@@ -1,0 +1,211 @@
+"""Pictures of what a machine file foretells: where meshes are unstable, what faults leave."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.contour import QuadContourSet
+
+from gearmon.dynamics.fourier import Real
+from gearmon.dynamics.stability_map import StabilityMap, Tongue
+from gearmon.report.palette import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    VERMILLION,
+    series_colour,
+    series_marker,
+)
+from gearmon.report.plots import Picture, named_handles, plot_marks, sheet, sheet_style, style
+from gearmon.signatures.fault_family import FaultFamily
+
+_ORDERS = {1: ("1st", GREEN, ":"), 2: ("2nd", BLUE, "--"), 3: ("3rd", GREY, "-.")}
+# Below this growth nothing is drawn: it is rounding.
+_LEAST_GROWTH = 1e-9
+# Panels of kinds of faults side by side, and size of one [inch].
+_COLUMNS, _PANEL_IN = 3, (2.9, 2.15)
+# Levels of traces below this are not shown [dB].
+_LEAST_DB = -120.0
+
+
+@sheet_style()
+def stability_figure(stability: StabilityMap) -> Picture:
+    """Draw where free vibrations of a mesh grow: growth, boundaries, and where the pair runs.
+
+    Parameters
+    ----------
+    stability : StabilityMap
+        Boundaries are drawn exact and, as far as it has them, by multiple scales.
+    """
+    figure = sheet(9.0, 5.6)
+    ax = figure.add_subplot()
+    filled = _plot_growth(stability, ax)
+    if filled is not None:
+        bar = figure.colorbar(filled, ax=ax, format="%.2g")
+        bar.set_label("growth: ln of the largest multiplier, per mesh period")
+    else:
+        middle: dict[str, Any] = {"transform": ax.transAxes, "ha": "center", "va": "center"}
+        ax.text(0.5, 0.5, "stable everywhere", color=GREY, fontsize=13, **middle)
+    for tongue in stability.tongues:
+        _plot_boundary(tongue, tongue.exact, BLACK, "-", "boundary, exact", ax)
+        for order, edges in tongue.expanded.items():
+            name, colour, dashes = _ORDERS.get(order, (f"{order}th", GREY, "-."))
+            label = f"multiple scales, {name} order"
+            _plot_boundary(tongue, edges, colour, dashes, label, ax)
+    if stability.mark is not None:
+        above = {"markeredgecolor": BLACK, "label": "this pair", "clip_on": False, "zorder": 5}
+        plot_marks(ax, *stability.mark, "*", 13, "white", **above)
+    ax.set_title(f"damping ratio {stability.chart.damping_ratio:.3g}", fontsize=10)
+    handles = named_handles([ax])
+    # below the axes, where it hides nothing
+    place: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.13), "ncols": 5}
+    ax.legend(list(handles.values()), list(handles), fontsize=8, frameon=False, **place)
+    return figure
+
+
+def _plot_growth(stability: StabilityMap, ax: Axes) -> QuadContourSet | None:
+    """Draw growth as filled contours, if anything grows, and where each tongue begins."""
+    chart = stability.chart
+    ax.set(
+        xlim=(chart.speeds[0], chart.speeds[-1]),
+        ylim=(0, chart.variations[-1]),
+        xlabel="mesh frequency over natural frequency, ω/ω₀",
+        ylabel="stiffness variation ε",
+    )
+    starts = [2 / tongue.number for tongue in stability.tongues]
+    inside = [x for x in starts if chart.speeds[0] <= x <= chart.speeds[-1]]
+    if inside:
+        above = {"label": "2/n", "clip_on": False, "zorder": 4}
+        plot_marks(ax, inside, np.zeros(len(inside)), "^", 5, VERMILLION, **above)
+    top = float(chart.growth.max())
+    if top <= _LEAST_GROWTH:
+        return None
+    return ax.contourf(
+        chart.speeds,
+        chart.variations,
+        chart.growth,
+        levels=np.linspace(0.0, top, 13),
+        cmap="YlOrRd",
+        vmin=-0.15 * top,
+    )
+
+
+def _plot_boundary(
+    tongue: Tongue, edges: Real, colour: str, dashes: str, label: str, ax: Axes
+) -> None:
+    """Draw both edges of each stretch of eps on which the tongue is open as one line."""
+    left, right = ax.get_xlim()
+    there = np.asarray(np.isfinite(edges).all(axis=1))
+    bounds = np.flatnonzero(np.diff(np.concatenate([[False], there, [False]])))
+    for first, last in zip(bounds[::2], bounds[1::2], strict=True):
+        (low, high), eps = edges[first:last].T, tongue.variations[first:last]
+        x, y = np.concatenate([low[::-1], high]), np.concatenate([eps[::-1], eps])
+        if x.max() < left or x.min() > right:
+            continue
+        if last < len(there) and dashes == "-":
+            x, y = np.append(x, x[0]), np.append(y, y[0])
+        ax.plot(x, y, color=colour, linestyle=dashes, linewidth=1.3, label=label)
+
+
+@style()
+def family_figure(family: FaultFamily, operating: int | None = None) -> Picture:
+    """Draw a panel for each kind of fault: levels of its sidebands against its size.
+
+    Parameters
+    ----------
+    family : FaultFamily
+    operating : int, optional
+        Operating point, from 0; by default the first in the family.
+    """
+    number = family.members[0].operating if operating is None else operating
+    rows = [row for row in family.rows() if row["operating"] == number]
+    kinds = list(dict.fromkeys(row["kind"] for row in rows))
+    gears = list(dict.fromkeys(_gear(row) for row in rows))
+    columns = min(_COLUMNS, len(kinds))
+    down = math.ceil(len(kinds) / columns)
+    figure = sheet(max(2, columns) * _PANEL_IN[0], 0.9 + down * _PANEL_IN[1])
+    figure.set_dpi(150)
+    axes = figure.subplots(down, columns, sharey=True, squeeze=False)
+    for kind, ax in zip(kinds, axes.flat, strict=False):
+        _plot_kind([row for row in rows if row["kind"] == kind], gears, ax)
+    for ax in axes.flat[len(kinds) :]:
+        ax.set_visible(False)
+    for ax in axes[:, 0]:
+        ax.set_ylabel("dB re healthy mesh lines")
+    named = named_handles(list(axes.flat[: len(kinds)]))
+    named["teeth part: beyond the linear model"] = axes.flat[0].plot(
+        [], [], "o", markersize=9, markerfacecolor="none", markeredgecolor=GREY
+    )[0]
+    figure.legend(
+        list(named.values()), list(named), loc="outside lower center", ncols=min(6, len(named))
+    )
+    point = family.machine.operating[number]
+    name = f", {point.name}" if point.name else ""
+    figure.suptitle(
+        f"{family.machine.name}{name}: rms acceleration of the sidebands of one faulty tooth or "
+        "gear",
+        fontsize=9,
+    )
+    return figure
+
+
+def _plot_kind(rows: Sequence[dict[str, Any]], gears: Sequence[str], ax: Axes) -> None:
+    """Draw the levels of one kind of fault against its size, one curve for each gear."""
+    # a fault of all teeth alike makes no sidebands: the change of the mesh lines is shown in place
+    alike = not any(row["sidebands_ms2"] for row in rows)
+    is_loss = any(row["loss"] for row in rows)
+    levels = [_level(row, "mesh_change_ms2" if alike else "sidebands_ms2") for row in rows]
+    sizes = [_size(row, is_loss) for row in rows]
+    for number, gear in enumerate(gears):
+        points = sorted(
+            (size, level, row["contact_lost"])
+            for row, size, level in zip(rows, sizes, levels, strict=True)
+            if _gear(row) == gear and level > _LEAST_DB
+        )
+        if not points:
+            continue
+        x, y, lost = (np.array(values) for values in zip(*points, strict=True))
+        colour = series_colour(number)
+        ax.plot(x, y, color=colour, linewidth=1.1)
+        # gears that behave alike lie upon one another: the first ones stay to be seen behind
+        size = max(3.5, 6.5 - number)
+        plot_marks(ax, x, y, series_marker(number), size, colour, label=gear)
+        plot_marks(ax, x[lost], y[lost], "o", 9, GREY, markerfacecolor="none")
+    ax.set_xscale("log")
+    # gears of one kind differ a little in what a size takes
+    ticks = sorted({float(f"{size:.2g}") for size in sizes})
+    ax.set_xticks(ticks[:: max(1, math.ceil(len(ticks) / 6))])
+    ax.xaxis.set_major_formatter(lambda value, _: f"{value:.3g}")
+    if min(levels) <= _LEAST_DB:
+        note = f"not shown: below {_LEAST_DB:g} dB"
+        ax.text(0.03, 0.04, note, transform=ax.transAxes, fontsize=7, color=GREY)
+    ax.minorticks_off()
+    ax.set(
+        xlim=(0.85 * min(sizes), 1.18 * max(sizes)),
+        xlabel="loss of pair stiffness in %" if is_loss else "size in um",
+    )
+    ax.set_title(f"{rows[0]['kind']}: change of the mesh lines" if alike else rows[0]["kind"])
+    ax.grid(True, color="#e3e5e8", linewidth=0.5)
+
+
+def _gear(row: dict[str, Any]) -> str:
+    return f"{row['stage']} {row['gear']}"
+
+
+def _size(row: dict[str, Any], is_loss: bool) -> float:
+    """Size of a fault: its loss of pair stiffness [%], or a length [um]."""
+    if is_loss:
+        return 100 * float(row["loss"])
+    text = str(row["size"])
+    return 1e3 * float(text[:-2]) if text.endswith("mm") else float(text[:-2])
+
+
+def _level(row: dict[str, Any], column: str) -> float:
+    if not row[column] or not row["healthy_ms2"]:
+        return -math.inf
+    return 20 * math.log10(row[column] / row["healthy_ms2"])

@@ -1,0 +1,488 @@
+"""Pictures of levels: against the reference, against the expected pattern, and their changes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.image import AxesImage
+from matplotlib.patches import Rectangle
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from gearmon.diagnosis.results import Analysis, Change
+from gearmon.report.palette import (
+    BLACK,
+    BLUE,
+    GREY,
+    LIGHT_GREY,
+    VERMILLION,
+    series_colour,
+    series_marker,
+)
+from gearmon.report.plots import (
+    PAGE_WIDTH_IN,
+    Picture,
+    above,
+    left_label,
+    legend,
+    light_grid,
+    new_figure,
+    plot_marks,
+    style,
+)
+from gearmon.report.spectrum_plots import MOST_STRIPS
+from gearmon.report.text import BEYOND, is_beyond
+from gearmon.report.wording import (
+    counted,
+    left_out_text,
+    shaft_text,
+    shortened,
+    strip_label,
+    told_apart,
+    unit_text,
+)
+from gearmon.signatures.families import NEAR_SIDEBANDS, Family
+from gearmon.signatures.measured import MeasuredSignature
+from gearmon.signatures.reference import Reference
+
+FloatArray = NDArray[np.float64]
+
+_KINDS = ("mesh", "sidebands", "residual")
+# The colour scale of changes spans at least this and at most that [dB].
+_LEAST_LIMIT_DB, _MOST_LIMIT_DB = 6.0, 20.0
+# A bar of one healthy recording would have no height: it gets one that can be seen [dB].
+_LEAST_BAR_DB = 0.8
+# Cells narrower than this share of the page cannot hold a number.
+_NARROWEST_NUMBERED = 1 / 44
+# A name of two lines takes about this share of the width.
+_NAME_SHARE = 1 / 13
+
+
+@dataclass(frozen=True, kw_only=True)
+class FamilyGroup:
+    """Families that differ only in the mesh harmonic, in a row of a picture.
+
+    Parameters
+    ----------
+    stage : int
+        Stage, from 1.
+    label : str
+        The group in one or two lines.
+    harmonics : tuple of int
+        Mesh harmonics, ascending.
+    columns : tuple of int
+        Position of each among the families.
+    """
+
+    stage: int
+    label: str
+    harmonics: tuple[int, ...]
+    columns: tuple[int, ...]
+
+
+def family_groups(families: Sequence[Family]) -> tuple[FamilyGroup, ...]:
+    """Return the families by stage, kind and shaft, the mesh harmonics ascending in each group."""
+    # stage, rank of the kind, negative spacing, gear: sorting by it is the order of the pictures
+    members: dict[tuple[int, int, float, str], list[tuple[int, int]]] = {}
+    labels: dict[tuple[int, int, float, str], str] = {}
+    for column, family in enumerate(families):
+        key = (family.stage, _KINDS.index(family.kind), -family.spacing, family.gear)
+        members.setdefault(key, []).append((family.harmonic, column))
+        who = shaft_text(family.shaft, family.gear)
+        labels[key] = f"mesh {family.stage}" if family.kind == "mesh" else f"{family.kind}\n{who}"
+    result = []
+    for stage in sorted({key[0] for key in members}):
+        own = sorted(key for key in members if key[0] == stage)
+        # two spacings of one gear in one stage are told apart by their order
+        names = told_apart([labels[key] for key in own], [-key[2] for key in own])
+        for key, name in zip(own, names, strict=True):
+            harmonics, columns = zip(*sorted(members[key]), strict=True)
+            result.append(
+                FamilyGroup(stage=stage, label=name, harmonics=harmonics, columns=columns)
+            )
+    return tuple(result)
+
+
+@style()
+def levels_figure(analysis: Analysis, reference: Reference | None = None) -> Picture:
+    """Draw the level of every family of lines in every channel, over those of healthy recordings.
+
+    Parameters
+    ----------
+    analysis : Analysis
+        The analysis.
+    reference : Reference, optional
+        What it was compared with.
+    """
+    signature = analysis.signature
+    groups = family_groups(signature.plan.families)
+    changes = {(change.channel, change.family): change for change in analysis.changes}
+    shown = signature.channel_names[:MOST_STRIPS]
+    sideways = _sideways(groups)
+    height = 0.74 if len(shown) > 3 else 1.2
+    bottom = 0.85 if sideways else 0.5
+    figure, axes = new_figure([height] * len(shown), top_in=0.62, bottom_in=bottom, sharex=True)
+    for row, (name, ax) in enumerate(zip(shown, axes, strict=True)):
+        own = [changes.get((name, family.name)) for family in signature.plan.families]
+        _plot_healthy_range(signature, reference, name, _places(groups), ax)
+        _plot_levels(signature.level_db[row], own, _places(groups), ax)
+        _group_lines(groups, ax)
+        ax.set_ylabel(strip_label(name, unit_text(signature.units[row])), fontsize=7)
+    _label_groups(groups, sideways, axes[0], axes[-1])
+    legend(figure, axes, columns=2)
+    left_label(figure, axes, "Level (dB re 1 unit², peak amplitudes)")
+    beyond = sum(is_beyond(change) for change in analysis.changes)
+    families = counted(len(signature.plan.families), "family", "families")
+    channels = len(signature.channel_names)
+    return figure.told(
+        name="levels",
+        heading="Levels against the healthy recordings" if reference else "Levels of the lines",
+        caption=_levels_caption(reference) + left_out_text(channels, MOST_STRIPS),
+        alt=f"Levels of {families} of lines in {counted(channels, 'channel')}; {beyond} changed by "
+        f"more than {BEYOND:g} standard deviations.",
+    )
+
+
+def _levels_caption(reference: Reference | None) -> str:
+    meaning = (
+        "Each place is a family of lines, numbered by its mesh harmonic: the mesh harmonic itself, "
+        f"its sidebands up to the {NEAR_SIDEBANDS}th at the spacing of one shaft, and the residual "
+        "(what else repeats with that shaft)."
+    )
+    if reference is None:
+        return f"{meaning} No reference was given: no level can be called high or low by itself."
+    many = len(reference.origins)
+    return (
+        f"{meaning} Grey: range of the {counted(many, 'healthy recording')}. Dash: what the "
+        "reference makes expect at this load and sensor gain; a measured level can thus leave the "
+        f"grey range and still be as expected. Look for diamonds: changes beyond {BEYOND:g} "
+        "standard deviations. One alone among many is chance; a row of them at one shaft is not."
+    )
+
+
+def _plot_levels(
+    level_db: FloatArray, changes: Sequence[Change | None], place: FloatArray, ax: Axes
+) -> None:
+    """Draw the levels of one channel, and what the reference makes expect as far as it tells."""
+    if any(changes):
+        ax.errorbar(
+            place,
+            [np.nan if change is None else change.reference_db for change in changes],
+            yerr=[np.nan if change is None else change.scatter_db for change in changes],
+            fmt="_",
+            color=BLACK,
+            markersize=5,
+            markeredgewidth=1.0,
+            elinewidth=0.6,
+            label="healthy at this load and gain, ± standard deviation",
+        )
+    beyond = np.array([change is not None and is_beyond(change) for change in changes], dtype=bool)
+    far = f"measured, changed by more than {BEYOND:g} standard deviations"
+    for chosen, colour, marker, size, label in (
+        (~beyond, BLUE, "o", 3.2, "measured"),
+        (beyond, VERMILLION, "D", 4.2, far),
+    ):
+        x, y = place[chosen], level_db[chosen]
+        plot_marks(ax, x, y, marker, size, colour, label=label, zorder=5)
+    light_grid(ax)
+    ax.yaxis.set_major_locator(MaxNLocator(5))
+
+
+def _plot_healthy_range(
+    signature: MeasuredSignature,
+    reference: Reference | None,
+    channel: str,
+    place: FloatArray,
+    ax: Axes,
+) -> None:
+    """Draw the range of the healthy recordings as bars."""
+    if reference is None or channel not in reference.channel_names:
+        return
+    levels = reference.level_db[:, reference.channel_names.index(channel), :]
+    known = {name: column for column, name in enumerate(reference.family_names)}
+    drawn = [
+        (at, levels[:, known[family.name]])
+        for at, family in zip(place, signature.plan.families, strict=True)
+        if family.name in known
+    ]
+    if not drawn:
+        return
+    low = np.array([own.min() for _, own in drawn])
+    height = np.array([np.ptp(own) for _, own in drawn])
+    shown = np.maximum(height, _LEAST_BAR_DB)
+    ax.bar(
+        [at for at, _ in drawn],
+        shown,
+        bottom=low - (shown - height) / 2,
+        width=0.86,
+        color=LIGHT_GREY,
+        edgecolor=GREY,
+        linewidth=0.4,
+        label="range of the healthy recordings",
+    )
+
+
+def _places(groups: Sequence[FamilyGroup]) -> FloatArray:
+    """Place of every family on the horizontal axis: groups in a row, one place between them."""
+    place = np.full(sum(len(group.columns) for group in groups), np.nan)
+    start = 0.0
+    for group in groups:
+        place[list(group.columns)] = start + np.arange(len(group.columns))
+        start += len(group.columns) + 1.0
+    return place
+
+
+def _group_lines(groups: Sequence[FamilyGroup], ax: Axes) -> None:
+    end = 0.0
+    for before, group in zip(groups, [*groups[1:], None], strict=True):
+        end += len(before.columns) + 1.0
+        if group is not None:
+            new_stage = group.stage != before.stage
+            ax.axvline(
+                end - 1.0,
+                color=BLACK if new_stage else LIGHT_GREY,
+                linewidth=0.9 if new_stage else 0.6,
+            )
+    ax.set_xlim(-1.0, end - 1.0)
+    ax.set_xticks([])
+
+
+def _sideways(groups: Sequence[FamilyGroup]) -> bool:
+    """Tell whether the names of the groups are too long to stand upright below them."""
+    widths = [len(group.columns) + 1 for group in groups]
+    return min(widths) / sum(widths) < _NAME_SHARE
+
+
+def _label_groups(groups: Sequence[FamilyGroup], sideways: bool, top: Axes, bottom: Axes) -> None:
+    """Write the stages above the axes, mesh harmonics and names of the groups below."""
+    place = _places(groups)
+    for group in groups:
+        bottom.annotate(
+            group.label.replace("\n", " ") if sideways else group.label,
+            xy=(float(place[list(group.columns)].mean()), 0.0),
+            xycoords=("data", "axes fraction"),
+            xytext=(4 if sideways else 0, -13),
+            textcoords="offset points",
+            ha="right" if sideways else "center",
+            va="top",
+            fontsize=6.5,
+            rotation=45 if sideways else 0,
+            rotation_mode="anchor" if sideways else "default",
+        )
+    for stage in sorted({group.stage for group in groups}):
+        own = place[[c for group in groups if group.stage == stage for c in group.columns]]
+        middle = 0.5 * float(own.min() + own.max())
+        above(top, middle, f"about the harmonics of mesh {stage}", fontsize=7)
+    ticks = [float(place[column]) for group in groups for column in group.columns]
+    numbers = [str(harmonic) for group in groups for harmonic in group.harmonics]
+    few = len(ticks) <= 64
+    bottom.set_xticks(ticks, numbers if few else [""] * len(ticks), fontsize=6)
+    bottom.tick_params(axis="x", length=2, pad=1.5, labelbottom=True)
+
+
+@style()
+def changes_figure(analysis: Analysis) -> Picture:
+    """Draw the changes of every stage: groups of families by channels and mesh harmonics.
+
+    Parameters
+    ----------
+    analysis : Analysis
+        With changes.
+    """
+    sizes = [abs(change.change_db) for change in analysis.changes]
+    limit = float(np.clip(np.percentile(sizes, 98), _LEAST_LIMIT_DB, _MOST_LIMIT_DB))
+    groups = family_groups(analysis.signature.plan.families)
+    stages = sorted({change.stage for change in analysis.changes})
+    own = [[group for group in groups if group.stage == stage] for stage in stages]
+    figure, axes = new_figure(
+        [0.24 * len(rows) for rows in own],
+        left_in=1.25,
+        right_in=0.75,
+        gap_in=0.62,
+        many_colours=True,
+    )
+    for stage, rows, ax in zip(stages, own, axes, strict=True):
+        image = _plot_changes(analysis, rows, limit, ax)
+        ax.set_xlabel(f"Harmonic of mesh {stage}")
+    scale = figure.add_axes((1 - 0.65 / PAGE_WIDTH_IN, 0.25, 0.11 / PAGE_WIDTH_IN, 0.5))
+    figure.colorbar(image, cax=scale, extend="both").set_label("Change (dB)")
+    strongest = max(analysis.changes, key=lambda change: abs(change.standardised))
+    return figure.told(
+        name="changes",
+        heading="Changes against the reference",
+        caption="Measured less expected level in dB; red is louder, blue quieter than the healthy "
+        f"machine. Framed: more than {BEYOND:g} standard deviations. Look for a whole row that is "
+        "framed in several channels: its label names the shaft. A fault may make some lines "
+        "quieter.",
+        alt="Table of changes by channel and family of lines; the clearest is "
+        f"{strongest.family} in {strongest.channel}: {strongest.change_db:+.1f} dB, "
+        f"{abs(strongest.standardised):.1f} standard deviations.",
+    )
+
+
+def _plot_changes(
+    analysis: Analysis, rows: Sequence[FamilyGroup], limit_db: float, ax: Axes
+) -> AxesImage:
+    """Draw the changes of one stage as coloured cells, with numbers where they fit."""
+    channels = analysis.signature.channel_names
+    harmonics = sorted({k for group in rows for k in group.harmonics})
+    table, beyond = _change_table(analysis, rows, harmonics)
+    columns = table.shape[1]
+    image = ax.imshow(
+        np.ma.masked_invalid(table),
+        cmap=matplotlib.colormaps["RdBu_r"].with_extremes(bad="#f1f1f1"),
+        vmin=-limit_db,
+        vmax=limit_db,
+        aspect="auto",
+        interpolation="nearest",
+    )
+    numbered = 0.8 / columns > _NARROWEST_NUMBERED
+    for row, column in np.argwhere(np.isfinite(table)):
+        value = float(table[row, column])
+        number = "0" if abs(value) < 0.5 else f"{value:+.0f}".replace("-", "−")
+        colour = "white" if abs(value / limit_db) > 0.62 else BLACK
+        place = (int(row), int(column))
+        _cell(ax, place, number if numbered else "", colour, bool(beyond[row, column]))
+    for edge in range(1, len(channels)):
+        ax.axvline(edge * len(harmonics) - 0.5, color="white", linewidth=3)
+    ax.set_yticks(range(len(rows)), [group.label.replace("\n", ", ") for group in rows])
+    every = 1 if columns <= 48 else 2
+    ticks = [c for c in range(columns) if c % len(harmonics) % every == 0]
+    ax.set_xticks(ticks, [str(harmonics[c % len(harmonics)]) for c in ticks], fontsize=6)
+    ax.tick_params(length=0, pad=2)
+    for spine in ax.spines.values():
+        spine.set_visible(False)
+    for block, channel in enumerate(channels):
+        middle = (block + 0.5) * len(harmonics) - 0.5
+        above(ax, middle, shortened(channel), fontweight="bold", fontsize=7.5)
+    return image
+
+
+def _change_table(
+    analysis: Analysis, rows: Sequence[FamilyGroup], harmonics: Sequence[int]
+) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Return changes and whether they stand out: rows of groups, a block of columns a channel."""
+    channels, families = analysis.signature.channel_names, analysis.signature.plan.families
+    place = {
+        families[column].name: (row, harmonics.index(harmonic))
+        for row, group in enumerate(rows)
+        for harmonic, column in zip(group.harmonics, group.columns, strict=True)
+    }
+    shape = (len(rows), len(channels) * len(harmonics))
+    table, beyond = np.full(shape, np.nan), np.zeros(shape, dtype=bool)
+    for change in analysis.changes:
+        if change.family in place and change.channel in channels:
+            row, column = place[change.family]
+            column += channels.index(change.channel) * len(harmonics)
+            table[row, column] = change.change_db
+            beyond[row, column] = is_beyond(change)
+    return table, beyond
+
+
+def _cell(ax: Axes, place: tuple[int, int], number: str, colour: str, beyond: bool) -> None:
+    row, column = place
+    if number:
+        weight = "bold" if beyond else "normal"
+        ax.text(
+            column, row, number, ha="center", va="center", fontsize=6, color=colour, weight=weight
+        )
+    elif beyond:
+        ax.plot(column, row, marker="o", markersize=1.8, color=colour)
+    if beyond:
+        corner = (column - 0.44, row - 0.44)
+        ax.add_patch(Rectangle(corner, 0.88, 0.88, fill=False, edgecolor=BLACK, linewidth=0.9))
+
+
+@style()
+def pattern_figure(analysis: Analysis) -> Picture | None:
+    """Draw the mesh harmonics of each stage relative to the strongest, expected and measured.
+
+    Parameters
+    ----------
+    analysis : Analysis
+        The analysis.
+
+    Returns
+    -------
+    Picture or None
+        None without an expected signature, or where no two mesh harmonics of a stage are known.
+    """
+    stages = [mesh.stage for mesh in analysis.signature.meshes]
+    known = {stage: harmonics for stage in stages if len(harmonics := _known(analysis, stage)) > 1}
+    if not known:
+        return None
+    figure, axes = new_figure([1.45] * len(known), bottom_in=0.52, gap_in=0.45)
+    strongest = []
+    for (stage, harmonics), ax in zip(known.items(), axes, strict=True):
+        top = _plot_pattern(analysis, stage, harmonics, ax)
+        strongest.append(f"of mesh {stage} harmonic {top} is expected strongest")
+    legend(figure, axes, columns=5)
+    axes[-1].set_xlabel("Harmonic of the mesh frequency")
+    return figure.told(
+        name="pattern",
+        heading="Mesh harmonics against the expected signature",
+        caption="Bars: acceleration expected at the mesh from the gear data. Symbols: measured at "
+        "the sensors. Each is relative to its own strongest harmonic. The path from the mesh to "
+        "the sensor, with its resonances, colours what arrives: differences of 10 to 20 dB are "
+        "usual and no sign of damage. The picture tells whether the same harmonics carry the "
+        "vibration; only the healthy reference tells whether something changed.",
+        alt=f"Relative levels of mesh harmonics, expected and measured; {', '.join(strongest)}.",
+    )
+
+
+def _known(analysis: Analysis, stage: int) -> dict[int, tuple[int, float]]:
+    """Mesh harmonics of a stage: the column of the measured level and the expected level [dB]."""
+    expected = analysis.expected
+    if expected is None:
+        return {}
+    chosen = (expected["stage"] == stage) & (expected["sideband"] == 0)
+    numbers = expected["mesh_harmonic"][chosen].tolist()
+    size = dict(zip(numbers, expected["acceleration_ms2"][chosen].tolist(), strict=True))
+    return {
+        family.harmonic: (column, 20 * float(np.log10(size[family.harmonic])))
+        for column, family in enumerate(analysis.signature.plan.families)
+        if family.kind == "mesh" and family.stage == stage and size.get(family.harmonic, 0) > 0
+    }
+
+
+def _plot_pattern(
+    analysis: Analysis, stage: int, known: dict[int, tuple[int, float]], ax: Axes
+) -> int:
+    """Draw one stage; return the harmonic that is expected strongest."""
+    signature = analysis.signature
+    harmonics = np.array(sorted(known))
+    columns = [known[k][0] for k in harmonics.tolist()]
+    expected = np.array([known[k][1] for k in harmonics.tolist()])
+    expected -= expected.max()
+    level = np.where(signature.heard[:, columns], signature.level_db[:, columns], np.nan)
+    top = np.max(level, axis=1, keepdims=True, initial=-np.inf, where=np.isfinite(level))
+    level -= np.where(np.isfinite(top), top, 0.0)
+    lowest = min([float(expected.min()), *level[np.isfinite(level)].tolist()])
+    floor = 10.0 * float(np.floor(lowest / 10.0 - 0.3))
+    ax.bar(
+        harmonics,
+        expected - floor,
+        bottom=floor,
+        width=0.62,
+        color=LIGHT_GREY,
+        edgecolor=GREY,
+        linewidth=0.6,
+        label="expected at the mesh",
+    )
+    for row, (channel, own) in enumerate(zip(signature.channel_names, level, strict=True)):
+        offset = 0.5 * ((row + 0.5) / len(level) - 0.5)
+        marker, colour = series_marker(row), series_colour(row)
+        label = f"measured, {channel}"
+        plot_marks(ax, harmonics + offset, own, marker, 4.5, colour, label=label)
+    mesh = next(mesh for mesh in signature.meshes if mesh.stage == stage)
+    labels = [f"×{k}\n{k * mesh.frequency_hz:.4g} Hz" for k in harmonics.tolist()]
+    ax.set_xticks(harmonics, labels)
+    ax.set_ylim(floor, 4)
+    light_grid(ax)
+    ax.set_ylabel("Level re strongest\nharmonic (dB)")
+    ax.set_title(f"Mesh {stage}", fontweight="bold", pad=3)
+    return int(harmonics[np.argmax(expected)])

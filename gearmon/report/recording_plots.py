@@ -1,0 +1,314 @@
+"""Pictures of what is in a recording: order map, one turn of each gear, condition indicators."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
+from matplotlib.image import AxesImage
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from gearmon.report.palette import (
+    BLACK,
+    BLUE,
+    GREY,
+    LIGHT_GREY,
+    SKY,
+    VERMILLION,
+    series_colour,
+    series_marker,
+)
+from gearmon.report.plots import (
+    PAGE_WIDTH_IN,
+    Picture,
+    left_label,
+    legend,
+    light_grid,
+    new_figure,
+    style,
+)
+from gearmon.report.spectrum_plots import MOST_STRIPS, label_marks, line_marks, order_axis
+from gearmon.report.wording import shortened, strip_label, unit_text
+from gearmon.signals.tsa import one_turn
+from gearmon.signatures.gear_averages import GearAverage, GearAverages
+from gearmon.signatures.gear_signals import gear_signals
+from gearmon.signatures.indicator_table import IndicatorTable
+from gearmon.signatures.order_spectra import OrderSpectra
+
+FloatArray = NDArray[np.float64]
+
+# Columns of a map: more than a page shows.
+_COLUMNS = 900
+# What lies further below the highest value of a channel is all one colour at any rate.
+_DECADES = 4.0
+# Room to the right of a map: speed along time, and the scale of colours [inch].
+_SPEED_IN, _SCALE_IN = 0.85, 1.0
+# More channels than this get no readable pair of strips each in the picture of a turn.
+_MOST_PAIRS = 4
+# Values a tooth, at least.
+_PER_TOOTH = 24
+# Standard errors of the band: it holds 95 of 100 values of noise.
+_BAND = 2.0
+# Values of indicators for Gaussian noise, drawn for comparison.
+_GAUSSIAN = {"kurtosis": 3.0, "FM4": 3.0, "NA4": 3.0, "NA4*": 3.0, "M6A": 15.0, "M8A": 105.0}
+_PANELS, _PANEL_IN = 4, 1.05
+
+
+@style()
+def order_map_figure(found: OrderSpectra) -> Picture:
+    """Draw a map a channel: amplitude in colour over order and time, or order and speed.
+
+    Parameters
+    ----------
+    found : OrderSpectra
+        Along time the speed of the shaft is drawn beside each map.
+    """
+    names = found.channel_names[:MOST_STRIPS]
+    over_time = found.map.against == "time"
+    figure, axes = new_figure(
+        [2.2 if len(names) < 3 else 1.3] * len(names),
+        top_in=0.78,
+        right_in=_SCALE_IN + (_SPEED_IN if over_time else 0.0),
+        left_in=0.62,
+        gap_in=0.3 if len(names) > 1 else 0.12,
+        many_colours=True,
+    )
+    for row, (name, ax) in enumerate(zip(names, axes, strict=True)):
+        image = _plot_order_map(found, row, ax)
+        place = ax.get_position()
+        edge = _plot_speed(found, ax, row == len(names) - 1) if over_time else place.x1
+        scale = figure.add_axes((edge + 0.015, place.y0, 0.014, place.height))
+        bar = figure.colorbar(image, cax=scale, extend="min")
+        unit = unit_text(found.units[row])
+        bar.set_label(f"{shortened(name)}\npeak amplitude ({unit})", fontsize=6.5)
+        if row < len(names) - 1:
+            ax.tick_params(labelbottom=False)
+    label_marks(line_marks(found.marks, *_ends(found)), axes[0])
+    axes[-1].set_xlabel(order_axis(found))
+    left_label(figure, axes, "Time (s)" if over_time else f"Speed of shaft {found.shaft} (Hz)")
+    if not over_time and np.ma.is_masked(axes[0].images[0].get_array()):
+        figure.text(0.995, 0.004, "grey: speeds that were not recorded", ha="right", fontsize=6)
+    return figure
+
+
+def _ends(found: OrderSpectra) -> tuple[float, float]:
+    # the mean and what leaks from it are no lines
+    order = found.map.order
+    return float(order[min(2, len(order) - 1)]), float(order[-1])
+
+
+def _plot_order_map(found: OrderSpectra, row: int, ax: Axes) -> AxesImage:
+    """Draw the largest value in each of some columns, in a logarithmic scale of colours."""
+    values, low, high = _evenly(found, found.map.amplitude[:, row, 2:])
+    columns = min(_COLUMNS, values.shape[1])
+    edges = np.linspace(0, values.shape[1], columns + 1).astype(int)[:-1]
+    held = np.maximum.reduceat(values, edges, axis=1)
+    top = max(float(np.nanmax(held)), np.finfo(float).tiny)
+    # colours are spent on what stands above the quietest twentieth, within four decades
+    low_end = max(min(float(np.nanpercentile(held, 5)), 0.1 * top), top * 10**-_DECADES)
+    first, last = _ends(found)
+    image = ax.imshow(
+        np.ma.masked_invalid(np.maximum(held, low_end)),
+        aspect="auto",
+        origin="lower",
+        extent=(first, last, low, high),
+        cmap=colormaps["viridis"].with_extremes(bad=LIGHT_GREY),
+        norm=LogNorm(vmin=low_end, vmax=top),
+        interpolation="nearest",
+    )
+    ax.yaxis.set_major_locator(MaxNLocator(5))
+    return image
+
+
+def _evenly(found: OrderSpectra, values: FloatArray) -> tuple[FloatArray, float, float]:
+    """Put the rows of a map on an even scale, NaN where there is none; and its ends."""
+    own = found.map
+    low, high = float(own.low[0]), float(own.high[-1])
+    step = float(own.high[0] - own.low[0])
+    count = max(1, round((high - low) / step))
+    if count == len(own.low) or own.against == "time":
+        return values, low, high
+    even = np.full((count, values.shape[1]), np.nan)
+    even[np.rint((own.low - low) / step).astype(int)] = values
+    return even, low, high
+
+
+def _plot_speed(found: OrderSpectra, ax: Axes, lowest: bool) -> float:
+    """Draw the speed along time at the right of a map; return where that ends."""
+    own, place = found.map, ax.get_position()
+    width = _SPEED_IN / PAGE_WIDTH_IN
+    beside = ax.figure.add_axes((place.x1 + 0.01, place.y0, width - 0.02, place.height))
+    beside.plot(own.speed_hz, own.time_s, color=BLUE, linewidth=1.0)
+    low, high = float(own.speed_hz.min()), float(own.speed_hz.max())
+    # a steady speed must not be blown up until its last digit looks like trouble
+    room = max(0.15 * (high - low), 0.005 * high)
+    beside.set_xlim(low - room, high + room)
+    beside.set_ylim(ax.get_ylim())
+    beside.yaxis.set_major_locator(MaxNLocator(5))
+    beside.xaxis.set_major_locator(MaxNLocator(2))
+    beside.tick_params(labelleft=False, labelsize=6, labelbottom=lowest)
+    light_grid(beside, "both")
+    if lowest:
+        beside.set_xlabel(f"Shaft {found.shaft} (Hz)", fontsize=6.5)
+        beside.ticklabel_format(useOffset=False, axis="x")
+    return float(place.x1 + width - 0.01)
+
+
+def average_figures(found: GearAverages) -> dict[str, Picture]:
+    """Draw one turn of every gear; keys such as "-1-pinion" tell stage and gear.
+
+    Parameters
+    ----------
+    found : GearAverages
+    """
+    return {f"-{own.stage}-{own.gear}": average_figure(found, own) for own in found.gears}
+
+
+@style()
+def average_figure(found: GearAverages, own: GearAverage) -> Picture:
+    """Draw two strips a channel: the synchronous average, and what is left of it.
+
+    Parameters
+    ----------
+    found : GearAverages
+    own : GearAverage
+        Of one of its gears.
+    """
+    average = own.average
+    names = found.channel_names[:_MOST_PAIRS]
+    # so many values a tooth that straight lines join them
+    count = max(average.per_turn, _PER_TOOTH * own.teeth)
+    angle = np.arange(count + 1.0) * own.teeth / count
+    known = np.arange(average.per_turn + 1.0) * own.teeth / average.per_turn
+    whole, signals = one_turn(average.lines, count), own.signals
+    if count > average.per_turn:
+        signals = gear_signals(average.lines, own.signals.wheel, per_turn=count)
+    figure, axes = new_figure([0.85, 0.85] * len(names), top_in=0.52, sharex=True)
+    for row, name in enumerate(names):
+        error = _BAND * np.interp(angle, known, _closed(average.waveform_error[row]))
+        turn, residual = _closed(whole[row]), _closed(signals.residual[row])
+        upper, lower = axes[2 * row], axes[2 * row + 1]
+        _band(angle, turn, error, upper)
+        upper.plot(angle, turn, color=BLACK, linewidth=0.6, label="synchronous average")
+        _band(angle, 0.0 * turn, error, lower)
+        # a mark for the legend: a filled area has no data that it could be told by
+        label = f"± {_BAND:g} standard errors"
+        lower.plot([0.0], [0.0], color=LIGHT_GREY, linewidth=4, label=label)
+        # wider and lighter: where both are the same it still shows behind the difference
+        lower.plot(angle, residual, color=SKY, linewidth=1.6, label="residual")
+        difference = _closed(signals.difference[row])
+        lower.plot(angle, difference, color=VERMILLION, linewidth=0.6, label="difference")
+        for ax in (upper, lower):
+            ax.set_ylabel(strip_label(name, unit_text(found.units[row])), fontsize=7)
+            ax.yaxis.set_major_locator(MaxNLocator(4))
+            ax.set_xlim(0.0, own.teeth)
+            light_grid(ax)
+    zero = (
+        "at the tachometer pulse"
+        if own.numbered
+        else "anywhere: no once-a-turn pulse on this shaft"
+    )
+    axes[-1].set_xlabel(f"Angle of the {own.gear} (tooth pitches; 0 {zero})")
+    accelerations = all(unit in ("m/s2", "m/s^2", "g") for unit in found.units)
+    left_label(figure, axes, "Acceleration" if accelerations else "Signal")
+    figure.text(
+        0.012,
+        1 - 0.09 / figure.get_figheight(),
+        f"{shortened(own.name, 40)}, {own.teeth} teeth: mean of {average.turns} of its turns, "
+        f"order {average.rotation_order:.6g} of shaft 1",
+        va="top",
+        fontsize=8,
+    )
+    legend(figure, axes)
+    # the legend goes below the line that says what is drawn
+    figure.legends[0].set_bbox_to_anchor((1.0, 1 - 0.24 / figure.get_figheight()))
+    return figure
+
+
+def _band(angle: FloatArray, value: FloatArray, error: FloatArray, ax: Axes) -> None:
+    ax.fill_between(angle, value - error, value + error, color=LIGHT_GREY, linewidth=0)
+
+
+def _closed(values: FloatArray) -> FloatArray:
+    """Return a turn with its first value again at its end."""
+    return np.append(values, values[0])
+
+
+@style()
+def indicator_figure(tables: Sequence[IndicatorTable]) -> Picture:
+    """Draw a panel for every condition indicator and input.
+
+    Of several recordings the values run along the horizontal axis; of one the gears stand side by
+    side. Channels have markers, gears colours.
+
+    Parameters
+    ----------
+    tables : sequence of IndicatorTable
+        In the order of the run.
+    """
+    panels: dict[tuple[str, str], dict[tuple[str, str], list[tuple[int, float]]]] = {}
+    units: dict[tuple[str, str], str | None] = {}
+    gears: dict[str, None] = {}
+    channels: dict[str, None] = {}
+    for number, table in enumerate(tables, start=1):
+        for row in table.rows:
+            gear = f"{row.gear} {row.stage}" if row.gear else "raw"
+            gears[gear] = channels[row.channel] = None
+            # the band of an envelope differs from gear to gear; its panel is one
+            key = (row.indicator, row.input.split(",")[0])
+            units.setdefault(key, row.unit)
+            own = panels.setdefault(key, {}).setdefault((gear, row.channel), [])
+            own.append((number, row.value))
+    height = 0.55 + -(-len(panels) // _PANELS) * (_PANEL_IN + 0.55)
+    figure = Picture((PAGE_WIDTH_IN, height))
+    for number, ((name, of), series) in enumerate(panels.items()):
+        ax = figure.add_axes(_panel_place(number, height))
+        shown = [gear for gear in gears if any(gear == own for own, _ in series)]
+        for (gear, channel), points in series.items():
+            ax.plot(
+                [n if len(tables) > 1 else shown.index(gear) for n, _ in points],
+                [value for _, value in points],
+                color=series_colour([*gears].index(gear)),
+                marker=series_marker([*channels].index(channel)),
+                markersize=3.2,
+                linewidth=0.8 if len(tables) > 1 else 0.0,
+                markerfacecolor="none",
+                label=f"{gear}, {shortened(channel, 12)}",
+            )
+        unit = units[name, of]
+        stated = "" if unit == "1" else f" ({unit_text(unit)})"
+        ax.set_title(f"{name}{stated}\nof {of}", fontsize=6.5, pad=3)
+        _finish_panel(ax, _GAUSSIAN.get(name), shown, len(tables))
+    legend(figure, figure.axes, columns=5)
+    if any(name in _GAUSSIAN for name, _ in panels):
+        top = 1 - 0.06 / height
+        figure.text(0.012, top, "dashed:\nGaussian noise", va="top", fontsize=6.5, color=GREY)
+    return figure
+
+
+def _panel_place(number: int, height: float) -> tuple[float, float, float, float]:
+    row, column = divmod(number, _PANELS)
+    cell = PAGE_WIDTH_IN / _PANELS
+    left, bottom = column * cell + 0.45, height - 0.75 - (row + 1) * _PANEL_IN - row * 0.55
+    width = (cell - 0.55) / PAGE_WIDTH_IN
+    return left / PAGE_WIDTH_IN, bottom / height, width, _PANEL_IN / height
+
+
+def _finish_panel(ax: Axes, gaussian: float | None, gears: Sequence[str], records: int) -> None:
+    if gaussian is not None:
+        ax.axhline(gaussian, color=GREY, linewidth=0.7, linestyle=(0, (4, 2)))
+    if records > 1:
+        ax.set_xlim(0.7, records + 0.3)
+        ax.set_xticks(sorted({1, (records + 1) // 2, records}))
+        ax.set_xlabel("record", fontsize=6.5, labelpad=1)
+    else:
+        ax.set_xlim(-0.6, max(len(gears) - 0.4, 0.6))
+        ax.set_xticks(range(len(gears)), gears, fontsize=5.5, rotation=20)
+    low, high = ax.get_ylim()
+    ax.set_ylim(min(0.0, low), 1.06 * high if high > 0 else 1.0)
+    ax.tick_params(labelsize=6)
+    light_grid(ax)

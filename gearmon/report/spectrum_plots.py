@@ -1,0 +1,621 @@
+"""Pictures of spectra: a strip a channel, the lines of the machine marked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.image import AxesImage
+from matplotlib.markers import TICKUP
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+from numpy.typing import NDArray
+
+from gearmon.diagnosis.results import Analysis
+from gearmon.report.curves import angle_spectrum, max_hold, time_spectrum
+from gearmon.report.palette import BLACK, GREY, VERMILLION, series_colour, series_marker
+from gearmon.report.plots import (
+    Picture,
+    above,
+    common_scale,
+    left_label,
+    legend,
+    light_grid,
+    new_figure,
+    plot_marks,
+    spread,
+    style,
+)
+from gearmon.report.wording import (
+    counted,
+    left_out_text,
+    percent,
+    power_of_ten,
+    shaft_text,
+    shortened,
+    strip_label,
+    told_apart,
+    unit_text,
+)
+from gearmon.signals.kurtogram import Kurtogram
+from gearmon.signals.recording import Recording
+from gearmon.signals.spectrum import Spectrum
+from gearmon.signatures.families import MESH_HARMONICS, NEAR_SIDEBANDS, Family
+from gearmon.signatures.line_marks import Mark
+from gearmon.signatures.measured import MeasuredSignature, MeshFinding
+from gearmon.signatures.order_spectra import OrderSpectra
+from gearmon.signatures.recording_spectrum import RecordingSpectrum
+from gearmon.signatures.speed import SPEED_TOLERANCE
+
+FloatArray = NDArray[np.float64]
+
+# More channels than this get no readable strip each: the report says which are shown.
+MOST_STRIPS = 8
+# The axis ends this far beyond the last mesh harmonic that is looked at.
+_BEYOND_LAST = 1.12
+# A close-up shows this many sidebands of the fastest shaft, and some air.
+_CLOSE_UP_SPACINGS = NEAR_SIDEBANDS + 0.7
+# It never reaches the neighbouring mesh harmonics.
+_CLOSE_UP_MESHES = 0.6
+# Where no mesh was found, a close-up shows twice the range that was searched.
+_SEARCH_SHOWN = 2.0 * SPEED_TOLERANCE
+# One line that vanished does not outweigh a whole row of sidebands that rose [std deviations].
+_MOST_COUNTED = 6.0
+# A picture shows at most so many decades below the highest line.
+_DECADES = 6.0
+# Marks nearer than this share of the axis cannot be told apart; width of a line of a label.
+_LEAST_GAP, _LABEL_WIDTH = 0.012, 0.014
+_GREY_SERIES = 7
+_DASHED = (0, (4, 2))
+_AXES = {
+    "frequency_hz": "Frequency (Hz)",
+    "quefrency_s": "Quefrency (s)",
+    "cyclic_frequency_hz": "Modulation frequency (Hz)",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class LineMark:
+    """A place on the axis of a spectrum where the machine puts, or should put, a line.
+
+    Parameters
+    ----------
+    place : float
+        In the unit of the axis.
+    label : str
+        Short text ("GMF1 ×2", "+3"); "" for none.
+    series : int
+        Which colour and marker, from 0.
+    amplitude : float or None
+        Measured peak amplitude of the line, None if it was not detected or not measured.
+    half_width : float
+        Half of the range in which it was looked for, 0 if the place is known.
+    """
+
+    place: float
+    label: str
+    series: int
+    amplitude: float | None = None
+    half_width: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Strip:
+    """The spectrum of one channel with the lines of the machine.
+
+    Parameters
+    ----------
+    label : str
+        Channel and unit.
+    place, value : ndarray of float, shape (points,)
+        The curve, thinned by max-hold.
+    marks : tuple of LineMark
+        Mesh and shaft harmonics.
+    sidebands : tuple of (str, tuple of LineMark)
+        In a close-up, those of each spacing with its name.
+    linear : bool
+        Whether the values stand on a linear scale.
+    """
+
+    label: str
+    place: FloatArray
+    value: FloatArray
+    marks: tuple[LineMark, ...]
+    sidebands: tuple[tuple[str, tuple[LineMark, ...]], ...] = ()
+    linear: bool = False
+
+
+@style()
+def amplitude_figure(analysis: Analysis, recording: Recording) -> Picture:
+    """Draw the amplitude spectrum of every channel with the mesh harmonics of all stages.
+
+    Parameters
+    ----------
+    analysis : Analysis
+        The analysis.
+    recording : Recording
+        Its recording.
+    """
+    signature = analysis.signature
+    spectrum, blocks, nyquist = _time_spectrum(analysis, recording)
+    last = max(MESH_HARMONICS * mesh.frequency_hz for mesh in signature.meshes)
+    high = min(nyquist, _BEYOND_LAST * last)
+    marks = [mark for mark in mesh_marks(signature) if mark.place < 0.999 * high]
+    strips = _channel_strips(analysis, spectrum, (2 * float(spectrum.frequency_hz[1]), high), marks)
+    made = f"{blocks} Hann blocks, averaged in power" if blocks > 1 else "one Hann window"
+    cut = "" if high == nyquist else f", shown up to {high:.0f} of {nyquist:.0f} Hz"
+    peaks = [
+        f"{name} peaks with {strip.value.max():.3g} {unit_text(unit)} at "
+        f"{strip.place[np.argmax(strip.value)]:.1f} Hz"
+        for name, unit, strip in zip(signature.channel_names, signature.units, strips, strict=True)
+        if len(strip.value)
+    ]
+    return _report_figure(analysis, strips, "Frequency (Hz)").told(
+        name="spectrum",
+        heading="Amplitude spectrum",
+        caption=f"{_what_to_look_for(analysis)} Peak amplitudes, {made}, resolution "
+        f"{spectrum.resolution_hz:.2g} Hz{cut}.{left_out_text(len(strips), MOST_STRIPS)}",
+        alt=f"Amplitude spectra of {counted(len(strips), 'channel')}: {'; '.join(peaks)}.",
+    )
+
+
+def _what_to_look_for(analysis: Analysis) -> str:
+    if not analysis.signature.found:
+        return (
+            "Dashed lines: where the mesh harmonics (GMF) of the machine file should be; shaded: "
+            f"the ± {percent(SPEED_TOLERANCE, 0)} about the nominal speed that were searched. Look "
+            "for a row of lines, one in each shaded range: none was found that stands out from "
+            "those of other tooth counts. Lines may come from bearings, the electrical supply or "
+            "another machine; check tooth counts, speed and channel before trusting the verdict."
+        )
+    return (
+        "Look for the mesh harmonics (dashed, GMF1 ×2 is the second harmonic of mesh 1) standing "
+        "out of the floor, and for skirts of sidebands around them. Strong lines between the "
+        "marks come from something other than these gears."
+    )
+
+
+@style()
+def close_up_figure(analysis: Analysis, recording: Recording, mesh: MeshFinding) -> Picture | None:
+    """Draw the surroundings of one mesh harmonic, or where it was looked for, in every channel.
+
+    Parameters
+    ----------
+    analysis : Analysis
+        The analysis.
+    recording : Recording
+        Its recording.
+    mesh : MeshFinding
+        The mesh. The harmonic is the one whose sidebands changed most, if a reference tells; else
+        the strongest; the first where no mesh was found.
+
+    Returns
+    -------
+    Picture or None
+        None where the recording does not reach so high.
+    """
+    found = analysis.signature.found
+    harmonic = close_up_harmonic(analysis, mesh.stage) if found else 1
+    strips = (
+        _sideband_strips(analysis, recording, mesh, harmonic)
+        if found
+        else _searched_strips(analysis, recording, mesh)
+    )
+    if not len(strips[0].place):
+        return None
+    axis = "Frequency at the mean speed (Hz)" if found else "Frequency (Hz)"
+    frequency = harmonic * mesh.frequency_hz
+    alt = f"Spectrum around {frequency:.1f} Hz, where mesh {mesh.stage} was looked for."
+    if found:
+        alt = (
+            f"Spectrum around harmonic {harmonic} of mesh {mesh.stage} at {frequency:.1f} Hz with "
+            "the places of the sidebands of each shaft."
+        )
+    return _report_figure(analysis, strips, axis).told(
+        name=f"{'sidebands' if found else 'searched'}-mesh-{mesh.stage}",
+        heading=f"Around mesh {mesh.stage}, harmonic {harmonic}",
+        caption=_close_up_caption(analysis, mesh) + left_out_text(len(strips), MOST_STRIPS),
+        alt=alt,
+    )
+
+
+def _close_up_caption(analysis: Analysis, mesh: MeshFinding) -> str:
+    """Tell what to look for, at length for the first mesh."""
+    if not analysis.signature.found:
+        return (
+            f"The place of mesh {mesh.stage} at the nominal speed. A mesh would show a line inside "
+            f"the shaded range, with others at its multiples. Not found: {mesh.reason}."
+        )
+    told = any(c.stage == mesh.stage and c.kind == "sidebands" for c in analysis.changes)
+    why = "its sidebands changed most" if told else "it is the strongest"
+    chosen = f"This harmonic is shown because {why}."
+    if mesh.stage != 1:
+        return f"{chosen} Ticks and symbols as above."
+    return (
+        f"{chosen} Ticks along the bottom: every place of a sideband up to the "
+        f"{NEAR_SIDEBANDS}th; open symbols: those heard above the floor. A row of sidebands at the "
+        "spacing of one shaft points at a gear on that shaft; which shaft is the question to ask "
+        "of this picture. Sampled at equal angles, so that a wandering speed smears nothing."
+    )
+
+
+@style()
+def spectrum_figure(found: RecordingSpectrum) -> Picture:
+    """Draw a spectrum of any kind, a strip a channel; of a kurtogram a map a channel.
+
+    Parameters
+    ----------
+    found : RecordingSpectrum
+    """
+    if found.kurtograms:
+        return _kurtogram_figure(found)
+    marks = line_marks(found.marks, float(found.place[0]), float(found.place[-1]))
+    linear = found.kind in ("cepstrum", "coherence")
+    strips = []
+    for name, unit, values in zip(found.channel_names, found.units, found.values, strict=True):
+        # a ratio has the unit 1, which is no lack of one
+        shown = "1" if unit == "1" else unit_text(unit or None).replace(")^2", ")²")
+        label = shortened(name, 12) if linear else strip_label(name, shown)
+        x, y = max_hold(found.place, values)
+        strips.append(Strip(label=label, place=x, value=y, marks=marks, linear=linear))
+    what = found.value_name[0].upper() + found.value_name[1:]
+    return _strips_figure(strips, found.units, _AXES[found.axis], what)
+
+
+@style()
+def order_figure(found: OrderSpectra) -> Picture:
+    """Draw peak amplitudes against the orders of a shaft, a strip a channel.
+
+    Parameters
+    ----------
+    found : OrderSpectra
+    """
+    # the mean and what leaks from it are no lines
+    order = found.order[2:]
+    marks = line_marks(found.marks, float(order[0]), float(order[-1]))
+    strips = []
+    for name, unit, values in zip(found.channel_names, found.units, found.amplitude, strict=True):
+        x, y = max_hold(order, values[2:])
+        label = strip_label(name, unit_text(unit))
+        strips.append(Strip(label=label, place=x, value=y, marks=marks))
+    return _strips_figure(strips, found.units, order_axis(found), "Peak amplitude")
+
+
+def order_axis(found: OrderSpectra) -> str:
+    """Return what the axis of orders counts."""
+    return f"Order (cycles a turn of shaft {found.shaft})"
+
+
+def _report_figure(analysis: Analysis, strips: Sequence[Strip], axis: str) -> Picture:
+    # two pictures of four channels, with their words, fit on a page
+    return _strips_figure(strips, analysis.signature.units, axis, "Peak amplitude", (0.74, 1.2))
+
+
+def _strips_figure(
+    strips: Sequence[Strip],
+    units: Sequence[str | None],
+    axis: str,
+    what: str,
+    heights_in: tuple[float, float] = (0.9, 1.5),
+) -> Picture:
+    """Draw one strip above the other with a common axis; `heights_in`: of many, of few strips."""
+    shown = strips[:MOST_STRIPS]
+    height = heights_in[0] if len(shown) > 3 else heights_in[1]
+    # room above for a legend, or for the names of the lines, sideways
+    top = 0.45 if strips[0].sidebands else 0.7 if strips[0].marks else 0.26
+    figure, axes = new_figure([height] * len(shown), top_in=top, sharex=True)
+    for strip, ax in zip(shown, axes, strict=True):
+        _plot_strip(strip, ax)
+    if len(set(units)) == 1:
+        common_scale(axes)
+    if strips[0].sidebands:
+        _label_sidebands(strips[0], axes[0])
+        legend(figure, axes)
+    else:
+        label_marks(strips[0].marks, axes[0])
+    axes[-1].set_xlabel(axis)
+    left_label(figure, axes, what)
+    return figure
+
+
+def _plot_strip(strip: Strip, ax: Axes) -> None:
+    for mark in strip.marks:
+        colour = series_colour(mark.series)
+        if mark.half_width > 0:
+            low, high = mark.place - mark.half_width, mark.place + mark.half_width
+            ax.axvspan(low, high, color=colour, alpha=0.13, linewidth=0)
+        ax.axvline(mark.place, color=colour, linewidth=0.8, linestyle=_DASHED, alpha=0.8)
+    ax.plot(strip.place, strip.value, color=BLACK, linewidth=0.55)
+    for series, (name, marks) in enumerate(strip.sidebands):
+        _plot_sidebands(name, marks, series, ax)
+    if len(strip.place) > 1:
+        ax.set_xlim(strip.place[0], strip.place[-1])
+    if not strip.linear:
+        _decades(strip, ax)
+    light_grid(ax)
+    ax.set_ylabel(strip.label, fontsize=7)
+
+
+def _decades(strip: Strip, ax: Axes) -> None:
+    ax.set_yscale("log")
+    shown = strip.value[strip.value > 0]
+    if len(shown):
+        detected = [mark.amplitude for _, marks in strip.sidebands for mark in marks]
+        high = max([float(shown.max()), *(size for size in detected if size)])
+        low = max(float(np.percentile(shown, 1)) / 2, high * 10**-_DECADES)
+        ax.set_ylim(low, 2.5 * high)
+    ax.yaxis.set_major_locator(LogLocator(numticks=6))
+    ax.yaxis.set_minor_locator(NullLocator())
+    ax.yaxis.set_major_formatter(
+        FuncFormatter(lambda v, _: power_of_ten(round(float(np.log10(v)))) if v > 0 else "")
+    )
+
+
+def _plot_sidebands(name: str, marks: Sequence[LineMark], series: int, ax: Axes) -> None:
+    detected = [mark for mark in marks if mark.amplitude is not None]
+    colour = series_colour(series)
+    places, sizes = [m.place for m in detected], [m.amplitude for m in detected]
+    open_ = {"markerfacecolor": "none", "markeredgewidth": 1.0, "label": f"sidebands of {name}"}
+    plot_marks(ax, places, sizes, series_marker(series), 4.2, colour, **open_)
+    # ticks at the bottom show every place, detected or not
+    foot = {"transform": ax.get_xaxis_transform(), "clip_on": False}
+    long = 6 if series % 2 == 0 else 4
+    plot_marks(ax, [m.place for m in marks], [0.0] * len(marks), TICKUP, long, colour, **foot)
+
+
+def _label_sidebands(strip: Strip, ax: Axes) -> None:
+    """Write the numbers of the sidebands of the widest spacing above the axes."""
+    widest = max(
+        (marks for _, marks in strip.sidebands if marks),
+        key=lambda marks: marks[-1].place - marks[0].place,
+        default=(),
+    )
+    for mark in widest:
+        above(ax, mark.place, mark.label, 1.5, fontsize=6.5, color=series_colour(mark.series))
+
+
+def label_marks(marks: Sequence[LineMark], ax: Axes) -> None:
+    """Write the names of marks above the axes, sideways, each with a line to its place."""
+    low, high = ax.get_xlim()
+    share = [(mark.place - low) / (high - low) for mark in marks]
+    widest = max((mark.label.count("\n") + 1 for mark in marks), default=1)
+    places = spread(share, widest * _LABEL_WIDTH, 0.0, 1.0)
+    up = 0.1 / (ax.get_position().height * ax.get_figure(root=True).get_figheight())  # type: ignore[union-attr]
+    for mark, at, place in zip(marks, share, places, strict=True):
+        ax.plot(
+            [at, place],
+            [1.0, 1.0 + up],
+            transform=ax.transAxes,
+            color=GREY,
+            linewidth=0.4,
+            clip_on=False,
+        )
+        ax.text(
+            place,
+            1.0 + 1.2 * up,
+            mark.label,
+            transform=ax.transAxes,
+            rotation=90,
+            linespacing=0.95,
+            ha="center",
+            va="bottom",
+            fontsize=6.5,
+            color=series_colour(mark.series),
+        )
+
+
+def line_marks(marks: Sequence[Mark], low: float, high: float) -> tuple[LineMark, ...]:
+    """Return the marks that can be told apart on an axis: meshes first, then shafts.
+
+    Meshes have the colour of their stage, shafts are grey.
+    """
+    kept: list[Mark] = []
+    for kind in ("mesh", "shaft"):
+        for mark in marks:
+            apart = all(
+                abs(mark.place - other.place) >= _LEAST_GAP * (high - low) for other in kept
+            )
+            if mark.kind == kind and low <= mark.place <= high and apart:
+                kept.append(mark)
+    return tuple(
+        LineMark(
+            place=mark.place,
+            label=mark.name.replace("mesh ", "GMF").replace(" = ", "\n"),
+            series=mark.number - 1 if mark.kind == "mesh" else _GREY_SERIES,
+        )
+        for mark in sorted(kept, key=lambda mark: mark.place)
+    )
+
+
+def mesh_marks(signature: MeasuredSignature) -> list[LineMark]:
+    """Return the mesh harmonics of all stages [Hz], coinciding ones as one mark with both names."""
+    by_place: dict[float, LineMark] = {}
+    # without a mesh the speed is unknown, and the nominal one was the middle of the search
+    speed = signature.speed
+    ratio = 1.0 if signature.found else speed.nominal_hz / speed.estimated_hz
+    for mesh in signature.meshes:
+        for k in range(1, MESH_HARMONICS + 1):
+            place, label = k * mesh.frequency_hz * ratio, f"GMF{mesh.stage} ×{k}"
+            key = round(place / speed.estimated_hz, 6)
+            if key in by_place:
+                by_place[key] = replace(by_place[key], label=f"{by_place[key].label}\n{label}")
+                continue
+            by_place[key] = LineMark(
+                place=place,
+                label=label,
+                series=mesh.stage - 1,
+                half_width=0.0 if signature.found else SPEED_TOLERANCE * place,
+            )
+    return [by_place[key] for key in sorted(by_place)]
+
+
+def close_up_harmonic(analysis: Analysis, stage: int) -> int:
+    """Return the mesh harmonic of a stage whose surroundings are worth a close look."""
+    changed: dict[int, float] = {}
+    for change in analysis.changes:
+        if change.stage == stage and change.kind == "sidebands":
+            size = min(abs(change.standardised), _MOST_COUNTED)
+            changed[change.harmonic] = changed.get(change.harmonic, 0.0) + size
+    if changed:
+        return max(changed, key=lambda harmonic: changed[harmonic])
+    level = analysis.signature.level_db.max(axis=0)
+    strong = [
+        (float(level[column]), family.harmonic)
+        for column, family in enumerate(analysis.signature.plan.families)
+        if family.kind == "mesh" and family.stage == stage
+    ]
+    return max(strong)[1] if strong else 1
+
+
+def _vibration_of(analysis: Analysis, recording: Recording) -> Recording:
+    """Return the channels of the recording that were analysed, in the order of the analysis."""
+    vibration, names = recording.vibration(), analysis.signature.channel_names
+    return vibration if vibration.channel_names == names else vibration.select(names)
+
+
+def _time_spectrum(analysis: Analysis, recording: Recording) -> tuple[Spectrum, int, float]:
+    """Return the spectrum of the analysed channels, its number of blocks and its end [Hz]."""
+    vibration = _vibration_of(analysis, recording)
+    spectrum, blocks = time_spectrum(vibration.samples, vibration.sampling_rate_hz)
+    return spectrum, blocks, 0.5 * vibration.sampling_rate_hz
+
+
+def _searched_strips(analysis: Analysis, recording: Recording, mesh: MeshFinding) -> list[Strip]:
+    spectrum, _, _ = _time_spectrum(analysis, recording)
+    mark = mesh_marks(replace(analysis.signature, meshes=(mesh,)))[0]
+    band = (mark.place * (1 - _SEARCH_SHOWN), mark.place * (1 + _SEARCH_SHOWN))
+    return _channel_strips(analysis, spectrum, band, [mark])
+
+
+def _sideband_strips(
+    analysis: Analysis, recording: Recording, mesh: MeshFinding, harmonic: int
+) -> list[Strip]:
+    """Return the spectrum in angle about a mesh harmonic, with the sidebands of every spacing."""
+    signature = analysis.signature
+    vibration = _vibration_of(analysis, recording)
+    speed = signature.speed.estimated_hz
+    families = [
+        family
+        for family in signature.plan.families
+        if family.kind == "sidebands" and family.stage == mesh.stage and family.harmonic == harmonic
+    ]
+    mesh_order = mesh.frequency_hz / speed
+    spacing = max((family.spacing for family in families), default=1.0)
+    half = min(_CLOSE_UP_SPACINGS * spacing, _CLOSE_UP_MESHES * mesh_order)
+    centre = harmonic * mesh_order
+    high = min(0.48 * vibration.sampling_rate_hz / speed, centre + half)
+    orders = angle_spectrum(
+        vibration.samples,
+        vibration.sampling_rate_hz,
+        signature.track,
+        2 * signature.lines.block_turns,
+        high,
+    )
+    band = (max(centre - half, 0.0) * speed, high * speed)
+    strips = _channel_strips(
+        analysis,
+        replace(orders, frequency_hz=orders.frequency_hz * speed),
+        band,
+        [mark for mark in mesh_marks(signature) if band[0] < mark.place < band[1]],
+    )
+    return [
+        replace(strip, sidebands=_sidebands(signature, channel, centre, families))
+        for channel, strip in enumerate(strips)
+    ]
+
+
+def _sidebands(
+    signature: MeasuredSignature, channel: int, centre: float, families: Sequence[Family]
+) -> tuple[tuple[str, tuple[LineMark, ...]], ...]:
+    power = signature.lines.cross_power()[channel]
+    noise = signature.lines.noise[channel]
+    names = told_apart(
+        [shaft_text(family.shaft, family.gear) for family in families],
+        [family.spacing for family in families],
+    )
+    result = []
+    for row, (name, family) in enumerate(zip(names, families, strict=True)):
+        orders = [float(signature.plan.orders[line]) for line in family.lines]
+        marks = tuple(
+            LineMark(
+                place=order * signature.speed.estimated_hz,
+                label=f"{round((order - centre) / family.spacing):+d}".replace("-", "−"),
+                series=row,
+                amplitude=float(np.sqrt(power[line])) if power[line] > noise[line] else None,
+            )
+            for order, line in zip(orders, family.lines, strict=True)
+        )
+        result.append((name, marks))
+    return tuple(result)
+
+
+def _channel_strips(
+    analysis: Analysis, spectrum: Spectrum, band: tuple[float, float], marks: Sequence[LineMark]
+) -> list[Strip]:
+    signature = analysis.signature
+    inside = (spectrum.frequency_hz >= band[0]) & (spectrum.frequency_hz <= band[1])
+    strips = []
+    for name, unit, values in zip(
+        signature.channel_names, signature.units, spectrum.values, strict=True
+    ):
+        x, y = max_hold(spectrum.frequency_hz[inside], values[inside])
+        label = strip_label(name, unit_text(unit))
+        strips.append(Strip(label=label, place=x, value=y, marks=tuple(marks)))
+    return strips
+
+
+def _kurtogram_figure(found: RecordingSpectrum) -> Picture:
+    shown = found.kurtograms[:MOST_STRIPS]
+    figure, axes = new_figure(
+        [0.135 * len(own.bands) for own in shown],
+        gap_in=0.55,
+        right_in=0.85,
+        left_in=1.0,
+        many_colours=True,
+    )
+    for own, name, ax in zip(shown, found.channel_names, axes, strict=False):
+        image = _plot_kurtogram(own, ax)
+        low, high, top = own.best
+        ax.set_title(f"{shortened(name)}: most impulsive {low:.6g} to {high:.6g} Hz, K = {top:.3g}")
+        place = ax.get_position()
+        scale = figure.add_axes((place.x1 + 0.015, place.y0, 0.014, place.height))
+        figure.colorbar(image, cax=scale).set_label("Kurtosis")
+    axes[-1].set_xlabel("Frequency (Hz)")
+    left_label(figure, axes, "Bandwidth (Hz)")
+    return figure
+
+
+def _plot_kurtogram(own: Kurtogram, ax: Axes) -> AxesImage:
+    """Draw a row a bandwidth, the most impulsive band framed."""
+    columns = min(int(np.lcm.reduce(own.bands)), 3 * max(own.bands))
+    centres = (np.arange(columns) + 0.5) / columns
+    grid = np.array(
+        [
+            level[np.minimum((centres * bands).astype(int), bands - 1)]
+            for bands, level in zip(own.bands, own.kurtosis, strict=True)
+        ]
+    )
+    rows = len(own.bands)
+    image = ax.imshow(
+        grid,
+        aspect="auto",
+        origin="upper",
+        extent=(0.0, own.rate / 2, rows, 0.0),
+        cmap="viridis",
+        vmin=min(0.0, float(np.percentile(grid, 5))),
+        vmax=max(float(grid.max()), 1e-3),
+        interpolation="nearest",
+    )
+    low, high, _ = own.best
+    row = int(np.argmax([float(level.max()) for level in own.kurtosis]))
+    ax.plot(
+        [low, high, high, low, low],
+        [row, row, row + 1, row + 1, row],
+        color=VERMILLION,
+        linewidth=1.4,
+        clip_on=False,
+    )
+    widths = [own.rate / 2 / bands for bands in own.bands[::2]]
+    ax.set_yticks(np.arange(rows)[::2] + 0.5, [f"{w:.0f}" if w > 1 else f"{w:.3g}" for w in widths])
+    return image

@@ -1,0 +1,295 @@
+"""Pictures of an analysis: what is drawn is what was measured, and the words say the same."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gearmon.report.analysis_plots import (
+    analysis_figures,
+    flagged_place,
+    profile_of,
+    speed_figure,
+    turn_figure,
+)
+from gearmon.report.level_plots import (
+    changes_figure,
+    family_groups,
+    levels_figure,
+    pattern_figure,
+)
+from gearmon.report.spectrum_plots import (
+    amplitude_figure,
+    close_up_figure,
+    close_up_harmonic,
+    mesh_marks,
+)
+from gearmon.report.text import BEYOND
+
+
+def texts(ax):
+    return [text.get_text() for text in ax.texts]
+
+
+def named(ax):
+    return {line.get_label(): line for line in ax.lines}
+
+
+def curve(ax):
+    """The longest line: that of the spectrum."""
+    return max(ax.lines, key=lambda line: len(line.get_xdata()))
+
+
+def test_every_case_has_its_pictures(faulty, alone, gearless):
+    def names(case, reference):
+        return [p.name for p in analysis_figures(case.analysis, case.recording, reference)]
+
+    assert names(faulty, faulty.reference) == [
+        "spectrum",
+        "sidebands-mesh-1",
+        "changes",
+        "levels",
+        "turn-1-pinion",
+        "turn-1-gear",
+        "speed",
+    ]
+    assert "pattern" in names(alone, None)
+    assert "changes" not in names(alone, None)
+    shown = list(analysis_figures(gearless.analysis, gearless.recording, None))
+    assert [p.name for p in shown] == ["spectrum", "searched-mesh-1"]
+    assert "none was found" in shown[0].caption
+    assert all(picture.alt and picture.caption and picture.heading for picture in shown)
+
+
+# --- spectra ---------------------------------------------------------------------------------
+
+
+def test_mesh_marks_stand_at_the_harmonics_of_the_estimated_speed(healthy):
+    marks = mesh_marks(healthy.analysis.signature)
+    expected = 23 * healthy.analysis.signature.speed.estimated_hz * np.arange(1, 9)
+    assert np.allclose([mark.place for mark in marks], expected)
+    assert marks[1].label == "GMF1 ×2"
+    assert all(mark.half_width == 0 for mark in marks)
+
+
+def test_without_a_mesh_the_searched_range_is_marked_about_the_nominal_speed(gearless):
+    marks = mesh_marks(gearless.analysis.signature)
+    assert marks[0].place == pytest.approx(23 * 20.0)
+    assert marks[2].half_width == pytest.approx(0.03 * 3 * 23 * 20.0)
+
+
+def test_harmonics_of_two_meshes_at_one_place_share_a_mark(healthy):
+    signature = healthy.analysis.signature
+    mesh = signature.meshes[0]
+    twin = replace(mesh, stage=2, frequency_hz=2 * mesh.frequency_hz)
+    labels = [mark.label for mark in mesh_marks(replace(signature, meshes=(mesh, twin)))]
+    assert "GMF1 ×2\nGMF2 ×1" in labels
+    assert len(labels) == 12
+
+
+def test_the_spectrum_reads_the_amplitude_of_the_lines(healthy):
+    figure = amplitude_figure(healthy.analysis, healthy.recording)
+    front, rear = figure.axes
+    for number, ax in enumerate((front, rear)):
+        # at the first mesh harmonic, whose amplitude the lines of the signature have
+        x, y = curve(ax).get_data()
+        mesh_hz = healthy.analysis.signature.meshes[0].frequency_hz
+        near = y[np.abs(x - mesh_hz) < 1.0].max()
+        order = healthy.analysis.signature.plan.orders
+        line = int(np.argmin(np.abs(order - 23)))
+        power = healthy.analysis.signature.lines.cross_power()[number, line]
+        assert near == pytest.approx(np.sqrt(power), rel=0.2)
+        assert ax.get_yscale() == "log"
+        assert x[-1] <= 2048.0
+    high = f"{curve(front).get_ydata().max():.3g} m/s² at "
+    assert f"front peaks with {high}" in figure.alt
+    assert "resolution" in figure.caption
+    marks = [mark.label for mark in mesh_marks(healthy.analysis.signature)]
+    assert texts(front) == [label for label in marks if label in texts(front)] != []
+
+
+def test_channels_are_found_by_name_where_not_all_were_analysed(healthy):
+    signature = healthy.analysis.signature
+    rear = replace(
+        signature,
+        channel_names=("rear",),
+        units=signature.units[1:],
+        level_db=signature.level_db[1:],
+    )
+    both = amplitude_figure(healthy.analysis, healthy.recording)
+    (ax,) = amplitude_figure(replace(healthy.analysis, signature=rear), healthy.recording).axes
+    assert np.array_equal(curve(ax).get_ydata(), curve(both.axes[1]).get_ydata())
+
+
+def test_sidebands_of_a_close_up_stand_on_the_lines_of_the_spectrum(healthy):
+    mesh = healthy.analysis.signature.meshes[0]
+    figure = close_up_figure(healthy.analysis, healthy.recording, mesh)
+    harmonic = int(figure.heading.split()[-1])
+    ax = figure.axes[0]
+    assert {"sidebands of shaft 1", "sidebands of shaft 2"} <= set(named(ax))
+    x, y = named(ax)["sidebands of shaft 1"].get_data()
+    speed = healthy.analysis.signature.speed.estimated_hz
+    first = np.flatnonzero(np.abs(np.asarray(x) / speed - 23 * harmonic - 1) < 1e-9)
+    assert len(first) == 1
+    drawn_x, drawn_y = curve(ax).get_data()
+    near = np.abs(drawn_x - x[first[0]]) < 0.3
+    assert y[first[0]] == pytest.approx(drawn_y[near].max(), rel=0.3)
+    assert "+1" in texts(ax)
+
+
+def test_the_close_up_shows_the_harmonic_whose_sidebands_changed(faulty):
+    changes = [
+        replace(change, level_db=change.reference_db + (40 if change.harmonic == 3 else 0))
+        for change in faulty.analysis.changes
+    ]
+    assert close_up_harmonic(replace(faulty.analysis, changes=tuple(changes)), 1) == 3
+
+
+# --- levels ----------------------------------------------------------------------------------
+
+
+def test_groups_hold_every_family_once(healthy):
+    families = healthy.analysis.signature.plan.families
+    groups = family_groups(families)
+    columns = [column for group in groups for column in group.columns]
+    assert sorted(columns) == list(range(len(families)))
+    assert groups[0].label == "mesh 1"
+    for group in groups:
+        assert [families[c].harmonic for c in group.columns] == list(group.harmonics)
+
+
+def test_levels_beyond_scatter_have_their_own_marker(faulty):
+    ax = levels_figure(faulty.analysis, faulty.reference).axes[1]
+    changed = named(ax)["measured, changed by more than 3 standard deviations"]
+    beyond = [
+        c.level_db
+        for c in faulty.analysis.changes
+        if c.channel == "rear" and abs(c.standardised) > BEYOND
+    ]
+    assert beyond
+    assert np.allclose(np.sort(changed.get_ydata()), np.sort(beyond))
+    assert changed.get_marker() != named(ax)["measured"].get_marker()
+    assert "mesh 1" in texts(ax)
+
+
+def test_levels_stand_over_the_range_of_the_reference(faulty):
+    ax = levels_figure(faulty.analysis, faulty.reference).axes[1]
+    level = faulty.reference.level_db[:, 1, :]
+    known = [
+        faulty.reference.family_names.index(family.name)
+        for family in faulty.analysis.signature.plan.families
+    ]
+    middle = 0.5 * (level.min(axis=0) + level.max(axis=0))[known]
+    height = np.maximum(np.ptp(level, axis=0)[known], 0.8)
+    bars = [(bar.get_y() + 0.5 * bar.get_height(), bar.get_height()) for bar in ax.patches]
+    assert np.allclose(bars, np.transpose([middle, height]))
+
+
+def test_without_a_reference_levels_have_no_range(alone):
+    figure = levels_figure(alone.analysis)
+    assert not figure.axes[0].patches
+    assert not figure.axes[0].collections
+    assert "no level can be called high or low" in figure.caption
+
+
+def test_changes_are_coloured_symmetrically_and_framed_beyond_scatter(faulty):
+    ax, scale = changes_figure(faulty.analysis).axes
+    (image,) = ax.images
+    low, high = image.get_clim()
+    assert low == -high
+    assert 6 <= high <= 20
+    shown = np.sort(image.get_array().compressed())
+    assert np.allclose(shown, np.sort([c.change_db for c in faulty.analysis.changes]))
+    assert len(ax.patches) == sum(abs(c.standardised) > BEYOND for c in faulty.analysis.changes)
+    assert {"front", "rear"} <= set(texts(ax))
+    assert scale.get_ylabel() == "Change (dB)"
+    # every change stands in the block of its channel and the row of its family
+    groups = [label.get_text() for label in ax.get_yticklabels()]
+    change = next(c for c in faulty.analysis.changes if c.kind == "mesh" and c.channel == "rear")
+    harmonics = image.get_array().shape[1] // 2
+    column = harmonics + change.harmonic - 1
+    assert image.get_array()[groups.index("mesh 1"), column] == pytest.approx(change.change_db)
+
+
+def test_patterns_are_relative_to_their_strongest_harmonic(alone):
+    (ax,) = pattern_figure(alone.analysis).axes
+    tops = [bar.get_y() + bar.get_height() for bar in ax.patches]
+    assert max(tops) == pytest.approx(0.0)
+    assert [line.get_label() for line in ax.lines] == ["measured, front", "measured, rear"]
+    assert all(np.nanmax(line.get_ydata()) == pytest.approx(0.0) for line in ax.lines)
+    mesh_hz = alone.analysis.signature.meshes[0].frequency_hz
+    assert ax.get_xticklabels()[0].get_text() == f"×1\n{mesh_hz:.4g} Hz"
+
+
+# --- the turn of a gear, and the speed -------------------------------------------------------
+
+
+def pinion(case):
+    return next(w for w in case.analysis.signature.plan.wheels if w.gear == "pinion")
+
+
+def test_the_burst_shows_at_the_tooth_where_it_was_put(faulty):
+    profile = profile_of(faulty.analysis, 1, "pinion")
+    place = flagged_place(faulty.analysis, 1, "pinion")
+    # the ring-down, about a tooth long, begins a quarter of 23 mesh periods after the angle zero
+    assert place == pytest.approx(23 * 0.25 + 0.2, abs=1.5)
+    assert round(place) == profile.tooth
+    figure = turn_figure(faulty.analysis, pinion(faulty))
+    tooth, rest = named(figure.axes[0])["the same without mesh harmonics"].get_data()
+    assert tooth[np.argmax(np.abs(rest))] == pytest.approx(place, abs=1.5)
+    teeth = figure.axes[-1]
+    bars = [patch for patch in teeth.patches if patch.get_height() in profile.energy]
+    assert len({bar.get_facecolor() for bar in bars}) == 2
+    highest = max(bars, key=lambda bar: bar.get_height())
+    assert highest.get_x() + 0.4 == pytest.approx(place, abs=1)
+    assert f"tooth {profile.tooth}: " in texts(teeth)[0]
+    assert "(flagged)" in texts(teeth)[0]
+    assert f"highest at place {round(place)} of 23" in figure.alt
+
+
+def test_a_turn_is_drawn_from_half_a_tooth_before_the_first(healthy):
+    ax = turn_figure(healthy.analysis, pinion(healthy)).axes[0]
+    tooth = ax.lines[0].get_xdata()
+    assert np.all(np.diff(tooth) > 0)
+    assert tooth[0] >= 0.5
+    assert tooth[-1] < 23.5
+    assert flagged_place(healthy.analysis, 1, "pinion") is None
+
+
+@pytest.mark.parametrize(
+    ("tooth", "counted_from", "words"),
+    [
+        (5, "tacho", "tachometer pulse"),
+        (5, "reference", "first healthy recording"),
+        (None, None, "relative"),
+    ],
+)
+def test_teeth_are_numbered_honestly(healthy, tooth, counted_from, words):
+    profiles = [
+        replace(p, tooth=tooth, counted_from=counted_from) for p in healthy.analysis.profiles
+    ]
+    analysis = replace(healthy.analysis, profiles=tuple(profiles))
+    ax = turn_figure(analysis, pinion(healthy)).axes[-1]
+    assert words in ax.get_xlabel()
+    assert list(ax.get_xticks()) == list(range(1, 24))
+
+
+def test_teeth_counted_from_the_reference_keep_their_number(faulty):
+    own = profile_of(faulty.analysis, 1, "pinion")
+    moved = replace(own, tooth=9, counted_from="reference")
+    analysis = replace(faulty.analysis, profiles=(moved,))
+    ax = turn_figure(analysis, pinion(faulty)).axes[-1]
+    assert "tooth 9: " in texts(ax)[0]
+    highest = max(ax.patches, key=lambda bar: bar.get_height())
+    assert highest.get_x() + 0.4 == pytest.approx(9, abs=1)
+
+
+def test_speed_is_within_the_range_that_the_analysis_states(healthy):
+    figure = speed_figure(healthy.analysis)
+    (ax,) = figure.axes
+    speed = healthy.analysis.signature.speed
+    drawn = named(ax)["speed, by tacho"].get_ydata()
+    assert (drawn.min(), drawn.max()) == (speed.lowest_hz, speed.highest_hz)
+    assert "nominal 20 Hz" in named(ax)

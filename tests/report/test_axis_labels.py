@@ -1,0 +1,261 @@
+"""Every picture says what it shows and in which unit, and its curves are in that unit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+import pytest
+from reference.small_gearbox import machine, recording
+
+from gearmon import report
+from gearmon.dynamics.stability import FourierShape
+from gearmon.dynamics.stability_map import stability_map
+from gearmon.gears.stiffness_report import compare_forms, stiffness_report
+from gearmon.machine import load_machine
+from gearmon.report.analysis_plots import analysis_figures
+from gearmon.report.demo_plots import DayView, KindView, day_figure, kind_figure
+from gearmon.report.expected_plots import family_figure, stability_figure
+from gearmon.report.plots import as_png
+from gearmon.report.recording_plots import (
+    average_figures,
+    indicator_figure,
+    order_map_figure,
+)
+from gearmon.report.spectrum_plots import order_figure, spectrum_figure
+from gearmon.report.stiffness_plots import form_figure, stiffness_figures
+from gearmon.signatures.fault_family import fault_family
+from gearmon.signatures.gear_averages import gear_averages
+from gearmon.signatures.indicator_table import indicator_table
+from gearmon.signatures.order_spectra import order_spectra
+from gearmon.signatures.recording_spectrum import recording_spectrum
+
+SIGNATURES = Path(__file__).parents[2] / "signatures"
+
+
+def labels(figure):
+    """What stands along the axes of a figure, scales of colours and second axes included."""
+    # names of machines, channels and files reach every text: none may be parsed as a formula
+    texts = [text for text in figure.findobj(matplotlib.text.Text) if text.get_text()]
+    assert not any(text.get_parse_math() for text in texts)
+    axes = [*figure.axes, *(child for ax in figure.axes for child in ax.child_axes)]
+    said = {label for ax in axes for label in (ax.get_xlabel(), ax.get_ylabel())}
+    # one label for all strips stands upright at the left edge
+    said |= {text.get_text() for text in figure.texts if text.get_rotation() == 90}
+    return said - {""}
+
+
+STRIPS = {"front\n(m/s²)", "rear\nunit not\nstated"}
+OF_AN_ANALYSIS = {
+    "spectrum": {"Frequency (Hz)", "Peak amplitude", *STRIPS},
+    "sidebands-mesh-1": {"Frequency at the mean speed (Hz)", "Peak amplitude", *STRIPS},
+    "changes": {"Harmonic of mesh 1", "Change (dB)"},
+    "levels": {"Level (dB re 1 unit², peak amplitudes)", *STRIPS},
+    "turn-1-pinion": {
+        "Tooth (tooth 1 at the tachometer pulse)",
+        "Energy by tooth\n(median 1)",
+        *STRIPS,
+    },
+    "turn-1-gear": {
+        "Tooth, from the start of the recording (relative: no tachometer on this shaft)",
+        "Energy by tooth\n(median 1)",
+        *STRIPS,
+    },
+    "speed": {"Time (s)", "Shaft 1 (Hz)", "Shaft 1 (rpm)"},
+}
+
+
+def test_pictures_of_an_analysis(faulty, alone, gearless):
+    drawn = analysis_figures(faulty.analysis, faulty.recording, faulty.reference)
+    found = {figure.name: labels(figure) for figure in drawn}
+    # the wheel does not carry the pulse: its teeth count from the first healthy recording
+    gear = found["turn-1-gear"]
+    assert any(label.startswith("Tooth") for label in gear)
+    found["turn-1-gear"] = {
+        label
+        if not label.startswith("Tooth")
+        else "Tooth, from the start of the recording (relative: no tachometer on this shaft)"
+        for label in gear
+    }
+    assert found == OF_AN_ANALYSIS
+    for figure in analysis_figures(alone.analysis, None, None):
+        if figure.name == "pattern":
+            expected = {"Harmonic of the mesh frequency", "Level re strongest\nharmonic (dB)"}
+            assert labels(figure) == expected
+    searched = list(analysis_figures(gearless.analysis, gearless.recording, None))[1]
+    assert labels(searched) == {"Frequency (Hz)", "Peak amplitude", *STRIPS}
+
+
+def test_the_speed_is_the_same_in_both_units(healthy):
+    *_, figure = analysis_figures(healthy.analysis, None, healthy.reference)
+    as_png(figure)
+    (ax,) = figure.axes
+    (rpm,) = ax.child_axes
+    assert rpm.get_ylim() == pytest.approx([60 * hz for hz in ax.get_ylim()])
+
+
+@pytest.mark.parametrize(
+    ("kind", "axis", "value", "unit"),
+    [
+        ("amplitude", "Frequency (Hz)", "Peak amplitude", "m/s²"),
+        ("rms", "Frequency (Hz)", "RMS of the line", "m/s²"),
+        ("density", "Frequency (Hz)", "Power spectral density", "(m/s²)²/Hz"),
+        ("energy", "Frequency (Hz)", "Energy per line", "(m/s²)²"),
+        ("envelope", "Frequency (Hz)", "Envelope of 1000 to 4000 Hz", "m/s²"),
+    ],
+)
+def test_spectra(kind, axis, value, unit):
+    band = (1000.0, 4000.0) if kind == "envelope" else None
+    found = recording_spectrum(recording(), kind, band=band)
+    strips = {f"{name}\n({unit})" if unit else name for name in found.channel_names}
+    assert labels(spectrum_figure(found)) == {axis, value, *strips}
+
+
+@pytest.mark.parametrize(
+    ("kind", "axis", "label"),
+    [
+        ("cepstrum", "quefrency_s", "Quefrency (s)"),
+        ("coherence", "cyclic_frequency_hz", "Modulation frequency (Hz)"),
+    ],
+)
+def test_spectra_without_a_unit(kind, axis, label):
+    found = recording_spectrum(recording())
+    units = ("1",) * len(found.units)
+    found = replace(found, kind=kind, axis=axis, value_name="of no unit", units=units)
+    figure = spectrum_figure(found)
+    assert labels(figure) == {label, "Of no unit", *found.channel_names}
+    assert {ax.get_yscale() for ax in figure.axes} == {"linear"}
+
+
+def test_kurtogram():
+    found = recording_spectrum(recording(), "kurtogram")
+    figure = spectrum_figure(found)
+    assert labels(figure) == {"Frequency (Hz)", "Bandwidth (Hz)", "Kurtosis"}
+    ax = figure.axes[0]
+    assert ax.get_xlim() == (0.0, recording().sampling_rate_hz / 2)
+    # the first row is the whole band
+    assert ax.get_yticklabels()[0].get_text() == f"{recording().sampling_rate_hz / 2:.0f}"
+
+
+def test_orders_maps_averages_and_indicators():
+    along = order_spectra(recording(), machine(), map_against="time")
+    names = along.channel_names
+    strips = {f"{name}\n(m/s²)" for name in names}
+    order = "Order (cycles a turn of shaft 1)"
+    assert labels(order_figure(along)) == {order, "Peak amplitude", *strips}
+    scales = {f"{name}\npeak amplitude (m/s²)" for name in names}
+    assert labels(order_map_figure(along)) == {order, "Time (s)", "Shaft 1 (Hz)", *scales}
+    over = order_spectra(recording(), machine(), map_against="speed")
+    assert labels(order_map_figure(over)) == {order, "Speed of shaft 1 (Hz)", *scales}
+    figures = average_figures(gear_averages(recording(), machine()))
+    assert list(figures) == ["-1-pinion", "-1-gear"]
+    for gear, figure in zip(("pinion", "gear"), figures.values(), strict=True):
+        (turn,) = labels(figure) - {"Acceleration", *strips}
+        assert turn.startswith(f"Angle of the {gear} (tooth pitches; 0 ")
+    table = indicator_table(recording(), machine())
+    panels = [ax.get_title(loc="left") for ax in indicator_figure([table]).axes]
+    units = {(row.indicator, row.input.split(",")[0]): row.unit for row in table.rows}
+    said = {"1": "", "m/s2": " (m/s²)"}
+    assert panels == [f"{name}{said[unit]}\nof {of}" for (name, of), unit in units.items()]
+    assert any("(m/s²)" in panel for panel in panels)
+
+
+def test_stiffness_forms_and_stability():
+    pair = load_machine(SIGNATURES / "reference_pair.toml")
+    (sheet,) = stiffness_figures(
+        stiffness_report(pair, ["crack:1:pinion:5:20%"], points_per_mesh=20)
+    ).values()
+    assert labels(sheet) == {
+        "across the line of centres in mm",
+        "along the line of centres in mm",
+        "along the face in mm",
+        "above root in mm",
+        "mesh phase in mesh periods",
+        "mesh stiffness in GN/m",
+        "phase of the pair's contact in mesh periods",
+        "share of pair compliance in %",
+        "depth of the root crack (pinion) in mm",
+        "loss of pair stiffness in %",
+    }
+    forms = compare_forms(pair, harmonics=5)
+    assert labels(form_figure(forms)) == {
+        "mesh phase in mesh periods",
+        "stiffness in GN/m",
+        "amplitude in MN/m",
+        f"mesh harmonic (times {forms.mesh_frequency_hz:.5g} Hz)",
+    }
+    chart = stability_map(FourierShape(np.array([0.5])), 0.02, (1.5, 2.5), 0.5, points=(12, 6))
+    assert labels(stability_figure(chart)) == {
+        "mesh frequency over natural frequency, ω/ω₀",
+        "stiffness variation ε",
+        "growth: ln of the largest multiplier, per mesh period",
+    }
+
+
+def test_fault_family():
+    family = fault_family(
+        load_machine(SIGNATURES / "reference_pair.toml"),
+        kinds=["crack", "eccentricity"],
+        sizes={"crack": ["5%", "20%"], "eccentricity": ["0.02mm", "40um"]},
+        gears=["pinion"],
+    )
+    figure = family_figure(family)
+    crack, eccentricity = (ax for ax in figure.axes if ax.get_visible())
+    assert crack.get_ylabel() == "dB re healthy mesh lines"
+    assert crack.get_xlabel() == "loss of pair stiffness in %"
+    assert eccentricity.get_xlabel() == "size in um"
+    assert "rms acceleration of the sidebands" in figure.get_suptitle()
+    x, y = crack.lines[0].get_data()
+    assert x == pytest.approx([5.0, 20.0], rel=0.05)
+    assert eccentricity.lines[0].get_xdata() == pytest.approx([20.0, 40.0])
+    rows = [row for row in family.rows() if row["kind"] == "crack"]
+    ratio = [row["sidebands_ms2"] / row["healthy_ms2"] for row in rows]
+    assert y == pytest.approx(20 * np.log10(ratio))
+
+
+def test_demos():
+    hour = np.arange(3.0)
+    view = DayView(
+        hour=hour,
+        load=0.5 + hour,
+        speed_hz=20 + hour,
+        level_db=hour[None],
+        reference_level_db=np.array([[1.0]]),
+        limit_db=3.0,
+        score=hour,
+        verdict=("healthy",) * 3,
+        channel_names=("a1",),
+    )
+    assert labels(day_figure(view)) == {
+        "Load\n(% of nominal)",
+        "Speed of\nshaft 1 (Hz)",
+        "Level re mean of\nreference (dB)",
+        "Score",
+        "Hour of the day (UTC)",
+    }
+    kinds = KindView(title="t", features=("a",), names=("b",), value_db=np.ones((1, 1)))
+    assert labels(kind_figure([kinds])) == {"Change, or height above the median (dB)"}
+
+
+def test_nothing_is_a_formula_when_it_is_drawn(faulty):
+    drawn = [
+        *analysis_figures(faulty.analysis, faulty.recording, faulty.reference),
+        order_map_figure(order_spectra(recording(), machine())),
+    ]
+    for figure in drawn:
+        as_png(figure)
+        # asking makes marks of the axes that were never drawn: they say nothing
+        said = [text for text in figure.findobj(matplotlib.text.Text) if text.get_text()]
+        assert said
+        for text in said:
+            assert not text.get_parse_math()
+            assert "$" not in text.get_text()
+
+
+def test_the_front_door_offers_what_it_names():
+    for name in report.__all__:
+        assert callable(getattr(report, name)), name
+    with pytest.raises(AttributeError, match="no attribute 'pictures'"):
+        report.pictures  # noqa: B018
