@@ -21,10 +21,9 @@ from typing import Any
 import numpy as np
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.arrays import Holding, reading
-from gearmon.signals.reading.numpy_files import hold
+from gearmon.signals.reading.formats.arrays import Holding, reading
+from gearmon.signals.reading.formats.numpy_files import hold
 
-WHAT = "a MATLAB file"
 _HEADER_BYTES = 128
 _DEEPEST = 8
 _MATRIX, _COMPRESSED = 14, 15
@@ -48,7 +47,7 @@ class _Found:
     others: list[str] = field(default_factory=list)
 
 
-def read_mat(path: str) -> Holding:
+def read_mat(path: str, what: str) -> Holding:
     """Return what a MATLAB file holds: its arrays and single numbers, those of structs by a dot.
 
     Raises
@@ -59,9 +58,9 @@ def read_mat(path: str) -> Holding:
     content = Path(path).read_bytes()
     order = {b"IM": "<", b"MI": ">"}.get(content[126:128])
     if order is None:
-        raise RecordingError(f"{path}: {WHAT} whose header is damaged; copy it again")
+        raise RecordingError(f"{path}: {what} whose header is damaged; copy it again")
     found = _Found()
-    with reading(path, WHAT):
+    with reading(path, what):
         for kind, body in _elements(memoryview(content)[_HEADER_BYTES:], order):
             inner = [(kind, body)]
             if kind == _COMPRESSED:
@@ -69,7 +68,7 @@ def read_mat(path: str) -> Holding:
             for own_kind, own in inner:
                 if own_kind == _MATRIX:
                     _gather(own, order, "", found, _DEEPEST)
-    return hold(path, WHAT, found.items, tuple(found.others))
+    return hold(path, what, found.items, tuple(found.others))
 
 
 def _elements(data: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
