@@ -38,7 +38,7 @@ _HOMES = {
     "Analysis": "gearmon.diagnosis.results",
     "analyse": "gearmon.diagnosis.analysis",
     "learn": "gearmon.diagnosis.analysis",
-    "train_kinds": "gearmon.diagnosis.kind_training",
+    "train_kinds": "gearmon.diagnosis.fault_types.training",
     "simulate": "gearmon.simulation",
     "tune_harvester": "gearmon.harvesting.tuning",
     "write_report": "gearmon.report.html",
@@ -50,7 +50,7 @@ __all__ = ["__version__", *sorted(_HOMES)]
 if TYPE_CHECKING:
     from gearmon.diagnosis.analysis import analyse as analyse
     from gearmon.diagnosis.analysis import learn as learn
-    from gearmon.diagnosis.kind_training import train_kinds as train_kinds
+    from gearmon.diagnosis.fault_types.training import train_kinds as train_kinds
     from gearmon.diagnosis.results import Analysis as Analysis
     from gearmon.errors import GearmonError as GearmonError
     from gearmon.harvesting.tuning import tune_harvester as tune_harvester

@@ -6,7 +6,7 @@ import pytest
 from reference.small_gearbox import as_json
 
 from gearmon.demos import DEMOS, day, growth, kinds, run_demo
-from gearmon.diagnosis.history_store import read_history
+from gearmon.diagnosis.history import read_history
 from gearmon.machine import load_machine
 from gearmon.signatures.reference_storage import read_reference
 

@@ -10,7 +10,7 @@ import pytest
 from gearmon.commands.command import Command
 from gearmon.commands.kinds import KINDS
 from gearmon.commands.names import check_names
-from gearmon.diagnosis import kind_names
+from gearmon.diagnosis.fault_types import KINDS as FAULT_TYPES
 from gearmon.errors import ArgumentError
 
 
@@ -44,7 +44,7 @@ def test_a_classifier_is_trained_once_and_judges(shop, trained, tmp_path, capsys
     assert cracked["verdict"] == "fault"
     told = cracked["kind"]
     assert told["method"] == "classifier"
-    assert set(told["probabilities"]) == set(kind_names.KINDS)
+    assert set(told["probabilities"]) == set(FAULT_TYPES)
     assert sum(told["probabilities"].values()) == pytest.approx(1.0)
     assert told["kind"] in ("tooth damage", "several teeth")
 

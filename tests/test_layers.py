@@ -49,7 +49,7 @@ OWED_LIBRARIES = {("gearmon.report.pictures", "matplotlib")}
 OWED_CYCLES = {("gearmon.signatures.signature", "gearmon.signatures.storage")}
 # A class that derives from one of scikit-learn's needs it when it is defined; every module that
 # imports this one does so inside a function.
-DERIVED = {"gearmon.diagnosis.kind_classifier": "sklearn"}
+DERIVED = {"gearmon.diagnosis.fault_types.classifier": "sklearn"}
 HEAVY = ("scipy.signal", "scipy.stats", "pandas", "matplotlib", "sklearn", "pyfftw", "pyarrow")
 
 

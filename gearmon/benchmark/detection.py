@@ -88,7 +88,7 @@ def with_learning(outcomes: Sequence[Outcome], seed: int = 0) -> list[Row]:
     list of dict
         The rows of the outcomes, in their order.
     """
-    from gearmon.diagnosis.plain_learning import novelty
+    from gearmon.diagnosis.fault_types.classifier import novelty
 
     rows = [dict(outcome.row) for outcome in outcomes]
     usable = [i for i, outcome in enumerate(outcomes) if len(outcome.features)]

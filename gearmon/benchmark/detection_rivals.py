@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.diagnosis.localisation import locate
+from gearmon.diagnosis.hypotheses.own_teeth import locate
 from gearmon.diagnosis.results import Analysis
 from gearmon.signals import indicators
 from gearmon.signals.run_history import RunHistory, na4_frozen

@@ -9,25 +9,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gearmon.commands.command import Command
-from gearmon.commands.inputs import followed, machine_of, recording_of
+from gearmon.commands.inputs import followed, loss_of, machine_of, recording_of
 from gearmon.commands.options import recording_options
 from gearmon.commands.output import BAD_INPUT, DONE, FLAGGED, show, write_json
 from gearmon.errors import ArgumentError, GearmonError
 
 if TYPE_CHECKING:
-    from gearmon.diagnosis.history import Entry
-    from gearmon.diagnosis.history_trends import HistoryTrends
+    from gearmon.diagnosis.history import Entry, HistoryTrends
     from gearmon.machine import Machine
 
 
 def run_history(arguments: argparse.Namespace) -> int:
     """Run `gearmon history`."""
-    from gearmon.diagnosis.history import History
-    from gearmon.diagnosis.history_store import append, read_history
-    from gearmon.diagnosis.history_trends import history_trends
+    from gearmon.diagnosis.history import History, append, history_trends, read_history
 
     _check(arguments)
-    limit = _limit(arguments.limit)
+    limit = loss_of(arguments.limit, "--limit")
     machine = machine_of(arguments.machine)
     times = _times(arguments)
     _refuse_known(arguments, machine, times)
@@ -64,23 +61,8 @@ def _check(arguments: argparse.Namespace) -> None:
             raise ArgumentError(f"{arguments.store}: is another file of this command as well")
 
 
-def _limit(text: str | None) -> float | None:
-    """Read a loss, 20% or 0.2."""
-    if text is None:
-        return None
-    try:
-        number = float(text.removesuffix("%")) * (0.01 if text.endswith("%") else 1.0)
-    except ValueError:
-        number = float("nan")
-    if not 0 < number <= 1:
-        raise ArgumentError(
-            f"--limit {text}: must be a loss of pair stiffness above 0, up to 100%, such as 20%"
-        )
-    return number
-
-
 def _times(arguments: argparse.Namespace) -> list[datetime]:
-    from gearmon.diagnosis.recording_times import recording_times
+    from gearmon.diagnosis.history import recording_times
 
     if not arguments.recording:
         return []
@@ -89,7 +71,7 @@ def _times(arguments: argparse.Namespace) -> list[datetime]:
 
 def _refuse_known(arguments: argparse.Namespace, machine: Machine, times: list[datetime]) -> None:
     """Refuse times that the history has already, before any recording is analysed."""
-    from gearmon.diagnosis.history_store import read_history
+    from gearmon.diagnosis.history import read_history
 
     if arguments.replace or not arguments.store or not Path(arguments.store).exists():
         return
@@ -129,7 +111,7 @@ def _entries(
 
 def _written(output: str, found: HistoryTrends, result: dict[str, Any]) -> list[str]:
     """Write the table under the name, and the picture beside it."""
-    from gearmon.diagnosis.history_store import export_history
+    from gearmon.diagnosis.history import export_history
     from gearmon.report.history_plots import save_history_picture
 
     target, files = Path(output), []

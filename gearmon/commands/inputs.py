@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
+from gearmon.errors import ArgumentError
 from gearmon.terminal import progress_bar
 
 if TYPE_CHECKING:
@@ -48,3 +49,24 @@ def followed(paths: Iterable[str], what: str) -> Iterator[str]:
             yield path
             if progress is not None:
                 progress((number + 1) / len(listed))
+
+
+def loss_of(text: str | None, option: str) -> float | None:
+    """Return the loss of pair stiffness that an option gives, as a fraction; None if it does not.
+
+    Raises
+    ------
+    ArgumentError
+        If it is no loss above 0 and up to 100 %.
+    """
+    if text is None:
+        return None
+    try:
+        value = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
+    except ValueError:
+        value = float("nan")
+    if not 0.0 < value <= 1.0:
+        raise ArgumentError(
+            f"{option} {text}: must be a loss of pair stiffness above 0, up to 100%, such as 20%"
+        )
+    return value

@@ -15,7 +15,7 @@ from gearmon.commands.recordings import reference_of
 from gearmon.errors import ArgumentError, GearmonError, check_range
 
 if TYPE_CHECKING:
-    from gearmon.diagnosis.kind_classifier import KindClassifier
+    from gearmon.diagnosis.fault_types.classifier import KindClassifier
     from gearmon.machine import Machine
     from gearmon.signatures.reference import Reference
 
@@ -54,8 +54,8 @@ def run_kinds(arguments: argparse.Namespace) -> int:
 
 def _classifier(arguments: argparse.Namespace, machine: Machine) -> tuple[KindClassifier, bool]:
     """Read the classifier that is named, or train it and keep it under that name."""
-    from gearmon.diagnosis.kind_classifier import read_kinds, write_kinds
-    from gearmon.diagnosis.kind_training import EXAMPLES_BETWEEN, train_kinds
+    from gearmon.diagnosis.fault_types.classifier import read_kinds, write_kinds
+    from gearmon.diagnosis.fault_types.training import EXAMPLES_BETWEEN, train_kinds
     from gearmon.signatures.reference import tooth_counts
 
     path = arguments.trained
@@ -84,7 +84,7 @@ def _judged(
 ) -> dict[str, Any]:
     """Judge one recording; a bad one is reported in its place."""
     from gearmon.diagnosis.analysis import analyse
-    from gearmon.diagnosis.kind_of_analysis import kind_of_analysis
+    from gearmon.diagnosis.fault_types.judgement import kind_of_analysis
 
     assert reference is not None
     try:

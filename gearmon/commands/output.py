@@ -11,7 +11,7 @@ from typing import Any
 
 from gearmon.errors import ArgumentError
 
-DONE, FLAGGED, BAD_INPUT = 0, 1, 2
+DONE, FLAGGED, BAD_INPUT, UNJUDGED = 0, 1, 2, 3
 
 
 def show(arguments: argparse.Namespace, result: Any, lines: Callable[[], Iterable[str]]) -> None:

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gearmon.commands.command import Command
-from gearmon.commands.inputs import followed, machine_of, recording_of
+from gearmon.commands.inputs import followed, loss_of, machine_of, recording_of
 from gearmon.commands.options import recording_options
-from gearmon.commands.output import BAD_INPUT, DONE, FLAGGED, show, write_json
+from gearmon.commands.output import BAD_INPUT, DONE, FLAGGED, UNJUDGED, show, write_json
 from gearmon.errors import ArgumentError, GearmonError
 
 if TYPE_CHECKING:
@@ -78,7 +78,10 @@ def run_analyse(arguments: argparse.Namespace) -> int:
     show(arguments, result, lambda: _analysis_lines(result, [a for a, _ in kept]))
     if any("error" in entry for entry in results):
         return BAD_INPUT
-    return FLAGGED if any(entry["flags"] for entry in results) else DONE
+    if any(entry["flags"] for entry in results):
+        return FLAGGED
+    open_ = any(entry["verdict"] in ("cannot tell", "no mesh found") for entry in results)
+    return UNJUDGED if open_ else DONE
 
 
 def _analysed(
@@ -93,7 +96,9 @@ def _analysed(
 
     try:
         recording = recording_of(path, arguments, machine)
-        analysis = analyse(recording, machine, reference)
+        must_notice = loss_of(arguments.must_notice, "--must-notice")
+        options = {} if must_notice is None else {"must_notice": must_notice}
+        analysis = analyse(recording, machine, reference, **options)
     except GearmonError as error:
         print(f"gearmon: {error}", file=sys.stderr)
         return {"recording": path, "error": str(error)}
@@ -132,6 +137,12 @@ def _analyse_arguments(parser: argparse.ArgumentParser) -> None:
         "--reference", metavar="PATH", help="what gearmon learn wrote, or one healthy recording"
     )
     parser.add_argument(
+        "--must-notice",
+        metavar="LOSS",
+        help="of one tooth pair's stiffness; healthy is said only where it would have been noticed "
+        "on every gear (default 40%%)",
+    )
+    parser.add_argument(
         "--report", metavar="HTML", help="write a report (.html), and a PNG a picture beside it"
     )
 
@@ -154,5 +165,5 @@ ANALYSE = Command(
     endings=(".json",),
     more="Without --reference only a gross fault of one tooth can be called, and no machine is "
     "called healthy. Exit code: 0 if nothing is flagged, 1 if something is, 2 if a recording "
-    "cannot be used.",
+    "cannot be used, 3 if nothing is flagged but of some recording nothing can be said.",
 )

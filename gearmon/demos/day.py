@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.demos.conveyor import MACHINE, conveyor_recording
-from gearmon.diagnosis.analysis import FAULT_BELOW, analyse, learn
+from gearmon.diagnosis.analysis import analyse, learn
+from gearmon.diagnosis.decision import LIMITS
 from gearmon.diagnosis.results import Analysis
 from gearmon.files import write_atomically
 from gearmon.machine import load_machine
@@ -80,8 +81,8 @@ class DayDemo:
             f"{LEVEL_LIMIT_DB:g} dB above the mean of the reference would have been crossed in "
             f"{crossed} of {count} recordings.",
             f"Verdicts: {listed}.",
-            f"False alarms: {self.alarms}, where {FAULT_BELOW:.0%} of {count} recordings, "
-            f"{FAULT_BELOW * count:.2f}, are to be expected by chance.",
+            f"False alarms: {self.alarms}, where {LIMITS.rare:.0%} of {count} recordings, "
+            f"{LIMITS.rare * count:.2f}, are to be expected by chance.",
         ]
         told += [
             f"{analysis.recording}: {analysis.verdict} ({analysis.reason})"

@@ -11,9 +11,14 @@ import numpy as np
 
 from gearmon.demos.conveyor import MACHINE, conveyor_recording
 from gearmon.diagnosis.analysis import analyse, learn
-from gearmon.diagnosis.history import History, entry_of
-from gearmon.diagnosis.history_store import append, read_history
-from gearmon.diagnosis.history_trends import HistoryTrends, history_trends
+from gearmon.diagnosis.history import (
+    History,
+    HistoryTrends,
+    append,
+    entry_of,
+    history_trends,
+    read_history,
+)
 from gearmon.files import write_atomically
 from gearmon.gears.faults import Fault
 from gearmon.machine import load_machine

@@ -11,10 +11,9 @@ import numpy as np
 from gearmon.demos.conveyor import DURATION_S, MACHINE, RATE_HZ
 from gearmon.demos.gear_states import State, state_recording
 from gearmon.diagnosis.analysis import analyse, learn
-from gearmon.diagnosis.kind_features import FeatureVector, kind_features
-from gearmon.diagnosis.kind_rules import KindJudgement, judge_kind
-from gearmon.diagnosis.kind_training import train_kinds
-from gearmon.diagnosis.kind_turns import turn_changes
+from gearmon.diagnosis.fault_types.judgement import analysis_features
+from gearmon.diagnosis.fault_types.training import train_kinds
+from gearmon.diagnosis.hypotheses.fault_kinds import KindJudgement, judge_kind
 from gearmon.diagnosis.results import Analysis
 from gearmon.files import write_atomically
 from gearmon.gears.faults import Fault
@@ -23,13 +22,13 @@ from gearmon.report.kind_plots import KindView, save_kind_picture
 from gearmon.report.text_tables import table_lines
 from gearmon.report.wording import percent
 from gearmon.signals.recording import Recording
-from gearmon.signatures.reference import Profile, Reference
+from gearmon.signatures.reference import Reference
 from gearmon.signatures.reference_storage import write_reference
 from gearmon.simulation import Settings
 from gearmon.terminal import Progress
 
 if TYPE_CHECKING:
-    from gearmon.diagnosis.kind_classifier import KindClassifier
+    from gearmon.diagnosis.fault_types.classifier import KindClassifier
 
 HEALTHY_LOADS = (0.7, 0.85, 1.0, 1.1)
 NEW_LOADS = (0.78, 0.93, 1.04)
@@ -224,7 +223,7 @@ def _judged(
     reference: Reference,
     classifier: KindClassifier,
 ) -> Judged:
-    features = _features(analysis, reference)
+    features = analysis_features(analysis, reference)
     row = features.named(features.row(1, "pinion"))
     return Judged(
         truth=truth,
@@ -238,14 +237,6 @@ def _judged(
 def _follow(progress: Progress | None, share: float) -> None:
     if progress is not None:
         progress(share)
-
-
-def _features(analysis: Analysis, reference: Reference) -> FeatureVector:
-    patterns = Profile.of(analysis.signature).wheels
-    channels = range(len(reference.channel_names))
-    healthy = [profile.wheels for profile in reference.profiles]
-    turns = turn_changes(patterns, channels, healthy, channels)
-    return kind_features(analysis.changes, analysis.profiles, turns)
 
 
 def _row(one: Judged) -> dict[str, Any]:

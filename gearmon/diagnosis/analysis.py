@@ -7,41 +7,47 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearmon.diagnosis.against_reference import Comparison, compare
-from gearmon.diagnosis.evidence import level_flags, summary, tooth_flags
-from gearmon.diagnosis.flagging import (
-    finding_flag,
-    foreign_flags,
-    named_by_kind,
-    response_warnings,
-    runout_flags,
+from gearmon.diagnosis.decision.calibration import false_alarm_probability
+from gearmon.diagnosis.decision.coverage import noticed_from
+from gearmon.diagnosis.decision.evidence import (
+    Evidence,
+    broadband_strength,
+    decide,
+    tooth_strength,
 )
-from gearmon.diagnosis.foreign import ForeignFinding, foreign_findings
-from gearmon.diagnosis.kind_features import FeatureVector, kind_features
-from gearmon.diagnosis.kind_runout import RunoutGrowth, healthy_turns, runout_growth
-from gearmon.diagnosis.kind_turns import turn_changes
-from gearmon.diagnosis.localisation import locate
+from gearmon.diagnosis.decision.flags import Flagging, own_teeth_flags
+from gearmon.diagnosis.decision.thresholds import LIMITS
+from gearmon.diagnosis.decision.words import fault_sentence, own_teeth_reason, reason
+from gearmon.diagnosis.fault_types.features import kind_features
+from gearmon.diagnosis.hypotheses.changed_path import path_change
+from gearmon.diagnosis.hypotheses.own_teeth import locate
+from gearmon.diagnosis.hypotheses.runout import healthy_turns, runout_growth, turn_changes
+from gearmon.diagnosis.hypotheses.tooth_damage import (
+    GearEvidence,
+    ToothFinding,
+    find_tooth,
+    place,
+    told_losses,
+)
+from gearmon.diagnosis.law import HealthyMachine, MachineDeviation
+from gearmon.diagnosis.nongear import disturbed, nongear_findings
 from gearmon.diagnosis.results import Analysis, Change, Flag, ToothProfile
-from gearmon.diagnosis.tooth_evidence import ToothFinding, find_tooth, with_finding
 from gearmon.errors import ArgumentError, GearmonError
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine
 from gearmon.signals.recording import Recording
+from gearmon.signatures.families import Family
 from gearmon.signatures.indicators import gear_indicators, waveform_indicators
 from gearmon.signatures.measured import MeasuredSignature, measure_signature
 from gearmon.signatures.reference import Profile, Reference, make_reference, tooth_counts
 from gearmon.signatures.signature import Signature
 
-# A fault is called at this false-alarm probability; up to five times it the answer stays open.
-FAULT_BELOW = 0.01
-OPEN_BELOW = 0.05
-# Shares of that probability given to all levels together, to the levels of one group of families,
-# to the search for a single tooth, to lines of no gear, and to runout. Their sum exceeds 1: the
-# tests of levels rest on scatter assumed on the safe side, and hardly ever give a false alarm.
-_LEVEL_SHARE, _GROUP_SHARE, _TOOTH_SHARE, _FOREIGN_SHARE = 0.4, 0.3, 0.6, 0.05
-_RUNOUT_SHARE = 0.05
-# Of that of the search for a tooth, the part for gears that the matched search cannot judge.
-_REST_SHARE = 0.5
+# Without a reference: false-alarm probability below which one tooth is called damaged. Seen on
+# simulated sound machines: 1 of 52.
+_OWN_TEETH_BELOW = 0.01
+# Drop of the broadband level [dB] from which a recording without a mesh is one of a machine that
+# stands still, or of a dead sensor: a hundredth of the power.
+_SILENT_DB = -20.0
 
 
 def learn(recordings: Sequence[Recording], machine: Machine) -> Reference:
@@ -66,7 +72,13 @@ def learn(recordings: Sequence[Recording], machine: Machine) -> Reference:
     return make_reference([measure_signature(r, machine) for r in recordings], machine)
 
 
-def analyse(recording: Recording, machine: Machine, reference: Reference | None = None) -> Analysis:
+def analyse(
+    recording: Recording,
+    machine: Machine,
+    reference: Reference | None = None,
+    *,
+    must_notice: float = LIMITS.must_notice,
+) -> Analysis:
     """Say whether a machine is healthy, and why.
 
     Parameters
@@ -78,6 +90,9 @@ def analyse(recording: Recording, machine: Machine, reference: Reference | None 
     reference : Reference, optional
         Healthy recordings to compare with. Without them the gear's own teeth and the expected
         signature have to do, which rarely allows more than "cannot tell".
+    must_notice : float, in (0, 1]
+        Loss of the stiffness of one tooth's pair that has to be noticeable on every gear before a
+        machine is called healthy.
 
     Returns
     -------
@@ -93,51 +108,304 @@ def analyse(recording: Recording, machine: Machine, reference: Reference | None 
     signature = measure_signature(recording, machine)
     vibration = recording.vibration()
     indicators = waveform_indicators(vibration.samples, vibration.channel_names)
-    if not signature.found:
-        return _no_mesh(signature, machine, indicators)
-    indicators |= gear_indicators(signature)
-    expected, notes = _expected(signature, machine) if reference is None else (None, ())
-    evidence = _evidence(signature, machine, reference)
-    return _judged(signature, machine, indicators, evidence, expected, notes)
+    told = signature.found or (reference is not None and signature.track.indexed)
+    if told:
+        indicators |= gear_indicators(signature)
+    if reference is None:
+        return (
+            _alone(signature, machine, indicators)
+            if told
+            else _no_mesh(signature, machine, indicators)
+        )
+    compared = _Compared.of(signature, machine, reference)
+    if not told:
+        return compared.without_mesh(indicators)
+    return compared.judged(indicators, must_notice)
+
+
+_Indicators = dict[str, dict[str, float]]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Evidence:
-    """All that was compared."""
+class _Compared:
+    """A recording beside its reference."""
 
-    profiles: tuple[ToothProfile, ...]
-    comparison: Comparison | None = None
-    finding: ToothFinding | None = None
-    foreign: tuple[ForeignFinding, ...] = ()
-    changes: tuple[Change, ...] = ()
-    features: FeatureVector | None = None
-    runout: tuple[RunoutGrowth, ...] = ()
+    signature: MeasuredSignature
+    machine: Machine
+    reference: Reference
+    own: Profile
+    rows: tuple[int, ...]
+    healthy: HealthyMachine
+    shared: tuple[str, ...]
+
+    @classmethod
+    def of(cls, signature: MeasuredSignature, machine: Machine, reference: Reference) -> _Compared:
+        shared = [name for name in signature.channel_names if name in reference.channel_names]
+        if not shared:
+            raise ArgumentError(
+                f"{signature.origin}: channels {', '.join(signature.channel_names)} are not in the "
+                f"reference, which has {', '.join(reference.channel_names)}"
+            )
+        return cls(
+            signature=signature,
+            machine=machine,
+            reference=reference,
+            own=Profile.of(signature),
+            rows=tuple(signature.channel_names.index(name) for name in shared),
+            healthy=HealthyMachine.of(
+                reference, [reference.channel_names.index(name) for name in shared]
+            ),
+            shared=tuple(shared),
+        )
+
+    def judged(self, indicators: _Indicators, must_notice: float) -> Analysis:
+        """Weigh all evidence and judge."""
+        signature = self.signature
+        evidence = self._evidence()
+        changes = self._changes(evidence.deviation)
+        profiles = self._profiles(evidence)
+        decision = decide(evidence, self._unheard(profiles, must_notice))
+        flags: tuple[Flag, ...] = ()
+        if decision.verdict == "fault":
+            flags = self._flags(evidence, changes, profiles)
+        return Analysis(
+            recording=signature.origin,
+            machine=self.machine.name,
+            verdict=decision.verdict,
+            reason=reason(decision.verdict, evidence, flags, changes, profiles, decision.unheard),
+            score=max(0.0, evidence.strength),
+            false_alarm_probability=evidence.probability,
+            compared_with="reference",
+            signature=signature,
+            indicators=indicators,
+            changes=changes,
+            profiles=profiles,
+            flags=flags,
+            expected=None,
+            warnings=(
+                *signature.notes,
+                *self._limits(),
+                *_missing(signature),
+                *_teeth_note(evidence),
+            ),
+            foreign=evidence.nongear,
+        )
+
+    def _evidence(self) -> Evidence:
+        signature, healthy = self.signature, self.healthy
+        nongear = nongear_findings(signature, self.reference, kinematics(self.machine))
+        striking = [f for f in nongear if f.false_alarm_probability < LIMITS.rare]
+        mask = disturbed(signature.plan.orders, striking, 2.0 / signature.lines.block_turns)
+        disturbed_families = [
+            family.name for family in signature.plan.families if mask[list(family.lines)].any()
+        ]
+        whole = len(disturbed_families) == len(signature.plan.families)
+        deviation = healthy.deviation(self.own, self.rows, () if whole else disturbed_families)
+        if not deviation.family_names:
+            raise ArgumentError(
+                f"{signature.origin}: shares no family of lines with the reference: sampling rate "
+                "or length differ too much"
+            )
+        theirs = [profile.wheels for profile in self.reference.profiles]
+        return Evidence(
+            deviation=deviation,
+            finding=find_tooth(self.own, deviation, healthy, self.machine),
+            runout=runout_growth(
+                turn_changes(self.own.wheels, self.rows, theirs, healthy.rows),
+                healthy_turns(theirs, healthy.rows),
+            ),
+            nongear=nongear,
+            references=len(theirs),
+            angle=signature.track.uncertainty_turns
+            * max(mesh.order for mesh in kinematics(self.machine).meshes),
+        )
+
+    def _flags(
+        self, evidence: Evidence, changes: tuple[Change, ...], profiles: Sequence[ToothProfile]
+    ) -> tuple[Flag, ...]:
+        theirs = [profile.wheels for profile in self.reference.profiles]
+        turns = turn_changes(self.own.wheels, self.rows, theirs, self.healthy.rows)
+        return Flagging(
+            evidence=evidence,
+            machine=self.machine,
+            changes=changes,
+            features=kind_features(changes, profiles, turns),
+            path=path_change(evidence.deviation.levels, self._families(evidence.deviation)),
+        ).flags()
+
+    def _families(self, deviation: MachineDeviation) -> list[Family]:
+        """Families of lines that were compared, in the order of their levels."""
+        families = {family.name: family for family in self.signature.plan.families}
+        return [families[name] for name in deviation.family_names]
+
+    def _changes(self, deviation: MachineDeviation) -> tuple[Change, ...]:
+        levels, found = deviation.levels, []
+        for i, channel in enumerate(self.shared):
+            for j, family in enumerate(self._families(deviation)):
+                if not np.isfinite(levels.rest_db[i, j]):
+                    continue
+                found.append(
+                    Change(
+                        channel=channel,
+                        family=family.name,
+                        kind=family.kind,
+                        stage=family.stage,
+                        harmonic=family.harmonic,
+                        gear=family.gear,
+                        shaft=family.shaft,
+                        level_db=float(levels.expected_db[i, j] + levels.rest_db[i, j]),
+                        reference_db=float(levels.expected_db[i, j]),
+                        scatter_db=float(levels.sigma_db[i, j]),
+                    )
+                )
+        return tuple(found)
+
+    def _profiles(self, evidence: Evidence) -> tuple[ToothProfile, ...]:
+        finding = evidence.finding
+        if finding is None:
+            return ()
+        return tuple(self._profile(gear, finding, evidence) for gear in finding.searched)
+
+    def _profile(
+        self, gear: GearEvidence, finding: ToothFinding, evidence: Evidence
+    ) -> ToothProfile:
+        deviation = gear.deviation
+        indexed = self.healthy.indexed(self.own, *gear.key)
+        tooth, position = place(gear, indexed)
+        losses = told_losses(finding, gear, indexed)
+        strength = tooth_strength(gear.believed)
+        probability = false_alarm_probability(strength, evidence.references, evidence.deviation.gap)
+        return ToothProfile(
+            stage=deviation.stage,
+            gear=deviation.gear,
+            teeth=deviation.teeth,
+            order=deviation.order,
+            energy=deviation.by_tooth,
+            tooth=tooth,
+            position=position,
+            ratio=deviation.peak,
+            log10_probability=float(np.log10(probability)),
+            against="reference",
+            counted_from="tacho" if indexed else "reference",
+            loss_by_tooth=losses[0] if losses else None,
+            loss_sigma_by_tooth=losses[1] if losses else None,
+            noticed_from=noticed_from(gear),
+        )
+
+    def _unheard(self, profiles: Sequence[ToothProfile], must_notice: float) -> tuple[str, ...]:
+        """Name the gears of which gross damage might not have been noticed."""
+        seen = {
+            (p.stage, p.gear)
+            for p in profiles
+            if p.noticed_from is not None and p.noticed_from <= LIMITS.about * must_notice
+        }
+        gears = [
+            (mesh.stage, wheel.gear)
+            for mesh in kinematics(self.machine).meshes
+            for wheel in mesh.wheels
+        ]
+        missing = dict.fromkeys(gear for gear in gears if gear not in seen)
+        deaf = tuple(f"the {gear} of stage {stage}" for stage, gear in missing)
+        silent = [n for n in self.reference.channel_names if n not in self.shared]
+        return deaf + tuple(f"what channel {name} hears" for name in silent)
+
+    def _limits(self) -> tuple[str, ...]:
+        """Name what limits a comparison with this reference."""
+        signature, reference = self.signature, self.reference
+        notes = []
+        if len(reference.profiles) == 1:
+            notes.append(
+                "the reference is one recording: how this machine differs from one healthy "
+                "recording to the next is assumed, not learned"
+            )
+        left_out = [name for name in signature.channel_names if name not in self.shared]
+        if left_out:
+            notes.append(f"channels not in the reference were left out: {', '.join(left_out)}")
+        missing = [name for name in reference.channel_names if name not in self.shared]
+        if missing:
+            notes.append(
+                f"channels of the reference not looked at: {', '.join(missing)}; a fault may show "
+                "in those alone"
+            )
+        speeds = [profile.speed_hz for profile in reference.profiles]
+        speed = signature.speed.estimated_hz
+        if not 0.97 * min(speeds) <= speed <= 1.03 * max(speeds):
+            notes.append(
+                f"speed {speed:.2f} Hz lies outside the reference's {min(speeds):.2f} to "
+                f"{max(speeds):.2f} Hz by more than 3 %: resonances may change levels"
+            )
+        return tuple(notes)
+
+    def without_mesh(self, indicators: _Indicators) -> Analysis:
+        """Judge a recording that lacks the mesh which its reference has: that is a change too."""
+        found = _no_mesh(self.signature, self.machine, indicators)
+        deviation = self.healthy.deviation(self.own, self.rows)
+        broadband = deviation.broadband
+        if broadband is None:
+            return found
+        strength = broadband_strength(broadband)
+        gain = float(np.median(broadband.gain_db))
+        flags: tuple[Flag, ...] = ()
+        probability = false_alarm_probability(strength, len(self.reference.profiles), deviation.gap)
+        if gain < _SILENT_DB:
+            verdict = "cannot tell"
+            told = (
+                f"The recording is {-gain:.0f} dB quieter than the healthy ones and shows no gear "
+                "mesh: the machine stood still, or the sensor is dead or disconnected."
+            )
+        elif strength >= LIMITS.noise_strength:
+            verdict = "fault"
+            flags = (_mesh_lost(found.reason, gain, probability),)
+            told = fault_sentence(flags)
+        else:
+            return found
+        return _with(
+            found,
+            verdict=verdict,
+            told=told,
+            flags=flags,
+            strength=strength,
+            probability=probability,
+        )
 
 
-def _evidence(
-    signature: MeasuredSignature, machine: Machine, reference: Reference | None
-) -> _Evidence:
-    own = Profile.of(signature)
-    if reference is None:
-        return _Evidence(profiles=_profiles(signature, own, None, None))
-    foreign = foreign_findings(signature, reference, kinematics(machine))
-    striking = [f for f in foreign if f.false_alarm_probability < FAULT_BELOW]
-    comparison = compare(signature, reference, striking)
-    profiles = _profiles(signature, own, reference, comparison)
-    finding = find_tooth(
-        own, comparison.rows, reference.profiles, comparison.reference_rows, machine, profiles
+def _mesh_lost(why: str, gain: float, probability: float) -> Flag:
+    return Flag(
+        kind="mesh lost",
+        stage=None,
+        gear=None,
+        tooth=None,
+        stiffness_loss=None,
+        stiffness_loss_low=None,
+        stiffness_loss_high=None,
+        false_alarm_probability=probability,
+        evidence=(
+            f"the spectrum between the lines changed too ({gain:+.1f} dB in the median): gross "
+            "damage, or a machine that runs at another speed than its file says",
+            why,
+        ),
     )
-    changes = _changes(signature, comparison)
-    healthy = [profile.wheels for profile in reference.profiles]
-    turns = turn_changes(own.wheels, comparison.rows, healthy, comparison.reference_rows)
-    return _Evidence(
-        profiles=with_finding(profiles, finding, float(np.log10(FAULT_BELOW * _TOOTH_SHARE))),
-        comparison=comparison,
-        finding=finding,
-        foreign=foreign,
-        changes=changes,
-        features=kind_features(changes, profiles, turns),
-        runout=runout_growth(turns, healthy_turns(healthy, comparison.reference_rows)),
+
+
+def _with(
+    found: Analysis,
+    *,
+    verdict: str,
+    told: str,
+    flags: tuple[Flag, ...],
+    strength: float,
+    probability: float,
+) -> Analysis:
+    from dataclasses import replace
+
+    return replace(
+        found,
+        verdict=verdict,
+        reason=f"{told} {found.reason}",
+        flags=flags,
+        score=max(0.0, strength),
+        false_alarm_probability=probability,
+        compared_with="reference",
     )
 
 
@@ -149,35 +417,43 @@ def _check_fit(machine: Machine, reference: Reference) -> None:
         )
 
 
-def _profiles(
-    signature: MeasuredSignature,
-    own: Profile,
-    reference: Reference | None,
-    comparison: Comparison | None,
-) -> tuple[ToothProfile, ...]:
-    """Look for a departing tooth on every gear that the recording resolves."""
-    rows = comparison.rows if comparison else tuple(range(len(signature.channel_names)))
-    theirs = comparison.reference_rows if comparison else ()
-    healthy_profiles = reference.profiles if reference is not None else ()
-    profiles = []
-    for wheel in own.wheels:
-        healthy = [
-            other
-            for profile in healthy_profiles
-            for other in profile.wheels
-            if (other.stage, other.gear, other.teeth) == (wheel.stage, wheel.gear, wheel.teeth)
-        ]
-        if reference is not None and not healthy:
-            continue
+def _alone(signature: MeasuredSignature, machine: Machine, indicators: _Indicators) -> Analysis:
+    """Judge a recording by itself: every tooth against the others of its gear."""
+    own = Profile.of(signature)
+    rows = tuple(range(len(signature.channel_names)))
+    looked = [
         # the tachometer's zero is that of shaft 1: other shafts stand anywhere when it comes
-        numbered = own.tacho and abs(wheel.order - 1.0) < 1e-12
-        same_zero = numbered and all(profile.tacho for profile in healthy_profiles)
-        profile = locate(
-            wheel, rows, healthy, theirs, numbered=numbered, same_zero=same_zero and bool(healthy)
+        locate(
+            wheel,
+            rows,
+            (),
+            (),
+            numbered=own.tacho and abs(wheel.order - 1.0) < 1e-12,
+            same_zero=False,
         )
-        if profile is not None:
-            profiles.append(profile)
-    return tuple(profiles)
+        for wheel in own.wheels
+    ]
+    profiles = tuple(profile for profile in looked if profile is not None)
+    log10 = min((p.log10_probability for p in profiles), default=0.0)
+    log10 = min(0.0, log10 + float(np.log10(max(1, len(profiles)))))
+    flags = own_teeth_flags(profiles, _OWN_TEETH_BELOW)
+    expected, notes = _expected(signature, machine)
+    return Analysis(
+        recording=signature.origin,
+        machine=machine.name,
+        verdict="fault" if flags else "cannot tell",
+        reason=own_teeth_reason(profiles),
+        score=-log10,
+        false_alarm_probability=float(10.0**log10),
+        compared_with="expected signature" if expected else "nothing",
+        signature=signature,
+        indicators=indicators,
+        changes=(),
+        profiles=profiles,
+        flags=flags,
+        expected=expected,
+        warnings=(*signature.notes, *notes, *_missing(signature)),
+    )
 
 
 def _expected(
@@ -192,142 +468,27 @@ def _expected(
         return None, (f"no expected signature: {error}",)
 
 
-def _judged(
-    signature: MeasuredSignature,
-    machine: Machine,
-    indicators: dict[str, dict[str, float]],
-    evidence: _Evidence,
-    expected: Signature | None,
-    notes: tuple[str, ...],
-) -> Analysis:
-    comparison, profiles = evidence.comparison, evidence.profiles
-    tests = _tests(evidence)
-    # weighed as the verdict weighs them, but never cut off at a probability of 1 as that is
-    largest = max(share for share, _ in tests)
-    score = max(0.0, *(float(np.log10(share / largest)) - log10 for share, log10 in tests))
-    probability = float(10.0 ** min(0.0, *(log10 - np.log10(share) for share, log10 in tests)))
-    flags: tuple[Flag, ...] = ()
-    if probability < FAULT_BELOW:
-        flags = _flags(evidence, machine)
-    verdict = _verdict(probability, with_reference=comparison is not None)
-    warnings = signature.notes + notes + (comparison.warnings if comparison else ())
-    against = "reference" if comparison else "expected signature" if expected else "nothing"
-    missing = [mesh for mesh in signature.meshes if not mesh.found]
-    warnings += tuple(f"mesh of stage {mesh.stage} not found: {mesh.reason}" for mesh in missing)
-    if comparison is not None and evidence.finding is not None:
-        warnings += response_warnings(evidence.finding)
-    test = comparison.test if comparison else None
-    return Analysis(
-        recording=signature.origin,
-        machine=machine.name,
-        verdict=verdict,
-        reason=summary(verdict, evidence.changes, profiles, test),
-        score=score,
-        false_alarm_probability=probability,
-        compared_with=against,
-        signature=signature,
-        indicators=indicators,
-        changes=evidence.changes,
-        profiles=profiles,
-        flags=flags,
-        expected=expected,
-        warnings=warnings,
-        foreign=evidence.foreign,
+def _missing(signature: MeasuredSignature) -> tuple[str, ...]:
+    return tuple(
+        f"mesh of stage {mesh.stage} not found: {mesh.reason}"
+        for mesh in signature.meshes
+        if not mesh.found
     )
 
 
-def _tests(evidence: _Evidence) -> list[tuple[float, float]]:
-    """Every test made: its share of the false alarms, and log10 of its probability."""
-    if evidence.comparison is None:
-        return [(1.0, _best_tooth(evidence.profiles))]
-    comparison, finding = evidence.comparison, evidence.finding
-    searched = (
-        {(gear.match.stage, gear.match.gear) for gear in finding.searched} if finding else set()
-    )
-    # gears that the matched search could not judge
-    rest = [p for p in evidence.profiles if (p.stage, p.gear) not in searched]
-    tooth = _best_tooth(rest) if rest else 0.0
-    if finding is not None:
-        tooth = min(finding.log10_probability, tooth - float(np.log10(_REST_SHARE)))
-    foreign = min((f.log10_probability for f in evidence.foreign), default=0.0)
-    runout = min((growth.log10_probability for growth in evidence.runout), default=0.0)
-    return [
-        (_LEVEL_SHARE, comparison.test.log10_probability),
-        (_GROUP_SHARE, comparison.groups[0].log10_probability),
-        (_TOOTH_SHARE, min(0.0, tooth)),
-        (_FOREIGN_SHARE, foreign),
-        (_RUNOUT_SHARE, runout),
-    ]
-
-
-def _flags(evidence: _Evidence, machine: Machine) -> tuple[Flag, ...]:
-    """Flag what stands out: a tooth, groups of families, lines of no gear."""
-    comparison, finding = evidence.comparison, evidence.finding
-    if comparison is None:
-        return tooth_flags(evidence.profiles, FAULT_BELOW, len(evidence.profiles))
-    found: list[Flag] = []
-    tooth_limit = FAULT_BELOW * _TOOTH_SHARE
-    if finding is not None and finding.log10_probability < np.log10(tooth_limit):
-        found.append(
-            finding_flag(finding, evidence.profiles, evidence.features, machine, _TOOTH_SHARE)
+def _teeth_note(evidence: Evidence) -> tuple[str, ...]:
+    """Name what the estimate of a loss takes for granted."""
+    finding = evidence.finding
+    search = finding.best.search if finding is not None else None
+    if search is not None and search.response.from_teeth_alone:
+        return (
+            "the machine file lacks gear data: the size of a loss rests on teeth of standard "
+            "proportions",
         )
-    else:
-        rest = evidence.profiles if finding is None else ()
-        found += tooth_flags(rest, tooth_limit, len(rest), comparison.groups)
-    found += runout_flags(
-        evidence.runout, FAULT_BELOW, _RUNOUT_SHARE, found, evidence.features, finding
-    )
-    found += level_flags(evidence.changes, comparison.groups, comparison.test, FAULT_BELOW)
-    if not any(flag.tooth for flag in found):
-        found = list(named_by_kind(found, evidence.features, finding))
-    found += foreign_flags(evidence.foreign, FAULT_BELOW, _FOREIGN_SHARE)
-    return tuple(found)
+    return ()
 
 
-def _best_tooth(profiles: Sequence[ToothProfile]) -> float:
-    """log10 of the probability of the most striking tooth, corrected for the gears looked at."""
-    if not profiles:
-        return 0.0
-    best = min(profile.log10_probability for profile in profiles)
-    return min(0.0, best + float(np.log10(len(profiles))))
-
-
-def _verdict(probability: float, *, with_reference: bool) -> str:
-    if probability < FAULT_BELOW:
-        return "fault"
-    if not with_reference or probability < OPEN_BELOW:
-        return "cannot tell"
-    return "healthy"
-
-
-def _changes(signature: MeasuredSignature, comparison: Comparison | None) -> tuple[Change, ...]:
-    if comparison is None:
-        return ()
-    change = comparison.change
-    rows = []
-    for i, channel in enumerate(comparison.rows):
-        for j, column in enumerate(comparison.columns):
-            family = signature.plan.families[column]
-            rows.append(
-                Change(
-                    channel=signature.channel_names[channel],
-                    family=family.name,
-                    kind=family.kind,
-                    stage=family.stage,
-                    harmonic=family.harmonic,
-                    gear=family.gear,
-                    shaft=family.shaft,
-                    level_db=float(change.expected_db[i, j] + change.residual_db[i, j]),
-                    reference_db=float(change.expected_db[i, j]),
-                    scatter_db=float(change.sigma_db[i, j]),
-                )
-            )
-    return tuple(rows)
-
-
-def _no_mesh(
-    signature: MeasuredSignature, machine: Machine, indicators: dict[str, dict[str, float]]
-) -> Analysis:
+def _no_mesh(signature: MeasuredSignature, machine: Machine, indicators: _Indicators) -> Analysis:
     reasons = "; ".join(f"stage {mesh.stage}: {mesh.reason}" for mesh in signature.meshes)
     return Analysis(
         recording=signature.origin,

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.diagnosis.foreign import ForeignFinding
+from gearmon.diagnosis.nongear import NonGearFinding as ForeignFinding
 from gearmon.signatures.measured import MeasuredSignature
 from gearmon.signatures.signature import Signature
 

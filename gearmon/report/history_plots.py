@@ -10,9 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 from matplotlib.figure import Figure
 
-from gearmon.diagnosis.history import Entry
-from gearmon.diagnosis.history_trends import HistoryTrends
-from gearmon.diagnosis.tooth_trends import SECONDS_PER_DAY, ToothTrend
+from gearmon.diagnosis.history import SECONDS_PER_DAY, Entry, HistoryTrends, ToothTrend
 from gearmon.files import write_atomically
 from gearmon.report.history_text import told_teeth
 from gearmon.report.palette import (

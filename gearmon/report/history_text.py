@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 from datetime import UTC, datetime
 
-from gearmon.diagnosis.change_shapes import ChangePoint
-from gearmon.diagnosis.history import Entry
-from gearmon.diagnosis.history_trends import HistoryTrends
-from gearmon.diagnosis.tooth_trends import SECONDS_PER_DAY, ToothTrend
-from gearmon.diagnosis.trend import Crossing
+from gearmon.diagnosis.history import (
+    SECONDS_PER_DAY,
+    ChangePoint,
+    Crossing,
+    Entry,
+    HistoryTrends,
+    ToothTrend,
+)
 from gearmon.report.text_tables import table_lines
 from gearmon.report.wording import counted, gear_text, percent, printable, probability_text
 

@@ -54,6 +54,9 @@ class Recording:
         The column of each channel in its file, counted from 1 and counting every column.
     speed_rpm : float > 0 or None
         The speed that the file states as one number [1/min], of whatever shaft it means.
+    tacho_told : bool
+        Whether somebody said that a tacho channel is one, not its name alone: then it must be
+        usable.
     known_finite : bool
         Whether the samples were looked at already and are finite; they are not looked at again.
 
@@ -81,6 +84,7 @@ class Recording:
     notes: tuple[str, ...] = ()
     columns: tuple[int, ...] = ()
     speed_rpm: float | None = None
+    tacho_told: bool = True
     known_finite: InitVar[bool] = False
 
     def __post_init__(self, known_finite: bool) -> None:
@@ -208,7 +212,7 @@ def read_recording(
         of unnamed ones it is left out with a note. Channels stay in the order of the file. Of a
         file with several arrays the names pick those that are the recording.
     tacho : str or int, optional
-        The column that holds tacho pulses.
+        The column that holds tacho pulses; by default one whose name says so.
     sensors : iterable, optional
         What the columns hold: anything with `column`, `unit`, `sensitivity` and `kind`, such as
         `gearmon.machine.Sensor`. It goes before what the file says. Samples are divided by the
@@ -276,6 +280,7 @@ def _recorded(content: Content, wanted: Wanted, speed_rpm: float | None = None) 
         origin=content.path,
         notes=found.notes,
         speed_rpm=speed_rpm,
+        tacho_told=found.tacho_told,
         known_finite=found.finite,
     )
 

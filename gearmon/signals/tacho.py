@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -284,6 +284,40 @@ def track_from_pulses(
     RecordingError
         If there are fewer than three turns.
     """
+    time, turns, jitter = pulse_angles(pulses, pulses_per_turn, shaft_order)
+    # of several pulses a turn nobody knows which one came first
+    indexed = int(pulses_per_turn) == 1 and shaft_order == 1.0
+    track = track_through(time, turns, duration_s)
+    return replace(track, indexed=indexed, uncertainty_turns=jitter)
+
+
+def pulse_angles(
+    pulses: TachoPulses, pulses_per_turn: int, shaft_order: float
+) -> tuple[FloatArray, FloatArray, float]:
+    """Return the times of pulses, the angles of shaft 1 that they mark, and their scatter.
+
+    Parameters
+    ----------
+    pulses : TachoPulses
+        The pulses.
+    pulses_per_turn : int
+        Pulses a turn of the shaft that carries them, > 0; the spacing of several is learned.
+    shaft_order : float
+        Turns of that shaft a turn of shaft 1, > 0.
+
+    Returns
+    -------
+    time_s, turns : ndarray of float, shape (knots,)
+        Times [s] and angles [turns], 0 for the first pulse; of an encoder's many pulses neighbours
+        are averaged.
+    jitter_turns : float
+        Standard deviation of single pulses about the line through their neighbours [turns].
+
+    Raises
+    ------
+    RecordingError
+        If there are fewer than three turns.
+    """
     check_positive("pulses_per_turn", pulses_per_turn)
     check_positive("shaft_order", shaft_order)
     count = int(pulses_per_turn)
@@ -293,18 +327,30 @@ def track_from_pulses(
     spacing = learn_spacing(pulses.time_s, count)
     number = np.arange(len(pulses.time_s))
     turns = (number // count + spacing[number % count]) / shaft_order
-    jitter = _jitter(pulses.time_s, turns)
-    time, turns = _thinned(pulses.time_s, turns, max(1, count // _KNOTS_PER_TURN))
-    slope = np.diff(turns) / np.diff(time)
-    ends = (turns[0] - time[0] * slope[0], turns[-1] + (duration_s - time[-1]) * slope[-1])
-    inside = (time > 0) & (time < duration_s)
+    slope = float((turns[-1] - turns[0]) / (pulses.time_s[-1] - pulses.time_s[0]))
+    jitter = _jitter(pulses.time_s, turns) * slope
+    return *_thinned(pulses.time_s, turns, max(1, count // _KNOTS_PER_TURN)), jitter
+
+
+def track_through(time_s: FloatArray, turns: FloatArray, duration_s: float) -> AngleTrack:
+    """Return the track through known angles, continued straight to the ends of a recording.
+
+    Parameters
+    ----------
+    time_s, turns : ndarray of float, shape (knots,)
+        Times [s] and angles [turns], ascending.
+    duration_s : float
+        Where the recording ends [s].
+    """
+    slope = np.diff(turns) / np.diff(time_s)
+    first = turns[0] - time_s[0] * slope[0]
+    last = turns[-1] + (duration_s - time_s[-1]) * slope[-1]
+    inside = (time_s > 0) & (time_s < duration_s)
     return AngleTrack(
-        time_s=np.concatenate([[0.0], time[inside], [duration_s]]),
-        turns=np.concatenate([[ends[0]], turns[inside], [ends[1]]]),
+        time_s=np.concatenate([[0.0], time_s[inside], [duration_s]]),
+        turns=np.concatenate([[first], turns[inside], [last]]),
         method="tacho",
-        # of several pulses a turn nobody knows which one came first
-        indexed=count == 1 and shaft_order == 1.0,
-        uncertainty_turns=jitter * float(slope.mean()),
+        uncertainty_turns=float("nan"),
     )
 
 

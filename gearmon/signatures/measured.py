@@ -23,8 +23,7 @@ from gearmon.signals.recording import Recording
 from gearmon.signals.sideband_spacing import spacing_mismatch, spacing_support
 from gearmon.signals.threads import at_once
 from gearmon.signatures.families import MESH_HARMONICS, LinePlan, line_plan
-from gearmon.signatures.foreign_lines import ForeignLines
-from gearmon.signatures.foreign_search import foreign_lines
+from gearmon.signatures.nongear_lines import NonGearLines, nongear_lines
 from gearmon.signatures.speed import (
     SPEED_TOLERANCE,
     Speed,
@@ -40,6 +39,8 @@ FloatArray = NDArray[np.float64]
 LEAKAGE = 1e-4
 #: Pieces of a long recording in which lines of other origin are looked for.
 PIECES_HEARD = 8
+# Bands of the broadband spectrum, a sixth of an octave each at most, and samples of a segment.
+_BANDS, _BAND_SAMPLES = 40, 2048
 # A mesh whose sidebands would rather stand elsewhere must be far clearer than others.
 # Height of a gear's own sidebands, in robust standard deviations, from which they count.
 _SUPPORTED = 4.0
@@ -116,9 +117,11 @@ class MeasuredSignature:
         Standard error of the level, from the scatter of the blocks [dB].
     heard : ndarray of bool, shape (channels, families)
         Whether the family stands above its own scatter.
+    band_db : ndarray of float, shape (channels, bands)
+        Levels of the broadband spectrum, see `broadband_levels` [dB re 1 unit^2/Hz].
     notes : tuple of str
         What the reader should know.
-    foreign : ForeignLines or None
+    foreign : NonGearLines or None
         Lines that no gear explains.
     """
 
@@ -135,8 +138,9 @@ class MeasuredSignature:
     level_db: FloatArray
     scatter_db: FloatArray
     heard: NDArray[np.bool_]
+    band_db: FloatArray
     notes: tuple[str, ...]
-    foreign: ForeignLines | None = None
+    foreign: NonGearLines | None = None
 
     @property
     def found(self) -> bool:
@@ -195,14 +199,47 @@ def measure_signature(recording: Recording, machine: Machine) -> MeasuredSignatu
         level_db=level,
         scatter_db=scatter,
         heard=heard,
+        band_db=broadband_levels(samples, rate),
         notes=tuple(recording.notes) + tracking.notes,
         foreign=foreign,
     )
 
 
+def broadband_levels(samples: FloatArray, rate: float) -> FloatArray:
+    """Levels of the spectrum between its lines, in bands of equal ratio.
+
+    Parameters
+    ----------
+    samples : ndarray of float, shape (channels, n)
+        Vibration.
+    rate : float
+        Sampling rate [Hz].
+
+    Returns
+    -------
+    ndarray of float, shape (channels, 40)
+        Median over the bins of each band of Welch's density [dB re 1 unit^2/Hz], from a thousandth
+        of the sampling rate to 0.475 of it: order lines fill few of the bins. NaN where a short
+        recording has no bin in a band.
+    """
+    from scipy.signal import welch
+
+    length = min(_BAND_SAMPLES, samples.shape[-1] // 8)
+    frequency, density = welch(samples, rate, nperseg=length, axis=-1)
+    edges = np.geomspace(2.0 * rate / _BAND_SAMPLES, 0.475 * rate, _BANDS + 1)
+    band = np.digitize(frequency, edges) - 1
+    levels = np.full((len(samples), _BANDS), np.nan)
+    for number in range(_BANDS):
+        inside = band == number
+        if inside.any():
+            middle = np.median(density[:, inside], axis=1)
+            levels[:, number] = 10 * np.log10(np.maximum(middle, np.finfo(float).tiny))
+    return levels
+
+
 def _spectra(
     samples: FloatArray, rate: float, track: AngleTrack, train: Kinematics, plan: LinePlan
-) -> tuple[OrderLines, tuple[FineSpectrum, ForeignLines]]:
+) -> tuple[OrderLines, tuple[FineSpectrum, NonGearLines]]:
     """Lines of the plan; fine spectrum and lines of other origin: both at once."""
     turns = float(track.turns[-1] - track.turns[0])
     block_turns = _block_turns(turns, min(shaft.order for shaft in train.shafts))
@@ -212,9 +249,9 @@ def _spectra(
     def planned() -> OrderLines:
         return order_lines(samples, rate, track, plan.orders, block_turns, error=LEAKAGE)
 
-    def others() -> tuple[FineSpectrum, ForeignLines]:
+    def others() -> tuple[FineSpectrum, NonGearLines]:
         spectrum = fine_order_spectrum(samples, rate, track, pieces, PIECES_HEARD)
-        return spectrum, foreign_lines(samples, rate, track, train, spectrum)
+        return spectrum, nongear_lines(samples, rate, track, train, spectrum)
 
     return at_once(planned, others, samples.size)
 

@@ -18,8 +18,8 @@ from gearmon.machine import Machine, ParallelStage
 from gearmon.signals.mean_scatter import variance_of_mean
 from gearmon.signals.order_lines import OrderLines
 from gearmon.signatures.families import WheelLines
-from gearmon.signatures.foreign_lines import ForeignLines
 from gearmon.signatures.measured import MeasuredSignature
+from gearmon.signatures.nongear_lines import NonGearLines
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -104,8 +104,11 @@ class Profile:
         Whether the family stands above its own scatter.
     wheels : tuple of WheelPattern
         Patterns of the gears.
-    foreign : ForeignLines or None
-        Lines that no gear explains; None in references of the older format.
+    band_db : ndarray of float, shape (channels, bands)
+        Levels of the broadband spectrum, see `broadband_levels`; no bands in references of an older
+        format.
+    foreign : NonGearLines or None
+        Lines that no gear explains; None in references of the oldest format.
     """
 
     origin: str
@@ -117,7 +120,8 @@ class Profile:
     scatter_db: FloatArray
     heard: NDArray[np.bool_]
     wheels: tuple[WheelPattern, ...]
-    foreign: ForeignLines | None = None
+    band_db: FloatArray
+    foreign: NonGearLines | None = None
 
     @classmethod
     def of(cls, signature: MeasuredSignature) -> Profile:
@@ -134,6 +138,7 @@ class Profile:
             wheels=tuple(
                 WheelPattern.of(wheel, signature.lines) for wheel in signature.plan.wheels
             ),
+            band_db=signature.band_db,
             foreign=signature.foreign,
         )
 

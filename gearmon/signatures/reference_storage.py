@@ -15,13 +15,12 @@ from numpy.typing import NDArray
 
 from gearmon.errors import SignatureError
 from gearmon.files import write_atomically
-from gearmon.signatures.foreign_lines import ForeignLines
-from gearmon.signatures.foreign_storage import foreign_arrays, foreign_from_arrays
+from gearmon.signatures.nongear_lines import NonGearLines, line_arrays, lines_from_arrays
 from gearmon.signatures.reference import Profile, Reference, WheelPattern
 
-FORMAT = "gearmon reference 2"
-# Without foreign lines; still read.
-_OLDER_FORMATS = ("gearmon reference 1",)
+FORMAT = "gearmon reference 3"
+# Without lines of no gear, without broadband levels; still read.
+_OLDER_FORMATS = ("gearmon reference 1", "gearmon reference 2")
 # What reading a damaged archive may end in.
 _DAMAGE = (OSError, ValueError, LookupError, TypeError, EOFError, RuntimeError)
 _DAMAGED_ARCHIVE = (zipfile.BadZipFile, zlib.error, struct.error)
@@ -56,13 +55,14 @@ def write_reference(reference: Reference, path: str | Path) -> None:
     for row, profile in enumerate(reference.profiles):
         header["profiles"].append(_profile_header(profile))
         arrays[f"{row}/level_db"] = profile.level_db
+        arrays[f"{row}/band_db"] = profile.band_db
         arrays[f"{row}/scatter_db"] = profile.scatter_db
         arrays[f"{row}/heard"] = profile.heard
         for column, wheel in enumerate(profile.wheels):
             for name in _WHEEL_ARRAYS:
                 arrays[f"{row}/{column}/{name}"] = getattr(wheel, name)
         if profile.foreign is not None:
-            stored = foreign_arrays(profile.foreign)
+            stored = line_arrays(profile.foreign)
             arrays |= {f"{row}/foreign/{name}": values for name, values in stored.items()}
     arrays["header"] = np.frombuffer(json.dumps(header).encode("utf-8"), dtype=np.uint8)
     buffer = io.BytesIO()
@@ -157,6 +157,7 @@ def _read_profile(archive: Any, row: int, entry: dict[str, Any]) -> Profile:
         tacho=entry["tacho"],
         family_names=tuple(entry["family_names"]),
         level_db=archive[f"{row}/level_db"],
+        band_db=_read_bands(archive, row),
         scatter_db=archive[f"{row}/scatter_db"],
         heard=archive[f"{row}/heard"],
         wheels=wheels,
@@ -164,9 +165,16 @@ def _read_profile(archive: Any, row: int, entry: dict[str, Any]) -> Profile:
     )
 
 
-def _read_foreign(archive: Any, row: int) -> ForeignLines | None:
+def _read_bands(archive: Any, row: int) -> NDArray[Any]:
+    if f"{row}/band_db" in archive.files:
+        bands: NDArray[Any] = archive[f"{row}/band_db"]
+        return bands
+    return np.zeros((len(archive[f"{row}/level_db"]), 0))
+
+
+def _read_foreign(archive: Any, row: int) -> NonGearLines | None:
     start = f"{row}/foreign/"
     stored = {
         name.removeprefix(start): archive[name] for name in archive.files if name.startswith(start)
     }
-    return foreign_from_arrays(stored) if stored else None
+    return lines_from_arrays(stored) if stored else None

@@ -1,22 +1,39 @@
-"""The angle of shaft 1 in a recording: from a tachometer if there is one, else by ear."""
+"""The angle of shaft 1 in a recording: from a tachometer and the mesh lines, or by ear alone."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
+from gearmon.errors import ArgumentError, RecordingError
 from gearmon.gears.kinematics import Kinematics
 from gearmon.machine import Machine
 from gearmon.signals.angle import AngleTrack
+from gearmon.signals.comb import SpeedScan
 from gearmon.signals.phase import integrate_speed
 from gearmon.signals.recording import Recording
-from gearmon.signals.tacho import find_pulses, pulses_per_turn, track_from_pulses
+from gearmon.signals.tacho import (
+    TachoPulses,
+    find_pulses,
+    pulse_angles,
+    pulses_per_turn,
+    track_from_pulses,
+)
+from gearmon.signals.tacho_phases import join
 from gearmon.signatures.hearing import Heard, Tracking, evidence_of, judge, wander
 from gearmon.signatures.speed import SPEED_TOLERANCE, scan_nominal_speeds
 from gearmon.signatures.tracking_by_ear import track_by_ear
 
+# How far pulses and comb may be apart before it is asked which of them is right.
+_APART = 0.01
+
 
 def track_recording(recording: Recording, machine: Machine, train: Kinematics) -> Tracking:
     """Find the angle of shaft 1: from a tachometer if there is one, else from comb and phases.
+
+    The pulses of a tachometer tell the turn, the phases of the mesh lines the angle between them
+    (`gearmon.signals.tacho_phases`). A channel that only its name makes a tachometer is left alone
+    where it is none.
 
     Parameters
     ----------
@@ -34,56 +51,142 @@ def track_recording(recording: Recording, machine: Machine, train: Kinematics) -
     Raises
     ------
     RecordingError
-        If a tacho channel holds no usable pulses.
+        If a tacho channel that somebody named as such holds no usable pulses.
     """
     vibration = recording.vibration()
     samples, rate = vibration.samples, vibration.sampling_rate_hz
     nominal_hz, scan = scan_nominal_speeds(samples, rate, train, machine)
     heard = Heard(samples=samples, rate=rate, train=train, nominal_hz=nominal_hz)
-    if "tacho" in recording.channel_kinds:
-        track, notes = _tacho_track(recording, machine, train, nominal_hz)
-        if _departs(track, nominal_hz):
-            return replace(judge(heard, track), notes=notes)
-        evidence = evidence_of(heard, scan, nominal_hz, SPEED_TOLERANCE)
-        return Tracking(
-            track=track, nominal_hz=nominal_hz, scan=scan, evidence=evidence, notes=notes
+    ear = _Ear(heard=heard, scan=scan, machine=machine)
+    notes: list[str] = []
+    for index, kind in enumerate(recording.channel_kinds):
+        if kind != "tacho":
+            continue
+        try:
+            return _with_tacho(recording, index, ear)
+        except (ArgumentError, RecordingError) as error:
+            if recording.tacho_told:
+                raise
+            why = str(error).removeprefix("tacho channel: ").split(". ")[0]
+            notes.append(
+                f"{recording.channel_names[index]} is no usable tachometer, though its name "
+                f"suggests one: {why}; the vibration alone tells the angle"
+            )
+    return replace(ear.alone, notes=(*notes, *ear.alone.notes))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Ear:
+    """What the vibration alone tells, as far as it is asked for."""
+
+    heard: Heard
+    scan: SpeedScan
+    machine: Machine
+
+    @cached_property
+    def first(self) -> Tracking:
+        """The comb about a nominal speed."""
+        heard, nominal_hz = self.heard, self.heard.nominal_hz
+        evidence = evidence_of(heard, self.scan, nominal_hz, SPEED_TOLERANCE)
+        track = integrate_speed(self.scan.track(), heard.last_s)
+        return Tracking(track=track, nominal_hz=nominal_hz, scan=self.scan, evidence=evidence)
+
+    @cached_property
+    def alone(self) -> Tracking:
+        """The angle by comb and phases."""
+        sums = self.heard.sums()
+        if sums is None:
+            note = "no mesh harmonic lies below the Nyquist frequency"
+            return replace(self.first, notes=(note,))
+        return track_by_ear(self.heard, sums, self.first, self.machine)
+
+
+def _with_tacho(recording: Recording, index: int, ear: _Ear) -> Tracking:
+    """Track by the pulses of one channel and the lines between them."""
+    tacho = _Tacho.of(recording, index, ear.machine, ear.heard)
+    if _departs(tacho.track, ear.heard.nominal_hz):
+        found = judge(ear.heard, tacho.track)
+        if not recording.tacho_told:
+            _check_believed(found, ear)
+    else:
+        found = replace(ear.first, track=tacho.track)
+        far = found.standing > 0 and _apart(tacho.track, ear.first.track) > _APART
+        if far and not recording.tacho_told:
+            _check_believed(judge(ear.heard, tacho.track), ear)
+    track, notes = tacho.joined(ear.heard)
+    return replace(found, track=track, notes=notes)
+
+
+def _check_believed(judged: Tracking, ear: _Ear) -> None:
+    """Refuse pulses at whose speed fewer lines show than at another one."""
+    rival = ear.first if ear.first.standing or judged.standing else ear.alone
+    if _apart(judged.track, rival.track) > _APART and _clarity(rival) > _clarity(judged):
+        raise RecordingError(
+            f"the mesh lines stand out less at the {_mean_hz(judged.track):.4g} Hz that its pulses "
+            f"say than at {_mean_hz(rival.track):.4g} Hz"
         )
-    evidence = evidence_of(heard, scan, nominal_hz, SPEED_TOLERANCE)
-    first = Tracking(
-        track=integrate_speed(scan.track(), heard.last_s),
-        nominal_hz=nominal_hz,
-        scan=scan,
-        evidence=evidence,
-    )
-    sums = heard.sums()
-    if sums is None:
-        return replace(first, notes=("no mesh harmonic lies below the Nyquist frequency",))
-    return track_by_ear(heard, sums, first, machine)
+
+
+def _clarity(found: Tracking) -> tuple[int, int]:
+    """How many meshes stand out, and how many of their harmonics are clear."""
+    return found.standing, sum(seen.clear for seen in found.evidence if seen.stands_out)
+
+
+def _apart(one: AngleTrack, other: AngleTrack) -> float:
+    """How far the mean speeds of two tracks are apart, as a fraction."""
+    return abs(_mean_hz(one) / _mean_hz(other) - 1)
 
 
 def _departs(track: AngleTrack, nominal_hz: float) -> bool:
     """Whether a track leaves the speeds that the scan about nominal hears well."""
-    mean = (track.turns[-1] - track.turns[0]) / (track.time_s[-1] - track.time_s[0])
-    return abs(mean / nominal_hz - 1) > SPEED_TOLERANCE or wander(track) > 0.005
+    return abs(_mean_hz(track) / nominal_hz - 1) > SPEED_TOLERANCE or wander(track) > 0.005
 
 
-def _tacho_track(
-    recording: Recording, machine: Machine, train: Kinematics, nominal_hz: float
-) -> tuple[AngleTrack, tuple[str, ...]]:
-    index = recording.channel_kinds.index("tacho")
-    name = recording.channel_names[index]
-    column = recording.columns[index] if index < len(recording.columns) else None
-    sensor = next(
-        (s for s in machine.sensors if s.kind == "tacho" and str(s.column) in (name, str(column))),
-        None,
-    )
-    known = sensor.pulses_per_turn if sensor else None
-    pulses = find_pulses(recording.samples[index], recording.sampling_rate_hz, known)
-    order = train.shaft(sensor.shaft).order if sensor is not None else 1.0
-    count = known or pulses_per_turn(pulses, nominal_hz)
-    duration = (recording.samples.shape[-1] - 1) / recording.sampling_rate_hz
-    track = track_from_pulses(pulses, count, order, duration)
-    notes = [f"tacho {name}: {count} pulse{'s' if count > 1 else ''} a turn"]
-    if pulses.missing or pulses.extra:
-        notes.append(f"tacho {name}: {pulses.missing} pulses filled in, {pulses.extra} left out")
-    return track, tuple(notes)
+def _mean_hz(track: AngleTrack) -> float:
+    return float((track.turns[-1] - track.turns[0]) / (track.time_s[-1] - track.time_s[0]))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Tacho:
+    """A tachometer's channel, its pulses and the angle that they give."""
+
+    name: str
+    pulses: TachoPulses
+    per_turn: int
+    shaft_order: float
+    track: AngleTrack
+
+    @classmethod
+    def of(cls, recording: Recording, index: int, machine: Machine, heard: Heard) -> _Tacho:
+        """Find the pulses of a channel."""
+        name, column = recording.channel_names[index], str(recording.columns[index])
+        sensor = next(
+            (s for s in machine.sensors if s.kind == "tacho" and str(s.column) in (name, column)),
+            None,
+        )
+        known = sensor.pulses_per_turn if sensor else None
+        pulses = find_pulses(recording.samples[index], recording.sampling_rate_hz, known)
+        order = heard.train.shaft(sensor.shaft).order if sensor is not None else 1.0
+        count = known or pulses_per_turn(pulses, heard.nominal_hz)
+        track = track_from_pulses(pulses, count, order, heard.last_s)
+        return cls(name=name, pulses=pulses, per_turn=count, shaft_order=order, track=track)
+
+    def joined(self, heard: Heard) -> tuple[AngleTrack, tuple[str, ...]]:
+        """Return the angle of pulses and lines together, and what is to be said about it."""
+        pulses, count = self.pulses, self.per_turn
+        notes = [f"tacho {self.name}: {count} pulse{'s' if count > 1 else ''} a turn"]
+        if pulses.missing or pulses.extra:
+            notes.append(
+                f"tacho {self.name}: {pulses.missing} pulses filled in, {pulses.extra} left out"
+            )
+        sums = heard.sums(float(self.track.speed_hz.max()))
+        if sums is None:
+            return self.track, tuple(notes)
+        time_s, turns, _ = pulse_angles(pulses, count, self.shaft_order)
+        found = join(sums, self.track, time_s, turns)
+        if found.beyond > 1.0:
+            notes.append(
+                f"tacho {self.name}: the mesh lines would move the angle {found.beyond:.3g} times "
+                "as far as the scatter of the pulses allows; the pulses alone tell it"
+            )
+        return found.track, tuple(notes)

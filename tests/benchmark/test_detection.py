@@ -14,7 +14,7 @@ from gearmon.benchmark.detection import (
     with_learning,
 )
 from gearmon.benchmark.detection_trials import _NOTHING, Outcome, _around
-from gearmon.diagnosis.plain_learning import novelty
+from gearmon.diagnosis.fault_types import novelty
 from gearmon.errors import ArgumentError
 
 TRUTH = {"machine": 0, "tacho": True, "variant": "same", "stage": 1, "gear": "pinion"}

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
 from gearmon.diagnosis.coherent import coherent_difference
+
 from gearmon.signatures.reference import WheelPattern
 
 TEETH, HARMONICS, ROTATION_HZ, NOISE = 40, 8, 25.0, 1e-3

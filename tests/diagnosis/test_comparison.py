@@ -6,10 +6,6 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from scipy.stats import f as f_law
-
 from gearmon.diagnosis.comparison import (
     GAIN_DB,
     PRIOR_SCATTER_DB,
@@ -19,6 +15,10 @@ from gearmon.diagnosis.comparison import (
     judge_groups,
     judge_levels,
 )
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import f as f_law
+
 from gearmon.signatures.families import Family
 
 CHANNELS, FAMILIES = 3, 40

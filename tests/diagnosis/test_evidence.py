@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
 from gearmon.diagnosis.comparison import GroupTest, LevelTest
 from gearmon.diagnosis.evidence import level_flags, sentences, summary, tooth_flags
+
 from gearmon.diagnosis.results import Change, ToothProfile
 
 

@@ -6,15 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reference.gear_departures import TEETH, complex_noise, gear, machine, weights
-
 from gearmon.diagnosis.flagging import finding_flag, named_by_kind
-from gearmon.diagnosis.kind_features import NAMES, FeatureVector
 from gearmon.diagnosis.kind_rules import rule_probabilities
 from gearmon.diagnosis.kind_spread import departure_spread
-from gearmon.diagnosis.results import Flag
 from gearmon.diagnosis.tooth_evidence import ToothFinding
 from gearmon.diagnosis.tooth_search import LossEstimate
+from reference.gear_departures import TEETH, complex_noise, gear, machine, weights
+
+from gearmon.diagnosis.fault_types import NAMES, FeatureVector
+from gearmon.diagnosis.results import Flag
 
 
 def finding(own):

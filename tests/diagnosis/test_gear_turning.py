@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-
 from gearmon.diagnosis.gear_pattern import GearPattern, mesh_bands, turning_angle
 from gearmon.diagnosis.gear_turning import turning_beside_event
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 TEETH, TOP = 29, 6 * 29
 NUMBER = np.arange(TOP + 1)

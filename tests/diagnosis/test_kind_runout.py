@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-
 from gearmon.diagnosis.flagging import runout_flags
-from gearmon.diagnosis.kind_features import NAMES, FeatureVector
 from gearmon.diagnosis.kind_runout import (
     PRIOR_DB,
     PRIOR_WORTH,
@@ -16,6 +12,10 @@ from gearmon.diagnosis.kind_runout import (
     runout_growth,
 )
 from gearmon.diagnosis.kind_turns import TurnChange
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gearmon.diagnosis.fault_types import NAMES, FeatureVector
 from gearmon.signatures.reference import WheelPattern
 
 TEETH = 20

@@ -4,10 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from reference.gear_departures import TEETH, complex_noise, gear, weights
-
 from gearmon.diagnosis.event_likelihood import (
     SHARES,
     Band,
@@ -18,6 +14,9 @@ from gearmon.diagnosis.event_likelihood import (
 )
 from gearmon.diagnosis.kind_second import repetition, second_tooth
 from gearmon.diagnosis.kind_spread import departure_spread
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from reference.gear_departures import TEETH, complex_noise, gear, weights
 
 
 @pytest.mark.parametrize("height", [2.0, 10.0, 300.0])

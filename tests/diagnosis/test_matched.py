@@ -6,7 +6,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-
 from gearmon.diagnosis.coherent import coherent_difference
 from gearmon.diagnosis.matched import LOSSES, log_mean, match_teeth, path_power
 from gearmon.diagnosis.tooth_evidence import (
@@ -22,6 +21,7 @@ from gearmon.diagnosis.tooth_search import (
     search_gear,
     share_lines,
 )
+
 from gearmon.errors import ArgumentError
 from gearmon.machine import Machine, OperatingPoint, ParallelStage, PlanetaryStage
 from gearmon.signatures.reference import WheelPattern

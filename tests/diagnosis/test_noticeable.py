@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from gearmon.diagnosis.evidence import summary
 from gearmon.diagnosis.matched import LOSSES, ToothMatch
 from gearmon.diagnosis.noticeable import needed_factor, noticed_from

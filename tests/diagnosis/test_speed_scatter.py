@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from gearmon.diagnosis.speed_scatter import (
+from gearmon.diagnosis.nongear.speed_scatter import (
     family_speed_scatter_db,
     independent_lines,
     speed_scatter_db,

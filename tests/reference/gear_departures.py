@@ -5,9 +5,9 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-
 from gearmon.diagnosis.coherent import BandDifference, CoherentDifference
 from gearmon.diagnosis.tooth_search import search_gear
+
 from gearmon.machine import Machine, OperatingPoint, ParallelStage
 from gearmon.signatures.tooth_response import tooth_response
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from gearmon.diagnosis.history import Entry, History, Place
-from gearmon.diagnosis.history_trends import history_trends
+from gearmon.diagnosis.history import Entry, History, Place, history_trends
 from gearmon.report.day_plots import DayView, save_day_picture
 from gearmon.report.history_plots import history_figure, save_history_picture
 from gearmon.report.kind_plots import KindView, save_kind_picture

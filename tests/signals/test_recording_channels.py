@@ -151,6 +151,17 @@ def test_the_user_goes_before_the_file(write):
     assert recording.channel_kinds == ("vibration", "tacho")
 
 
+def test_a_tacho_that_is_told_goes_before_one_that_is_named_so(write):
+    path = write("a,tacho,c")
+    assert not read_recording(path, 100).tacho_told
+    told = read_recording(path, 100, tacho="c")
+    assert told.channel_kinds == ("vibration", "other", "tacho")
+    assert told.tacho_told
+    sensed = read_recording(path, 100, sensors=[Sensor("tacho", kind="tacho")])
+    assert sensed.channel_kinds == ("vibration", "tacho", "vibration")
+    assert sensed.tacho_told
+
+
 def test_sensors_tell_unit_sensitivity_and_kind(write):
     path = write("a,b,c")
     raw = np.loadtxt(path, delimiter=",", skiprows=1).T

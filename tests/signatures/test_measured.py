@@ -293,6 +293,56 @@ def test_sensor_says_what_the_tacho_sits_on(column):
     assert "tacho pulses: 61 pulses a turn" in measured.notes
 
 
+def with_column(row, told):
+    """The pair with a column that is called tacho."""
+    plain = modulated()
+    return Recording(
+        samples=np.vstack([plain.samples, row]),
+        sampling_rate_hz=RATE,
+        channel_names=("a1", "a2", "tacho"),
+        channel_kinds=("vibration", "vibration", "tacho"),
+        tacho_told=told,
+    )
+
+
+def test_pulses_and_mesh_lines_give_the_angle_together():
+    measured = measure_signature(with_column(squared(TURNS, 1), told=False), MACHINE)
+    assert measured.speed.method == "tacho"
+    assert measured.track.indexed
+    error = measured.track.turns_at(TIME) - TURNS
+    # an edge between two samples is 0.04 mesh periods off; angle zero is that of the pulses
+    assert np.std(error) * 23 < 0.005
+    assert abs(error.mean() - round(error.mean())) * 23 < 0.01
+
+
+USELESS = {
+    "constant": (np.full(len(TIME), 0.2), "0 pulses found between 0.2 and 0.2"),
+    "noise": (white(len(TIME), 1.0, seed=3), "pulses missing and"),
+    "too few": (np.where(np.abs(TIME % 8.0 - 4.0) < 0.1, 1.0, 0.0), "2 pulses found"),
+    "another shaft": (squared(0.8 * TURNS, 1), "pulses a second are 0.79 a turn"),
+    "an engine nearby": (squared(23.9 * TIME, 1), "the mesh lines stand out less at the 23.9 Hz"),
+}
+
+
+@pytest.mark.parametrize("content", USELESS)
+def test_a_name_alone_makes_no_tachometer(content):
+    row, why = USELESS[content]
+    measured = measure_signature(with_column(row, told=False), MACHINE)
+    told = [note for note in measured.notes if "though its name suggests one" in note]
+    assert len(told) == 1
+    assert why in told[0]
+    assert measured.speed.method == "comb"
+    assert measured.found
+    assert measured.speed.estimated_hz == pytest.approx(SPEED, rel=1e-3)
+
+
+@pytest.mark.parametrize("content", [name for name in USELESS if name != "an engine nearby"])
+def test_a_tachometer_that_somebody_named_must_be_one(content):
+    row, why = USELESS[content]
+    with pytest.raises(RecordingError, match=why):
+        measure_signature(with_column(row, told=True), MACHINE)
+
+
 def test_both_meshes_of_a_simulated_machine_are_found(two_stage_recording):
     measured = measure_signature(as_recording(two_stage_recording), two_stages())
     assert [mesh.found for mesh in measured.meshes] == [True, True]

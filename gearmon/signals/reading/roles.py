@@ -65,6 +65,8 @@ class Interpreted:
         The time column.
     finite : bool
         Whether all samples are known to be finite, also after they were multiplied.
+    tacho_told : bool
+        Whether the user said which column is the tacho.
     """
 
     samples: Floats
@@ -74,6 +76,7 @@ class Interpreted:
     notes: tuple[str, ...]
     time: Column | None = None
     finite: bool = False
+    tacho_told: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -156,6 +159,7 @@ def _interpreted(content: Content, wanted: Wanted) -> Interpreted:
         finite=all(
             math.isfinite(size * scale) for size, (_, scale) in zip(largest, parted, strict=True)
         ),
+        tacho_told=_tells_tacho(columns, spoken),
     )
 
 
@@ -196,7 +200,17 @@ def _told(content: Content, wanted: _Spoken) -> tuple[Column, ...]:
         told[index] = replace(told[index], kind="vibration")
     if wanted.tacho is not None:
         told[wanted.tacho] = replace(told[wanted.tacho], kind="tacho")
+    if _tells_tacho(told, wanted):
+        # what the user calls a tacho goes before what is named like one
+        for index, column in enumerate(told):
+            if column.kind == "tacho" and index not in wanted.all:
+                told[index] = replace(column, kind="other")
     return tuple(told)
+
+
+def _tells_tacho(columns: Sequence[Column], wanted: _Spoken) -> bool:
+    """Whether the user said which column is the tacho."""
+    return any(columns[index].kind == "tacho" for index in wanted.all)
 
 
 def _recorded_unit(column: Column, sensor: SensorLike) -> str | None:

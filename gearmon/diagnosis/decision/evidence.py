@@ -1,0 +1,156 @@
+"""What speaks against a healthy machine, test by test, and what follows from it.
+
+Every test is brought to one scale, the *strength*: minus log10 of a probability that errs on the
+side of the healthy machine. The strongest test decides. What a strength means on a healthy machine,
+with as many references and as far from their states, is looked up in a table made from simulated
+healthy machines (`calibration`); a fault is called by strength, so that it must stand out of
+whatever machine it is, simulated or not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from gearmon.diagnosis.decision.calibration import false_alarm_probability
+from gearmon.diagnosis.decision.thresholds import LIMITS
+from gearmon.diagnosis.hypotheses.runout import RunoutGrowth
+from gearmon.diagnosis.hypotheses.tooth_damage import ToothFinding
+from gearmon.diagnosis.law import LevelDeviation, MachineDeviation
+from gearmon.diagnosis.nongear import NonGearFinding
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Evidence:
+    """All that was compared with a reference.
+
+    Parameters
+    ----------
+    deviation : MachineDeviation
+        From the healthy law.
+    finding : ToothFinding or None
+        The tooth whose damage explains it best.
+    runout : tuple of RunoutGrowth
+        Growth of first and second sidebands.
+    nongear : tuple of NonGearFinding
+        Lines of no gear that changed.
+    references : int, >= 1
+        Healthy recordings.
+    angle : float
+        Standard deviation of the angle of shaft 1 [periods of the fastest mesh]; infinite where
+        nothing is known of it.
+    """
+
+    deviation: MachineDeviation
+    finding: ToothFinding | None
+    runout: tuple[RunoutGrowth, ...]
+    nongear: tuple[NonGearFinding, ...]
+    references: int
+    angle: float = 0.0
+
+    @cached_property
+    def strengths(self) -> dict[str, float]:
+        """Strength of every test, by its name."""
+        told = {
+            "levels": levels_strength(self.deviation.levels, self.deviation.broadband),
+            "runout": rare_strength([one.log10_probability for one in self.runout]),
+            "lines of no gear": rare_strength([one.log10_probability for one in self.nongear]),
+        }
+        if self.finding is not None:
+            told["tooth"] = tooth_strength(self.finding.evidence)
+        if np.isfinite(self.angle) and self.angle > LIMITS.angle_unsure:
+            # what a smeared angle does to the lines looks like a change of the gears
+            told |= {
+                name: LIMITS.unsure_share * told[name]
+                for name in ("levels", "tooth")
+                if name in told
+            }
+        return told
+
+    @property
+    def angle_lost(self) -> bool:
+        """Whether lines and levels mean little: the angle is off throughout, not after a slip."""
+        return LIMITS.angle_unsure < self.angle < LIMITS.angle_slipped
+
+    @property
+    def strength(self) -> float:
+        """Strength of the strongest test."""
+        return max(self.strengths.values())
+
+    @property
+    def probability(self) -> float:
+        """Probability that a healthy machine shows as much, by the calibration."""
+        return false_alarm_probability(self.strength, self.references, self.deviation.gap)
+
+
+def tooth_strength(evidence: float) -> float:
+    """Strength of a believed log Bayes factor of damage of one tooth."""
+    return (evidence - LIMITS.tooth_offset) / LIMITS.tooth_scale
+
+
+def levels_strength(families: LevelDeviation, broadband: LevelDeviation | None) -> float:
+    """Strength of changed levels: families of lines and the broadband spectrum together."""
+    told = LIMITS.lines_weight * (families.mean_square() - LIMITS.levels_offset)
+    if broadband is None:
+        return told
+    return told + broadband_strength(broadband)
+
+
+def broadband_strength(broadband: LevelDeviation) -> float:
+    """Share of the broadband spectrum in that strength."""
+    return LIMITS.broadband_weight * (broadband.mean_square() - LIMITS.levels_offset)
+
+
+def rare_strength(log10_probabilities: Sequence[float]) -> float:
+    """Strength of the least probable of some findings that are asked for beside the others."""
+    least = min(log10_probabilities, default=0.0)
+    return -least - LIMITS.rare_share
+
+
+@dataclass(frozen=True, kw_only=True)
+class Decision:
+    """The verdict and what it rests on.
+
+    Parameters
+    ----------
+    verdict : {"healthy", "fault", "cannot tell"}
+        The answer.
+    unheard : tuple of str
+        Gears of which gross damage might not have been noticed, in words.
+    """
+
+    verdict: str
+    unheard: tuple[str, ...] = ()
+
+
+def decide(evidence: Evidence, unheard: Sequence[str] = ()) -> Decision:
+    """Judge the evidence.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        Against the healthy machine.
+    unheard : sequence of str
+        Gears that this recording, with this reference, could not have told of.
+    """
+    if evidence.strength >= LIMITS.fault:
+        return Decision(verdict="fault", unheard=tuple(unheard))
+    open_ = evidence.strength >= LIMITS.open or evidence.probability < LIMITS.rare
+    if open_ or unheard or evidence.angle_lost:
+        return Decision(verdict="cannot tell", unheard=tuple(unheard))
+    return Decision(verdict="healthy")
+
+
+def noise_rose(deviation: MachineDeviation) -> bool:
+    """Whether the spectrum between the lines rose, and by more than the lines did.
+
+    A bearing, a loose part or a neighbour fills the spectrum between the lines of the gears; a
+    sensor that was moved raises and lowers both alike.
+    """
+    broadband = deviation.broadband
+    if broadband is None or broadband_strength(broadband) < LIMITS.noise_strength:
+        return False
+    return bool(np.median(broadband.gain_db - deviation.levels.gain_db) > LIMITS.noise_rise_db)

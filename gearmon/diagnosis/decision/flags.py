@@ -1,0 +1,393 @@
+"""Flags from what was found: of a tooth, of a kind, of a path, of lines of no gear."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gearmon.diagnosis.decision.calibration import false_alarm_probability
+from gearmon.diagnosis.decision.evidence import (
+    Evidence,
+    noise_rose,
+    rare_strength,
+    tooth_strength,
+)
+from gearmon.diagnosis.decision.thresholds import LIMITS
+from gearmon.diagnosis.fault_types.features import NONE, FeatureVector
+from gearmon.diagnosis.hypotheses.changed_path import PathChange
+from gearmon.diagnosis.hypotheses.fault_kinds import KindJudgement, judge_kind
+from gearmon.diagnosis.hypotheses.several_teeth import DepartureSpread, departure_spread
+from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, ToothFinding
+from gearmon.diagnosis.results import Change, Flag, ToothProfile
+from gearmon.errors import GearmonError
+from gearmon.machine import Machine
+
+# A kind is named if the rules hold it this likely.
+_NAMED = 0.5
+# A departure is called one tooth's from this probability on; from the second where the sidebands
+# once or twice a turn away grew by so much more [dB] than those four to six turns away, which one
+# tooth hardly ever does.
+_ONE_TOOTH, _ONE_TOOTH_AND_RUNOUT, _RUNOUT_DB = 0.5, 0.99, 12.0
+# Where no kind is clear, a departure far from the mesh harmonics is called by its place.
+_UNCLEAR = "changed residual"
+_SENTENCES = 4
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Flagging:
+    """All that flags are made from.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        What was compared.
+    machine : Machine
+        The machine.
+    changes : tuple of Change
+        Families of lines.
+    features : FeatureVector or None
+        What kinds of fault are told by.
+    path : PathChange
+        Whether the levels changed band by band.
+    """
+
+    evidence: Evidence
+    machine: Machine
+    changes: tuple[Change, ...]
+    features: FeatureVector | None
+    path: PathChange
+
+    def flags(self) -> tuple[Flag, ...]:
+        """Flag what stands out, the strongest first."""
+        strengths = self.evidence.strengths
+        found: list[Flag] = []
+        finding = self.evidence.finding
+        if finding is not None and strengths["tooth"] >= LIMITS.open:
+            found.append(self._of_finding(finding, strengths["tooth"]))
+        found += self._runout({(flag.stage, flag.gear) for flag in found})
+        nongear = self._nongear()
+        if strengths["levels"] >= LIMITS.fault and not any(flag.tooth for flag in found):
+            found += self._levels(bool(nongear))
+        return (*found, *nongear)
+
+    def _probability(self, strength: float) -> float:
+        evidence = self.evidence
+        return false_alarm_probability(strength, evidence.references, evidence.deviation.gap)
+
+    def _of_finding(self, finding: ToothFinding, strength: float) -> Flag:
+        """Flag the departure that the search found: of one tooth, or of another kind."""
+        best = finding.best
+        spread = departure_spread(best.search) if best.search is not None else None
+        probability = self._probability(strength)
+        around = best.deviation.peak < LIMITS.all_around * best.deviation.misfit
+        if around or (spread is not None and spread.one_tooth < self._least_sure(best)):
+            return self._spread_flag(finding, spread, probability)
+        stage, gear = best.key
+        evidence = [
+            f"the {gear} of stage {stage} departs from its healthy pattern at tooth "
+            f"{finding.tooth}: {best.deviation.peak:.1f} times the energy of its median tooth"
+        ]
+        loss = finding.loss
+        if loss is not None:
+            evidence.append(
+                f"as a loss of {100 * loss.loss:.0f} % ({100 * loss.low:.0f} to "
+                f"{100 * loss.high:.0f} %) of the stiffness of that tooth's pair would make it"
+            )
+        evidence.append(_counting(finding))
+        if spread is not None:
+            evidence.append(_explained(spread))
+        evidence += [
+            f"the {name} of stage {number} shows it too"
+            + (" and may be the cause as well" if lead < np.log(10.0) else "")
+            for name, number, lead in finding.rivals
+        ]
+        evidence += _size(self.machine, finding)
+        return Flag(
+            kind="tooth damage",
+            stage=stage,
+            gear=gear,
+            tooth=finding.tooth,
+            stiffness_loss=loss.loss if loss is not None else None,
+            stiffness_loss_low=loss.low if loss is not None else None,
+            stiffness_loss_high=loss.high if loss is not None else None,
+            false_alarm_probability=probability,
+            evidence=tuple(evidence),
+        )
+
+    def _least_sure(self, best: GearEvidence) -> float:
+        """Probability from which a departure is called that of one tooth."""
+        features = self.features
+        if features is None or best.key not in features.gears:
+            return _ONE_TOOTH
+        row = features.named(features.gears.index(best.key))
+        first, others = max(row["once_db"], row["twice_db"]), max(row["several_db"], 0.0)
+        return _ONE_TOOTH_AND_RUNOUT if first - others > _RUNOUT_DB else _ONE_TOOTH
+
+    def _spread_flag(
+        self, finding: ToothFinding, spread: DepartureSpread | None, probability: float
+    ) -> Flag:
+        """Flag a departure that one tooth does not explain, by its kind where one is clear."""
+        stage, name = finding.best.key
+        gear: str | None = name
+        kind = _UNCLEAR
+        evidence = [f"the {gear} of stage {stage} departs from its healthy pattern around its turn"]
+        if spread is not None:
+            evidence += [_explained(spread), *_second_told(spread)]
+        judged = self._judged_departure(finding)
+        if judged is not None:
+            kind, stage, gear = judged.kind, judged.stage or stage, judged.gear
+            evidence += _told(judged)
+        return _flag(kind, stage, gear, probability, evidence)
+
+    def _judged_departure(self, finding: ToothFinding) -> KindJudgement | None:
+        """Judge the kind of a departure that one tooth does not explain; None if none is clear."""
+        features = self.features
+        if features is None or not features.gears:
+            return None
+        best = finding.best
+        gear = features.gears[features.focus]
+        focused = finding.of(*gear)
+        order = best.deviation.order
+        if focused is None or abs(focused.deviation.order - order) > 1e-9 * order:
+            gear = best.key
+        return self._clear(gear) if gear in features.gears else None
+
+    def _clear(self, gear: tuple[int, str]) -> KindJudgement | None:
+        """Judge the kind of a fault of one gear; None where no kind but one tooth is clear."""
+        finding = self.evidence.finding
+        own = finding.of(*gear) if finding is not None else None
+        searched = own.search if own is not None else None
+        spread = departure_spread(searched) if searched is not None else None
+        assert self.features is not None
+        judged = judge_kind(self.features, stage=gear[0], gear=gear[1], spread=spread)
+        clear = judged.kind not in (NONE, "tooth damage") and judged.probability >= _NAMED
+        return judged if clear else None
+
+    def _runout(self, flagged: set[tuple[int | None, str | None]]) -> list[Flag]:
+        """Flag gears whose first or second sidebands have grown beyond the farther ones."""
+        found = []
+        for growth in self.evidence.runout:
+            strength = rare_strength([growth.log10_probability])
+            gear = growth.stage, growth.gear
+            if strength < LIMITS.fault or gear in flagged:
+                continue
+            known = self.features is not None and gear in self.features.gears
+            judged = self._clear(gear) if known else None
+            kind = growth.kind if judged is None else judged.kind
+            evidence = [*growth.evidence, *(_told(judged) if judged is not None else ())]
+            found.append(
+                _flag(kind, growth.stage, growth.gear, self._probability(strength), evidence)
+            )
+        return found
+
+    def _nongear(self) -> tuple[Flag, ...]:
+        """Flag lines that belong to no gear, and blame none."""
+        found = []
+        for finding in self.evidence.nongear:
+            strength = rare_strength([finding.log10_probability])
+            if strength >= LIMITS.fault:
+                told = (finding.name, *finding.evidence)
+                found.append(_flag(finding.kind, None, None, self._probability(strength), told))
+        return tuple(found)
+
+    def _levels(self, nongear: bool) -> list[Flag]:
+        """Flag changed levels: as noise, a path, a kind of a gear's fault, or as they are."""
+        strongest = sentences(self.changes)
+        probability = self._probability(self.evidence.strengths["levels"])
+        if noise_rose(self.evidence.deviation):
+            if nongear:
+                return []
+            told = (
+                "the spectrum between the lines of the gears rose, by more than those lines: a "
+                "bearing, a loose part, or another machine",
+                *strongest[:1],
+            )
+            return [_flag("broadband rise", None, None, probability, told)]
+        if self.path.likely:
+            told = (
+                f"all lines about one mesh harmonic moved together: {100 * self.path.common:.0f} % "
+                "of the change is common to them, and none of it to one gear: a sensor that was "
+                "moved or fixed anew, or a gearbox that was opened",
+                *strongest,
+            )
+            return [_flag("path changed", None, None, probability, told)]
+        first = max(self.changes, key=lambda c: abs(c.standardised), default=None)
+        if first is None:
+            return [_flag("broadband change", None, None, probability, ("no line moved with it",))]
+        own = [
+            change
+            for change in self.changes
+            if (change.kind, change.stage, change.gear) == (first.kind, first.stage, first.gear)
+        ]
+        flag = _flag(
+            f"changed {first.kind}", first.stage, first.gear or None, probability, sentences(own)
+        )
+        return [self._named(flag)]
+
+    def _named(self, flag: Flag) -> Flag:
+        """Name changed levels after the kind of fault that they are most like."""
+        features = self.features
+        if features is None or not features.gears:
+            return flag
+        judged = self._clear(features.gears[features.focus])
+        if judged is None:
+            return flag
+        return replace(
+            flag,
+            kind=judged.kind,
+            stage=judged.stage,
+            gear=judged.gear,
+            evidence=(*_told(judged), *flag.evidence),
+        )
+
+
+def _flag(
+    kind: str, stage: int | None, gear: str | None, probability: float, evidence: Sequence[str]
+) -> Flag:
+    return Flag(
+        kind=kind,
+        stage=stage,
+        gear=gear or None,
+        tooth=None,
+        stiffness_loss=None,
+        stiffness_loss_low=None,
+        stiffness_loss_high=None,
+        false_alarm_probability=probability,
+        evidence=tuple(evidence),
+    )
+
+
+def _counting(finding: ToothFinding) -> str:
+    if finding.counted_from == "tacho":
+        return (
+            "teeth are counted from the one that enters mesh at the tachometer pulse, in this "
+            "recording as in the healthy ones"
+        )
+    return (
+        "teeth are counted from where the first healthy recording begins: the same number is "
+        "the same tooth in every recording compared with this reference"
+    )
+
+
+def _explained(spread: DepartureSpread) -> str:
+    return f"one tooth explains {100 * spread.explained:.0f} % of the departure"
+
+
+def _second_told(spread: DepartureSpread) -> list[str]:
+    """Tell of a second damaged tooth, where one is likely."""
+    second = spread.second
+    if second is None or spread.several_teeth <= _NAMED:
+        return []
+    count, way = abs(second.distance), "after" if second.distance > 0 else "before"
+    return [
+        f"a second tooth, {count} {'tooth' if count == 1 else 'teeth'} {way} the one that departs "
+        f"most, is heard at about {second.size:.1f} of it"
+    ]
+
+
+def _told(judged: KindJudgement) -> tuple[str, ...]:
+    return (
+        f"most like {judged.kind} ({judged.probability:.0%} by physical rules, not calibrated)",
+        *judged.evidence,
+    )
+
+
+def _size(machine: Machine, finding: ToothFinding) -> list[str]:
+    """Tell the size of the damage where the geometry of the gears is known."""
+    # sound machines need no model of teeth
+    from gearmon.diagnosis.hypotheses.damage_size import physical_size
+
+    loss = finding.loss
+    if loss is None:
+        return []
+    stage, gear = finding.best.key
+    try:
+        size = physical_size(machine, stage, gear, "tooth damage", loss.loss, loss.low, loss.high)
+    except GearmonError:
+        return []  # these teeth cannot be cut as the file says; the loss stands without it
+    if size is None:
+        return []
+    bounds = [f"{v:.2g}" if v is not None else "?" for v in (size.low, size.high)]
+    return [
+        f"as a {size.quantity} that would be {size.size:.2g} {size.unit} "
+        f"({bounds[0]} to {bounds[1]} {size.unit})"
+    ]
+
+
+def own_teeth_flags(profiles: Sequence[ToothProfile], below: float) -> tuple[Flag, ...]:
+    """Flag the gear with one departing tooth where there is no reference.
+
+    Parameters
+    ----------
+    profiles : sequence of ToothProfile
+        Gears that were looked at, each against its own other teeth.
+    below : float
+        False-alarm probability below which to flag.
+    """
+    looked_at = float(np.log10(max(1, len(profiles))))
+    striking = sorted(
+        (p for p in profiles if p.log10_probability + looked_at < np.log10(below)),
+        key=lambda profile: profile.log10_probability,
+    )
+    if not striking:
+        return ()
+    first = striking[0]
+    alone = not any(
+        other is not first and abs(other.order - first.order) < 1e-9 * first.order
+        for other in striking
+    )
+    where = (
+        f"tooth {first.tooth}"
+        if first.tooth is not None
+        else f"one place, {first.position:.2f} of a turn after the recording's zero"
+    )
+    evidence = [
+        f"the {first.gear} of stage {first.stage} departs from its other teeth at {where}: "
+        f"{first.ratio:.1f} times the energy of its median tooth",
+        "one tooth of a sound gear may be cut as differently: without a healthy recording it "
+        "cannot be known whether it was always so, nor how much stiffness is lost",
+    ]
+    if first.tooth is not None:
+        evidence.append("teeth are counted from the one that enters mesh at the tachometer pulse")
+    evidence += [
+        f"the {other.gear} of stage {other.stage} shows it too ({other.ratio:.1f} times)"
+        for other in striking[1:]
+    ]
+    if not alone:
+        evidence.append("gears on one shaft turn together: it may be either of them")
+    flag = _flag(
+        "tooth damage",
+        first.stage if alone else None,
+        first.gear if alone else None,
+        float(10.0 ** min(0.0, first.log10_probability + looked_at)),
+        evidence,
+    )
+    return (replace(flag, tooth=first.tooth if alone else None),)
+
+
+def sentences(changes: Sequence[Change]) -> tuple[str, ...]:
+    """Describe the strongest changes, one sentence each.
+
+    Parameters
+    ----------
+    changes : sequence of Change
+        Changes of one group.
+
+    Returns
+    -------
+    tuple of str
+        As "a1: sidebands of shaft 1 around mesh 2 harmonic 1 rose 6.8 dB; healthy scatter 0.7 dB".
+    """
+    strongest = sorted(changes, key=lambda change: -abs(change.standardised))[:_SENTENCES]
+    return tuple(
+        f"{change.channel}: {change.family} {'rose' if change.change_db > 0 else 'fell'} "
+        f"{abs(change.change_db):.1f} dB; healthy scatter {change.scatter_db:.1f} dB"
+        for change in strongest
+    )
+
+
+def strength_of_gear(gear: GearEvidence) -> float:
+    """Strength of damage of one tooth of a gear."""
+    return tooth_strength(gear.believed)

@@ -1,0 +1,75 @@
+"""The limits of the verdict, in one place, with the experiments that set them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """Limits of the verdict.
+
+    The experiments: 2,000 healthy pairs of 27 drawn machines (`benchmark.detection_machines`,
+    loads 50 to 115 %, speeds +-2 %, gains up to a factor of 2, one to five references) and of the
+    catalogue's machines; damage of one tooth of 2.5 to 40 % on the same. On those machines alone
+    the limits could be lower by half: they leave as much room for machines that depart more from
+    one recording to the next than any simulation does.
+
+    Parameters
+    ----------
+    fault : float
+        Strength from which a fault is called: one false alarm in a hundred on a machine that is as
+        unsteady as the scales below assume.
+    open : float
+        Strength from which the answer stays open.
+    rare : float
+        Calibrated probability below which it stays open.
+    tooth_offset, tooth_scale : float
+        Believed log Bayes factor of strength 0, and for one more unit. Of the healthy pairs 99 %
+        stay below 11; losses of 5 % of a pair's stiffness have 30 and more in nine of ten.
+    levels_offset : float
+        Mean square of standardised levels of strength 0: what half of the healthy pairs reach.
+    lines_weight, broadband_weight : float
+        Strength for one unit of mean square of the families of lines, and of the broadband levels,
+        which move more easily: with a bearing, a fan, a neighbouring machine.
+    rare_share : float
+        Strength taken off tests of rare kinds: a twentieth of the false alarms is theirs.
+    noise_strength, noise_rise_db : float
+        Share of the broadband spectrum in the strength of the levels, and rise of the spectrum
+        between the lines over that of the lines [dB], from which a change is one of the noise.
+    all_around : float
+        Energy at the most striking place of a gear's turn, over the misfit of its median tooth,
+        below which a departure is that of the whole turn: single teeth of up to 40 % loss have 0.8
+        and more, two of fourteen cases of distributed pitting would pass for one tooth without it.
+    angle_unsure, angle_slipped, unsure_share : float
+        Standard deviation of the angle [mesh periods] from which it is unsure, and the share of the
+        strength of lines and levels that then counts: of 700 simulated recordings none lies between
+        0.02, where lines hold the angle, and 0.1, where they turn in it. Beyond the second it is
+        the angle after a slip that is unsure, by whole mesh periods; the parts before and after
+        still tell.
+    must_notice : float
+        Loss of a pair's stiffness that a healthy verdict has to exclude on every gear.
+    about : float
+        What counts as that loss: what would be noticed is known to a factor of 1.6 only.
+    """
+
+    fault: float = 2.0
+    open: float = 1.0
+    rare: float = 0.01
+    tooth_offset: float = 2.0
+    tooth_scale: float = 12.0
+    levels_offset: float = 0.3
+    lines_weight: float = 0.65
+    broadband_weight: float = 0.35
+    rare_share: float = 1.3
+    noise_strength: float = 0.9
+    noise_rise_db: float = 1.5
+    all_around: float = 0.3
+    angle_unsure: float = 0.1
+    angle_slipped: float = 0.5
+    unsure_share: float = 0.5
+    must_notice: float = 0.4
+    about: float = 1.1
+
+
+LIMITS = Limits()

@@ -1,0 +1,150 @@
+"""The verdict in words: first what a plant manager needs, then what it rests on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from gearmon.diagnosis.decision.evidence import Evidence
+from gearmon.diagnosis.decision.flags import sentences
+from gearmon.diagnosis.decision.thresholds import LIMITS
+from gearmon.diagnosis.results import Change, Flag, ToothProfile
+
+#: What no recording tells by itself.
+UNKNOWABLE = (
+    "Without a healthy recording it cannot be known whether the gear was always so, how much "
+    "stiffness is lost, nor of wear, pitting, misalignment or eccentricity, which change all teeth."
+)
+_PLAIN = {
+    "several teeth": "Several teeth of {gear} are likely damaged.",
+    "distributed pitting": "Many teeth of {gear} are likely pitted.",
+    "wear": "The teeth of {gear} are likely worn.",
+    "eccentricity": "{Gear} runs out, or more than it did.",
+    "misalignment": "{Gear} wobbles, or more than it did: it may stand askew.",
+    "looseness": "Something about {gear} is likely loose.",
+    "path changed": "Everything sounds different, as if the sensor had been moved or the gearbox "
+    "opened: no single gear is to blame.",
+    "broadband rise": "The noise between the gears' lines rose: look at bearings and mounts first.",
+    "broadband change": "The noise between the gears' lines changed; no gear is to blame.",
+    "bearing": "A bearing has likely been damaged.",
+    "electrical": "Lines of the electrical supply rose.",
+    "unknown lines": "New lines appeared that belong to no gear of this machine.",
+    "mesh lost": "The gear mesh that the healthy recordings show is gone.",
+}
+
+
+def fault_sentence(flags: Sequence[Flag]) -> str:
+    """Say what is wrong in one sentence.
+
+    Parameters
+    ----------
+    flags : sequence of Flag
+        Strongest first.
+    """
+    if not flags:
+        return "The machine no longer sounds as it did when it was healthy."
+    first = flags[0]
+    gear = _gear(first.stage, first.gear)
+    if first.kind == "tooth damage":
+        tooth = f"tooth {first.tooth} of {gear}" if first.tooth else f"one tooth of {gear}"
+        loss = ""
+        if first.stiffness_loss is not None:
+            loss = f", which has lost about {100 * first.stiffness_loss:.0f} % of its stiffness"
+        return f"Damage of {tooth}{loss}."
+    plain = _PLAIN.get(
+        first.kind, "The vibration of {gear} changed; what kind of fault is unclear."
+    )
+    return plain.format(gear=gear, Gear=gear[:1].upper() + gear[1:])
+
+
+def _gear(stage: int | None, gear: str | None) -> str:
+    if stage is None:
+        return "the machine"
+    return f"the {gear} of stage {stage}" if gear else f"the gears of stage {stage}"
+
+
+def reason(
+    verdict: str,
+    evidence: Evidence,
+    flags: Sequence[Flag],
+    changes: Sequence[Change],
+    profiles: Sequence[ToothProfile],
+    unheard: Sequence[str],
+) -> str:
+    """Give the reason of a verdict on a recording that was compared with a reference.
+
+    Parameters
+    ----------
+    verdict : str
+        The verdict.
+    evidence : Evidence
+        What was compared.
+    flags, changes, profiles
+        Of the analysis.
+    unheard : sequence of str
+        Gears of which gross damage might not have been noticed.
+    """
+    rested = f"{_levels(evidence)} {_tooth(profiles)}"
+    if verdict == "fault":
+        strongest = sentences(changes)[:1]
+        most = f" Most of all, {strongest[0]}." if strongest else ""
+        return f"{fault_sentence(flags)} {rested}{most}"
+    if verdict == "healthy":
+        return f"The machine sounds as it did when it was healthy.{_noticed(profiles)} {rested}"
+    if evidence.strength >= LIMITS.open or evidence.probability < LIMITS.rare:
+        told = "More changed than is usual, but not enough to call it a fault: record again."
+    elif evidence.angle_lost:
+        told = (
+            "Nothing speaks against the machine, but its angle was lost on the way: record again "
+            "at a steadier speed, or with a tachometer."
+        )
+    else:
+        told = "Nothing speaks against the machine, but not all of it was heard."
+    if unheard:
+        told += (
+            f" Even a loss of {100 * LIMITS.must_notice:.0f} % of a tooth's stiffness might have "
+            f"gone unnoticed on {', '.join(unheard)}: record longer, under load, or nearer to it."
+        )
+    return f"{told} {rested}"
+
+
+def _levels(evidence: Evidence) -> str:
+    levels = evidence.deviation.levels
+    told = (
+        f"Levels of lines differ from the expected by {levels.mean_square() ** 0.5:.1f} times "
+        f"their healthy scatter (root mean square of {levels.rest_db.size})"
+    )
+    broadband = evidence.deviation.broadband
+    if broadband is None:
+        return f"{told}."
+    return f"{told}, the spectrum between them by {broadband.mean_square() ** 0.5:.1f} times."
+
+
+def _tooth(profiles: Sequence[ToothProfile]) -> str:
+    best = min(profiles, key=lambda p: p.log10_probability, default=None)
+    if best is None:
+        return "No gear's turn could be resolved."
+    return (
+        f"The most striking place of a gear (the {best.gear} of stage {best.stage}) has "
+        f"{best.ratio:.1f} times its median energy."
+    )
+
+
+def own_teeth_reason(profiles: Sequence[ToothProfile]) -> str:
+    """Give the reason of a verdict without a reference."""
+    return (
+        "There is no healthy reference: teeth were compared with the others of their gear. "
+        "Pitch errors and eccentricity of a sound gear look like weak damage, so only gross "
+        "damage of one tooth can be found: on simulated machines two of three losses of 40 % "
+        f"of a pair's stiffness, one of four of 20 %. {_tooth(profiles)} {UNKNOWABLE}"
+    )
+
+
+def _noticed(profiles: Sequence[ToothProfile]) -> str:
+    """Say how much damage of one tooth a healthy verdict excludes; changed levels tell of more."""
+    from_loss = [p.noticed_from for p in profiles if p.noticed_from is not None]
+    if not from_loss:
+        return ""
+    return (
+        f" Damage of one tooth would mostly have been noticed from a loss of "
+        f"{100 * max(from_loss):.2g} % of its pair's stiffness."
+    )

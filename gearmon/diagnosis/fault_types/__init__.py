@@ -1,0 +1,40 @@
+"""Which type of fault it is: features that no sensor decides, and a classifier trained on physics.
+
+`kind_features` condenses an analysis to numbers that tell one type from another. `train_kinds`
+draws machines with every type of fault, superposed from the order lines of one machine file
+(`machine_lines`), and trains a `KindClassifier` on them, so that no recording of a fault is needed;
+`write_kinds` and `read_kinds` keep it in a file. `kind_of_analysis` judges an analysis. ::
+
+    classifier = train_kinds(machine)
+    print(kind_of_analysis(analysis, reference, classifier).probabilities)
+
+The names load what they need when they are first used: judging by rules needs no scikit-learn.
+"""
+
+from importlib import import_module
+from typing import Any
+
+_HOMES = {
+    "classifier": ("KindClassifier", "novelty", "read_kinds", "write_kinds"),
+    "features": ("FEATURES", "KINDS", "NAMES", "NONE", "FeatureVector", "kind_features"),
+    "judgement": ("analysis_features", "kind_of_analysis"),
+    "lines": ("machine_lines",),
+    "training": (
+        "EXAMPLES_BETWEEN",
+        "departure_energy",
+        "draw_example",
+        "examples",
+        "train_kinds",
+        "training_table",
+    ),
+}
+
+__all__ = sorted(name for names in _HOMES.values() for name in names)
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name from its home."""
+    for home, names in _HOMES.items():
+        if name in names:
+            return getattr(import_module(f"{__name__}.{home}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,0 +1,363 @@
+"""A classifier of kinds with probabilities that hold, and the freedom to say "none of these".
+
+Small networks, one for each fold of the training data; their mean is softened by one temperature,
+found on the examples that each network has not seen (Guo et al. 2017). What lies farther from all
+classes than training examples do moves to the class for everything else.
+
+References
+----------
+C. Guo, G. Pleiss, Y. Sun, K. Weinberger, On calibration of modern neural networks, ICML 2017.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import warnings
+import zipfile
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import minimize_scalar
+from scipy.spatial.distance import cdist
+from scipy.special import expit, log_softmax, softmax
+from sklearn.base import BaseEstimator, ClassifierMixin
+from sklearn.covariance import LedoitWolf
+from sklearn.ensemble import IsolationForest
+from sklearn.exceptions import ConvergenceWarning
+from sklearn.model_selection import StratifiedKFold
+from sklearn.neural_network import MLPClassifier
+from sklearn.utils import check_random_state
+from sklearn.utils.multiclass import check_classification_targets
+from sklearn.utils.validation import check_is_fitted, validate_data
+
+from gearmon.diagnosis.fault_types.features import NONE
+from gearmon.errors import ArgumentError, SignatureError
+from gearmon.files import write_atomically
+
+FloatArray = NDArray[np.float64]
+
+FORMAT = "gearmon kind classifier 1"
+#: Standard deviations at which a feature is cut.
+_CUT = 6.0
+#: Share of training examples nearer than the distance at which novelty begins.
+_INSIDE = 0.995
+#: Beyond that distance, relative to it, half of the probability has moved; and how sharply.
+_HALF_BEYOND, _SHARPNESS = 1.3, 12.0
+
+
+class KindClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
+    """Kinds of fault from features.
+
+    Parameters
+    ----------
+    hidden : int, >= 1
+        Neurons of each network.
+    decay : float, >= 0
+        L2 penalty of the weights.
+    folds : int, >= 2
+        Folds of the training data, and networks.
+    other : object
+        The class that takes what is like nothing seen; no class of this name, no such escape.
+    max_iter : int, >= 1
+        Steps of the optimiser.
+    random_state : int, RandomState or None
+        Of folds and initial weights.
+
+    Attributes
+    ----------
+    classes_ : ndarray
+        Classes, sorted.
+    temperature_ : float
+        By which the logits are divided.
+    n_features_in_ : int
+        Features.
+    n_iter_ : int
+        Steps that the slowest network took.
+    machine_ : str
+        Teeth of the machine that it was trained for; "" if nobody told.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> x = np.array([[0.0], [0.1], [0.2], [5.0], [5.1], [5.2]])
+    >>> trained = KindClassifier(decay=0.1, random_state=0).fit(x, ["a"] * 3 + ["b"] * 3)
+    >>> trained.predict([[0.05], [5.05]]).tolist()
+    ['a', 'b']
+    """
+
+    def __init__(
+        self,
+        hidden: int = 40,
+        decay: float = 10.0,
+        folds: int = 4,
+        other: Any = NONE,
+        max_iter: int = 250,
+        random_state: Any = None,
+    ) -> None:
+        self.hidden = hidden
+        self.decay = decay
+        self.folds = folds
+        self.other = other
+        self.max_iter = max_iter
+        self.random_state = random_state
+
+    def fit(self, X: ArrayLike, y: ArrayLike) -> Self:
+        """Train.
+
+        Parameters
+        ----------
+        X : array_like of float, shape (examples, features)
+            Features.
+        y : array_like, shape (examples,)
+            Kinds.
+
+        Returns
+        -------
+        KindClassifier
+            Itself.
+
+        Raises
+        ------
+        ValueError
+            If the data are not what scikit-learn asks of training data.
+        """
+        rows, labels = validate_data(self, X, y, dtype=np.float64)
+        check_classification_targets(labels)
+        self.classes_, codes = np.unique(labels, return_inverse=True)
+        self.mean_, spread = rows.mean(axis=0), rows.std(axis=0)
+        self.scale_ = np.where(spread > 1e-9 * np.maximum(np.abs(self.mean_), 1.0), spread, 1.0)
+        scaled = self._scaled(rows)
+        self.networks_: list[list[FloatArray]] = []
+        self.temperature_, self.n_iter_, self.machine_ = 1.0, 1, ""
+        if len(self.classes_) > 1:
+            self._train(scaled, codes, check_random_state(self.random_state))
+        centres = [scaled[codes == code].mean(axis=0) for code in range(len(self.classes_))]
+        self.centres_ = np.array(centres)
+        inner = LedoitWolf(assume_centered=True).fit(scaled - self.centres_[codes]).covariance_
+        self.whitener_ = np.linalg.inv(np.linalg.cholesky(inner + 1e-6 * np.eye(len(inner)))).T
+        self.reach_ = max(float(np.quantile(self._distance(scaled), _INSIDE)), 1e-9)
+        return self
+
+    def predict_proba(self, X: ArrayLike) -> FloatArray:
+        """Return the probability of each class.
+
+        Parameters
+        ----------
+        X : array_like of float, shape (rows, features)
+            Features.
+
+        Returns
+        -------
+        ndarray of float, shape (rows, classes)
+            In the order of `classes_`; rows sum to 1.
+        """
+        check_is_fitted(self)
+        rows = validate_data(self, X, dtype=np.float64, reset=False)
+        probability = softmax(self._logits(self._scaled(rows)) / self.temperature_, axis=1)
+        escape = np.flatnonzero(self.classes_ == self.other)
+        if len(escape):
+            strange = expit(_SHARPNESS * (self.novelty(rows) / _HALF_BEYOND - 1.0))
+            probability *= 1.0 - strange[:, None]
+            probability[:, escape[0]] += strange
+        return np.asarray(probability)
+
+    def predict(self, X: ArrayLike) -> NDArray[Any]:
+        """Return the most probable class of each row."""
+        check_is_fitted(self)
+        return np.asarray(self.classes_[np.argmax(self.predict_proba(X), axis=1)])
+
+    def novelty(self, rows: FloatArray) -> FloatArray:
+        """Return how far rows are from the nearest class, 1 where training examples end.
+
+        Notes
+        -----
+        Mahalanobis distance with the pooled covariance within classes, over its 99.5 % quantile
+        among the training examples.
+        """
+        plain = (np.asarray(rows, dtype=np.float64) - self.mean_) / self.scale_
+        return np.asarray(self._distance(plain) / self.reach_)
+
+    def _distance(self, scaled: FloatArray) -> FloatArray:
+        whitened = cdist(scaled @ self.whitener_, self.centres_ @ self.whitener_)
+        return np.asarray(whitened.min(axis=1))
+
+    def _scaled(self, rows: FloatArray) -> FloatArray:
+        return np.asarray(np.clip((rows - self.mean_) / self.scale_, -_CUT, _CUT))
+
+    def _train(self, rows: FloatArray, codes: NDArray[np.intp], random: Any) -> None:
+        """Fit one network a fold, and the temperature on what each has not seen."""
+        folds = min(self.folds, int(np.bincount(codes).min()))
+        if folds < 2:  # a class of one example cannot be held out
+            self.networks_ = [self._network(rows, codes, random)]
+            return
+        splits = StratifiedKFold(n_splits=folds, shuffle=True, random_state=random)
+        unseen = np.zeros((len(rows), len(self.classes_)))
+        for kept, held in splits.split(rows, codes):
+            self.networks_.append(self._network(rows[kept], codes[kept], random))
+            unseen[held] = _forward(self.networks_[-1], rows[held])
+
+        def entropy(log_temperature: float) -> float:
+            told = log_softmax(unseen / np.exp(log_temperature), axis=1)
+            return -float(np.mean(told[np.arange(len(codes)), codes]))
+
+        # between 1/20 and 20
+        best = minimize_scalar(entropy, bounds=(-3.0, 3.0), method="bounded")
+        self.temperature_ = float(np.exp(best.x))
+
+    def _network(self, rows: FloatArray, codes: NDArray[np.intp], random: Any) -> list[FloatArray]:
+        network = MLPClassifier(
+            hidden_layer_sizes=(self.hidden,),
+            activation="tanh",
+            solver="lbfgs",
+            alpha=self.decay,
+            max_iter=self.max_iter,
+            random_state=random.randint(2**31 - 1),
+        )
+        with warnings.catch_warnings():
+            # stopping early is a choice: the temperature corrects what it costs
+            warnings.simplefilter("ignore", ConvergenceWarning)
+            network.fit(rows, codes)
+        self.n_iter_ = max(self.n_iter_, int(network.n_iter_))
+        (first, second), (bias, end) = network.coefs_, network.intercepts_
+        if second.shape[1] == 1:  # two classes share one logit
+            second = np.hstack([-0.5 * second, 0.5 * second])
+            end = np.concatenate([-0.5 * end, 0.5 * end])
+        return [np.asarray(part, dtype=np.float64) for part in (first, bias, second, end)]
+
+    def _logits(self, scaled: FloatArray) -> FloatArray:
+        if not self.networks_:  # one class only
+            return np.zeros((len(scaled), len(self.classes_)))
+        return np.asarray(np.mean([_forward(net, scaled) for net in self.networks_], axis=0))
+
+
+def _forward(network: list[FloatArray], rows: FloatArray) -> FloatArray:
+    first, bias, second, end = network
+    return np.asarray(np.tanh(rows @ first + bias) @ second + end)
+
+
+_ARRAYS = ("classes_", "mean_", "scale_", "centres_", "whitener_")
+_SETTINGS = ("hidden", "decay", "folds", "other", "max_iter", "random_state")
+
+
+def write_kinds(classifier: KindClassifier, path: str | Path) -> None:
+    """Store a trained classifier in one file: arrays and a JSON header, no code.
+
+    Parameters
+    ----------
+    classifier : KindClassifier
+        Trained on text labels, with a whole number or nothing as random state.
+    path : str or Path
+        The file; any name.
+
+    Raises
+    ------
+    ArgumentError
+        If it is not trained, or the file cannot be written.
+    """
+    if not hasattr(classifier, "classes_"):
+        raise ArgumentError("the classifier is not trained; call fit before it is stored")
+    header = {
+        "format": FORMAT,
+        "settings": {name: getattr(classifier, name) for name in _SETTINGS},
+        "temperature": classifier.temperature_,
+        "reach": classifier.reach_,
+        "networks": len(classifier.networks_),
+        "machine": classifier.machine_,
+    }
+    arrays = {name: np.asarray(getattr(classifier, name)) for name in _ARRAYS}
+    arrays["classes_"] = arrays["classes_"].astype(str)
+    for row, network in enumerate(classifier.networks_):
+        arrays |= {f"{row}/{part}": values for part, values in enumerate(network)}
+    arrays["header"] = np.frombuffer(json.dumps(header).encode("utf-8"), dtype=np.uint8)
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, allow_pickle=False, **arrays)
+    write_atomically(path, buffer.getvalue())
+
+
+def read_kinds(path: str | Path) -> KindClassifier:
+    """Read a stored classifier.
+
+    Parameters
+    ----------
+    path : str or Path
+        A file written by `write_kinds`.
+
+    Raises
+    ------
+    SignatureError
+        If the file is missing, is no classifier, or is damaged.
+    """
+    try:
+        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as archive:
+            header = json.loads(bytes(archive["header"]).decode("utf-8"))
+            if header.get("format") != FORMAT:
+                raise SignatureError(
+                    f"{path}: format {header.get('format')!r} is not {FORMAT!r}; train it anew"
+                )
+            classifier = KindClassifier(**header["settings"])
+            for name in _ARRAYS:
+                setattr(classifier, name, archive[name])
+            classifier.networks_ = [
+                [archive[f"{row}/{part}"] for part in range(4)] for row in range(header["networks"])
+            ]
+    except SignatureError:
+        raise
+    except FileNotFoundError:
+        raise SignatureError(f"{path}: no such file; train a classifier and store it") from None
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile, EOFError, TypeError) as error:
+        raise SignatureError(
+            f"{path}: not a readable kind classifier ({type(error).__name__}); train it anew"
+        ) from None
+    classifier.temperature_ = float(header["temperature"])
+    classifier.reach_ = float(header["reach"])
+    classifier.machine_ = str(header.get("machine", ""))
+    classifier.n_features_in_ = len(classifier.mean_)
+    return classifier
+
+
+# Of a plain detector, as a yardstick
+TREES = 100
+
+
+def novelty(healthy: FloatArray, candidates: FloatArray, seed: int = 0) -> FloatArray:
+    """Return how unlike healthy rows of features each candidate is, without any physics.
+
+    What many monitoring systems do, as a yardstick: an isolation forest that has seen how the
+    indicators of healthy machines change from one recording to the next.
+
+    Parameters
+    ----------
+    healthy : ndarray of float, shape (n, features), n >= 2
+        Features of healthy recordings, such as logarithms of indicators over those of a reference.
+    candidates : ndarray of float, shape (m, features)
+    seed : int
+
+    Returns
+    -------
+    ndarray of float, shape (m,)
+        In (0, 1); rises with novelty.
+
+    Raises
+    ------
+    ArgumentError
+        If the shapes do not fit or a feature is not finite.
+
+    References
+    ----------
+    Liu, Ting and Zhou, Isolation forest, ICDM 2008.
+    """
+    known, new = np.asarray(healthy, dtype=float), np.asarray(candidates, dtype=float)
+    if known.ndim != 2 or new.ndim != 2 or len(known) < 2 or known.shape[1] != new.shape[1]:
+        raise ArgumentError(
+            f"healthy {known.shape} and candidates {new.shape} must be tables with the same "
+            "features, and at least two healthy rows"
+        )
+    if not (np.isfinite(known).all() and np.isfinite(new).all()):
+        raise ArgumentError("features must be finite numbers")
+    if not len(new):
+        return np.zeros(0)
+    forest = IsolationForest(n_estimators=TREES, random_state=seed).fit(known)
+    return -np.asarray(forest.score_samples(new), dtype=np.float64)

@@ -1,0 +1,396 @@
+"""Examples of every kind of fault on one machine, and a classifier trained on them.
+
+Each example is a machine of its own: errors of manufacture, path to the sensors, noise, load and
+speed are drawn anew, so that nothing can be learned from them. A healthy and a faulty set of order
+lines are superposed, measured through the same path, and condensed by the functions that also serve
+recordings.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearmon.diagnosis.fault_types.faults import draw_wrong, log_uniform
+from gearmon.diagnosis.fault_types.features import KINDS, NAMES, FeatureVector, kind_features
+from gearmon.diagnosis.fault_types.lines import GearLines, MachineLines, machine_lines
+from gearmon.diagnosis.hypotheses.runout import TurnChange, turn_changes
+from gearmon.diagnosis.results import Change
+from gearmon.errors import check_range
+from gearmon.machine import Machine
+from gearmon.signatures.reference import WheelPattern, tooth_counts
+
+if TYPE_CHECKING:
+    from gearmon.diagnosis.fault_types.classifier import KindClassifier
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+#: Scatter between healthy recordings that a level is taken to have at least [dB].
+_BETWEEN_DB = 2.0
+_NEAR = 3
+#: Teeth over which the energy of a departure is summed, and the share of its amplitude by which a
+#: healthy line departs.
+_WINDOW_TEETH, _DEPARTURE = 2.0, 0.1
+#: Points at which a path is drawn; between them it is straight.
+_PATH_POINTS = 384
+#: Longest echo, in periods of the highest order.
+_LONGEST_ECHO = 80.0
+#: Examples that a classifier is trained on unless another number is given.
+EXAMPLES = 1600
+#: Examples that a classifier can be trained on: ten a kind at least.
+EXAMPLES_BETWEEN = (10 * len(KINDS), 1_000_000)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Example:
+    """A simulated comparison with a healthy machine, and what was wrong.
+
+    Parameters
+    ----------
+    features : FeatureVector
+        What an analysis would have seen.
+    kind : str
+        Kind of the fault.
+    gears : tuple of (int, str)
+        Stage and gear of all gears that have it; empty for none.
+    size : float
+        Largest loss of stiffness, or effect of an error over the lines of the sound mesh.
+    """
+
+    features: FeatureVector
+    kind: str
+    gears: tuple[tuple[int, str], ...]
+    size: float
+
+
+def train_kinds(
+    machine: Machine, seed: int = 0, count: int = EXAMPLES, operating: int = 0
+) -> KindClassifier:
+    """Train a classifier of the kinds of fault of one machine, without fault data.
+
+    Parameters
+    ----------
+    machine : Machine
+        With the data that a baseline needs.
+    seed : int, >= 0
+        Of the examples and of the training.
+    count : int, 80 to 1,000,000
+        Examples, as many of each kind.
+    operating : int
+        Operating point, from 0.
+
+    Returns
+    -------
+    KindClassifier
+        Trained on `features.NAMES`.
+
+    Raises
+    ------
+    ArgumentError
+        If the machine lacks data.
+    """
+    from gearmon.diagnosis.fault_types.classifier import KindClassifier
+
+    check_range("count", count, *EXAMPLES_BETWEEN)
+    rows, kinds = training_table(examples(machine, seed, count, operating))
+    classifier = KindClassifier(random_state=seed).fit(rows, kinds)
+    classifier.machine_ = tooth_counts(machine)
+    return classifier
+
+
+def training_table(made: list[Example]) -> tuple[FloatArray, NDArray[np.str_]]:
+    """Return the feature rows in focus and their kinds."""
+    rows = np.array([one.features.values[one.features.focus] for one in made])
+    return rows.reshape(len(made), len(NAMES)), np.array([one.kind for one in made])
+
+
+def examples(machine: Machine, seed: int, count: int, operating: int = 0) -> list[Example]:
+    """Draw examples, of every kind in turn.
+
+    Parameters
+    ----------
+    machine, seed, count, operating
+        See `train_kinds`.
+
+    Returns
+    -------
+    list of Example
+    """
+    generator = np.random.default_rng([seed, 6])
+    lines = machine_lines(machine, operating)
+    return [draw_example(lines, KINDS[i % len(KINDS)], generator) for i in range(count)]
+
+
+def draw_example(lines: MachineLines, kind: str, generator: np.random.Generator) -> Example:
+    """Draw one machine, what is wrong with it, and two recordings.
+
+    Parameters
+    ----------
+    lines : MachineLines
+        Of the machine.
+    kind : str
+        One of `KINDS`.
+    generator : numpy.random.Generator
+    """
+    errors, spread = _errors(lines, generator)
+    wrong = draw_wrong(lines, kind, spread, generator)
+    load = float(np.clip(np.exp(generator.normal(0, 0.12)), 0.7, 1.4))
+    sound = lines.healthy + errors
+    moved = load * (lines.healthy + wrong.stiffness) + errors + wrong.displacement
+    view = _View.drawn(lines, sound, generator)
+    one = view.measured(sound, generator, 0.0)
+    # another speed moves every line along the resonances, the same way in every channel
+    curve = _smooth(lines.plan.orders, generator, 2.0 / view.top)
+    drift = np.exp(log_uniform(generator, 0.01, 0.1) * curve)
+    two = view.measured(moved * drift, generator, wrong.noise_db)
+    if kind == KINDS[-1] and generator.uniform() < 0.4:
+        two = _with_strange_lines(two, generator)
+    features = kind_features(
+        _changes(lines, view, one, two, generator), *_wheels(lines, view, one, two, generator)
+    )
+    return Example(features=features, kind=kind, gears=wrong.gears, size=wrong.size)
+
+
+def _errors(lines: MachineLines, generator: np.random.Generator) -> tuple[ComplexArray, FloatArray]:
+    """Draw the errors of manufacture, and return their effect on each gear."""
+    total = np.zeros_like(lines.healthy)
+    spread = np.zeros(len(lines.gears))
+    for index, gear in enumerate(lines.gears):
+        pitch, runout, wobble = (log_uniform(generator, *ends) for ends in _ERROR_EFFECTS)
+        weight = generator.normal(0, 1, gear.wheel.teeth)
+        angle, other = generator.uniform(0, 2 * np.pi, 2)
+        total[gear.wheel.stage - 1, gear.wheel.lines] += (
+            pitch * gear.by_tooth(gear.pitch, weight - weight.mean())
+            + runout * gear.multiple(1, generator.uniform(), angle)
+            + wobble * gear.turned(gear.wobble, other) * (gear.distance != 0)
+        )
+        spread[index] = np.hypot(pitch, runout)
+    return total, spread
+
+
+# effect of pitch errors, eccentricity and wobble of a sound gear over the lines of the perfect mesh
+_ERROR_EFFECTS = ((0.03, 0.5), (0.03, 0.4), (0.003, 0.05))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _View:
+    """What the sensors are like: path, noise, range."""
+
+    path: ComplexArray
+    loudness: FloatArray
+    gain: FloatArray
+    variance: FloatArray
+    departure: float
+    top: float
+
+    @classmethod
+    def drawn(cls, lines: MachineLines, sound: ComplexArray, rng: np.random.Generator) -> _View:
+        orders, channels = lines.plan.orders, int(rng.integers(1, 4))
+        path = np.array([_echoes(orders, rng) for _ in range(channels)])
+        # a mesh is heard through its own bearings: which one is louder is for the path to say
+        rms = np.linalg.norm(sound, axis=1)
+        loudness = 10 ** (rng.uniform(-25, 0, (channels, len(rms))) / 20) / rms
+        power = np.sum(np.abs(path * (loudness @ sound)) ** 2, axis=1)
+        variance = power * 10 ** (-rng.uniform(48, 75, channels) / 10)
+        return cls(
+            path=path,
+            loudness=loudness,
+            gain=np.exp(rng.normal(0, 0.4, channels)),
+            variance=variance,
+            departure=log_uniform(rng, 0.002, 0.03),
+            top=float(orders[-1] * rng.uniform(0.3, 1.0)),
+        )
+
+    def measured(self, lines: ComplexArray, rng: np.random.Generator, noise_db: float) -> _Measured:
+        shape = self.path.shape
+        variance = np.repeat((self.variance * 10 ** (noise_db / 10))[:, None], shape[1], axis=1)
+        random = rng.normal(0, np.sqrt(0.5), (2, 2, *shape))
+        first, second = random[:, 0] + 1j * random[:, 1]
+        amplitude = self.path * (self.loudness @ lines) * (1 + self.departure * first)
+        amplitude = self.gain[:, None] ** rng.integers(0, 2) * amplitude
+        return _Measured(amplitude=amplitude + np.sqrt(variance) * second, variance=variance)
+
+
+class _Measured(NamedTuple):
+    """Lines as measured, shape (channels, orders), and their variance."""
+
+    amplitude: ComplexArray
+    variance: FloatArray
+
+
+def _echoes(orders: FloatArray, rng: np.random.Generator) -> ComplexArray:
+    """Return a smooth random transfer function: a few delayed echoes."""
+    point = np.linspace(0, orders[-1], _PATH_POINTS)
+    period = 2 * np.pi / orders[-1]
+    delay = rng.uniform(0, _LONGEST_ECHO * rng.uniform(0.05, 1.0) * period, 16)
+    # modes of the housing ring on, ever more softly
+    size = rng.normal(size=16) + 1j * rng.normal(size=16)
+    size *= np.exp(-2.0 * delay / delay.max())
+    curve = np.exp(-1j * np.outer(point, delay)) @ size
+    return np.asarray(
+        np.interp(orders, point, curve.real) + 1j * np.interp(orders, point, curve.imag)
+    )
+
+
+def _smooth(orders: FloatArray, rng: np.random.Generator, density: float) -> ComplexArray:
+    """Return a smooth random curve of unit variance, complex."""
+    count = 6
+    rate = rng.uniform(0, 2 * np.pi * density, count)
+    size = (rng.normal(size=count) + 1j * rng.normal(size=count)) / np.sqrt(count)
+    return np.asarray(np.cos(np.outer(orders, rate) + rng.uniform(0, 2 * np.pi, count)) @ size)
+
+
+def _with_strange_lines(measured: _Measured, rng: np.random.Generator) -> _Measured:
+    """Let lines of something else, a bearing or the mains, fall on a few lines of the machine."""
+    channels, orders = measured.amplitude.shape
+    place = rng.integers(0, orders, int(rng.integers(1, 6)))
+    typical = np.sqrt(np.median(np.abs(measured.amplitude) ** 2, axis=1))
+    size = log_uniform(rng, 1.0, 20.0) * typical
+    phase = np.exp(2j * np.pi * rng.uniform(size=(channels, len(place))))
+    amplitude = measured.amplitude.copy()
+    amplitude[:, place] += size[:, None] * phase
+    return measured._replace(amplitude=amplitude)
+
+
+def _changes(
+    lines: MachineLines, view: _View, one: _Measured, two: _Measured, rng: np.random.Generator
+) -> list[Change]:
+    """Compare the families of lines, channel by channel."""
+    before, before_scatter = _family_levels(lines, one)
+    after, after_scatter = _family_levels(lines, two)
+    after += rng.normal(0, rng.uniform(0.3, 1.5), after.shape)
+    scatter = np.sqrt(before_scatter**2 + after_scatter**2 + _BETWEEN_DB**2)
+    return [
+        Change(
+            channel=str(channel),
+            family=family.name,
+            kind=family.kind,
+            stage=family.stage,
+            harmonic=family.harmonic,
+            gear=family.gear,
+            shaft=family.shaft,
+            level_db=float(after[channel, column]),
+            reference_db=float(before[channel, column]),
+            scatter_db=float(scatter[channel, column]),
+        )
+        for column, family in enumerate(lines.plan.families)
+        for channel in range(len(after))
+        if lines.plan.orders[max(family.lines)] < view.top
+    ]
+
+
+def _family_levels(lines: MachineLines, measured: _Measured) -> tuple[FloatArray, FloatArray]:
+    """Levels of the families and their standard errors, as of recordings [dB]."""
+    count = len(lines.plan.families)
+    known = lines.family_of >= 0
+    column = lines.family_of[known]
+    size, variance = np.abs(measured.amplitude) ** 2, measured.variance
+    error = variance**2 + 2 * variance * size
+
+    def summed(values: FloatArray) -> FloatArray:
+        rows = [np.bincount(column, weights=row[known], minlength=count) for row in values]
+        return np.array(rows)
+
+    power, spread = summed(size - variance), np.sqrt(summed(error))
+    shown = np.maximum(power, np.maximum(spread, np.finfo(float).tiny))
+    return 10 * np.log10(shown), 10 / np.log(10) * np.minimum(spread / shown, 1.0)
+
+
+class _Shape(NamedTuple):
+    """Energy around the turn of a gear, as `diagnosis.results.ToothProfile` has it."""
+
+    stage: int
+    gear: str
+    energy: FloatArray
+
+
+def _wheels(
+    lines: MachineLines, view: _View, one: _Measured, two: _Measured, rng: np.random.Generator
+) -> tuple[list[_Shape], tuple[TurnChange, ...]]:
+    """Look around the turn of every gear, and at its single sidebands."""
+    near = _NEAR if rng.uniform() < 0.5 else 0
+    pairs = [(_pattern(g, view, one), _pattern(g, view, two)) for g in lines.gears]
+    kept = [(old, new) for old, new in pairs if len(new.number) > new.teeth]
+    shapes = [
+        _Shape(stage=new.stage, gear=new.gear, energy=departure_energy(new, old, near))
+        for old, new in kept
+    ]
+    # what the two recordings do not share beyond their lines fills all of the turn
+    floor = log_uniform(rng, 0.003, 0.3)
+    shapes = [shape._replace(energy=_raised(shape.energy, floor)) for shape in shapes]
+    rows = range(len(view.path))
+    if rng.uniform() < 0.1:  # a caller may have families of lines only
+        return shapes, ()
+    turns = turn_changes([new for _, new in kept], rows, [[old for old, _ in kept]], rows)
+    return shapes, turns
+
+
+def departure_energy(new: WheelPattern, old: WheelPattern, near: int) -> FloatArray:
+    """Return the energy of a departure around the turn of a gear, by tooth.
+
+    Parameters
+    ----------
+    new, old : WheelPattern
+        Of the new recording and of the healthy one, at the same angle.
+    near : int
+        Sidebands about each mesh harmonic that are left out on both sides.
+
+    Returns
+    -------
+    ndarray of float, shape (teeth,)
+        Over windows of two teeth, median 1.
+
+    Notes
+    -----
+    About each mesh harmonic one complex gain per channel is fitted; the rest is divided by the
+    scatter to expect, that is noise and a tenth of the amplitude.
+    """
+    teeth, top = new.teeth, int(new.number.max())
+    band = (new.number + teeth // 2) // teeth
+    start = np.flatnonzero(np.diff(band, prepend=-1))
+    width = np.diff(start, append=len(band))
+    far = ~new.mesh & (np.abs(new.number - band * teeth) > near)
+    lines = np.add.reduceat(far, start, dtype=np.int64)
+    value, known = np.where(far, new.amplitude, 0.0), np.where(far, old.amplitude, 0.0)
+    product = np.add.reduceat(value * known.conj(), start, axis=1)
+    power = np.add.reduceat(np.abs(known) ** 2, start, axis=1)
+    gain = np.repeat(product / np.maximum(power, np.finfo(float).tiny), width, axis=1)
+    usual = np.add.reduceat(np.abs(value) ** 2, start, axis=1) / np.maximum(lines, 1)
+    spread = new.variance + old.variance + _DEPARTURE**2 * np.repeat(usual, width, axis=1)
+    # a gain fitted to three lines leaves nothing of them
+    counted = far & np.repeat(lines >= 4, width)
+    steps = 1 << int(np.ceil(np.log2(4 * top)))
+    waveform = np.zeros((len(value), steps), dtype=np.complex128)
+    waveform[:, new.number] = np.where(counted, (value - gain * known) / np.sqrt(spread), 0.0)
+    energy = np.sum(np.abs(np.fft.ifft(waveform, axis=1)) ** 2, axis=0)
+    ends = np.concatenate([[0.0], np.cumsum(np.tile(energy, 2))])
+    begin = np.arange(teeth) * steps // teeth
+    wide = max(1, round(steps * _WINDOW_TEETH / teeth))
+    windows = ends[begin + wide] - ends[begin]
+    middle = float(np.median(windows))
+    return np.asarray(windows / middle if middle > 0 else np.ones(teeth))
+
+
+def _raised(energy: FloatArray, share: float) -> FloatArray:
+    raised = energy + share * energy.mean()
+    return np.asarray(raised / np.median(raised))
+
+
+def _pattern(gear: GearLines, view: _View, measured: _Measured) -> WheelPattern:
+    wheel = gear.wheel
+    inside = wheel.number * wheel.order < view.top
+    place = wheel.lines[inside]
+    return WheelPattern(
+        stage=wheel.stage,
+        gear=wheel.gear,
+        teeth=wheel.teeth,
+        order=wheel.order,
+        number=wheel.number[inside],
+        mesh=wheel.mesh[inside],
+        amplitude=measured.amplitude[:, place],
+        variance=measured.variance[:, place],
+    )

@@ -1,0 +1,322 @@
+"""Recordings of one machine in the order of time: what each said of every gear and tooth."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, fields
+from datetime import datetime
+from typing import Any
+
+from gearmon.diagnosis.history.recording_times import time_text
+from gearmon.diagnosis.results import VERDICTS, Analysis, Flag, ToothProfile
+from gearmon.errors import ArgumentError, check_finite, check_range
+
+#: Half the width of the 90 % interval of a loss, in standard deviations.
+HALF_OF_90 = 1.6448536269514722
+
+
+@dataclass(frozen=True, kw_only=True)
+class Place:
+    """What one recording said about a gear, or about one of its teeth.
+
+    Parameters
+    ----------
+    stage : int, >= 1
+        Stage.
+    gear : str
+        Gear.
+    teeth : int or None
+        Teeth of the gear, where known.
+    tooth : int or None
+        Tooth; None for the gear as a whole.
+    statistic : float or None
+        Energy of the departure over that of the median tooth.
+    log10_probability : float or None
+        Of the gear: logarithm of the probability of as much on a healthy one.
+    loss, loss_low, loss_high, loss_sigma : float or None
+        Estimated loss of the pair's stiffness as a fraction, its 90 % interval and its standard
+        deviation; None without an estimate, which does not mean that nothing is lost.
+
+    Raises
+    ------
+    ArgumentError
+        If a number is not finite or a sigma not above zero.
+    """
+
+    stage: int
+    gear: str
+    teeth: int | None = None
+    tooth: int | None = None
+    statistic: float | None = None
+    log10_probability: float | None = None
+    loss: float | None = None
+    loss_low: float | None = None
+    loss_high: float | None = None
+    loss_sigma: float | None = None
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        for name, value in asdict(self).items():
+            if isinstance(value, float):
+                check_finite(name, value)
+        if self.loss_sigma is not None and self.loss_sigma <= 0:
+            raise ArgumentError(f"loss_sigma={self.loss_sigma} must be > 0")
+        if self.loss is not None and self.loss_sigma is None:
+            raise ArgumentError(f"loss={self.loss} needs loss_sigma beside it: how sure is it?")
+
+    @property
+    def key(self) -> tuple[int, str, int | None]:
+        """Stage, gear and tooth."""
+        return self.stage, self.gear, self.tooth
+
+
+@dataclass(frozen=True, kw_only=True)
+class Entry:
+    """One recording of a machine, as its history keeps it.
+
+    Parameters
+    ----------
+    time_s : float
+        When it was made, in seconds since 1970-01-01 UTC.
+    time_source : str
+        Where that is from: "given", "modified", "name".
+    machine : str
+        Name of the machine.
+    recording : str
+        The recording.
+    verdict : str
+        The verdict.
+    score : float
+        The score.
+    false_alarm_probability : float, in [0, 1]
+        Probability of as much evidence on a healthy machine.
+    speed_hz : float
+        Estimated speed of shaft 1 [Hz].
+    findings : tuple of str
+        Flags in words, strongest first.
+    places : tuple of Place
+        Gears and teeth.
+
+    Raises
+    ------
+    ArgumentError
+        If a value has no meaning.
+    """
+
+    time_s: float
+    time_source: str
+    machine: str
+    recording: str
+    verdict: str
+    score: float
+    false_alarm_probability: float
+    speed_hz: float
+    findings: tuple[str, ...] = ()
+    places: tuple[Place, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        check_finite("time_s", self.time_s, "s")
+        check_finite("score", self.score)
+        check_finite("speed_hz", self.speed_hz, "Hz")
+        check_range("false_alarm_probability", self.false_alarm_probability, 0.0, 1.0)
+        if self.verdict not in VERDICTS:
+            raise ArgumentError(f"verdict={self.verdict!r} must be one of {', '.join(VERDICTS)}")
+        if len({place.key for place in self.places}) < len(self.places):
+            raise ArgumentError(f"{self.recording}: a gear or a tooth stands there twice")
+
+    @property
+    def when(self) -> str:
+        """Time as text, in UTC."""
+        return time_text(self.time_s)
+
+    def _own(self) -> dict[str, Any]:
+        return {"time": self.when} | {name: getattr(self, name) for name in ENTRY}
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return one row a gear and tooth, built-in types only; one without, if there are none."""
+        places = [asdict(place) for place in self.places] or [dict.fromkeys(PLACE)]
+        return [self._own() | place for place in places]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return built-in types, ready for JSON; without the teeth."""
+        return self._own() | {"findings": list(self.findings)}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class History:
+    """Recordings of one machine in the order of time.
+
+    Parameters
+    ----------
+    machine : str
+        Name of the machine.
+    entries : tuple of Entry
+        Of this machine, their times strictly increasing.
+
+    Raises
+    ------
+    ArgumentError
+        If an entry is of another machine or two have the same time.
+    """
+
+    machine: str
+    entries: tuple[Entry, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check machine and order."""
+        for entry in self.entries:
+            if entry.machine != self.machine:
+                raise ArgumentError(
+                    f"{entry.recording}: is of machine {entry.machine!r}, the history of "
+                    f"{self.machine!r}"
+                )
+        for one, other in zip(self.entries, self.entries[1:], strict=False):
+            if one.time_s >= other.time_s:
+                raise ArgumentError(
+                    f"{one.recording} and {other.recording} are both of {one.when}, or out of order"
+                )
+
+    def with_entry(self, entry: Entry, *, replace: bool = False) -> History:
+        """Return the history with one more recording, in its place in time.
+
+        Parameters
+        ----------
+        entry : Entry
+        replace : bool
+            Whether it may take the place of one of the same time.
+
+        Raises
+        ------
+        ArgumentError
+            If there is one of the same time and `replace` is false.
+        """
+        known = {one.time_s: one for one in self.entries}
+        if entry.time_s in known and not replace:
+            raise duplicate_time(entry, known[entry.time_s].recording)
+        entries = known | {entry.time_s: entry}
+        return History(machine=self.machine, entries=tuple(entries[t] for t in sorted(entries)))
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return one row a recording, gear and tooth."""
+        return [row for entry in self.entries for row in entry.rows()]
+
+
+#: Columns of an entry, and of a place.
+ENTRY = tuple(f.name for f in fields(Entry) if f.name not in ("findings", "places"))
+PLACE = tuple(f.name for f in fields(Place))
+
+
+def duplicate_time(entry: Entry, known: str) -> ArgumentError:
+    """Say that a recording of the same time is known already, and what to do."""
+    return ArgumentError(
+        f"{entry.recording}: the history of {entry.machine or 'this machine'!r} has a recording of "
+        f"{entry.when} already ({known}); replace it explicitly, or give the right time"
+    )
+
+
+def entry_of(analysis: Analysis, time: datetime, time_source: str = "given") -> Entry:
+    """Return what a history keeps of an analysis.
+
+    Parameters
+    ----------
+    analysis : Analysis
+        The analysis.
+    time : datetime
+        When the recording was made; with its offset from UTC.
+    time_source : str
+        Where that is from.
+
+    Returns
+    -------
+    Entry
+
+    Raises
+    ------
+    ArgumentError
+        If the time has no offset.
+    """
+    if time.tzinfo is None:
+        raise ArgumentError(f"time={time.isoformat()} has no offset from UTC; give one, such as Z")
+    places: dict[tuple[int, str, int | None], Place] = {}
+    for profile in analysis.profiles:
+        for place in _places(profile, analysis.flags):
+            places.setdefault(place.key, place)
+    return Entry(
+        time_s=time.timestamp(),
+        time_source=time_source,
+        machine=analysis.machine,
+        recording=analysis.recording,
+        verdict=analysis.verdict,
+        score=analysis.score,
+        false_alarm_probability=analysis.false_alarm_probability,
+        speed_hz=float(analysis.signature.speed.estimated_hz),
+        findings=tuple(_finding(flag) for flag in analysis.flags),
+        places=tuple(places.values()),
+    )
+
+
+def _places(profile: ToothProfile, flags: Sequence[Flag]) -> Iterator[Place]:
+    """Give the gear as a whole, then its teeth where they can be told between recordings.
+
+    Loss estimates are those of the profile; where there are none, those of the flags.
+    """
+    gear: dict[str, Any] = {"stage": profile.stage, "gear": profile.gear, "teeth": profile.teeth}
+    own = [flag for flag in flags if (flag.stage, flag.gear) == (profile.stage, profile.gear)]
+    flagged = next((flag for flag in own if flag.stiffness_loss is not None), None)
+    told = {} if flagged is None else _flag_loss(flagged)
+    losses, sigmas = profile.loss_by_tooth, profile.loss_sigma_by_tooth
+    teeth = [] if losses is None or sigmas is None else list(map(_loss, losses, sigmas))
+    worst: dict[str, Any] = max(filter(None, teeth), key=lambda told: told["loss"], default={})
+    yield Place(
+        **gear,
+        statistic=_finite(profile.ratio),
+        log10_probability=_finite(profile.log10_probability),
+        **(told or worst),
+    )
+    # without a numbered tooth the same number is another tooth in the next recording
+    for number, loss in enumerate(teeth if profile.tooth is not None else [], 1):
+        if told and flagged and (flagged.tooth, told["loss"]) == (number, loss.get("loss")):
+            # the same estimate, whose interval is not the same to both sides
+            loss = loss | {name: told[name] for name in ("loss_low", "loss_high")}
+        yield Place(**gear, tooth=number, statistic=_finite(profile.energy[number - 1]), **loss)
+
+
+def _loss(loss: float, sigma: float) -> dict[str, Any]:
+    """Return an estimate with its 90 % interval; nothing where there is none."""
+    if not (math.isfinite(loss) and math.isfinite(sigma) and sigma > 0):
+        return {}
+    loss, half = float(loss), HALF_OF_90 * float(sigma)
+    return {
+        "loss": loss,
+        "loss_low": loss - half,
+        "loss_high": loss + half,
+        "loss_sigma": float(sigma),
+    }
+
+
+def _flag_loss(flag: Flag) -> dict[str, Any]:
+    loss, low, high = flag.stiffness_loss, flag.stiffness_loss_low, flag.stiffness_loss_high
+    if loss is None or low is None or high is None:
+        return {}
+    # an interval cut off at zero says more on its other side
+    told = _loss(loss, max(high - loss, loss - low) / HALF_OF_90)
+    return told and told | {"loss_low": low, "loss_high": high}
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _finding(flag: Flag) -> str:
+    parts = [flag.kind]
+    parts += [f"stage {flag.stage}"] if flag.stage else []
+    parts += [flag.gear] if flag.gear else []
+    parts += [f"tooth {flag.tooth}"] if flag.tooth else []
+    text = ", ".join(parts)
+    loss, low, high = flag.stiffness_loss, flag.stiffness_loss_low, flag.stiffness_loss_high
+    if loss is None or low is None or high is None:
+        return text
+    least, middle, most = (f"{100 * x:.{0 if high >= 0.1 else 1}f}" for x in (low, loss, high))
+    return f"{text}: loss {middle} % ({least} to {most} %)"

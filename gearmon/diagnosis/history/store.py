@@ -1,0 +1,272 @@
+"""Histories in an SQLite file: append, read, export. A file may hold several machines.
+
+Its two tables, `recordings` and `places` (gears and teeth), have the fields of `Entry` and `Place`
+as columns.
+"""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any
+
+from gearmon.diagnosis.history.entries import ENTRY, PLACE, Entry, History, Place, duplicate_time
+from gearmon.errors import ArgumentError, SignatureError
+from gearmon.files import replacing, write_atomically
+
+#: "GMhi": SQLite files of other programs have another mark.
+APPLICATION_ID = 0x474D6869
+SCHEMA_VERSION = 1
+#: Seconds that a writer waits for another one to finish.
+_PATIENCE_S = 10.0
+
+# annotation of a field -> column in SQL and in a table
+_TYPES = {
+    "str": ("TEXT NOT NULL", "str"),
+    "int": ("INTEGER NOT NULL", "Int64"),
+    "float": ("REAL NOT NULL", "float"),
+    "int | None": ("INTEGER", "Int64"),
+    "float | None": ("REAL", "float"),
+}
+_COLUMNS = {
+    f.name: _TYPES[str(f.type)] for f in (*fields(Entry), *fields(Place)) if f.type in _TYPES
+}
+_SQL_ENTRY, _SQL_PLACE = (
+    ", ".join(f"{name} {_COLUMNS[name][0]}" for name in names) for names in (ENTRY, PLACE)
+)
+_SCHEMA = f"""
+CREATE TABLE IF NOT EXISTS recordings
+    (id INTEGER PRIMARY KEY, {_SQL_ENTRY}, findings TEXT NOT NULL, UNIQUE (machine, time_s));
+CREATE TABLE IF NOT EXISTS places
+    (recording_id INTEGER NOT NULL REFERENCES recordings (id) ON DELETE CASCADE, {_SQL_PLACE});
+CREATE INDEX IF NOT EXISTS places_by_recording ON places (recording_id);
+PRAGMA application_id = {APPLICATION_ID};
+PRAGMA user_version = {SCHEMA_VERSION};
+"""
+
+
+def append(path: str | Path, entries: Sequence[Entry], *, replace: bool = False) -> int:
+    """Add recordings to a history file, all of them or none; the file is made if need be.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    entries : sequence of Entry
+    replace : bool
+        Whether a recording takes the place of one of the same machine and time; such a one is
+        refused otherwise.
+
+    Returns
+    -------
+    int
+        Recordings that were replaced.
+
+    Raises
+    ------
+    ArgumentError
+        If a recording of the same time is there already, or a gear has other teeth than before.
+    SignatureError
+        If the file is damaged, of another program or of a later version.
+    """
+    replaced = 0
+    with _opened(Path(path), create=True) as store:
+        for entry in entries:
+            _check_teeth(store, entry)
+            known = store.execute(
+                "SELECT id, recording FROM recordings WHERE machine = ? AND time_s = ?",
+                (entry.machine, entry.time_s),
+            ).fetchone()
+            if known is not None:
+                if not replace:
+                    raise duplicate_time(entry, known["recording"])
+                store.execute("DELETE FROM recordings WHERE id = ?", (known["id"],))
+                replaced += 1
+            findings = json.dumps(list(entry.findings), ensure_ascii=False)
+            own = {name: getattr(entry, name) for name in ENTRY} | {"findings": findings}
+            number = _insert(store, "recordings", own)
+            for place in entry.places:
+                _insert(store, "places", {"recording_id": number} | asdict(place))
+    return replaced
+
+
+def _check_teeth(store: sqlite3.Connection, entry: Entry) -> None:
+    """Refuse gears whose teeth have changed: it is another machine under the same name."""
+    for place in {(p.stage, p.gear, p.teeth) for p in entry.places if p.teeth is not None}:
+        other = store.execute(
+            "SELECT p.teeth FROM places p JOIN recordings r ON r.id = p.recording_id WHERE "
+            "r.machine = ? AND p.stage = ? AND p.gear = ? AND p.teeth != ? LIMIT 1",
+            (entry.machine, *place),
+        ).fetchone()
+        if other is not None:
+            raise ArgumentError(
+                f"{entry.recording}: the {place[1]} of stage {place[0]} has {place[2]} teeth, and "
+                f"{other[0]} in the history of {entry.machine!r}; another machine needs another "
+                "name"
+            )
+
+
+def _insert(store: sqlite3.Connection, table: str, row: dict[str, Any]) -> int | None:
+    # names of files need not be text in UTF-8, and SQLite takes nothing else
+    values = [
+        v.encode("utf-8", "backslashreplace").decode() if isinstance(v, str) else v
+        for v in row.values()
+    ]
+    marks = ", ".join("?" * len(row))
+    return store.execute(
+        f"INSERT INTO {table} ({', '.join(row)}) VALUES ({marks})", values
+    ).lastrowid
+
+
+def read_history(path: str | Path, machine: str | None = None) -> History:
+    """Read the history of one machine from a file.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    machine : str, optional
+        Name of the machine; may be left out where the file holds one only.
+
+    Returns
+    -------
+    History
+        Empty if the file knows nothing of a machine that was named.
+
+    Raises
+    ------
+    SignatureError
+        If there is no such file, or it is damaged, of another program or of a later version.
+    ArgumentError
+        If the file holds several machines and none was named.
+    """
+    with _opened(Path(path), create=False) as store:
+        if machine is None:
+            names = [row[0] for row in store.execute("SELECT DISTINCT machine FROM recordings")]
+            if len(names) != 1:
+                listed = ", ".join(repr(name) for name in sorted(names)) or "none"
+                raise ArgumentError(f"{path}: name one of its machines: {listed}")
+            machine = str(names[0])
+        asked = "SELECT * FROM recordings WHERE machine = ? ORDER BY time_s"
+        rows = store.execute(asked, (machine,)).fetchall()
+        return History(machine=machine, entries=tuple(_entry(store, row) for row in rows))
+
+
+def _entry(store: sqlite3.Connection, row: sqlite3.Row) -> Entry:
+    asked = "SELECT * FROM places WHERE recording_id = ? ORDER BY rowid"
+    places = store.execute(asked, (row["id"],)).fetchall()
+    return Entry(
+        **{name: row[name] for name in ENTRY},
+        findings=tuple(json.loads(row["findings"])),
+        places=tuple(Place(**{name: place[name] for name in PLACE}) for place in places),
+    )
+
+
+@contextmanager
+def _opened(path: Path, *, create: bool) -> Iterator[sqlite3.Connection]:
+    """Give a connection whose changes are kept together or not at all."""
+    if path.is_dir():
+        raise ArgumentError(f"{path}: is a folder; give the name of a history file")
+    if not path.exists():
+        if not create:
+            raise SignatureError(f"{path}: there is no such history file")
+        if not path.resolve().parent.is_dir():
+            raise ArgumentError(f"{path}: cannot be made, its folder does not exist")
+    try:
+        # the transaction is begun by hand: one for the schema and all rows
+        with closing(sqlite3.connect(path, timeout=_PATIENCE_S, isolation_level=None)) as store:
+            store.row_factory = sqlite3.Row
+            _prepare(store, path, create=create)
+            store.execute("BEGIN IMMEDIATE" if create else "BEGIN")
+            try:
+                yield store
+            except BaseException:
+                store.execute("ROLLBACK")
+                raise
+            store.execute("COMMIT")
+    except sqlite3.OperationalError as error:
+        if "locked" in str(error):
+            raise SignatureError(f"{path}: another program is writing to it; try again") from None
+        raise SignatureError(f"{path}: cannot be used as a history ({error})") from None
+    except (sqlite3.DatabaseError, json.JSONDecodeError) as error:
+        raise _damaged(path, "is no history file, or a damaged one", error) from None
+
+
+def _prepare(store: sqlite3.Connection, path: Path, *, create: bool) -> None:
+    """Check whose file it is, and make its tables if it is new."""
+    mark, version, answer = (
+        store.execute(f"PRAGMA {name}").fetchone()[0]
+        for name in ("application_id", "user_version", "quick_check(1)")
+    )
+    tables = store.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]
+    if not mark and not tables and create:
+        # readers are not kept waiting by a writer; where the disk does not bear it nothing changes
+        store.execute("PRAGMA journal_mode = WAL").fetchone()
+        store.executescript(f"BEGIN IMMEDIATE;{_SCHEMA}COMMIT;")
+    elif mark != APPLICATION_ID:
+        raise SignatureError(f"{path}: is a database of another program, no history of gearmon")
+    elif version > SCHEMA_VERSION:
+        raise SignatureError(
+            f"{path}: has schema {version}, this version of gearmon knows {SCHEMA_VERSION}; use a "
+            "later one"
+        )
+    store.execute("PRAGMA foreign_keys = ON")
+    if answer != "ok":
+        raise _damaged(path, "is a damaged history file", " ".join(str(answer).split()))
+
+
+def _damaged(path: Path, what: str, why: object) -> SignatureError:
+    return SignatureError(f"{path}: {what} ({why}); restore a copy, or analyse the recordings anew")
+
+
+def export_history(history: History, path: str | Path) -> Path:
+    """Write a history as a table, one row a recording, gear and tooth.
+
+    Parameters
+    ----------
+    history : History
+    path : str or Path
+        Ending in .csv or .parquet.
+
+    Returns
+    -------
+    Path
+        `path`.
+
+    Raises
+    ------
+    ArgumentError
+        If the name has another ending, or pyarrow is missing for Parquet.
+    """
+    import pandas as pd
+
+    target = Path(path)
+    kinds = {"time": "str"} | {name: _COLUMNS[name][1] for name in (*ENTRY, *PLACE)}
+    # a gear as a whole has no row in places where nothing was looked at
+    kinds["gear"] = "object"
+    frame = pd.DataFrame(history.rows(), columns=list(kinds)).astype(kinds)
+    if target.suffix.lower() == ".csv":
+        write_atomically(target, frame.to_csv(index=False, lineterminator="\n"))
+    elif target.suffix.lower() == ".parquet":
+        _write_parquet(frame, history.machine, target)
+    else:
+        raise ArgumentError(f"{target}: the name of a table must end in .csv or .parquet")
+    return target
+
+
+def _write_parquet(frame: Any, machine: str, path: Path) -> None:
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError:
+        raise ArgumentError(
+            "Parquet files need pyarrow: pip install 'gearmon[parquet]', or use .csv"
+        ) from None
+    about = {"gearmon": json.dumps({"history": 1, "machine": machine})}
+    table = pyarrow.Table.from_pandas(frame, preserve_index=False).replace_schema_metadata(about)
+    with replacing(path) as temporary:
+        pyarrow.parquet.write_table(table, temporary)

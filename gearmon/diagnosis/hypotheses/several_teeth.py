@@ -1,0 +1,268 @@
+"""Whether a departure is one tooth's: the share of it that the best tooth explains.
+
+A damaged tooth answers with one short event a turn, so that the lines about a mesh harmonic keep
+step with one another. Damage of many teeth, or a mesh that changes over the whole turn (a gear that
+stands askew or runs out), fills the same lines without that step; a second damaged tooth makes
+their power come and go. The share of a departure that one tooth leaves unexplained is common to all
+bands, its power is not: the likelihood of the share, see `event_likelihood`, tells how much of a
+departure one tooth leaves unexplained, whatever its size, and that of two teeth whether a second
+one explains it.
+
+What two teeth do in turn repeats after as many tooth pitches as they stand apart, whatever the path
+makes of it: the power of the lines then comes and goes with their number. Where it does so is
+looked for first. Two neighbours are another matter: one event that lasts longer is nearly as good
+an explanation as two that follow each other at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearmon.diagnosis.hypotheses.event_likelihood import (
+    RINGING,
+    SHARES,
+    Band,
+    bands_of,
+    energies,
+    event,
+    log_likelihood,
+    weighted,
+)
+from gearmon.diagnosis.hypotheses.tooth_match import log_mean
+from gearmon.diagnosis.hypotheses.tooth_search import SearchedGear
+
+FloatArray = NDArray[np.float64]
+
+#: One tooth leaves less than this unexplained: its event is not known better, and a machine departs
+#: a little all around its turn.
+ONE_TOOTH_BELOW = 0.45
+# Teeth that are tried: those that the search found the likeliest.
+_TRIED = 4
+# Ringing of the path for which the energy at each tooth is told.
+_TOLD = 1
+#: Sizes of the second event over the first that are tried: what is smaller, the imperfect model of
+#: the first leaves behind as well.
+SIZES = (0.4, 0.7, 1.0)
+# Distances that are tried beside the two nearest teeth on either side.
+_DISTANCES, _NEAR = 3, 2
+# Logarithm of the factor by which a second tooth has to explain a departure better than one does:
+# for teeth apart (beside the number of places and sizes it may have) and for neighbours; and the
+# least that it has to be as a share of what speaks for the first, since what the imperfect model of
+# the first leaves behind grows with it. Of 275 simulated single teeth, a sixth of them at another
+# load, speed and gain, one goes beyond the first and two beyond the second.
+_CLEAR, _CLEAR_OF_NEIGHBOUR = 8.0, 25.0
+_SHARE, _SHARE_OF_NEIGHBOUR = 0.1, 0.08
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SecondTooth:
+    """The second tooth that explains a departure best beside the first.
+
+    Parameters
+    ----------
+    log_likelihood : ndarray of float, shape (len(SHARES),)
+        Logarithm of the likelihood that both leave each of `SHARES` unexplained, less what is asked
+        of a second tooth before it is believed.
+    distance : int
+        Teeth that it enters mesh after the first; negative before.
+    size : float
+        Its event over that of the first, one of `SIZES`.
+    """
+
+    log_likelihood: FloatArray
+    distance: int
+    size: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DepartureSpread:
+    """How far a departure is that of one tooth.
+
+    Parameters
+    ----------
+    log_likelihood : ndarray of float, shape (len(SHARES),)
+        Logarithm of the likelihood that one tooth leaves each of `SHARES` unexplained.
+    by_tooth : ndarray of float, shape (teeth,)
+        Energy of the departure at each tooth over that of noise, as a mean square.
+    second : SecondTooth or None
+        The second tooth that explains it best beside the first.
+    """
+
+    log_likelihood: FloatArray
+    by_tooth: FloatArray
+    second: SecondTooth | None = None
+
+    @cached_property
+    def _chance(self) -> FloatArray:
+        chance = np.exp(self.log_likelihood - self.log_likelihood.max())
+        one = SHARES < ONE_TOOTH_BELOW
+        chance /= np.where(one, one.sum(), (~one).sum())
+        return np.asarray(chance / chance.sum())
+
+    @cached_property
+    def _kinds(self) -> FloatArray:
+        """Probabilities of one tooth, of two or more that stand out, and of the whole turn."""
+        one = SHARES < ONE_TOOTH_BELOW
+        second = self.second.log_likelihood[one] if self.second else np.full(one.sum(), -np.inf)
+        told = (self.log_likelihood[one], second, self.log_likelihood[~one])
+        largest = max(float(part.max()) for part in told)
+        chance = np.array([np.mean(np.exp(part - largest)) for part in told])
+        return np.asarray(chance / chance.sum())
+
+    @property
+    def one_tooth(self) -> float:
+        """Probability that the departure is one tooth's, all kinds held equally likely before."""
+        return float(self._kinds[0])
+
+    @property
+    def several_teeth(self) -> float:
+        """Probability that a second tooth is damaged beside the first."""
+        return float(self._kinds[1])
+
+    @property
+    def explained(self) -> float:
+        """Share of the departure that one tooth explains, 0 to 1."""
+        return float(1.0 - self._chance @ SHARES)
+
+    @property
+    def teeth_involved(self) -> float:
+        """Number of teeth that would share the departure's energy equally."""
+        excess = np.maximum(self.by_tooth - 1.0, 0.0)
+        square = float(np.sum(excess**2))
+        return float(excess.sum()) ** 2 / square if square > 0 else float(len(excess))
+
+
+def departure_spread(gear: SearchedGear) -> DepartureSpread | None:
+    """Judge whether the departure of a gear is that of one tooth.
+
+    Parameters
+    ----------
+    gear : SearchedGear
+        A gear of parallel stages, searched for a damaged tooth.
+
+    Returns
+    -------
+    DepartureSpread or None
+        None if none of its lines is known.
+
+    Notes
+    -----
+    A second tooth is told where its event is about half of the first's or more and three or more
+    teeth away; a damaged neighbour mostly passes for the same tooth.
+    """
+    tried = np.argsort(-gear.match.log_tooth, kind="stable")[:_TRIED]
+    total: FloatArray = np.zeros((len(SHARES), len(tried)))
+    by_tooth = np.zeros(gear.match.teeth)
+    bands = list(bands_of(gear))
+    if not bands:
+        return None
+    contact_ratio = gear.response.contact_ratio
+    for band in bands:
+        parts = []
+        for number, ringing in enumerate(RINGING):
+            power, direction = event(band, contact_ratio, ringing)
+            parts.append(log_likelihood(band, power, energies(band, direction, tried)))
+            if number == _TOLD:
+                energy = energies(band, direction, slice(None))
+                by_tooth += energy @ (power / power.sum()) / len(bands)
+        total += log_mean(np.array(parts))
+    # the tooth that explains most of it, which may be another than the likeliest to be damaged
+    first = int(tried[np.argmax(log_mean(total[SHARES < ONE_TOOTH_BELOW]))])
+    return DepartureSpread(
+        log_likelihood=log_mean(total.T.copy()),
+        by_tooth=by_tooth,
+        second=second_tooth(bands, contact_ratio, first, by_tooth, gear.match.log_gear),
+    )
+
+
+def second_tooth(
+    bands: Sequence[Band],
+    contact_ratio: float,
+    first: int,
+    by_tooth: FloatArray,
+    log_first: float,
+) -> SecondTooth | None:
+    """Look for a second damaged tooth.
+
+    Parameters
+    ----------
+    bands : sequence of Band
+        The departure.
+    contact_ratio : float
+        Of the mesh.
+    first : int
+        Tooth that explains it best, from 0.
+    by_tooth : ndarray of float, shape (teeth,)
+        Energy of the departure at each tooth.
+    log_first : float
+        Logarithm of the Bayes factor of damage of the gear.
+
+    Returns
+    -------
+    SecondTooth or None
+        None for gears of too few teeth to tell.
+    """
+    teeth = len(by_tooth)
+    if teeth < 2 * (_NEAR + 1):
+        return None
+    distances = _distances(bands, first, by_tooth)
+    tried = [(distance, size) for distance in distances for size in SIZES]
+    distance, size = (np.array(each) for each in zip(*tried, strict=True))
+    total = np.zeros((len(SHARES), len(tried)))
+    for band in bands:
+        turn = np.exp(-2j * np.pi / teeth * np.outer(distance, band.number))
+        factor = np.asarray(1.0 + size[:, None] * turn, dtype=np.complex128)
+        parts = []
+        for ringing in RINGING:
+            power, direction = event(band, contact_ratio, ringing)
+            parts.append(log_likelihood(band, *weighted(band, power, direction, first, factor)))
+        total += log_mean(np.array(parts))
+    apart = max(_CLEAR + float(np.log(teeth * len(SIZES))), _SHARE * log_first)
+    beside = max(_CLEAR_OF_NEIGHBOUR, _SHARE_OF_NEIGHBOUR * log_first)
+    total -= np.where(np.abs(distance) > 1, apart, beside)
+    best = int(np.argmax(total.max(axis=0)))
+    return SecondTooth(
+        log_likelihood=total[:, best], distance=int(distance[best]), size=float(size[best])
+    )
+
+
+def _distances(bands: Sequence[Band], first: int, by_tooth: FloatArray) -> list[int]:
+    """Distances of a second tooth from the first: the nearest, and those after which it repeats."""
+    teeth = len(by_tooth)
+    farther = np.argsort(-repetition(bands, teeth)[_NEAR + 1 : teeth // 2 + 1], kind="stable")
+    found = [sign * near for near in range(1, _NEAR + 1) for sign in (1, -1)]
+    for distance in (farther[:_DISTANCES] + _NEAR + 1).tolist():
+        # the sooner of two events alike is as far from the later as that from the next turn's
+        after, before = by_tooth[(first + distance) % teeth], by_tooth[(first - distance) % teeth]
+        found.append(distance if after >= before else -distance)
+    return found
+
+
+def repetition(bands: Sequence[Band], teeth: int) -> FloatArray:
+    """Return how much of a departure comes again so many teeth later, shape (teeth,).
+
+    Parameters
+    ----------
+    bands : sequence of Band
+    teeth : int
+
+    Returns
+    -------
+    ndarray of float
+        Autocorrelation of the departure at whole tooth pitches, bands of equal weight, less what
+        the gaps between the lines would make of a single event: a / (1 + a^2) for two events of
+        which one is a times the other.
+    """
+    total = np.zeros(teeth)
+    lines = 0
+    for band in bands:
+        power = np.abs(band.rest) ** 2
+        beyond = power / max(float(power.mean()), np.finfo(float).tiny) - 1.0
+        total += np.bincount(band.number % teeth, beyond, minlength=teeth)
+        lines += len(power)
+    return np.asarray(np.fft.fft(total).real / max(1, lines))

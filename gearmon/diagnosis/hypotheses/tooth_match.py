@@ -1,0 +1,364 @@
+"""Matched detection: how well damage on each tooth explains what is left of a gear's pattern.
+
+The expected lines of a loss on tooth j, T_n exp(-2 pi i n (j - 1)/z), pass an unknown path to the
+sensor. Its mean power about each mesh harmonic is calibrated by the mesh harmonics of the same
+recording; its course between the lines is not known and is taken as that of a reverberant body: a
+Gaussian process whose impulse response decays exponentially,
+
+    E[H(f) H*(f')] = P / (1 + 2 pi i (f - f') tau).
+
+The rest of the pattern is then Gaussian under either hypothesis, and the logarithm of the ratio of
+their likelihoods is a weighted energy: of the departure at this tooth and shortly after it, bands
+and channels weighted by what they should hear of it. Averaged over decay times, losses and teeth
+(all held equally likely) it is a Bayes factor, which a healthy gear exceeds by a factor x with a
+probability of at most 1/x.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearmon.diagnosis.law.gear_lines import GearDeviation
+from gearmon.signatures.tooth_response import ToothResponse
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+IntArray = NDArray[np.int64]
+
+# Decay times of the energy in a housing [s]: damping ratios of 1 to 6 per cent between 700 Hz and
+# 7 kHz have 1/(4 pi zeta f) of 0.2 to 10 ms, the loudest modes being the better damped ones.
+DECAY_S = (0.0002, 0.0006, 0.002)
+# Losses that are tried: a factor of 1.19 apart.
+LOSSES = np.geomspace(0.005, 0.9, 31)
+# Losses that are held possible before the recording is heard.
+_LEAST_LOSS, _LARGEST_LOSS = 0.01, 0.7
+# Standard deviation of the logarithm of the path's amplitude about one mesh harmonic: three complex
+# Gaussian values, weighted as in `path_power`, leave 0.33, the expected harmonics about as much.
+PATH_DEVIATION = 0.45
+# Points a mesh period at which the decaying impulse response is taken, how far, and at most.
+_POINTS, _REACH, _MOST_POINTS = 2.0, 3.0, 40
+# Share of a departure's mean square that counts as noise, since even the right tooth does not
+# explain all of it: when damage is looked for, when its size is estimated, and when one tooth is
+# held against its neighbours. Those differ in detail, and in detail the model is wrong: however
+# strong a departure, it then tells the place no better than one that just stands out of the noise.
+SEARCH_MISFIT, SIZE_MISFIT, PLACE_MISFIT = 0.3, 0.03, 1.0
+# Share of an event that leaks to each other tooth; misfit of one band at which it stops to count.
+_LEAK, _MOST_MISFIT = 0.05, 6.0
+# Where logarithms of likelihoods are cut off, below the largest.
+_FAR_BELOW = -600.0
+# Share of the teeth that are taken for sound.
+_MOST_TEETH = 0.8
+# Share of the signal's energy in directions that are not worth looking at.
+_LEFT_OUT = 0.01
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ToothMatch:
+    """How well damage on each tooth of a gear explains its departure.
+
+    Parameters
+    ----------
+    stage : int
+        Stage, from 1.
+    gear : str
+        Gear.
+    teeth : int
+        z of the gear.
+    order : float
+        Rotation of the gear, in turns of shaft 1.
+    log_likelihood : ndarray of float, shape (losses, teeth)
+        Logarithm of the likelihood of each of `LOSSES` on each tooth over that of no damage.
+    log_place : ndarray of float, shape (teeth,)
+        Logarithm of the likelihood of each tooth if one is damaged, up to a constant: the same with
+        more of the departure held for noise, see `PLACE_MISFIT`.
+    expected : ndarray of float, shape (losses,)
+        What the first would be on average at a tooth that has lost as much.
+    lines : int
+        Lines of the gear that were looked at.
+    misfit : float
+        Mean square of the departure beside the best tooth over that of noise, mean of the bands; 1
+        if the healthy pattern fits to within the scatter of either recording.
+    """
+
+    stage: int
+    gear: str
+    teeth: int
+    order: float
+    log_likelihood: FloatArray
+    log_place: FloatArray
+    expected: FloatArray
+    lines: int
+    misfit: float
+
+    @property
+    def log_tooth(self) -> FloatArray:
+        """Logarithm of the Bayes factor of each tooth, shape (teeth,)."""
+        return _any_loss(self.log_likelihood)
+
+    @property
+    def log_gear(self) -> float:
+        """Logarithm of the Bayes factor of damage on some tooth."""
+        return float(log_mean(self.log_tooth[:, None])[0])
+
+    @property
+    def best(self) -> int:
+        """Tooth where damage is most likely if there is any, from 0."""
+        return int(np.argmax(self.log_place))
+
+
+def _any_loss(log_likelihood: FloatArray) -> FloatArray:
+    """Average over the losses held possible, shape (losses, teeth) to (teeth,)."""
+    possible = (LOSSES >= _LEAST_LOSS) & (LOSSES <= _LARGEST_LOSS)
+    return log_mean(log_likelihood[possible])
+
+
+def log_mean(logarithms: FloatArray, weight: FloatArray | None = None) -> FloatArray:
+    """Logarithm of the (weighted) mean over the first axis of numbers given by their logarithms."""
+    largest = logarithms.max(axis=0)
+    mean: FloatArray = largest + np.log(
+        np.average(np.exp(logarithms - largest), axis=0, weights=weight)
+    )
+    return mean
+
+
+def match_teeth(
+    difference: GearDeviation,
+    response: ToothResponse,
+    speed_hz: float,
+    *,
+    against_others: bool = True,
+) -> ToothMatch | None:
+    """Compare the departure of a gear with what damage on each of its teeth should leave.
+
+    Parameters
+    ----------
+    difference : GearDeviation
+        The departure.
+    response : ToothResponse
+        Expected lines of this gear.
+    speed_hz : float
+        Speed of shaft 1 [Hz].
+    against_others : bool
+        Whether a departure at most other teeth counts as noise. Right for finding damage; its size
+        would come out too small, since a large event leaks around the turn.
+
+    Returns
+    -------
+    ToothMatch or None
+        None if no mesh harmonic calibrates the path.
+    """
+    path = path_power(difference.mesh_power, response.mesh)
+    rotation_hz = difference.order * speed_hz
+    size = response.amplitude(LOSSES)
+    total = np.zeros((2, len(LOSSES), difference.teeth))
+    expected = np.zeros(len(LOSSES))
+    lines = 0
+    misfits: list[float] = []
+    for band in difference.bands:
+        inside = band.number < len(response.lines)
+        if band.harmonic >= path.shape[1] or not inside.any():
+            continue
+        lines += int(inside.sum())
+        number = band.number[inside]
+        mesh_hz = rotation_hz * difference.teeth
+        delays = [
+            _delays(
+                np.asarray(number * rotation_hz, dtype=np.float64),
+                decay_s,
+                mesh_hz,
+                response.contact_ratio,
+            )
+            for decay_s in DECAY_S
+        ]
+        level = np.sqrt(response.band_power(number.astype(np.float64)))
+        place = np.exp(
+            2j * np.pi / difference.teeth * np.outer(np.arange(difference.teeth), number)
+        )
+        for channel in np.flatnonzero(path[:, band.harmonic] > 0):
+            deviation = band.deviation[channel, inside]
+            signal = level * np.sqrt(path[channel, band.harmonic]) / deviation
+            turned = place * band.rest[channel, inside]
+            misfits.append(_misfit(turned))
+            parts = [
+                _log_likelihood(turned, number, signal[:, None] * delay, size, against_others)
+                for delay in delays
+            ]
+            total += _with_unsure_path(log_mean(np.array([told for told, _ in parts])))
+            expected += np.mean([mean for _, mean in parts], axis=0)
+    if not misfits:
+        return None
+    return ToothMatch(
+        stage=difference.stage,
+        gear=difference.gear,
+        teeth=difference.teeth,
+        order=difference.order,
+        log_likelihood=total[0],
+        log_place=_any_loss(total[1]),
+        expected=expected,
+        lines=lines,
+        misfit=float(np.mean(misfits)),
+    )
+
+
+def path_power(measured: FloatArray, expected: ComplexArray) -> FloatArray:
+    """Mean power of the path about each mesh harmonic.
+
+    Parameters
+    ----------
+    measured : ndarray of float, shape (channels, harmonics)
+        |A|^2 of the mesh harmonics 0.. in a recording.
+    expected : ndarray of complex, shape (harmonics,)
+        The same lines before the path.
+
+    Returns
+    -------
+    ndarray of float, shape (channels, harmonics)
+        Sum of measured over sum of expected power of a harmonic and its two neighbours, each
+        weighted (1 and 1/2): a harmonic that the teeth hardly excite, or that the path happens to
+        swallow, tells little by itself.
+    """
+    count = min(measured.shape[1], len(expected))
+    power = np.abs(expected[:count]) ** 2
+    result = np.zeros((len(measured), count))
+    for k in range(1, count):
+        near = [q for q in (k - 1, k, k + 1) if 0 < q < count]
+        weight = np.array([1.0 if q == k else 0.5 for q in near])
+        told = float(np.sum(weight * power[near]))
+        if told > 0:
+            result[:, k] = measured[:, near] @ weight / told
+    return result
+
+
+def _delays(
+    frequency_hz: FloatArray, decay_s: float, mesh_hz: float, contact_ratio: float
+) -> ComplexArray:
+    """Square root of the covariance of a band at unit power, shape (lines, delays).
+
+    The covariance is a mean over delays of rank-one parts: as few numbers as delays tell the same
+    as a matrix of all lines. A delay is that of a moment of contact, any being equally likely, and
+    that of the path, of density exp(-t/tau)/tau.
+    """
+    span = contact_ratio / mesh_hz + _REACH * decay_s
+    count = min(_MOST_POINTS, 2 + int(np.ceil(_POINTS * span * mesh_hz)))
+    time = np.linspace(0.0, span, 400)
+    # integral of the density of the sum over its first argument
+    below = _ramp(time, decay_s) - _ramp(time - contact_ratio / mesh_hz, decay_s)
+    share = (np.arange(count) + 0.5) / count
+    # delays of equal probability, so that the likely ones lie densest
+    delay = np.interp(share * below[-1], below, time)
+    root: ComplexArray = np.exp(-2j * np.pi * np.outer(frequency_hz, delay)) / np.sqrt(count)
+    return root
+
+
+def _ramp(time: FloatArray, decay_s: float) -> FloatArray:
+    """Integral from 0 of 1 - exp(-t/tau), 0 before."""
+    late = np.maximum(time, 0.0)
+    value: FloatArray = late + decay_s * np.expm1(-late / decay_s)
+    return value
+
+
+def _log_likelihood(
+    turned: ComplexArray,
+    number: IntArray,
+    root: ComplexArray,
+    size: FloatArray,
+    against_others: bool,
+) -> tuple[FloatArray, FloatArray]:
+    """Logarithm of the likelihood ratio of one band of one channel, shape (2, losses, teeth).
+
+    The first to tell whether there is damage or how much, the second to tell where. With it the
+    mean of the first at a tooth that has lost as much, shape (losses,).
+
+    Parameters
+    ----------
+    turned : ndarray of complex, shape (teeth, lines)
+        The rest, turned so that each tooth in turn stands where tooth 1 would.
+    number : ndarray of int, shape (lines,)
+        Multiples of the gear's rotation.
+    root : ndarray of complex, shape (lines, delays)
+        Square root of the covariance of the response to a unit loss.
+    size : ndarray of float, shape (losses,)
+        Size of the response to each loss.
+    against_others : bool
+        As of `match_teeth`.
+    """
+    spread, vector = np.linalg.eigh(root.conj().T @ root)
+    # what carries the signal; no more than half of the lines, the others tell the noise
+    kept = np.cumsum(spread) > _LEFT_OUT * spread.sum()
+    kept[: -max(1, len(root) // 2)] = False
+    spread = spread[kept]
+    projection = (root @ vector[:, kept] / np.sqrt(spread)).conj()
+    energy = np.abs(turned @ projection) ** 2
+    whole = float(np.mean(np.abs(turned[0]) ** 2))
+    beside = _beside(energy, spread, _leak(projection, spread, number, len(turned)))
+    if against_others:
+        scale = max(1.0, SEARCH_MISFIT * whole, beside)
+    else:
+        # where there is less noise than stated, a weak event would be taken for too small
+        scale = max(SIZE_MISFIT * whole, min(1.0, beside))
+    scales = np.array([scale, max(scale, PLACE_MISFIT * whole)])
+    ratio = size[:, None] ** 2 * spread / scales[:, None, None]
+    gain = ratio / (1.0 + ratio) / scales[:, None, None]
+    result: FloatArray = gain @ energy.T - np.log1p(ratio).sum(axis=-1)[..., None]
+    return result, np.sum(ratio[0] - np.log1p(ratio[0]), axis=1)
+
+
+def _with_unsure_path(log_likelihood: FloatArray) -> FloatArray:
+    """Average over the path's power in a band, which the mesh harmonics tell only roughly."""
+    steps = np.log(LOSSES)[:, None] - np.log(LOSSES)
+    weight = np.exp(-0.5 * (steps / PATH_DEVIATION) ** 2)
+    largest = log_likelihood.max(axis=1, keepdims=True)
+    share = np.exp(np.maximum(log_likelihood - largest, _FAR_BELOW))
+    mean: FloatArray = largest + np.log(weight @ share / weight.sum(axis=1)[:, None])
+    return mean
+
+
+def _misfit(turned: ComplexArray) -> float:
+    """Mean square of a band's departure at the median tooth, what leaks from the largest left out.
+
+    An exponential variable has a median of log 2; a band with gaps, as mesh harmonics leave them,
+    lets about a twentieth of a large event leak to each other tooth.
+    """
+    energy = np.abs(turned.sum(axis=1)) ** 2 / turned.shape[1]
+    rest = float(np.median(energy)) - _LEAK * float(energy.max())
+    return float(np.clip(rest / np.log(2.0), 0.0, _MOST_MISFIT))
+
+
+def _leak(projection: ComplexArray, spread: FloatArray, number: IntArray, teeth: int) -> FloatArray:
+    """Share of an event's energy that is seen so many teeth after it, shape (teeth,).
+
+    Neighbours hear it because the path rings on; all teeth do because lines are missing about the
+    mesh harmonics, most where a gear has few teeth.
+    """
+    event = projection.conj() * np.sqrt(spread)
+    turn = np.zeros((len(spread), len(spread), teeth), dtype=complex)
+    turn[:, :, number % teeth] = projection.T[:, None, :] * event.T
+    seen = np.abs(np.fft.ifft(turn)) ** 2
+    energy = spread @ seen.sum(axis=1)
+    share: FloatArray = energy / energy[0]
+    return share
+
+
+def _beside(energy: FloatArray, spread: FloatArray, leak: FloatArray) -> float:
+    """Mean square of the departure at most other teeth, what leaks from the largest taken off.
+
+    A departure around much of the turn is no damage of one tooth; what is left of it after the fit
+    of the healthy pattern counts as noise. Told by a high quantile over the teeth, over that of a
+    gamma law of as many degrees as the weights are worth.
+    """
+    from scipy.special import gammaincinv
+
+    weight = spread / spread.sum()
+    level = energy @ weight
+    largest = int(np.argmax(level))
+    after = np.arange(len(level)) - largest
+    # a tooth before the largest is as good a neighbour as one after it
+    heard = np.maximum(leak[after], leak[-after])
+    # each component leaks more or less than the mean: what exceeds it stays, to be on the safe side
+    beside = np.maximum(energy - (heard * level[largest])[:, None], 0.0) @ weight
+    degrees = 1.0 / float(np.sum(weight**2))
+    expected = float(gammaincinv(degrees, _MOST_TEETH)) / degrees
+    return float(np.quantile(beside, _MOST_TEETH)) / expected

@@ -1,0 +1,464 @@
+"""The law of a healthy gear's lines, and how a new recording deviates from it.
+
+Synchronous averages of the references, as complex lines, are turned to the same angle and predicted
+for the state of the new recording (`state`). About each mesh harmonic the healthy pattern may
+change by a complex gain that varies slowly across the band: load, sensor gain and mounting change
+the gain, a small change of speed moves every line to another place of the path's response and makes
+the gain vary. Gains have a prior about one: they explain little that a healthy machine would not do.
+Beyond that, every line departs by a share of how loud the pattern is about it: the prior of the
+state's law, sharpened band by band by how far the references depart from one another. Pitch errors
+and eccentricities of the machine itself cancel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearmon.diagnosis.law.state import Kriging
+from gearmon.signatures.reference import WheelPattern
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+IntArray = NDArray[np.int64]
+
+#: Sidebands this near to a mesh harmonic belong to eccentricity and misalignment, not to one tooth.
+NEAR = 2
+# Standard deviations of a band's complex gain about one, and of its slope and bend across the band:
+# healthy simulated pairs from 40 to 115 % load with sensor gains left alone stay within 0.2.
+_GAIN = np.array([0.3, 0.3, 0.3])
+# Departure of a line from recording to recording and per unit of state, over the loudness about it.
+_SCATTER, _SLOPE = 0.03, 0.5
+# Recordings that the prior of the scale of departures is worth, and the least scale.
+_WORTH, _LEAST_SCALE, _MOST_SCALE = 4.0, 0.25, 1e4
+# Lines to either side that tell how loud the pattern is about a line.
+_BESIDE = 2
+_LEAST_LINES = 4
+# Angles that are tried, a good half of a tooth apart, and the share of the teeth, the quietest,
+# that choose among them: a damaged tooth and those about it must not.
+_ANGLES, _APART, _SOUND_TEETH = 8, 0.4, 0.7
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GearPattern:
+    """A gear's lines on a full grid 0..top of multiples of its rotation.
+
+    Parameters
+    ----------
+    amplitude : ndarray of complex, shape (channels, top + 1)
+        Lines; 0 where none was measured.
+    variance : ndarray of float, shape (channels, top + 1)
+        Mean square error of each.
+    usable : ndarray of bool, shape (top + 1,)
+        Whether the line was measured and is no mesh harmonic of any stage.
+    """
+
+    amplitude: ComplexArray
+    variance: FloatArray
+    usable: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, wheel: WheelPattern, channels: Sequence[int], top: int) -> GearPattern:
+        """Return the pattern of some channels up to a multiple of the rotation."""
+        inside = wheel.number <= top
+        number = wheel.number[inside]
+        amplitude = np.zeros((len(channels), top + 1), dtype=complex)
+        variance = np.ones((len(channels), top + 1))
+        usable = np.zeros(top + 1, dtype=bool)
+        amplitude[:, number] = wheel.amplitude[list(channels)][:, inside]
+        variance[:, number] = np.maximum(
+            wheel.variance[list(channels)][:, inside], np.finfo(float).tiny
+        )
+        usable[number] = ~wheel.mesh[inside]
+        return cls(amplitude=amplitude, variance=variance, usable=usable)
+
+    def turned(self, angle: float) -> GearPattern:
+        """Return the same pattern `angle` turns later."""
+        turn = np.exp(2j * np.pi * angle * np.arange(len(self.usable)))
+        return replace(self, amplitude=self.amplitude * turn)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BandDeviation:
+    """What the law leaves of the lines about one mesh harmonic.
+
+    Parameters
+    ----------
+    harmonic : int
+        Mesh harmonic, from 1.
+    number : ndarray of int, shape (lines,)
+        Multiples of the gear's rotation.
+    rest : ndarray of complex, shape (channels, lines)
+        What is left, over `deviation`: of mean square 1 on a healthy machine.
+    deviation : ndarray of float, shape (channels, lines)
+        Standard deviation of the line about the prediction, in the recording's unit.
+    noise : ndarray of float, shape (channels, lines)
+        The same for the noise of the recordings alone, healthy departures left out.
+    scale : float
+        Variance of departures here over its prior, as the references tell; 1 for one reference.
+    """
+
+    harmonic: int
+    number: IntArray
+    rest: ComplexArray
+    deviation: FloatArray
+    noise: FloatArray
+    scale: float = 1.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GearDeviation:
+    """Deviation of one gear's lines from the law.
+
+    Parameters
+    ----------
+    stage, gear, teeth, order
+        Which gear; `order` is its rotation in turns of shaft 1.
+    bands : tuple of BandDeviation
+        One for each mesh harmonic that bears enough lines.
+    mesh_power : ndarray of float, shape (channels, harmonics)
+        |A|^2 of the recording's mesh harmonics 0, 1, ...
+    shift_turns : float
+        Turns by which the references were turned to the new recording.
+    """
+
+    stage: int
+    gear: str
+    teeth: int
+    order: float
+    bands: tuple[BandDeviation, ...]
+    mesh_power: FloatArray
+    shift_turns: float
+
+    @cached_property
+    def misfit(self) -> float:
+        """Mean square of the rest at the median tooth, as the prior would have it.
+
+        About 1 where the law holds; more where this machine departs more than others do, be it in
+        this recording or between its references, whose departures `rest` already allows for.
+        """
+        lines = sum(band.rest.size for band in self.bands)
+        scale = sum(band.rest.size * band.scale for band in self.bands) / lines
+        return float(np.median(self._windows)) / lines * max(1.0, scale)
+
+    @cached_property
+    def peak(self) -> float:
+        """Highest energy over windows of two teeth, over the median of such windows."""
+        tiny = np.finfo(float).tiny
+        return float(self._windows.max()) / max(float(np.median(self._windows)), tiny)
+
+    @cached_property
+    def by_tooth(self) -> FloatArray:
+        """Energy about each tooth's contact over the median, shape (teeth,)."""
+        middle = max(float(np.median(self._windows)), np.finfo(float).tiny)
+        return self._windows[np.arange(self.teeth) * _STEPS] / middle
+
+    @cached_property
+    def _windows(self) -> FloatArray:
+        """Energy in windows of two teeth around the turn, centred on each step."""
+        steps = _STEPS * self.teeth
+        energy = np.zeros(steps)
+        for band in self.bands:
+            lines = np.zeros((len(band.rest), steps), dtype=complex)
+            lines[:, band.number % steps] = band.rest
+            energy += np.sum(np.abs(np.fft.ifft(lines, axis=1) * steps) ** 2, axis=0)
+        wide = 2 * _STEPS
+        middle = round((_CONTACT_CENTRE - 1.0) * _STEPS)
+        ends = np.concatenate([[0.0], np.cumsum(np.tile(energy, 3))])
+        first = steps + np.arange(steps) + middle
+        window: FloatArray = (ends[first + wide] - ends[first]) / wide
+        return window
+
+
+# Steps of the waveform for each tooth, and the middle of the contact of tooth 1 [teeth] after the
+# angle zero: tooth j is in contact from j - 1 to about j + 0.6 mesh periods after it.
+_STEPS, _CONTACT_CENTRE = 8, 0.8
+#: The same for others.
+CONTACT_CENTRE = _CONTACT_CENTRE
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GearLaw:
+    """The law of one gear's healthy lines.
+
+    Parameters
+    ----------
+    wheel : WheelPattern
+        The gear, as the first reference has it.
+    patterns : tuple of GearPattern
+        Of the references, turned alike.
+    states : ndarray of float, shape (references, 2)
+        Their operating states.
+    """
+
+    wheel: WheelPattern
+    patterns: tuple[GearPattern, ...]
+    states: FloatArray
+
+    @cached_property
+    def _scales(self) -> dict[int, FloatArray]:
+        """Variance of departures over its prior, by band: how references depart from each other."""
+        count = len(self.patterns)
+        if count < 2:
+            return {}
+        found: dict[int, list[FloatArray]] = {}
+        for row in range(count):
+            rest = [n for n in range(count) if n != row]
+            others = replace(
+                self, patterns=tuple(self.patterns[n] for n in rest), states=self.states[rest]
+            )
+            for band in others._bands(self.patterns[row], self.states[row], 0.0, {}):
+                seen = np.mean(np.abs(band.rest) ** 2, axis=1)
+                found.setdefault(band.harmonic, []).append(seen)
+        return {
+            harmonic: np.clip(
+                (_WORTH + np.sum(seen, axis=0)) / (_WORTH + len(seen)), _LEAST_SCALE, _MOST_SCALE
+            )
+            for harmonic, seen in found.items()
+        }
+
+    def deviation(
+        self, wheel: WheelPattern, channels: Sequence[int], state: FloatArray, *, same_zero: bool
+    ) -> GearDeviation | None:
+        """Hold a new recording against the law.
+
+        Parameters
+        ----------
+        wheel : WheelPattern
+            The gear's lines in the new recording.
+        channels : sequence of int
+            Its channels, those of the law.
+        state : ndarray of float, shape (2,)
+            Its operating state.
+        same_zero : bool
+            Whether the angle zero of this gear is that of the references.
+
+        Returns
+        -------
+        GearDeviation or None
+            None if too few lines are shared.
+        """
+        top = min(len(self.patterns[0].usable) - 1, int(wheel.number.max(initial=0)))
+        new = GearPattern.of(wheel, channels, top)
+        law = self._cut(top)
+        known = law._predicted(state)[0]
+        angle = 0.0 if same_zero else turning(known, new, wheel.teeth)
+        bands = tuple(law._bands(new, state, angle, self._scales))
+        if not bands:
+            return None
+        return GearDeviation(
+            stage=wheel.stage,
+            gear=wheel.gear,
+            teeth=wheel.teeth,
+            order=wheel.order,
+            bands=bands,
+            mesh_power=np.abs(new.amplitude[:, :: wheel.teeth]) ** 2,
+            shift_turns=angle,
+        )
+
+    def _cut(self, top: int) -> GearLaw:
+        short = slice(0, top + 1)
+        return replace(
+            self,
+            patterns=tuple(
+                GearPattern(
+                    amplitude=p.amplitude[:, short],
+                    variance=p.variance[:, short],
+                    usable=p.usable[short],
+                )
+                for p in self.patterns
+            ),
+        )
+
+    def _predicted(self, state: FloatArray) -> tuple[GearPattern, float]:
+        """Healthy pattern at a state, and the variance of departures from it."""
+        kriging = Kriging.of(self.states, state, _SCATTER, _SLOPE)
+        weights = kriging.weights
+        pattern = GearPattern(
+            amplitude=np.tensordot(weights, [p.amplitude for p in self.patterns], 1),
+            variance=np.tensordot(weights**2, [p.variance for p in self.patterns], 1),
+            usable=np.logical_and.reduce([p.usable for p in self.patterns]),
+        )
+        return pattern, kriging.spread
+
+    def _bands(
+        self, new: GearPattern, state: FloatArray, angle: float, scales: dict[int, FloatArray]
+    ) -> list[BandDeviation]:
+        known, spread = self._predicted(state)
+        known = known.turned(angle)
+        usable = known.usable & new.usable
+        teeth, found = self.wheel.teeth, []
+        for harmonic, band in enumerate(mesh_bands(teeth, len(usable) - 1), start=1):
+            use = band[usable[band]]
+            offset = use - teeth * harmonic
+            far = np.abs(offset) > NEAR
+            if far.sum() < _LEAST_LINES:
+                continue
+            scale = scales.get(harmonic, np.ones(len(new.amplitude)))
+            pattern = known.amplitude[:, use]
+            noise = new.variance[:, use] + known.variance[:, use]
+            variance = noise + (spread * scale)[:, None] * _loudness(pattern, offset)
+            rest = _without_gain(new.amplitude[:, use] - pattern, pattern, variance, offset / teeth)
+            found.append(
+                BandDeviation(
+                    harmonic=harmonic,
+                    number=use[far],
+                    rest=rest[:, far],
+                    deviation=np.sqrt(variance[:, far]),
+                    noise=np.sqrt(noise[:, far]),
+                    scale=float(np.mean(scale)),
+                )
+            )
+        return found
+
+
+def _without_gain(
+    rest: ComplexArray, pattern: ComplexArray, variance: FloatArray, place: FloatArray
+) -> ComplexArray:
+    """Whitened rest after a gain, its slope and its bend across the band have been fitted.
+
+    Ridge regression with the gains' prior; what it takes away of the degrees of freedom is made up.
+    """
+    weight = 1.0 / np.sqrt(variance)
+    powers = place ** np.arange(len(_GAIN))[:, None]
+    columns = _GAIN[:, None] * powers * (pattern * weight)[:, None, :]
+    value = rest * weight
+    gram = columns.conj() @ columns.swapaxes(1, 2)
+    inverse = np.linalg.inv(gram + np.eye(len(_GAIN)))
+    told = np.einsum("cij,cjn,cn->ci", inverse, columns.conj(), value)
+    left = value - np.einsum("ci,cin->cn", told, columns)
+    freedom = np.einsum("cij,cji->c", inverse, gram).real
+    lines = value.shape[1]
+    return np.asarray(left * np.sqrt(lines / np.maximum(1.0, lines - freedom))[:, None])
+
+
+def _loudness(pattern: ComplexArray, offset: IntArray) -> FloatArray:
+    """Mean power of the lines about each, the mesh harmonic left out."""
+    told = (offset != 0).astype(float)
+    window = np.ones(2 * _BESIDE + 1)
+    # cut by hand: of a band shorter than the window numpy would return the window's length
+    own = slice(_BESIDE, _BESIDE + len(told))
+    count = np.maximum(np.convolve(told, window)[own], 1.0)
+    rows = [np.convolve(told * row, window)[own] / count for row in np.abs(pattern) ** 2]
+    return np.array(rows)
+
+
+def mesh_bands(teeth: int, top: int) -> list[IntArray]:
+    """Return multiples of the rotation about each mesh harmonic, half a mesh order either way."""
+    bands: list[IntArray] = []
+    for k in range(1, (top + teeth // 2) // teeth + 1):
+        low, high = max(1, k * teeth - teeth // 2), min(top, k * teeth + (teeth - 1) // 2)
+        if high - low >= 3:
+            bands.append(np.arange(low, high + 1))
+    return bands
+
+
+def turning(known: GearPattern, new: GearPattern, teeth: int) -> float:
+    """Angle by which a healthy pattern must be turned, whatever one tooth does.
+
+    Parameters
+    ----------
+    known, new : GearPattern
+        A healthy pattern and a new one, of the same lines.
+    teeth : int
+        z of the gear.
+
+    Returns
+    -------
+    float
+        Turns. Of the angles at which the healthy pattern explains most of the new one, that which
+        leaves least at most of the teeth: a damaged tooth may be louder than all else and draws the
+        pattern to whichever healthy tooth departs most.
+    """
+    bands = [
+        band[new.usable[band] & known.usable[band]]
+        for band in mesh_bands(teeth, len(new.usable) - 1)
+    ]
+    bands = [band for band in bands if len(band) >= _LEAST_LINES]
+    if not bands:
+        return 0.0
+    angles = _likely_angles(known, new, bands, teeth)
+    left = _left_at_teeth(known, new, bands, teeth, angles)
+    quiet = np.sort(left, axis=1)[:, : max(1, int(_SOUND_TEETH * teeth))].mean(axis=1)
+    return float(angles[int(np.argmin(quiet))])
+
+
+def _likely_angles(
+    known: GearPattern, new: GearPattern, bands: Sequence[IntArray], teeth: int
+) -> FloatArray:
+    """Angles [turns] at which the healthy pattern explains most of the new one, best first."""
+    top = len(new.usable) - 1
+    # eight steps per cycle of the highest line: the best angle is met within 3 per cent of power
+    steps = 1 << int(np.ceil(np.log2(8 * (top + 1))))
+    explained = np.zeros(steps)
+    for band in bands:
+        weight = 1.0 / (new.variance[:, band] + known.variance[:, band])
+        healthy = known.amplitude[:, band]
+        product = np.zeros((len(weight), steps), dtype=complex)
+        product[:, band] = weight * np.conj(healthy) * new.amplitude[:, band]
+        power = np.sum(weight * np.abs(healthy) ** 2, axis=1)
+        match = np.abs(np.fft.fft(product, axis=1)) ** 2
+        explained += (match / np.maximum(power, np.finfo(float).tiny)[:, None]).sum(axis=0)
+    angles, apart = [], max(1, int(_APART * steps / teeth))
+    for _ in range(_ANGLES):
+        best = int(np.argmax(explained))
+        angles.append(best / steps)
+        explained[np.arange(best - apart, best + apart + 1) % steps] = -1.0
+    return np.array(angles)
+
+
+def _left_at_teeth(
+    known: GearPattern,
+    new: GearPattern,
+    bands: Sequence[IntArray],
+    teeth: int,
+    angles: FloatArray,
+) -> FloatArray:
+    """Energy left at each tooth for each angle, one gain a band fitted, shape (angles, teeth)."""
+    left = np.zeros((len(angles), teeth))
+    for band in bands:
+        turn = np.exp(2j * np.pi * np.outer(angles, band))[:, None]
+        variance = new.variance[:, band] + known.variance[:, band]
+        healthy, value = known.amplitude[:, band] * turn, new.amplitude[:, band]
+        power = np.sum(np.abs(known.amplitude[:, band]) ** 2 / variance, axis=1)
+        gain = np.sum(healthy.conj() * (value - healthy) / variance, axis=2)
+        gain = 1.0 + gain / (power + 1.0 / _GAIN[0] ** 2)
+        rest = (value - gain[:, :, None] * healthy) / np.sqrt(variance)
+        folded = np.zeros((*rest.shape[:2], teeth), dtype=complex)
+        folded[:, :, band % teeth] = rest
+        left += np.sum(np.abs(np.fft.ifft(folded, axis=2) * teeth) ** 2, axis=1)
+    return left
+
+
+def turned_alike(
+    wheels: Sequence[WheelPattern], channels: Sequence[Sequence[int]], *, same_zero: bool
+) -> tuple[GearPattern, ...]:
+    """Turn the patterns of one gear in several healthy recordings to the angle of the first.
+
+    Parameters
+    ----------
+    wheels : sequence of WheelPattern
+        The same gear in each.
+    channels : sequence of sequence of int
+        The same channels in each.
+    same_zero : bool
+        Whether they have the same angle zero already.
+    """
+    top = min(int(wheel.number.max(initial=0)) for wheel in wheels)
+    found: list[GearPattern] = []
+    for wheel, own in zip(wheels, channels, strict=True):
+        pattern = GearPattern.of(wheel, own, top)
+        if found and not same_zero:
+            # the mean of those that are turned already: it is surer than any one
+            mean = GearPattern(
+                amplitude=np.mean([p.amplitude for p in found], axis=0),
+                variance=np.mean([p.variance for p in found], axis=0) / len(found),
+                usable=np.logical_and.reduce([p.usable for p in found]),
+            )
+            pattern = pattern.turned(turning(pattern, mean, wheel.teeth))
+        found.append(pattern)
+    return tuple(found)

@@ -1,0 +1,135 @@
+"""The operating state of recordings, and prediction from one state to another.
+
+The state is what a healthy machine may change by itself: its load, heard as the level of its mesh
+harmonics against all else, and its speed. Every healthy quantity is taken as a Gaussian process of
+it, of unknown mean, with a scatter from recording to recording and a slope per unit of state: from
+one reference the prediction is that reference, with a variance that grows with the distance; from
+several it is interpolated between them (universal kriging; Matheron 1963), and the change with load
+is explained instead of counted as scatter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearmon.signatures.reference import Profile
+
+FloatArray = NDArray[np.float64]
+
+_NEPER = float(np.log(10.0) / 20.0)
+#: Distance [units of state: nepers of the mesh] over which a slope may turn: loads a factor of two
+#: apart. Healthy pairs of simulated machines from 40 to 115 % load.
+LENGTH = 0.7
+#: Relative change of speed that moves lines as far across the path's modes as one unit of state
+#: changes the load: twice a modal damping ratio of 0.03.
+SPEED_UNIT = 0.06
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Kriging:
+    """Prediction of a healthy quantity at a state.
+
+    Parameters
+    ----------
+    weights : ndarray of float, shape (references,)
+        Of each reference in the prediction; their sum is 1.
+    spread : float
+        Variance of the quantity about the prediction, in units of `slope` squared; noise of the
+        references' own measurement comes on top.
+    """
+
+    weights: FloatArray
+    spread: float
+
+    @classmethod
+    def of(
+        cls, known: FloatArray, state: FloatArray, scatter: float = 0.06, slope: float = 0.5
+    ) -> Kriging:
+        """Predict at a state from references.
+
+        Parameters
+        ----------
+        known : ndarray of float, shape (references, 2)
+            Their states.
+        state : ndarray of float, shape (2,)
+            Where to predict.
+        scatter : float, > 0
+            Standard deviation from one healthy recording to the next at the same state.
+        slope : float, >= 0
+            Standard deviation of the change per unit of state.
+        """
+        count = len(known)
+        size = (slope * LENGTH) ** 2
+
+        def shared(a: FloatArray, b: FloatArray) -> FloatArray:
+            far = np.sum((a[:, None] - b[None]) ** 2, axis=-1)
+            value: FloatArray = size * np.exp(-0.5 * far / LENGTH**2)
+            return value
+
+        system = np.ones((count + 1, count + 1))
+        system[:count, :count] = shared(known, known) + scatter**2 * np.eye(count)
+        system[count, count] = 0.0
+        right = np.append(shared(known, state[None])[:, 0], 1.0)
+        solution = np.linalg.solve(system, right)
+        spread = size + scatter**2 - float(solution @ right)
+        return cls(weights=solution[:count], spread=max(spread, scatter**2))
+
+
+def operating_states(
+    profiles: Sequence[Profile],
+    base: Profile,
+    rows: Sequence[Sequence[int]],
+    base_rows: Sequence[int],
+) -> FloatArray:
+    """Place recordings in the space of operating states, relative to one of them.
+
+    Parameters
+    ----------
+    profiles : sequence of Profile
+        Recordings.
+    base : Profile
+        The recording at the origin.
+    rows, base_rows : sequence of int
+        The same channels in each.
+
+    Returns
+    -------
+    ndarray of float, shape (recordings, 2)
+        Load: level of the mesh harmonics [Np], what all lines and the noise floor have in common
+        (the gain of a sensor) left out; and speed, in units of `SPEED_UNIT`.
+    """
+    return np.array(
+        [
+            [
+                _load(profile, base, own, base_rows),
+                (profile.speed_hz / base.speed_hz - 1) / SPEED_UNIT,
+            ]
+            for profile, own in zip(profiles, rows, strict=True)
+        ]
+    )
+
+
+def _load(profile: Profile, base: Profile, rows: Sequence[int], base_rows: Sequence[int]) -> float:
+    shared = [name for name in base.family_names if name in profile.family_names]
+    own = np.ix_(rows, [profile.family_names.index(name) for name in shared])
+    its = np.ix_(base_rows, [base.family_names.index(name) for name in shared])
+    change = _NEPER * (profile.level_db[own] - base.level_db[its])
+    heard = profile.heard[own] & base.heard[its]
+    of_mesh = np.array([name.startswith("mesh") for name in shared])
+    parts = [_middle(change[heard & of_mesh]), _middle(change[heard & ~of_mesh])]
+    if profile.band_db.shape[1:] == base.band_db.shape[1:]:
+        parts.append(
+            _middle(_NEPER * (profile.band_db[list(rows)] - base.band_db[list(base_rows)]))
+        )
+    # a gain moves lines and floor alike; what moves them apart is the load
+    same_way = all(part > 0 for part in parts) or all(part < 0 for part in parts)
+    gain = min(parts, key=abs) if same_way else 0.0
+    return parts[0] - gain
+
+
+def _middle(values: FloatArray) -> float:
+    return float(np.median(values)) if values.size else 0.0

@@ -1,0 +1,593 @@
+"""Lines of a recording that no gear explains: found, kept as value objects, stored.
+
+Such lines come from bearings, the mains, loose parts, other machines: they stand at no order that
+the gears and shafts of the machine can have. On which of two grids one is sharper, angle or time,
+tells whether it follows the shafts or stays where it is when the speed wanders.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import gammaincc, gammainccinv
+
+from gearmon.gears.kinematics import Kinematics
+from gearmon.signals.angle import AngleTrack
+from gearmon.signals.fine_spectrum import (
+    FineSpectrum,
+    fine_envelope_spectrum,
+    fine_spectrum,
+    highest_within,
+    standing_peaks,
+)
+from gearmon.signatures.gear_orders import distance_to, known_orders
+
+FloatArray = NDArray[np.float64]
+
+# Peaks of mere noise that a list of lines may hold, on average.
+_NOISE_PEAKS = 0.05
+# Most lines kept of a recording: those that stand highest over the noise.
+MOST_LINES = 200
+# Distance from a gear's order at which a line counts as its own [widths of the spectrum].
+OWN_WIDTHS = 1.5
+# Load and speed that wander slowly set a skirt about every line: so far [Hz], at most so high.
+_SKIRT_HZ, _SKIRT_WIDTHS, _SKIRT_SHARE = 2.0, 16.0, 4e-3
+# What the errors of the angle add to it; where nothing is said of them [turns].
+_UNKNOWN_ANGLE = 1e-3
+# A line that stands still in time must have this share of what follows the shafts about it.
+_TIME_SHARE = 0.05
+# A line is the sharper one on the grid on which its power is so many times the other's.
+_SHARPER = 2.0
+# A pair of lines about one so many times stronger, as far as that [orders], and that much alike.
+_FAR_STRONGER, _MIRROR, _ALIKE = 4.0, 0.3, 0.25
+# Cells an order in which it is remembered what strong lines can hide.
+_CELLS_AN_ORDER = 20
+# Bands in which the noise is remembered.
+_BANDS = 128
+# The envelope is looked at up to this order, or this multiple of the highest order of a bearing.
+_ENVELOPE_ORDER, _ENVELOPE_HARMONICS = 20.0, 3.5
+KINDS = ("spectrum", "envelope")
+LOCKS = ("shaft", "time", "either")
+_PLACES = ("order", "frequency_hz", "low_order", "high_order")
+_GRID = ("width", "top", "pieces", "least_db", "looked_at")
+
+
+@dataclass(frozen=True, kw_only=True)
+class NonGearLine:
+    """A line that no gear explains.
+
+    Parameters
+    ----------
+    kind : {"spectrum", "envelope"}
+        Where it stands: in the spectrum, or in that of the squared envelope.
+    order : float
+        Its mean place [cycles a turn of shaft 1].
+    frequency_hz : float
+        The same [Hz].
+    locked : {"shaft", "time", "either"}
+        Whether it follows the speed, stays at its frequency, or the speed is too even to tell.
+    level_db : tuple of float
+        Level in each channel [dB re 1 unit^2, peak amplitude; of an envelope: dB re 1].
+    over_noise_db : tuple of float
+        Power over the mean of the noise about it, each channel [dB].
+    low_order, high_order : float
+        Orders that it sweeps while the speed wanders.
+    """
+
+    kind: str
+    order: float
+    frequency_hz: float
+    locked: str
+    level_db: tuple[float, ...]
+    over_noise_db: tuple[float, ...]
+    low_order: float
+    high_order: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NoiseGrid:
+    """What a spectrum could have shown: its noise, resolution and reach.
+
+    Parameters
+    ----------
+    kind : {"spectrum", "envelope"}
+        Which spectrum.
+    width : float
+        One over the turns in a piece [orders].
+    top : float
+        Highest order.
+    pieces : int
+        Pieces whose powers were averaged.
+    least_db : float
+        Power over noise from which lines were listed [dB].
+    looked_at : float
+        Independent values, all channels.
+    noise_db : ndarray of float, shape (channels, bands)
+        Mean noise power of a bin in equal bands from 0 to `top` [dB, as the levels].
+    hidden_db : ndarray of float32, shape (channels, cells)
+        Level up to which a line about a far stronger one is taken for a part of that and not
+        listed, in equal cells from 0 to `top` [dB].
+    """
+
+    kind: str
+    width: float
+    top: float
+    pieces: int
+    least_db: float
+    looked_at: float
+    noise_db: FloatArray
+    hidden_db: NDArray[np.float32]
+
+    def unseen_at(self, order: float) -> FloatArray:
+        """Level up to which a line at an order would not be listed, shape (channels,) [dB]."""
+        cells = self.hidden_db.shape[-1]
+        cell = min(int(order * cells / self.top), cells - 1)
+        return np.maximum(self.noise_at(order) + self.least_db, self.hidden_db[:, cell])
+
+    def noise_at(self, order: float) -> FloatArray:
+        """Noise about an order, shape (channels,) [dB]."""
+        bands = self.noise_db.shape[-1]
+        middles = (np.arange(bands) + 0.5) * self.top / bands
+        return np.array([np.interp(order, middles, row) for row in self.noise_db])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NonGearLines:
+    """The lines of no gear of one recording and what else could have been seen.
+
+    Parameters
+    ----------
+    lines : tuple of NonGearLine
+        Strongest over the noise first.
+    grids : tuple of NoiseGrid
+        Of the spectrum and of the envelope.
+    speed_hz : float
+        Mean speed of shaft 1 [Hz].
+    cell_hz : float
+        Width of the cells of `in_time_db` [Hz].
+    in_time_db : ndarray of float32, shape (channels, cells)
+        Highest power in the spectrum against time, gears included, in cells from 0 Hz on: no line
+        of the mains was stronger, even where a gear's line hid it [dB].
+    """
+
+    lines: tuple[NonGearLine, ...]
+    grids: tuple[NoiseGrid, ...]
+    speed_hz: float
+    cell_hz: float
+    in_time_db: NDArray[np.float32]
+
+    def __iter__(self) -> Iterator[NonGearLine]:
+        """Go through the lines."""
+        return iter(self.lines)
+
+    def __len__(self) -> int:
+        """Return the number of lines."""
+        return len(self.lines)
+
+    def grid(self, kind: str) -> NoiseGrid:
+        """Return the grid of the spectrum or of the envelope."""
+        return next(grid for grid in self.grids if grid.kind == kind)
+
+    def highest_in_time(self, low_hz: float, high_hz: float) -> FloatArray | None:
+        """Highest power in time between two frequencies [dB], a channel; None if not known."""
+        first, last = int(low_hz / self.cell_hz), int(high_hz / self.cell_hz)
+        if last >= self.in_time_db.shape[-1]:
+            return None
+        return np.asarray(self.in_time_db[:, first : last + 1].max(axis=-1))
+
+
+def contaminated(
+    orders: FloatArray, lines: Iterable[NonGearLine], resolution: float
+) -> NDArray[np.bool_]:
+    """Tell which orders a line of no gear disturbs.
+
+    Parameters
+    ----------
+    orders : ndarray of float
+        Orders that are to be measured.
+    lines : iterable of NonGearLine
+        Lines; those of the envelope disturb nothing and are passed over.
+    resolution : float
+        Distance at which a line still disturbs [orders]: twice one over the length of a Hann
+        block for single blocks, twice one over the recording for its synchronous mean.
+
+    Returns
+    -------
+    ndarray of bool
+        Like `orders`.
+    """
+    mask = np.zeros(np.shape(orders), dtype=bool)
+    for line in lines:
+        if line.kind == "spectrum":
+            mask |= (orders > line.low_order - resolution) & (orders < line.high_order + resolution)
+    return mask
+
+
+def taken(lines: NonGearLines, rows: Sequence[int]) -> NonGearLines:
+    """Keep some channels of the lines only.
+
+    Parameters
+    ----------
+    lines : NonGearLines
+        Lines of all channels.
+    rows : sequence of int
+        Channels to keep, in their new order.
+
+    Returns
+    -------
+    NonGearLines
+    """
+    kept = tuple(
+        replace(
+            line,
+            level_db=tuple(line.level_db[row] for row in rows),
+            over_noise_db=tuple(line.over_noise_db[row] for row in rows),
+        )
+        for line in lines
+    )
+    own = list(rows)
+    grids = tuple(
+        replace(grid, noise_db=grid.noise_db[own], hidden_db=grid.hidden_db[own])
+        for grid in lines.grids
+    )
+    return replace(lines, lines=kept, grids=grids, in_time_db=lines.in_time_db[own])
+
+
+def nongear_lines(
+    samples: FloatArray,
+    sampling_rate_hz: float,
+    track: AngleTrack,
+    train: Kinematics,
+    order_spectrum: FineSpectrum,
+) -> NonGearLines:
+    """List the lines of a recording that no gear explains.
+
+    Parameters
+    ----------
+    samples : ndarray of float, shape (channels, n)
+        Vibration.
+    sampling_rate_hz : float
+        Sampling rate [Hz].
+    track : AngleTrack
+        Angle of shaft 1 against time.
+    train : Kinematics
+        What gears, shafts and bearings the machine has.
+    order_spectrum : FineSpectrum
+        `fine_order_spectrum` of the samples.
+
+    Returns
+    -------
+    NonGearLines
+
+    Notes
+    -----
+    Lines within 1.5 widths of a gear's order are left out, also those of bearings, for nothing can
+    tell them apart there; so is what slow wander of load and speed sets about strong lines.
+    """
+    over_median = _mean_over_median(order_spectrum.pieces)
+    course = _Course.of(track)
+    # pieces of the whole recording: of very many only some were looked at
+    pieces = max(1, round(float(track.turns[-1] - track.turns[0]) * order_spectrum.width))
+    heard = order_spectrum.pieces
+    by_time = fine_spectrum(samples, sampling_rate_hz, pieces, heard)
+    cell_hz = course.mean / _CELLS_AN_ORDER
+    in_time = _highest_in_cells(by_time, cell_hz)
+    grid = _noise_grid("spectrum", order_spectrum, course, in_time)
+    known = known_orders(train, order_spectrum.top, order_spectrum.width)
+    least = over_median * 10 ** (grid.least_db / 10)
+    found = list(_sharp_in_angle(order_spectrum, by_time, known, course, least))
+    found += _sharp_in_time(order_spectrum, by_time, course, least)
+    bearings = [line.order for line in train.lines if line.kind == "bearing"]
+    top = max([_ENVELOPE_ORDER] + [_ENVELOPE_HARMONICS * order for order in bearings])
+    envelope = fine_envelope_spectrum(samples, sampling_rate_hz, track, top, pieces, heard)
+    beats = _noise_grid("envelope", envelope, course)
+    known = known_orders(train, envelope.top, envelope.width)
+    least = over_median * 10 ** (beats.least_db / 10)
+    found += _of_envelope(envelope, known, course, least)
+    found.sort(key=lambda line: -max(line.over_noise_db))
+    return NonGearLines(
+        lines=tuple(found[:MOST_LINES]),
+        grids=tuple(_as_listed(one, found[MOST_LINES:]) for one in (grid, beats)),
+        speed_hz=course.mean,
+        cell_hz=cell_hz,
+        in_time_db=_decibels(in_time),
+    )
+
+
+def _as_listed(grid: NoiseGrid, left_out: list[NonGearLine]) -> NoiseGrid:
+    """Raise the level from which lines are listed over that of the lines left out."""
+    highest = [max(line.over_noise_db) for line in left_out if line.kind == grid.kind]
+    return replace(grid, least_db=max([grid.least_db, *highest]))
+
+
+def noise_exceeds(ratio: float | FloatArray, pieces: int) -> FloatArray:
+    """Probability that a noise power exceeds `ratio` times its mean.
+
+    Parameters
+    ----------
+    ratio : float or ndarray of float
+        Power over mean noise power, >= 0.
+    pieces : int
+        Pieces whose powers were averaged: a gamma law of that shape.
+
+    Returns
+    -------
+    ndarray of float
+    """
+    return np.asarray(gammaincc(pieces, pieces * np.asarray(ratio)), dtype=np.float64)
+
+
+def _least_ratio(looked_at: float, pieces: int) -> float:
+    """Ratio to the mean noise that so few peaks of noise exceed."""
+    return float(gammainccinv(pieces, min(0.5, _NOISE_PEAKS / looked_at))) / pieces
+
+
+def _mean_over_median(pieces: int) -> float:
+    """Mean over median of a gamma law of shape `pieces`."""
+    return pieces / float(gammainccinv(pieces, 0.5))
+
+
+def _highest_in_cells(spectrum: FineSpectrum, cell: float) -> FloatArray:
+    """Highest power of each cell, shape (channels, cells)."""
+    bins = spectrum.power.shape[-1]
+    edges = np.arange(int(bins * spectrum.step / cell) + 1) * (cell / spectrum.step)
+    # cells finer than the bins share them
+    first = np.minimum(edges.astype(int), bins - 1)
+    return np.asarray(np.maximum.reduceat(spectrum.power, first, axis=-1), dtype=np.float64)
+
+
+def _decibels(power: FloatArray) -> NDArray[np.float32]:
+    return np.asarray(10 * np.log10(np.maximum(power, np.finfo(float).tiny)), dtype=np.float32)
+
+
+def _hidden(spectrum: FineSpectrum, course: _Course, in_time: FloatArray | None) -> FloatArray:
+    """Power up to which a line is taken for a part of stronger ones about it, cell by cell."""
+    highest = _highest_in_cells(spectrum, 1 / _CELLS_AN_ORDER)
+    orders = (np.arange(highest.shape[-1]) + 0.5) / _CELLS_AN_ORDER
+    reach = 1 + int(np.ceil(course.reach(spectrum.width) * _CELLS_AN_ORDER))
+    hidden = course.skirt(orders) * highest_within(highest, reach)
+    if in_time is None:
+        return np.asarray(hidden)
+    # what was smeared over angle, or is near enough to what was not
+    swing = max(course.high / course.mean - 1, 1 - course.low / course.mean)
+    cells = 1 + np.ceil((swing * orders + 2 * spectrum.width) * _CELLS_AN_ORDER)
+    count = min(in_time.shape[-1], hidden.shape[-1])
+    half = 1
+    for _ in range(int(np.ceil(np.log2(cells.max()))) + 1):
+        wide = highest_within(in_time, half)
+        own = (cells[:count] > half / 2) & (cells[:count] <= half)
+        hidden[:, :count][:, own] = np.maximum(
+            hidden[:, :count][:, own], wide[:, :count][:, own] / _SHARPER
+        )
+        half *= 2
+    return np.asarray(hidden)
+
+
+def _noise_grid(
+    kind: str, spectrum: FineSpectrum, course: _Course, in_time: FloatArray | None = None
+) -> NoiseGrid:
+    channels, bins = spectrum.floor.shape
+    # the floor is a running median already
+    middles = (np.arange(min(_BANDS, bins)) + 0.5) * bins / min(_BANDS, bins)
+    noise = spectrum.floor[:, middles.astype(int)] * _mean_over_median(spectrum.pieces)
+    # peaks between the independent lines of a Hann window: half as many again
+    looked_at = 1.5 * channels * spectrum.top / spectrum.width
+    return NoiseGrid(
+        kind=kind,
+        width=spectrum.width,
+        top=spectrum.top,
+        pieces=spectrum.pieces,
+        least_db=float(10 * np.log10(_least_ratio(looked_at, spectrum.pieces))),
+        looked_at=looked_at,
+        noise_db=10 * np.log10(noise),
+        hidden_db=_decibels(_hidden(spectrum, course, in_time)),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Course:
+    """Speed of shaft 1 while recording [Hz], and how surely its angle is known [turns]."""
+
+    low: float
+    mean: float
+    high: float
+    angle: float
+
+    @classmethod
+    def of(cls, track: AngleTrack) -> _Course:
+        known = track.uncertainty_turns
+        return cls(
+            low=float(0.999 * track.speed_hz.min()),
+            mean=float((track.turns[-1] - track.turns[0]) / (track.time_s[-1] - track.time_s[0])),
+            high=float(1.001 * track.speed_hz.max()),
+            angle=float(known) if np.isfinite(known) else _UNKNOWN_ANGLE,
+        )
+
+    def skirt(self, orders: FloatArray) -> FloatArray:
+        """Share of a line's power that may stand about it: slow wander, and errors of the angle."""
+        swing = 2 * np.pi * orders * self.angle
+        return np.asarray(np.minimum(_SKIRT_SHARE + swing**2, 0.5), dtype=np.float64)
+
+    def reach(self, width: float) -> float:
+        """How far that goes [orders], in a spectrum of this resolution."""
+        return max(_SKIRT_WIDTHS * width, _SKIRT_HZ / self.mean)
+
+
+def _sharp_in_angle(
+    by_angle: FineSpectrum, by_time: FineSpectrum, known: FloatArray, course: _Course, least: float
+) -> Iterator[NonGearLine]:
+    peaks = standing_peaks(by_angle, least)
+    peaks = peaks[distance_to(known, by_angle.places(peaks)) > OWN_WIDTHS * by_angle.width]
+    orders = by_angle.places(peaks)
+    rows, power = _clearest_channel(by_angle, peaks)
+    reach = course.reach(by_angle.width)
+    about = by_angle.highest_near(orders - reach, orders + reach)[rows, np.arange(len(peaks))]
+    margin = 2 * by_time.width
+    in_time = by_time.highest_near(orders * course.low - margin, orders * course.high + margin)
+    other = in_time[rows, np.arange(len(peaks))]
+    # a line that stands still in time is smeared over angle: what is left of it there is no line
+    kept = (power > course.skirt(orders) * about) & (_SHARPER * power > other)
+    for i in np.flatnonzero(kept):
+        if _mirrored(by_angle.power[rows[i]], int(peaks[i]), round(_MIRROR / by_angle.step)):
+            continue
+        locked = "shaft" if power[i] > _SHARPER * other[i] else "either"
+        order = float(orders[i])
+        yield _line("spectrum", by_angle, peaks[i], (order, order, order), locked, course.mean)
+
+
+def _mirrored(power: FloatArray, peak: int, reach: int) -> bool:
+    """Whether a peak is one of a pair about a far stronger line: a modulation of it.
+
+    A track of the angle that swings about the true one sets such pairs about every strong line.
+    """
+    first = max(0, peak - reach)
+    centre = first + int(np.argmax(power[first : peak + reach + 1]))
+    image = 2 * centre - peak
+    if power[centre] < _FAR_STRONGER * power[peak] or not 2 <= image < len(power) - 2:
+        return False
+    return bool(power[image - 2 : image + 3].max() > _ALIKE * power[peak])
+
+
+def _sharp_in_time(
+    by_angle: FineSpectrum, by_time: FineSpectrum, course: _Course, least: float
+) -> Iterator[NonGearLine]:
+    peaks = standing_peaks(by_time, least)
+    hertz = by_time.places(peaks)
+    rows, power = _clearest_channel(by_time, peaks)
+    columns = np.arange(len(peaks))
+    low, high = hertz / course.high, hertz / course.low
+    margin, reach = 2 * by_angle.width, course.reach(by_angle.width)
+    there = by_angle.highest_near(low - margin, high + margin)[rows, columns]
+    about = by_angle.highest_near(low - reach, high + reach)[rows, columns]
+    kept = (power > _SHARPER * there) & (power > _TIME_SHARE * about)
+    # of the lines in time only the even skirts of their own kind can be taken for others
+    reach_hz = course.reach(by_angle.width) * course.mean
+    kept &= (
+        power
+        > _SKIRT_SHARE * by_time.highest_near(hertz - reach_hz, hertz + reach_hz)[rows, columns]
+    )
+    for i in np.flatnonzero(kept):
+        places = (float(hertz[i] / course.mean), float(low[i]), float(high[i]))
+        yield _line("spectrum", by_time, peaks[i], places, "time", course.mean)
+
+
+def _clearest_channel(
+    spectrum: FineSpectrum, peaks: NDArray[np.intp]
+) -> tuple[NDArray[np.intp], FloatArray]:
+    """Channel in which each peak is clearest, and its power there."""
+    power = spectrum.power[:, peaks]
+    rows = np.argmax(power / spectrum.floor[:, peaks], axis=0)
+    return rows, power[rows, np.arange(len(peaks))]
+
+
+def _of_envelope(
+    envelope: FineSpectrum, known: FloatArray, course: _Course, least: float
+) -> Iterator[NonGearLine]:
+    peaks = standing_peaks(envelope, least)
+    orders = envelope.places(peaks)
+    reach = course.reach(envelope.width)
+    # slow wander of load and speed modulates everything
+    own = (distance_to(known, orders) <= OWN_WIDTHS * envelope.width) | (orders <= reach)
+    peaks, orders = peaks[~own], orders[~own]
+    rows, power = _clearest_channel(envelope, peaks)
+    about = envelope.highest_near(orders - reach, orders + reach)[rows, np.arange(len(peaks))]
+    for i in np.flatnonzero(power > course.skirt(orders) * about):
+        order = float(orders[i])
+        yield _line("envelope", envelope, peaks[i], (order, order, order), "shaft", course.mean)
+
+
+def _line(
+    kind: str,
+    spectrum: FineSpectrum,
+    bin_: int,
+    orders: tuple[float, float, float],
+    locked: str,
+    speed_hz: float,
+) -> NonGearLine:
+    power = np.maximum(spectrum.power[:, bin_], np.finfo(float).tiny)
+    noise = spectrum.floor[:, bin_] * _mean_over_median(spectrum.pieces)
+    return NonGearLine(
+        kind=kind,
+        order=orders[0],
+        frequency_hz=orders[0] * speed_hz,
+        locked=locked,
+        level_db=tuple(float(value) for value in 10 * np.log10(power)),
+        over_noise_db=tuple(float(value) for value in 10 * np.log10(power / noise)),
+        low_order=orders[1],
+        high_order=orders[2],
+    )
+
+
+def line_arrays(lines: NonGearLines) -> dict[str, NDArray[Any]]:
+    """Return arrays that hold all of the lines.
+
+    Parameters
+    ----------
+    lines : NonGearLines
+
+    Returns
+    -------
+    dict of str to ndarray
+        "speed_hz", with the width of the cells of "in_time_db"; "kind" and "locked" (positions in
+        `KINDS` and `LOCKS`), "place" and "level" with one row a line; "grid", "noise/KIND" and
+        "hidden/KIND" of each grid.
+    """
+    arrays: dict[str, NDArray[Any]] = {
+        "speed_hz": np.array([lines.speed_hz, lines.cell_hz]),
+        "in_time_db": lines.in_time_db,
+        "kind": np.array([KINDS.index(line.kind) for line in lines], dtype=np.int8),
+        "locked": np.array([LOCKS.index(line.locked) for line in lines], dtype=np.int8),
+        "place": np.array([[getattr(line, name) for name in _PLACES] for line in lines]),
+        "level": np.array([[line.level_db, line.over_noise_db] for line in lines]),
+        "grid": np.array([[getattr(grid, name) for name in _GRID] for grid in lines.grids]),
+    }
+    for grid in lines.grids:
+        arrays |= {f"noise/{grid.kind}": grid.noise_db, f"hidden/{grid.kind}": grid.hidden_db}
+    return arrays
+
+
+def lines_from_arrays(arrays: Mapping[str, NDArray[Any]]) -> NonGearLines:
+    """Return the lines that `line_arrays` took apart.
+
+    Parameters
+    ----------
+    arrays : mapping of str to ndarray
+
+    Returns
+    -------
+    NonGearLines
+
+    Raises
+    ------
+    KeyError, ValueError, IndexError
+        If something is missing or does not fit.
+    """
+    rows = zip(arrays["kind"], arrays["locked"], arrays["place"], arrays["level"], strict=True)
+    lines = tuple(
+        NonGearLine(
+            kind=KINDS[kind],
+            locked=LOCKS[locked],
+            level_db=tuple(level[0].tolist()),
+            over_noise_db=tuple(level[1].tolist()),
+            **dict(zip(_PLACES, place.tolist(), strict=True)),
+        )
+        for kind, locked, place, level in rows
+    )
+    grids = []
+    for kind, values in zip(KINDS, arrays["grid"].tolist(), strict=True):
+        known = dict(zip(_GRID, values, strict=True))
+        known["pieces"] = int(known["pieces"])
+        noise, hidden = arrays[f"noise/{kind}"], arrays[f"hidden/{kind}"]
+        grids.append(NoiseGrid(kind=kind, noise_db=noise, hidden_db=hidden, **known))
+    speed_hz, cell_hz = arrays["speed_hz"].tolist()
+    return NonGearLines(
+        lines=lines,
+        grids=tuple(grids),
+        speed_hz=speed_hz,
+        cell_hz=cell_hz,
+        in_time_db=arrays["in_time_db"],
+    )

@@ -1,0 +1,231 @@
+"""Features of a kind of fault: what must not matter does not, and shapes have known values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from gearmon.diagnosis.kind_turns import TurnChange, turn_changes
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gearmon.diagnosis.fault_types import FEATURES, NAMES, kind_features
+from gearmon.errors import ArgumentError
+from gearmon.signatures.reference import WheelPattern
+
+
+@dataclass(frozen=True)
+class Level:
+    channel: str
+    kind: str
+    stage: int
+    harmonic: int
+    gear: str
+    shaft: int | None
+    change_db: float
+    scatter_db: float = 2.0
+
+
+@dataclass(frozen=True)
+class Shape:
+    stage: int
+    gear: str
+    energy: np.ndarray
+
+
+def levels(change=lambda *_: 0.0, channels=("a", "b"), harmonics=6):
+    """Changes of all families of two stages, pinion and gear each."""
+    gears = {(1, "pinion"): 1, (1, "gear"): 2, (2, "pinion"): 2, (2, "gear"): 3}
+    found = []
+    for channel in channels:
+        for k in range(1, harmonics + 1):
+            for stage in (1, 2):
+                moved = change("mesh", stage, "", k)
+                found.append(Level(channel, "mesh", stage, k, "", None, moved))
+            for (stage, gear), shaft in gears.items():
+                for kind in ("sidebands", "residual"):
+                    moved = change(kind, stage, gear, k)
+                    found.append(Level(channel, kind, stage, k, gear, shaft, moved))
+    return found
+
+
+def ragged(seed=0):
+    """Changes of different size in every family and channel."""
+    random = np.random.default_rng(seed)
+    return [replace(level, change_db=float(random.normal(0, 4))) for level in levels()]
+
+
+def one_tooth(teeth, at, height=100.0):
+    energy = np.ones(teeth)
+    energy[at] = height
+    return energy
+
+
+def test_every_feature_is_described():
+    assert len(set(NAMES)) == len(NAMES) == len(FEATURES)
+    assert all(FEATURES.values())
+
+
+def test_no_change_is_no_feature():
+    found = kind_features(levels())
+    assert found.gears == ((1, "gear"), (1, "pinion"), (2, "gear"), (2, "pinion"))
+    assert not found.values.any()
+
+
+def test_gain_of_a_channel_does_not_matter():
+    plain = kind_features(ragged())
+    louder = [
+        replace(level, change_db=level.change_db + (60.0 if level.channel == "a" else -3.0))
+        for level in ragged()
+    ]
+    assert np.allclose(kind_features(louder).values, plain.values, atol=1e-9)
+
+
+def test_exchange_and_names_of_channels_do_not_matter():
+    other = {"a": "b", "b": "a"}
+    exchanged = [replace(level, channel=other[level.channel]) for level in reversed(ragged())]
+    plain = kind_features(ragged()).values
+    assert np.allclose(kind_features(exchanged).values, plain, atol=1e-9)
+
+
+def test_known_changes_come_back():
+    def change(kind, stage, gear, k):
+        if (kind, stage) == ("mesh", 1):
+            return 3.0 + 2.0 * np.log2(k)
+        return 7.0 if (kind, stage, gear) == ("residual", 1, "pinion") else 0.0
+
+    found = kind_features(levels(change))
+    row = found.named(found.row(1, "pinion"))
+    assert found.gears[found.focus] == (1, "pinion")
+    assert row["far_db"] == pytest.approx(7.0)
+    assert row["near_db"] == pytest.approx(0.0)
+    assert row["mesh_first_db"] == pytest.approx(3.0)
+    assert row["mesh_slope_db"] == pytest.approx(2.0)
+    assert found.named(found.row(1, "gear"))["mate_far_db"] == pytest.approx(7.0)
+    assert found.named(found.row(2, "gear"))["elsewhere_mesh_db"] == pytest.approx(
+        row["mesh_rms_db"]
+    )
+
+
+def test_gears_on_one_shaft_know_of_each_other():
+    def change(*family):
+        return 5.0 if family[:3] == ("sidebands", 1, "gear") else 0.0
+
+    found = kind_features(levels(change))
+    assert found.named(found.row(2, "pinion"))["shaft_near_db"] == pytest.approx(5.0)
+    assert found.named(found.row(2, "gear"))["shaft_near_db"] == 0.0
+
+
+def test_one_tooth_is_one_peak():
+    found = kind_features([], [Shape(1, "pinion", one_tooth(30, 4))])
+    row = found.named(0)
+    assert row["peak_db"] == pytest.approx(20.0)
+    assert row["second_db"] == pytest.approx(0.0)
+    assert row["top_share"] == pytest.approx(1.0)
+    assert row["teeth_involved"] == pytest.approx(0.0)
+    assert row["peaks"] == 1
+    assert row["turn_once"] == pytest.approx(1.0)
+
+
+def test_two_opposite_teeth_are_two_peaks():
+    energy = one_tooth(40, 3)
+    energy[23] = 100.0
+    row = kind_features([], [Shape(1, "pinion", energy)]).named(0)
+    assert row["peaks"] == 2
+    assert row["second_db"] == pytest.approx(20.0)
+    assert row["top_share"] == pytest.approx(0.5)
+    assert row["teeth_involved"] == pytest.approx(1.0)
+    assert row["turn_once"] == pytest.approx(0.0, abs=1e-12)
+    assert row["turn_twice"] == pytest.approx(1.0)
+
+
+@given(st.integers(0, 29))
+def test_which_tooth_it_is_does_not_matter(shift):
+    energy = np.random.default_rng(2).exponential(size=30)
+    plain = kind_features([], [Shape(1, "gear", energy)]).values
+    turned = kind_features([], [Shape(1, "gear", np.roll(energy, shift))]).values
+    assert np.allclose(turned, plain, atol=1e-9)
+
+
+@given(
+    st.lists(st.floats(0, 1e12), min_size=1, max_size=60),
+    st.lists(st.floats(-400, 400), min_size=1, max_size=20),
+)
+def test_features_are_finite_whatever_comes(energy, moved):
+    changes = [
+        Level("a", "mesh" if i % 3 else "sidebands", 1, 1 + i % 8, "" if i % 3 else "gear", 2, x)
+        for i, x in enumerate(moved)
+    ]
+    found = kind_features(changes, [Shape(1, "pinion", np.array(energy))])
+    assert np.isfinite(found.values).all()
+
+
+def test_turns_take_the_place_of_the_near_family():
+    turn = TurnChange(stage=1, gear="gear", change_db=np.array([9.0, 1.0, 2.0, 3.0, 4.0, 5.0]))
+    row = kind_features(levels(), turns=[turn]).named(0)
+    assert (row["once_db"], row["twice_db"], row["thrice_db"]) == (9.0, 1.0, 2.0)
+    assert row["several_db"] == pytest.approx(4.0)
+    assert row["turns_known"] == 1.0
+
+
+def test_mesh_alone_makes_a_row():
+    only = [level for level in levels() if level.kind == "mesh"]
+    assert kind_features(only).gears == ((1, ""), (2, ""))
+
+
+def test_nothing_to_look_at_is_said():
+    with pytest.raises(ArgumentError, match="no change of level"):
+        kind_features([])
+    with pytest.raises(ArgumentError, match="was not looked at"):
+        kind_features(levels()).row(3, "sun")
+
+
+def pattern(amplitude, teeth=20):
+    number = np.arange(1, amplitude.shape[1] + 1)
+    return WheelPattern(
+        stage=1,
+        gear="pinion",
+        teeth=teeth,
+        order=1.0,
+        number=number,
+        mesh=number % teeth == 0,
+        amplitude=amplitude,
+        variance=np.full(amplitude.shape, 1e-12),
+    )
+
+
+def random_lines(seed=0, lines=130, channels=2):
+    random = np.random.default_rng(seed)
+    return random.normal(size=(channels, lines)) + 1j * random.normal(size=(channels, lines))
+
+
+def distance(lines=130, teeth=20):
+    number = np.arange(1, lines + 1)
+    return np.abs((number + teeth // 2) % teeth - teeth // 2)
+
+
+def test_doubled_first_sidebands_are_six_decibels():
+    old = random_lines()
+    new = np.where(distance() == 1, 2.0, 1.0) * old
+    (turn,) = turn_changes([pattern(new)], (0, 1), [[pattern(old)]], (0, 1))
+    assert turn.change_db[0] == pytest.approx(20 * np.log10(2), abs=1e-6)
+    assert np.allclose(turn.change_db[1:], 0.0, atol=1e-6)
+
+
+@given(st.floats(-3, 3), st.floats(-3, 3))
+def test_gains_do_not_matter_to_single_sidebands(one, two):
+    old, factor = random_lines(), np.array([[10**one], [10**two]])
+    new = np.where(distance() == 2, 3.0, 1.0) * old
+    quiet = 1e-12 * np.ones(old.shape)
+    plain = turn_changes([pattern(new)], (0, 1), [[pattern(old)]], (0, 1))[0]
+    louder = replace(pattern(factor * new), variance=np.abs(factor) ** 2 * quiet)
+    scaled = turn_changes([louder], (0, 1), [[pattern(old)]], (0, 1))[0]
+    swapped = turn_changes([louder], (1, 0), [[pattern(old)]], (1, 0))[0]
+    assert np.allclose(scaled.change_db, plain.change_db, atol=1e-4)
+    assert np.allclose(swapped.change_db, scaled.change_db, atol=1e-9)
+
+
+def test_gears_that_the_reference_lacks_are_left_out():
+    new = pattern(random_lines())
+    assert turn_changes([new], (0,), [[replace(new, gear="gear")]], (0,)) == ()

@@ -1,0 +1,261 @@
+"""Classifiers trained on simulated signatures: what they learn, and whether they know how sure."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from gearmon.diagnosis.kind_rules import judge_kind, rule_probabilities
+from reference.simulated_machines import one_pair, two_stages
+from reference.small_gearbox import machine
+
+from gearmon.diagnosis.fault_types import (
+    KINDS,
+    NAMES,
+    NONE,
+    KindClassifier,
+    departure_energy,
+    draw_example,
+    examples,
+    machine_lines,
+    train_kinds,
+    training_table,
+)
+from gearmon.errors import ArgumentError
+from gearmon.machine import Machine, OperatingPoint, ParallelStage
+from gearmon.signatures.expected import expected_signature
+from gearmon.signatures.reference import WheelPattern
+
+TRAINED_ON, ASKED = 480, 240
+TURNS_KNOWN = NAMES.index("turns_known")
+WHOLE_TURN = ("eccentricity", "misalignment", "looseness")
+
+
+@cache
+def lines():
+    return machine_lines(machine())
+
+
+@cache
+def drawn(seed, count):
+    random = np.random.default_rng(seed)
+    return [draw_example(lines(), KINDS[i % len(KINDS)], random) for i in range(count)]
+
+
+@cache
+def trained():
+    return KindClassifier(random_state=0).fit(*training_table(drawn(1, TRAINED_ON)))
+
+
+def told(made):
+    rows, kinds = training_table(made)
+    return trained().predict_proba(rows), kinds
+
+
+def accuracy(shares, kinds):
+    return float(np.mean(trained().classes_[shares.argmax(axis=1)] == kinds))
+
+
+def pair(**changes):
+    """A machine that is not the one trained on."""
+    stage = {"pinion_teeth": 29, "gear_teeth": 43, "module_mm": 3.0, "face_width_mm": 30.0}
+    return Machine(
+        name="another",
+        operating=(OperatingPoint(speed_rpm=2100.0, torque_nm=200.0),),
+        stages=(ParallelStage(**(stage | changes)),),
+    )
+
+
+def test_lines_of_a_tooth_are_those_of_the_expected_signature():
+    gear = next(g for g in lines().gears if g.wheel.gear == "pinion")
+    weight = np.zeros(23)
+    weight[4] = 0.1
+    ours = gear.by_tooth(gear.crack, weight)
+    signature = expected_signature(
+        machine(), ["crack:1:pinion:5:10%"], tolerance=1e-6, max_hz=8.6 * 23 * 2960 / 60
+    )
+    number = 23 * signature["mesh_harmonic"] + signature["sideband"]
+    value = signature["acceleration_ms2"] * np.exp(1j * signature["phase_rad"])
+    known = dict(zip(number.tolist(), value.tolist(), strict=True))
+    side = gear.distance != 0
+    theirs = np.array([known[n] for n in gear.wheel.number[side].tolist()])
+    # acceleration is counted along the displacement there, against it here
+    assert np.linalg.norm(ours[side] + theirs) < 0.02 * np.linalg.norm(theirs)
+
+
+def test_lines_of_several_teeth_add_to_first_order():
+    gear = next(g for g in lines().gears if g.wheel.gear == "gear")
+    one, two = np.zeros(57), np.zeros(57)
+    one[3], two[40] = 0.1, 0.2
+    both = gear.by_tooth(gear.pitting, one + two)
+    apart = gear.by_tooth(gear.pitting, one) + gear.by_tooth(gear.pitting, two)
+    assert np.allclose(both, apart)
+
+
+def test_unit_effects_have_the_rms_of_the_sound_mesh():
+    sound = np.linalg.norm(lines().healthy)
+    for gear in lines().gears:
+        for line in (gear.eccentricity, gear.wobble, gear.profile):
+            assert np.linalg.norm(line) == pytest.approx(sound, rel=1e-3)
+
+
+def test_the_same_seed_draws_the_same_examples():
+    one, two = examples(machine(), 5, 8), examples(machine(), 5, 8)
+    assert all(
+        np.array_equal(a.features.values, b.features.values) and a.kind == b.kind
+        for a, b in zip(one, two, strict=True)
+    )
+    assert {example.kind for example in one} == set(KINDS)
+
+
+def test_the_departure_of_one_tooth_is_found_at_that_tooth():
+    random = np.random.default_rng(0)
+    gear = next(g for g in lines().gears if g.wheel.gear == "pinion")
+    weight = np.zeros(23)
+    weight[9] = 1.0
+
+    def pattern(amplitude):
+        return WheelPattern(
+            stage=1,
+            gear="pinion",
+            teeth=23,
+            order=1.0,
+            number=gear.wheel.number,
+            mesh=gear.wheel.mesh,
+            amplitude=amplitude[None, :],
+            variance=np.full((1, len(amplitude)), 1e-12),
+        )
+
+    sound = random.normal(size=len(gear.distance)) * np.exp(
+        2j * np.pi * random.uniform(size=len(gear.distance))
+    )
+    crack = gear.by_tooth(gear.crack, weight)
+    hurt = sound + 3 * crack / np.abs(crack[gear.distance != 0]).max()
+    energy = departure_energy(pattern(hurt), pattern(sound), 0)
+    assert abs(int(np.argmax(energy)) - 9) <= 1
+    assert np.median(energy) == pytest.approx(1.0)
+
+
+def test_kinds_of_new_examples_are_told():
+    shares, kinds = told(drawn(2, ASKED))
+    # sizes reach down to what nothing shows; chance is 1 in 8
+    assert accuracy(shares, kinds) > 0.55
+    sizes = np.array([example.size for example in drawn(2, ASKED)])
+    large = np.zeros(len(kinds), dtype=bool)
+    for kind in KINDS[:-1]:
+        large |= (kinds == kind) & (sizes > np.median(sizes[kinds == kind]))
+    assert accuracy(shares[large], kinds[large]) > 0.65
+
+
+def test_errors_of_a_whole_gear_are_not_called_a_damaged_tooth():
+    shares, kinds = told(drawn(2, ASKED))
+    called = trained().classes_[shares.argmax(axis=1)]
+    whole = np.isin(kinds, (*WHOLE_TURN, NONE))
+    assert np.mean(called[whole] == "tooth damage") < 0.03
+
+
+def test_probabilities_hold():
+    shares, kinds = told(drawn(2, ASKED))
+    sure = shares.max(axis=1)
+    right = trained().classes_[shares.argmax(axis=1)] == kinds
+    hot = kinds[:, None] == trained().classes_
+    assert np.mean(np.sum((shares - hot) ** 2, axis=1)) < 0.6
+    bins = np.minimum((5 * sure).astype(int), 4)
+    gaps = [
+        abs(right[bins == b].mean() - sure[bins == b].mean()) * np.mean(bins == b)
+        for b in range(5)
+        if (bins == b).any()
+    ]
+    assert sum(gaps) < 0.1
+
+
+def test_another_machine_is_told_better_than_by_chance():
+    random = np.random.default_rng(8)
+    other = machine_lines(pair())
+    made = [draw_example(other, KINDS[i % len(KINDS)], random) for i in range(120)]
+    assert accuracy(*told(made)) > 0.4
+
+
+def test_rules_alone_do_better_than_chance():
+    rows, kinds = training_table(drawn(2, ASKED))
+    called = []
+    for row in rows:
+        shares = rule_probabilities(dict(zip(NAMES, row.tolist(), strict=True)))
+        assert sum(shares.values()) == pytest.approx(1.0)
+        called.append(max(shares, key=shares.get))
+    assert np.mean(np.array(called) == kinds) > 0.4
+
+
+def row(**changed):
+    return dict.fromkeys(NAMES, 0.0) | {"turns_known": 1.0, "teeth_involved": 4.0} | changed
+
+
+@pytest.mark.parametrize(
+    ("kind", "changed"),
+    [
+        ("tooth damage", {"peak_db": 18, "peaks": 1, "teeth_involved": 2, "far_db": 2}),
+        ("several teeth", {"peak_db": 15, "second_db": 12, "peaks": 3, "teeth_involved": 3}),
+        ("distributed pitting", {"far_db": 8, "near_db": 6, "several_db": 6, "twice_db": 4}),
+        ("wear", {"mesh_rms_db": 8, "mesh_db": 6}),
+        ("eccentricity", {"once_db": 12, "twice_db": 2, "near_db": 9}),
+        ("misalignment", {"twice_db": 12, "near_db": 7, "mesh_rms_db": 2}),
+        (
+            "looseness",
+            {"once_db": 8, "twice_db": 8, "thrice_db": 8, "several_db": 7, "shaft_near_db": 8},
+        ),
+        (NONE, {"peak_db": 3}),
+    ],
+)
+def test_rules_know_the_textbook_cases(kind, changed):
+    shares = rule_probabilities(row(**changed))
+    assert max(shares, key=shares.get) == kind
+
+
+def test_a_judgement_names_gear_and_reasons():
+    # without single sidebands eccentricity and looseness look alike
+    example = next(
+        e
+        for e in drawn(2, ASKED)
+        if e.kind == "eccentricity" and e.size > 1 and e.features.values[0, TURNS_KNOWN]
+    )
+    for classifier in (None, trained()):
+        judged = judge_kind(example.features, classifier)
+        assert judged.kind == "eccentricity"
+        assert (judged.stage, judged.gear) == example.gears[0]
+        assert judged.probability == max(judged.probabilities.values())
+        assert "dB" in judged.evidence[0]
+        assert judged.to_dict()["method"] == ("rules" if classifier is None else "classifier")
+    asked = judge_kind(example.features, stage=1, gear="gear")
+    assert asked.gear in ("gear", None)
+
+
+def test_a_classifier_of_other_features_is_refused():
+    other = KindClassifier().fit([[0.0], [1.0], [0.1], [1.1]], ["wear", NONE, "wear", NONE])
+    with pytest.raises(ArgumentError, match="trained on 1 features"):
+        judge_kind(drawn(2, ASKED)[0].features, other)
+
+
+def test_training_needs_data_and_examples():
+    with pytest.raises(ArgumentError, match="count"):
+        train_kinds(machine(), count=8)
+    bare = Machine(
+        name="bare",
+        operating=(OperatingPoint(speed_rpm=1000.0),),
+        stages=(ParallelStage(pinion_teeth=20, gear_teeth=40),),
+    )
+    with pytest.raises(ArgumentError, match="torque_nm"):
+        train_kinds(bare)
+
+
+@pytest.mark.parametrize("known", [one_pair(), two_stages()])
+def test_examples_can_be_drawn_of_other_machine_files(known):
+    made = examples(known, 3, len(KINDS))
+    assert all(np.isfinite(example.features.values).all() for example in made)
+    assert {example.kind for example in made} == set(KINDS)
+
+
+def test_training_goes_from_machine_file_to_classifier():
+    classifier = train_kinds(machine(), seed=2, count=80)
+    assert set(classifier.classes_) == set(KINDS)
+    assert classifier.n_features_in_ == len(NAMES)

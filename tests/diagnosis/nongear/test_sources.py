@@ -1,0 +1,71 @@
+"""Lines at multiples of one another have one source; others keep to themselves."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gearmon.diagnosis.nongear import harmonic_sources
+from gearmon.signatures.nongear_lines import NonGearLine
+
+WIDTH = 0.005
+WIDTHS = {"spectrum": WIDTH, "envelope": WIDTH}
+
+
+def lines(orders, kind="spectrum", locked="shaft"):
+    """Lines at some orders, all alike."""
+    return [
+        NonGearLine(
+            kind=kind,
+            order=float(order),
+            frequency_hz=25.0 * float(order),
+            locked=locked,
+            level_db=(0.0,),
+            over_noise_db=(30.0,),
+            low_order=float(order),
+            high_order=float(order),
+        )
+        for order in orders
+    ]
+
+
+@pytest.mark.parametrize("fundamental", [1.6917, 3.5771, 9.0151])
+def test_harmonics_read_to_half_a_width_have_one_source(fundamental):
+    generator = np.random.default_rng(3)
+    numbers = np.array([1, 2, 3, 5, 6, 8, 11])
+    read = fundamental * numbers + generator.uniform(-0.5, 0.5, len(numbers)) * WIDTH
+    order = generator.permutation(len(numbers))
+    found = harmonic_sources(lines(read[order]), WIDTHS)
+    assert [[int(order[i]) for i in group] for group in found] == [list(range(len(numbers)))]
+
+
+def test_kinds_and_locks_are_held_apart():
+    both = lines([4.21, 8.42]) + lines([4.21, 8.42], kind="envelope") + lines([8.42], locked="time")
+    assert sorted(map(sorted, harmonic_sources(both, WIDTHS))) == [[0, 1], [2, 3], [4]]
+
+
+def test_two_series_are_told_apart():
+    first, second = 4.2107 * np.arange(1, 6), 5.1313 * np.arange(1, 6)
+    found = harmonic_sources(lines(np.concatenate([first, second])), WIDTHS)
+    assert sorted(map(sorted, found)) == [[0, 1, 2, 3, 4], [5, 6, 7, 8, 9]]
+
+
+def test_unrelated_lines_seldom_share_a_source():
+    generator = np.random.default_rng(4)
+    joined = 0
+    for _ in range(200):
+        unrelated = lines(generator.uniform(1.0, 60.0, 15))
+        joined += len(unrelated) - len(harmonic_sources(unrelated, WIDTHS))
+    # each of 15 fundamentals finds a partner by chance with less than 1 %
+    assert joined <= 0.01 * 15 * 200
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.floats(0.01, 200.0), max_size=40), st.floats(1e-3, 0.1))
+def test_every_line_has_one_source(orders, width):
+    found = harmonic_sources(lines(orders), {"spectrum": width, "envelope": width})
+    assert sorted(i for group in found for i in group) == list(range(len(orders)))
+    for group in found:
+        assert group[0] == min(group, key=lambda i: (orders[i], group.index(i)))

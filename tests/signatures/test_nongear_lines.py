@@ -1,0 +1,175 @@
+"""Lines that no gear explains: found where they are, nowhere else, locked to the right thing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from reference.nongear_cases import (
+    RATE_HZ,
+    SPEED_HZ,
+    bearing_order,
+    heard,
+    impacts,
+    recorded,
+    train,
+)
+from reference.simulated_machines import planetary
+
+from gearmon.gears.kinematics import kinematics
+from gearmon.signals.fine_spectrum import fine_order_spectrum
+from gearmon.signatures.gear_orders import distance_to, known_orders
+from gearmon.signatures.nongear_lines import (
+    NonGearLine,
+    contaminated,
+    line_arrays,
+    lines_from_arrays,
+    noise_exceeds,
+    nongear_lines,
+    taken,
+)
+
+TURNING = (3.27, 7.61, 40.37)
+
+
+def test_a_machine_of_gears_alone_has_none():
+    cases = [(seed, wander) for seed in range(3) for wander in (0.0, 0.005)]
+    found = [heard(seed, machine_seed=seed, wander=wander) for seed, wander in cases]
+    # a peak of mere noise is listed once in twenty spectra, and never stands high
+    assert sum(map(len, found)) <= 2
+    for lines in found:
+        for line in lines:
+            assert max(line.over_noise_db) < lines.grid(line.kind).least_db + 2.0
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_lines_are_found_at_their_places_with_their_levels(seed):
+    found = heard(seed, orders=TURNING, level=0.05)
+    assert sorted(round(line.order, 1) for line in found) == [3.3, 7.6, 40.4]
+    for line in found:
+        assert np.min(np.abs(line.order - np.array(TURNING))) < 0.01
+        np.testing.assert_allclose(line.level_db, 20 * np.log10(0.05), atol=1.5)
+        assert line.frequency_hz == pytest.approx(line.order * found.speed_hz)
+
+
+def test_what_follows_the_shaft_is_told_from_what_does_not():
+    found = heard(1, orders=(40.37, 23.77), tones_hz=(777.7, 100.0), wander=0.01)
+    locks = {round(line.frequency_hz / SPEED_HZ): line.locked for line in found}
+    assert locks[40] == locks[24] == "shaft"
+    assert locks[4] == locks[31] == "time"
+    assert len(found) == 4
+    for line in found:
+        if line.locked == "time":
+            assert min(abs(line.frequency_hz - hertz) for hertz in (777.7, 100.0)) < 0.1
+            assert line.low_order < line.order < line.high_order
+
+
+def test_an_even_speed_leaves_the_lock_open():
+    found = heard(1, orders=(40.37,), tones_hz=(100.0,), wander=0.0)
+    assert {line.locked for line in found} == {"either"}
+
+
+def test_impacts_that_slip_show_in_the_envelope():
+    found = heard(2, added=impacts("BPFO", 0.5))
+    orders = [line.order for line in found if line.kind == "envelope"]
+    wanted = 0.99 * bearing_order("BPFO")
+    assert min(abs(order - wanted) for order in orders) < 0.01 * wanted
+
+
+def test_gain_moves_levels_alone():
+    one, other = (heard(1, orders=TURNING, gain=gain) for gain in (1.0, 100.0))
+    assert [line.order for line in one] == [line.order for line in other]
+    for line, louder in zip(one, other, strict=True):
+        np.testing.assert_allclose(np.subtract(louder.level_db, line.level_db), 40.0, atol=1e-6)
+        np.testing.assert_allclose(louder.over_noise_db, line.over_noise_db, atol=1e-6)
+
+
+@pytest.mark.parametrize("of_train", [train(), kinematics(planetary())])
+def test_known_orders_hold_shafts_meshes_and_sidebands(of_train):
+    known = known_orders(of_train, 200.0, 0.005)
+    assert np.all(np.diff(known) > 0)
+    for shaft in of_train.shafts:
+        assert distance_to(known, np.array([shaft.order, 7 * shaft.order])).max() < 1e-6
+    for mesh in of_train.meshes:
+        for family in mesh.modulations:
+            near = [k * mesh.order + r * float(family.exact) for k in (1, 2) for r in (-2, 3)]
+            assert distance_to(known, np.array([x for x in near if x > 0])).max() < 1e-6
+
+
+@given(order=st.floats(0.1, 100.0), resolution=st.floats(1e-3, 1.0), smear=st.floats(0.0, 0.02))
+def test_orders_near_a_line_are_contaminated(order, resolution, smear):
+    line = NonGearLine(
+        kind="spectrum",
+        order=order,
+        frequency_hz=order,
+        locked="time",
+        level_db=(0.0,),
+        over_noise_db=(20.0,),
+        low_order=order * (1 - smear),
+        high_order=order * (1 + smear),
+    )
+    grid = np.array([order, order + 0.9 * resolution, order * (1 + smear) + 1.1 * resolution])
+    assert contaminated(grid, [line], resolution).tolist() == [True, True, False]
+
+
+def test_lines_of_the_envelope_contaminate_nothing():
+    found = heard(2, added=impacts("BPFO", 0.5))
+    beats = [line for line in found if line.kind == "envelope"]
+    assert beats
+    assert not contaminated(np.array([line.order for line in beats]), beats, 1.0).any()
+
+
+@pytest.mark.parametrize("pieces", [1, 4])
+def test_noise_law(pieces):
+    generator = np.random.default_rng(4)
+    power = generator.exponential(size=(pieces, 200_000)).mean(axis=0)
+    for ratio in (0.5, 2.0, 4.0):
+        assert np.mean(power > ratio) == pytest.approx(noise_exceeds(ratio, pieces), abs=3e-3)
+
+
+def test_storage_gives_back_every_bit():
+    for known in (heard(1, orders=TURNING, tones_hz=(100.0,)), heard(3)):
+        back = lines_from_arrays(line_arrays(known))
+        assert back.lines == known.lines
+        assert (back.speed_hz, back.cell_hz) == (known.speed_hz, known.cell_hz)
+        np.testing.assert_array_equal(back.in_time_db, known.in_time_db)
+        for one, other in zip(back.grids, known.grids, strict=True):
+            np.testing.assert_array_equal(one.noise_db, other.noise_db)
+            np.testing.assert_array_equal(one.hidden_db, other.hidden_db)
+            assert (one.kind, one.width, one.pieces) == (other.kind, other.width, other.pieces)
+            assert (one.least_db, one.looked_at) == (other.least_db, other.looked_at)
+
+
+def test_a_silent_channel_changes_nothing():
+    samples, track = recorded(1, orders=TURNING)
+    silent = np.vstack([samples, np.zeros(samples.shape[-1])])
+    one, other = (
+        nongear_lines(x, RATE_HZ, track, train(), fine_order_spectrum(x, RATE_HZ, track))
+        for x in (samples, silent)
+    )
+    assert [line.order for line in one] == [line.order for line in other]
+    assert all(np.isfinite(line.level_db).all() for line in other)
+
+
+def test_of_very_many_lines_the_clearest_are_listed(monkeypatch):
+    everything = heard(1, orders=TURNING, level=[0.2, 0.05, 0.02])
+    monkeypatch.setattr("gearmon.signatures.nongear_lines.MOST_LINES", 2)
+    known = heard(1, orders=TURNING, level=[0.2, 0.05, 0.02])
+    assert known.lines == everything.lines[:2]
+    assert known.grid("spectrum").least_db == max(everything.lines[2].over_noise_db)
+
+
+@pytest.mark.parametrize("duration_s", [0.3, 1.0])
+def test_short_recordings_do(duration_s):
+    known = heard(1, orders=TURNING, duration_s=duration_s)
+    assert known.in_time_db.shape[-1] * known.cell_hz < RATE_HZ / 2 + 2 * known.cell_hz
+    assert np.isfinite(known.in_time_db).all()
+
+
+def test_channels_can_be_taken_out():
+    known = heard(1, orders=TURNING)
+    turned = taken(known, [1, 0])
+    assert [line.level_db[::-1] for line in turned] == [line.level_db for line in known]
+    assert len(taken(known, [1]).lines[0].level_db) == 1
+    assert taken(known, [1]).grid("envelope").noise_db.shape[0] == 1
