@@ -35,8 +35,10 @@ _DTYPES = {
 }  # fmt: skip
 # Names of a sampling rate that programs write into MAT files, surest first; the last two may be the
 # rate of anything.
-_RATE_NAMES = ("fs", "samplingrate", "samplerate", "samplingfrequency", "samplefrequency")
-_RATE_NAMES += ("sampfreq", "samprate", "sr", "rate", "f")
+_RATE_NAMES = (
+    "fs", "samplingrate", "samplerate", "samplingfrequency", "samplefrequency",
+    "sampfreq", "samprate", "sr", "rate", "f",
+)  # fmt: skip
 _SURE = _RATE_NAMES[:-2]
 # A shaft of 30,000 1/min turns at 500 Hz: what is slower may be a speed and can sample no mesh.
 # Nothing that is recorded as vibration is faster than 100 MHz.
