@@ -123,6 +123,28 @@ def analyse(
     return compared.judged(indicators, must_notice)
 
 
+def evidence_against(
+    signature: MeasuredSignature, machine: Machine, reference: Reference
+) -> Evidence:
+    """Weigh what speaks against a healthy machine, without judging it.
+
+    Parameters
+    ----------
+    signature : MeasuredSignature
+        Of the new recording.
+    machine : Machine
+        Its machine.
+    reference : Reference
+        Healthy recordings.
+    """
+    return _Compared.of(signature, machine, reference).evidence()
+
+
+def score_of(strength: float) -> float:
+    """Score of a strength of evidence: log10(1 + 10^s), the strength itself where it is large."""
+    return float(np.logaddexp(0.0, strength * np.log(10.0)) / np.log(10.0))
+
+
 _Indicators = dict[str, dict[str, float]]
 
 
@@ -161,7 +183,7 @@ class _Compared:
     def judged(self, indicators: _Indicators, must_notice: float) -> Analysis:
         """Weigh all evidence and judge."""
         signature = self.signature
-        evidence = self._evidence()
+        evidence = self.evidence()
         changes = self._changes(evidence.deviation)
         profiles = self._profiles(evidence)
         decision = decide(evidence, self._unheard(profiles, must_notice))
@@ -173,7 +195,7 @@ class _Compared:
             machine=self.machine.name,
             verdict=decision.verdict,
             reason=reason(decision.verdict, evidence, flags, changes, profiles, decision.unheard),
-            score=max(0.0, evidence.strength),
+            score=score_of(evidence.strength),
             false_alarm_probability=evidence.probability,
             compared_with="reference",
             signature=signature,
@@ -191,7 +213,8 @@ class _Compared:
             foreign=evidence.nongear,
         )
 
-    def _evidence(self) -> Evidence:
+    def evidence(self) -> Evidence:
+        """Weigh what speaks against a healthy machine."""
         signature, healthy = self.signature, self.healthy
         nongear = nongear_findings(signature, self.reference, kinematics(self.machine))
         striking = [f for f in nongear if f.false_alarm_probability < LIMITS.rare]
@@ -403,7 +426,7 @@ def _with(
         verdict=verdict,
         reason=f"{told} {found.reason}",
         flags=flags,
-        score=max(0.0, strength),
+        score=score_of(strength),
         false_alarm_probability=probability,
         compared_with="reference",
     )

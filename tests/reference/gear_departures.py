@@ -5,9 +5,10 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from gearmon.diagnosis.coherent import BandDifference, CoherentDifference
-from gearmon.diagnosis.tooth_search import search_gear
 
+from gearmon.diagnosis.hypotheses.tooth_search import search_gear
+from gearmon.diagnosis.law import GearDeviation, GearLaw, turned_alike
+from gearmon.diagnosis.law.gear_lines import BandDeviation
 from gearmon.machine import Machine, OperatingPoint, ParallelStage
 from gearmon.signatures.tooth_response import tooth_response
 
@@ -54,12 +55,16 @@ def gear(weight, seed=0, height=10.0, smooth=None, noise=1.0):
         lines *= height / max(np.sqrt(np.mean(np.abs(lines) ** 2)), 1e-30)
         hiss = noise * complex_noise(rng, *lines.shape)
         bands.append(
-            BandDifference(
-                harmonic=k, number=own, rest=lines + hiss, deviation=np.full(lines.shape, 0.01)
+            BandDeviation(
+                harmonic=k,
+                number=own,
+                rest=lines + hiss,
+                deviation=np.full(lines.shape, 0.01),
+                noise=np.full(lines.shape, 0.01),
             )
         )
     return search_gear(
-        CoherentDifference(
+        GearDeviation(
             stage=1,
             gear="pinion",
             teeth=TEETH,
@@ -67,7 +72,6 @@ def gear(weight, seed=0, height=10.0, smooth=None, noise=1.0):
             bands=tuple(bands),
             mesh_power=np.ones((2, HARMONICS + 1)),
             shift_turns=0.0,
-            patterns=1,
         ),
         response(),
         SPEED_HZ,
@@ -78,3 +82,13 @@ def weights(*teeth):
     own = np.zeros(TEETH)
     own[list(teeth)] = 1.0
     return own
+
+
+def held_against(new, healthy, channels=(0, 1), *, same_zero=True, states=None, state=(0.0, 0.0)):
+    """Deviation of a new pattern from the law of healthy ones, all at one operating state."""
+    law = GearLaw(
+        wheel=healthy[0],
+        patterns=turned_alike(healthy, [channels] * len(healthy), same_zero=same_zero),
+        states=np.zeros((len(healthy), 2)) if states is None else np.asarray(states, dtype=float),
+    )
+    return law.deviation(new, channels, np.asarray(state, dtype=float), same_zero=same_zero)

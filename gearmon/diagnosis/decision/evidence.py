@@ -55,7 +55,8 @@ class Evidence:
     def strengths(self) -> dict[str, float]:
         """Strength of every test, by its name."""
         told = {
-            "levels": levels_strength(self.deviation.levels, self.deviation.broadband),
+            "levels": levels_strength(self.deviation.levels, self.deviation.broadband)
+            / (1.0 + LIMITS.gap_weight * self.deviation.gap),
             "runout": rare_strength([one.log10_probability for one in self.runout]),
             "lines of no gear": rare_strength([one.log10_probability for one in self.nongear]),
         }
@@ -68,6 +69,8 @@ class Evidence:
                 for name in ("levels", "tooth")
                 if name in told
             }
+            # and smears single sidebands most
+            told["runout"] = min(0.0, told["runout"])
         return told
 
     @property

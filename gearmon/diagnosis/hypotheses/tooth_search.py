@@ -31,8 +31,8 @@ _COMPETES = 2.3
 # the teeth in contact and the level of the mesh harmonics are not what the gear data say.
 COMMON_DEVIATION = 0.2
 # True size over that of the likelihood in the median: 52 losses of 10 to 40 % on 13 machines of the
-# detection benchmark, and 16 of 7 to 30 % on a simulated one. Lines next to the mesh harmonics carry
-# a part of the response and are left out as those of runout. And the largest loss there is.
+# detection benchmark, 16 of 7 to 30 % on a simulated one. Lines next to the mesh harmonics carry a
+# part of the response and are left out as those of runout. And the largest loss there is.
 SIZE_BIAS, _LARGEST = 1.3, 0.99
 # Lines of a cell in which gears are told apart, at least; standard deviation of the logarithm of
 # its amplitude about what is expected, and freedom of Student's law for it.

@@ -24,9 +24,9 @@ _NEPER = float(np.log(10.0) / 20.0)
 #: Distance [units of state: nepers of the mesh] over which a slope may turn: loads a factor of two
 #: apart. Healthy pairs of simulated machines from 40 to 115 % load.
 LENGTH = 0.7
-#: Relative change of speed that moves lines as far across the path's modes as one unit of state
-#: changes the load: twice a modal damping ratio of 0.03.
-SPEED_UNIT = 0.06
+#: Relative change of speed that counts as one unit of state: a modal damping ratio of the path, so
+#: that two per cent move lines across the modes as far as a load changed by half moves them.
+SPEED_UNIT = 0.03
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from gearmon.diagnosis.kind_turns import TurnChange, turn_changes
 from hypothesis import given
 from hypothesis import strategies as st
 
 from gearmon.diagnosis.fault_types import FEATURES, NAMES, kind_features
+from gearmon.diagnosis.hypotheses.runout import TurnChange, turn_changes
 from gearmon.errors import ArgumentError
 from gearmon.signatures.reference import WheelPattern
 

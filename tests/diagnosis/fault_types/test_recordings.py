@@ -9,10 +9,10 @@ from __future__ import annotations
 from functools import cache
 
 import pytest
-from gearmon.diagnosis.kind_rules import judge_kind
 from reference.small_gearbox import analysis, machine, reference
 
 from gearmon.diagnosis.fault_types import NONE, analysis_features, train_kinds
+from gearmon.diagnosis.hypotheses.fault_kinds import judge_kind
 
 PINION_10 = "crack:1:pinion:3:10%"
 WORN = "wear:1:pinion:all:20%"

@@ -6,7 +6,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from gearmon.diagnosis.kind_rules import judge_kind, rule_probabilities
 from reference.simulated_machines import one_pair, two_stages
 from reference.small_gearbox import machine
 
@@ -22,6 +21,7 @@ from gearmon.diagnosis.fault_types import (
     train_kinds,
     training_table,
 )
+from gearmon.diagnosis.hypotheses.fault_kinds import judge_kind, rule_probabilities
 from gearmon.errors import ArgumentError
 from gearmon.machine import Machine, OperatingPoint, ParallelStage
 from gearmon.signatures.expected import expected_signature

@@ -7,9 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from gearmon.diagnosis.localisation import _log10_gamma, locate
 from reference.gear_patterns import CONTACT_CENTRE, Gear
 from scipy.stats import gamma as gamma_law
+
+from gearmon.diagnosis.hypotheses.own_teeth import _log10_gamma, locate
 
 BOTH = (0, 1)
 

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from gearmon.diagnosis.flagging import runout_flags
-from gearmon.diagnosis.kind_runout import (
-    PRIOR_DB,
-    PRIOR_WORTH,
-    healthy_turns,
-    runout_growth,
-)
-from gearmon.diagnosis.kind_turns import TurnChange
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gearmon.diagnosis.fault_types import NAMES, FeatureVector
+from gearmon.diagnosis.hypotheses.runout import (
+    PRIOR_DB,
+    PRIOR_WORTH,
+    TurnChange,
+    healthy_turns,
+    runout_growth,
+)
 from gearmon.signatures.reference import WheelPattern
 
 TEETH = 20
@@ -96,20 +94,3 @@ def test_healthy_recordings_are_compared_with_one_another():
     assert [own[0].change_db[0] for own in told] == pytest.approx(
         [-20 * np.log10(2), 20 * np.log10(2)], abs=1e-4
     )
-
-
-def features(**changed):
-    row = dict.fromkeys(NAMES, 0.0) | {"turns_known": 1.0, "teeth_involved": 4.0} | changed
-    return FeatureVector(gears=((1, "pinion"),), values=np.array([[row[name] for name in NAMES]]))
-
-
-def test_flags_of_runout_name_gear_and_kind_once():
-    growth = runout_growth([turn(15, 0, 0, 0, 0, 0)])
-    (flag,) = runout_flags(growth, 0.01, 0.05, (), None)
-    assert (flag.kind, flag.stage, flag.gear, flag.tooth) == ("eccentricity", 1, "pinion", None)
-    assert flag.false_alarm_probability == pytest.approx(10 ** growth[0].log10_probability / 0.05)
-    assert runout_flags(growth, 0.01, 0.05, [flag], None) == ()
-    assert runout_flags(runout_growth([turn(5, 0, 0, 0, 0, 0)]), 0.01, 0.05, (), None) == ()
-    # pits on many teeth move the first sidebands, and all others with them
-    pitted = features(once_db=15.0, near_db=10.0, several_db=8.0, far_db=9.0)
-    assert runout_flags(growth, 0.01, 0.05, (), pitted)[0].kind == "distributed pitting"

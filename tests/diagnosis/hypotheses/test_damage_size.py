@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from gearmon.diagnosis.kind_sizes import physical_size
 from reference.simulated_machines import one_pair, two_stages
 
+from gearmon.diagnosis.hypotheses.damage_size import physical_size
 from gearmon.errors import ArgumentError
 from gearmon.gears.fault_sizes import stiffness_loss
 from gearmon.gears.faults import Fault

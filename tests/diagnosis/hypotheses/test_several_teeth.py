@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from gearmon.diagnosis.event_likelihood import (
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from reference.gear_departures import TEETH, complex_noise, gear, weights
+
+from gearmon.diagnosis.hypotheses.event_likelihood import (
     SHARES,
     Band,
     energies,
@@ -12,11 +16,11 @@ from gearmon.diagnosis.event_likelihood import (
     log_likelihood,
     weighted,
 )
-from gearmon.diagnosis.kind_second import repetition, second_tooth
-from gearmon.diagnosis.kind_spread import departure_spread
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from reference.gear_departures import TEETH, complex_noise, gear, weights
+from gearmon.diagnosis.hypotheses.several_teeth import (
+    departure_spread,
+    repetition,
+    second_tooth,
+)
 
 
 @pytest.mark.parametrize("height", [2.0, 10.0, 300.0])

@@ -1,0 +1,271 @@
+"""What a deviation is called: one tooth only where one tooth explains it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from reference.gear_departures import TEETH, complex_noise, gear, machine, weights
+
+from gearmon.diagnosis.decision import Evidence
+from gearmon.diagnosis.decision.flags import Flagging, own_teeth_flags, sentences
+from gearmon.diagnosis.decision.words import fault_sentence, own_teeth_reason
+from gearmon.diagnosis.fault_types import NAMES, FeatureVector
+from gearmon.diagnosis.hypotheses.changed_path import PathChange
+from gearmon.diagnosis.hypotheses.fault_kinds import rule_probabilities
+from gearmon.diagnosis.hypotheses.runout import TurnChange, runout_growth
+from gearmon.diagnosis.hypotheses.several_teeth import departure_spread
+from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, ToothFinding
+from gearmon.diagnosis.hypotheses.tooth_search import LossEstimate
+from gearmon.diagnosis.law import LevelDeviation, MachineDeviation
+from gearmon.diagnosis.results import Change, ToothProfile
+
+
+def levels(standardised=0.0, gain_db=0.0):
+    rest = np.full((1, 8), standardised)
+    return LevelDeviation(
+        expected_db=rest - rest,
+        rest_db=rest,
+        sigma_db=np.ones_like(rest),
+        gain_db=np.full(1, gain_db),
+    )
+
+
+def evidence(own=None, lines=0.0, noise=0.0, noise_gain_db=0.0, runout=()):
+    """Evidence of a departing gear, changed lines, changed noise or grown runout."""
+    finding = None
+    if own is not None:
+        searched = GearEvidence(deviation=own.difference, search=own)
+        finding = ToothFinding(
+            best=searched,
+            tooth=own.match.best + 1,
+            counted_from="tacho",
+            position=0.0,
+            loss=LossEstimate(loss=0.2, low=0.15, high=0.25),
+            evidence=80.0,
+            rivals=(),
+            searched=(searched,),
+        )
+    deviation = MachineDeviation(
+        state=np.zeros(2),
+        gap=0.0,
+        gears=(own.difference,) if own is not None else (),
+        family_names=(),
+        levels=levels(lines),
+        broadband=levels(noise, noise_gain_db),
+    )
+    return Evidence(
+        deviation=deviation, finding=finding, runout=tuple(runout), nongear=(), references=3
+    )
+
+
+def flags_of(found, known=None, changes=(), common=0.0):
+    path = PathChange(common=common, bands=16)
+    return Flagging(
+        evidence=found, machine=machine(), changes=tuple(changes), features=known, path=path
+    ).flags()
+
+
+def change(level_db, kind="sidebands", gear_name="pinion", harmonic=1, scatter_db=0.5):
+    return Change(
+        channel="a1",
+        family=f"{kind} of shaft 1 around mesh 1 harmonic {harmonic}",
+        kind=kind,
+        stage=1,
+        harmonic=harmonic,
+        gear=gear_name,
+        shaft=1,
+        level_db=level_db,
+        reference_db=-20.0,
+        scatter_db=scatter_db,
+    )
+
+
+def features(**changed):
+    row = dict.fromkeys(NAMES, 0.0) | {"turns_known": 1.0, "teeth_involved": 4.0} | changed
+    return FeatureVector(
+        gears=((1, "gear"), (1, "pinion")),
+        values=np.array([np.zeros(len(NAMES)), [row[name] for name in NAMES]]),
+    )
+
+
+PITTED = np.where(np.arange(TEETH) % 3 > 0, np.random.default_rng(1).uniform(0, 2, TEETH), 0.0)
+
+
+def test_one_tooth_is_blamed_with_loss_and_size():
+    own = gear(weights(4))
+    (flag,) = flags_of(evidence(own), features(peak_db=15.0))
+    assert (flag.kind, flag.stage, flag.gear) == ("tooth damage", 1, "pinion")
+    assert flag.tooth == own.match.best + 1
+    assert (flag.stiffness_loss, flag.stiffness_loss_low) == (0.2, 0.15)
+    assert flag.false_alarm_probability < 0.01
+    assert any("one tooth explains" in sentence for sentence in flag.evidence)
+    assert any("crack depth" in sentence for sentence in flag.evidence)
+    assert fault_sentence([flag]).startswith(f"Damage of tooth {flag.tooth} of the pinion")
+
+
+@pytest.mark.parametrize(
+    ("kind", "departure", "changed"),
+    [
+        ("distributed pitting", gear(PITTED), {"far_db": 7, "once_db": 12, "twice_db": 9}),
+        ("eccentricity", gear(None, smooth=0.4), {"once_db": 20, "twice_db": 6}),
+        ("misalignment", gear(None, smooth=0.4), {"twice_db": 20, "once_db": 2}),
+        ("several teeth", gear(weights(2, 11, 22), seed=1), {"far_db": 1, "peak_db": 13}),
+    ],
+)
+def test_what_one_tooth_does_not_explain_is_named_otherwise(kind, departure, changed):
+    flag = flags_of(evidence(departure), features(**changed))[0]
+    assert flag.kind == kind
+    assert (flag.stage, flag.gear) == (1, "pinion")
+    assert flag.tooth is flag.stiffness_loss is flag.stiffness_loss_high is None
+
+
+def test_the_second_of_two_teeth_is_told():
+    pair = weights(4)
+    pair[11] = 0.7
+    flag = flags_of(evidence(gear(pair)), features(peak_db=13))[0]
+    assert flag.tooth is None
+    (told,) = [sentence for sentence in flag.evidence if "second tooth" in sentence]
+    assert told.startswith("a second tooth, 7 teeth after the one that departs most")
+
+
+def half_explained(seed):
+    """One tooth beside unrelated lines of nearly the same power."""
+    own = gear(weights(3), seed=seed, height=10 * np.sqrt(0.55), noise=0.0)
+    rng = np.random.default_rng([6, seed])
+    for band in own.difference.bands:
+        band.rest[:] += 10 * np.sqrt(0.45) * complex_noise(rng, *band.rest.shape)
+    return own
+
+
+def test_runout_asks_for_more_before_a_tooth_is_blamed():
+    """One tooth that explains half of a departure, with and without runout."""
+    departure = next(
+        own
+        for own in (half_explained(i) for i in range(12))
+        if 0.6 < departure_spread(own).one_tooth < 0.98
+    )
+    assert flags_of(evidence(departure), features(once_db=20))[0].kind == "eccentricity"
+    sure = flags_of(evidence(gear(weights(3))), features(once_db=20))[0]
+    assert sure.kind == "tooth damage"
+
+
+@pytest.mark.parametrize("known", [None, features()])
+def test_an_unclear_kind_is_not_guessed(known):
+    flag = flags_of(evidence(gear(PITTED)), known)[0]
+    assert (flag.kind, flag.gear, flag.tooth) == ("changed residual", "pinion", None)
+
+
+def test_runout_is_flagged_by_gear_and_kind():
+    growth = runout_growth(
+        [TurnChange(stage=1, gear="pinion", change_db=np.array([15.0, *5 * [0]]))]
+    )
+    (flag,) = flags_of(evidence(runout=growth))
+    assert (flag.kind, flag.stage, flag.gear, flag.tooth) == ("eccentricity", 1, "pinion", None)
+    small = runout_growth([TurnChange(stage=1, gear="pinion", change_db=np.array([5.0, *5 * [0]]))])
+    assert flags_of(evidence(runout=small)) == ()
+    # pits on many teeth move the first sidebands, and all others with them
+    pitted = features(once_db=15.0, near_db=10.0, several_db=8.0, far_db=9.0)
+    assert flags_of(evidence(runout=growth), pitted)[0].kind == "distributed pitting"
+
+
+def test_levels_are_named_by_their_kind_where_it_is_clear():
+    (plain,) = flags_of(evidence(lines=3.0), None, [change(-10.0), change(-19.0, "mesh", "")])
+    assert (plain.kind, plain.gear) == ("changed sidebands", "pinion")
+    assert plain.evidence == (
+        "a1: sidebands of shaft 1 around mesh 1 harmonic 1 rose 10.0 dB; healthy scatter 0.5 dB",
+    )
+    known = features(once_db=15.0, near_db=12.0)
+    (named,) = flags_of(evidence(lines=3.0), known, [change(-10.0)])
+    assert (named.kind, named.gear) == ("eccentricity", "pinion")
+    assert flags_of(evidence(lines=0.5), known, [change(-10.0)]) == ()
+
+
+def test_bands_that_move_as_one_are_a_changed_path_and_no_gear():
+    (flag,) = flags_of(evidence(lines=3.0), features(once_db=15.0), [change(-10.0)], common=0.7)
+    assert (flag.kind, flag.stage, flag.gear) == ("path changed", None, None)
+    assert "sensor had been moved" in fault_sentence([flag])
+
+
+def test_noise_that_rose_beyond_the_lines_is_no_gear():
+    rose = evidence(lines=2.0, noise=3.0, noise_gain_db=6.0)
+    (flag,) = flags_of(rose, features(once_db=15.0), [change(-10.0)])
+    assert (flag.kind, flag.gear) == ("broadband rise", None)
+    # lines and noise alike: a gain
+    alike = replace(rose.deviation, levels=levels(2.0, 6.0))
+    assert flags_of(replace(rose, deviation=alike), None, [change(-10.0)])[0].gear == "pinion"
+
+
+def test_the_spread_overrules_a_peak_of_the_energy():
+    row = features(far_db=6.0, several_db=5.0, peak_db=16.0, peaks=1.0, teeth_involved=3.0).named(1)
+    assert rule_probabilities(row)["tooth damage"] > 0.5
+    assert rule_probabilities(row, departure_spread(gear(PITTED)))["tooth damage"] < 0.01
+    flat = row | {"peak_db": 2.0}
+    assert rule_probabilities(flat)["tooth damage"] < 0.1
+    assert rule_probabilities(flat, departure_spread(gear(weights(3))))["tooth damage"] > 0.4
+
+
+def profile(log10, stage=1, gear="pinion", tooth=7, order=None):
+    return ToothProfile(
+        stage=stage,
+        gear=gear,
+        teeth=23,
+        # a shaft of its own unless told otherwise
+        order=order or 1.0 / stage + 0.1 * len(gear),
+        energy=np.ones(23),
+        tooth=tooth,
+        position=0.25,
+        ratio=8.25,
+        log10_probability=log10,
+        against="other teeth",
+    )
+
+
+def test_of_its_own_teeth_nothing_striking_is_no_flag():
+    assert own_teeth_flags([], 0.01) == ()
+    assert own_teeth_flags([profile(-1.9)], 0.01) == ()
+    # gears looked at are corrected for
+    assert own_teeth_flags([profile(-2.1)], 0.01)
+    assert own_teeth_flags([profile(-2.1), *3 * [profile(0.0, stage=2)]], 0.01) == ()
+
+
+def test_the_clearest_gear_is_flagged_and_names_the_others():
+    found = [profile(-3), profile(-9, stage=2, gear="gear"), profile(-0.1, gear="gear")]
+    (flag,) = own_teeth_flags(found, 0.01)
+    assert (flag.kind, flag.stage, flag.gear, flag.tooth) == ("tooth damage", 2, "gear", 7)
+    assert flag.false_alarm_probability == pytest.approx(3e-9)
+    assert "8.2 times the energy of its median tooth" in flag.evidence[0]
+    assert "cannot be known whether it was always so" in flag.evidence[1]
+    assert any("pinion of stage 1 shows it too" in line for line in flag.evidence)
+
+
+def test_a_place_without_a_number_is_told_as_a_share_of_the_turn():
+    (flag,) = own_teeth_flags([profile(-9, tooth=None)], 0.01)
+    assert flag.tooth is None
+    assert "0.25 of a turn" in flag.evidence[0]
+    assert not any("tachometer" in line for line in flag.evidence)
+
+
+def test_gears_on_one_shaft_that_cannot_be_told_apart_are_both_named():
+    one = profile(-30.0, stage=1, gear="gear", tooth=None, order=0.4)
+    other = profile(-9.0, stage=2, gear="pinion", tooth=None, order=0.4)
+    (flag,) = own_teeth_flags([one, other], 0.01)
+    assert (flag.stage, flag.gear, flag.tooth) == (None, None, None)
+    assert "it may be either of them" in flag.evidence[-1]
+
+
+def test_what_no_recording_tells_by_itself_is_said():
+    told = own_teeth_reason([])
+    for unknown in ("no healthy reference", "always so", "how much stiffness", "eccentricity"):
+        assert unknown in told
+
+
+def test_sentences_begin_with_the_most_striking():
+    told = sentences(
+        [change(-19.0), change(-30.0, harmonic=2), change(-14.0, harmonic=3, scatter_db=5.0)]
+    )
+    assert "harmonic 2 fell 10.0 dB" in told[0]
+    assert "harmonic 1 rose 1.0 dB" in told[1]
+    assert len(sentences([change(float(i)) for i in range(20)])) == 4
+    assert sentences([]) == ()

@@ -1,0 +1,85 @@
+"""The law of levels: what cancels, what is learned, what is left out."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gearmon.diagnosis.hypotheses.changed_path import path_change
+from gearmon.diagnosis.law import level_deviation
+from gearmon.signatures.families import Family
+
+HERE, SOME = np.zeros(2), np.zeros((1, 2))
+
+
+def held(new, known, states=None, state=HERE, **more):
+    known = np.asarray(known, dtype=float)
+    errors = np.zeros_like(known)
+    where = np.zeros((len(known), 2)) if states is None else np.asarray(states, dtype=float)
+    return level_deviation(new, np.zeros_like(new), known, errors, where, state, **more)
+
+
+def test_a_gain_of_a_channel_leaves_nothing():
+    known = np.random.default_rng(1).normal(size=(1, 2, 20))
+    found = held(known[0] + np.array([[6.0], [-3.0]]), known)
+    assert np.abs(found.rest_db).max() < 1e-12
+    assert found.gain_db == pytest.approx([6.0, -3.0])
+    assert found.mean_square() < 1e-20
+
+
+def test_noise_of_the_assumed_size_is_of_mean_square_one():
+    rng = np.random.default_rng(2)
+    # 0.06 Np, the prior of families of lines, in each of two recordings
+    known = 0.06 * 8.686 * rng.normal(size=(2, 1, 1, 4000))
+    assert held(known[0][0], known[1]).mean_square() == pytest.approx(1.0, rel=0.1)
+
+
+def test_a_change_with_load_is_explained_where_it_was_learned():
+    rng = np.random.default_rng(3)
+    slope = 4.0 * rng.normal(size=(1, 40))
+    states = [[-0.5, 0.0], [0.5, 0.0]]
+    known = np.array([-0.5 * slope, 0.5 * slope])
+    between = held(0.1 * slope, known, states, np.array([0.1, 0.0]))
+    assert np.abs(between.rest_db).max() < 0.15 * np.abs(0.1 * slope).max() + 0.3
+    hurt = 0.1 * slope.copy()
+    hurt[0, :10] += 10.0
+    found = held(hurt, known, states, np.array([0.1, 0.0]))
+    assert found.mean_square() > 4 * between.mean_square() + 1
+
+
+def test_references_that_depart_from_one_another_widen_the_law():
+    rng = np.random.default_rng(4)
+    known = rng.normal(size=(4, 1, 60))
+    wild = held(known[0, 0:1] * 0 + 3.0 * rng.normal(size=(1, 60)), 5.0 * known)
+    calm = held(known[0, 0:1] * 0 + 3.0 * rng.normal(size=(1, 60)), 0.1 * known)
+    assert wild.sigma_db.mean() > 3 * calm.sigma_db.mean()
+
+
+def test_a_level_that_noise_raised_tells_nothing_and_one_that_fell_does():
+    known = np.zeros((1, 1, 9))
+    new = np.zeros((1, 9))
+    new[0, 0], new[0, 1] = 20.0, -20.0
+    told = np.array([[False, False, *7 * [True]]])
+    found = held(new, known, told=told)
+    assert np.isnan(found.rest_db[0, 0])
+    assert found.rest_db[0, 1] == pytest.approx(-20.0)
+
+
+def families(harmonics=8):
+    return [
+        Family(kind=kind, stage=1, gear=gear, harmonic=k, spacing=1.0, shaft=1, lines=(k,))
+        for k in range(1, harmonics + 1)
+        for kind, gear in (("mesh", ""), ("sidebands", "pinion"), ("sidebands", "gear"))
+    ]
+
+
+def test_bands_that_move_as_one_are_told_from_sidebands_of_one_gear():
+    rng, known = np.random.default_rng(5), np.zeros((1, 2, 24))
+    moved = np.repeat(6.0 * rng.normal(size=(2, 8)), 3, axis=1)
+    path = path_change(held(moved, known), families())
+    assert path.likely
+    assert path.common > 0.9
+    gear = np.zeros((2, 24))
+    gear[:, 1::3] = 8.0
+    assert not path_change(held(gear, known), families()).likely
+    assert not path_change(held(6.0 * rng.normal(size=(2, 24)), known), families()).likely
