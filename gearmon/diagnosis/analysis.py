@@ -224,11 +224,6 @@ class _Compared:
         ]
         whole = len(disturbed_families) == len(signature.plan.families)
         deviation = healthy.deviation(self.own, self.rows, () if whole else disturbed_families)
-        if not deviation.family_names:
-            raise ArgumentError(
-                f"{signature.origin}: shares no family of lines with the reference: sampling rate "
-                "or length differ too much"
-            )
         theirs = [profile.wheels for profile in self.reference.profiles]
         return Evidence(
             deviation=deviation,

@@ -21,6 +21,7 @@ from gearmon.signals.presence import (
 )
 from gearmon.signals.recording import Recording
 from gearmon.signals.sideband_spacing import spacing_mismatch, spacing_support
+from gearmon.signals.spectrum import power_density
 from gearmon.signals.threads import at_once
 from gearmon.signatures.families import MESH_HARMONICS, LinePlan, line_plan
 from gearmon.signatures.nongear_lines import NonGearLines, nongear_lines
@@ -222,10 +223,8 @@ def broadband_levels(samples: FloatArray, rate: float) -> FloatArray:
         of the sampling rate to 0.475 of it: order lines fill few of the bins. NaN where a short
         recording has no bin in a band.
     """
-    from scipy.signal import welch
-
-    length = min(_BAND_SAMPLES, samples.shape[-1] // 8)
-    frequency, density = welch(samples, rate, nperseg=length, axis=-1)
+    spectrum = power_density(samples, rate, min(_BAND_SAMPLES, samples.shape[-1] // 8))
+    frequency, density = spectrum.frequency_hz, spectrum.values
     edges = np.geomspace(2.0 * rate / _BAND_SAMPLES, 0.475 * rate, _BANDS + 1)
     band = np.digitize(frequency, edges) - 1
     levels = np.full((len(samples), _BANDS), np.nan)

@@ -411,12 +411,12 @@ def turning(known: GearPattern, new: GearPattern, teeth: int) -> float:
 
 def _louder(known: GearPattern, new: GearPattern, bands: Sequence[IntArray]) -> float:
     """Power of a new pattern over that of the healthy one, median of bands and channels."""
-    tiny = np.finfo(float).tiny
     own, healthy = (
         np.array([np.sum(np.abs(one.amplitude[:, band]) ** 2, axis=1) for band in bands])
         for one in (new, known)
     )
-    return float(np.median(own / np.maximum(healthy, tiny)))
+    told = healthy > 0
+    return float(np.median(own[told] / healthy[told])) if told.any() else 0.0
 
 
 def _best_angle(

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gearmon.diagnosis.law.gear_lines import GearDeviation, GearLaw, turned_alike
 from gearmon.diagnosis.law.levels import LevelDeviation, level_deviation
 from gearmon.diagnosis.law.state import operating_states
+from gearmon.errors import ArgumentError
 from gearmon.signatures.reference import Profile, Reference, WheelPattern
 
 FloatArray = NDArray[np.float64]
@@ -55,6 +56,8 @@ class HealthyMachine:
         The healthy recordings.
     rows : tuple of int
         Channels of theirs that are used.
+    family_names : tuple of str
+        Families of lines that all of them have.
     states : ndarray of float, shape (references, 2)
         Their operating states.
     gears : dict
@@ -63,6 +66,7 @@ class HealthyMachine:
 
     profiles: tuple[Profile, ...]
     rows: tuple[int, ...]
+    family_names: tuple[str, ...]
     states: FloatArray
     gears: dict[tuple[int, str], tuple[GearLaw, bool]]
 
@@ -81,7 +85,13 @@ class HealthyMachine:
             patterns = turned_alike(same, every, same_zero=indexed)
             law = GearLaw(wheel=wheel, patterns=patterns, states=states)
             gears[wheel.stage, wheel.gear] = law, indexed
-        return cls(profiles=profiles, rows=tuple(rows), states=states, gears=gears)
+        return cls(
+            profiles=profiles,
+            rows=tuple(rows),
+            family_names=tuple(reference.family_names),
+            states=states,
+            gears=gears,
+        )
 
     def indexed(self, own: Profile, stage: int, gear: str) -> bool:
         """Whether recording and references count the turns of a gear from the same pulse."""
@@ -100,6 +110,11 @@ class HealthyMachine:
             Its channels, those of the law.
         left_out : sequence of str
             Families of lines not to compare.
+
+        Raises
+        ------
+        ArgumentError
+            If no family of lines is left.
         """
         state = operating_states([own], self.profiles[0], [rows], self.rows)[0]
         gears = []
@@ -111,8 +126,12 @@ class HealthyMachine:
             found = law.deviation(wheel, rows, state, same_zero=zero)
             if found is not None:
                 gears.append(found)
-        names = [n for n in own.family_names if n not in left_out]
-        names = [n for n in names if all(n in p.family_names for p in self.profiles)]
+        names = [n for n in own.family_names if n in self.family_names and n not in left_out]
+        if not names:
+            raise ArgumentError(
+                f"{own.origin}: shares no family of lines with the reference: sampling rate or "
+                "length differ too much"
+            )
         return MachineDeviation(
             state=state,
             gap=float(np.min(np.linalg.norm(self.states - state, axis=1))),
