@@ -201,7 +201,7 @@ def _parsed_ahead(
     with ThreadPoolExecutor(threads) as pool:
         for block in blocks:
             waiting.append((block, pool.submit(parse, block.text)))
-            if len(waiting) > threads + 1:
+            if len(waiting) > threads:
                 first, future = waiting.popleft()
                 yield first, future.result()
         for first, future in waiting:
