@@ -249,13 +249,13 @@ def test_a_recording_serves_as_reference(run):
 def test_without_reference_it_cannot_tell(run):
     code, out, _ = run(*analyse("new.csv"), "--json")
     told = json.loads(out)["recordings"][0]
-    assert code == 0
+    assert code == 3
     assert told["verdict"] == "cannot tell"
 
 
 def test_noise_is_a_verdict_and_no_error(run):
     code, out, err = run(*analyse("noise.csv"), "--json")
-    assert (code, err) == (0, "")
+    assert (code, err) == (3, "")
     assert json.loads(out)["recordings"][0]["verdict"] == "no mesh found"
 
 
@@ -270,8 +270,9 @@ def test_several_recordings_with_bad_ones_between(run):
         None,
         "fault",
         None,
-        "no mesh found",
+        "fault",  # the reference had a mesh
     ]
+    assert told[4]["flags"][0]["kind"] == "mesh lost"
     assert all(entry["error"].startswith(entry["recording"]) for entry in (told[1], told[3]))
     assert len(err.splitlines()) == 2
 

@@ -67,23 +67,17 @@ def test_four_channels_together(state, load):
 @pytest.mark.parametrize("channel", ["a1", "a2", "a3"])
 @pytest.mark.parametrize(("state", "load"), NEW)
 def test_one_channel_alone(state, load, channel):
-    assert told(state, load, channel).verdict == EXPECTED[state]
+    verdict = told(state, load, channel).verdict
+    # one of four channels cannot vouch for what the others hear
+    assert verdict == "fault" if state == "b" else verdict in ("healthy", "cannot tell")
 
 
 @pytest.mark.parametrize("load", [20, 60])
 def test_the_channel_that_hears_little_raises_no_alarm(load):
-    assert told("h", load, "a4").verdict == "healthy"
+    assert told("h", load, "a4").verdict in ("healthy", "cannot tell")
 
 
-_NOT_WEIGHED = pytest.mark.xfail(
-    reason="a4 says healthy: what it would hear of a fault is not weighed"
-)
-
-
-@pytest.mark.parametrize(
-    "load",
-    [0, *(pytest.param(load, marks=_NOT_WEIGHED) for load in (20, 40, 60, 80))],
-)
+@pytest.mark.parametrize("load", [0, 20, 40, 60, 80])
 def test_the_channel_that_hears_little_gives_no_clean_bill(load):
     assert told("b", load, "a4").verdict in ("fault", "cannot tell")
 

@@ -30,7 +30,8 @@ def stored(tmp_path_factory):
 def same(one, other):
     """Whether two value objects agree to the last bit."""
     if isinstance(one, np.ndarray):
-        return one.dtype == other.dtype and np.array_equal(one, other)
+        known = one.dtype.kind == "f"  # a band without a bin is not a number
+        return one.dtype == other.dtype and np.array_equal(one, other, equal_nan=known)
     if isinstance(one, tuple):
         return len(one) == len(other) and all(map(same, one, other))
     if hasattr(one, "__dataclass_fields__"):
@@ -257,7 +258,7 @@ def test_a_reference_of_the_older_format_is_read_without_foreign_lines(stored, t
 def test_a_reference_of_an_unknown_format_is_refused(stored, tmp_path):
     newer = tmp_path / "newer.ref"
     rewritten(stored, newer, "gearmon reference 99")
-    with pytest.raises(SignatureError, match="'gearmon reference 99' is not 'gearmon reference 2'"):
+    with pytest.raises(SignatureError, match="'gearmon reference 99' is not 'gearmon reference 3'"):
         read_reference(newer)
 
 

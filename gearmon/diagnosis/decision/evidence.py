@@ -15,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gearmon.diagnosis.decision.calibration import false_alarm_probability
+from gearmon.diagnosis.decision.calibration import FAR, false_alarm_probability
 from gearmon.diagnosis.decision.thresholds import LIMITS
 from gearmon.diagnosis.hypotheses.runout import RunoutGrowth
 from gearmon.diagnosis.hypotheses.tooth_damage import ToothFinding
@@ -56,7 +56,7 @@ class Evidence:
         """Strength of every test, by its name."""
         told = {
             "levels": levels_strength(self.deviation.levels, self.deviation.broadband)
-            / (1.0 + LIMITS.gap_weight * self.deviation.gap),
+            / (1.0 + LIMITS.gap_weight * max(0.0, self.deviation.gap - FAR)),
             "runout": rare_strength([one.log10_probability for one in self.runout]),
             "lines of no gear": rare_strength([one.log10_probability for one in self.nongear]),
         }

@@ -33,9 +33,10 @@ class Limits:
         Strength for one unit of mean square of the families of lines, and of the broadband levels,
         which move more easily: with a bearing, a fan, a neighbouring machine.
     gap_weight : float
-        What the strength of levels is divided by, beside 1, for one unit of state to the nearest
-        reference: far away the course of levels with load is a guess. Simulated gears that begin to
-        lose contact below half load reach three times the strength of steady ones.
+        What the strength of levels is divided by, beside 1, for one unit of state by which the
+        nearest reference is farther than near (`calibration.FAR`): the course of levels with load
+        is a guess there. Simulated gears that begin to lose contact below half load reach three
+        times the strength of steady ones.
     rare_share : float
         Strength taken off tests of rare kinds: a twentieth of the false alarms is theirs.
     noise_strength, noise_rise_db : float
@@ -65,7 +66,7 @@ class Limits:
     levels_offset: float = 0.3
     lines_weight: float = 0.65
     broadband_weight: float = 0.35
-    gap_weight: float = 2.0
+    gap_weight: float = 4.0
     rare_share: float = 1.3
     noise_strength: float = 0.9
     noise_rise_db: float = 1.5
