@@ -10,15 +10,20 @@ import numpy as np
 import numpy.typing as npt
 
 from gearmon.errors import ArgumentError, RecordingError, check_positive
-from gearmon.signals.reading.choice import choose
-from gearmon.signals.reading.columns import find_column
-from gearmon.signals.reading.content import Content
-from gearmon.signals.reading.formats import identify
-from gearmon.signals.reading.quality import survey
-from gearmon.signals.reading.readers import held_by
-from gearmon.signals.reading.roles import SensorLike, Wanted, interpret
-from gearmon.signals.reading.source import open_source
-from gearmon.signals.reading.table import Progress, read_table
+from gearmon.signals.reading import (
+    Content,
+    Progress,
+    SensorLike,
+    Wanted,
+    choose,
+    find_column,
+    identify,
+    interpret,
+    load,
+    open_source,
+    read_table,
+    survey,
+)
 
 CHANNEL_KINDS = ("vibration", "tacho", "torque", "speed", "other")
 
@@ -230,9 +235,9 @@ def read_recording(
     wanted = wanted_of(sampling_rate_hz, channels, tacho, sensors)
     source = open_source(path)
     found = identify(source)
-    if found.key == "text":
+    if found.is_text:
         return _recorded(read_table(source, progress).content(), wanted)
-    held = held_by(source, found)
+    held = load(source, found)
     try:
         frames, wanted = choose(held, wanted)
         return _recorded(frames.content(progress=progress), wanted, frames.speed_rpm)

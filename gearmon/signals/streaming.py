@@ -15,13 +15,19 @@ from types import TracebackType
 import numpy as np
 
 from gearmon.errors import ArgumentError, RecordingError
-from gearmon.signals.reading.choice import Frames, choose
-from gearmon.signals.reading.formats import identify
-from gearmon.signals.reading.readers import held_by
-from gearmon.signals.reading.roles import Interpreted, SensorLike, Wanted, interpret
-from gearmon.signals.reading.rounding import Floats
-from gearmon.signals.reading.source import open_source
-from gearmon.signals.reading.text_stream import open_text
+from gearmon.signals.reading import (
+    Floats,
+    Frames,
+    Interpreted,
+    SensorLike,
+    Wanted,
+    choose,
+    identify,
+    interpret,
+    load,
+    open_source,
+    open_text,
+)
 from gearmon.signals.recording import wanted_of
 
 BLOCK = 1 << 18
@@ -166,10 +172,10 @@ def open_recording(
     wanted = wanted_of(sampling_rate_hz, channels, tacho, sensors)
     source = open_source(path)
     found = identify(source)
-    if found.key == "text":
+    if found.is_text:
         text = open_text(source, wanted, _JUDGED)
         return _stream(text.head, text.count, text.pieces, lambda: None, None)
-    held = held_by(source, found)
+    held = load(source, found)
     try:
         frames, wanted = choose(held, wanted)
         return _of_frames(frames, wanted, held.close)

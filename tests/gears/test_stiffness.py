@@ -115,7 +115,8 @@ def test_paper_square_wave():
     t = np.linspace(0, 1, 257)
     j = np.arange(15)[:, None]
     f = 4 / np.pi * ((-1.0) ** j * np.cos(2 * np.pi * (2 * j + 1) * t) / (2 * j + 1)).sum(axis=0)
-    np.testing.assert_allclose(mesh.at(t + 0.25), 8e8 * (1 + 0.13 * f), rtol=1e-12)
+    # the one representation of pulses interpolates the sum: 1.7e-12 where the wave crosses its mean
+    np.testing.assert_allclose(mesh.at(t + 0.25), 8e8 * (1 + 0.13 * f), rtol=4e-12)
     c = mesh.harmonics(31)
     expected = np.zeros(31)
     expected[0:30:2] = 0.13 * 2 / np.pi / (2 * np.arange(15) + 1)

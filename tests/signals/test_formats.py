@@ -274,7 +274,7 @@ class TestMatlab:
             expected = loaded
             for part in name.split("."):
                 expected = expected[part]
-            found = read_recording(path, 12_000.0, channels=name)
+            found = read_recording(path, 97_656.0, channels=name)
             assert np.array_equal(found.samples[0], expected)
             assert found.channel_names == (name,)
             assert found.speed_rpm == 1796.0
@@ -288,6 +288,40 @@ class TestMatlab:
         found = read_recording(path)
         assert found.sampling_rate_hz == 25_600.0
         assert np.array_equal(found.samples, X)
+
+    @pytest.mark.parametrize(
+        ("facts", "rate", "note"),
+        [
+            (
+                {"bearing": {"rate": 25.0, "sr": 48_828.0}},
+                48_828.0,
+                "sampling rate 48828 Hz taken from bearing.sr, not bearing.rate = 25",
+            ),
+            ({"Head_1": {"SampFreq": 25_600.0}}, 25_600.0, "taken from Head_1.SampFreq"),
+            ({"Fs": 25.6, "sampleRateHz": 25_600.0}, 25_600.0, "sampleRateHz, not Fs = 25.6"),
+        ],
+    )
+    def test_a_rate_that_is_named_and_plausible_is_taken(self, tmp_path, facts, rate, note):
+        path = tmp_path / "a.mat"
+        scipy.io.savemat(path, {"acc": X[0], **facts})
+        found = read_recording(path)
+        assert found.sampling_rate_hz == rate
+        assert note in " ".join(found.notes)
+        assert "the file says" in refused(path, 2 * rate)
+
+    @pytest.mark.parametrize(
+        ("facts", "hint"),
+        [
+            ({"sr": 25.0}, "sr = 25 may be it"),
+            ({"sr": np.nan, "rate": 25_600.0}, "rate = 25600 may be it"),
+            ({"f": 30.0, "rate": 25_600.0}, "rate = 25600 may be it"),
+            ({"sr": 48_828.0, "SampFreq": 25_600.0}, "sr = 48828 may be it"),
+        ],
+    )
+    def test_else_the_likeliest_number_is_named(self, tmp_path, facts, hint):
+        path = tmp_path / "a.mat"
+        scipy.io.savemat(path, {"acc": X[0], **facts})
+        assert hint in refused(path)
 
     def test_damaged_files(self, tmp_path):
         path, stored = tmp_path / "a.mat", io.BytesIO()

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.columns import describe_columns
+from gearmon.signals.reading import describe_columns, find_defect
 from gearmon.signals.reading.header import Header
-from gearmon.signals.reading.quality import find_defect
 from gearmon.signals.recording import read_recording
 
 GRAVITY = 9.80665

@@ -12,11 +12,10 @@ from hypothesis import strategies as st
 from reference.slow_csv import read_slowly
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.careful import read_rows
+from gearmon.signals.reading import Source, read_table
 from gearmon.signals.reading.dialect import Dialect
-from gearmon.signals.reading.plain import parse_plain
-from gearmon.signals.reading.source import Block, Source
-from gearmon.signals.reading.table import read_table
+from gearmon.signals.reading.rows import parse_rows, read_rows
+from gearmon.signals.reading.source import Block
 from gearmon.signals.recording import read_recording
 
 repeatable = settings(derandomize=True, deadline=None)
@@ -86,7 +85,7 @@ def test_the_fast_and_the_careful_way_agree(case):
     body = "".join(f"{line}\n" for line in lines[-len(fields) :]).encode()
     labels = [f"column {number}" for number in range(1, 6)]
     careful = read_rows("f.csv", Block(text=body, first_line=1), dialect, labels).values
-    fast = parse_plain(body, dialect)
+    fast = parse_rows(body, dialect)
     assert fast is None or np.array_equal(fast, careful)
     plain = '"' not in text and separator in (",", ";", "\t", " ", "")
     assert fast is not None or not plain
@@ -220,6 +219,45 @@ def test_a_named_column_without_any_number_is_a_column():
     found = table("a,b,c,d\n" + written(trailing=","))
     assert found.values.shape == (4, len(ROWS))
     assert np.isnan(found.values[3]).all()
+
+
+class TestLineBreaksWithinQuotes:
+    @pytest.mark.parametrize("end", ["\n", "\r\n"])
+    @pytest.mark.parametrize("separator", [",", ";", "\t"])
+    def test_names_and_units_above_and_below_each_other(self, tmp_path, end, separator):
+        path = tmp_path / "recording.csv"
+        cells = [
+            f'"{name}{end}[{unit}]"' for name, unit in (("time", "s"), ("a1", "g"), ("b", "V"))
+        ]
+        rows = [f"{k / 1000:.3f}{separator}{math.sin(k):.6f}{separator}{k % 7}" for k in range(50)]
+        text = f'3" pipe{end}' + separator.join(cells) + end + end.join(rows) + end
+        path.write_bytes(text.encode())
+        recording = read_recording(path)
+        assert recording.channel_names == ("a1", "b")
+        assert recording.units == ("m/s2", "V")
+        assert recording.samples.shape == (2, 50)
+        assert recording.sampling_rate_hz == pytest.approx(1000.0)
+
+    def test_a_single_column(self):
+        found = table('"a1\n\n[g]"\n' + "1.5\n2.5\n" * 5)
+        assert found.layout.header.names == ("a1 [g]",)
+        assert found.values.shape == (1, 10)
+
+    @pytest.mark.parametrize("row", ['"0.25\n",1.5,2', '0.25,"1.5\n",2', '0.25,1.5,"2\n"'])
+    @pytest.mark.parametrize("head", ["", "a,b,c\n", '"a\n[g]",b,c\n'])
+    def test_in_the_first_row_it_is_refused_with_its_line(self, head, row):
+        line = 1 + head.count("\n")
+        with pytest.raises(RecordingError, match=f"line {line}: a line break within quotes parts"):
+            table(head + row + "\n" + written())
+
+    def test_in_a_later_row_too(self):
+        with pytest.raises(RecordingError, match="line 34"):
+            table("a,b,c\n" + written() + '1,"2\n",3\n' + written())
+
+    def test_a_stray_quote_joins_nothing(self):
+        found = table('pipe of 3"\na,b,c\n' + written())
+        assert found.layout.header.names == ("a", "b", "c")
+        assert np.array_equal(found.values.T, ROWS)
 
 
 LABVIEW = """LabVIEW Measurement\t

@@ -1,8 +1,56 @@
-"""Recordings in text files: what kind of file, which dialect, the numbers, and what they mean.
+"""Recordings in files: what kind of file, the numbers in it, and what they mean.
 
-In the order of reading: `source` (bytes to lines), `formats` (is it text at all?), `fields` (what a
-number is), `dialect` and `header` (separator, decimal character, first row, names), `plain`,
-`short_fields`, `digits` and `rounding` (whole blocks to numbers), `careful` (line by line, to say
-what is wrong), `table` (all rows), `columns` and `units` (names, units, kinds), `timebase` and
-`rate` (the sampling rate), `quality` (dead or clipped channels), `roles` (which columns are used).
+`gearmon.read_recording` reads a whole recording; `gearmon.signals.streaming.open_recording` gives
+it in blocks. Both take these steps, each of which ends in numbers or in one clear line:
+
+>>> from gearmon.signals.reading import identify, interpret, open_source, read_table, Wanted
+>>> source = open_source("recording.csv")                           # doctest: +SKIP
+>>> identify(source).is_text                                        # doctest: +SKIP
+True
+>>> interpret(read_table(source).content(), Wanted()).columns[0].unit   # doctest: +SKIP
+'m/s2'
+
+Text: `source` (bytes to whole lines), `fields` (what a number is), `dialect`, `header` and `units`
+(separator, decimal character, first row, names), `rows` (lines to numbers, compiled or with care),
+`table` (all of them, or block by block). Other files: `formats`. Then for all: `columns` (names,
+units, kinds), `timebase` (the sampling rate), `quality` (dead or clipped channels) and `roles`
+(which columns are the recording).
 """
+
+from gearmon.signals.reading.columns import Column, Content, describe_columns, find_column
+from gearmon.signals.reading.fields import Floats
+from gearmon.signals.reading.formats import Format, Frames, choose, identify, load
+from gearmon.signals.reading.quality import find_defect, survey
+from gearmon.signals.reading.roles import Interpreted, SensorLike, Wanted, interpret
+from gearmon.signals.reading.source import Source, open_source
+from gearmon.signals.reading.table import Progress, Table, TextStream, open_text, read_table
+from gearmon.signals.reading.timebase import counts_evenly, rises_evenly, spacing
+
+__all__ = [
+    "Column",
+    "Content",
+    "Floats",
+    "Format",
+    "Frames",
+    "Interpreted",
+    "Progress",
+    "SensorLike",
+    "Source",
+    "Table",
+    "TextStream",
+    "Wanted",
+    "choose",
+    "counts_evenly",
+    "describe_columns",
+    "find_column",
+    "find_defect",
+    "identify",
+    "interpret",
+    "load",
+    "open_source",
+    "open_text",
+    "read_table",
+    "rises_evenly",
+    "spacing",
+    "survey",
+]

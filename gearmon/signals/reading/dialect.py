@@ -13,11 +13,12 @@ from gearmon.signals.reading.fields import (
     is_comment,
     is_missing,
     is_number,
+    shortened,
     split_fields,
     to_microseconds,
     without_empty_end,
 )
-from gearmon.signals.reading.header import Header, find_header, is_marker, shortened
+from gearmon.signals.reading.header import Header, find_header, is_marker, joined_lines
 
 # Lines that are looked at to find the dialect; the last ones, as those are rows most surely.
 _SAMPLE = 100
@@ -99,6 +100,7 @@ def find_layout(path: str, lines: Sequence[str]) -> Layout | None:
         return None
     _check_width(path, dialect)
     first, above = _first_row(path, lines, dialect)
+    above = _joined(path, above, dialect)
     dialect = _clear_decimals(path, dialect, sample, above)
     dialect = _widened(dialect, sample, above)
     header = find_header(path, above, dialect.separator, dialect.decimal, dialect.columns)
@@ -204,6 +206,18 @@ def _first_row(
         else:
             odd = odd or (number, len(without_empty_end(row)))
     raise AssertionError("the sample has a row, so the lines have one")
+
+
+def _joined(path: str, above: list[tuple[int, str]], dialect: Dialect) -> list[tuple[int, str]]:
+    """Put parted lines of names together; raise if it is a row of numbers that is parted."""
+    joined = joined_lines(above)
+    for number, text in joined:
+        if (number, text) not in above and dialect.row(text) is not None:
+            raise RecordingError(
+                f"{path}, line {number}: a line break within quotes parts this row of numbers; "
+                "take it out"
+            )
+    return joined
 
 
 def _check_no_odd_row(path: str, odd: tuple[int, int] | None, columns: int) -> None:

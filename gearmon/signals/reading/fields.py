@@ -5,6 +5,12 @@ from __future__ import annotations
 import re
 from functools import cache
 
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+
+LONGEST_QUOTE = 60  # characters of a file that a message shows
 _EXPONENT_LETTERS = str.maketrans("dD", "ee")
 _QUOTED = re.compile(r'[ \t]*"((?:[^"]|"")*)"[ \t]*')
 _BLANKS = re.compile(r"\s+")
@@ -16,7 +22,22 @@ _NO_VALUE = """
     nan -nan +nan nan(ind) -nan(ind) nan(snan) 1.#qnan -1.#qnan 1.#ind -1.#ind 1.#inf -1.#inf
     inf +inf -inf infinity +infinity -infinity na n/a null none missing overflow - -- ? *
 """
-_MISSING = frozenset(_NO_VALUE.split())
+MISSING = frozenset(_NO_VALUE.split())
+
+
+def decoded(text: bytes) -> str:
+    """Return the text: UTF-8 if it is valid, otherwise Western European."""
+    try:
+        return text.decode()
+    except UnicodeDecodeError:
+        return text.decode("cp1252", errors="replace")
+
+
+def shortened(text: str) -> str:
+    """Return the text, cut to what fits in a message, with no line ends or control characters."""
+    begin = text[: LONGEST_QUOTE + 1]
+    shown = "".join(character if character.isprintable() else "?" for character in begin)
+    return shown if len(shown) <= LONGEST_QUOTE else shown[: LONGEST_QUOTE - 3] + "..."
 
 
 @cache
@@ -44,7 +65,7 @@ def to_number(field: str, decimal: str) -> float:
 
 def is_missing(field: str) -> bool:
     """Tell whether the field is empty or says, in a usual way, that there is no finite value."""
-    return not field or field.lower() in _MISSING or is_spreadsheet_error(field)
+    return not field or field.lower() in MISSING or is_spreadsheet_error(field)
 
 
 def is_spreadsheet_error(text: str) -> bool:

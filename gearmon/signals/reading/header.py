@@ -7,7 +7,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.fields import is_missing, is_number, split_fields, without_empty_end
+from gearmon.signals.reading.fields import (
+    LONGEST_QUOTE,
+    is_missing,
+    is_number,
+    shortened,
+    split_fields,
+    without_empty_end,
+)
 from gearmon.signals.reading.units import are_units
 
 # Lines that announce the numbers and name no column.
@@ -18,7 +25,10 @@ _MARKERS = frozenset(
 _RATE = re.compile(
     r"sampl|abtast|\bfs\b|\brate\b|frequen|interval|\bdt\b|delta_?[tx]|schrittweite", re.IGNORECASE
 )
-_LONGEST_QUOTE = 60
+
+# A quote that opens a field and is not closed in its line, and over how many lines it may reach.
+_OPEN_QUOTE = re.compile(r'(?:^|[,;\s])"[^"]*$')
+_MOST_PARTS = 16
 
 Line = tuple[int, str]
 
@@ -88,9 +98,38 @@ def find_header(
     if _numbers(cells, decimal) and not _are_numbered(cells):
         _check_no_damaged_row(path, lines, cells, separator, decimal)
         return Header(rate_hint=hint)
-    if columns == 1 and (_is_metadata(text) or len(text) > _LONGEST_QUOTE):
+    if columns == 1 and (_is_metadata(text) or len(text) > LONGEST_QUOTE):
         return Header(rate_hint=hint)
     return Header(names=tuple(cells), line=number, rate_hint=hint)
+
+
+def joined_lines(lines: Sequence[Line]) -> list[Line]:
+    r"""Return the lines with those put together that a line break within quotes has parted.
+
+    Examples
+    --------
+    >>> joined_lines([(1, '"a1'), (2, '[g]","a2'), (3, '[g]"'), (4, "5")])
+    [(1, '"a1 [g]","a2 [g]"'), (4, '5')]
+    """
+    joined, place = [], 0
+    while place < len(lines):
+        number, text = lines[place]
+        end = place + _parts(lines[place : place + _MOST_PARTS])
+        joined.append((number, " ".join([text, *(part for _, part in lines[place + 1 : end])])))
+        place = end
+    return joined
+
+
+def _parts(lines: Sequence[Line]) -> int:
+    """Return of how many lines the first one is a part: 1 if no quote is left open in it."""
+    quotes = 0
+    for count, (_, text) in enumerate(lines, 1):
+        quotes += text.count('"')
+        if quotes % 2 == 0:
+            return count
+        if count == 1 and not _OPEN_QUOTE.search(text):
+            return 1
+    return 1
 
 
 def is_marker(text: str) -> bool:
@@ -194,10 +233,3 @@ def _rate_hint(above: Sequence[Line]) -> str:
         if _RATE.search(text) and any(character.isdigit() for character in text):
             return f"line {number} says '{shortened(text.strip())}'"
     return ""
-
-
-def shortened(text: str) -> str:
-    """Return the text, cut to what fits in a message, with no line ends or control characters."""
-    begin = text[: _LONGEST_QUOTE + 1]
-    shown = "".join(character if character.isprintable() else "?" for character in begin)
-    return shown if len(shown) <= _LONGEST_QUOTE else shown[: _LONGEST_QUOTE - 3] + "..."

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearmon.signals.reading.rounding import Floats
+from gearmon.signals.reading.fields import Floats
 
 # Samples at exactly the extreme value, over those at the commonest value next to it. For a rounded
 # sine this ratio is at most 1 + sqrt(2), for rounded noise it is below 1.

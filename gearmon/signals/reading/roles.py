@@ -11,12 +11,10 @@ from typing import Protocol
 import numpy as np
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.columns import Column, find_column
-from gearmon.signals.reading.content import Content
+from gearmon.signals.reading.columns import Column, Content, find_column
+from gearmon.signals.reading.fields import Floats
 from gearmon.signals.reading.quality import Survey, find_defect, missing_values, survey
-from gearmon.signals.reading.rate import sampling_rate
-from gearmon.signals.reading.rounding import Floats
-from gearmon.signals.reading.timebase import counts_evenly, rises_evenly
+from gearmon.signals.reading.timebase import counts_evenly, rises_evenly, sampling_rate
 from gearmon.signals.reading.units import acceleration_factor
 
 ACCELERATION_UNIT = "m/s2"

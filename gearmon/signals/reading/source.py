@@ -16,8 +16,9 @@ import numpy as np
 
 from gearmon.errors import RecordingError, nearest_name
 
-# Large enough to keep array operations busy, small enough to stay in the cache with their results.
-BLOCK_BYTES = 256 * 1024
+# With 256 kB reading takes 40 % more processor time, with 512 kB 25 %, with 2 MB 10 % (3e6 rows of
+# one column, two cores); every MB takes some 20 MB of memory while it is parsed.
+BLOCK_BYTES = 1024 * 1024
 _LONGEST_LINE = 16 * 1024 * 1024
 _FEWEST_UNMARKED = 16  # bytes from which on a pattern of zeros tells UTF-16
 _GZIP_MAGIC = b"\x1f\x8b"

@@ -1,4 +1,4 @@
-"""All rows of a text file as one array of numbers."""
+"""All rows of a text file: as one array of numbers, or block by block where memory is too small."""
 
 from __future__ import annotations
 
@@ -12,18 +12,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.careful import check_last_line, decoded, is_row, read_rows
-from gearmon.signals.reading.columns import describe_columns
-from gearmon.signals.reading.compiled import BLOCK_BYTES as COMPILED_BLOCK_BYTES
-from gearmon.signals.reading.compiled import is_worthwhile
-from gearmon.signals.reading.content import Content
+from gearmon.signals.reading.columns import Column, Content, describe_columns
 from gearmon.signals.reading.dialect import Layout, counted, find_layout
-from gearmon.signals.reading.fields import is_number, split_fields
-from gearmon.signals.reading.header import shortened
-from gearmon.signals.reading.plain import parse_plain
-from gearmon.signals.reading.rounding import Floats
+from gearmon.signals.reading.fields import Floats, decoded, is_number, shortened, split_fields
+from gearmon.signals.reading.roles import Interpreted, Wanted, interpret
+from gearmon.signals.reading.rows import check_last_line, is_row, parse_rows, read_rows
 from gearmon.signals.reading.source import Block, Source
-from gearmon.signals.reading.whole import is_eligible, parse_file, tail
+from gearmon.signals.reading.timebase import Spacing, spacing
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -39,6 +34,8 @@ _MOST_THREADS = 4
 _KEPT_BYTES = 16 * 1024 * 1024
 _MARGIN = 1.1  # reserved rows over estimated ones: memory that is not touched costs nothing
 _CUT_CHECK_BYTES = 64 * 1024
+_SAME_STEP = 1e-3
+_SAME_RATE = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,13 +104,6 @@ def read_table(source: Source, progress: Progress | None = None) -> Table:
         If the file has no rows of numbers, or a line among them is none.
     """
     layout = layout_of(source)
-    if is_eligible(source, layout):
-        values = parse_file(source, layout)
-        if values is not None:
-            _check_tail(source, layout, values.shape[1])
-            if progress is not None:
-                progress(1.0)
-            return Table(source=source, layout=layout, values=values)
     collected = _Rows(layout.dialect.columns)
     done, size = 0, max(source.size_hint(), 1)
     for block, values in parsed_blocks(source, layout):
@@ -177,10 +167,8 @@ def parsed_blocks(source: Source, layout: Layout) -> Iterator[tuple[Block, Float
     RecordingError
         If a line among the rows is none.
     """
-    compiled = is_worthwhile(source.head(_HEAD_BYTES), layout.dialect, source.size_hint())
-    lines = source.blocks(COMPILED_BLOCK_BYTES) if compiled else source.blocks()
-    blocks = _blocks_from(lines, layout.first_line)
-    parse = partial(parse_plain, dialect=layout.dialect, compiled=compiled)
+    blocks = _blocks_from(source.blocks(), layout.first_line)
+    parse = partial(parse_rows, dialect=layout.dialect)
     labels = _labels(layout)
     recent: deque[bytes] = deque()
     empty_line = 0
@@ -213,7 +201,7 @@ def _parsed_ahead(
     with ThreadPoolExecutor(threads) as pool:
         for block in blocks:
             waiting.append((block, pool.submit(parse, block.text)))
-            if len(waiting) > threads + 1:
+            if len(waiting) > threads:
                 first, future = waiting.popleft()
                 yield first, future.result()
         for first, future in waiting:
@@ -278,17 +266,6 @@ def _check_end(path: str, before: bytes, block: Block, layout: Layout) -> None:
     check_last_line(path, lines, number, layout.dialect)
 
 
-def _check_tail(source: Source, layout: Layout, rows: int) -> None:
-    """Raise if the file ends without a line end and its last line is visibly cut off."""
-    text, closed = tail(source)
-    if closed:
-        return
-    lines = decoded(text).split("\n")
-    number = layout.first_line + rows - 1
-    above = max(0, layout.first_line - (number - len(lines) + 1))  # lines that are no rows
-    check_last_line(source.path, lines[above:], number, layout.dialect)
-
-
 def _why_no_table(lines: Sequence[str]) -> str:
     """Say what a text without rows of numbers holds instead."""
     filled = [(number, line) for number, line in enumerate(lines, 1) if line.strip()]
@@ -318,3 +295,128 @@ def _text_column(lines: Sequence[tuple[int, str]]) -> str | None:
                     "the lines above; take that column out"
                 )
     return None
+
+
+@dataclass(frozen=True, kw_only=True)
+class TextStream:
+    """A text of rows that is read in pieces.
+
+    Parameters
+    ----------
+    head : tuple of Interpreted and str
+        What its channels are, by its first rows, and the file.
+    count : int
+        Rows.
+    pieces : callable
+        Gives the samples from a first to before a last one in pieces, shape (channels, n).
+    """
+
+    head: tuple[Interpreted, str]
+    count: int
+    pieces: Callable[[int, int], Iterator[Floats]]
+
+
+def open_text(source: Source, wanted: Wanted, judged: int) -> TextStream:
+    """Return a text as a stream, after one reading from end to end that checks every row.
+
+    Parameters
+    ----------
+    source : Source
+        The file.
+    wanted : Wanted
+        What the user says.
+    judged : int > 0
+        Rows at the start by which the channels are told.
+
+    Raises
+    ------
+    RecordingError
+        If a line is no row, or the channels cannot be used.
+    """
+    layout = layout_of(source)
+
+    def rows() -> Iterator[Floats]:
+        for _, values in parsed_blocks(source, layout):
+            if len(values):
+                yield values.T
+
+    first, count = _head(rows(), judged)
+    table = Table(source=source, layout=layout, values=first)
+    content = replace(table.content(), whole=first.shape[1] == count)
+    found = interpret(content, wanted)
+    if found.time is not None:
+        step = _checked_step(table, found.time, rows())
+        if wanted.sampling_rate_hz is None and not content.whole:
+            found = replace(found, rate_hz=_refined(found, first, step))
+    indices = [column.number - 1 for column in found.columns]
+    scales = np.array(found.scales)[:, None]
+
+    def pieces(start: int, stop: int) -> Iterator[Floats]:
+        place = 0
+        for block in rows():
+            low, high = max(start - place, 0), min(stop - place, block.shape[1])
+            if low < high:
+                yield block[indices, low:high] * scales
+            place += block.shape[1]
+            if place >= stop:
+                return
+
+    return TextStream(head=(found, source.path), count=count, pieces=pieces)
+
+
+def _head(rows: Iterator[Floats], judged: int) -> tuple[Floats, int]:
+    """Return the first rows, and how many there are in all."""
+    parts: list[Floats] = []
+    count = 0
+    for block in rows:
+        if count < judged:
+            parts.append(block[:, : judged - count].copy())
+        count += block.shape[1]
+    if not parts:
+        return np.empty((0, 0)), 0
+    return np.concatenate(parts, axis=1), count
+
+
+def _refined(found: Interpreted, first: Floats, step: float) -> float:
+    """Return the rate with the step of the whole file instead of that of the first rows."""
+    stamps = first[found.time.number - 1] if found.time is not None else np.empty(0)
+    ratio = spacing(stamps).step / step
+    return found.rate_hz if abs(ratio - 1.0) < _SAME_RATE else found.rate_hz * ratio
+
+
+def _checked_step(table: Table, column: Column, rows: Iterator[Floats]) -> float:
+    """Return the slope of the time column against its rows; raise if it is irregular anywhere."""
+    usual: Spacing | None = None
+    index = column.number - 1
+    last, place = np.empty(0), 0
+    begin, total, moment = 0.0, 0.0, 0.0
+    for block in rows:
+        stamps = np.concatenate([last, block[index]])
+        begin = begin if place else float(stamps[0])
+        away = block[index] - begin
+        total += float(away.sum())
+        moment += float(away @ np.arange(place, place + len(away)))
+        if len(stamps) < 3:
+            last, place = stamps, place + block.shape[1]
+            continue
+        found = spacing(stamps) if np.isfinite(stamps).all() else Spacing(step=1.0, fault="missing")
+        fault = found.fault
+        if usual is None:
+            usual = found
+        elif not fault and abs(found.step / usual.step - 1.0) > _SAME_STEP + _slack(found, stamps):
+            fault = f"the step changes from {usual.step:.6g} to {found.step:.6g}"
+        if fault:
+            row = place - len(last) + found.row
+            raise RecordingError(
+                f"{table.source.path}, line {table.line(row)[0]}, {column.label}: the time is "
+                f" irregular: {fault}; if the samples are evenly spaced all the same, delete the "
+                "time column and give --sampling-rate HZ, otherwise resample"
+            )
+        place += block.shape[1]
+        last = stamps[-1:]
+    return 12.0 * (moment - 0.5 * (place - 1) * total) / (place * (place**2 - 1.0))
+
+
+def _slack(found: Spacing, stamps: Floats) -> float:
+    """Return how far rounding alone may change the step within the block."""
+    return 1.0 / len(stamps) if found.coarse else found.uncertainty

@@ -14,17 +14,16 @@ import math
 import struct
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.arrays import Holding, reading
-from gearmon.signals.reading.numpy_files import hold
+from gearmon.signals.reading.formats.arrays import Holding, reading, stated_rate
+from gearmon.signals.reading.formats.numpy_files import hold
 
-WHAT = "a MATLAB file"
 _HEADER_BYTES = 128
 _DEEPEST = 8
 _MATRIX, _COMPRESSED = 14, 15
@@ -34,6 +33,16 @@ _COMPLEX_FLAG = 0x0800
 _DTYPES = {
     1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8",
 }  # fmt: skip
+# Names of a sampling rate that programs write into MAT files, surest first; the last two may be the
+# rate of anything.
+_RATE_NAMES = (
+    "fs", "samplingrate", "samplerate", "samplingfrequency", "samplefrequency",
+    "sampfreq", "samprate", "sr", "rate", "f",
+)  # fmt: skip
+_SURE = _RATE_NAMES[:-2]
+# A shaft of 30,000 1/min turns at 500 Hz: what is slower may be a speed and can sample no mesh.
+# Nothing that is recorded as vibration is faster than 100 MHz.
+_RATES_HZ = (500.0, 1e8)
 
 
 class _DamagedError(ValueError):
@@ -48,7 +57,7 @@ class _Found:
     others: list[str] = field(default_factory=list)
 
 
-def read_mat(path: str) -> Holding:
+def read_mat(path: str, what: str) -> Holding:
     """Return what a MATLAB file holds: its arrays and single numbers, those of structs by a dot.
 
     Raises
@@ -59,9 +68,9 @@ def read_mat(path: str) -> Holding:
     content = Path(path).read_bytes()
     order = {b"IM": "<", b"MI": ">"}.get(content[126:128])
     if order is None:
-        raise RecordingError(f"{path}: {WHAT} whose header is damaged; copy it again")
+        raise RecordingError(f"{path}: {what} whose header is damaged; copy it again")
     found = _Found()
-    with reading(path, WHAT):
+    with reading(path, what):
         for kind, body in _elements(memoryview(content)[_HEADER_BYTES:], order):
             inner = [(kind, body)]
             if kind == _COMPRESSED:
@@ -69,7 +78,34 @@ def read_mat(path: str) -> Holding:
             for own_kind, own in inner:
                 if own_kind == _MATRIX:
                     _gather(own, order, "", found, _DEEPEST)
-    return hold(path, WHAT, found.items, tuple(found.others))
+    return _with_rate(hold(path, what, found.items, tuple(found.others)))
+
+
+def _with_rate(holding: Holding) -> Holding:
+    """Take the sampling rate that is named and plausible; else put the likeliest number first."""
+    if stated_rate(holding.facts)[0] is not None:
+        return holding
+    ranks = {name: _rank(name, value) for name, value in holding.facts.items()}
+    ranked = sorted(ranks, key=lambda name: ranks[name])
+    facts = {name: holding.facts[name] for name in ranked}
+    sure = [name for name in ranked if ranks[name] < (0, len(_SURE))]
+    if len({facts[name] for name in sure}) != 1:
+        return replace(holding, facts=facts)
+    rate, others = facts[sure[0]], [name for name in ranked if ranks[name][1] < len(_RATE_NAMES)]
+    note = f"sampling rate {rate:g} Hz taken from {sure[0]}"
+    left = ", ".join(f"{name} = {facts[name]:g}" for name in others if name not in sure)
+    arrays = tuple(replace(array, rate_hz=rate) for array in holding.arrays)
+    notes = (*holding.notes, f"{note}, not {left}" if left else note)
+    return replace(holding, arrays=arrays, facts=facts, notes=notes)
+
+
+def _rank(name: str, value: float) -> tuple[int, int]:
+    """Rank a number as a sampling rate: implausible ones last, then by name."""
+    own = "".join(sign for sign in name.rpartition(".")[2].lower() if sign.isalnum())
+    own = own.removesuffix("hz") or own
+    place = _RATE_NAMES.index(own) if own in _RATE_NAMES else len(_RATE_NAMES)
+    plausible = _RATES_HZ[0] <= value <= _RATES_HZ[1]  # false for what is no number, too
+    return (0 if plausible else 1), place
 
 
 def _elements(data: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:

@@ -8,12 +8,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.arrays import Array, Holding, Read, reading, stated_rate, stated_speed
-from gearmon.signals.reading.columns import Column, describe_columns, find_column
-from gearmon.signals.reading.content import Content
-from gearmon.signals.reading.header import Header, shortened
+from gearmon.signals.reading.columns import Column, Content, describe_columns, find_column
+from gearmon.signals.reading.fields import Floats, shortened
+from gearmon.signals.reading.formats.arrays import (
+    Array,
+    Holding,
+    Read,
+    reading,
+    stated_rate,
+    stated_speed,
+)
+from gearmon.signals.reading.header import Header
 from gearmon.signals.reading.roles import Wanted
-from gearmon.signals.reading.rounding import Floats
 
 _BLOCK = 1 << 18
 _LISTED = 12

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping
@@ -13,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from gearmon.errors import GearmonError, RecordingError
-from gearmon.signals.reading.header import shortened
-from gearmon.signals.reading.rounding import Floats
+from gearmon.signals.reading.fields import Floats, shortened
 
 Read = Callable[[int, int], Floats]
 
@@ -92,22 +90,6 @@ class Holding:
     notes: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
     close: Callable[[], object] = field(default=lambda: None)
-
-
-def load_library(module: str, extra: str, path: str, what: str) -> Any:
-    """Return the library that reads such files.
-
-    Raises
-    ------
-    RecordingError
-        If it is not installed.
-    """
-    try:
-        return importlib.import_module(module)
-    except ImportError:
-        raise RecordingError(
-            f"{path}: looks like {what}; to read it install gearmon[{extra}], or export it as CSV"
-        ) from None
 
 
 @contextmanager

@@ -9,11 +9,8 @@ from typing import Any
 import numpy as np
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.arrays import Array, Holding, as_array, reading
-from gearmon.signals.reading.rounding import Floats
-
-WHAT_NPY = "a NumPy array (npy)"
-WHAT_NPZ = "a NumPy archive (npz)"
+from gearmon.signals.reading.fields import Floats
+from gearmon.signals.reading.formats.arrays import Array, Holding, as_array, reading
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,7 +49,7 @@ class _Stored:
         return np.fromfile(self.path, dtype=self.dtype, count=count, offset=offset)
 
 
-def read_npy(path: str) -> Holding:
+def read_npy(path: str, what: str) -> Holding:
     """Return what an npy file holds: one array, or one channel for each field of its records.
 
     Raises
@@ -60,7 +57,7 @@ def read_npy(path: str) -> Holding:
     RecordingError
         If it is damaged or holds Python objects.
     """
-    with reading(path, WHAT_NPY):
+    with reading(path, what):
         stored = _stored(path)
     if stored.dtype.names:
         arrays: tuple[Array | None, ...] = _fields(stored)
@@ -69,7 +66,7 @@ def read_npy(path: str) -> Holding:
         arrays = (as_array("", stored),)
     found = tuple(array for array in arrays if array is not None)
     described = f"numbers of type {stored.dtype} and shape {stored.shape}"
-    return Holding(path=path, what=WHAT_NPY, arrays=found, together=True, left_out=(described,))
+    return Holding(path=path, what=what, arrays=found, together=True, left_out=(described,))
 
 
 def _stored(path: str) -> _Stored:
@@ -106,7 +103,7 @@ def _fields(stored: _Stored) -> tuple[Array, ...]:
     return (one,)
 
 
-def read_npz(path: str) -> Holding:
+def read_npz(path: str, what: str) -> Holding:
     """Return what an npz file holds: its arrays and single numbers by name.
 
     Raises
@@ -115,13 +112,13 @@ def read_npz(path: str) -> Holding:
         If it is damaged.
     """
     with (
-        reading(path, WHAT_NPZ),
+        reading(path, what),
         open(path, "rb") as stream,
         np.load(stream, allow_pickle=False) as archive,
     ):
         items = {name: archive[name] for name in archive.files if _is_plain(archive, name)}
         others = tuple(name for name in archive.files if name not in items)
-    return hold(path, WHAT_NPZ, items, others)
+    return hold(path, what, items, others)
 
 
 def _is_plain(archive: Any, name: str) -> bool:
