@@ -1,8 +1,8 @@
 """Arguments -> one call -> output and exit code; nobody imports this module.
 
 Exit codes: 0 done and no flag raised, 1 done and a flag raised, 2 bad input or usage, 3 done but
-nothing can be said. What a command takes stands beside it in `gearmon.commands`; everything heavy is imported inside the
-command that needs it.
+nothing can be said. What a command takes stands beside it in `gearmon.commands`; everything heavy
+is imported inside the command that needs it.
 """
 
 from __future__ import annotations
