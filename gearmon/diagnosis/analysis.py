@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearmon.diagnosis.decision.calibration import false_alarm_probability
-from gearmon.diagnosis.decision.coverage import noticed_from
+from gearmon.diagnosis.decision.coverage import heard_from, noticed_from
 from gearmon.diagnosis.decision.evidence import (
     Evidence,
     broadband_strength,
@@ -186,7 +186,7 @@ class _Compared:
         evidence = self.evidence()
         changes = self._changes(evidence.deviation)
         profiles = self._profiles(evidence)
-        decision = decide(evidence, self._unheard(profiles, must_notice))
+        decision = decide(evidence, self._unheard(evidence, must_notice))
         flags: tuple[Flag, ...] = ()
         if decision.verdict == "fault":
             flags = self._flags(evidence, changes, profiles)
@@ -310,22 +310,22 @@ class _Compared:
             noticed_from=noticed_from(gear),
         )
 
-    def _unheard(self, profiles: Sequence[ToothProfile], must_notice: float) -> tuple[str, ...]:
-        """Name the gears of which gross damage might not have been noticed."""
-        seen = {
-            (p.stage, p.gear)
-            for p in profiles
-            if p.noticed_from is not None and p.noticed_from <= LIMITS.about * must_notice
-        }
-        gears = [
+    def _unheard(self, evidence: Evidence, must_notice: float) -> tuple[str, ...]:
+        """Name the gears of which gross damage could not have been heard."""
+        searched = evidence.finding.searched if evidence.finding is not None else ()
+        loss = {gear.key: heard_from(gear) for gear in searched}
+        most = LIMITS.about * must_notice
+        gears = dict.fromkeys(
             (mesh.stage, wheel.gear)
             for mesh in kinematics(self.machine).meshes
             for wheel in mesh.wheels
-        ]
-        missing = dict.fromkeys(gear for gear in gears if gear not in seen)
-        deaf = tuple(f"the {gear} of stage {stage}" for stage, gear in missing)
+        )
+        deaf = [gear for gear in gears if (loss.get(gear) or 1.0) > most]
         silent = [n for n in self.reference.channel_names if n not in self.shared]
-        return deaf + tuple(f"what channel {name} hears" for name in silent)
+        return (
+            *(f"the {gear} of stage {stage}" for stage, gear in deaf),
+            *(f"what channel {name} hears" for name in silent),
+        )
 
     def _limits(self) -> tuple[str, ...]:
         """Name what limits a comparison with this reference."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gearmon.diagnosis.decision.evidence import tooth_strength
 from gearmon.diagnosis.decision.thresholds import LIMITS
-from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence
+from gearmon.diagnosis.hypotheses.tooth_damage import STANDS_OUT, GearEvidence
 from gearmon.diagnosis.hypotheses.tooth_match import LOSSES
 
 FloatArray = NDArray[np.float64]
@@ -28,8 +28,8 @@ _DIRECTIONS = 2.4
 _PAIR_SHARE = 0.65
 
 
-def noticed_from(gear: GearEvidence) -> float | None:
-    """Find the loss of one tooth from which a machine would not have been called healthy.
+def heard_from(gear: GearEvidence) -> float | None:
+    """Find the loss of one tooth from which it would be heard beside the noise.
 
     Parameters
     ----------
@@ -45,16 +45,39 @@ def noticed_from(gear: GearEvidence) -> float | None:
     -----
     In a band where an event has the energy E over the noise, in m directions unknown beforehand,
     its log likelihood ratio is E - m log(1 + E/m) in the mean. One tooth has to overcome that all
-    teeth, gears and losses share the prior probability. Half of the losses of this size are
-    noticed: the path about the lines of the response is known to a factor of about 1.6 only. And
-    this is what can be heard: a machine that departs much from one healthy recording to the next
-    hides more.
+    teeth and losses share the prior probability. Half of the losses of this size are heard: the
+    path about the lines of the response is known to a factor of about 1.6 only.
     """
-    told = _log_ratio(gear) - float(np.log(gear.deviation.teeth * _LOSSES_IN_FIVE))
-    strength = np.array([tooth_strength(value) for value in told.tolist()])
-    if strength[-1] < LIMITS.open:
+    return _first(_log_ratio(gear) - _prior(gear), LIMITS.open)
+
+
+def noticed_from(gear: GearEvidence) -> float | None:
+    """Find the loss of one tooth from which it would have been called a fault.
+
+    The same as `heard_from`, but beside all that this machine departs by from one healthy recording
+    to the next, and with what is believed of it.
+    """
+    deviation, search = gear.deviation, gear.search
+    misfit = max(1.0, deviation.misfit)
+    if search is None:
+        return _first(_log_ratio(gear) / misfit - _prior(gear), LIMITS.fault)
+    expected = search.match.expected - _prior(gear)
+    lines = sum(band.rest.size for band in deviation.bands)
+    peak = 1.0 + np.maximum(expected, 0.0) / max(1.0, 2.0 * lines / deviation.teeth)
+    share = np.minimum(1.0, misfit**-2 + (peak / STANDS_OUT) ** 2)
+    return _first(np.where(expected > 0, expected * share, expected), LIMITS.fault)
+
+
+def _prior(gear: GearEvidence) -> float:
+    return float(np.log(gear.deviation.teeth * _LOSSES_IN_FIVE))
+
+
+def _first(evidence: FloatArray, strength: float) -> float | None:
+    """Loss at which evidence, rising with it, reaches a strength."""
+    told = np.maximum.accumulate([tooth_strength(value) for value in evidence.tolist()])
+    if told[-1] < strength:
         return None
-    return float(np.exp(np.interp(LIMITS.open, strength, np.log(LOSSES))))
+    return float(np.exp(np.interp(strength, told, np.log(LOSSES))))
 
 
 def _log_ratio(gear: GearEvidence) -> FloatArray:

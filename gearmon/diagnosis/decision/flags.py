@@ -82,7 +82,11 @@ class Flagging:
         spread = departure_spread(best.search) if best.search is not None else None
         probability = self._probability(strength)
         around = best.deviation.peak < LIMITS.all_around * best.deviation.misfit
-        if around or (spread is not None and spread.one_tooth < self._least_sure(best)):
+        if spread is not None:
+            # an event that rings on around a small pinion is still one tooth's
+            around = around and spread.explained < LIMITS.one_event
+            around = around or spread.one_tooth < self._least_sure(best)
+        if around:
             return self._spread_flag(finding, spread, probability)
         stage, gear = best.key
         evidence = [

@@ -42,10 +42,11 @@ class Limits:
     noise_strength, noise_rise_db : float
         Share of the broadband spectrum in the strength of the levels, and rise of the spectrum
         between the lines over that of the lines [dB], from which a change is one of the noise.
-    all_around : float
+    all_around, one_event : float
         Energy at the most striking place of a gear's turn, over the misfit of its median tooth,
-        below which a departure is that of the whole turn: single teeth of up to 40 % loss have 0.8
-        and more, two of fourteen cases of distributed pitting would pass for one tooth without it.
+        below which a departure is that of the whole turn, unless one tooth explains this share of
+        it: single teeth of up to 40 % loss have 0.8 and more, or 0.9 explained where a pinion of 17
+        teeth rings around; one of fourteen cases of distributed pitting passes for one tooth.
     angle_unsure, angle_slipped, unsure_share : float
         Standard deviation of the angle [mesh periods] from which it is unsure, and the share of the
         strength of lines and levels that then counts: of 700 simulated recordings none lies between
@@ -66,11 +67,12 @@ class Limits:
     levels_offset: float = 0.3
     lines_weight: float = 0.65
     broadband_weight: float = 0.35
-    light_weight: float = 3.0
+    light_weight: float = 1.5
     rare_share: float = 1.3
     noise_strength: float = 0.9
     noise_rise_db: float = 1.5
     all_around: float = 0.3
+    one_event: float = 0.85
     angle_unsure: float = 0.1
     angle_slipped: float = 0.5
     unsure_share: float = 0.5

@@ -140,11 +140,18 @@ def own_teeth_reason(profiles: Sequence[ToothProfile]) -> str:
 
 
 def _noticed(profiles: Sequence[ToothProfile]) -> str:
-    """Say how much damage of one tooth a healthy verdict excludes; changed levels tell of more."""
+    """Say how much damage of one tooth would have been called a fault."""
     from_loss = [p.noticed_from for p in profiles if p.noticed_from is not None]
-    if not from_loss:
-        return ""
-    return (
-        f" Damage of one tooth would mostly have been noticed from a loss of "
-        f"{100 * max(from_loss):.2g} % of its pair's stiffness."
-    )
+    blind = [f"the {p.gear} of stage {p.stage}" for p in profiles if p.noticed_from is None]
+    told = ""
+    if from_loss:
+        told = (
+            f" Damage of one tooth would mostly have been noticed from a loss of "
+            f"{100 * max(from_loss):.2g} % of its pair's stiffness."
+        )
+    if blind:
+        told += (
+            f" On {', '.join(blind)} this machine departs too much from one healthy recording to "
+            "the next to name one tooth."
+        )
+    return told

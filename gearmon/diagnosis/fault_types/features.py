@@ -273,13 +273,15 @@ _NO_SHAPE = dict.fromkeys(_SHAPE, 0.0)
 def _shape(energy: FloatArray) -> dict[str, float]:
     """Describe how the departure is spread around a turn."""
     level = np.maximum(np.asarray(energy, dtype=np.float64), 0.0)
+    level = level / max(float(level.max(initial=0.0)), np.finfo(float).tiny)
     middle, teeth = float(np.median(level)), len(level)
     excess = np.maximum(level - middle, 0.0)
     total = float(excess.sum())
     if middle <= 0 or total <= 0:
         return _NO_SHAPE
     window = sum(np.roll(excess, -i) for i in range(min(_WINDOW_TEETH, teeth)))
-    top_db, second_db = 10 * np.log10(np.array([level.max(), _second(level)]) / middle)
+    # 60 dB are the most that is told: a median far below it must not divide
+    top_db, second_db = 10 * np.log10(np.array([level.max(), _second(level)]) / max(middle, 1e-9))
     turns = np.exp(2j * np.pi * np.arange(teeth) / teeth)
     once, twice = (abs(np.sum(excess * turns**number)) / total for number in (1, 2))
     values = (

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from gearmon.diagnosis.fault_types.features import FeatureVector, kind_features
 from gearmon.diagnosis.hypotheses.fault_kinds import KindJudgement, judge_kind
+from gearmon.diagnosis.hypotheses.own_teeth import locate
 from gearmon.diagnosis.hypotheses.runout import turn_changes
-from gearmon.diagnosis.results import Analysis
-from gearmon.signatures.reference import Profile, Reference
+from gearmon.diagnosis.law.machine import same_gear
+from gearmon.diagnosis.results import Analysis, ToothProfile
+from gearmon.signatures.reference import Profile, Reference, WheelPattern
 
 if TYPE_CHECKING:
     from gearmon.diagnosis.fault_types.classifier import KindClassifier
@@ -68,10 +71,28 @@ def analysis_features(analysis: Analysis, reference: Reference) -> FeatureVector
     """
     names = analysis.signature.channel_names
     shared = [name for name in names if name in reference.channel_names]
-    turns = turn_changes(
-        Profile.of(analysis.signature).wheels,
-        [names.index(name) for name in shared],
-        [profile.wheels for profile in reference.profiles],
-        [reference.channel_names.index(name) for name in shared],
-    )
-    return kind_features(analysis.changes, analysis.profiles, turns)
+    rows = [names.index(name) for name in shared]
+    theirs = [reference.channel_names.index(name) for name in shared]
+    wheels = Profile.of(analysis.signature).wheels
+    turns = turn_changes(wheels, rows, [p.wheels for p in reference.profiles], theirs)
+    shapes: Sequence[ToothProfile] = analysis.profiles
+    if analysis.verdict == "fault":
+        # the law leaves nothing of a sound machine; of a fault, what the training saw
+        shapes = _shapes(wheels, rows, reference, theirs)
+    return kind_features(analysis.changes, shapes, turns)
+
+
+def _shapes(
+    wheels: Sequence[WheelPattern],
+    rows: Sequence[int],
+    reference: Reference,
+    theirs: Sequence[int],
+) -> list[ToothProfile]:
+    """Energy of the departure around every gear, found as in the examples of the training."""
+    found = []
+    for wheel in wheels:
+        healthy = [one for p in reference.profiles if (one := same_gear(wheel, p)) is not None]
+        if healthy:
+            shape = locate(wheel, rows, healthy, theirs, numbered=False, same_zero=False)
+            found += [shape] if shape is not None else []
+    return found
