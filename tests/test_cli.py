@@ -253,6 +253,16 @@ def test_without_reference_it_cannot_tell(run):
     assert told["verdict"] == "cannot tell"
 
 
+@pytest.mark.parametrize("loss", ["140%", "0", "much"])
+def test_a_loss_to_be_noticed_that_is_none_is_refused_before_any_work(run, loss):
+    code, out, err = run(*analyse("new.csv", "noise.csv"), "--must-notice", loss)
+    assert (code, out) == (2, "")
+    assert err.splitlines() == [
+        f"gearmon: --must-notice {loss}: must be a loss of pair stiffness above 0, up to 100%, "
+        "such as 20%"
+    ]
+
+
 def test_noise_is_a_verdict_and_no_error(run):
     code, out, err = run(*analyse("noise.csv"), "--json")
     assert (code, err) == (3, "")

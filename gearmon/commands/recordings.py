@@ -52,11 +52,12 @@ def run_learn(arguments: argparse.Namespace) -> int:
 
 def run_analyse(arguments: argparse.Namespace) -> int:
     """Run `gearmon analyse`."""
+    must_notice = loss_of(arguments.must_notice, "--must-notice")
     machine = machine_of(arguments.machine)
     reference = reference_of(arguments, machine)
     kept: list[tuple[Analysis, Recording | None]] = []
     results = [
-        _analysed(path, arguments, machine, reference, kept)
+        _analysed(path, arguments, machine, reference, must_notice, kept)
         for path in followed(arguments.recording, "analysing")
     ]
     result: dict[str, Any] = {"recordings": results}
@@ -89,6 +90,7 @@ def _analysed(
     arguments: argparse.Namespace,
     machine: Machine,
     reference: Reference | None,
+    must_notice: float | None,
     kept: list[tuple[Analysis, Recording | None]],
 ) -> dict[str, Any]:
     """Analyse one recording; a bad one is reported in its place."""
@@ -96,7 +98,6 @@ def _analysed(
 
     try:
         recording = recording_of(path, arguments, machine)
-        must_notice = loss_of(arguments.must_notice, "--must-notice")
         options = {} if must_notice is None else {"must_notice": must_notice}
         analysis = analyse(recording, machine, reference, **options)
     except GearmonError as error:

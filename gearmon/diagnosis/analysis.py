@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,7 +32,7 @@ from gearmon.diagnosis.hypotheses.tooth_damage import (
 from gearmon.diagnosis.law import HealthyMachine, MachineDeviation
 from gearmon.diagnosis.nongear import disturbed, nongear_findings
 from gearmon.diagnosis.results import Analysis, Change, Flag, ToothProfile
-from gearmon.errors import ArgumentError, GearmonError
+from gearmon.errors import ArgumentError, GearmonError, check_range
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine
 from gearmon.signals.recording import Recording
@@ -103,6 +103,7 @@ def analyse(
     GearmonError
         If the recording cannot be used or the reference does not fit.
     """
+    check_range("must_notice", must_notice, 0.0, 1.0)
     if reference is not None:
         _check_fit(machine, reference)
     signature = measure_signature(recording, machine)
@@ -414,8 +415,6 @@ def _with(
     strength: float,
     probability: float,
 ) -> Analysis:
-    from dataclasses import replace
-
     return replace(
         found,
         verdict=verdict,

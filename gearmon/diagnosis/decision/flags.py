@@ -12,7 +12,6 @@ from gearmon.diagnosis.decision.evidence import (
     Evidence,
     noise_rose,
     rare_strength,
-    tooth_strength,
 )
 from gearmon.diagnosis.decision.thresholds import LIMITS
 from gearmon.diagnosis.fault_types.features import NONE, FeatureVector
@@ -390,8 +389,3 @@ def sentences(changes: Sequence[Change]) -> tuple[str, ...]:
         f"{abs(change.change_db):.1f} dB; healthy scatter {change.scatter_db:.1f} dB"
         for change in strongest
     )
-
-
-def strength_of_gear(gear: GearEvidence) -> float:
-    """Strength of damage of one tooth of a gear."""
-    return tooth_strength(gear.believed)

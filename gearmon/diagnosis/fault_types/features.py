@@ -155,7 +155,7 @@ def kind_features(
     profiles : sequence of ToothProfile
         Energy of the departure around each gear.
     turns : sequence of TurnChange
-        Changes of single sidebands, see `kind_turns.turn_changes`.
+        Changes of single sidebands, see `hypotheses.runout.turn_changes`.
 
     Returns
     -------

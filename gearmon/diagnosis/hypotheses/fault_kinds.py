@@ -91,9 +91,9 @@ def judge_kind(
     Parameters
     ----------
     features : FeatureVector
-        See `kind_features.kind_features`.
+        See `fault_types.features.kind_features`.
     classifier : KindClassifier, optional
-        Trained by `kind_training.train_kinds` on this machine; by default the rules judge.
+        Trained by `fault_types.training.train_kinds` on this machine; by default the rules judge.
     stage, gear : int, str, optional
         Gear that was found damaged by other means; by default the one with the most evidence.
     spread : DepartureSpread, optional
@@ -145,7 +145,7 @@ def rule_probabilities(
     row : mapping of str to float
         One row of features by name.
     spread : DepartureSpread, optional
-        How far the departure of this gear is that of one tooth, see `kind_spread`.
+        How far the departure of this gear is that of one tooth, see `several_teeth`.
 
     Returns
     -------

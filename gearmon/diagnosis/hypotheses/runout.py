@@ -215,7 +215,7 @@ def runout_growth(
     Parameters
     ----------
     turns : sequence of TurnChange
-        Of the new recording against all healthy ones, see `kind_turns.turn_changes`.
+        Of the new recording against all healthy ones, see `turn_changes`.
     healthy : sequence of sequences of TurnChange
         Of each healthy recording against the others, see `healthy_turns`.
 

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from gearmon.diagnosis.hypotheses.tooth_match import (
     LOSSES,
     ToothMatch,
-    log_mean,
     match_teeth,
     path_power,
 )
@@ -98,13 +97,6 @@ def search_gear(
     if match is None:
         return None
     return SearchedGear(difference=difference, response=response, match=match)
-
-
-def log_evidence(gears: Sequence[SearchedGear]) -> float:
-    """Logarithm of the Bayes factor of damage on one tooth of one of the gears, none preferred."""
-    if not gears:
-        return 0.0
-    return float(log_mean(np.array([[gear.match.log_gear] for gear in gears]))[0])
 
 
 def most_likely(

@@ -58,14 +58,6 @@ class LevelDeviation:
         squares = np.minimum(self.standardised[:, columns] ** 2, MOST_SQUARE)
         return float(np.nanmean(squares)) if np.isfinite(squares).any() else 0.0
 
-    @property
-    def by_channel(self) -> FloatArray:
-        """Mean square of each channel."""
-        rows = [row[np.isfinite(row)] for row in self.standardised]
-        return np.array(
-            [np.mean(np.minimum(row**2, MOST_SQUARE)) if len(row) else 0.0 for row in rows]
-        )
-
 
 def level_deviation(
     level_db: FloatArray,
