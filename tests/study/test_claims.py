@@ -8,8 +8,15 @@ from typing import get_args
 
 import pytest
 
-from gearmon.study.claims import CLAIMS, judge
-from gearmon.study.findings import Evidence, Verdict, falling, rising, verdict_of
+from gearmon.study.claims import (
+    CLAIMS,
+    Evidence,
+    Verdict,
+    falling,
+    judge,
+    rising,
+    verdict_of,
+)
 
 NOT_REPRODUCED = {"3a", "3b", "6e", "7c", "9b"}
 
