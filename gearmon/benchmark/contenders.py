@@ -360,7 +360,8 @@ def _own_loops(sweep: Sweep) -> Iterator[Contender]:
 def _together(sweep: Sweep) -> Contender:
     """All sets at once, nothing kept from an earlier call."""
     columns = [(p.mass_kg, p.damping_ns_per_m, p.stiffness_n_per_m) for p in sweep.problems]
-    common = (*np.array(columns).T, sweep.problems[0].stiffness_harmonics, PERIOD_S, FORCE_N)
+    mass, damping, stiffness = np.array(columns).T
+    common = mass, damping, stiffness, sweep.problems[0].stiffness_harmonics, PERIOD_S, FORCE_N
     run = partial(solve_sets, *common, tolerance=TARGET)
     found = run()
     refused = int((~found.met).sum())
@@ -462,9 +463,9 @@ def growing_contenders(quick: bool = False) -> Iterator[Contender]:
     for meshes in QUICK_MESHES if quick else MESHES:
         p, setting = growing_turn(meshes), f"{meshes} meshes"
         response = steady_state(p, TARGET)
-        count, run = len(response.displacement), partial(steady_state, p, TARGET)
-        known = {"unknowns": count, "error_bound": response.error_bound}
-        yield Contender(OURS, "gearmon", setting, TARGET, run, **known)
+        count, bound = len(response.displacement), response.error_bound
+        run = partial(steady_state, p, TARGET)
+        yield Contender(OURS, "gearmon", setting, TARGET, run, error_bound=bound, unknowns=count)
         if rivals.banded_bytes(len(p.stiffness_harmonics), count) < GROWING_BYTES:
             band = _solve_band(p, count - 1)
             yield Contender(BANDED, "banded", setting, None, band, unknowns=count)

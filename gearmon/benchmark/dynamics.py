@@ -171,7 +171,10 @@ def fitted_exponent(rows: Sequence[Row], least: int = FIRST_FITTED) -> float | N
     1.5
     """
     kept = [(row["unknowns"], row["median_s"]) for row in rows if row["unknowns"] >= least]
-    return None if len(kept) < 3 else float(np.polyfit(*np.log(np.array(kept)).T, 1)[0])
+    if len(kept) < 3:
+        return None
+    x, y = np.log(np.array(kept)).T
+    return float(np.polyfit(x, y, 1)[0])
 
 
 def _measured(

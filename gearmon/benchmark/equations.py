@@ -113,8 +113,15 @@ def pair(
     return HillProblem(MASS_KG, damping, STIFFNESS_N_PER_M, own, meshes * period, FORCE_N)
 
 
-def _smooth(name: str, title: str, harmonics: int = 10, **changed: float) -> Case:
-    return Case(name=name, title=title, problem=pair(square_wave(harmonics), **changed))
+def _smooth(
+    name: str,
+    title: str,
+    harmonics: int = 10,
+    zeta: float | None = None,
+    ratio: float | None = None,
+) -> Case:
+    problem = pair(square_wave(harmonics), zeta=zeta, ratio=ratio)
+    return Case(name=name, title=title, problem=problem)
 
 
 def _resonant(name: str, ratio: float) -> Case:

@@ -201,19 +201,26 @@ def competitor(python: str, needs: str, what: str, data: dict[str, Any]) -> Iter
     ArgumentError
         If the other environment does not answer.
     """
-    arguments = [python, "-I", str(SCRIPT), what, json.dumps(data)]
-    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
-    with subprocess.Popen(arguments, text=True, **pipes) as other:  # type: ignore[call-overload]
+    with subprocess.Popen(
+        [python, "-I", str(SCRIPT), what, json.dumps(data)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    ) as other:
+        assert other.stdin is not None
+        assert other.stdout is not None
+        requests, answers = other.stdin, other.stdout
 
         def answer() -> Any:
-            line = other.stdout.readline()
+            line = answers.readline()
             if not line.strip():
                 raise ArgumentError(f"{python} gives no answer: its environment must hold {needs}")
             return json.loads(line)
 
         def run() -> float:
-            print(file=other.stdin, flush=True)
+            print(file=requests, flush=True)
             return float(answer())
 
         yield Competitor(known=answer(), run=run)
-        other.stdin.close()
+        requests.close()
