@@ -6,7 +6,7 @@ Run it as it stands: python demos/paper_study.py [OUTPUT_FOLDER]
 import sys
 from pathlib import Path
 
-from gearmon.report.study_report import write_study
+from gearmon.study import write_study
 from gearmon.terminal import progress_bar
 
 

@@ -1,27 +1,82 @@
-"""Run time, memory and error, measured side by side with named competitors."""
+"""Run time, memory and error, measured side by side with named competitors.
+
+A table of cases, and one way to run each, to tell it in few rows, and to draw it. What all of them
+share, taking tasks in turn, is in `timing`.
+
+>>> from gearmon.benchmark import CASES, PICTURED
+>>> list(CASES)[:3], PICTURED[:2]
+(['analyse', 'memory', 'stiffness'], ('dynamics', 'stress'))
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from gearmon.errors import ArgumentError
 from gearmon.terminal import Progress
 
-CASES = (
-    "analyse",
-    "memory",
-    "stiffness",
-    "harvesting",
-    "dynamics",
-    "stress",
-    "signals",
-    "detection",
-)
+__all__ = ["CASES", "PICTURED", "run_case", "save_figures", "summary_rows"]
+
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Case:
+    """Where a benchmark is made: "module:function" within this room.
+
+    Parameters
+    ----------
+    run : str
+        Takes those of the options that `takes` names, and gives rows.
+    takes : tuple of str
+    summary : str
+        Takes rows and gives those that a terminal shows; "" shows all.
+    figures : str
+        Takes rows and gives matplotlib figures by name ("" for the only one); "" has none.
+    """
+
+    run: str
+    takes: tuple[str, ...] = ("progress",)
+    summary: str = ""
+    figures: str = ""
+
+
+CASES = {
+    "analyse": _Case(run="whole_process:analysis_against_reading"),
+    "memory": _Case(run="whole_process:memory_of_long_recording"),
+    "stiffness": _Case(run="stiffness:time_stiffness", takes=("ross_python",)),
+    "harvesting": _Case(run="harvesting:time_harvesting", takes=("progress", "quick")),
+    "dynamics": _Case(
+        run="dynamics:run_dynamics",
+        takes=("progress", "quick", "seed", "count"),
+        summary="dynamics:headlines",
+        figures="plots:dynamics_figures",
+    ),
+    "stress": _Case(
+        run="stress:run_stress",
+        takes=("progress", "quick", "seed", "count"),
+        summary="stress:stress_summary",
+        figures="plots:stress_figures",
+    ),
+    "signals": _Case(
+        run="signals:run_signals",
+        takes=("progress", "quick"),
+        summary="signals:signals_summary",
+        figures="plots:signals_figures",
+    ),
+    "detection": _Case(
+        run="detection:run_detection",
+        takes=("progress", "quick", "seed", "count"),
+        summary="detection:detection_summary",
+        figures="plots:detection_figures",
+    ),
+}
 #: Cases that have pictures.
-PICTURED = ("dynamics", "stress", "signals", "detection")
+PICTURED = tuple(name for name, case in CASES.items() if case.figures)
 
 
 def run_case(
@@ -32,7 +87,7 @@ def run_case(
     quick: bool = False,
     seed: int = 0,
     count: int | None = None,
-) -> list[dict[str, Any]]:
+) -> list[Row]:
     """Run one benchmark.
 
     Parameters
@@ -63,48 +118,15 @@ def run_case(
     ArgumentError
         If there is no such case.
     """
-    if case == "analyse":
-        from gearmon.benchmark.whole_process import analysis_against_reading
-
-        return analysis_against_reading(progress=progress)
-    if case == "memory":
-        from gearmon.benchmark.whole_process import memory_of_long_recording
-
-        return memory_of_long_recording(progress=progress)
-    if case == "stiffness":
-        from gearmon.benchmark.stiffness import time_stiffness
-
-        return [asdict(timing) for timing in time_stiffness(python=ross_python)]
-    if case == "harvesting":
-        from gearmon.benchmark.harvesting import time_harvesting
-
-        return time_harvesting(progress, quick=quick)
-    if case == "dynamics":
-        from gearmon.benchmark.dynamics import run_dynamics
-
-        return run_dynamics(
-            quick=quick, seed=seed, sets=10_000 if count is None else count, progress=progress
-        )
-    if case == "stress":
-        from gearmon.benchmark.stress import run_stress
-
-        return run_stress(
-            5000 if count is None else count, seed=seed, quick=quick, progress=progress
-        )
-    if case == "signals":
-        from gearmon.benchmark.signals import run_signals
-
-        return run_signals(progress, quick=quick)
-    if case == "detection":
-        from gearmon.benchmark.detection import MACHINES, run_detection
-
-        return run_detection(
-            MACHINES if count is None else count, seed=seed, quick=quick, progress=progress
-        )
-    raise ArgumentError(f"benchmark case={case!r} must be one of {', '.join(CASES)}")
+    if case not in CASES:
+        raise ArgumentError(f"benchmark case={case!r} must be one of {', '.join(CASES)}")
+    given = {"progress": progress, "ross_python": ross_python, "quick": quick, "seed": seed}
+    given |= {} if count is None else {"count": count}
+    taken = {name: given[name] for name in CASES[case].takes if name in given}
+    return list(_function(CASES[case].run)(**taken))
 
 
-def summary_rows(case: str, rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+def summary_rows(case: str, rows: Sequence[Row]) -> list[Row]:
     """Return the few rows that a terminal shows of a benchmark.
 
     Parameters
@@ -114,25 +136,11 @@ def summary_rows(case: str, rows: Sequence[dict[str, Any]]) -> list[dict[str, An
     rows : sequence of dict
         What it returned.
     """
-    if case == "dynamics":
-        from gearmon.benchmark.dynamics import headlines
-
-        return headlines(rows)
-    if case == "stress":
-        from gearmon.benchmark.stress import stress_summary
-
-        return stress_summary(rows)
-    if case == "signals":
-        shown = ("case", "method", "samples", "channels", "median_s", "times_own", "note")
-        return [{name: row[name] for name in shown} for row in rows]
-    if case == "detection":
-        from gearmon.benchmark.detection import detection_summary
-
-        return detection_summary(rows)
-    return list(rows)
+    place = CASES[case].summary
+    return list(_function(place)(rows) if place else rows)
 
 
-def save_figures(case: str, rows: Sequence[dict[str, Any]], path: str | Path) -> list[Path]:
+def save_figures(case: str, rows: Sequence[Row], path: str | Path) -> list[Path]:
     """Write the pictures of a benchmark.
 
     Parameters
@@ -153,21 +161,19 @@ def save_figures(case: str, rows: Sequence[dict[str, Any]], path: str | Path) ->
     ArgumentError
         If this benchmark has no pictures.
     """
-    if case == "dynamics":
-        from gearmon.report.benchmark_plots import save_dynamics_figures
+    if case not in PICTURED:
+        raise ArgumentError(f"benchmark case={case!r} has no pictures; {', '.join(PICTURED)} have")
+    from gearmon.files import replacing
 
-        return save_dynamics_figures(rows, path)
-    if case == "stress":
-        from gearmon.report.stress_plots import save_stress_figure
+    target, written = Path(path), []
+    for name, figure in _function(CASES[case].figures)(rows).items():
+        written.append(target.with_name(f"{target.stem}-{name}{target.suffix}") if name else target)
+        with replacing(written[-1]) as temporary:
+            figure.savefig(temporary, dpi=130)
+    return written
 
-        return save_stress_figure(rows, path)
-    if case == "signals":
-        from gearmon.report.signals_benchmark_plots import save_signals_figure
 
-        return save_signals_figure(rows, path)
-    if case == "detection":
-        from gearmon.benchmark.detection import detection_summary
-        from gearmon.report.detection_plots import save_detection_figures
-
-        return save_detection_figures(rows, detection_summary(rows), path)
-    raise ArgumentError(f"benchmark case={case!r} has no pictures; {', '.join(PICTURED)} have")
+def _function(place: str) -> Callable[..., Any]:
+    module, _, name = place.partition(":")
+    found: Callable[..., Any] = getattr(import_module(f"gearmon.benchmark.{module}"), name)
+    return found

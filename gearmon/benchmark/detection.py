@@ -12,16 +12,90 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from gearmon.benchmark.detection_rivals import RIVALS
-from gearmon.benchmark.detection_scores import roc_area_interval, share_interval
-from gearmon.benchmark.detection_trials import TOOTH_WITHIN, Outcome, machine_trials
-from gearmon.errors import check_range
+from gearmon.benchmark.detection_trials import RIVALS, TOOTH_WITHIN, Outcome, machine_trials
+from gearmon.errors import ArgumentError, check_range
 from gearmon.terminal import Progress
 
 FloatArray = NDArray[np.float64]
 Row = dict[str, Any]
+
+RESAMPLES = 400
+
+
+def roc_area(healthy: ArrayLike, faulty: ArrayLike) -> float:
+    """Area under the ROC curve: the probability that a faulty score exceeds a healthy one.
+
+    Parameters
+    ----------
+    healthy, faulty : array_like of float, shape (n,), (m,)
+        At least one each; ties count half.
+
+    Examples
+    --------
+    >>> roc_area([0.0, 1.0], [1.0, 2.0])
+    0.875
+    """
+    from scipy.stats import rankdata
+
+    low, high = np.asarray(healthy, dtype=float), np.asarray(faulty, dtype=float)
+    if not len(low) or not len(high):
+        raise ArgumentError("roc_area needs at least one healthy and one faulty score")
+    ranks = rankdata(np.concatenate([low, high]))[len(low) :]
+    return float((ranks.mean() - 0.5 * (len(high) + 1)) / len(low))
+
+
+def roc_area_interval(
+    healthy: Sequence[FloatArray], faulty: Sequence[FloatArray], seed: int = 0
+) -> tuple[float, float, float]:
+    """Area under the ROC curve with a 95 % interval by resampling of machines.
+
+    Recordings of one machine resemble one another, so that whole machines are drawn.
+
+    Parameters
+    ----------
+    healthy, faulty : sequence of ndarray
+        Scores, machine by machine; of a machine there may be none.
+    seed : int
+
+    Returns
+    -------
+    (float, float, float)
+        Area, lower and upper limit.
+    """
+    rng = np.random.default_rng(seed)
+    area = roc_area(np.concatenate(healthy), np.concatenate(faulty))
+    drawn = []
+    for _ in range(RESAMPLES):
+        chosen = rng.integers(0, len(healthy), len(healthy))
+        low = np.concatenate([healthy[i] for i in chosen])
+        high = np.concatenate([faulty[i] for i in chosen])
+        if len(low) and len(high):
+            drawn.append(roc_area(low, high))
+    return area, *np.quantile(drawn, (0.025, 0.975)).tolist()
+
+
+def share_interval(hits: int, trials: int) -> tuple[float, float, float]:
+    """Share with its 95 % interval by Wilson.
+
+    Parameters
+    ----------
+    hits, trials : int
+        trials >= 1.
+
+    Examples
+    --------
+    >>> [round(x, 3) for x in share_interval(0, 10)]
+    [0.0, 0.0, 0.278]
+    """
+    from scipy.stats import binomtest
+
+    if trials < 1:
+        raise ArgumentError(f"trials={trials} must be at least 1")
+    interval = binomtest(hits, trials).proportion_ci(method="wilson")
+    return hits / trials, float(interval.low), float(interval.high)
+
 
 MACHINES, QUICK_MACHINES = 60, 2
 #: Groups of machines of which a learning detector sees all but the one that it judges.

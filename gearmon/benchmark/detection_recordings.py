@@ -13,8 +13,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.benchmark.detection_machines import GEARS, DrawnMachine, HiddenStage
-from gearmon.benchmark.detection_mesh import GearMotion, MeshModel, Turn
+from gearmon.benchmark.detection_machines import (
+    GEARS,
+    DrawnMachine,
+    GearMotion,
+    HiddenStage,
+    MeshModel,
+    Turn,
+)
 from gearmon.errors import ArgumentError
 from gearmon.signals.recording import Recording
 

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.benchmark.timing import task_time
-from gearmon.benchmark.whole_process import machine_facts
+from gearmon.benchmark.timing import machine_facts, task_time
 from gearmon.dynamics.hill import HillProblem
 from gearmon.dynamics.integration import settle
 from gearmon.harvesting.beam import beam_modes

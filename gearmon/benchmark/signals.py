@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import json
-import os
-import statistics
-import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -16,9 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.benchmark.timing import Timing, interleaved, task_time
-from gearmon.benchmark.whole_process import machine_facts
-from gearmon.errors import ArgumentError
+from gearmon.benchmark.timing import Timing, competitor, interleaved, machine_facts, other_python
 from gearmon.files import write_atomically
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, load_machine
@@ -42,7 +36,6 @@ FloatArray = NDArray[np.float64]
 #: Names the interpreter of an environment with PySDKit.
 VARIABLE = "GEARMON_PYSDKIT_PYTHON"
 NEEDS = "PySDKit 0.5.0"
-SCRIPT = Path(__file__).with_name("signals_kurtogram.py")
 LEVELS = 8
 RATE_HZ = 20_000.0
 SPEED_HZ = 24.5
@@ -92,6 +85,12 @@ def run_signals(progress: Progress | None = None, *, quick: bool = False) -> lis
     return [{**row, **facts} for row in rows]
 
 
+def signals_summary(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return the columns of the rows that a terminal has room for."""
+    shown = ("case", "method", "samples", "channels", "median_s", "times_own", "note")
+    return [{name: row[name] for name in shown} for row in rows]
+
+
 def _noise(count: int) -> FloatArray:
     return np.random.default_rng(0).normal(size=count)
 
@@ -101,36 +100,23 @@ def _rows(
 ) -> Iterator[dict[str, Any]]:
     """Rows of methods taken in turn; the first is gearmon's."""
     for name, timing in zip(names, timings, strict=True):
-        yield _row(
-            case,
-            name,
-            samples,
-            channels,
-            (timing.median_s, timing.fastest_s, timing.repeats),
-            timing.median_s / timings[0].median_s,
-        )
+        times = timing.median_s / timings[0].median_s
+        yield _row(case, name, samples, timing, times, channels=channels)
 
 
 def _row(
     case: str,
     name: str,
     samples: int,
-    channels: int,
-    times: tuple[float | None, float | None, int],
+    timing: Timing | None,
     times_own: float | None,
     note: str = "",
+    channels: int = 1,
 ) -> dict[str, Any]:
-    return {
-        "case": case,
-        "method": name,
-        "samples": samples,
-        "channels": channels,
-        "median_s": times[0],
-        "fastest_s": times[1],
-        "repeats": times[2],
-        "times_own": times_own,
-        "note": note,
-    }
+    none = {"median_s": None, "fastest_s": None, "repeats": 0}
+    times = timing.columns() if timing else none
+    sizes = {"samples": samples, "channels": channels}
+    return {"case": case, "method": name, **sizes, **times, "times_own": times_own, "note": note}
 
 
 def _spectrum(count: int, repeats: int) -> Iterator[dict[str, Any]]:
@@ -196,65 +182,19 @@ def _envelope(count: int, repeats: int) -> Iterator[dict[str, Any]]:
 def _kurtogram(count: int, repeats: int) -> Iterator[dict[str, Any]]:
     samples = _noise(count)
     case = f"kurtogram, {LEVELS} levels"
-    python = _pysdkit_python()
+    own = sys.executable if find_spec("pysdkit") else None
+    python = other_python(VARIABLE, NEEDS) or own
     if python is None:
-        (own,) = interleaved([lambda: kurtogram(samples, 1.0, LEVELS)], repeats, 5.0)
-        yield from _rows(case, ["kurtogram"], [own], count)
+        (timing,) = interleaved([lambda: kurtogram(samples, 1.0, LEVELS)], repeats, 5.0)
+        yield from _rows(case, ["kurtogram"], [timing], count)
         note = f"not run: {VARIABLE} names no interpreter of an environment with {NEEDS}"
-        yield _row(case, "PySDKit", count, 1, (None, None, 0), None, note)
+        yield _row(case, "PySDKit", count, None, None, note)
         return
-    version, own_s, theirs = _in_turn(
-        python, count, lambda: kurtogram(samples, 1.0, LEVELS), repeats
-    )
-    middle = statistics.median(own_s)
-    yield _row(case, "kurtogram", count, 1, (middle, min(own_s), len(own_s)), 1.0)
-    other = statistics.median(theirs)
-    times = (other, min(theirs), len(theirs))
-    yield _row(case, f"PySDKit {version}", count, 1, times, other / middle)
-
-
-def _pysdkit_python() -> str | None:
-    """Interpreter of an environment with PySDKit, None if there is none."""
-    name = os.environ.get(VARIABLE)
-    if not name:
-        return sys.executable if find_spec("pysdkit") else None
-    if not Path(name).is_file():
-        raise ArgumentError(
-            f"{VARIABLE}={name!r} is no file; it must name the Python interpreter of an "
-            f"environment with {NEEDS}"
-        )
-    return name
-
-
-def _in_turn(
-    python: str, count: int, task: Callable[[], Any], repeats: int
-) -> tuple[str, list[float], list[float]]:
-    """Time a task here and the kurtogram there, one after the other, round after round."""
-    with subprocess.Popen(
-        [python, "-I", str(SCRIPT), str(count), str(min(LEVELS, int(np.log2(count)) - 7))],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-    ) as other:
-        if other.stdin is None or other.stdout is None:  # pragma: no cover - both are pipes
-            raise ArgumentError(f"{python}: no pipes to the other interpreter")
-
-        def answer() -> Any:
-            line = other.stdout.readline() if other.stdout else ""
-            if not line.strip():
-                raise ArgumentError(f"{python} gives no answer: its environment must hold {NEEDS}")
-            return json.loads(line)
-
-        version = str(answer()["version"])
-        task()
-        own, theirs = [], []
-        for _ in range(repeats):
-            print(file=other.stdin, flush=True)
-            theirs.append(float(answer()))
-            own.append(task_time(task)[0])
-        other.stdin.close()
-    return version, own, theirs
+    data = {"count": count, "levels": min(LEVELS, int(np.log2(count)) - 7)}
+    with competitor(python, NEEDS, "pysdkit", data) as other:
+        theirs, timing = other.in_turn(lambda: kurtogram(samples, 1.0, LEVELS), repeats)
+        names = ["kurtogram", f"PySDKit {other.known['version']}"]
+        yield from _rows(case, names, [timing, theirs], count)
 
 
 def gearbox_signal(count: int, seed: int = 0) -> FloatArray:
@@ -311,8 +251,7 @@ def _after_reading(count: int, repeats: int) -> Iterator[dict[str, Any]]:
             f"{AFTER_READING}, by stage",
             name,
             count,
-            1,
-            (timing.median_s, timing.fastest_s, timing.repeats),
+            timing,
             timing.median_s / timings[0].median_s,
             "times_own is the share of all",
         )

@@ -17,12 +17,13 @@ from typing import Any
 
 import numpy as np
 
-from gearmon.benchmark.stress_reference import (
+from gearmon.benchmark.equations import System, draw_system, growth
+from gearmon.benchmark.references import (
     RefinedBalance,
     difference_to_shooting,
     refined_balance,
 )
-from gearmon.benchmark.stress_systems import System, draw_system, growth
+from gearmon.benchmark.timing import facts_of_run
 from gearmon.dynamics import Response, steady_state
 from gearmon.errors import ArgumentError, check_range
 from gearmon.terminal import Progress
@@ -47,7 +48,7 @@ def run_stress(
     Parameters
     ----------
     count : int, >= 1
-        Number of systems; see `gearmon.benchmark.stress_systems` for how they are drawn.
+        Number of systems; see `gearmon.benchmark.equations` for how they are drawn.
     seed : int
     quick : bool
         40 systems at most.
@@ -67,8 +68,6 @@ def run_stress(
     ArgumentError
         If `count` is out of its range.
     """
-    from gearmon.benchmark.dynamics import facts_of_run
-
     check_range("count", count, 1, 10_000_000)
     if quick:
         count = min(count, QUICK)

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import os
-import platform
 import statistics
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Sequence
-from importlib.metadata import version
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
+from gearmon.benchmark.timing import machine_facts, task_time
 from gearmon.files import write_atomically
 from gearmon.gears.faults import parse_fault
 from gearmon.machine import load_machine
@@ -52,25 +48,25 @@ def analysis_against_reading(
         command, reading = _prepared(place)
         times: dict[str, list[float]] = {"analyse": [], "pandas.read_csv": []}
         for run in range(repeats + 1):
-            for name, arguments in (("analyse", command), ("pandas.read_csv", reading)):
-                elapsed = _timed(arguments)
-                if run:
-                    times[name].append(elapsed)
+            for taken, arguments in zip(times.values(), (command, reading), strict=True):
+                process = partial(subprocess.run, arguments, capture_output=True, check=False)
+                taken.append(task_time(process)[0])
             if progress is not None:
                 progress((run + 1) / (repeats + 1))
-    base = statistics.median(times["pandas.read_csv"])
+    # the first run of each warms the caches of the system up
+    medians = {name: statistics.median(taken[1:]) for name, taken in times.items()}
     return [
         {
             "process": name,
             "rows": round(RATE_HZ * DURATION_S),
             "channels": 4,
-            "median_s": statistics.median(values),
-            "least_s": min(values),
-            "largest_s": max(values),
-            "ratio_to_pandas": statistics.median(values) / base,
+            "median_s": medians[name],
+            "least_s": min(taken[1:]),
+            "largest_s": max(taken[1:]),
+            "ratio_to_pandas": medians[name] / medians["pandas.read_csv"],
             **machine_facts(),
         }
-        for name, values in times.items()
+        for name, taken in times.items()
     ]
 
 
@@ -100,12 +96,6 @@ def _prepared(place: Path) -> tuple[list[str], list[str]]:
     return command, reading
 
 
-def _timed(arguments: Sequence[str]) -> float:
-    start = time.perf_counter()
-    subprocess.run(list(arguments), capture_output=True, check=False)
-    return time.perf_counter() - start
-
-
 def memory_of_long_recording(
     rows: int = 10_000_000, columns: Sequence[int] = (1, 4), progress: Progress | None = None
 ) -> list[dict[str, Any]]:
@@ -132,18 +122,8 @@ def memory_of_long_recording(
             write_atomically(place / "machine.toml", EXAMPLE)
             path = place / "long.csv"
             _long_csv(path, rows, count)
-            command = [
-                sys.executable,
-                "-m",
-                "gearmon",
-                "analyse",
-                str(path),
-                "--machine",
-                str(place / "machine.toml"),
-                "--sampling-rate",
-                "20000",
-                "--json",
-            ]
+            known = ["--machine", str(place / "machine.toml"), "--sampling-rate", "20000"]
+            command = [sys.executable, "-m", "gearmon", "analyse", str(path), *known, "--json"]
             peak, elapsed = _peak_memory(command)
         numbers = 8 * rows * count
         results.append(
@@ -198,21 +178,3 @@ def _peak_memory(command: Sequence[str]) -> tuple[float, float]:
     )
     kibibytes, elapsed = result.stdout.split()
     return float(kibibytes) * 1024, float(elapsed)
-
-
-def machine_facts() -> dict[str, Any]:
-    """Return what the figures were measured on.
-
-    Returns
-    -------
-    dict
-        Processor kind and count, Python and library versions.
-    """
-    return {
-        "processor": platform.machine(),
-        "cores": os.cpu_count(),
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-        "scipy": version("scipy"),
-        "pandas": version("pandas"),
-    }

@@ -68,7 +68,7 @@ def _of(name: str) -> Callable[[Path, Progress | None], Demo]:
 
         return harvest_demo
     if name == "study":
-        from gearmon.report.study_report import write_study
+        from gearmon.study.report import write_study
 
         return write_study
     from gearmon.demos.crack import crack_demo

@@ -6,11 +6,9 @@ import json
 
 import pytest
 
-from gearmon.benchmark import compiled, run_case, save_figures, summary_rows
-from gearmon.benchmark.contenders import TARGET
-from gearmon.benchmark.cost_growth import fitted_exponent
-from gearmon.benchmark.dynamics import GROWTH, SWEEP, headlines, run_dynamics
-from gearmon.benchmark.dynamics_sweep import draw_sweep
+from gearmon.benchmark import rivals, run_case, save_figures, summary_rows
+from gearmon.benchmark.contenders import TARGET, draw_sweep
+from gearmon.benchmark.dynamics import GROWTH, SWEEP, fitted_exponent, headlines, run_dynamics
 from gearmon.benchmark.timing import interleaved
 from gearmon.errors import ArgumentError
 
@@ -72,13 +70,13 @@ def test_tuned_rivals_meet_the_target(rows):
         ours = {"rectangle": "exact pieces", SWEEP: "sweep"}.get(case, "steady_state")
         assert chosen[ours]["times_ours"] == 1.0
         wanted = {"SciPy odeint", "SciPy DOP853"} if case != SWEEP else {"solve_banded"}
-        if compiled.is_installed():
+        if rivals.numba_is_installed():
             wanted |= {"compiled RK4 from rest", "compiled RK4, shooting"}
         assert wanted <= set(chosen)
 
 
 def test_missing_numba_is_told(monkeypatch):
-    monkeypatch.setattr(compiled, "is_installed", lambda: False)
+    monkeypatch.setattr(rivals, "numba_is_installed", lambda: False)
     rows = run_dynamics(quick=True, cases=["resonance w", SWEEP])
     absent = [row for row in rows if row["group"] == "compiled"]
     assert len(absent) == 4

@@ -1,13 +1,16 @@
-"""Reference motion by Gauss collocation in time, as a judge that shares nothing with the judged.
+"""Accurate motions that share nothing with the methods judged by them.
 
-The period is cut into equal segments. In each, the acceleration is a polynomial through the
-Gauss-Legendre nodes, and the equation holds at the nodes. Every segment is then an affine map of
-its first state to its last; the periodic state closes the chain. No Fourier series is involved, so
-a jump of stiffness between two segments costs nothing, and the order is twice the number of nodes
-(Hairer, Lubich and Wanner, Geometric Numerical Integration, 2006, section II.1).
-
-Everything is dimensionless: time s = w0 t, deflection in F/k0, so the equation reads
+`solve_reference`: Gauss collocation in time. The period is cut into equal segments; in each, the
+acceleration is a polynomial through the Gauss-Legendre nodes, and the equation holds at the nodes.
+Every segment is then an affine map of its first state to its last; the periodic state closes the
+chain. No Fourier series is involved, so a jump of stiffness between two segments costs nothing, and
+the order is twice the number of nodes (Hairer, Lubich and Wanner, Geometric Numerical Integration,
+2006, section II.1). Dimensionless, with time s = w0 t and deflection in F/k0:
 z'' + 2 zeta z' + kappa(s) z = 1.
+
+`refined_balance`: harmonic balance whose residual is computed term by term in extended precision
+(64 bits of mantissa on x86) from mass, damping, stiffness and period as they are given; a banded
+factorisation in double precision answers it, again and again until nothing changes.
 """
 
 from __future__ import annotations
@@ -15,11 +18,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.benchmark.dynamics_cases import Case
+from gearmon.benchmark.equations import Case
+from gearmon.dynamics import HillProblem
 
 Real = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
@@ -262,3 +267,166 @@ def _close(maps: Real) -> tuple[Real, float]:
         states[number] = z, v
         z, v = a * z + b * v + e, c * z + d * v + f
     return states, log + math.log(float(np.abs(np.linalg.eigvals(whole)).max()))
+
+
+Extended = npt.NDArray[np.clongdouble]
+
+ROUNDS = 8
+TAIL = 1e-20
+#: 2 pi beyond double precision.
+FULL_TURN = np.longdouble("6.283185307179586476925286766559005768")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RefinedBalance:
+    """Harmonics of one system, and how well they are known.
+
+    Attributes
+    ----------
+    displacement : extended complex ndarray, shape (N+1,)
+        z_0..z_N [F/k0].
+    uncertainty : float
+        Relative: the last correction of the acceleration and the highest lines.
+    """
+
+    displacement: Extended
+    uncertainty: float
+
+    def error(self, displacement_m: npt.NDArray[np.complex128], problem: HillProblem) -> float:
+        """Relative L2 error of the acceleration of given harmonics [m]."""
+        size = max(len(self.displacement), len(displacement_m))
+        exact = np.zeros(size, dtype=np.clongdouble)
+        exact[: len(self.displacement)] = self.displacement
+        unit = np.longdouble(problem.force_n) / np.longdouble(problem.stiffness_n_per_m)
+        difference = exact.copy()
+        difference[: len(displacement_m)] -= displacement_m.astype(np.clongdouble) / unit
+        squares = np.arange(size, dtype=np.longdouble) ** 2
+        return float(_norm(squares * difference) / _norm(squares * exact))
+
+    def acceleration_at(self, share: Real, ratio: float) -> Real:
+        """Acceleration [w0^2 F/k0] at shares of the period."""
+        half = self.displacement.astype(np.complex128)
+        orders = np.arange(len(half))
+        phase = np.exp(2j * math.pi * np.outer(share, orders[1:]))
+        lines = -((orders / ratio) ** 2) * half
+        return np.asarray(2 * (phase @ lines[1:]).real)
+
+
+def refined_balance(problem: HillProblem) -> RefinedBalance:
+    """Solve the harmonic balance with as many harmonics as extended precision can tell.
+
+    Parameters
+    ----------
+    problem : HillProblem
+        With a constant force.
+    """
+    count = len(problem.stiffness_harmonics)
+    reach = 1 + 2 * float(np.abs(problem.stiffness_harmonics).sum())
+    highest = math.ceil(1.3 * problem.frequency_ratio * math.sqrt(reach)) + 2 * count + 8
+    while True:
+        found, change = _refined(problem, highest)
+        weighted = np.arange(highest + 1) ** 2 * np.abs(found)
+        tail = float(weighted[-count:].max() / weighted.max())
+        if tail < TAIL or highest > 20_000:
+            return RefinedBalance(displacement=found, uncertainty=change + tail)
+        highest = math.ceil(1.3 * highest) + count
+
+
+def _refined(problem: HillProblem, highest: int) -> tuple[Extended, float]:
+    """Harmonics 0..highest and the relative size of the last correction."""
+    equation = _Equation(problem, highest)
+    z = np.zeros(2 * highest + 1, dtype=np.clongdouble)
+    squares = np.arange(-highest, highest + 1) ** 2
+    change = math.inf
+    for _ in range(ROUNDS):
+        correction = equation.answer(equation.residual(z))
+        z = z + correction
+        last, change = change, float(_norm(squares * correction) / _norm(squares * z))
+        if change < 1e-19 or change > 0.5 * last:
+            break
+    return z[highest:], change
+
+
+class _Equation:
+    """D z + phi z = 1 for harmonics -N..N, in units of k0 and F/k0."""
+
+    def __init__(self, problem: HillProblem, highest: int) -> None:
+        from scipy.linalg.lapack import zgbtrf
+
+        p = problem
+        mass, damping, stiffness = (
+            np.longdouble(value) for value in (p.mass_kg, p.damping_ns_per_m, p.stiffness_n_per_m)
+        )
+        turn = FULL_TURN / np.longdouble(p.period_s) * np.arange(-highest, highest + 1)
+        real = (stiffness - mass * turn**2) / stiffness
+        self.diagonal: Extended = real + 1j * (damping * turn / stiffness)
+        c = p.stiffness_harmonics[: 2 * highest].astype(np.clongdouble)
+        self.modulation: Extended = np.concatenate([c[::-1].conj(), np.zeros(1), c])
+        self.highest = highest
+        self.width = len(c)
+        size, width = 2 * highest + 1, self.width
+        bands = np.zeros((3 * width + 1, size), dtype=np.complex128)
+        bands[width:] = self.modulation.astype(np.complex128)[:, None]
+        bands[2 * width] = self.diagonal.astype(np.complex128)
+        self.factors, self.pivots, _ = zgbtrf(bands, width, width)
+
+    def residual(self, z: Extended) -> Extended:
+        """Return what is left of the constant force."""
+        size = len(z)
+        left: Any = -self.diagonal * z
+        left -= np.convolve(self.modulation, z)[self.width : self.width + size]
+        left[self.highest] += 1
+        return np.asarray(left)
+
+    def answer(self, residual: Extended) -> Extended:
+        """Return the correction, to double precision of itself."""
+        from scipy.linalg.lapack import zgbtrs
+
+        size = float(np.abs(residual).max()) or 1.0
+        right = (residual / size).astype(np.complex128)
+        solution, _ = zgbtrs(self.factors, self.width, self.width, right, self.pivots)
+        return np.asarray(solution.astype(np.clongdouble) * size)
+
+
+def _norm(values: Any) -> Any:
+    return np.sqrt((values.real**2 + values.imag**2).sum())
+
+
+def difference_to_shooting(problem: HillProblem, balance: RefinedBalance) -> float:
+    """Relative rms difference of acceleration to DOP853 with its periodic state by shooting.
+
+    Parameters
+    ----------
+    problem : HillProblem
+    balance : RefinedBalance
+        Of the same problem.
+    """
+    from scipy.integrate import solve_ivp
+
+    ratio, zeta = problem.frequency_ratio, problem.damping_ratio
+    orders = 1j * np.arange(1, len(problem.stiffness_harmonics) + 1) / ratio
+
+    def kappa(time: float) -> float:
+        return 1.0 + 2 * float((np.exp(orders * time) @ problem.stiffness_harmonics).real)
+
+    def slope(time: float, y: Real) -> Real:
+        z, v = y[::2], y[1::2]
+        out = np.empty_like(y)
+        out[::2] = v
+        out[1::2] = -2 * zeta * v - kappa(time) * z
+        out[-1] += 1.0
+        return out
+
+    start = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 0.0])
+    period = 2 * math.pi * ratio
+    found = solve_ivp(slope, (0.0, period), start, method="DOP853", rtol=3e-14, atol=1e-15)
+    end = found.y[:, -1]
+    matrix = np.eye(2) - np.array([[end[0], end[2]], [end[1], end[3]]])
+    a, b = np.linalg.solve(matrix, end[4:])
+    z = a * found.y[0] + b * found.y[2] + found.y[4]
+    v = a * found.y[1] + b * found.y[3] + found.y[5]
+    stiffness = np.array([kappa(time) for time in found.t])
+    acceleration = 1.0 - 2 * zeta * v - stiffness * z
+    exact = balance.acceleration_at(found.t / period, ratio)
+    difference = np.trapezoid((acceleration - exact) ** 2, found.t)
+    return math.sqrt(float(difference / np.trapezoid(exact**2, found.t)))

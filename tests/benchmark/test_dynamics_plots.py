@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from gearmon.report.benchmark_plots import (
+from gearmon.benchmark import save_figures
+from gearmon.benchmark.plots import (
     growth_figure,
     plot_growth,
     plot_ratios,
     plot_work_precision,
-    save_dynamics_figures,
     work_precision_figure,
 )
 
@@ -85,8 +85,8 @@ def test_growth(ax):
 
 
 def test_files(tmp_path):
-    paths = save_dynamics_figures(ROWS, tmp_path / "b.png")
+    paths = save_figures("dynamics", ROWS, tmp_path / "b.png")
     assert [p.name for p in paths] == ["b-work-precision.png", "b-ratios.png", "b-growth.png"]
-    assert save_dynamics_figures([ROWS[0]], tmp_path / "c.svg") == [
+    assert save_figures("dynamics", [ROWS[0]], tmp_path / "c.svg") == [
         tmp_path / "c-work-precision.svg"
     ]

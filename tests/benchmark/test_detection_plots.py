@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from gearmon.benchmark import save_figures
 from gearmon.benchmark.detection import detection_summary
-from gearmon.benchmark.detection_rivals import RIVALS
-from gearmon.report.detection_plots import (
+from gearmon.benchmark.detection_trials import RIVALS
+from gearmon.benchmark.plots import (
     DETECTOR_STYLES,
     plot_gears,
     plot_reliability,
     plot_roc_areas,
     plot_sizes,
     plot_tooth_errors,
-    save_detection_figures,
 )
 
 
@@ -104,8 +104,8 @@ def test_sizes_show_every_estimate(rows, ax):
     assert empty.texts[0].get_text() == "no estimates"
 
 
-def test_files(rows, summary, tmp_path):
-    paths = save_detection_figures(rows, summary, tmp_path / "d.svg")
+def test_files(rows, tmp_path):
+    paths = save_figures("detection", rows, tmp_path / "d.svg")
     names = ["roc", "false-alarms", "blame", "size", "time"]
     assert [path.stem for path in paths] == [f"d-{name}" for name in names]
     assert all(path.read_bytes().startswith(b"<?xml") for path in paths)

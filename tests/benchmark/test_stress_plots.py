@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from gearmon.report.stress_plots import (
+from gearmon.benchmark import save_figures
+from gearmon.benchmark.plots import (
     plot_bound_ratios,
     plot_bounds,
     plot_refusals,
-    save_stress_figure,
 )
 
 STRESS = [
@@ -58,5 +58,5 @@ def test_bounds_and_refusals(ax):
 
 
 def test_file(tmp_path):
-    (path,) = save_stress_figure(STRESS, tmp_path / "s.svg")
+    (path,) = save_figures("stress", STRESS, tmp_path / "s.svg")
     assert path.read_bytes().startswith(b"<?xml")
