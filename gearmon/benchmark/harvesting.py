@@ -14,12 +14,11 @@ from gearmon.dynamics.hill import HillProblem
 from gearmon.dynamics.integration import settle
 from gearmon.harvesting.beam import beam_modes
 from gearmon.harvesting.cantilever import PiezoCantilever
-from gearmon.harvesting.design_sweep import DesignSweep, sweep_designs
-from gearmon.harvesting.duty import OperatingShare
 from gearmon.harvesting.inertial import InertialHarvester
 from gearmon.harvesting.request import built_in
+from gearmon.harvesting.sweep import DesignSweep, sweep_designs
 from gearmon.harvesting.tuning import tune_harvester
-from gearmon.harvesting.vibration import vibration_of_lines
+from gearmon.harvesting.vibration import OperatingShare, vibration_of_lines
 from gearmon.terminal import Progress
 
 Real = npt.NDArray[np.float64]

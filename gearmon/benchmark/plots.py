@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from gearmon.benchmark.detection import detection_summary
+from gearmon.benchmark.dynamics import fitted_exponent
 from gearmon.report.palette import (
     BLACK,
     BLUE,
@@ -49,6 +50,9 @@ STYLES: dict[str, tuple[str, str, str]] = {
     "solve_banded": (BLACK, "*", "-"),
 }
 FALLBACK = (BLACK, ".", ":")
+#: Faint grid lines, and the logarithmic scale of both axes.
+GRID: dict[str, Any] = {"color": LIGHT_GREY, "linewidth": 0.4}
+LOG_LOG = {"xscale": "log", "yscale": "log"}
 SPECIAL = ("parameter sets", "cost growth")
 TARGET = 1e-6
 
@@ -75,43 +79,44 @@ def plot_work_precision(rows: Sequence[Row], ax: Axes) -> Axes:
         if not points:
             continue
         colour, marker, dashes = STYLES.get(method, FALLBACK)
+        style: dict[str, Any] = {"color": colour, "marker": marker, "linestyle": dashes}
         # in the order of their settings, so that a method that stalls is seen to turn back
-        ax.plot(
-            *zip(*points, strict=True),
-            color=colour,
-            marker=marker,
-            linestyle=dashes,
-            markersize=4,
-            linewidth=1.1,
-            label=method,
-        )
-    ax.set_xscale("log")
-    ax.set_yscale("log")
+        ax.plot(*zip(*points, strict=True), **style, markersize=4, linewidth=1.1, label=method)
+    ax.set(**LOG_LOG)
     ax.axvline(TARGET, color=LIGHT_GREY, linewidth=3, zorder=0)
     low, high = ax.get_xlim()
     ax.set_xlim(min(high, 3.0), max(low, 1e-15))
-    ax.grid(True, which="major", color=LIGHT_GREY, linewidth=0.4)
+    ax.grid(**GRID)
     return ax
 
 
 def work_precision_figure(rows: Sequence[Row]) -> Figure:
     """Return small multiples, one a case, with the axes in common."""
     cases = [name for name in dict.fromkeys(row["case"] for row in rows) if name not in SPECIAL]
-    columns = min(4, len(cases))
-    lines = math.ceil((len(cases) + 1) / columns)
-    figure = Figure(figsize=(3.3 * columns + 0.6, 2.9 * lines + 0.4), layout="constrained")
-    axes = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False).ravel()
+    figure, axes = _multiples(len(cases), 3.3, 0.6, 2.9, spare=1)
     for ax, name in zip(axes, cases, strict=False):
         plot_work_precision([row for row in rows if row["case"] == name], ax)
         ax.set_title(name, fontsize=9)
         ax.tick_params(labelsize=8, labelbottom=True)
-    for ax in axes[len(cases) :]:
-        ax.axis("off")
-    _limits(list(axes[: len(cases)]))
+    _limits(axes[: len(cases)])
     figure.supxlabel("relative L2 error of acceleration, more accurate to the right", fontsize=9)
     figure.supylabel("median run time in s", fontsize=9)
     _method_legend(rows, axes[len(cases)])
     return figure
+
+
+def _multiples(
+    count: int, width: float, beside: float, height: float, spare: int = 0
+) -> tuple[Figure, list[Axes]]:
+    """Return small multiples with their axes in common, at most four in a row."""
+    columns = min(4, max(1, count))
+    lines = math.ceil((max(1, count) + spare) / columns)
+    size = width * columns + beside, height * lines + 0.5
+    figure = Figure(figsize=size, layout="constrained")
+    axes = list(figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False).ravel())
+    for ax in axes[count:]:
+        ax.axis("off")
+    return figure, axes
 
 
 def _limits(axes: Sequence[Axes]) -> None:
@@ -148,16 +153,10 @@ def ratio_figure(rows: Sequence[Row]) -> Figure:
     methods = [
         name for name in STYLES if any(_is_rival(row) and row["method"] == name for row in rows)
     ]
-    columns = min(4, max(1, len(cases)))
-    lines = math.ceil(max(1, len(cases)) / columns)
-    height = (0.19 * len(methods) + 0.75) * lines + 0.5
-    figure = Figure(figsize=(2.6 * columns + 1.9, height), layout="constrained")
-    axes = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False).ravel()
+    figure, axes = _multiples(len(cases), 2.6, 1.9, 0.19 * len(methods) + 0.75)
     for ax, name in zip(axes, cases, strict=False):
         plot_ratios([row for row in rows if row["case"] == name], methods, ax)
         ax.set_title(name, fontsize=9)
-    for ax in axes[len(cases) :]:
-        ax.axis("off")
     factors = [1.0, *(row["times_ours"] for row in rows if _is_rival(row))]
     # room for the numbers beside the longest bars
     axes[0].set_xlim(0.03 * min(factors), 40 * max(factors))
@@ -171,8 +170,7 @@ def ratio_figure(rows: Sequence[Row]) -> Figure:
 
 
 def _is_rival(row: Row) -> bool:
-    own = ("gearmon",)
-    return bool(row["at_target"]) and row["group"] not in own and row["times_ours"] != 1.0
+    return bool(row["at_target"]) and row["group"] != "gearmon" and row["times_ours"] != 1.0
 
 
 def plot_ratios(rows: Sequence[Row], methods: Sequence[str], ax: Axes) -> Axes:
@@ -192,26 +190,22 @@ def plot_ratios(rows: Sequence[Row], methods: Sequence[str], ax: Axes) -> Axes:
             ax.text(1.0, place, "×", ha="center", va="center", color=GREY, fontsize=8)
             continue
         ax.barh(place, factor - 1, left=1.0, height=0.7, color=ORANGE if factor > 1 else GREY)
-        ax.text(
-            factor,
-            place,
-            f" {_factor(factor)} ",
-            ha="left" if factor > 1 else "right",
-            va="center",
-            fontsize=7,
-        )
+        number = f"{factor:.0f}" if factor >= 10 else f"{factor:.2g}"
+        side = "left" if factor > 1 else "right"
+        ax.text(factor, place, f" {number} ", ha=side, va="center", fontsize=7)
     ax.axvline(1.0, color=BLACK, linewidth=0.8)
     ax.set_xscale("log")
-    ax.set_ylim(len(methods) - 0.4, -0.6)
-    ax.set_yticks(range(len(methods)), methods, fontsize=8)
+    _rows_of_names(ax, methods, 8)
     ax.tick_params(axis="x", labelsize=8, labelbottom=True)
-    ax.grid(True, axis="x", color=LIGHT_GREY, linewidth=0.4)
-    ax.set_axisbelow(True)
     return ax
 
 
-def _factor(value: float) -> str:
-    return f"{value:.0f}" if value >= 10 else f"{value:.2g}"
+def _rows_of_names(ax: Axes, names: Sequence[str], size: float) -> None:
+    """Name the rows of bars from top to bottom, over a faint grid."""
+    ax.set_ylim(len(names) - 0.4, -0.6)
+    ax.set_yticks(range(len(names)), names, fontsize=size)
+    ax.grid(axis="x", **GRID)
+    ax.set_axisbelow(True)
 
 
 def plot_growth(rows: Sequence[Row], ax: Axes) -> Axes:
@@ -232,37 +226,21 @@ def plot_growth(rows: Sequence[Row], ax: Axes) -> Axes:
         ax.plot(n, 1e3 * time, color=colour, marker=marker, markersize=5, label=label)
         if method == "steady_state":
             n_log_n = n * np.log(n)
-            slope = _slope(n, n_log_n)
-            ax.plot(
-                n,
-                1e3 * time[-1] * n_log_n / n_log_n[-1],
-                color=GREY,
-                linestyle="--",
-                linewidth=1,
-                label=f"n log n, through the last point{slope}",
-            )
-    ax.set_xscale("log")
-    ax.set_yscale("log")
-    ax.set_xlabel("harmonics solved for")
-    ax.set_ylabel("median run time in ms")
-    ax.grid(True, which="major", color=LIGHT_GREY, linewidth=0.4)
+            sizes = [{"unknowns": u, "median_s": c} for u, c in zip(n, n_log_n, strict=True)]
+            slope = fitted_exponent(sizes)
+            label = "n log n, through the last point"
+            label += "" if slope is None else f" (the same fit gives {slope:.2f})"
+            through = 1e3 * time[-1] * n_log_n / n_log_n[-1]
+            ax.plot(n, through, color=GREY, linestyle="--", linewidth=1, label=label)
+    ax.set(**LOG_LOG, xlabel="harmonics solved for", ylabel="median run time in ms")
+    ax.grid(**GRID)
     ax.legend(fontsize=8)
     return ax
 
 
-def _slope(n: np.ndarray[Any, Any], cost: np.ndarray[Any, Any], least: int = 2000) -> str:
-    """Exponent that the same fit finds for n log n at these sizes, in words."""
-    large = n >= least
-    if large.sum() < 3:
-        return ""
-    exponent = np.polyfit(np.log(n[large]), np.log(cost[large]), 1)[0]
-    return f" (the same fit gives {exponent:.2f})"
-
-
 def growth_figure(rows: Sequence[Row]) -> Figure:
     """Return the cost over the number of unknowns; exponents are fitted from 2,000 on."""
-    figure = Figure(figsize=(6.4, 4.4), layout="constrained")
-    ax = figure.subplots()
+    figure, (ax,) = _panels(1, width=5.8)
     plot_growth([row for row in rows if row["case"] == "cost growth"], ax)
     ax.set_title("one dip of stiffness in a period of 1, 2, 4, ... meshes", fontsize=10)
     return figure
@@ -329,10 +307,8 @@ def plot_bound_ratios(rows: Sequence[Row], ax: Axes) -> Axes:
         median = float(np.median(ratios))
         ax.axvline(median, color=VERMILLION, linewidth=1.2, label=f"median {median:.3g}")
     ax.axvline(1.0, color=BLACK, linewidth=1.2, label="bound = error")
-    ax.set_xscale("log")
+    ax.set(xscale="log", xlabel="error bound over true error", ylabel="systems")
     ax.set_yscale("symlog", linthresh=10)
-    ax.set_xlabel("error bound over true error")
-    ax.set_ylabel("systems")
     ax.legend(fontsize=8)
     return ax
 
@@ -350,25 +326,16 @@ def plot_bounds(rows: Sequence[Row], tolerance: float, ax: Axes) -> Axes:
     for outcome in dict.fromkeys(row["outcome"] for row in rows):
         kept = [r for r in rows if r["outcome"] == outcome and r["error_bound"] and r["error"]]
         points = np.array([(row["error"], row["error_bound"]) for row in kept]).reshape(-1, 2)
-        ax.plot(
-            *points.T,
-            ".",
-            markersize=2.5,
-            color=styles.get(outcome, BLACK),
-            label=f"{outcome} ({sum(row['outcome'] == outcome for row in rows)})",
-        )
-    ax.set_xscale("log")
-    ax.set_yscale("log")
+        label = f"{outcome} ({sum(row['outcome'] == outcome for row in rows)})"
+        ax.plot(*points.T, ".", markersize=2.5, color=styles.get(outcome, BLACK), label=label)
+    ax.set(**LOG_LOG, xlabel="true relative error of acceleration", ylabel="error bound")
     low, high = ax.get_xlim()
     bottom, top = ax.get_ylim()
     ax.axvspan(low, tolerance, ymax=1.0, color=LIGHT_GREY, alpha=0.35, zorder=0)
     ax.axhline(tolerance, color=GREY, linewidth=0.8)
     line = np.array([min(low, bottom), max(high, top)])
     ax.plot(line, line, color=BLACK, linewidth=0.9)
-    ax.set_xlim(low, max(high, 2 * tolerance))
-    ax.set_ylim(bottom, max(top, 2 * tolerance))
-    ax.set_xlabel("true relative error of acceleration")
-    ax.set_ylabel("error bound")
+    ax.set(xlim=(low, max(high, 2 * tolerance)), ylim=(bottom, max(top, 2 * tolerance)))
     ax.legend(fontsize=8, loc="upper left", markerscale=4)
     return ax
 
@@ -387,18 +354,9 @@ def plot_refusals(rows: Sequence[Row], ax: Axes) -> Axes:
     for reason in dict.fromkeys(_reason(row) for row in others):
         kept = [row for row in others if _reason(row) == reason]
         colour, marker = OUTCOME_STYLES.get(reason, (BLACK, "*"))
-        ax.plot(
-            [row["ratio"] for row in kept],
-            [row["zeta"] for row in kept],
-            marker,
-            color=colour,
-            markersize=4,
-            label=f"{reason} ({len(kept)})",
-        )
-    ax.set_xscale("log")
-    ax.set_yscale("log")
-    ax.set_xlabel("natural over stiffness frequency w0/w")
-    ax.set_ylabel("damping ratio")
+        at = [row["ratio"] for row in kept], [row["zeta"] for row in kept]
+        ax.plot(*at, marker, color=colour, markersize=4, label=f"{reason} ({len(kept)})")
+    ax.set(**LOG_LOG, xlabel="natural over stiffness frequency w0/w", ylabel="damping ratio")
     # outside, for systems fill the whole field
     ax.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.16), markerscale=1.4, ncols=2)
     return ax
@@ -431,21 +389,13 @@ def plot_times(rows: Sequence[Row], ax: Axes) -> Axes:
     first = [i == 0 or _case(row) != _case(rows[i - 1]) for i, row in enumerate(rows)]
     ax.barh(places, times, color=[BLUE if new else GREY for new in first], height=0.7)
     ax.set_xscale("log")
-    ax.set_ylim(len(rows) - 0.4, -0.6)
-    ax.set_yticks(
-        list(places),
-        [
-            f"{_case(row)}: {row['method']}" if new else str(row["method"])
-            for row, new in zip(rows, first, strict=True)
-        ],
-        fontsize=6.5,
-    )
+    pairs = zip(rows, first, strict=True)
+    names = [f"{_case(r)}: {r['method']}" if new else str(r["method"]) for r, new in pairs]
+    _rows_of_names(ax, names, 6.5)
     for place, time, ratio, new in zip(places, times, own, first, strict=True):
         if not new:
             ax.text(1.03 * time, place, f"{ratio:.2g} ×", va="center", fontsize=6.5)
     ax.set_xlabel("Median run time (ms), beside it as a multiple of gearmon's")
-    ax.grid(True, axis="x", color=LIGHT_GREY, linewidth=0.4)
-    ax.set_axisbelow(True)
     return ax
 
 
@@ -530,28 +480,18 @@ def plot_roc_areas(summary: Sequence[Row], ax: Axes) -> Axes:
         area, low, high = (np.array([r[k] for r in points]) for k in ("value", "low", "high"))
         # a little apart, so that they can be told from one another
         shifted = loss * 1.02 ** (place - len(drawn) / 2)
-        ours = name == "gearmon"
-        ax.plot(
-            shifted,
-            area,
-            color=colour,
-            marker=marker,
-            linestyle=dashes,
-            linewidth=2.2 if ours else 1.1,
-            markersize=5,
-            zorder=3 if ours else 2,
-            label=name,
-        )
-        ax.vlines(shifted, low, high, color=colour, linewidth=2.2 if ours else 0.5)
+        width, thin, over = (2.2, 2.2, 3) if name == "gearmon" else (1.1, 0.5, 2)
+        style: dict[str, Any] = {"color": colour, "marker": marker, "linestyle": dashes}
+        ax.plot(shifted, area, **style, linewidth=width, markersize=5, zorder=over, label=name)
+        ax.vlines(shifted, low, high, color=colour, linewidth=thin)
     ax.axhline(0.5, color=LIGHT_GREY, linewidth=3, zorder=0)
     ax.set_xscale("log")
     ticks = sorted(losses)
     ax.set_xticks(ticks, [f"{x:g}" for x in ticks])
     ax.minorticks_off()
+    ax.set(xlabel="loss of one tooth's pair stiffness in %", ylabel="area under the ROC curve")
     ax.set_ylim(0.35, 1.02)
-    ax.set_xlabel("loss of one tooth's pair stiffness in %")
-    ax.set_ylabel("area under the ROC curve")
-    ax.grid(True, color=LIGHT_GREY, linewidth=0.4)
+    ax.grid(**GRID)
     return ax
 
 
@@ -585,26 +525,15 @@ def plot_reliability(rows: Sequence[Row], summary: Sequence[Row], ax: Axes) -> A
         level = np.array([float(row["of"].removeprefix("stated ")) for row in counted])
         value, low, high = (np.array([r[k] for r in counted]) for k in ("value", "low", "high"))
         shown = np.maximum(value, least)
-        ax.errorbar(
-            level * (1.04 if tacho else 0.96),
-            shown,
-            yerr=np.maximum([shown - np.maximum(low, 0.3 * least), high - shown], 0),
-            color=colour,
-            marker=marker,
-            linestyle="none",
-            markersize=5,
-            elinewidth=0.9,
-            label=f"{_tacho_name(tacho)}, {len(own)} healthy recordings",
-        )
+        span = np.maximum([shown - np.maximum(low, 0.3 * least), high - shown], 0)
+        label = f"{_tacho_name(tacho)}, {len(own)} healthy recordings"
+        at, style = level * (1.04 if tacho else 0.96), f"{marker}"
+        ax.errorbar(at, shown, span, fmt=style, color=colour, markersize=5, label=label)
     line = np.array([least, 1.0])
     ax.plot(line, line, color=BLACK, linewidth=0.9, label="observed as stated")
     ax.fill_between(line, 0.5 * line, 2 * line, color=LIGHT_GREY, alpha=0.5, label="within 2 times")
-    ax.set_xscale("log")
-    ax.set_yscale("log")
-    ax.set_xlim(least, 1.0)
-    ax.set_ylim(least, 1.1)
-    ax.set_xlabel("stated false-alarm probability")
-    ax.set_ylabel("observed share of healthy recordings")
+    ax.set(**LOG_LOG, xlim=(least, 1.0), ylim=(least, 1.1))
+    ax.set(xlabel="stated false-alarm probability", ylabel="observed share of healthy recordings")
     ax.legend(fontsize=8, loc="lower right")
     return ax
 
@@ -615,26 +544,18 @@ def plot_variants(summary: Sequence[Row], ax: Axes) -> Axes:
     for place, row in enumerate(own):
         colour = BLUE if row["tacho"] else VERMILLION
         span = 100 * np.array([[row["value"] - row["low"]], [row["high"] - row["value"]]])
-        ax.errorbar(
-            [100 * row["value"]],
-            [place],
-            xerr=np.maximum(span, 0),
-            color=colour,
-            marker="o" if row["tacho"] else "s",
-            markersize=5,
-        )
+        marker, at = "o" if row["tacho"] else "s", [100 * row["value"]]
+        ax.errorbar(at, [place], xerr=np.maximum(span, 0), color=colour, fmt=marker, markersize=5)
     words = {"same": "nothing changed", "all": "load, speed and gain changed"}
     names = [row["of"].split(", ")[1] for row in own]
     labels = [
         f"{words.get(name, f'{name} changed')}\n{_tacho_name(row['tacho'])}, {row['count']}"
         for name, row in zip(names, own, strict=True)
     ]
-    ax.set_yticks(range(len(own)), labels, fontsize=8)
-    ax.invert_yaxis()
+    _rows_of_names(ax, labels, 8)
     ax.axvline(1.0, color=BLACK, linewidth=0.9)
     ax.set_xlim(left=0)
     ax.set_xlabel("observed false alarms in % at a stated 1 %")
-    ax.grid(True, axis="x", color=LIGHT_GREY, linewidth=0.4)
     return ax
 
 
@@ -645,11 +566,12 @@ def blame_figure(rows: Sequence[Row]) -> Figure:
     clear = [r for r in own if r["condition"] == "tooth" and r["size"] >= CLEAR_LOSS]
     title = f"one tooth, loss {100 * CLEAR_LOSS:g} % and more"
     plot_gears(clear, axes[0])
-    axes[0].set_title(f"gear: {title}", fontsize=9)
     plot_tooth_errors(clear, axes[1])
-    axes[1].set_title(f"tooth: {title}", fontsize=9)
     plot_kinds(own, axes[2])
-    axes[2].set_title("kind: all sizes", fontsize=9)
+    for ax, what in zip(
+        axes, (f"gear: {title}", f"tooth: {title}", "kind: all sizes"), strict=True
+    ):
+        ax.set_title(what, fontsize=9)
     return figure
 
 
@@ -692,8 +614,7 @@ def _matrix(
             ax.text(j, i, f"{number:.0f}", ha="center", va="center", color=colour, fontsize=8)
     ax.set_xticks(range(len(found)), list(found), rotation=45, ha="right", fontsize=8)
     ax.set_yticks(range(len(true)), list(true), fontsize=8)
-    ax.set_xlabel("found")
-    ax.set_ylabel("true")
+    ax.set(xlabel="found", ylabel="true")
     return ax
 
 
@@ -757,11 +678,7 @@ def plot_sizes(rows: Sequence[Row], ax: Axes) -> Axes:
     ax.fill_between(line, 0.75 * line, 1.25 * line, color=LIGHT_GREY, alpha=0.6, label="±25 %")
     ax.plot([], [], color=BLUE, label="90 % interval holds the true loss")
     ax.plot([], [], color=VERMILLION, label="it does not")
-    ax.set_xscale("log")
-    ax.set_yscale("log")
-    ax.set_ylim(0.2, 150)
-    ax.set_xlabel("true loss in %")
-    ax.set_ylabel("estimated loss in %")
+    ax.set(**LOG_LOG, ylim=(0.2, 150), xlabel="true loss in %", ylabel="estimated loss in %")
     ax.legend(fontsize=8, loc="upper left")
     if not rows:
         ax.text(0.5, 0.4, "no estimates", transform=ax.transAxes, ha="center", color=GREY)
@@ -779,13 +696,11 @@ def time_figure(rows: Sequence[Row]) -> Figure:
         groups[f"without reference, {_tacho_name(tacho)}"] = list(alone.values())
     kept = {name: values for name, values in groups.items() if values}
     for place, values in enumerate(kept.values()):
+        median = float(np.median(values))
         ax.plot(values, np.full(len(values), place), "|", color=GREY, markersize=9)
-        ax.plot([float(np.median(values))], [place], "o", color=BLUE, markersize=7)
-        ax.annotate(
-            f"{np.median(values):.2g} s", (float(np.median(values)), place - 0.25), fontsize=8
-        )
-    ax.set_yticks(range(len(kept)), list(kept), fontsize=8)
-    ax.set_ylim(len(kept) - 0.4, -0.6)
+        ax.plot([median], [place], "o", color=BLUE, markersize=7)
+        ax.text(median, place - 0.25, f"{median:.2g} s", fontsize=8)
+    _rows_of_names(ax, list(kept), 8)
     ax.set_xlim(left=0)
     ax.set_xlabel("run time of one analysis in s, with its median")
     return figure

@@ -14,8 +14,8 @@ from gearmon.errors import ArgumentError
 
 def run_harvest(arguments: argparse.Namespace) -> int:
     """Run `gearmon harvest`."""
+    from gearmon.harvesting.placement import survey_expected, survey_measured
     from gearmon.harvesting.request import built_in, load_harvester
-    from gearmon.harvesting.survey import survey_expected, survey_measured
     from gearmon.report.harvest_text import harvest_lines
     from gearmon.report.text_tables import rows_as_csv
 

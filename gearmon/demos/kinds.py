@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gearmon.demos.conveyor import DURATION_S, MACHINE, RATE_HZ
+from gearmon.demos import Demo, steps
+from gearmon.demos.conveyor import DURATION_S, RATE_HZ, conveyor
 from gearmon.demos.gear_states import State, state_recording
 from gearmon.diagnosis.analysis import analyse, learn
 from gearmon.diagnosis.fault_types.judgement import analysis_features
@@ -17,7 +19,7 @@ from gearmon.diagnosis.hypotheses.fault_kinds import KindJudgement, judge_kind
 from gearmon.diagnosis.results import Analysis
 from gearmon.files import write_atomically
 from gearmon.gears.faults import Fault
-from gearmon.machine import Machine, load_machine
+from gearmon.machine import Machine
 from gearmon.report.demo_plots import KindView, kind_figure
 from gearmon.report.plots import save
 from gearmon.report.text_tables import table_lines
@@ -101,77 +103,19 @@ class Judged:
             return "sound" if self.analysis.verdict == "healthy" else self.analysis.verdict
         return self.judgement.kind if self.judgement is not None else "fault"
 
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class KindsDemo:
-    """What the demo did.
-
-    Parameters
-    ----------
-    folder : Path
-        Where its files are.
-    judged : tuple of Judged
-    picture, story : Path
-    """
-
-    folder: Path
-    judged: tuple[Judged, ...]
-    picture: Path
-    story: Path
-
-    def lines(self) -> list[str]:
-        """Tell it on a terminal."""
-        return [
-            *self.told(),
-            f"machine file and reference: {self.folder}",
-            f"picture: {self.picture}",
-            f"story: {self.story}",
-        ]
-
-    def told(self) -> list[str]:
-        """Tell the story."""
-        right = sum(one.told == one.truth for one in self.judged)
-        told = [
-            f"The pinion of a conveyor drive in {len(STATES)} states, {len(NEW_LOADS)} recordings "
-            "of each, at loads that the reference was not learned at.",
-            "The kind is judged where a fault is called, by a classifier trained on simulated "
-            "signatures of this machine file: it has seen no recording.",
-            "",
-            *(f"{truth}: {what}" for truth, (_, what) in STATES.items()),
-            "",
-            *table_lines([_row(one) for one in self.judged]),
-            "",
-            f"Right: {right} of {len(self.judged)}.",
-        ]
-        for truth in STATES:
-            own = [one for one in self.judged if one.truth == truth and one.judgement is not None]
-            if own and own[0].judgement is not None:
-                told += ["", f"{truth}, at {own[0].load:.0%} load: {own[0].analysis.reason}"]
-                told += [f"  {sentence}" for sentence in own[0].judgement.evidence]
-        return told
-
     def to_dict(self) -> dict[str, Any]:
         """Return built-in types, ready for JSON."""
         return {
-            "folder": str(self.folder),
-            "picture": str(self.picture),
-            "story": str(self.story),
-            "right": sum(one.told == one.truth for one in self.judged),
-            "recordings": [
-                {
-                    "truth": one.truth,
-                    "told": one.told,
-                    "load": one.load,
-                    "features_db": one.features,
-                    "kind": None if one.judgement is None else one.judgement.to_dict(),
-                    "analysis": one.analysis.to_dict(),
-                }
-                for one in self.judged
-            ],
+            "truth": self.truth,
+            "told": self.told,
+            "load": self.load,
+            "features_db": self.features,
+            "kind": None if self.judgement is None else self.judgement.to_dict(),
+            "analysis": self.analysis.to_dict(),
         }
 
 
-def kinds_demo(folder: Path, progress: Progress | None = None) -> KindsDemo:
+def kinds_demo(folder: Path, progress: Progress | None = None) -> Demo:
     """Record a machine sound, pitted, worn and running out, and tell these apart.
 
     Parameters
@@ -181,28 +125,53 @@ def kinds_demo(folder: Path, progress: Progress | None = None) -> KindsDemo:
     progress : callable, optional
         Called with the share done, 0 to 1.
     """
-    write_atomically(folder / "machine.toml", MACHINE)
-    machine = load_machine(folder / "machine.toml")
-    steps = len(HEALTHY_LOADS) + 12 + len(STATES) * len(NEW_LOADS)
+    machine = conveyor(folder)
+    follow = steps(progress, len(HEALTHY_LOADS) + 1 + len(STATES) * len(NEW_LOADS))
     healthy = []
     for number, load in enumerate(HEALTHY_LOADS):
         healthy.append(_recorded(machine, State(), load, 100 + number))
-        _follow(progress, len(healthy) / steps)
+        follow()
     reference = learn(healthy, machine)
     write_reference(reference, folder / "healthy.ref")
     classifier = train_kinds(machine, count=EXAMPLES)
+    follow()
     judged: list[Judged] = []
     for truth, (state, _) in STATES.items():
         for load in NEW_LOADS:
             recording = _recorded(machine, state, load, len(judged))
             analysis = analyse(recording, machine, reference)
             judged.append(_judged(truth, load, analysis, reference, classifier))
-            _follow(progress, (len(HEALTHY_LOADS) + 12 + len(judged)) / steps)
-    picture, story = folder / "kinds.png", folder / "kinds.txt"
-    save(kind_figure([_view(truth, judged) for truth in STATES]), picture)
-    demo = KindsDemo(folder=folder, judged=tuple(judged), picture=picture, story=story)
-    write_atomically(story, "\n".join(demo.told()) + "\n")
+            follow()
+    files = {"folder": folder, "picture": folder / "kinds.png", "story": folder / "kinds.txt"}
+    right = sum(one.told == one.truth for one in judged)
+    facts = {"right": right, "recordings": [one.to_dict() for one in judged]}
+    demo = Demo(story=tuple(_told(judged, right)), files=files, facts=facts)
+    save(kind_figure([_view(truth, judged) for truth in STATES]), files["picture"])
+    write_atomically(files["story"], "\n".join(demo.story) + "\n")
     return demo
+
+
+def _told(judged: Sequence[Judged], right: int) -> Iterator[str]:
+    """Tell the story."""
+    yield (
+        f"The pinion of a conveyor drive in {len(STATES)} states, {len(NEW_LOADS)} recordings "
+        "of each, at loads that the reference was not learned at."
+    )
+    yield (
+        "The kind is judged where a fault is called, by a classifier trained on simulated "
+        "signatures of this machine file: it has seen no recording."
+    )
+    yield from ("", *(f"{truth}: {what}" for truth, (_, what) in STATES.items()), "")
+    yield from (
+        *table_lines([_row(one) for one in judged]),
+        "",
+        f"Right: {right} of {len(judged)}.",
+    )
+    for truth in STATES:
+        own = [one for one in judged if one.truth == truth and one.judgement is not None]
+        if own and own[0].judgement is not None:
+            yield from ("", f"{truth}, at {own[0].load:.0%} load: {own[0].analysis.reason}")
+            yield from (f"  {sentence}" for sentence in own[0].judgement.evidence)
 
 
 def _recorded(machine: Machine, state: State, load: float, seed: int) -> Recording:
@@ -233,11 +202,6 @@ def _judged(
         judgement=judge_kind(features, classifier) if analysis.verdict == "fault" else None,
         features={name: float(row[name]) for name in FEATURES},
     )
-
-
-def _follow(progress: Progress | None, share: float) -> None:
-    if progress is not None:
-        progress(share)
 
 
 def _row(one: Judged) -> dict[str, Any]:

@@ -21,11 +21,11 @@ import numpy as np
 import numpy.typing as npt
 
 from gearmon.errors import ArgumentError, check_positive, check_range
-from gearmon.harvesting.gains import Gains
+from gearmon.harvesting.power import Gains, OneLoad
 
 
 @dataclass(frozen=True, kw_only=True)
-class InertialHarvester:
+class InertialHarvester(OneLoad):
     """A mass on a spring with mechanical and electrical damping.
 
     Parameters
@@ -136,24 +136,6 @@ class InertialHarvester:
     def with_damping_ratio(self, ratio: float) -> InertialHarvester:
         """Return the same with another mechanical damping ratio."""
         return replace(self, mechanical_damping_ratio=float(ratio))
-
-    def gains(self, frequency_hz: npt.ArrayLike) -> Gains:
-        """Answers to a unit acceleration amplitude of the base.
-
-        Parameters
-        ----------
-        frequency_hz : float array, shape (n,) or a number, >= 0
-        """
-        frequency = np.atleast_1d(np.asarray(frequency_hz, dtype=np.float64))
-        one = self.gains_by_load(np.array([self.electrical_damping_ratio]), frequency)
-        nothing = np.zeros_like(frequency)
-        return Gains(
-            frequency_hz=frequency,
-            power_w=one.power_w[0],
-            travel_m=one.travel_m[0],
-            stress_pa=nothing,
-            voltage_v=nothing,
-        )
 
     def gains_by_load(
         self, loads: npt.NDArray[np.float64], frequency_hz: npt.NDArray[np.float64]

@@ -74,7 +74,10 @@ class StudyReport:
             "report": str(self.page),
             "files": [str(path) for path in self.files],
             "verdicts": _counts(self.judged),
-            "claims": claim_rows(self.judged),
+            "claims": [
+                {name: None if value != value else value for name, value in row.items()}
+                for row in claim_rows(self.judged)
+            ],
         }
 
 

@@ -3,24 +3,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from itertools import combinations_with_replacement, product
-from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from gearmon.errors import ArgumentError, check_range
-from gearmon.harvesting.answer import peaks_by_load
-from gearmon.harvesting.duty import OperatingShare, Shaking, check_duty
-from gearmon.harvesting.evaluation import Tuned, evaluate
-from gearmon.harvesting.gains import Harvester
-from gearmon.harvesting.limited import ABOUT
-from gearmon.harvesting.starts import first_mode_starts, lightened
-from gearmon.harvesting.tuning import tune_harvester
+from gearmon.harvesting.power import H, Harvester, Tuned, evaluate, peaks_by_load
+from gearmon.harvesting.tuning import ABOUT, first_mode_starts, lightened, tune_harvester
+from gearmon.harvesting.vibration import OperatingShare, Shaking, check_duty
 
 Real = npt.NDArray[np.float64]
-H = TypeVar("H", bound=Harvester)
 
 #: Loads of each natural frequency; natural frequencies, more of them where there are few lines.
 LOADS = 24
@@ -78,12 +71,13 @@ def tune_set(
         for chosen in sets
     ]
     found = [[evaluate(member, points) for member in members] for members in polished]
-    return max(
-        found,
-        key=lambda group: min(
-            sum(tuned.answers[k].power_w for tuned in group) for k in range(len(points))
-        ),
-    )
+
+    def worst_w(group: list[Tuned[H]]) -> float:
+        return min(
+            math.fsum(tuned.answers[k].power_w for tuned in group) for k in range(len(points))
+        )
+
+    return max(found, key=worst_w)
 
 
 def _apart(natural: Real, worst: Real, damping_ratio: float) -> list[list[int]]:
@@ -129,12 +123,9 @@ def _by_point(
     harvester: Harvester, loads: Real, points: tuple[OperatingShare, ...]
 ) -> tuple[Real, npt.NDArray[np.bool_]]:
     """Power at each operating point, shape (loads, points), and which loads keep the limits."""
-    powers, fits = [], np.ones(len(loads), dtype=bool)
-    for point in points:
-        power, travel, stress = peaks_by_load(harvester, loads, [replace(point, share=1.0)])
-        powers.append(power)
-        fits &= (travel <= harvester.travel_limit_m) & (stress <= harvester.stress_limit_pa)
-    return np.array(powers).T, fits
+    power, travel, stress = peaks_by_load(harvester, loads, points)
+    fits = (travel <= harvester.travel_limit_m) & (stress <= harvester.stress_limit_pa)
+    return power.T, np.asarray(fits.all(axis=0))
 
 
 def _unbeaten(powers: Real) -> npt.NDArray[np.intp]:
