@@ -13,13 +13,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gearmon.errors import ArgumentError
 from gearmon.terminal import Progress
 
-__all__ = ["CASES", "PICTURED", "run_case", "save_figures", "summary_rows"]
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["CASES", "PICTURED", "case_figures", "run_case", "summary_rows"]
 
 Row = dict[str, Any]
 
@@ -140,8 +142,8 @@ def summary_rows(case: str, rows: Sequence[Row]) -> list[Row]:
     return list(_function(place)(rows) if place else rows)
 
 
-def save_figures(case: str, rows: Sequence[Row], path: str | Path) -> list[Path]:
-    """Write the pictures of a benchmark.
+def case_figures(case: str, rows: Sequence[Row]) -> dict[str, Figure]:
+    """Return the pictures of a benchmark, by what is added to the name of a file.
 
     Parameters
     ----------
@@ -149,12 +151,6 @@ def save_figures(case: str, rows: Sequence[Row], path: str | Path) -> list[Path]
         As given to `run_case`.
     rows : sequence of dict
         What it returned.
-    path : str or Path
-        Picture file; of several each gets its name before the suffix.
-
-    Returns
-    -------
-    list of Path
 
     Raises
     ------
@@ -163,14 +159,8 @@ def save_figures(case: str, rows: Sequence[Row], path: str | Path) -> list[Path]
     """
     if case not in PICTURED:
         raise ArgumentError(f"benchmark case={case!r} has no pictures; {', '.join(PICTURED)} have")
-    from gearmon.files import replacing
-
-    target, written = Path(path), []
-    for name, figure in _function(CASES[case].figures)(rows).items():
-        written.append(target.with_name(f"{target.stem}-{name}{target.suffix}") if name else target)
-        with replacing(written[-1]) as temporary:
-            figure.savefig(temporary, dpi=130)
-    return written
+    drawn: dict[str, Figure] = _function(CASES[case].figures)(rows)
+    return {f"-{name}" if name else "": figure for name, figure in drawn.items()}
 
 
 def _function(place: str) -> Callable[..., Any]:

@@ -1,17 +1,54 @@
-"""Machines and recordings that the arguments name."""
+"""Machines, recordings and other files that the arguments name."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from gearmon.errors import ArgumentError
+from gearmon.errors import ArgumentError, GearmonError
 from gearmon.terminal import progress_bar
 
 if TYPE_CHECKING:
     from gearmon.machine import Machine
     from gearmon.signals.recording import Recording
+
+_OUTPUTS = ("output", "report")
+_NEVER_EMPTY = (*_OUTPUTS, "reference", "tacho", "machine", "harvester", "history", "trained")
+
+
+def check_names(arguments: argparse.Namespace) -> None:
+    """Refuse names of files that cannot work, before any work is done.
+
+    Parameters
+    ----------
+    arguments : argparse.Namespace
+        Parsed arguments; `output_endings` holds the endings that the output may have, if not any.
+
+    Raises
+    ------
+    ArgumentError
+        If a name is empty, has the wrong ending, or would be written over what is read.
+    """
+    given = vars(arguments)
+    for name in _NEVER_EMPTY:
+        if given.get(name) == "":
+            raise ArgumentError(f"--{name}: the name is empty")
+    inputs = [*given.get("recording", ()), *given.get("degraded", ())]
+    inputs += [given.get(name) for name in ("machine", "reference", "harvester")]
+    read = {Path(path).resolve() for path in inputs if path}
+    for name in _OUTPUTS:
+        path = given.get(name)
+        if path and Path(path).resolve() in read:
+            raise ArgumentError(f"{path}: is read as well; give another name to write to")
+    if given.get("report") and Path(given["report"]).suffix.lower() not in (".html", ".htm"):
+        raise ArgumentError(f"{given['report']}: the name of a report must end in .html")
+    endings = arguments.output_endings
+    if given.get("output") and endings and Path(given["output"]).suffix.lower() not in endings:
+        listed = ", ".join(endings)
+        raise ArgumentError(f"{given['output']}: the name must end in one of {listed}")
 
 
 def machine_of(path: str) -> Machine:
@@ -49,6 +86,26 @@ def followed(paths: Iterable[str], what: str) -> Iterator[str]:
             yield path
             if progress is not None:
                 progress((number + 1) / len(listed))
+
+
+def in_turn(
+    paths: Iterable[str], what: str, work: Callable[[str], dict[str, Any]]
+) -> list[dict[str, Any]]:
+    """Work on recordings one by one; a bad one is reported in its place, the others go on.
+
+    Returns
+    -------
+    list of dict
+        What `work` returned, or of a bad one "recording" and "error".
+    """
+    results = []
+    for path in followed(paths, what):
+        try:
+            results.append(work(path))
+        except GearmonError as error:
+            print(f"gearmon: {error}", file=sys.stderr)
+            results.append({"recording": path, "error": str(error)})
+    return results
 
 
 def loss_of(text: str | None, option: str) -> float | None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from gearmon.benchmark import save_figures
+from gearmon.benchmark import case_figures
 from gearmon.benchmark.detection import detection_summary
 from gearmon.benchmark.detection_trials import RIVALS
 from gearmon.benchmark.plots import (
@@ -17,6 +17,7 @@ from gearmon.benchmark.plots import (
     plot_sizes,
     plot_tooth_errors,
 )
+from gearmon.report.plots import save_all
 
 
 def row(rng, machine, condition, size, tacho):
@@ -105,7 +106,7 @@ def test_sizes_show_every_estimate(rows, ax):
 
 
 def test_files(rows, tmp_path):
-    paths = save_figures("detection", rows, tmp_path / "d.svg")
+    paths = save_all(case_figures("detection", rows), tmp_path / "d.svg")
     names = ["roc", "false-alarms", "blame", "size", "time"]
     assert [path.stem for path in paths] == [f"d-{name}" for name in names]
     assert all(path.read_bytes().startswith(b"<?xml") for path in paths)

@@ -6,11 +6,12 @@ import json
 
 import pytest
 
-from gearmon.benchmark import rivals, run_case, save_figures, summary_rows
+from gearmon.benchmark import case_figures, rivals, run_case, summary_rows
 from gearmon.benchmark.contenders import TARGET, draw_sweep
 from gearmon.benchmark.dynamics import GROWTH, SWEEP, fitted_exponent, headlines, run_dynamics
 from gearmon.benchmark.timing import interleaved
 from gearmon.errors import ArgumentError
+from gearmon.report.plots import save_all
 
 COLUMNS = {
     "case",
@@ -115,10 +116,10 @@ def test_runs_as_a_case(monkeypatch):
 def test_summary_and_pictures_by_case(rows, tmp_path):
     assert summary_rows("dynamics", rows) == headlines(rows)
     assert summary_rows("memory", rows) == rows
-    paths = save_figures("dynamics", rows, tmp_path / "b.svg")
+    paths = save_all(case_figures("dynamics", rows), tmp_path / "b.svg")
     assert [path.stem for path in paths] == ["b-work-precision", "b-ratios", "b-growth"]
     with pytest.raises(ArgumentError, match="'memory' has no pictures"):
-        save_figures("memory", rows, tmp_path / "b.svg")
+        save_all(case_figures("memory", rows), tmp_path / "b.svg")
 
 
 def test_sweep_is_seeded():

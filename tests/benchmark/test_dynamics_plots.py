@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from gearmon.benchmark import save_figures
+from gearmon.benchmark import case_figures
 from gearmon.benchmark.plots import (
     growth_figure,
     plot_growth,
@@ -14,6 +14,7 @@ from gearmon.benchmark.plots import (
     plot_work_precision,
     work_precision_figure,
 )
+from gearmon.report.plots import save_all
 
 
 def row(case, method, error, median_s, **others):
@@ -85,8 +86,8 @@ def test_growth(ax):
 
 
 def test_files(tmp_path):
-    paths = save_figures("dynamics", ROWS, tmp_path / "b.png")
+    paths = save_all(case_figures("dynamics", ROWS), tmp_path / "b.png")
     assert [p.name for p in paths] == ["b-work-precision.png", "b-ratios.png", "b-growth.png"]
-    assert save_figures("dynamics", [ROWS[0]], tmp_path / "c.svg") == [
+    assert save_all(case_figures("dynamics", [ROWS[0]]), tmp_path / "c.svg") == [
         tmp_path / "c-work-precision.svg"
     ]

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from gearmon.benchmark import save_figures
+from gearmon.benchmark import case_figures
 from gearmon.benchmark.plots import (
     plot_bound_ratios,
     plot_bounds,
     plot_refusals,
 )
+from gearmon.report.plots import save_all
 
 STRESS = [
     {
@@ -58,5 +59,5 @@ def test_bounds_and_refusals(ax):
 
 
 def test_file(tmp_path):
-    (path,) = save_figures("stress", STRESS, tmp_path / "s.svg")
+    (path,) = save_all(case_figures("stress", STRESS), tmp_path / "s.svg")
     assert path.read_bytes().startswith(b"<?xml")
