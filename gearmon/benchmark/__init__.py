@@ -13,13 +13,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gearmon.errors import ArgumentError
 from gearmon.terminal import Progress
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = ["CASES", "PICTURED", "case_figures", "run_case", "summary_rows"]
 
@@ -142,7 +139,7 @@ def summary_rows(case: str, rows: Sequence[Row]) -> list[Row]:
     return list(_function(place)(rows) if place else rows)
 
 
-def case_figures(case: str, rows: Sequence[Row]) -> dict[str, Figure]:
+def case_figures(case: str, rows: Sequence[Row]) -> dict[str, Any]:
     """Return the pictures of a benchmark, by what is added to the name of a file.
 
     Parameters
@@ -159,7 +156,7 @@ def case_figures(case: str, rows: Sequence[Row]) -> dict[str, Figure]:
     """
     if case not in PICTURED:
         raise ArgumentError(f"benchmark case={case!r} has no pictures; {', '.join(PICTURED)} have")
-    drawn: dict[str, Figure] = _function(CASES[case].figures)(rows)
+    drawn: dict[str, Any] = _function(CASES[case].figures)(rows)
     return {f"-{name}" if name else "": figure for name, figure in drawn.items()}
 
 

@@ -170,18 +170,14 @@ def with_learning(outcomes: Sequence[Outcome], seed: int = 0) -> list[Row]:
         own = [i for i in usable if rows[i]["tacho"] == tacho]
         for fold in range(FOLDS):
             judged = [i for i in own if rows[i]["machine"] % FOLDS == fold]
-            healthy = [
-                i
-                for i in own
-                if rows[i]["machine"] % FOLDS != fold and rows[i]["condition"] == "healthy"
-            ]
+            others = [i for i in own if rows[i]["machine"] % FOLDS != fold]
+            healthy = [i for i in others if rows[i]["condition"] == "healthy"]
             if len(healthy) < 2 or not judged:
                 continue
-            scores = novelty(
-                np.array([outcomes[i].features for i in healthy]),
-                np.array([outcomes[i].features for i in judged]),
-                seed,
+            known, new = (
+                np.array([outcomes[i].features for i in part]) for part in (healthy, judged)
             )
+            scores = novelty(known, new, seed)
             for i, score in zip(judged, scores, strict=True):
                 rows[i]["plain learning"] = float(score)
     return rows
@@ -212,10 +208,8 @@ def roc_rows(rows: Sequence[Row]) -> list[Row]:
                 low, high = (_by_machine(part, name, machines) for part in (sound, hurt))
                 if not sum(map(len, low)) or not sum(map(len, high)):
                     continue
-                area = roc_area_interval(low, high)
-                found.append(
-                    _figure("ROC area", name, f"loss {loss:.3g}", tacho, area, sum(map(len, high)))
-                )
+                area, count = roc_area_interval(low, high), sum(map(len, high))
+                found.append(_figure("ROC area", name, f"loss {loss:.3g}", tacho, area, count))
     return found
 
 
@@ -270,14 +264,14 @@ def finding_rows(rows: Sequence[Row]) -> list[Row]:
         for loss in sorted({row["size"] for row in here if row["condition"] == "tooth"}):
             own = [r for r in here if r["condition"] == "tooth" and r["size"] == loss]
             found += _of_loss(own, loss, tacho)
-        others = [r for r in here if r["condition"] not in ("tooth",)]
+        others = [r for r in here if r["condition"] != "tooth"]
         for kind in dict.fromkeys(row["condition"] for row in others):
             own = [row for row in others if row["condition"] == kind]
-            for name, key in (("called a fault", "fault"), ("called a tooth", "tooth")):
-                hits = sum(
-                    r["verdict"] == "fault" if key == "fault" else bool(r["tooth_flag"])
-                    for r in own
-                )
+            called = {
+                "called a fault": sum(row["verdict"] == "fault" for row in own),
+                "called a tooth": sum(bool(row["tooth_flag"]) for row in own),
+            }
+            for name, hits in called.items():
                 share = share_interval(hits, len(own))
                 found.append(_figure(name, OURS, kind, tacho, share, len(own)))
     return found
@@ -327,16 +321,8 @@ def run_time_rows(rows: Sequence[Row]) -> list[Row]:
 def _figure(
     figure: str, detector: str, what: str, tacho: bool, value: Sequence[float], count: int
 ) -> Row:
-    return {
-        "figure": figure,
-        "detector": detector,
-        "of": what,
-        "tacho": tacho,
-        "value": value[0],
-        "low": value[1],
-        "high": value[2],
-        "count": count,
-    }
+    of = {"figure": figure, "detector": detector, "of": what, "tacho": tacho}
+    return of | dict(zip(("value", "low", "high"), value, strict=True)) | {"count": count}
 
 
 def detection_summary(rows: Sequence[Row]) -> list[Row]:

@@ -188,21 +188,14 @@ def _measured(
 
 
 def _row(one: Contender, timing: Timing | None, reference: Reference | None) -> Row:
-    row: Row = {
-        "method": one.method,
-        "group": one.group,
-        "setting": one.setting,
-        "wanted": one.wanted,
-        "error": one.error,
-        "error_bound": one.error_bound,
+    known = ("method", "group", "setting", "wanted", "error", "error_bound")
+    row: Row = {name: getattr(one, name) for name in known}
+    row |= {
         "median_s": timing.median_s / one.sets if timing else None,
         "fastest_s": timing.fastest_s / one.sets if timing else None,
         "repeats": timing.repeats if timing else 0,
-        "unknowns": one.unknowns,
-        "sets": one.sets,
-        "exponent": None,
-        "note": one.note,
     }
+    row |= {"unknowns": one.unknowns, "sets": one.sets, "exponent": None, "note": one.note}
     if timing is None or reference is None:
         return row
     motion = one.motion(timing.result)
@@ -210,11 +203,7 @@ def _row(one: Contender, timing: Timing | None, reference: Reference | None) -> 
     bound = getattr(timing.result, "error_bound", None)
     if one.note == CUT_OFF or bound is None or math.isinf(bound):
         bound = None  # an endless bound is no number in JSON
-    return row | {
-        "error": reference.error(motion),
-        "error_bound": bound,
-        "unknowns": len(values),
-    }
+    return row | {"error": reference.error(motion), "error_bound": bound, "unknowns": len(values)}
 
 
 def _with_ratios(rows: list[Row]) -> list[Row]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -13,10 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.benchmark.timing import Timing, competitor, interleaved, machine_facts, other_python
-from gearmon.files import write_atomically
+from gearmon.benchmark.whole_process import example_machine, long_csv
 from gearmon.gears.kinematics import kinematics
-from gearmon.machine import Machine, load_machine
-from gearmon.machine.example import EXAMPLE
+from gearmon.machine import Machine
 from gearmon.signals.envelope import envelope_spectrum
 from gearmon.signals.fine_spectrum import fine_order_spectrum
 from gearmon.signals.kurtogram import kurtogram
@@ -95,13 +96,25 @@ def _noise(count: int) -> FloatArray:
     return np.random.default_rng(0).normal(size=count)
 
 
-def _rows(
-    case: str, names: list[str], timings: list[Timing], samples: int, channels: int = 1
+def _in_turn(
+    case: str,
+    tasks: dict[str, Callable[[], Any]],
+    samples: int,
+    repeats: int,
+    budget_s: float = 5.0,
+    channels: int = 1,
 ) -> Iterator[dict[str, Any]]:
-    """Rows of methods taken in turn; the first is gearmon's."""
-    for name, timing in zip(names, timings, strict=True):
-        times = timing.median_s / timings[0].median_s
-        yield _row(case, name, samples, timing, times, channels=channels)
+    """Take methods in turn, the first gearmon's, and yield their rows."""
+    timings = interleaved(list(tasks.values()), repeats, budget_s)
+    yield from _rows(case, dict(zip(tasks, timings, strict=True)), samples, channels)
+
+
+def _rows(
+    case: str, timings: dict[str, Timing], samples: int, channels: int = 1
+) -> Iterator[dict[str, Any]]:
+    own = next(iter(timings.values())).median_s
+    for name, timing in timings.items():
+        yield _row(case, name, samples, timing, timing.median_s / own, channels=channels)
 
 
 def _row(
@@ -123,26 +136,23 @@ def _spectrum(count: int, repeats: int) -> Iterator[dict[str, Any]]:
     samples = _noise(count)
     bare = batch(count, 1, max(count, 1 << 20))
     bare.input[0] = samples
-    timings = interleaved([lambda: amplitude_spectrum(samples, 1.0), bare.run], repeats, 5.0)
-    names = ["amplitude_spectrum", "bare FFTW, planned by estimate"]
-    yield from _rows("amplitude spectrum", names, timings, count)
+    tasks = {
+        "amplitude_spectrum": lambda: amplitude_spectrum(samples, 1.0),
+        "bare FFTW, planned by estimate": bare.run,
+    }
+    yield from _in_turn("amplitude spectrum", tasks, count, repeats)
 
 
 def _awkward(count: int, repeats: int) -> Iterator[dict[str, Any]]:
     # 999,983 and 65,521 are primes
     prime = 999_983 if count > 1 << 18 else 65_521
     samples = _noise(prime + 17)
-    timings = interleaved(
-        [
-            lambda: amplitude_spectrum(samples[:prime], 1.0),
-            lambda: amplitude_spectrum(samples[: prime // 1000 * 1000], 1.0),
-            lambda: np.fft.rfft(samples[:prime]),
-        ],
-        repeats,
-        5.0,
-    )
-    names = ["prime length", "smooth neighbour", "numpy.fft.rfft, prime length"]
-    yield from _rows("amplitude spectrum of a prime length", names, timings, prime)
+    tasks: dict[str, Callable[[], Any]] = {
+        "prime length": lambda: amplitude_spectrum(samples[:prime], 1.0),
+        "smooth neighbour": lambda: amplitude_spectrum(samples[: prime // 1000 * 1000], 1.0),
+        "numpy.fft.rfft, prime length": lambda: np.fft.rfft(samples[:prime]),
+    }
+    yield from _in_turn("amplitude spectrum of a prime length", tasks, prime, repeats)
 
 
 def _welch(count: int, repeats: int) -> Iterator[dict[str, Any]]:
@@ -150,16 +160,11 @@ def _welch(count: int, repeats: int) -> Iterator[dict[str, Any]]:
 
     samples = _noise(count)
     for block in (1024, 8192):
-        timings = interleaved(
-            [
-                lambda block=block: power_density(samples, 1.0, block),  # type: ignore[misc]
-                lambda block=block: welch(samples, nperseg=block),  # type: ignore[misc]
-            ],
-            repeats,
-            5.0,
-        )
-        names = ["power_density", "scipy.signal.welch"]
-        yield from _rows(f"power density, blocks of {block}", names, timings, count)
+        tasks: dict[str, Callable[[], Any]] = {
+            "power_density": partial(power_density, samples, 1.0, block),
+            "scipy.signal.welch": partial(welch, samples, nperseg=block),
+        }
+        yield from _in_turn(f"power density, blocks of {block}", tasks, count, repeats)
 
 
 def _envelope(count: int, repeats: int) -> Iterator[dict[str, Any]]:
@@ -172,11 +177,11 @@ def _envelope(count: int, repeats: int) -> Iterator[dict[str, Any]]:
         size = np.abs(hilbert(sosfiltfilt(sections, samples)))
         return np.abs(np.fft.rfft(size - size.mean()))
 
-    timings = interleaved(
-        [lambda: envelope_spectrum(samples, 1.0, 0.1, 0.2), usual], min(repeats, 7), 5.0
-    )
-    names = ["envelope_spectrum", "SciPy: Butterworth, hilbert, rfft"]
-    yield from _rows("envelope spectrum", names, timings, count)
+    tasks: dict[str, Callable[[], Any]] = {
+        "envelope_spectrum": lambda: envelope_spectrum(samples, 1.0, 0.1, 0.2),
+        "SciPy: Butterworth, hilbert, rfft": usual,
+    }
+    yield from _in_turn("envelope spectrum", tasks, count, min(repeats, 7))
 
 
 def _kurtogram(count: int, repeats: int) -> Iterator[dict[str, Any]]:
@@ -185,16 +190,16 @@ def _kurtogram(count: int, repeats: int) -> Iterator[dict[str, Any]]:
     own = sys.executable if find_spec("pysdkit") else None
     python = other_python(VARIABLE, NEEDS) or own
     if python is None:
-        (timing,) = interleaved([lambda: kurtogram(samples, 1.0, LEVELS)], repeats, 5.0)
-        yield from _rows(case, ["kurtogram"], [timing], count)
+        own_task = partial(kurtogram, samples, 1.0, LEVELS)
+        yield from _in_turn(case, {"kurtogram": own_task}, count, repeats)
         note = f"not run: {VARIABLE} names no interpreter of an environment with {NEEDS}"
         yield _row(case, "PySDKit", count, None, None, note)
         return
     data = {"count": count, "levels": min(LEVELS, int(np.log2(count)) - 7)}
     with competitor(python, NEEDS, "pysdkit", data) as other:
-        theirs, timing = other.in_turn(lambda: kurtogram(samples, 1.0, LEVELS), repeats)
-        names = ["kurtogram", f"PySDKit {other.known['version']}"]
-        yield from _rows(case, names, [timing, theirs], count)
+        theirs, ours = other.in_turn(lambda: kurtogram(samples, 1.0, LEVELS), repeats)
+        timings = {"kurtogram": ours, f"PySDKit {other.known['version']}": theirs}
+        yield from _rows(case, timings, count)
 
 
 def gearbox_signal(count: int, seed: int = 0) -> FloatArray:
@@ -230,7 +235,7 @@ def gearbox_signal(count: int, seed: int = 0) -> FloatArray:
 def _after_reading(count: int, repeats: int) -> Iterator[dict[str, Any]]:
     import pandas as pd
 
-    machine = _example()
+    machine = example_machine()
     signal = gearbox_signal(count)
     recording = Recording(samples=signal[None, :], sampling_rate_hz=RATE_HZ, origin="memory")
     with tempfile.TemporaryDirectory() as folder:
@@ -241,20 +246,14 @@ def _after_reading(count: int, repeats: int) -> Iterator[dict[str, Any]]:
             repeats,
             600.0,
         )
-    names = ["indicator_table of samples in memory", "pandas.read_csv of the same samples"]
-    yield from _rows(AFTER_READING, names, timings, count)
+    names = "indicator_table of samples in memory", "pandas.read_csv of the same samples"
+    yield from _rows(AFTER_READING, dict(zip(names, timings, strict=True)), count)
     signature = timings[0].result.signature
     stages = _stages(recording, machine, signature)
     own = interleaved([task for _, task in stages], repeats, 600.0)
+    case, note = f"{AFTER_READING}, by stage", "times_own is the share of all"
     for (name, _), timing in zip(stages, own, strict=True):
-        yield _row(
-            f"{AFTER_READING}, by stage",
-            name,
-            count,
-            timing,
-            timing.median_s / timings[0].median_s,
-            "times_own is the share of all",
-        )
+        yield _row(case, name, count, timing, timing.median_s / timings[0].median_s, note)
 
 
 def _stages(
@@ -263,74 +262,46 @@ def _stages(
     """Return the parts of the way from samples to indicators; the second holds the first."""
     train, samples, rate = kinematics(machine), recording.samples, recording.sampling_rate_hz
     pieces = max(1, samples.shape[-1] >> 18)
-    spectrum = fine_order_spectrum(samples, rate, found.track, pieces, most=PIECES_HEARD)
     orders, block_turns = found.plan.orders, found.lines.block_turns
+    fine = partial(fine_order_spectrum, samples, rate, found.track, pieces, most=PIECES_HEARD)
+    lines = partial(order_lines, samples, rate, found.track, orders, block_turns, error=LEAKAGE)
+    others = partial(nongear_lines, samples, rate, found.track, train, fine())
     return [
         ("speed by the comb", lambda: scan_nominal_speeds(samples, rate, train, machine)),
         ("speed by the comb, angle by phases", lambda: track_recording(recording, machine, train)),
-        (
-            "order lines",
-            lambda: order_lines(samples, rate, found.track, orders, block_turns, error=LEAKAGE),
-        ),
-        (
-            "spectrum against angle",
-            lambda: fine_order_spectrum(samples, rate, found.track, pieces, most=PIECES_HEARD),
-        ),
-        (
-            "lines that no gear explains",
-            lambda: nongear_lines(samples, rate, found.track, train, spectrum),
-        ),
+        ("order lines", lines),
+        ("spectrum against angle", fine),
+        ("lines that no gear explains", others),
         ("indicators of the raw vibration", lambda: indicator_table(recording)),
     ]
 
 
-def _example() -> Machine:
-    with tempfile.TemporaryDirectory() as folder:
-        write_atomically(Path(folder) / "machine.toml", EXAMPLE)
-        return load_machine(Path(folder) / "machine.toml")
-
-
 def _write_csv(path: Path, part: FloatArray, count: int, channels: int) -> None:
     """Write a long CSV by repeating a part: only its size matters for reading."""
-    table = np.stack([np.roll(part, 997 * k) for k in range(channels)], axis=1)
-    block = "\n".join(",".join(f"{value:.6g}" for value in row) for row in table) + "\n"
-    with path.open("w", encoding="ascii") as file:
-        for _ in range(count // len(part)):
-            file.write(block)
+    long_csv(path, np.stack([np.roll(part, 997 * k) for k in range(channels)], axis=1), count)
 
 
 def _reading(count: int, channels: int, repeats: int) -> Iterator[dict[str, Any]]:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "long.csv"
         _write_csv(path, gearbox_signal(min(count, 200_000)), count, channels)
-        readers = _readers(path)
-        timings = interleaved([task for _, task in readers], repeats, 60.0)
-        names = [name for name, _ in readers]
-        yield from _rows("reading CSV", names, timings, count, channels)
+        yield from _in_turn("reading CSV", _readers(path), count, repeats, 60.0, channels)
 
 
-def _readers(path: Path) -> list[tuple[str, Callable[[], Any]]]:
-    """Readers of CSV that are installed, gearmon's first."""
+def _readers(path: Path) -> dict[str, Callable[[], Any]]:
+    """Readers of CSV that are installed, gearmon's first; no result is kept."""
     import pandas as pd
 
-    def rows_of(result: Any) -> int:
-        return len(result)
-
-    found: list[tuple[str, Callable[[], Any]]] = [
-        (
-            "read_recording",
-            lambda: read_recording(path, sampling_rate_hz=RATE_HZ).samples.shape[-1],
-        ),
-        ("pandas.read_csv", lambda: rows_of(pd.read_csv(path, header=None))),
-    ]
+    found: dict[str, Callable[[], Any]] = {
+        "read_recording": lambda: len(read_recording(path, sampling_rate_hz=RATE_HZ).samples),
+        "pandas.read_csv": lambda: len(pd.read_csv(path, header=None)),
+    }
     if find_spec("pyarrow"):
         from pyarrow import csv
 
         options = csv.ReadOptions(autogenerate_column_names=True)
-        found.append(("pyarrow", lambda: rows_of(csv.read_csv(path, read_options=options))))
+        found["pyarrow"] = lambda: len(csv.read_csv(path, read_options=options))
     if find_spec("polars"):
-        import importlib
-
-        polars: Any = importlib.import_module("polars")
-        found.append(("polars", lambda: rows_of(polars.read_csv(path, has_header=False))))
+        polars: Any = import_module("polars")
+        found["polars"] = lambda: len(polars.read_csv(path, has_header=False))
     return found

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import Any
 
 from gearmon.commands.command import Command
 from gearmon.commands.inputs import machine_of, recording_of
 from gearmon.commands.options import fault_option, machine_argument
 from gearmon.commands.output import finish
 from gearmon.errors import ArgumentError
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def run_harvest(arguments: argparse.Namespace) -> int:
@@ -47,7 +44,7 @@ def run_harvest(arguments: argparse.Namespace) -> int:
             count=arguments.count,
         )
 
-    def figures() -> Mapping[str, Figure]:
+    def figures() -> Mapping[str, Any]:
         from gearmon.report.harvest_plots import harvest_figures
 
         return harvest_figures(survey)

@@ -16,8 +16,6 @@ from gearmon.errors import ArgumentError
 from gearmon.terminal import progress_bar
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from gearmon.dynamics import HillProblem
 
 #: Natural over mesh frequency up to which the instability is searched for, and drawn: beyond, the
@@ -60,7 +58,7 @@ def run_stiffness(arguments: argparse.Namespace) -> int:
     machine, faults = machine_of(arguments.machine), tuple(arguments.fault)
     report = stiffness_report(machine, faults, form=arguments.form, stage=arguments.stage)
 
-    def figures() -> Mapping[str, Figure]:
+    def figures() -> Mapping[str, Any]:
         from gearmon.report.stiffness_plots import stiffness_figures
 
         return stiffness_figures(report)
@@ -80,7 +78,7 @@ def _run_forms(arguments: argparse.Namespace) -> int:
         )
     forms = compare_forms(machine_of(arguments.machine), stage=arguments.stage or 1)
 
-    def figures() -> Mapping[str, Figure]:
+    def figures() -> Mapping[str, Any]:
         from gearmon.report.stiffness_plots import form_figure
 
         return {"": form_figure(forms)}
@@ -133,7 +131,7 @@ def run_family(arguments: argparse.Namespace) -> int:
     if arguments.output:
         family.write(arguments.output, arguments.mesh_harmonics, arguments.sidebands)
 
-    def figures() -> Mapping[str, Figure]:
+    def figures() -> Mapping[str, Any]:
         from gearmon.report.expected_plots import family_figure
 
         return {"": family_figure(family)}
@@ -187,12 +185,12 @@ def run_stability(arguments: argparse.Namespace) -> int:
     return finish(arguments, result, lambda: table_lines(rows), lambda: rows, charts)
 
 
-def _stability_charts(problems: Mapping[int, HillProblem]) -> Mapping[str, Figure]:
+def _stability_charts(problems: Mapping[int, HillProblem]) -> Mapping[str, Any]:
     from gearmon.dynamics.stability_map import stability_map_of
     from gearmon.report.expected_plots import stability_figure
 
     drawn = {s: p for s, p in problems.items() if p.frequency_ratio <= MOST_RATIO_DRAWN}
-    figures: dict[str, Figure] = {}
+    figures: dict[str, Any] = {}
     with progress_bar("drawing") as progress:
         for number, (stage, problem) in enumerate(drawn.items(), start=1):
             chart = stability_map_of(problem, points=CHART_POINTS)

@@ -7,12 +7,9 @@ import json
 import sys
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gearmon.errors import ArgumentError
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 DONE, FLAGGED, BAD_INPUT, UNJUDGED = 0, 1, 2, 3
 
@@ -32,7 +29,7 @@ def finish(
     result: dict[str, Any],
     lines: Callable[[], list[str]],
     rows: Callable[[], list[dict[str, Any]]] | None = None,
-    figures: Callable[[], Mapping[str, Figure]] | None = None,
+    figures: Callable[[], Mapping[str, Any]] | None = None,
     *,
     rows_in_json: bool = False,
 ) -> int:

@@ -14,8 +14,6 @@ from gearmon.commands.options import recording_options, window_and_peaks
 from gearmon.commands.output import BAD_INPUT, DONE, finish, show, write_table, wrote
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from gearmon.signatures.gear_averages import GearAverages
     from gearmon.signatures.indicator_history import IndicatorHistory
     from gearmon.signatures.indicator_table import IndicatorTable
@@ -54,7 +52,7 @@ def run_indicators(arguments: argparse.Namespace) -> int:
     def rows() -> list[dict[str, Any]]:
         return [{"recording": t.recording, **row.brief()} for t in tables for row in t.rows]
 
-    def figures() -> Mapping[str, Figure]:
+    def figures() -> Mapping[str, Any]:
         from gearmon.report.recording_plots import indicator_figure
 
         return {"": indicator_figure(tables)} if tables else {}
@@ -110,7 +108,7 @@ def run_spectrum(arguments: argparse.Namespace) -> int:
     result = found.to_dict()
     title = f"{found.recording}: {found.value_name}, highest peaks"
 
-    def figures() -> Mapping[str, Figure]:
+    def figures() -> Mapping[str, Any]:
         from gearmon.report.spectrum_plots import spectrum_figure
 
         return {"": spectrum_figure(found)}

@@ -5,14 +5,11 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gearmon.commands.command import Command
 from gearmon.commands.output import DONE, finish, show
 from gearmon.terminal import progress_bar
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def run_demo(arguments: argparse.Namespace) -> int:
@@ -44,7 +41,7 @@ def run_benchmark(arguments: argparse.Namespace) -> int:
     def lines() -> list[str]:
         return table_lines(summary_rows(arguments.case, rows))
 
-    def figures() -> Mapping[str, Figure]:
+    def figures() -> Mapping[str, Any]:
         return case_figures(arguments.case, rows)
 
     drawn = figures if arguments.case in PICTURED else None
