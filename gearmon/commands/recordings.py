@@ -77,14 +77,10 @@ def run_analyse(arguments: argparse.Namespace) -> int:
         from gearmon.report.html import Failure, write_report
 
         analyses, recordings = [a for a, _ in kept], [r for _, r in kept]
-        failures = [
-            Failure(recording=entry["recording"], message=entry["error"])
-            for entry in results
-            if "error" in entry
-        ]
-        files = write_report(
-            analyses, recordings, reference, machine, arguments.report, failures=failures
-        )
+        bad = [entry for entry in results if "error" in entry]
+        failures = [Failure(recording=e["recording"], message=e["error"]) for e in bad]
+        written = analyses, recordings, reference, machine, arguments.report
+        files = write_report(*written, failures=failures)
         result["report"] = [str(file) for file in files]
     if arguments.output:
         write_json(arguments.output, result)

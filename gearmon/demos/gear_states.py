@@ -90,13 +90,8 @@ def state_recording(machine: Machine, settings: Settings, state: State, name: st
         generator = stream(seed, "noise", channel)
         row += noise(generator, len(row), level * float(np.std(row)))
     time = np.arange(settings.samples) / settings.sampling_rate_hz
-    pulses = tacho_pulses(
-        motion.turns(time),
-        settings.sampling_rate_hz,
-        motion.speed_hz(time),
-        _TACHO_V,
-        _TACHO_TURNS,
-    )
+    moved = motion.turns(time), settings.sampling_rate_hz, motion.speed_hz(time)
+    pulses = tacho_pulses(*moved, _TACHO_V, _TACHO_TURNS)
     names = tuple(f"a{channel + 1}" for channel in range(len(vibration)))
     return Recording(
         samples=np.vstack([vibration, pulses]),
@@ -110,13 +105,10 @@ def state_recording(machine: Machine, settings: Settings, state: State, name: st
 
 def _running_out(train: Train, eccentricity_m: float) -> Train:
     """Return the train with more runout of its first pinion."""
-    first = train.meshes[0]
-    pinion = replace(
-        first.errors[0], eccentricity_m=first.errors[0].eccentricity_m + eccentricity_m
-    )
-    return replace(
-        train, meshes=(replace(first, errors=(pinion, first.errors[1])), *train.meshes[1:])
-    )
+    first, *others = train.meshes
+    pinion, gear = first.errors
+    more = replace(pinion, eccentricity_m=pinion.eccentricity_m + eccentricity_m)
+    return replace(train, meshes=(replace(first, errors=(more, gear)), *others))
 
 
 def _of_wear(train: Train, motion: ShaftMotion, settings: Settings, wear_m: float) -> FloatArray:

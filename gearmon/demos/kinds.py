@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -25,13 +25,9 @@ from gearmon.report.plots import save
 from gearmon.report.text_tables import table_lines
 from gearmon.report.wording import percent
 from gearmon.signals.recording import Recording
-from gearmon.signatures.reference import Reference
 from gearmon.signatures.reference_storage import write_reference
 from gearmon.simulation import Settings
 from gearmon.terminal import Progress
-
-if TYPE_CHECKING:
-    from gearmon.diagnosis.fault_types.classifier import KindClassifier
 
 HEALTHY_LOADS = (0.7, 0.85, 1.0, 1.1)
 NEW_LOADS = (0.78, 0.93, 1.04)
@@ -73,7 +69,7 @@ FEATURES = {
 }
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Judged:
     """One recording: the truth, and what was made of it.
 
@@ -140,7 +136,12 @@ def kinds_demo(folder: Path, progress: Progress | None = None) -> Demo:
         for load in NEW_LOADS:
             recording = _recorded(machine, state, load, len(judged))
             analysis = analyse(recording, machine, reference)
-            judged.append(_judged(truth, load, analysis, reference, classifier))
+            features = analysis_features(analysis, reference)
+            row = features.named(features.row(1, "pinion"))
+            fault = analysis.verdict == "fault"
+            judgement = judge_kind(features, classifier) if fault else None
+            own = {name: float(row[name]) for name in FEATURES}
+            judged.append(Judged(truth, load, analysis, judgement, own))
             follow()
     files = {"folder": folder, "picture": folder / "kinds.png", "story": folder / "kinds.txt"}
     right = sum(one.told == one.truth for one in judged)
@@ -184,24 +185,6 @@ def _recorded(machine: Machine, state: State, load: float, seed: int) -> Recordi
         load=load,
     )
     return state_recording(machine, settings, state, f"{load:.0%} load")
-
-
-def _judged(
-    truth: str,
-    load: float,
-    analysis: Analysis,
-    reference: Reference,
-    classifier: KindClassifier,
-) -> Judged:
-    features = analysis_features(analysis, reference)
-    row = features.named(features.row(1, "pinion"))
-    return Judged(
-        truth=truth,
-        load=load,
-        analysis=analysis,
-        judgement=judge_kind(features, classifier) if analysis.verdict == "fault" else None,
-        features={name: float(row[name]) for name in FEATURES},
-    )
 
 
 def _row(one: Judged) -> dict[str, Any]:
