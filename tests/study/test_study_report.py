@@ -97,7 +97,7 @@ def test_lines_tell_every_claim(report):
     for entry in report.judged:
         assert re.search(rf"^{entry.claim.key}\s+{entry.finding.verdict.upper()}", text, re.M)
     assert max(len(line) for line in report.lines()[:-2]) <= 100
-    json.dumps(report.to_dict())
+    json.dumps(report.to_dict(), allow_nan=False)
 
 
 def test_unusable_folder(tmp_path):
