@@ -258,7 +258,9 @@ def _compiled(case: Case, reference: Reference, wanted: tuple[float, ...]) -> It
             # over a long period a settled motion and a periodic one have the same error
             if error not in tuned or not long:
                 error_at = rivals.compiled_error(case, reference, settling)
-                tuned[error] = rivals.tuned_steps(case, error, error_at)
+                # multiples of four: the jumps of a rectangle fall between steps
+                first = 24 * p.frequency_ratio + 48
+                tuned[error] = int(rivals.least_within(error, first, error_at, 4))
             steps = tuned[error]
             common = (rivals.tables(case, steps), p.frequency_ratio, p.damping_ratio)
             run: Callable[[], Samples] = partial(rivals.shoot_compiled, *common)
@@ -275,10 +277,12 @@ def _banded(case: Case, reference: Reference, wanted: tuple[float, ...]) -> Iter
         note = f"not run: the band matrix needs more than {needed / 1e9:.0f} GB"
         yield Contender(BANDED, "banded", note=note)
         return
+
+    def error_at(harmonics: float) -> float:
+        return reference.error(_solve_band(p, int(harmonics))())
+
     for error in wanted:
-        highest = rivals.fewest_harmonics(
-            error, start, lambda highest: reference.error(_solve_band(p, highest)())
-        )
+        highest = int(rivals.least_within(error, start, error_at, 1))
         run = _solve_band(p, highest)
         yield Contender(BANDED, "banded", f"{highest} harmonics", error, run)
 
@@ -389,7 +393,7 @@ def _banded_loop(sweep: Sweep) -> Contender:
     def error_at(factor: float) -> float:
         return sweep.largest_error(lambda p: _solve_band(p, highest(p, factor))())
 
-    factor = _least_factor(1.0, error_at)
+    factor = rivals.least_within(TARGET, 1.0, error_at)
     sizes = [highest(p, factor) for p in some]
     bands = {size: rivals.band(harmonics, size) for size in set(sizes)}
     chosen = [
@@ -409,7 +413,7 @@ def _compiled_loops(sweep: Sweep) -> Iterator[Contender]:
     for rest, method in COMPILED.items():
         # all sets have the period and the relative stiffness of this case
         loop = _CompiledLoop(_one_set(sweep.problems[0]), rest, {})
-        factor = _least_factor(30.0, partial(loop.error_at, sweep))
+        factor = rivals.least_within(TARGET, 30.0, partial(loop.error_at, sweep))
         setting = f"in a loop, {factor:.0f} (w0/w + 3) steps a period"
         some, error = sweep.problems[:MANY], loop.error_at(sweep, factor)
         run = partial(loop.all, some, factor)
@@ -444,18 +448,6 @@ def _settling(zeta: float) -> float:
     """Time for the slowest free vibration to fall by 3e7 with the mean stiffness [1/w0]."""
     rate = zeta if zeta < 1 else zeta - math.sqrt(zeta**2 - 1)
     return math.log(3e7) / rate
-
-
-def _least_factor(first: float, error_at: Callable[[float], float]) -> float:
-    """Least factor, to 3 %, with which every probe is within the target."""
-    low, high = 0.0, first
-    while error_at(high) > TARGET and high < 1e4 * first:
-        low, high = high, 1.5 * high
-    low = max(low, 0.3 * high)
-    while high / low > 1.03:
-        middle = math.sqrt(low * high)
-        low, high = (middle, high) if error_at(middle) > TARGET else (low, middle)
-    return high
 
 
 def growing_contenders(quick: bool = False) -> Iterator[Contender]:

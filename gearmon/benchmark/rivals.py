@@ -470,6 +470,8 @@ def _kernels() -> tuple[Callable[..., Any], Callable[..., Any]]:
 SETTLED_SHARE = 0.3
 #: A trial that takes longer is not followed by a finer one [s].
 LONGEST_TRIAL_S = 1.5
+#: Beyond so many steps or harmonics the search ends.
+LARGEST_SETTING = 1e6
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -545,52 +547,48 @@ def tuned_tolerance(
     return best or tolerance
 
 
-def tuned_steps(
-    case: Case, wanted: float, error_at: Callable[[int], float], trials: int = 5
-) -> int:
-    """Fewest steps a period with which a method of order four is within `wanted`."""
-    steps, best = _divisible(24 * case.problem.frequency_ratio + 48), 0
-    for _ in range(trials):
-        error = error_at(steps)
-        if error <= wanted:
-            best = steps if not best else min(best, steps)
-            if error > 0.8 * wanted:
-                break
-        growth = (error / (0.9 * wanted)) ** 0.25
-        steps = _divisible(steps * min(30.0, max(0.2, growth)))
-        if steps == best:
+def least_within(
+    wanted: float, first: float, error_at: Callable[[float], float], whole: int = 0
+) -> float:
+    """Least setting, to 3 %, whose error is within `wanted`.
+
+    Parameters
+    ----------
+    wanted : float
+        Relative error.
+    first : float, > 0
+        Setting to begin with; from there it grows or is halved.
+    error_at : callable
+        Error at a setting; falls as the setting grows.
+    whole : int
+        Settings are multiples of this; 0: any number.
+    """
+
+    def allowed(setting: float) -> float:
+        return whole * math.ceil(setting / whole) if whole else setting
+
+    low, high = 0.0, allowed(first)
+    while error_at(high) > wanted and high < LARGEST_SETTING:
+        low, high = high, allowed(1.4 * high)
+    while low == 0.0 and (half := allowed(high / 2)) < high:
+        low, high = (half, high) if error_at(half) > wanted else (low, half)
+    while high - low > max(whole, 0.03 * high):
+        middle = allowed(math.sqrt(low * high))
+        if middle >= high:
             break
-    return best or _divisible(1.1 * steps)
-
-
-def _divisible(steps: float) -> int:
-    """Next multiple of four, so that the jumps of a rectangle fall between steps."""
-    return 4 * math.ceil(steps / 4)
-
-
-def fewest_harmonics(wanted: float, start: int, error_at: Callable[[int], float]) -> int:
-    """Fewest harmonics with an error within `wanted`, by doubling and halving."""
-    low, high = 1, max(2, start)
-    while error_at(high) > wanted and high < 1_000_000:
-        low, high = high, math.ceil(1.4 * high)
-    while high - low > max(1, high // 50):
-        middle = (low + high) // 2
-        if error_at(middle) > wanted:
-            low = middle
-        else:
-            high = middle
+        low, high = (middle, high) if error_at(middle) > wanted else (low, middle)
     return high
 
 
 def compiled_error(
     case: Case, reference: Reference, settling: float | None
-) -> Callable[[int], float]:
+) -> Callable[[float], float]:
     """Error of compiled steps over their number; by shooting where nothing settles."""
     p = case.problem
     ratio, zeta = p.frequency_ratio, p.damping_ratio
 
-    def error_at(steps: int) -> float:
-        table = tables(case, steps)
+    def error_at(steps: float) -> float:
+        table = tables(case, int(steps))
         if settling is None:
             return reference.error(shoot_compiled(table, ratio, zeta))
         return reference.error(march(table, ratio, zeta, settling))

@@ -79,9 +79,11 @@ def test_banded_balance():
     np.testing.assert_array_equal(bands, before)
 
 
-def test_fewest_harmonics():
-    assert rivals.fewest_harmonics(0.1, 5, lambda n: 3.0 / n) == 30
-    assert rivals.fewest_harmonics(0.1, 50, lambda n: 3.0 / n) == 30
+@pytest.mark.parametrize("first", [5, 50])
+def test_least_setting_is_the_least(first):
+    assert rivals.least_within(0.1, first, lambda n: 3.0 / n, 1) == 30
+    found = rivals.least_within(0.1, first, lambda n: 3.0 / n)
+    assert 30 <= found < 30 * 1.04
 
 
 def test_tuned_tolerance_meets_the_error():
@@ -90,11 +92,10 @@ def test_tuned_tolerance_meets_the_error():
 
 
 def test_tuned_steps_meet_the_error():
-    case = named_case("pair")
-    steps = rivals.tuned_steps(case, 1e-6, lambda n: (15.0 / n) ** 4)
+    steps = rivals.least_within(1e-6, 100.0, lambda n: (15.0 / n) ** 4, 4)
     assert steps % 4 == 0
     assert (15.0 / steps) ** 4 <= 1e-6
-    assert steps < 1.15 * 15.0 / 1e-6**0.25
+    assert steps < 1.05 * 15.0 / 1e-6**0.25
 
 
 @pytest.mark.skipif(not rivals.numba_is_installed(), reason="numba is not installed")
