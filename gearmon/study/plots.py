@@ -25,7 +25,7 @@ from gearmon.report.palette import (
     series_colour,
     series_marker,
 )
-from gearmon.study.claims import COMPARABLE, LIKELY_LIMIT_HZ, PRINTED_LIMIT_HZ
+from gearmon.study.claims import COMPARABLE, LIKELY_LIMIT_HZ, PRINTED_LIMIT_HZ, study_table
 from gearmon.study.experiments import (
     HIGHEST_ORDER,
     MANY,
@@ -156,7 +156,7 @@ def _energy_level(point: Operation) -> FloatArray:
 # Forms of stiffness, the responses to them, and the orders.
 
 
-def _stiffness_forms(results: StudyResults) -> Figure:
+def _draw_stiffness_forms(results: StudyResults) -> Figure:
     figure, phase = _sheet(5.4), np.arange(4000) / 2000
     axes = figure.subplots(2, 2, sharex=True, sharey=True)
 
@@ -184,7 +184,7 @@ def _line_levels(signal: StiffnessSignal) -> FloatArray:
     return decibels(2 * REFERENCE.variation * signal.shape_harmonics(HARMONICS_SHOWN))
 
 
-def _stiffness_form_spectra(results: StudyResults) -> Figure:
+def _draw_stiffness_form_spectra(results: StudyResults) -> Figure:
     """Draw the spectra of the forms together, and each by itself."""
     figure = _sheet(7.6)
     grid = figure.add_gridspec(3, 2, height_ratios=(1.25, 1, 1))
@@ -211,7 +211,7 @@ def _stiffness_form_spectra(results: StudyResults) -> Figure:
     return figure
 
 
-def _form_responses(results: StudyResults) -> Figure:
+def _draw_form_responses(results: StudyResults) -> Figure:
     """Draw displacement, velocity and acceleration from rest, under three forms."""
     figure = _sheet(8.2)
     axes = figure.subplots(3, 3, sharex=True, sharey="row")
@@ -236,7 +236,7 @@ def _form_responses(results: StudyResults) -> Figure:
     return figure
 
 
-def _mesh_force(results: StudyResults) -> Figure:
+def _draw_mesh_force(results: StudyResults) -> Figure:
     """Draw the mesh force from rest and its lines."""
     figure, label = _sheet(6.2), "mesh force in kN"
     grid = figure.add_gridspec(2, 2, width_ratios=(1.35, 1))
@@ -260,7 +260,7 @@ def _mesh_force(results: StudyResults) -> Figure:
     return figure
 
 
-def _orders(results: StudyResults) -> Figure:
+def _draw_orders(results: StudyResults) -> Figure:
     """Draw the orders of the expansion beside the exact solution, and their errors."""
     study, figure, phase = results.orders, _sheet(7.0), np.arange(801) / 800
     ((together, error), (of_order, of_eps)) = figure.subplots(2, 2)
@@ -324,7 +324,7 @@ def _settled(ax: Axes, sweep: Sweep, quantity: Quantity, title: str) -> None:
     _panel(ax, title, "mesh phase in mesh periods", label).set_xlim(0, 1)
 
 
-def _stiffness_from_rest(results: StudyResults) -> Figure:
+def _draw_stiffness_from_rest(results: StudyResults) -> Figure:
     sweep, figure = results.sweeps["stiffness_n_per_m"], _sheet(8.5)
     axes = figure.subplots(3, 2, width_ratios=(1, 2.2))
     quantities = (DISPLACEMENT, VELOCITY, ACCELERATION)
@@ -336,7 +336,7 @@ def _stiffness_from_rest(results: StudyResults) -> Figure:
     return figure
 
 
-def _stiffness_settled(results: StudyResults) -> Figure:
+def _draw_stiffness_settled(results: StudyResults) -> Figure:
     sweep, figure = results.sweeps["stiffness_n_per_m"], _sheet(6.8)
     axes = figure.subplots(2, 2).ravel()
     _settled(axes[0], sweep, DISPLACEMENT, "Fig. 11: displacement, one settled mesh period")
@@ -348,7 +348,7 @@ def _stiffness_settled(results: StudyResults) -> Figure:
     return figure
 
 
-def _in_time(name: str, first: int, second: int, results: StudyResults) -> Figure:
+def _draw_in_time(name: str, first: int, second: int, results: StudyResults) -> Figure:
     sweep, figure = results.sweeps[name], _sheet(6.4)
     grid = figure.add_gridspec(2, 2, width_ratios=(1, 2.2))
     left, right = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])
@@ -360,7 +360,7 @@ def _in_time(name: str, first: int, second: int, results: StudyResults) -> Figur
     return figure
 
 
-def _separate_displacement(name: str, number: int, results: StudyResults) -> Figure:
+def _draw_separate_displacement(name: str, number: int, results: StudyResults) -> Figure:
     figure = _sheet(7.6)
     for ax, point, shown, colour in _one_by_one(figure, results.sweeps[name]):
         motion = point.start.motion
@@ -384,16 +384,18 @@ def _overlay(axes: Sequence[Axes], sweep: Sweep, panels: Sequence[Spectrum]) -> 
         _panel(ax, title, FREQUENCY, label).set(xlim=(0, HIGHEST_KHZ), ylim=limits)
 
 
-def _spectra(name: str, height: float, panels: Sequence[Spectrum], results: StudyResults) -> Figure:
+def _draw_spectra(
+    name: str, height: float, panels: Sequence[Sequence[Any]], results: StudyResults
+) -> Figure:
     figure, sweep = _sheet(height), results.sweeps[name]
-    _overlay(figure.subplots(len(panels), 1), sweep, panels)
+    _overlay(figure.subplots(len(panels), 1), sweep, [_spectrum(*panel) for panel in panels])
     _value_legend(figure, sweep)
     return figure
 
 
-def _lines(name: str, number: int, panel: Spectrum, results: StudyResults) -> Figure:
+def _draw_lines(name: str, number: int, panel: Sequence[Any], results: StudyResults) -> Figure:
     """Draw the lines of every value by themselves."""
-    figure, (heights, _, label, limits) = _sheet(7.6), panel
+    figure, (heights, _, label, limits) = _sheet(7.6), _spectrum(*panel)
     for ax, point, shown, colour in _one_by_one(figure, results.sweeps[name]):
         _stems(ax, point.response.frequency_hz / MILLI, heights(point), limits[0] or 0.0, colour)
         natural = point.response.problem.natural_frequency_hz / MILLI
@@ -404,7 +406,7 @@ def _lines(name: str, number: int, panel: Spectrum, results: StudyResults) -> Fi
     return figure
 
 
-def _energy_lines(name: str, together: int, results: StudyResults) -> Figure:
+def _draw_energy_lines(name: str, together: int, results: StudyResults) -> Figure:
     """Draw the energy lines of all values together and apart."""
     figure, sweep = _sheet(10.2), results.sweeps[name]
     halves = figure.add_gridspec(2, 1, height_ratios=(1, 1.9))
@@ -428,7 +430,7 @@ def _energy_lines(name: str, together: int, results: StudyResults) -> Figure:
 # Energy of the reference case, contact, damage and speed.
 
 
-def _energy_of_reference(results: StudyResults) -> Figure:
+def _draw_energy_of_reference(results: StudyResults) -> Figure:
     """Draw the energy lines of the reference case, and what a harvester takes from each."""
     figure, point, harvest = _sheet(6.6), results.reference, results.harvest
     upper, lower = figure.subplots(2, 1, sharex=True)
@@ -450,7 +452,7 @@ def _energy_of_reference(results: StudyResults) -> Figure:
     return figure
 
 
-def _contact(results: StudyResults) -> Figure:
+def _draw_contact(results: StudyResults) -> Figure:
     """Draw where contact would be lost."""
     study, figure = results.contact, _sheet(7.4)
     ((of_mass, of_damping), (of_variation, both)) = figure.subplots(2, 2)
@@ -492,7 +494,7 @@ def _least_force(ax: Axes, scan: Scan, scale: float, title: str, label: str) -> 
     _panel(ax, title, label, "least mesh force over F").set_ylim(min(bottom, -0.05), 1.0)
 
 
-def _damage(results: StudyResults) -> Figure:
+def _draw_damage(results: StudyResults) -> Figure:
     """Draw the lines of a pair with one weak tooth, and the level of its sidebands."""
     study, figure = results.damage, _sheet(3.9)
     left, right = figure.subplots(1, 2, width_ratios=(1.8, 1))
@@ -515,7 +517,7 @@ def _damage(results: StudyResults) -> Figure:
     return figure
 
 
-def _speed(results: StudyResults) -> Figure:
+def _draw_speed(results: StudyResults) -> Figure:
     """Draw time against error of substitution, new solution and simulation."""
     figure, study = _sheet(5.2), results.speed
     ax = figure.subplots()
@@ -539,58 +541,18 @@ def _speed(results: StudyResults) -> Figure:
     return figure
 
 
-def _acceleration(number: int) -> list[Spectrum]:
-    """Return the panels of an acceleration spectrum, linear and as level."""
-    linear, level = partial(_amplitudes, "acceleration", 1.0), partial(_level, "acceleration", 1.0)
-    return [
-        (linear, f"Fig. {number}: acceleration, linear", "amplitude in m/s²", (0, None)),
-        (level, f"Fig. {number}: the same as level", "dB re 1 m/s²", (None, None)),
-    ]
+def _spectrum(kind: str, mode: str, scale: float, title: str, label: str, *limits: Any) -> Spectrum:
+    """Return what a panel of study.toml draws: lines of a kind, times a scale or as level re it."""
+    heights = partial(_level if mode == "level" else _amplitudes, kind, scale)
+    low, high = (*limits, None, None)[:2]
+    return heights, title, label, (low, high)
 
 
-_STIFFNESS, _MASS, _DAMPING = "stiffness_n_per_m", "mass_kg", "damping_ns_per_m"
-_OF_STIFFNESS: list[Spectrum] = [
-    (partial(_level, "displacement", 1e-6), "Fig. 15: displacement", "dB re 1 µm", (-60, 15)),
-    (
-        partial(_amplitudes, "velocity", MILLI),
-        "Fig. 16: velocity",
-        "amplitude in mm/s",
-        (0, None),
-    ),
-    (
-        partial(_amplitudes, "acceleration", 1.0),
-        "Fig. 18: acceleration",
-        "amplitude in m/s²",
-        (0, None),
-    ),
-]
-_VELOCITY_LINES = partial(_level, "velocity", 1e-3), "", "velocity, dB re 1 mm/s", (-60, 30)
-_LINES = partial(_level, "acceleration", 1.0), "", "acceleration, dB re 1 m/s²", (-20, 62)
+def _drawing(picture: dict[str, Any]) -> Callable[[StudyResults], Figure]:
+    kind, *arguments = picture.get("drawing", [picture["name"]])
+    drawing: Callable[..., Figure] = globals()[f"_draw_{kind}"]
+    return partial(drawing, *arguments)
 
-DRAWINGS: dict[str, Callable[[StudyResults], Figure]] = {
-    "stiffness_forms": _stiffness_forms,
-    "stiffness_form_spectra": _stiffness_form_spectra,
-    "form_responses": _form_responses,
-    "mesh_force": _mesh_force,
-    "orders": _orders,
-    "stiffness_from_rest": _stiffness_from_rest,
-    "stiffness_settled": _stiffness_settled,
-    "stiffness_spectra": partial(_spectra, _STIFFNESS, 8.4, _OF_STIFFNESS),
-    "stiffness_velocity_lines": partial(_lines, _STIFFNESS, 17, _VELOCITY_LINES),
-    "stiffness_acceleration_lines": partial(_lines, _STIFFNESS, 19, _LINES),
-    "mass_in_time": partial(_in_time, _MASS, 20, 21),
-    "mass_separate": partial(_separate_displacement, _MASS, 22),
-    "mass_spectra": partial(_spectra, _MASS, 6.4, _acceleration(23)),
-    "mass_lines": partial(_lines, _MASS, 24, _LINES),
-    "damping_in_time": partial(_in_time, _DAMPING, 25, 26),
-    "damping_separate": partial(_separate_displacement, _DAMPING, 27),
-    "damping_spectra": partial(_spectra, _DAMPING, 6.4, _acceleration(28)),
-    "damping_lines": partial(_lines, _DAMPING, 29, _LINES),
-    "energy_of_stiffness": partial(_energy_lines, _STIFFNESS, 30),
-    "energy_of_mass": partial(_energy_lines, _MASS, 32),
-    "energy_of_damping": partial(_energy_lines, _DAMPING, 34),
-    "energy_of_reference": _energy_of_reference,
-    "contact": _contact,
-    "damage": _damage,
-    "speed": _speed,
-}
+
+#: By the name of the picture, in the order of study.toml.
+DRAWINGS = {picture["name"]: _drawing(picture) for picture in study_table()["picture"]}
