@@ -287,11 +287,6 @@ class PiezoCantilever(OneLoad):
         return self.mass_per_length_kg_m * self.length_m
 
     @property
-    def tip_inertia_kg_m2(self) -> float:
-        """Rotary inertia of the tip mass about the end of the beam [kg m2]."""
-        return self.tip_mass_kg * self.tip_gyration_m**2
-
-    @property
     def capacitance_f(self) -> float:
         """Of the electrodes as wired, at constant strain [F]."""
         area = self.width_m * self.length_m
@@ -436,13 +431,9 @@ class PiezoCantilever(OneLoad):
         tip = self._shapes.tip * scale
         root = self._shapes.root_curvature * scale / self.length_m**2
         size = np.abs(voltage)
-        return Gains(
-            frequency_hz=frequency_hz,
-            power_w=size**2 / (2 * loads[:, None]),
-            travel_m=self._moved(tip, dynamic, voltage),
-            stress_pa=self._stress(self._moved(root, dynamic, voltage), size),
-            voltage_v=size,
-        )
+        stress = self._stress(self._moved(root, dynamic, voltage), size)
+        power, travel = size**2 / (2 * loads[:, None]), self._moved(tip, dynamic, voltage)
+        return Gains(frequency_hz, power, travel, stress, size)
 
     def power_by_load(self, loads: Real, frequency_hz: Real) -> Real:
         """Power gains at several load resistances, shape (loads, frequencies)."""

@@ -143,13 +143,8 @@ class InertialHarvester(OneLoad):
         """Answers at several electrical damping ratios, arrays of shape (loads, n)."""
         total = self.mechanical_damping_ratio + loads[:, None]
         travel = 1 / np.sqrt(self._squared(total, frequency_hz))
-        return Gains(
-            frequency_hz=frequency_hz,
-            power_w=self.power_by_load(loads, frequency_hz),
-            travel_m=travel,
-            stress_pa=np.zeros_like(travel),
-            voltage_v=np.zeros_like(travel),
-        )
+        power, nothing = self.power_by_load(loads, frequency_hz), np.zeros_like(travel)
+        return Gains(frequency_hz, power, travel, nothing, nothing)
 
     def power_by_load(
         self, loads: npt.NDArray[np.float64], frequency_hz: npt.NDArray[np.float64]

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -32,8 +32,8 @@ from gearmon.harvesting.vibration import (
     check_duty,
     operating_lines,
     standing_out,
-    vibration_of_lines,
     vibration_of_samples,
+    vibration_of_signature,
 )
 from gearmon.machine import Machine
 from gearmon.signals.recording import Recording
@@ -137,27 +137,27 @@ class Placed:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the row in built-in types; what is unknown or infinite is null."""
-        degraded = self.tuned_degraded
+        best, degraded = (
+            {"hz": t.harvester.natural_frequency_hz, "w": t.power_w, "load": t.harvester.load}
+            if t
+            else dict.fromkeys(("hz", "w", "load"), math.nan)
+            for t in (self.tuned, self.tuned_degraded)
+        )
         row = {
-            "position": self.position.name,
-            "natural_frequency_hz": self.tuned.harvester.natural_frequency_hz
-            if self.tuned
-            else math.nan,
-            "load": self.tuned.harvester.load if self.tuned else math.nan,
+            "natural_frequency_hz": best["hz"],
+            "load": best["load"],
             "power_w": self.power_w,
             "power_low_w": self.power_low_w,
             "power_high_w": self.power_high_w,
             "interval_s": self.interval_s,
             "degraded_power_w": self.degraded_power_w,
-            "degraded_best_hz": degraded.harvester.natural_frequency_hz if degraded else math.nan,
-            "degraded_best_power_w": degraded.power_w if degraded else math.nan,
+            "degraded_best_hz": degraded["hz"],
+            "degraded_best_power_w": degraded["w"],
             "degraded_best_power_when_healthy_w": self.healthy_power_of_degraded_w,
         }
-        clean = {k: v if isinstance(v, str) or math.isfinite(v) else None for k, v in row.items()}
-        return clean | {
-            "good_only_when_damaged": self.good_only_when_damaged,
-            "refusal": self.refusal,
-        }
+        known = {name: x if math.isfinite(x) else None for name, x in row.items()}
+        told = {"good_only_when_damaged": self.good_only_when_damaged, "refusal": self.refusal}
+        return {"position": self.position.name} | known | told
 
 
 def rank_positions(
@@ -192,23 +192,28 @@ def _placed(harvester: Harvester, position: Position, budget: SensorBudget) -> P
     if position.refusal:
         return Placed(position=position, tuned=None, refusal=position.refusal)
     tuned, refusal, over = _tuned(harvester, position.healthy)
-    degraded = _tuned(harvester, position.degraded)[0] if position.degraded else None
     low, high = _interval(tuned, position)
-    return Placed(
+    found = Placed(
         position=position,
         tuned=tuned,
         power_low_w=low,
         power_high_w=high,
-        degraded_power_w=evaluate(tuned.harvester, position.degraded).power_w
-        if tuned and position.degraded
-        else math.nan,
-        tuned_degraded=degraded,
-        healthy_power_of_degraded_w=evaluate(degraded.harvester, position.healthy).power_w
-        if degraded
-        else math.nan,
         interval_s=budget.interval_s(tuned.power_w) if tuned else math.inf,
         refusal=refusal,
         over_limits=over,
+    )
+    if not position.degraded:
+        return found
+    degraded = _tuned(harvester, position.degraded)[0]
+
+    def power_w(of: Tuned[Any] | None, duty: tuple[OperatingShare, ...]) -> float:
+        return evaluate(of.harvester, duty).power_w if of else math.nan
+
+    return replace(
+        found,
+        tuned_degraded=degraded,
+        degraded_power_w=power_w(tuned, position.degraded),
+        healthy_power_of_degraded_w=power_w(degraded, position.healthy),
     )
 
 
@@ -497,14 +502,9 @@ def _expected_duty(
 ) -> tuple[OperatingShare, ...]:
     points = []
     for number, point in enumerate(machine.operating):
-        signature = expected_signature(machine, faults, operating=number)
-        vibration = vibration_of_lines(
-            signature["frequency_hz"],
-            acceleration_ms2=signature["acceleration_ms2"],
-            gain=gain,
-            wander=wander,
-            name=point.name or f"{point.speed_rpm:g} rpm",
-        )
+        lines = expected_signature(machine, faults, operating=number)
+        name = point.name or f"{point.speed_rpm:g} rpm"
+        vibration = vibration_of_signature(lines, gain=gain, wander=wander, name=name)
         points.append(OperatingShare(vibration=vibration, share=point.share))
     return tuple(points)
 

@@ -37,7 +37,7 @@ LOADS = 13
 POINTS = 240
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Gains:
     """Answers of a harvester to a unit acceleration amplitude of its base, by frequency.
 
@@ -134,13 +134,8 @@ class OneLoad:
         """
         frequency = np.atleast_1d(np.asarray(frequency_hz, dtype=np.float64))
         one = self.gains_by_load(np.array([self.load]), frequency)
-        return Gains(
-            frequency_hz=frequency,
-            power_w=one.power_w[0],
-            travel_m=one.travel_m[0],
-            stress_pa=one.stress_pa[0],
-            voltage_v=one.voltage_v[0],
-        )
+        rows = (one.power_w[0], one.travel_m[0], one.stress_pa[0], one.voltage_v[0])
+        return Gains(frequency, *rows)
 
 
 H = TypeVar("H", bound=Harvester)
@@ -247,13 +242,12 @@ class Tuned(Generic[H]):
 
     def to_dict(self) -> dict[str, Any]:
         """Return values in built-in types."""
+        peaks = ("travel_m", "stress_pa", "voltage_v")
         return {
             "harvester": self.harvester.to_dict(),
             "power_w": self.power_w,
             "power_by_operating_point_w": [a.power_w for a in self.answers],
-            "travel_m": max(a.travel_m for a in self.answers),
-            "stress_pa": max(a.stress_pa for a in self.answers),
-            "voltage_v": max(a.voltage_v for a in self.answers),
+            **{name: max(getattr(a, name) for a in self.answers) for name in peaks},
             "travel_share": self.travel_share,
             "stress_share": self.stress_share,
         }
@@ -483,17 +477,11 @@ def response_rows(harvester: Harvester, frequency_hz: npt.ArrayLike) -> list[dic
         not modelled.
     """
     gains = harvester.gains(frequency_hz)
-    modelled = not math.isinf(harvester.stress_limit_pa)
-    return [
-        {
-            "frequency_hz": float(gains.frequency_hz[i]),
-            "power_w": float(gains.power_w[i]),
-            "voltage_v": float(gains.voltage_v[i]) if modelled else None,
-            "travel_m": float(gains.travel_m[i]),
-            "stress_pa": float(gains.stress_pa[i]) if modelled else None,
-        }
-        for i in range(len(gains.frequency_hz))
-    ]
+    names = ["frequency_hz", "power_w", "voltage_v", "travel_m", "stress_pa"]
+    columns = {name: getattr(gains, name).tolist() for name in names}
+    if math.isinf(harvester.stress_limit_pa):
+        columns |= dict.fromkeys(("voltage_v", "stress_pa"), [None] * len(gains.frequency_hz))
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
 def response_grid(harvester: Harvester) -> Real:
