@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import argparse
+import sys
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gearmon.commands.command import Command
-from gearmon.commands.inputs import followed, in_turn, loss_of, machine_of, recording_of
+from gearmon.commands.inputs import each_of, followed, in_turn, loss_of, machine_of, recording_of
 from gearmon.commands.options import recording_options
 from gearmon.commands.output import BAD_INPUT, DONE, FLAGGED, UNJUDGED, show, write_json
-from gearmon.errors import ArgumentError, check_range
+from gearmon.errors import ArgumentError, GearmonError, check_range
 
 if TYPE_CHECKING:
     from gearmon.diagnosis.fault_types.classifier import KindClassifier
@@ -58,20 +60,15 @@ def run_analyse(arguments: argparse.Namespace) -> int:
     must_notice = loss_of(arguments.must_notice, "--must-notice")
     machine = machine_of(arguments.machine)
     reference = reference_of(arguments, machine)
+    known: dict[str, Any] = {"machine": machine, "reference": reference}
+    task = partial(_analysed, arguments=arguments, must_notice=must_notice, **known)
+    results: list[dict[str, Any]] = []
     kept: list[tuple[Analysis, Recording | None]] = []
-
-    def analysed(path: str) -> dict[str, Any]:
-        from gearmon.diagnosis.analysis import analyse
-
-        recording = recording_of(path, arguments, machine)
-        options = {} if must_notice is None else {"must_notice": must_notice}
-        analysis = analyse(recording, machine, reference, **options)
-        if arguments.report or not arguments.json:
-            # only a report draws the samples
-            kept.append((analysis, recording if arguments.report else None))
-        return analysis.to_dict()
-
-    results = in_turn(arguments.recording, "analysing", analysed)
+    for entry, found in each_of(task, arguments.recording, "analysing"):
+        if "error" in entry:
+            print(f"gearmon: {entry['error']}", file=sys.stderr)
+        results.append(entry)
+        kept += [found] if found is not None else []
     result: dict[str, Any] = {"recordings": results}
     if arguments.report and kept:
         from gearmon.report.html import Failure, write_report
@@ -91,6 +88,30 @@ def run_analyse(arguments: argparse.Namespace) -> int:
         return FLAGGED
     open_ = any(entry["verdict"] in ("cannot tell", "no mesh found") for entry in results)
     return UNJUDGED if open_ else DONE
+
+
+def _analysed(
+    path: str,
+    arguments: argparse.Namespace,
+    machine: Machine,
+    reference: Reference | None,
+    must_notice: float | None,
+) -> tuple[dict[str, Any], tuple[Analysis, Recording | None] | None]:
+    """Analyse one recording; a bad one is reported in its place.
+
+    With the answer come the analysis, where it is to be worded, and the samples of a report.
+    """
+    from gearmon.diagnosis.analysis import analyse
+
+    try:
+        recording = recording_of(path, arguments, machine)
+        options = {} if must_notice is None else {"must_notice": must_notice}
+        analysis = analyse(recording, machine, reference, **options)
+    except GearmonError as error:
+        return {"recording": path, "error": str(error)}, None
+    if arguments.json and not arguments.report:
+        return analysis.to_dict(), None
+    return analysis.to_dict(), (analysis, recording if arguments.report else None)
 
 
 def _analysis_lines(result: dict[str, Any], analyses: list[Analysis]) -> list[str]:
