@@ -326,7 +326,7 @@ class _Judge:
 
     def learned(self) -> _Judge:
         """Analyse the first recording alone and learn from it."""
-        recording, machine = self._heard(self.first), self.drawn.machine
+        recording, machine = self._recording(self.first), self.drawn.machine
         start = time.perf_counter()
         try:
             healthy = analyse(recording, machine)
@@ -336,7 +336,7 @@ class _Judge:
             return replace(self, alone_s=time.perf_counter() - start, refusal=str(error))
         return replace(self, healthy=healthy, alone_s=alone_s, reference=reference)
 
-    def _heard(self, taken: Taken) -> Recording:
+    def _recording(self, taken: Taken) -> Recording:
         return taken.recording if self.tacho else taken.recording.vibration()
 
     def outcome(self, trial: Trial, taken: Taken) -> Outcome:
@@ -345,7 +345,7 @@ class _Judge:
             return Outcome(row={**row, "verdict": "refused", "note": self.refusal})
         start = time.perf_counter()
         try:
-            found = analyse(self._heard(taken), self.drawn.machine, self.reference)
+            found = analyse(self._recording(taken), self.drawn.machine, self.reference)
         except GearmonError as error:
             return Outcome(row={**row, "verdict": "refused", "note": str(error)})
         row |= {"run_time_s": time.perf_counter() - start, "alone_s": self.alone_s}
