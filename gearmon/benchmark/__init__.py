@@ -23,7 +23,7 @@ __all__ = ["CASES", "PICTURED", "case_figures", "run_case", "summary_rows"]
 Row = dict[str, Any]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class _Case:
     """Where a benchmark is made: "module:function" within this room.
 
@@ -35,7 +35,8 @@ class _Case:
     summary : str
         Takes rows and gives those that a terminal shows; "" shows all.
     figures : str
-        Takes rows and gives matplotlib figures by name ("" for the only one); "" has none.
+        Function of `plots` that takes rows and gives matplotlib figures by name ("" for the only
+        one); "" has none.
     """
 
     run: str
@@ -44,34 +45,19 @@ class _Case:
     figures: str = ""
 
 
+_DRAWN = ("progress", "quick", "seed", "count")
 CASES = {
-    "analyse": _Case(run="whole_process:analysis_against_reading"),
-    "memory": _Case(run="whole_process:memory_of_long_recording"),
-    "stiffness": _Case(run="stiffness:time_stiffness", takes=("ross_python",)),
-    "harvesting": _Case(run="harvesting:time_harvesting", takes=("progress", "quick")),
-    "dynamics": _Case(
-        run="dynamics:run_dynamics",
-        takes=("progress", "quick", "seed", "count"),
-        summary="dynamics:headlines",
-        figures="plots:dynamics_figures",
-    ),
-    "stress": _Case(
-        run="stress:run_stress",
-        takes=("progress", "quick", "seed", "count"),
-        summary="stress:stress_summary",
-        figures="plots:stress_figures",
-    ),
+    "analyse": _Case("whole_process:analysis_against_reading"),
+    "memory": _Case("whole_process:memory_of_long_recording"),
+    "stiffness": _Case("stiffness:time_stiffness", ("ross_python",)),
+    "harvesting": _Case("harvesting:time_harvesting", ("progress", "quick")),
+    "dynamics": _Case("dynamics:run_dynamics", _DRAWN, "dynamics:headlines", "dynamics_figures"),
+    "stress": _Case("stress:run_stress", _DRAWN, "stress:stress_summary", "stress_figures"),
     "signals": _Case(
-        run="signals:run_signals",
-        takes=("progress", "quick"),
-        summary="signals:signals_summary",
-        figures="plots:signals_figures",
+        "signals:run_signals", ("progress", "quick"), "signals:signals_summary", "signals_figures"
     ),
     "detection": _Case(
-        run="detection:run_detection",
-        takes=("progress", "quick", "seed", "count"),
-        summary="detection:detection_summary",
-        figures="plots:detection_figures",
+        "detection:run_detection", _DRAWN, "detection:detection_summary", "detection_figures"
     ),
 }
 #: Cases that have pictures.
@@ -156,7 +142,7 @@ def case_figures(case: str, rows: Sequence[Row]) -> dict[str, Any]:
     """
     if case not in PICTURED:
         raise ArgumentError(f"benchmark case={case!r} has no pictures; {', '.join(PICTURED)} have")
-    drawn: dict[str, Any] = _function(CASES[case].figures)(rows)
+    drawn: dict[str, Any] = _function(f"plots:{CASES[case].figures}")(rows)
     return {f"-{name}" if name else "": figure for name, figure in drawn.items()}
 
 

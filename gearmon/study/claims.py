@@ -80,23 +80,6 @@ class Evidence:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Finding:
-    """What the results say of a claim.
-
-    Attributes
-    ----------
-    verdict : str
-    reason : str
-        One or two sentences with the numbers that decide.
-    evidence : tuple of Evidence
-    """
-
-    verdict: Verdict
-    reason: str
-    evidence: tuple[Evidence, ...]
-
-
-@dataclass(frozen=True, kw_only=True)
 class Claim:
     """One claim of the study; study.toml tells what its fields mean.
 
@@ -127,11 +110,22 @@ class Claim:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Judged:
-    """A claim with its finding."""
+class Finding:
+    """What the results say of a claim.
+
+    Attributes
+    ----------
+    claim : Claim
+    verdict : str
+    reason : str
+        One or two sentences with the numbers that decide.
+    evidence : tuple of Evidence
+    """
 
     claim: Claim
-    finding: Finding
+    verdict: Verdict
+    reason: str
+    evidence: tuple[Evidence, ...]
 
 
 class Series(dict[str, float]):
@@ -178,7 +172,7 @@ QUANTITIES: dict[str, Callable[[Operation], float]] = {
 }
 
 
-def judge(results: StudyResults) -> tuple[Judged, ...]:
+def judge(results: StudyResults) -> tuple[Finding, ...]:
     """Hold every claim against the results.
 
     Parameters
@@ -187,10 +181,10 @@ def judge(results: StudyResults) -> tuple[Judged, ...]:
 
     Returns
     -------
-    tuple of Judged
+    tuple of Finding
         In the order of `CLAIMS`; every number is computed from the results.
     """
-    return tuple(Judged(claim=claim, finding=_found(claim, results)) for claim in CLAIMS)
+    return tuple(_found(claim, results) for claim in CLAIMS)
 
 
 def _found(claim: Claim, results: StudyResults) -> Finding:
@@ -212,7 +206,8 @@ def _found(claim: Claim, results: StudyResults) -> Finding:
         agreeing = [item.agrees for item in evidence if item.expected is not None]
         agreements = {"each": agreeing, "all": [all(agreeing)]}.get(claim.agreement, [])
         parts = verdict_of(*held, *parts, *agreements)
-    return Finding(verdict=parts, reason=claim.reason.strip().format(**numbers), evidence=evidence)
+    reason = claim.reason.strip().format(**numbers)
+    return Finding(claim=claim, verdict=parts, reason=reason, evidence=evidence)
 
 
 def _evidence(claim: Claim, numbers: Numbers) -> Iterator[Evidence]:

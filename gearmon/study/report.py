@@ -17,7 +17,7 @@ from gearmon import __version__
 from gearmon.errors import ArgumentError
 from gearmon.files import write_atomically
 from gearmon.report.text_tables import rows_as_csv
-from gearmon.study.claims import Evidence, Judged, Verdict, judge, study_table
+from gearmon.study.claims import Evidence, Finding, Verdict, judge, study_table
 from gearmon.study.experiments import StudyResults, run_study
 from gearmon.study.pair import Operation
 
@@ -39,7 +39,7 @@ class StudyReport:
     Attributes
     ----------
     results : StudyResults
-    judged : tuple of Judged
+    judged : tuple of Finding
     page : Path
         The HTML page.
     files : tuple of Path
@@ -47,7 +47,7 @@ class StudyReport:
     """
 
     results: StudyResults
-    judged: tuple[Judged, ...]
+    judged: tuple[Finding, ...]
     page: Path
     files: tuple[Path, ...]
 
@@ -55,9 +55,9 @@ class StudyReport:
         """Tell it on a terminal."""
         told, margin = [], " " * 23
         for entry in self.judged:
-            head = f"{entry.claim.key:<4}{entry.finding.verdict.upper():<19}{entry.claim.text}"
+            head = f"{entry.claim.key:<4}{entry.verdict.upper():<19}{entry.claim.text}"
             told += textwrap.wrap(head, WIDTH, subsequent_indent=margin)
-            told += textwrap.wrap(margin + entry.finding.reason, WIDTH, subsequent_indent=margin)
+            told += textwrap.wrap(margin + entry.reason, WIDTH, subsequent_indent=margin)
         counts = ", ".join(f"{n} {verdict}" for verdict, n in _counts(self.judged).items())
         pictures = f"{len(PICTURES)} pictures for figures 1 to {max(FIGURES)}"
         return [
@@ -145,7 +145,7 @@ def write_results(
     return StudyReport(results=results, judged=judged, page=page, files=files)
 
 
-def _rendered(results: StudyResults, judged: tuple[Judged, ...], pictures: list[Path]) -> str:
+def _rendered(results: StudyResults, judged: tuple[Finding, ...], pictures: list[Path]) -> str:
     import jinja2
 
     source = resources.files("gearmon.study").joinpath("study.html").read_text("utf-8")
@@ -172,27 +172,27 @@ def _rendered(results: StudyResults, judged: tuple[Judged, ...], pictures: list[
     )
 
 
-def _counts(judged: Sequence[Judged]) -> dict[str, int]:
+def _counts(judged: Sequence[Finding]) -> dict[str, int]:
     """Count the verdicts, in the order from reproduced to not checkable."""
-    found = Counter(entry.finding.verdict for entry in judged)
+    found = Counter(entry.verdict for entry in judged)
     return {verdict: found[verdict] for verdict in get_args(Verdict)}
 
 
-def claim_rows(judged: Sequence[Judged]) -> list[dict[str, Any]]:
+def claim_rows(judged: Sequence[Finding]) -> list[dict[str, Any]]:
     """One row for every number behind every claim."""
     return [
         {
             "claim": entry.claim.key,
             "text": entry.claim.text,
             "where": entry.claim.where,
-            "verdict": entry.finding.verdict,
-            "reason": entry.finding.reason,
+            "verdict": entry.verdict,
+            "reason": entry.reason,
             **asdict(item),
             "difference": item.difference,
             "agrees": item.agrees if item.expected is not None else None,
         }
         for entry in judged
-        for item in entry.finding.evidence
+        for item in entry.evidence
     ]
 
 

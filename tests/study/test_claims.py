@@ -59,7 +59,7 @@ def test_verdicts_follow_the_results(results, findings):
     sweep = results.sweeps["stiffness_n_per_m"]
     turned = replace(sweep, points=sweep.points[::-1])
     other = replace(results, sweeps=results.sweeps | {"stiffness_n_per_m": turned})
-    changed = {entry.claim.key: entry.finding for entry in judge(other)}
+    changed = {entry.claim.key: entry for entry in judge(other)}
     assert changed["6a"].verdict == changed["6c"].verdict == "not reproduced"
     assert changed["9a"].verdict == "not reproduced"
     assert changed["9d"] == findings["9d"]

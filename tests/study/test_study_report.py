@@ -95,7 +95,7 @@ def test_sweeps_table(report):
 def test_lines_tell_every_claim(report):
     text = "\n".join(report.lines())
     for entry in report.judged:
-        assert re.search(rf"^{entry.claim.key}\s+{entry.finding.verdict.upper()}", text, re.M)
+        assert re.search(rf"^{entry.claim.key}\s+{entry.verdict.upper()}", text, re.M)
     assert max(len(line) for line in report.lines()[:-2]) <= 100
     json.dumps(report.to_dict(), allow_nan=False)
 
