@@ -125,17 +125,9 @@ def memory_of_long_recording(
             command = [sys.executable, "-m", "gearmon", "analyse", str(path), *known, "--json"]
             peak, elapsed = _peak_memory(command)
         numbers = 8 * rows * count
-        results.append(
-            {
-                "rows": rows,
-                "channels": count,
-                "numbers_mib": numbers / 2**20,
-                "peak_mib": peak / 2**20,
-                "ratio": peak / numbers,
-                "elapsed_s": elapsed,
-                **machine_facts(),
-            }
-        )
+        sizes = {"numbers_mib": numbers / 2**20, "peak_mib": peak / 2**20, "ratio": peak / numbers}
+        row = {"rows": rows, "channels": count, **sizes, "elapsed_s": elapsed, **machine_facts()}
+        results.append(row)
         if progress is not None:
             progress((number + 1) / len(columns))
     return results
