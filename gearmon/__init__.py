@@ -16,7 +16,7 @@ _HOMES = {
     "load_machine": "gearmon.machine",
     "Recording": "gearmon.signals.recording",
     "read_recording": "gearmon.signals.recording",
-    "open_recording": "gearmon.signals.streaming",
+    "open_recording": "gearmon.signals.recording",
     "time_synchronous_average": "gearmon.signals.tsa",
     "angular_waveform": "gearmon.signals.angular_waveform",
     "order_map": "gearmon.signals.order_map",
@@ -60,8 +60,8 @@ if TYPE_CHECKING:
     from gearmon.signals.angular_waveform import angular_waveform as angular_waveform
     from gearmon.signals.order_map import order_map as order_map
     from gearmon.signals.recording import Recording as Recording
+    from gearmon.signals.recording import open_recording as open_recording
     from gearmon.signals.recording import read_recording as read_recording
-    from gearmon.signals.streaming import open_recording as open_recording
     from gearmon.signals.tsa import time_synchronous_average as time_synchronous_average
     from gearmon.signatures.expected import expected_signature as expected_signature
     from gearmon.signatures.fault_family import fault_family as fault_family

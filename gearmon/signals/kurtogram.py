@@ -20,7 +20,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError, check_positive, check_range
-from gearmon.signals.spectrum import hann
 from gearmon.signals.transforms import (
     batch,
     fast_length,
@@ -168,73 +167,3 @@ def _power_sums(envelopes: NDArray[np.complex128]) -> tuple[FloatArray, FloatArr
         first += power.sum(axis=-1)
         second += np.einsum("ij,ij->i", power, power)
     return first, second
-
-
-def spectral_kurtosis(
-    samples: FloatArray, rate: float, block: int
-) -> tuple[FloatArray, FloatArray, float]:
-    """Spectral kurtosis by short transforms.
-
-    Parameters
-    ----------
-    samples : ndarray of float, shape (channels, n) or (n,)
-        The signals.
-    rate : float
-        Sampling rate [Hz].
-    block : int
-        Samples a block, 8 <= block <= n/4; Hann window, blocks overlap by three quarters. Shorter
-        than the spacing of impacts and longer than their ringing.
-
-    Returns
-    -------
-    frequency_hz : ndarray, shape (block // 2 + 1,)
-    kurtosis : ndarray, shape (channels, block // 2 + 1)
-        0 for Gaussian noise; at 0 and half the rate, where the transform is real, 1 is taken off
-        more, so that noise has 0 there too.
-    threshold : float
-        99.9 % point for Gaussian noise at one frequency: 3.1 standard deviations 2/sqrt(m) of m
-        independent blocks.
-
-    Raises
-    ------
-    ArgumentError
-        If `block` is out of its range.
-    """
-    check_positive("rate", rate)
-    signals = np.atleast_2d(np.asarray(samples, dtype=float))
-    count = signals.shape[-1]
-    if not 8 <= block <= count // 4:
-        raise ArgumentError(f"block={block} samples must lie in [8, {count // 4}]")
-    blocks = max(1, (count - block) // max(1, block // 4) + 1)
-    second = np.zeros((len(signals), block // 2 + 1))
-    fourth = np.zeros_like(second)
-    for row, signal in enumerate(signals):
-        second[row], fourth[row] = _moments(signal - signal.mean(), block)
-    mean = second / blocks
-    ratio = np.divide(fourth / blocks, mean**2, out=np.full_like(mean, 2.0), where=mean > 0)
-    kurtosis = ratio - 2.0
-    kurtosis[:, 0] -= 1.0
-    if block % 2 == 0:
-        kurtosis[:, -1] -= 1.0
-    # three quarters of overlap under a Hann window count as half as many independent blocks
-    independent = max(1.0, blocks / 2)
-    threshold = 3.1 * 2.0 / np.sqrt(independent)
-    return rate / block * np.arange(block // 2 + 1.0), kurtosis, float(threshold)
-
-
-def _moments(signal: FloatArray, block: int) -> tuple[FloatArray, FloatArray]:
-    """Add up |X|^2 and |X|^4 over Hann blocks with three quarters of overlap."""
-    views = np.lib.stride_tricks.sliding_window_view(signal, block)[:: max(1, block // 4)]
-    rows = min(len(views), rows_in_cache(block))
-    work = batch(block, rows, len(views) * block)
-    weights = hann(block)
-    second, fourth = np.zeros(block // 2 + 1), np.zeros(block // 2 + 1)
-    for first in range(0, len(views), rows):
-        group = views[first : first + rows]
-        np.multiply(group, weights, out=work.input[: len(group)])
-        parts = work.run()[: len(group)].view(np.float64)
-        parts *= parts
-        power = parts[:, 0::2] + parts[:, 1::2]
-        second += power.sum(axis=0)
-        fourth += np.einsum("ij,ij->j", power, power)
-    return second, fourth

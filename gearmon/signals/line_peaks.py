@@ -97,45 +97,6 @@ def line_amplitude(
     return _lines(rows)
 
 
-def peak_of(
-    samples: FloatArray,
-    sampling_rate_hz: float,
-    low_hz: float,
-    high_hz: float,
-    *,
-    window_name: str = "hann",
-) -> Lines:
-    """Measure the highest line of a band.
-
-    Parameters
-    ----------
-    samples : ndarray of float, shape (channels, n) or (n,)
-        The signals.
-    sampling_rate_hz : float
-        Sampling rate [Hz].
-    low_hz, high_hz : float
-        The band, 0 <= low < high <= rate/2.
-    window_name : str
-        As for `line_amplitude`.
-
-    Returns
-    -------
-    Lines
-        One line a channel.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range.
-    """
-    fit = _Fit(samples, sampling_rate_hz, window_name)
-    check_range("low_hz", low_hz, 0.0, sampling_rate_hz / 2, "Hz")
-    check_range("high_hz", high_hz, 0.0, sampling_rate_hz / 2, "Hz")
-    if high_hz <= low_hz:
-        raise ArgumentError(f"low_hz={low_hz:g} must be below high_hz={high_hz:g}")
-    return _lines([[fit.highest(channel, low_hz, high_hz)] for channel in range(fit.channels)])
-
-
 def _lines(rows: list[list[tuple[float, float, float]]]) -> Lines:
     table = np.array(rows, dtype=float).reshape(len(rows), -1, 3)
     return Lines(frequency_hz=table[..., 0], amplitude=table[..., 1], phase_rad=table[..., 2])
@@ -165,12 +126,6 @@ class _Fit:
         per_bin = self.length / self.count
         low = max(1, int(np.ceil((place - within) * per_bin)))
         high = min(self.bins.shape[-1] - 1, int((place + within) * per_bin))
-        return self._peak(channel, low, max(low, high))
-
-    def highest(self, channel: int, low_hz: float, high_hz: float) -> tuple[float, float, float]:
-        step = self.rate / self.length
-        low = max(1, int(np.ceil(low_hz / step)))
-        high = min(self.bins.shape[-1] - 1, int(high_hz / step))
         return self._peak(channel, low, max(low, high))
 
     def _peak(self, channel: int, low: int, high: int) -> tuple[float, float, float]:

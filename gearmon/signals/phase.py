@@ -27,12 +27,6 @@ _BLOCK_TURNS = 5.0
 _SPEED_ERRORS = (1e-2, 3e-3, 1e-3, 1e-4)
 
 
-def constant_track(speed_hz: float, duration_s: float) -> AngleTrack:
-    """Return the track of a shaft that turns at `speed_hz` throughout."""
-    time = np.array([0.0, duration_s])
-    return AngleTrack(time_s=time, turns=speed_hz * time, method="constant", uncertainty_turns=0.0)
-
-
 def integrate_speed(speed: SpeedTrack, duration_s: float) -> AngleTrack:
     """Turn a speed track into an angle track that starts at angle zero.
 

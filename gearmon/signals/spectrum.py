@@ -15,7 +15,6 @@ from gearmon.signals.transforms import (
     batch,
     fill,
     quick_length,
-    real_fft,
     rows_in_cache,
 )
 from gearmon.signals.windows import noise_bandwidth, window, window_sums
@@ -216,38 +215,6 @@ def _mean_power(signal: FloatArray, weights: FloatArray, length: int) -> FloatAr
         work.run()
         power += np.einsum("ij,ij->j", parts[: len(group)], parts[: len(group)])
     return np.asarray((power[0::2] + power[1::2]) / len(blocks), dtype=np.float64)
-
-
-def block_powers(
-    signals: FloatArray, block: int, hop: int, window: FloatArray, length: int
-) -> tuple[FloatArray, FloatArray]:
-    """Squared magnitudes of windowed blocks.
-
-    Parameters
-    ----------
-    signals : ndarray of float, shape (channels, n)
-        The signals, n >= block.
-    block, hop : int
-        Samples a block and between the starts of blocks.
-    window : ndarray of float, shape (block,)
-        The window.
-    length : int
-        Transform length, >= block (zero padding between).
-
-    Returns
-    -------
-    powers : ndarray of float, shape (blocks, channels, length // 2 + 1)
-        |X|^2, unscaled.
-    centres : ndarray of float, shape (blocks,)
-        Centres of the blocks [samples].
-    """
-    starts = np.arange(0, signals.shape[-1] - block + 1, hop)
-    powers = np.empty((len(starts), signals.shape[0], length // 2 + 1))
-    total = len(starts) * signals.shape[0] * length
-    for row, start in enumerate(starts):
-        transform = real_fft(signals[:, start : start + block] * window, length, total=total)
-        powers[row] = transform.real**2 + transform.imag**2
-    return powers, starts + block / 2.0
 
 
 def local_floor(power: FloatArray, width: int) -> FloatArray:

@@ -17,7 +17,6 @@ the periodogram near frequency zero.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -91,11 +90,6 @@ class SynchronousAverage:
     def amplitude(self) -> FloatArray:
         """Peak amplitudes, shape (channels, top + 1)."""
         return np.abs(self.lines)
-
-    @property
-    def turn_scatter(self) -> FloatArray:
-        """Standard deviation of a single turn about the average, shape (channels, per_turn)."""
-        return self.waveform_error * math.sqrt(self.turns)
 
 
 def time_synchronous_average(

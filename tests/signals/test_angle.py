@@ -6,12 +6,18 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from reference.synthetic_signals import band_limited, lines_on, track_of, wandering_turns, white
+from reference.synthetic_signals import (
+    band_limited,
+    constant_track,
+    lines_on,
+    track_of,
+    wandering_turns,
+    white,
+)
 
 from gearmon.errors import ArgumentError
 from gearmon.signals import angle
 from gearmon.signals.angle import AngleGrid, AngleTrack, angle_blocks, resample_to_angle
-from gearmon.signals.phase import constant_track
 
 RATE = 2000.0
 

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from reference.synthetic_signals import lines_on, track_of, wandering_turns, white
+from reference.synthetic_signals import constant_track, lines_on, track_of, wandering_turns, white
 
 from gearmon.errors import ArgumentError, RecordingError
 from gearmon.signals import angular_waveform as module
 from gearmon.signals.angular_waveform import PASSED, angular_waveform
-from gearmon.signals.phase import constant_track
 
 RATE, COUNT = 2000.0, 40_000
 TIME = np.arange(COUNT) / RATE

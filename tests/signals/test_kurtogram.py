@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gearmon.errors import ArgumentError
-from gearmon.signals.kurtogram import kurtogram, spectral_kurtosis
+from gearmon.signals.kurtogram import kurtogram
 
 RATE = 20_000.0
 
@@ -80,21 +80,6 @@ def test_rows_cover_the_band_at_every_level():
     assert max(r["high_hz"] for r in rows) == RATE / 2
 
 
-def test_spectral_kurtosis_of_noise_keeps_its_threshold():
-    noise = np.random.default_rng(4).normal(size=(2, 1 << 18))
-    _, values, threshold = spectral_kurtosis(noise, RATE, 256)
-    assert values.shape == (2, 129)
-    assert np.abs(values.mean()) < 0.01
-    assert np.mean(values > threshold) < 0.02
-
-
-def test_spectral_kurtosis_peaks_at_the_impacts():
-    frequency, values, threshold = spectral_kurtosis(impacts(1 << 17), RATE, 128)
-    top = frequency[np.argmax(values[0])]
-    assert abs(top - 5200) < 600
-    assert values.max() > 5 * threshold
-
-
 @pytest.mark.parametrize(
     ("call", "words"),
     [
@@ -102,7 +87,6 @@ def test_spectral_kurtosis_peaks_at_the_impacts():
         (lambda: kurtogram(np.arange(10.0), RATE), "at least 64"),
         (lambda: kurtogram(np.arange(256.0), RATE, 5), "allow 2"),
         (lambda: kurtogram(np.arange(256.0), 0.0), "rate"),
-        (lambda: spectral_kurtosis(np.arange(256.0), RATE, 200), "block=200"),
     ],
 )
 def test_impossible_requests_are_refused(call, words):

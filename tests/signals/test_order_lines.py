@@ -7,13 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from reference.slow_orders import direct_lines, naive_average
-from reference.synthetic_signals import lines_on, track_of, wandering_turns, white
+from reference.synthetic_signals import constant_track, lines_on, track_of, wandering_turns, white
 
 from gearmon.errors import ArgumentError
 from gearmon.signals import half_blocks
 from gearmon.signals.angle import AngleGrid, AngleTrack
 from gearmon.signals.order_lines import OrderLines, order_lines, order_quality, synchronous_average
-from gearmon.signals.phase import constant_track
 
 RATE = 2000.0
 

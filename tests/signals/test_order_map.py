@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from reference.synthetic_signals import lines_on, track_of, white
+from reference.synthetic_signals import constant_track, lines_on, track_of, white
 
 from gearmon.errors import ArgumentError
 from gearmon.signals import order_map as module
 from gearmon.signals.angle import AngleGrid, angle_blocks
 from gearmon.signals.order_map import order_map
-from gearmon.signals.phase import constant_track
 from gearmon.signals.spectrum import amplitude_spectrum
 
 RATE, DURATION = 4000.0, 30.0

@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from reference.synthetic_signals import lines_on, track_of, wandering_turns, white
+from reference.synthetic_signals import constant_track, lines_on, track_of, wandering_turns, white
 
 from gearmon.errors import ArgumentError
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.angle_phasors import phasors
 from gearmon.signals.order_lines import order_lines
 from gearmon.signals.order_sums import OrderSums
-from gearmon.signals.phase import constant_track
 
 RATE, DURATION, SPEED = 8000.0, 12.0, 25.0
 TIME = np.arange(int(DURATION * RATE)) / RATE

@@ -7,6 +7,7 @@ import pytest
 from reference.simulated_machines import two_stages
 from reference.synthetic_signals import (
     as_recording,
+    constant_track,
     lines_on,
     track_of,
     wandering_turns,
@@ -16,7 +17,7 @@ from reference.synthetic_signals import (
 from gearmon.gears.kinematics import kinematics
 from gearmon.signals import phase
 from gearmon.signals.comb import SpeedTrack, scan_speed
-from gearmon.signals.phase import constant_track, integrate_speed, refine_track, standing_share
+from gearmon.signals.phase import integrate_speed, refine_track, standing_share
 from gearmon.signals.presence import MeshComb, combined_comb
 from gearmon.signatures.measured import measure_signature
 from gearmon.simulation import simulate
@@ -37,12 +38,6 @@ def phase_error(track, turns, time=TIME):
     """Departure of a track from the known angle, without its offset [turns], sample by sample."""
     error = track.turns_at(time) - turns
     return error - error.mean()
-
-
-def test_constant_track_is_a_straight_line():
-    track = constant_track(25.0, 4.0)
-    np.testing.assert_allclose(track.turns_at(np.array([0.0, 1.5, 4.0])), [0.0, 37.5, 100.0])
-    assert track.method == "constant"
 
 
 def test_integrated_ramp_is_a_parabola():

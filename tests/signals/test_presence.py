@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from reference.synthetic_signals import lines_on, wandering_turns, white
+from reference.synthetic_signals import constant_track, lines_on, wandering_turns, white
 
 from gearmon.signals.comb import scan_speed
 from gearmon.signals.order_lines import order_quality
-from gearmon.signals.phase import constant_track
 from gearmon.signals.presence import (
     MeshComb,
     MeshEvidence,

@@ -15,7 +15,6 @@ from gearmon.errors import ArgumentError
 from gearmon.signals import transforms
 from gearmon.signals.spectrum import (
     amplitude_spectrum,
-    block_powers,
     hann,
     local_floor,
     power_density,
@@ -111,15 +110,6 @@ def test_amplitudes_do_not_depend_on_a_circular_shift_of_a_periodic_signal():
     samples = np.cos(2 * np.pi * 7 * np.arange(240) / 240)
     shifted = amplitude_spectrum(np.roll(samples, 31), 1.0).values
     np.testing.assert_allclose(shifted, amplitude_spectrum(samples, 1.0).values, atol=1e-12)
-
-
-def test_block_powers_equal_one_transform_after_the_other():
-    samples, window = white((2, 103), seed=3), hann(20)
-    powers, centres = block_powers(samples, 20, 7, window, 64)
-    starts = range(0, 84, 7)
-    expected = [np.abs(np.fft.rfft(samples[:, s : s + 20] * window, 64)) ** 2 for s in starts]
-    np.testing.assert_allclose(powers, expected, rtol=1e-10, atol=1e-12)
-    np.testing.assert_allclose(centres, [s + 10 for s in starts])
 
 
 def direct_transform(block, length, bins):

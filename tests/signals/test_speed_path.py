@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from reference.speed_cases import Pattern, make_case, train_of
-from reference.synthetic_signals import lines_on, wandering_turns, white
+from reference.synthetic_signals import constant_track, lines_on, wandering_turns, white
 
 from gearmon.errors import ArgumentError
 from gearmon.gears.kinematics import kinematics
 from gearmon.signals import phase_lock
 from gearmon.signals.comb import peak_refined
-from gearmon.signals.phase import constant_track
 from gearmon.signals.phase_lock import lock_track
 from gearmon.signals.speed_path import find_path, follow_speed, unwarp
 from gearmon.signatures.speed import machine_comb

@@ -1,7 +1,6 @@
 """Recordings in files: what kind of file, the numbers in it, and what they mean.
 
-`gearmon.read_recording` reads a whole recording; `gearmon.signals.streaming.open_recording` gives
-it in blocks. Both take these steps, each of which ends in numbers or in one clear line:
+`gearmon.read_recording` takes these steps, each of which ends in numbers or in one clear line:
 
 >>> from gearmon.signals.reading import identify, interpret, open_source, read_table, Wanted
 >>> source = open_source("recording.csv")                           # doctest: +SKIP
@@ -12,7 +11,7 @@ True
 
 Text: `source` (bytes to whole lines), `fields` (what a number is), `dialect`, `header` and `units`
 (separator, decimal character, first row, names), `rows` (lines to numbers, compiled or with care),
-`table` (all of them, or block by block). Other files: `formats`. Then for all: `columns` (names,
+`table` (all of them). Other files: `formats`. Then for all: `columns` (names,
 units, kinds), `timebase` (the sampling rate), `quality` (dead or clipped channels) and `roles`
 (which columns are the recording).
 """
@@ -23,7 +22,7 @@ from gearmon.signals.reading.formats import Format, Frames, choose, identify, lo
 from gearmon.signals.reading.quality import find_defect, survey
 from gearmon.signals.reading.roles import Interpreted, SensorLike, Wanted, interpret
 from gearmon.signals.reading.source import Source, open_source
-from gearmon.signals.reading.table import Progress, Table, TextStream, open_text, read_table
+from gearmon.signals.reading.table import Progress, Table, read_table
 from gearmon.signals.reading.timebase import counts_evenly, rises_evenly, spacing
 
 __all__ = [
@@ -37,7 +36,6 @@ __all__ = [
     "SensorLike",
     "Source",
     "Table",
-    "TextStream",
     "Wanted",
     "choose",
     "counts_evenly",
@@ -48,7 +46,6 @@ __all__ = [
     "interpret",
     "load",
     "open_source",
-    "open_text",
     "read_table",
     "rises_evenly",
     "spacing",

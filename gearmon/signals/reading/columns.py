@@ -104,8 +104,6 @@ class Content:
         Gives the name of a row (counted from 0) in messages.
     shown : callable
         Gives the text of one number, by row and column index, for messages.
-    whole : bool
-        Whether all rows are here, or only the first ones of a longer recording.
     """
 
     path: str
@@ -118,7 +116,6 @@ class Content:
     is_text: bool = False
     place: Callable[[int], str] = field(default=_sample)
     shown: Callable[[int, int], str] = field(default=_no_text)
-    whole: bool = True
 
     @property
     def rows_are(self) -> str:

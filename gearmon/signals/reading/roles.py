@@ -315,7 +315,7 @@ def _judged(
                 f"{content.shown(first, index)} is no number; the column {text}; {_REMEDY_ALONE}"
             )
         return True, f"{column.label} {text}"
-    if column.kind != "vibration" or len(values) < 2 or not content.whole:
+    if column.kind != "vibration" or len(values) < 2:
         return False, ""
     defect = find_defect(values, found)
     if defect is None:

@@ -12,13 +12,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.columns import Column, Content, describe_columns
+from gearmon.signals.reading.columns import Content, describe_columns
 from gearmon.signals.reading.dialect import Layout, counted, find_layout
 from gearmon.signals.reading.fields import Floats, decoded, is_number, shortened, split_fields
-from gearmon.signals.reading.roles import Interpreted, Wanted, interpret
 from gearmon.signals.reading.rows import check_last_line, is_row, parse_rows, read_rows
 from gearmon.signals.reading.source import Block, Source
-from gearmon.signals.reading.timebase import Spacing, spacing
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -34,8 +32,6 @@ _MOST_THREADS = 4
 _KEPT_BYTES = 16 * 1024 * 1024
 _MARGIN = 1.1  # reserved rows over estimated ones: memory that is not touched costs nothing
 _CUT_CHECK_BYTES = 64 * 1024
-_SAME_STEP = 1e-3
-_SAME_RATE = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,7 +84,11 @@ class Table:
         return f"'{shortened(field)}'" if field else "an empty field"
 
 
-def read_table(source: Source, progress: Progress | None = None) -> Table:
+def read_table(
+    source: Source,
+    progress: Progress | None = None,
+    room: Callable[[tuple[int, int]], Floats] = np.empty,
+) -> Table:
     """Return all rows of numbers in a text file.
 
     Parameters
@@ -97,6 +97,8 @@ def read_table(source: Source, progress: Progress | None = None) -> Table:
         The file.
     progress : callable, optional
         Called with the share of the file that has been read, 0 to 1.
+    room : callable
+        Gives an array of a shape.
 
     Raises
     ------
@@ -104,7 +106,7 @@ def read_table(source: Source, progress: Progress | None = None) -> Table:
         If the file has no rows of numbers, or a line among them is none.
     """
     layout = layout_of(source)
-    collected = _Rows(layout.dialect.columns)
+    collected = _Rows(layout.dialect.columns, room)
     done, size = 0, max(source.size_hint(), 1)
     for block, values in parsed_blocks(source, layout):
         done += len(block.text)
@@ -121,7 +123,8 @@ def read_table(source: Source, progress: Progress | None = None) -> Table:
 class _Rows:
     """Rows gathered into one array with the columns apart."""
 
-    def __init__(self, columns: int) -> None:
+    def __init__(self, columns: int, room: Callable[[tuple[int, int]], Floats]) -> None:
+        self._room = room
         self._array = np.empty((columns, 0))
         self._count = 0
 
@@ -130,7 +133,7 @@ class _Rows:
         return self._array.shape[1]
 
     def reserve(self, capacity: int) -> None:
-        array = np.empty((len(self._array), capacity))
+        array = self._room((len(self._array), capacity))
         array[:, : self._count] = self._array[:, : self._count]
         self._array = array
 
@@ -295,128 +298,3 @@ def _text_column(lines: Sequence[tuple[int, str]]) -> str | None:
                     "the lines above; take that column out"
                 )
     return None
-
-
-@dataclass(frozen=True, kw_only=True)
-class TextStream:
-    """A text of rows that is read in pieces.
-
-    Parameters
-    ----------
-    head : tuple of Interpreted and str
-        What its channels are, by its first rows, and the file.
-    count : int
-        Rows.
-    pieces : callable
-        Gives the samples from a first to before a last one in pieces, shape (channels, n).
-    """
-
-    head: tuple[Interpreted, str]
-    count: int
-    pieces: Callable[[int, int], Iterator[Floats]]
-
-
-def open_text(source: Source, wanted: Wanted, judged: int) -> TextStream:
-    """Return a text as a stream, after one reading from end to end that checks every row.
-
-    Parameters
-    ----------
-    source : Source
-        The file.
-    wanted : Wanted
-        What the user says.
-    judged : int > 0
-        Rows at the start by which the channels are told.
-
-    Raises
-    ------
-    RecordingError
-        If a line is no row, or the channels cannot be used.
-    """
-    layout = layout_of(source)
-
-    def rows() -> Iterator[Floats]:
-        for _, values in parsed_blocks(source, layout):
-            if len(values):
-                yield values.T
-
-    first, count = _head(rows(), judged)
-    table = Table(source=source, layout=layout, values=first)
-    content = replace(table.content(), whole=first.shape[1] == count)
-    found = interpret(content, wanted)
-    if found.time is not None:
-        step = _checked_step(table, found.time, rows())
-        if wanted.sampling_rate_hz is None and not content.whole:
-            found = replace(found, rate_hz=_refined(found, first, step))
-    indices = [column.number - 1 for column in found.columns]
-    scales = np.array(found.scales)[:, None]
-
-    def pieces(start: int, stop: int) -> Iterator[Floats]:
-        place = 0
-        for block in rows():
-            low, high = max(start - place, 0), min(stop - place, block.shape[1])
-            if low < high:
-                yield block[indices, low:high] * scales
-            place += block.shape[1]
-            if place >= stop:
-                return
-
-    return TextStream(head=(found, source.path), count=count, pieces=pieces)
-
-
-def _head(rows: Iterator[Floats], judged: int) -> tuple[Floats, int]:
-    """Return the first rows, and how many there are in all."""
-    parts: list[Floats] = []
-    count = 0
-    for block in rows:
-        if count < judged:
-            parts.append(block[:, : judged - count].copy())
-        count += block.shape[1]
-    if not parts:
-        return np.empty((0, 0)), 0
-    return np.concatenate(parts, axis=1), count
-
-
-def _refined(found: Interpreted, first: Floats, step: float) -> float:
-    """Return the rate with the step of the whole file instead of that of the first rows."""
-    stamps = first[found.time.number - 1] if found.time is not None else np.empty(0)
-    ratio = spacing(stamps).step / step
-    return found.rate_hz if abs(ratio - 1.0) < _SAME_RATE else found.rate_hz * ratio
-
-
-def _checked_step(table: Table, column: Column, rows: Iterator[Floats]) -> float:
-    """Return the slope of the time column against its rows; raise if it is irregular anywhere."""
-    usual: Spacing | None = None
-    index = column.number - 1
-    last, place = np.empty(0), 0
-    begin, total, moment = 0.0, 0.0, 0.0
-    for block in rows:
-        stamps = np.concatenate([last, block[index]])
-        begin = begin if place else float(stamps[0])
-        away = block[index] - begin
-        total += float(away.sum())
-        moment += float(away @ np.arange(place, place + len(away)))
-        if len(stamps) < 3:
-            last, place = stamps, place + block.shape[1]
-            continue
-        found = spacing(stamps) if np.isfinite(stamps).all() else Spacing(step=1.0, fault="missing")
-        fault = found.fault
-        if usual is None:
-            usual = found
-        elif not fault and abs(found.step / usual.step - 1.0) > _SAME_STEP + _slack(found, stamps):
-            fault = f"the step changes from {usual.step:.6g} to {found.step:.6g}"
-        if fault:
-            row = place - len(last) + found.row
-            raise RecordingError(
-                f"{table.source.path}, line {table.line(row)[0]}, {column.label}: the time is "
-                f" irregular: {fault}; if the samples are evenly spaced all the same, delete the "
-                "time column and give --sampling-rate HZ, otherwise resample"
-            )
-        place += block.shape[1]
-        last = stamps[-1:]
-    return 12.0 * (moment - 0.5 * (place - 1) * total) / (place * (place**2 - 1.0))
-
-
-def _slack(found: Spacing, stamps: Floats) -> float:
-    """Return how far rounding alone may change the step within the block."""
-    return 1.0 / len(stamps) if found.coarse else found.uncertainty

@@ -61,29 +61,33 @@ class Frames:
     notes: tuple[str, ...] = ()
 
     def content(
-        self, count: int | None = None, progress: Callable[[float], object] | None = None
+        self,
+        progress: Callable[[float], object] | None = None,
+        room: Callable[[tuple[int, int]], Floats] = np.empty,
     ) -> Content:
-        """Return the first samples (all, if `count` is None) with what is known of them."""
-        total = self.count if count is None else min(count, self.count)
-        values = self._filled(total, progress)
+        """Return the samples, in an array that `room` gives, with what is known of them."""
         return Content(
             path=self.path,
-            values=values,
+            values=self._filled(progress, room),
             columns=self.columns,
             rate_hz=self.rate_hz,
             rate_hint=self.rate_hint,
             notes=self.notes,
-            whole=total == self.count,
         )
 
-    def _filled(self, total: int, progress: Callable[[float], object] | None) -> Floats:
+    def _filled(
+        self,
+        progress: Callable[[float], object] | None,
+        room: Callable[[tuple[int, int]], Floats],
+    ) -> Floats:
+        total = self.count
         try:
-            values = np.empty((len(self.columns), total))
+            values = room((len(self.columns), total))
         except MemoryError:
             gigabytes = 8e-9 * total * len(self.columns)
             raise RecordingError(
                 f"{self.path}: {total} samples of {len(self.columns)} channels need "
-                f"{gigabytes:.3g} GB of memory; cut the recording, or read it in blocks"
+                f"{gigabytes:.3g} GB of memory; cut the recording, or take open_recording"
             ) from None
         for start in range(0, total, _BLOCK):
             stop = min(total, start + _BLOCK)
