@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from gearmon.diagnosis.hypotheses.own_teeth import locate
 from gearmon.diagnosis.results import Analysis
 from gearmon.signals import indicators
-from gearmon.signals.run_history import RunHistory, na4_frozen
+from gearmon.signals.indicators import RunHistory, na4_frozen
 from gearmon.signatures.gear_signals import gear_signals
 from gearmon.signatures.measured import MeasuredSignature
 from gearmon.signatures.reference import Profile

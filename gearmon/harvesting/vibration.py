@@ -210,7 +210,7 @@ def vibration_of_samples(
     ArgumentError
         If there are too few samples or the rate is not > 0.
     """
-    from gearmon.signals.spectrum import hann
+    from gearmon.signals.spectra import hann
     from gearmon.signals.transforms import real_fft
 
     check_positive("sampling_rate_hz", sampling_rate_hz, "Hz")
@@ -251,7 +251,7 @@ def clear_lines(vibration: Vibration) -> tuple[npt.NDArray[np.intp], float]:
     highest : float
         Largest power over what is needed to be clear.
     """
-    from gearmon.signals.spectrum import local_floor
+    from gearmon.signals.spectra import local_floor
 
     power = vibration.mean_square_m2s4
     if vibration.resolution_hz == 0:
@@ -278,7 +278,7 @@ def standing_out(vibration: Vibration) -> Vibration | None:
     Vibration or None
         None if nothing stands out.
     """
-    from gearmon.signals.spectrum import local_floor
+    from gearmon.signals.spectra import local_floor
 
     if vibration.resolution_hz == 0:
         return vibration

@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 
 from gearmon.gears.kinematics import Kinematics, Mesh
 from gearmon.signals.angle import AngleTrack
-from gearmon.signals.comb import SpeedScan, SpeedTrack, scan_speed
-from gearmon.signals.order_sums import OrderSums
-from gearmon.signals.presence import MeshEvidence, mesh_evidence
+from gearmon.signals.orders import OrderSums
 from gearmon.signals.threads import at_once
+from gearmon.signals.tracking import MeshEvidence, SpeedScan, SpeedTrack, mesh_evidence, scan_speed
 from gearmon.signatures.families import group_orders
 from gearmon.signatures.speed import SPEED_TOLERANCE, machine_comb, mesh_combs
 

@@ -17,12 +17,12 @@ from scipy.special import gammaincc, gammainccinv
 
 from gearmon.gears.kinematics import Kinematics
 from gearmon.signals.angle import AngleTrack
-from gearmon.signals.fine_spectrum import (
+from gearmon.signals.orders import (
     FineSpectrum,
+    clear_peaks,
     fine_envelope_spectrum,
     fine_spectrum,
     highest_within,
-    standing_peaks,
 )
 from gearmon.signatures.gear_orders import distance_to, known_orders
 
@@ -420,7 +420,7 @@ class _Course:
 def _sharp_in_angle(
     by_angle: FineSpectrum, by_time: FineSpectrum, known: FloatArray, course: _Course, least: float
 ) -> Iterator[NonGearLine]:
-    peaks = standing_peaks(by_angle, least)
+    peaks = clear_peaks(by_angle, least)
     peaks = peaks[distance_to(known, by_angle.places(peaks)) > OWN_WIDTHS * by_angle.width]
     orders = by_angle.places(peaks)
     rows, power = _clearest_channel(by_angle, peaks)
@@ -455,7 +455,7 @@ def _mirrored(power: FloatArray, peak: int, reach: int) -> bool:
 def _sharp_in_time(
     by_angle: FineSpectrum, by_time: FineSpectrum, course: _Course, least: float
 ) -> Iterator[NonGearLine]:
-    peaks = standing_peaks(by_time, least)
+    peaks = clear_peaks(by_time, least)
     hertz = by_time.places(peaks)
     rows, power = _clearest_channel(by_time, peaks)
     columns = np.arange(len(peaks))
@@ -487,7 +487,7 @@ def _clearest_channel(
 def _of_envelope(
     envelope: FineSpectrum, known: FloatArray, course: _Course, least: float
 ) -> Iterator[NonGearLine]:
-    peaks = standing_peaks(envelope, least)
+    peaks = clear_peaks(envelope, least)
     orders = envelope.places(peaks)
     reach = course.reach(envelope.width)
     # slow wander of load and speed modulates everything

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError, check_range
 from gearmon.machine import Machine
-from gearmon.signals.line_peaks import line_amplitude
 from gearmon.signals.recording import Recording
-from gearmon.signals.windows import half_lobe
+from gearmon.signals.spectra import half_lobe, line_amplitude
 from gearmon.signatures.line_marks import machine_marks, mark_near
 from gearmon.signatures.measured import measure_signature
 from gearmon.signatures.spectrum_kinds import COMPUTE, KINDS, RecordingSpectrum

@@ -10,12 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError
-from gearmon.signals.cepstrum import real_cepstrum
-from gearmon.signals.cyclic import cyclic_coherence
-from gearmon.signals.envelope import envelope_spectrum
-from gearmon.signals.kurtogram import Kurtogram, kurtogram
 from gearmon.signals.recording import Recording
-from gearmon.signals.spectrum import amplitude_spectrum, power_density
+from gearmon.signals.spectra import (
+    Kurtogram,
+    amplitude_spectrum,
+    cyclic_coherence,
+    envelope_spectrum,
+    kurtogram,
+    power_density,
+    real_cepstrum,
+)
 from gearmon.signals.transforms import fast_length
 from gearmon.signatures.line_marks import Mark
 

@@ -9,17 +9,17 @@ from gearmon.errors import ArgumentError, RecordingError
 from gearmon.gears.kinematics import Kinematics
 from gearmon.machine import Machine
 from gearmon.signals.angle import AngleTrack
-from gearmon.signals.comb import SpeedScan
-from gearmon.signals.phase import integrate_speed
 from gearmon.signals.recording import Recording
-from gearmon.signals.tacho import (
+from gearmon.signals.tracking import (
+    SpeedScan,
     TachoPulses,
     find_pulses,
+    integrate_speed,
+    join,
     pulse_angles,
     pulses_per_turn,
     track_from_pulses,
 )
-from gearmon.signals.tacho_phases import join
 from gearmon.signatures.hearing import Heard, Tracking, evidence_of, judge, wander
 from gearmon.signatures.speed import SPEED_TOLERANCE, scan_nominal_speeds
 from gearmon.signatures.tracking_by_ear import track_by_ear
@@ -32,7 +32,7 @@ def track_recording(recording: Recording, machine: Machine, train: Kinematics) -
     """Find the angle of shaft 1: from a tachometer if there is one, else from comb and phases.
 
     The pulses of a tachometer tell the turn, the phases of the mesh lines the angle between them
-    (`gearmon.signals.tacho_phases`). A channel that only its name makes a tachometer is left alone
+    (`gearmon.signals.tracking`). A channel that only its name makes a tachometer is left alone
     where it is none.
 
     Parameters

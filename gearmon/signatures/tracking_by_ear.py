@@ -13,14 +13,21 @@ import numpy as np
 
 from gearmon.machine import Machine
 from gearmon.signals.angle import AngleTrack
-from gearmon.signals.comb import scan_speed
-from gearmon.signals.order_lines import order_quality
-from gearmon.signals.order_sums import OrderSums
-from gearmon.signals.phase import integrate_speed, refined, share_standing
-from gearmon.signals.phase_lock import locked
-from gearmon.signals.sideband_spacing import spacing_mismatch, spacing_support
-from gearmon.signals.slip_check import LEAST_TURNS, SlipCheck, check_slips
-from gearmon.signals.speed_path import find_path, follow_speed
+from gearmon.signals.orders import OrderSums, order_quality
+from gearmon.signals.tracking import (
+    LEAST_TURNS,
+    SlipCheck,
+    check_slips,
+    coherent_share,
+    find_path,
+    follow_speed,
+    integrate_speed,
+    lock_track,
+    refine_track,
+    scan_speed,
+    spacing_mismatch,
+    spacing_support,
+)
 from gearmon.signatures.hearing import Heard, Tracking, judge, wander
 from gearmon.signatures.speed import SPEED_TOLERANCE, machine_comb, mesh_combs
 
@@ -109,14 +116,14 @@ def _steady(heard: Heard, sums: OrderSums, first: Tracking) -> tuple[AngleTrack,
     # long blocks part the mesh lines from the sidebands of slow shafts; a calm speed allows them
     slowest = min(shaft.order for shaft in heard.train.shafts)
     calm = float(np.clip(2.0 / slowest, 8.0, 20.0))
-    track = refined(sums, first.track, calm)
-    share = share_standing(sums, track)
+    track = refine_track(sums, first.track, calm)
+    share = coherent_share(sums, track)
     if share > _STANDING and wander(track) > _WANDERS:
         return _locked(sums, (track, share))
     if _NEARLY < share < _STILL:
         best = _better(sums, (track, share), _in_short_blocks(sums, track))
         # an angle that wobbles puts sidebands of slow shafts beside every mesh line
-        return _better(sums, best, locked(sums, best[0]))
+        return _better(sums, best, lock_track(sums, best[0]))
     return track, share
 
 
@@ -125,18 +132,18 @@ def _locked(sums: OrderSums, known: tuple[AngleTrack, float]) -> tuple[AngleTrac
 
     A path whose delay changes makes lines that a track stands still in turn a little.
     """
-    return _better(sums, known, locked(sums, known[0]), 0.01)
+    return _better(sums, known, lock_track(sums, known[0]), 0.01)
 
 
 def _in_short_blocks(sums: OrderSums, track: AngleTrack) -> AngleTrack:
-    return refined(sums, track, block_turns=5.0, wander=0.01)
+    return refine_track(sums, track, block_turns=5.0, wander=0.01)
 
 
 def _better(
     sums: OrderSums, known: tuple[AngleTrack, float], track: AngleTrack, leeway: float = 0.0
 ) -> tuple[AngleTrack, float]:
     """Return the known track, or another one in which the lines stand more still."""
-    share = share_standing(sums, track)
+    share = coherent_share(sums, track)
     return (track, share) if share > known[1] - leeway else known
 
 
@@ -187,7 +194,7 @@ def _follow(heard: Heard, machine: Machine) -> tuple[Tracking, float, OrderSums]
     sums = heard.sums(float(track.speed_hz.max()))
     if sums is None:
         return None
-    return replace(judged, notes=(note,)), share_standing(sums, track), sums
+    return replace(judged, notes=(note,)), coherent_share(sums, track), sums
 
 
 def _spacing_agrees(heard: Heard, judged: Tracking) -> bool:

@@ -16,15 +16,12 @@ from reference.synthetic_signals import lines_on, track_of, wandering_turns, whi
 from gearmon.errors import ArgumentError, RecordingError
 from gearmon.gears.faults import parse_fault
 from gearmon.gears.stiffness import mesh_stiffness
-from gearmon.signals.angle import AngleTrack, resample_to_angle
-from gearmon.signals.angular_waveform import angular_waveform
-from gearmon.signals.envelope import demodulate
+from gearmon.signals.angle import AngleTrack
 from gearmon.signals.indicators import describe_waveform
-from gearmon.signals.line_peaks import line_amplitude
+from gearmon.signals.orders import angular_waveform, resample_to_angle, time_synchronous_average
 from gearmon.signals.recording import open_recording, read_recording
-from gearmon.signals.spectrum import amplitude_spectrum
-from gearmon.signals.tacho import find_pulses, track_from_pulses
-from gearmon.signals.tsa import time_synchronous_average
+from gearmon.signals.spectra import amplitude_spectrum, demodulate, line_amplitude
+from gearmon.signals.tracking import find_pulses, track_from_pulses
 from gearmon.signatures.indicator_table import indicator_table
 from gearmon.signatures.measured import measure_signature
 

@@ -10,7 +10,7 @@ from reference.speed_cases import make_case
 
 from gearmon.gears.kinematics import kinematics
 from gearmon.signals.angle import AngleTrack
-from gearmon.signals.order_sums import OrderSums
+from gearmon.signals.orders import OrderSums
 from gearmon.signatures.hearing import Heard
 from gearmon.signatures.tracking import track_recording
 from gearmon.signatures.tracking_by_ear import _with_doubt
