@@ -9,33 +9,32 @@ True
 >>> interpret(read_table(source).content(), Wanted()).columns[0].unit   # doctest: +SKIP
 'm/s2'
 
-Text: `source` (bytes to whole lines), `fields` (what a number is), `dialect`, `header` and `units`
-(separator, decimal character, first row, names), `rows` (lines to numbers, compiled or with care),
-`table` (all of them). Other files: `formats`. Then for all: `columns` (names,
-units, kinds), `timebase` (the sampling rate), `quality` (dead or clipped channels) and `roles`
-(which columns are the recording).
+Text: `source` (bytes to whole lines), `fields` (what a number, a unit is), `layout` (separator,
+decimal character, first row, names) and `text` (lines to numbers, compiled or with care). Other
+files: `formats`. Then for all: `timebase` (the sampling rate), `quality` (dead or clipped channels)
+and `channels` (which columns are the recording).
 """
 
-from gearmon.signals.reading.columns import Column, Content, describe_columns, find_column
+from gearmon.signals.reading.channels import (
+    Content,
+    SensorLike,
+    Wanted,
+    describe_columns,
+    find_column,
+    interpret,
+)
 from gearmon.signals.reading.fields import Floats
-from gearmon.signals.reading.formats import Format, Frames, choose, identify, load
+from gearmon.signals.reading.formats import choose, identify, load
 from gearmon.signals.reading.quality import find_defect, survey
-from gearmon.signals.reading.roles import Interpreted, SensorLike, Wanted, interpret
 from gearmon.signals.reading.source import Source, open_source
-from gearmon.signals.reading.table import Progress, Table, read_table
+from gearmon.signals.reading.text import Progress, read_table
 from gearmon.signals.reading.timebase import counts_evenly, rises_evenly, spacing
 
 __all__ = [
-    "Column",
     "Content",
-    "Floats",
-    "Format",
-    "Frames",
-    "Interpreted",
     "Progress",
     "SensorLike",
     "Source",
-    "Table",
     "Wanted",
     "choose",
     "counts_evenly",

@@ -12,10 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.columns import Column, Content
-from gearmon.signals.reading.fields import Floats
+from gearmon.signals.reading.channels import Column, Content
+from gearmon.signals.reading.fields import Floats, time_factor
 from gearmon.signals.reading.quality import missing_values
-from gearmon.signals.reading.units import time_factor
 
 Flags = npt.NDArray[np.bool_]
 

@@ -17,12 +17,12 @@ from gearmon.signals.spectra.demodulation import (
     kurtogram,
     real_cepstrum,
 )
-from gearmon.signals.spectra.line_fit import line_amplitude
 from gearmon.signals.spectra.spectrum import (
     Spectrum,
     amplitude_spectrum,
     half_lobe,
     hann,
+    line_amplitude,
     local_floor,
     noise_bandwidth,
     power_density,

@@ -21,6 +21,8 @@ from gearmon.signals.tracking.mesh_detection import (
     MeshEvidence,
     combined_comb,
     mesh_evidence,
+    spacing_mismatch,
+    spacing_support,
 )
 from gearmon.signals.tracking.phases import (
     coherent_share,
@@ -29,18 +31,17 @@ from gearmon.signals.tracking.phases import (
     refine_track,
 )
 from gearmon.signals.tracking.ramps import find_path, follow_speed
-from gearmon.signals.tracking.sideband_spacing import spacing_mismatch, spacing_support
 from gearmon.signals.tracking.slips import LEAST_TURNS, SlipCheck, check_slips
 from gearmon.signals.tracking.tacho import (
     TachoPulses,
     find_pulses,
+    join,
     pulse_angles,
     pulses_from_times,
     pulses_per_turn,
     track_from_pulse_times,
     track_from_pulses,
 )
-from gearmon.signals.tracking.tacho_phases import join
 
 __all__ = [
     "LEAST_TURNS",

@@ -47,9 +47,8 @@ _FIRST_TURNS = 6
 _EARLY_OR_LATE = 0.35
 # How far the shares of a turn may differ for pulses to be called even.
 _EVEN = 0.05
-# How far off the cubic through its neighbours a pulse may be: smaller intervals beside it, and
-# robust deviations.
-_MISPLACED, _DEVIATIONS = 0.1, 8.0
+# How far off the cubic through its neighbours an uneven pulse may be: smaller intervals beside it.
+_MISPLACED = 0.1
 # Repairs beyond which the sequence is left to the caller's refusal.
 _HOPELESS_UNEVEN = 0.1
 

@@ -9,7 +9,7 @@ import pytest
 
 from gearmon.errors import RecordingError
 from gearmon.signals.reading import describe_columns, find_defect
-from gearmon.signals.reading.header import Header
+from gearmon.signals.reading.layout import Header
 from gearmon.signals.recording import read_recording
 
 GRAVITY = 9.80665

@@ -13,9 +13,9 @@ from reference.slow_csv import read_slowly
 
 from gearmon.errors import RecordingError
 from gearmon.signals.reading import Source, read_table
-from gearmon.signals.reading.dialect import Dialect
-from gearmon.signals.reading.rows import parse_rows, read_rows
+from gearmon.signals.reading.layout import Dialect
 from gearmon.signals.reading.source import Block
+from gearmon.signals.reading.text import parse_rows, read_rows
 from gearmon.signals.recording import read_recording
 
 repeatable = settings(derandomize=True, deadline=None)
@@ -174,7 +174,7 @@ def test_a_preamble_longer_than_the_first_look():
 
 
 def test_a_file_of_many_blocks_read_by_threads(monkeypatch):
-    monkeypatch.setattr("gearmon.signals.reading.table._THREADED_BYTES", 0)
+    monkeypatch.setattr("gearmon.signals.reading.text._THREADED_BYTES", 0)
     rng = np.random.default_rng(4)
     values = rng.normal(size=(40_000, 3)).round(6)
     text = "".join("{:.6f},{:.6f},{:.6f}\n".format(*row) for row in values.tolist())

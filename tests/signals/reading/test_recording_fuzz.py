@@ -9,7 +9,7 @@ import pytest
 from reference.slow_csv import NotATableError, read_slowly
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading import Source, identify, open_source, read_table, table
+from gearmon.signals.reading import Source, identify, open_source, read_table, text
 from gearmon.signals.recording import read_recording
 
 ANYTHING = b'0123456789.,;-+eE\n\r\t "#%x\0n'
@@ -128,7 +128,7 @@ def test_damaged_files_give_the_slow_readers_numbers_or_an_error(
 ):
     monkeypatch.setattr(Source.blocks, "__defaults__", (block_bytes,))
     if careful:
-        monkeypatch.setattr(table, "parse_rows", lambda *_, **__: None)
+        monkeypatch.setattr(text, "parse_rows", lambda *_, **__: None)
     path, read, messages = tmp_path / "f.csv", 0, []
     for seed in range(300):
         rng = random.Random(seed)

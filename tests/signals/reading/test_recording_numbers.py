@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gearmon.signals.reading.dialect import Dialect
-from gearmon.signals.reading.rows import parse_rows
+from gearmon.signals.reading.layout import Dialect
+from gearmon.signals.reading.text import parse_rows
 
 repeatable = settings(derandomize=True, deadline=None)
 ONE = Dialect(separator="", decimal=".", columns=1)

@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.dialect import Dialect
 from gearmon.signals.reading.fields import is_number, to_number
-from gearmon.signals.reading.rows import parse_rows, read_rows
+from gearmon.signals.reading.layout import Dialect
 from gearmon.signals.reading.source import Block
+from gearmon.signals.reading.text import parse_rows, read_rows
 from gearmon.signals.recording import read_recording
 
 ONE = Dialect(separator="", decimal=".", columns=1)

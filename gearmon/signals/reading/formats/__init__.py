@@ -13,8 +13,7 @@ from dataclasses import dataclass
 from typing import cast
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.formats.arrays import Holding
-from gearmon.signals.reading.formats.choice import Frames, choose
+from gearmon.signals.reading.formats.arrays import Frames, Holding, choose
 from gearmon.signals.reading.source import Source
 
 __all__ = ["Format", "Frames", "choose", "identify", "load"]
