@@ -15,12 +15,11 @@ from gearmon.signals.reading import (
     Progress,
     SensorLike,
     Wanted,
-    choose,
     find_column,
     identify,
     interpret,
-    load,
     open_source,
+    read_arrays,
     read_table,
     survey,
 )
@@ -250,12 +249,7 @@ def read_recording(
     found = identify(source)
     if found.is_text:
         return _recorded(read_table(source, progress, room).content(), wanted)
-    held = load(source, found)
-    try:
-        frames, wanted = choose(held, wanted)
-        return _recorded(frames.content(progress, room), wanted, frames.speed_rpm)
-    finally:
-        held.close()
+    return _recorded(*read_arrays(source, found, wanted, progress, room))
 
 
 def open_recording(
@@ -294,7 +288,7 @@ def _room_on_disk(shape: tuple[int, int]) -> Samples:
         return np.memmap(file, np.float64, "w+", shape=shape).view(np.ndarray)
 
 
-def _recorded(content: Content, wanted: Wanted, speed_rpm: float | None = None) -> Recording:
+def _recorded(content: Content, wanted: Wanted) -> Recording:
     found = interpret(content, wanted)
     return Recording(
         samples=found.samples,
@@ -305,7 +299,7 @@ def _recorded(content: Content, wanted: Wanted, speed_rpm: float | None = None) 
         columns=tuple(column.number for column in found.columns),
         origin=content.path,
         notes=found.notes,
-        speed_rpm=speed_rpm,
+        speed_rpm=content.speed_rpm,
         tacho_told=found.tacho_told,
         known_finite=found.finite,
     )

@@ -11,23 +11,22 @@ True
 
 Text: `source` (bytes to whole lines), `fields` (what a number, a unit is), `layout` (separator,
 decimal character, first row, names) and `text` (lines to numbers, compiled or with care). Other
-files: `formats`. Then for all: `timebase` (the sampling rate), `quality` (dead or clipped channels)
-and `channels` (which columns are the recording).
+files: `formats`. Then for all: `columns` (names, units, kinds, defects), `timebase` (the sampling
+rate) and `channels` (which columns are the recording).
 """
 
-from gearmon.signals.reading.channels import (
+from gearmon.signals.reading.channels import SensorLike, Wanted, interpret
+from gearmon.signals.reading.columns import (
     Content,
-    SensorLike,
-    Wanted,
     describe_columns,
     find_column,
-    interpret,
+    find_defect,
+    survey,
 )
-from gearmon.signals.reading.fields import Floats
-from gearmon.signals.reading.formats import choose, identify, load
-from gearmon.signals.reading.quality import find_defect, survey
+from gearmon.signals.reading.fields import Progress
+from gearmon.signals.reading.formats import identify, read_arrays
 from gearmon.signals.reading.source import Source, open_source
-from gearmon.signals.reading.text import Progress, read_table
+from gearmon.signals.reading.text import read_table
 from gearmon.signals.reading.timebase import counts_evenly, rises_evenly, spacing
 
 __all__ = [
@@ -36,15 +35,14 @@ __all__ = [
     "SensorLike",
     "Source",
     "Wanted",
-    "choose",
     "counts_evenly",
     "describe_columns",
     "find_column",
     "find_defect",
     "identify",
     "interpret",
-    "load",
     "open_source",
+    "read_arrays",
     "read_table",
     "rises_evenly",
     "spacing",

@@ -1,291 +1,37 @@
-"""From columns of numbers to channels: their names, units and kinds, and which are used."""
+"""From columns of numbers to channels: what each is, which are used, in which unit."""
 
 from __future__ import annotations
 
 import math
 import os
-import re
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 
-from gearmon.errors import RecordingError, nearest_name
+from gearmon.errors import RecordingError
+from gearmon.signals.reading.columns import (
+    Column,
+    Content,
+    Survey,
+    find_column,
+    find_defect,
+    missing_values,
+    survey,
+)
 from gearmon.signals.reading.fields import (
     Floats,
     acceleration_factor,
-    is_trusted_unit,
-    is_unit,
-    kind_of_unit,
-    shortened,
 )
-from gearmon.signals.reading.layout import Header
-from gearmon.signals.reading.quality import Survey, find_defect, missing_values, survey
 from gearmon.signals.reading.timebase import counts_evenly, rises_evenly, sampling_rate
 
-_SQUARE = re.compile(r"(.*?)\s*\[\s*([^\]]*?)\s*\]")
-_ROUND = re.compile(r"(.*?)\s*[(<]\s*(.+?)\s*[)>]")
-_BEHIND = re.compile(r"(.*\S)\s*(?:/|,|\s-|\sin\s)\s*(\S+)")
-_SUFFIX = re.compile(
-    r"(.+)_(m_s2|mm_s|m_s|ms2|mps2|mg|g|rpm|nm|degc|hz|mv|v|ms|us|ns|s)", re.IGNORECASE
-)
-_SUFFIX_UNITS = {"m_s2": "m/s2", "ms2": "m/s2", "mps2": "m/s2", "mm_s": "mm/s", "m_s": "m/s"}
-
-_TIME = re.compile(
-    r"t|(x_value|abszisse|time|zeit|temps|tempo|tiempo|tijd|timestamps?|zeitstempel|elapsed|"
-    r"seconds?|sekunden?|datetime|datum)(?![a-zäöü]).*",
-    re.IGNORECASE,
-)
-_INDEX = re.compile(
-    r"(unnamed: \d+|index|idx|samples?|punkte?|points?|rows?|zeilen?|nr|no|num|n|i|k|#|counter)"
-    r"([ _.-]*(number|index|idx|count|id|no|nr|#))?\.?",
-    re.IGNORECASE,
-)
-_KINDS = (
-    ("tacho", r"tach|keyphas|trigger|\bpuls|rpm[ _]?puls|encoder|drehgeber|nullimpuls|once.?per"),
-    ("torque", r"torque|drehmoment|\bmoment\b|\bcouple\b|\bmd\b"),
-    ("speed", r"speed|\brpm\b|drehzahl|\bomega\b|revolutions|\bn\d?\b"),
-    ("other", r"temp|thermo|current\b|\bstrom\b|pressure|\bdruck\b|humid|status|\bflag\b"),
-    ("other", r"\bload\b|\blast\b|power\b|leistung|\bforce\b|kraft|\bflow\b"),
-)
 ACCELERATION_UNIT = "m/s2"
 # Up to this size a copy without gaps between the channels costs nothing worth saving.
 _SMALL_BYTES = 32 * 1024 * 1024
 # From this size on threads are worth starting.
 _LONG_BYTES = 16 * 1024 * 1024
 _REMEDY_ALONE = "correct the file, or name the channels to use with --channel"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Column:
-    """One column of a table.
-
-    Parameters
-    ----------
-    number : int > 0
-        Its number, counted from 1.
-    name : str
-        Its name, without the unit; "column 3" where the file gives none.
-    cell : str
-        The head of the column as it stands in the file.
-    unit : str or None
-        Its unit as it stands in the file.
-    kind : str
-        "vibration", "tacho", "torque", "speed", "other", "time" or "index".
-    """
-
-    number: int
-    name: str
-    cell: str = ""
-    unit: str | None = None
-    kind: str = "vibration"
-
-    @property
-    def label(self) -> str:
-        """How messages call the column."""
-        if not self.cell:
-            return f"column {self.number}"
-        return f"column {self.number} ('{shortened(self.name)}')"
-
-
-def _sample(row: int) -> str:
-    return f"sample {row + 1}"
-
-
-def _no_text(row: int, index: int) -> str:  # noqa: ARG001
-    return "a value"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Content:
-    """Columns of numbers of a file.
-
-    Parameters
-    ----------
-    path : str
-        The file, for messages.
-    values : ndarray of float64, shape (columns, rows)
-        The numbers; NaN where one is missing.
-    columns : tuple of Column
-        What the file says about them.
-    rate_hz : float > 0 or None
-        The sampling rate, if the file states one.
-    stamp : int or None
-        Index of a column of dates and times or times of day.
-    rate_hint : str
-        What else in the file may tell the sampling rate.
-    notes : tuple of str
-        What the reader has to tell the user.
-    is_text : bool
-        Whether rows are lines of a text.
-    place : callable
-        Gives the name of a row (counted from 0) in messages.
-    shown : callable
-        Gives the text of one number, by row and column index, for messages.
-    """
-
-    path: str
-    values: Floats
-    columns: tuple[Column, ...]
-    rate_hz: float | None = None
-    stamp: int | None = None
-    rate_hint: str = ""
-    notes: tuple[str, ...] = ()
-    is_text: bool = False
-    place: Callable[[int], str] = field(default=_sample)
-    shown: Callable[[int, int], str] = field(default=_no_text)
-
-    @property
-    def rows_are(self) -> str:
-        """What messages call many rows."""
-        return "lines" if self.is_text else "samples"
-
-    @property
-    def columns_by_number(self) -> dict[int, int]:
-        """The index of each column by its number in the file."""
-        return {column.number: index for index, column in enumerate(self.columns)}
-
-
-def describe_columns(header: Header, count: int) -> tuple[Column, ...]:
-    """Return the columns of a table, as far as the lines above the numbers tell.
-
-    Parameters
-    ----------
-    header : Header
-        Names and units.
-    count : int > 0
-        Number of columns.
-    """
-    cells = header.names or ("",) * count
-    units = header.units or ("",) * count
-    parted = [_name_and_unit(cell) for cell in cells]
-    if not header.units:
-        parted = _without_doubtful_units(parted, cells)
-    return tuple(
-        _column(number, cell, name, unit or _stated(below))
-        for number, (cell, (name, unit), below) in enumerate(
-            zip(cells, parted, units, strict=True), 1
-        )
-    )
-
-
-def _column(number: int, cell: str, name: str, unit: str | None) -> Column:
-    shown = name or f"column {number}"
-    named = cell != ""
-    return Column(
-        number=number, name=shown, cell=cell, unit=unit, kind=_kind_of(name, unit, named=named)
-    )
-
-
-def _stated(below: str) -> str | None:
-    """Return the unit in a cell of the row of units; None if it says nothing."""
-    text = below.strip().strip("[]()<> ")
-    return text if text not in ("", "-", "--", "1") else None
-
-
-def _name_and_unit(cell: str) -> tuple[str, str | None]:
-    """Return name and unit of the head of a column.
-
-    Examples
-    --------
-    >>> _name_and_unit("acc_x [g]"), _name_and_unit("a1 (m/s2)"), _name_and_unit("Acc (x)")
-    (('acc_x', 'g'), ('a1', 'm/s2'), ('Acc (x)', None))
-    """
-    square = _SQUARE.fullmatch(cell)
-    if square:
-        return square[1], square[2] or None
-    if "/" in cell and is_unit(cell):
-        return cell, cell
-    for pattern in (_ROUND, _BEHIND):
-        match = pattern.fullmatch(cell)
-        if match and match[1] and is_trusted_unit(match[2]):
-            return match[1], match[2]
-    suffix = _SUFFIX.fullmatch(cell)
-    if suffix:
-        return cell, _SUFFIX_UNITS.get(suffix[2].lower(), suffix[2])
-    return cell, None
-
-
-def _without_doubtful_units(
-    parted: Sequence[tuple[str, str | None]], cells: Sequence[str]
-) -> list[tuple[str, str | None]]:
-    """Drop units of one letter, if not in square brackets, unless all columns have a unit.
-
-    Among ``acc_e, acc_f, acc_g`` the last letter is no unit.
-    """
-    if all(unit is not None or _TIME.fullmatch(name) for name, unit in parted):
-        return list(parted)
-    return [
-        (cell, None)
-        if unit is not None and len(unit) == 1 and "[" not in cell and not _TIME.fullmatch(name)
-        else (name, unit)
-        for (name, unit), cell in zip(parted, cells, strict=True)
-    ]
-
-
-def _kind_of(name: str, unit: str | None, *, named: bool) -> str:
-    by_unit = kind_of_unit(unit)
-    if by_unit == "time" or (by_unit is None and _TIME.fullmatch(name)):
-        return "time"
-    if named and by_unit is None and _INDEX.fullmatch(name):
-        return "index"
-    if by_unit in ("speed", "torque", "other"):
-        return by_unit
-    words = name.lower().replace("_", " ")
-    by_name = next((kind for kind, pattern in _KINDS if re.search(pattern, words)), "vibration")
-    moves = unit is not None and by_unit == "vibration" and unit.lower() not in ("v", "mv")
-    return "vibration" if moves else by_name
-
-
-def find_column(
-    origin: str, key: str | int, names: Sequence[Sequence[str]], numbers: Sequence[int]
-) -> int:
-    """Return the index of the channel that is meant by a name or by a column number.
-
-    Parameters
-    ----------
-    origin : str
-        The file, for messages.
-    key : str or int
-        A name, or the number of a column counted from 1. Digits are a number unless a channel has
-        that name.
-    names : sequence of sequences of str
-        The names of each channel.
-    numbers : sequence of int
-        The column number of each channel.
-
-    Raises
-    ------
-    RecordingError
-        If there is no such channel, or several have that name.
-    """
-    text = str(key)
-    if isinstance(key, str):
-        for spelling in (str.strip, str.lower):
-            wanted = spelling(text)
-            found = [k for k, own in enumerate(names) if wanted in map(spelling, own)]
-            if len(found) > 1:
-                several = " and ".join(str(numbers[k]) for k in found)
-                raise RecordingError(
-                    f"{origin}: '{text}' is the name of columns {several}; give the number"
-                )
-            if found:
-                return found[0]
-    if text.strip().isdigit() and int(text) in numbers:
-        return numbers.index(int(text))
-    raise RecordingError(
-        f"{origin}: no channel '{shortened(text)}'; {_known(text, names, numbers)}"
-    )
-
-
-def _known(text: str, names: Sequence[Sequence[str]], numbers: Sequence[int]) -> str:
-    shown = [f"{shortened(own[0])} ({number})" for own, number in zip(names, numbers, strict=True)]
-    listed = ", ".join(shown[:20]) + (", ..." if len(shown) > 20 else "")
-    near = nearest_name(text, [name for own in names for name in own])
-    return (
-        f"did you mean {shortened(near)}? " if near else ""
-    ) + f"channels (and columns): {listed}"
 
 
 class SensorLike(Protocol):

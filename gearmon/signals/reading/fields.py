@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 
 import numpy as np
 import numpy.typing as npt
 
 Floats = npt.NDArray[np.float64]
+#: Told the share of a file that has been read; gives an array of a shape.
+Progress = Callable[[float], object]
+Room = Callable[[tuple[int, int]], Floats]
 
 LONGEST_QUOTE = 60  # characters of a file that a message shows
 _EXPONENT_LETTERS = str.maketrans("dD", "ee")

@@ -21,10 +21,12 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.channels import Content, describe_columns
+from gearmon.signals.reading.columns import Content, describe_columns
 from gearmon.signals.reading.fields import (
     MISSING,
     Floats,
+    Progress,
+    Room,
     decoded,
     is_comment,
     is_missing,
@@ -59,7 +61,6 @@ _NO_VALUES = [
 _ENOUGH_ROWS, _MOST_ROWS = 50, 200
 _CUT_NUMBER = re.compile(r"[+-]?(?:[0-9]*(?:[.,][0-9]*)?[eEdD][+-]?)?|[+-]?[.,]")
 _REMEDY = "correct it, or put # before the line if it is no sample"
-Progress = Callable[[float], object]
 _HEAD_BYTES = 64 * 1024
 _LONGEST_PREAMBLE = 64 * 1024 * 1024
 _ROWS_TO_JUDGE = 50
@@ -416,7 +417,7 @@ class Table:
 def read_table(
     source: Source,
     progress: Progress | None = None,
-    room: Callable[[tuple[int, int]], Floats] = np.empty,
+    room: Room = np.empty,
 ) -> Table:
     """Return all rows of numbers in a text file.
 
@@ -452,7 +453,7 @@ def read_table(
 class _Rows:
     """Rows gathered into one array with the columns apart."""
 
-    def __init__(self, columns: int, room: Callable[[tuple[int, int]], Floats]) -> None:
+    def __init__(self, columns: int, room: Room) -> None:
         self._room = room
         self._array = np.empty((columns, 0))
         self._count = 0

@@ -12,9 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.channels import Column, Content
+from gearmon.signals.reading.columns import Column, Content, missing_values
 from gearmon.signals.reading.fields import Floats, time_factor
-from gearmon.signals.reading.quality import missing_values
 
 Flags = npt.NDArray[np.bool_]
 

@@ -1,7 +1,7 @@
 """Kinds of files: told by their first bytes, never by their names; one table of all.
 
 A loader returns a `Holding`: arrays that may be signals, read in blocks, and the facts beside them.
-`choice.choose` picks the arrays that are the recording.
+`arrays.choose` picks the arrays that are the recording.
 """
 
 from __future__ import annotations
@@ -13,10 +13,13 @@ from dataclasses import dataclass
 from typing import cast
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.formats.arrays import Frames, Holding, choose
+from gearmon.signals.reading.channels import Wanted
+from gearmon.signals.reading.columns import Content
+from gearmon.signals.reading.fields import Progress, Room
+from gearmon.signals.reading.formats.arrays import Holding, choose
 from gearmon.signals.reading.source import Source
 
-__all__ = ["Format", "Frames", "choose", "identify", "load"]
+__all__ = ["Format", "identify", "read_arrays"]
 
 _UNPACK = "unpack it first"
 
@@ -130,8 +133,10 @@ def identify(source: Source) -> Format:
     return _BINARY if source.encoding in ("", "utf-8-sig") and _is_binary(head) else TEXT
 
 
-def load(source: Source, found: Format) -> Holding:
-    """Return what a file holds that is no text; the caller closes it.
+def read_arrays(
+    source: Source, found: Format, wanted: Wanted, progress: Progress | None, room: Room
+) -> tuple[Content, Wanted]:
+    """Return the recording in a file that is no text, and what the user says about its columns.
 
     Parameters
     ----------
@@ -139,13 +144,27 @@ def load(source: Source, found: Format) -> Holding:
         The file.
     found : Format
         Its kind.
+    wanted : Wanted
+        What the user says.
+    progress : callable or None
+        Called with the share of the samples that has been read.
+    room : callable
+        Gives an array of a shape.
 
     Raises
     ------
     RecordingError
-        If that kind is not read or its library is not installed, or the file is packed, comes
-        through a pipe, or is damaged.
+        If that kind is not read or its library is not installed, the file is packed, comes through
+        a pipe, or is damaged, or holds no recording.
     """
+    held = _held(source, found)
+    try:
+        return choose(held, wanted, progress, room)
+    finally:
+        held.close()
+
+
+def _held(source: Source, found: Format) -> Holding:
     if not found.loader:
         raise RecordingError(
             f"{source.path}: looks like {found.what}, which is not read here; {found.remedy} "

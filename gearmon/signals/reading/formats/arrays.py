@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 
 from gearmon.errors import GearmonError, RecordingError
-from gearmon.signals.reading.channels import Column, Content, Wanted, describe_columns, find_column
-from gearmon.signals.reading.fields import Floats, shortened
+from gearmon.signals.reading.channels import Wanted
+from gearmon.signals.reading.columns import Column, Content, describe_columns, find_column
+from gearmon.signals.reading.fields import Floats, Progress, Room, shortened
 from gearmon.signals.reading.layout import Header
 
 Read = Callable[[int, int], Floats]
@@ -213,12 +214,12 @@ def stated_rate(facts: Mapping[str, float]) -> tuple[float | None, str]:
     return None, ""
 
 
-def stated_speed(facts: Mapping[str, float]) -> tuple[float | None, str]:
+def _stated_speed(facts: Mapping[str, float]) -> tuple[float | None, str]:
     """Return the speed in rpm among the facts, and its name; None if none or several are there.
 
     Examples
     --------
-    >>> stated_speed({"X097RPM": 1796.0})
+    >>> _stated_speed({"X097RPM": 1796.0})
     (1796.0, 'X097RPM')
     """
     named = [
@@ -234,76 +235,6 @@ def stated_speed(facts: Mapping[str, float]) -> tuple[float | None, str]:
 def _plain(name: str) -> str:
     last = name.replace("/", ".").rpartition(".")[2].lower()
     return "".join(character for character in last if character.isalnum())
-
-
-@dataclass(frozen=True, kw_only=True)
-class Frames:
-    """Columns of a file that can be read from any sample to any other.
-
-    Parameters
-    ----------
-    path : str
-        The file, for messages.
-    columns : tuple of Column
-        What the file says about them.
-    count : int
-        Samples of each column.
-    read : callable
-        Gives the samples from a first to before a last one: float64, shape (columns, n).
-    rate_hz : float > 0 or None
-        The sampling rate, if the file states it.
-    rate_hint : str
-        What else in the file may tell the sampling rate.
-    speed_rpm : float > 0 or None
-        The speed, if the file states one.
-    notes : tuple of str
-        What the reader has to tell the user.
-    """
-
-    path: str
-    columns: tuple[Column, ...]
-    count: int
-    read: Read
-    rate_hz: float | None = None
-    rate_hint: str = ""
-    speed_rpm: float | None = None
-    notes: tuple[str, ...] = ()
-
-    def content(
-        self,
-        progress: Callable[[float], object] | None = None,
-        room: Callable[[tuple[int, int]], Floats] = np.empty,
-    ) -> Content:
-        """Return the samples, in an array that `room` gives, with what is known of them."""
-        return Content(
-            path=self.path,
-            values=self._filled(progress, room),
-            columns=self.columns,
-            rate_hz=self.rate_hz,
-            rate_hint=self.rate_hint,
-            notes=self.notes,
-        )
-
-    def _filled(
-        self,
-        progress: Callable[[float], object] | None,
-        room: Callable[[tuple[int, int]], Floats],
-    ) -> Floats:
-        total = self.count
-        try:
-            values = room((len(self.columns), total))
-        except MemoryError:
-            gigabytes = 8e-9 * total * len(self.columns)
-            raise RecordingError(
-                f"{self.path}: {total} samples of {len(self.columns)} channels need "
-                f"{gigabytes:.3g} GB of memory; cut the recording, or take open_recording"
-            ) from None
-        for start in range(0, total, _BLOCK):
-            stop = min(total, start + _BLOCK)
-            values[:, start:stop] = self.read(start, stop)
-            if progress is not None:
-                progress(stop / total)
-        return values
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -324,7 +255,9 @@ class _Candidate:
         return f"{name} ({place}; {channels}{self.array.count} samples)"
 
 
-def choose(holding: Holding, wanted: Wanted) -> tuple[Frames, Wanted]:
+def choose(
+    holding: Holding, wanted: Wanted, progress: Progress | None, room: Room
+) -> tuple[Content, Wanted]:
     """Return the columns that make up the recording, and what the user says about these.
 
     A name with --channel, --tacho or in a [[sensor]] picks an array or one channel of it. Without
@@ -338,6 +271,10 @@ def choose(holding: Holding, wanted: Wanted) -> tuple[Frames, Wanted]:
         What the file holds.
     wanted : Wanted
         What the user says.
+    progress : callable or None
+        Called with the share of the samples that has been read.
+    room : callable
+        Gives an array of a shape.
 
     Raises
     ------
@@ -359,7 +296,8 @@ def choose(holding: Holding, wanted: Wanted) -> tuple[Frames, Wanted]:
         one for one in candidates if one not in chosen and _accompanies(one, chosen[0], holding)
     ]
     taken = [one for one in candidates if one in chosen or one in companions]
-    return _frames(holding, taken, len(candidates) > len(taken)), wanted
+    values = _filled(holding, [one.array for one in taken], progress, room)
+    return _content(holding, taken, values, others=len(candidates) > len(taken)), wanted
 
 
 def _candidates(holding: Holding) -> list[_Candidate]:
@@ -470,31 +408,51 @@ def _listed(candidates: Iterable[_Candidate]) -> str:
     return ", ".join(shown[:_LISTED]) + (", ..." if len(shown) > _LISTED else "")
 
 
-def _frames(holding: Holding, taken: Sequence[_Candidate], others: bool) -> Frames:
-    arrays = [one.array for one in taken]
+def _filled(
+    holding: Holding, arrays: Sequence[Array], progress: Progress | None, room: Room
+) -> Floats:
+    """Read arrays of one length into one, block by block."""
+    rows, total = sum(len(array.names) for array in arrays), arrays[0].count
+    try:
+        values = room((rows, total))
+    except MemoryError:
+        raise RecordingError(
+            f"{holding.path}: {total} samples of {rows} channels need {8e-9 * total * rows:.3g} GB "
+            "of memory; cut the recording, or take open_recording"
+        ) from None
+    row = 0
+    for array in arrays:
+        end = row + len(array.names)
+        for start in range(0, total, _BLOCK):
+            stop = min(total, start + _BLOCK)
+            with reading(holding.path, holding.what):
+                part = array.read(start, stop)
+            if part.shape[1] != stop - start:
+                raise RecordingError(
+                    f"{holding.path}: is cut off: fewer samples than it announces; copy it again"
+                )
+            values[row:end, start:stop] = part
+            if progress is not None:
+                progress((row * total + (end - row) * stop) / (rows * total))
+        row = end
+    return values
+
+
+def _content(
+    holding: Holding, taken: Sequence[_Candidate], values: Floats, *, others: bool
+) -> Content:
     rate, hint = stated_rate(holding.facts)
-    own = next((array.rate_hz for array in arrays if array.rate_hz is not None), None)
-    speed, name = stated_speed(holding.facts)
+    own = next((one.array.rate_hz for one in taken if one.array.rate_hz is not None), None)
+    speed, name = _stated_speed(holding.facts)
     notes = list(holding.notes)
     if speed is not None:
         notes.append(f"the file states a speed of {speed:g} rpm ({shortened(name)})")
     if others and not holding.together:
         notes.append(f"taken from the file: {_listed(taken)}")
-
-    def read(start: int, stop: int) -> Floats:
-        with reading(holding.path, holding.what):
-            parts = [array.read(start, stop) for array in arrays]
-            if any(part.shape[1] != stop - start for part in parts):
-                raise RecordingError(
-                    f"{holding.path}: is cut off: fewer samples than it announces; copy it again"
-                )
-        return parts[0] if len(parts) == 1 else np.concatenate(parts)
-
-    return Frames(
+    return Content(
         path=holding.path,
+        values=values,
         columns=tuple(column for one in taken for column in one.columns),
-        count=arrays[0].count,
-        read=read,
         rate_hz=rate if own is None else own,
         rate_hint=hint,
         speed_rpm=speed,

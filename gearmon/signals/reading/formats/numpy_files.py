@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,42 +9,6 @@ import numpy as np
 from gearmon.errors import RecordingError
 from gearmon.signals.reading.fields import Floats
 from gearmon.signals.reading.formats.arrays import Array, Holding, as_array, reading
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Stored:
-    """Numbers of an npy file that are read from the file wherever they are asked for.
-
-    A mapped file would do the same, but its pages count as memory of the process.
-    """
-
-    path: str
-    offset: int
-    shape: tuple[int, ...]
-    dtype: np.dtype[Any]
-    fortran: bool
-
-    def __getitem__(self, index: tuple[Any, ...]) -> Any:
-        axes = [axis for axis, size in enumerate(self.shape) if size != 1]
-        time = max(axes, key=lambda axis: self.shape[axis])
-        start, stop, _ = index[time].indices(self.shape[time])
-        others = [self.shape[axis] for axis in axes if axis != time]
-        channels = others[0] if others else 1
-        time_first = not others or time < next(axis for axis in axes if axis != time)
-        # neighbours in the file are channels of one sample, or samples of one channel
-        if not others or time_first != self.fortran:
-            raw = self._read(start * channels, (stop - start) * channels).reshape(-1, channels)
-            return raw[:, 0] if not others else raw if time_first else raw.T
-        rows = [
-            self._read(channel * self.shape[time] + start, stop - start)
-            for channel in range(channels)
-        ]
-        stacked = np.stack(rows)
-        return stacked.T if time_first else stacked
-
-    def _read(self, first: int, count: int) -> Any:
-        offset = self.offset + first * self.dtype.itemsize
-        return np.fromfile(self.path, dtype=self.dtype, count=count, offset=offset)
 
 
 def read_npy(path: str, what: str) -> Holding:
@@ -58,7 +20,7 @@ def read_npy(path: str, what: str) -> Holding:
         If it is damaged or holds Python objects.
     """
     with reading(path, what):
-        stored = _stored(path)
+        stored = np.load(path, mmap_mode="r", allow_pickle=False)
     if stored.dtype.names:
         arrays: tuple[Array | None, ...] = _fields(stored)
     else:
@@ -69,33 +31,14 @@ def read_npy(path: str, what: str) -> Holding:
     return Holding(path=path, what=what, arrays=found, together=True, left_out=(described,))
 
 
-def _stored(path: str) -> _Stored:
-    with open(path, "rb") as stream:
-        version = np.lib.format.read_magic(stream)
-        read = {(1, 0): np.lib.format.read_array_header_1_0}.get(
-            version, np.lib.format.read_array_header_2_0
-        )
-        shape, fortran, dtype = read(stream)
-        begin, size = stream.tell(), os.fstat(stream.fileno()).st_size
-    if dtype.hasobject:
-        raise RecordingError(f"{path}: holds Python objects; save an array of plain numbers")
-    needed = int(np.prod([int(length) for length in shape], dtype=object)) * dtype.itemsize
-    if needed > size - begin:
-        raise RecordingError(
-            f"{path}: is cut off: its header announces {needed} bytes of numbers, {size - begin} "
-            "are there; copy it again"
-        )
-    return _Stored(path=path, offset=begin, shape=shape, dtype=dtype, fortran=fortran)
-
-
-def _fields(stored: _Stored) -> tuple[Array, ...]:
+def _fields(stored: Any) -> tuple[Array, ...]:
     """Return the fields of records as channels of one array, as they lie side by side."""
     names = [name for name in stored.dtype.names or () if stored.dtype[name].kind in "fiu"]
     if not names or len(stored.shape) != 1 or any(stored.dtype[name].shape for name in names):
         return ()
 
     def read(start: int, stop: int) -> Floats:
-        records = stored[(slice(start, stop),)]
+        records = stored[start:stop]
         return np.stack([records[name].astype(np.float64) for name in names])
 
     units = (None,) * len(names)

@@ -1,9 +1,10 @@
-"""Files of named arrays or columns, read in blocks: HDF5 (MATLAB 7.3 among them) and Parquet."""
+"""Files of named arrays or columns: HDF5 (MATLAB 7.3 among them) and Parquet."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from gearmon.signals.reading.fields import Floats
 from gearmon.signals.reading.formats.arrays import (
     Array,
     Holding,
+    Read,
     as_array,
     reading,
     stated_rate,
@@ -155,15 +157,18 @@ def _held_columns(path: str, what: str, file: Any) -> Holding:
     import pyarrow
 
     schema, rows = file.schema_arrow, file.metadata.num_rows
-    groups = _Groups(file)
     kept = [field for field in schema if _is_numeric(pyarrow, field.type)]
     index = _index_of_frame(schema)
     names = tuple(field.name for field in kept)
     units = tuple(_unit_of_column(pyarrow, field) for field in kept)
     arrays = []
     if rows >= 2 and names:
-        arrays = [_column(groups, rows, n, u) for n, u in zip(names, units, strict=True)]
-        arrays = [array for array in arrays if array.name not in index]
+        whole = lru_cache(maxsize=1)(lambda name: _floats(file.read([name]).column(0)))
+        arrays = [
+            Array(name=n, names=(n,), count=rows, read=_part_of(whole, n), units=(u,))
+            for n, u in zip(names, units, strict=True)
+            if n not in index
+        ]
     return Holding(
         path=path,
         what=what,
@@ -178,6 +183,10 @@ def _held_columns(path: str, what: str, file: Any) -> Holding:
         ),
         close=file.close,
     )
+
+
+def _part_of(whole: Callable[[str], Floats], name: str) -> Read:
+    return lambda start, stop: whole(name)[None, start:stop]
 
 
 def _is_numeric(pyarrow: Any, kind: Any) -> bool:
@@ -215,61 +224,15 @@ def _facts(metadata: dict[bytes, bytes]) -> dict[str, float]:
     return found
 
 
-class _Groups:
-    """Row groups of a table; the one last read is kept, as blocks are read in order."""
-
-    def __init__(self, file: Any) -> None:
-        self._file = file
-        sizes = [file.metadata.row_group(k).num_rows for k in range(file.num_row_groups)]
-        self._starts = np.concatenate([[0], np.cumsum(sizes)])
-        self._kept: tuple[int, Any] = (-1, None)
-        self._origins: dict[str, Any] = {}
-
-    def column(self, name: str, start: int, stop: int) -> Floats:
-        first = int(np.searchsorted(self._starts, start, side="right")) - 1
-        parts, place = [], start
-        for group in range(first, len(self._starts) - 1):
-            if place >= stop:
-                break
-            begin, end = int(self._starts[group]), int(self._starts[group + 1])
-            piece = self._group(group).column(name).slice(place - begin, min(stop, end) - place)
-            parts.append(_floats(piece, self._origin(name, piece)))
-            place = min(stop, end)
-        return np.concatenate(parts) if parts else np.empty(0)
-
-    def _origin(self, name: str, piece: Any) -> Any:
-        """Return the first time stamp: seconds since 1970 as floats would lose the microseconds."""
-        if _is_timestamp(piece) and name not in self._origins:
-            self._origins[name] = next(self._file.iter_batches(1, columns=[name]))[0][0]
-        return self._origins.get(name)
-
-    def _group(self, number: int) -> Any:
-        if self._kept[0] != number:
-            self._kept = (number, self._file.read_row_group(number))
-        return self._kept[1]
-
-
-def _is_timestamp(piece: Any) -> bool:
-    import pyarrow
-
-    return bool(pyarrow.types.is_timestamp(piece.type))
-
-
-def _floats(piece: Any, origin: Any) -> Floats:
+def _floats(column: Any) -> Floats:
+    """Return a column as numbers; time stamps in seconds from the first one on."""
     import pyarrow
     import pyarrow.compute
 
-    if _is_timestamp(piece):
-        piece = pyarrow.compute.subtract(piece, origin).cast(pyarrow.duration("ns"))
-        steps = piece.cast(pyarrow.int64()).to_numpy()
-        return np.asarray(steps, dtype=np.float64) * 1e-9
-    if pyarrow.types.is_decimal(piece.type):
-        piece = piece.cast(pyarrow.float64())
-    return np.asarray(piece.to_numpy(), dtype=np.float64)
-
-
-def _column(groups: _Groups, rows: int, name: str, unit: str | None) -> Array:
-    def read(start: int, stop: int) -> Floats:
-        return groups.column(name, start, stop).reshape(1, -1)
-
-    return Array(name=name, names=(name,), count=rows, read=read, units=(unit,))
+    if pyarrow.types.is_timestamp(column.type):
+        # seconds since 1970 as floats would lose the microseconds
+        steps = pyarrow.compute.subtract(column, column[0]).cast(pyarrow.duration("ns"))
+        return np.asarray(steps.cast(pyarrow.int64()).to_numpy(), dtype=np.float64) * 1e-9
+    if pyarrow.types.is_decimal(column.type):
+        column = column.cast(pyarrow.float64())
+    return np.asarray(column.to_numpy(), dtype=np.float64)

@@ -1,0 +1,439 @@
+"""What stands in a file, whatever its format: columns of numbers with names, units and kinds.
+
+And which of them cannot be vibration: those that are dead, pulsed, clipped, or without values.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gearmon.errors import RecordingError, nearest_name
+from gearmon.signals.reading.fields import (
+    Floats,
+    is_trusted_unit,
+    is_unit,
+    kind_of_unit,
+    shortened,
+)
+from gearmon.signals.reading.layout import Header
+
+_SQUARE = re.compile(r"(.*?)\s*\[\s*([^\]]*?)\s*\]")
+_ROUND = re.compile(r"(.*?)\s*[(<]\s*(.+?)\s*[)>]")
+_BEHIND = re.compile(r"(.*\S)\s*(?:/|,|\s-|\sin\s)\s*(\S+)")
+_SUFFIX = re.compile(
+    r"(.+)_(m_s2|mm_s|m_s|ms2|mps2|mg|g|rpm|nm|degc|hz|mv|v|ms|us|ns|s)", re.IGNORECASE
+)
+_SUFFIX_UNITS = {"m_s2": "m/s2", "ms2": "m/s2", "mps2": "m/s2", "mm_s": "mm/s", "m_s": "m/s"}
+
+_TIME = re.compile(
+    r"t|(x_value|abszisse|time|zeit|temps|tempo|tiempo|tijd|timestamps?|zeitstempel|elapsed|"
+    r"seconds?|sekunden?|datetime|datum)(?![a-zäöü]).*",
+    re.IGNORECASE,
+)
+_INDEX = re.compile(
+    r"(unnamed: \d+|index|idx|samples?|punkte?|points?|rows?|zeilen?|nr|no|num|n|i|k|#|counter)"
+    r"([ _.-]*(number|index|idx|count|id|no|nr|#))?\.?",
+    re.IGNORECASE,
+)
+_KINDS = (
+    ("tacho", r"tach|keyphas|trigger|\bpuls|rpm[ _]?puls|encoder|drehgeber|nullimpuls|once.?per"),
+    ("torque", r"torque|drehmoment|\bmoment\b|\bcouple\b|\bmd\b"),
+    ("speed", r"speed|\brpm\b|drehzahl|\bomega\b|revolutions|\bn\d?\b"),
+    ("other", r"temp|thermo|current\b|\bstrom\b|pressure|\bdruck\b|humid|status|\bflag\b"),
+    ("other", r"\bload\b|\blast\b|power\b|leistung|\bforce\b|kraft|\bflow\b"),
+)
+# Samples at exactly the extreme value, over those at the commonest value next to it. For a rounded
+# sine this ratio is at most 1 + sqrt(2), for rounded noise it is below 1.
+_PILED_UP = 5.0
+_FEWEST_SAMPLES = 10
+_HARMLESS_SHARE = 1e-3
+_NEIGHBOURHOOD = 0.05  # of the range
+_SAMPLES_TO_COMPARE = 2**17  # from the first at the extreme on
+_CHUNK = 2**16
+
+
+@dataclass(frozen=True, kw_only=True)
+class Column:
+    """One column of a table.
+
+    Parameters
+    ----------
+    number : int > 0
+        Its number, counted from 1.
+    name : str
+        Its name, without the unit; "column 3" where the file gives none.
+    cell : str
+        The head of the column as it stands in the file.
+    unit : str or None
+        Its unit as it stands in the file.
+    kind : str
+        "vibration", "tacho", "torque", "speed", "other", "time" or "index".
+    """
+
+    number: int
+    name: str
+    cell: str = ""
+    unit: str | None = None
+    kind: str = "vibration"
+
+    @property
+    def label(self) -> str:
+        """How messages call the column."""
+        if not self.cell:
+            return f"column {self.number}"
+        return f"column {self.number} ('{shortened(self.name)}')"
+
+
+def _sample(row: int) -> str:
+    return f"sample {row + 1}"
+
+
+def _no_text(row: int, index: int) -> str:  # noqa: ARG001
+    return "a value"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Content:
+    """Columns of numbers of a file.
+
+    Parameters
+    ----------
+    path : str
+        The file, for messages.
+    values : ndarray of float64, shape (columns, rows)
+        The numbers; NaN where one is missing.
+    columns : tuple of Column
+        What the file says about them.
+    rate_hz : float > 0 or None
+        The sampling rate, if the file states one.
+    stamp : int or None
+        Index of a column of dates and times or times of day.
+    rate_hint : str
+        What else in the file may tell the sampling rate.
+    speed_rpm : float > 0 or None
+        The speed, if the file states one.
+    notes : tuple of str
+        What the reader has to tell the user.
+    is_text : bool
+        Whether rows are lines of a text.
+    place : callable
+        Gives the name of a row (counted from 0) in messages.
+    shown : callable
+        Gives the text of one number, by row and column index, for messages.
+    """
+
+    path: str
+    values: Floats
+    columns: tuple[Column, ...]
+    rate_hz: float | None = None
+    stamp: int | None = None
+    rate_hint: str = ""
+    speed_rpm: float | None = None
+    notes: tuple[str, ...] = ()
+    is_text: bool = False
+    place: Callable[[int], str] = field(default=_sample)
+    shown: Callable[[int, int], str] = field(default=_no_text)
+
+    @property
+    def rows_are(self) -> str:
+        """What messages call many rows."""
+        return "lines" if self.is_text else "samples"
+
+    @property
+    def columns_by_number(self) -> dict[int, int]:
+        """The index of each column by its number in the file."""
+        return {column.number: index for index, column in enumerate(self.columns)}
+
+
+def describe_columns(header: Header, count: int) -> tuple[Column, ...]:
+    """Return the columns of a table, as far as the lines above the numbers tell.
+
+    Parameters
+    ----------
+    header : Header
+        Names and units.
+    count : int > 0
+        Number of columns.
+    """
+    cells = header.names or ("",) * count
+    units = header.units or ("",) * count
+    parted = [_name_and_unit(cell) for cell in cells]
+    if not header.units:
+        parted = _without_doubtful_units(parted, cells)
+    return tuple(
+        _column(number, cell, name, unit or _stated(below))
+        for number, (cell, (name, unit), below) in enumerate(
+            zip(cells, parted, units, strict=True), 1
+        )
+    )
+
+
+def _column(number: int, cell: str, name: str, unit: str | None) -> Column:
+    shown = name or f"column {number}"
+    named = cell != ""
+    return Column(
+        number=number, name=shown, cell=cell, unit=unit, kind=_kind_of(name, unit, named=named)
+    )
+
+
+def _stated(below: str) -> str | None:
+    """Return the unit in a cell of the row of units; None if it says nothing."""
+    text = below.strip().strip("[]()<> ")
+    return text if text not in ("", "-", "--", "1") else None
+
+
+def _name_and_unit(cell: str) -> tuple[str, str | None]:
+    """Return name and unit of the head of a column.
+
+    Examples
+    --------
+    >>> _name_and_unit("acc_x [g]"), _name_and_unit("a1 (m/s2)"), _name_and_unit("Acc (x)")
+    (('acc_x', 'g'), ('a1', 'm/s2'), ('Acc (x)', None))
+    """
+    square = _SQUARE.fullmatch(cell)
+    if square:
+        return square[1], square[2] or None
+    if "/" in cell and is_unit(cell):
+        return cell, cell
+    for pattern in (_ROUND, _BEHIND):
+        match = pattern.fullmatch(cell)
+        if match and match[1] and is_trusted_unit(match[2]):
+            return match[1], match[2]
+    suffix = _SUFFIX.fullmatch(cell)
+    if suffix:
+        return cell, _SUFFIX_UNITS.get(suffix[2].lower(), suffix[2])
+    return cell, None
+
+
+def _without_doubtful_units(
+    parted: Sequence[tuple[str, str | None]], cells: Sequence[str]
+) -> list[tuple[str, str | None]]:
+    """Drop units of one letter, if not in square brackets, unless all columns have a unit.
+
+    Among ``acc_e, acc_f, acc_g`` the last letter is no unit.
+    """
+    if all(unit is not None or _TIME.fullmatch(name) for name, unit in parted):
+        return list(parted)
+    return [
+        (cell, None)
+        if unit is not None and len(unit) == 1 and "[" not in cell and not _TIME.fullmatch(name)
+        else (name, unit)
+        for (name, unit), cell in zip(parted, cells, strict=True)
+    ]
+
+
+def _kind_of(name: str, unit: str | None, *, named: bool) -> str:
+    by_unit = kind_of_unit(unit)
+    if by_unit == "time" or (by_unit is None and _TIME.fullmatch(name)):
+        return "time"
+    if named and by_unit is None and _INDEX.fullmatch(name):
+        return "index"
+    if by_unit in ("speed", "torque", "other"):
+        return by_unit
+    words = name.lower().replace("_", " ")
+    by_name = next((kind for kind, pattern in _KINDS if re.search(pattern, words)), "vibration")
+    moves = unit is not None and by_unit == "vibration" and unit.lower() not in ("v", "mv")
+    return "vibration" if moves else by_name
+
+
+def find_column(
+    origin: str, key: str | int, names: Sequence[Sequence[str]], numbers: Sequence[int]
+) -> int:
+    """Return the index of the channel that is meant by a name or by a column number.
+
+    Parameters
+    ----------
+    origin : str
+        The file, for messages.
+    key : str or int
+        A name, or the number of a column counted from 1. Digits are a number unless a channel has
+        that name.
+    names : sequence of sequences of str
+        The names of each channel.
+    numbers : sequence of int
+        The column number of each channel.
+
+    Raises
+    ------
+    RecordingError
+        If there is no such channel, or several have that name.
+    """
+    text = str(key)
+    if isinstance(key, str):
+        for spelling in (str.strip, str.lower):
+            wanted = spelling(text)
+            found = [k for k, own in enumerate(names) if wanted in map(spelling, own)]
+            if len(found) > 1:
+                several = " and ".join(str(numbers[k]) for k in found)
+                raise RecordingError(
+                    f"{origin}: '{text}' is the name of columns {several}; give the number"
+                )
+            if found:
+                return found[0]
+    if text.strip().isdigit() and int(text) in numbers:
+        return numbers.index(int(text))
+    raise RecordingError(
+        f"{origin}: no channel '{shortened(text)}'; {_known(text, names, numbers)}"
+    )
+
+
+def _known(text: str, names: Sequence[Sequence[str]], numbers: Sequence[int]) -> str:
+    shown = [f"{shortened(own[0])} ({number})" for own, number in zip(names, numbers, strict=True)]
+    listed = ", ".join(shown[:20]) + (", ..." if len(shown) > 20 else "")
+    near = nearest_name(text, [name for own in names for name in own])
+    return (
+        f"did you mean {shortened(near)}? " if near else ""
+    ) + f"channels (and columns): {listed}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Defect:
+    """What is wrong with a channel.
+
+    Parameters
+    ----------
+    text : str
+        What, as the rest of a sentence that begins with the channel.
+    row : int
+        Index of the first sample concerned; -1 if it is all of them.
+    fatal : bool
+        Whether the channel is useless.
+    """
+
+    text: str
+    row: int
+    fatal: bool = True
+
+
+@dataclass(frozen=True, kw_only=True)
+class Survey:
+    """What one pass over a channel tells.
+
+    Parameters
+    ----------
+    finite : bool
+        Whether all samples are finite; if not, the rest means nothing.
+    low, high : float
+        Extremes.
+    at_low, at_high : int
+        Samples that equal them.
+    first_low, first_high : int
+        Index of the first sample that does.
+    """
+
+    finite: bool
+    low: float = 0.0
+    high: float = 0.0
+    at_low: int = 0
+    at_high: int = 0
+    first_low: int = 0
+    first_high: int = 0
+
+
+def survey(values: Floats) -> Survey:
+    """Return the extremes of a channel and how often they occur, in one pass through memory.
+
+    Parameters
+    ----------
+    values : ndarray of float64, shape (n,)
+    """
+    low, high, at_low, at_high = np.inf, -np.inf, 0, 0
+    first_low = first_high = 0
+    for start in range(0, len(values), _CHUNK):
+        part = values[start : start + _CHUNK]
+        least, most = part.min(), part.max()
+        if not (np.isfinite(least) and np.isfinite(most)):
+            return Survey(finite=False)
+        if least <= low:
+            count = int(np.count_nonzero(part == least))
+            if least < low:
+                low, at_low, first_low = least, 0, start
+            at_low += count
+        if most >= high:
+            count = int(np.count_nonzero(part == most))
+            if most > high:
+                high, at_high, first_high = most, 0, start
+            at_high += count
+    if not len(values):
+        return Survey(finite=True, low=float(low), high=float(high))
+    return Survey(
+        finite=True,
+        low=float(low),
+        high=float(high),
+        at_low=at_low,
+        at_high=at_high,
+        first_low=first_low + int(values[first_low : first_low + _CHUNK].argmin()),
+        first_high=first_high + int(values[first_high : first_high + _CHUNK].argmax()),
+    )
+
+
+def missing_values(values: Floats, found: Survey | None = None) -> tuple[int, int]:
+    """Return how many values are not finite, and the index of the first of them (-1: none).
+
+    Parameters
+    ----------
+    values : ndarray of float64, shape (n,)
+    found : Survey, optional
+        What is known of them.
+    """
+    if (found or survey(values)).finite:
+        return 0, -1
+    count, first = 0, -1
+    for start in range(0, len(values), _CHUNK):
+        bad = np.flatnonzero(~np.isfinite(values[start : start + _CHUNK]))
+        first = start + int(bad[0]) if count == 0 and bad.size else first
+        count += bad.size
+    return count, first
+
+
+def find_defect(values: Floats, found: Survey | None = None) -> Defect | None:
+    """Return why a channel cannot be vibration, or None.
+
+    Parameters
+    ----------
+    values : ndarray of float64, shape (n,)
+        Finite samples of one channel.
+    found : Survey, optional
+        What is known of them.
+
+    Notes
+    -----
+    A channel is called clipped if its largest or smallest value occurs at least five times as
+    often as any value within 5 % of the range next to it (and as the very next one). Clipping
+    piles up samples at the limit; rounding alone does not: the top level of a rounded sine holds at
+    most 1 + sqrt(2) times as many samples as the next, that of rounded noise fewer. It is fatal
+    from one sample in a thousand on.
+    """
+    found = found or survey(values)
+    low, high, at_low, at_high = found.low, found.high, found.at_low, found.at_high
+    if low == high:
+        return Defect(text=f"is constant ({low:g} in all {len(values)} samples)", row=-1)
+    if len(values) < _FEWEST_SAMPLES:
+        return None
+    if at_low + at_high == len(values):
+        text = f"has only two values, {low:g} and {high:g}: is it a tacho or a switch?"
+        return Defect(text=text, row=-1)
+    extremes = ((at_high, high, found.first_high), (at_low, low, found.first_low))
+    for count, extreme, first in extremes:
+        if count < _FEWEST_SAMPLES:
+            continue
+        if _is_piled_up(values[first:], high - low):
+            share = count / len(values)
+            text = f"is clipped: {count} samples ({100 * share:.2g} %) are exactly {extreme:g}"
+            return Defect(text=text, row=first, fatal=share >= _HARMLESS_SHARE)
+    return None
+
+
+def _is_piled_up(values: Floats, range_: float) -> bool:
+    """Tell whether far more samples equal the first one, an extreme, than any value next to it."""
+    distance = np.abs(values[:_SAMPLES_TO_COMPARE] - values[0])
+    beside = distance[distance > 0]
+    if beside.size == 0:
+        return False
+    near = beside[beside <= max(float(beside.min()), _NEIGHBOURHOOD * range_)]
+    _, counts = np.unique(near, return_counts=True)
+    return bool(distance.size - beside.size >= _PILED_UP * counts.max())
