@@ -211,7 +211,7 @@ def vibration_of_samples(
         If there are too few samples or the rate is not > 0.
     """
     from gearmon.signals.spectra import hann
-    from gearmon.signals.transforms import real_fft
+    from gearmon.signals.transforms import transform
 
     check_positive("sampling_rate_hz", sampling_rate_hz, "Hz")
     check_finite("low_hz", low_hz, "Hz")
@@ -219,7 +219,7 @@ def vibration_of_samples(
     if samples.ndim != 1 or len(samples) < 16:
         raise ArgumentError(f"samples: shape {samples.shape}, one row of at least 16 is needed")
     window = hann(len(samples))
-    lines = real_fft((samples - samples.mean()) * window, len(samples))
+    lines = transform((samples - samples.mean())[None], len(samples), window)[0]
     power = 2 * np.abs(lines) ** 2 / (len(samples) * np.sum(window**2))
     if len(samples) % 2 == 0:
         power[-1] /= 2

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError, RecordingError, check_positive
 from gearmon.signals.angle import AngleTrack
-from gearmon.signals.transforms import fast_length, real_fft
+from gearmon.signals.transforms import fast_length
 
 FloatArray = NDArray[np.float64]
 
@@ -36,8 +36,6 @@ PASSED = 0.4
 _STOPPED = 0.5
 # What is left of a line that would fold [dB]; what passes ripples by as much, a millionth.
 _ATTENUATION_DB = 120.0
-# Steps of the fine grid that are filtered at a time.
-_FILTERED = 1 << 17
 
 
 def resample_to_angle(
@@ -356,13 +354,17 @@ def angular_waveform(
     first, turns = whole_turns(samples.shape[-1], sampling_rate_hz, shaft)
     factor = -(-enough // steps)
     highest = READ_UP_TO * sampling_rate_hz / float(shaft.speed_hz.max())
+    over = range(first, first + turns)
     if factor == 1:
         values = resample_to_angle(
             samples, sampling_rate_hz, shaft, steps, float(first), turns * steps
         )
-    else:
-        reader = _Thinned(samples, sampling_rate_hz, shaft, steps, factor, first)
-        values = reader.read(turns * steps)
+    else:  # a channel at a time: the fine grid takes memory
+        thinned = [
+            _thinned(channel[None], sampling_rate_hz, shaft, steps, factor, over)
+            for channel in samples
+        ]
+        values = np.concatenate(thinned)
     return AngularWaveform(
         values=values,
         per_turn=int(steps),
@@ -411,69 +413,32 @@ def whole_turns(count: int, sampling_rate_hz: float, shaft: AngleTrack) -> tuple
     return first, last - first
 
 
-@lru_cache(maxsize=8)
-def _low_pass(factor: int) -> FloatArray:
-    """Symmetric low-pass for thinning by `factor`: gain 1, odd length, Kaiser's window."""
+def _thinned(
+    samples: FloatArray, rate: float, shaft: AngleTrack, steps: int, factor: int, turns: range
+) -> FloatArray:
+    """Return one signal on a grid finer by a whole factor, low-passed, every `factor`-th value."""
+    from scipy.signal import firwin, kaiser_beta, upfirdn
+
+    fine = steps * factor
+    # Kaiser's length, rounded up to whole steps
     width = (_STOPPED - PASSED) / factor
-    half = math.ceil((_ATTENUATION_DB - 7.95) / (14.36 * width) / 2)
-    place = np.arange(-half, half + 1)
-    cut = 0.5 * (PASSED + _STOPPED) / factor
-    kernel = 2 * cut * np.sinc(2 * cut * place) * np.kaiser(2 * half + 1, _shape())
-    kernel /= kernel.sum()
-    kernel.flags.writeable = False
-    return np.asarray(kernel, dtype=np.float64)
-
-
-def _shape() -> float:
-    return 0.1102 * (_ATTENUATION_DB - 8.7)
-
-
-class _Thinned:
-    """Signals on a fine angular grid, low-passed, every `factor`-th value kept."""
-
-    def __init__(
-        self,
-        samples: FloatArray,
-        rate: float,
-        shaft: AngleTrack,
-        steps: int,
-        factor: int,
-        first: int,
-    ) -> None:
-        self._samples, self._rate, self._shaft = samples, rate, shaft
-        self._fine, self._factor, self._first = steps * factor, factor, first
-        self._kernel = _low_pass(factor)
-        last_s = (samples.shape[-1] - 1) / rate
-        begin, end = (float(turn) - first for turn in shaft.turns_at(np.array([0.0, last_s])))
-        # steps of the fine grid that lie inside the recording, the turn's first being number 0
-        self._inside = (min(0, math.ceil(begin * self._fine)), math.floor(end * self._fine))
-
-    def read(self, count: int) -> FloatArray:
-        """Return the first `count` values."""
-        result = np.empty((self._samples.shape[0], count))
-        piece = max(1, _FILTERED // self._factor)
-        for start in range(0, count, piece):
-            stop = min(count, start + piece)
-            result[:, start:stop] = self._piece(start, stop)
-        return result
-
-    def _piece(self, start: int, stop: int) -> FloatArray:
-        half = len(self._kernel) // 2
-        low, high = start * self._factor - half, (stop - 1) * self._factor + half
-        kept_low, kept_high = max(low, self._inside[0]), min(high, self._inside[1])
-        fine = resample_to_angle(
-            self._samples,
-            self._rate,
-            self._shaft,
-            self._fine,
-            self._first + kept_low / self._fine,
-            kept_high - kept_low + 1,
-        )
-        if kept_low > low or kept_high < high:
-            beyond = ((0, 0), (kept_low - low, high - kept_high))
-            fine = np.pad(fine, beyond, mode="reflect", reflect_type="odd")
-        length = fast_length(fine.shape[-1])
-        product = real_fft(fine, length) * real_fft(self._kernel, length)
-        # the transform is circular: only what the kernel reaches wholly is read
-        smooth: FloatArray = np.fft.irfft(product, n=length, axis=-1)
-        return smooth[:, 2 * half : 2 * half + (stop - start - 1) * self._factor + 1 : self._factor]
+    half = factor * math.ceil((_ATTENUATION_DB - 7.95) / (14.36 * width) / 2 / factor)
+    kernel = firwin(
+        2 * half + 1,
+        (PASSED + _STOPPED) / factor,
+        window=("kaiser", kaiser_beta(_ATTENUATION_DB)),
+    )
+    last_s = (samples.shape[-1] - 1) / rate
+    begin, end = shaft.turns_at(np.array([0.0, last_s])) - turns.start
+    # steps of the fine grid that lie inside the recording, the turn's first being number 0
+    low, high = -half, (len(turns) * steps - 1) * factor + half
+    kept_low = max(low, min(0, math.ceil(begin * fine)))
+    kept_high = min(high, math.floor(end * fine))
+    values = resample_to_angle(
+        samples, rate, shaft, fine, turns.start + kept_low / fine, kept_high - kept_low + 1
+    )
+    beyond = ((0, 0), (kept_low - low, high - kept_high))
+    padded = np.pad(values, beyond, mode="reflect", reflect_type="odd")
+    # whole where the kernel lies within, from twice its half on
+    smooth: FloatArray = upfirdn(kernel, padded, down=factor, axis=-1)
+    return smooth[:, 2 * half // factor :][:, : len(turns) * steps]

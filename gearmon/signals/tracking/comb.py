@@ -302,7 +302,7 @@ def line_quality(
     bins : int
         Bins wanted.
     total : int
-        Samples that transforms of this length will be taken of, as `real_fft` asks for.
+        Samples that transforms of this length will be taken of, as `windowed_transforms` asks for.
 
     Returns
     -------

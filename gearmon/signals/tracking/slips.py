@@ -56,8 +56,6 @@ _STEADY = 0.25
 _BESIDE_TURNS, _LEAST_TURNS, _TURNED_CYCLES, _TOLD = 40.0, 12.0, 0.05, 5.0
 # Lost stretches over which no displacement is looked for [turns].
 _LONGEST_TURNS = 200.0
-# Blocks that tell shafts from one another [turns].
-_PATTERN_TURNS = 8.0
 # Hann blocks a quarter of their length apart are worth this many independent ones.
 _OVERLAP = 2.7
 
@@ -122,7 +120,7 @@ class SlipCheck:
         return float(np.sqrt(np.mean(self.uncertainty_turns**2)))
 
 
-def check_slips(sums: OrderSums, track: AngleTrack, pattern: OrderSums | None = None) -> SlipCheck:
+def check_slips(sums: OrderSums, track: AngleTrack) -> SlipCheck:
     """Check whether an angle stays locked to the lines of a recording.
 
     Parameters
@@ -132,11 +130,6 @@ def check_slips(sums: OrderSums, track: AngleTrack, pattern: OrderSums | None = 
         if they were asked for near this track before.
     track : AngleTrack
         The angle, found without a tachometer.
-    pattern : OrderSums, optional
-        Lines of the shafts that are no multiples of a mesh order: low harmonics, sidebands. They
-        are read only if a stretch is lost, to tell by how much the angle has slipped in it. Without
-        them a single mesh never tells; lines of order o and its sidebands o + r are turned apart by
-        r / z of a cycle a mesh period, z teeth, and each is trusted to a twentieth.
 
     Returns
     -------
@@ -183,12 +176,10 @@ def check_slips(sums: OrderSums, track: AngleTrack, pattern: OrderSums | None = 
         sound[start:stop] = False
     if not sound.any():
         return _nothing_heard(time_s, lines.angle)
-    told = [_part(lines, heard)]
-    if pattern is not None and stretches:
-        told.append(pattern.sliding(track, _PATTERN_TURNS))
+    told = _part(lines, heard)
     lost = tuple(_lost(told, time_s, stretches, number) for number in range(len(stretches)))
     weight = lines.orders[heard] ** 2 / (scatter[heard] ** 2 + _FLOOR_CYCLES**2)
-    variance = _variance(told[0], phase[:, heard], weight, sound, time_s)
+    variance = _variance(told, phase[:, heard], weight, sound, time_s)
     variance += _astray(stretches, lost, sound) ** 2
     return SlipCheck(
         time_s=time_s, coherence=coherence, uncertainty_turns=np.sqrt(variance), lost=lost
@@ -290,10 +281,10 @@ def _about_each(values: FloatArray, width: float) -> FloatArray:
 
 
 def _lost(
-    told: list[SlidingLines], time_s: FloatArray, stretches: list[tuple[int, int]], number: int
+    told: SlidingLines, time_s: FloatArray, stretches: list[tuple[int, int]], number: int
 ) -> LostStretch:
     """Describe one stretch."""
-    angle = told[0].angle
+    angle = told.angle
     start, stop = stretches[number]
     begin, end = float(angle[max(start - 1, 0)]), float(angle[min(stop, len(angle) - 1)])
     slipped = None
@@ -310,16 +301,13 @@ def _lost(
     )
 
 
-def _displacement(
-    told: list[SlidingLines], angles: tuple[float, float, float, float]
-) -> float | None:
+def _displacement(told: SlidingLines, angles: tuple[float, float, float, float]) -> float | None:
     """How far the angle has slipped in a stretch [turns]; None if unclear.
 
     The angles are where the sound lines before it begin and end, and those after it.
     """
     _, begin, end, _ = angles
-    seen = [_turned(lines, angles) for lines in told]
-    turned, order, sure = (np.concatenate([part[n] for part in seen]) for n in range(3))
+    turned, order, sure = _turned(told, angles)
     if sure.sum() < 2 * _TOLD:
         return None
     # lines that are turned alike are told apart within half a cycle of their mean order

@@ -149,12 +149,10 @@ def find_pulses(
             f"tacho channel: {len(raw)} pulses found between {low:g} and {high:g}; at least 4 are "
             f"needed. Name the right channel with --tacho, or leave the tacho out{hint}"
         )
-    return repaired_pulses(raw, per_turn)
+    return _repaired_pulses(raw, per_turn)
 
 
-def repaired_pulses(
-    raw: FloatArray, per_turn: int | None, channel: str = "tacho channel"
-) -> TachoPulses:
+def _repaired_pulses(raw: FloatArray, per_turn: int | None) -> TachoPulses:
     """Fill in and leave out pulses up to the limit, refuse beyond it.
 
     Parameters
@@ -163,8 +161,6 @@ def repaired_pulses(
         Times as they were found [s], ascending.
     per_turn : int, optional
         Pulses a turn, if known: the spacing of several is learned.
-    channel : str
-        What messages call the channel.
 
     Raises
     ------
@@ -180,14 +176,14 @@ def repaired_pulses(
         found = Repaired(time_s=filled, missing=missing, extra=extra, unclear_s=unclear_s)
     if found.missing + found.extra > max(2, _REPAIRABLE * len(found.time_s)):
         raise RecordingError(
-            f"{channel}: {found.missing} pulses missing and {found.extra} too many among "
+            f"tacho channel: {found.missing} pulses missing and {found.extra} too many among "
             f"{len(found.time_s)}; at most 2 % can be repaired. Check the sensor, or leave the "
             "tacho out"
         )
     if found.unclear_s is not None:
         raise RecordingError(
-            f"{channel}: pulses about {found.unclear_s:.4g} s come at times that fit no steady or "
-            "slowly changing speed, and it is unclear which are missing or too many. Check the "
+            f"tacho channel: pulses about {found.unclear_s:.4g} s come at times that fit no steady "
+            "or slowly changing speed, and it is unclear which are missing or too many. Check the "
             "sensor, or leave the tacho out"
         )
     return TachoPulses(time_s=found.time_s, missing=found.missing, extra=found.extra)
@@ -220,7 +216,7 @@ def pulses_from_times(time_s: ArrayLike, per_turn: int | None = None) -> TachoPu
             f"pulse times: an array of shape {times.shape}; a row of at least 4 times is needed"
         )
     _check_times(times)
-    return repaired_pulses(times, per_turn)
+    return _repaired_pulses(times, per_turn)
 
 
 def _check_times(times: FloatArray) -> None:

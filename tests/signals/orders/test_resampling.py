@@ -10,8 +10,7 @@ from reference.synthetic_signals import constant_track, lines_on, track_of, wand
 
 from gearmon.errors import ArgumentError, RecordingError
 from gearmon.signals.orders import angular_waveform
-from gearmon.signals.orders import resampling as module
-from gearmon.signals.orders.resampling import PASSED
+from gearmon.signals.orders.resampling import PASSED, resample_to_angle
 
 RATE, COUNT = 2000.0, 40_000
 TIME = np.arange(COUNT) / RATE
@@ -50,7 +49,7 @@ def test_what_would_fold_is_taken_out(order):
     found = angular_waveform(samples, RATE, track, 100)
     inner = found.values[0, 400:-400]
     assert np.abs(inner).max() < 3.0 * 5e-5
-    naive = module.resample_to_angle(samples, RATE, track, 100, 1.0, 9_000)
+    naive = resample_to_angle(samples, RATE, track, 100, 1.0, 9_000)
     assert np.abs(naive).max() > 2.9
 
 
@@ -88,15 +87,6 @@ def test_any_shaft_by_its_ratio(ratio):
     assert found.turns == pytest.approx(ratio * turns(TIME[-1]), abs=2)
     expected = 1.5 * np.cos(2 * np.pi * 3 * found.angle_turns + 0.4)
     np.testing.assert_allclose(found.values[0, 90:-90], expected[90:-90], atol=1e-3)
-
-
-@pytest.mark.parametrize("steps", [None, 37])
-def test_pieces_join_without_a_seam(monkeypatch, steps):
-    track = shaft()[1]
-    samples = white((2, COUNT), seed=4)
-    whole = angular_waveform(samples, RATE, track, steps).values
-    monkeypatch.setattr(module, "_FILTERED", 4000)
-    assert np.abs(angular_waveform(samples, RATE, track, steps).values - whole).max() < 2e-2
 
 
 def test_constant_stays_constant_to_the_ends():

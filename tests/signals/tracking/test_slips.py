@@ -96,7 +96,7 @@ def test_a_second_mesh_tells_how_far_it_slipped(periods):
 
 
 @pytest.mark.parametrize("periods", [-2, 1, 3])
-def test_one_mesh_alone_does_not_tell_how_far_but_its_shaft_does(periods):
+def test_one_mesh_alone_does_not_tell_how_far(periods):
     turns = wandering_turns(TIME, SPEED, 0.005, seed=2)
     samples = machine(turns, (FIRST,), shaft=0.3)
     track = track_with(turns, periods / FIRST, lasting_s=0.4)
@@ -104,8 +104,6 @@ def test_one_mesh_alone_does_not_tell_how_far_but_its_shaft_does(periods):
     alone = check_slips(sums, track)
     assert not alone.locked
     assert alone.lost[0].slipped_turns is None
-    told = check_slips(sums, track, OrderSums(samples, RATE, LOW))
-    assert told.lost[0].slipped_turns == pytest.approx(periods / FIRST, abs=0.3 / FIRST)
 
 
 def test_lines_that_vanish_for_a_while_are_no_slip():
