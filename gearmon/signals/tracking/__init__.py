@@ -21,8 +21,6 @@ from gearmon.signals.tracking.mesh_detection import (
     MeshEvidence,
     combined_comb,
     mesh_evidence,
-    spacing_mismatch,
-    spacing_support,
 )
 from gearmon.signals.tracking.phases import (
     coherent_share,
@@ -31,6 +29,11 @@ from gearmon.signals.tracking.phases import (
     refine_track,
 )
 from gearmon.signals.tracking.ramps import find_path, follow_speed
+from gearmon.signals.tracking.sideband_spacing import (
+    foreign_spacing,
+    spacing_mismatch,
+    spacing_support,
+)
 from gearmon.signals.tracking.slips import LEAST_TURNS, SlipCheck, check_slips
 from gearmon.signals.tracking.tacho import (
     TachoPulses,
@@ -58,6 +61,7 @@ __all__ = [
     "find_path",
     "find_pulses",
     "follow_speed",
+    "foreign_spacing",
     "integrate_speed",
     "join",
     "lock_track",
