@@ -22,7 +22,6 @@ from gearmon.signals.orders import (
     clear_peaks,
     fine_envelope_spectrum,
     fine_spectrum,
-    highest_within,
 )
 from gearmon.signatures.gear_orders import distance_to, known_orders
 
@@ -344,12 +343,20 @@ def _decibels(power: FloatArray) -> NDArray[np.float32]:
     return np.asarray(10 * np.log10(np.maximum(power, np.finfo(float).tiny)), dtype=np.float32)
 
 
+def _highest_within(values: FloatArray, reach: int) -> FloatArray:
+    """Return the highest within `reach` places to either side, fewer at the ends."""
+    from scipy.ndimage import maximum_filter1d
+
+    size = 2 * reach + 1
+    return np.asarray(maximum_filter1d(values, size, axis=-1, mode="constant", cval=-np.inf))
+
+
 def _hidden(spectrum: FineSpectrum, course: _Course, in_time: FloatArray | None) -> FloatArray:
     """Power up to which a line is taken for a part of stronger ones about it, cell by cell."""
     highest = _highest_in_cells(spectrum, 1 / _CELLS_AN_ORDER)
     orders = (np.arange(highest.shape[-1]) + 0.5) / _CELLS_AN_ORDER
     reach = 1 + int(np.ceil(course.reach(spectrum.width) * _CELLS_AN_ORDER))
-    hidden = course.skirt(orders) * highest_within(highest, reach)
+    hidden = course.skirt(orders) * _highest_within(highest, reach)
     if in_time is None:
         return np.asarray(hidden)
     # what was smeared over angle, or is near enough to what was not
@@ -358,7 +365,7 @@ def _hidden(spectrum: FineSpectrum, course: _Course, in_time: FloatArray | None)
     count = min(in_time.shape[-1], hidden.shape[-1])
     half = 1
     for _ in range(int(np.ceil(np.log2(cells.max()))) + 1):
-        wide = highest_within(in_time, half)
+        wide = _highest_within(in_time, half)
         own = (cells[:count] > half / 2) & (cells[:count] <= half)
         hidden[:, :count][:, own] = np.maximum(
             hidden[:, :count][:, own], wide[:, :count][:, own] / _SHARPER

@@ -27,7 +27,6 @@ from gearmon.signals.orders.fine_spectra import (
     fine_envelope_spectrum,
     fine_order_spectrum,
     fine_spectrum,
-    highest_within,
 )
 from gearmon.signals.orders.lines import (
     OrderLines,
@@ -63,7 +62,6 @@ __all__ = [
     "fine_envelope_spectrum",
     "fine_order_spectrum",
     "fine_spectrum",
-    "highest_within",
     "one_turn",
     "order_lines",
     "order_map",

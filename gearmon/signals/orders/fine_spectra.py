@@ -276,16 +276,16 @@ def _of_pieces(
         raise ArgumentError(f"pieces={pieces}: each must hold 8 samples or more, got {block}")
     length = fast_length(2 * block)
     weights = hann(block)
-    heard = np.unique(np.linspace(0, pieces - 1, min(pieces, most)).astype(int))
+    sampled = np.unique(np.linspace(0, pieces - 1, min(pieces, most)).astype(int))
 
     def power_of(piece: int) -> FloatArray:
         values = part(piece)
         # an offset as large as the signal must not hide it behind its own side lobes
         centred = values - values.mean(axis=-1, keepdims=True)
-        return window_powers(centred, weights, length, len(heard) * length)
+        return window_powers(centred, weights, length, len(sampled) * length)
 
-    powers = side_by_side(power_of, [int(piece) for piece in heard], 2 * len(heard) * block)
-    power = np.asarray(sum(powers)) * ((2.0 / weights.sum()) ** 2 / len(heard))
+    powers = side_by_side(power_of, [int(piece) for piece in sampled], 2 * len(sampled) * block)
+    power = np.asarray(sum(powers)) * ((2.0 / weights.sum()) ** 2 / len(sampled))
     step = rate / length
     if share is not None:
         power /= share(step * np.arange(power.shape[-1]))
@@ -294,31 +294,8 @@ def _of_pieces(
         floor=local_floor(power, _FLOOR_BINS),
         step=step,
         width=rate / block,
-        pieces=len(heard),
+        pieces=len(sampled),
     )
-
-
-def highest_within(values: FloatArray, reach: int) -> FloatArray:
-    """Return the running maximum over `reach` places to either side, fewer at the ends.
-
-    Parameters
-    ----------
-    values : ndarray of float, shape (..., n)
-    reach : int, >= 0
-
-    Returns
-    -------
-    ndarray of float, shape (..., n)
-    """
-    count, size = values.shape[-1], 2 * reach + 1
-    ends = np.full((*values.shape[:-1], reach), -np.inf)
-    highest = np.concatenate([ends, values, ends], axis=-1)
-    done = 1  # places that each value is the highest of, from its own on
-    while done < size:
-        more = min(done, size - done)
-        highest = np.maximum(highest[..., : highest.shape[-1] - more], highest[..., more:])
-        done += more
-    return np.asarray(highest[..., :count])
 
 
 def clear_peaks(spectrum: FineSpectrum, least_ratio: float) -> NDArray[np.intp]:

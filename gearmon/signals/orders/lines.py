@@ -34,7 +34,7 @@ ComplexArray = NDArray[np.complex128]
 _QUICK_ERROR = 1e-3
 # Blocks whose spectra tell the noise between the lines; more would only take time.
 _FLOOR_BLOCKS = 32
-# Pieces of a long recording that `order_quality` hears, spread over all of it.
+# Pieces of a long recording that `order_quality` takes, spread over all of it.
 _MOST_PIECES = 16
 # Width of the kernel, steps a cycle of the highest order, and a sample, at the least: what
 # spreading adds is below 1e-6 where there are twice as many steps a cycle, 1e-4 or some 1e-3.
@@ -174,8 +174,8 @@ def order_lines(
     grid, halves, count = _halves(
         samples, sampling_rate_hz, track, orders, block_turns, error if precise else _QUICK_ERROR
     )
-    turns, heard = 2 * halves.turns, _floor_blocks(count - 1)
-    rising, falling, kept = halves.transforms(grid.first_turn, count, heard)
+    turns, sampled = 2 * halves.turns, _floor_blocks(count - 1)
+    rising, falling, kept = halves.transforms(grid.first_turn, count, sampled)
     starts = grid.first_turn + 0.5 * turns * np.arange(count - 1)
     shift = phasors(-orders * starts[:, None])[:, None, :]
     half_turn = phasors(-orders * (0.5 * turns))
@@ -186,7 +186,7 @@ def order_lines(
         amplitude=rows * scale,
         block_turns=turns,
         first_turn=grid.first_turn,
-        noise=_noise(halves, kept, heard),
+        noise=_noise(halves, kept, sampled),
     )
 
 
@@ -212,9 +212,9 @@ def line_noise(
     grid, halves, count = _halves(
         samples, sampling_rate_hz, track, orders, block_turns, _QUICK_ERROR
     )
-    heard = _floor_blocks(count - 1)
-    wanted = sorted({half for block in heard for half in (block, block + 1)})
-    return _noise(halves, halves.some(grid.first_turn, wanted), heard)
+    sampled = _floor_blocks(count - 1)
+    wanted = sorted({half for block in sampled for half in (block, block + 1)})
+    return _noise(halves, halves.some(grid.first_turn, wanted), sampled)
 
 
 def _halves(
@@ -245,9 +245,9 @@ def _floor_blocks(blocks: int) -> range:
     return range(every - 1, blocks, every)
 
 
-def _noise(halves: OrderSTFT, kept: dict[int, FloatArray], heard: range) -> FloatArray:
-    """Noise power at each line, from the blocks between whose lines it is heard."""
-    floor = _floor_at(halves.powers(kept, heard), halves.orders / halves.bin_order, len(heard))
+def _noise(halves: OrderSTFT, kept: dict[int, FloatArray], sampled: range) -> FloatArray:
+    """Noise power at each line, from the blocks between whose lines it is measured."""
+    floor = _floor_at(halves.powers(kept, sampled), halves.orders / halves.bin_order, len(sampled))
     scale = np.where(halves.orders > 0, 2.0, 1.0) / (halves.steps * halves.response)
     noise: FloatArray = floor * scale**2
     return noise
@@ -330,8 +330,8 @@ def order_quality(
         gridding.spread(grid.first_turn + piece * block / per_turn, part)
         return window_powers(part, window, length, pieces * length)
 
-    heard = np.unique(np.linspace(0, pieces - 1, min(pieces, _MOST_PIECES)).astype(int))
-    powers = side_by_side(power, [int(piece) for piece in heard], 2 * len(heard) * block)
+    sampled = np.unique(np.linspace(0, pieces - 1, min(pieces, _MOST_PIECES)).astype(int))
+    powers = side_by_side(power, [int(piece) for piece in sampled], 2 * len(sampled) * block)
     total: FloatArray = sum(powers, np.zeros(1))
     quality: FloatArray = np.log1p(total / local_floor(total, 384)).mean(axis=0)
     return quality, grid.per_turn / length
@@ -393,7 +393,7 @@ class OrderSTFT:
         return 0.25 / self.turns
 
     def transforms(
-        self, first_turn: float, count: int, heard: range
+        self, first_turn: float, count: int, sampled: range
     ) -> tuple[ComplexArray, ComplexArray, dict[int, FloatArray]]:
         """Transform all halves under the rising and the falling half of the window.
 
@@ -403,7 +403,7 @@ class OrderSTFT:
             Where the first half begins [turns].
         count : int
             How many halves there are.
-        heard : range
+        sampled : range
             Blocks whose halves are to be kept.
 
         Returns
@@ -415,7 +415,7 @@ class OrderSTFT:
         """
         total = 2 * count * self.steps * self.channels
         plan = line_plan(self.steps, self.orders * self.turns, self.beside, total)
-        wanted = {half for block in heard for half in (block, block + 1)}
+        wanted = {half for block in sampled for half in (block, block + 1)}
         together = max(1, _TOGETHER // self.steps)
 
         def part(first: int) -> tuple[ComplexArray, ComplexArray, dict[int, FloatArray]]:
@@ -448,19 +448,19 @@ class OrderSTFT:
         work = len(wanted) * self.steps * self.channels
         return dict(zip(wanted, side_by_side(half, wanted, work), strict=True))
 
-    def powers(self, kept: dict[int, FloatArray], heard: range) -> FloatArray:
+    def powers(self, kept: dict[int, FloatArray], sampled: range) -> FloatArray:
         """Mean power of the plain Hann spectra of blocks, (channels, bins)."""
         window = hann(2 * self.steps)
         length = 4 * self.steps
 
-        work = len(heard) * length * self.channels
+        work = len(sampled) * length * self.channels
 
         def power(number: int) -> FloatArray:
             block = np.concatenate([kept[number], kept[number + 1]], axis=-1)
             block -= block.mean(axis=-1, keepdims=True)
             return window_powers(block, window, length, work)
 
-        total: FloatArray = sum(side_by_side(power, heard, work), np.zeros(1)) / len(heard)
+        total: FloatArray = sum(side_by_side(power, sampled, work), np.zeros(1)) / len(sampled)
         return total
 
 

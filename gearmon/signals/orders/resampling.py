@@ -145,7 +145,7 @@ def _doubled_weights(chunk: FloatArray) -> FloatArray:
     """Weights of quintic B-splines, two a sample, that interpolate a periodic band-limited chunk.
 
     The chunk is brought to twice its rate by a low-pass that reaches 40 samples to either side and
-    leaves the samples as they are: what is wrong beyond an end of the recording is not heard
+    leaves the samples as they are: what is wrong beyond an end of the recording does not reach
     further inside. A low-pass with an edge at half the rate would ring by 1/(pi k^2) at k samples.
     """
     half = np.fft.rfft(chunk)

@@ -87,7 +87,7 @@ class OrderSums:
         self.orders = orders
         self._read: Stretches | None = None
         self._roots = _roots(orders)
-        self._heard: list[_Known] = []
+        self._tracks: list[_Known] = []
         self._noise: dict[float, FloatArray] = {}
 
     def blocks(self, track: AngleTrack, block_turns: float, top: float = np.inf) -> OrderLines:
@@ -119,8 +119,8 @@ class OrderSums:
         halves = 2 * (grid.count - block) // block + 2
         edges: FloatArray = grid.first_turn + 0.5 * turns * np.arange(halves + 1.0)
         chosen = np.flatnonzero(self.orders <= max(top, float(self.orders.min())))
-        heard, read = self._near(track)
-        cut = _Cut.of(heard.angle, edges)
+        known, read = self._near(track)
+        cut = _Cut.of(known.angle, edges)
         rising = np.cos(np.pi * cut.share)
 
         def half_sums(wave: ComplexArray) -> ComplexArray:
@@ -128,7 +128,7 @@ class OrderSums:
             both: ComplexArray = 0.5 * (even[:-1] + even[1:] - odd[:-1] + odd[1:])
             return both
 
-        amplitude = self._turned(heard, read, chosen.tolist(), half_sums)
+        amplitude = self._turned(known, read, chosen.tolist(), half_sums)
         return OrderLines(
             orders=self.orders[chosen],
             amplitude=amplitude * (2.0 / (0.5 * turns)),
@@ -151,8 +151,8 @@ class OrderSums:
         -------
         SlidingLines
         """
-        heard, read = self._near(track)
-        angle = heard.angle
+        known, read = self._near(track)
+        angle = known.angle
         low, high = float(angle[0]), float(angle[-1])
         hop = min(block_turns, 0.25 * (high - low)) / 4
         count = int((high - low) / hop + 1e-9) + 1
@@ -168,7 +168,7 @@ class OrderSums:
             total += near[2:-1] + far[1:-2] - far[3:] - near[:-3]
             return 0.5 * total
 
-        amplitude = self._turned(heard, read, range(len(self.orders)), block_sums)
+        amplitude = self._turned(known, read, range(len(self.orders)), block_sums)
         steps, middle = np.diff(angle), 0.5 * (angle[1:] + angle[:-1])
         weight = block_sums(_padded(steps)).real
         moment = block_sums(_padded(steps * (middle - low))).real
@@ -183,24 +183,24 @@ class OrderSums:
         return AngleGrid.of(self.samples.shape[-1], self.sampling_rate_hz, track, top)
 
     def _near(self, track: AngleTrack) -> tuple[_Known, Stretches]:
-        """Return what is heard in a track, and sums that suit it."""
+        """Return what is known of a track, and sums that suit it."""
         if self._read is not None:
-            for heard in self._heard:
-                if heard.track is track:
-                    return heard, self._read
+            for known in self._tracks:
+                if known.track is track:
+                    return known, self._read
             angle = _angle_at(track, self._read.edges_s)
             if self._read.departure(angle) < _NEAR:
-                self._heard = [*self._heard[1 - _REMEMBERED :], _Known(track=track, angle=angle)]
-                return self._heard[-1], self._read
+                self._tracks = [*self._tracks[1 - _REMEMBERED :], _Known(track=track, angle=angle)]
+                return self._tracks[-1], self._read
             self._noise = {}
         read = Stretches.of(self.samples, self.sampling_rate_hz, track, self.orders)
         self._read = read
-        self._heard = [_Known(track=track, angle=_angle_at(track, read.edges_s))]
-        return self._heard[-1], read
+        self._tracks = [_Known(track=track, angle=_angle_at(track, read.edges_s))]
+        return self._tracks[-1], read
 
     def _turned(
         self,
-        heard: _Known,
+        known: _Known,
         read: Stretches,
         lines: Sequence[int],
         sums_of: Callable[[ComplexArray], ComplexArray],
@@ -209,7 +209,7 @@ class OrderSums:
 
         Parameters
         ----------
-        heard : _Known
+        known : _Known
             The track.
         read : Stretches
             The sums.
@@ -222,24 +222,24 @@ class OrderSums:
         -------
         ndarray of complex, shape (sums, channels, lines)
         """
-        angle = heard.angle
+        angle = known.angle
         middle, steps = 0.5 * (angle[1:] + angle[:-1]), np.diff(angle) / read.length
         work = 4 * len(lines) * len(self.samples) * len(steps)
         wanted = {root for root, multiple in map(self._roots.__getitem__, lines) if multiple > 1}
-        new = sorted(wanted - set(heard.roots))
+        new = sorted(wanted - set(known.roots))
 
         def turned(number: int) -> ComplexArray:
             return phasors(-self.orders[number] * middle)
 
-        heard.roots |= zip(new, side_by_side(turned, new, work), strict=True)
+        known.roots |= zip(new, side_by_side(turned, new, work), strict=True)
 
         def line(number: int) -> ComplexArray:
             root, multiple = self._roots[number]
-            known = heard.roots.get(root)
-            turn = (turned(root) if known is None else known) * steps
-            if known is not None:
+            phasor = known.roots.get(root)
+            turn = (turned(root) if phasor is None else phasor) * steps
+            if phasor is not None:
                 for _ in range(multiple - 1):
-                    turn *= known
+                    turn *= phasor
             found = []
             for real, imag in read.sums[:, :, number]:
                 wave = _padded(real)
@@ -260,7 +260,7 @@ class OrderSums:
 
 @dataclass(kw_only=True, eq=False)
 class _Known:
-    """What was heard in one track.
+    """What is known of one track.
 
     `angle` is that of the edges of the stretches [turns], `roots` the phasors of some orders by
     their numbers, stretch by stretch.

@@ -212,7 +212,7 @@ def scan_speed(
     ratio = _candidates(bin_hz / nominal_hz, used, tolerance)
     starts = np.arange(0, count - block + 1, hop)
     if len(starts) > 3 and starts[-1] != count - block:
-        starts = np.append(starts, count - block)  # hears the recording to its end
+        starts = np.append(starts, count - block)  # takes the recording to its end
     centre_s = (starts + block / 2) / sampling_rate_hz
     middle = np.full(len(starts), nominal_hz) if around is None else around.at(centre_s)
     kept, stride = _kept_blocks(len(starts), 1 if hop == block else 2)

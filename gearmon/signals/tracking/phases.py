@@ -133,12 +133,12 @@ def coherent_share(sums: OrderSums, track: AngleTrack) -> float:
     turns = float(track.turns[-1] - track.turns[0])
     lines = sums.blocks(track, min(_BLOCK_TURNS, turns / 4))
     power = np.mean(np.abs(lines.amplitude) ** 2, axis=0)
-    heard = power > _CLEAR * lines.noise
-    if not heard.any():
+    clear = power > _CLEAR * lines.noise
+    if not clear.any():
         return 0.0
     blocks = lines.amplitude.shape[0]
     still = np.abs(lines.mean) ** 2 - lines.noise / blocks
-    share = still[heard] / (power - lines.noise)[heard]
+    share = still[clear] / (power - lines.noise)[clear]
     return float(np.clip(share, 0.0, 1.0).mean())
 
 
@@ -206,7 +206,7 @@ def _smoothed(
     Returns the smoothed increments, the error left per increment, and the degrees of freedom.
     """
     prior = 1.0 / step**2
-    # a weak pull to the first track settles recordings in which no line is heard at all
+    # a weak pull to the first track settles recordings in which no line is clear at all
     diagonal = weight + 1e-3 * prior
     diagonal[:-1] += prior
     diagonal[1:] += prior
@@ -289,7 +289,7 @@ def lock_track(sums: OrderSums, track: AngleTrack) -> AngleTrack:
     Returns
     -------
     AngleTrack
-        The track; unchanged but for an infinite uncertainty if no line can be heard.
+        The track; unchanged but for an infinite uncertainty if no line is clear.
 
     Notes
     -----
@@ -357,19 +357,19 @@ def _locked(track: AngleTrack, lines: SlidingLines) -> AngleTrack:
         mean = _mean_at_speed(turned, hats)
         rest = np.angle(turned * np.conj(mean)) / (2 * np.pi)
         variance = np.mean(rest**2, axis=0) + _FLOOR_CYCLES**2
-        heard = variance < 0.5 * _NOISE_VARIANCE
+        clear = variance < 0.5 * _NOISE_VARIANCE
         weight = np.where(
-            heard & (np.abs(rest) < _GATE_CYCLES), order**2 / (variance * _OVERLAP), 0.0
+            clear & (np.abs(rest) < _GATE_CYCLES), order**2 / (variance * _OVERLAP), 0.0
         )
         total = weight.sum(axis=1)
         departure = rest / order
         vote = error + (weight * departure).sum(axis=1) / np.maximum(total, 1e-300)
         error = _smoothed_angle(vote, total, step)
-    if not heard.any():
+    if not clear.any():
         return shifted_track(track, lines.angle, np.zeros(len(error)), float("inf"))
     quick = float(np.mean(((weight * departure) ** 2).sum(axis=1)) / np.mean(total) ** 2)
-    drift = np.unwrap(np.angle(mean[:, heard]), axis=0) / (2 * np.pi * order[heard])
-    slow = float(np.average(np.var(drift, axis=0), weights=(order**2 / variance)[heard]))
+    drift = np.unwrap(np.angle(mean[:, clear]), axis=0) / (2 * np.pi * order[clear])
+    slow = float(np.average(np.var(drift, axis=0), weights=(order**2 / variance)[clear]))
     return shifted_track(track, lines.angle, error, float(np.sqrt(quick + slow)))
 
 

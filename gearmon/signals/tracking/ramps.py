@@ -2,7 +2,7 @@
 
 Short blocks hold a rising speed still enough for lines to show; the best path through them is found
 by dynamic programming over log frequency, a quarter about the nominal speed wide. Read at equal
-steps of that path's angle the lines stand nearly still, so that the comb and then the phases of the
+steps of that path's angle the lines are nearly steady, so that the comb and then the phases of the
 mesh lines tell the rest.
 """
 
@@ -113,7 +113,7 @@ def find_path(
     nearest = np.minimum(place, bins).astype(np.intp)
     starts = np.arange(0, count - block + 1, hop)
     if len(starts) > 3 and starts[-1] != count - block:
-        starts = np.append(starts, count - block)  # hears the recording to its end
+        starts = np.append(starts, count - block)  # takes the recording to its end
     window = hann(block)
     scores = np.empty((len(starts), len(ratio)))
     total = len(starts) * samples.shape[0] * length
@@ -142,7 +142,7 @@ def unwarp(
     block_turns: float,
     tolerance: float,
 ) -> AngleTrack:
-    """Follow a comb again in the angle of a first track, where its lines nearly stand still.
+    """Follow a comb again in the angle of a first track, where its lines are nearly steady.
 
     Parameters
     ----------
@@ -214,7 +214,7 @@ def follow_speed(
     track = integrate_speed(path, (samples.shape[-1] - 1) / sampling_rate_hz)
     for block_turns, tolerance in _UNWARPED:
         track = unwarp(samples, sampling_rate_hz, track, comb, block_turns, tolerance)
-    heard = orders[orders < 0.45 * sampling_rate_hz / float(track.speed_hz.max())]
-    if len(heard) == 0:
+    within = orders[orders < 0.45 * sampling_rate_hz / float(track.speed_hz.max())]
+    if len(within) == 0:
         return track
-    return lock_track(OrderSums(samples, sampling_rate_hz, heard), track)
+    return lock_track(OrderSums(samples, sampling_rate_hz, within), track)

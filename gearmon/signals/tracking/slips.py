@@ -1,7 +1,7 @@
 """Whether an angle stays locked to the lines that it was found by, and how far it may be off.
 
 An angle that is followed by the phases of mesh lines may slip by whole mesh periods where the lines
-are faint or another line takes over; afterwards the lines stand as still as before. But on the way
+are faint or another line takes over; afterwards the lines are as coherent as before. But on the way
 they do not: against its own mean over the turns about it each line then turns, all of them at once.
 Where that shows, lines whose orders are no multiples of one another tell by their phases before and
 after by how much the angle has slipped: those of other stages, and those of the shafts.
@@ -32,8 +32,8 @@ LEAST_TURNS = 8.0
 _BLOCK_TURNS = 2.0
 # Turns to either side whose mean a line is compared with, and over which its delay is followed.
 _ABOUT_TURNS, _DELAY_TURNS = 30.0, 8.0
-# Phase scatter of a line that is listened to [cycles], and what even the clearest may err.
-_HEARD_CYCLES, _FLOOR_CYCLES = 0.12, 0.005
+# Phase scatter of a line that counts [cycles], and what even the clearest may err.
+_CLEAR_CYCLES, _FLOOR_CYCLES = 0.12, 0.005
 # Share of a line's usual strength below which its mean is no measure of it.
 _FAINT = 0.3
 # Coherence below which an angle is lost, and up to which a lost stretch reaches.
@@ -62,7 +62,7 @@ _OVERLAP = 2.7
 
 @dataclass(frozen=True, kw_only=True)
 class LostStretch:
-    """A stretch in which the lines do not stand still in the angle.
+    """A stretch in which the lines are not phase-coherent in the angle.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ class SlipCheck:
     time_s : ndarray of float, shape (blocks,)
         Centres of blocks half a turn apart [s].
     coherence : ndarray of float, shape (blocks,)
-        Mean over the lines of their part in phase with their own mean: 1 while they stand still, 0
+        Mean over the lines of their part in phase with their own mean: 1 while they are coherent, 0
         while they turn.
     uncertainty_turns : ndarray of float, shape (blocks,)
         Standard deviation of the angle about the true one [turns], a common offset left out; after
@@ -165,28 +165,28 @@ def check_slips(sums: OrderSums, track: AngleTrack) -> SlipCheck:
     mean = _about(lines.amplitude, _ABOUT_TURNS / hop)
     phase = np.angle(lines.amplitude * np.conj(mean)) / (2 * np.pi)
     scatter = np.median(np.abs(phase), axis=0) / 0.6745
-    heard = scatter < _HEARD_CYCLES
+    clear = scatter < _CLEAR_CYCLES
     time_s = track.time_at(lines.angle)
-    if not heard.any():
-        return _nothing_heard(time_s, lines.angle)
-    coherence = _coherence(lines.amplitude[:, heard], mean[:, heard])
+    if not clear.any():
+        return _no_clear_line(time_s, lines.angle)
+    coherence = _coherence(lines.amplitude[:, clear], mean[:, clear])
     stretches = _stretches(coherence, hop)
     sound = np.ones(len(time_s), dtype=np.bool_)
     for start, stop in stretches:
         sound[start:stop] = False
     if not sound.any():
-        return _nothing_heard(time_s, lines.angle)
-    told = _part(lines, heard)
+        return _no_clear_line(time_s, lines.angle)
+    told = _part(lines, clear)
     lost = tuple(_lost(told, time_s, stretches, number) for number in range(len(stretches)))
-    weight = lines.orders[heard] ** 2 / (scatter[heard] ** 2 + _FLOOR_CYCLES**2)
-    variance = _variance(told, phase[:, heard], weight, sound, time_s)
+    weight = lines.orders[clear] ** 2 / (scatter[clear] ** 2 + _FLOOR_CYCLES**2)
+    variance = _variance(told, phase[:, clear], weight, sound, time_s)
     variance += _astray(stretches, lost, sound) ** 2
     return SlipCheck(
         time_s=time_s, coherence=coherence, uncertainty_turns=np.sqrt(variance), lost=lost
     )
 
 
-def _nothing_heard(time_s: FloatArray, angle: FloatArray) -> SlipCheck:
+def _no_clear_line(time_s: FloatArray, angle: FloatArray) -> SlipCheck:
     """Return the check of an angle that no line holds."""
     turns = float(angle[-1] - angle[0])
     return SlipCheck(
@@ -330,7 +330,7 @@ def _turned(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """By how many cycles lines are turned after a stretch, their orders, and how surely."""
     centre, order = lines.angle, lines.orders
-    # blocks that reach into the stretch hear what is lost
+    # blocks that reach into the stretch hold what is lost
     apart = 2 * float(np.median(np.diff(centre)))
     low, begin, end, high = angles
     low, begin, end, high = low + apart, begin - apart, end + apart, high - apart

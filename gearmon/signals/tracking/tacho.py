@@ -483,14 +483,14 @@ def join(sums: OrderSums, known: AngleTrack, time_s: FloatArray, turns: FloatArr
     Returns
     -------
     Joined
-        With the angle of the pulses if the lines stand no stiller in the other one, or if that
+        With the angle of the pulses if the lines are no more coherent in the other one, or if that
         departs from the pulses by more than their scatter allows: over any 25 pulses in the mean by
         more than half a sample and four standard deviations of the mean of so many.
 
     Notes
     -----
     The times of the pulses are smoothed over the angle, as stiffly as their likelihood wants under
-    a random walk of the speed, and at least over the blocks that lines are heard in. The lines are
+    a random walk of the speed, and at least over the blocks that lines are judged in. The lines are
     locked from there on (`lock_track`). What the pulses then lie beside the angle is their scatter
     and a drift, of which the likelihood under a random walk tells whether it is
     there at all; without, the mean is taken: so the quantisation of n pulses goes down by sqrt(n).
@@ -513,7 +513,7 @@ def join(sums: OrderSums, known: AngleTrack, time_s: FloatArray, turns: FloatArr
         return Joined(track=known)
     doubt = min(track.uncertainty_turns, known.uncertainty_turns)
     joined = replace(track, turns=moved, uncertainty_turns=doubt, indexed=known.indexed)
-    if _stillness(sums, joined) <= _stillness(sums, known):
+    if _coherence(sums, joined) <= _coherence(sums, known):
         return Joined(track=known)
     beyond = pulses.departure(turns - joined.turns_at(time_s))
     if beyond > 1.0:
@@ -575,8 +575,8 @@ class _Pulses:
         return float(np.max(np.abs(means)) / allowed)
 
 
-def _stillness(sums: OrderSums, track: AngleTrack) -> float:
-    """Mean over the lines of the share of their power that stands still, noise included."""
+def _coherence(sums: OrderSums, track: AngleTrack) -> float:
+    """Mean over the lines of the share of their power that is phase-coherent, noise included."""
     amplitude = sums.sliding(track, _JUDGED_TURNS).amplitude
     power = np.maximum(np.mean(np.abs(amplitude) ** 2, axis=0), np.finfo(float).tiny)
     return float(np.mean(np.abs(amplitude.mean(axis=0)) ** 2 / power))

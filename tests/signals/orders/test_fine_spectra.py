@@ -12,7 +12,6 @@ from gearmon.signals.orders import (
     fine_envelope_spectrum,
     fine_order_spectrum,
     fine_spectrum,
-    highest_within,
 )
 from gearmon.signals.orders import fine_spectra as module
 
@@ -124,15 +123,6 @@ def test_bad_arguments_are_refused():
         fine_spectrum(samples, 0.0)
     with pytest.raises(ArgumentError, match="top_order"):
         fine_envelope_spectrum(samples, RATE, TRACK, 0.0)
-
-
-@pytest.mark.parametrize("reach", [0, 1, 2, 7, 40])
-def test_highest_within_a_reach_is_found_one_by_one(reach):
-    values = white((2, 30), seed=reach)
-    slow = [
-        [max(row[max(0, i - reach) : i + reach + 1]) for i in range(len(row))] for row in values
-    ]
-    np.testing.assert_array_equal(highest_within(values, reach), slow)
 
 
 @pytest.mark.parametrize("most", [2, 5])
