@@ -23,7 +23,7 @@ _PLANS_PAY_FROM, _WINDOWED_PAYS_FROM = 1 << 20, 1 << 22
 # Buffers of so many numbers stay in the cache of a processor core.
 _CACHED = 1 << 15
 # Plans held by each thread, and the largest buffer that is held [numbers].
-_PLANS_HELD, LARGEST_HELD = 12, 1 << 22
+_PLANS_HELD, _LARGEST_HELD = 12, 1 << 22
 # Up to here any length transforms in milliseconds; above, awkward ones take ten times as long.
 _ANY_LENGTH_BELOW = 1 << 14
 
@@ -173,7 +173,7 @@ def batch(length: int, rows: int, total: int, *, inverse: bool = False) -> Batch
         As for `Batch`.
     """
     planned = total >= _PLANS_PAY_FROM
-    if length * rows > LARGEST_HELD:
+    if length * rows > _LARGEST_HELD:
         return Batch(length, rows, inverse=inverse, planned=planned)
     held: OrderedDict[tuple[int, int, bool, bool], Batch]
     held = _HELD.__dict__.setdefault("batches", OrderedDict())

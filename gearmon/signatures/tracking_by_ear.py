@@ -13,7 +13,7 @@ import numpy as np
 
 from gearmon.machine import Machine
 from gearmon.signals.angle import AngleTrack
-from gearmon.signals.orders import OrderSums, order_quality
+from gearmon.signals.orders import OrderSums, fine_order_spectrum
 from gearmon.signals.tracking import (
     LEAST_TURNS,
     SlipCheck,
@@ -211,9 +211,9 @@ def _spacing_agrees(heard: Heard, judged: Tracking) -> bool:
     speeds = judged.track.speed_hz
     nominal = heard.nominal_hz
     low, high = (1 - SPEED_TOLERANCE) * speeds.min(), (1 + SPEED_TOLERANCE) * speeds.max()
-    quality = order_quality(
-        heard.samples, heard.rate, judged.track, max(1, heard.samples.shape[-1] >> 18)
-    )
+    pieces = max(1, heard.samples.shape[-1] >> 18)
+    spectrum = fine_order_spectrum(heard.samples, heard.rate, judged.track, pieces)
+    quality = spectrum.quality, spectrum.step
     supported = False
     combs = mesh_combs(heard.train, heard.nominal_hz)
     for mesh, comb, seen in zip(heard.train.meshes, combs, judged.evidence, strict=True):

@@ -31,7 +31,6 @@ from gearmon.signals.orders.fine_spectra import (
 from gearmon.signals.orders.lines import (
     OrderLines,
     order_lines,
-    order_quality,
     synchronous_average,
     variance_of_mean,
 )
@@ -65,7 +64,6 @@ __all__ = [
     "one_turn",
     "order_lines",
     "order_map",
-    "order_quality",
     "quick_spreading",
     "resample_to_angle",
     "synchronous_average",

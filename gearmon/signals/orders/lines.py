@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError
 from gearmon.signals.angle import AngleTrack, phasors
-from gearmon.signals.orders.nonuniform_fft import Kernel, Spreading, quick_spreading
+from gearmon.signals.orders.nonuniform_fft import Kernel, Spreading
 from gearmon.signals.orders.resampling import AngleGrid
 from gearmon.signals.spectra import hann, local_floor
 from gearmon.signals.threads import side_by_side
@@ -34,8 +34,6 @@ ComplexArray = NDArray[np.complex128]
 _QUICK_ERROR = 1e-3
 # Blocks whose spectra tell the noise between the lines; more would only take time.
 _FLOOR_BLOCKS = 32
-# Pieces of a long recording that `order_quality` takes, spread over all of it.
-_MOST_PIECES = 16
 # Width of the kernel, steps a cycle of the highest order, and a sample, at the least: what
 # spreading adds is below 1e-6 where there are twice as many steps a cycle, 1e-4 or some 1e-3.
 _PRECISE, _MIDDLE, _QUICK = (8, 2.6, 1.0), (6, 3.2, 0.25), (4, 2.6, 0.25)
@@ -292,49 +290,6 @@ def synchronous_average(lines: OrderLines, rotation_order: float, per_turn: int)
     spectrum[:, number[chosen]] = lines.mean[:, chosen]
     result: FloatArray = np.fft.irfft(spectrum, n=per_turn, axis=-1) * per_turn / 2
     return result
-
-
-def order_quality(
-    samples: FloatArray, sampling_rate_hz: float, track: AngleTrack, pieces: int = 1
-) -> tuple[FloatArray, float]:
-    """Log signal-to-noise ratio against order, as finely resolved as the recording allows.
-
-    Parameters
-    ----------
-    samples : ndarray of float, shape (channels, n)
-        The signals.
-    sampling_rate_hz : float
-        Sampling rate [Hz].
-    track : AngleTrack
-        Angle of shaft 1 against time.
-    pieces : int
-        Consecutive pieces whose powers are averaged; of more than 16 so many, spread evenly.
-
-    Returns
-    -------
-    quality : ndarray of float, shape (bins,)
-        log(1 + power over local floor), mean over channels.
-    bin_order : float
-        Spacing of the bins [orders].
-    """
-    grid = AngleGrid.of(samples.shape[-1], sampling_rate_hz, track, 0.0)
-    block = grid.count // pieces
-    length = fast_length(2 * block)
-    window = hann(block)
-    per_turn = float(grid.per_turn)
-    # the floor tells what spreading takes of an order as well as what the noise has there
-    gridding = quick_spreading(samples, sampling_rate_hz, track, per_turn)
-
-    def power(piece: int) -> FloatArray:
-        part = np.empty((samples.shape[0], block))
-        gridding.spread(grid.first_turn + piece * block / per_turn, part)
-        return window_powers(part, window, length, pieces * length)
-
-    sampled = np.unique(np.linspace(0, pieces - 1, min(pieces, _MOST_PIECES)).astype(int))
-    powers = side_by_side(power, [int(piece) for piece in sampled], 2 * len(sampled) * block)
-    total: FloatArray = sum(powers, np.zeros(1))
-    quality: FloatArray = np.log1p(total / local_floor(total, 384)).mean(axis=0)
-    return quality, grid.per_turn / length
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.signals.angle import AngleTrack
+from gearmon.signals.orders.resampling import odd_stretch
 
 FloatArray = NDArray[np.float64]
 
@@ -214,7 +215,7 @@ class Spreading:
         np.copyto(index, first, casting="unsafe")
         end = begin + int(index[-1]) + taps
         for row, channel in enumerate(self._samples):
-            near = _stretch(channel, begin, end)
+            near = odd_stretch(channel, begin, end)
             for k in range(taps):
                 near[k:].take(index, out=taken[k], mode="clip")
             np.einsum("kn,kn->n", taken, weights, out=out[row])
@@ -298,17 +299,3 @@ def _nodes(taps: int, degree: int) -> tuple[FloatArray, FloatArray]:
     for held in (away, fit):
         held.flags.writeable = False
     return away, fit
-
-
-def _stretch(channel: FloatArray, begin: int, end: int) -> FloatArray:
-    """Return samples from `begin` to before `end`, odd about the first and last one beyond.
-
-    A step there would stand out from a line that begins or ends with the recording.
-    """
-    last = len(channel) - 1
-    if begin >= 0 and end <= last + 1:
-        return channel[begin:end]
-    index = np.arange(begin, end)
-    inside = np.clip(index, 0, last)
-    beyond = np.clip(2 * inside - index, 0, last)
-    return np.where(index == inside, channel[inside], 2.0 * channel[inside] - channel[beyond])

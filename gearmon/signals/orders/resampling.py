@@ -107,7 +107,6 @@ def _read_at(samples: FloatArray, position: FloatArray, oversampling: int) -> Fl
     first = int(position[0]) - _MARGIN
     stop = int(position[-1]) + 2 + _MARGIN
     length = fast_length(stop - first)
-    index, mirrored, end = _beyond_ends(np.arange(first, first + length), last)
     taper = np.ones(length)
     ramp = 0.5 - 0.5 * np.cos(np.pi * np.arange(_MARGIN // 2) / (_MARGIN // 2))
     taper[: len(ramp)] = ramp
@@ -115,7 +114,7 @@ def _read_at(samples: FloatArray, position: FloatArray, oversampling: int) -> Fl
     coordinates = oversampling * (position - first)[None, :]
     result = np.empty((samples.shape[0], len(position)))
     for row, channel in enumerate(samples):
-        chunk = np.where(mirrored, 2.0 * channel[end] - channel[index], channel[index])
+        chunk = odd_stretch(channel, first, first + length)
         level = float(chunk.mean())
         tapered = (chunk - level) * taper
         if oversampling == 2:
@@ -128,17 +127,19 @@ def _read_at(samples: FloatArray, position: FloatArray, oversampling: int) -> Fl
     return result
 
 
-def _beyond_ends(
-    index: NDArray[np.int64], last: int
-) -> tuple[NDArray[np.int64], NDArray[np.bool_], NDArray[np.int64]]:
-    """Continue a recording oddly about its first and last sample.
+def odd_stretch(channel: FloatArray, begin: int, end: int) -> FloatArray:
+    """Return samples from `begin` to before `end`, odd about the first and last one beyond.
 
-    Value and slope then go on smoothly: a step there would ring through the transform.
+    Value and slope then go on smoothly: a step there would ring through a transform, or stand out
+    from a line that begins or ends with the recording.
     """
-    below, above = index < 0, index > last
-    reflected = np.where(below, -index, np.where(above, 2 * last - index, index))
-    end = np.where(above, last, 0)
-    return np.clip(reflected, 0, last), below | above, end
+    last = len(channel) - 1
+    if begin >= 0 and end <= last + 1:
+        return channel[begin:end]
+    index = np.arange(begin, end)
+    inside = np.clip(index, 0, last)
+    beyond = np.clip(2 * inside - index, 0, last)
+    return np.where(index == inside, channel[inside], 2.0 * channel[inside] - channel[beyond])
 
 
 def _doubled_weights(chunk: FloatArray) -> FloatArray:

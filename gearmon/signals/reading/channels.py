@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -25,12 +24,11 @@ from gearmon.signals.reading.fields import (
     acceleration_factor,
 )
 from gearmon.signals.reading.timebase import counts_evenly, rises_evenly, sampling_rate
+from gearmon.signals.threads import side_by_side
 
 ACCELERATION_UNIT = "m/s2"
 # Up to this size a copy without gaps between the channels costs nothing worth saving.
 _SMALL_BYTES = 32 * 1024 * 1024
-# From this size on threads are worth starting.
-_LONG_BYTES = 16 * 1024 * 1024
 _REMEDY_ALONE = "correct the file, or name the channels to use with --channel"
 
 
@@ -278,7 +276,9 @@ def _usable(
         for index, column in enumerate(columns)
         if column.kind not in ("time", "index") and not _is_unwanted(index, column, wanted)
     ]
-    surveys = _surveys(content.values, looked_at)
+    surveys = side_by_side(
+        lambda index: survey(content.values[index]), looked_at, content.values.size
+    )
     for index, found in zip(looked_at, surveys, strict=True):
         column = columns[index]
         fatal, note = _judged(content, index, column, wanted, found)
@@ -298,16 +298,6 @@ def _is_unwanted(index: int, column: Column, wanted: _Spoken) -> bool:
     if wanted.channels is None:
         return False
     return index not in wanted.channels and column.kind in ("vibration", "other")
-
-
-def _surveys(values: Floats, indices: Sequence[int]) -> list[Survey]:
-    """Survey channels, by threads where they are long."""
-    if values.nbytes < _LONG_BYTES or len(indices) < 2:
-        return [survey(values[index]) for index in indices]
-    from concurrent.futures import ThreadPoolExecutor  # short recordings do without
-
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        return list(pool.map(lambda index: survey(values[index]), indices))
 
 
 def _judged(

@@ -29,7 +29,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from gearmon.errors import ArgumentError, check_positive, check_range, nearest_name
 from gearmon.signals.transforms import (
-    LARGEST_HELD,
     batch,
     fill,
     quick_length,
@@ -184,23 +183,6 @@ def hann(length: int) -> FloatArray:
     return window("hann", length)
 
 
-def _axis(rate: float, length: int) -> FloatArray:
-    """Line frequencies of a transform; read-only."""
-    return _held_axis(rate, length) if length <= LARGEST_HELD else _new_axis(rate, length)
-
-
-@lru_cache(maxsize=4)
-def _held_axis(rate: float, length: int) -> FloatArray:
-    return _new_axis(rate, length)
-
-
-def _new_axis(rate: float, length: int) -> FloatArray:
-    axis = np.arange(length // 2 + 1.0)
-    axis *= rate / length
-    axis.flags.writeable = False
-    return axis
-
-
 def _magnitudes(signals: FloatArray, length: int, weights: FloatArray) -> FloatArray:
     """Magnitudes of windowed transforms, shape (channels, length // 2 + 1)."""
     values = np.empty((len(signals), length // 2 + 1))
@@ -278,7 +260,7 @@ def amplitude_spectrum(
         values[:, -1] /= folded
     _check_finite(values)
     return Spectrum(
-        frequency_hz=_axis(sampling_rate_hz, length),
+        frequency_hz=sampling_rate_hz / length * np.arange(length // 2 + 1.0),
         values=values,
         quantity=quantity,
         resolution_hz=noise_bandwidth(window_name) * sampling_rate_hz / count,
@@ -327,7 +309,7 @@ def power_density(
     values[:, 1 : (length + 1) // 2] *= 2.0
     _check_finite(values)
     return Spectrum(
-        frequency_hz=_axis(sampling_rate_hz, length),
+        frequency_hz=sampling_rate_hz / length * np.arange(length // 2 + 1.0),
         values=values,
         quantity="density",
         resolution_hz=noise_bandwidth(window_name) * sampling_rate_hz / block,

@@ -13,6 +13,7 @@ pulse from an uneven one; the spacing is learned.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -406,15 +407,8 @@ def misplaced(time_s: FloatArray, per_turn: int) -> int | None:
         return None
     number = np.arange(len(time_s))
     angle = number // per_turn + learn_spacing(time_s, per_turn)[number % per_turn]
-    nodes = [slice(0, -4), slice(1, -3), slice(3, -1), slice(4, None)]
-    here = angle[2:-2]
-    cubic = np.zeros(len(here))
-    for own in nodes:
-        weight = np.ones(len(here))
-        for other in nodes:
-            if other != own:
-                weight *= (here - angle[other]) / (angle[own] - angle[other])
-        cubic += weight * time_s[own]
+    four = [slice(0, -4), slice(1, -3), slice(3, -1), slice(4, None)]
+    cubic = _cubic_at(angle[2:-2], [angle[k] for k in four], [time_s[k] for k in four])
     interval = np.diff(time_s)
     off = np.abs(time_s[2:-2] - cubic) / np.minimum(interval[1:-2], interval[2:-1])
     usual = float(np.median(off)) / 0.6745
@@ -453,15 +447,21 @@ def learn_spacing(time_s: FloatArray, per_turn: int) -> FloatArray:
         length = np.diff(first)[:, None]
         shares: FloatArray = np.median((table[:-1] - first[:-1, None]) / length, axis=0)
         return shares
-    before, start, end, after = first[:-3], first[1:-2], first[2:-1], first[3:]
-    at = table[1:-2]
-    # Lagrange's cubic through the angles -1, 0, 1, 2 of the same pulse
-    nodes = np.stack([before, start, end, after])
-    angle = np.zeros_like(at)
-    for i, value in enumerate((-1.0, 0.0, 1.0, 2.0)):
-        term = np.full_like(at, value)
-        for j in range(4):
-            if j != i:
-                term *= (at - nodes[j][:, None]) / (nodes[i] - nodes[j])[:, None]
-        angle += term
+    # the angles -1, 0, 1, 2 of the same pulse
+    four = [part[:, None] for part in (first[:-3], first[1:-2], first[2:-1], first[3:])]
+    angle = _cubic_at(table[1:-2], four, [np.float64(k) for k in (-1, 0, 1, 2)])
     return np.asarray(np.median(angle, axis=0))
+
+
+def _cubic_at(
+    x: FloatArray, nodes: Sequence[FloatArray], values: Sequence[FloatArray | np.float64]
+) -> FloatArray:
+    """Return Lagrange's cubic through the values at four nodes."""
+    cubic = np.zeros(x.shape)
+    for own, value in zip(nodes, values, strict=True):
+        weight = np.ones(x.shape)
+        for other in nodes:
+            if other is not own:
+                weight *= (x - other) / (own - other)
+        cubic += weight * value
+    return cubic

@@ -146,3 +146,20 @@ def test_whitened_envelope_is_that_of_the_analytic_signal(count):
     analytic = np.fft.ifft(lines, length, norm="forward")
     found = module._whitened_envelope(samples, samples.size)
     np.testing.assert_allclose(found, np.abs(analytic[:, : count // 2 * 2 : 2]) ** 2, rtol=1e-9)
+
+
+@pytest.mark.parametrize("pieces", [1, 3])
+def test_quality_peaks_at_the_lines(pieces):
+    samples = lines_on(angle(TIME), [7.25, 13.0], [0.5, 0.5])
+    samples = np.vstack([samples, 1e3 * samples]) + white((2, len(TIME)), seed=5) * [[1.0], [1e3]]
+    found = fine_order_spectrum(samples, RATE, TRACK, pieces)
+    quality, bin_order = found.quality, found.step
+    peaks = np.sort(np.argsort(quality)[-6:]) * bin_order
+    near = np.minimum(np.abs(peaks - 7.25), np.abs(peaks - 13.0))
+    assert quality[round(7.25 / bin_order)] > 4
+    assert quality[round(13.0 / bin_order)] > 4
+    assert near.max() <= 2.5 * bin_order
+    assert np.median(quality) < 1.5
+    # the scale of a channel does not matter
+    other = fine_order_spectrum(samples * [[5.0], [0.01]], RATE, TRACK, pieces).quality
+    np.testing.assert_allclose(other, quality, rtol=1e-6)

@@ -15,7 +15,6 @@ from gearmon.signals.orders import (
     AngleGrid,
     OrderLines,
     order_lines,
-    order_quality,
     synchronous_average,
 )
 from gearmon.signals.orders import lines as lines_module
@@ -224,23 +223,6 @@ def test_average_leaves_out_lines_of_others_and_those_too_high():
     angles = 2 * np.pi * np.arange(16) / 16
     expected = np.cos(angles) + np.cos(2 * angles)
     np.testing.assert_allclose(synchronous_average(lines, 1.0, 16)[0], expected, atol=1e-12)
-
-
-@pytest.mark.parametrize("pieces", [1, 3])
-def test_order_quality_peaks_at_the_lines(pieces):
-    turns, curve = wandering()
-    samples = lines_on(turns(np.arange(20_000) / RATE), [7.25, 13.0], [0.5, 0.5])
-    samples = np.vstack([samples, 1e3 * samples]) + white((2, 20_000), seed=5) * [[1.0], [1e3]]
-    quality, bin_order = order_quality(samples, RATE, curve, pieces)
-    peaks = np.sort(np.argsort(quality)[-6:]) * bin_order
-    near = np.minimum(np.abs(peaks - 7.25), np.abs(peaks - 13.0))
-    assert quality[round(7.25 / bin_order)] > 4
-    assert quality[round(13.0 / bin_order)] > 4
-    assert near.max() <= 2.5 * bin_order
-    assert np.median(quality) < 1.5
-    # the scale of a channel does not matter
-    other, _ = order_quality(samples * [[5.0], [0.01]], RATE, curve, pieces)
-    np.testing.assert_allclose(other, quality, rtol=1e-6)
 
 
 @pytest.mark.parametrize("count", [30, 400])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from reference.synthetic_signals import constant_track, lines_on, wandering_turns, white
 
-from gearmon.signals.orders import order_quality
+from gearmon.signals.orders import fine_order_spectrum
 from gearmon.signals.tracking import (
     MeshComb,
     MeshEvidence,
@@ -173,7 +173,8 @@ def test_mesh_near_half_the_sampling_rate_can_be_judged():
 def quality_of(orders, levels, seed=0, duration=10.0):
     time = np.arange(int(duration * RATE)) / RATE
     samples = lines_on(NOMINAL * time, orders, levels) + white((1, len(time)), seed=seed)
-    return order_quality(samples, RATE, constant_track(NOMINAL, time[-1]))
+    found = fine_order_spectrum(samples, RATE, constant_track(NOMINAL, time[-1]))
+    return found.quality, found.step
 
 
 SIDES = (-2, -1, 0, 1, 2)

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import os
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -230,12 +230,4 @@ def _with_samples(layout: _Layout, begin: int, length: int, size: int) -> _Layou
             f"{layout.path}: its {length} bytes of samples are no whole number of samples of "
             f"{layout.frame_bytes} bytes; copy it again"
         )
-    return _Layout(
-        path=layout.path,
-        tag=layout.tag,
-        channels=layout.channels,
-        rate=layout.rate,
-        bits=layout.bits,
-        begin=begin,
-        frames=length // layout.frame_bytes,
-    )
+    return replace(layout, begin=begin, frames=length // layout.frame_bytes)
