@@ -58,8 +58,8 @@ if TYPE_CHECKING:
     from gearmon.machine import load_machine as load_machine
     from gearmon.report.html import write_report as write_report
     from gearmon.signals.orders import angular_waveform as angular_waveform
-    from gearmon.signals.orders import order_map as order_map
-    from gearmon.signals.orders import time_synchronous_average as time_synchronous_average
+    from gearmon.signals.orders.averages import time_synchronous_average as time_synchronous_average
+    from gearmon.signals.orders.maps import order_map as order_map
     from gearmon.signals.recording import Recording as Recording
     from gearmon.signals.recording import open_recording as open_recording
     from gearmon.signals.recording import read_recording as read_recording

@@ -23,9 +23,11 @@ from gearmon.files import write_atomically
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, load_machine
 from gearmon.machine.example import EXAMPLE
-from gearmon.signals.orders import fine_order_spectrum, order_lines
+from gearmon.signals.orders import order_lines
+from gearmon.signals.orders.fine_spectra import fine_order_spectrum
 from gearmon.signals.recording import Recording, read_recording
-from gearmon.signals.spectra import amplitude_spectrum, envelope_spectrum, kurtogram, power_density
+from gearmon.signals.spectra import amplitude_spectrum, power_density
+from gearmon.signals.spectra.demodulation import envelope_spectrum, kurtogram
 from gearmon.signals.transforms import batch
 from gearmon.signatures.indicator_table import indicator_table
 from gearmon.signatures.measured import LEAKAGE, PIECES_HEARD, MeasuredSignature

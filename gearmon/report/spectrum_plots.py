@@ -39,7 +39,8 @@ from gearmon.report.wording import (
     unit_text,
 )
 from gearmon.signals.recording import Recording
-from gearmon.signals.spectra import Kurtogram, Spectrum
+from gearmon.signals.spectra import Spectrum
+from gearmon.signals.spectra.demodulation import Kurtogram
 from gearmon.signatures.families import MESH_HARMONICS, NEAR_SIDEBANDS, Family
 from gearmon.signatures.line_marks import Mark
 from gearmon.signatures.measured import MeasuredSignature, MeshFinding

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from gearmon.gears.kinematics import Kinematics, Mesh
 from gearmon.signals.angle import AngleTrack
-from gearmon.signals.orders import OrderSums
+from gearmon.signals.orders.sums import OrderSums
 from gearmon.signals.threads import at_once
-from gearmon.signals.tracking import MeshEvidence, SpeedScan, SpeedTrack, mesh_evidence, scan_speed
+from gearmon.signals.tracking.comb import SpeedScan, SpeedTrack, scan_speed
+from gearmon.signals.tracking.mesh_detection import MeshEvidence, mesh_evidence
 from gearmon.signatures.families import MESH_HARMONICS, group_orders, mesh_harmonics
 from gearmon.signatures.speed import SPEED_TOLERANCE, machine_comb, mesh_combs
 

@@ -13,13 +13,13 @@ from gearmon.errors import RecordingError
 from gearmon.gears.kinematics import Kinematics, kinematics
 from gearmon.machine import Machine
 from gearmon.signals.angle import AngleTrack
-from gearmon.signals.orders import FineSpectrum, OrderLines, fine_order_spectrum, order_lines
+from gearmon.signals.orders import OrderLines, order_lines
+from gearmon.signals.orders.fine_spectra import FineSpectrum, fine_order_spectrum
 from gearmon.signals.recording import Recording
 from gearmon.signals.spectra import power_density
 from gearmon.signals.threads import at_once
-from gearmon.signals.tracking import (
-    MeshComb,
-    MeshEvidence,
+from gearmon.signals.tracking.mesh_detection import MeshComb, MeshEvidence
+from gearmon.signals.tracking.sideband_spacing import (
     foreign_spacing,
     spacing_mismatch,
     spacing_support,

@@ -17,7 +17,7 @@ from scipy.special import gammaincc, gammainccinv
 
 from gearmon.gears.kinematics import Kinematics
 from gearmon.signals.angle import AngleTrack
-from gearmon.signals.orders import (
+from gearmon.signals.orders.fine_spectra import (
     FineSpectrum,
     clear_peaks,
     fine_envelope_spectrum,

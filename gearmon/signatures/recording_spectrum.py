@@ -12,15 +12,12 @@ from numpy.typing import NDArray
 from gearmon.errors import ArgumentError, check_range
 from gearmon.machine import Machine
 from gearmon.signals.recording import Recording
-from gearmon.signals.spectra import (
+from gearmon.signals.spectra import amplitude_spectrum, half_lobe, line_amplitude, power_density
+from gearmon.signals.spectra.demodulation import (
     Kurtogram,
-    amplitude_spectrum,
     cyclic_coherence,
     envelope_spectrum,
-    half_lobe,
     kurtogram,
-    line_amplitude,
-    power_density,
     real_cepstrum,
 )
 from gearmon.signals.transforms import fast_length

@@ -10,11 +10,11 @@ from gearmon.gears.kinematics import Kinematics
 from gearmon.machine import Machine
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.recording import Recording
-from gearmon.signals.tracking import (
-    SpeedScan,
+from gearmon.signals.tracking.comb import SpeedScan
+from gearmon.signals.tracking.phases import integrate_speed
+from gearmon.signals.tracking.tacho import (
     TachoPulses,
     find_pulses,
-    integrate_speed,
     join,
     pulse_angles,
     pulses_per_turn,

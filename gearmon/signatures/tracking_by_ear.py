@@ -13,21 +13,18 @@ import numpy as np
 
 from gearmon.machine import Machine
 from gearmon.signals.angle import AngleTrack
-from gearmon.signals.orders import OrderSums, fine_order_spectrum
-from gearmon.signals.tracking import (
-    LEAST_TURNS,
-    SlipCheck,
-    check_slips,
+from gearmon.signals.orders.fine_spectra import fine_order_spectrum
+from gearmon.signals.orders.sums import OrderSums
+from gearmon.signals.tracking.comb import scan_speed
+from gearmon.signals.tracking.phases import (
     coherent_share,
-    find_path,
-    follow_speed,
     integrate_speed,
     lock_track,
     refine_track,
-    scan_speed,
-    spacing_mismatch,
-    spacing_support,
 )
+from gearmon.signals.tracking.ramps import find_path, follow_speed
+from gearmon.signals.tracking.sideband_spacing import spacing_mismatch, spacing_support
+from gearmon.signals.tracking.slips import LEAST_TURNS, SlipCheck, check_slips
 from gearmon.signatures.hearing import Heard, Tracking, judge, wander
 from gearmon.signatures.speed import SPEED_TOLERANCE, machine_comb, mesh_combs
 

@@ -31,7 +31,7 @@ from gearmon.signals.orders.resampling import (
     steps_to_keep_all,
     whole_turns,
 )
-from gearmon.signals.spectra import half_lobe, window
+from gearmon.signals.spectra.spectrum import half_lobe, window
 from gearmon.signals.transforms import fast_length
 
 FloatArray = NDArray[np.float64]

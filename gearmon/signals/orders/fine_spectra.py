@@ -17,7 +17,7 @@ from gearmon.errors import ArgumentError, check_positive
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.orders.nonuniform_fft import Kernel, Spreading
 from gearmon.signals.orders.resampling import AngleGrid
-from gearmon.signals.spectra import hann, local_floor
+from gearmon.signals.spectra.spectrum import hann, local_floor
 from gearmon.signals.threads import side_by_side
 from gearmon.signals.transforms import batch, fast_length, window_powers
 

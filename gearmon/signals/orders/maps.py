@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from gearmon.errors import ArgumentError, check_positive
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.orders.resampling import READ_UP_TO, AngleGrid, angle_blocks
-from gearmon.signals.spectra import amplitude_spectrum
+from gearmon.signals.spectra.spectrum import amplitude_spectrum
 from gearmon.signals.transforms import fast_length
 
 FloatArray = NDArray[np.float64]

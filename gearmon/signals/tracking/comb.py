@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError, check_positive, check_range
-from gearmon.signals.spectra import hann, local_floor
+from gearmon.signals.spectra.spectrum import hann, local_floor
 from gearmon.signals.threads import side_by_side
 from gearmon.signals.transforms import fast_length, windowed_transforms
 

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.signals.angle import AngleTrack, phasors
-from gearmon.signals.orders import OrderLines, OrderSums, SlidingLines
+from gearmon.signals.orders.lines import OrderLines
+from gearmon.signals.orders.sums import OrderSums, SlidingLines
 from gearmon.signals.tracking.comb import SpeedTrack
 
 FloatArray = NDArray[np.float64]

@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 
 from gearmon.errors import check_positive, check_range
 from gearmon.signals.angle import AngleTrack
-from gearmon.signals.orders import AngleGrid, OrderSums, quick_spreading
-from gearmon.signals.spectra import hann
+from gearmon.signals.orders.nonuniform_fft import quick_spreading
+from gearmon.signals.orders.resampling import AngleGrid
+from gearmon.signals.orders.sums import OrderSums
+from gearmon.signals.spectra.spectrum import hann
 from gearmon.signals.threads import side_by_side
 from gearmon.signals.tracking.comb import (
     Comb,

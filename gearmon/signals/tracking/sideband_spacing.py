@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
-from gearmon.signals.orders import FineSpectrum
+from gearmon.signals.orders.fine_spectra import FineSpectrum
 from gearmon.signals.tracking.mesh_detection import FOUND_FROM, MeshComb
 
 FloatArray = NDArray[np.float64]

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError
 from gearmon.signals.angle import AngleTrack, phasors
-from gearmon.signals.orders import OrderSums, SlidingLines
+from gearmon.signals.orders.sums import OrderSums, SlidingLines
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gearmon.errors import ArgumentError, RecordingError, check_positive, check_range
 from gearmon.signals.angle import AngleTrack
-from gearmon.signals.orders import OrderSums
+from gearmon.signals.orders.sums import OrderSums
 from gearmon.signals.tracking.phases import lock_track
 from gearmon.signals.tracking.pulse_repair import (
     Repaired,

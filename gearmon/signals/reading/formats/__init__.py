@@ -60,7 +60,7 @@ class Format:
 TEXT = Format("text")
 _BINARY = Format("a binary file of unknown kind")
 _UFF = Format("a universal file (UFF)", (), "instruments.read_universal", "pyuff", "uff")
-_NPZ = Format("a NumPy archive (npz)", (), "numpy_files.read_npz")
+_NPZ = Format("a NumPy archive (npz)", (), "named_arrays.read_npz")
 _XLSX = Format("an Excel workbook (xlsx)")
 _ZIP = Format("a zip archive", (b"PK\x05\x06",), remedy=_UNPACK)
 _TAR = Format("a tar archive", remedy=_UNPACK)
@@ -69,8 +69,8 @@ _PAGE = "save the file itself, not the page that offers it"
 _FORMATS = (
     Format("a WAV sound file", (b"RIFF", b"RF64", b"BW64"), "sound.read_wav"),
     Format("a FLAC sound file", (b"fLaC",), "sound.read_flac", "soundfile", "flac"),
-    Format("a NumPy array (npy)", (b"\x93NUMPY",), "numpy_files.read_npy"),
-    Format("a MATLAB file", (b"MATLAB 5.0 MAT-file",), "matlab.read_mat"),
+    Format("a NumPy array (npy)", (b"\x93NUMPY",), "named_arrays.read_npy"),
+    Format("a MATLAB file", (b"MATLAB 5.0 MAT-file",), "named_arrays.read_mat"),
     Format(
         "an HDF5 or MATLAB 7.3 file",
         (b"\x89HDF\r\n\x1a\n", b"MATLAB 7.3 MAT-file"),
