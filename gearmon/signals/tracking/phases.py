@@ -19,35 +19,23 @@ from gearmon.signals.angle import AngleTrack, phasors
 from gearmon.signals.orders.lines import OrderLines
 from gearmon.signals.orders.sums import OrderSums, SlidingLines
 from gearmon.signals.tracking.comb import SpeedTrack
+from gearmon.signals.tracking.thresholds import LIMITS, QUARTER_HOP
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-# Phase noise that modulation and interference leave on even the clearest line [cycles].
-_PHASE_FLOOR_CYCLES = 0.01
-# Power over noise from which the phase of a line is listened to.
-_CLEAR = 6.0
 # Blocks that tell whether lines are phase-coherent [turns].
 _BLOCK_TURNS = 5.0
 # Errors of the speed that each pass expects: they bound the orders that it may use.
 _SPEED_ERRORS = (1e-2, 3e-3, 1e-3, 1e-4)
 # Length of the blocks: enough to part mesh lines from the sidebands of shaft 1 [turns].
 _LOCK_TURNS = 4.0
-# Speeds at which a line has a mean of its own, their relative distance: the path turns it between.
-_CLASS_WIDTH = 0.04
 # Readings of the recording.
 _PASSES = 2
 # Solutions a reading: up to which share of the highest order lines are listened to.
 _LIMITS = (0.4, 0.7, 1.0, 1.0, 1.0)
-# A vote further than this from the consensus has slipped; what even the clearest line may err.
-_GATE_CYCLES = 0.25
-_FLOOR_CYCLES = 0.005
 # Phases of noise scatter evenly over a cycle, variance 1/12; a line near that is not listened to.
 _NOISE_VARIANCE = 1.0 / 12.0
-# Hann blocks a quarter of their length apart are worth this many independent ones.
-_OVERLAP = 2.7
-# How restless the speed may be: standard deviation of its relative change in one second.
-_WANDER = 0.02
 
 
 def integrate_speed(speed: SpeedTrack, duration_s: float) -> AngleTrack:
@@ -134,7 +122,7 @@ def coherent_share(sums: OrderSums, track: AngleTrack) -> float:
     turns = float(track.turns[-1] - track.turns[0])
     lines = sums.blocks(track, min(_BLOCK_TURNS, turns / 4))
     power = np.mean(np.abs(lines.amplitude) ** 2, axis=0)
-    clear = power > _CLEAR * lines.noise
+    clear = power > LIMITS.clear_power * lines.noise
     if not clear.any():
         return 0.0
     blocks = lines.amplitude.shape[0]
@@ -167,10 +155,10 @@ def _corrected(track: AngleTrack, lines: OrderLines, wander: float) -> tuple[Ang
     product = amplitude[1:] * np.conj(amplitude[:-1])
     order = lines.orders
     strength = np.maximum(np.abs(product), np.finfo(float).tiny)
-    variance = lines.noise / strength / (2 * np.pi) ** 2 + _PHASE_FLOOR_CYCLES**2
+    variance = lines.noise / strength / (2 * np.pi) ** 2 + LIMITS.hop_floor_cycles**2
     weight = order**2 / variance
     # a line below its noise says nothing about phase, however many such lines there are
-    weight = np.where(strength > _CLEAR * lines.noise, weight, 0.0)
+    weight = np.where(strength > LIMITS.clear_power * lines.noise, weight, 0.0)
     error = np.angle(product) / (2 * np.pi * order)
     increment, total = _robust_mean(error, weight, order)
     hop_turns = lines.block_turns / 2
@@ -318,7 +306,7 @@ def _unwound(lines: SlidingLines) -> FloatArray:
     product = lines.amplitude[1:] * np.conj(lines.amplitude[:-1])
     advance = np.angle(product) / (2 * np.pi)
     jump = np.angle(product[1:] * np.conj(product[:-1])) / (2 * np.pi)
-    variance = np.mean(jump**2, axis=0) / 6 + _FLOOR_CYCLES**2
+    variance = np.mean(jump**2, axis=0) / 6 + LIMITS.floor_cycles**2
     weight = np.where(variance < _NOISE_VARIANCE / 6, lines.orders**2 / variance, 0.0)
     total = float(weight.sum())
     if total <= 0:
@@ -326,7 +314,7 @@ def _unwound(lines: SlidingLines) -> FloatArray:
     increment = _median(advance / lines.orders, weight)
     for _ in range(3):
         rest = advance - increment[:, None] * lines.orders
-        votes = weight * (np.abs(rest) < _GATE_CYCLES)
+        votes = weight * (np.abs(rest) < LIMITS.slipped_cycles)
         mass = votes.sum(axis=1)
         mean = (votes * rest / lines.orders).sum(axis=1) / np.maximum(mass, 1e-300)
         increment = increment + np.where(mass > 0, mean, 0.0)
@@ -347,7 +335,7 @@ def _locked(track: AngleTrack, lines: SlidingLines) -> AngleTrack:
     """Solve for the angle error of a track and take it away."""
     hop_turns = float(np.median(np.diff(lines.angle)))
     hop_s = hop_turns / float(np.mean(track.speed_hz))
-    step = _WANDER * np.sqrt(hop_s) * hop_turns
+    step = LIMITS.wander * np.sqrt(hop_s) * hop_turns
     low = 1.01 * float(lines.orders.min())
     error = _unwound(lines)
     hats = _speed_classes(track, lines.angle)
@@ -357,10 +345,10 @@ def _locked(track: AngleTrack, lines: SlidingLines) -> AngleTrack:
         turned = lines.amplitude[:, near] * phasors(np.outer(-error, order))
         mean = _mean_at_speed(turned, hats)
         rest = np.angle(turned * np.conj(mean)) / (2 * np.pi)
-        variance = np.mean(rest**2, axis=0) + _FLOOR_CYCLES**2
+        variance = np.mean(rest**2, axis=0) + LIMITS.floor_cycles**2
         clear = variance < 0.5 * _NOISE_VARIANCE
         weight = np.where(
-            clear & (np.abs(rest) < _GATE_CYCLES), order**2 / (variance * _OVERLAP), 0.0
+            clear & (np.abs(rest) < LIMITS.slipped_cycles), order**2 / (variance * QUARTER_HOP), 0.0
         )
         total = weight.sum(axis=1)
         departure = rest / order
@@ -385,7 +373,7 @@ def _speed_classes(track: AngleTrack, angle: FloatArray) -> FloatArray:
     """Weights of the blocks in overlapping classes of speed, shape (blocks, classes)."""
     time = track.time_at(angle)
     speed = np.gradient(angle, time)
-    place = np.log(speed / speed.min()) / _CLASS_WIDTH
+    place = np.log(speed / speed.min()) / LIMITS.speed_class
     count = max(1, round(float(place.max())))
     place = place * (count / max(float(place.max()), 1e-12)) if count > 1 else 0.0 * place
     classes = np.arange(count + 1 if count > 1 else 1)

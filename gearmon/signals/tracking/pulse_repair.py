@@ -20,38 +20,21 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from gearmon.signals.tracking.thresholds import LIMITS
+
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 # Intervals on either side whose median tells what is typical.
 _NEIGHBOURS = 7
-# Intervals over the typical one below which a pulse is extra, and from which on some are missing.
-_SHORT, _LONG = 0.6, 1.5
-# How far off the cubic through its neighbours a pulse may be: intervals, and robust deviations.
-_OFF, _DEVIATIONS = 0.08, 8.0
-# How far a pulse that scatters may be from its place in a stretch, and a stretch from a whole
-# number of intervals, at the most [intervals].
-_NEAR, _UNEVEN = 0.25, 0.25
-# By which factor the speed may change over a stretch; more may as well be extra pulses.
-_CHANGE = 1.3
 # Sound intervals beside a stretch whose median counts, and sound pulses that are continued.
 _BESIDE, _CONTINUED = 5, 8
-# Share of doubtful pulses beyond which they are only counted.
-_HOPELESS = 0.3
 # Repairs one after the other, the last of which must find nothing.
 _ROUNDS = 4
 # Windows that medians are taken of at a time: they stay in the cache of a processor core.
 _TOGETHER = 1 << 13
 # Turns from which the spacing is first learned.
 _FIRST_TURNS = 6
-# How far from its place a pulse may come, as a share of the smaller interval beside it.
-_EARLY_OR_LATE = 0.35
-# How far the shares of a turn may differ for pulses to be called even.
-_EVEN = 0.05
-# How far off the cubic through its neighbours an uneven pulse may be: smaller intervals beside it.
-_MISPLACED = 0.1
-# Repairs beyond which the sequence is left to the caller's refusal.
-_HOPELESS_UNEVEN = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,9 +89,9 @@ def repair_even(time_s: FloatArray) -> Repaired:
         doubtful, off = _doubtful(found.time_s, interval, typical)
         if not doubtful.any() or found.unclear_s is not None:
             return found
-        if doubtful.mean() > _HOPELESS or doubtful.all():
+        if doubtful.mean() > LIMITS.hopeless or doubtful.all():
             return _counted(time_s, np.diff(time_s) / _typical(np.diff(time_s)))
-        more = _Repair(found.time_s, typical, doubtful, min(off, _NEAR)).done()
+        more = _Repair(found.time_s, typical, doubtful, min(off, LIMITS.near)).done()
         found = replace(more, missing=found.missing + more.missing, extra=found.extra + more.extra)
     return replace(found, unclear_s=float(found.time_s[int(np.argmax(doubtful))]))
 
@@ -131,7 +114,7 @@ def _doubtful(
 ) -> tuple[BoolArray, float]:
     """Return which pulses are in doubt, and how far off their place the others may be [1]."""
     ratio = interval / typical
-    wrong = (ratio < _SHORT) | (ratio >= _LONG)
+    wrong = (ratio < LIMITS.short) | (ratio >= LIMITS.long)
     doubtful = np.zeros(len(time_s), dtype=np.bool_)
     doubtful[:-1] |= wrong
     doubtful[1:] |= wrong
@@ -141,10 +124,10 @@ def _doubtful(
     about = np.convolve(wrong, np.ones(4))[3:-3] > 0 if len(time_s) > 4 else wrong[:0]
     inner = np.abs(departure[2:-2])
     spread = float(np.median(inner[~about])) / 0.6745 if not about.all() else 0.0
-    off = max(_OFF, _DEVIATIONS * spread)
+    off = max(LIMITS.off, LIMITS.deviations * spread)
     doubtful[2:-2] |= (inner > off) & ~about
     # the parabola beyond an end errs three times as much as the cubic between neighbours
-    far = max(_OFF, 3 * _DEVIATIONS * spread)
+    far = max(LIMITS.off, 3 * LIMITS.deviations * spread)
     for way in (1, -1):
         last = _beyond(time_s[::way], typical[::way], wrong[::way], far)
         doubtful[::way][: last + 1] = True
@@ -179,11 +162,11 @@ def _beyond(time_s: FloatArray, typical: FloatArray, wrong: BoolArray, far: floa
 
 def _counted(time_s: FloatArray, ratio: FloatArray) -> Repaired:
     """Count what is wrong with a train that is far beyond repair."""
-    steps = np.rint(ratio[ratio >= _LONG])
+    steps = np.rint(ratio[ratio >= LIMITS.long])
     return Repaired(
         time_s=time_s,
         missing=int(np.sum(np.maximum(steps, 2) - 1)),
-        extra=int(np.count_nonzero(ratio < _SHORT)),
+        extra=int(np.count_nonzero(ratio < LIMITS.short)),
         unclear_s=float(time_s[int(np.argmax(np.abs(np.log(ratio))))]),
     )
 
@@ -226,8 +209,8 @@ class _Repair:
         first, last = self._beside(before, -1), self._beside(after, 1)
         fits = 0.5 * length * (1 / first + 1 / last)
         number = round(fits)
-        steady = 1 / _CHANGE < last / first < _CHANGE
-        if number < 1 or abs(fits - number) > _UNEVEN or not steady:
+        steady = 1 / LIMITS.change < last / first < LIMITS.change
+        if number < 1 or abs(fits - number) > LIMITS.near or not steady:
             self.unclear_s = float(start)
             return
         u = np.arange(1, number) / number
@@ -340,11 +323,11 @@ def _walk(time_s: FloatArray, gaps: FloatArray, per_turn: int) -> tuple[FloatArr
     found = [float(t) for t in time_s[: per_turn + 1]]
     missing = extra = 0
     index = per_turn + 1
-    limit = max(10, int(_HOPELESS_UNEVEN * len(time_s)))
+    limit = max(10, int(LIMITS.hopeless_uneven * len(time_s)))
     while index < len(time_s) and missing + extra <= limit:
         step = (len(found) - 1) % per_turn
         turn = found[-1] - found[-1 - per_turn]
-        reach = _EARLY_OR_LATE * turn * min(gaps[step], gaps[(step + 1) % per_turn])
+        reach = LIMITS.early_or_late * turn * min(gaps[step], gaps[(step + 1) % per_turn])
         late = time_s[index] - (found[-1] + gaps[step] * turn)
         if late > reach:
             found.append(found[-1] + gaps[step] * turn)
@@ -382,9 +365,9 @@ def is_even(time_s: FloatArray, per_turn: int) -> bool:
     if len(time_s) < 3 * per_turn + 1:
         # too few turns to see intervals repeat
         ratio = np.diff(np.log(np.diff(time_s)))
-        return bool(np.median(np.abs(ratio)) < 2 * _EVEN)
+        return bool(np.median(np.abs(ratio)) < 2 * LIMITS.even)
     _, shares = _repeating(time_s, per_turn)
-    return bool(np.max(np.abs(shares * per_turn - 1)) < _EVEN)
+    return bool(np.max(np.abs(shares * per_turn - 1)) < LIMITS.even)
 
 
 def misplaced(time_s: FloatArray, per_turn: int) -> int | None:
@@ -412,7 +395,7 @@ def misplaced(time_s: FloatArray, per_turn: int) -> int | None:
     interval = np.diff(time_s)
     off = np.abs(time_s[2:-2] - cubic) / np.minimum(interval[1:-2], interval[2:-1])
     usual = float(np.median(off)) / 0.6745
-    wrong = np.flatnonzero(off > max(_MISPLACED, _DEVIATIONS * usual))
+    wrong = np.flatnonzero(off > max(LIMITS.misplaced, LIMITS.deviations * usual))
     return int(wrong[0]) + 2 if len(wrong) else None
 
 

@@ -28,24 +28,14 @@ from gearmon.signals.tracking.pulse_repair import (
     repair_even,
     repair_uneven,
 )
+from gearmon.signals.tracking.thresholds import LIMITS
 
 FloatArray = NDArray[np.float64]
 
-# Share of pulses that may be missing or extra before the channel is no longer believed.
-_REPAIRABLE = 0.02
-# How far a nominal speed may be off.
-_SPEED_UNKNOWN = 0.03
-# Fewest pulses that are believed.
-_FEWEST = 4
 # Knots a turn that an angle track gets; of an encoder's many pulses neighbours are averaged.
 _KNOTS_PER_TURN = 16
 
 Edge = Literal["rising", "falling"]
-# Fewest pulses and turns with which it is tried: below, no mean of a line stands for anything.
-_PULSES, _TURNS = 16, 16.0
-# Scatter of the pulses [cycles of the highest line] that the phases of lines do not better: what
-# even the clearest of them err (`phases`).
-_FINE_CYCLES = 0.005
 # Blocks in which lines are judged [turns]: those that they are locked in.
 _JUDGED_TURNS = 4.0
 # Stiffness that smooths pulses over a block before lines are locked: what they scatter faster than
@@ -53,14 +43,6 @@ _JUDGED_TURNS = 4.0
 _STIFF = 8.0
 # Stiffnesses that are tried, powers of two.
 _TRIED = np.arange(-4.0, 31.0, 2.0)
-# Twice the log likelihood that a drift of the lines must gain to be believed: chance gains as much
-# in one recording of a thousand, half of chi square of one degree of freedom.
-_DRIFTS = 10.0
-# Coherence of the fractions of a sample by which edges advance a turn, from which on quantisation
-# beats with the rotation and passes for a drift; of white ones 200 turns give 0.07.
-_BEATS = 0.25
-# Pulses over which the angle must keep to their mean, and standard deviations of that mean.
-_MEAN_OF, _DEVIATIONS = 25, 4.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,8 +120,8 @@ def find_pulses(
         raw = _edges(waveform, middle, margin) / sampling_rate_hz
     else:
         raw = _edges(-np.asarray(waveform), -middle, margin) / sampling_rate_hz
-    if len(raw) < _FEWEST:
-        times = len(waveform) > _FEWEST and bool(np.all(np.diff(waveform) > 0))
+    if len(raw) < LIMITS.fewest_pulses:
+        times = len(waveform) > LIMITS.fewest_pulses and bool(np.all(np.diff(waveform) > 0))
         hint = (
             "; its values only rise, as times of pulses do: give those to track_from_pulse_times"
             if times
@@ -174,7 +156,7 @@ def _repaired_pulses(raw: FloatArray, per_turn: int | None) -> TachoPulses:
         wrong = misplaced(filled, per_turn) if missing or extra else None
         unclear_s = None if wrong is None else float(filled[wrong])
         found = Repaired(time_s=filled, missing=missing, extra=extra, unclear_s=unclear_s)
-    if found.missing + found.extra > max(2, _REPAIRABLE * len(found.time_s)):
+    if found.missing + found.extra > max(2, LIMITS.repairable * len(found.time_s)):
         raise RecordingError(
             f"tacho channel: {found.missing} pulses missing and {found.extra} too many among "
             f"{len(found.time_s)}; at most 2 % can be repaired. Check the sensor, or leave the "
@@ -211,7 +193,7 @@ def pulses_from_times(time_s: ArrayLike, per_turn: int | None = None) -> TachoPu
         than four, or more than 2 % have to be repaired.
     """
     times = np.asarray(time_s, dtype=np.float64)
-    if times.ndim != 1 or len(times) < _FEWEST:
+    if times.ndim != 1 or len(times) < LIMITS.fewest_pulses:
         raise RecordingError(
             f"pulse times: an array of shape {times.shape}; a row of at least 4 times is needed"
         )
@@ -388,7 +370,7 @@ def track_through(time_s: FloatArray, turns: FloatArray, duration_s: float) -> A
 
 def _jitter(time_s: FloatArray, turns: FloatArray) -> float:
     """Return the standard deviation of a pulse's time about its neighbours' line [s]."""
-    if len(time_s) < _FEWEST:
+    if len(time_s) < LIMITS.fewest_pulses:
         return 0.0
     share = (turns[1:-1] - turns[:-2]) / (turns[2:] - turns[:-2])
     off = time_s[1:-1] - (1 - share) * time_s[:-2] - share * time_s[2:]
@@ -433,11 +415,11 @@ def pulses_per_turn(pulses: TachoPulses, shaft_hz: float, tolerance: float = 0.0
     # the mean rate: of uneven pulses no single interval tells it
     rate = (len(times) - 1) / float(times[-1] - times[0])
     count = max(1, round(rate / shaft_hz))
-    if count * _SPEED_UNKNOWN > 0.25:
+    if count * LIMITS.nominal > 0.25:
         raise RecordingError(
             f"tacho channel: about {rate / shaft_hz:.3g} pulses a turn at the nominal "
             f"{shaft_hz:.4g} Hz, too many to count while the speed may be "
-            f"{_SPEED_UNKNOWN:.0%} off; give pulses_per_turn in a [[sensor]] of the machine file"
+            f"{LIMITS.nominal:.0%} off; give pulses_per_turn in a [[sensor]] of the machine file"
         )
     if abs(rate / shaft_hz / count - 1) > tolerance:
         raise RecordingError(
@@ -498,7 +480,7 @@ def join(sums: OrderSums, known: AngleTrack, time_s: FloatArray, turns: FloatArr
     for a drift: none is looked for while the mean explains the pulses.
     """
     pulses = _Pulses.of(known, time_s, turns, sums.sampling_rate_hz)
-    if not pulses.enough or pulses.scatter * float(sums.orders.max()) < _FINE_CYCLES:
+    if not pulses.enough or pulses.scatter * float(sums.orders.max()) < LIMITS.floor_cycles:
         return Joined(track=known)
     course = pulses.course()
     if np.any(np.diff(course) <= 0):
@@ -539,7 +521,7 @@ class _Pulses:
 
     @property
     def enough(self) -> bool:
-        return len(self.turns) >= _PULSES and self.turns[-1] - self.turns[0] >= _TURNS
+        return len(self.turns) >= LIMITS.pulses and self.turns[-1] - self.turns[0] >= LIMITS.turns
 
     @property
     def scatter(self) -> float:
@@ -565,13 +547,15 @@ class _Pulses:
         """Whether edges fall at the same place between two samples turn after turn."""
         lag = max(1, round(self.a_turn))
         samples = self.rate * (course[lag:] - course[:-lag])
-        return self.jitter < self.sample and abs(np.mean(np.exp(2j * np.pi * samples))) > _BEATS
+        return (
+            self.jitter < self.sample and abs(np.mean(np.exp(2j * np.pi * samples))) > LIMITS.beats
+        )
 
     def departure(self, beside: FloatArray) -> float:
         """By how much means of pulses lie beside an angle, over what they may."""
-        count = min(_MEAN_OF, len(beside) // 4)
+        count = min(LIMITS.mean_of, len(beside) // 4)
         means = np.convolve(beside, np.full(count, 1.0 / count), "valid")
-        allowed = 0.5 * self.sample + _DEVIATIONS * self.jitter / np.sqrt(count)
+        allowed = 0.5 * self.sample + LIMITS.mean_deviations * self.jitter / np.sqrt(count)
         return float(np.max(np.abs(means)) / allowed)
 
 
@@ -605,7 +589,7 @@ def _smoothed(x: FloatArray, y: FloatArray, order: int, least: float = 0.0) -> F
         determinant = 2 * np.log(root[0]).sum() - free * np.log(stiff)
         found.append((free * np.log(misfit) + determinant, curve))
     likeliest = min(found, key=lambda one: one[0])
-    believed = likeliest[0] + _DRIFTS < found[-1][0]
+    believed = likeliest[0] + LIMITS.drift < found[-1][0]
     return np.asarray(plain + likeliest[1] if believed else plain)
 
 
