@@ -1,4 +1,4 @@
-"""The angle of shaft 1 in a recording: from a tachometer and the mesh lines, or by ear alone."""
+"""The angle of shaft 1 in a recording: from a tachometer and the mesh lines, or tacholess."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from gearmon.signatures.hearing import (
     wander,
 )
 from gearmon.signatures.speed import SPEED_TOLERANCE, scan_nominal_speeds
-from gearmon.signatures.tracking_by_ear import track_by_ear
+from gearmon.signatures.tacholess import track_tacholess
 
 # How far pulses and comb may be apart before it is asked which of them is right.
 _APART = 0.01
@@ -65,13 +65,13 @@ def track_recording(recording: Recording, machine: Machine, train: Kinematics) -
     samples, rate = vibration.samples, vibration.sampling_rate_hz
     nominal_hz, scan = scan_nominal_speeds(samples, rate, train, machine)
     heard = Heard(samples=samples, rate=rate, train=train, nominal_hz=nominal_hz)
-    ear = _Ear(heard=heard, scan=scan, machine=machine)
+    tacholess = _Tacholess(heard=heard, scan=scan, machine=machine)
     notes: list[str] = []
     for index, kind in enumerate(recording.channel_kinds):
         if kind != "tacho":
             continue
         try:
-            return _with_tacho(recording, index, ear)
+            return _with_tacho(recording, index, tacholess)
         except (ArgumentError, RecordingError) as error:
             if recording.tacho_told:
                 raise
@@ -80,11 +80,11 @@ def track_recording(recording: Recording, machine: Machine, train: Kinematics) -
                 f"{recording.channel_names[index]} is no usable tachometer, though its name "
                 f"suggests one: {why}; the vibration alone tells the angle"
             )
-    return replace(ear.alone, notes=(*notes, *ear.alone.notes))
+    return replace(tacholess.alone, notes=(*notes, *tacholess.alone.notes))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Ear:
+class _Tacholess:
     """What the vibration alone tells, as far as it is asked for."""
 
     heard: Heard
@@ -106,21 +106,21 @@ class _Ear:
         if sums is None:
             note = "no mesh harmonic lies below the Nyquist frequency"
             return replace(self.first, notes=(note,))
-        return track_by_ear(self.heard, sums, self.first, self.machine)
+        return track_tacholess(self.heard, sums, self.first, self.machine)
 
 
-def _with_tacho(recording: Recording, index: int, ear: _Ear) -> Tracking:
+def _with_tacho(recording: Recording, index: int, tacholess: _Tacholess) -> Tracking:
     """Track by the pulses of one channel and the lines between them."""
-    tacho = _Tacho.of(recording, index, ear.machine, ear.heard)
-    if _departs(tacho.track, ear.heard.nominal_hz):
-        found = judge(ear.heard, tacho.track, TACHO_REACH)
+    tacho = _Tacho.of(recording, index, tacholess.machine, tacholess.heard)
+    if _departs(tacho.track, tacholess.heard.nominal_hz):
+        found = judge(tacholess.heard, tacho.track, TACHO_REACH)
         if not recording.tacho_told:
-            _check_believed(found, ear)
+            _check_believed(found, tacholess)
     else:
-        found = _at_pulses(ear, tacho.track)
-        if not recording.tacho_told and _shows_elsewhere(ear.first, tacho.track):
-            _check_believed(judge(ear.heard, tacho.track), ear)
-    track, notes = tacho.joined(ear.heard)
+        found = _at_pulses(tacholess, tacho.track)
+        if not recording.tacho_told and _shows_elsewhere(tacholess.first, tacho.track):
+            _check_believed(judge(tacholess.heard, tacho.track), tacholess)
+    track, notes = tacho.joined(tacholess.heard)
     return replace(found, track=track, notes=notes)
 
 
@@ -128,17 +128,17 @@ def _shows_elsewhere(found: Tracking, track: AngleTrack) -> bool:
     return found.standing > 0 and _apart(track, found.track) > _APART
 
 
-def _at_pulses(ear: _Ear, track: AngleTrack) -> Tracking:
+def _at_pulses(tacholess: _Tacholess, track: AngleTrack) -> Tracking:
     """Judge the meshes at the speed that pulses tell."""
-    heard, scan = ear.heard, ear.scan
+    heard, scan = tacholess.heard, tacholess.scan
     known = speed_in_blocks(track, scan)
     evidence = evidence_of(heard, scan, known.mean_hz, TACHO_REACH, known)
     return Tracking(track=track, nominal_hz=heard.nominal_hz, scan=scan, evidence=evidence)
 
 
-def _check_believed(judged: Tracking, ear: _Ear) -> None:
+def _check_believed(judged: Tracking, tacholess: _Tacholess) -> None:
     """Refuse pulses at whose speed fewer lines show than at another one."""
-    rival = ear.first if ear.first.standing or judged.standing else ear.alone
+    rival = tacholess.first if tacholess.first.standing or judged.standing else tacholess.alone
     if _apart(judged.track, rival.track) > _APART and _clarity(rival) > _clarity(judged):
         raise RecordingError(
             f"the mesh lines stand out less at the {_mean_hz(judged.track):.4g} Hz that its pulses "

@@ -12,8 +12,8 @@ from gearmon.gears.kinematics import kinematics
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.orders import OrderSums
 from gearmon.signatures.hearing import Heard
+from gearmon.signatures.tacholess import _with_doubt
 from gearmon.signatures.tracking import track_recording
-from gearmon.signatures.tracking_by_ear import _with_doubt
 
 
 def slipped(track, turns, at_s, lasting_s=0.4):

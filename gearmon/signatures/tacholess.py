@@ -1,8 +1,9 @@
 """The angle of shaft 1 without a tachometer: a steady comb, or a followed one.
 
-The steady comb is tried first, within 3 % of a nominal speed. Where its lines do not stand still in
-the angle that it gives, or no mesh shows at it, the speed is looked for in short blocks and far
-about the nominal one, and kept only if the mesh stands out better at the speeds so found.
+The steady comb is tried first, within 3 % of a nominal speed. Where its lines are not
+phase-coherent in the angle that it gives, or no mesh shows at it, the speed is looked for in short
+blocks and far about the nominal one, and kept only if the mesh stands out better at the speeds so
+found.
 """
 
 from __future__ import annotations
@@ -30,19 +31,19 @@ from gearmon.signatures.speed import SPEED_TOLERANCE, machine_comb, mesh_combs
 
 # Shorter blocks, searched about the track so far, follow a speed that wanders (turns, tolerance).
 _FINER_SCANS = ((10.0, 0.012), (6.0, 0.006))
-# Share of the mesh lines' power that must stand still in angle for a track to be left alone.
-_STANDING = 0.82
+# Share of the mesh lines' power that must be phase-coherent for a track to be left alone.
+_COHERENT = 0.82
 # Below this share shorter blocks do not mend a track: the speed must be followed.
 _NEARLY = 0.6
 # Above this share nothing is left to gain from shorter blocks.
-_STILL = 0.93
+_ALL_COHERENT = 0.93
 # Below this share the angle of a mesh line is not known to a tenth of its period.
 _LOST = 0.5
 # Wander of the speed from which the ends of a recording need care, relative standard deviation.
 _WANDERS = 1e-3
 # Stretches in which the angle may have slipped that a note names.
 _NAMED = 3
-# How much more of the lines must stand still before a speed far away is believed.
+# How much more of the lines must be phase-coherent before a speed far away is believed.
 _BETTER = 0.02
 # The same if fewer meshes stand out there.
 _FAR_BETTER = 0.2
@@ -56,7 +57,7 @@ _CONTRADICTED = 6.0
 _SUPPORTED = 3.0
 
 
-def track_by_ear(heard: Heard, sums: OrderSums, first: Tracking, machine: Machine) -> Tracking:
+def track_tacholess(heard: Heard, sums: OrderSums, first: Tracking, machine: Machine) -> Tracking:
     """Track without a tachometer, beginning with the track of the comb.
 
     Parameters
@@ -75,12 +76,12 @@ def track_by_ear(heard: Heard, sums: OrderSums, first: Tracking, machine: Machin
     Tracking
     """
     steady, share = _steady(heard, sums, first)
-    calm = share > (_NEARLY if wander(steady) < _WANDERS else _STANDING)
+    calm = share > (_NEARLY if wander(steady) < _WANDERS else _COHERENT)
     if not calm or _elsewhere(heard, first):
         followed = _follow(heard, machine)
         if followed is not None and _outdoes(followed, (first, share)):
             return _with_doubt(heard, *followed)
-        if share <= _STANDING:
+        if share <= _COHERENT:
             steady, share = _finer(heard, sums, first, (steady, share))
     found = replace(first, track=steady)
     return _with_doubt(heard, found, share, sums) if first.standing else found
@@ -105,7 +106,7 @@ def _elsewhere(heard: Heard, first: Tracking) -> bool:
 
 
 def _outdoes(followed: tuple[Tracking, float, OrderSums], steady: tuple[Tracking, float]) -> bool:
-    """Whether a followed speed shows more meshes than a steady one, or lines far more still."""
+    """Whether a followed speed shows more meshes than a steady one, or lines far more coherent."""
     more = followed[0].standing - steady[0].standing
     return more > 0 or followed[1] > steady[1] + (_BETTER if more == 0 else _FAR_BETTER)
 
@@ -117,9 +118,9 @@ def _steady(heard: Heard, sums: OrderSums, first: Tracking) -> tuple[AngleTrack,
     calm = float(np.clip(2.0 / slowest, 8.0, 20.0))
     track = refine_track(sums, first.track, calm)
     share = coherent_share(sums, track)
-    if share > _STANDING and wander(track) > _WANDERS:
+    if share > _COHERENT and wander(track) > _WANDERS:
         return _locked(sums, (track, share))
-    if _NEARLY < share < _STILL:
+    if _NEARLY < share < _ALL_COHERENT:
         best = _better(sums, (track, share), _in_short_blocks(sums, track))
         # an angle that wobbles puts sidebands of slow shafts beside every mesh line
         return _better(sums, best, lock_track(sums, best[0]))
@@ -129,7 +130,7 @@ def _steady(heard: Heard, sums: OrderSums, first: Tracking) -> tuple[AngleTrack,
 def _locked(sums: OrderSums, known: tuple[AngleTrack, float]) -> tuple[AngleTrack, float]:
     """Lock a track that wanders to the lines, which shorter blocks lose half a block from the end.
 
-    A path whose delay changes makes lines that a track stands still in turn a little.
+    A path whose delay changes makes lines that are coherent in a track turn a little.
     """
     return _better(sums, known, lock_track(sums, known[0]), 0.01)
 
@@ -141,7 +142,7 @@ def _in_short_blocks(sums: OrderSums, track: AngleTrack) -> AngleTrack:
 def _better(
     sums: OrderSums, known: tuple[AngleTrack, float], track: AngleTrack, leeway: float = 0.0
 ) -> tuple[AngleTrack, float]:
-    """Return the known track, or another one in which the lines stand more still."""
+    """Return the known track, or another one in which more of the lines is phase-coherent."""
     share = coherent_share(sums, track)
     return (track, share) if share > known[1] - leeway else known
 
@@ -153,19 +154,21 @@ def _finer(
     comb, speed = machine_comb(heard.train, heard.nominal_hz), first.scan.track()
     if best[1] <= _NEARLY:
         best = _better(sums, best, _in_short_blocks(sums, best[0]))
-    enough = _STANDING
+    enough = _COHERENT
     for turns, tolerance in _FINER_SCANS:
         block_s = turns / heard.nominal_hz
         if best[1] > enough or heard.last_s < 8 * block_s:
             break
-        enough = _STILL  # once the speed is known to wander, even its last second must be right
+        enough = (
+            _ALL_COHERENT  # once the speed is known to wander, even its last second must be right
+        )
         finer = scan_speed(
             heard.samples, heard.rate, comb, heard.nominal_hz, tolerance, block_s, around=speed
         )
         speed = finer.track()
         other = _in_short_blocks(sums, integrate_speed(speed, heard.last_s))
         best = _better(sums, best, other)
-    if best[1] > _STANDING and wander(best[0]) > _WANDERS:
+    if best[1] > _COHERENT and wander(best[0]) > _WANDERS:
         best = _locked(sums, best)
     return best
 
@@ -173,7 +176,7 @@ def _finer(
 def _follow(heard: Heard, machine: Machine) -> tuple[Tracking, float, OrderSums] | None:
     """Look for the comb in short blocks far about nominal; None if no mesh stands out there.
 
-    Returns the track, the share of the lines that stands still in it, and the lines.
+    Returns the track, the share of the lines that is coherent in it, and the lines.
     """
     nominal = sorted({point.shaft1_hz for point in machine.operating})
     paths = [
