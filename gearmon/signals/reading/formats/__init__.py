@@ -59,7 +59,7 @@ class Format:
 
 TEXT = Format("text")
 _BINARY = Format("a binary file of unknown kind")
-_UFF = Format("a universal file (UFF)", (), "instruments.read_universal", "pyuff", "uff")
+_UFF = Format("a universal file (UFF)", (), "extras.read_universal", "pyuff", "uff")
 _NPZ = Format("a NumPy archive (npz)", (), "named_arrays.read_npz")
 _XLSX = Format("an Excel workbook (xlsx)")
 _ZIP = Format("a zip archive", (b"PK\x05\x06",), remedy=_UNPACK)
@@ -67,21 +67,21 @@ _TAR = Format("a tar archive", remedy=_UNPACK)
 _PAGE = "save the file itself, not the page that offers it"
 # First match wins.
 _FORMATS = (
-    Format("a WAV sound file", (b"RIFF", b"RF64", b"BW64"), "sound.read_wav"),
-    Format("a FLAC sound file", (b"fLaC",), "sound.read_flac", "soundfile", "flac"),
+    Format("a WAV sound file", (b"RIFF", b"RF64", b"BW64"), "wav.read_wav"),
+    Format("a FLAC sound file", (b"fLaC",), "extras.read_flac", "soundfile", "flac"),
     Format("a NumPy array (npy)", (b"\x93NUMPY",), "named_arrays.read_npy"),
     Format("a MATLAB file", (b"MATLAB 5.0 MAT-file",), "named_arrays.read_mat"),
     Format(
         "an HDF5 or MATLAB 7.3 file",
         (b"\x89HDF\r\n\x1a\n", b"MATLAB 7.3 MAT-file"),
-        "tables.read_hdf5",
+        "extras.read_hdf5",
         "h5py",
         "hdf5",
     ),
     Format(
-        "an Apache Parquet table", (b"PAR1",), "tables.read_parquet", "pyarrow.parquet", "parquet"
+        "an Apache Parquet table", (b"PAR1",), "extras.read_parquet", "pyarrow.parquet", "parquet"
     ),
-    Format("a TDMS file (LabVIEW)", (b"TDSm",), "instruments.read_tdms", "nptdms", "tdms"),
+    Format("a TDMS file (LabVIEW)", (b"TDSm",), "extras.read_tdms", "nptdms", "tdms"),
     _ZIP,
     Format("an Apache Arrow file", (b"ARROW1",)),
     Format("an Ogg sound file", (b"OggS",)),

@@ -1,9 +1,9 @@
-"""Sound files, read in blocks: WAV, whose header is taken apart here, and FLAC by soundfile.
+"""WAV files, read in blocks.
 
-WAV may be plain RIFF, RF64 or BW64 (files beyond 4 GiB), integers of 8, 16, 24 and 32 bits, floats
-of 32 and 64 bits, plain or with an extended format. The samples of a file whose header announces
-more than there are would come out as a shorter recording from soundfile, so the header is taken
-apart here; SciPy reads the whole file, or maps it, and its pages count as memory of the process.
+They may be plain RIFF, RF64 or BW64 (files beyond 4 GiB), integers of 8, 16, 24 and 32 bits, floats
+of 32 and 64 bits, plain or with an extended format. The header is taken apart here: libraries give
+a shorter recording where it announces more samples than there are (soundfile), or take half a
+minute over 8 MB behind a header that was never completed, and no RF64 of this kind (SciPy 1.17).
 
 References
 ----------
@@ -16,19 +16,17 @@ from __future__ import annotations
 import os
 import struct
 from dataclasses import dataclass, replace
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 import numpy as np
 
 from gearmon.errors import RecordingError
 from gearmon.signals.reading.fields import Floats
-from gearmon.signals.reading.formats.arrays import Array, Holding, reading
+from gearmon.signals.reading.formats.arrays import Array, Holding
 
 _INTEGERS, _FLOATS, _EXTENSIBLE = 0x0001, 0x0003, 0xFFFE
 _UNKNOWN_SIZE = 0xFFFFFFFF
 _BIAS_8_BITS = 128
-# What soundfile says of a file that does not tell how long it is.
-_ENDLESS = 1 << 62
 _DTYPES = {
     (_INTEGERS, 8): "u1",
     (_INTEGERS, 16): "<i2",
@@ -84,48 +82,6 @@ def read_wav(path: str, what: str) -> Holding:
         "[[sensor]] of the machine file"
     )
     return Holding(path=path, what=what, arrays=(array,), together=True, notes=(note,))
-
-
-def read_flac(path: str, what: str) -> Holding:
-    """Return what a FLAC file holds: one array, its sampling rate, no unit.
-
-    Raises
-    ------
-    RecordingError
-        If the file is damaged.
-    """
-    import soundfile
-
-    with reading(path, what):
-        file = soundfile.SoundFile(path)
-    if not 0 < file.frames < _ENDLESS:
-        file.close()
-        raise RecordingError(f"{path}: a FLAC file that does not tell its length; pack it anew")
-    array = Array(
-        name="",
-        names=("",) * file.channels,
-        count=int(file.frames),
-        read=_flac_reader(file),
-        units=(None,) * file.channels,
-        rate_hz=float(file.samplerate),
-    )
-    note = (
-        f"{file.subtype.replace('PCM_', '')}-bit integer, full scale is taken as 1; a FLAC file "
-        "tells no unit: state unit and sensitivity in a [[sensor]] of the machine file"
-    )
-    return Holding(
-        path=path, what=what, arrays=(array,), together=True, notes=(note,), close=file.close
-    )
-
-
-def _flac_reader(file: Any) -> Any:
-    def read(start: int, stop: int) -> Floats:
-        if file.tell() != start:
-            file.seek(start)
-        part = file.read(stop - start, dtype="float64", always_2d=True)
-        return np.asarray(part, dtype=np.float64).T
-
-    return read
 
 
 def _samples(layout: _Layout, start: int, stop: int) -> Floats:
