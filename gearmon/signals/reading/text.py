@@ -10,7 +10,6 @@ where. Rows with dates are read line by line as well.
 from __future__ import annotations
 
 import io
-import os
 import re
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -39,6 +38,7 @@ from gearmon.signals.reading.fields import (
 )
 from gearmon.signals.reading.layout import Dialect, Layout, counted, find_layout
 from gearmon.signals.reading.source import Block, Source
+from gearmon.signals.threads import cores
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -520,7 +520,7 @@ def parsed_blocks(source: Source, layout: Layout) -> Iterator[tuple[Block, Float
 def _parsed_ahead(
     blocks: Iterator[Block], source: Source, parse: Callable[[bytes], Floats | None]
 ) -> Iterator[tuple[Block, Floats | None]]:
-    threads = min(os.cpu_count() or 1, _MOST_THREADS)
+    threads = min(cores(), _MOST_THREADS)
     if threads == 1 or source.size_hint() < _THREADED_BYTES:
         for block in blocks:
             yield block, parse(block.text)
