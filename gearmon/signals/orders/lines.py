@@ -427,7 +427,7 @@ def _choice(error: float, top: float, whole: float) -> tuple[int, float, float]:
     return _MIDDLE if error >= _MIDDLE_FROM and _MIDDLE[1] * top <= whole else _PRECISE
 
 
-class SumPlan:
+class MatrixPlan:
     """Fourier sums of halves of one length at few fractional bins: one matrix product."""
 
     def __init__(self, steps: int, bins: FloatArray, beside: FloatArray) -> None:
@@ -447,7 +447,7 @@ class SumPlan:
         return value[:, :middle], value[:, middle:]
 
 
-class LinePlan:
+class GriddedPlan:
     """Non-uniform Fourier transform of halves of blocks at many fractional bins.
 
     In the bins of a half that is padded to twice its length the Hann window of the block is
@@ -529,7 +529,7 @@ def _groups(base: NDArray[np.intp], weights: ComplexArray) -> list[tuple[int, in
 
 def line_plan(
     steps: int, bins: FloatArray, beside: FloatArray, total: int = 0
-) -> SumPlan | LinePlan:
+) -> MatrixPlan | GriddedPlan:
     """Return the transform of halves of so many steps at bins [cycles a half].
 
     Parameters
@@ -544,8 +544,8 @@ def line_plan(
         Samples that the caller will transform in all, as for `batch`.
     """
     if len(bins) <= _FEW_LINES and steps * len(bins) <= _LARGEST_MATRIX:
-        return SumPlan(steps, bins, beside)
-    return LinePlan(steps, bins, beside, total)
+        return MatrixPlan(steps, bins, beside)
+    return GriddedPlan(steps, bins, beside, total)
 
 
 def _with_neighbours(weight: ComplexArray, share: FloatArray) -> ComplexArray:

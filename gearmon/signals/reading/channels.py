@@ -11,9 +11,9 @@ import numpy as np
 
 from gearmon.errors import RecordingError
 from gearmon.signals.reading.columns import (
-    Column,
     Content,
-    Survey,
+    DataColumn,
+    Extremes,
     find_column,
     find_defect,
     missing_values,
@@ -60,7 +60,7 @@ class Interpreted:
     ----------
     samples : ndarray of float64, shape (channels, n)
         The numbers in the units of `columns`.
-    columns : tuple of Column
+    columns : tuple of DataColumn
         What the channels are.
     scales : tuple of float
         What the numbers of each channel were multiplied by.
@@ -77,11 +77,11 @@ class Interpreted:
     """
 
     samples: Floats
-    columns: tuple[Column, ...]
+    columns: tuple[DataColumn, ...]
     scales: tuple[float, ...]
     rate_hz: float
     notes: tuple[str, ...]
-    time: Column | None = None
+    time: DataColumn | None = None
     finite: bool = False
     tacho_told: bool = False
 
@@ -194,7 +194,7 @@ def _spoken(content: Content, wanted: Wanted) -> tuple[_Spoken, list[str]]:
     return spoken, absent
 
 
-def _told(content: Content, wanted: _Spoken) -> tuple[Column, ...]:
+def _told(content: Content, wanted: _Spoken) -> tuple[DataColumn, ...]:
     """Let what the user says go before what the file says."""
     told = list(content.columns)
     if content.stamp is not None:
@@ -215,18 +215,18 @@ def _told(content: Content, wanted: _Spoken) -> tuple[Column, ...]:
     return tuple(told)
 
 
-def _tells_tacho(columns: Sequence[Column], wanted: _Spoken) -> bool:
+def _tells_tacho(columns: Sequence[DataColumn], wanted: _Spoken) -> bool:
     """Whether the user said which column is the tacho."""
     return any(columns[index].kind == "tacho" for index in wanted.all)
 
 
-def _recorded_unit(column: Column, sensor: SensorLike) -> str | None:
+def _recorded_unit(column: DataColumn, sensor: SensorLike) -> str | None:
     return column.unit if sensor.sensitivity == 1.0 else None
 
 
 def _confirmed(
-    content: Content, columns: Sequence[Column], wanted: _Spoken
-) -> tuple[tuple[Column, ...], list[str]]:
+    content: Content, columns: Sequence[DataColumn], wanted: _Spoken
+) -> tuple[tuple[DataColumn, ...], list[str]]:
     """Check by the numbers what names only suggest: counters, and a first column that is time."""
     confirmed, remarks = list(columns), []
     timed = any(column.kind == "time" for column in columns)
@@ -243,14 +243,14 @@ def _confirmed(
     return tuple(confirmed), remarks
 
 
-def _no_counter(column: Column) -> str:
+def _no_counter(column: DataColumn) -> str:
     """Return the kind of a column that is named like a counter and does not count."""
     if column.name.lower() == "n":
         return "speed"
     return "other" if len(column.name) > 2 else "vibration"
 
 
-def _first_column(column: Column, values: Floats) -> tuple[str, str]:
+def _first_column(column: DataColumn, values: Floats) -> tuple[str, str]:
     if not rises_evenly(values):
         return "vibration", ""
     if counts_evenly(values):
@@ -262,12 +262,12 @@ def _first_column(column: Column, values: Floats) -> tuple[str, str]:
     return "other", remark
 
 
-def _time_column(columns: Sequence[Column]) -> Column | None:
+def _time_column(columns: Sequence[DataColumn]) -> DataColumn | None:
     return next((column for column in columns if column.kind == "time"), None)
 
 
 def _usable(
-    content: Content, columns: Sequence[Column], wanted: _Spoken
+    content: Content, columns: Sequence[DataColumn], wanted: _Spoken
 ) -> tuple[list[int], list[str], list[float]]:
     """Return the columns to keep, notes on those left out, and the sizes of those kept."""
     kept, notes, bad, largest = [], [], [], []
@@ -294,14 +294,14 @@ def _usable(
     return kept, notes, largest
 
 
-def _is_unwanted(index: int, column: Column, wanted: _Spoken) -> bool:
+def _is_unwanted(index: int, column: DataColumn, wanted: _Spoken) -> bool:
     if wanted.channels is None:
         return False
     return index not in wanted.channels and column.kind in ("vibration", "other")
 
 
 def _judged(
-    content: Content, index: int, column: Column, wanted: _Spoken, found: Survey
+    content: Content, index: int, column: DataColumn, wanted: _Spoken, found: Extremes
 ) -> tuple[bool, str]:
     """Return whether a channel is useless, and what is to be said about it; raise if it matters."""
     values = content.values[index]
@@ -336,7 +336,7 @@ def _missing_text(count: int, total: int) -> str:
     return f"lacks a finite number in {count} of {total} rows ({100 * count / total:.2g} %)"
 
 
-def _raise_no_channel(path: str, columns: Sequence[Column], bad: Sequence[str]) -> None:
+def _raise_no_channel(path: str, columns: Sequence[DataColumn], bad: Sequence[str]) -> None:
     if bad:
         more = f" (and {len(bad) - 1} more)" if len(bad) > 1 else ""
         raise RecordingError(
@@ -347,7 +347,7 @@ def _raise_no_channel(path: str, columns: Sequence[Column], bad: Sequence[str]) 
     raise RecordingError(f"{path}: no vibration channel ({kinds}); name one with --channel")
 
 
-def _other_kinds(columns: Sequence[Column], kept: Sequence[int]) -> list[str]:
+def _other_kinds(columns: Sequence[DataColumn], kept: Sequence[int]) -> list[str]:
     others = [columns[index] for index in kept if columns[index].kind != "vibration"]
     if not others:
         return []
@@ -365,7 +365,7 @@ def _taken(values: Floats, kept: Sequence[int]) -> Floats:
     return np.ascontiguousarray(samples) if samples.nbytes <= _SMALL_BYTES else samples
 
 
-def _unit_and_scale(column: Column, sensor: SensorLike | None) -> tuple[Column, float]:
+def _unit_and_scale(column: DataColumn, sensor: SensorLike | None) -> tuple[DataColumn, float]:
     """Return the channel in its physical unit, and what its numbers must be multiplied by."""
     factor = acceleration_factor(column.unit) if column.kind == "vibration" else None
     scale = (factor or 1.0) / (1.0 if sensor is None else sensor.sensitivity)

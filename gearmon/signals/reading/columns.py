@@ -57,7 +57,7 @@ _CHUNK = 2**16
 
 
 @dataclass(frozen=True, kw_only=True)
-class Column:
+class DataColumn:
     """One column of a table.
 
     Parameters
@@ -106,7 +106,7 @@ class Content:
         The file, for messages.
     values : ndarray of float64, shape (columns, rows)
         The numbers; NaN where one is missing.
-    columns : tuple of Column
+    columns : tuple of DataColumn
         What the file says about them.
     rate_hz : float > 0 or None
         The sampling rate, if the file states one.
@@ -128,7 +128,7 @@ class Content:
 
     path: str
     values: Floats
-    columns: tuple[Column, ...]
+    columns: tuple[DataColumn, ...]
     rate_hz: float | None = None
     stamp: int | None = None
     rate_hint: str = ""
@@ -149,7 +149,7 @@ class Content:
         return {column.number: index for index, column in enumerate(self.columns)}
 
 
-def describe_columns(header: Header, count: int) -> tuple[Column, ...]:
+def describe_columns(header: Header, count: int) -> tuple[DataColumn, ...]:
     """Return the columns of a table, as far as the lines above the numbers tell.
 
     Parameters
@@ -172,10 +172,10 @@ def describe_columns(header: Header, count: int) -> tuple[Column, ...]:
     )
 
 
-def _column(number: int, cell: str, name: str, unit: str | None) -> Column:
+def _column(number: int, cell: str, name: str, unit: str | None) -> DataColumn:
     shown = name or f"column {number}"
     named = cell != ""
-    return Column(
+    return DataColumn(
         number=number, name=shown, cell=cell, unit=unit, kind=_kind_of(name, unit, named=named)
     )
 
@@ -310,7 +310,7 @@ class Defect:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Survey:
+class Extremes:
     """What one pass over a channel tells.
 
     Parameters
@@ -334,7 +334,7 @@ class Survey:
     first_high: int = 0
 
 
-def survey(values: Floats) -> Survey:
+def survey(values: Floats) -> Extremes:
     """Return the extremes of a channel and how often they occur, in one pass through memory.
 
     Parameters
@@ -347,7 +347,7 @@ def survey(values: Floats) -> Survey:
         part = values[start : start + _CHUNK]
         least, most = part.min(), part.max()
         if not (np.isfinite(least) and np.isfinite(most)):
-            return Survey(finite=False)
+            return Extremes(finite=False)
         if least <= low:
             count = int(np.count_nonzero(part == least))
             if least < low:
@@ -359,8 +359,8 @@ def survey(values: Floats) -> Survey:
                 high, at_high, first_high = most, 0, start
             at_high += count
     if not len(values):
-        return Survey(finite=True, low=float(low), high=float(high))
-    return Survey(
+        return Extremes(finite=True, low=float(low), high=float(high))
+    return Extremes(
         finite=True,
         low=float(low),
         high=float(high),
@@ -371,13 +371,13 @@ def survey(values: Floats) -> Survey:
     )
 
 
-def missing_values(values: Floats, found: Survey | None = None) -> tuple[int, int]:
+def missing_values(values: Floats, found: Extremes | None = None) -> tuple[int, int]:
     """Return how many values are not finite, and the index of the first of them (-1: none).
 
     Parameters
     ----------
     values : ndarray of float64, shape (n,)
-    found : Survey, optional
+    found : Extremes, optional
         What is known of them.
     """
     if (found or survey(values)).finite:
@@ -390,14 +390,14 @@ def missing_values(values: Floats, found: Survey | None = None) -> tuple[int, in
     return count, first
 
 
-def find_defect(values: Floats, found: Survey | None = None) -> Defect | None:
+def find_defect(values: Floats, found: Extremes | None = None) -> Defect | None:
     """Return why a channel cannot be vibration, or None.
 
     Parameters
     ----------
     values : ndarray of float64, shape (n,)
         Finite samples of one channel.
-    found : Survey, optional
+    found : Extremes, optional
         What is known of them.
 
     Notes

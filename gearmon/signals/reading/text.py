@@ -365,7 +365,7 @@ def _ending(field: str, dialect: Dialect) -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Table:
+class TextTable:
     """The numbers of a text file.
 
     Parameters
@@ -418,7 +418,7 @@ def read_table(
     source: Source,
     progress: Progress | None = None,
     room: Room = np.empty,
-) -> Table:
+) -> TextTable:
     """Return all rows of numbers in a text file.
 
     Parameters
@@ -447,7 +447,7 @@ def read_table(
             progress(min(1.0, done / size))
     if progress is not None:
         progress(1.0)
-    return Table(source=source, layout=layout, values=collected.values())
+    return TextTable(source=source, layout=layout, values=collected.values())
 
 
 class _Rows:

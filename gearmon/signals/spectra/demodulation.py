@@ -88,7 +88,7 @@ class Envelope:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Modulation:
+class CarrierModulation:
     """Amplitude and phase modulation of a carrier: X [1 + a(x)] cos(2 pi f x + phase + b(x)).
 
     Parameters
@@ -215,7 +215,9 @@ def envelope_spectrum(
     )
 
 
-def demodulate(samples: FloatArray, rate: float, carrier: float, half_width: float) -> Modulation:
+def demodulate(
+    samples: FloatArray, rate: float, carrier: float, half_width: float
+) -> CarrierModulation:
     """Amplitude and phase modulation of a carrier, such as a mesh harmonic of an average.
 
     Parameters
@@ -233,7 +235,7 @@ def demodulate(samples: FloatArray, rate: float, carrier: float, half_width: flo
 
     Returns
     -------
-    Modulation
+    CarrierModulation
 
     Raises
     ------
@@ -262,7 +264,7 @@ def demodulate(samples: FloatArray, rate: float, carrier: float, half_width: flo
     position = np.arange(size.shape[-1]) / envelope.rate
     # the line next to the carrier is not the carrier: its slow beat is taken off
     phase = phase - 2 * np.pi * (carrier - envelope.centre) * position
-    return Modulation(
+    return CarrierModulation(
         position=position,
         amplitude=size / mean[:, None] - 1.0,
         phase_rad=phase - phase.mean(axis=-1, keepdims=True),

@@ -417,7 +417,7 @@ def _check_finite(values: FloatArray) -> None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Lines:
+class FittedLines:
     """Sinusoidal lines A cos(2 pi f t + p) of signals.
 
     Parameters
@@ -438,7 +438,7 @@ def line_amplitude(
     *,
     window_name: str = "hann",
     within_bins: float = 1.5,
-) -> Lines:
+) -> FittedLines:
     """Measure lines near given frequencies, wherever they stand between the bins.
 
     Parameters
@@ -457,7 +457,7 @@ def line_amplitude(
 
     Returns
     -------
-    Lines
+    FittedLines
 
     Raises
     ------
@@ -485,9 +485,9 @@ def line_amplitude(
     return _lines(rows)
 
 
-def _lines(rows: list[list[tuple[float, float, float]]]) -> Lines:
+def _lines(rows: list[list[tuple[float, float, float]]]) -> FittedLines:
     table = np.array(rows, dtype=float).reshape(len(rows), -1, 3)
-    return Lines(frequency_hz=table[..., 0], amplitude=table[..., 1], phase_rad=table[..., 2])
+    return FittedLines(frequency_hz=table[..., 0], amplitude=table[..., 1], phase_rad=table[..., 2])
 
 
 class _Fit:

@@ -60,7 +60,7 @@ def test_order_lines_equal_a_direct_sum(block_turns):
     np.testing.assert_allclose(found.amplitude, slow, atol=2e-6)
 
 
-@pytest.mark.parametrize("plan", ["SumPlan", "LinePlan"])
+@pytest.mark.parametrize("plan", ["MatrixPlan", "GriddedPlan"])
 def test_transform_at_any_bin_equals_a_direct_sum(plan):
     # the transforms by themselves, on noise: every bin, also next to 0 and half the rate
     part = white((3, 500), seed=2)
@@ -232,7 +232,7 @@ def test_many_lines_in_any_order_equal_a_direct_sum(count):
     bins = np.concatenate([rng.uniform(0.0, 250.0, count), 40 + 0.01 * np.arange(count)])
     bins[5] = bins[3]
     part = white((2, 500), seed=3)
-    halves = lines_module.LinePlan(250, 0.5 * bins, np.ones((2, len(bins))))
+    halves = lines_module.GriddedPlan(250, 0.5 * bins, np.ones((2, len(bins))))
     rising, falling = (halves.lines(half) for half in (part[:, :250], part[:, 250:]))
     found = rising[0] + falling[1] * np.exp(-1j * np.pi * bins)
     slow = direct_lines(part, 500, 0.0, bins, 500)[0]

@@ -16,7 +16,7 @@ import numpy as np
 
 from gearmon.errors import GearmonError, RecordingError
 from gearmon.signals.reading.channels import Wanted
-from gearmon.signals.reading.columns import Column, Content, describe_columns, find_column
+from gearmon.signals.reading.columns import Content, DataColumn, describe_columns, find_column
 from gearmon.signals.reading.fields import Floats, Progress, Room, shortened
 from gearmon.signals.reading.layout import Header
 
@@ -240,7 +240,7 @@ def _plain(name: str) -> str:
 @dataclass(frozen=True, kw_only=True)
 class _Candidate:
     array: Array
-    columns: tuple[Column, ...]
+    columns: tuple[DataColumn, ...]
 
     @property
     def kinds(self) -> frozenset[str]:
