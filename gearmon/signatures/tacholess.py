@@ -26,7 +26,7 @@ from gearmon.signals.tracking.phases import (
 from gearmon.signals.tracking.ramps import find_path, follow_speed
 from gearmon.signals.tracking.sideband_spacing import spacing_mismatch, spacing_support
 from gearmon.signals.tracking.slips import LEAST_TURNS, SlipCheck, check_slips
-from gearmon.signatures.hearing import Heard, Tracking, judge, wander
+from gearmon.signatures.mesh_evidence import GearVibration, Tracking, judge, wander
 from gearmon.signatures.speed import SPEED_TOLERANCE, machine_comb, mesh_combs
 
 # Shorter blocks, searched about the track so far, follow a speed that wanders (turns, tolerance).
@@ -57,12 +57,14 @@ _CONTRADICTED = 6.0
 _SUPPORTED = 3.0
 
 
-def track_tacholess(heard: Heard, sums: OrderSums, first: Tracking, machine: Machine) -> Tracking:
+def track_tacholess(
+    signal: GearVibration, sums: OrderSums, first: Tracking, machine: Machine
+) -> Tracking:
     """Track without a tachometer, beginning with the track of the comb.
 
     Parameters
     ----------
-    heard : Heard
+    signal : GearVibration
         The recording.
     sums : OrderSums
         Its mesh lines.
@@ -75,46 +77,46 @@ def track_tacholess(heard: Heard, sums: OrderSums, first: Tracking, machine: Mac
     -------
     Tracking
     """
-    steady, share = _steady(heard, sums, first)
+    steady, share = _steady(signal, sums, first)
     calm = share > (_NEARLY if wander(steady) < _WANDERS else _COHERENT)
-    if not calm or _elsewhere(heard, first):
-        followed = _follow(heard, machine)
+    if not calm or _elsewhere(signal, first):
+        followed = _follow(signal, machine)
         if followed is not None and _outdoes(followed, (first, share)):
-            return _with_doubt(heard, *followed)
+            return _with_doubt(signal, *followed)
         if share <= _COHERENT:
-            steady, share = _finer(heard, sums, first, (steady, share))
+            steady, share = _finer(signal, sums, first, (steady, share))
     found = replace(first, track=steady)
-    return _with_doubt(heard, found, share, sums) if first.standing else found
+    return _with_doubt(signal, found, share, sums) if first.detected else found
 
 
-def _elsewhere(heard: Heard, first: Tracking) -> bool:
+def _elsewhere(signal: GearVibration, first: Tracking) -> bool:
     """Whether the comb may stand at another speed: no mesh shows, or one does but a look says so.
 
     The look is at some turns from the middle of the recording, far about the nominal speed.
     """
-    if first.standing in (0, len(first.evidence)):
-        return first.standing == 0
-    length = round(_LOOK_TURNS / heard.nominal_hz * heard.rate)
-    begin = max(0, (heard.samples.shape[-1] - length) // 2)
-    part = heard.samples[:, begin : begin + length]
+    if first.detected in (0, len(first.evidence)):
+        return first.detected == 0
+    length = round(_LOOK_TURNS / signal.nominal_hz * signal.rate)
+    begin = max(0, (signal.samples.shape[-1] - length) // 2)
+    part = signal.samples[:, begin : begin + length]
     path = find_path(
-        part, heard.rate, machine_comb(heard.train, heard.nominal_hz), heard.nominal_hz, _REACH
+        part, signal.rate, machine_comb(signal.train, signal.nominal_hz), signal.nominal_hz, _REACH
     )
-    here = begin / heard.rate + path.speed.time_s
+    here = begin / signal.rate + path.speed.time_s
     known = first.scan.track().at(here)
     return bool(np.median(np.abs(path.speed.speed_hz / known - 1)) > _ELSEWHERE)
 
 
 def _outdoes(followed: tuple[Tracking, float, OrderSums], steady: tuple[Tracking, float]) -> bool:
     """Whether a followed speed shows more meshes than a steady one, or lines far more coherent."""
-    more = followed[0].standing - steady[0].standing
+    more = followed[0].detected - steady[0].detected
     return more > 0 or followed[1] > steady[1] + (_BETTER if more == 0 else _FAR_BETTER)
 
 
-def _steady(heard: Heard, sums: OrderSums, first: Tracking) -> tuple[AngleTrack, float]:
+def _steady(signal: GearVibration, sums: OrderSums, first: Tracking) -> tuple[AngleTrack, float]:
     """Refine the comb's track by phases; lock it to them if its speed wanders."""
     # long blocks part the mesh lines from the sidebands of slow shafts; a calm speed allows them
-    slowest = min(shaft.order for shaft in heard.train.shafts)
+    slowest = min(shaft.order for shaft in signal.train.shafts)
     calm = float(np.clip(2.0 / slowest, 8.0, 20.0))
     track = refine_track(sums, first.track, calm)
     share = coherent_share(sums, track)
@@ -148,75 +150,75 @@ def _better(
 
 
 def _finer(
-    heard: Heard, sums: OrderSums, first: Tracking, best: tuple[AngleTrack, float]
+    signal: GearVibration, sums: OrderSums, first: Tracking, best: tuple[AngleTrack, float]
 ) -> tuple[AngleTrack, float]:
     """Follow a speed that wanders within the tolerance by scans in shorter blocks."""
-    comb, speed = machine_comb(heard.train, heard.nominal_hz), first.scan.track()
+    comb, speed = machine_comb(signal.train, signal.nominal_hz), first.scan.track()
     if best[1] <= _NEARLY:
         best = _better(sums, best, _in_short_blocks(sums, best[0]))
     enough = _COHERENT
     for turns, tolerance in _FINER_SCANS:
-        block_s = turns / heard.nominal_hz
-        if best[1] > enough or heard.last_s < 8 * block_s:
+        block_s = turns / signal.nominal_hz
+        if best[1] > enough or signal.last_s < 8 * block_s:
             break
         enough = (
             _ALL_COHERENT  # once the speed is known to wander, even its last second must be right
         )
         finer = scan_speed(
-            heard.samples, heard.rate, comb, heard.nominal_hz, tolerance, block_s, around=speed
+            signal.samples, signal.rate, comb, signal.nominal_hz, tolerance, block_s, around=speed
         )
         speed = finer.track()
-        other = _in_short_blocks(sums, integrate_speed(speed, heard.last_s))
+        other = _in_short_blocks(sums, integrate_speed(speed, signal.last_s))
         best = _better(sums, best, other)
     if best[1] > _COHERENT and wander(best[0]) > _WANDERS:
         best = _locked(sums, best)
     return best
 
 
-def _follow(heard: Heard, machine: Machine) -> tuple[Tracking, float, OrderSums] | None:
+def _follow(signal: GearVibration, machine: Machine) -> tuple[Tracking, float, OrderSums] | None:
     """Look for the comb in short blocks far about nominal; None if no mesh stands out there.
 
     Returns the track, the share of the lines that is coherent in it, and the lines.
     """
     nominal = sorted({point.shaft1_hz for point in machine.operating})
     paths = [
-        (find_path(heard.samples, heard.rate, machine_comb(heard.train, hz), hz, _REACH), hz)
+        (find_path(signal.samples, signal.rate, machine_comb(signal.train, hz), hz, _REACH), hz)
         for hz in nominal
     ]
     path, nominal_hz = max(paths, key=lambda pair: pair[0].score)
-    heard = replace(heard, nominal_hz=nominal_hz)
-    orders = heard.orders(0.5 * nominal_hz)
-    comb = machine_comb(heard.train, nominal_hz)
-    track = follow_speed(heard.samples, heard.rate, comb, orders, path.speed)
-    judged = judge(heard, track)
-    if not judged.convincing or not _spacing_agrees(heard, judged):
+    signal = replace(signal, nominal_hz=nominal_hz)
+    orders = signal.orders(0.5 * nominal_hz)
+    comb = machine_comb(signal.train, nominal_hz)
+    track = follow_speed(signal.samples, signal.rate, comb, orders, path.speed)
+    judged = judge(signal, track)
+    if not judged.convincing or not _spacing_agrees(signal, judged):
         return None
     speeds = path.speed.speed_hz
     note = (
         f"the speed was followed over the recording, from {speeds[0]:.4g} to {speeds[-1]:.4g} Hz "
         f"between {speeds.min():.4g} and {speeds.max():.4g} Hz; nominal is {nominal_hz:.4g} Hz"
     )
-    sums = heard.sums(float(track.speed_hz.max()))
+    sums = signal.sums(float(track.speed_hz.max()))
     if sums is None:
         return None
     return replace(judged, notes=(note,)), coherent_share(sums, track), sums
 
 
-def _spacing_agrees(heard: Heard, judged: Tracking) -> bool:
+def _spacing_agrees(signal: GearVibration, judged: Tracking) -> bool:
     """Whether the sidebands agree with a followed speed; they must show if it is far off.
 
     A mesh of one tooth more stands at the same lines if the shaft turns a little slower: only the
     spacing of its sidebands tells.
     """
     speeds = judged.track.speed_hz
-    nominal = heard.nominal_hz
+    nominal = signal.nominal_hz
     low, high = (1 - SPEED_TOLERANCE) * speeds.min(), (1 + SPEED_TOLERANCE) * speeds.max()
-    pieces = max(1, heard.samples.shape[-1] >> 18)
-    spectrum = fine_order_spectrum(heard.samples, heard.rate, judged.track, pieces)
+    pieces = max(1, signal.samples.shape[-1] >> 18)
+    spectrum = fine_order_spectrum(signal.samples, signal.rate, judged.track, pieces)
     quality = spectrum.quality, spectrum.step
     supported = False
-    combs = mesh_combs(heard.train, heard.nominal_hz)
-    for mesh, comb, seen in zip(heard.train.meshes, combs, judged.evidence, strict=True):
+    combs = mesh_combs(signal.train, signal.nominal_hz)
+    for mesh, comb, seen in zip(signal.train.meshes, combs, judged.evidence, strict=True):
         if not seen.stands_out or mesh.carrier != 0:
             continue
         excess, support = 0.0, 0.0
@@ -232,7 +234,9 @@ def _spacing_agrees(heard: Heard, judged: Tracking) -> bool:
     return supported or bool(low <= nominal <= high)
 
 
-def _with_doubt(heard: Heard, tracking: Tracking, share: float, sums: OrderSums) -> Tracking:
+def _with_doubt(
+    signal: GearVibration, tracking: Tracking, share: float, sums: OrderSums
+) -> Tracking:
     """State how far the angle may be off, and say so if the lines do not hold it."""
     track = tracking.track
     if track.turns[-1] - track.turns[0] < LEAST_TURNS:
@@ -240,7 +244,7 @@ def _with_doubt(heard: Heard, tracking: Tracking, share: float, sums: OrderSums)
     check = check_slips(sums, track)
     doubt, notes = check.typical_turns, tracking.notes
     if share < _LOST:
-        order = max(mesh.order for mesh in heard.train.meshes)
+        order = max(mesh.order for mesh in signal.train.meshes)
         cycles = np.sqrt(-np.log(max(share, 1e-3))) / (2 * np.pi)
         doubt = max(cycles / order, doubt)
         notes += (

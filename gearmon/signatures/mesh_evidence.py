@@ -1,4 +1,4 @@
-"""What is heard in a recording: the lines of its meshes, and how clearly they stand out."""
+"""Evidence of the meshes in a recording: their lines, and how clearly they stand out."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Tracking:
         return self.nominal_hz if highest < 1.06 * self.nominal_hz else highest
 
     @property
-    def standing(self) -> int:
+    def detected(self) -> int:
         """Meshes that stand out."""
         return sum(seen.stands_out for seen in self.evidence)
 
@@ -71,8 +71,8 @@ class Tracking:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Heard:
-    """Vibration and what is listened for in it.
+class GearVibration:
+    """Vibration of a gearbox, and the orders that its angle is followed by.
 
     Parameters
     ----------
@@ -129,12 +129,12 @@ def _followed(mesh: Mesh, harmonic: int) -> tuple[Fraction, ...]:
     return group_orders(mesh, harmonic)
 
 
-def judge(heard: Heard, track: AngleTrack, reach: float = _JUDGED_REACH) -> Tracking:
+def judge(signal: GearVibration, track: AngleTrack, reach: float = _JUDGED_REACH) -> Tracking:
     """Judge the meshes on a scan about a track whose speed changes or is far from nominal.
 
     Parameters
     ----------
-    heard : Heard
+    signal : GearVibration
         The recording.
     track : AngleTrack
         Angle of shaft 1.
@@ -145,26 +145,26 @@ def judge(heard: Heard, track: AngleTrack, reach: float = _JUDGED_REACH) -> Trac
     -------
     Tracking
     """
-    time_s = np.linspace(0.0, heard.last_s, 2 + int(8 * heard.last_s))
+    time_s = np.linspace(0.0, signal.last_s, 2 + int(8 * signal.last_s))
     middle = 0.5 * (time_s[1:] + time_s[:-1])
     speed = np.diff(track.turns_at(time_s)) / np.diff(time_s)
     around = SpeedTrack(time_s=middle, speed_hz=speed, resolution_hz=float("nan"))
-    block_s = min(_JUDGED_TURNS / float(speed.mean()), 0.25 * heard.last_s)
-    comb = machine_comb(heard.train, heard.nominal_hz)
+    block_s = min(_JUDGED_TURNS / float(speed.mean()), 0.25 * signal.last_s)
+    comb = machine_comb(signal.train, signal.nominal_hz)
     scan = scan_speed(
-        heard.samples, heard.rate, comb, heard.nominal_hz, reach, block_s, around=around
+        signal.samples, signal.rate, comb, signal.nominal_hz, reach, block_s, around=around
     )
     centre_hz = float(np.mean(scan.middle_hz))
     return Tracking(
         track=track,
-        nominal_hz=heard.nominal_hz,
+        nominal_hz=signal.nominal_hz,
         scan=scan,
-        evidence=evidence_of(heard, scan, centre_hz, reach),
+        evidence=evidence_of(signal, scan, centre_hz, reach),
     )
 
 
 def evidence_of(
-    heard: Heard,
+    signal: GearVibration,
     scan: SpeedScan,
     centre_hz: float,
     tolerance: float,
@@ -174,7 +174,7 @@ def evidence_of(
 
     Parameters
     ----------
-    heard : Heard
+    signal : GearVibration
         The recording.
     scan : SpeedScan
         The scan.
@@ -190,10 +190,10 @@ def evidence_of(
     tuple of MeshEvidence
         One a mesh.
     """
-    orders = [shaft.order for shaft in heard.train.shafts]
+    orders = [shaft.order for shaft in signal.train.shafts]
 
     def judged() -> tuple[MeshEvidence, ...]:
-        combs = mesh_combs(heard.train, heard.nominal_hz)
+        combs = mesh_combs(signal.train, signal.nominal_hz)
         return mesh_evidence(scan, combs, orders, centre_hz, tolerance, known)
 
     # the path through all blocks, which is wanted next, is found meanwhile
