@@ -124,11 +124,11 @@ def fine_order_spectrum(
     grid = AngleGrid.of(samples.shape[-1], sampling_rate_hz, track, 0.0)
     block, per_turn = grid.count // pieces, float(grid.per_turn)
     kernel = Kernel.of(_QUICK, 1.3)
-    gridding = Spreading(samples, sampling_rate_hz, track, per_turn, kernel)
+    spreading = Spreading(samples, sampling_rate_hz, track, per_turn, kernel)
 
     def part(piece: int) -> FloatArray:
         values = np.empty((samples.shape[0], block))
-        gridding.spread(grid.first_turn + piece * block / per_turn, values)
+        spreading.spread(grid.first_turn + piece * block / per_turn, values)
         return values
 
     def share(orders: FloatArray) -> FloatArray:

@@ -126,12 +126,11 @@ def order_lines(
     orders: FloatArray,
     block_turns: float,
     *,
-    precise: bool = True,
     error: float = 1e-6,
 ) -> OrderLines:
     """Measure complex line amplitudes at arbitrary orders in half-overlapped Hann blocks of angle.
 
-    The samples are spread onto equal steps of angle (`gridding`) half a block at a time, so that
+    The samples are spread onto equal steps of angle (`nonuniform_fft`) half a block at a time, so that
     memory stays bounded, by all cores. Each half is transformed once: its transform at the orders
     comes from a non-uniform transform (zero padding to twice the length, Kaiser-Bessel kernel of
     eight bins), those of the rising and of the falling half of the Hann window from the bins next
@@ -150,12 +149,10 @@ def order_lines(
         Orders, cycles a turn of shaft 1, >= 0.
     block_turns : float
         Length of a block [turns]; cut to the recording.
-    precise : bool
-        Whether to be exact to `error`, or to some ten-thousandths in less time (enough to follow
-        the phase of strong lines).
     error : float
-        What a line may add elsewhere, relative to it: 1e-6, or 1e-4 in two thirds of the time if
-        the orders lie in the lower 60 % of the band.
+        What a line may add elsewhere, relative to it: 1e-6; 1e-4 in two thirds of the time if the
+        orders lie in the lower 60 % of the band; or 1e-3, enough to follow the phase of strong
+        lines.
 
     Returns
     -------
@@ -169,9 +166,7 @@ def order_lines(
     """
     if len(orders) == 0 or orders.min() < 0:
         raise ArgumentError("orders: at least one, all >= 0, are needed")
-    grid, halves, count = _halves(
-        samples, sampling_rate_hz, track, orders, block_turns, error if precise else _QUICK_ERROR
-    )
+    grid, halves, count = _halves(samples, sampling_rate_hz, track, orders, block_turns, error)
     turns, sampled = 2 * halves.turns, _floor_blocks(count - 1)
     rising, falling, kept = halves.transforms(grid.first_turn, count, sampled)
     starts = grid.first_turn + 0.5 * turns * np.arange(count - 1)

@@ -283,7 +283,7 @@ class Spreading:
 def quick_spreading(
     samples: FloatArray, sampling_rate_hz: float, track: AngleTrack, per_turn: float
 ) -> Spreading:
-    """Return a gridding for spectra in which lines need only stand out, all orders alike."""
+    """Return a spreading for spectra in which lines need only stand out, all orders alike."""
     return Spreading(samples, sampling_rate_hz, track, per_turn, Kernel.of(4, 1.3))
 
 

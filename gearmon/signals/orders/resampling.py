@@ -240,7 +240,7 @@ def angle_blocks(
     block : int
         Steps a block.
     precise : bool
-        As for `order_lines`.
+        As for `resample_to_angle`.
 
     Yields
     ------

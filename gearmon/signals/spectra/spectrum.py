@@ -205,7 +205,7 @@ def amplitude_spectrum(
 
     A sine of amplitude A on a line reads exactly A. Between two lines it reads less, by at most
     15 % with a Hann window, 36 % with none, 9 % with Blackman-Harris, 0.2 % with flat-top;
-    `line_peaks.line_amplitude` reads it without that loss.
+    `line_amplitude` reads it without that loss.
 
     Parameters
     ----------

@@ -86,7 +86,7 @@ def test_line_reads_its_complex_amplitude():
 def test_quick_resampling_follows_the_phase_as_well():
     turns, curve = wandering()
     samples = lines_on(turns(np.arange(20_000) / RATE), [12.0], [3.0], 0.7)
-    found = order_lines(samples, RATE, curve, np.array([12.0]), 10.0, precise=False)
+    found = order_lines(samples, RATE, curve, np.array([12.0]), 10.0, error=1e-3)
     np.testing.assert_allclose(found.amplitude, 3 * np.exp(0.7j), rtol=2e-3)
 
 

@@ -47,7 +47,7 @@ def test_blocks_are_those_of_order_lines(block_turns, channels):
     np.testing.assert_allclose(found.amplitude, slow.amplitude, atol=4e-3)
     assert found.first_turn == pytest.approx(slow.first_turn)
     assert found.block_turns == slow.block_turns
-    quick = order_lines(samples, RATE, track, ORDERS, block_turns, precise=False)
+    quick = order_lines(samples, RATE, track, ORDERS, block_turns, error=1e-3)
     np.testing.assert_allclose(found.noise, quick.noise, rtol=1e-4)
 
 
