@@ -131,11 +131,12 @@ def order_lines(
     """Measure complex line amplitudes at arbitrary orders in half-overlapped Hann blocks of angle.
 
     The samples are spread onto equal steps of angle (`nonuniform_fft`) half a block at a time, so
-    that memory stays bounded, by all cores. Each half is transformed once: its transform at the orders
-    comes from a non-uniform transform (zero padding to twice the length, Kaiser-Bessel kernel of
-    eight bins), those of the rising and of the falling half of the Hann window from the bins next
-    to it. Relative error below `error` at a steady speed, for orders below half the sampling rate;
-    a speed that changes leaves more, as the kernel's weights follow it only to first order.
+    that memory stays bounded, by all cores. Each half is transformed once: its transform at the
+    orders comes from a non-uniform transform (zero padding to twice the length, Kaiser-Bessel
+    kernel of eight bins), those of the rising and of the falling half of the Hann window from the
+    bins next to it. Relative error below `error` at a steady speed, for orders below half the
+    sampling rate; a speed that changes leaves more, as the kernel's weights follow it only to first
+    order.
 
     Parameters
     ----------
