@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from gearmon.dynamics.piecewise_problem import PiecewiseProblem as PiecewiseProblem
     from gearmon.dynamics.resonance import forced_resonance as forced_resonance
     from gearmon.dynamics.resonance import parametric_resonance as parametric_resonance
-    from gearmon.dynamics.shaft_faults import split_fault as split_fault
     from gearmon.dynamics.stability import stability_chart as stability_chart
     from gearmon.dynamics.sweep import ManySets as ManySets
 
@@ -39,7 +38,6 @@ _HOMES = {
     "settle": "integration",
     "shoot": "integration",
     "solve_exactly": "piecewise",
-    "split_fault": "shaft_faults",
     "stability_chart": "stability",
     "transient": "motion",
 }
