@@ -1,4 +1,4 @@
-"""Hill's equation of a gear mesh and its solvers; knows numbers, not gears.
+"""Hill's equation of one gear mesh, or of several in one machine; knows numbers, not gears.
 
 `steady_state` solves one problem, `ManySets` thousands; `expand` shows the orders of the expansion
 and `transient` what happens before the steady state. Names load their module when first used. More
@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from gearmon.dynamics.hill import HillProblem, Response
 from gearmon.dynamics.steady_state import Method, steady_state
+from gearmon.dynamics.system import HillSystem, SystemResponse
 
 if TYPE_CHECKING:
     from gearmon.dynamics.integration import settle as settle
@@ -42,7 +43,15 @@ _HOMES = {
     "transient": "motion",
 }
 
-__all__ = ["HillProblem", "Method", "Response", "steady_state", *sorted(_HOMES)]
+__all__ = [
+    "HillProblem",
+    "HillSystem",
+    "Method",
+    "Response",
+    "SystemResponse",
+    "steady_state",
+    *sorted(_HOMES),
+]
 
 
 def __getattr__(name: str) -> Any:

@@ -18,13 +18,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from gearmon.dynamics.certificate import Approximation, Certifier
+from gearmon.dynamics.certificate import UNIT_ROUNDOFF, Approximation, Certifier
 from gearmon.dynamics.fourier import Complex, Real, rms
 
 BYTES_FOR_BASIS = 400e6
 MOST_ORDERS = 400
 #: A residual that falls by less makes a poor next direction: the last image is taken.
 STALLED = 0.95
+#: Sizes below are not divided by.
+SMALLEST = 1e-200
 
 
 class LeastResidual:
@@ -56,14 +58,15 @@ class LeastResidual:
         self.sum = np.zeros(size)
         self.orders = 0
         self.residual = _length(self.rest)
+        self._least = UNIT_ROUNDOFF * self.residual
         self._stalled = False
 
     def extend(self, target: float) -> bool:
         """Add orders until the rms residual is <= `target`; True if it was reached."""
-        while self.residual > target:
+        while self.residual > max(target, self._least):
             if self.orders >= self.most or not self._add():
-                return self.residual <= target
-        return True
+                break
+        return self.residual <= target
 
     def solution(self) -> Complex:
         """Least-residual u."""
@@ -84,7 +87,7 @@ class LeastResidual:
         if length < 0.5 * whole:
             # where much cancelled, a second pass keeps the basis orthogonal to rounding
             length = self._orthogonalise(image, direction)
-        if not length > 1e-14 * whole:
+        if not length > max(1e-14 * whole, SMALLEST):
             return False
         image, direction = image / length, direction / length
         self._store(image, direction)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Literal, get_args
+from typing import Literal, get_args, overload
 
 import numpy as np
 
@@ -14,6 +14,8 @@ from gearmon.dynamics.band_system import counting
 from gearmon.dynamics.certificate import Approximation, Certifier
 from gearmon.dynamics.fourier import Complex, rms
 from gearmon.dynamics.hill import HillProblem, Response
+from gearmon.dynamics.meshes import solve_system
+from gearmon.dynamics.system import HillSystem, SystemResponse
 from gearmon.errors import ArgumentError, check_range
 
 Method = Literal["auto", "msm", "msm least residual", "harmonic balance"]
@@ -21,27 +23,46 @@ Method = Literal["auto", "msm", "msm least residual", "harmonic balance"]
 MOST_ROUNDS = 12
 
 
+@overload
 def steady_state(
     problem: HillProblem,
+    tolerance: float = ...,
+    method: Method = ...,
+    order: int | None = ...,
+    harmonics: int | None = ...,
+) -> Response: ...
+
+
+@overload
+def steady_state(
+    problem: HillSystem,
+    tolerance: float = ...,
+    method: Method = ...,
+    order: int | None = ...,
+    harmonics: int | None = ...,
+) -> SystemResponse: ...
+
+
+def steady_state(
+    problem: HillProblem | HillSystem,
     tolerance: float = 1e-6,
     method: Method = "auto",
     order: int | None = None,
     harmonics: int | None = None,
-) -> Response:
+) -> Response | SystemResponse:
     """Steady vibration, with a guaranteed bound of its error.
 
     Parameters
     ----------
-    problem : HillProblem
+    problem : HillProblem or HillSystem
         The equation.
     tolerance : float
         Relative L2 error of the acceleration to be met, 1e-13 to 1.
     method : str
         "auto": small problems directly, by harmonic balance; larger ones by the plain sum of the
         orders of the expansion where that is known to converge fast, else by the orders recombined
-        by least residual, then by harmonic balance if they stall. "msm": the plain sum of the
-        orders. "msm least residual" and "harmonic balance":
-        that one.
+        by least residual, then by harmonic balance if they stall; systems by least residual.
+        "msm": the plain sum of the orders. "msm least residual" and "harmonic balance": that one.
     order : int, optional
         Number of orders to use, >= 0; by default as many as the tolerance takes. Not for harmonic
         balance.
@@ -51,7 +72,7 @@ def steady_state(
 
     Returns
     -------
-    Response
+    Response or SystemResponse
         Its `error_bound` says what was reached and its `message` why. Where free vibrations grow
         there is no steady state: the periodic solution is returned, with `stable` False
         and an infinite bound.
@@ -72,6 +93,8 @@ def steady_state(
     True
     """
     _check(tolerance, method, order, harmonics)
+    if isinstance(problem, HillSystem):
+        return solve_system(problem, tolerance, method, order, harmonics)
     if method == "auto" and order is None:
         solution = direct.solve(problem, tolerance, harmonics)
         if solution is not None:
