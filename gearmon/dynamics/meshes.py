@@ -228,6 +228,21 @@ class Meshes:
         u[:, 0] = u[:, 0].real
         return u
 
+    def displacement(self, x: Complex) -> Complex:
+        """All coordinates, shape (N+1, n)."""
+        q = np.einsum("lnm,ml->ln", self.compliance.modal(x.shape[1]), x)
+        count = min(len(q), len(self.forced))
+        q[:count] += self.forced[:count]
+        moved: Complex = q @ self.compliance.shapes.T
+        moved[0] = moved[0].real
+        return moved
+
+    def size(self, displacement: Complex) -> float:
+        """Rms acceleration of what is handed out, all coordinates together [m/s2]."""
+        last = len(displacement) if self.shown is None else self.shown + 1
+        weights = (self.system.angular_frequency * np.arange(len(displacement))) ** 2
+        return _size((weights[:last, None] * displacement[:last]).T)
+
     def matrix(self, highest: int) -> Real:
         """B of lines 0..highest as a real matrix of an orthonormal basis."""
         meshes, count = len(self.c), highest + 1
@@ -303,14 +318,8 @@ class Meshes:
         swinging[:, 0] = 0
         # the share of the mean deflections is not summed, and rounds but once
         noise = 2 * _size(better) + depth * self.swing * _size(swinging)
-        q = np.einsum("lnm,ml->ln", self.compliance.modal(better.shape[1]), better)
-        count = min(len(q), len(self.forced))
-        q[:count] += self.forced[:count]
-        displacement = q @ self.compliance.shapes.T
-        displacement[0] = displacement[0].real
-        last = len(q) if self.shown is None else self.shown + 1
-        weights = (self.system.angular_frequency * np.arange(len(q))) ** 2
-        size = _size((weights[:last, None] * displacement[:last]).T)
+        displacement = self.displacement(better)
+        size = self.size(displacement)
         gain = self.compliance.gains[2] * self.inverse_norm
         error = gain * (left + UNIT_ROUNDOFF * noise) if left or noise else 0.0
         beyond = _size(change[:, highest + 1 :]) if highest + 1 < change.shape[1] else 0.0
@@ -346,7 +355,10 @@ class Meshes:
         right = -self.phi(self.deflections(start), highest)
         if method == "harmonic balance":
             return self.judge(self._together(right), 0)
-        target = 0.1 * tolerance * _size(right) / min(self.inverse_norm, 1e6)
+        # what is left goes once more through phi G before it is judged
+        sizes, _, largest = self.compliance.gains
+        gain = largest * min(self.inverse_norm, 1e6) * max(1.0, self.swing * float(sizes.max()))
+        target = 0.3 * tolerance * self.size(self.displacement(right)) / gain
         most = MOST_ORDERS if order is None else order - 1
         if most < 1 or not right.any():
             return self.judge(start, 1)
@@ -414,8 +426,10 @@ class Meshes:
         from scipy.linalg import expm
 
         compliance, step = self.compliance, self.system.period_s / count
-        coupled = np.abs(compliance.damping).max(axis=1) > 1e-12 * np.abs(compliance.damping).max()
-        kept = ~self.system.rigid | coupled
+        # nothing depends on the place of a rigid-body motion, and on its speed only if it is damped
+        sizes = np.abs(compliance.damping)
+        held = ~self.system.rigid
+        kept = held | (sizes.max(axis=1) > 1e-12 * sizes.max())
         squares, damping = compliance.squares[kept], compliance.damping[np.ix_(kept, kept)]
         meshes, n = compliance.meshes[kept], int(kept.sum())
         # velocities over w0, so that all entries are of one size
@@ -435,7 +449,8 @@ class Meshes:
             share = kick if i < count else 0.5 * kick
             strength = share * values[:, i % count]
             state[n:] -= meshes @ (strength[:, None] * (meshes.T @ state[:n]))
-        return np.asarray(state)
+        matters = np.concatenate([held[kept], np.ones(n, dtype=bool)])
+        return np.asarray(state[np.ix_(matters, matters)])
 
 
 def _length(c: Complex, highest: int) -> int:
