@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from gearmon.dynamics import steady_state
+from gearmon.dynamics.combinations import combination_tongues
 from gearmon.dynamics.planetary import Body, PlanetarySet
 from gearmon.errors import ArgumentError
 
@@ -66,28 +67,51 @@ def test_phases_choose_what_moves(sun_teeth, ring_teeth):
         assert (moves < 1e-9 * largest) == (kind not in (1, 3))
 
 
-def test_half_widths_of_principal_instabilities():
-    # all sun meshes 10 % in phase, undamped, first order of multiple scales:
-    # l w = 2 w_p +- (eps/2) |D_pp|/w_p; half widths as printed
+def in_phase(eps, period=1.0, damping=0.0):
+    """All sun meshes modulated in phase, eps cos(w t)."""
     gears = published(4)
-    eps = 0.1
-    quiet = gears.system([0], [0], np.zeros(8), 1.0, np.zeros(21), 0 * gears.mass)
-    sun = gears.mesh_vectors[:4]
-    depth = quiet.modes[1].T @ (5e8 * sun.T @ sun) @ quiet.modes[1]
-    for mode, expected in ((-1, 648.7), (-2, 491.4)):
-        natural = math.sqrt(quiet.modes[0][mode])
-        width = eps / 2 * abs(depth[mode, mode]) / natural / (2 * math.pi)
-        assert width == pytest.approx(expected, rel=1e-3)
+    quiet = np.zeros(21)
+    return gears.system([eps / 2], [0.0], np.zeros(8), period, quiet, damping * gears.mass)
+
+
+def test_half_widths_as_printed():
+    tongues = combination_tongues(in_phase(0.1))
+    principal = {t.modes[0]: t.half_width_hz for t in tongues if t.modes[0] == t.modes[1]}
+    natural = in_phase(0.1).natural_frequencies_hz
+    for frequency, width in ((13071.1, 648.7), (10437.6, 491.4), (6981.7, 172.4)):
+        mode = int(np.flatnonzero(np.abs(natural - frequency) < 1)[0])
+        assert principal[mode] == pytest.approx(width, rel=1e-3)
+
+
+@pytest.mark.parametrize("number", range(4))
+def test_half_widths_against_the_multipliers(number):
+    # 2 % modulation: first order is good to 1 % of the width, both edges taken together
+    tongue = combination_tongues(in_phase(0.02))[number]
+
+    def edge(side):
+        inner, outer = 0.0, 2.0
+        for _ in range(11):
+            middle = (inner + outer) / 2
+            frequency = tongue.frequency_hz + side * middle * tongue.half_width_hz
+            grows = not steady_state(in_phase(0.02, 1 / frequency, 1e-3)).stable
+            inner, outer = (middle, outer) if grows else (inner, middle)
+        return inner
+
+    assert (edge(1) + edge(-1)) / 2 == pytest.approx(1, rel=0.01)
+
+
+def test_damping_closes_a_tongue():
+    open_ = combination_tongues(in_phase(0.02))[0]
+    limit = 2 * open_.coupling_per_s
+    near, shut = (combination_tongues(in_phase(0.02, damping=d * limit)) for d in (0.99, 1.01))
+    assert near[0].modes == open_.modes
+    assert 0 < near[0].half_width_hz < 0.2 * open_.half_width_hz
+    assert all(t.half_width_hz == 0 for t in shut if t.modes == open_.modes)
 
 
 @pytest.mark.parametrize(("side", "stable"), [(600.0, False), (700.0, True), (-690.0, True)])
 def test_instability_of_a_set(side, stable):
-    gears = published(4)
-    force = np.zeros(21)
-    mesh_hz = 2 * 13071.1 + side
-    # the sun meshes in phase with each other, the ring meshes constant
-    system = gears.system([0.05], [0.0], np.zeros(8), 1 / mesh_hz, force, 1.0 * gears.mass)
-    assert steady_state(system).stable is stable
+    assert steady_state(in_phase(0.1, 1 / (2 * 13071.1 + side), 1.0)).stable is stable
 
 
 def test_refusals():
