@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from gearmon.dynamics.integration import shoot as shoot
     from gearmon.dynamics.motion import transient as transient
     from gearmon.dynamics.multiple_scales import expand as expand
+    from gearmon.dynamics.piecewise import PiecewiseProblem as PiecewiseProblem
     from gearmon.dynamics.piecewise import solve_exactly as solve_exactly
-    from gearmon.dynamics.piecewise_problem import PiecewiseProblem as PiecewiseProblem
     from gearmon.dynamics.planetary import Body as Body
     from gearmon.dynamics.planetary import PlanetarySet as PlanetarySet
     from gearmon.dynamics.resonance import forced_resonance as forced_resonance
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "Body": "planetary",
     "ManySets": "sweep",
-    "PiecewiseProblem": "piecewise_problem",
+    "PiecewiseProblem": "piecewise",
     "PlanetarySet": "planetary",
     "combination_tongues": "combinations",
     "expand": "multiple_scales",
