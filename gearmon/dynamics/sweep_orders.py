@@ -385,7 +385,9 @@ class SharedOrders:
                 return None
             y = series.solve(allowed, stragglers)
         count = coupling.highest + 1
-        return np.asarray(y[:count].T + 1j * y[count:].T)
+        half: Complex = np.empty((len(group), count), dtype=complex)
+        half.real, half.imag = y[:count].T, y[count:].T
+        return half
 
     def _first_sizes(self, group: INDICES) -> Real:
         """Rms acceleration over w0^2 F/k0 of the first order, and no less than of line 1."""
