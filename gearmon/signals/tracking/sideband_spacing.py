@@ -245,7 +245,9 @@ def _finer_comb(
         if count < _LINES or not meshed.any():
             continue
         # most spacings are out already before their neighbours are looked at
-        if (np.nanmean(lines.at(orders[between])) - lines.usual) * np.sqrt(count) < _SURE:
+        above = lines.at(orders) - lines.usual
+        off, own = float(np.nanmean(above[between])), float(np.nanmean(above[meshed]))
+        if off < _AS_CLEAR * own or off * np.sqrt(count) < _SURE:
             continue
         standing = lines.standing(orders, told_apart, (spacing, mesh.order))
         off, own = float(np.nanmean(standing[between])), float(np.nanmean(standing[meshed]))
