@@ -129,7 +129,7 @@ def _followed(mesh: Mesh, harmonic: int) -> tuple[Fraction, ...]:
     return group_orders(mesh, harmonic)
 
 
-def judge(signal: GearVibration, track: AngleTrack, reach: float = _JUDGED_REACH) -> Tracking:
+def judge(signal: GearVibration, track: AngleTrack) -> Tracking:
     """Judge the meshes on a scan about a track whose speed changes or is far from nominal.
 
     Parameters
@@ -138,8 +138,6 @@ def judge(signal: GearVibration, track: AngleTrack, reach: float = _JUDGED_REACH
         The recording.
     track : AngleTrack
         Angle of shaft 1.
-    reach : float
-        How far its speed may be off, as a fraction.
 
     Returns
     -------
@@ -152,14 +150,14 @@ def judge(signal: GearVibration, track: AngleTrack, reach: float = _JUDGED_REACH
     block_s = min(_JUDGED_TURNS / float(speed.mean()), 0.25 * signal.last_s)
     comb = machine_comb(signal.train, signal.nominal_hz)
     scan = scan_speed(
-        signal.samples, signal.rate, comb, signal.nominal_hz, reach, block_s, around=around
+        signal.samples, signal.rate, comb, signal.nominal_hz, _JUDGED_REACH, block_s, around=around
     )
     centre_hz = float(np.mean(scan.middle_hz))
     return Tracking(
         track=track,
         nominal_hz=signal.nominal_hz,
         scan=scan,
-        evidence=evidence_of(signal, scan, centre_hz, reach),
+        evidence=evidence_of(signal, scan, centre_hz, _JUDGED_REACH),
     )
 
 

@@ -113,7 +113,7 @@ def _with_tacho(recording: Recording, index: int, tacholess: _Tacholess) -> Trac
     """Track by the pulses of one channel and the lines between them."""
     tacho = _Tacho.of(recording, index, tacholess.machine, tacholess.signal)
     if _departs(tacho.track, tacholess.signal.nominal_hz):
-        found = judge(tacholess.signal, tacho.track, TACHO_REACH)
+        found = judge(tacholess.signal, tacho.track)
         if not recording.tacho_told:
             _check_believed(found, tacholess)
     else:
