@@ -60,5 +60,5 @@ def test_numbers_do_not_depend_on_the_number_of_cores(monkeypatch):
 
 
 def _with_cores(monkeypatch, cores, results):
-    monkeypatch.setattr(threads, "_cores", lambda: cores)
+    monkeypatch.setattr(threads, "cores", lambda: cores)
     return list(results())
