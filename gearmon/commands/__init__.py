@@ -4,10 +4,16 @@ Everything heavy is imported inside the function that needs it.
 """
 
 from gearmon.commands.command import Command
-from gearmon.commands.harvest import HARVEST
-from gearmon.commands.history import HISTORY
-from gearmon.commands.machines import BASELINE, FAMILY, LINES, SIMULATE, STABILITY, STIFFNESS
-from gearmon.commands.recordings import ANALYSE, KINDS, LEARN
+from gearmon.commands.machines import (
+    BASELINE,
+    FAMILY,
+    HARVEST,
+    LINES,
+    SIMULATE,
+    STABILITY,
+    STIFFNESS,
+)
+from gearmon.commands.recordings import ANALYSE, HISTORY, KINDS, LEARN
 from gearmon.commands.signals import INDICATORS, ORDERS, SPECTRUM
 from gearmon.commands.trials import BENCHMARK, DEMO
 

@@ -8,9 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gearmon.commands.command import Command
+from gearmon.commands.command import Command, recording_options, window_and_peaks
 from gearmon.commands.inputs import in_turn, machine_of, recording_of
-from gearmon.commands.options import recording_options, window_and_peaks
 from gearmon.commands.output import BAD_INPUT, DONE, finish, show, write_table, wrote
 
 if TYPE_CHECKING:

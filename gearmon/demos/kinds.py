@@ -208,14 +208,8 @@ def _told(judged: Sequence[Judged], right: int) -> Iterator[str]:
 
 
 def _recorded(machine: Machine, state: State, load: float, seed: int) -> Recording:
-    settings = Settings(
-        duration_s=DURATION_S,
-        sampling_rate_hz=RATE_HZ,
-        machine_seed=1,
-        recording_seed=seed,
-        channels=2,
-        load=load,
-    )
+    taken: dict[str, Any] = {"duration_s": DURATION_S, "sampling_rate_hz": RATE_HZ, "load": load}
+    settings = Settings(machine_seed=1, recording_seed=seed, channels=2, **taken)
     return _state_recording(machine, settings, state, f"{load:.0%} load")
 
 
@@ -237,13 +231,8 @@ def _state_recording(machine: Machine, settings: Settings, state: State, name: s
     with its mean stiffness.
     """
     seed, point = settings.recording_seed, machine.operating[0]
-    train = build_train(
-        machine,
-        state.faults,
-        load=settings.load,
-        seed=settings.machine_seed,
-        accuracy_grade=settings.accuracy_grade,
-    )
+    known: dict[str, Any] = {"load": settings.load, "accuracy_grade": settings.accuracy_grade}
+    train = build_train(machine, state.faults, seed=settings.machine_seed, **known)
     train = _running_out(train, state.eccentricity_m)
     motion = ShaftMotion(
         mean_hz=settings.mean_shaft1_hz(point),
@@ -265,13 +254,13 @@ def _state_recording(machine: Machine, settings: Settings, state: State, name: s
     time = np.arange(settings.samples) / settings.sampling_rate_hz
     moved = motion.turns(time), settings.sampling_rate_hz, motion.speed_hz(time)
     pulses = tacho_pulses(*moved, _TACHO_V, _TACHO_TURNS)
-    names = tuple(f"a{channel + 1}" for channel in range(len(vibration)))
+    count = len(vibration)
     return Recording(
         samples=np.vstack([vibration, pulses]),
         sampling_rate_hz=settings.sampling_rate_hz,
-        channel_names=(*names, "tacho"),
-        channel_kinds=("vibration",) * len(names) + ("tacho",),
-        units=("m/s2",) * len(names) + ("V",),
+        channel_names=(*(f"a{channel + 1}" for channel in range(count)), "tacho"),
+        channel_kinds=("vibration",) * count + ("tacho",),
+        units=("m/s2",) * count + ("V",),
         origin=name,
     )
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -235,25 +234,6 @@ class DesignSweep:
         largest = np.argsort(-self.energy_j_per_kg, axis=-1, kind="stable")[..., :count]
         energy = np.take_along_axis(self.energy_j_per_kg, largest, axis=-1)
         return self.frequency_hz[largest], energy / self.total_j_per_kg[..., None]
-
-    def rows(self) -> list[dict[str, Any]]:
-        """Return one row a design: its values, best and next line with their shares, tuning."""
-        frequency, share = self.operating_lines(2)
-        columns = {
-            "stiffness_n_per_m": self.stiffness_n_per_m,
-            "mass_kg": self.mass_kg,
-            "damping_ns_per_m": self.damping_ns_per_m,
-            "energy_j_per_kg": self.total_j_per_kg,
-            "best_line_hz": frequency[..., 0],
-            "best_share": share[..., 0],
-            "next_line_hz": frequency[..., 1],
-            "next_share": share[..., 1],
-            "tuned_to_hz": self.tuning.natural_frequency_hz,
-            "load": self.tuning.load,
-            "power_w": self.tuning.power_w,
-        }
-        flat = {name: np.ravel(values).tolist() for name, values in columns.items()}
-        return [dict(zip(flat, row, strict=True)) for row in zip(*flat.values(), strict=True)]
 
 
 def sweep_designs(

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.errors import ArgumentError, check_range
+from gearmon.errors import ArgumentError
 from gearmon.harvesting.power import (
     DutyLines,
     H,
@@ -76,7 +76,7 @@ class OverLimitsError(ArgumentError):
         self.over = over
 
 
-def tune_harvester(harvester: H, duty: Shaking, *, places: int = PLACES) -> Tuned[H]:
+def tune_harvester(harvester: H, duty: Shaking) -> Tuned[H]:
     """Tune natural frequency and load for the largest mean power over a duty cycle.
 
     Parameters
@@ -86,8 +86,6 @@ def tune_harvester(harvester: H, duty: Shaking, *, places: int = PLACES) -> Tune
     duty : Vibration, Signature, OperatingShare or sequence of OperatingShare
         What shakes it: one vibration, the lines of a signature, or several with their shares of
         the time.
-    places : int, 1 to 50
-        Most promising frequencies that are looked at closely.
 
     Returns
     -------
@@ -108,16 +106,10 @@ def tune_harvester(harvester: H, duty: Shaking, *, places: int = PLACES) -> Tune
     >>> round(found.harvester.natural_frequency_hz), round(1e6 * found.power_w)
     (312, 10)
     """
-    return candidates(harvester, duty, places=places)[0]
-
-
-def candidates(harvester: H, duty: Shaking, *, places: int = PLACES) -> list[Tuned[H]]:
-    """All closely looked-at tunings, the best first; same arguments and errors as above."""
-    check_range("places", places, 1, 50)
     points = check_duty(duty)
     light = lightened(harvester, points)
     lines = DutyLines.over(light, harvester.damping_ratio)
-    free = _free(harvester, light, lines, int(places))
+    free = _free(harvester, light, lines)
     tuned = [evaluate(start.harvester, points) for start in free]
     allowed = [t for t in tuned if t.within_limits]
     # limits only take power away
@@ -131,7 +123,7 @@ def candidates(harvester: H, duty: Shaking, *, places: int = PLACES) -> list[Tun
                 break
     if not allowed:
         raise OverLimitsError(*_refusal(tuned))
-    return sorted(allowed, key=lambda t: -t.power_w)
+    return max(allowed, key=lambda t: t.power_w)
 
 
 def power_against_tuning(harvester: H, duty: Shaking, frequency_hz: npt.ArrayLike) -> Real:
@@ -147,12 +139,12 @@ def power_against_tuning(harvester: H, duty: Shaking, frequency_hz: npt.ArrayLik
     return np.array([evaluate(harvester.retuned(float(f)), points).power_w for f in wanted])
 
 
-def _free(harvester: H, light: Points, lines: DutyLines, places: int) -> list[Start[H]]:
+def _free(harvester: H, light: Points, lines: DutyLines) -> list[Start[H]]:
     """Refine the promising places without regard to limits, the best first."""
-    frequencies = [*first_mode_starts(harvester, light, places), *_other_starts(harvester, light)]
+    frequencies = [*first_mode_starts(harvester, light, PLACES), *_other_starts(harvester, light)]
     begun = sorted((_begun(harvester, lines, f) for f in frequencies), key=lambda s: -s.power_w)
     found: list[Start[H]] = []
-    for start in begun[: places + 1]:
+    for start in begun[: PLACES + 1]:
         best = max((f.power_w for f in found), default=0.0)
         if PRUNED_FROM * start.power_w >= best or len(found) < 2:
             found.append(_refined(start, lines))
