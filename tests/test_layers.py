@@ -22,16 +22,16 @@ ALLOWED = {
     "diagnosis": FOUNDATIONS | {"machine", "gears", "dynamics", "signals", "signatures"},
     "simulation": FOUNDATIONS | {"machine", "gears", "dynamics"},
     "harvesting": FOUNDATIONS | {"machine", "dynamics", "signals", "signatures"},
-    "study": FOUNDATIONS | {"machine", "gears", "dynamics", "harvesting"},
 }
 COMPUTING = set(ALLOWED)
 ALLOWED["report"] = COMPUTING
 ALLOWED["terminal"] = {"errors"}
 ALLOWED["benchmark"] = COMPUTING | {"report", "terminal"}
+ALLOWED["study"] = FOUNDATIONS | {"gears", "dynamics", "harvesting", "report"}
 # the front door hands out public names; the commands may use everything
 ALLOWED["gearmon"] = COMPUTING | {"report"}
 ALLOWED["__main__"] = {"cli"}
-EVERYTHING = COMPUTING | {"report", "benchmark", "terminal"}
+EVERYTHING = COMPUTING | {"report", "benchmark", "study", "terminal"}
 FRONT = {"cli", "demos", "commands"}
 for front in FRONT:
     ALLOWED[front] = EVERYTHING | FRONT
@@ -39,10 +39,15 @@ for front in FRONT:
 # Libraries that only some modules may load, wherever in the module the import stands.
 OWNED = {
     "pyfftw": lambda module: module == "gearmon.signals.transforms",
-    "matplotlib": lambda module: module.startswith("gearmon.report.") and "plots" in module,
+    "matplotlib": lambda module: (
+        (module.startswith("gearmon.report.") and "plots" in module)
+        or module in ("gearmon.benchmark.plots", "gearmon.study.plots")
+    ),
     "sklearn": lambda module: module.startswith("gearmon.diagnosis"),
-    "scipy.signal": lambda module: module.startswith("gearmon.benchmark"),
-    "scipy.stats": lambda module: module.startswith("gearmon.benchmark"),
+    "scipy.signal": lambda module: module.startswith(
+        ("gearmon.benchmark", "gearmon.harvesting", "gearmon.signals")
+    ),
+    "scipy.stats": lambda module: module.startswith(("gearmon.benchmark", "gearmon.harvesting")),
 }
 # Known debts, to be paid; a new one fails, and so does one that is paid and still stands here.
 OWED_LIBRARIES: set[tuple[str, str]] = set()
@@ -170,6 +175,8 @@ def test_heavy_libraries_are_imported_inside_functions():
     for name, path in MODULES.items():
         if name.startswith("gearmon.report.") and "plots" in name:
             continue
+        if name in ("gearmon.benchmark.plots", "gearmon.study.plots"):
+            continue
         tree = ast.parse(path.read_text(encoding="utf-8"))
         top = ast.Module(body=list(_at_import(tree.body)), type_ignores=[])
         for target in imports(name, path, top):
@@ -235,8 +242,8 @@ def test_rooms_have_names_of_their_own():
         ("def f():\n    from gearmon.cli import main", {"gearmon.cli"}),
         ("def f():\n    from ..cli import main", {"gearmon.cli"}),
         ("from .. import cli", {"gearmon.cli"}),
-        ("from .spectrum import hann", {"gearmon.signals.spectrum"}),
-        ("from . import spectrum", {"gearmon.signals.spectrum"}),
+        ("from .transforms import fill", {"gearmon.signals.transforms"}),
+        ("from . import transforms", {"gearmon.signals.transforms"}),
         ("import importlib\nimportlib.import_module('gearmon.cli')", {"importlib", "gearmon.cli"}),
         ("from gearmon import __version__", {"gearmon"}),
         ("class A:\n    def f(self):\n        import scipy.signal", {"scipy.signal"}),

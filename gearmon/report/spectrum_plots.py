@@ -38,9 +38,9 @@ from gearmon.report.wording import (
     told_apart,
     unit_text,
 )
-from gearmon.signals.kurtogram import Kurtogram
 from gearmon.signals.recording import Recording
-from gearmon.signals.spectrum import Spectrum
+from gearmon.signals.spectra import Spectrum
+from gearmon.signals.spectra.demodulation import Kurtogram
 from gearmon.signatures.families import MESH_HARMONICS, NEAR_SIDEBANDS, Family
 from gearmon.signatures.line_marks import Mark
 from gearmon.signatures.measured import MeasuredSignature, MeshFinding

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError, SignatureError
 from gearmon.files import write_atomically
-from gearmon.signals.run_history import RunHistory
+from gearmon.signals.indicators import RunHistory
 
 FloatArray = NDArray[np.float64]
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from gearmon.errors import check_range
 from gearmon.machine import Machine
 from gearmon.signals import indicators
+from gearmon.signals.indicators import na4, na4_frozen
 from gearmon.signals.recording import Recording
-from gearmon.signals.run_history import na4, na4_frozen
 from gearmon.signals.threads import at_once
 from gearmon.signatures.gear_signals import GearSignals, gear_signals
 from gearmon.signatures.indicator_history import IndicatorHistory

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine
-from gearmon.signals.angle import READ_UP_TO
-from gearmon.signals.order_map import OrderMap, order_map
+from gearmon.signals.orders import READ_UP_TO
+from gearmon.signals.orders.maps import OrderMap, order_map
 from gearmon.signals.recording import Recording
 from gearmon.signatures.families import MESH_HARMONICS
 from gearmon.signatures.line_marks import Mark, machine_marks, mark_near

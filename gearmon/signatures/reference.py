@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError
 from gearmon.machine import Machine, ParallelStage
-from gearmon.signals.mean_scatter import variance_of_mean
-from gearmon.signals.order_lines import OrderLines
+from gearmon.signals.orders import OrderLines, variance_of_mean
 from gearmon.signatures.families import WheelLines
 from gearmon.signatures.measured import MeasuredSignature
 from gearmon.signatures.nongear_lines import NonGearLines
