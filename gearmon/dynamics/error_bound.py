@@ -139,11 +139,14 @@ def best_gain(ratio: Real, zeta: Real, scale: Real, pattern: Pattern) -> Gain:
     damped = zeta > 0
     growth = np.where(damped, np.nan, np.inf)
     gain, response = small_gain(ratio, zeta, scale, pattern)
-    loose = np.flatnonzero(damped & (gain > LOOSE * response))
+    # a few are worth a sharp bound wherever the cheapest fails: it spares orders and harmonics
+    few = len(ratio) < floquet.FEWEST_TOGETHER
+    allowed = np.where(np.isfinite(gain), gain, 0.0) if few else LOOSE * response
+    loose = np.flatnonzero(damped & (gain > allowed))
     if len(loose):
         energy = energy_gain(ratio[loose], zeta[loose], scale[loose], pattern)
         gain[loose] = np.minimum(gain[loose], energy)
-        loose = loose[gain[loose] > LOOSE * response[loose]]
+        loose = loose[gain[loose] > allowed[loose]]
     if len(loose):
         shape = floquet.Shape(pattern.harmonics, pattern.highest, pattern.slope)
         better, growth[loose] = floquet.gain(ratio[loose], zeta[loose], scale[loose], shape)

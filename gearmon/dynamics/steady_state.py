@@ -64,8 +64,8 @@ def steady_state(
         by least residual, then by harmonic balance if they stall; systems by least residual.
         "msm": the plain sum of the orders. "msm least residual" and "harmonic balance": that one.
     order : int, optional
-        Number of orders to use, >= 0; by default as many as the tolerance takes. Not for harmonic
-        balance.
+        Number of orders to use, >= 0 (a system takes one at least); by default as many as the
+        tolerance takes. Not for harmonic balance.
     harmonics : int, optional
         Highest response harmonic wanted, >= 1; the tolerance and the bound then concern harmonics
         0..harmonics. By default all that the tolerance takes.
