@@ -23,9 +23,9 @@ _HOMES = {
     "Signature": "gearmon.signatures.signature",
     "read_signature": "gearmon.signatures.signature",
     "write_signature": "gearmon.signatures.signature",
-    "expected_signature": "gearmon.signatures.expected",
-    "fault_family": "gearmon.signatures.fault_family",
-    "loss_response": "gearmon.signatures.fault_family",
+    "expected_signature": "gearmon.signatures.expected.baseline",
+    "fault_family": "gearmon.signatures.expected.fault_family",
+    "loss_response": "gearmon.signatures.expected.faulty_teeth",
     "MeasuredSignature": "gearmon.signatures.measured",
     "measure_signature": "gearmon.signatures.measured",
     "indicator_table": "gearmon.signatures.indicator_table",
@@ -63,9 +63,9 @@ if TYPE_CHECKING:
     from gearmon.signals.recording import read_recording as read_recording
     from gearmon.signals.streaming import open_recording as open_recording
     from gearmon.signals.tsa import time_synchronous_average as time_synchronous_average
-    from gearmon.signatures.expected import expected_signature as expected_signature
-    from gearmon.signatures.fault_family import fault_family as fault_family
-    from gearmon.signatures.fault_family import loss_response as loss_response
+    from gearmon.signatures.expected.baseline import expected_signature as expected_signature
+    from gearmon.signatures.expected.fault_family import fault_family as fault_family
+    from gearmon.signatures.expected.faulty_teeth import loss_response as loss_response
     from gearmon.signatures.gear_averages import gear_averages as gear_averages
     from gearmon.signatures.indicator_table import indicator_table as indicator_table
     from gearmon.signatures.measured import MeasuredSignature as MeasuredSignature

@@ -8,7 +8,7 @@ import pytest
 from gearmon.errors import ArgumentError
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import load_machine
-from gearmon.signatures.catalogue import (
+from gearmon.signatures.expected.catalogue import (
     FAMILY_SUFFIX,
     MESH_HARMONICS,
     SIDEBANDS,
@@ -18,7 +18,7 @@ from gearmon.signatures.catalogue import (
     rounded,
     write_catalogue,
 )
-from gearmon.signatures.fault_family import FAMILY_KINDS
+from gearmon.signatures.expected.fault_family import FAMILY_KINDS
 from gearmon.signatures.signature import read_signature
 
 FOLDER = Path(__file__).resolve().parents[1] / "signatures"

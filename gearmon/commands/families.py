@@ -31,7 +31,7 @@ MOST_ROWS = 60
 
 def run_family(arguments: argparse.Namespace) -> int:
     """Run `gearmon family`."""
-    from gearmon.signatures.fault_family import fault_family
+    from gearmon.signatures.expected.fault_family import fault_family
 
     output = arguments.output
     family = fault_family(

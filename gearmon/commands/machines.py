@@ -103,9 +103,8 @@ def _stiffness_lines(
 
 def run_baseline(arguments: argparse.Namespace) -> int:
     """Run `gearmon baseline`."""
-    from gearmon.signatures.expected import expected_signature
-    from gearmon.signatures.listing import signature_lines
-    from gearmon.signatures.signature import write_signature
+    from gearmon.signatures.expected.baseline import expected_signature
+    from gearmon.signatures.signature import signature_lines, write_signature
 
     signature = expected_signature(
         machine_of(arguments.machine),
@@ -123,7 +122,7 @@ def run_stability(arguments: argparse.Namespace) -> int:
     """Run `gearmon stability`."""
     from gearmon.dynamics.stability_margin import stability_margin
     from gearmon.report.text_tables import rows_as_csv, table_lines
-    from gearmon.signatures.mesh_problem import mesh_problem
+    from gearmon.signatures.expected.mesh import mesh_problem
 
     machine = machine_of(arguments.machine)
     stages = [arguments.stage] if arguments.stage else range(1, len(machine.stages) + 1)

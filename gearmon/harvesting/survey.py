@@ -29,7 +29,7 @@ from gearmon.harvesting.tuning import OverLimitsError
 from gearmon.harvesting.vibration import operating_lines, vibration_of_lines
 from gearmon.machine import Machine
 from gearmon.signals.recording import Recording
-from gearmon.signatures.expected import expected_signature
+from gearmon.signatures.expected.baseline import expected_signature
 
 #: Quality factors of the mechanics that the bandwidth is given for.
 QUALITY_FACTORS = (10.0, 25.0, 50.0, 100.0, 200.0)

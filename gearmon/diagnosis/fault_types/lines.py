@@ -14,15 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.errors import ArgumentError
-from gearmon.gears.excitation import displacement_excitation
 from gearmon.gears.faults import Fault, GearError
 from gearmon.gears.kinematics import kinematics
-from gearmon.gears.mechanics import stage_mechanics
 from gearmon.gears.pairs import mesh_pairs
 from gearmon.machine import Machine
+from gearmon.signatures.expected.mesh import operating_point, posed_mesh
+from gearmon.signatures.expected.steady_lines import steady_lines
 from gearmon.signatures.families import MESH_HARMONICS, LinePlan, WheelLines, line_plan
-from gearmon.signatures.stage_lines import stage_lines
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -168,14 +166,10 @@ class _Mesh:
     """The mesh of one stage at one operating point."""
 
     def __init__(self, machine: Machine, stage: int, operating: int) -> None:
-        if not 0 <= operating < len(machine.operating):
-            raise ArgumentError(
-                f"operating={operating} must lie in [0, {len(machine.operating) - 1}]"
-            )
-        self.machine, self.stage = machine, stage
-        self.point = machine.operating[operating]
+        self.machine, self.stage, self.operating = machine, stage, operating
+        point = operating_point(machine, operating)
         order = kinematics(machine).mesh(stage).order
-        self.max_hz = (MESH_HARMONICS + 0.6) * order * self.point.shaft1_hz
+        self.max_hz = (MESH_HARMONICS + 0.6) * order * point.shaft1_hz
         module_mm = machine.stages[stage - 1].module_mm
         self.module_m = _USUAL_MODULE_M if module_mm is None else 1e-3 * module_mm
         # the first gear of a stage is in its main mesh
@@ -235,19 +229,12 @@ class _Mesh:
 
     def _lines(self, faults: Sequence[Fault | GearError], teeth: int, gear: str) -> ComplexArray:
         """Return acceleration lines 0, 1, ... of the turn of a gear (of the mesh: 1 tooth)."""
-        faulty = [fault for fault in faults if isinstance(fault, Fault)]
-        errors = [fault for fault in faults if isinstance(fault, GearError)]
         mesh = 1 if gear == "ring" else 0
-        mechanics = stage_mechanics(
-            self.machine, self.stage, self.point, faults=faulty, errors=errors, mesh=mesh
-        )
-        pair = mesh_pairs(self.machine.stages[self.stage - 1], self.stage, self.machine.path)[mesh]
-        moved = displacement_excitation(pair, mechanics.stiffness, errors, faulty)
-        excitation = moved if moved.errors else None
-        solved = stage_lines(mechanics, excitation, self.max_hz, _TOLERANCE)
+        posed = posed_mesh(self.machine, self.stage, self.operating, faults, mesh=mesh)
+        solved = steady_lines(posed, self.max_hz, _TOLERANCE)
         inside = solved.frequency_hz <= self.max_hz * (1 + 1e-9)
-        number = solved.lines[inside] * teeth // solved.period_mesh
-        whole = (solved.lines[inside] * teeth) % solved.period_mesh == 0
+        number = solved.number[inside] * teeth // solved.period
+        whole = (solved.number[inside] * teeth) % solved.period == 0
         lines = np.zeros(int(number.max(initial=0)) + 1, dtype=np.complex128)
         lines[number[whole]] = 2 * solved.acceleration[inside][whole]
         return lines

@@ -20,8 +20,8 @@ from gearmon.diagnosis.law import GearDeviation, HealthyMachine, MachineDeviatio
 from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE
 from gearmon.errors import ArgumentError
 from gearmon.machine import Machine
+from gearmon.signatures.expected.tooth_response import tooth_response
 from gearmon.signatures.reference import Profile
-from gearmon.signatures.tooth_response import tooth_response
 
 FloatArray = NDArray[np.float64]
 

@@ -1,6 +1,6 @@
 """What a loss of stiffness on one tooth adds to the lines of its mesh, before any path.
 
-Where the machine file bears a baseline, Hill's equation tells (`fault_family_response`). Without
+Where the machine file bears a baseline, Hill's equation tells (`faulty_teeth`). Without
 dynamics the teeth carry the load on the deflection q = F/k(t): a tooth with a loss makes q larger
 while its pair is in contact, and that pulse, once a turn of the gear, travels to the sensors
 together with the mesh harmonics of q itself. Lines close to one another pass the same train and the
@@ -164,7 +164,7 @@ def _from_hill(
     max_order: float,
     operating: int,
 ) -> ToothResponse:
-    from gearmon.signatures.fault_family_response import loss_response  # brings Hill's equation
+    from gearmon.signatures.expected.faulty_teeth import loss_response  # brings Hill's equation
 
     found = loss_response(machine, stage, gear, operating, max_order)
     lines = np.concatenate([[0.0], found.acceleration])

@@ -15,8 +15,8 @@ import numpy as np
 from gearmon.errors import ArgumentError
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, load_machine
-from gearmon.signatures.expected import expected_signature
-from gearmon.signatures.fault_family import fault_family
+from gearmon.signatures.expected.baseline import expected_signature
+from gearmon.signatures.expected.fault_family import fault_family
 from gearmon.signatures.signature import Signature, write_signature
 
 #: Sizes in the catalogue, and lines: so many mesh harmonics, so many sidebands to each side.
