@@ -15,9 +15,9 @@ from gearmon.diagnosis.hypotheses.own_teeth import locate
 from gearmon.diagnosis.results import Analysis
 from gearmon.signals import indicators
 from gearmon.signals.run_history import RunHistory, na4_frozen
-from gearmon.signatures.gear_signals import gear_signals
-from gearmon.signatures.measured import MeasuredSignature
-from gearmon.signatures.reference import Profile
+from gearmon.signatures.measured.gear_signals import gear_signals
+from gearmon.signatures.measured.measurement import MeasuredSignature
+from gearmon.signatures.measured.reference import Profile
 
 FloatArray = NDArray[np.float64]
 

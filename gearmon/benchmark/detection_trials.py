@@ -20,7 +20,7 @@ from gearmon.benchmark.detection_rivals import RIVALS, rises
 from gearmon.diagnosis.analysis import analyse, learn
 from gearmon.diagnosis.results import Analysis, Flag
 from gearmon.errors import GearmonError
-from gearmon.signatures.reference import Reference
+from gearmon.signatures.measured.reference import Reference
 
 FloatArray = NDArray[np.float64]
 Row = dict[str, Any]

@@ -17,7 +17,7 @@ from gearmon.errors import ArgumentError, GearmonError, check_range
 if TYPE_CHECKING:
     from gearmon.diagnosis.fault_types.classifier import KindClassifier
     from gearmon.machine import Machine
-    from gearmon.signatures.reference import Reference
+    from gearmon.signatures.measured.reference import Reference
 
 #: Examples that a classifier is trained on; kinds less probable than this are not shown.
 EXAMPLES, LEAST_SHOWN = 1600, 0.01
@@ -56,7 +56,7 @@ def _classifier(arguments: argparse.Namespace, machine: Machine) -> tuple[KindCl
     """Read the classifier that is named, or train it and keep it under that name."""
     from gearmon.diagnosis.fault_types.classifier import read_kinds, write_kinds
     from gearmon.diagnosis.fault_types.training import EXAMPLES_BETWEEN, train_kinds
-    from gearmon.signatures.reference import tooth_counts
+    from gearmon.signatures.measured.reference import tooth_counts
 
     path = arguments.trained
     if path and Path(path).exists():

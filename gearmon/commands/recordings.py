@@ -17,15 +17,14 @@ if TYPE_CHECKING:
     from gearmon.diagnosis.results import Analysis
     from gearmon.machine import Machine
     from gearmon.signals.recording import Recording
-    from gearmon.signatures.reference import Reference
+    from gearmon.signatures.measured.reference import Reference
 
 
 def run_learn(arguments: argparse.Namespace) -> int:
     """Run `gearmon learn`."""
     from gearmon.report.text import reference_text
-    from gearmon.signatures.measured import measure_signature
-    from gearmon.signatures.reference import make_reference
-    from gearmon.signatures.reference_storage import write_reference
+    from gearmon.signatures.measured.measurement import measure_signature
+    from gearmon.signatures.measured.reference import make_reference, write_reference
 
     if not arguments.output:
         raise ArgumentError("learn: -o REFERENCE is missing; name the reference file to write")
@@ -122,7 +121,7 @@ def _analysis_lines(result: dict[str, Any], analyses: list[Analysis]) -> list[st
 def reference_of(arguments: argparse.Namespace, machine: Machine) -> Reference | None:
     """Return the reference that is named, or learn it from the healthy recording that is named."""
     from gearmon.diagnosis.analysis import learn
-    from gearmon.signatures.reference_storage import is_reference, read_reference
+    from gearmon.signatures.measured.reference import is_reference, read_reference
 
     if not arguments.reference:
         return None

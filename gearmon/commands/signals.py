@@ -17,8 +17,7 @@ from gearmon.errors import GearmonError
 if TYPE_CHECKING:
     from gearmon.machine import Machine
     from gearmon.signatures.gear_averages import GearAverages
-    from gearmon.signatures.indicator_history import IndicatorHistory
-    from gearmon.signatures.indicator_table import IndicatorTable
+    from gearmon.signatures.measured.indicators import IndicatorHistory, IndicatorTable
     from gearmon.signatures.order_spectra import OrderSpectra
 
 # Columns of the table on a screen; the files hold the others too.
@@ -46,7 +45,7 @@ def run_indicators(arguments: argparse.Namespace) -> int:
         entries.append(table.to_dict())
     result: dict[str, Any] = {"recordings": entries}
     if arguments.history and history is not None:
-        from gearmon.signatures.indicator_history import write_history
+        from gearmon.signatures.measured.indicators import write_history
 
         write_history(history, arguments.history)
         result["history"] = arguments.history
@@ -65,7 +64,7 @@ def _table(
     machine: Machine | None,
     history: IndicatorHistory | None,
 ) -> IndicatorTable:
-    from gearmon.signatures.indicator_table import indicator_table
+    from gearmon.signatures.measured.indicators import indicator_table
 
     return indicator_table(
         recording_of(path, arguments, machine), machine, history, arguments.baseline
@@ -73,7 +72,7 @@ def _table(
 
 
 def _history(arguments: argparse.Namespace) -> IndicatorHistory | None:
-    from gearmon.signatures.indicator_history import read_history
+    from gearmon.signatures.measured.indicators import read_history
 
     if not arguments.history or not Path(arguments.history).exists():
         return None

@@ -16,7 +16,7 @@ from gearmon.machine.example import EXAMPLE
 from gearmon.report.html import write_report
 from gearmon.report.text import analysis_text
 from gearmon.signals.recording import Recording, read_recording
-from gearmon.signatures.reference_storage import write_reference
+from gearmon.signatures.measured.reference import write_reference
 from gearmon.simulation import simulate, write_simulation
 from gearmon.terminal import Progress
 

@@ -23,8 +23,7 @@ from gearmon.report.plots import save
 from gearmon.report.text_tables import table_lines
 from gearmon.report.wording import percent
 from gearmon.signals.recording import Recording
-from gearmon.signatures.reference import Reference
-from gearmon.signatures.reference_storage import write_reference
+from gearmon.signatures.measured.reference import Reference, write_reference
 from gearmon.simulation import Settings
 from gearmon.terminal import Progress
 

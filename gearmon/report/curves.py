@@ -15,7 +15,7 @@ from gearmon.signals.angle import AngleGrid, AngleTrack, angle_blocks
 from gearmon.signals.order_lines import OrderLines, synchronous_average
 from gearmon.signals.spectrum import Spectrum, amplitude_spectrum
 from gearmon.signals.transforms import fast_length
-from gearmon.signatures.families import WheelLines
+from gearmon.signatures.measured.line_plan import WheelLines
 
 FloatArray = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from gearmon.signals.comb import SpeedScan, SpeedTrack, scan_speed
 from gearmon.signals.order_sums import OrderSums
 from gearmon.signals.presence import MeshEvidence, mesh_evidence
 from gearmon.signals.threads import at_once
-from gearmon.signatures.families import group_orders
+from gearmon.signatures.measured.line_plan import group_orders
 from gearmon.signatures.speed import SPEED_TOLERANCE, machine_comb, mesh_combs
 
 FloatArray = NDArray[np.float64]

@@ -13,9 +13,14 @@ from gearmon.machine import Machine
 from gearmon.signals.line_peaks import line_amplitude
 from gearmon.signals.recording import Recording
 from gearmon.signals.windows import half_lobe
-from gearmon.signatures.line_marks import machine_marks, mark_near
-from gearmon.signatures.measured import measure_signature
-from gearmon.signatures.spectrum_kinds import COMPUTE, KINDS, RecordingSpectrum
+from gearmon.signatures.measured.measurement import measure_signature
+from gearmon.signatures.measured.spectrum_kinds import (
+    COMPUTE,
+    KINDS,
+    RecordingSpectrum,
+    machine_marks,
+    mark_near,
+)
 
 __all__ = ["KINDS", "RecordingSpectrum", "highest_peaks", "recording_spectrum"]
 

@@ -14,7 +14,7 @@ from gearmon.machine import Machine
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.comb import Comb, SpeedScan, scan_speed
 from gearmon.signals.presence import MeshComb, combined_comb
-from gearmon.signatures.families import MESH_HARMONICS, group_orders
+from gearmon.signatures.measured.line_plan import MESH_HARMONICS, group_orders
 
 FloatArray = NDArray[np.float64]
 

@@ -18,7 +18,7 @@ from gearmon.signals import phase
 from gearmon.signals.comb import SpeedTrack, scan_speed
 from gearmon.signals.phase import constant_track, integrate_speed, refine_track, standing_share
 from gearmon.signals.presence import MeshComb, combined_comb
-from gearmon.signatures.measured import measure_signature
+from gearmon.signatures.measured.measurement import measure_signature
 from gearmon.simulation import simulate
 
 RATE, DURATION = 4000.0, 10.0

@@ -26,8 +26,8 @@ from gearmon.signals.streaming import open_recording
 from gearmon.signals.streaming_statistics import stream_indicators
 from gearmon.signals.tacho import find_pulses, track_from_pulses
 from gearmon.signals.tsa import time_synchronous_average
-from gearmon.signatures.indicator_table import indicator_table
-from gearmon.signatures.measured import measure_signature
+from gearmon.signatures.measured.indicators import indicator_table
+from gearmon.signatures.measured.measurement import measure_signature
 
 RATE = 4000.0
 TIME = np.arange(40_000) / RATE

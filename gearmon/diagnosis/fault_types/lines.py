@@ -20,7 +20,7 @@ from gearmon.gears.pairs import mesh_pairs
 from gearmon.machine import Machine
 from gearmon.signatures.expected.mesh import operating_point, posed_mesh
 from gearmon.signatures.expected.steady_lines import steady_lines
-from gearmon.signatures.families import MESH_HARMONICS, LinePlan, WheelLines, line_plan
+from gearmon.signatures.measured.line_plan import MESH_HARMONICS, LinePlan, WheelLines, line_plan
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

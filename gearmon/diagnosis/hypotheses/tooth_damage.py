@@ -21,7 +21,7 @@ from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE
 from gearmon.errors import ArgumentError
 from gearmon.machine import Machine
 from gearmon.signatures.expected.tooth_response import tooth_response
-from gearmon.signatures.reference import Profile
+from gearmon.signatures.measured.reference import Profile
 
 FloatArray = NDArray[np.float64]
 

@@ -24,7 +24,7 @@ from gearmon.signals.fine_spectrum import (
     highest_within,
     standing_peaks,
 )
-from gearmon.signatures.gear_orders import distance_to, known_orders
+from gearmon.signatures.measured.line_plan import distance_to, known_orders
 
 FloatArray = NDArray[np.float64]
 

@@ -23,8 +23,8 @@ from gearmon.signals.recording import Recording
 from gearmon.signals.sideband_spacing import spacing_mismatch, spacing_support
 from gearmon.signals.spectrum import power_density
 from gearmon.signals.threads import at_once
-from gearmon.signatures.families import MESH_HARMONICS, LinePlan, line_plan
-from gearmon.signatures.nongear_lines import NonGearLines, nongear_lines
+from gearmon.signatures.measured.line_plan import MESH_HARMONICS, LinePlan, line_plan
+from gearmon.signatures.measured.nongear_lines import NonGearLines, nongear_lines
 from gearmon.signatures.speed import (
     SPEED_TOLERANCE,
     Speed,
