@@ -138,6 +138,7 @@ def mesh_evidence(
     shaft_orders: Sequence[float],
     nominal_hz: float,
     tolerance: float = 0.03,
+    known: SpeedTrack | None = None,
 ) -> tuple[MeshEvidence, ...]:
     """Judge for each mesh whether its lines stand out from those of decoys.
 
@@ -153,13 +154,16 @@ def mesh_evidence(
         Nominal rotation frequency of shaft 1 [Hz].
     tolerance : float
         How far the true speed may be from it, as a fraction.
+    known : SpeedTrack, optional
+        The speed, if a tachometer tells it; else it is tracked in the scan.
 
     Returns
     -------
     tuple of MeshEvidence
         One a mesh.
     """
-    judged = _JudgedSpectrum.of(scan, nominal_hz, tolerance)
+    track = scan.track(_unseen(scan)) if known is None else known
+    judged = _JudgedSpectrum.of(scan, track, nominal_hz, tolerance)
 
     def evidence(index: int) -> MeshEvidence:
         return _evidence(judged, meshes, shaft_orders, index)
@@ -239,9 +243,10 @@ class _JudgedSpectrum:
     top_order: float
 
     @classmethod
-    def of(cls, scan: SpeedScan, nominal_hz: float, tolerance: float) -> _JudgedSpectrum:
-        """Track the speed on blocks that do not overlap the kept ones, average those."""
-        track = scan.track(_unseen(scan))
+    def of(
+        cls, scan: SpeedScan, track: SpeedTrack, nominal_hz: float, tolerance: float
+    ) -> _JudgedSpectrum:
+        """Average the kept blocks at speeds that were told by others."""
         mean = track.mean_hz
         if len(track.time_s) == 1:  # one block for both: at least its speed is constant
             mean = float(track.speed_hz[0])

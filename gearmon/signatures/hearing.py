@@ -14,15 +14,18 @@ from gearmon.signals.comb import SpeedScan, SpeedTrack, scan_speed
 from gearmon.signals.order_sums import OrderSums
 from gearmon.signals.presence import MeshEvidence, mesh_evidence
 from gearmon.signals.threads import at_once
-from gearmon.signatures.measured.line_plan import group_orders
+from gearmon.signatures.measured.line_plan import MESH_HARMONICS, group_orders, mesh_harmonics
 from gearmon.signatures.speed import SPEED_TOLERANCE, machine_comb, mesh_combs
 
 FloatArray = NDArray[np.float64]
 
-# Scan about a followed speed, for judging whether a mesh is there [turns, reach].
+# Scan about a followed speed, for judging whether a mesh is there [turns, reach]; and the reach
+# about the speed that a tachometer tells: elsewhere than where its pulses want them lines are no
+# mesh's (over an eighth of a second, pulses a sample off at 4 kHz put the speed off by 0.3 %).
 _JUDGED_TURNS = 20.0
 _JUDGED_REACH = 0.012
-# Harmonics of each mesh whose phases are followed.
+TACHO_REACH = 0.004
+# Harmonics of each mesh whose phases are followed, unless it is so slow that more are looked at.
 _HARMONICS = 6
 
 
@@ -99,10 +102,14 @@ class Heard:
         found = {
             float(order)
             for mesh in self.train.meshes
-            for k in range(1, _HARMONICS + 1)
+            for k in range(1, self._followed_harmonics(mesh) + 1)
             for order in _followed(mesh, k)
         }
         return np.array(sorted(order for order in found if order < top))
+
+    def _followed_harmonics(self, mesh: Mesh) -> int:
+        looked_at = mesh_harmonics(mesh.order * self.nominal_hz)
+        return looked_at if looked_at > MESH_HARMONICS else _HARMONICS
 
     def sums(self, fastest_hz: float | None = None) -> OrderSums | None:
         """Lines of the meshes up to a speed; None if all lie beyond the band.
@@ -122,7 +129,7 @@ def _followed(mesh: Mesh, harmonic: int) -> tuple[Fraction, ...]:
     return group_orders(mesh, harmonic)
 
 
-def judge(heard: Heard, track: AngleTrack) -> Tracking:
+def judge(heard: Heard, track: AngleTrack, reach: float = _JUDGED_REACH) -> Tracking:
     """Judge the meshes on a scan about a track whose speed changes or is far from nominal.
 
     Parameters
@@ -131,6 +138,8 @@ def judge(heard: Heard, track: AngleTrack) -> Tracking:
         The recording.
     track : AngleTrack
         Angle of shaft 1.
+    reach : float
+        How far its speed may be off, as a fraction.
 
     Returns
     -------
@@ -141,21 +150,25 @@ def judge(heard: Heard, track: AngleTrack) -> Tracking:
     speed = np.diff(track.turns_at(time_s)) / np.diff(time_s)
     around = SpeedTrack(time_s=middle, speed_hz=speed, resolution_hz=float("nan"))
     block_s = min(_JUDGED_TURNS / float(speed.mean()), 0.25 * heard.last_s)
-    comb = machine_comb(heard.train)
+    comb = machine_comb(heard.train, heard.nominal_hz)
     scan = scan_speed(
-        heard.samples, heard.rate, comb, heard.nominal_hz, _JUDGED_REACH, block_s, around=around
+        heard.samples, heard.rate, comb, heard.nominal_hz, reach, block_s, around=around
     )
     centre_hz = float(np.mean(scan.middle_hz))
     return Tracking(
         track=track,
         nominal_hz=heard.nominal_hz,
         scan=scan,
-        evidence=evidence_of(heard, scan, centre_hz, _JUDGED_REACH),
+        evidence=evidence_of(heard, scan, centre_hz, reach),
     )
 
 
 def evidence_of(
-    heard: Heard, scan: SpeedScan, centre_hz: float, tolerance: float
+    heard: Heard,
+    scan: SpeedScan,
+    centre_hz: float,
+    tolerance: float,
+    known: SpeedTrack | None = None,
 ) -> tuple[MeshEvidence, ...]:
     """Tell how clearly each mesh stands out in a scan.
 
@@ -169,6 +182,8 @@ def evidence_of(
         Speed about which it looked [Hz].
     tolerance : float
         How far, as a fraction.
+    known : SpeedTrack, optional
+        The speed, if a tachometer tells it.
 
     Returns
     -------
@@ -178,7 +193,8 @@ def evidence_of(
     orders = [shaft.order for shaft in heard.train.shafts]
 
     def judged() -> tuple[MeshEvidence, ...]:
-        return mesh_evidence(scan, mesh_combs(heard.train), orders, centre_hz, tolerance)
+        combs = mesh_combs(heard.train, heard.nominal_hz)
+        return mesh_evidence(scan, combs, orders, centre_hz, tolerance, known)
 
     # the path through all blocks, which is wanted next, is found meanwhile
     return at_once(judged, lambda: scan.best_score, scan.scores.size)[0]
@@ -202,3 +218,26 @@ def wander(track: AngleTrack) -> float:
         return 0.0
     turns = np.diff(track.turns_at(halves))
     return float(np.std(turns) / np.mean(turns))
+
+
+def speed_in_blocks(track: AngleTrack, scan: SpeedScan) -> SpeedTrack:
+    """Mean speed of a track in each block of a scan.
+
+    Parameters
+    ----------
+    track : AngleTrack
+        Angle of shaft 1.
+    scan : SpeedScan
+        The scan.
+
+    Returns
+    -------
+    SpeedTrack
+    """
+    half_s = float(scan.centre_s[0])  # the first block begins with the recording
+    ends = track.turns_at(scan.centre_s + half_s), track.turns_at(scan.centre_s - half_s)
+    return SpeedTrack(
+        time_s=scan.centre_s,
+        speed_hz=(ends[0] - ends[1]) / (2 * half_s),
+        resolution_hz=scan.resolution_hz,
+    )

@@ -14,13 +14,15 @@ from gearmon.machine import Machine
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.comb import Comb, SpeedScan, scan_speed
 from gearmon.signals.presence import MeshComb, combined_comb
-from gearmon.signatures.measured.line_plan import MESH_HARMONICS, group_orders
+from gearmon.signatures.measured.line_plan import MESH_HARMONICS, group_orders, mesh_harmonics
 
 FloatArray = NDArray[np.float64]
 
 SPEED_TOLERANCE = 0.03
-# Blocks of the first scan [turns]: they tell the sidebands of shaft 1 from the mesh lines.
-_SCAN_TURNS = 30.0
+# Blocks of the first scan [turns]: they tell the sidebands of shaft 1 from the mesh lines. High
+# harmonics of a slow mesh are smeared in long blocks by a speed that drifts; short ones still tell
+# them from sidebands of shaft 1.
+_SCAN_TURNS, _SLOW_MESH_TURNS = 30.0, 8.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,14 +67,14 @@ class Speed:
         }
 
 
-def mesh_combs(train: Kinematics) -> tuple[MeshComb, ...]:
-    """Return the meshes of a drive train as plain orders, one comb a stage."""
+def mesh_combs(train: Kinematics, shaft1_hz: float) -> tuple[MeshComb, ...]:
+    """Return the meshes of a drive train as plain orders, one comb a stage; `shaft1_hz` nominal."""
     return tuple(
         MeshComb(
             order=mesh.order,
             groups=tuple(
                 tuple(float(order) for order in group_orders(mesh, k))
-                for k in range(1, MESH_HARMONICS + 1)
+                for k in range(1, mesh_harmonics(mesh.order * shaft1_hz) + 1)
             ),
             spacings=_comb_spacings(mesh),
         )
@@ -87,13 +89,16 @@ def _comb_spacings(mesh: Mesh) -> tuple[float, ...]:
     return (abs(float(mesh.carrier)),)
 
 
-def machine_comb(train: Kinematics) -> Comb:
+def machine_comb(train: Kinematics, shaft1_hz: float) -> Comb:
     """Return the lines of a drive train that its speed is known by: meshes, sidebands, shafts."""
-    return combined_comb(mesh_combs(train), [shaft.order for shaft in train.shafts])
+    return combined_comb(mesh_combs(train, shaft1_hz), [shaft.order for shaft in train.shafts])
 
 
 def scan_nominal_speeds(
-    samples: FloatArray, rate: float, train: Kinematics, machine: Machine
+    samples: FloatArray,
+    rate: float,
+    train: Kinematics,
+    machine: Machine,
 ) -> tuple[float, SpeedScan]:
     """Scan about every nominal speed of the machine; the one that collects the most is meant.
 
@@ -120,11 +125,12 @@ def scan_nominal_speeds(
     ArgumentError
         If the machine has no operating point.
     """
-    comb = machine_comb(train)
     duration = samples.shape[-1] / rate
     scans = []
     for nominal in sorted({point.shaft1_hz for point in machine.operating}):
-        block_s = _SCAN_TURNS / nominal
+        comb = machine_comb(train, nominal)
+        slow = any(mesh_harmonics(m.order * nominal) > MESH_HARMONICS for m in train.meshes)
+        block_s = (_SLOW_MESH_TURNS if slow else _SCAN_TURNS) / nominal
         if duration < 4 * block_s:
             block_s = duration
         scan = scan_speed(samples, rate, comb, nominal, SPEED_TOLERANCE, block_s)
@@ -178,7 +184,9 @@ _PEAK_TOLERANCE = 1e-3
 _PEAK_SAMPLES = 1 << 19
 
 
-def line_peak(samples: FloatArray, rate: float, train: Kinematics, track: AngleTrack) -> float:
+def line_peak(
+    samples: FloatArray, rate: float, train: Kinematics, track: AngleTrack, nominal_hz: float
+) -> float:
     """Find the speed at which lines stand in one spectrum of the whole recording.
 
     Parameters
@@ -191,6 +199,8 @@ def line_peak(samples: FloatArray, rate: float, train: Kinematics, track: AngleT
         Orders of the machine.
     track : AngleTrack
         Angle of shaft 1.
+    nominal_hz : float
+        Nominal speed [Hz].
 
     Returns
     -------
@@ -206,5 +216,6 @@ def line_peak(samples: FloatArray, rate: float, train: Kinematics, track: AngleT
     drifts = wander > _PEAK_TOLERANCE * mean
     if track.method == "tacho" or drifts or samples.shape[-1] > _PEAK_SAMPLES:
         return mean
-    scan = scan_speed(samples, rate, machine_comb(train), mean, _PEAK_TOLERANCE, whole)
+    comb = machine_comb(train, nominal_hz)
+    scan = scan_speed(samples, rate, comb, mean, _PEAK_TOLERANCE, whole)
     return scan.track().mean_hz

@@ -20,7 +20,15 @@ from gearmon.signals.tacho import (
     track_from_pulses,
 )
 from gearmon.signals.tacho_phases import join
-from gearmon.signatures.hearing import Heard, Tracking, evidence_of, judge, wander
+from gearmon.signatures.hearing import (
+    TACHO_REACH,
+    Heard,
+    Tracking,
+    evidence_of,
+    judge,
+    speed_in_blocks,
+    wander,
+)
 from gearmon.signatures.speed import SPEED_TOLERANCE, scan_nominal_speeds
 from gearmon.signatures.tracking_by_ear import track_by_ear
 
@@ -105,16 +113,27 @@ def _with_tacho(recording: Recording, index: int, ear: _Ear) -> Tracking:
     """Track by the pulses of one channel and the lines between them."""
     tacho = _Tacho.of(recording, index, ear.machine, ear.heard)
     if _departs(tacho.track, ear.heard.nominal_hz):
-        found = judge(ear.heard, tacho.track)
+        found = judge(ear.heard, tacho.track, TACHO_REACH)
         if not recording.tacho_told:
             _check_believed(found, ear)
     else:
-        found = replace(ear.first, track=tacho.track)
-        far = found.standing > 0 and _apart(tacho.track, ear.first.track) > _APART
-        if far and not recording.tacho_told:
+        found = _at_pulses(ear, tacho.track)
+        if not recording.tacho_told and _shows_elsewhere(ear.first, tacho.track):
             _check_believed(judge(ear.heard, tacho.track), ear)
     track, notes = tacho.joined(ear.heard)
     return replace(found, track=track, notes=notes)
+
+
+def _shows_elsewhere(found: Tracking, track: AngleTrack) -> bool:
+    return found.standing > 0 and _apart(track, found.track) > _APART
+
+
+def _at_pulses(ear: _Ear, track: AngleTrack) -> Tracking:
+    """Judge the meshes at the speed that pulses tell."""
+    heard, scan = ear.heard, ear.scan
+    known = speed_in_blocks(track, scan)
+    evidence = evidence_of(heard, scan, known.mean_hz, TACHO_REACH, known)
+    return Tracking(track=track, nominal_hz=heard.nominal_hz, scan=scan, evidence=evidence)
 
 
 def _check_believed(judged: Tracking, ear: _Ear) -> None:

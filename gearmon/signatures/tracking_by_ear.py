@@ -92,7 +92,9 @@ def _elsewhere(heard: Heard, first: Tracking) -> bool:
     length = round(_LOOK_TURNS / heard.nominal_hz * heard.rate)
     begin = max(0, (heard.samples.shape[-1] - length) // 2)
     part = heard.samples[:, begin : begin + length]
-    path = find_path(part, heard.rate, machine_comb(heard.train), heard.nominal_hz, _REACH)
+    path = find_path(
+        part, heard.rate, machine_comb(heard.train, heard.nominal_hz), heard.nominal_hz, _REACH
+    )
     here = begin / heard.rate + path.speed.time_s
     known = first.scan.track().at(here)
     return bool(np.median(np.abs(path.speed.speed_hz / known - 1)) > _ELSEWHERE)
@@ -144,7 +146,7 @@ def _finer(
     heard: Heard, sums: OrderSums, first: Tracking, best: tuple[AngleTrack, float]
 ) -> tuple[AngleTrack, float]:
     """Follow a speed that wanders within the tolerance by scans in shorter blocks."""
-    comb, speed = machine_comb(heard.train), first.scan.track()
+    comb, speed = machine_comb(heard.train, heard.nominal_hz), first.scan.track()
     if best[1] <= _NEARLY:
         best = _better(sums, best, _in_short_blocks(sums, best[0]))
     enough = _STANDING
@@ -169,12 +171,15 @@ def _follow(heard: Heard, machine: Machine) -> tuple[Tracking, float, OrderSums]
 
     Returns the track, the share of the lines that stands still in it, and the lines.
     """
-    comb = machine_comb(heard.train)
-    nominal = {point.shaft1_hz for point in machine.operating}
-    paths = [(find_path(heard.samples, heard.rate, comb, hz, _REACH), hz) for hz in sorted(nominal)]
+    nominal = sorted({point.shaft1_hz for point in machine.operating})
+    paths = [
+        (find_path(heard.samples, heard.rate, machine_comb(heard.train, hz), hz, _REACH), hz)
+        for hz in nominal
+    ]
     path, nominal_hz = max(paths, key=lambda pair: pair[0].score)
     heard = replace(heard, nominal_hz=nominal_hz)
     orders = heard.orders(0.5 * nominal_hz)
+    comb = machine_comb(heard.train, nominal_hz)
     track = follow_speed(heard.samples, heard.rate, comb, orders, path.speed)
     judged = judge(heard, track)
     if not judged.convincing or not _spacing_agrees(heard, judged):
@@ -203,7 +208,7 @@ def _spacing_agrees(heard: Heard, judged: Tracking) -> bool:
         heard.samples, heard.rate, judged.track, max(1, heard.samples.shape[-1] >> 18)
     )
     supported = False
-    combs = mesh_combs(heard.train)
+    combs = mesh_combs(heard.train, heard.nominal_hz)
     for mesh, comb, seen in zip(heard.train.meshes, combs, judged.evidence, strict=True):
         if not seen.stands_out or mesh.carrier != 0:
             continue

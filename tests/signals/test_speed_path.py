@@ -19,7 +19,7 @@ from gearmon.signatures.speed import machine_comb
 RATE, DURATION, NOMINAL = 4000.0, 8.0, 25.0
 TIME = np.arange(int(DURATION * RATE)) / RATE
 MACHINE = train_of((23, 61))
-COMB = machine_comb(kinematics(MACHINE))
+COMB = machine_comb(kinematics(MACHINE), MACHINE.operating[0].shaft1_hz)
 MESHES = 23.0 * np.arange(1, 4)
 
 

@@ -223,11 +223,11 @@ def test_mesh_above_half_the_sampling_rate_is_not_found_and_said_so():
 
 
 def test_combs_are_plain_orders_of_the_meshes():
-    (pair,) = mesh_combs(kinematics(MACHINE))
+    (pair,) = mesh_combs(kinematics(MACHINE), 30.0)
     assert pair.order == 23.0
     assert pair.groups[1] == (46.0,)
     assert pair.spacings == pytest.approx((1.0, 23 / 61))
-    (sets,) = mesh_combs(kinematics(planetary()))
+    (sets,) = mesh_combs(kinematics(planetary()), 30.0)
     assert sets.order == pytest.approx(100 / 6)
     assert sets.spacings == pytest.approx((1 / 6,))
     assert sets.groups[0] == pytest.approx((99 / 6, 100 / 6, 101 / 6, 102 / 6))

@@ -22,6 +22,30 @@ FloatArray = NDArray[np.float64]
 
 MESH_HARMONICS = 8
 NEAR_SIDEBANDS = 6
+# A slow mesh is heard where the housing rings, from about 1 kHz on, and not at its first harmonics:
+# more of them are taken, up to this frequency [Hz], but no more than so many.
+_HEARD_HZ, _MOST_HARMONICS = 2500.0, 32
+
+
+def mesh_harmonics(mesh_hz: float) -> int:
+    """Return how many harmonics of a mesh are looked at: eight, or as many as reach 2.5 kHz.
+
+    Parameters
+    ----------
+    mesh_hz : float
+        Mesh frequency at nominal speed [Hz].
+
+    Returns
+    -------
+    int
+        8 to 32.
+
+    Examples
+    --------
+    >>> mesh_harmonics(480.0), mesh_harmonics(150.0), mesh_harmonics(40.0)
+    (8, 17, 32)
+    """
+    return min(max(MESH_HARMONICS, math.ceil(_HEARD_HZ / mesh_hz)), _MOST_HARMONICS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,7 +143,9 @@ class LinePlan:
     wheels: tuple[WheelLines, ...]
 
 
-def line_plan(train: Kinematics, top_order: float, finest_spacing: float) -> LinePlan:
+def line_plan(
+    train: Kinematics, top_order: float, finest_spacing: float, shaft1_hz: float = math.inf
+) -> LinePlan:
     """Plan the order lines of a drive train that a recording can show.
 
     Parameters
@@ -131,15 +157,18 @@ def line_plan(train: Kinematics, top_order: float, finest_spacing: float) -> Lin
     finest_spacing : float
         Smallest distance of lines that the blocks of the recording tell apart; gears that turn
         more slowly get no sidebands.
+    shaft1_hz : float
+        Nominal rotation frequency of shaft 1 [Hz]: of slow meshes more harmonics are planned.
 
     Returns
     -------
     LinePlan
-        Up to eight mesh harmonics a stage, sidebands of every modulation, all multiples of every
-        gear's rotation up to half a mesh order beyond.
+        The mesh harmonics of `mesh_harmonics`, sidebands of every modulation, all multiples of
+        every gear's rotation up to half a mesh order beyond.
     """
     unit = _common_denominator(train)
-    claims = _Claims(Fraction(top_order).limit_denominator(10**6), unit)
+    counts = {mesh.stage: mesh_harmonics(mesh.order * shaft1_hz) for mesh in train.meshes}
+    claims = _Claims(Fraction(top_order).limit_denominator(10**6), unit, counts)
     for mesh in train.meshes:
         _claim_mesh(claims, mesh)
     for mesh in train.meshes:
@@ -154,7 +183,7 @@ def line_plan(train: Kinematics, top_order: float, finest_spacing: float) -> Lin
     ]
     for mesh, wheel in wheels:
         centre, turning = claims.units(mesh.exact), claims.units(wheel.exact_relative)
-        for k in _harmonics(mesh, claims.top):
+        for k in claims.harmonics(mesh):
             for r in range(-(wheel.teeth // 2), wheel.teeth // 2 + 1):
                 claims.add(k * centre + r * turning, 10**6, None)
     if not claims.owner:  # no mesh can be seen at this sampling rate: at least the shafts
@@ -195,13 +224,18 @@ class _Claims:
     Orders are counted in whole parts of one, `unit` of them: that is as exact as fractions.
     """
 
-    def __init__(self, top: Fraction, unit: int) -> None:
+    def __init__(self, top: Fraction, unit: int, counts: dict[int, int]) -> None:
         self.top = top
+        self.counts = counts
         self.unit = unit
         self.owner: dict[int, tuple[int, _Key | None]] = {}
         self.cut: set[_Key] = set()
         # the first whole number that is not below the top
         self._end = math.ceil(top * unit)
+
+    def harmonics(self, mesh: Mesh) -> range:
+        """Return the harmonics of a mesh that are planned."""
+        return range(1, min(self.counts[mesh.stage], int(self.top / mesh.exact)) + 1)
 
     def units(self, order: Fraction) -> int:
         """Return an order in parts."""
@@ -218,12 +252,8 @@ class _Claims:
             self.owner[order] = (rank, key)
 
 
-def _harmonics(mesh: Mesh, top: Fraction) -> range:
-    return range(1, min(MESH_HARMONICS, int(top / mesh.exact)) + 1)
-
-
 def _claim_mesh(claims: _Claims, mesh: Mesh) -> None:
-    for k in _harmonics(mesh, claims.top):
+    for k in claims.harmonics(mesh):
         key = ("mesh", mesh.stage, "", k, Fraction(0), None)
         claims.add(k * claims.units(mesh.exact), -1000 + k, key)
         for order in group_orders(mesh, k):
@@ -279,7 +309,7 @@ def _claim_sidebands(
 ) -> None:
     half = max(NEAR_SIDEBANDS, teeth // 2)
     centre, apart = claims.units(mesh.exact), claims.units(spacing)
-    for k in _harmonics(mesh, claims.top):
+    for k in claims.harmonics(mesh):
         for r in range(1, half + 1):
             if 2 * r * apart > centre:
                 break

@@ -20,10 +20,10 @@ from gearmon.signals.presence import (
     MeshEvidence,
 )
 from gearmon.signals.recording import Recording
-from gearmon.signals.sideband_spacing import spacing_mismatch, spacing_support
+from gearmon.signals.sideband_spacing import foreign_spacing, spacing_mismatch, spacing_support
 from gearmon.signals.spectrum import power_density
 from gearmon.signals.threads import at_once
-from gearmon.signatures.measured.line_plan import MESH_HARMONICS, LinePlan, line_plan
+from gearmon.signatures.measured.line_plan import LinePlan, line_plan, mesh_harmonics
 from gearmon.signatures.measured.nongear_lines import NonGearLines, nongear_lines
 from gearmon.signatures.speed import (
     SPEED_TOLERANCE,
@@ -46,6 +46,8 @@ _BANDS, _BAND_SAMPLES = 40, 2048
 # Height of a gear's own sidebands, in robust standard deviations, from which they count.
 _SUPPORTED = 4.0
 _FOUND_DESPITE_MISMATCH = 6.0
+# Lines of the kinematics at whose multiples sidebands of the machine's own stand.
+_TURNING = ("shaft", "rotation", "local fault", "planet pass")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,13 +179,13 @@ def measure_signature(recording: Recording, machine: Machine) -> MeasuredSignatu
     slowest = min(shaft.order for shaft in train.shafts)
     _check_length(recording, slowest, machine)
     samples, rate = vibration.samples, vibration.sampling_rate_hz
-    combs = mesh_combs(train)
     tracking = track_recording(recording, machine, train)
     track, nominal_hz = tracking.track, tracking.nominal_hz
+    combs = mesh_combs(train, nominal_hz)
     plan = _plan(train, rate, track, tracking.plan_hz)
     lines, (spectrum, foreign) = _spectra(samples, rate, track, train, plan)
     level, scatter, heard = family_levels(lines, plan)
-    peak_hz = line_peak(samples, rate, train, track)
+    peak_hz = line_peak(samples, rate, train, track, nominal_hz)
     speed = speed_of(track, nominal_hz, peak_hz, tracking.scan, recording.duration_s)
     findings = _findings(speed, spectrum, train, combs, tracking.evidence, lines, plan)
     return MeasuredSignature(
@@ -271,7 +273,7 @@ def _plan(train: Kinematics, rate: float, track: AngleTrack, nominal_hz: float) 
     turns = float(track.turns[-1] - track.turns[0])
     # a Hann block tells lines apart that are two over its length away from each other
     finest = 2.0 / _block_turns(turns, min(shaft.order for shaft in train.shafts))
-    return line_plan(train, top, 0.999 * finest)
+    return line_plan(train, top, 0.999 * finest, nominal_hz)
 
 
 def _block_turns(turns: float, slowest_order: float) -> float:
@@ -345,9 +347,19 @@ def _findings(
         support >= _SUPPORTED and seen.clear >= 2
         for support, seen in zip(supports, evidence, strict=True)
     )
-    for mesh, comb, seen, support in zip(train.meshes, combs, evidence, supports, strict=True):
+    foreign = [
+        _foreign(spectrum, train, comb) if seen.stands_out else None
+        for comb, seen in zip(combs, evidence, strict=True)
+    ]
+    # what stands at a speed that was told by lines of something else is no mesh either
+    misled = speed.method != "tacho" and any(spacing is not None for spacing in foreign)
+    for mesh, comb, seen, support, spacing in zip(
+        train.meshes, combs, evidence, supports, foreign, strict=True
+    ):
         sure = told and seen.clear >= 2
         found, reason = _judge(seen, quality, bin_order, comb, mesh.carrier == 0 and not sure)
+        if found and (misled or spacing is not None):
+            found, reason = False, _disowned(spacing)
         if found and not several and seen.visible > 1 and support < _SUPPORTED:
             found, reason = False, _lonely(seen.visible - 1)
         chosen = [
@@ -356,7 +368,8 @@ def _findings(
             if family.kind == "mesh" and family.stage == mesh.stage
             for line in family.lines
         ]
-        shared = np.isin(np.round(plan.orders / mesh.order, 9), np.arange(1, MESH_HARMONICS + 1))
+        last = mesh_harmonics(mesh.order * speed.nominal_hz)
+        shared = np.isin(np.round(plan.orders / mesh.order, 9), np.arange(1, last + 1))
         chosen += [int(i) for i in np.flatnonzero(shared)]
         findings.append(
             MeshFinding(
@@ -385,6 +398,25 @@ def _support(quality: FloatArray, bin_order: float, comb: MeshComb) -> float:
             height = spacing_support(quality, bin_order, comb, spacing, SPEED_TOLERANCE, others)
             found = max(found, height)
     return found
+
+
+def _foreign(spectrum: FineSpectrum, train: Kinematics, comb: MeshComb) -> float | None:
+    """Spacing of what else the lines of a mesh belong to, such as a bearing; None if to nothing."""
+    turning = {line.order for line in train.lines if line.kind in _TURNING}
+    meshing = {mesh.order for mesh in train.meshes if mesh.order != comb.order}
+    return foreign_spacing(spectrum, comb, sorted(turning), sorted(meshing))
+
+
+def _disowned(spacing: float | None) -> str:
+    if spacing is None:
+        return (
+            "lines suit it, but at a speed at which those of another stage belong to something "
+            "else, such as a bearing"
+        )
+    return (
+        f"lines suit it, but others as clear stand every {spacing:.4g} orders between them, and "
+        "nothing in this machine turns so: they belong to something else, such as a bearing"
+    )
 
 
 def _lonely(others: int) -> str:

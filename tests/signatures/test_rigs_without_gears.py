@@ -1,0 +1,73 @@
+"""The comb of a bearing is no mesh, whatever tooth counts are claimed; a faulty gear is one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from reference.bearing_rigs import KINDS, bearing_rig
+from reference.speed_cases import train_of
+from reference.synthetic_signals import lines_on, white
+
+from gearmon.gears.kinematics import kinematics
+from gearmon.signals.fine_spectrum import fine_order_spectrum
+from gearmon.signals.phase import constant_track
+from gearmon.signals.recording import Recording
+from gearmon.signals.sideband_spacing import foreign_spacing
+from gearmon.signatures.measured.measurement import measure_signature
+from gearmon.signatures.speed import mesh_combs
+
+RATE = 12_000.0
+
+
+def spacing_about(samples, rate, speed_hz, *teeth):
+    """What `foreign_spacing` says of a pair at a speed."""
+    train = kinematics(train_of(teeth, speed_hz=speed_hz))
+    track = constant_track(speed_hz, (samples.shape[-1] - 1) / rate)
+    spectrum = fine_order_spectrum(samples, rate, track, 1, 8)
+    turning = [1.0, teeth[0] / teeth[1]]
+    (comb,) = mesh_combs(train, speed_hz)
+    return foreign_spacing(spectrum, comb, turning, [])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("multiple", [3, 5, 7])
+def test_multiple_of_a_ball_pass_line_belongs_to_the_finer_comb(kind, multiple):
+    generator = np.random.default_rng([multiple, KINDS.index(kind)])
+    samples, shaft_hz, order = bearing_rig(generator, kind, RATE, 5.0)
+    # the speed at which the mesh of 31 teeth falls on that multiple
+    speed_hz = multiple * order * shaft_hz / 31
+    spacing = spacing_about(samples, RATE, speed_hz, 31, 78)
+    assert spacing is not None
+    parts = 31 / multiple / spacing
+    assert parts == pytest.approx(round(parts), abs=1e-6)
+
+
+@pytest.mark.parametrize("damaged", [False, True])
+def test_lines_of_a_gear_are_its_own(damaged):
+    # a mesh with sidebands; a damaged tooth fills every order of its shaft
+    generator = np.random.default_rng(4)
+    time = np.arange(int(8 * RATE)) / RATE
+    orders = [24.0 * k + r for k in range(1, 7) for r in (-1, 0, 1)]
+    levels = np.array([0.1, 1.0, 0.1] * 6)
+    if damaged:
+        orders = [float(n) for n in range(1, 150)]
+        levels = np.where(np.array(orders) % 24 == 0, 1.0, 0.3)
+    phases = generator.uniform(0, 6.28, len(orders))
+    samples = lines_on(20.0 * time, orders, levels, phases) + white((1, len(time)), seed=1)
+    assert spacing_about(samples, RATE, 20.0, 24, 65) is None
+
+
+def test_invented_pairs_are_not_found_on_bearings():
+    # 30 rigs: at the one in fifty of a larger trial (568 pairs) more than two would be rare
+    found = []
+    for seed in range(30):
+        generator = np.random.default_rng([seed, 9])
+        kind = KINDS[seed % 3]
+        samples, shaft_hz, _ = bearing_rig(
+            generator, kind, RATE, float(generator.choice([1.0, 3.0]))
+        )
+        pinion, gear = int(generator.integers(13, 40)), int(generator.integers(41, 100))
+        machine = train_of((pinion, gear), speed_hz=shaft_hz / generator.uniform(0.97, 1.03))
+        recording = Recording(samples=samples, sampling_rate_hz=RATE, origin=f"{kind} {seed}")
+        found.append(measure_signature(recording, machine).found)
+    assert sum(found) <= 2
