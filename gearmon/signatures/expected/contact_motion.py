@@ -439,4 +439,8 @@ def _unresolved(speed: FloatArray, widths: FloatArray) -> FloatArray:
 
 def _powers(factor: ComplexArray, start: ComplexArray, count: int) -> ComplexArray:
     """Return start, start factor, start factor^2, ..., shape (count, points)."""
-    return np.asarray(np.cumprod([start, *[factor] * (count - 1)], axis=0), dtype=np.complex128)
+    found = np.empty((count, len(factor)), dtype=np.complex128)
+    found[0] = start
+    for number in range(1, count):
+        np.multiply(found[number - 1], factor, out=found[number])
+    return found
