@@ -30,7 +30,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gearmon.errors import ArgumentError
-from gearmon.gears.pulses import gauss, panel_nodes
+from gearmon.gears.pulses import PanelCurves, gauss, panel_nodes
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
@@ -419,14 +419,9 @@ def _panel_maps(
 @lru_cache(maxsize=1)
 def _integrals() -> FloatArray:
     """Return the matrix from values at the points to integrals from the start of [0, 1] to them."""
-    x, _, analysis = gauss(POINTS)
-    legendre = np.polynomial.legendre.legvander(x, POINTS)
-    primitive = np.empty((POINTS, POINTS))
-    primitive[:, 0] = x + 1
-    for n in range(1, POINTS):
-        # the integral of P_n from -1 is (P_{n+1} - P_{n-1})/(2n + 1)
-        primitive[:, n] = (legendre[:, n + 1] - legendre[:, n - 1]) / (2 * n + 1)
-    return np.asarray(0.5 * primitive @ analysis)
+    edges = np.array([0.0, 1.0])
+    each = PanelCurves.through(edges, np.eye(POINTS)[None]).integral()
+    return np.asarray(each.at(panel_nodes(edges, POINTS)[0]).T)
 
 
 def _unresolved(speed: FloatArray, widths: FloatArray) -> FloatArray:

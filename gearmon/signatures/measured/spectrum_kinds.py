@@ -120,15 +120,27 @@ class RecordingSpectrum:
         }
 
 
-def _plain(vibration: Recording, kind: str, **given: Any) -> RecordingSpectrum:
-    usual: dict[str, Any] = {
-        "recording": vibration.origin,
-        "kind": kind,
-        "channel_names": vibration.channel_names,
-        "axis": "frequency_hz",
-        "peaks": (),
-    }
-    return RecordingSpectrum(**{**usual, **given})
+def _made(
+    vibration: Recording,
+    kind: str,
+    axis: tuple[FloatArray, FloatArray],
+    value_name: str,
+    units: tuple[str, ...],
+    **more: Any,
+) -> RecordingSpectrum:
+    place, values = axis
+    return RecordingSpectrum(
+        recording=vibration.origin,
+        kind=kind,
+        channel_names=vibration.channel_names,
+        axis=more.pop("axis_name", "frequency_hz"),
+        place=place,
+        values=values,
+        value_name=value_name,
+        units=units,
+        peaks=(),
+        **more,
+    )
 
 
 def _cut(
@@ -157,17 +169,10 @@ def _amplitudes(kind: str) -> Callable[..., RecordingSpectrum]:
             window_name=window_name,
             quantity=kind,  # type: ignore[arg-type]
         )
-        place, values = _cut(found.frequency_hz, found.values, band)
+        axis = _cut(found.frequency_hz, found.values, band)
+        units = _units(vibration, "({})^2" if kind == "energy" else "{}")
         note = f"{window_name} window, noise bandwidth {found.resolution_hz:.3g} Hz"
-        return _plain(
-            vibration,
-            kind,
-            place=place,
-            values=values,
-            value_name=names[kind],
-            units=_units(vibration, "squared" if kind == "energy" else ""),
-            notes=(note,),
-        )
+        return _made(vibration, kind, axis, names[kind], units, notes=(note,))
 
     return compute
 
@@ -181,29 +186,21 @@ def _density(
     found = power_density(
         vibration.samples, vibration.sampling_rate_hz, block, window_name=window_name
     )
-    place, values = _cut(found.frequency_hz, found.values, band)
+    axis = _cut(found.frequency_hz, found.values, band)
+    units = _units(vibration, "({})^2/Hz")
     note = f"Welch, blocks of {block} samples, half overlap, {window_name} window"
-    return _plain(
-        vibration,
-        "density",
-        place=place,
-        values=values,
-        value_name="power spectral density",
-        units=_units(vibration, "density"),
-        notes=(note,),
-    )
+    return _made(vibration, "density", axis, "power spectral density", units, notes=(note,))
 
 
 def _envelope(
     vibration: Recording,
     band: tuple[float, float] | None,
-    window_name: str,  # noqa: ARG001 (all kinds are called alike)
+    _window_name: str,
 ) -> RecordingSpectrum:
     rate, notes = vibration.sampling_rate_hz, []
     if band is None:
         # narrow bands through which a wandering line passes now and then would look impulsive
-        deepest = max(0, min(_ENVELOPE_LEVELS, int(np.log2(vibration.samples.shape[-1] / 64))))
-        found_bands = [kurtogram(channel, rate, deepest).best for channel in vibration.samples]
+        found_bands = [own.best for own in _kurtograms(vibration, _ENVELOPE_LEVELS)]
         channel = int(np.argmax([height for _, _, height in found_bands]))
         low, high, height = found_bands[channel]
         band = (low, high)
@@ -212,63 +209,40 @@ def _envelope(
             f"{vibration.channel_names[channel]} (kurtosis {height:.3g})"
         )
     found = envelope_spectrum(vibration.samples, rate, *band)
-    return _plain(
-        vibration,
-        "envelope",
-        place=found.frequency_hz[1:],
-        values=found.values[:, 1:],
-        value_name=f"envelope of {band[0]:.6g} to {band[1]:.6g} Hz",
-        units=_units(vibration, ""),
-        notes=tuple(notes),
-    )
+    axis, units = (found.frequency_hz[1:], found.values[:, 1:]), _units(vibration, "{}")
+    name = f"envelope of {band[0]:.6g} to {band[1]:.6g} Hz"
+    return _made(vibration, "envelope", axis, name, units, notes=tuple(notes))
 
 
 def _cepstrum(
-    vibration: Recording,
-    band: tuple[float, float] | None,
-    window_name: str,  # noqa: ARG001
+    vibration: Recording, band: tuple[float, float] | None, _window_name: str
 ) -> RecordingSpectrum:
     found = real_cepstrum(vibration.samples, vibration.sampling_rate_hz)
     # the first quefrencies hold the coarse shape of the spectrum, many times higher than the rest
     chosen = band or (16 / vibration.sampling_rate_hz, min(0.5, float(found.quefrency_s[-1])))
-    place, values = _cut(found.quefrency_s, found.values, chosen)
-    return _plain(
-        vibration,
-        "cepstrum",
-        axis="quefrency_s",
-        place=place,
-        values=values,
-        value_name="real cepstrum",
-        units=("1",) * len(values),
-    )
+    axis = _cut(found.quefrency_s, found.values, chosen)
+    ones = ("1",) * len(axis[1])
+    return _made(vibration, "cepstrum", axis, "real cepstrum", ones, axis_name="quefrency_s")
+
+
+def _kurtograms(vibration: Recording, most_levels: int) -> tuple[Kurtogram, ...]:
+    levels = max(0, min(most_levels, int(np.log2(vibration.samples.shape[-1] / 64))))
+    rate = vibration.sampling_rate_hz
+    return tuple(kurtogram(samples, rate, levels) for samples in vibration.samples)
 
 
 def _kurtogram(
-    vibration: Recording,
-    band: tuple[float, float] | None,
-    window_name: str,  # noqa: ARG001
+    vibration: Recording, band: tuple[float, float] | None, _window_name: str
 ) -> RecordingSpectrum:
     if band is not None:
         raise ArgumentError("band: a kurtogram covers all frequencies; leave the band out")
-    levels = max(0, min(_MAP_LEVELS, int(np.log2(vibration.samples.shape[-1] / 64))))
-    maps = tuple(
-        kurtogram(samples, vibration.sampling_rate_hz, levels) for samples in vibration.samples
-    )
-    return _plain(
-        vibration,
-        "kurtogram",
-        place=np.zeros(0),
-        values=np.zeros((len(maps), 0)),
-        value_name="kurtosis of the envelope",
-        units=("1",) * len(maps),
-        kurtograms=maps,
-    )
+    maps = _kurtograms(vibration, _MAP_LEVELS)
+    axis, ones = (np.zeros(0), np.zeros((len(maps), 0))), ("1",) * len(maps)
+    return _made(vibration, "kurtogram", axis, "kurtosis of the envelope", ones, kurtograms=maps)
 
 
 def _coherence(
-    vibration: Recording,
-    band: tuple[float, float] | None,
-    window_name: str,  # noqa: ARG001
+    vibration: Recording, band: tuple[float, float] | None, _window_name: str
 ) -> RecordingSpectrum:
     rate, count = vibration.sampling_rate_hz, vibration.samples.shape[-1]
     low, high = band or (1.0, min(200.0, rate / 8))
@@ -280,36 +254,31 @@ def _coherence(
         raise ArgumentError(f"{vibration.origin}: {count} samples are too few for a coherence")
     step = rate / piece
     cyclic = np.arange(max(low, step), high, step)
-    values = [
-        np.mean(
-            [
-                cyclic_coherence(
-                    samples[k * piece : (k + 1) * piece], rate, cyclic, block
-                ).enhanced_envelope_spectrum
-                for k in range(pieces)
-            ],
-            axis=0,
-        )
-        for samples in vibration.samples
-    ]
-    return _plain(
+
+    def mean(samples: FloatArray) -> FloatArray:
+        parts = samples[: pieces * piece].reshape(pieces, piece)
+        found = [cyclic_coherence(part, rate, cyclic, block) for part in parts]
+        return np.asarray(np.mean([one.enhanced_envelope_spectrum for one in found], axis=0))
+
+    values = np.array([mean(samples) for samples in vibration.samples])
+    note = (
+        f"modulation resolved to {step:.3g} Hz, carriers to {1.5 * rate / block:.3g} Hz, from "
+        f"the first {pieces * piece / rate:.3g} s"
+    )
+    name, ones = "squared cyclic coherence, mean over carriers", ("1",) * len(values)
+    return _made(
         vibration,
         "coherence",
-        axis="cyclic_frequency_hz",
-        place=cyclic,
-        values=np.array(values),
-        value_name="squared cyclic coherence, mean over carriers",
-        units=("1",) * len(values),
-        notes=(
-            f"modulation resolved to {step:.3g} Hz, carriers to {1.5 * rate / block:.3g} Hz, from "
-            f"the first {pieces * piece / rate:.3g} s",
-        ),
+        (cyclic, values),
+        name,
+        ones,
+        axis_name="cyclic_frequency_hz",
+        notes=(note,),
     )
 
 
-def _units(vibration: Recording, how: str) -> tuple[str, ...]:
-    forms = {"": "{}", "squared": "({})^2", "density": "({})^2/Hz"}
-    return tuple(forms[how].format(unit) if unit else "" for unit in vibration.units)
+def _units(vibration: Recording, form: str) -> tuple[str, ...]:
+    return tuple(form.format(unit) if unit else "" for unit in vibration.units)
 
 
 # Each takes the vibration, the band or none, and the name of the window.
