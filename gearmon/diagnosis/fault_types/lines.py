@@ -8,7 +8,6 @@ of tooth 1 and ``W_n = sum_j w_j exp(-2 pi i n (j - 1)/z)``.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,8 +17,8 @@ from gearmon.gears.faults import Fault, GearError
 from gearmon.gears.kinematics import kinematics
 from gearmon.gears.pairs import mesh_pairs
 from gearmon.machine import Machine
+from gearmon.signatures.expected.faulty_teeth import faulty_lines
 from gearmon.signatures.expected.mesh import operating_point, posed_mesh
-from gearmon.signatures.expected.steady_lines import steady_lines
 from gearmon.signatures.measured.line_plan import MESH_HARMONICS, LinePlan, WheelLines, line_plan
 
 FloatArray = NDArray[np.float64]
@@ -174,10 +173,10 @@ class _Mesh:
         self.module_m = _USUAL_MODULE_M if module_mm is None else 1e-3 * module_mm
         # the first gear of a stage is in its main mesh
         self.first = mesh_pairs(machine.stages[stage - 1], stage, machine.path)[0].members[0].name
-        self.sound = self._lines([], 1, self.first)
+        self.sound = self._lines(None, 1, self.first)
         self.rms = float(np.linalg.norm(self.sound))
-        profile = self._lines([self._error("profile", self.first, SIZE)], 1, self.first)
-        worn = self._lines([self._fault("wear", self.first, None)], 1, self.first)
+        profile = self._lines(self._error("profile", self.first, SIZE), 1, self.first)
+        worn = self._lines(self._fault("wear", self.first, None), 1, self.first)
         self.profile = self._unit(profile - _fitted(self.sound, len(profile)))
         self.wear = (worn - _fitted(self.sound, len(worn))) / LOSS
 
@@ -218,7 +217,7 @@ class _Mesh:
         return np.asarray(lines * (self.rms / size if size > 1e-6 * self.rms else 0.0))
 
     def _added(self, fault: Fault | GearError, wheel: WheelLines) -> ComplexArray:
-        lines = self._lines([fault], wheel.teeth, wheel.gear)
+        lines = self._lines(fault, wheel.teeth, wheel.gear)
         teeth = wheel.teeth
         if wheel.gear == "ring":
             lines[::teeth] = 0.0
@@ -227,16 +226,18 @@ class _Mesh:
             lines[::teeth] -= _fitted(self.sound, count)
         return _on(lines, wheel.number)
 
-    def _lines(self, faults: Sequence[Fault | GearError], teeth: int, gear: str) -> ComplexArray:
+    def _lines(self, wrong: Fault | GearError | None, teeth: int, gear: str) -> ComplexArray:
         """Return acceleration lines 0, 1, ... of the turn of a gear (of the mesh: 1 tooth)."""
         mesh = 1 if gear == "ring" else 0
-        posed = posed_mesh(self.machine, self.stage, self.operating, faults, mesh=mesh)
-        solved = steady_lines(posed, self.max_hz, _TOLERANCE)
-        inside = solved.frequency_hz <= self.max_hz * (1 + 1e-9)
-        number = solved.number[inside] * teeth // solved.period
-        whole = (solved.number[inside] * teeth) % solved.period == 0
+        asked = [] if wrong is None else [wrong]
+        healthy, faulty = (
+            posed_mesh(self.machine, self.stage, self.operating, own, mesh=mesh)
+            for own in ([], asked)
+        )
+        (solved,) = faulty_lines(healthy, [faulty], gear, self.max_hz, _TOLERANCE)
+        number = solved.number * (teeth // solved.period)
         lines = np.zeros(int(number.max(initial=0)) + 1, dtype=np.complex128)
-        lines[number[whole]] = 2 * solved.acceleration[inside][whole]
+        lines[number] = 2 * solved.acceleration
         return lines
 
     def _fault(self, kind: str, gear: str, tooth: int | None) -> Fault:
