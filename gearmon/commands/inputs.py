@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING
+import os
+import signal
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, TypeVar
 
-from gearmon.errors import ArgumentError
+from gearmon.errors import ArgumentError, GearmonError
+from gearmon.signals.threads import THREADS, cores
 from gearmon.terminal import progress_bar
 
 if TYPE_CHECKING:
     from gearmon.machine import Machine
     from gearmon.signals.recording import Recording
+
+Found = TypeVar("Found")
+
+# A process takes as long to start as one file of ten seconds takes to analyse.
+_FILES_A_PROCESS = 2
 
 
 def machine_of(path: str) -> Machine:
@@ -49,6 +57,56 @@ def followed(paths: Iterable[str], what: str) -> Iterator[str]:
             yield path
             if progress is not None:
                 progress((number + 1) / len(listed))
+
+
+def each_of(task: Callable[[str], Found], paths: Sequence[str], what: str) -> Iterator[Found]:
+    """Do a task for each path, on all cores where there are paths enough; results in their order.
+
+    Parameters
+    ----------
+    task : callable
+        Takes a path; it and its results go from process to process.
+    paths : sequence of str
+    what : str
+        What the progress bar says.
+
+    Yields
+    ------
+    object
+        What the task returned.
+
+    Raises
+    ------
+    GearmonError
+        If a process was killed, by lack of memory most likely.
+    """
+    workers = min(cores(), len(paths) // _FILES_A_PROCESS)
+    if workers < 2:
+        yield from (task(path) for path in followed(paths, what))
+        return
+    from concurrent.futures import ProcessPoolExecutor  # a single file does without
+    from concurrent.futures.process import BrokenProcessPool
+
+    pool = ProcessPoolExecutor(workers, initializer=_alone_on_a_core)
+    with progress_bar(what) as progress:
+        try:
+            for number, found in enumerate(pool.map(task, paths)):
+                yield found
+                if progress is not None:
+                    progress((number + 1) / len(paths))
+        except BrokenProcessPool as error:
+            raise GearmonError(
+                f"{what}: a process was killed, by lack of memory most likely; give fewer files at "
+                f"a time, or set {THREADS}=1"
+            ) from error
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def _alone_on_a_core() -> None:
+    """Keep a process to one core; Ctrl-C is for the parent to answer."""
+    os.environ[THREADS] = "1"
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def loss_of(text: str | None, option: str) -> float | None:

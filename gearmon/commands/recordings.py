@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import argparse
 import sys
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gearmon.commands.command import Command
-from gearmon.commands.inputs import followed, loss_of, machine_of, recording_of
+from gearmon.commands.inputs import each_of, followed, loss_of, machine_of, recording_of
 from gearmon.commands.options import recording_options
 from gearmon.commands.output import BAD_INPUT, DONE, FLAGGED, UNJUDGED, show, write_json
 from gearmon.errors import ArgumentError, GearmonError
@@ -54,11 +55,20 @@ def run_analyse(arguments: argparse.Namespace) -> int:
     must_notice = loss_of(arguments.must_notice, "--must-notice")
     machine = machine_of(arguments.machine)
     reference = reference_of(arguments, machine)
+    task = partial(
+        _analysed,
+        arguments=arguments,
+        machine=machine,
+        reference=reference,
+        must_notice=must_notice,
+    )
+    results: list[dict[str, Any]] = []
     kept: list[tuple[Analysis, Recording | None]] = []
-    results = [
-        _analysed(path, arguments, machine, reference, must_notice, kept)
-        for path in followed(arguments.recording, "analysing")
-    ]
+    for entry, found in each_of(task, arguments.recording, "analysing"):
+        if "error" in entry:
+            print(f"gearmon: {entry['error']}", file=sys.stderr)
+        results.append(entry)
+        kept += [found] if found is not None else []
     result: dict[str, Any] = {"recordings": results}
     if arguments.report and kept:
         from gearmon.report.html import Failure, write_report
@@ -90,9 +100,11 @@ def _analysed(
     machine: Machine,
     reference: Reference | None,
     must_notice: float | None,
-    kept: list[tuple[Analysis, Recording | None]],
-) -> dict[str, Any]:
-    """Analyse one recording; a bad one is reported in its place."""
+) -> tuple[dict[str, Any], tuple[Analysis, Recording | None] | None]:
+    """Analyse one recording; a bad one is reported in its place.
+
+    With the answer come the analysis, where it is to be worded, and the samples of a report.
+    """
     from gearmon.diagnosis.analysis import analyse
 
     try:
@@ -100,12 +112,10 @@ def _analysed(
         options = {} if must_notice is None else {"must_notice": must_notice}
         analysis = analyse(recording, machine, reference, **options)
     except GearmonError as error:
-        print(f"gearmon: {error}", file=sys.stderr)
-        return {"recording": path, "error": str(error)}
-    if arguments.report or not arguments.json:
-        # only a report draws the samples
-        kept.append((analysis, recording if arguments.report else None))
-    return analysis.to_dict()
+        return {"recording": path, "error": str(error)}, None
+    if arguments.json and not arguments.report:
+        return analysis.to_dict(), None
+    return analysis.to_dict(), (analysis, recording if arguments.report else None)
 
 
 def _analysis_lines(result: dict[str, Any], analyses: list[Analysis]) -> list[str]:

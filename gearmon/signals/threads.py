@@ -8,6 +8,8 @@ from typing import Any, TypeVar
 
 # Values handled from which on threads are worth starting, and how many at the most.
 _WORTH_THREADS, _MOST_THREADS = 1 << 19, 4
+#: Variable of the environment that limits the cores that are used.
+THREADS = "GEARMON_THREADS"
 
 Found = TypeVar("Found")
 Other = TypeVar("Other")
@@ -29,7 +31,7 @@ def side_by_side(task: Callable[[int], Found], numbers: Sequence[int], work: int
     list
         What the tasks returned, in the order of the numbers.
     """
-    threads = min(_cores(), _MOST_THREADS, len(numbers))
+    threads = min(cores(), _MOST_THREADS, len(numbers))
     if threads < 2 or work < _WORTH_THREADS:
         return [task(number) for number in numbers]
     from concurrent.futures import ThreadPoolExecutor  # short recordings do without
@@ -38,8 +40,14 @@ def side_by_side(task: Callable[[int], Found], numbers: Sequence[int], work: int
         return list(pool.map(task, numbers))
 
 
-def _cores() -> int:
-    """Return how many processor cores this process may use."""
+def cores() -> int:
+    """Return how many processor cores this process may use.
+
+    Those that the system grants it, or as many as `GEARMON_THREADS` in the environment says.
+    """
+    told = os.environ.get(THREADS, "")
+    if told.isdecimal() and int(told) > 0:
+        return int(told)
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from gearmon.diagnosis.law import GearDeviation, HealthyMachine, MachineDeviatio
 from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE
 from gearmon.errors import ArgumentError
 from gearmon.machine import Machine
-from gearmon.signatures.expected.tooth_response import tooth_response
+from gearmon.signatures.expected.tooth_response import ToothResponse, tooth_response
 from gearmon.signatures.measured.reference import Profile
 
 FloatArray = NDArray[np.float64]
@@ -37,6 +38,9 @@ _OVERDISPERSION = 3.0
 _LEAST_SIGMA = 0.005
 # Logarithm of odds against damage that are as good as any larger.
 _NEVER = 600.0
+# Share of a line's power that is left to a mesh at least where another stands on it, too; ratios of
+# mesh orders that are looked at.
+_LEAST_OWN, _FINEST_RATIO = 0.05, 40
 # Width of a 90 % interval in standard deviations.
 _NORMAL_90 = 3.29
 
@@ -168,16 +172,89 @@ def find_tooth(
 def _searched(
     own: Profile, deviation: MachineDeviation, machine: Machine
 ) -> Iterator[GearEvidence]:
-    for gear in deviation.gears:
-        top = max(int(band.number[-1]) for band in gear.bands) + gear.teeth
-        try:
-            response = tooth_response(machine, gear.stage, gear.gear, top * gear.order)
-        except ArgumentError:
+    responses = [_response(gear, machine) for gear in deviation.gears]
+    for gear, response in zip(deviation.gears, responses, strict=True):
+        if response is None:
             yield GearEvidence(deviation=gear, search=None)
             continue
-        found = search_gear(gear, response, own.speed_hz)
+        power = own_mesh_power(gear, deviation.gears, responses)
+        alone = replace(gear, mesh_power=power)
+        found = search_gear(alone, response, own.speed_hz)
         if found is not None:
-            yield GearEvidence(deviation=gear, search=found)
+            yield GearEvidence(deviation=alone, search=found)
+
+
+def _response(gear: GearDeviation, machine: Machine) -> ToothResponse | None:
+    """Return what a loss should add; None where there is no template."""
+    top = max(int(band.number[-1]) for band in gear.bands) + gear.teeth
+    try:
+        return tooth_response(machine, gear.stage, gear.gear, top * gear.order)
+    except ArgumentError:
+        return None
+
+
+def own_mesh_power(
+    gear: GearDeviation,
+    gears: Sequence[GearDeviation],
+    responses: Sequence[ToothResponse | None],
+) -> FloatArray:
+    """Power of a gear's mesh harmonics without what another stage puts on the same lines.
+
+    Parameters
+    ----------
+    gear : GearDeviation
+        The gear.
+    gears : sequence of GearDeviation
+        All gears of the machine.
+    responses : sequence of ToothResponse or None
+        Expected lines of each.
+
+    Returns
+    -------
+    ndarray of float, shape (channels, harmonics)
+        What is left of `mesh_power`, at least a twentieth of it.
+
+    Notes
+    -----
+    Where the mesh of one stage stands on a harmonic of another's, the path of either would be told
+    by lines of both. What a stage puts there is judged by its neighbouring harmonics that stand
+    alone, through the expected course from one to the other; where it has none, the other's share
+    is taken off.
+    """
+    power = gear.mesh_power.copy()
+    own = responses[[one is gear for one in gears].index(True)]
+    stages = {gear.stage}
+    for other, response in zip(gears, responses, strict=True):
+        if other.stage in stages or response is None or own is None:
+            continue
+        stages.add(other.stage)
+        ratio = Fraction(gear.order * gear.teeth / (other.order * other.teeth))
+        near = ratio.limit_denominator(_FINEST_RATIO)
+        if abs(near / ratio - 1) > 1e-9:
+            continue
+        step, apart = near.denominator, near.numerator
+        for k in range(step, power.shape[1], step):
+            told = _from_neighbours(gear, own, k, step)
+            if told is None:
+                others = _from_neighbours(other, response, k * apart // step, apart)
+                told = gear.mesh_power[:, k] - (0.0 if others is None else others)
+            least = _LEAST_OWN * gear.mesh_power[:, k]
+            power[:, k] = np.clip(told, least, gear.mesh_power[:, k])
+    return power
+
+
+def _from_neighbours(
+    gear: GearDeviation, response: ToothResponse, harmonic: int, step: int
+) -> FloatArray | None:
+    """Power of a mesh harmonic as its neighbours tell it, those that are no multiples of `step`."""
+    expected = np.abs(response.mesh) ** 2
+    last = min(len(expected), gear.mesh_power.shape[1]) - 1
+    alone = [q for q in (harmonic - 1, harmonic + 1) if 0 < q <= last and q % step]
+    if harmonic > last or not alone or min(expected[alone]) <= 0:
+        return None
+    heard = gear.mesh_power[:, alone] / expected[alone]
+    told: FloatArray = np.mean(heard, axis=1) * expected[harmonic]
+    return told
 
 
 def _blamed(

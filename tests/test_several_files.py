@@ -1,0 +1,52 @@
+"""Several recordings on several cores: the same answers, in the order of the files."""
+
+from __future__ import annotations
+
+import os
+from functools import partial
+
+import pytest
+
+from gearmon.commands.inputs import each_of
+from gearmon.errors import GearmonError
+from gearmon.signals.threads import THREADS, cores
+
+
+def named(path, ending):
+    """What is done with each path; processes take functions of modules only."""
+    if "bad" in path:
+        raise GearmonError(f"{path}: bad")
+    return path + ending
+
+
+@pytest.mark.parametrize("threads", ["1", "3"])
+def test_results_come_in_the_order_of_the_paths(monkeypatch, threads):
+    monkeypatch.setenv(THREADS, threads)
+    paths = [f"{number}.csv" for number in range(9)]
+    assert list(each_of(partial(named, ending="!"), paths, "naming")) == [p + "!" for p in paths]
+
+
+@pytest.mark.parametrize("threads", ["1", "2"])
+def test_an_error_of_a_task_is_its_own(monkeypatch, threads):
+    monkeypatch.setenv(THREADS, threads)
+    with pytest.raises(GearmonError, match=r"bad\.csv: bad"):
+        list(each_of(partial(named, ending=""), ["1", "2", "bad.csv", "3", "4"], "naming"))
+
+
+def test_cores_are_those_that_are_told(monkeypatch):
+    monkeypatch.setenv(THREADS, "3")
+    assert cores() == 3
+    for nonsense in ("", "0", "many", "-2"):
+        monkeypatch.setenv(THREADS, nonsense)
+        assert cores() >= 1
+
+
+def test_a_process_that_dies_is_told_in_one_line(monkeypatch):
+    monkeypatch.setenv(THREADS, "2")
+    with pytest.raises(GearmonError, match="a process was killed"):
+        list(each_of(die, ["1", "2", "3", "4"], "dying"))
+
+
+def die(path):  # noqa: ARG001
+    """End the process as the system does that is out of memory."""
+    os._exit(9)
