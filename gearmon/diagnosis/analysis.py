@@ -477,9 +477,8 @@ def _expected(
     signature: MeasuredSignature, machine: Machine
 ) -> tuple[Signature | None, tuple[str, ...]]:
     """Return the expected signature up to half the sampling rate, or why there is none."""
-    from gearmon.signatures.expected.baseline import (
-        expected_signature,  # not needed with a reference
-    )
+    # not needed with a reference
+    from gearmon.signatures.expected.baseline import expected_signature
 
     try:
         return expected_signature(machine, max_hz=0.5 * signature.sampling_rate_hz), ()
