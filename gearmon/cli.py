@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 from gearmon import __version__
 from gearmon.commands import COMMANDS
-from gearmon.commands.names import check_names
+from gearmon.commands.inputs import check_names
 from gearmon.commands.output import BAD_INPUT, DONE
 from gearmon.errors import GearmonError
 

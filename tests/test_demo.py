@@ -8,7 +8,7 @@ import pytest
 from reference.small_gearbox import as_json
 
 from gearmon.cli import main
-from gearmon.demos import DEMOS, run_demo
+from gearmon.demos import run_demo
 from gearmon.demos.crack import FAULT
 from gearmon.errors import ArgumentError
 from gearmon.machine import load_machine
@@ -22,30 +22,30 @@ def ran(tmp_path_factory):
 
 
 def test_healthy_is_healthy_and_cracked_is_a_fault(ran):
-    healthy, cracked = ran.analyses
-    assert healthy.verdict == "healthy"
-    assert cracked.verdict == "fault"
-    assert cracked.flags[0].stage == int(FAULT.split(":")[1])
-    assert cracked.flags[0].gear == FAULT.split(":")[2]
+    healthy, cracked = ran.facts["recordings"]
+    assert healthy["verdict"] == "healthy"
+    assert cracked["verdict"] == "fault"
+    assert cracked["flags"][0]["stage"] == int(FAULT.split(":")[1])
+    assert cracked["flags"][0]["gear"] == FAULT.split(":")[2]
 
 
 def test_its_files_are_those_of_a_user(ran):
-    demo = ran
-    assert demo.report.is_file()
-    assert load_machine(demo.folder / "machine.toml").name == "demo gearbox"
-    assert len(read_reference(demo.folder / "healthy.ref").profiles) == 3
-    truth = json.loads((demo.folder / "new-cracked.json").read_text())
+    folder = ran.files["folder"]
+    assert ran.files["report"].is_file()
+    assert load_machine(folder / "machine.toml").name == "demo gearbox"
+    assert len(read_reference(folder / "healthy.ref").profiles) == 3
+    truth = json.loads((folder / "new-cracked.json").read_text())
     assert truth["faults"]
-    assert (demo.folder / "new-cracked.csv").is_file()
+    assert (folder / "new-cracked.csv").is_file()
 
 
 def test_it_tells_what_it_did(ran):
-    demo = ran
-    told = "\n".join(demo.lines())
+    told = "\n".join(ran.lines())
     assert "HEALTHY" in told
     assert "FAULT" in told
-    assert str(demo.report) in told
-    assert as_json(demo.to_dict()) == demo.to_dict()
+    assert str(ran.files["report"]) in told
+    assert as_json(ran.to_dict()) == ran.to_dict()
+    assert set(ran.to_dict()) == {"folder", "report", "recordings"}
 
 
 def test_unknown_demo_is_refused_and_makes_nothing(tmp_path):
@@ -57,7 +57,7 @@ def test_unknown_demo_is_refused_and_makes_nothing(tmp_path):
 def test_a_file_where_the_folder_should_be_is_refused(tmp_path):
     (tmp_path / "x").write_text("")
     with pytest.raises(ArgumentError, match="cannot make this folder"):
-        run_demo(DEMOS[0], tmp_path / "x")
+        run_demo("crack", tmp_path / "x")
 
 
 def test_example_machine_has_a_baseline(tmp_path, capsys):

@@ -46,12 +46,14 @@ def through_a_day(tmp_path_factory):
 @pytest.mark.parametrize("name", ["growing", "told_apart", "through_a_day"])
 def test_picture_story_and_inputs_are_written(name, request):
     demo = request.getfixturevalue(name)
-    assert demo.picture.read_bytes().startswith(b"\x89PNG")
-    assert demo.story.read_text().splitlines() == "\n".join(demo.told()).splitlines()
-    assert load_machine(demo.folder / "machine.toml").name == "conveyor drive"
-    assert read_reference(demo.folder / "healthy.ref").profiles
+    folder, picture = demo.files["folder"], demo.files["picture"]
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert demo.files["story"].read_text().splitlines() == "\n".join(demo.story).splitlines()
+    assert load_machine(folder / "machine.toml").name == "conveyor drive"
+    assert read_reference(folder / "healthy.ref").profiles
     assert as_json(demo.to_dict()) == demo.to_dict()
-    assert str(demo.picture) in "\n".join(demo.lines())
+    assert {"folder", "picture", "story"} < set(demo.to_dict())
+    assert str(picture) in "\n".join(demo.lines())
 
 
 def test_demos_have_names_of_their_own():
@@ -59,30 +61,31 @@ def test_demos_have_names_of_their_own():
 
 
 def test_a_growing_crack_is_flagged_and_a_sound_gear_is_not(growing):
-    entries = growing.found.history.entries
-    assert growing.losses == tuple(growth.true_loss(number) for number in range(5))
-    assert growing.losses[1] == 0 < growing.losses[2]
-    assert growing.losses[-1] == pytest.approx(growth.LAST_LOSS)
-    assert entries[-1].verdict == "fault"
-    assert growing.flagged is not None
-    assert growing.flagged >= 2
-    kept = read_history(growing.folder / "history.db", "conveyor drive")
-    assert kept.entries == entries
-    assert "Flagged in every recording since" in growing.story.read_text()
+    losses, first = growing.facts["true_loss"], growing.facts["first_flagged"]
+    assert losses == [growth.true_loss(number) for number in range(5)]
+    assert losses[1] == 0 < losses[2]
+    assert losses[-1] == pytest.approx(growth.LAST_LOSS)
+    entries = read_history(growing.files["folder"] / "history.db", "conveyor drive").entries
+    assert [entry.verdict for entry in entries][-1] == "fault"
+    assert first is not None
+    assert first >= 3
+    assert "Flagged in every recording since" in growing.files["story"].read_text()
 
 
 def test_every_state_is_judged_and_the_sound_one_is_sound(told_apart):
-    assert [one.truth for one in told_apart.judged] == list(kinds.STATES)
-    assert told_apart.judged[0].told == "sound"
-    right = sum(one.told == one.truth for one in told_apart.judged)
-    assert f"Right: {right} of 4." in told_apart.story.read_text()
-    for one in told_apart.judged:
-        assert (one.judgement is not None) == (one.analysis.verdict == "fault")
-        assert set(one.features) == set(kinds.FEATURES)
+    judged = told_apart.facts["recordings"]
+    assert [one["truth"] for one in judged] == list(kinds.STATES)
+    assert judged[0]["told"] == "sound"
+    right = sum(one["told"] == one["truth"] for one in judged)
+    assert told_apart.facts["right"] == right
+    assert f"Right: {right} of 4." in told_apart.story
+    for one in judged:
+        assert (one["kind"] is not None) == (one["analysis"]["verdict"] == "fault")
+        assert set(one["features_db"]) == set(kinds.FEATURES)
 
 
 def test_a_day_counts_its_alarms_itself(through_a_day):
-    verdicts = [analysis.verdict for analysis in through_a_day.analyses]
-    assert through_a_day.alarms == verdicts.count("fault")
-    assert f"False alarms: {through_a_day.alarms}," in through_a_day.story.read_text()
-    assert through_a_day.view.load.max() > 1.1 * through_a_day.view.load.min()
+    facts = through_a_day.facts
+    assert facts["alarms"] == [one["verdict"] for one in facts["recordings"]].count("fault")
+    assert f"False alarms: {facts['alarms']}," in through_a_day.files["story"].read_text()
+    assert max(facts["load"]) > 1.1 * min(facts["load"])

@@ -8,8 +8,8 @@ import json
 import pytest
 
 from gearmon.commands.command import Command
-from gearmon.commands.kinds import KINDS
-from gearmon.commands.names import check_names
+from gearmon.commands.inputs import check_names
+from gearmon.commands.recordings import KINDS
 from gearmon.diagnosis.fault_types import KINDS as FAULT_TYPES
 from gearmon.errors import ArgumentError
 

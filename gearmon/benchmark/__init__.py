@@ -1,27 +1,67 @@
-"""Run time, memory and error, measured side by side with named competitors."""
+"""Run time, memory and error, measured side by side with named competitors.
+
+A table of cases, and one way to run each, to tell it in few rows, and to draw it. What all of them
+share, taking tasks in turn, is in `timing`.
+
+>>> from gearmon.benchmark import CASES, PICTURED
+>>> list(CASES)[:3], PICTURED[:2]
+(['analyse', 'memory', 'stiffness'], ('dynamics', 'stress'))
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict
-from pathlib import Path
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib import import_module
 from typing import Any
 
 from gearmon.errors import ArgumentError
 from gearmon.terminal import Progress
 
-CASES = (
-    "analyse",
-    "memory",
-    "stiffness",
-    "harvesting",
-    "dynamics",
-    "stress",
-    "signals",
-    "detection",
-)
+__all__ = ["CASES", "PICTURED", "case_figures", "run_case", "summary_rows"]
+
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class _Case:
+    """Where a benchmark is made: "module:function" within this room.
+
+    Parameters
+    ----------
+    run : str
+        Takes those of the options that `takes` names, and gives rows.
+    takes : tuple of str
+    summary : str
+        Takes rows and gives those that a terminal shows; "" shows all.
+    figures : str
+        Function of `plots` that takes rows and gives matplotlib figures by name ("" for the only
+        one); "" has none.
+    """
+
+    run: str
+    takes: tuple[str, ...] = ("progress",)
+    summary: str = ""
+    figures: str = ""
+
+
+_DRAWN = ("progress", "quick", "seed", "count")
+CASES = {
+    "analyse": _Case("whole_process:analysis_against_reading"),
+    "memory": _Case("whole_process:memory_of_long_recording"),
+    "stiffness": _Case("stiffness:time_stiffness", ("ross_python",)),
+    "harvesting": _Case("harvesting:time_harvesting", ("progress", "quick")),
+    "dynamics": _Case("dynamics:run_dynamics", _DRAWN, "dynamics:headlines", "dynamics_figures"),
+    "stress": _Case("stress:run_stress", _DRAWN, "stress:stress_summary", "stress_figures"),
+    "signals": _Case(
+        "signals:run_signals", ("progress", "quick"), "signals:signals_summary", "signals_figures"
+    ),
+    "detection": _Case(
+        "detection:run_detection", _DRAWN, "detection:detection_summary", "detection_figures"
+    ),
+}
 #: Cases that have pictures.
-PICTURED = ("dynamics", "stress", "signals", "detection")
+PICTURED = tuple(name for name, case in CASES.items() if case.figures)
 
 
 def run_case(
@@ -32,7 +72,7 @@ def run_case(
     quick: bool = False,
     seed: int = 0,
     count: int | None = None,
-) -> list[dict[str, Any]]:
+) -> list[Row]:
     """Run one benchmark.
 
     Parameters
@@ -63,48 +103,15 @@ def run_case(
     ArgumentError
         If there is no such case.
     """
-    if case == "analyse":
-        from gearmon.benchmark.whole_process import analysis_against_reading
-
-        return analysis_against_reading(progress=progress)
-    if case == "memory":
-        from gearmon.benchmark.whole_process import memory_of_long_recording
-
-        return memory_of_long_recording(progress=progress)
-    if case == "stiffness":
-        from gearmon.benchmark.stiffness import time_stiffness
-
-        return [asdict(timing) for timing in time_stiffness(python=ross_python)]
-    if case == "harvesting":
-        from gearmon.benchmark.harvesting import time_harvesting
-
-        return time_harvesting(progress, quick=quick)
-    if case == "dynamics":
-        from gearmon.benchmark.dynamics import run_dynamics
-
-        return run_dynamics(
-            quick=quick, seed=seed, sets=10_000 if count is None else count, progress=progress
-        )
-    if case == "stress":
-        from gearmon.benchmark.stress import run_stress
-
-        return run_stress(
-            5000 if count is None else count, seed=seed, quick=quick, progress=progress
-        )
-    if case == "signals":
-        from gearmon.benchmark.signals import run_signals
-
-        return run_signals(progress, quick=quick)
-    if case == "detection":
-        from gearmon.benchmark.detection import MACHINES, run_detection
-
-        return run_detection(
-            MACHINES if count is None else count, seed=seed, quick=quick, progress=progress
-        )
-    raise ArgumentError(f"benchmark case={case!r} must be one of {', '.join(CASES)}")
+    if case not in CASES:
+        raise ArgumentError(f"benchmark case={case!r} must be one of {', '.join(CASES)}")
+    given = {"progress": progress, "ross_python": ross_python, "quick": quick, "seed": seed}
+    given |= {} if count is None else {"count": count}
+    taken = {name: given[name] for name in CASES[case].takes if name in given}
+    return list(_function(CASES[case].run)(**taken))
 
 
-def summary_rows(case: str, rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+def summary_rows(case: str, rows: Sequence[Row]) -> list[Row]:
     """Return the few rows that a terminal shows of a benchmark.
 
     Parameters
@@ -114,26 +121,12 @@ def summary_rows(case: str, rows: Sequence[dict[str, Any]]) -> list[dict[str, An
     rows : sequence of dict
         What it returned.
     """
-    if case == "dynamics":
-        from gearmon.benchmark.dynamics import headlines
-
-        return headlines(rows)
-    if case == "stress":
-        from gearmon.benchmark.stress import stress_summary
-
-        return stress_summary(rows)
-    if case == "signals":
-        shown = ("case", "method", "samples", "channels", "median_s", "times_own", "note")
-        return [{name: row[name] for name in shown} for row in rows]
-    if case == "detection":
-        from gearmon.benchmark.detection import detection_summary
-
-        return detection_summary(rows)
-    return list(rows)
+    place = CASES[case].summary
+    return list(_function(place)(rows) if place else rows)
 
 
-def save_figures(case: str, rows: Sequence[dict[str, Any]], path: str | Path) -> list[Path]:
-    """Write the pictures of a benchmark.
+def case_figures(case: str, rows: Sequence[Row]) -> dict[str, Any]:
+    """Return the pictures of a benchmark, by what is added to the name of a file.
 
     Parameters
     ----------
@@ -141,33 +134,19 @@ def save_figures(case: str, rows: Sequence[dict[str, Any]], path: str | Path) ->
         As given to `run_case`.
     rows : sequence of dict
         What it returned.
-    path : str or Path
-        Picture file; of several each gets its name before the suffix.
-
-    Returns
-    -------
-    list of Path
 
     Raises
     ------
     ArgumentError
         If this benchmark has no pictures.
     """
-    if case == "dynamics":
-        from gearmon.report.benchmark_plots import save_dynamics_figures
+    if case not in PICTURED:
+        raise ArgumentError(f"benchmark case={case!r} has no pictures; {', '.join(PICTURED)} have")
+    drawn: dict[str, Any] = _function(f"plots:{CASES[case].figures}")(rows)
+    return {f"-{name}" if name else "": figure for name, figure in drawn.items()}
 
-        return save_dynamics_figures(rows, path)
-    if case == "stress":
-        from gearmon.report.stress_plots import save_stress_figure
 
-        return save_stress_figure(rows, path)
-    if case == "signals":
-        from gearmon.report.signals_benchmark_plots import save_signals_figure
-
-        return save_signals_figure(rows, path)
-    if case == "detection":
-        from gearmon.benchmark.detection import detection_summary
-        from gearmon.report.detection_plots import save_detection_figures
-
-        return save_detection_figures(rows, detection_summary(rows), path)
-    raise ArgumentError(f"benchmark case={case!r} has no pictures; {', '.join(PICTURED)} have")
+def _function(place: str) -> Callable[..., Any]:
+    module, _, name = place.partition(":")
+    found: Callable[..., Any] = getattr(import_module(f"gearmon.benchmark.{module}"), name)
+    return found

@@ -12,16 +12,90 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from gearmon.benchmark.detection_rivals import RIVALS
-from gearmon.benchmark.detection_scores import roc_area_interval, share_interval
-from gearmon.benchmark.detection_trials import TOOTH_WITHIN, Outcome, machine_trials
-from gearmon.errors import check_range
+from gearmon.benchmark.detection_trials import RIVALS, TOOTH_WITHIN, Outcome, machine_trials
+from gearmon.errors import ArgumentError, check_range
 from gearmon.terminal import Progress
 
 FloatArray = NDArray[np.float64]
 Row = dict[str, Any]
+
+RESAMPLES = 400
+
+
+def roc_area(healthy: ArrayLike, faulty: ArrayLike) -> float:
+    """Area under the ROC curve: the probability that a faulty score exceeds a healthy one.
+
+    Parameters
+    ----------
+    healthy, faulty : array_like of float, shape (n,), (m,)
+        At least one each; ties count half.
+
+    Examples
+    --------
+    >>> roc_area([0.0, 1.0], [1.0, 2.0])
+    0.875
+    """
+    from scipy.stats import rankdata
+
+    low, high = np.asarray(healthy, dtype=float), np.asarray(faulty, dtype=float)
+    if not len(low) or not len(high):
+        raise ArgumentError("roc_area needs at least one healthy and one faulty score")
+    ranks = rankdata(np.concatenate([low, high]))[len(low) :]
+    return float((ranks.mean() - 0.5 * (len(high) + 1)) / len(low))
+
+
+def roc_area_interval(
+    healthy: Sequence[FloatArray], faulty: Sequence[FloatArray], seed: int = 0
+) -> tuple[float, float, float]:
+    """Area under the ROC curve with a 95 % interval by resampling of machines.
+
+    Recordings of one machine resemble one another, so that whole machines are drawn.
+
+    Parameters
+    ----------
+    healthy, faulty : sequence of ndarray
+        Scores, machine by machine; of a machine there may be none.
+    seed : int
+
+    Returns
+    -------
+    (float, float, float)
+        Area, lower and upper limit.
+    """
+    rng = np.random.default_rng(seed)
+    area = roc_area(np.concatenate(healthy), np.concatenate(faulty))
+    drawn = []
+    for _ in range(RESAMPLES):
+        chosen = rng.integers(0, len(healthy), len(healthy))
+        low = np.concatenate([healthy[i] for i in chosen])
+        high = np.concatenate([faulty[i] for i in chosen])
+        if len(low) and len(high):
+            drawn.append(roc_area(low, high))
+    return area, *np.quantile(drawn, (0.025, 0.975)).tolist()
+
+
+def share_interval(hits: int, trials: int) -> tuple[float, float, float]:
+    """Share with its 95 % interval by Wilson.
+
+    Parameters
+    ----------
+    hits, trials : int
+        trials >= 1.
+
+    Examples
+    --------
+    >>> [round(x, 3) for x in share_interval(0, 10)]
+    [0.0, 0.0, 0.278]
+    """
+    from scipy.stats import binomtest
+
+    if trials < 1:
+        raise ArgumentError(f"trials={trials} must be at least 1")
+    interval = binomtest(hits, trials).proportion_ci(method="wilson")
+    return hits / trials, float(interval.low), float(interval.high)
+
 
 MACHINES, QUICK_MACHINES = 60, 2
 #: Groups of machines of which a learning detector sees all but the one that it judges.
@@ -96,18 +170,14 @@ def with_learning(outcomes: Sequence[Outcome], seed: int = 0) -> list[Row]:
         own = [i for i in usable if rows[i]["tacho"] == tacho]
         for fold in range(FOLDS):
             judged = [i for i in own if rows[i]["machine"] % FOLDS == fold]
-            healthy = [
-                i
-                for i in own
-                if rows[i]["machine"] % FOLDS != fold and rows[i]["condition"] == "healthy"
-            ]
+            others = [i for i in own if rows[i]["machine"] % FOLDS != fold]
+            healthy = [i for i in others if rows[i]["condition"] == "healthy"]
             if len(healthy) < 2 or not judged:
                 continue
-            scores = novelty(
-                np.array([outcomes[i].features for i in healthy]),
-                np.array([outcomes[i].features for i in judged]),
-                seed,
+            known, new = (
+                np.array([outcomes[i].features for i in part]) for part in (healthy, judged)
             )
+            scores = novelty(known, new, seed)
             for i, score in zip(judged, scores, strict=True):
                 rows[i]["plain learning"] = float(score)
     return rows
@@ -138,10 +208,8 @@ def roc_rows(rows: Sequence[Row]) -> list[Row]:
                 low, high = (_by_machine(part, name, machines) for part in (sound, hurt))
                 if not sum(map(len, low)) or not sum(map(len, high)):
                     continue
-                area = roc_area_interval(low, high)
-                found.append(
-                    _figure("ROC area", name, f"loss {loss:.3g}", tacho, area, sum(map(len, high)))
-                )
+                area, count = roc_area_interval(low, high), sum(map(len, high))
+                found.append(_figure("ROC area", name, f"loss {loss:.3g}", tacho, area, count))
     return found
 
 
@@ -196,14 +264,14 @@ def finding_rows(rows: Sequence[Row]) -> list[Row]:
         for loss in sorted({row["size"] for row in here if row["condition"] == "tooth"}):
             own = [r for r in here if r["condition"] == "tooth" and r["size"] == loss]
             found += _of_loss(own, loss, tacho)
-        others = [r for r in here if r["condition"] not in ("tooth",)]
+        others = [r for r in here if r["condition"] != "tooth"]
         for kind in dict.fromkeys(row["condition"] for row in others):
             own = [row for row in others if row["condition"] == kind]
-            for name, key in (("called a fault", "fault"), ("called a tooth", "tooth")):
-                hits = sum(
-                    r["verdict"] == "fault" if key == "fault" else bool(r["tooth_flag"])
-                    for r in own
-                )
+            called = {
+                "called a fault": sum(row["verdict"] == "fault" for row in own),
+                "called a tooth": sum(bool(row["tooth_flag"]) for row in own),
+            }
+            for name, hits in called.items():
                 share = share_interval(hits, len(own))
                 found.append(_figure(name, OURS, kind, tacho, share, len(own)))
     return found
@@ -253,16 +321,8 @@ def run_time_rows(rows: Sequence[Row]) -> list[Row]:
 def _figure(
     figure: str, detector: str, what: str, tacho: bool, value: Sequence[float], count: int
 ) -> Row:
-    return {
-        "figure": figure,
-        "detector": detector,
-        "of": what,
-        "tacho": tacho,
-        "value": value[0],
-        "low": value[1],
-        "high": value[2],
-        "count": count,
-    }
+    of = {"figure": figure, "detector": detector, "of": what, "tacho": tacho}
+    return of | dict(zip(("value", "low", "high"), value, strict=True)) | {"count": count}
 
 
 def detection_summary(rows: Sequence[Row]) -> list[Row]:

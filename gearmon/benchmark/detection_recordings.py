@@ -13,8 +13,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.benchmark.detection_machines import GEARS, DrawnMachine, HiddenStage
-from gearmon.benchmark.detection_mesh import GearMotion, MeshModel, Turn
+from gearmon.benchmark.detection_machines import (
+    GEARS,
+    DrawnMachine,
+    GearMotion,
+    HiddenStage,
+    MeshModel,
+    Turn,
+)
 from gearmon.errors import ArgumentError
 from gearmon.signals.recording import Recording
 
@@ -182,7 +188,7 @@ class Bench:
         load = setting.load * (1 + _wander(rng, count + lead, self.rate_hz, LOAD_WANDER))
         forces = self._forces(condition, setting, turns, load)
         forces[0] += self._impacts(condition, turns, forces[0], rng)
-        vibration = self._heard(forces)[:, lead:]
+        vibration = self._at_sensors(forces)[:, lead:]
         turns = turns[lead:]
         vibration += self._tones(condition, turns, vibration, rng)
         for row in vibration:
@@ -246,7 +252,7 @@ class Bench:
             self._turns[key] = model.turn(stage.gears[side].teeth)
         return self._turns[key]
 
-    def _heard(self, forces: FloatArray) -> FloatArray:
+    def _at_sensors(self, forces: FloatArray) -> FloatArray:
         """Send the forces through the housing; the first `taps` samples are not yet right."""
         count = forces.shape[1]
         size = 1 << math.ceil(math.log2(count))
@@ -258,8 +264,8 @@ class Bench:
             impulse = self.drawn.path.impulse(self.rate_hz)
             self._paths[size] = np.fft.rfft(impulse, size)
         spectra = np.fft.rfft(forces, size)
-        heard = np.einsum("csf,sf->cf", self._paths[size], spectra)
-        return np.asarray(np.fft.irfft(heard, size)[:, :count])
+        arrived = np.einsum("csf,sf->cf", self._paths[size], spectra)
+        return np.asarray(np.fft.irfft(arrived, size)[:, :count])
 
     def _impacts(
         self, condition: Condition, turns: FloatArray, force: FloatArray, rng: np.random.Generator

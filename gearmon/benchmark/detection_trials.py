@@ -1,14 +1,20 @@
-"""Trials of one random machine: what is said of recordings whose truth is known.
+"""Trials of one random machine: what gearmon and other detectors say of recordings of known truth.
 
 One healthy recording is the reference. New ones are healthy (as the reference, or with load, speed
 or sensor gain changed), have one damaged tooth, or something else that is no damaged tooth.
+
+The other detectors get the same reference. Textbook indicators are taken as the logarithm of their
+value over that of the reference recording, of the gear and channel where they rose most: the best
+that a threshold can do without knowing where to look. The localised difference is the strongest of
+what needs no template: averages subtracted, whitened, mesh gains fitted, and the energy at one
+tooth held against that at the others.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -16,13 +22,151 @@ from numpy.typing import NDArray
 
 from gearmon.benchmark.detection_machines import GEARS, DrawnMachine, draw_machine
 from gearmon.benchmark.detection_recordings import DURATION_S, Bench, Condition, Setting, Taken
-from gearmon.benchmark.detection_rivals import RIVALS, rises
 from gearmon.diagnosis.analysis import analyse, learn
+from gearmon.diagnosis.hypotheses.own_teeth import locate
 from gearmon.diagnosis.results import Analysis, Flag
 from gearmon.errors import GearmonError
-from gearmon.signatures.measured.reference import Reference
+from gearmon.signals import indicators
+from gearmon.signals.recording import Recording
+from gearmon.signals.run_history import RunHistory, na4_frozen
+from gearmon.signatures.measured.gear_signals import gear_signals
+from gearmon.signatures.measured.measurement import MeasuredSignature
+from gearmon.signatures.measured.reference import Profile, Reference
 
 FloatArray = NDArray[np.float64]
+
+INDICATORS = (
+    "FM4",
+    "M6A",
+    "NA4*",
+    "residual energy",
+    "energy ratio",
+    "sideband energy ratio",
+    "sideband index",
+    "sideband level factor",
+)
+LOCALISED = "localised difference"
+#: As they stand in the results.
+RIVALS = (
+    "FM4",
+    "NA4*",
+    "residual energy",
+    "kurtosis",
+    "energy ratio",
+    "sideband energy ratio",
+    "sideband index",
+    LOCALISED,
+    "plain learning",
+)
+_LEAST = 1e-12
+
+#: Indicator -> value by gear and channel, shape (gears, channels).
+Values = dict[str, FloatArray]
+
+
+def gear_values(signature: MeasuredSignature, healthy: MeasuredSignature) -> Values:
+    """Compute the indicators of all gears that two recordings resolve.
+
+    Parameters
+    ----------
+    signature : MeasuredSignature
+    healthy : MeasuredSignature
+        The reference recording; NA4* divides by its variance.
+    """
+    rows: dict[str, list[FloatArray]] = {name: [] for name in INDICATORS}
+    wheels = {(w.stage, w.gear): w for w in healthy.plan.wheels}
+    for wheel in signature.plan.wheels:
+        other = wheels.get((wheel.stage, wheel.gear))
+        if other is None or not len(wheel.number) or not len(other.number):
+            continue
+        own = gear_signals(signature.lines.mean, wheel)
+        known = gear_signals(healthy.lines.mean, other)
+        run = RunHistory.of(len(own.residual)).with_record(known.residual)
+        values = {
+            "FM4": indicators.fm4(own.difference),
+            "M6A": indicators.m6a(own.difference),
+            "NA4*": na4_frozen(own.residual, run.with_record(own.residual), 1),
+            "residual energy": indicators.rms(own.residual) ** 2,
+            "energy ratio": indicators.energy_ratio(own.difference, own.regular),
+            "sideband energy ratio": indicators.sideband_energy_ratio(
+                own.near_sidebands, own.fundamental
+            ),
+            "sideband index": indicators.sideband_index(own.first_sidebands),
+            "sideband level factor": indicators.sideband_level_factor(
+                own.first_sidebands, own.average
+            ),
+        }
+        for name, value in values.items():
+            rows[name].append(value)
+    return {name: np.array(value) for name, value in rows.items() if value}
+
+
+def rises(new: Analysis, healthy: Analysis) -> tuple[dict[str, float], FloatArray]:
+    """Compare a recording with the reference by indicators.
+
+    Parameters
+    ----------
+    new, healthy : Analysis
+
+    Returns
+    -------
+    dict
+        Greatest rise of each indicator, as natural logarithm.
+    ndarray
+        Features for a learning detector: greatest, mean and least rise of each.
+    """
+    ours = gear_values(new.signature, healthy.signature)
+    theirs = gear_values(healthy.signature, healthy.signature)
+    changes = {
+        name: np.log(np.maximum(ours[name], _LEAST) / np.maximum(theirs[name], _LEAST))
+        for name in INDICATORS
+        if name in ours and ours[name].shape == theirs[name].shape
+    }
+    changes["kurtosis"] = _of_waveform(new, healthy)
+    features = []
+    for name in (*INDICATORS, "kurtosis"):
+        change = changes.get(name, np.zeros(1))
+        features += [float(change.max()), float(change.mean()), float(change.min())]
+    rises_of = {name: float(change.max()) for name, change in changes.items()}
+    rises_of[LOCALISED] = localised_difference(new.signature, healthy.signature)
+    return rises_of, np.array(features)
+
+
+def localised_difference(signature: MeasuredSignature, healthy: MeasuredSignature) -> float:
+    """Search the whitened difference of two recordings for one tooth, without a template.
+
+    Parameters
+    ----------
+    signature : MeasuredSignature
+    healthy : MeasuredSignature
+        The reference recording.
+
+    Returns
+    -------
+    float
+        -log10 of the probability of the most striking tooth of all gears; 0 if none can be judged.
+    """
+    own, known = Profile.of(signature), Profile.of(healthy)
+    patterns = {(wheel.stage, wheel.gear): wheel for wheel in known.wheels}
+    channels = range(len(signature.channel_names))
+    best = 0.0
+    for wheel in own.wheels:
+        other = patterns.get((wheel.stage, wheel.gear))
+        if other is None:
+            continue
+        # a pulse on shaft 1 tells where the gears on it stand
+        same = own.tacho and known.tacho and abs(wheel.order - 1.0) < 1e-12
+        found = locate(wheel, channels, [other], channels, numbered=same, same_zero=same)
+        best = best if found is None else max(best, -found.log10_probability)
+    return best
+
+
+def _of_waveform(new: Analysis, healthy: Analysis) -> FloatArray:
+    rows = [analysis.indicators["kurtosis"] for analysis in (new, healthy)]
+    shared = [name for name in rows[0] if name in rows[1]]
+    return np.array([np.log(rows[0][name] / rows[1][name]) for name in shared])
+
+
 Row = dict[str, Any]
 
 LOSSES = (0.01, 0.025, 0.05, 0.1, 0.2, 0.4)
@@ -99,7 +243,7 @@ def machine_trials(number: int, seed: int, quick: bool = False) -> Iterator[Outc
     duration_s = QUICK_S if quick else DURATION_S
     first = bench.take(Condition(), _setting(rng, "same", duration_s))
     trials = _plan(rng, drawn, quick, duration_s)
-    judges = {tacho: _Judge.of(drawn, first, tacho) for tacho in (True, False)}
+    judges = {tacho: _Judge(drawn, first, tacho).learned() for tacho in (True, False)}
     for trial in trials:
         taken = bench.take(trial.condition, trial.setting)
         for tacho in (True, False) if trial.no_tacho else (True,):
@@ -118,9 +262,7 @@ def _facts(drawn: DrawnMachine) -> Row:
     }
 
 
-def _setting(
-    rng: np.random.Generator, variant: str, duration_s: float, tacho: bool = True
-) -> Setting:
+def _setting(rng: np.random.Generator, variant: str, duration_s: float) -> Setting:
     load = 1 + LOAD_SPREAD * rng.uniform(-1, 1)
     speed = 1 + SPEED_SPREAD * rng.uniform(-1, 1)
     gain = 1.0
@@ -130,14 +272,8 @@ def _setting(
         speed = rng.uniform(0.98, 1.02)
     if variant in ("gain", "all"):
         gain = 2.0 ** rng.uniform(-1, 1)
-    return Setting(
-        load=load,
-        speed=speed,
-        gain=gain,
-        tacho=tacho,
-        seed=int(rng.integers(1 << 31)),
-        duration_s=duration_s,
-    )
+    seed = int(rng.integers(1 << 31))
+    return Setting(load=load, speed=speed, gain=gain, seed=seed, duration_s=duration_s)
 
 
 def _plan(
@@ -176,57 +312,45 @@ def _somewhere(rng: np.random.Generator, drawn: DrawnMachine, kind: str, size: f
     )
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class _Judge:
     """The reference of one machine, with or without tacho, and what to say of new recordings."""
 
     drawn: DrawnMachine
     first: Taken
     tacho: bool
-    healthy: Analysis | None
-    reference: Reference | None
-    alone_s: float
-    refusal: str
+    healthy: Analysis | None = None
+    reference: Reference | None = None
+    alone_s: float = 0.0
+    refusal: str = ""
 
-    @classmethod
-    def of(cls, drawn: DrawnMachine, first: Taken, tacho: bool) -> _Judge:
-        recording = first.recording if tacho else first.recording.vibration()
-        healthy, reference, refusal = None, None, ""
+    def learned(self) -> _Judge:
+        """Analyse the first recording alone and learn from it."""
+        recording, machine = self._recording(self.first), self.drawn.machine
         start = time.perf_counter()
         try:
-            healthy = analyse(recording, drawn.machine)
+            healthy = analyse(recording, machine)
             alone_s = time.perf_counter() - start
-            reference = learn([recording], drawn.machine)
+            reference = learn([recording], machine)
         except GearmonError as error:
-            alone_s, refusal = time.perf_counter() - start, str(error)
-        return cls(
-            drawn=drawn,
-            first=first,
-            tacho=tacho,
-            healthy=healthy,
-            reference=reference,
-            alone_s=alone_s,
-            refusal=refusal,
-        )
+            return replace(self, alone_s=time.perf_counter() - start, refusal=str(error))
+        return replace(self, healthy=healthy, alone_s=alone_s, reference=reference)
+
+    def _recording(self, taken: Taken) -> Recording:
+        return taken.recording if self.tacho else taken.recording.vibration()
 
     def outcome(self, trial: Trial, taken: Taken) -> Outcome:
         row = {**_truth(trial), "tacho": self.tacho, **_NOTHING}
         if self.reference is None or self.healthy is None:
             return Outcome(row={**row, "verdict": "refused", "note": self.refusal})
-        recording = taken.recording if self.tacho else taken.recording.vibration()
         start = time.perf_counter()
         try:
-            found = analyse(recording, self.drawn.machine, self.reference)
+            found = analyse(self._recording(taken), self.drawn.machine, self.reference)
         except GearmonError as error:
             return Outcome(row={**row, "verdict": "refused", "note": str(error)})
-        elapsed = time.perf_counter() - start
-        row |= {
-            "verdict": found.verdict,
-            "score": found.score,
-            "probability": found.false_alarm_probability,
-            "run_time_s": elapsed,
-            "alone_s": self.alone_s,
-        }
+        row |= {"run_time_s": time.perf_counter() - start, "alone_s": self.alone_s}
+        row |= {"verdict": found.verdict, "score": found.score}
+        row |= {"probability": found.false_alarm_probability}
         row |= self._findings(trial.condition, taken, found)
         if not (found.signature.found and self.healthy.signature.found):
             return Outcome(row=row)
@@ -239,22 +363,14 @@ class _Judge:
         if not found.flags:
             return row
         first = found.flags[0]
-        row |= {
-            "found_kind": first.kind,
-            "flag_probability": first.false_alarm_probability,
-            "tooth_flag": any(is_tooth_flag(flag) for flag in found.flags),
-        }
+        row |= {"found_kind": first.kind, "flag_probability": first.false_alarm_probability}
         tooth = next((flag for flag in found.flags if is_tooth_flag(flag)), None)
+        row["tooth_flag"] = tooth is not None
         if tooth is None:
             return row
-        row |= {
-            "found_stage": tooth.stage,
-            "found_gear": tooth.gear,
-            "found_tooth": tooth.tooth,
-            "loss": tooth.stiffness_loss,
-            "loss_low": tooth.stiffness_loss_low,
-            "loss_high": tooth.stiffness_loss_high,
-        }
+        row |= {"found_stage": tooth.stage, "found_gear": tooth.gear, "found_tooth": tooth.tooth}
+        row |= {"loss": tooth.stiffness_loss, "loss_low": tooth.stiffness_loss_low}
+        row["loss_high"] = tooth.stiffness_loss_high
         right = (tooth.stage, tooth.gear) == (condition.stage, condition.gear)
         if condition.kind == "tooth":
             row["gear_right"] = right
@@ -289,42 +405,22 @@ class _Judge:
         return _around(profile.position * teeth - (true[0] + 0.5 * stage.shape.reach), teeth)
 
 
-_NOTHING: Row = {
-    "verdict": "",
-    "score": None,
-    "probability": None,
-    "flags": "",
-    "found_kind": "",
-    "flag_probability": None,
-    "tooth_flag": False,
-    "found_stage": None,
-    "found_gear": None,
-    "found_tooth": None,
-    "gear_right": None,
-    "tooth_error": None,
-    "loss": None,
-    "loss_low": None,
-    "loss_high": None,
-    "run_time_s": None,
-    "alone_s": None,
-    **dict.fromkeys(RIVALS),
-    "note": "",
-}
+#: Columns of what was found, and what they hold before anything is.
+_FOUND = (
+    *("verdict", "score", "probability", "flags", "found_kind", "flag_probability", "tooth_flag"),
+    *("found_stage", "found_gear", "found_tooth", "gear_right", "tooth_error"),
+    *("loss", "loss_low", "loss_high", "run_time_s", "alone_s", *RIVALS, "note"),
+)
+_TEXTS = ("verdict", "flags", "found_kind", "note")
+_NOTHING: Row = dict.fromkeys(_FOUND) | dict.fromkeys(_TEXTS, "") | {"tooth_flag": False}
 
 
 def _truth(trial: Trial) -> Row:
     condition, setting = trial.condition, trial.setting
-    return {
-        "condition": condition.kind,
-        "variant": trial.variant,
-        "stage": condition.stage or None,
-        "gear": condition.gear or None,
-        "tooth": condition.tooth,
-        "size": condition.size,
-        "load": setting.load,
-        "speed": setting.speed,
-        "gain": setting.gain,
-    }
+    where = {"stage": condition.stage or None, "gear": condition.gear or None}
+    what = {"tooth": condition.tooth, "size": condition.size}
+    how = {"load": setting.load, "speed": setting.speed, "gain": setting.gain}
+    return {"condition": condition.kind, "variant": trial.variant, **where, **what, **how}
 
 
 def is_tooth_flag(flag: Flag) -> bool:

@@ -1,6 +1,6 @@
-"""Methods for the steady vibration of a gear mesh: run time against error on named cases.
+"""Methods for the steady vibration of a gear mesh: run time against error.
 
-Each method runs with several settings on each case; the error is the relative L2 error of the
+On named cases each method runs with several settings; the error is the relative L2 error of the
 acceleration against an accurate motion that no method shares. At one error all are set side by
 side. Rivals know more than a user would: their steps and tolerances are tuned on the accurate
 motion, the time that free vibrations need to settle is told to them, and (but for SciPy "as usually
@@ -11,29 +11,29 @@ written") they begin in the static deflection and read stiffness from tables mad
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Sequence
-from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 from typing import Any
 
-from gearmon import __version__
-from gearmon.benchmark.collocation import Lines, Reference, solve_reference
+import numpy as np
+
 from gearmon.benchmark.contenders import (
     AS_USUAL,
     CUT_OFF,
     FROM_REST,
     OURS,
+    PROBES,
+    SETS_AT_ONCE,
     TARGET,
     Contender,
     contenders,
+    draw_sweep,
+    growing_contenders,
+    sweep_contenders,
 )
-from gearmon.benchmark.cost_growth import growth_rows
-from gearmon.benchmark.dynamics_cases import CASES, QUICK, Case, named_case
-from gearmon.benchmark.dynamics_sweep import SETS_AT_ONCE, sweep_rows
+from gearmon.benchmark.equations import CASES, QUICK, Case, named_case
+from gearmon.benchmark.references import Lines, Reference, solve_reference
 from gearmon.benchmark.rivals import ODEINT, SOLVERS
-from gearmon.benchmark.timing import Timing, interleaved
-from gearmon.benchmark.whole_process import machine_facts
+from gearmon.benchmark.timing import Timing, facts_of_run, interleaved
 from gearmon.terminal import Progress
 
 Row = dict[str, Any]
@@ -43,13 +43,15 @@ BASES = (SETS_AT_ONCE, "exact pieces", OURS)
 WANTED = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10)
 SWEEP = "parameter sets"
 GROWTH = "cost growth"
+#: Below, the run time is that of calls and not of numbers.
+FIRST_FITTED = 2000
 
 
 def run_dynamics(
     quick: bool = False,
     cases: Sequence[str] | None = None,
     seed: int = 0,
-    sets: int = 10_000,
+    count: int = 10_000,
     progress: Progress | None = None,
 ) -> list[Row]:
     """Time all methods on named cases, on many parameter sets, and over growing sizes.
@@ -62,7 +64,7 @@ def run_dynamics(
         Names of cases, "parameter sets" or "cost growth"; all by default.
     seed : int
         Of the parameter sets.
-    sets : int, >= 1
+    count : int, >= 1
         Number of parameter sets.
     progress : callable, optional
         Called with the share done, 0 to 1.
@@ -86,7 +88,7 @@ def run_dynamics(
     rows: list[Row] = []
     for number, name in enumerate(names):
         if name == SWEEP:
-            found = sweep_rows(200 if quick else sets, seed, quick=quick)
+            found = sweep_rows(200 if quick else count, seed, quick=quick)
         elif name == GROWTH:
             found = growth_rows(quick=quick)
         else:
@@ -119,49 +121,89 @@ def case_rows(case: Case, quick: bool = False) -> list[Row]:
     """
     reference = solve_reference(case)
     solvers = (ODEINT, "DOP853") if quick else (*SOLVERS, ODEINT)
-    wanted = (1e-3, TARGET) if quick else WANTED
-    listed = contenders(case, reference, wanted, solvers)
+    listed = contenders(case, reference, (1e-3, TARGET) if quick else WANTED, solvers)
+    return _measured(listed, 3 if quick else 31, 0.05 if quick else 0.6, reference)
+
+
+def sweep_rows(count: int, seed: int, quick: bool = False) -> list[Row]:
+    """Time all methods over the same parameter sets; run times are told a set.
+
+    Parameters
+    ----------
+    count : int, >= 1
+        Number of sets.
+    seed : int
+    quick : bool
+        Few sets and repeats.
+    """
+    listed = sweep_contenders(draw_sweep(count, seed, 6 if quick else PROBES))
+    return _measured(listed, 2 if quick else 9, 0.1 if quick else 3.0)
+
+
+def growth_rows(quick: bool = False) -> list[Row]:
+    """Time `steady_state` and solve_banded on the same harmonics over growing periods.
+
+    Parameters
+    ----------
+    quick : bool
+        Three small sizes.
+
+    Returns
+    -------
+    list of dict
+        The columns of `case_rows`, and `exponent`: that of a power of the unknowns fitted to the
+        run times of a method at 2,000 unknowns and above.
+    """
+    listed = list(growing_contenders(quick))
+    rows = _measured(listed, 3 if quick else 15, 0.05 if quick else 2.0)
+    methods = {row["method"] for row in rows}
+    fitted = {m: fitted_exponent([row for row in rows if row["method"] == m]) for m in methods}
+    return [row | {"exponent": fitted[row["method"]]} for row in rows]
+
+
+def fitted_exponent(rows: Sequence[Row], least: int = FIRST_FITTED) -> float | None:
+    """Exponent p of median_s ~ unknowns^p, or None with fewer than three rows to fit.
+
+    Examples
+    --------
+    >>> rows = [{"unknowns": n, "median_s": 1e-6 * n**1.5} for n in (3000, 9000, 30000)]
+    >>> round(fitted_exponent(rows), 6)
+    1.5
+    """
+    kept = [(row["unknowns"], row["median_s"]) for row in rows if row["unknowns"] >= least]
+    if len(kept) < 3:
+        return None
+    x, y = np.log(np.array(kept)).T
+    return float(np.polyfit(x, y, 1)[0])
+
+
+def _measured(
+    listed: Sequence[Contender], most: int, budget_s: float, reference: Reference | None = None
+) -> list[Row]:
+    """Run contenders in turn; one row each, with the errors against a reference if there is one."""
     running = [one for one in listed if one.run is not None]
-    timings = interleaved(
-        [one.run for one in running if one.run is not None],
-        most=3 if quick else 31,
-        budget_s=0.05 if quick else 0.6,
-    )
+    timings = interleaved([one.run for one in running if one.run is not None], most, budget_s)
     timed = dict(zip(map(id, running), timings, strict=True))
     return [_row(one, timed.get(id(one)), reference) for one in listed]
 
 
-def _row(one: Contender, timing: Timing | None, reference: Reference) -> Row:
-    row: Row = {
-        "method": one.method,
-        "group": one.group,
-        "setting": one.setting,
-        "wanted": one.wanted,
-        "error": None,
-        "error_bound": None,
-        "median_s": None,
-        "fastest_s": None,
-        "repeats": 0,
-        "unknowns": None,
-        "sets": 1,
-        "exponent": None,
-        "note": one.note,
+def _row(one: Contender, timing: Timing | None, reference: Reference | None) -> Row:
+    known = ("method", "group", "setting", "wanted", "error", "error_bound")
+    row: Row = {name: getattr(one, name) for name in known}
+    row |= {
+        "median_s": timing.median_s / one.sets if timing else None,
+        "fastest_s": timing.fastest_s / one.sets if timing else None,
+        "repeats": timing.repeats if timing else 0,
     }
-    if timing is None:
+    row |= {"unknowns": one.unknowns, "sets": one.sets, "exponent": None, "note": one.note}
+    if timing is None or reference is None:
         return row
     motion = one.motion(timing.result)
     values = motion.displacement if isinstance(motion, Lines) else motion.share
     bound = getattr(timing.result, "error_bound", None)
     if one.note == CUT_OFF or bound is None or math.isinf(bound):
         bound = None  # an endless bound is no number in JSON
-    return row | {
-        "error": reference.error(motion),
-        "error_bound": bound,
-        "median_s": timing.median_s,
-        "fastest_s": timing.fastest_s,
-        "repeats": timing.repeats,
-        "unknowns": len(values),
-    }
+    return row | {"error": reference.error(motion), "error_bound": bound, "unknowns": len(values)}
 
 
 def _with_ratios(rows: list[Row]) -> list[Row]:
@@ -242,30 +284,3 @@ def _headline(name: str, rows: list[Row]) -> Row:
         "solve_banded": factor(named.get("solve_banded")),
         "exponent": next((row["exponent"] for row in rows if row.get("exponent")), None),
     }
-
-
-def facts_of_run() -> Row:
-    """Return machine and versions, as in every row."""
-    return {
-        **machine_facts(),
-        "model": _processor_model(),
-        "numba": _version_of("numba"),
-        "gearmon": __version__,
-        "blas_threads": os.environ.get("OPENBLAS_NUM_THREADS", "default"),
-    }
-
-
-def _processor_model() -> str:
-    try:
-        text = Path("/proc/cpuinfo").read_text(encoding="utf-8")
-    except OSError:
-        return ""
-    named = [line.partition(":")[2].strip() for line in text.splitlines() if "model name" in line]
-    return named[0] if named else ""
-
-
-def _version_of(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "not installed"

@@ -9,18 +9,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.benchmark.timing import task_time
-from gearmon.benchmark.whole_process import machine_facts
+from gearmon.benchmark.timing import machine_facts, task_time
 from gearmon.dynamics.hill import HillProblem
 from gearmon.dynamics.integration import settle
 from gearmon.harvesting.beam import beam_modes
 from gearmon.harvesting.cantilever import PiezoCantilever
-from gearmon.harvesting.design_sweep import DesignSweep, sweep_designs
-from gearmon.harvesting.duty import OperatingShare
 from gearmon.harvesting.inertial import InertialHarvester
 from gearmon.harvesting.request import built_in
+from gearmon.harvesting.sweep import DesignSweep, sweep_designs
 from gearmon.harvesting.tuning import tune_harvester
-from gearmon.harvesting.vibration import vibration_of_lines
+from gearmon.harvesting.vibration import OperatingShare, vibration_of_lines
 from gearmon.terminal import Progress
 
 Real = npt.NDArray[np.float64]
@@ -81,17 +79,16 @@ def _sweep_row(sample: int, tell: Progress) -> dict[str, Any]:
         spent.append(taken)
         ratios.append(float(found.power_w[place]) / power)
         tell(0.8 * (number + 1) / sample)
-    whole = float(np.mean(spent)) * found.power_w.size
-    return {
-        "case": "design sweep, 8 stiffnesses x 9 masses x 9 dampings, each tuned",
-        "sets": found.power_w.size,
-        "time_s": seconds,
-        "rival": "time integration of pair and harvester (SciPy LSODA, exact steps)",
-        "rival_time_s": whole,
-        "rival_sample": sample,
-        "ratio": whole / seconds,
-        "power_ratio": float(np.median(ratios)),
-    }
+    case = "design sweep, 8 stiffnesses x 9 masses x 9 dampings, each tuned"
+    rival = "time integration of pair and harvester (SciPy LSODA, exact steps)"
+    sets, power = found.power_w.size, float(np.median(ratios))
+    whole = float(np.mean(spent)) * sets
+    return _row(case, sets, seconds, rival, whole, sample, whole / seconds, power)
+
+
+def _row(*values: Any) -> dict[str, Any]:
+    columns = ("case", "sets", "time_s", "rival", "rival_time_s", "rival_sample")
+    return dict(zip((*columns, "ratio", "power_ratio"), values, strict=True))
 
 
 def _swept() -> DesignSweep:
@@ -109,14 +106,9 @@ def _swept() -> DesignSweep:
 
 def _integrated(place: tuple[int, ...]) -> float:
     """Best mean power [W] of one set: march the pair, then a harvester at each strong line."""
-    problem = HillProblem(
-        float(MASS[place[1]]),
-        float(DAMPING[place[2]]),
-        float(STIFFNESS[place[0]]),
-        VARIATION.astype(complex),
-        PERIOD_S,
-        FORCE_N,
-    )
+    mass, damping, stiffness = MASS[place[1]], DAMPING[place[2]], STIFFNESS[place[0]]
+    known = float(mass), float(damping), float(stiffness), VARIATION.astype(complex)
+    problem = HillProblem(*known, PERIOD_S, FORCE_N)
     count = int(HIGHEST_HZ * PERIOD_S)
     lines = settle(problem, count, 1e-6).acceleration
     order = np.arange(1, count + 1)
@@ -163,16 +155,11 @@ def _optimum_row(harvester: InertialHarvester | PiezoCantilever, quick: bool) ->
         beam_modes.cache_clear()
         rivals.append(task_time(lambda: _brute_force(harvester, duty, frequencies, loads)))
     seconds, rival_s = (float(np.median([t for t, _ in runs])) for runs in (ours, rivals))
-    return {
-        "case": f"optimum of one tuning, {type(harvester).__name__}",
-        "sets": 1,
-        "time_s": seconds,
-        "rival": f"brute force, {frequencies} frequencies x {loads} loads",
-        "rival_time_s": rival_s,
-        "rival_sample": 1,
-        "ratio": float(np.median([b / a for (a, _), (b, _) in zip(ours, rivals, strict=True)])),
-        "power_ratio": ours[0][1].power_w / rivals[0][1],
-    }
+    case = f"optimum of one tuning, {type(harvester).__name__}"
+    rival = f"brute force, {frequencies} frequencies x {loads} loads"
+    ratio = float(np.median([b / a for (a, _), (b, _) in zip(ours, rivals, strict=True)]))
+    power = ours[0][1].power_w / rivals[0][1]
+    return _row(case, 1, seconds, rival, rival_s, 1, ratio, power)
 
 
 def _brute_force(

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
-import os
-import statistics
-import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -16,13 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.benchmark.timing import Timing, interleaved, task_time
-from gearmon.benchmark.whole_process import machine_facts
-from gearmon.errors import ArgumentError
-from gearmon.files import write_atomically
+from gearmon.benchmark.timing import Timing, competitor, interleaved, machine_facts, other_python
+from gearmon.benchmark.whole_process import example_machine, long_csv
 from gearmon.gears.kinematics import kinematics
-from gearmon.machine import Machine, load_machine
-from gearmon.machine.example import EXAMPLE
+from gearmon.machine import Machine
 from gearmon.signals.envelope import envelope_spectrum
 from gearmon.signals.fine_spectrum import fine_order_spectrum
 from gearmon.signals.kurtogram import kurtogram
@@ -42,7 +37,6 @@ FloatArray = NDArray[np.float64]
 #: Names the interpreter of an environment with PySDKit.
 VARIABLE = "GEARMON_PYSDKIT_PYTHON"
 NEEDS = "PySDKit 0.5.0"
-SCRIPT = Path(__file__).with_name("signals_kurtogram.py")
 LEVELS = 8
 RATE_HZ = 20_000.0
 SPEED_HZ = 24.5
@@ -92,71 +86,73 @@ def run_signals(progress: Progress | None = None, *, quick: bool = False) -> lis
     return [{**row, **facts} for row in rows]
 
 
+def signals_summary(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return the columns of the rows that a terminal has room for."""
+    shown = ("case", "method", "samples", "channels", "median_s", "times_own", "note")
+    return [{name: row[name] for name in shown} for row in rows]
+
+
 def _noise(count: int) -> FloatArray:
     return np.random.default_rng(0).normal(size=count)
 
 
-def _rows(
-    case: str, names: list[str], timings: list[Timing], samples: int, channels: int = 1
+def _in_turn(
+    case: str,
+    tasks: dict[str, Callable[[], Any]],
+    samples: int,
+    repeats: int,
+    budget_s: float = 5.0,
+    channels: int = 1,
 ) -> Iterator[dict[str, Any]]:
-    """Rows of methods taken in turn; the first is gearmon's."""
-    for name, timing in zip(names, timings, strict=True):
-        yield _row(
-            case,
-            name,
-            samples,
-            channels,
-            (timing.median_s, timing.fastest_s, timing.repeats),
-            timing.median_s / timings[0].median_s,
-        )
+    """Take methods in turn, the first gearmon's, and yield their rows."""
+    timings = interleaved(list(tasks.values()), repeats, budget_s)
+    yield from _rows(case, dict(zip(tasks, timings, strict=True)), samples, channels)
+
+
+def _rows(
+    case: str, timings: dict[str, Timing], samples: int, channels: int = 1
+) -> Iterator[dict[str, Any]]:
+    own = next(iter(timings.values())).median_s
+    for name, timing in timings.items():
+        yield _row(case, name, samples, timing, timing.median_s / own, channels=channels)
 
 
 def _row(
     case: str,
     name: str,
     samples: int,
-    channels: int,
-    times: tuple[float | None, float | None, int],
+    timing: Timing | None,
     times_own: float | None,
     note: str = "",
+    channels: int = 1,
 ) -> dict[str, Any]:
-    return {
-        "case": case,
-        "method": name,
-        "samples": samples,
-        "channels": channels,
-        "median_s": times[0],
-        "fastest_s": times[1],
-        "repeats": times[2],
-        "times_own": times_own,
-        "note": note,
-    }
+    none = {"median_s": None, "fastest_s": None, "repeats": 0}
+    times = timing.columns() if timing else none
+    sizes = {"samples": samples, "channels": channels}
+    return {"case": case, "method": name, **sizes, **times, "times_own": times_own, "note": note}
 
 
 def _spectrum(count: int, repeats: int) -> Iterator[dict[str, Any]]:
     samples = _noise(count)
     bare = batch(count, 1, max(count, 1 << 20))
     bare.input[0] = samples
-    timings = interleaved([lambda: amplitude_spectrum(samples, 1.0), bare.run], repeats, 5.0)
-    names = ["amplitude_spectrum", "bare FFTW, planned by estimate"]
-    yield from _rows("amplitude spectrum", names, timings, count)
+    tasks = {
+        "amplitude_spectrum": lambda: amplitude_spectrum(samples, 1.0),
+        "bare FFTW, planned by estimate": bare.run,
+    }
+    yield from _in_turn("amplitude spectrum", tasks, count, repeats)
 
 
 def _awkward(count: int, repeats: int) -> Iterator[dict[str, Any]]:
     # 999,983 and 65,521 are primes
     prime = 999_983 if count > 1 << 18 else 65_521
     samples = _noise(prime + 17)
-    timings = interleaved(
-        [
-            lambda: amplitude_spectrum(samples[:prime], 1.0),
-            lambda: amplitude_spectrum(samples[: prime // 1000 * 1000], 1.0),
-            lambda: np.fft.rfft(samples[:prime]),
-        ],
-        repeats,
-        5.0,
-    )
-    names = ["prime length", "smooth neighbour", "numpy.fft.rfft, prime length"]
-    yield from _rows("amplitude spectrum of a prime length", names, timings, prime)
+    tasks: dict[str, Callable[[], Any]] = {
+        "prime length": lambda: amplitude_spectrum(samples[:prime], 1.0),
+        "smooth neighbour": lambda: amplitude_spectrum(samples[: prime // 1000 * 1000], 1.0),
+        "numpy.fft.rfft, prime length": lambda: np.fft.rfft(samples[:prime]),
+    }
+    yield from _in_turn("amplitude spectrum of a prime length", tasks, prime, repeats)
 
 
 def _welch(count: int, repeats: int) -> Iterator[dict[str, Any]]:
@@ -164,16 +160,11 @@ def _welch(count: int, repeats: int) -> Iterator[dict[str, Any]]:
 
     samples = _noise(count)
     for block in (1024, 8192):
-        timings = interleaved(
-            [
-                lambda block=block: power_density(samples, 1.0, block),  # type: ignore[misc]
-                lambda block=block: welch(samples, nperseg=block),  # type: ignore[misc]
-            ],
-            repeats,
-            5.0,
-        )
-        names = ["power_density", "scipy.signal.welch"]
-        yield from _rows(f"power density, blocks of {block}", names, timings, count)
+        tasks: dict[str, Callable[[], Any]] = {
+            "power_density": partial(power_density, samples, 1.0, block),
+            "scipy.signal.welch": partial(welch, samples, nperseg=block),
+        }
+        yield from _in_turn(f"power density, blocks of {block}", tasks, count, repeats)
 
 
 def _envelope(count: int, repeats: int) -> Iterator[dict[str, Any]]:
@@ -186,75 +177,29 @@ def _envelope(count: int, repeats: int) -> Iterator[dict[str, Any]]:
         size = np.abs(hilbert(sosfiltfilt(sections, samples)))
         return np.abs(np.fft.rfft(size - size.mean()))
 
-    timings = interleaved(
-        [lambda: envelope_spectrum(samples, 1.0, 0.1, 0.2), usual], min(repeats, 7), 5.0
-    )
-    names = ["envelope_spectrum", "SciPy: Butterworth, hilbert, rfft"]
-    yield from _rows("envelope spectrum", names, timings, count)
+    tasks: dict[str, Callable[[], Any]] = {
+        "envelope_spectrum": lambda: envelope_spectrum(samples, 1.0, 0.1, 0.2),
+        "SciPy: Butterworth, hilbert, rfft": usual,
+    }
+    yield from _in_turn("envelope spectrum", tasks, count, min(repeats, 7))
 
 
 def _kurtogram(count: int, repeats: int) -> Iterator[dict[str, Any]]:
     samples = _noise(count)
     case = f"kurtogram, {LEVELS} levels"
-    python = _pysdkit_python()
+    own = sys.executable if find_spec("pysdkit") else None
+    python = other_python(VARIABLE, NEEDS) or own
     if python is None:
-        (own,) = interleaved([lambda: kurtogram(samples, 1.0, LEVELS)], repeats, 5.0)
-        yield from _rows(case, ["kurtogram"], [own], count)
+        own_task = partial(kurtogram, samples, 1.0, LEVELS)
+        yield from _in_turn(case, {"kurtogram": own_task}, count, repeats)
         note = f"not run: {VARIABLE} names no interpreter of an environment with {NEEDS}"
-        yield _row(case, "PySDKit", count, 1, (None, None, 0), None, note)
+        yield _row(case, "PySDKit", count, None, None, note)
         return
-    version, own_s, theirs = _in_turn(
-        python, count, lambda: kurtogram(samples, 1.0, LEVELS), repeats
-    )
-    middle = statistics.median(own_s)
-    yield _row(case, "kurtogram", count, 1, (middle, min(own_s), len(own_s)), 1.0)
-    other = statistics.median(theirs)
-    times = (other, min(theirs), len(theirs))
-    yield _row(case, f"PySDKit {version}", count, 1, times, other / middle)
-
-
-def _pysdkit_python() -> str | None:
-    """Interpreter of an environment with PySDKit, None if there is none."""
-    name = os.environ.get(VARIABLE)
-    if not name:
-        return sys.executable if find_spec("pysdkit") else None
-    if not Path(name).is_file():
-        raise ArgumentError(
-            f"{VARIABLE}={name!r} is no file; it must name the Python interpreter of an "
-            f"environment with {NEEDS}"
-        )
-    return name
-
-
-def _in_turn(
-    python: str, count: int, task: Callable[[], Any], repeats: int
-) -> tuple[str, list[float], list[float]]:
-    """Time a task here and the kurtogram there, one after the other, round after round."""
-    with subprocess.Popen(
-        [python, "-I", str(SCRIPT), str(count), str(min(LEVELS, int(np.log2(count)) - 7))],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-    ) as other:
-        if other.stdin is None or other.stdout is None:  # pragma: no cover - both are pipes
-            raise ArgumentError(f"{python}: no pipes to the other interpreter")
-
-        def answer() -> Any:
-            line = other.stdout.readline() if other.stdout else ""
-            if not line.strip():
-                raise ArgumentError(f"{python} gives no answer: its environment must hold {NEEDS}")
-            return json.loads(line)
-
-        version = str(answer()["version"])
-        task()
-        own, theirs = [], []
-        for _ in range(repeats):
-            print(file=other.stdin, flush=True)
-            theirs.append(float(answer()))
-            own.append(task_time(task)[0])
-        other.stdin.close()
-    return version, own, theirs
+    data = {"count": count, "levels": min(LEVELS, int(np.log2(count)) - 7)}
+    with competitor(python, NEEDS, "pysdkit", data) as other:
+        theirs, ours = other.in_turn(lambda: kurtogram(samples, 1.0, LEVELS), repeats)
+        timings = {"kurtogram": ours, f"PySDKit {other.known['version']}": theirs}
+        yield from _rows(case, timings, count)
 
 
 def gearbox_signal(count: int, seed: int = 0) -> FloatArray:
@@ -290,7 +235,7 @@ def gearbox_signal(count: int, seed: int = 0) -> FloatArray:
 def _after_reading(count: int, repeats: int) -> Iterator[dict[str, Any]]:
     import pandas as pd
 
-    machine = _example()
+    machine = example_machine()
     signal = gearbox_signal(count)
     recording = Recording(samples=signal[None, :], sampling_rate_hz=RATE_HZ, origin="memory")
     with tempfile.TemporaryDirectory() as folder:
@@ -301,21 +246,14 @@ def _after_reading(count: int, repeats: int) -> Iterator[dict[str, Any]]:
             repeats,
             600.0,
         )
-    names = ["indicator_table of samples in memory", "pandas.read_csv of the same samples"]
-    yield from _rows(AFTER_READING, names, timings, count)
+    names = "indicator_table of samples in memory", "pandas.read_csv of the same samples"
+    yield from _rows(AFTER_READING, dict(zip(names, timings, strict=True)), count)
     signature = timings[0].result.signature
     stages = _stages(recording, machine, signature)
     own = interleaved([task for _, task in stages], repeats, 600.0)
+    case, note = f"{AFTER_READING}, by stage", "times_own is the share of all"
     for (name, _), timing in zip(stages, own, strict=True):
-        yield _row(
-            f"{AFTER_READING}, by stage",
-            name,
-            count,
-            1,
-            (timing.median_s, timing.fastest_s, timing.repeats),
-            timing.median_s / timings[0].median_s,
-            "times_own is the share of all",
-        )
+        yield _row(case, name, count, timing, timing.median_s / timings[0].median_s, note)
 
 
 def _stages(
@@ -324,74 +262,46 @@ def _stages(
     """Return the parts of the way from samples to indicators; the second holds the first."""
     train, samples, rate = kinematics(machine), recording.samples, recording.sampling_rate_hz
     pieces = max(1, samples.shape[-1] >> 18)
-    spectrum = fine_order_spectrum(samples, rate, found.track, pieces, most=PIECES_HEARD)
     orders, block_turns = found.plan.orders, found.lines.block_turns
+    fine = partial(fine_order_spectrum, samples, rate, found.track, pieces, most=PIECES_HEARD)
+    lines = partial(order_lines, samples, rate, found.track, orders, block_turns, error=LEAKAGE)
+    others = partial(nongear_lines, samples, rate, found.track, train, fine())
     return [
         ("speed by the comb", lambda: scan_nominal_speeds(samples, rate, train, machine)),
         ("speed by the comb, angle by phases", lambda: track_recording(recording, machine, train)),
-        (
-            "order lines",
-            lambda: order_lines(samples, rate, found.track, orders, block_turns, error=LEAKAGE),
-        ),
-        (
-            "spectrum against angle",
-            lambda: fine_order_spectrum(samples, rate, found.track, pieces, most=PIECES_HEARD),
-        ),
-        (
-            "lines that no gear explains",
-            lambda: nongear_lines(samples, rate, found.track, train, spectrum),
-        ),
+        ("order lines", lines),
+        ("spectrum against angle", fine),
+        ("lines that no gear explains", others),
         ("indicators of the raw vibration", lambda: indicator_table(recording)),
     ]
 
 
-def _example() -> Machine:
-    with tempfile.TemporaryDirectory() as folder:
-        write_atomically(Path(folder) / "machine.toml", EXAMPLE)
-        return load_machine(Path(folder) / "machine.toml")
-
-
 def _write_csv(path: Path, part: FloatArray, count: int, channels: int) -> None:
     """Write a long CSV by repeating a part: only its size matters for reading."""
-    table = np.stack([np.roll(part, 997 * k) for k in range(channels)], axis=1)
-    block = "\n".join(",".join(f"{value:.6g}" for value in row) for row in table) + "\n"
-    with path.open("w", encoding="ascii") as file:
-        for _ in range(count // len(part)):
-            file.write(block)
+    long_csv(path, np.stack([np.roll(part, 997 * k) for k in range(channels)], axis=1), count)
 
 
 def _reading(count: int, channels: int, repeats: int) -> Iterator[dict[str, Any]]:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "long.csv"
         _write_csv(path, gearbox_signal(min(count, 200_000)), count, channels)
-        readers = _readers(path)
-        timings = interleaved([task for _, task in readers], repeats, 60.0)
-        names = [name for name, _ in readers]
-        yield from _rows("reading CSV", names, timings, count, channels)
+        yield from _in_turn("reading CSV", _readers(path), count, repeats, 60.0, channels)
 
 
-def _readers(path: Path) -> list[tuple[str, Callable[[], Any]]]:
-    """Readers of CSV that are installed, gearmon's first."""
+def _readers(path: Path) -> dict[str, Callable[[], Any]]:
+    """Readers of CSV that are installed, gearmon's first; no result is kept."""
     import pandas as pd
 
-    def rows_of(result: Any) -> int:
-        return len(result)
-
-    found: list[tuple[str, Callable[[], Any]]] = [
-        (
-            "read_recording",
-            lambda: read_recording(path, sampling_rate_hz=RATE_HZ).samples.shape[-1],
-        ),
-        ("pandas.read_csv", lambda: rows_of(pd.read_csv(path, header=None))),
-    ]
+    found: dict[str, Callable[[], Any]] = {
+        "read_recording": lambda: len(read_recording(path, sampling_rate_hz=RATE_HZ).samples),
+        "pandas.read_csv": lambda: len(pd.read_csv(path, header=None)),
+    }
     if find_spec("pyarrow"):
         from pyarrow import csv
 
         options = csv.ReadOptions(autogenerate_column_names=True)
-        found.append(("pyarrow", lambda: rows_of(csv.read_csv(path, read_options=options))))
+        found["pyarrow"] = lambda: len(csv.read_csv(path, read_options=options))
     if find_spec("polars"):
-        import importlib
-
-        polars: Any = importlib.import_module("polars")
-        found.append(("polars", lambda: rows_of(polars.read_csv(path, has_header=False))))
+        polars: Any = import_module("polars")
+        found["polars"] = lambda: len(polars.read_csv(path, has_header=False))
     return found

@@ -1,17 +1,32 @@
-"""Run times of mesh stiffness: contact positions of a sound pair, a turn with a cracked tooth."""
+"""Run times of mesh stiffness: contact positions of a sound pair, a turn with a cracked tooth.
+
+ROSS is the competitor: the same gears of the same steel in another environment, run in turn.
+"""
 
 from __future__ import annotations
 
-import statistics
-import time
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
+from functools import partial
+from typing import Any
 
-from gearmon.benchmark.beside_ross import NEEDS, VARIABLE, RossRun, ross_python, run_against_ross
+import numpy as np
+
+from gearmon.benchmark.timing import Timing, competitor, interleaved, other_python
 from gearmon.gears.faults import Fault, parse_fault
+from gearmon.gears.foundation import Foundation
+from gearmon.gears.pairs import mesh_pairs
+from gearmon.gears.pulses import FloatArray
 from gearmon.gears.stiffness import mesh_stiffness
+from gearmon.gears.tooth import ToothBeam
+from gearmon.gears.tooth_pairs import POTENTIAL_ENERGY, teeth_of
 from gearmon.machine import ParallelStage
 
+Row = dict[str, Any]
+
+#: Names the interpreter of an environment with ROSS, which needs an old plotly.
+VARIABLE = "GEARMON_ROSS_PYTHON"
+#: What that environment must hold.
+NEEDS = "ross-rotordynamics 2.3.0 and plotly below 6"
 #: The pair that is timed.
 STAGE = ParallelStage(
     pinion_teeth=26,
@@ -33,113 +48,55 @@ PUBLISHED = ParallelStage(
 CRACK = "crack:1:pinion:5:1.5mm"
 FORM = "potential-energy"
 POSITIONS = 1000
+NO_LIMIT_S = 3600.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class StiffnessTiming:
-    """Run time of one task.
-
-    Parameters
-    ----------
-    case : str
-        What was computed, from gear data to numbers.
-    positions : int
-        Contact positions or samples that came out.
-    median_s, fastest_s : float
-        Over `repeats`, after a warm-up [s].
-    repeats : int
-    positions_per_s : float
-    times_healthy : float or None
-        Median over that of one healthy mesh period taken in turn, where that is the measure.
-    ross_median_s : float or None
-        The same positions by ROSS, taken in turn [s].
-    ross_times_slower : float or None
-        Ratio of the medians.
-    ross_difference : float or None
-        Greatest relative difference of the stiffness, at the same contacts.
-    note : str
-    """
-
-    case: str
-    positions: int
-    median_s: float
-    fastest_s: float
-    repeats: int
-    positions_per_s: float
-    times_healthy: float | None = None
-    ross_median_s: float | None = None
-    ross_times_slower: float | None = None
-    ross_difference: float | None = None
-    note: str = ""
-
-    def to_dict(self) -> dict[str, object]:
-        """Return the row in built-in types."""
-        return asdict(self)
-
-
-def time_stiffness(repeats: int = 25, python: str | None = None) -> tuple[StiffnessTiming, ...]:
+def time_stiffness(repeats: int = 25, ross_python: str | None = None) -> list[Row]:
     """Return the run times of mesh stiffness by the energy of the teeth.
 
     Parameters
     ----------
     repeats : int, >= 1
-    python : str, optional
+    ross_python : str, optional
         Interpreter of an environment with ROSS; by default the environment variable
         GEARMON_ROSS_PYTHON. Without one the rows say so.
 
     Returns
     -------
-    tuple of StiffnessTiming
+    list of dict
         One healthy mesh period at 200 positions; one turn of the pinion with a cracked tooth at
         200 positions a mesh; 1,000 harmonics of that; then 1,000 positions of a healthy mesh
-        period, for two pairs, beside ROSS.
+        period, for two pairs, beside ROSS. Columns: case, positions (contact positions or samples
+        that came out), median_s, fastest_s, repeats, positions_per_s; times_healthy (over one
+        healthy mesh period taken in turn); ross_median_s, ross_times_slower and ross_difference
+        (greatest relative difference of the stiffness, at the same contacts); note.
 
     Raises
     ------
     ArgumentError
-        If `python` is no interpreter with ROSS.
+        If `ross_python` is no interpreter with ROSS.
     """
-    other = ross_python(python)
+    python = other_python(VARIABLE, NEEDS, ross_python)
     crack = [parse_fault(CRACK)]
-    healthy, cracked = _in_turn(lambda: _sample([]), lambda: _sample(crack), repeats)
-    ratio = statistics.median(cracked) / statistics.median(healthy)
+    tasks = (partial(_sample, []), partial(_sample, crack), partial(_harmonics, crack))
+    healthy, cracked, harmonics = interleaved(tasks, max(1, repeats), NO_LIMIT_S)
+    ratio = cracked.median_s / healthy.median_s
     turn = 200 * STAGE.pinion_teeth
-    harmonics = _times(lambda: _harmonics(crack), repeats)
-    return (
+    return [
         _row("healthy mesh period", 200, healthy),
-        replace(_row("pinion turn, one cracked tooth", turn, cracked), times_healthy=ratio),
+        _row("pinion turn, one cracked tooth", turn, cracked, times_healthy=ratio),
         _row("harmonics, one cracked tooth", 1000, harmonics),
-        *(_beside_ross(stage, other, repeats) for stage in (STAGE, PUBLISHED)),
+        *(_beside_ross(stage, python, repeats) for stage in (STAGE, PUBLISHED)),
+    ]
+
+
+def _row(case: str, positions: int, timing: Timing, **further: Any) -> Row:
+    unknown = dict.fromkeys(
+        ("times_healthy", "ross_median_s", "ross_times_slower", "ross_difference")
     )
-
-
-def _beside_ross(stage: ParallelStage, python: str | None, repeats: int) -> StiffnessTiming:
-    case = f"contact positions, sound pair {stage.pinion_teeth}/{stage.gear_teeth}"
-    if python is None:
-        row = _row(case, POSITIONS, _times(lambda: _positions(stage), repeats))
-        note = f"ROSS not run: {VARIABLE} names no interpreter of an environment with {NEEDS}"
-        return replace(row, note=note)
-    run = run_against_ross(python, stage, _positions, max(1, min(repeats, 7)))
-    return replace(
-        _row(case, run.positions, list(run.own_s)),
-        ross_median_s=statistics.median(run.ross_s),
-        ross_times_slower=run.ratio,
-        ross_difference=run.difference,
-        note=_ross_note(run),
-    )
-
-
-def _ross_note(run: RossRun) -> str:
-    theirs, own = run.contact_ratios
-    return (
-        f"ROSS {run.version}: contact ratio {theirs:.6g}, one pair {run.single_n_per_m:.4g} N/m, "
-        f"two pairs {run.double_n_per_m:.4g} N/m by the classical sum; here {own:.6g}, "
-        f"{run.own_single_n_per_m:.4g} and {run.own_double_n_per_m:.4g} N/m with shared bodies"
-    )
-
-
-def _positions(stage: ParallelStage) -> int:
-    return len(mesh_stiffness(stage, (), FORM).sample(POSITIONS))
+    speed = {"positions_per_s": positions / timing.median_s}
+    found = {"case": case, "positions": positions, **timing.columns(), **speed}
+    return found | unknown | {"note": ""} | further
 
 
 def _sample(faults: list[Fault]) -> int:
@@ -150,36 +107,86 @@ def _harmonics(faults: list[Fault]) -> int:
     return len(mesh_stiffness(STAGE, faults, FORM).harmonics(1000))
 
 
-def _in_turn(
-    one: Callable[[], int], other: Callable[[], int], repeats: int
-) -> tuple[list[float], list[float]]:
-    """Time two tasks in turn, so that a drifting machine speed hits both."""
-    one(), other()
-    first, second = [], []
-    for _ in range(max(1, repeats)):
-        first.append(_elapsed(one))
-        second.append(_elapsed(other))
-    return first, second
+def _positions(stage: ParallelStage) -> int:
+    return len(mesh_stiffness(stage, (), FORM).sample(POSITIONS))
 
 
-def _times(task: Callable[[], int], repeats: int) -> list[float]:
-    task()
-    return [_elapsed(task) for _ in range(max(1, repeats))]
-
-
-def _elapsed(task: Callable[[], int]) -> float:
-    start = time.perf_counter()
-    task()
-    return time.perf_counter() - start
-
-
-def _row(case: str, positions: int, times: list[float]) -> StiffnessTiming:
-    median = statistics.median(times)
-    return StiffnessTiming(
-        case=case,
-        positions=positions,
-        median_s=median,
-        fastest_s=min(times),
-        repeats=len(times),
-        positions_per_s=positions / median,
+def _beside_ross(stage: ParallelStage, python: str | None, repeats: int) -> Row:
+    case = f"contact positions, sound pair {stage.pinion_teeth}/{stage.gear_teeth}"
+    if python is None:
+        (own,) = interleaved([partial(_positions, stage)], max(1, repeats), NO_LIMIT_S)
+        note = f"ROSS not run: {VARIABLE} names no interpreter of an environment with {NEEDS}"
+        return _row(case, POSITIONS, own, note=note)
+    with competitor(python, NEEDS, "ross", _gears_for_ross(stage)) as ross:
+        known, steel = ross.known, ross.known["elastic_modulus_pa"]
+        same = replace(
+            stage,
+            elastic_modulus_pinion_pa=steel,
+            elastic_modulus_gear_pa=steel,
+            poisson_ratio=known["poisson_ratio"],
+        )
+        theirs, own = ross.in_turn(partial(_positions, same), min(repeats, 7))
+    difference, note = _compared(known, same)
+    return _row(
+        case,
+        len(known["stiffness_n_per_m"]),
+        own,
+        ross_median_s=theirs.median_s,
+        ross_times_slower=theirs.median_s / own.median_s,
+        ross_difference=difference,
+        note=note,
     )
+
+
+def _gears_for_ross(stage: ParallelStage) -> dict[str, Any]:
+    bores_mm = stage.bore_diameter_pinion_mm or 0.0, stage.bore_diameter_gear_mm or 0.0
+    return {
+        "teeth": [stage.pinion_teeth, stage.gear_teeth],
+        "bores_m": [1e-3 * bore for bore in bores_mm],
+        "module_m": 1e-3 * (stage.module_mm or 0.0),
+        "face_width_m": 1e-3 * (stage.face_width_mm or 0.0),
+        "pressure_angle_rad": float(np.radians(stage.pressure_angle_deg)),
+        "positions": POSITIONS,
+    }
+
+
+def _compared(known: dict[str, Any], stage: ParallelStage) -> tuple[float, str]:
+    """Compare the stiffness with the teeth in contact where ROSS puts them.
+
+    Returns
+    -------
+    (float, str)
+        Greatest relative difference to its classical sum of the pairs, with its arm of the
+        foundation; and what else there is to say, with neighbours that share the bodies here.
+    """
+    # the last position is the first of the next period, which ROSS counts to the old one
+    stiffness = np.array(known["stiffness_n_per_m"])[:-1]
+    pitch = 2 * np.pi / stage.pinion_teeth
+    turned = (np.mod(np.array(known["mesh_angles_rad"]), pitch) / pitch)[:-1]
+    double = turned <= known["contact_ratio"] - 1
+    same = _pair_stiffness(known, stage, turned)
+    same[double] += _pair_stiffness(known, stage, turned[double] + 1)
+    own = mesh_stiffness(stage, (), POTENTIAL_ENERGY).at(turned)
+    single, two = (float(np.median(stiffness[zone])) for zone in (~double, double))
+    own_single, own_two = (float(np.median(own[zone])) for zone in (~double, double))
+    note = (
+        f"ROSS {known['version']}: contact ratio {known['contact_ratio']:.6g}, one pair "
+        f"{single:.4g} N/m, two pairs {two:.4g} N/m by the classical sum; here "
+        f"{mesh_pairs(stage)[0].contact_ratio:.6g}, {own_single:.4g} and {own_two:.4g} N/m "
+        "with shared bodies"
+    )
+    return float(np.abs(same / stiffness - 1).max()), note
+
+
+def _pair_stiffness(known: dict[str, Any], stage: ParallelStage, turned: FloatArray) -> FloatArray:
+    """Return the stiffness of one pair where ROSS puts its contact: linear in pressure angle."""
+    pair = teeth_of(mesh_pairs(stage)[0])
+    moved = known["step_rad"] * turned
+    one, two = known["pressure_angles_rad"]
+    total = pair.compliances(pair.roll(np.zeros(1))).hertz + np.zeros(turned.shape)
+    pressures = one + moved, two - known["gear_ratio"] * moved
+    for tooth, pressure in zip(pair.teeth, pressures, strict=True):
+        angle = np.tan(pressure) - tooth.base_half_angle_rad
+        total += sum(ToothBeam(tooth).compliances(angle))
+        total += Foundation(tooth=tooth, arm="contact").compliance(angle)
+    return np.asarray(1 / total)

@@ -17,12 +17,13 @@ from typing import Any
 
 import numpy as np
 
-from gearmon.benchmark.stress_reference import (
+from gearmon.benchmark.equations import System, draw_system, growth
+from gearmon.benchmark.references import (
     RefinedBalance,
     difference_to_shooting,
     refined_balance,
 )
-from gearmon.benchmark.stress_systems import System, draw_system, growth
+from gearmon.benchmark.timing import facts_of_run
 from gearmon.dynamics import Response, steady_state
 from gearmon.errors import ArgumentError, check_range
 from gearmon.terminal import Progress
@@ -47,7 +48,7 @@ def run_stress(
     Parameters
     ----------
     count : int, >= 1
-        Number of systems; see `gearmon.benchmark.stress_systems` for how they are drawn.
+        Number of systems; see `gearmon.benchmark.equations` for how they are drawn.
     seed : int
     quick : bool
         40 systems at most.
@@ -67,8 +68,6 @@ def run_stress(
     ArgumentError
         If `count` is out of its range.
     """
-    from gearmon.benchmark.dynamics import facts_of_run
-
     check_range("count", count, 1, 10_000_000)
     if quick:
         count = min(count, QUICK)
@@ -114,17 +113,9 @@ def judged(system: System, tolerances: Sequence[float], shooting: bool = False) 
 
 
 def _verdict(system: System, reference: RefinedBalance, tolerance: float, rate: float) -> Row:
-    row: Row = {
-        "tolerance": tolerance,
-        "outcome": "crashed",
-        "reason": "",
-        "method": "",
-        "order": None,
-        "error": None,
-        "error_bound": None,
-        "bound_over_error": None,
-        "run_time_s": None,
-    }
+    unknown = ("order", "error", "error_bound", "bound_over_error", "run_time_s")
+    row: Row = {"tolerance": tolerance, "outcome": "crashed", "reason": "", "method": ""}
+    row |= dict.fromkeys(unknown)
     start = time.perf_counter()
     try:
         response = steady_state(system.problem, tolerance)
@@ -136,17 +127,11 @@ def _verdict(system: System, reference: RefinedBalance, tolerance: float, rate: 
     error = reference.error(response.displacement, system.problem)
     bound = response.error_bound
     outcome, reason = _outcome(response, error, tolerance, reference.uncertainty, rate)
-    return row | {
-        "outcome": outcome,
-        "reason": reason,
-        "method": response.method,
-        "order": response.order,
-        "error": error,
-        # an endless bound is no number in JSON
-        "error_bound": bound if math.isfinite(bound) else None,
-        "bound_over_error": bound / error if math.isfinite(bound) and error > 0 else None,
-        "run_time_s": elapsed,
-    }
+    row |= {"outcome": outcome, "reason": reason, "error": error, "run_time_s": elapsed}
+    row |= {"method": response.method, "order": response.order}
+    if math.isfinite(bound):  # an endless bound is no number in JSON
+        row |= {"error_bound": bound, "bound_over_error": bound / error if error > 0 else None}
+    return row
 
 
 def _outcome(

@@ -1,14 +1,25 @@
-"""Run times of several tasks taken in turn, so that a drifting machine speed hits all of them."""
+"""Tasks taken in turn, so that a drifting machine speed hits all; here or in another Python."""
 
 from __future__ import annotations
 
+import json
+import os
+import platform
 import statistics
+import subprocess
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import Any
 
-from gearmon.errors import check_range
+from gearmon import __version__
+from gearmon.errors import ArgumentError, check_range
+
+#: Run by path with the interpreter of another environment.
+SCRIPT = Path(__file__).with_name("other_python.py")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,7 +38,17 @@ class Timing:
     median_s: float
     fastest_s: float
     repeats: int
-    result: Any
+    result: Any = None
+
+    @classmethod
+    def of(cls, times_s: Sequence[float], result: Any = None) -> Timing:
+        """Sum up run times [s]."""
+        median, fastest = statistics.median(times_s), min(times_s)
+        return cls(median_s=median, fastest_s=fastest, repeats=len(times_s), result=result)
+
+    def columns(self) -> dict[str, Any]:
+        """Return the columns median_s, fastest_s and repeats of a row."""
+        return {"median_s": self.median_s, "fastest_s": self.fastest_s, "repeats": self.repeats}
 
 
 def interleaved(
@@ -50,26 +71,14 @@ def interleaved(
         In the order of the tasks.
     """
     check_range("most", most, 1, 10_000)
-    results = [task_time(task) for task in tasks]
-    first = [elapsed for elapsed, _ in results]
+    first = [task_time(task) for task in tasks]
     # a first run also fills caches: it counts only where it is too dear to repeat
-    times: list[list[float]] = [[t] if t > budget_s else [] for t in first]
-    spent = [t if t > budget_s else 0.0 for t in first]
+    times = [[elapsed] if elapsed > budget_s else [] for elapsed, _ in first]
     for _ in range(most):
-        for number, task in enumerate(tasks):
-            if spent[number] < budget_s:
-                elapsed, _ = task_time(task)
-                times[number].append(elapsed)
-                spent[number] += elapsed
-    return [
-        Timing(
-            median_s=statistics.median(taken),
-            fastest_s=min(taken),
-            repeats=len(taken),
-            result=result,
-        )
-        for taken, (_, result) in zip(times, results, strict=True)
-    ]
+        for task, taken in zip(tasks, times, strict=True):
+            if sum(taken) < budget_s:
+                taken.append(task_time(task)[0])
+    return [Timing.of(taken, result) for taken, (_, result) in zip(times, first, strict=True)]
 
 
 def task_time(task: Callable[[], Any]) -> tuple[float, Any]:
@@ -77,3 +86,141 @@ def task_time(task: Callable[[], Any]) -> tuple[float, Any]:
     start = time.perf_counter()
     result = task()
     return time.perf_counter() - start, result
+
+
+def machine_facts() -> dict[str, Any]:
+    """Return what the figures were measured on.
+
+    Returns
+    -------
+    dict
+        Processor kind and count, Python and library versions.
+    """
+    return {
+        "processor": platform.machine(),
+        "cores": os.cpu_count(),
+        "python": platform.python_version(),
+        **{package: version_of(package) for package in ("numpy", "scipy", "pandas")},
+    }
+
+
+def facts_of_run() -> dict[str, Any]:
+    """Return machine and versions with what matters for linear algebra."""
+    return {
+        **machine_facts(),
+        "model": _processor_model(),
+        "numba": version_of("numba"),
+        "gearmon": __version__,
+        "blas_threads": os.environ.get("OPENBLAS_NUM_THREADS", "default"),
+    }
+
+
+def version_of(package: str) -> str:
+    """Return the version of a package, or that it is not installed."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "not installed"
+
+
+def _processor_model() -> str:
+    try:
+        text = Path("/proc/cpuinfo").read_text(encoding="utf-8")
+    except OSError:
+        return ""
+    named = [line.partition(":")[2].strip() for line in text.splitlines() if "model name" in line]
+    return named[0] if named else ""
+
+
+def other_python(variable: str, needs: str, given: str | None = None) -> str | None:
+    """Return the interpreter of an environment with a competitor, or None if none is named.
+
+    Parameters
+    ----------
+    variable : str
+        Environment variable that names it.
+    needs : str
+        What the environment must hold, in words.
+    given : str, optional
+        By default the value of the variable.
+
+    Raises
+    ------
+    ArgumentError
+        If the name is not that of a file.
+    """
+    name = given if given is not None else os.environ.get(variable)
+    if name and not Path(name).is_file():
+        raise ArgumentError(
+            f"{variable}={name!r} is no file; it must name the Python interpreter of an "
+            f"environment with {needs}"
+        )
+    return name or None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Competitor:
+    """A task of another environment that waits to be run.
+
+    Parameters
+    ----------
+    known : dict
+        What it tells of itself.
+    run : callable
+        Runs it once more and returns its run time there [s].
+    """
+
+    known: dict[str, Any]
+    run: Callable[[], float]
+
+    def in_turn(self, task: Callable[[], Any], rounds: int) -> tuple[Timing, Timing]:
+        """Time the other and a task here, one after the other, round after round."""
+        task()
+        pairs = [(self.run(), task_time(task)[0]) for _ in range(max(1, rounds))]
+        theirs, own = zip(*pairs, strict=True)
+        return Timing.of(theirs), Timing.of(own)
+
+
+@contextmanager
+def competitor(python: str, needs: str, what: str, data: dict[str, Any]) -> Iterator[Competitor]:
+    """Start a competitor of `other_python.py`.
+
+    Parameters
+    ----------
+    python : str
+        Interpreter.
+    needs : str
+        What its environment must hold, in words.
+    what : str
+        Name of the task.
+    data : dict
+        What the task needs, in built-in types.
+
+    Raises
+    ------
+    ArgumentError
+        If the other environment does not answer.
+    """
+    with subprocess.Popen(
+        [python, "-I", str(SCRIPT), what, json.dumps(data)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    ) as other:
+        assert other.stdin is not None
+        assert other.stdout is not None
+        requests, answers = other.stdin, other.stdout
+
+        def answer() -> Any:
+            line = answers.readline()
+            if not line.strip():
+                raise ArgumentError(f"{python} gives no answer: its environment must hold {needs}")
+            return json.loads(line)
+
+        def run() -> float:
+            print(file=requests, flush=True)
+            return float(answer())
+
+        yield Competitor(known=answer(), run=run)
+        requests.close()

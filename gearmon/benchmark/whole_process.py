@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-import os
-import platform
 import statistics
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Sequence
-from importlib.metadata import version
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from gearmon.benchmark.timing import machine_facts, task_time
 from gearmon.files import write_atomically
 from gearmon.gears.faults import parse_fault
-from gearmon.machine import load_machine
+from gearmon.machine import Machine, load_machine
 from gearmon.machine.example import EXAMPLE
 from gearmon.simulation import simulate, write_simulation
 from gearmon.terminal import Progress
@@ -52,40 +51,35 @@ def analysis_against_reading(
         command, reading = _prepared(place)
         times: dict[str, list[float]] = {"analyse": [], "pandas.read_csv": []}
         for run in range(repeats + 1):
-            for name, arguments in (("analyse", command), ("pandas.read_csv", reading)):
-                elapsed = _timed(arguments)
-                if run:
-                    times[name].append(elapsed)
+            for taken, arguments in zip(times.values(), (command, reading), strict=True):
+                process = partial(subprocess.run, arguments, capture_output=True, check=False)
+                taken.append(task_time(process)[0])
             if progress is not None:
                 progress((run + 1) / (repeats + 1))
-    base = statistics.median(times["pandas.read_csv"])
+    # the first run of each warms the caches of the system up
+    medians = {name: statistics.median(taken[1:]) for name, taken in times.items()}
     return [
         {
             "process": name,
             "rows": round(RATE_HZ * DURATION_S),
             "channels": 4,
-            "median_s": statistics.median(values),
-            "least_s": min(values),
-            "largest_s": max(values),
-            "ratio_to_pandas": statistics.median(values) / base,
+            "median_s": medians[name],
+            "least_s": min(taken[1:]),
+            "largest_s": max(taken[1:]),
+            "ratio_to_pandas": medians[name] / medians["pandas.read_csv"],
             **machine_facts(),
         }
-        for name, values in times.items()
+        for name, taken in times.items()
     ]
 
 
 def _prepared(place: Path) -> tuple[list[str], list[str]]:
     """Write machine, recordings and reference; return both processes' arguments."""
-    write_atomically(place / "machine.toml", EXAMPLE)
-    machine = load_machine(place / "machine.toml")
+    machine = example_machine(place)
     for number, (name, fault) in enumerate((("healthy", ""), ("new", "crack:1:pinion:7:30%"))):
+        faults = [parse_fault(fault)] if fault else []
         recording = simulate(
-            machine,
-            [parse_fault(fault)] if fault else [],
-            duration_s=DURATION_S,
-            sampling_rate_hz=RATE_HZ,
-            channels=4,
-            recording_seed=number,
+            machine, faults, DURATION_S, RATE_HZ, channels=4, recording_seed=number
         )
         write_simulation(recording, place / f"{name}.csv", with_time=False)
     common = ["--machine", str(place / "machine.toml"), "--sampling-rate", str(RATE_HZ)]
@@ -98,12 +92,6 @@ def _prepared(place: Path) -> tuple[list[str], list[str]]:
     command = [*start, "analyse", new, *common, "--reference", reference, "--json"]
     reading = [sys.executable, "-c", f"import pandas; pandas.read_csv({new!r})"]
     return command, reading
-
-
-def _timed(arguments: Sequence[str]) -> float:
-    start = time.perf_counter()
-    subprocess.run(list(arguments), capture_output=True, check=False)
-    return time.perf_counter() - start
 
 
 def memory_of_long_recording(
@@ -129,55 +117,38 @@ def memory_of_long_recording(
     for number, count in enumerate(columns):
         with tempfile.TemporaryDirectory() as folder:
             place = Path(folder)
-            write_atomically(place / "machine.toml", EXAMPLE)
-            path = place / "long.csv"
-            _long_csv(path, rows, count)
-            command = [
-                sys.executable,
-                "-m",
-                "gearmon",
-                "analyse",
-                str(path),
-                "--machine",
-                str(place / "machine.toml"),
-                "--sampling-rate",
-                "20000",
-                "--json",
-            ]
+            machine, path = example_machine(place), place / "long.csv"
+            # ten simulated seconds, over and over: the seams do not matter for memory and time
+            made = simulate(machine, duration_s=10.0, sampling_rate_hz=2e4, channels=count)
+            long_csv(path, made.samples.T, rows, ",".join(made.channel_names) + "\n")
+            known = ["--machine", str(place / "machine.toml"), "--sampling-rate", "20000"]
+            command = [sys.executable, "-m", "gearmon", "analyse", str(path), *known, "--json"]
             peak, elapsed = _peak_memory(command)
         numbers = 8 * rows * count
-        results.append(
-            {
-                "rows": rows,
-                "channels": count,
-                "numbers_mib": numbers / 2**20,
-                "peak_mib": peak / 2**20,
-                "ratio": peak / numbers,
-                "elapsed_s": elapsed,
-                **machine_facts(),
-            }
-        )
+        sizes = {"numbers_mib": numbers / 2**20, "peak_mib": peak / 2**20, "ratio": peak / numbers}
+        row = {"rows": rows, "channels": count, **sizes, "elapsed_s": elapsed, **machine_facts()}
+        results.append(row)
         if progress is not None:
             progress((number + 1) / len(columns))
     return results
 
 
-def _long_csv(path: Path, rows: int, columns: int) -> None:
-    """Write a long recording of the demo gearbox: ten simulated seconds, over and over.
+def example_machine(folder: Path | None = None) -> Machine:
+    """Return the gearbox of the first demo, and write its file into a folder if one is given."""
+    if folder is None:
+        with tempfile.TemporaryDirectory() as place:
+            return example_machine(Path(place))
+    write_atomically(folder / "machine.toml", EXAMPLE)
+    return load_machine(folder / "machine.toml")
 
-    The seams do not matter for memory and time; the text has as many digits as a logger writes.
-    """
-    with tempfile.TemporaryDirectory() as folder:
-        machine_file = Path(folder) / "machine.toml"
-        write_atomically(machine_file, EXAMPLE)
-        recording = simulate(
-            load_machine(machine_file), duration_s=10.0, sampling_rate_hz=20000.0, channels=columns
-        )
-    block = "\n".join(",".join(f"{v:.6g}" for v in row) for row in recording.samples.T) + "\n"
-    lines = recording.samples.shape[1]
+
+def long_csv(path: Path, table: ArrayLike, rows: int, header: str = "") -> None:
+    """Write a long CSV by writing the rows of a table over and over, as finely as a logger."""
+    lines = [",".join(f"{value:.6g}" for value in row) for row in np.asarray(table)]
+    block = "\n".join(lines) + "\n"
     with path.open("w", encoding="ascii") as file:
-        file.write(",".join(recording.channel_names) + "\n")
-        for _ in range(rows // lines):
+        file.write(header)
+        for _ in range(rows // len(lines)):
             file.write(block)
 
 
@@ -198,21 +169,3 @@ def _peak_memory(command: Sequence[str]) -> tuple[float, float]:
     )
     kibibytes, elapsed = result.stdout.split()
     return float(kibibytes) * 1024, float(elapsed)
-
-
-def machine_facts() -> dict[str, Any]:
-    """Return what the figures were measured on.
-
-    Returns
-    -------
-    dict
-        Processor kind and count, Python and library versions.
-    """
-    return {
-        "processor": platform.machine(),
-        "cores": os.cpu_count(),
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-        "scipy": version("scipy"),
-        "pandas": version("pandas"),
-    }

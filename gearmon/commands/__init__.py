@@ -4,12 +4,10 @@ Everything heavy is imported inside the function that needs it.
 """
 
 from gearmon.commands.command import Command
-from gearmon.commands.families import FAMILY
 from gearmon.commands.harvest import HARVEST
 from gearmon.commands.history import HISTORY
-from gearmon.commands.kinds import KINDS
-from gearmon.commands.machines import BASELINE, LINES, SIMULATE, STABILITY, STIFFNESS
-from gearmon.commands.recordings import ANALYSE, LEARN
+from gearmon.commands.machines import BASELINE, FAMILY, LINES, SIMULATE, STABILITY, STIFFNESS
+from gearmon.commands.recordings import ANALYSE, KINDS, LEARN
 from gearmon.commands.signals import INDICATORS, ORDERS, SPECTRUM
 from gearmon.commands.trials import BENCHMARK, DEMO
 

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
+from collections.abc import Mapping
+from typing import Any
 
 from gearmon.commands.command import Command
 from gearmon.commands.inputs import machine_of, recording_of
 from gearmon.commands.options import fault_option, machine_argument
-from gearmon.commands.output import DONE, show, write_table
+from gearmon.commands.output import finish
 from gearmon.errors import ArgumentError
 
 
 def run_harvest(arguments: argparse.Namespace) -> int:
     """Run `gearmon harvest`."""
+    from gearmon.harvesting.placement import survey_expected, survey_measured
     from gearmon.harvesting.request import built_in, load_harvester
-    from gearmon.harvesting.survey import survey_expected, survey_measured
     from gearmon.report.harvest_text import harvest_lines
-    from gearmon.report.text_tables import rows_as_csv
 
     machine = machine_of(arguments.machine)
     harvester, budget = load_harvester(arguments.harvester) if arguments.harvester else built_in()
@@ -43,20 +43,13 @@ def run_harvest(arguments: argparse.Namespace) -> int:
             wander=arguments.wander,
             count=arguments.count,
         )
-    result = survey.to_dict()
-    if arguments.output:
-        from gearmon.report.harvest_plots import harvest_figures
-        from gearmon.report.plots import save_all
 
-        write_table(arguments.output, result, lambda: rows_as_csv(survey.rows()))
-        pictures = save_all(harvest_figures(survey), Path(arguments.output).with_suffix(".png"))
-        result["pictures"] = [str(path) for path in pictures]
-    show(
-        arguments,
-        result,
-        lambda: harvest_lines(survey) + [f"wrote {path}" for path in result.get("pictures", ())],
-    )
-    return DONE
+    def figures() -> Mapping[str, Any]:
+        from gearmon.report.harvest_plots import harvest_figures
+
+        return harvest_figures(survey)
+
+    return finish(arguments, survey.to_dict(), lambda: harvest_lines(survey), survey.rows, figures)
 
 
 def _refuse_with_recordings(arguments: argparse.Namespace) -> None:

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gearmon.commands.command import Command
-from gearmon.commands.inputs import followed, loss_of, machine_of, recording_of
+from gearmon.commands.inputs import in_turn, loss_of, machine_of, recording_of
 from gearmon.commands.options import recording_options
 from gearmon.commands.output import BAD_INPUT, DONE, FLAGGED, show, write_json
-from gearmon.errors import ArgumentError, GearmonError
+from gearmon.errors import ArgumentError
 
 if TYPE_CHECKING:
     from gearmon.diagnosis.history import Entry, HistoryTrends
@@ -96,17 +95,17 @@ def _entries(
     from gearmon.diagnosis.history import entry_of
 
     reference = reference_of(arguments, machine)
-    source = arguments.time_from or "given"
-    entries: list[Entry] = []
-    errors: list[dict[str, str]] = []
-    for number, path in enumerate(followed(arguments.recording, "analysing")):
-        try:
-            analysis = analyse(recording_of(path, arguments, machine), machine, reference)
-            entries.append(entry_of(analysis, times[number], source))
-        except GearmonError as error:
-            print(f"gearmon: {error}", file=sys.stderr)
-            errors.append({"recording": path, "error": str(error)})
-    return entries, errors
+    source, entries = arguments.time_from or "given", []
+    moments = iter(times)
+
+    def entry(path: str) -> dict[str, Any]:
+        moment = next(moments)
+        analysis = analyse(recording_of(path, arguments, machine), machine, reference)
+        entries.append(entry_of(analysis, moment, source))
+        return {}
+
+    done = in_turn(arguments.recording, "analysing", entry)
+    return entries, [bad for bad in done if bad]
 
 
 def _written(output: str, found: HistoryTrends, result: dict[str, Any]) -> list[str]:

@@ -1,12 +1,14 @@
-"""Machines and recordings that the arguments name."""
+"""Machines, recordings and other files that the arguments name."""
 
 from __future__ import annotations
 
 import argparse
 import os
 import signal
+import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, TypeVar
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from gearmon.errors import ArgumentError, GearmonError
 from gearmon.signals.threads import THREADS, cores
@@ -20,6 +22,40 @@ Found = TypeVar("Found")
 
 # A process takes as long to start as one file of ten seconds takes to analyse.
 _FILES_A_PROCESS = 2
+_OUTPUTS = ("output", "report")
+_NEVER_EMPTY = (*_OUTPUTS, "reference", "tacho", "machine", "harvester", "history", "trained")
+
+
+def check_names(arguments: argparse.Namespace) -> None:
+    """Refuse names of files that cannot work, before any work is done.
+
+    Parameters
+    ----------
+    arguments : argparse.Namespace
+        Parsed arguments; `output_endings` holds the endings that the output may have, if not any.
+
+    Raises
+    ------
+    ArgumentError
+        If a name is empty, has the wrong ending, or would be written over what is read.
+    """
+    given = vars(arguments)
+    for name in _NEVER_EMPTY:
+        if given.get(name) == "":
+            raise ArgumentError(f"--{name}: the name is empty")
+    inputs = [*given.get("recording", ()), *given.get("degraded", ())]
+    inputs += [given.get(name) for name in ("machine", "reference", "harvester")]
+    read = {Path(path).resolve() for path in inputs if path}
+    for name in _OUTPUTS:
+        path = given.get(name)
+        if path and Path(path).resolve() in read:
+            raise ArgumentError(f"{path}: is read as well; give another name to write to")
+    if given.get("report") and Path(given["report"]).suffix.lower() not in (".html", ".htm"):
+        raise ArgumentError(f"{given['report']}: the name of a report must end in .html")
+    endings = arguments.output_endings
+    if given.get("output") and endings and Path(given["output"]).suffix.lower() not in endings:
+        listed = ", ".join(endings)
+        raise ArgumentError(f"{given['output']}: the name must end in one of {listed}")
 
 
 def machine_of(path: str) -> Machine:
@@ -107,6 +143,26 @@ def _alone_on_a_core() -> None:
     """Keep a process to one core; Ctrl-C is for the parent to answer."""
     os.environ[THREADS] = "1"
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def in_turn(
+    paths: Iterable[str], what: str, work: Callable[[str], dict[str, Any]]
+) -> list[dict[str, Any]]:
+    """Work on recordings one by one; a bad one is reported in its place, the others go on.
+
+    Returns
+    -------
+    list of dict
+        What `work` returned, or of a bad one "recording" and "error".
+    """
+    results = []
+    for path in followed(paths, what):
+        try:
+            results.append(work(path))
+        except GearmonError as error:
+            print(f"gearmon: {error}", file=sys.stderr)
+            results.append({"recording": path, "error": str(error)})
+    return results
 
 
 def loss_of(text: str | None, option: str) -> float | None:

@@ -1,38 +1,52 @@
-"""Commands that start from a machine file: lines, stiffness, baseline, stability, simulate."""
+"""Commands that start from a machine file: lines, stiffness, baseline, family and more."""
 
 from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
+from collections.abc import Mapping
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 from gearmon.commands.command import Command
 from gearmon.commands.inputs import machine_of
 from gearmon.commands.options import fault_option, machine_argument
-from gearmon.commands.output import DONE, show, write_table
+from gearmon.commands.output import DONE, finish, show
 from gearmon.errors import ArgumentError
 from gearmon.terminal import progress_bar
+
+if TYPE_CHECKING:
+    from gearmon.dynamics import HillProblem
 
 #: Natural over mesh frequency up to which the instability is searched for, and drawn: beyond, the
 #: tongues are many and too narrow to be seen.
 MOST_RATIO_SEARCHED, MOST_RATIO_DRAWN = 50.0, 15.0
 CHART_POINTS = (120, 48)
+#: What the terminal shows of each member of a family.
+SHOWN_OF_FAMILY = (
+    "kind",
+    "stage",
+    "gear",
+    "size",
+    "loss",
+    "operating",
+    "sidebands_ms2",
+    "mesh_change_ms2",
+    "healthy_ms2",
+    "contact_lost",
+    "error",
+)
+MOST_ROWS = 60
 
 
 def run_lines(arguments: argparse.Namespace) -> int:
     """Run `gearmon lines`."""
     from gearmon.gears.kinematics import line_table
     from gearmon.report.text import line_table_text
-    from gearmon.report.text_tables import rows_as_csv
 
     table = line_table(machine_of(arguments.machine))
     result = table.to_dict()
-    if arguments.output:
-        write_table(arguments.output, result, lambda: rows_as_csv(result["rows"]))
-    show(arguments, result, lambda: [line_table_text(table)])
-    return DONE
+    return finish(arguments, result, lambda: [line_table_text(table)], lambda: result["rows"])
 
 
 def run_stiffness(arguments: argparse.Namespace) -> int:
@@ -40,65 +54,46 @@ def run_stiffness(arguments: argparse.Namespace) -> int:
     if arguments.form == "all":
         return _run_forms(arguments)
     from gearmon.gears.stiffness_report import stiffness_report
-    from gearmon.report.text_tables import rows_as_csv, table_lines
 
-    report = stiffness_report(
-        machine_of(arguments.machine),
-        tuple(arguments.fault),
-        form=arguments.form,
-        stage=arguments.stage,
-    )
-    result = report.to_dict()
-    if arguments.output:
-        from gearmon.report.plots import save_all
+    machine, faults = machine_of(arguments.machine), tuple(arguments.fault)
+    report = stiffness_report(machine, faults, form=arguments.form, stage=arguments.stage)
+
+    def figures() -> Mapping[str, Any]:
         from gearmon.report.stiffness_plots import stiffness_figures
 
-        write_table(arguments.output, result, lambda: rows_as_csv(report.rows()))
-        picture = Path(arguments.output).with_suffix(".png")
-        result["pictures"] = [str(path) for path in save_all(stiffness_figures(report), picture)]
-    show(arguments, result, lambda: _stiffness_lines(result, report.rows(), table_lines))
-    return DONE
+        return stiffness_figures(report)
+
+    lines = partial(_stiffness_lines, report.rows())
+    return finish(arguments, report.to_dict(), lines, report.rows, figures)
 
 
 def _run_forms(arguments: argparse.Namespace) -> int:
     """Run `gearmon stiffness --form all`: the forms of a healthy mesh and their spectra."""
     from gearmon.gears.stiffness_report import compare_forms
-    from gearmon.report.text_tables import rows_as_csv, table_lines
+    from gearmon.report.text_tables import table_lines
 
     if arguments.fault:
         raise ArgumentError(
             "--form all: compares healthy meshes; leave out --fault, or name a form"
         )
-    comparison = compare_forms(machine_of(arguments.machine), stage=arguments.stage or 1)
-    result = comparison.to_dict()
-    if arguments.output:
-        from gearmon.report.plots import save
+    forms = compare_forms(machine_of(arguments.machine), stage=arguments.stage or 1)
+
+    def figures() -> Mapping[str, Any]:
         from gearmon.report.stiffness_plots import form_figure
 
-        write_table(arguments.output, result, lambda: rows_as_csv(comparison.rows()))
-        picture = save(form_figure(comparison), Path(arguments.output).with_suffix(".png"))
-        result["pictures"] = [str(picture)]
-    show(
-        arguments,
-        result,
-        lambda: (
-            table_lines(comparison.line_rows())
-            + [f"wrote {path}" for path in result.get("pictures", ())]
-        ),
-    )
-    return DONE
+        return {"": form_figure(forms)}
+
+    lines = partial(table_lines, forms.line_rows())
+    return finish(arguments, forms.to_dict(), lines, forms.rows, figures)
 
 
-def _stiffness_lines(
-    result: dict[str, Any],
-    rows: list[dict[str, Any]],
-    table_lines: Callable[[list[dict[str, Any]]], list[str]],
-) -> list[str]:
+def _stiffness_lines(rows: list[dict[str, Any]]) -> list[str]:
     """Show some forty of the rows: the file holds them all."""
+    from gearmon.report.text_tables import table_lines
+
     shown = rows[:: max(1, len(rows) // 40)]
-    lines = table_lines(shown)
-    lines.append(f"({len(shown)} of {len(rows)} rows; -o FILE.csv writes them all, and a picture)")
-    return lines + [f"wrote {path}" for path in result.get("pictures", ())]
+    told = f"({len(shown)} of {len(rows)} rows; -o FILE.csv writes them all, and a picture)"
+    return [*table_lines(shown), told]
 
 
 def run_baseline(arguments: argparse.Namespace) -> int:
@@ -106,11 +101,9 @@ def run_baseline(arguments: argparse.Namespace) -> int:
     from gearmon.signatures.expected.baseline import expected_signature
     from gearmon.signatures.signature import signature_lines, write_signature
 
+    machine, faults = machine_of(arguments.machine), tuple(arguments.fault)
     signature = expected_signature(
-        machine_of(arguments.machine),
-        faults=tuple(arguments.fault),
-        tolerance=arguments.tolerance,
-        max_hz=arguments.max_hz,
+        machine, faults, tolerance=arguments.tolerance, max_hz=arguments.max_hz
     )
     if arguments.output:
         write_signature(signature, arguments.output)
@@ -118,10 +111,49 @@ def run_baseline(arguments: argparse.Namespace) -> int:
     return DONE
 
 
+def run_family(arguments: argparse.Namespace) -> int:
+    """Run `gearmon family`."""
+    from gearmon.signatures.expected.fault_family import fault_family
+
+    family = fault_family(
+        machine_of(arguments.machine),
+        kinds=arguments.kind or None,
+        sizes=arguments.size or None,
+        gears=arguments.gear or None,
+        operating=arguments.operating or None,
+        max_hz=arguments.max_hz,
+        tolerance=arguments.tolerance,
+    )
+    if not len(family):
+        raise ArgumentError("no fault is left: " + "; ".join(family.notes))
+    result = family.to_dict()
+    if arguments.output:
+        family.write(arguments.output, arguments.mesh_harmonics, arguments.sidebands)
+
+    def figures() -> Mapping[str, Any]:
+        from gearmon.report.expected_plots import family_figure
+
+        return {"": family_figure(family)}
+
+    return finish(arguments, result, lambda: _family_lines(result), figures=figures)
+
+
+def _family_lines(result: dict[str, Any]) -> list[str]:
+    from gearmon.report.text_tables import table_lines
+
+    rows = [{name: row[name] for name in SHOWN_OF_FAMILY} for row in result["rows"]]
+    step = max(1, -(-len(rows) // MOST_ROWS))
+    shown = rows[::step]
+    lines = table_lines(shown)
+    if step > 1:
+        lines.append(f"({len(shown)} of {len(rows)} members; --json or -o FILE gives them all)")
+    return lines + [f"note: {note}" for note in result["notes"]]
+
+
 def run_stability(arguments: argparse.Namespace) -> int:
     """Run `gearmon stability`."""
     from gearmon.dynamics.stability_margin import stability_margin
-    from gearmon.report.text_tables import rows_as_csv, table_lines
+    from gearmon.report.text_tables import table_lines
     from gearmon.signatures.expected.mesh import mesh_problem
 
     machine = machine_of(arguments.machine)
@@ -148,29 +180,23 @@ def run_stability(arguments: argparse.Namespace) -> int:
             }
         )
     result: dict[str, Any] = {"machine": machine.name, "rows": rows}
-    if arguments.output:
-        from gearmon.dynamics.stability_map import stability_map_of
-        from gearmon.report.expected_plots import stability_figure
-        from gearmon.report.plots import save
+    charts = partial(_stability_charts, problems)
+    return finish(arguments, result, lambda: table_lines(rows), lambda: rows, charts)
 
-        write_table(arguments.output, result, lambda: rows_as_csv(rows))
-        base = Path(arguments.output)
-        drawn = {s: p for s, p in problems.items() if p.frequency_ratio <= MOST_RATIO_DRAWN}
-        pictures = []
-        with progress_bar("drawing") as progress:
-            for number, (stage, problem) in enumerate(drawn.items(), start=1):
-                chart = stability_map_of(problem, points=CHART_POINTS)
-                target = base.with_name(f"{base.stem}-stage{stage}.png")
-                pictures.append(str(save(stability_figure(chart), target)))
-                if progress is not None:
-                    progress(number / len(drawn))
-        result["pictures"] = pictures
-    show(
-        arguments,
-        result,
-        lambda: table_lines(rows) + [f"wrote {path}" for path in result.get("pictures", ())],
-    )
-    return DONE
+
+def _stability_charts(problems: Mapping[int, HillProblem]) -> Mapping[str, Any]:
+    from gearmon.dynamics.stability_map import stability_map_of
+    from gearmon.report.expected_plots import stability_figure
+
+    drawn = {s: p for s, p in problems.items() if p.frequency_ratio <= MOST_RATIO_DRAWN}
+    figures: dict[str, Any] = {}
+    with progress_bar("drawing") as progress:
+        for number, (stage, problem) in enumerate(drawn.items(), start=1):
+            chart = stability_map_of(problem, points=CHART_POINTS)
+            figures[f"-stage{stage}"] = stability_figure(chart)
+            if progress is not None:
+                progress(number / len(drawn))
+    return figures
 
 
 def run_simulate(arguments: argparse.Namespace) -> int:
@@ -229,6 +255,42 @@ def _baseline_arguments(parser: argparse.ArgumentParser) -> None:
     option("--max-hz", type=float, metavar="F", help="no lines above this frequency")
 
 
+def _family_arguments(parser: argparse.ArgumentParser) -> None:
+    machine_argument(parser)
+    option = parser.add_argument
+    option(
+        "--kind",
+        action="append",
+        metavar="KIND",
+        help="stiffness, crack, breakage, pitting, spall, wear or missing; of errors pitch, "
+        "profile, cumulative, eccentricity or misalignment; repeatable (nine of these)",
+    )
+    option(
+        "--size",
+        action="append",
+        metavar="SIZE",
+        help="such as 20%% or 1.5mm, of errors 20um; repeatable (2.5%% to 40%%, 5um to 40um)",
+    )
+    option("--gear", action="append", metavar="STAGE:GEAR", help="such as 1:pinion; repeatable")
+    option(
+        "--operating",
+        action="append",
+        type=int,
+        metavar="N",
+        help="operating point, from 0; repeatable (all)",
+    )
+    option("--max-hz", type=float, metavar="F", help="no lines above this frequency")
+    option(
+        "--tolerance",
+        type=float,
+        default=1e-6,
+        metavar="X",
+        help="relative error of what a fault adds (1e-6)",
+    )
+    option("--mesh-harmonics", type=int, metavar="N", help="write no lines about higher ones")
+    option("--sidebands", type=int, metavar="N", help="write no sidebands farther off")
+
+
 def _stability_arguments(parser: argparse.ArgumentParser) -> None:
     machine_argument(parser)
     option = parser.add_argument
@@ -276,6 +338,14 @@ BASELINE = Command(
     example="gearmon baseline machine.toml --fault crack:1:pinion:5:20% -o lines.csv",
     add=_baseline_arguments,
     run=run_baseline,
+    endings=(".csv", ".json", ".parquet"),
+)
+FAMILY = Command(
+    name="family",
+    help="the spectra of every kind and size of fault of every gear, as table and picture",
+    example="gearmon family machine.toml --kind crack --kind pitting --size 5% --size 20% -o f.csv",
+    add=_family_arguments,
+    run=run_family,
     endings=(".csv", ".json", ".parquet"),
 )
 STABILITY = Command(

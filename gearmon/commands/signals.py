@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import argparse
-import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gearmon.commands.command import Command
-from gearmon.commands.inputs import followed, machine_of, recording_of
+from gearmon.commands.inputs import in_turn, machine_of, recording_of
 from gearmon.commands.options import recording_options, window_and_peaks
-from gearmon.commands.output import BAD_INPUT, DONE, show, write_table
-from gearmon.errors import GearmonError
+from gearmon.commands.output import BAD_INPUT, DONE, finish, show, write_table, wrote
 
 if TYPE_CHECKING:
-    from gearmon.machine import Machine
     from gearmon.signatures.gear_averages import GearAverages
     from gearmon.signatures.measured.indicators import IndicatorHistory, IndicatorTable
     from gearmon.signatures.order_spectra import OrderSpectra
@@ -32,43 +30,35 @@ def run_indicators(arguments: argparse.Namespace) -> int:
     machine = machine_of(arguments.machine) if arguments.machine else None
     history = _history(arguments)
     tables: list[IndicatorTable] = []
-    entries: list[dict[str, Any]] = []
-    for path in followed(arguments.recording, "computing"):
-        try:
-            table = _table(path, arguments, machine, history)
-        except GearmonError as error:
-            print(f"gearmon: {error}", file=sys.stderr)
-            entries.append({"recording": path, "error": str(error)})
-            continue
-        history = table.history
-        tables.append(table)
-        entries.append(table.to_dict())
+
+    def table_of(path: str) -> dict[str, Any]:
+        from gearmon.signatures.measured.indicators import indicator_table
+
+        recording = recording_of(path, arguments, machine)
+        before = tables[-1].history if tables else history
+        tables.append(indicator_table(recording, machine, before, arguments.baseline))
+        return tables[-1].to_dict()
+
+    entries = in_turn(arguments.recording, "computing", table_of)
+    history = tables[-1].history if tables else history
     result: dict[str, Any] = {"recordings": entries}
     if arguments.history and history is not None:
         from gearmon.signatures.measured.indicators import write_history
 
         write_history(history, arguments.history)
         result["history"] = arguments.history
-    if arguments.output and tables:
-        rows = [{"recording": t.recording, **row.brief()} for t in tables for row in t.rows]
-        result["pictures"] = _written(
-            arguments.output, result, rows, lambda path: _indicator_picture(tables, path)
-        )
-    show(arguments, result, lambda: _indicator_lines(result, tables))
+
+    def rows() -> list[dict[str, Any]]:
+        return [{"recording": t.recording, **row.brief()} for t in tables for row in t.rows]
+
+    def figures() -> Mapping[str, Any]:
+        from gearmon.report.recording_plots import indicator_figure
+
+        return {"": indicator_figure(tables)} if tables else {}
+
+    lines = partial(_indicator_lines, result, tables)
+    finish(arguments, result, lines, rows if tables else None, figures, rows_in_json=True)
     return BAD_INPUT if any("error" in entry for entry in entries) else DONE
-
-
-def _table(
-    path: str,
-    arguments: argparse.Namespace,
-    machine: Machine | None,
-    history: IndicatorHistory | None,
-) -> IndicatorTable:
-    from gearmon.signatures.measured.indicators import indicator_table
-
-    return indicator_table(
-        recording_of(path, arguments, machine), machine, history, arguments.baseline
-    )
 
 
 def _history(arguments: argparse.Namespace) -> IndicatorHistory | None:
@@ -77,13 +67,6 @@ def _history(arguments: argparse.Namespace) -> IndicatorHistory | None:
     if not arguments.history or not Path(arguments.history).exists():
         return None
     return read_history(arguments.history)
-
-
-def _indicator_picture(tables: list[IndicatorTable], path: Path) -> list[Path]:
-    from gearmon.report.plots import save
-    from gearmon.report.recording_plots import indicator_figure
-
-    return [save(indicator_figure(tables), path)]
 
 
 def _indicator_lines(result: dict[str, Any], tables: list[IndicatorTable]) -> list[str]:
@@ -105,8 +88,7 @@ def _indicator_lines(result: dict[str, Any], tables: list[IndicatorTable]) -> li
             for stage, gear, input_, what in removed
         ]
         lines += [f"note: {note}" for note in table.notes] + [""]
-    lines += [f"{e['recording']}: not read" for e in result["recordings"] if "error" in e]
-    return lines + _files(result)
+    return lines + [f"{e['recording']}: not read" for e in result["recordings"] if "error" in e]
 
 
 def run_spectrum(arguments: argparse.Namespace) -> int:
@@ -123,19 +105,15 @@ def run_spectrum(arguments: argparse.Namespace) -> int:
         most_peaks=arguments.peaks,
     )
     result = found.to_dict()
-    if arguments.output:
-        from gearmon.report.plots import save
+    title = f"{found.recording}: {found.value_name}, highest peaks"
+
+    def figures() -> Mapping[str, Any]:
         from gearmon.report.spectrum_plots import spectrum_figure
 
-        result["pictures"] = _written(
-            arguments.output,
-            result,
-            found.rows,
-            lambda path: [save(spectrum_figure(found), path)],
-        )
-    title = f"{found.recording}: {found.value_name}, highest peaks"
-    show(arguments, result, lambda: _peak_lines(title, result))
-    return DONE
+        return {"": spectrum_figure(found)}
+
+    lines = partial(_peak_lines, title, result)
+    return finish(arguments, result, lines, found.rows, figures, rows_in_json=True)
 
 
 def run_orders(arguments: argparse.Namespace) -> int:
@@ -163,7 +141,7 @@ def run_orders(arguments: argparse.Namespace) -> int:
             Path(arguments.output), result, found, averages, only_map=arguments.map
         )
     title = f"{found.recording}: amplitude against order of shaft {found.shaft}, highest peaks"
-    show(arguments, result, lambda: _order_lines(title, result))
+    show(arguments, result, lambda: [*_order_lines(title, result), *wrote(result)])
     return DONE
 
 
@@ -179,7 +157,6 @@ def _orders_written(
     from gearmon.report.plots import save, save_all
     from gearmon.report.recording_plots import average_figures, order_map_figure
     from gearmon.report.spectrum_plots import order_figure
-    from gearmon.report.text_tables import rows_as_csv
 
     picture = target.with_suffix(".png")
     if only_map:
@@ -202,7 +179,7 @@ def _orders_written(
         for path, rows in parts:
             listed = rows()
             whole = {**result, "rows": listed} if path == target else {"rows": listed}
-            write_table(str(path), whole, lambda: rows_as_csv(listed))  # noqa: B023 (called at once)
+            write_table(str(path), whole, listed)
             tables.append(str(path))
     return tables, [str(path) for path in drawn]
 
@@ -234,32 +211,12 @@ def _some(orders: list[float]) -> str:
     return ", ".join(shown if len(shown) < 6 else [*shown[:4], "...", shown[-1]])
 
 
-def _written(
-    output: str,
-    result: dict[str, Any],
-    rows: list[dict[str, Any]] | Callable[[], list[dict[str, Any]]],
-    draw: Callable[[Path], list[Path]],
-) -> list[str]:
-    """Write the table under the name, and the picture beside it."""
-    from gearmon.report.text_tables import rows_as_csv
-
-    target = Path(output)
-    if target.suffix.lower() != ".png":
-        listed = rows() if callable(rows) else rows
-        write_table(output, {**result, "rows": listed}, lambda: rows_as_csv(listed))
-    return [str(path) for path in draw(target.with_suffix(".png"))]
-
-
 def _peak_lines(title: str, result: dict[str, Any], more: Sequence[str] = ()) -> list[str]:
     from gearmon.report.text_tables import table_lines
     from gearmon.report.wording import printable
 
     lines = [printable(title), *table_lines(result["peaks"]), *more]
-    return lines + [f"note: {note}" for note in result["warnings"]] + _files(result)
-
-
-def _files(result: dict[str, Any]) -> list[str]:
-    return [f"wrote {path}" for key in ("tables", "pictures") for path in result.get(key, ())]
+    return lines + [f"note: {note}" for note in result["warnings"]]
 
 
 def _indicator_arguments(parser: argparse.ArgumentParser) -> None:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from gearmon.commands.command import Command
-from gearmon.commands.output import DONE, show, write_table
+from gearmon.commands.output import DONE, finish, show
 from gearmon.terminal import progress_bar
 
 
@@ -23,8 +24,8 @@ def run_demo(arguments: argparse.Namespace) -> int:
 
 def run_benchmark(arguments: argparse.Namespace) -> int:
     """Run `gearmon benchmark`."""
-    from gearmon.benchmark import PICTURED, run_case, save_figures, summary_rows
-    from gearmon.report.text_tables import rows_as_csv, table_lines
+    from gearmon.benchmark import PICTURED, case_figures, run_case, summary_rows
+    from gearmon.report.text_tables import table_lines
 
     with progress_bar("measuring") as progress:
         rows = run_case(
@@ -36,20 +37,15 @@ def run_benchmark(arguments: argparse.Namespace) -> int:
             count=arguments.count,
         )
     result: dict[str, Any] = {"case": arguments.case, "rows": rows}
-    if arguments.output:
-        write_table(arguments.output, result, lambda: rows_as_csv(rows))
-        if arguments.case in PICTURED:
-            picture = Path(arguments.output).with_suffix(".png")
-            result["pictures"] = [str(path) for path in save_figures(arguments.case, rows, picture)]
-    show(
-        arguments,
-        result,
-        lambda: (
-            table_lines(summary_rows(arguments.case, rows))
-            + [f"wrote {path}" for path in result.get("pictures", ())]
-        ),
-    )
-    return DONE
+
+    def lines() -> list[str]:
+        return table_lines(summary_rows(arguments.case, rows))
+
+    def figures() -> Mapping[str, Any]:
+        return case_figures(arguments.case, rows)
+
+    drawn = figures if arguments.case in PICTURED else None
+    return finish(arguments, result, lines, lambda: rows, drawn)
 
 
 def _demo_arguments(parser: argparse.ArgumentParser) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.demos.conveyor import MACHINE, conveyor_recording
+from gearmon.demos import Demo, steps
+from gearmon.demos.conveyor import conveyor, conveyor_recording
 from gearmon.diagnosis.analysis import analyse, learn
 from gearmon.diagnosis.decision import LIMITS
 from gearmon.diagnosis.results import Analysis
 from gearmon.files import write_atomically
-from gearmon.machine import load_machine
 from gearmon.report.demo_plots import DayView, day_figure
 from gearmon.report.plots import save
 from gearmon.signals.recording import Recording
@@ -32,79 +32,7 @@ START = datetime(2026, 5, 4, 6, tzinfo=UTC)
 LEVEL_LIMIT_DB = 3.0
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class DayDemo:
-    """What the demo did.
-
-    Parameters
-    ----------
-    folder : Path
-        Where its files are.
-    analyses : tuple of Analysis
-        One an hour.
-    view : DayView
-        What is drawn.
-    picture, story : Path
-    """
-
-    folder: Path
-    analyses: tuple[Analysis, ...]
-    view: DayView
-    picture: Path
-    story: Path
-
-    @property
-    def alarms(self) -> int:
-        """Recordings that were called a fault; the machine is sound."""
-        return sum(analysis.verdict == "fault" for analysis in self.analyses)
-
-    def lines(self) -> list[str]:
-        """Tell it on a terminal."""
-        return [
-            *self.told(),
-            f"machine file and reference: {self.folder}",
-            f"picture: {self.picture}",
-            f"story: {self.story}",
-        ]
-
-    def told(self) -> list[str]:
-        """Tell the story."""
-        view, count = self.view, len(self.analyses)
-        moved = view.level_db - view.reference_level_db
-        crossed = int(np.sum((moved > LEVEL_LIMIT_DB).any(axis=0)))
-        verdicts = [analysis.verdict for analysis in self.analyses]
-        listed = ", ".join(f"{v} {verdicts.count(v)}" for v in dict.fromkeys(verdicts))
-        told = [
-            f"A sound conveyor drive through a day: {count} recordings, load "
-            f"{view.load.min():.0%} to {view.load.max():.0%} of nominal, speed "
-            f"{view.speed_hz.min():.2f} to {view.speed_hz.max():.2f} Hz.",
-            f"The level of the vibration moves by {np.ptp(moved, axis=1).max():.1f} dB; a limit "
-            f"{LEVEL_LIMIT_DB:g} dB above the mean of the reference would have been crossed in "
-            f"{crossed} of {count} recordings.",
-            f"Verdicts: {listed}.",
-            f"False alarms: {self.alarms}, where {LIMITS.rare:.0%} of {count} recordings, "
-            f"{LIMITS.rare * count:.2f}, are to be expected by chance.",
-        ]
-        told += [
-            f"{analysis.recording}: {analysis.verdict} ({analysis.reason})"
-            for analysis in self.analyses
-            if analysis.verdict != "healthy"
-        ]
-        return told
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return built-in types, ready for JSON."""
-        return {
-            "folder": str(self.folder),
-            "picture": str(self.picture),
-            "story": str(self.story),
-            "alarms": self.alarms,
-            "load": self.view.load.tolist(),
-            "recordings": [analysis.to_dict() for analysis in self.analyses],
-        }
-
-
-def day_demo(folder: Path, progress: Progress | None = None) -> DayDemo:
+def day_demo(folder: Path, progress: Progress | None = None) -> Demo:
     """Simulate a day of a sound machine, judge every hour and draw it.
 
     Parameters
@@ -114,32 +42,23 @@ def day_demo(folder: Path, progress: Progress | None = None) -> DayDemo:
     progress : callable, optional
         Called with the share done, 0 to 1.
     """
-    write_atomically(folder / "machine.toml", MACHINE)
-    machine = load_machine(folder / "machine.toml")
-    steps = len(LEARNED) + HOURS
+    machine, follow = conveyor(folder), steps(progress, len(LEARNED) + HOURS)
     healthy = []
     for number, (load, slip) in enumerate(LEARNED):
         name = f"healthy-{load:.2f}"
         healthy.append(conveyor_recording(machine, name, 200 + number, load=load, slip=slip))
-        _follow(progress, (number + 1) / steps)
+        follow()
     reference = learn(healthy, machine)
     write_reference(reference, folder / "healthy.ref")
     loads, slips = _day()
     analyses, levels = [], []
-    for number, (load, slip) in enumerate(zip(loads, slips, strict=True)):
-        when = START + timedelta(hours=number)
-        recording = conveyor_recording(
-            machine,
-            f"{when:%H:%M}",
-            number,
-            load=float(load),
-            slip=float(slip),
-            speed_drift=0.01,
-            load_drift=0.06,
-        )
+    wander: dict[str, Any] = {"speed_drift": 0.01, "load_drift": 0.06}
+    for number, (load, slip) in enumerate(zip(loads.tolist(), slips.tolist(), strict=True)):
+        name = f"{START + timedelta(hours=number):%H:%M}"
+        recording = conveyor_recording(machine, name, number, load=load, slip=slip, **wander)
         analyses.append(analyse(recording, machine, reference))
         levels.append(_level_db(recording))
-        _follow(progress, (len(LEARNED) + number + 1) / steps)
+        follow()
     view = DayView(
         hour=START.hour + np.arange(HOURS, dtype=float),
         load=loads,
@@ -151,11 +70,34 @@ def day_demo(folder: Path, progress: Progress | None = None) -> DayDemo:
         verdict=tuple(a.verdict for a in analyses),
         channel_names=healthy[0].vibration().channel_names,
     )
-    picture, story = folder / "day.png", folder / "day.txt"
-    save(day_figure(view), picture)
-    demo = DayDemo(folder=folder, analyses=tuple(analyses), view=view, picture=picture, story=story)
-    write_atomically(story, "\n".join(demo.told()) + "\n")
+    files = {"folder": folder, "picture": folder / "day.png", "story": folder / "day.txt"}
+    alarms = view.verdict.count("fault")
+    recordings = [analysis.to_dict() for analysis in analyses]
+    facts = {"alarms": alarms, "load": loads.tolist(), "recordings": recordings}
+    demo = Demo(story=tuple(_told(view, analyses, alarms)), files=files, facts=facts)
+    save(day_figure(view), files["picture"])
+    write_atomically(files["story"], "\n".join(demo.story) + "\n")
     return demo
+
+
+def _told(view: DayView, analyses: Sequence[Analysis], alarms: int) -> list[str]:
+    """Tell the story."""
+    count, verdicts = len(analyses), view.verdict
+    moved = view.level_db - view.reference_level_db
+    crossed = int(np.sum((moved > LEVEL_LIMIT_DB).any(axis=0)))
+    listed = ", ".join(f"{v} {verdicts.count(v)}" for v in dict.fromkeys(verdicts))
+    return [
+        f"A sound conveyor drive through a day: {count} recordings, load "
+        f"{view.load.min():.0%} to {view.load.max():.0%} of nominal, speed "
+        f"{view.speed_hz.min():.2f} to {view.speed_hz.max():.2f} Hz.",
+        f"The level of the vibration moves by {np.ptp(moved, axis=1).max():.1f} dB; a limit "
+        f"{LEVEL_LIMIT_DB:g} dB above the mean of the reference would have been crossed in "
+        f"{crossed} of {count} recordings.",
+        f"Verdicts: {listed}.",
+        f"False alarms: {alarms}, where {LIMITS.rare:.0%} of {count} recordings, "
+        f"{LIMITS.rare * count:.2f}, are to be expected by chance.",
+        *(f"{a.recording}: {a.verdict} ({a.reason})" for a in analyses if a.verdict != "healthy"),
+    ]
 
 
 def _day() -> tuple[FloatArray, FloatArray]:
@@ -171,8 +113,3 @@ def _level_db(recording: Recording) -> FloatArray:
     """Level of each vibration channel [dB re 1 unit, rms]."""
     samples = recording.vibration().samples
     return np.asarray(10 * np.log10(np.var(samples, axis=1)), dtype=np.float64)
-
-
-def _follow(progress: Progress | None, share: float) -> None:
-    if progress is not None:
-        progress(share)

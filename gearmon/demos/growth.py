@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from gearmon.demos.conveyor import MACHINE, conveyor_recording
+from gearmon.demos import Demo, steps
+from gearmon.demos.conveyor import conveyor, conveyor_recording
 from gearmon.diagnosis.analysis import analyse, learn
 from gearmon.diagnosis.history import (
     History,
@@ -21,7 +22,6 @@ from gearmon.diagnosis.history import (
 )
 from gearmon.files import write_atomically
 from gearmon.gears.faults import Fault
-from gearmon.machine import load_machine
 from gearmon.report.history_plots import history_figure
 from gearmon.report.history_text import history_lines, moment_text
 from gearmon.report.plots import save
@@ -38,101 +38,13 @@ HEALTHY_LOADS = (0.6, 0.75, 0.9, 1.05)
 START, STEP = datetime(2026, 1, 5, 8, tzinfo=UTC), timedelta(days=7)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class GrowthDemo:
-    """What the demo did.
-
-    Parameters
-    ----------
-    folder : Path
-        Where its files are.
-    found : HistoryTrends
-        What the history shows.
-    losses : tuple of float
-        The truth: loss of the pair's stiffness in each recording.
-    picture, story : Path
-    """
-
-    folder: Path
-    found: HistoryTrends
-    losses: tuple[float, ...]
-    picture: Path
-    story: Path
-
-    @property
-    def flagged(self) -> int | None:
-        """Number of the first recording, from 0, from which on all are flagged."""
-        entries = self.found.history.entries
-        number = len(entries)
-        while number and entries[number - 1].verdict == "fault":
-            number -= 1
-        return number if number < len(entries) else None
-
-    def lines(self) -> list[str]:
-        """Tell it on a terminal."""
-        return [
-            *self.told(),
-            f"machine file, reference and history: {self.folder}",
-            f"picture: {self.picture}",
-            f"story: {self.story}",
-        ]
-
-    def told(self) -> list[str]:
-        """Tell the story."""
-        entries = self.found.history.entries
-        first = next(number for number, loss in enumerate(self.losses) if loss > 0)
-        told = [
-            f"A crack on tooth {TOOTH} of the pinion, in {len(entries)} recordings a week apart.",
-            f"The truth: sound until {moment_text(entries[first - 1].time_s, fine=False)}, then a "
-            f"loss of pair stiffness that grows to {self.losses[-1]:.0%}.",
-        ]
-        early = [e for e, loss in zip(entries, self.losses, strict=True) if not loss]
-        wrong = sum(bool(entry.findings) for entry in early)
-        told.append(f"Flags in the {len(early)} sound recordings: {wrong}.")
-        if self.flagged is None:
-            told.append("The last recording is not flagged: this crack was not found.")
-        else:
-            entry = entries[self.flagged]
-            told.append(
-                f"Flagged in every recording since {moment_text(entry.time_s, fine=False)}, at a "
-                f"true loss of {self.losses[self.flagged]:.1%}: {entry.findings[0]}."
-            )
-            last = entries[-1].findings
-            told.append(f"The last recording's findings: {'; '.join(last)}.")
-        return [*told, *self._held(), "", *history_lines(self.found)]
-
-    def _held(self) -> list[str]:
-        """Tell how the trend of the cracked tooth and the truth agree, if it is listed at all."""
-        own = [t for t in self.found.shown if (t.stage, t.gear, t.tooth) == (1, "pinion", TOOTH)]
-        if not own:
-            return []
-        entries = self.found.history.entries
-        _, low, high = own[0].at([entry.time_s for entry in entries])
-        inside = sum(a <= loss <= b for a, loss, b in zip(low, self.losses, high, strict=True))
-        return [
-            f"The truth lies within the 90 % interval of the trend in {inside} of {len(entries)} "
-            "recordings."
-        ]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return built-in types, ready for JSON."""
-        return {
-            "folder": str(self.folder),
-            "picture": str(self.picture),
-            "story": str(self.story),
-            "true_loss": list(self.losses),
-            "first_flagged": None if self.flagged is None else self.flagged + 1,
-            "history": self.found.to_dict(),
-        }
-
-
 def true_loss(number: int) -> float:
     """Loss of the pair's stiffness in a recording of this number, from 0."""
     since = (number - SOUND + 1) / (RECORDINGS - SOUND)
     return float(LAST_LOSS * max(0.0, since) ** POWER)
 
 
-def growth_demo(folder: Path, progress: Progress | None = None) -> GrowthDemo:
+def growth_demo(folder: Path, progress: Progress | None = None) -> Demo:
     """Simulate a growing crack, keep the history of its recordings and draw it.
 
     Parameters
@@ -142,44 +54,71 @@ def growth_demo(folder: Path, progress: Progress | None = None) -> GrowthDemo:
     progress : callable, optional
         Called with the share done, 0 to 1.
     """
-    write_atomically(folder / "machine.toml", MACHINE)
-    machine = load_machine(folder / "machine.toml")
-    steps = len(HEALTHY_LOADS) + RECORDINGS
+    machine, follow = conveyor(folder), steps(progress, len(HEALTHY_LOADS) + RECORDINGS)
     healthy = []
     for number, load in enumerate(HEALTHY_LOADS):
         healthy.append(conveyor_recording(machine, f"healthy-{load:.2f}", 100 + number, load=load))
-        _follow(progress, (number + 1) / steps)
+        follow()
     reference = learn(healthy, machine)
     write_reference(reference, folder / "healthy.ref")
-    loads = np.random.default_rng(7).uniform(0.7, 1.0, RECORDINGS)
+    losses = [true_loss(number) for number in range(RECORDINGS)]
+    loads = np.random.default_rng(7).uniform(0.7, 1.0, RECORDINGS).tolist()
     history = History(machine=machine.name)
-    for number, load in enumerate(loads):
-        loss = true_loss(number)
-        faults = (
-            [Fault(kind="crack", stage=1, gear="pinion", tooth=TOOTH, size=loss)] if loss else []
-        )
-        name = f"week-{number + 1:02d}"
-        recording = conveyor_recording(machine, name, number, faults, load=float(load))
+    for number, (load, loss) in enumerate(zip(loads, losses, strict=True)):
+        crack: dict[str, Any] = {"kind": "crack", "stage": 1, "gear": "pinion", "tooth": TOOTH}
+        faults, name = [Fault(**crack, size=loss)] if loss else [], f"week-{number + 1:02d}"
+        recording = conveyor_recording(machine, name, number, faults, load=load)
         analysis = analyse(recording, machine, reference)
         history = history.with_entry(entry_of(analysis, START + number * STEP))
-        _follow(progress, (len(HEALTHY_LOADS) + number + 1) / steps)
+        follow()
     store = folder / "history.db"
     append(store, history.entries, replace=True)  # a second run of the demo is the same history
     found = history_trends(read_history(store, machine.name), limit=LIMIT)
-    picture, story = folder / "growth.png", folder / "growth.txt"
-    losses = tuple(true_loss(number) for number in range(RECORDINGS))
-    save(history_figure(found, losses), picture)
-    demo = GrowthDemo(
-        folder=folder,
-        found=found,
-        losses=losses,
-        picture=picture,
-        story=story,
-    )
-    write_atomically(story, "\n".join(demo.told()) + "\n")
+    flagged = _flagged(found)
+    first = None if flagged is None else flagged + 1
+    files = {"folder": folder, "picture": folder / "growth.png", "story": folder / "growth.txt"}
+    facts = {"true_loss": losses, "first_flagged": first, "history": found.to_dict()}
+    demo = Demo(story=tuple(_told(found, losses, flagged)), files=files, facts=facts)
+    save(history_figure(found, losses), files["picture"])
+    write_atomically(files["story"], "\n".join(demo.story) + "\n")
     return demo
 
 
-def _follow(progress: Progress | None, share: float) -> None:
-    if progress is not None:
-        progress(share)
+def _flagged(found: HistoryTrends) -> int | None:
+    """Return the number of the first recording, from 0, from which on all are flagged."""
+    sound = [n for n, entry in enumerate(found.history.entries) if entry.verdict != "fault"]
+    first = sound[-1] + 1 if sound else 0
+    return first if first < len(found.history.entries) else None
+
+
+def _told(found: HistoryTrends, losses: Sequence[float], flagged: int | None) -> Iterator[str]:
+    """Tell the story."""
+    entries = found.history.entries
+    since = next(number for number, loss in enumerate(losses) if loss > 0)
+    yield f"A crack on tooth {TOOTH} of the pinion, in {len(entries)} recordings a week apart."
+    sound = moment_text(entries[since - 1].time_s, fine=False)
+    yield (
+        f"The truth: sound until {sound}, then a loss of pair stiffness that grows to "
+        f"{losses[-1]:.0%}."
+    )
+    wrong = sum(bool(entry.findings) for entry in entries[:since])
+    yield f"Flags in the {since} sound recordings: {wrong}."
+    if flagged is None:
+        yield "The last recording is not flagged: this crack was not found."
+    else:
+        entry = entries[flagged]
+        yield (
+            f"Flagged in every recording since {moment_text(entry.time_s, fine=False)}, at a "
+            f"true loss of {losses[flagged]:.1%}: {entry.findings[0]}."
+        )
+        yield f"The last recording's findings: {'; '.join(entries[-1].findings)}."
+    # how the trend of the cracked tooth and the truth agree, if it is listed at all
+    for trend in found.shown:
+        if (trend.stage, trend.gear, trend.tooth) == (1, "pinion", TOOTH):
+            _, low, high = trend.at([entry.time_s for entry in entries])
+            inside = sum(a <= loss <= b for a, loss, b in zip(low, losses, high, strict=True))
+            yield (
+                f"The truth lies within the 90 % interval of the trend in {inside} of "
+                f"{len(entries)} recordings."
+            )
+    yield from ("", *history_lines(found))

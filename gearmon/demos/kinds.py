@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from gearmon.demos.conveyor import DURATION_S, MACHINE, RATE_HZ
-from gearmon.demos.gear_states import State, state_recording
+from gearmon.demos import Demo, steps
+from gearmon.demos.conveyor import DURATION_S, RATE_HZ, conveyor
 from gearmon.diagnosis.analysis import analyse, learn
 from gearmon.diagnosis.fault_types.judgement import analysis_features
 from gearmon.diagnosis.fault_types.training import train_kinds
@@ -17,24 +19,53 @@ from gearmon.diagnosis.hypotheses.fault_kinds import KindJudgement, judge_kind
 from gearmon.diagnosis.results import Analysis
 from gearmon.files import write_atomically
 from gearmon.gears.faults import Fault
-from gearmon.machine import Machine, load_machine
+from gearmon.machine import Machine
 from gearmon.report.demo_plots import KindView, kind_figure
 from gearmon.report.plots import save
 from gearmon.report.text_tables import table_lines
 from gearmon.report.wording import percent
 from gearmon.signals.recording import Recording
-from gearmon.signatures.measured.reference import Reference, write_reference
+from gearmon.signatures.measured.reference import write_reference
 from gearmon.simulation import Settings
+from gearmon.simulation.contact import Drive, ShaftMotion, random_wander
+from gearmon.simulation.path import noise, random_path, tacho_pulses, through_path
+from gearmon.simulation.settings import stream
+from gearmon.simulation.train import Train, build_train
+from gearmon.simulation.vibration import mesh_vibration
 from gearmon.terminal import Progress
 
-if TYPE_CHECKING:
-    from gearmon.diagnosis.fault_types.classifier import KindClassifier
+FloatArray = NDArray[np.float64]
 
+_TACHO_V, _TACHO_TURNS = 5.0, 0.05
+#: Before and after what is kept, for the housing to ring up and down [s].
+_MARGIN_S = 0.5
+#: Share of the sampling rate up to which harmonics of the wear are made.
+_BELOW = 0.4
 HEALTHY_LOADS = (0.7, 0.85, 1.0, 1.1)
 NEW_LOADS = (0.78, 0.93, 1.04)
 PITTED, PIT_LOSS = 14, (0.1, 0.5)
 #: Examples that the classifier is trained on.
 EXAMPLES = 1200
+
+
+@dataclass(frozen=True, kw_only=True)
+class State:
+    """State of the pinion of a one-stage machine.
+
+    Parameters
+    ----------
+    faults : tuple of Fault
+        Losses of stiffness.
+    eccentricity_m : float
+        Added to the runout amplitude that the pinion has by manufacture [m].
+    wear_m : float
+        Depth to which the flanks of all teeth are worn at tip and root; nothing is worn at the
+        pitch point, where they roll [m].
+    """
+
+    faults: tuple[Fault, ...] = ()
+    eccentricity_m: float = 0.0
+    wear_m: float = 0.0
 
 
 def _pits() -> tuple[Fault, ...]:
@@ -70,7 +101,7 @@ FEATURES = {
 }
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Judged:
     """One recording: the truth, and what was made of it.
 
@@ -100,77 +131,19 @@ class Judged:
             return "sound" if self.analysis.verdict == "healthy" else self.analysis.verdict
         return self.judgement.kind if self.judgement is not None else "fault"
 
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class KindsDemo:
-    """What the demo did.
-
-    Parameters
-    ----------
-    folder : Path
-        Where its files are.
-    judged : tuple of Judged
-    picture, story : Path
-    """
-
-    folder: Path
-    judged: tuple[Judged, ...]
-    picture: Path
-    story: Path
-
-    def lines(self) -> list[str]:
-        """Tell it on a terminal."""
-        return [
-            *self.told(),
-            f"machine file and reference: {self.folder}",
-            f"picture: {self.picture}",
-            f"story: {self.story}",
-        ]
-
-    def told(self) -> list[str]:
-        """Tell the story."""
-        right = sum(one.told == one.truth for one in self.judged)
-        told = [
-            f"The pinion of a conveyor drive in {len(STATES)} states, {len(NEW_LOADS)} recordings "
-            "of each, at loads that the reference was not learned at.",
-            "The kind is judged where a fault is called, by a classifier trained on simulated "
-            "signatures of this machine file: it has seen no recording.",
-            "",
-            *(f"{truth}: {what}" for truth, (_, what) in STATES.items()),
-            "",
-            *table_lines([_row(one) for one in self.judged]),
-            "",
-            f"Right: {right} of {len(self.judged)}.",
-        ]
-        for truth in STATES:
-            own = [one for one in self.judged if one.truth == truth and one.judgement is not None]
-            if own and own[0].judgement is not None:
-                told += ["", f"{truth}, at {own[0].load:.0%} load: {own[0].analysis.reason}"]
-                told += [f"  {sentence}" for sentence in own[0].judgement.evidence]
-        return told
-
     def to_dict(self) -> dict[str, Any]:
         """Return built-in types, ready for JSON."""
         return {
-            "folder": str(self.folder),
-            "picture": str(self.picture),
-            "story": str(self.story),
-            "right": sum(one.told == one.truth for one in self.judged),
-            "recordings": [
-                {
-                    "truth": one.truth,
-                    "told": one.told,
-                    "load": one.load,
-                    "features_db": one.features,
-                    "kind": None if one.judgement is None else one.judgement.to_dict(),
-                    "analysis": one.analysis.to_dict(),
-                }
-                for one in self.judged
-            ],
+            "truth": self.truth,
+            "told": self.told,
+            "load": self.load,
+            "features_db": self.features,
+            "kind": None if self.judgement is None else self.judgement.to_dict(),
+            "analysis": self.analysis.to_dict(),
         }
 
 
-def kinds_demo(folder: Path, progress: Progress | None = None) -> KindsDemo:
+def kinds_demo(folder: Path, progress: Progress | None = None) -> Demo:
     """Record a machine sound, pitted, worn and running out, and tell these apart.
 
     Parameters
@@ -180,28 +153,58 @@ def kinds_demo(folder: Path, progress: Progress | None = None) -> KindsDemo:
     progress : callable, optional
         Called with the share done, 0 to 1.
     """
-    write_atomically(folder / "machine.toml", MACHINE)
-    machine = load_machine(folder / "machine.toml")
-    steps = len(HEALTHY_LOADS) + 12 + len(STATES) * len(NEW_LOADS)
+    machine = conveyor(folder)
+    follow = steps(progress, len(HEALTHY_LOADS) + 1 + len(STATES) * len(NEW_LOADS))
     healthy = []
     for number, load in enumerate(HEALTHY_LOADS):
         healthy.append(_recorded(machine, State(), load, 100 + number))
-        _follow(progress, len(healthy) / steps)
+        follow()
     reference = learn(healthy, machine)
     write_reference(reference, folder / "healthy.ref")
     classifier = train_kinds(machine, count=EXAMPLES)
+    follow()
     judged: list[Judged] = []
     for truth, (state, _) in STATES.items():
         for load in NEW_LOADS:
             recording = _recorded(machine, state, load, len(judged))
             analysis = analyse(recording, machine, reference)
-            judged.append(_judged(truth, load, analysis, reference, classifier))
-            _follow(progress, (len(HEALTHY_LOADS) + 12 + len(judged)) / steps)
-    picture, story = folder / "kinds.png", folder / "kinds.txt"
-    save(kind_figure([_view(truth, judged) for truth in STATES]), picture)
-    demo = KindsDemo(folder=folder, judged=tuple(judged), picture=picture, story=story)
-    write_atomically(story, "\n".join(demo.told()) + "\n")
+            features = analysis_features(analysis, reference)
+            row = features.named(features.row(1, "pinion"))
+            fault = analysis.verdict == "fault"
+            judgement = judge_kind(features, classifier) if fault else None
+            own = {name: float(row[name]) for name in FEATURES}
+            judged.append(Judged(truth, load, analysis, judgement, own))
+            follow()
+    files = {"folder": folder, "picture": folder / "kinds.png", "story": folder / "kinds.txt"}
+    right = sum(one.told == one.truth for one in judged)
+    facts = {"right": right, "recordings": [one.to_dict() for one in judged]}
+    demo = Demo(story=tuple(_told(judged, right)), files=files, facts=facts)
+    save(kind_figure([_view(truth, judged) for truth in STATES]), files["picture"])
+    write_atomically(files["story"], "\n".join(demo.story) + "\n")
     return demo
+
+
+def _told(judged: Sequence[Judged], right: int) -> Iterator[str]:
+    """Tell the story."""
+    yield (
+        f"The pinion of a conveyor drive in {len(STATES)} states, {len(NEW_LOADS)} recordings "
+        "of each, at loads that the reference was not learned at."
+    )
+    yield (
+        "The kind is judged where a fault is called, by a classifier trained on simulated "
+        "signatures of this machine file: it has seen no recording."
+    )
+    yield from ("", *(f"{truth}: {what}" for truth, (_, what) in STATES.items()), "")
+    yield from (
+        *table_lines([_row(one) for one in judged]),
+        "",
+        f"Right: {right} of {len(judged)}.",
+    )
+    for truth in STATES:
+        own = [one for one in judged if one.truth == truth and one.judgement is not None]
+        if own and own[0].judgement is not None:
+            yield from ("", f"{truth}, at {own[0].load:.0%} load: {own[0].analysis.reason}")
+            yield from (f"  {sentence}" for sentence in own[0].judgement.evidence)
 
 
 def _recorded(machine: Machine, state: State, load: float, seed: int) -> Recording:
@@ -213,30 +216,92 @@ def _recorded(machine: Machine, state: State, load: float, seed: int) -> Recordi
         channels=2,
         load=load,
     )
-    return state_recording(machine, settings, state, f"{load:.0%} load")
+    return _state_recording(machine, settings, state, f"{load:.0%} load")
 
 
-def _judged(
-    truth: str,
-    load: float,
-    analysis: Analysis,
-    reference: Reference,
-    classifier: KindClassifier,
-) -> Judged:
-    features = analysis_features(analysis, reference)
-    row = features.named(features.row(1, "pinion"))
-    return Judged(
-        truth=truth,
-        load=load,
-        analysis=analysis,
-        judgement=judge_kind(features, classifier) if analysis.verdict == "fault" else None,
-        features={name: float(row[name]) for name in FEATURES},
+def _state_recording(machine: Machine, settings: Settings, state: State, name: str) -> Recording:
+    """Simulate a one-stage machine whose pinion has a state of its own.
+
+    Parameters
+    ----------
+    machine : Machine
+    settings : Settings
+    state : State
+    name : str
+        Of the recording.
+
+    Notes
+    -----
+    Stiffness and runout go through the equations of motion. Wear moves all pairs alike, with the
+    mesh: an error ``-wear |sin(pi x)|`` of the mesh phase x adds a force through the linear mesh
+    with its mean stiffness.
+    """
+    seed, point = settings.recording_seed, machine.operating[0]
+    train = build_train(
+        machine,
+        state.faults,
+        load=settings.load,
+        seed=settings.machine_seed,
+        accuracy_grade=settings.accuracy_grade,
+    )
+    train = _running_out(train, state.eccentricity_m)
+    motion = ShaftMotion(
+        mean_hz=settings.mean_shaft1_hz(point),
+        wander=random_wander(settings.speed_drift, stream(seed, "speed")),
+        start_turns=float(stream(seed, "start").uniform(0, 1000)),
+    )
+    drive = Drive(
+        motion=motion,
+        load=random_wander(settings.load_drift, stream(seed, "load")),
+        ripples=(),
+        static_forcing=train.static_forcing,
+    )
+    vibration, _ = mesh_vibration(train, drive, settings, None)
+    vibration += _of_wear(train, motion, settings, state.wear_m)
+    level = 10 ** (-(settings.snr_db or 0.0) / 20)
+    for channel, row in enumerate(vibration):
+        generator = stream(seed, "noise", channel)
+        row += noise(generator, len(row), level * float(np.std(row)))
+    time = np.arange(settings.samples) / settings.sampling_rate_hz
+    moved = motion.turns(time), settings.sampling_rate_hz, motion.speed_hz(time)
+    pulses = tacho_pulses(*moved, _TACHO_V, _TACHO_TURNS)
+    names = tuple(f"a{channel + 1}" for channel in range(len(vibration)))
+    return Recording(
+        samples=np.vstack([vibration, pulses]),
+        sampling_rate_hz=settings.sampling_rate_hz,
+        channel_names=(*names, "tacho"),
+        channel_kinds=("vibration",) * len(names) + ("tacho",),
+        units=("m/s2",) * len(names) + ("V",),
+        origin=name,
     )
 
 
-def _follow(progress: Progress | None, share: float) -> None:
-    if progress is not None:
-        progress(share)
+def _running_out(train: Train, eccentricity_m: float) -> Train:
+    """Return the train with more runout of its first pinion."""
+    first, *others = train.meshes
+    pinion, gear = first.errors
+    more = replace(pinion, eccentricity_m=pinion.eccentricity_m + eccentricity_m)
+    return replace(train, meshes=(replace(first, errors=(more, gear)), *others))
+
+
+def _of_wear(train: Train, motion: ShaftMotion, settings: Settings, wear_m: float) -> FloatArray:
+    """Accelerations that wear of the flanks adds at the sensors [m/s2]."""
+    rate = settings.sampling_rate_hz
+    margin = round(_MARGIN_S * rate)
+    time = (np.arange(settings.samples + 2 * margin) - margin) / rate
+    phase = train.meshes[0].phase(motion.turns(time))
+    highest = int(_BELOW * rate / (train.meshes[0].order * float(motion.speed_hz(time).max())))
+    error = np.zeros(len(time))
+    for k in range(1, highest + 1):
+        # |sin(pi x)| = 2/pi - 4/pi sum cos(2 pi k x) / (4 k^2 - 1)
+        error += wear_m * 4 / np.pi / (4 * k * k - 1) * np.cos(2 * np.pi * k * phase)
+    angular = 2 * np.pi * np.fft.rfftfreq(len(time), 1 / rate)
+    mass = 1.0 / train.system.coupling[0, 0]
+    spring = train.mean_stiffness[0] + 1j * angular * train.system.damping[0]
+    force = spring * mass * angular**2 / (spring - mass * angular**2) * np.fft.rfft(error)
+    path = random_path(settings.machine_seed, settings.channels, 1, train.gear_mass_kg)
+    arrived = through_path(path, force[None, :], len(time), rate)
+    return np.asarray(arrived[:, margin : margin + settings.samples])
 
 
 def _row(one: Judged) -> dict[str, Any]:

@@ -24,30 +24,39 @@ From the lines of a gear pair to a tuned harvester and what it powers:
 >>> SensorBudget(sleep_power_w=0.1e-6).interval_s(tuned.power_w) < 86400   # a recording a day
 True
 
-The rooms inside: `vibration` and `duty` (what shakes), `beam`, `cantilever`, `inertial` and
-`materials` (what harvests), `answer`, `evaluation` and `response` (what it yields as it stands),
-`starts`, `refinement`, `limited`, `tuning`, `harvester_sets` and `sizing` (how to tune it),
-`tuning_sweep` and `design_sweep` (many at once), `budget`, `recorded_positions`, `placement` and
-`survey` (where to put it and what it powers), `request` (its file).
+The rooms inside: `vibration` (what shakes), `power` (what any harvester gives under it), `beam`,
+`cantilever` and `inertial` (what harvests), `tuning`, `sets` and `sweep` (one, several together and
+many designs at once), `request` (its file and what it is to power) and `placement` (where to put
+it).
 """
 
-from gearmon.harvesting.budget import SensorBudget
-from gearmon.harvesting.cantilever import PiezoCantilever
-from gearmon.harvesting.design_sweep import DesignSweep, sweep_designs
-from gearmon.harvesting.duty import OperatingShare, vibration_of_signature
-from gearmon.harvesting.evaluation import Tuned, evaluate
-from gearmon.harvesting.harvester_sets import tune_set
+from gearmon.harvesting.cantilever import (
+    BEAM_MATERIALS,
+    PIEZO_MATERIALS,
+    ModalDamping,
+    PiezoCantilever,
+    sized_for,
+)
 from gearmon.harvesting.inertial import InertialHarvester
-from gearmon.harvesting.materials import BEAM_MATERIALS, PIEZO_MATERIALS
-from gearmon.harvesting.modal_damping import ModalDamping
-from gearmon.harvesting.response import (
+from gearmon.harvesting.placement import Survey, survey_expected, survey_measured
+from gearmon.harvesting.power import (
+    Tuned,
     bandwidth_against_quality,
+    evaluate,
     half_power_band,
     response_rows,
 )
-from gearmon.harvesting.sizing import sized_for
+from gearmon.harvesting.request import SensorBudget, load_harvester
+from gearmon.harvesting.sets import tune_set
+from gearmon.harvesting.sweep import DesignSweep, sweep_designs
 from gearmon.harvesting.tuning import tune_harvester
-from gearmon.harvesting.vibration import Vibration, vibration_of_lines, vibration_of_samples
+from gearmon.harvesting.vibration import (
+    OperatingShare,
+    Vibration,
+    vibration_of_lines,
+    vibration_of_samples,
+    vibration_of_signature,
+)
 
 __all__ = [
     "BEAM_MATERIALS",
@@ -58,13 +67,17 @@ __all__ = [
     "OperatingShare",
     "PiezoCantilever",
     "SensorBudget",
+    "Survey",
     "Tuned",
     "Vibration",
     "bandwidth_against_quality",
     "evaluate",
     "half_power_band",
+    "load_harvester",
     "response_rows",
     "sized_for",
+    "survey_expected",
+    "survey_measured",
     "sweep_designs",
     "tune_harvester",
     "tune_set",

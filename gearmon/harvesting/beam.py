@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +23,7 @@ from gearmon.errors import ArgumentError, check_positive, check_range
 Real = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class BeamModes:
     """Modes of a beam of unit length, unit mass and unit flexural stiffness, normalised by mass.
 
@@ -81,13 +82,7 @@ def beam_modes(
     roots = np.array([_root(r, tip_mass_ratio, tip_inertia_ratio) for r in range(count)])
     columns = np.array([roots, *_shapes(roots, tip_mass_ratio, tip_inertia_ratio)])
     columns.flags.writeable = False
-    return BeamModes(
-        eigenvalue=columns[0],
-        tip=columns[1],
-        tip_slope=columns[2],
-        root_curvature=columns[3],
-        forcing=columns[4],
-    )
+    return BeamModes(*columns)
 
 
 def mass_ratio_for(first_eigenvalue: float, gyration_ratio: float = 0.0) -> float:
@@ -125,10 +120,12 @@ def mass_ratio_for(first_eigenvalue: float, gyration_ratio: float = 0.0) -> floa
     return max(0.0, 2 * constant / (linear + math.sqrt(linear**2 - 4 * constant * square)))
 
 
-def _characteristic(eigenvalue: float, mass: float, inertia: float) -> float:
-    """Characteristic function over cosh l, which neither overflows nor loses digits."""
-    s, c = math.sin(eigenvalue), math.cos(eigenvalue)
-    t, sech = math.tanh(eigenvalue), 1 / math.cosh(eigenvalue)
+def _characteristic(eigenvalue: Any, mass: float, inertia: float, m: Any = math) -> Any:
+    """Characteristic function over cosh l, which neither overflows nor loses digits.
+
+    Of one eigenvalue by `math`, which is faster then, or of many by NumPy as `m`.
+    """
+    s, c, t, sech = m.sin(eigenvalue), m.cos(eigenvalue), m.tanh(eigenvalue), 1 / m.cosh(eigenvalue)
     rotary = eigenvalue**3 * inertia
     value = sech + c + eigenvalue * mass * (c * t - s) - rotary * (s + t * c)
     return value + eigenvalue * rotary * mass * (sech - c)
@@ -145,21 +142,12 @@ def _root(number: int, mass: float, inertia: float) -> float:
         return float(brentq(_characteristic, low, high, (mass, 0.0), xtol=1e-15))
     # signs alternate from root to root; near 0 the first two lie a factor of 1.9 or more apart
     grid = _scanned()
-    values = _scan(grid, mass, inertia)
+    values = _characteristic(grid, mass, inertia, np)
     changes = np.flatnonzero(np.sign(values[1:]) != np.sign(values[:-1]))
     if len(changes) <= number:
         raise ArgumentError(f"mode {number + 1} of the beam was not found; ask for fewer modes")
     low, high = grid[changes[number]], grid[changes[number] + 1]
     return float(brentq(_characteristic, low, high, (mass, inertia), xtol=1e-15))
-
-
-def _scan(eigenvalue: Real, mass: float, inertia: float) -> Real:
-    """Evaluate `_characteristic` at many eigenvalues; for one alone `math` is faster."""
-    s, c, t = np.sin(eigenvalue), np.cos(eigenvalue), np.tanh(eigenvalue)
-    sech = 1 / np.cosh(eigenvalue)
-    rotary = eigenvalue**3 * inertia
-    value = sech + c + eigenvalue * mass * (c * t - s) - rotary * (s + t * c)
-    return np.asarray(value + eigenvalue * rotary * mass * (sech - c), dtype=np.float64)
 
 
 @lru_cache(maxsize=1)
@@ -194,12 +182,11 @@ def _sine_share(root: Real, inertia: float) -> Real:
 
 def _shape(root: Real, share: Real, x: Real, derivative: int) -> Real:
     """Evaluate cosh - cos - share (sinh - sin), or its slope, at x; shape (modes, x)."""
-    arguments = root[:, None] * x
-    s, c = np.sin(arguments), np.cos(arguments)
-    sh, ch = np.sinh(arguments), np.cosh(arguments)
+    turned, share = root[:, None] * x, share[:, None]
+    s, c, sh, ch = np.sin(turned), np.cos(turned), np.sinh(turned), np.cosh(turned)
     if derivative == 0:
-        return np.asarray((ch - c) - share[:, None] * (sh - s))
-    return np.asarray(root[:, None] * ((sh + s) - share[:, None] * (ch - c)))
+        return np.asarray((ch - c) - share * (sh - s))
+    return np.asarray(root[:, None] * ((sh + s) - share * (ch - c)))
 
 
 @lru_cache(maxsize=1)

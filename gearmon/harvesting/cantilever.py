@@ -15,6 +15,9 @@ Layers are bonded along the whole length, b wide. With the modes of `beam` (mass
 
 Linear; thin beam (length over thickness above about 20); perfect bonds and thin electrodes. Erturk
 and Inman, J. Vib. Acoust. 130 (2008) 041002; Smart Mater. Struct. 18 (2009) 025009.
+
+Material values are typical ones of makers and textbooks; a real part differs by 5 to 10 %, so
+replace them by the data sheet where there is one.
 """
 
 from __future__ import annotations
@@ -27,19 +30,158 @@ from typing import Any, Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.errors import ArgumentError, check_positive, check_range
+from gearmon.errors import ArgumentError, check_finite, check_positive, check_range
 from gearmon.harvesting.beam import BeamModes, beam_modes, mass_ratio_for
-from gearmon.harvesting.gains import Gains
-from gearmon.harvesting.materials import BeamMaterial, PiezoMaterial
-from gearmon.harvesting.modal_damping import ModalDamping
+from gearmon.harvesting.power import Gains, OneLoad
 
 Complex = npt.NDArray[np.complex128]
 Real = npt.NDArray[np.float64]
 Wiring = Literal["unimorph", "series", "parallel"]
+Dimension = Literal["tip_mass_kg", "length_m", "passive_thickness_m", "piezo_thickness_m"]
+
+
+@dataclass(frozen=True)
+class PiezoMaterial:
+    """A thin piezoelectric layer that is poled through its thickness and strained along the beam.
+
+    Parameters
+    ----------
+    name : str
+    youngs_modulus_pa : float, > 0
+        At constant field, 1/s11E [Pa].
+    density_kg_m3 : float, > 0
+        [kg/m3].
+    d31_m_per_v : float
+        Strain along the beam per field through the thickness [m/V].
+    permittivity_f_per_m : float, > 0
+        eps33 at constant strain, eps33T - d31^2 Y for a beam [F/m].
+    safe_stress_pa : float, > 0
+        Peak stress along the beam that it bears for good [Pa].
+    source : str
+        Where the numbers come from.
+
+    Raises
+    ------
+    ArgumentError
+        If a number is not finite or out of its range.
+    """
+
+    name: str
+    youngs_modulus_pa: float
+    density_kg_m3: float
+    d31_m_per_v: float
+    permittivity_f_per_m: float
+    safe_stress_pa: float
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        for name in ("youngs_modulus_pa", "density_kg_m3", "permittivity_f_per_m"):
+            check_positive(name, getattr(self, name))
+        check_finite("d31_m_per_v", self.d31_m_per_v, "m/V")
+        check_positive("safe_stress_pa", self.safe_stress_pa, "Pa")
+
+    @property
+    def e31_c_per_m2(self) -> float:
+        """Stress per field of a beam, d31 Y [C/m2]."""
+        return self.d31_m_per_v * self.youngs_modulus_pa
+
+
+@dataclass(frozen=True)
+class BeamMaterial:
+    """What the passive part of a beam is made of.
+
+    Parameters
+    ----------
+    name : str
+    youngs_modulus_pa, density_kg_m3, safe_stress_pa : float, > 0
+        [Pa], [kg/m3], [Pa] (peak stress that it bears for good).
+    source : str
+
+    Raises
+    ------
+    ArgumentError
+        If a number is not finite and above 0.
+    """
+
+    name: str
+    youngs_modulus_pa: float
+    density_kg_m3: float
+    safe_stress_pa: float
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        for name in ("youngs_modulus_pa", "density_kg_m3", "safe_stress_pa"):
+            check_positive(name, getattr(self, name))
+
+
+_ERTURK = "Erturk and Inman, Piezoelectric Energy Harvesting, Wiley 2011, appendix E"
+_STRENGTH = "dynamic tensile strength of bulk PZT, 27.6 MPa, makers' data sheets"
+_FILM = "film makers' data sheets (d31 23 pC/N, 12 eps0); half the yield strength"
+_SPUTTERED = "sputtered films: e31 about -0.6 C/m2, 10.5 eps0; a third of the film strength"
+
+#: Piezoelectric layers by name.
+PIEZO_MATERIALS = {
+    row[0]: PiezoMaterial(*row)
+    for row in (
+        # modulus [Pa], density [kg/m3], d31 [m/V], permittivity [F/m], safe stress [Pa], source
+        ("PZT-5A", 61.0e9, 7750.0, -171e-12, 13.3e-9, 27.6e6, f"{_ERTURK}; {_STRENGTH}"),
+        ("PZT-5H", 60.6e9, 7500.0, -274e-12, 25.55e-9, 27.6e6, f"{_ERTURK}; {_STRENGTH}"),
+        ("PVDF", 3.0e9, 1780.0, 23e-12, 1.1e-10, 25e6, _FILM),
+        ("AlN", 330e9, 3260.0, -1.9e-12, 9.3e-11, 300e6, _SPUTTERED),
+    )
+}
+#: Passive layers and tip masses by name.
+BEAM_MATERIALS = {
+    row[0]: BeamMaterial(*row)
+    for row in (
+        # modulus [Pa], density [kg/m3], safe stress [Pa], source
+        ("steel", 200e9, 7850.0, 250e6, "spring steel; half of a fatigue limit near 500 MPa"),
+        ("brass", 105e9, 8500.0, 80e6, "half-hard sheet, fatigue limit near 100 MPa"),
+        ("aluminium", 70e9, 2700.0, 80e6, "wrought alloys at 1e8 cycles"),
+    )
+}
 
 
 @dataclass(frozen=True, kw_only=True)
-class PiezoCantilever:
+class ModalDamping:
+    """Damping ratio of each mode: z_r = constant + mass_rate/(2 w_r) + stiffness_time w_r/2.
+
+    Parameters
+    ----------
+    constant : float, 0 to 1
+    mass_rate_per_s : float, >= 0
+        Of drag in proportion to mass [1/s].
+    stiffness_time_s : float, >= 0
+        Of strain-rate damping in proportion to stiffness [s].
+
+    Raises
+    ------
+    ArgumentError
+        If a value is out of its range, or all are 0.
+    """
+
+    constant: float = 0.0
+    mass_rate_per_s: float = 0.0
+    stiffness_time_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_range("constant", self.constant, 0.0, 1.0)
+        check_range("mass_rate_per_s", self.mass_rate_per_s, 0.0, 1e6, "1/s")
+        check_range("stiffness_time_s", self.stiffness_time_s, 0.0, 1.0, "s")
+        if self.constant + self.mass_rate_per_s + self.stiffness_time_s == 0:
+            raise ArgumentError("damping: all parts are 0, at least one must be > 0")
+
+    def ratios(self, natural: Real) -> Real:
+        """Damping ratios for natural circular frequencies [rad/s]."""
+        return (
+            self.constant
+            + self.mass_rate_per_s / (2 * natural)
+            + self.stiffness_time_s * natural / 2
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class PiezoCantilever(OneLoad):
     """A bonded strip of passive and piezoelectric layers, clamped at one end.
 
     Parameters
@@ -145,16 +287,10 @@ class PiezoCantilever:
         return self.mass_per_length_kg_m * self.length_m
 
     @property
-    def tip_inertia_kg_m2(self) -> float:
-        """Rotary inertia of the tip mass about the end of the beam [kg m2]."""
-        return self.tip_mass_kg * self.tip_gyration_m**2
-
-    @property
     def capacitance_f(self) -> float:
         """Of the electrodes as wired, at constant strain [F]."""
-        one = (
-            self.piezo.permittivity_f_per_m * self.width_m * self.length_m / self.piezo_thickness_m
-        )
+        area = self.width_m * self.length_m
+        one = self.piezo.permittivity_f_per_m * area / self.piezo_thickness_m
         return one * {"unimorph": 1.0, "series": 0.5, "parallel": 2.0}[self.wiring]
 
     @cached_property
@@ -285,23 +421,6 @@ class PiezoCantilever:
         circular = np.array([2 * math.pi * check_positive("frequency_hz", frequency_hz, "Hz")])
         return float(1 / np.abs(self._admittance(circular, self._dynamic(circular)))[0])
 
-    def gains(self, frequency_hz: npt.ArrayLike) -> Gains:
-        """Answers to a unit acceleration amplitude of the base.
-
-        Parameters
-        ----------
-        frequency_hz : float array, shape (n,) or a number, >= 0
-        """
-        frequency = np.atleast_1d(np.asarray(frequency_hz, dtype=np.float64))
-        one = self.gains_by_load(np.array([self.load_ohm]), frequency)
-        return Gains(
-            frequency_hz=frequency,
-            power_w=one.power_w[0],
-            travel_m=one.travel_m[0],
-            stress_pa=one.stress_pa[0],
-            voltage_v=one.voltage_v[0],
-        )
-
     def gains_by_load(self, loads: Real, frequency_hz: Real) -> Gains:
         """Answers at several load resistances, every array but the frequencies (loads, n)."""
         circular = 2 * math.pi * frequency_hz
@@ -312,13 +431,9 @@ class PiezoCantilever:
         tip = self._shapes.tip * scale
         root = self._shapes.root_curvature * scale / self.length_m**2
         size = np.abs(voltage)
-        return Gains(
-            frequency_hz=frequency_hz,
-            power_w=size**2 / (2 * loads[:, None]),
-            travel_m=self._moved(tip, dynamic, voltage),
-            stress_pa=self._stress(self._moved(root, dynamic, voltage), size),
-            voltage_v=size,
-        )
+        stress = self._stress(self._moved(root, dynamic, voltage), size)
+        power, travel = size**2 / (2 * loads[:, None]), self._moved(tip, dynamic, voltage)
+        return Gains(frequency_hz, power, travel, stress, size)
 
     def power_by_load(self, loads: Real, frequency_hz: Real) -> Real:
         """Power gains at several load resistances, shape (loads, frequencies)."""
@@ -335,23 +450,17 @@ class PiezoCantilever:
 
     def to_dict(self) -> dict[str, Any]:
         """Return dimensions and what follows from them in built-in types; no clearance is null."""
+        sizes = ("length_m", "width_m", "passive_thickness_m", "piezo_thickness_m")
+        names = (*sizes, "tip_mass_kg", "tip_gyration_m", "load_ohm")
+        derived = ("natural_frequency_hz", "open_circuit_hz", "damping_ratio", "capacitance_f")
         return {
             "kind": "cantilever",
             "wiring": self.wiring,
             "piezo": self.piezo.name,
             "passive": self.passive.name,
-            "length_m": self.length_m,
-            "width_m": self.width_m,
-            "passive_thickness_m": self.passive_thickness_m,
-            "piezo_thickness_m": self.piezo_thickness_m,
-            "tip_mass_kg": self.tip_mass_kg,
-            "tip_gyration_m": self.tip_gyration_m,
-            "load_ohm": self.load_ohm,
+            **{name: getattr(self, name) for name in names},
             "clearance_m": None if math.isinf(self.clearance_m) else self.clearance_m,
-            "natural_frequency_hz": self.natural_frequency_hz,
-            "open_circuit_hz": self.open_circuit_hz,
-            "damping_ratio": self.damping_ratio,
-            "capacitance_f": self.capacitance_f,
+            **{name: getattr(self, name) for name in derived},
         }
 
     @property
@@ -394,3 +503,72 @@ class PiezoCantilever:
         edge = max(axis, hs - axis)
         plate = self.passive.youngs_modulus_pa * edge * curvature
         return np.maximum(layer, plate * self.piezo.safe_stress_pa / self.passive.safe_stress_pa)
+
+
+def sized_for(
+    beam: PiezoCantilever,
+    frequency_hz: float,
+    dimension: Dimension = "tip_mass_kg",
+    low: float | None = None,
+    high: float | None = None,
+) -> PiezoCantilever:
+    """Change one dimension so that the first natural frequency (short-circuited) is as wanted.
+
+    Parameters
+    ----------
+    beam : PiezoCantilever
+    frequency_hz : float, > 0
+    dimension : {"tip_mass_kg", "length_m", "passive_thickness_m", "piezo_thickness_m"}
+        What may change.
+    low, high : float, optional
+        Its range; by default 0 to the largest tip mass, or a fifth to five times what it is.
+
+    Returns
+    -------
+    PiezoCantilever
+
+    Raises
+    ------
+    ArgumentError
+        If no value in the range gives that frequency; the message names the nearest possible.
+
+    Notes
+    -----
+    Found by bisection: each of these moves the frequency one way only, but the piezoelectric
+    thickness of a stiff beam, for which the range may hold two answers or none.
+    """
+    from scipy.optimize import brentq
+
+    check_positive("frequency_hz", frequency_hz, "Hz")
+    if dimension not in get_args(Dimension):
+        raise ArgumentError(
+            f"dimension={dimension!r} must be one of {', '.join(get_args(Dimension))}"
+        )
+    now = getattr(beam, dimension)
+    least = low if low is not None else (0.0 if dimension == "tip_mass_kg" else now / 5)
+    most = high if high is not None else _most(beam, dimension, now)
+    if not least < most:
+        raise ArgumentError(f"{dimension}: low={least:g} must be less than high={most:g}")
+
+    def frequency(value: float) -> float:
+        # dataclasses.replace knows no types for a name that is chosen at run time
+        return replace(beam, **{dimension: value}).natural_frequency_hz  # type: ignore[arg-type]
+
+    ends = frequency(least), frequency(most)
+    if not min(ends) <= frequency_hz <= max(ends):
+        nearest = least if abs(ends[0] - frequency_hz) < abs(ends[1] - frequency_hz) else most
+        raise ArgumentError(
+            f"frequency_hz={frequency_hz:.6g} Hz is out of reach: {dimension} from {least:.4g} to "
+            f"{most:.4g} gives {min(ends):.6g} to {max(ends):.6g} Hz; nearest at {nearest:.4g}"
+        )
+    found = brentq(lambda value: math.log(frequency(value) / frequency_hz), least, most, xtol=1e-14)
+    return replace(beam, **{dimension: float(found)})  # type: ignore[arg-type]
+
+
+def _most(beam: PiezoCantilever, dimension: str, now: float) -> float:
+    if dimension == "tip_mass_kg":
+        return beam.most_tip_mass_kg
+    if dimension == "length_m":
+        return 5 * now
+    # thin-beam theory ends where the length is five times the thickness
+    return min(5 * now, now + (beam.length_m / 5 - beam.thickness_m) / 2)

@@ -21,11 +21,11 @@ import numpy as np
 import numpy.typing as npt
 
 from gearmon.errors import ArgumentError, check_positive, check_range
-from gearmon.harvesting.gains import Gains
+from gearmon.harvesting.power import Gains, OneLoad
 
 
 @dataclass(frozen=True, kw_only=True)
-class InertialHarvester:
+class InertialHarvester(OneLoad):
     """A mass on a spring with mechanical and electrical damping.
 
     Parameters
@@ -137,37 +137,14 @@ class InertialHarvester:
         """Return the same with another mechanical damping ratio."""
         return replace(self, mechanical_damping_ratio=float(ratio))
 
-    def gains(self, frequency_hz: npt.ArrayLike) -> Gains:
-        """Answers to a unit acceleration amplitude of the base.
-
-        Parameters
-        ----------
-        frequency_hz : float array, shape (n,) or a number, >= 0
-        """
-        frequency = np.atleast_1d(np.asarray(frequency_hz, dtype=np.float64))
-        one = self.gains_by_load(np.array([self.electrical_damping_ratio]), frequency)
-        nothing = np.zeros_like(frequency)
-        return Gains(
-            frequency_hz=frequency,
-            power_w=one.power_w[0],
-            travel_m=one.travel_m[0],
-            stress_pa=nothing,
-            voltage_v=nothing,
-        )
-
     def gains_by_load(
         self, loads: npt.NDArray[np.float64], frequency_hz: npt.NDArray[np.float64]
     ) -> Gains:
         """Answers at several electrical damping ratios, arrays of shape (loads, n)."""
         total = self.mechanical_damping_ratio + loads[:, None]
         travel = 1 / np.sqrt(self._squared(total, frequency_hz))
-        return Gains(
-            frequency_hz=frequency_hz,
-            power_w=self.power_by_load(loads, frequency_hz),
-            travel_m=travel,
-            stress_pa=np.zeros_like(travel),
-            voltage_v=np.zeros_like(travel),
-        )
+        power, nothing = self.power_by_load(loads, frequency_hz), np.zeros_like(travel)
+        return Gains(frequency_hz, power, travel, nothing, nothing)
 
     def power_by_load(
         self, loads: npt.NDArray[np.float64], frequency_hz: npt.NDArray[np.float64]

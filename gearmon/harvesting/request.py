@@ -1,4 +1,4 @@
-"""The harvester file: which harvester may be tuned, and what it is to power (TOML).
+"""What is asked for: which harvester may be tuned and what it is to power, by its file (TOML).
 
     kind = "cantilever"           # or "inertial"
     wiring = "series"             # "unimorph", "series" or "parallel"
@@ -22,63 +22,123 @@ An inertial one has mass_g, damping_ratio, clearance_mm, lowest_hz and highest_h
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar, cast, get_args
 
-from gearmon.errors import ArgumentError, nearest_name
-from gearmon.harvesting.budget import SensorBudget
-from gearmon.harvesting.cantilever import PiezoCantilever, Wiring
-from gearmon.harvesting.inertial import InertialHarvester
-from gearmon.harvesting.materials import (
+from gearmon.errors import ArgumentError, check_positive, nearest_name
+from gearmon.harvesting.cantilever import (
     BEAM_MATERIALS,
     PIEZO_MATERIALS,
-    beam_material,
-    piezo_material,
+    ModalDamping,
+    PiezoCantilever,
+    Wiring,
 )
-from gearmon.harvesting.modal_damping import ModalDamping
+from gearmon.harvesting.inertial import InertialHarvester
 from gearmon.machine.fields import Choice, Count, FieldError, Number, check_fields, obeys
 from gearmon.machine.source import MachineSource, read_source
 
 T = TypeVar("T")
 
-_DAMPING = Number(low=1e-4, high=0.5, why="mechanical damping ratio of the first mode")
+
+def _number(default: float, high: float, unit: str = "", why: str = "") -> Any:
+    """Return a field from 0 on."""
+    return field(default=default, metadata=obeys(Number(low=0, high=high, unit=unit, why=why)))
 
 
-def _millimetres(high: float, why: str) -> Number:
-    return Number(low=0, high=high, unit="mm", open_low=True, why=why)
+def _above_zero(default: float, high: float, unit: str = "", why: str = "") -> Any:
+    rule = Number(low=0, high=high, unit=unit, why=why, open_low=True)
+    return field(default=default, metadata=obeys(rule))
+
+
+_DAMPING: Any = field(
+    default=0.01,
+    metadata=obeys(Number(low=1e-4, high=0.5, why="mechanical damping ratio of the first mode")),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorBudget:
+    """Energy that one recording takes, from sampling to sending it.
+
+    The defaults are round figures of a battery-free node with a low-power radio: 12 bit at 10 kHz
+    for 10 s, a front end and processor of 3 mW while they record, 100 nJ for each bit sent (radio
+    and protocol), 5 uW asleep, and a rectifier with store that passes 70 %.
+
+    Parameters
+    ----------
+    duration_s, sampling_rate_hz : float, > 0
+        Of one recording.
+    bits : int, 1 to 64
+        Of a sample.
+    recording_power_w : float, >= 0
+        While it records [W].
+    energy_per_bit_j : float, >= 0
+        To send a bit [J].
+    sleep_power_w : float, >= 0
+        All the time [W].
+    efficiency : float, > 0 and <= 1
+        Of rectifier, converter and store together.
+
+    Raises
+    ------
+    ArgumentError
+        If a value is out of its range.
+    """
+
+    duration_s: float = _above_zero(10.0, 1e6, "s")
+    sampling_rate_hz: float = _above_zero(10_000.0, 1e7, "Hz")
+    bits: int = field(default=12, metadata=obeys(Count(low=1, high=64)))
+    recording_power_w: float = _number(3e-3, 1e3, "W")
+    energy_per_bit_j: float = _number(100e-9, 1, "J")
+    sleep_power_w: float = _number(5e-6, 1e3, "W")
+    efficiency: float = _above_zero(0.7, 1, why="of the electronics")
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+    @property
+    def energy_j(self) -> float:
+        """Of one recording, made and sent [J]."""
+        sent = self.duration_s * self.sampling_rate_hz * self.bits * self.energy_per_bit_j
+        return self.duration_s * self.recording_power_w + sent
+
+    def interval_s(self, power_w: float) -> float:
+        """Time between recordings that a mean harvested power allows [s]; infinite if none.
+
+        Parameters
+        ----------
+        power_w : float, >= 0
+            Electrical, before the rectifier.
+        """
+        left = self.efficiency * power_w - self.sleep_power_w
+        return max(self.duration_s, self.energy_j / left) if left > 0 else math.inf
+
+    def power_for_w(self, interval_s: float) -> float:
+        """Mean harvested power that a recording every so often takes [W]."""
+        check_positive("interval_s", interval_s, "s")
+        return (self.energy_j / interval_s + self.sleep_power_w) / self.efficiency
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all values, and the energy of a recording, in built-in types."""
+        return asdict(self) | {"energy_per_recording_j": self.energy_j}
 
 
 @dataclass(frozen=True, kw_only=True)
 class CantileverTable:
     """Keys of a file with ``kind = "cantilever"``; defaults are the built-in harvester."""
 
-    wiring: str = field(
-        default="series", metadata=obeys(Choice(options=("unimorph", "series", "parallel")))
-    )
+    wiring: str = field(default="series", metadata=obeys(Choice(options=get_args(Wiring))))
     piezo: str = field(default="PZT-5A", metadata=obeys(Choice(options=tuple(PIEZO_MATERIALS))))
     passive: str = field(default="brass", metadata=obeys(Choice(options=tuple(BEAM_MATERIALS))))
-    length_mm: float = field(default=15.0, metadata=obeys(_millimetres(1000, "free length")))
-    width_mm: float = field(default=10.0, metadata=obeys(_millimetres(1000, "width")))
-    passive_thickness_mm: float = field(
-        default=0.2, metadata=obeys(_millimetres(50, "of the passive layer"))
-    )
-    piezo_thickness_mm: float = field(
-        default=0.2, metadata=obeys(_millimetres(50, "of each piezoelectric layer"))
-    )
-    most_tip_mass_g: float = field(
-        default=20.0, metadata=obeys(Number(low=0, high=1e5, unit="g", why="largest tip mass"))
-    )
-    tip_gyration_mm: float = field(
-        default=0.0,
-        metadata=obeys(
-            Number(low=0, high=1000, unit="mm", why="radius of gyration of the tip mass")
-        ),
-    )
-    damping_ratio: float = field(default=0.01, metadata=obeys(_DAMPING))
-    clearance_mm: float = field(
-        default=2.0, metadata=obeys(_millimetres(1000, "room of the tip to either side"))
-    )
+    length_mm: float = _above_zero(15.0, 1000, "mm", "free length")
+    width_mm: float = _above_zero(10.0, 1000, "mm", "width")
+    passive_thickness_mm: float = _above_zero(0.2, 50, "mm", "of the passive layer")
+    piezo_thickness_mm: float = _above_zero(0.2, 50, "mm", "of each piezoelectric layer")
+    most_tip_mass_g: float = _number(20.0, 1e5, "g", "largest tip mass")
+    tip_gyration_mm: float = _number(0.0, 1000, "mm", "radius of gyration of the tip mass")
+    damping_ratio: float = _DAMPING
+    clearance_mm: float = _above_zero(2.0, 1000, "mm", "room of the tip to either side")
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -87,8 +147,8 @@ class CantileverTable:
         """Return the beam, without tip mass."""
         return PiezoCantilever(
             wiring=cast("Wiring", self.wiring),
-            piezo=piezo_material(self.piezo),
-            passive=beam_material(self.passive),
+            piezo=PIEZO_MATERIALS[self.piezo],
+            passive=BEAM_MATERIALS[self.passive],
             length_m=self.length_mm * 1e-3,
             width_m=self.width_mm * 1e-3,
             passive_thickness_m=self.passive_thickness_mm * 1e-3,
@@ -104,19 +164,11 @@ class CantileverTable:
 class InertialTable:
     """Keys of a file with ``kind = "inertial"``."""
 
-    mass_g: float = field(
-        default=5.0, metadata=obeys(Number(low=0, high=1e6, unit="g", open_low=True))
-    )
-    damping_ratio: float = field(default=0.01, metadata=obeys(_DAMPING))
-    clearance_mm: float = field(
-        default=2.0, metadata=obeys(_millimetres(1000, "room of the mass to either side"))
-    )
-    lowest_hz: float = field(
-        default=5.0, metadata=obeys(Number(low=0, high=1e6, unit="Hz", open_low=True))
-    )
-    highest_hz: float = field(
-        default=5000.0, metadata=obeys(Number(low=0, high=1e6, unit="Hz", open_low=True))
-    )
+    mass_g: float = _above_zero(5.0, 1e6, "g")
+    damping_ratio: float = _DAMPING
+    clearance_mm: float = _above_zero(2.0, 1000, "mm", "room of the mass to either side")
+    lowest_hz: float = _above_zero(5.0, 1e6, "Hz")
+    highest_hz: float = _above_zero(5000.0, 1e6, "Hz")
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -134,28 +186,6 @@ class InertialTable:
             lowest_hz=self.lowest_hz,
             highest_hz=self.highest_hz,
         )
-
-
-@dataclass(frozen=True, kw_only=True)
-class _BudgetTable:
-    duration_s: float = field(
-        default=10.0, metadata=obeys(Number(low=0, high=1e6, unit="s", open_low=True))
-    )
-    sampling_rate_hz: float = field(
-        default=10_000.0, metadata=obeys(Number(low=0, high=1e7, unit="Hz", open_low=True))
-    )
-    bits: int = field(default=12, metadata=obeys(Count(low=1, high=64)))
-    recording_power_w: float = field(
-        default=3e-3, metadata=obeys(Number(low=0, high=1e3, unit="W"))
-    )
-    energy_per_bit_j: float = field(default=100e-9, metadata=obeys(Number(low=0, high=1, unit="J")))
-    sleep_power_w: float = field(default=5e-6, metadata=obeys(Number(low=0, high=1e3, unit="W")))
-    efficiency: float = field(
-        default=0.7, metadata=obeys(Number(low=0, high=1, open_low=True, why="of the electronics"))
-    )
-
-    def __post_init__(self) -> None:
-        check_fields(self)
 
 
 _KINDS: dict[str, type[CantileverTable] | type[InertialTable]] = {
@@ -199,12 +229,12 @@ def load_harvester(path: str | Path) -> tuple[PiezoCantilever | InertialHarveste
     table = _filled(source, _KINDS[kind], document, "")
     if not isinstance(budget, dict):
         raise source.error("budget", "budget must be a table, written [budget]")
-    values = _filled(source, _BudgetTable, budget, "budget.")
+    task = _filled(source, SensorBudget, budget, "budget.")
     try:
         harvester = table.harvester()
     except ArgumentError as error:
         raise source.error("kind", str(error)) from None
-    return harvester, SensorBudget(**{f.name: getattr(values, f.name) for f in fields(values)})
+    return harvester, task
 
 
 def _filled(source: MachineSource, home: type[T], table: dict[str, Any], prefix: str) -> T:

@@ -3,11 +3,14 @@
 A line of acceleration amplitude A has the mean square A^2/2; a bin of a measured density S has
 S df. Its energy is E_i = (2 pi f_i A_i)^2/2 with the displacement amplitude A_i [J/kg], which is
 half of its squared velocity amplitude.
+
+A duty cycle is several vibrations with their shares of the time.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gearmon.errors import ArgumentError, check_finite, check_positive, check_range
+from gearmon.signatures.signature import Signature
 
 Real = npt.NDArray[np.float64]
 
@@ -128,13 +132,8 @@ class Vibration:
                 f"{self.name or 'vibration'}: nothing vibrates between {low_hz:g} and {high_hz:g} "
                 f"Hz; it holds {self.frequency_hz[0]:g} to {self.frequency_hz[-1]:g} Hz"
             )
-        return Vibration(
-            frequency_hz=self.frequency_hz[kept],
-            mean_square_m2s4=self.mean_square_m2s4[kept],
-            resolution_hz=self.resolution_hz,
-            wander=self.wander,
-            name=self.name,
-        )
+        kept_power = self.mean_square_m2s4[kept]
+        return replace(self, frequency_hz=self.frequency_hz[kept], mean_square_m2s4=kept_power)
 
 
 def vibration_of_lines(
@@ -177,18 +176,35 @@ def vibration_of_lines(
         raise ArgumentError(f"lines: {amplitude.size} amplitudes for {frequency.size} frequencies")
     order = np.argsort(frequency, kind="stable")
     order = order[frequency[order] > 0]
-    rising: Real = frequency[order]
+    power = (gain * amplitude[order]) ** 2 / 2
     return Vibration(
-        frequency_hz=rising,
-        mean_square_m2s4=(gain * amplitude[order]) ** 2 / 2,
-        wander=wander,
-        name=name,
+        frequency_hz=frequency[order], mean_square_m2s4=power, wander=wander, name=name
     )
 
 
 def _row(values: npt.ArrayLike) -> Real:
     row: Real = np.atleast_1d(np.asarray(values, dtype=np.float64))
     return row
+
+
+def vibration_of_signature(
+    signature: Signature, *, gain: float = 1.0, wander: float = 0.0, name: str = ""
+) -> Vibration:
+    """Vibration of the lines of a signature, expected or measured.
+
+    Parameters
+    ----------
+    signature : Signature
+    gain, wander, name
+        See `vibration_of_lines`; the name is that of the machine if none is given.
+    """
+    return vibration_of_lines(
+        signature["frequency_hz"],
+        acceleration_ms2=signature["acceleration_ms2"],
+        gain=gain,
+        wander=wander,
+        name=name or signature.machine,
+    )
 
 
 def vibration_of_samples(
@@ -210,24 +226,19 @@ def vibration_of_samples(
     ArgumentError
         If there are too few samples or the rate is not > 0.
     """
-    from gearmon.signals.spectrum import hann
-    from gearmon.signals.transforms import real_fft
+    from scipy.signal import periodogram
 
     check_positive("sampling_rate_hz", sampling_rate_hz, "Hz")
     check_finite("low_hz", low_hz, "Hz")
     samples = np.asarray(acceleration_ms2, dtype=np.float64)
     if samples.ndim != 1 or len(samples) < 16:
         raise ArgumentError(f"samples: shape {samples.shape}, one row of at least 16 is needed")
-    window = hann(len(samples))
-    lines = real_fft((samples - samples.mean()) * window, len(samples))
-    power = 2 * np.abs(lines) ** 2 / (len(samples) * np.sum(window**2))
-    if len(samples) % 2 == 0:
-        power[-1] /= 2
+    frequency, density = periodogram(samples, sampling_rate_hz, "hann", detrend="constant")
     step = sampling_rate_hz / len(samples)
     first = max(1, math.ceil(low_hz / step))
     return Vibration(
-        frequency_hz=step * np.arange(first, len(power), dtype=np.float64),
-        mean_square_m2s4=power[first:],
+        frequency_hz=frequency[first:],
+        mean_square_m2s4=step * density[first:],
         resolution_hz=1.5 * step,
         name=name,
     )
@@ -251,16 +262,21 @@ def clear_lines(vibration: Vibration) -> tuple[npt.NDArray[np.intp], float]:
     highest : float
         Largest power over what is needed to be clear.
     """
-    from gearmon.signals.spectrum import local_floor
-
     power = vibration.mean_square_m2s4
     if vibration.resolution_hz == 0:
         return np.flatnonzero(power), math.inf
-    needed = math.log2(len(power) / CHANCE)
-    above = power / (needed * local_floor(power, min(len(power), FLOOR_BINS)))
+    floor, needed = _noise(power)
+    above = power / (needed * floor)
     inside = np.concatenate([[0.0], power, [0.0]])
     top = (power >= inside[:-2]) & (power > inside[2:])
     return np.flatnonzero(top & (above > 1)), float(above.max())
+
+
+def _noise(power: Real) -> tuple[Real, float]:
+    """Floor of the noise around each bin, and how many times that a clear line exceeds."""
+    from gearmon.signals.spectrum import local_floor
+
+    return local_floor(power, min(len(power), FLOOR_BINS)), math.log2(len(power) / CHANCE)
 
 
 def standing_out(vibration: Vibration) -> Vibration | None:
@@ -278,13 +294,11 @@ def standing_out(vibration: Vibration) -> Vibration | None:
     Vibration or None
         None if nothing stands out.
     """
-    from gearmon.signals.spectrum import local_floor
-
     if vibration.resolution_hz == 0:
         return vibration
     power = vibration.mean_square_m2s4
-    floor = local_floor(power, min(len(power), FLOOR_BINS))
-    clear = power > math.log2(len(power) / CHANCE) * floor
+    floor, needed = _noise(power)
+    clear = power > needed * floor
     if not clear.any():
         return None
     # runs of raised bins that hold a clear one
@@ -333,3 +347,58 @@ def operating_lines(vibration: Vibration, most: int = 8) -> list[dict[str, Any]]
         for i in largest
         if energy[i] > 0
     ]
+
+
+@dataclass(frozen=True, kw_only=True)
+class OperatingShare:
+    """One operating point of a duty cycle.
+
+    Parameters
+    ----------
+    vibration : Vibration
+    share : float, > 0 and <= 1
+        Of the time.
+
+    Raises
+    ------
+    ArgumentError
+        If the share is out of its range.
+    """
+
+    vibration: Vibration
+    share: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not 0 < self.share <= 1:
+            raise ArgumentError(f"share={self.share} must lie in (0, 1]")
+
+
+#: What may shake a harvester: one vibration, the lines of a signature, or several with their share.
+Shaking = Vibration | Signature | OperatingShare | Sequence[OperatingShare]
+
+
+def check_duty(duty: Shaking) -> tuple[OperatingShare, ...]:
+    """Return what shakes a harvester as a duty cycle; one vibration alone lasts all the time.
+
+    Raises
+    ------
+    ArgumentError
+        If it is empty, its shares sum to more than 1, or something else stands in it.
+    """
+    if isinstance(duty, Signature):
+        duty = vibration_of_signature(duty)
+    if isinstance(duty, Vibration):
+        duty = OperatingShare(vibration=duty)
+    points = (duty,) if isinstance(duty, OperatingShare) else tuple(duty)
+    if not points:
+        raise ArgumentError("duty cycle: no operating point is given")
+    for point in points:
+        if not isinstance(point, OperatingShare):
+            raise ArgumentError(
+                f"duty cycle: {type(point).__name__} must be an OperatingShare, which gives a "
+                "vibration its share of the time"
+            )
+    total = math.fsum(point.share for point in points)
+    if total > 1 + 1e-6:
+        raise ArgumentError(f"duty cycle: the shares sum to {total:.6g}, at most 1 is possible")
+    return points

@@ -8,8 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter
 
-from gearmon.harvesting.placement import Placed
-from gearmon.harvesting.survey import Survey
+from gearmon.harvesting.placement import Placed, Survey
 from gearmon.harvesting.tuning import power_against_tuning
 from gearmon.harvesting.vibration import Vibration
 from gearmon.report.palette import BLACK, BLUE, GREY, VERMILLION, series_colour

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from gearmon.harvesting.placement import Placed
-from gearmon.harvesting.survey import Survey
+from gearmon.harvesting.placement import Placed, Survey
 from gearmon.report.text_tables import table_lines
 
 MICRO = 1e6

@@ -1,26 +1,178 @@
-"""All claims of the study, and holding them against results."""
+"""The claims of the study, each held against the computed results.
+
+study.toml is the table of claims: what is claimed, what must rise or fall, which numbers are
+expected, and the sentence that tells what is found. A check, by the key of its claim, computes from
+the results what the table names; one checker makes verdict, sentence and numbers of both.
+"""
 
 from __future__ import annotations
 
-from gearmon.study.claims_damping import DAMPING_CLAIMS
-from gearmon.study.claims_expansion import EXPANSION_CLAIMS
-from gearmon.study.claims_forms import FORM_CLAIMS
-from gearmon.study.claims_stiffness_mass import SWEEP_CLAIMS
-from gearmon.study.claims_use import USE_CLAIMS
-from gearmon.study.findings import Claim, Judged
-from gearmon.study.results import StudyResults
+import cmath
+import itertools
+import math
+import tomllib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib import resources
+from typing import Any, Literal
 
-#: In the order of the study.
-CLAIMS: tuple[Claim, ...] = (
-    *FORM_CLAIMS,
-    *EXPANSION_CLAIMS,
-    *SWEEP_CLAIMS,
-    *DAMPING_CLAIMS,
-    *USE_CLAIMS,
+import numpy as np
+
+from gearmon.dynamics.free_vibration import free_vibration
+from gearmon.gears.pulses import FloatArray
+from gearmon.gears.stiffness_forms import zone_means
+from gearmon.study.experiments import (
+    MANY,
+    PUBLISHED_ORDER,
+    SOLUTION,
+    StudyResults,
+    dynamic_difference,
 )
+from gearmon.study.pair import CONTACT_RATIO, POINTS_PER_PERIOD, REFERENCE, Operation, decoded
+
+Verdict = Literal["reproduced", "partly", "not reproduced", "cannot be checked"]
+
+#: Peaks of lines are "about constant" within this share, and a line "dominates" above this share.
+CONSTANT, DOMINATES = 0.1, 0.5
+LIGHT_KG, HEAVY_KG = 0.6, 1.5
+KNEE_NS_PER_M = 18e3
+PRINTED_LIMIT_HZ, LIKELY_LIMIT_HZ = 1e3, 1e4
+COMPARABLE = 1 / 3
 
 
-def judge(results: StudyResults) -> tuple[Judged, ...]:
+@dataclass(frozen=True)
+class Evidence:
+    """One number of ours, beside the published or otherwise expected one where there is any.
+
+    Attributes
+    ----------
+    quantity : str
+    ours : float
+    unit : str
+        Empty for a pure number.
+    expected : float or None
+        None where nothing is published to compare with.
+    source : str
+        Where `expected` comes from.
+    tolerance : float
+        Relative difference that the digits of the source allow.
+    """
+
+    quantity: str
+    ours: float
+    unit: str = ""
+    expected: float | None = None
+    source: str = ""
+    tolerance: float = 0.01
+
+    @property
+    def difference(self) -> float | None:
+        """Ours over the expected less one; the plain difference where zero is expected."""
+        if self.expected is None:
+            return None
+        return self.ours / self.expected - 1 if self.expected else self.ours
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the difference is within the tolerance; True where nothing is expected."""
+        return self.difference is None or abs(self.difference) <= self.tolerance
+
+
+@dataclass(frozen=True, kw_only=True)
+class Claim:
+    """One claim of the study; study.toml tells what its fields mean.
+
+    Attributes
+    ----------
+    key : str
+        Number and letter: "6b".
+    text, where : str
+        What is claimed, in our words, and the equations or figures of the study that claim it.
+    reason : str
+        What is found, with the names of numbers to be filled in.
+    numbers : tuple of lists
+    sweep : str
+        Parameter that is swept, or "".
+    holds : tuple of str
+        "rising" or "falling" and a quantity of the sweep.
+    agreement : {"", "each", "all"}
+    """
+
+    key: str
+    text: str
+    where: str
+    reason: str
+    numbers: Sequence[Sequence[Any]]
+    sweep: str = ""
+    holds: Sequence[str] = ()
+    agreement: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """What the results say of a claim.
+
+    Attributes
+    ----------
+    claim : Claim
+    verdict : str
+    reason : str
+        One or two sentences with the numbers that decide.
+    evidence : tuple of Evidence
+    """
+
+    claim: Claim
+    verdict: Verdict
+    reason: str
+    evidence: tuple[Evidence, ...]
+
+
+class Series(dict[str, float]):
+    """A row of numbers by what each is of; formatted as a chain.
+
+    Examples
+    --------
+    >>> format(Series({"3 kN s/m": 646.1, "6 kN s/m": 388.2}), ".0f")
+    '646 → 388'
+    """
+
+    def __format__(self, digits: str) -> str:
+        return " → ".join(format(value, digits or ".3g") for value in self.values())
+
+    @property
+    def array(self) -> FloatArray:
+        """The numbers alone."""
+        return np.array(list(self.values()))
+
+
+#: Everything that sentences and tables may name.
+Numbers = dict[str, Any]
+#: Quantities of the sweep that a claim is about.
+Taken = Mapping[str, FloatArray]
+#: Parts of the verdict, or all of it, and numbers beside those of the sweep.
+Judgement = tuple[tuple[bool, ...] | Verdict, Numbers]
+
+#: What is known of every point of a sweep.
+QUANTITIES: dict[str, Callable[[Operation], float]] = {
+    "mean": lambda p: 1e6 * p.response.displacement[0].real,
+    "swing": lambda p: 1e6 * p.swing_m,
+    "velocity": lambda p: 2e3 * np.abs(p.response.velocity).max(),
+    "peak": lambda p: p.peak_acceleration,
+    "harmonic": lambda p: p.peak_harmonic,
+    "in_time_peak": lambda p: np.abs(p.waveform.acceleration_ms2).max(),
+    "first_line": lambda p: p.acceleration_lines[1] / p.peak_acceleration,
+    "natural": lambda p: p.response.problem.natural_frequency_hz,
+    "decay": lambda p: _slowest_decay(p),
+    "energy": lambda p: 1e6 * p.total_energy,
+    "centroid": lambda p: p.energy_centroid_hz,
+    "band": lambda p: p.energy_band_hz,
+    "strongest": lambda p: int(p.energy.argmax()),
+    "change": lambda p: _change_of_last_period(p),
+}
+
+
+def judge(results: StudyResults) -> tuple[Finding, ...]:
     """Hold every claim against the results.
 
     Parameters
@@ -29,7 +181,425 @@ def judge(results: StudyResults) -> tuple[Judged, ...]:
 
     Returns
     -------
-    tuple of Judged
+    tuple of Finding
         In the order of `CLAIMS`; every number is computed from the results.
     """
-    return tuple(Judged(claim=claim, finding=claim.evaluate(results)) for claim in CLAIMS)
+    return tuple(_found(claim, results) for claim in CLAIMS)
+
+
+def _found(claim: Claim, results: StudyResults) -> Finding:
+    numbers: Numbers = {}
+    if claim.sweep:
+        sweep = results.sweeps[claim.sweep]
+        for name, quantity in QUANTITIES.items():
+            values = map(float, sweep.take(quantity))
+            numbers[name] = Series(zip(sweep.shown, values, strict=True))
+    taken = {name: row.array for name, row in numbers.items() if isinstance(row, Series)}
+    parts: tuple[bool, ...] | Verdict = ()
+    if claim.key in CHECKS:
+        parts, further = CHECKS[claim.key](results, taken)
+        numbers |= further
+    evidence = tuple(_evidence(claim, numbers))
+    if not isinstance(parts, str):
+        directions = {"rising": rising, "falling": falling}
+        held = [directions[way](taken[name]) for way, name in map(str.split, claim.holds)]
+        agreeing = [item.agrees for item in evidence if item.expected is not None]
+        agreements = {"each": agreeing, "all": [all(agreeing)]}.get(claim.agreement, [])
+        parts = verdict_of(*held, *parts, *agreements)
+    reason = claim.reason.strip().format(**numbers)
+    return Finding(claim=claim, verdict=parts, reason=reason, evidence=evidence)
+
+
+def _evidence(claim: Claim, numbers: Numbers) -> Iterator[Evidence]:
+    """Yield the numbers that the table of a claim asks for."""
+    for name, quantity, *rest in claim.numbers:
+        usual: list[Any] = ["", None, "", 0.01, 0.0]
+        unit, expected, source, tolerance, rounding = [*rest, *usual[len(rest) :]]
+        if isinstance(expected, str):
+            expected = numbers[expected]
+        row = numbers[name]
+        chosen: list[tuple[str, Any]] = [("", row)]
+        if "{each}" in quantity or "{ends}" in quantity:
+            assert isinstance(row, Series)
+            chosen = list(row.items())[:: len(row) - 1 if "{ends}" in quantity else 1]
+        known = expected if isinstance(expected, list) else [expected] * len(chosen)
+        for (label, ours), one in zip(chosen, known, strict=True):
+            value = max(ours.values()) if isinstance(ours, Series) else float(ours)
+            told = quantity.replace("{each}", label).replace("{ends}", label)
+            allowed = tolerance + (rounding / one if rounding else 0.0)
+            yield Evidence(told, value, unit, one, source, allowed)
+
+
+def verdict_of(*parts: bool) -> Verdict:
+    """Reproduced if all parts hold, partly if some do, else not reproduced."""
+    if all(parts):
+        return "reproduced"
+    return "partly" if any(parts) else "not reproduced"
+
+
+def rising(values: Sequence[float] | FloatArray, slack: float = 0.0) -> bool:
+    """Whether no value falls by more than the share `slack` of the one before."""
+    return all(b >= a * (1 - slack) for a, b in itertools.pairwise(values))
+
+
+def falling(values: Sequence[float] | FloatArray, slack: float = 0.0) -> bool:
+    """Whether no value rises by more than the share `slack` of the one before."""
+    return all(b <= a * (1 + slack) for a, b in itertools.pairwise(values))
+
+
+def _slowest_decay(point: Operation) -> float:
+    """Decay rate of the slowest free vibration [1/s]."""
+    return -math.log(abs(point.response.floquet_multipliers[0])) / point.parameters.period_s
+
+
+def _change_of_last_period(point: Operation) -> float:
+    """Change from the third to the fourth mesh period after rest, over the peak to peak."""
+    z, count = point.start.motion.displacement_m, POINTS_PER_PERIOD
+    last, before = z[-count:], z[-2 * count : -count]
+    return float(np.abs(last - before).max() / np.ptp(last))
+
+
+def _spread(values: FloatArray) -> float:
+    """By how much the largest value is above the least [%]."""
+    return 100 * float(values.max() / values.min() - 1)
+
+
+def check_1a(results: StudyResults, _of: Taken) -> Judgement:
+    """Stiffness of a pair and its sum over the pairs."""
+    signal = results.forms["parabolic"].signal
+    end, middle = signal.pulse.value(CONTACT_RATIO * np.array([0.0, 0.5]))
+    high, low = zone_means(CONTACT_RATIO)
+    lines = np.abs(signal.pulse.transform(np.arange(1, 6))) / signal.mean
+    rows = Series({f"{n}": float(line) for n, line in enumerate(lines, 1)})
+    return (), {"ends": end / middle, "mean": signal.mean, "high": high, "low": low, "lines": rows}
+
+
+def check_1b(_results: StudyResults, _of: Taken) -> Judgement:
+    """Whether the printed gear data agree."""
+    gears, mesh_hz = decoded(), 1 / REFERENCE.period_s
+    rounded = 100 * (mesh_hz / gears["printed_hz"] - 1)
+    numbers = {"mesh_hz": mesh_hz, "rounded": rounded, "period_ms": 1e3 * REFERENCE.period_s}
+    return (), gears | numbers
+
+
+def check_2(results: StudyResults, _of: Taken) -> Judgement:
+    """Whether the forms share their first line and part in the higher ones."""
+    keys = ("parabolic", "wave", "rectangular", "fourier")
+    table = np.array([np.abs(results.forms[key].signal.shape_harmonics(60)) for key in keys])
+    first = float(table[:, 0].max() / table[:, 0].min())
+    high = np.sqrt((table[:3, 9:40] ** 2).sum(axis=1))
+    beyond = np.sqrt((table[2:, 41:] ** 2).sum(axis=1))
+    half = np.abs(results.forms["fourier-half"].signal.shape_harmonics(2))
+    second, ends = float(table[2, 1] / table[2, 0]), float(beyond[1] / beyond[0])
+    numbers = {
+        "first": first,
+        "first_percent": 100 * (first - 1),
+        "jumpers": high.max() / high.min(),
+    }
+    numbers |= {"second": second, "second_percent": 100 * second, "half": half[1] / half[0]}
+    return (first < 1.1, ends < 1e-9, second < 1e-3), numbers | {"beyond": ends}
+
+
+def check_3a(results: StudyResults, _of: Taken) -> Judgement:
+    """Which form's response is closest to that under the parabola."""
+    forms = results.forms
+    off = {
+        key: 100 * dynamic_difference(forms[key], forms["parabolic"])
+        for key in ("wave", "rectangular", "fourier")
+    }
+    apart = Series({forms[key].signal.label: value for key, value in off.items()})
+    closer = off["rectangular"] < off["wave"], off["fourier"] < off["wave"]
+    return closer, {**off, "apart": apart}
+
+
+def check_3b(results: StudyResults, _of: Taken) -> Judgement:
+    """Whether the wave form settles later than the others."""
+    chosen = [results.forms[key] for key in ("wave", "rectangular", "fourier")]
+    settled = Series({form.signal.label: 1e3 * form.longest_settling_s for form in chosen})
+    wave, *others = settled.values()
+    numbers = {"settled": settled, "wave": wave, "others": max(others)}
+    return (wave > 1.05 * max(others),), numbers | {"decay": REFERENCE.decay_rate}
+
+
+def check_3c(results: StudyResults, _of: Taken) -> Judgement:
+    """Overshoot of the Fourier sum, and what of it reaches the motion."""
+    forms = results.forms
+    fine = forms["fourier-half"].signal.shape(np.arange(20_000) / 20_000)
+    ripple = 100 * dynamic_difference(forms["fourier"], forms["rectangular"])
+    smooth, sharp = (
+        np.abs(forms[key].simulated.acceleration_ms2[forms[key].last_period]).max()
+        for key in ("fourier", "rectangular")
+    )
+    numbers = {"overshoot": 50 * (fine.max() - 1), "ripple": ripple, "peak": smooth / sharp}
+    return (), numbers | {"peak_percent": 100 * smooth / sharp}
+
+
+def check_4(results: StudyResults, _of: Taken) -> Judgement:
+    """How the mesh force jumps, settles and repeats."""
+    response, nominal = results.forms["rectangular"], REFERENCE.force_n
+    force = response.simulated.mesh_force_n
+    last = force[response.last_period]
+    before = force[-2 * len(last) - 1 : -len(last) - 1]
+    cut = round((CONTACT_RATIO - 1) * len(last))
+    entering, leaving = last[0] - last[-1], last[cut] - last[cut - 1]
+    two, one = last[:cut].mean(), last[cut:].mean()
+    zones = 100 * max(abs(two / nominal - 1), abs(one / nominal - 1))
+    # two pairs share the load evenly
+    numbers = {"mean": last.mean(), "one_pair": last[cut] - last[cut - 1] / 2}
+    numbers |= {"entering": entering, "leaving": leaving, "two_carry": two, "one_carries": one}
+    numbers |= {"repeat": np.abs(last - before).max() / nominal, "zones_percent": zones}
+    return (bool(leaving > 0 > entering),), numbers
+
+
+def check_5a(results: StudyResults, _of: Taken) -> Judgement:
+    """Errors of the orders and the power of eps with which they fall."""
+    study, sums = results.orders, results.orders.expansion.terms[:3].sum(axis=0)
+    slopes = Series({f"{n}": float(slope) for n, slope in enumerate(study.slopes[:3])})
+    first, second = 100 * study.displacement_errors[1:3]
+    exact, to_second = (1e6 * z[0].real for z in (study.exact.displacement, sums))
+    numbers = {"exact_um": exact, "second_um": to_second, "first": first, "second": second}
+    acceleration = 100 * study.acceleration_errors[2]
+    eps = REFERENCE.variation
+    return (), numbers | {"slopes": slopes, "acceleration": acceleration, "eps": eps}
+
+
+def check_5b(results: StudyResults, _of: Taken) -> Judgement:
+    """Judge starts from rest, and the free vibration that they start with."""
+    response = results.reference.response
+    textbook = free_vibration(response.problem, PUBLISHED_ORDER, small_damping=True)
+    starts = [point.start for sweep in results.sweeps.values() for point in sweep.points]
+    errors = [100 * start.error for start in starts if start.method == "multiple scales"]
+    numbers: Numbers = {
+        "textbook_hz": textbook.frequency_hz,
+        "textbook_decay": textbook.decay_per_s,
+    }
+    numbers |= {"exact_hz": _free_frequency_hz(results)}
+    numbers |= {"exact_decay": _slowest_decay(results.reference), "worst": max(errors)}
+    numbers |= {"own": 100 * results.reference.start.error, "left": len(starts) - len(errors)}
+    return (max(errors) < 1,), numbers | {"solved": len(errors), "all": len(starts)}
+
+
+def _free_frequency_hz(results: StudyResults) -> float:
+    """Frequency of the free vibration from the Floquet multiplier, next to the damped one."""
+    response = results.reference.response
+    problem, period = response.problem, response.problem.period_s
+    damped = problem.natural_frequency_hz * math.sqrt(1 - problem.damping_ratio**2)
+    turn = cmath.phase(response.floquet_multipliers[0]) / (2 * math.pi * period)
+    # known up to its sign and whole mesh frequencies
+    choices = [s * turn + round((damped - s * turn) * period) / period for s in (1, -1)]
+    return min(choices, key=lambda frequency: abs(frequency - damped))
+
+
+def check_5c(results: StudyResults, _of: Taken) -> Judgement:
+    """Whether the ratio of natural to mesh frequency follows from the data."""
+    ratio = results.reference.response.problem.frequency_ratio
+    verdict: Verdict = "reproduced" if abs(ratio / 16 - 1) <= 0.01 else "cannot be checked"
+    return verdict, {"ratio": ratio, "squared": ratio**2, "origin": 256 * (1 + 4 / math.pi)}
+
+
+def check_6b(_results: StudyResults, _of: Taken) -> Judgement:
+    """Whether the vibration repeats with the mesh period."""
+    return (), {"mesh_hz": 1 / REFERENCE.period_s, **decoded()}
+
+
+def check_6d(_results: StudyResults, of: Taken) -> Judgement:
+    """Largest acceleration line and its harmonic against stiffness."""
+    peaks, spread = of["peak"], _spread(of["peak"])
+    numbers = {"smallest": peaks.min(), "largest": peaks.max(), "spread": spread}
+    return (spread < 100 * CONSTANT,), numbers
+
+
+def check_6e(results: StudyResults, of: Taken) -> Judgement:
+    """Whether the mesh frequency is the largest line of the acceleration."""
+    sweep, share = results.sweeps["stiffness_n_per_m"], of["first_line"]
+    largest = all(np.abs(p.response.displacement[1:]).argmax() == 0 for p in sweep.points)
+    numbers = {"low": sweep.shown[0], "high": sweep.shown[-1], "at_low": 100 * share[0]}
+    numbers |= {
+        "at_high": 100 * share[-1],
+        "everywhere": "everywhere" if largest else "not everywhere",
+    }
+    return (bool(share[0] > DOMINATES),), numbers
+
+
+def check_6f(_results: StudyResults, of: Taken) -> Judgement:
+    """Whether peaks of velocity and acceleration fall as stiffness rises."""
+    in_time, lines = of["in_time_peak"], of["peak"]
+    fall = 100 * (1 - in_time[-1] / in_time[0])
+    return (bool(lines[-1] < (1 - CONSTANT) * lines[0]),), {"in_time": fall}
+
+
+def check_7a(results: StudyResults, of: Taken) -> Judgement:
+    """Swing and period of the free vibration against mass."""
+    sweep, largest = results.sweeps["mass_kg"], int(of["swing"].argmax())
+    ratio = sweep.points[largest].response.problem.frequency_ratio
+    numbers = {"largest_kg": sweep.values[largest], "ratio": ratio, "where": sweep.shown[largest]}
+    return (bool(of["swing"][-1] > of["swing"][0]),), numbers
+
+
+def check_7b(results: StudyResults, of: Taken) -> Judgement:
+    """Peaks and band of the acceleration against mass."""
+    mass, peaks = results.sweeps["mass_kg"].values, of["peak"]
+    light, heavy = peaks[mass < LIGHT_KG].min(), peaks[mass >= HEAVY_KG].max()
+    return (bool(light > heavy),), {"light": light, "heavy": heavy}
+
+
+def check_7c(results: StudyResults, _of: Taken) -> Judgement:
+    """Whether the teeth part at 3 kg, and where they do."""
+    heavy, contact = results.sweeps["mass_kg"].points[-1], results.contact
+    least_um = 1e6 * float(heavy.waveform.displacement_m.min())
+    force = float(heavy.waveform.mesh_force_n.min())
+    started = heavy.start.motion.mesh_force_n
+    first_peak = int(started[:POINTS_PER_PERIOD].argmax())
+    scans = {"mass": contact.mass, "damping": contact.damping, "variation": contact.variation}
+    first = {name: scan.first or math.nan for name, scan in scans.items()}
+    p = heavy.parameters
+    ratio = math.sqrt(p.stiffness_n_per_m / first["mass"]) * p.period_s / (2 * math.pi)
+    numbers: Numbers = {"least_um": least_um, "force_n": force, "ratio": ratio}
+    numbers |= {
+        "counted_um": least_um - 1e6 * p.static_deflection_m,
+        "in_study": contact.least_in_study,
+    }
+    numbers |= {"after_n": float(started[first_peak:].min()), "lost_at": _where_lost(results)}
+    return (force <= 0 or least_um <= 0,), numbers | first
+
+
+def _where_lost(results: StudyResults) -> str:
+    contact = results.contact
+    mass, eps, damping = contact.mass.first, contact.variation.first, contact.damping.first
+    by_mass = f"The mass alone would have to reach {mass or 0:.1f} kg"
+    by_eps = f"at 3 kg eps would have to reach {eps or 0:.2f}"
+    by_damping = f"or the damping fall to {damping or 0:.3g} N s/m"
+    nowhere = f"and no damping down to {contact.damping.values.min():.0f} N s/m does it"
+    return (
+        f"{by_mass if mass else 'No mass in the range scanned is large enough'}; "
+        f"{by_eps if eps else 'at 3 kg no eps is large enough'}, "
+        f"{by_damping if damping else nowhere}"
+    )
+
+
+def check_8a(results: StudyResults, of: Taken) -> Judgement:
+    """Slowest decay of a free vibration against damping."""
+    critical = 2 * math.sqrt(REFERENCE.stiffness_n_per_m * REFERENCE.mass_kg)
+    below = of["decay"][results.sweeps["damping_ns_per_m"].values < critical]
+    return (rising(below),), {"critical": critical}
+
+
+def check_8c(results: StudyResults, of: Taken) -> Judgement:
+    """Which share of the drop of the peaks is done at 18 kN s/m."""
+    damping, peaks = results.sweeps["damping_ns_per_m"].values, of["peak"]
+    at_knee = peaks[damping == KNEE_NS_PER_M][0]
+    share = 100 * (peaks[0] - at_knee) / np.ptp(peaks)
+    return (bool(share > 50),), {"share": share, "varies": _spread(damping * peaks)}
+
+
+def check_8d(results: StudyResults, of: Taken) -> Judgement:
+    """Harmonic of the largest acceleration line against damping."""
+    sweep, harmonics = results.sweeps["damping_ns_per_m"], of["harmonic"]
+    steps = zip(itertools.pairwise(sweep.shown), np.diff(harmonics), strict=True)
+    changes = [f"from {before} to {after}" for (before, after), step in steps if step]
+    last = np.sort(sweep.points[-1].acceleration_lines)
+    kept, moved = np.ptp(harmonics[:-1]) == 0, harmonics[-1] != harmonics[-2]
+    numbers = {"moves": " and ".join(changes) or "nowhere", "even": 100 * last[-2] / last[-1]}
+    return (bool(kept), bool(moved), len(changes) <= 1), numbers
+
+
+def check_9a(results: StudyResults, of: Taken) -> Judgement:
+    """Total energy against stiffness."""
+    return (), {"varies": _spread(of["energy"] * results.sweeps["stiffness_n_per_m"].values)}
+
+
+def check_9b(_results: StudyResults, of: Taken) -> Judgement:
+    """Whether the energy lines keep their shape when stiffness changes."""
+    band, strongest = of["band"], of["strongest"]
+    parts = bool(np.ptp(strongest) == 0), bool(np.ptp(band) == 0)
+    return parts, {"first_hz": band[0], "last_hz": band[-1]}
+
+
+def check_9c(results: StudyResults, of: Taken) -> Judgement:
+    """Total energy and its band against mass, per kilogram and whole."""
+    sweep, specific = results.sweeps["mass_kg"], of["energy"]
+    mass, whole = sweep.values, specific * sweep.values
+    rows = Series(zip(sweep.shown, whole.tolist(), strict=True))
+    numbers = {"light": whole[mass == 0.2][0], "one_kg": whole[mass == 1.0][0], "whole": rows}
+    numbers |= {"near": specific[mass <= 1.0].mean(), "last_hz": of["band"][-1]}
+    return (rising(whole), bool(whole[-1] > 2 * whole[0])), numbers
+
+
+def check_10(results: StudyResults, _of: Taken) -> Judgement:
+    """Energy lines of the reference case."""
+    lines, frequency = results.reference.energy, results.reference.response.frequency_hz
+    odd = zip(frequency[1:16:2], 1e6 * lines[1:16:2], strict=True)
+    runner_up = np.sort(lines)[-2] / lines.max()
+    comparable = int((lines >= COMPARABLE * lines.max()).sum()) - 1
+    above_1khz, above_10khz = (
+        100 * lines[frequency > limit].sum() / lines.sum()
+        for limit in (PRINTED_LIMIT_HZ, LIKELY_LIMIT_HZ)
+    )
+    numbers: Numbers = {"lines": Series({f"{hz:.0f}": float(line) for hz, line in odd})}
+    numbers |= {"best_hz": frequency[lines.argmax()], "comparable": comparable}
+    numbers |= {"runner_up": runner_up, "next_percent": 100 * runner_up}
+    numbers |= {"above_1khz": above_1khz, "above_10khz": above_10khz}
+    return (comparable >= 5, bool(above_1khz < 20)), numbers
+
+
+def check_11(results: StudyResults, _of: Taken) -> Judgement:
+    """Time of a substitution against that of a simulation as accurate."""
+    speed, told = results.speed, []
+    own, rivals, ratios, at_once = Series(), Series(), Series(), Series()
+    for cost in (speed.published_order, speed.finest):
+        matched = speed.ratio(cost)
+        if matched is None:
+            continue
+        (rival, ratio), order = matched, cost.setting
+        own[f"order {order} (error {cost.error:.1e})"] = 1e3 * cost.seconds
+        rivals[f"{rival.way} at {rival.setting} (error {rival.error:.1e})"] = 1e3 * rival.seconds
+        ratios[order], at_once[order] = (
+            ratio,
+            rival.seconds / speed.substitution(order, MANY).seconds,
+        )
+        told.append(
+            f"at an error of {cost.error:.1e} order {order} takes {1e3 * cost.seconds:.2f} ms, "
+            f"{rival.way} {1e3 * rival.seconds:.1f} ms, {ratio:.0f} times as long"
+        )
+    anew_ms = 1e3 * min(cost.seconds for cost in speed.costs if cost.way == SOLUTION)
+    numbers: Numbers = {"own": own, "rivals": rivals, "ratios": ratios, "at_once": at_once}
+    numbers |= {"machine": speed.machine, "told": "; ".join(told), "anew_ms": anew_ms}
+    return tuple(ratio > 1 for ratio in ratios.values()), numbers
+
+
+def check_12a(results: StudyResults, _of: Taken) -> Judgement:
+    """Measure what one damaged tooth adds to the lines."""
+    levels = zip(results.damage.losses, results.damage.levels_db, strict=True)
+    rows = Series({f"{100 * loss:g}": float(level) for loss, level in levels})
+    return "cannot be checked", {"levels": rows, "five": rows["5"], "twenty": rows["20"]}
+
+
+def check_12b(results: StudyResults, _of: Taken) -> Judgement:
+    """Power of a matched harvester at each line, against the energy lines."""
+    harvest, power = results.harvest, 1e3 * results.harvest.power_w
+    best = int(power.argmax())
+    by_energy = int(results.reference.energy[1 : len(power) + 1].argmax())
+    best_hz, energy_hz = harvest.frequency_hz[[best, by_energy]]
+    numbers = {"best_hz": best_hz, "energy_hz": energy_hz, "power_mw": power[best]}
+    numbers |= {"generated_mw": 1e3 * harvest.generated_first_line_w}
+    agree = "agree" if best == by_energy else "disagree"
+    # a choice before any measurement is no figure of power
+    return (best == by_energy, False), numbers | {"agree": agree}
+
+
+#: By the key of the claim; one without is judged by its table alone.
+CHECKS: dict[str, Callable[[StudyResults, Taken], Judgement]] = {
+    name.removeprefix("check_"): check
+    for name, check in tuple(globals().items())
+    if name.startswith("check_")
+}
+
+
+@lru_cache(maxsize=1)
+def study_table() -> dict[str, list[dict[str, Any]]]:
+    """Return study.toml: the lists "claim" and "picture"."""
+    return tomllib.loads(resources.files("gearmon.study").joinpath("study.toml").read_text("utf-8"))
+
+
+#: In the order of the study.
+CLAIMS = tuple(Claim(**row) for row in study_table()["claim"])

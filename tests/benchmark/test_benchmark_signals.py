@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gearmon.benchmark import signals
+from gearmon.benchmark import case_figures, signals
 from gearmon.errors import ArgumentError
-from gearmon.report.signals_benchmark_plots import save_signals_figure
+from gearmon.report.plots import save_all
 
 
 @pytest.fixture
@@ -34,7 +34,7 @@ def test_rows_have_times_and_a_picture(rows, tmp_path):
     assert {"speed by the comb", "order lines"} <= {row["method"] for row in stages}
     absent = [row for row in rows if row["method"] == "PySDKit"]
     assert "not run" in absent[0]["note"]
-    (path,) = save_signals_figure(rows, tmp_path / "b.png")
+    (path,) = save_all(case_figures("signals", rows), tmp_path / "b.png")
     assert path.read_bytes().startswith(b"\x89PNG")
 
 

@@ -9,30 +9,30 @@ import sys
 import pytest
 
 from gearmon.benchmark import run_case
-from gearmon.benchmark.beside_ross import VARIABLE, ross_python
-from gearmon.benchmark.stiffness import time_stiffness
+from gearmon.benchmark.stiffness import NEEDS, VARIABLE, time_stiffness
+from gearmon.benchmark.timing import other_python
 from gearmon.errors import ArgumentError
 
 
 def test_rows_without_the_other_environment(monkeypatch):
     monkeypatch.delenv(VARIABLE, raising=False)
     rows = time_stiffness(repeats=1)
-    assert [row.positions for row in rows] == [200, 5200, 1000, 1000, 1000]
-    assert all(row.median_s > 0 and row.fastest_s <= row.median_s for row in rows)
-    assert [row.times_healthy is not None for row in rows] == [False, True, False, False, False]
+    assert [row["positions"] for row in rows] == [200, 5200, 1000, 1000, 1000]
+    assert all(row["median_s"] > 0 and row["fastest_s"] <= row["median_s"] for row in rows)
+    assert [row["times_healthy"] is not None for row in rows] == [False, True, False, False, False]
     for row in rows[3:]:
-        assert row.ross_times_slower is None
-        assert "ROSS not run: GEARMON_ROSS_PYTHON" in row.note
-        assert "plotly below 6" in row.note
-    json.dumps([row.to_dict() for row in rows])
+        assert row["ross_times_slower"] is None
+        assert "ROSS not run: GEARMON_ROSS_PYTHON" in row["note"]
+        assert "plotly below 6" in row["note"]
+    json.dumps(rows)
 
 
 def test_another_environment_must_be_one(tmp_path, monkeypatch):
     monkeypatch.setenv(VARIABLE, str(tmp_path / "python"))
     with pytest.raises(ArgumentError, match="is no file; it must name the Python interpreter"):
-        ross_python()
+        other_python(VARIABLE, NEEDS)
     monkeypatch.setenv(VARIABLE, "")
-    assert ross_python() is None
+    assert other_python(VARIABLE, NEEDS) is None
     mute = tmp_path / "mute"
     mute.write_text("#!/bin/sh\nexit 1\n", encoding="ascii")
     mute.chmod(0o755)
@@ -49,7 +49,7 @@ def test_an_environment_without_ross_is_told_apart():
 def test_beside_ross():
     bench, published = time_stiffness(repeats=3)[3:]
     for row in (bench, published):
-        assert row.ross_times_slower > 200
+        assert row["ross_times_slower"] > 200
         # G of its steel is rounded to three digits
-        assert row.ross_difference < 1e-6
-    assert "contact ratio 1.63258, one pair 2.767e+08" in published.note
+        assert row["ross_difference"] < 1e-6
+    assert "contact ratio 1.63258, one pair 2.767e+08" in published["note"]

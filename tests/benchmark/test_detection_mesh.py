@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gearmon.benchmark.detection_mesh import MeshModel, PairShape
+from gearmon.benchmark.detection_machines import MeshModel, PairShape
 from gearmon.dynamics import HillProblem, steady_state
 
 TEETH = 19

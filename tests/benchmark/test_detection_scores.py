@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gearmon.benchmark.detection_scores import roc_area, roc_area_interval, share_interval
+from gearmon.benchmark.detection import roc_area, roc_area_interval, share_interval
 from gearmon.errors import ArgumentError
 
 SCORES = st.lists(st.integers(-5, 5), min_size=1, max_size=12)

@@ -6,13 +6,12 @@ import json
 
 import pytest
 
-from gearmon.benchmark import compiled, run_case, save_figures, summary_rows
-from gearmon.benchmark.contenders import TARGET
-from gearmon.benchmark.cost_growth import fitted_exponent
-from gearmon.benchmark.dynamics import GROWTH, SWEEP, headlines, run_dynamics
-from gearmon.benchmark.dynamics_sweep import draw_sweep
+from gearmon.benchmark import case_figures, rivals, run_case, summary_rows
+from gearmon.benchmark.contenders import TARGET, draw_sweep
+from gearmon.benchmark.dynamics import GROWTH, SWEEP, fitted_exponent, headlines, run_dynamics
 from gearmon.benchmark.timing import interleaved
 from gearmon.errors import ArgumentError
+from gearmon.report.plots import save_all
 
 COLUMNS = {
     "case",
@@ -72,13 +71,13 @@ def test_tuned_rivals_meet_the_target(rows):
         ours = {"rectangle": "exact pieces", SWEEP: "sweep"}.get(case, "steady_state")
         assert chosen[ours]["times_ours"] == 1.0
         wanted = {"SciPy odeint", "SciPy DOP853"} if case != SWEEP else {"solve_banded"}
-        if compiled.is_installed():
+        if rivals.numba_is_installed():
             wanted |= {"compiled RK4 from rest", "compiled RK4, shooting"}
         assert wanted <= set(chosen)
 
 
 def test_missing_numba_is_told(monkeypatch):
-    monkeypatch.setattr(compiled, "is_installed", lambda: False)
+    monkeypatch.setattr(rivals, "numba_is_installed", lambda: False)
     rows = run_dynamics(quick=True, cases=["resonance w", SWEEP])
     absent = [row for row in rows if row["group"] == "compiled"]
     assert len(absent) == 4
@@ -117,10 +116,10 @@ def test_runs_as_a_case(monkeypatch):
 def test_summary_and_pictures_by_case(rows, tmp_path):
     assert summary_rows("dynamics", rows) == headlines(rows)
     assert summary_rows("memory", rows) == rows
-    paths = save_figures("dynamics", rows, tmp_path / "b.svg")
+    paths = save_all(case_figures("dynamics", rows), tmp_path / "b.svg")
     assert [path.stem for path in paths] == ["b-work-precision", "b-ratios", "b-growth"]
     with pytest.raises(ArgumentError, match="'memory' has no pictures"):
-        save_figures("memory", rows, tmp_path / "b.svg")
+        save_all(case_figures("memory", rows), tmp_path / "b.svg")
 
 
 def test_sweep_is_seeded():

@@ -7,16 +7,17 @@ import pytest
 from reference.hill_cases import random_problem
 from reference.hill_reference import periodic_solution
 
-from gearmon.benchmark.collocation import (
+from gearmon.benchmark.contenders import as_lines
+from gearmon.benchmark.equations import Case, named_case, pair, square_wave
+from gearmon.benchmark.references import (
     Lines,
     Samples,
+    difference_to_shooting,
     folded,
+    refined_balance,
     rule,
     solve_reference,
 )
-from gearmon.benchmark.contenders import as_lines
-from gearmon.benchmark.dynamics_cases import Case, named_case, pair, square_wave
-from gearmon.benchmark.stress_reference import difference_to_shooting, refined_balance
 from gearmon.dynamics import steady_state
 from gearmon.dynamics.piecewise import solve_exactly
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gearmon.benchmark import compiled, rivals, tuning
-from gearmon.benchmark.collocation import solve_reference
-from gearmon.benchmark.dynamics_cases import CASES, growing_turn, named_case
+from gearmon.benchmark import rivals
+from gearmon.benchmark.equations import CASES, growing_turn, named_case
+from gearmon.benchmark.references import solve_reference
 from gearmon.dynamics import steady_state
 from gearmon.errors import ArgumentError
 
@@ -79,34 +79,35 @@ def test_banded_balance():
     np.testing.assert_array_equal(bands, before)
 
 
-def test_fewest_harmonics():
-    assert tuning.fewest_harmonics(0.1, 5, lambda n: 3.0 / n) == 30
-    assert tuning.fewest_harmonics(0.1, 50, lambda n: 3.0 / n) == 30
+@pytest.mark.parametrize("first", [5, 50])
+def test_least_setting_is_the_least(first):
+    assert rivals.least_within(0.1, first, lambda n: 3.0 / n, 1) == 30
+    found = rivals.least_within(0.1, first, lambda n: 3.0 / n)
+    assert 30 <= found < 30 * 1.04
 
 
 def test_tuned_tolerance_meets_the_error():
-    found = tuning.tuned_tolerance(1e-3, 1e-6, lambda t: 40 * t)
+    found = rivals.tuned_tolerance(1e-3, 1e-6, lambda t: 40 * t)
     assert 0.4e-6 < 40 * found <= 1e-6
 
 
 def test_tuned_steps_meet_the_error():
-    case = named_case("pair")
-    steps = tuning.tuned_steps(case, 1e-6, lambda n: (15.0 / n) ** 4)
+    steps = rivals.least_within(1e-6, 100.0, lambda n: (15.0 / n) ** 4, 4)
     assert steps % 4 == 0
     assert (15.0 / steps) ** 4 <= 1e-6
-    assert steps < 1.15 * 15.0 / 1e-6**0.25
+    assert steps < 1.05 * 15.0 / 1e-6**0.25
 
 
-@pytest.mark.skipif(not compiled.is_installed(), reason="numba is not installed")
+@pytest.mark.skipif(not rivals.numba_is_installed(), reason="numba is not installed")
 def test_compiled_loop_has_order_four(case, reference):
     p = case.problem
     settling = reference.settling(1e-12)
     errors = []
     for steps in (400, 800):
-        table = compiled.tables(case, steps)
+        table = rivals.tables(case, steps)
         common = (table, p.frequency_ratio, p.damping_ratio)
-        errors.append(reference.error(compiled.march(*common, settling)))
-        shot = reference.error(compiled.shoot(*common))
+        errors.append(reference.error(rivals.march(*common, settling)))
+        shot = reference.error(rivals.shoot_compiled(*common))
         assert shot == pytest.approx(errors[-1], rel=0.05)
     assert np.log2(errors[0] / errors[1]) == pytest.approx(4, abs=0.15)
 

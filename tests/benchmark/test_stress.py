@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from gearmon.benchmark import run_case, stress
-from gearmon.benchmark.stress_reference import refined_balance
-from gearmon.benchmark.stress_systems import draw_system, growth, instability_limit
+from gearmon.benchmark.equations import draw_system, growth, instability_limit
+from gearmon.benchmark.references import refined_balance
 from gearmon.dynamics import floquet, steady_state
 from gearmon.errors import ArgumentError
 

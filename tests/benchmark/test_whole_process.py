@@ -7,6 +7,7 @@ import json
 import pytest
 
 from gearmon.benchmark import run_case, whole_process
+from gearmon.benchmark.timing import machine_facts
 from gearmon.errors import ArgumentError
 from gearmon.simulation import simulate
 
@@ -14,7 +15,7 @@ FACTS = {"processor", "cores", "python", "numpy", "scipy", "pandas"}
 
 
 def test_machine_facts():
-    facts = whole_process.machine_facts()
+    facts = machine_facts()
     assert set(facts) == FACTS
     assert all(facts.values())
 

@@ -7,8 +7,8 @@ import pytest
 
 from gearmon.dynamics import HillProblem, steady_state
 from gearmon.errors import ArgumentError
-from gearmon.harvesting.design_sweep import sweep_designs
 from gearmon.harvesting.inertial import InertialHarvester
+from gearmon.harvesting.sweep import sweep_designs
 from gearmon.harvesting.tuning import tune_harvester
 from gearmon.harvesting.vibration import vibration_of_lines
 

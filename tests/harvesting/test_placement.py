@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 
 from gearmon.errors import ArgumentError
-from gearmon.harvesting.budget import SensorBudget
-from gearmon.harvesting.duty import OperatingShare
 from gearmon.harvesting.inertial import InertialHarvester
-from gearmon.harvesting.placement import Position, rank_positions
-from gearmon.harvesting.survey import survey_expected, survey_measured
+from gearmon.harvesting.placement import Position, rank_positions, survey_expected, survey_measured
+from gearmon.harvesting.request import SensorBudget
+from gearmon.harvesting.vibration import OperatingShare
 from gearmon.machine import Machine, OperatingPoint, ParallelStage, Sensor
 from gearmon.signals.recording import Recording
 

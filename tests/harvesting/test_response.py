@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 
 from gearmon.errors import ArgumentError
 from gearmon.harvesting.inertial import InertialHarvester
-from gearmon.harvesting.request import built_in
-from gearmon.harvesting.response import (
+from gearmon.harvesting.power import (
     bandwidth_against_quality,
     half_power_band,
     response_grid,
     response_rows,
 )
+from gearmon.harvesting.request import built_in
 
 
 def inertial(**changes):

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from gearmon.errors import ArgumentError
-from gearmon.harvesting.duty import OperatingShare
 from gearmon.harvesting.inertial import InertialHarvester
 from gearmon.harvesting.request import built_in
+from gearmon.harvesting.sweep import tune_sweep
 from gearmon.harvesting.tuning import tune_harvester
-from gearmon.harvesting.tuning_sweep import tune_sweep
-from gearmon.harvesting.vibration import Vibration
+from gearmon.harvesting.vibration import OperatingShare, Vibration
 
 LINES = 150.0 * np.arange(1, 9)
 

@@ -7,8 +7,8 @@ import pytest
 
 from gearmon.dynamics import HillProblem, steady_state
 from gearmon.errors import ArgumentError
-from gearmon.harvesting.answer import answer
 from gearmon.harvesting.inertial import InertialHarvester
+from gearmon.harvesting.power import answer
 from gearmon.harvesting.vibration import (
     Vibration,
     clear_lines,

@@ -7,8 +7,8 @@ import pytest
 from PIL import Image
 
 from gearmon.harvesting.inertial import InertialHarvester
+from gearmon.harvesting.placement import survey_measured
 from gearmon.harvesting.request import built_in
-from gearmon.harvesting.survey import survey_measured
 from gearmon.machine import Machine, OperatingPoint, ParallelStage
 from gearmon.report.harvest_plots import harvest_figures
 from gearmon.report.harvest_text import harvest_lines

@@ -15,4 +15,4 @@ def results():
 
 @pytest.fixture(scope="session")
 def findings(results):
-    return {entry.claim.key: entry.finding for entry in judge(results)}
+    return {entry.claim.key: entry for entry in judge(results)}

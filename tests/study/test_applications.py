@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gearmon.study.reference_case import PINION_TEETH
+from gearmon.study.pair import PINION_TEETH
 
 
 def test_sidebands_are_proportional_to_a_small_loss(results):

@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import replace
 from typing import get_args
 
 import pytest
 
-from gearmon.study.claims import CLAIMS, judge
-from gearmon.study.findings import Evidence, Verdict, falling, rising, verdict_of
+from gearmon.study.claims import (
+    CLAIMS,
+    Evidence,
+    Verdict,
+    falling,
+    judge,
+    rising,
+    verdict_of,
+)
 
 NOT_REPRODUCED = {"3a", "3b", "6e", "7c", "9b"}
 
@@ -31,6 +39,8 @@ def test_finding_is_complete(findings, claim):
 
 
 def test_verdicts(findings):
+    counts = Counter(finding.verdict for finding in findings.values())
+    assert [counts[verdict] for verdict in get_args(Verdict)] == [14, 10, 5, 2]
     assert {k for k, f in findings.items() if f.verdict == "not reproduced"} == NOT_REPRODUCED
     for key in ("1a", "5a", "6a", "6c", "6d", "8b", "9a", "9d", "11"):
         assert findings[key].verdict == "reproduced"
@@ -49,7 +59,7 @@ def test_verdicts_follow_the_results(results, findings):
     sweep = results.sweeps["stiffness_n_per_m"]
     turned = replace(sweep, points=sweep.points[::-1])
     other = replace(results, sweeps=results.sweeps | {"stiffness_n_per_m": turned})
-    changed = {entry.claim.key: entry.finding for entry in judge(other)}
+    changed = {entry.claim.key: entry for entry in judge(other)}
     assert changed["6a"].verdict == changed["6c"].verdict == "not reproduced"
     assert changed["9a"].verdict == "not reproduced"
     assert changed["9d"] == findings["9d"]

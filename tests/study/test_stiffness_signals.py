@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gearmon.study.reference_case import REFERENCE
-from gearmon.study.stiffness_signals import stiffness_signals
+from gearmon.study.pair import REFERENCE, stiffness_signals
 
 SIGNALS = stiffness_signals()
 

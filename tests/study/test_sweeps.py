@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gearmon.study.expansion import HIGHEST_ORDER
-from gearmon.study.sweeps import waveform_error
+from gearmon.study.experiments import HIGHEST_ORDER
+from gearmon.study.pair import waveform_error
 
 # amplitudes 2|z_n| in m: exact, and first or (for even lines) second order
 LINES = {

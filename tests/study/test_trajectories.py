@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from gearmon.dynamics import steady_state
-from gearmon.study.reference_case import REFERENCE
-from gearmon.study.starts import start_from_rest
-from gearmon.study.stiffness_signals import stiffness_signals
-from gearmon.study.trajectories import series, simulate
+from gearmon.study.pair import REFERENCE, series, simulate, start_from_rest, stiffness_signals
 
 
 def step_response(time, natural, zeta, static):
@@ -59,7 +58,7 @@ def test_series_is_the_sum_of_its_cosines():
     ],
 )
 def test_starts_settle_to_the_steady_vibration(name, value, method, most):
-    parameters = REFERENCE.with_value(name, value)
+    parameters = replace(REFERENCE, **{name: value})
     steady = steady_state(parameters.problem(), 1e-9)
     start = start_from_rest(parameters, steady, 5, 64)
     assert start.method == method

@@ -38,9 +38,8 @@ _OVERDISPERSION = 3.0
 _LEAST_SIGMA = 0.005
 # Logarithm of odds against damage that are as good as any larger.
 _NEVER = 600.0
-# Share of a line's power that is left to a mesh at least where another stands on it, too; ratios of
-# mesh orders that are looked at.
-_LEAST_OWN, _FINEST_RATIO = 0.05, 40
+# Ratios of mesh orders at which harmonics are looked for that fall together.
+_FINEST_RATIO = 40
 # Width of a 90 % interval in standard deviations.
 _NORMAL_90 = 3.29
 
@@ -177,8 +176,7 @@ def _searched(
         if response is None:
             yield GearEvidence(deviation=gear, search=None)
             continue
-        power = own_mesh_power(gear, deviation.gears, responses)
-        alone = replace(gear, mesh_power=power)
+        alone = replace(gear, mesh_power=own_mesh_power(gear, response, deviation.gears))
         found = search_gear(alone, response, own.speed_hz)
         if found is not None:
             yield GearEvidence(deviation=alone, search=found)
@@ -194,9 +192,7 @@ def _response(gear: GearDeviation, machine: Machine) -> ToothResponse | None:
 
 
 def own_mesh_power(
-    gear: GearDeviation,
-    gears: Sequence[GearDeviation],
-    responses: Sequence[ToothResponse | None],
+    gear: GearDeviation, response: ToothResponse, gears: Sequence[GearDeviation]
 ) -> FloatArray:
     """Power of a gear's mesh harmonics without what another stage puts on the same lines.
 
@@ -204,57 +200,37 @@ def own_mesh_power(
     ----------
     gear : GearDeviation
         The gear.
+    response : ToothResponse
+        Its expected lines.
     gears : sequence of GearDeviation
         All gears of the machine.
-    responses : sequence of ToothResponse or None
-        Expected lines of each.
 
     Returns
     -------
     ndarray of float, shape (channels, harmonics)
-        What is left of `mesh_power`, at least a twentieth of it.
+        At most `mesh_power`.
 
     Notes
     -----
-    Where the mesh of one stage stands on a harmonic of another's, the path of either would be told
-    by lines of both. What a stage puts there is judged by its neighbouring harmonics that stand
-    alone, through the expected course from one to the other; where it has none, the other's share
-    is taken off.
+    Where every so many harmonics of a mesh fall on another's, the path would be told by lines of
+    both. Those have then what the neighbouring harmonics, which stand alone, let expect of them. A
+    mesh all of whose harmonics are another's, too, keeps the power of both: its path may be taken
+    for too good.
     """
     power = gear.mesh_power.copy()
-    own = responses[[one is gear for one in gears].index(True)]
-    stages = {gear.stage}
-    for other, response in zip(gears, responses, strict=True):
-        if other.stage in stages or response is None or own is None:
-            continue
-        stages.add(other.stage)
+    expected = np.abs(response.mesh) ** 2
+    last = min(len(expected), power.shape[1]) - 1
+    for other in gears:
         ratio = Fraction(gear.order * gear.teeth / (other.order * other.teeth))
         near = ratio.limit_denominator(_FINEST_RATIO)
-        if abs(near / ratio - 1) > 1e-9:
+        step = near.denominator
+        if other.stage == gear.stage or step == 1 or abs(near / ratio - 1) > 1e-9:
             continue
-        step, apart = near.denominator, near.numerator
-        for k in range(step, power.shape[1], step):
-            told = _from_neighbours(gear, own, k, step)
-            if told is None:
-                others = _from_neighbours(other, response, k * apart // step, apart)
-                told = gear.mesh_power[:, k] - (0.0 if others is None else others)
-            least = _LEAST_OWN * gear.mesh_power[:, k]
-            power[:, k] = np.clip(told, least, gear.mesh_power[:, k])
+        for k in range(step, last + 1, step):
+            alone = [q for q in (k - 1, k + 1) if q <= last]
+            told = gear.mesh_power[:, alone].sum(axis=1) / expected[alone].sum()
+            power[:, k] = np.minimum(told * expected[k], power[:, k])
     return power
-
-
-def _from_neighbours(
-    gear: GearDeviation, response: ToothResponse, harmonic: int, step: int
-) -> FloatArray | None:
-    """Power of a mesh harmonic as its neighbours tell it, those that are no multiples of `step`."""
-    expected = np.abs(response.mesh) ** 2
-    last = min(len(expected), gear.mesh_power.shape[1]) - 1
-    alone = [q for q in (harmonic - 1, harmonic + 1) if 0 < q <= last and q % step]
-    if harmonic > last or not alone or min(expected[alone]) <= 0:
-        return None
-    heard = gear.mesh_power[:, alone] / expected[alone]
-    told: FloatArray = np.mean(heard, axis=1) * expected[harmonic]
-    return told
 
 
 def _blamed(

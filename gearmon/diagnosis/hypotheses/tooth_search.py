@@ -55,11 +55,11 @@ class SearchedGear:
     match: ToothMatch
 
     def expected_power(self, number: FloatArray) -> FloatArray:
-        """Power of the response to a unit loss at multiples of the rotation, through the path.
+        """Mean power of the response to a unit loss at multiples of the rotation, through the path.
 
         Between mesh harmonics the path is interpolated in its logarithm.
         """
-        path = path_power(self.difference.mesh_power, self.response.mesh)
+        path = path_power(self.difference.mesh_power, self.response.mesh, mean=True)
         harmonic = np.arange(1, path.shape[1])
         tiny = np.finfo(float).tiny
         levels = [

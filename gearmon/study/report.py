@@ -1,0 +1,252 @@
+"""The study as a folder: pictures, one HTML page that needs nothing else, and tables."""
+
+from __future__ import annotations
+
+import base64
+import math
+import textwrap
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from datetime import datetime
+from importlib import resources
+from pathlib import Path
+from typing import Any, get_args
+
+from gearmon import __version__
+from gearmon.errors import ArgumentError
+from gearmon.files import write_atomically
+from gearmon.report.text_tables import rows_as_csv
+from gearmon.study.claims import Evidence, Finding, Verdict, judge, study_table
+from gearmon.study.experiments import StudyResults, run_study
+from gearmon.study.pair import Operation
+
+#: Share of the time that computing takes; the rest is drawing.
+COMPUTING_SHARE = 0.6
+WIDTH = 100
+
+
+#: Name (of file and drawing), figures of the study that it stands for, title and caption of each.
+PICTURES = study_table()["picture"]
+#: Figure of the study -> the picture that stands for it.
+FIGURES = {number: row for number in range(1, 37) for row in PICTURES if number in row["figures"]}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StudyReport:
+    """What the study wrote.
+
+    Attributes
+    ----------
+    results : StudyResults
+    judged : tuple of Finding
+    page : Path
+        The HTML page.
+    files : tuple of Path
+        Everything written, the page first.
+    """
+
+    results: StudyResults
+    judged: tuple[Finding, ...]
+    page: Path
+    files: tuple[Path, ...]
+
+    def lines(self) -> list[str]:
+        """Tell it on a terminal."""
+        told, margin = [], " " * 23
+        for entry in self.judged:
+            head = f"{entry.claim.key:<4}{entry.verdict.upper():<19}{entry.claim.text}"
+            told += textwrap.wrap(head, WIDTH, subsequent_indent=margin)
+            told += textwrap.wrap(margin + entry.reason, WIDTH, subsequent_indent=margin)
+        counts = ", ".join(f"{n} {verdict}" for verdict, n in _counts(self.judged).items())
+        pictures = f"{len(PICTURES)} pictures for figures 1 to {max(FIGURES)}"
+        return [
+            *told,
+            "",
+            f"{len(self.judged)} claims: {counts}",
+            f"{pictures}, and tables: {self.page.parent}",
+            f"report: {self.page}",
+        ]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return built-in types, ready for JSON."""
+        return {
+            "report": str(self.page),
+            "files": [str(path) for path in self.files],
+            "verdicts": _counts(self.judged),
+            "claims": [
+                {name: None if value != value else value for name, value in row.items()}
+                for row in claim_rows(self.judged)
+            ],
+        }
+
+
+def write_study(folder: str | Path, progress: Callable[[float], None] | None = None) -> StudyReport:
+    """Compute the study, hold it against its claims, and write everything to a folder.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Made if it does not exist. Gets ``study.html``, ``claims.csv``, ``sweeps.csv``,
+        ``figures.csv`` and a PNG of each picture.
+    progress : callable, optional
+        Called with the share done, 0 to 1.
+
+    Returns
+    -------
+    StudyReport
+
+    Raises
+    ------
+    ArgumentError
+        If the folder cannot be made or written.
+
+    Notes
+    -----
+    About half a minute: it integrates many equations of motion and measures run times.
+    """
+    target, tell = Path(folder), progress or (lambda _: None)
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ArgumentError(f"{target}: cannot make this folder ({error.strerror})") from None
+    results = run_study(lambda share: tell(COMPUTING_SHARE * share))
+    return write_results(
+        results, target, lambda share: tell(COMPUTING_SHARE + (1 - COMPUTING_SHARE) * share)
+    )
+
+
+def write_results(
+    results: StudyResults, folder: Path, progress: Callable[[float], None] | None = None
+) -> StudyReport:
+    """Write a study that is computed already; see `write_study`."""
+    from gearmon.study.plots import save_picture  # drawing is slow to load
+
+    judged, pictures = judge(results), []
+    for number, picture in enumerate(PICTURES, start=1):
+        pictures.append(folder / f"{picture['name']}.png")
+        save_picture(picture["name"], results, pictures[-1])
+        if progress is not None:
+            progress(number / len(PICTURES))
+    figures = [
+        {"figure": number, "picture": f"{row['name']}.png", "title": row["title"]}
+        for number, row in FIGURES.items()
+    ]
+    tables = {
+        "claims.csv": claim_rows(judged),
+        "sweeps.csv": sweep_rows(results),
+        "figures.csv": figures,
+    }
+    for name, rows in tables.items():
+        write_atomically(folder / name, rows_as_csv(rows))
+    page = folder / "study.html"
+    write_atomically(page, _rendered(results, judged, pictures))
+    files = (page, *pictures, *(folder / name for name in tables))
+    return StudyReport(results=results, judged=judged, page=page, files=files)
+
+
+def _rendered(results: StudyResults, judged: tuple[Finding, ...], pictures: list[Path]) -> str:
+    import jinja2
+
+    source = resources.files("gearmon.study").joinpath("study.html").read_text("utf-8")
+    environment = jinja2.Environment(
+        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.filters.update(number=shown_number, difference=shown_difference)
+    data = [base64.b64encode(path.read_bytes()).decode("ascii") for path in pictures]
+    pairs = zip(PICTURES, data, strict=True)
+    return environment.from_string(source).render(
+        made=datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
+        version=__version__,
+        parameters=results.reference.parameters,
+        problem=results.reference.response.problem,
+        judged=judged,
+        counts=_counts(judged),
+        index=FIGURES,
+        pictures=[{"picture": picture, "data": png} for picture, png in pairs],
+        sweeps=[
+            (sweep.label, zip(sweep.shown, map(_operation, sweep.points), strict=True))
+            for sweep in results.sweeps.values()
+        ],
+        speed=results.speed,
+    )
+
+
+def _counts(judged: Sequence[Finding]) -> dict[str, int]:
+    """Count the verdicts, in the order from reproduced to not checkable."""
+    found = Counter(entry.verdict for entry in judged)
+    return {verdict: found[verdict] for verdict in get_args(Verdict)}
+
+
+def claim_rows(judged: Sequence[Finding]) -> list[dict[str, Any]]:
+    """One row for every number behind every claim."""
+    return [
+        {
+            "claim": entry.claim.key,
+            "text": entry.claim.text,
+            "where": entry.claim.where,
+            "verdict": entry.verdict,
+            "reason": entry.reason,
+            **asdict(item),
+            "difference": item.difference,
+            "agrees": item.agrees if item.expected is not None else None,
+        }
+        for entry in judged
+        for item in entry.evidence
+    ]
+
+
+def sweep_rows(results: StudyResults) -> list[dict[str, Any]]:
+    """One row for every value of every sweep."""
+    return [
+        {"parameter": sweep.name, "value": float(value)} | _operation(point)
+        for sweep in results.sweeps.values()
+        for value, point in zip(sweep.values, sweep.points, strict=True)
+    ]
+
+
+def _operation(point: Operation) -> dict[str, Any]:
+    problem, waveform = point.response.problem, point.waveform
+    return {
+        "natural_frequency_hz": problem.natural_frequency_hz,
+        "damping_ratio": problem.damping_ratio,
+        "mean_displacement_m": float(point.response.displacement[0].real),
+        "displacement_swing_m": point.swing_m,
+        "least_displacement_m": float(waveform.displacement_m.min()),
+        "least_mesh_force_n": float(waveform.mesh_force_n.min()),
+        "peak_acceleration_ms2": point.peak_acceleration,
+        "peak_harmonic": point.peak_harmonic,
+        "total_energy_j_per_kg": point.total_energy,
+        "total_energy_j": point.total_energy * point.parameters.mass_kg,
+        "mean_energy_frequency_hz": point.energy_centroid_hz,
+        "energy_band_hz": point.energy_band_hz,
+        "second_order_error": point.second_order_error,
+        "start_error": point.start.error,
+        "start_method": point.start.method,
+        "error_bound": point.response.error_bound,
+        "method": point.response.method,
+    }
+
+
+def shown_number(value: float | None) -> str:
+    """Write a number to four digits.
+
+    Examples
+    --------
+    >>> shown_number(276.19071), shown_number(None), shown_number(float("nan"))
+    ('276.2', '', 'none')
+    """
+    if value is None:
+        return ""
+    if math.isnan(value):
+        return "none"
+    return f"{value:.4g}" if value == 0 or 1e-3 <= abs(value) < 1e5 else f"{value:.2e}"
+
+
+def shown_difference(item: Evidence) -> str:
+    """Write the difference of a number to the expected one."""
+    if item.difference is None:
+        return ""
+    if item.expected == 0:
+        return shown_number(item.difference)
+    return "< 0.01 %" if abs(item.difference) < 5e-5 else f"{100 * item.difference:+.2f} %"

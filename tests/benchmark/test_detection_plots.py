@@ -1,0 +1,112 @@
+"""Pictures of the benchmark of detection hold its rows."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from gearmon.benchmark import case_figures
+from gearmon.benchmark.detection import detection_summary
+from gearmon.benchmark.detection_trials import RIVALS
+from gearmon.benchmark.plots import (
+    DETECTOR_STYLES,
+    plot_gears,
+    plot_reliability,
+    plot_roc_areas,
+    plot_sizes,
+    plot_tooth_errors,
+)
+from gearmon.report.plots import save_all
+
+
+def row(rng, machine, condition, size, tacho):
+    hurt = condition == "tooth"
+    score = rng.normal(30 * size if hurt else 0.0)
+    return {
+        "machine": machine,
+        "condition": condition,
+        "variant": "same",
+        "size": size,
+        "tacho": tacho,
+        "stage": 1,
+        "gear": "pinion",
+        "verdict": "fault" if score > 2 else "healthy",
+        "score": score,
+        "probability": float(rng.random()),
+        "found_kind": "tooth damage" if hurt else "",
+        "tooth_flag": hurt,
+        "found_stage": 1,
+        "found_gear": "pinion" if rng.random() < 0.9 else "gear",
+        "gear_right": True if hurt else None,
+        "tooth_error": float(rng.choice([0.1, 1.0, 2.0, 5.0])),
+        "loss": size * 1.1 if hurt else None,
+        "loss_low": size * 0.8 if machine % 2 else size * 1.05,
+        "loss_high": size * 1.4,
+        "run_time_s": 0.4 + 0.1 * float(rng.random()),
+        "alone_s": 0.3,
+        **{name: float(rng.normal()) for name in RIVALS},
+    }
+
+
+@pytest.fixture(scope="module")
+def rows():
+    rng = np.random.default_rng(0)
+    kinds = [("healthy", 0.0), ("healthy", 0.0), ("tooth", 0.05), ("tooth", 0.2), ("wear", 0.4)]
+    return [
+        row(rng, machine, kind, size, tacho)
+        for machine in range(12)
+        for kind, size in kinds
+        for tacho in (True, False)
+    ]
+
+
+@pytest.fixture(scope="module")
+def summary(rows):
+    return detection_summary(rows)
+
+
+@pytest.fixture
+def ax():
+    return Figure().add_subplot()
+
+
+def test_every_detector_has_a_style():
+    assert set(DETECTOR_STYLES) == {"gearmon", *RIVALS}
+
+
+def test_areas(summary, ax):
+    plot_roc_areas([r for r in summary if r["tacho"]], ax)
+    assert ax.get_legend_handles_labels()[1] == list(DETECTOR_STYLES)
+    assert [t.get_text() for t in ax.get_xticklabels()] == ["5", "20"]
+
+
+def test_reliability_ends_at_one(rows, summary, ax):
+    plot_reliability(rows, summary, ax)
+    assert max(line.get_ydata()[-1] for line in ax.lines[:2]) == 1.0
+
+
+def test_gears_and_teeth_are_all_counted(rows, ax):
+    own = [r for r in rows if r["condition"] == "tooth"]
+    plot_gears(own, ax)
+    assert sum(int(text.get_text()) for text in ax.texts) == len(own)
+    other = Figure().add_subplot()
+    plot_tooth_errors(own, other)
+    assert sum(patch.get_height() for patch in other.patches) == len(own)
+
+
+def test_sizes_show_every_estimate(rows, ax):
+    own = [r for r in rows if r["condition"] == "tooth"]
+    plot_sizes(own, ax)
+    dots = [line for line in ax.lines if line.get_marker() == "."]
+    assert len(dots) == len(own)
+    empty = Figure().add_subplot()
+    plot_sizes([], empty)
+    assert empty.texts[0].get_text() == "no estimates"
+
+
+def test_files(rows, tmp_path):
+    paths = save_all(case_figures("detection", rows), tmp_path / "d.svg")
+    names = ["roc", "false-alarms", "blame", "size", "time"]
+    assert [path.stem for path in paths] == [f"d-{name}" for name in names]
+    assert all(path.read_bytes().startswith(b"<?xml") for path in paths)

@@ -1,0 +1,140 @@
+"""The study's pictures, page and tables: complete, labelled, and from the results."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from gearmon.errors import ArgumentError
+from gearmon.study import plots, write_study
+from gearmon.study.claims import Evidence
+from gearmon.study.plots import DRAWINGS, decibels, save_picture, shades
+from gearmon.study.report import FIGURES, PICTURES, shown_difference, shown_number, write_results
+
+
+@pytest.fixture(scope="module")
+def report(results, tmp_path_factory):
+    shares = []
+    with pytest.MonkeyPatch.context() as patch:
+        # the real pictures are drawn one by one below
+        patch.setattr(plots, "DRAWINGS", dict.fromkeys(DRAWINGS, lambda _: Figure()))
+        report = write_results(results, tmp_path_factory.mktemp("study"), shares.append)
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+    return report
+
+
+def test_every_figure_has_its_picture():
+    assert list(FIGURES) == list(range(1, 37))
+    numbers = [number for picture in PICTURES for number in picture["figures"]]
+    assert len(numbers) == len(set(numbers))
+
+
+def test_every_picture_is_drawn_by_its_function():
+    assert [picture["name"] for picture in PICTURES] == list(DRAWINGS)
+
+
+@pytest.mark.parametrize("picture", PICTURES, ids=lambda picture: picture["name"])
+def test_panels_name_their_figure_and_axes_their_units(results, picture):
+    figure = DRAWINGS[picture["name"]](results)
+    titles = [ax.get_title(loc="left") for ax in figure.axes]
+    named = {int(n) for title in titles for n in re.findall(r"Fig\. (\d+)", title)}
+    # of pictures of several rows the first panel of a column names the figure
+    assert named == set(picture["figures"])
+    labels = [figure.get_supxlabel(), figure.get_supylabel()]
+    labels += [text for ax in figure.axes for text in (ax.get_xlabel(), ax.get_ylabel())]
+    labels += [part.get_supylabel() for part in figure.subfigs]
+    assert any(re.search(r" in |dB re", label) for label in labels)
+
+
+def test_energy_panel_holds_the_lines(results):
+    figure = DRAWINGS["energy_of_reference"](results)
+    heights = figure.axes[0].lines[0].get_ydata()
+    odd = 1e6 * results.reference.energy[1:16:2]
+    assert all(np.isclose(heights, value).any() for value in odd)
+
+
+def test_files(report):
+    names = {path.name for path in report.files}
+    assert {"study.html", "claims.csv", "sweeps.csv", "figures.csv"} < names
+    assert sum(name.endswith(".png") for name in names) == len(PICTURES)
+    for path in report.files:
+        assert path.stat().st_size > 0
+
+
+def test_page_is_whole_and_needs_nothing_else(report):
+    page = report.page.read_text(encoding="utf-8")
+    assert page.count("data:image/png;base64,") == len(PICTURES)
+    assert not re.search(r"(src|href)=\"(https?:|[^#d\"])", page)
+    for number in range(1, 37):
+        assert f"Figure {number}:" in page
+    for entry in report.judged:
+        assert f'id="claim-{entry.claim.key}"' in page
+
+
+def test_claims_table(report):
+    with (report.page.parent / "claims.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert {row["claim"] for row in rows} == {entry.claim.key for entry in report.judged}
+    peaks = [row for row in rows if row["claim"] == "8b"]
+    assert [float(row["expected"]) for row in peaks][:3] == [646, 388, 276]
+
+
+def test_sweeps_table(report):
+    with (report.page.parent / "sweeps.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 8 + 9 + 9
+    assert all(float(row["error_bound"]) <= 1e-9 for row in rows)
+
+
+def test_lines_tell_every_claim(report):
+    text = "\n".join(report.lines())
+    for entry in report.judged:
+        assert re.search(rf"^{entry.claim.key}\s+{entry.verdict.upper()}", text, re.M)
+    assert max(len(line) for line in report.lines()[:-2]) <= 100
+    json.dumps(report.to_dict(), allow_nan=False)
+
+
+def test_unusable_folder(tmp_path):
+    file = tmp_path / "file"
+    file.write_text("")
+    with pytest.raises(ArgumentError, match="cannot make this folder"):
+        write_study(file / "inside")
+
+
+def test_pictures_of_the_same_results_are_the_same(results, tmp_path):
+    for name in ("one.png", "two.png"):
+        save_picture("mesh_force", results, tmp_path / name)
+    assert (tmp_path / "one.png").read_bytes() == (tmp_path / "two.png").read_bytes()
+
+
+def test_decibels():
+    np.testing.assert_allclose(decibels([1.0, 10.0, 0.0]), [0.0, 20.0, -400.0])
+
+
+def test_shades_are_ordered_in_lightness():
+    weights = np.array([0.2126, 0.7152, 0.0722])
+    lightness = [float(weights @ np.array(colour[:3])) for colour in shades(9)]
+    assert lightness == sorted(lightness)
+
+
+@pytest.mark.parametrize(
+    ("item", "text"),
+    [
+        (Evidence(quantity="", ours=1.0), ""),
+        (Evidence(quantity="", ours=1.0, expected=1.0), "< 0.01 %"),
+        (Evidence(quantity="", ours=1.1, expected=1.0), "+10.00 %"),
+        (Evidence(quantity="", ours=2e-9, expected=0.0), "2.00e-09"),
+    ],
+)
+def test_shown_difference(item, text):
+    assert shown_difference(item) == text
+
+
+def test_shown_number():
+    assert [shown_number(v) for v in (0.0, 1234.56, 2e6)] == ["0", "1235", "2.00e+06"]
