@@ -129,7 +129,7 @@ def _followed(mesh: Mesh, harmonic: int) -> tuple[Fraction, ...]:
     return group_orders(mesh, harmonic)
 
 
-def judge(heard: Heard, track: AngleTrack, reach: float = _JUDGED_REACH) -> Tracking:
+def judge(heard: Heard, track: AngleTrack) -> Tracking:
     """Judge the meshes on a scan about a track whose speed changes or is far from nominal.
 
     Parameters
@@ -138,8 +138,6 @@ def judge(heard: Heard, track: AngleTrack, reach: float = _JUDGED_REACH) -> Trac
         The recording.
     track : AngleTrack
         Angle of shaft 1.
-    reach : float
-        How far its speed may be off, as a fraction.
 
     Returns
     -------
@@ -152,14 +150,14 @@ def judge(heard: Heard, track: AngleTrack, reach: float = _JUDGED_REACH) -> Trac
     block_s = min(_JUDGED_TURNS / float(speed.mean()), 0.25 * heard.last_s)
     comb = machine_comb(heard.train, heard.nominal_hz)
     scan = scan_speed(
-        heard.samples, heard.rate, comb, heard.nominal_hz, reach, block_s, around=around
+        heard.samples, heard.rate, comb, heard.nominal_hz, _JUDGED_REACH, block_s, around=around
     )
     centre_hz = float(np.mean(scan.middle_hz))
     return Tracking(
         track=track,
         nominal_hz=heard.nominal_hz,
         scan=scan,
-        evidence=evidence_of(heard, scan, centre_hz, reach),
+        evidence=evidence_of(heard, scan, centre_hz, _JUDGED_REACH),
     )
 
 

@@ -113,7 +113,7 @@ def _with_tacho(recording: Recording, index: int, ear: _Ear) -> Tracking:
     """Track by the pulses of one channel and the lines between them."""
     tacho = _Tacho.of(recording, index, ear.machine, ear.heard)
     if _departs(tacho.track, ear.heard.nominal_hz):
-        found = judge(ear.heard, tacho.track, TACHO_REACH)
+        found = judge(ear.heard, tacho.track)
         if not recording.tacho_told:
             _check_believed(found, ear)
     else:
