@@ -16,10 +16,10 @@ _HOMES = {
     "load_machine": "gearmon.machine",
     "Recording": "gearmon.signals.recording",
     "read_recording": "gearmon.signals.recording",
-    "open_recording": "gearmon.signals.streaming",
-    "time_synchronous_average": "gearmon.signals.tsa",
-    "angular_waveform": "gearmon.signals.angular_waveform",
-    "order_map": "gearmon.signals.order_map",
+    "open_recording": "gearmon.signals.recording",
+    "time_synchronous_average": "gearmon.signals.orders.averages",
+    "angular_waveform": "gearmon.signals.orders.resampling",
+    "order_map": "gearmon.signals.orders.maps",
     "Signature": "gearmon.signatures.signature",
     "read_signature": "gearmon.signatures.signature",
     "write_signature": "gearmon.signatures.signature",
@@ -57,12 +57,12 @@ if TYPE_CHECKING:
     from gearmon.machine import Machine as Machine
     from gearmon.machine import load_machine as load_machine
     from gearmon.report.html import write_report as write_report
-    from gearmon.signals.angular_waveform import angular_waveform as angular_waveform
-    from gearmon.signals.order_map import order_map as order_map
+    from gearmon.signals.orders import angular_waveform as angular_waveform
+    from gearmon.signals.orders.averages import time_synchronous_average as time_synchronous_average
+    from gearmon.signals.orders.maps import order_map as order_map
     from gearmon.signals.recording import Recording as Recording
+    from gearmon.signals.recording import open_recording as open_recording
     from gearmon.signals.recording import read_recording as read_recording
-    from gearmon.signals.streaming import open_recording as open_recording
-    from gearmon.signals.tsa import time_synchronous_average as time_synchronous_average
     from gearmon.signatures.expected.baseline import expected_signature as expected_signature
     from gearmon.signatures.expected.fault_family import fault_family as fault_family
     from gearmon.signatures.expected.faulty_teeth import loss_response as loss_response

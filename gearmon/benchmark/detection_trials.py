@@ -27,8 +27,8 @@ from gearmon.diagnosis.hypotheses.own_teeth import locate
 from gearmon.diagnosis.results import Analysis, Flag
 from gearmon.errors import GearmonError
 from gearmon.signals import indicators
+from gearmon.signals.indicators import RunHistory, na4_frozen
 from gearmon.signals.recording import Recording
-from gearmon.signals.run_history import RunHistory, na4_frozen
 from gearmon.signatures.measured.gear_signals import gear_signals
 from gearmon.signatures.measured.measurement import MeasuredSignature
 from gearmon.signatures.measured.reference import Profile, Reference

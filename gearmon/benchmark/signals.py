@@ -18,12 +18,9 @@ from gearmon.benchmark.timing import Timing, competitor, interleaved, machine_fa
 from gearmon.benchmark.whole_process import example_machine, long_csv
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine
-from gearmon.signals.envelope import envelope_spectrum
-from gearmon.signals.fine_spectrum import fine_order_spectrum
-from gearmon.signals.kurtogram import kurtogram
-from gearmon.signals.order_lines import order_lines
+from gearmon.signals.orders import fine_order_spectrum, order_lines
 from gearmon.signals.recording import Recording, read_recording
-from gearmon.signals.spectrum import amplitude_spectrum, power_density
+from gearmon.signals.spectra import amplitude_spectrum, envelope_spectrum, kurtogram, power_density
 from gearmon.signals.transforms import batch
 from gearmon.signatures.measured.indicators import indicator_table
 from gearmon.signatures.measured.measurement import LEAKAGE, PIECES_HEARD, MeasuredSignature

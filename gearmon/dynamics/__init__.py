@@ -1,4 +1,4 @@
-"""Hill's equation of a gear mesh and its solvers; knows numbers, not gears.
+"""Hill's equation of one gear mesh, or of several in one machine; knows numbers, not gears.
 
 `steady_state` solves one problem, `ManySets` thousands; `expand` shows the orders of the expansion
 and `transient` what happens before the steady state. Names load their module when first used. More
@@ -16,35 +16,48 @@ from typing import TYPE_CHECKING, Any
 
 from gearmon.dynamics.hill import HillProblem, Response
 from gearmon.dynamics.steady_state import Method, steady_state
+from gearmon.dynamics.system import HillSystem, SystemResponse
 
 if TYPE_CHECKING:
+    from gearmon.dynamics.combinations import combination_tongues as combination_tongues
     from gearmon.dynamics.integration import settle as settle
     from gearmon.dynamics.integration import shoot as shoot
     from gearmon.dynamics.motion import transient as transient
     from gearmon.dynamics.multiple_scales import expand as expand
+    from gearmon.dynamics.piecewise import PiecewiseProblem as PiecewiseProblem
     from gearmon.dynamics.piecewise import solve_exactly as solve_exactly
-    from gearmon.dynamics.piecewise_problem import PiecewiseProblem as PiecewiseProblem
+    from gearmon.dynamics.planetary import Body as Body
+    from gearmon.dynamics.planetary import PlanetarySet as PlanetarySet
     from gearmon.dynamics.resonance import forced_resonance as forced_resonance
     from gearmon.dynamics.resonance import parametric_resonance as parametric_resonance
-    from gearmon.dynamics.shaft_faults import split_fault as split_fault
     from gearmon.dynamics.stability import stability_chart as stability_chart
     from gearmon.dynamics.sweep import ManySets as ManySets
 
 _HOMES = {
+    "Body": "planetary",
     "ManySets": "sweep",
-    "PiecewiseProblem": "piecewise_problem",
+    "PiecewiseProblem": "piecewise",
+    "PlanetarySet": "planetary",
+    "combination_tongues": "combinations",
     "expand": "multiple_scales",
     "forced_resonance": "resonance",
     "parametric_resonance": "resonance",
     "settle": "integration",
     "shoot": "integration",
     "solve_exactly": "piecewise",
-    "split_fault": "shaft_faults",
     "stability_chart": "stability",
     "transient": "motion",
 }
 
-__all__ = ["HillProblem", "Method", "Response", "steady_state", *sorted(_HOMES)]
+__all__ = [
+    "HillProblem",
+    "HillSystem",
+    "Method",
+    "Response",
+    "SystemResponse",
+    "steady_state",
+    *sorted(_HOMES),
+]
 
 
 def __getattr__(name: str) -> Any:

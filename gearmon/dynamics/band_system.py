@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gearmon.dynamics.error_bound import peak
 from gearmon.dynamics.fourier import Complex, Real
 
 if TYPE_CHECKING:
@@ -40,6 +39,12 @@ def two_sided(highest: int) -> Real:
     numbers = np.arange(-highest, highest + 1, dtype=float)
     numbers.flags.writeable = False
     return numbers
+
+
+def peak(zeta: float) -> float:
+    """Largest 1/|D|, and largest x^2/|D|, over all real frequencies; zeta > 0."""
+    inner = min(zeta, math.sqrt(0.5))
+    return 1 / (2 * inner * math.sqrt(1 - inner * inner))
 
 
 @cache

@@ -1,209 +1,239 @@
-"""How large the error of an approximate vibration can be, from its residual.
+"""How large the error of an approximate vibration can be, from its residual; many sets at once.
 
 Write the equation as L z = z'' + 2 zeta z' + (1 + phi) z = g in the dimensionless time s = w0 t,
 the approximation y, its residual r = g - L y and its error e = z - y = L^{-1} r. All of r is
 known. A number `gain` with ||(L^{-1} r)''|| <= gain ||r|| for every periodic r then bounds the
-error of the acceleration. Three such numbers are computed here:
+error of the acceleration. The cheapest of three such numbers that is not loose is taken:
 
 small gain
     L = (D + b) + (phi - b) with D diagonal over the harmonics and b midway between the extremes of
     phi. If max|phi - b| max 1/|D_n + b| < 1 the Neumann series of L^{-1} converges and gives the
     gain; the same with all real frequencies instead of the harmonics proves stability (circle
     criterion).
+energy
+    With v = z' + zeta z, q = 1 - zeta^2 + phi > 0 and E = q^{1/2} z^2 + q^{-1/2} v^2 (the adiabatic
+    invariant of a slowly varying spring), (E^{1/2})' <= (|q'|/(4 q) - zeta) E^{1/2} + q^{-1/4} |r|.
+    If the total variation V of ln q in a period stays below 8 pi R zeta, every free vibration dies
+    out and, with margin = zeta - V/(8 pi R),
+
+        ||E^{1/2}|| <= e^{V/4} max q^{-1/4} ||r||/margin.
+
+    So light damping is enough where the natural vibration is fast beside the mesh.
 Floquet
-    With the state x = (z, z' + q z) and the periodic change of variables x = P(s) y that makes the
-    matrix constant, each component of y is a scalar equation whose gain is 1/|in/R - exponent|
-    exactly. The gain of L^{-1} is at most cond(P) times the larger of the two. What the step
-    matrices neglect is the small rest of `floquet`, and is added by a Neumann argument.
+    From the Floquet form of the equation, see `floquet`.
 
-dense
-    The matrix of the harmonics that |D_n| does not dominate is inverted outright, the others are
-    added by a Neumann argument. Only for small problems of which the other two know too little:
-    strong damping with a stiffness that turns negative.
-
-Sizes are those of exact arithmetic; rounding enters through the residual, see `steady_state`.
+Sizes are those of exact arithmetic; rounding enters through the residual, see `certificate`.
+Numbers of the sets have the shape (B,); all of them share phi but for a factor `scale`.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 
-from gearmon.dynamics import floquet
-from gearmon.dynamics.fourier import Complex, middle_and_swing, supremum, with_zero_mean
+from gearmon.dynamics import floquet, period_trace
+from gearmon.dynamics.fourier import (
+    Complex,
+    Modulation,
+    Real,
+    fast_length,
+    middle_and_swing,
+    rms,
+    samples,
+    supremum,
+    with_zero_mean,
+)
 
-MOST_DENSE = 300
-
-
-@dataclass(frozen=True, kw_only=True)
-class Gain:
-    """A bound of the inverse operator.
-
-    Attributes
-    ----------
-    acceleration : float
-        ||(L^{-1} r)''|| <= acceleration ||r||, rms over the period, in units of w0^2 z. Infinite if
-        none is known.
-    source : str
-        "small gain", "Floquet", "dense" or "none".
-    stable : bool or None
-        True if free vibrations die out, None if that was not settled here.
-    """
-
-    acceleration: float
-    source: str
-    stable: bool | None
+#: A gain this many times the response of the mean spring is worth improving.
+LOOSE = 1e3
 
 
-def dynamic_stiffness(ratio: float, zeta: float, highest: int) -> Complex:
-    """D_n = 1 - (n/R)^2 + 2 i zeta n/R for n = 0..highest, relative to the mean stiffness."""
-    x = np.arange(highest + 1) / ratio
-    return (1 - x**2) + 2j * zeta * x
-
-
-def best_gain(ratio: float, zeta: float, harmonics: Complex) -> Gain:
-    """Cheapest gain that is of use.
+@dataclass(frozen=True, eq=False)
+class Pattern:
+    """Sizes of phi over the angle x = w t, each proven for all angles.
 
     Parameters
     ----------
-    ratio : float
-        R = w0/w > 0.
-    zeta : float
-        Damping ratio >= 0.
     harmonics : complex ndarray, shape (J,)
-        c_1..c_J of phi.
+        c_1..c_J.
     """
-    cheap = small_gain(ratio, zeta, harmonics)
-    if cheap is not None and cheap.stable:
-        return cheap
-    form = floquet_gain(ratio, zeta, harmonics)
-    if form.stable is not False and form.acceleration > 1e4:
-        dense = dense_gain(ratio, zeta, harmonics)
-        if dense is not None and dense.acceleration < form.acceleration:
-            return dense
-    if form.stable is None:
-        multiplier = abs(floquet.multipliers(ratio, zeta, harmonics)[0])
-        return Gain(acceleration=math.inf, source="none", stable=multiplier < 1)
-    return form
+
+    harmonics: Complex
+    #: products by phi made so far, by their sizes
+    products: dict[tuple[int, int, float, bool], Modulation] = field(default_factory=dict)
+
+    @cached_property
+    def highest(self) -> float:
+        """Bound of max|phi|."""
+        return supremum(with_zero_mean(self.harmonics)) if len(self.harmonics) else 0.0
+
+    @cached_property
+    def size(self) -> float:
+        """Rms of phi."""
+        return rms(with_zero_mean(self.harmonics))
+
+    @cached_property
+    def middle_and_swing(self) -> tuple[float, float]:
+        """A number b midway between the extremes of phi, and a bound of max|phi - b|."""
+        return middle_and_swing(self.harmonics) if len(self.harmonics) else (0.0, 0.0)
+
+    @cached_property
+    def _slopes(self) -> Complex:
+        return with_zero_mean(1j * np.arange(1, len(self.harmonics) + 1) * self.harmonics)
+
+    @cached_property
+    def slope(self) -> float:
+        """Bound of max |dphi/dx|."""
+        return supremum(self._slopes) if len(self.harmonics) else 0.0
+
+    @cached_property
+    def variation(self) -> float:
+        """Bound of the total variation of phi in a period."""
+        count = len(self.harmonics)
+        if not count:
+            return 0.0
+        curvature = supremum(1j * np.arange(count + 1) * self._slopes)
+        length = fast_length(max(512, 32 * count))
+        grid = samples(with_zero_mean(self.harmonics), length)
+        # phi' has at most 2 J zeros, and only a step with a zero varies more than its ends show
+        seen = float(np.abs(np.diff(grid, append=grid[:1])).sum())
+        proven = seen + count * (2 * math.pi / length) ** 2 * curvature
+        return min(proven, 2 * math.pi * rms(self._slopes))
 
 
-def small_gain(ratio: float, zeta: float, harmonics: Complex) -> Gain | None:
-    """Gain by the Neumann series, or None where it does not converge.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Gain:
+    """Bounds of the inverse operators of some sets; arrays have the shape (B,).
+
+    Attributes
+    ----------
+    acceleration : float ndarray
+        ||(L^{-1} r)''|| <= acceleration ||r||, rms over the period, in units of w0^2 z. Infinite if
+        none is known.
+    stable : bool ndarray
+        Whether free vibrations die out: proven where the gain is finite, else by the multipliers.
+    growth : float ndarray
+        ln of the larger multiplier's modulus where free vibrations grow, infinite where nothing
+        damps them, else nan.
+    """
+
+    acceleration: Real
+    stable: npt.NDArray[np.bool_]
+    growth: Real
+
+
+def best_gain(ratio: Real, zeta: Real, scale: Real, pattern: Pattern) -> Gain:
+    """Cheapest gain of every set that is of use.
+
+    Parameters
+    ----------
+    ratio, zeta, scale : float ndarray, shape (B,)
+        R = w0/w > 0, damping ratio >= 0, factor of phi >= 0.
+    pattern : Pattern
+        Of phi.
+    """
+    damped = zeta > 0
+    growth = np.where(damped, np.nan, np.inf)
+    gain, response = small_gain(ratio, zeta, scale, pattern)
+    loose = np.flatnonzero(damped & (gain > LOOSE * response))
+    if len(loose):
+        energy = energy_gain(ratio[loose], zeta[loose], scale[loose], pattern)
+        gain[loose] = np.minimum(gain[loose], energy)
+        loose = loose[gain[loose] > LOOSE * response[loose]]
+    if len(loose):
+        shape = floquet.Shape(pattern.harmonics, pattern.highest, pattern.slope)
+        better, growth[loose] = floquet.gain(ratio[loose], zeta[loose], scale[loose], shape)
+        gain[loose] = np.minimum(gain[loose], better)
+    gain = np.where(damped & np.isnan(growth), gain, np.inf)
+    left = np.flatnonzero(np.isinf(gain) & np.isnan(growth))
+    if len(left):
+        value, log = period_trace.of_fourier(
+            ratio[left], scale[left], zeta[left], pattern.harmonics, 1e-9
+        )
+        excess = period_trace.growth(value, log) - 2 * math.pi * ratio[left] * zeta[left]
+        growth[left] = np.where(excess < 0, np.nan, excess)
+    return Gain(acceleration=gain, stable=np.isnan(growth), growth=growth)
+
+
+def small_gain(ratio: Real, zeta: Real, scale: Real, pattern: Pattern) -> tuple[Real, Real]:
+    """Gains by the Neumann series, infinite where it fails to prove stability, and bare responses.
+
+    Parameters
+    ----------
+    ratio, zeta, scale, pattern
+        As in `best_gain`.
+
+    Returns
+    -------
+    (float ndarray, float ndarray)
+        Gain; and max (n/R)^2/|D_n + b|, the gain without variation.
 
     Examples
     --------
-    >>> import numpy as np
-    >>> small_gain(13.6, 0.3, np.array([0.08 + 0j])).stable
+    >>> one = np.ones(1)
+    >>> bool(np.isfinite(small_gain(13.6 * one, 0.3 * one, one, Pattern(np.array([0.08])))[0]))
     True
     """
-    middle, swing = middle_and_swing(harmonics) if len(harmonics) else (0.0, 0.0)
-    if middle <= -1:
-        return None
-    # (1 + middle) times the operator of this stiffness and of the damping ratio that goes with it
-    largest = peak(zeta / math.sqrt(1 + middle))
-    stable = swing * largest < 1 + middle
-    softest, response = _responses(ratio, zeta, middle)
-    loop = swing * softest
-    if loop >= 1:
-        return None
-    return Gain(
-        acceleration=response / (1 - loop), source="small gain", stable=True if stable else None
-    )
-
-
-def _responses(ratio: float, zeta: float, middle: float) -> tuple[float, float]:
-    """Largest 1/|D_n + middle|, and (n/R)^2/|D_n + middle| at most 13 % above, over harmonics."""
-    highest = math.ceil(3 * ratio * math.sqrt(1 + middle)) + 2
-    stiffness = np.abs(dynamic_stiffness(ratio, zeta, highest) + middle)
-    squares = (np.arange(len(stiffness)) / ratio) ** 2
-    # beyond three times resonance the first only falls, the second stays below 9/8
+    middle, swing = (scale * size for size in pattern.middle_and_swing)
+    # (1 + b) times the operator of this stiffness and of the R and zeta that go with it
+    rest = np.where(middle > -1, 1 + middle, 1.0)
+    ratio, zeta, swing = ratio * np.sqrt(rest), zeta / np.sqrt(rest), swing / rest
+    bend = 1 - 2 * zeta**2
+    softest, response = np.zeros_like(ratio), np.ones_like(ratio)
+    # |D|^2 and |D|^2/x^4 are parabolas in x^2 and 1/x^2: least at a neighbour of their vertex
     with np.errstate(divide="ignore"):
-        return float((1 / stiffness).max()), max(float((squares / stiffness).max()), 1.125)
+        for side in (np.floor, np.ceil):
+            x = side(ratio * np.sqrt(np.maximum(bend, 0.0))) / ratio
+            softest = np.maximum(softest, 1 / _stiffness(x, zeta))
+            x = side(ratio / np.sqrt(np.where(bend > 0, bend, 1.0))) / ratio
+            response = np.maximum(response, np.where(bend > 0, x**2 / _stiffness(x, zeta), 1.0))
+        loop = np.where(swing > 0, swing * softest, 0.0)
+        proven = (middle > -1) & (loop < 1) & (np.where(swing > 0, swing * peak(zeta), 0.0) < 1)
+    gain = np.where(proven, response / np.where(proven, 1 - loop, 1.0), np.inf)
+    return gain, response
 
 
-def peak(zeta: float) -> float:
+def convergence(zeta: Real, scale: Real, pattern: Pattern) -> Real:
+    """Factor by which every order of the expansion about 1 + b is certainly smaller, shape (B,)."""
+    middle, swing = (scale * size for size in pattern.middle_and_swing)
+    rest = np.maximum(1 + middle, 1e-300)
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.asarray(np.where(swing > 0, swing * peak(zeta / np.sqrt(rest)) / rest, 0.0))
+
+
+def peak(zeta: Real | float) -> Real:
     """Largest 1/|D|, and largest x^2/|D|, over all real frequencies.
 
     Parameters
     ----------
-    zeta : float
+    zeta : float or float ndarray
         Damping ratio >= 0; without damping the peak is infinite.
     """
-    if zeta >= math.sqrt(0.5):
-        return 1.0
-    return 1 / (2 * zeta * math.sqrt(1 - zeta * zeta)) if zeta > 0 else math.inf
+    inner = np.minimum(zeta, math.sqrt(0.5))
+    with np.errstate(divide="ignore"):
+        return np.asarray(1 / (2 * inner * np.sqrt(1 - inner * inner)))
 
 
-def floquet_gain(ratio: float, zeta: float, harmonics: Complex) -> Gain:
-    """Gain from the Floquet form of the equation; its `acceleration` is infinite if unstable."""
-    swing = supremum(with_zero_mean(harmonics))
-    steepness = floquet.slope(ratio, harmonics)
-    count = _first_count(ratio, zeta, len(harmonics), steepness)
-    most = min(floquet.MOST_STEPS, 30 * count)
-    while count <= most:
-        form = floquet.floquet_form(ratio, zeta, harmonics, count)
-        if form.margin <= 0:
-            return Gain(acceleration=math.inf, source="none", stable=False)
-        # P between the steps, from its values at the steps: logarithmic norm of the matrix
-        within = form.length * (math.hypot(zeta + form.rest, swing / 2 + zeta * form.rest) + zeta)
-        state = form.state_gain * math.exp(2 * within)
-        loop = state * _rest_norm(form.rest, zeta)
-        if loop < 0.5:
-            force = math.hypot(1 + swing + 2 * zeta * form.rest, 2 * zeta)
-            acceleration = 1 + force * state / (1 - loop)
-            return Gain(acceleration=float(acceleration), source="Floquet", stable=True)
-        count = math.ceil(count * min(8.0, 1.1 * math.sqrt(loop / 0.4)))
-    return Gain(acceleration=math.inf, source="none", stable=None)
+def _stiffness(x: Real, zeta: Real) -> Real:
+    return np.asarray(np.hypot(1 - x**2, 2 * zeta * x))
 
 
-def _first_count(ratio: float, zeta: float, highest: int, steepness: float) -> int:
-    """Count steps short enough for the rest to be small beside a resonance at this damping."""
-    period = 2 * math.pi * ratio
-    for_rest = math.sqrt(steepness * (1 + zeta) / max(zeta, 1e-6))
-    return math.ceil(max(16, 2 * highest + 2, period * max(3 * (1 + zeta), for_rest)))
-
-
-def _rest_norm(rest: float, zeta: float) -> float:
-    """Norm of what the step matrices leave out; q less its mean is at most twice `rest`."""
-    return 2 * rest * (1 + 2 * zeta) + rest**2
-
-
-def dense_gain(ratio: float, zeta: float, harmonics: Complex) -> Gain | None:
-    """Gain from the inverse of the matrix of harmonics -M..M, or None if it is large or fails."""
-    swing = supremum(with_zero_mean(harmonics))
-    highest = math.ceil(ratio * math.sqrt(1 + 2 * swing)) + len(harmonics) + 1
-    while highest <= MOST_DENSE:
-        inverse, edge = _inverse_norms(ratio, zeta, harmonics, highest)
-        outer = 1 / abs(complex(dynamic_stiffness(ratio, zeta, highest + 1)[-1]))
-        chain = outer / (1 - outer * swing) if outer * swing < 1 else math.inf
-        loop = edge * swing**2 * chain
-        if loop < 0.5:
-            inside = (inverse + edge * swing * chain) / (1 - loop)
-            whole = inside + chain * (1 + swing * inside)
-            acceleration = _responses(ratio, zeta, 0.0)[1] * (1 + swing * whole)
-            multiplier = abs(floquet.multipliers(ratio, zeta, harmonics)[0])
-            return Gain(acceleration=acceleration, source="dense", stable=multiplier < 1)
-        highest = math.ceil(1.5 * highest)
-    return None
-
-
-def _inverse_norms(
-    ratio: float, zeta: float, harmonics: Complex, highest: int
-) -> tuple[float, float]:
-    """Norms of the inverse and of its columns that the harmonics left out can reach."""
-    half = dynamic_stiffness(ratio, zeta, highest)
-    size = 2 * highest + 1
-    row = np.zeros(2 * size - 1, dtype=complex)
-    c = harmonics[: size - 1]
-    row[size : size + len(c)] = c
-    row[size - 1 - len(c) : size - 1] = c[::-1].conj()
-    matrix = np.lib.stride_tricks.sliding_window_view(row, size)[:, ::-1].copy()
-    matrix[np.diag_indices(size)] += np.concatenate([half[:0:-1].conj(), half])
-    inverse = np.linalg.inv(matrix)
-    reached = np.abs(np.arange(-highest, highest + 1)) > highest - len(harmonics)
-    # norms that bound the spectral one without a singular value decomposition
-    sizes = np.abs(inverse)
-    whole = math.sqrt(float(sizes.sum(axis=0).max()) * float(sizes.sum(axis=1).max()))
-    return whole, float(np.linalg.norm(inverse[:, reached]))
+def energy_gain(ratio: Real, zeta: Real, scale: Real, pattern: Pattern) -> Real:
+    """Gains by the adiabatic invariant, infinite where it proves nothing; as in `best_gain`."""
+    swing, variation = scale * pattern.highest, scale * pattern.variation
+    low, high = 1 - zeta**2 - swing, 1 - zeta**2 + swing
+    useful = low > 0
+    low, high = np.where(useful, low, 1.0), np.where(useful, high, 1.0)
+    margin = zeta - variation / (8 * math.pi * ratio * low)
+    useful &= margin > 0
+    with np.errstate(over="ignore"):
+        state = np.exp(variation / (4 * low)) * low**-0.25 / np.where(useful, margin, 1.0)
+        force = np.hypot(
+            2 * zeta * high**0.25,
+            np.maximum(np.abs(low - zeta**2) * low**-0.25, np.abs(high - zeta**2) * high**-0.25),
+        )
+        return np.where(useful, 1 + force * state, np.inf)

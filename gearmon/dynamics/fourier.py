@@ -16,6 +16,10 @@ import numpy.typing as npt
 Complex = npt.NDArray[np.complex128]
 Real = npt.NDArray[np.float64]
 
+#: Spectra and harmonics for which one product of matrices takes less time than transforms
+#: (measured: 0.8 against 4 microseconds a spectrum of 60 harmonics, equal at about 250).
+FEWEST_FOR_A_MATRIX, LARGEST_MATRIX = 32, 250
+
 
 @lru_cache(maxsize=256)
 def fast_length(least: int) -> int:
@@ -41,8 +45,16 @@ def fast_length(least: int) -> int:
 
 def rms(half: Complex | Real) -> float:
     """Root mean square of the function with coefficients `half`, shape (N+1,)."""
-    squares = half.real**2 + half.imag**2
-    return math.sqrt(2.0 * float(squares.sum()) - float(squares[0]))
+    return float(rms_of_each(half))
+
+
+def rms_of_each(half: Complex | Real) -> Real:
+    """Root mean squares of functions with coefficients `half`, shape (..., N+1)."""
+    rows = np.ascontiguousarray(half)
+    parts = rows.view(float) if np.iscomplexobj(rows) else rows
+    total: Real = np.einsum("...n,...n->...", parts, parts)
+    first = rows[..., 0]
+    return np.asarray(np.sqrt(2.0 * total - (first.real**2 + first.imag**2)))
 
 
 def samples(half: Complex, length: int) -> Real:
@@ -52,8 +64,8 @@ def samples(half: Complex, length: int) -> Real:
 
 def with_zero_mean(harmonics: Complex, count: int | None = None) -> Complex:
     """Half spectrum 0, c_1, ..., c_count of a modulation given as c_1..c_J."""
-    kept = harmonics if count is None else harmonics[:count]
-    return np.concatenate([np.zeros(1, dtype=complex), kept])
+    kept = harmonics if count is None else harmonics[..., :count]
+    return np.concatenate([np.zeros((*kept.shape[:-1], 1), dtype=complex), kept], axis=-1)
 
 
 class Modulation:
@@ -61,24 +73,37 @@ class Modulation:
 
     Parameters
     ----------
-    harmonics : complex ndarray, shape (J,)
-        c_1..c_J.
+    harmonics : complex ndarray, shape (..., J)
+        c_1..c_J; leading axes, as of several meshes, are those of the factor.
     inputs, outputs : int
         Highest harmonic of the factor, and highest harmonic of the product that is wanted.
+    sets : int
+        How many spectra are multiplied at once: for many a matrix is faster than transforms.
+    middle : float
+        phi - middle is multiplied by.
     """
 
-    def __init__(self, harmonics: Complex, inputs: int, outputs: int) -> None:
+    def __init__(
+        self, harmonics: Complex, inputs: int, outputs: int, sets: int = 1, middle: float = 0.0
+    ) -> None:
         # a harmonic above inputs + outputs cannot carry any input to any wanted output
         kept = with_zero_mean(harmonics, inputs + outputs)
         self.outputs = outputs
-        self.length = fast_length(inputs + len(kept) + outputs)
-        self.values = samples(kept, self.length)
+        self.length = fast_length(inputs + kept.shape[-1] + outputs)
+        self.values = samples(kept, self.length) - middle
+        self.matrix: Real | None = None
+        if sets >= FEWEST_FOR_A_MATRIX and inputs <= LARGEST_MATRIX:
+            unit = self(np.eye(2 * inputs + 2).view(complex))
+            self.matrix = np.ascontiguousarray(unit).view(float)
 
     def __call__(self, half: Complex) -> Complex:
-        """Return harmonics 0..outputs of phi y."""
+        """Return harmonics 0..outputs of phi y, shape (..., outputs+1)."""
+        if self.matrix is not None:
+            rows: Complex = (np.ascontiguousarray(half).view(float) @ self.matrix).view(complex)
+            return rows
         y = np.fft.irfft(half, self.length, norm="forward")
         y *= self.values
-        product: Complex = np.fft.rfft(y, norm="forward")[: self.outputs + 1]
+        product: Complex = np.fft.rfft(y, norm="forward")[..., : self.outputs + 1]
         return product
 
 

@@ -175,6 +175,56 @@ def frozen_vector(name: str, values: npt.ArrayLike) -> Complex:
     return vector
 
 
+UNITS = {
+    "mass_kg": "kg",
+    "damping_ns_per_m": "N s/m",
+    "stiffness_n_per_m": "N/m",
+    "period_s": "s",
+    "force_n": "N",
+    "scale": "",
+}
+
+
+def broadcast_values(
+    values: dict[str, npt.ArrayLike], axes: tuple[int, ...] = ()
+) -> dict[str, Real]:
+    """Values of many sets by their names in `UNITS`, checked and broadcast against each other.
+
+    Parameters
+    ----------
+    values : dict of str to float array
+    axes : tuple of int
+        Shape of what else broadcasts with them.
+    """
+    for name in values:
+        if name not in UNITS:
+            raise ArgumentError(f"{name}: is none of {', '.join(UNITS)}")
+    checked = {name: _checked_array(name, value) for name, value in values.items()}
+    try:
+        shape = np.broadcast_shapes(axes, *(value.shape for value in checked.values()))
+    except ValueError:
+        shapes = {name: value.shape for name, value in checked.items()}
+        shapes["stiffness_harmonics without its last axis"] = axes
+        listed = ", ".join(f"{name} {shape}" for name, shape in shapes.items() if shape)
+        raise ArgumentError(f"shapes do not broadcast together: {listed}") from None
+    return {name: np.broadcast_to(value, shape) for name, value in checked.items()}
+
+
+def _checked_array(name: str, values: npt.ArrayLike) -> Real:
+    """Return values as floats, or raise with the first that is out of its range."""
+    numbers = np.asarray(values, dtype=float)
+    positive, signed = name in ("mass_kg", "stiffness_n_per_m", "period_s"), name == "force_n"
+    bad = ~np.isfinite(numbers) | (positive & (numbers <= 0)) | ((numbers < 0) & (not signed))
+    if bad.any():
+        where = tuple(int(i) for i in np.argwhere(bad)[0])
+        index = f"[{', '.join(map(str, where))}]" if where else ""
+        shown = f"{name}{index}={numbers[where]}{f' {UNITS[name]}' if UNITS[name] else ''}"
+        if not math.isfinite(numbers[where]):
+            raise ArgumentError(f"{shown} must be a finite number")
+        raise ArgumentError(f"{shown} must be {'> 0' if positive else '>= 0'}")
+    return numbers
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Response:
     """Steady vibration of a `HillProblem`.

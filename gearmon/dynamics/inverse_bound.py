@@ -26,8 +26,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gearmon.dynamics.band_system import NEAR_ONE, BandSystem, counting
-from gearmon.dynamics.error_bound import peak
+from gearmon.dynamics.band_system import NEAR_ONE, BandSystem, counting, peak
 from gearmon.dynamics.fourier import Complex, supremum, with_zero_mean
 
 FARTHEST = 1 << 40

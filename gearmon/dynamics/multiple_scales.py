@@ -22,13 +22,26 @@ It is offered as `small_damping`. It diverges where 2 zeta n/R > |D_n|, that is 
 where n w = w0 makes the right side secular: there use `resonance.forced_resonance`. The damping
 ratio of meshes (0.03 to 0.3) is not small beside the variation of stiffness, which is why it is in
 order zero by default. Transients are in `motion`.
+
+Mass, damping, mean stiffness and period enter through D_n alone, the size of the variation through
+its power and the force as a factor: other values are substituted in the same orders (`Formula`).
+
+`sum_orders` expands about a constant stiffness 1 + b midway between the extremes of 1 + phi,
+
+    (D_n + b) Z^(k+1)_n = -[(phi - b) Z^(k)]_n,
+
+which for a stiffness that drops at one tooth of many is well below the mean and nearer to the
+extremes. Where max|phi - b| max 1/|D + b| < 1 it converges for certain, by at least that factor an
+order. An order costs one product and nothing is stored: the cheapest there is for the thousands of
+harmonics of a shaft turn. The partial sum leaves the residual -(phi - b) Z^(k), which is the force
+of the next order: what is left is known before it is summed.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -36,14 +49,18 @@ import numpy as np
 import numpy.typing as npt
 
 from gearmon.dynamics.certificate import Approximation, Certifier
-from gearmon.dynamics.fourier import Complex, Modulation, Real, rms
-from gearmon.dynamics.hill import HillProblem
-from gearmon.dynamics.substitution import Formula
+from gearmon.dynamics.fourier import FEWEST_FOR_A_MATRIX, Complex, Modulation, Real, rms
+from gearmon.dynamics.hill import HillProblem, broadcast_values
 from gearmon.errors import ArgumentError, check_range
 
 MOST_ORDERS = 400
 #: |D_n| that is rounding only
 NO_STIFFNESS = 1e-13
+#: Complex numbers of one array while formulas are evaluated: a few such stay in the cache.
+VALUES_AT_ONCE = 1 << 17
+#: Factor an order up to which the plain sum is worth it, and share of the tolerance it may leave.
+SLOWEST, AIM = 0.7, 0.3
+MOST_SUMMED = 120
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,32 +107,11 @@ class Expansion:
     @cached_property
     def formula(self) -> Formula:
         """The same orders and harmonics as a function of the parameters."""
-        return Formula(
-            problem=self.problem,
-            order=self.order,
-            highest=self.terms.shape[1] - 1,
-            small_damping=self.small_damping,
-        )
+        return Formula(self.problem, self.order, self.terms.shape[1] - 1, self.small_damping)
 
-    def substitute(
-        self,
-        *,
-        mass_kg: npt.ArrayLike | None = None,
-        damping_ns_per_m: npt.ArrayLike | None = None,
-        stiffness_n_per_m: npt.ArrayLike | None = None,
-        period_s: npt.ArrayLike | None = None,
-        force_n: npt.ArrayLike | None = None,
-        variation: npt.ArrayLike = 1.0,
-    ) -> Complex:
+    def substitute(self, **values: npt.ArrayLike) -> Complex:
         """Displacement [m] for other parameter values, many at once: see `Formula.at`."""
-        return self.formula.at(
-            mass_kg=mass_kg,
-            damping_ns_per_m=damping_ns_per_m,
-            stiffness_n_per_m=stiffness_n_per_m,
-            period_s=period_s,
-            force_n=force_n,
-            variation=variation,
-        )
+        return self.formula.at(**values)
 
     def rows(self, most: int = 12) -> list[dict[str, float]]:
         """Lines by size: harmonic, frequency_hz and the amplitude 2|Z^(k)_n| [m] of every order.
@@ -188,13 +184,23 @@ def orders(problem: HillProblem, highest: int, small_damping: bool = False) -> I
     """
     stiffness, damping = zeroth_stiffness(problem, highest, small_damping)
     modulate = Modulation(problem.stiffness_harmonics, highest, highest)
-    term = problem.static_forcing(highest) / stiffness
+    start = problem.static_forcing(highest) / stiffness
+    return _stream(start, 1 / stiffness, damping if small_damping else None, modulate)
+
+
+def _stream(
+    term: Complex,
+    compliance: Complex,
+    damping: Real | None,
+    modulate: Callable[[Complex], Complex],
+) -> Iterator[Complex]:
+    """Yield the orders of one or many systems, shape (..., N+1)."""
     while True:
         yield term
         following = modulate(term)
-        if small_damping:
-            following += 1j * damping * term
-        term = -following / stiffness
+        if damping is not None:
+            following = following + 1j * damping * term
+        term = -following * compliance
 
 
 def zeroth_stiffness(
@@ -208,17 +214,101 @@ def zeroth_stiffness(
         If a harmonic has |D_n| < 1e-13: undamped resonance.
     """
     stiffness = problem.dynamic_stiffness(highest)
-    damping = np.zeros(highest + 1)
-    if small_damping:
-        damping = stiffness.imag.copy()
-        stiffness = stiffness.real.astype(complex)
+    damping = stiffness.imag * small_damping
+    return check_divisors(stiffness - 1j * damping), damping
+
+
+def check_divisors(stiffness: Complex) -> Complex:
+    """Return D_n of order zero, shape (..., N+1), or raise if one of them is rounding only."""
     if np.abs(stiffness).min() < NO_STIFFNESS:
-        n = int(np.abs(stiffness).argmin())
+        n = int(np.abs(stiffness).argmin()) % stiffness.shape[-1]
         raise ArgumentError(
             f"harmonic {n} lies on the natural frequency and has no damping in order zero: its "
             f"terms are secular; use forced_resonance(problem, lines=[{n}])"
         )
-    return stiffness, damping
+    return stiffness
+
+
+@dataclass(frozen=True, eq=False)
+class Formula:
+    """Sum of orders 0..order as a function of the parameters, evaluated for arrays of them.
+
+    What is planned once is the product by k(t). Accurate where the series converges (max|phi| max
+    1/|D_n| below about 0.5 for order 10 and 1e-3); no error bound: `ManySets` bounds the errors.
+
+    Parameters
+    ----------
+    problem : HillProblem
+        Gives the shape of k(t), the force harmonics and all values that are not substituted.
+    order, highest : int
+        Highest order and harmonic.
+    small_damping : bool
+        Whether damping counts as order one.
+    """
+
+    problem: HillProblem
+    order: int
+    highest: int
+    small_damping: bool = False
+
+    @cached_property
+    def _products(self) -> tuple[Modulation, Modulation]:
+        """Of few sets and of many."""
+        c = self.problem.stiffness_harmonics
+        one, many = (Modulation(c, self.highest, self.highest, sets) for sets in (1, 1000))
+        return one, many
+
+    def at(self, *, variation: npt.ArrayLike = 1.0, **values: npt.ArrayLike) -> Complex:
+        """Displacement for parameter values, which broadcast against each other.
+
+        Parameters
+        ----------
+        variation : float array
+            Factor >= 0 of every c_j.
+        **values
+            mass_kg, damping_ns_per_m, stiffness_n_per_m, period_s, force_n : float array, as in
+            `HillProblem`; by default the problem's own.
+
+        Returns
+        -------
+        complex ndarray, shape (..., highest+1)
+            z_0..z_highest [m] of every set.
+
+        Raises
+        ------
+        ArgumentError
+            If a value is not finite or out of its range, or the shapes do not broadcast.
+        """
+        names = ("mass_kg", "damping_ns_per_m", "stiffness_n_per_m", "period_s", "force_n")
+        given = {name: getattr(self.problem, name) for name in names} | values
+        sets = broadcast_values(given | {"scale": variation})
+        shape = sets["scale"].shape
+        flat = np.array([sets[name].ravel() for name in (*names, "scale")])
+        found = np.empty((flat.shape[1], self.highest + 1), dtype=complex)
+        rows = max(1, VALUES_AT_ONCE // (self.highest + 1))
+        for first in range(0, len(found), rows):
+            part = slice(first, first + rows)
+            found[part] = self._sum(flat[:, part, None])
+        return found.reshape(*shape, self.highest + 1)
+
+    def _sum(self, sets: Real) -> Complex:
+        """All orders for sets of shape (6, B, 1)."""
+        mass, damping, stiffness, period, force, scale = sets
+        angular = np.arange(self.highest + 1) * (2 * math.pi / period)
+        friction = angular * (damping / stiffness)
+        diagonal = 1 - angular**2 * (mass / stiffness) + 1j * friction * (not self.small_damping)
+        compliance = 1 / check_divisors(diagonal)
+        forcing = np.zeros((len(force), self.highest + 1), dtype=complex)
+        given = self.problem.force_harmonics_n[: self.highest]
+        forcing[:, :1], forcing[:, 1 : len(given) + 1] = force, given
+        product = self._products[len(force) >= FEWEST_FOR_A_MATRIX]
+        terms = _stream(
+            forcing / stiffness * compliance,
+            compliance,
+            friction if self.small_damping else None,
+            lambda half: scale * product(half),
+        )
+        return np.asarray(sum(itertools.islice(terms, self.order + 1)))
 
 
 def plain_sum(
@@ -246,9 +336,9 @@ def plain_sum(
         dynamic = dynamic + term
         used += 1
         if order is None:
-            size = rms(certifier.weights(highest) * term)
+            size = float(certifier.size(term))
             smallest = min(smallest, size)
-            total = rms(certifier.weights(highest) * (start + dynamic))
+            total = float(certifier.size(start + dynamic))
             if size <= 0.1 * tolerance * total and (
                 size <= 1e-3 * tolerance * total
                 or certifier.judge(dynamic).bound.relative <= tolerance
@@ -257,3 +347,42 @@ def plain_sum(
             if size > 1e3 * smallest:
                 break
     return certifier.judge(dynamic, used)
+
+
+def sum_orders(certifier: Certifier, dynamic: Complex, tolerance: float) -> Approximation:
+    """Improve z = g/D + dynamic by as many further orders as the tolerance takes.
+
+    Parameters
+    ----------
+    certifier : Certifier
+        Of the problem, with `certifier.convergence` below `SLOWEST`.
+    dynamic : complex ndarray, shape (N+1,)
+        What is known so far, zeros to begin with.
+    tolerance : float
+        Relative error of the acceleration aimed at.
+    """
+    highest = len(dynamic) - 1
+    middle = certifier.pattern.middle_and_swing[0]
+    start, _ = certifier.answer_to_forces(highest)
+    if dynamic.any():
+        force = certifier.judge(dynamic).residual[: highest + 1]
+    else:
+        force = -certifier.modulate(start, highest)
+    product = certifier.product(highest, highest, middle)
+    compliance = 1 / (certifier.stiffness(highest) + middle)
+    step, total = force * compliance, dynamic.copy()
+    gain = float(certifier.gain.acceleration)
+    size, orders = math.inf, 0
+    while orders < MOST_SUMMED:
+        total += step
+        orders += 1
+        step = product(step)
+        left = gain * rms(step)
+        if left <= 2 * AIM * tolerance * size:
+            # the size hardly changes after the first orders: it is taken again only to decide
+            size = float(certifier.size(start + total))
+            if left <= AIM * tolerance * size:
+                break
+        step *= compliance
+        np.negative(step, out=step)
+    return certifier.judge(total, orders)

@@ -15,7 +15,7 @@ Principal parametric resonance, n w = 2 w0 (p = n/2): A grows with the rate
 and only if 2|c_n| > 4 zeta (2|c_n| is the real amplitude of the stiffness harmonic n).
 
 Coincidences of second and higher order need nothing else: beta and b then start at that order, from
-products c_j c_l with j + l = 2p or p: see `coincidences`.
+products c_j c_l with j + l = 2p or p.
 
 Orders: with damping and detuning of order r (r = 1 where c_p or c_2p itself is resonant, 2 where a
 product is) A is of order zero and its error of order N + 1 if L and b go to order N + r; the

@@ -9,7 +9,7 @@ import numpy as np
 
 from gearmon.dynamics.fourier import Real
 from gearmon.dynamics.hill import HillProblem
-from gearmon.dynamics.piecewise_problem import PiecewiseProblem
+from gearmon.dynamics.piecewise import PiecewiseProblem
 from gearmon.dynamics.stability import (
     FourierShape,
     PiecewiseShape,

@@ -12,9 +12,8 @@ import numpy as np
 from gearmon.dynamics import floquet
 from gearmon.dynamics.fourier import Real
 from gearmon.dynamics.hill import HillProblem
-from gearmon.dynamics.piecewise_problem import PiecewiseProblem
-from gearmon.dynamics.stability import FourierShape, PiecewiseShape, excess
-from gearmon.dynamics.stiffness_shapes import variation_of
+from gearmon.dynamics.piecewise import PiecewiseProblem
+from gearmon.dynamics.stability import FourierShape, PiecewiseShape, excess, variation_of
 
 #: Systems tried at once when a number is narrowed down, and how often.
 ZOOM, ZOOMS = 9, 18

@@ -5,22 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Literal, get_args
+from typing import Literal, get_args, overload
 
 import numpy as np
 
-from gearmon.dynamics import (
-    direct,
-    floquet,
-    harmonic_balance,
-    least_residual,
-    multiple_scales,
-    successive,
-)
+from gearmon.dynamics import direct, floquet, harmonic_balance, least_residual, multiple_scales
 from gearmon.dynamics.band_system import counting
 from gearmon.dynamics.certificate import Approximation, Certifier
 from gearmon.dynamics.fourier import Complex, rms
 from gearmon.dynamics.hill import HillProblem, Response
+from gearmon.dynamics.meshes import solve_system
+from gearmon.dynamics.system import HillSystem, SystemResponse
 from gearmon.errors import ArgumentError, check_range
 
 Method = Literal["auto", "msm", "msm least residual", "harmonic balance"]
@@ -28,27 +23,46 @@ Method = Literal["auto", "msm", "msm least residual", "harmonic balance"]
 MOST_ROUNDS = 12
 
 
+@overload
 def steady_state(
     problem: HillProblem,
+    tolerance: float = ...,
+    method: Method = ...,
+    order: int | None = ...,
+    harmonics: int | None = ...,
+) -> Response: ...
+
+
+@overload
+def steady_state(
+    problem: HillSystem,
+    tolerance: float = ...,
+    method: Method = ...,
+    order: int | None = ...,
+    harmonics: int | None = ...,
+) -> SystemResponse: ...
+
+
+def steady_state(
+    problem: HillProblem | HillSystem,
     tolerance: float = 1e-6,
     method: Method = "auto",
     order: int | None = None,
     harmonics: int | None = None,
-) -> Response:
+) -> Response | SystemResponse:
     """Steady vibration, with a guaranteed bound of its error.
 
     Parameters
     ----------
-    problem : HillProblem
+    problem : HillProblem or HillSystem
         The equation.
     tolerance : float
         Relative L2 error of the acceleration to be met, 1e-13 to 1.
     method : str
         "auto": small problems directly, by harmonic balance; larger ones by the plain sum of the
         orders of the expansion where that is known to converge fast, else by the orders recombined
-        by least residual, then by harmonic balance if they stall. "msm": the plain sum of the
-        orders. "msm least residual" and "harmonic balance":
-        that one.
+        by least residual, then by harmonic balance if they stall; systems by least residual.
+        "msm": the plain sum of the orders. "msm least residual" and "harmonic balance": that one.
     order : int, optional
         Number of orders to use, >= 0; by default as many as the tolerance takes. Not for harmonic
         balance.
@@ -58,7 +72,7 @@ def steady_state(
 
     Returns
     -------
-    Response
+    Response or SystemResponse
         Its `error_bound` says what was reached and its `message` why. Where free vibrations grow
         there is no steady state: the periodic solution is returned, with `stable` False
         and an infinite bound.
@@ -79,6 +93,8 @@ def steady_state(
     True
     """
     _check(tolerance, method, order, harmonics)
+    if isinstance(problem, HillSystem):
+        return solve_system(problem, tolerance, method, order, harmonics)
     if method == "auto" and order is None:
         solution = direct.solve(problem, tolerance, harmonics)
         if solution is not None:
@@ -92,9 +108,13 @@ def steady_state(
             certifier, tolerance, lambda z: harmonic_balance.balance(certifier, len(z) - 1)
         )
         return _respond(certifier, found, tolerance, method)
-    if method == "auto" and order is None and successive.converges_fast(certifier):
+    if (
+        method == "auto"
+        and order is None
+        and (certifier.gain.stable and certifier.convergence < multiple_scales.SLOWEST)
+    ):
         found = _widen(
-            certifier, tolerance, lambda z: successive.sum_orders(certifier, z, tolerance)
+            certifier, tolerance, lambda z: multiple_scales.sum_orders(certifier, z, tolerance)
         )
         if found.bound.relative <= tolerance:
             return _respond(certifier, found, tolerance, "msm")
@@ -144,7 +164,7 @@ def sharpened(certifier: Certifier, found: Approximation) -> Approximation:
     if not certifier.gain.stable:
         return found
     for _ in range(2):
-        wanted = max(1e-12, 0.05 * min(found.bound.relative, 0.1))
+        wanted = max(1e-12, 0.05 * min(float(found.bound.relative), 0.1))
         better = _widen(certifier, wanted, _recombining(certifier, wanted))
         found = certifier.sharpened(found, better)
     return found
@@ -166,25 +186,24 @@ def first_highest(certifier: Certifier, tolerance: float) -> int:
     """
     p = certifier.problem
     sizes = np.abs(p.stiffness_harmonics)
-    ratio = p.frequency_ratio
+    ratio, swing = p.frequency_ratio, float(certifier.swing)
     top = max(2, math.ceil(1.2 * ratio), len(p.force_harmonics_n), certifier.shown or 1)
     if not sizes.any():
         return top
+    orders = np.arange(1, len(sizes) + 1)
     if certifier.shown is not None:
         # a line that is not handed out matters by what it gives to the others
-        orders = np.arange(1, len(sizes) + 1)
-        sizes = np.where(
-            orders > certifier.shown, sizes * np.minimum(1, (ratio / orders) ** 2), sizes
-        )
+        hidden = np.minimum(1, (ratio / orders) ** 2)
+        sizes = np.where(orders > certifier.shown, sizes * hidden, sizes)
     above = np.sqrt(np.cumsum((sizes**2)[::-1]))[::-1]
     top = max(top, int(np.flatnonzero(above > 0.1 * tolerance * above[0])[-1]) + 1)
-    jump = max(1, round(float(np.arange(1, len(sizes) + 1) @ sizes / sizes.sum())))
+    jump = max(1, round(float(orders @ sizes / sizes.sum())))
     share = 1.0
     for _ in range(400):
         if share < 3e-3 * tolerance:
             break
         top += jump
-        share *= min(0.8, certifier.swing / max(1e-9, abs((top / ratio) ** 2 - 1)))
+        share *= min(0.8, swing / max(1e-9, abs((top / ratio) ** 2 - 1)))
     return top
 
 
@@ -216,7 +235,7 @@ def _larger(certifier: Certifier, found: Approximation, tolerance: float) -> int
     """Find the harmonic beyond which the residual asks for too little to matter."""
     extra = np.abs(certifier.answer(found.residual, found.highest))
     worth = certifier.weights(len(extra) - 1) * (certifier.shown is None)
-    gain = certifier.gain.acceleration
+    gain = float(certifier.gain.acceleration)
     if gain < math.inf:
         worth = worth + gain * certifier.swing
     beyond = np.sqrt(2 * np.cumsum(((worth * extra) ** 2)[::-1]))[::-1]
@@ -230,9 +249,9 @@ def _larger(certifier: Certifier, found: Approximation, tolerance: float) -> int
 def _worth_solving_directly(certifier: Certifier, found: Approximation, tolerance: float) -> bool:
     # the core is what a matrix can mend, and a bound of the inverse that is missing or loose
     known = certifier.gain.acceleration < math.inf
-    missed = found.bound.relative > tolerance and certifier.gain.stable is not False
+    missed = found.bound.relative > tolerance and bool(certifier.gain.stable)
     inner = found.bound.core + found.bound.rounding
-    return missed and not (known and found.bound.above > inner) and found.highest <= 1000
+    return bool(missed and not (known and found.bound.above > inner) and found.highest <= 1000)
 
 
 def _respond_directly(
@@ -292,11 +311,11 @@ def _respond(certifier: Certifier, found: Approximation, tolerance: float, metho
     shown = certifier.shown
     if shown is not None:
         z = np.concatenate([z, np.zeros(max(0, shown + 1 - len(z)))])[: shown + 1]
-    stable = False if p.damping_ns_per_m == 0 else certifier.gain.stable
+    stable = p.damping_ns_per_m > 0 and bool(certifier.gain.stable)
     response = Response(
         problem=p,
         displacement=z,
-        error_bound=found.bound.relative if stable is not False else math.inf,
+        error_bound=float(found.bound.relative) if stable is not False else math.inf,
         method=method,
         order=found.orders,
         stable=stable,

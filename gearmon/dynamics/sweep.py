@@ -1,13 +1,10 @@
 """Steady vibrations of many Hill problems at once, as arrays, each with a guaranteed error bound.
 
-An expansion is planned for one pattern of stiffness and evaluated for any number of masses,
-dampings, stiffnesses, periods and strengths of the variation. For every set
+Sets that share a pattern of stiffness differ in D and in a factor of phi only. For every set
 
-1. the gain of the inverse operator is bounded (`sweep_stability`), which settles
-   stability and says how small a residual must be;
+1. the gain of the inverse operator is bounded, which settles stability (`error_bound`);
 2. sets with the same harmonics near their natural frequency are expanded together
-   (`sweep_orders`, `sweep_groups`), and those whose orders do not converge are solved by batched
-   harmonic balance (`sweep_balance`);
+   (`sweep_orders`), and judged by the certificate that one problem has;
 3. what still misses the tolerance goes through `steady_state` by itself, and so do sets whose
    pattern of stiffness few others share.
 """
@@ -15,24 +12,128 @@ dampings, stiffnesses, periods and strengths of the variation. For every set
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from gearmon.dynamics.certificate import Certifier, Sets
+from gearmon.dynamics.error_bound import Gain, Pattern, best_gain
 from gearmon.dynamics.fourier import Complex, Real
-from gearmon.dynamics.sweep_bounds import swing_of
-from gearmon.dynamics.sweep_groups import SharedPattern
-from gearmon.dynamics.sweep_orders import INDICES
-from gearmon.dynamics.sweep_result import METHODS, Sweep
-from gearmon.dynamics.sweep_work import EVERY_HARMONIC, SweepWork
+from gearmon.dynamics.hill import HillProblem, Response, broadcast_values
+from gearmon.dynamics.steady_state import steady_state
+from gearmon.dynamics.sweep_orders import INDICES, STRAGGLERS, SharedOrders
 from gearmon.errors import ArgumentError, check_range
 
-__all__ = ["ManySets", "Sweep", "sweep"]
-
-
-# fewer sets of one pattern are solved faster by themselves
+#: Fewer sets of one pattern are solved faster by themselves.
 FEWEST_TOGETHER = 16
+#: Sets whose arrays stay in the cache.
+JUDGED_TOGETHER = 96
+MSM, RESONANT, ONE_BY_ONE, REFUSED = "msm", "msm resonant", "one by one", "refused"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sweep:
+    """Steady vibrations over a grid of values; `...` is the shape that all values broadcast to.
+
+    Attributes
+    ----------
+    mass_kg, damping_ns_per_m, stiffness_n_per_m, period_s, force_n, scale : float ndarray, (...)
+        Values of each set, as in `HillProblem`; `scale` multiplies its stiffness variation.
+    stiffness_harmonics : complex ndarray, shape (J,) or (..., J)
+        c_1..c_J for scale 1.
+    tolerance : float
+        What was aimed at.
+    displacement : complex ndarray, shape (..., N+1)
+        z_0..z_N [m] as in `Response`, zero above what a set takes; nan where refused.
+    error_bound : float ndarray, shape (...)
+        Guaranteed relative L2 error of the acceleration; infinite where refused.
+    stable : bool ndarray, shape (...)
+        Whether free vibrations die out for certain.
+    method : str ndarray, shape (...)
+        "msm": orders alone. "msm resonant": with the harmonics near the natural frequency solved
+        together. "one by one": `steady_state`. "refused".
+    reason : object ndarray of str, shape (...)
+        Empty where the tolerance is met, else one line that says why it is not.
+    """
+
+    mass_kg: Real
+    damping_ns_per_m: Real
+    stiffness_n_per_m: Real
+    period_s: Real
+    force_n: Real
+    scale: Real
+    stiffness_harmonics: Complex
+    tolerance: float
+    displacement: Complex
+    error_bound: Real
+    stable: npt.NDArray[np.bool_]
+    method: npt.NDArray[np.object_]
+    reason: npt.NDArray[np.object_]
+
+    @property
+    def met(self) -> npt.NDArray[np.bool_]:
+        """Where the tolerance is met for certain, shape (...)."""
+        return np.asarray(self.error_bound <= self.tolerance)
+
+    @property
+    def velocity(self) -> Complex:
+        """Velocity i n w z_n [m/s], shape (..., N+1)."""
+        return 1j * self._angular * self.displacement
+
+    @property
+    def acceleration(self) -> Complex:
+        """Acceleration -(n w)^2 z_n [m/s2], shape (..., N+1)."""
+        return -(self._angular**2) * self.displacement
+
+    def problem(self, index: int | tuple[int, ...]) -> HillProblem:
+        """Return one set by itself.
+
+        Parameters
+        ----------
+        index : int or tuple of int
+            Its place in the grid.
+        """
+        harmonics = self.stiffness_harmonics
+        return HillProblem(
+            float(self.mass_kg[index]),
+            float(self.damping_ns_per_m[index]),
+            float(self.stiffness_n_per_m[index]),
+            self.scale[index] * (harmonics[index] if harmonics.ndim > 1 else harmonics),
+            float(self.period_s[index]),
+            float(self.force_n[index]),
+        )
+
+    def response(self, index: int | tuple[int, ...]) -> Response:
+        """Vibration of one set, with mesh force, contact loss and the rest of `Response`.
+
+        Parameters
+        ----------
+        index : int or tuple of int
+            Its place in the grid.
+
+        Raises
+        ------
+        ArgumentError
+            If the set was refused.
+        """
+        if self.method[index] == REFUSED:
+            raise ArgumentError(f"set {index} has no steady state here: {self.reason[index]}")
+        bound = float(self.error_bound[index])
+        return Response(
+            problem=self.problem(index),
+            displacement=self.displacement[index],
+            error_bound=bound,
+            method=str(self.method[index]),
+            order=0,
+            stable=bool(self.stable[index]),
+            message=self.reason[index] or f"swept: error bound {bound:.2g}",
+        )
+
+    @property
+    def _angular(self) -> Real:
+        lines = np.arange(self.displacement.shape[-1])
+        return np.asarray(2 * math.pi * lines / self.period_s[..., None])
 
 
 def sweep(
@@ -83,11 +184,7 @@ def sweep(
 
 
 class ManySets:
-    """One expansion to substitute any number of values in.
-
-    What depends on the stiffness pattern alone (bounds of its swing, its products, the amplitude
-    equations of each group of resonant harmonics) is worked out at the first use and kept, so that
-    another mass, damping, stiffness, period or strength of variation costs a substitution.
+    """One pattern of stiffness to substitute any number of values in.
 
     Parameters
     ----------
@@ -113,18 +210,16 @@ class ManySets:
         harmonics: int | None = None,
     ) -> None:
         self.tolerance = check_range("tolerance", tolerance, 1e-13, 1.0)
-        self.shown = EVERY_HARMONIC
+        self.shown = harmonics
         if harmonics is not None:
             self.shown = int(check_range("harmonics", harmonics, 1, 10_000_000))
         values = np.array(stiffness_harmonics, dtype=complex)
         if values.ndim == 0:
             raise ArgumentError("stiffness_harmonics: a number, must be one row of coefficients")
         if not np.isfinite(values).all():
-            bad = np.argwhere(~np.isfinite(values))[0]
-            where = ", ".join(str(int(i)) for i in bad)
+            where = ", ".join(str(int(i)) for i in np.argwhere(~np.isfinite(values))[0])
             raise ArgumentError(f"stiffness_harmonics: entry [{where}] must be finite")
         self.stiffness_harmonics: Complex = values
-        self._shared: SharedPattern | None = None
 
     def substitute(
         self,
@@ -136,82 +231,142 @@ class ManySets:
         scale: npt.ArrayLike = 1.0,
     ) -> Sweep:
         """Steady vibrations for new values; parameters, limits and errors as in `sweep`."""
+        *lead, width = self.stiffness_harmonics.shape
         values = {
-            "mass_kg": _checked("mass_kg", mass_kg, "kg", above=0),
-            "damping_ns_per_m": _checked("damping_ns_per_m", damping_ns_per_m, "N s/m"),
-            "stiffness_n_per_m": _checked("stiffness_n_per_m", stiffness_n_per_m, "N/m", above=0),
-            "period_s": _checked("period_s", period_s, "s", above=0),
-            "force_n": _checked("force_n", force_n, "N", least=-math.inf),
-            "scale": _checked("scale", scale, ""),
+            "mass_kg": mass_kg,
+            "damping_ns_per_m": damping_ns_per_m,
+            "stiffness_n_per_m": stiffness_n_per_m,
+            "period_s": period_s,
+            "force_n": force_n,
+            "scale": scale,
         }
-        shape = self._shape(values)
-        full = {name: np.broadcast_to(value, shape) for name, value in values.items()}
-        work = SweepWork(
-            {name: value.ravel() for name, value in full.items()}, self.tolerance, self.shown
-        )
-        for harmonics, sets in self._patterns(shape):
-            if len(sets) < FEWEST_TOGETHER:
-                for i in sets:
-                    work.alone(int(i), harmonics)
-            else:
-                work.together(self._pattern(harmonics), sets)
+        full = broadcast_values(values, tuple(lead))
+        shape = full["scale"].shape
+        work = _Work({name: v.ravel() for name, v in full.items()}, self.tolerance, self.shown)
+        rows = self.stiffness_harmonics.reshape(math.prod(lead), width)
+        which = np.broadcast_to(np.arange(len(rows)).reshape(lead), shape).ravel()
+        ends = np.cumsum(np.bincount(which, minlength=len(rows)))[:-1]
+        parts = np.split(np.argsort(which, kind="stable"), ends)
+        for harmonics, sets in zip(rows, parts, strict=True):
+            work.solve(harmonics, sets)
         displacement = work.displacement()
+        harmonics = self.stiffness_harmonics
         return Sweep(
             **full,
-            stiffness_harmonics=self._spread(shape),
+            stiffness_harmonics=np.broadcast_to(harmonics, (*shape, width)) if lead else harmonics,
             tolerance=self.tolerance,
             displacement=displacement.reshape(*shape, displacement.shape[-1]),
             error_bound=work.bound.reshape(shape),
             stable=work.stable.reshape(shape),
-            method=METHODS[work.method].reshape(shape),
+            method=work.method.reshape(shape),
             reason=work.reason.reshape(shape),
         )
 
-    def _shape(self, values: dict[str, Real]) -> tuple[int, ...]:
-        shapes = {name: value.shape for name, value in values.items()}
-        shapes["stiffness_harmonics without its last axis"] = self.stiffness_harmonics.shape[:-1]
-        try:
-            return np.broadcast_shapes(*shapes.values())
-        except ValueError:
-            listed = ", ".join(f"{name} {shape}" for name, shape in shapes.items() if shape)
-            raise ArgumentError(f"shapes do not broadcast together: {listed}") from None
 
-    def _spread(self, shape: tuple[int, ...]) -> Complex:
-        if self.stiffness_harmonics.ndim == 1:
-            return self.stiffness_harmonics
-        return np.broadcast_to(
-            self.stiffness_harmonics, (*shape, self.stiffness_harmonics.shape[-1])
+class _Work:
+    """Results of the sets of one substitution, filled in pattern by pattern."""
+
+    def __init__(self, values: dict[str, Real], tolerance: float, shown: int | None) -> None:
+        self.values, self.tolerance, self.shown = values, tolerance, shown
+        mass, stiffness = values["mass_kg"], values["stiffness_n_per_m"]
+        self.ratio = np.sqrt(stiffness / mass) * values["period_s"] / (2 * math.pi)
+        self.zeta = values["damping_ns_per_m"] / (2 * np.sqrt(stiffness * mass))
+        count = len(mass)
+        self.bound = np.full(count, np.inf)
+        self.stable = np.zeros(count, dtype=bool)
+        self.method = np.full(count, REFUSED, dtype=object)
+        self.reason = np.full(count, "", dtype=object)
+        self._parts: list[tuple[INDICES, Complex]] = []
+
+    def displacement(self) -> Complex:
+        """Deflections [m] of all sets, nan where there are none."""
+        highest = max([self.shown or 0, *(half.shape[1] - 1 for _, half in self._parts)])
+        whole: Complex = np.zeros((len(self.bound), highest + 1), dtype=complex)
+        for sets, half in self._parts:
+            whole[sets, : half.shape[1]] = half
+            whole[sets, half.shape[1] :] = 0
+        whole *= (self.values["force_n"] / self.values["stiffness_n_per_m"])[:, None]
+        whole[self.method == REFUSED] = np.nan
+        return whole
+
+    def solve(self, harmonics: Complex, at: INDICES) -> None:
+        """Solve the sets `at`, whose stiffness follows one pattern."""
+        left = at
+        if len(at) >= FEWEST_TOGETHER:
+            left = self._together(Pattern(harmonics), at)
+        for i in left:
+            self._alone(int(i), harmonics)
+
+    def _together(self, pattern: Pattern, at: INDICES) -> INDICES:
+        """Solve sets side by side; those that are left to be solved alone."""
+        scale = self.values["scale"][at]
+        gain = best_gain(self.ratio[at], self.zeta[at], scale, pattern)
+        self.stable[at] = gain.stable
+        for i in np.flatnonzero(~gain.stable):
+            self.reason[at[i]] = _why_unstable(float(gain.growth[i]))
+        known = np.flatnonzero(gain.stable & np.isfinite(gain.acceleration))
+        if not len(known):
+            return at[gain.stable]
+        orders = SharedOrders(self._certifier(pattern, at, known, gain), self.tolerance)
+        left = np.arange(len(known))
+        for sharper, stragglers in ((1.0, STRAGGLERS), (0.03, 0.0)):
+            for group, y, near in orders.attempt(left, sharper, stragglers):
+                for first in range(0, len(group), JUDGED_TOGETHER):
+                    some = slice(first, first + JUDGED_TOGETHER)
+                    part = known[group[some]]
+                    certifier = self._certifier(pattern, at, part, gain)
+                    self._take(certifier, at[part], y[some], RESONANT if near else MSM)
+            left = left[~(self.bound[at[known[left]]] <= self.tolerance)]
+        return at[gain.stable & ~(self.bound[at] <= self.tolerance)]
+
+    def _certifier(self, pattern: Pattern, at: INDICES, part: INDICES, gain: Gain) -> Certifier:
+        sets = Sets(
+            frequency_ratio=self.ratio[at[part], None],
+            damping_ratio=self.zeta[at[part], None],
+            scale=self.values["scale"][at[part], None],
+            stiffness_harmonics=pattern.harmonics,
         )
+        own = Gain(
+            acceleration=gain.acceleration[part],
+            stable=gain.stable[part],
+            growth=gain.growth[part],
+        )
+        return Certifier(sets, self.shown, own, pattern)
 
-    def _patterns(self, shape: tuple[int, ...]) -> Iterator[tuple[Complex, INDICES]]:
-        """Yield patterns of stiffness and the sets that have them."""
-        *lead, width = self.stiffness_harmonics.shape
-        rows = self.stiffness_harmonics.reshape(math.prod(lead), width)
-        which = np.broadcast_to(np.arange(len(rows)).reshape(lead), shape).ravel()
-        order = np.argsort(which, kind="stable")
-        ends = np.cumsum(np.bincount(which, minlength=len(rows)))
-        yield from zip(rows, np.split(order, ends[:-1]), strict=True)
+    def _take(self, certifier: Certifier, sets: INDICES, y: Complex, method: str) -> None:
+        """Judge deflections less the mean, of sets solved together, and keep what is good."""
+        # y is all that exceeds the static deflection, the answer to the mean force
+        found = certifier.judge(y)
+        good = found.bound.relative <= self.tolerance
+        half = (found.start + found.dynamic)[good]
+        self._parts.append((sets[good], half if self.shown is None else half[:, : self.shown + 1]))
+        self.bound[sets[good]], self.method[sets[good]] = found.bound.relative[good], method
 
-    def _pattern(self, harmonics: Complex) -> SharedPattern:
-        """Return the expansion for some harmonics, kept if all sets share them."""
-        if self.stiffness_harmonics.ndim > 1:
-            return SharedPattern(swing_of(harmonics))
-        if self._shared is None:
-            self._shared = SharedPattern(swing_of(harmonics))
-        return self._shared
+    def _alone(self, i: int, harmonics: Complex) -> None:
+        """One set by `steady_state`."""
+        v = {name: float(value[i]) for name, value in self.values.items()}
+        stiffness = v["stiffness_n_per_m"]
+        problem = HillProblem(
+            v["mass_kg"],
+            v["damping_ns_per_m"],
+            stiffness,
+            v["scale"] * harmonics,
+            v["period_s"],
+            stiffness,
+        )
+        response = steady_state(problem, self.tolerance, harmonics=self.shown)
+        self.stable[i] = response.stable is True
+        if response.error_bound < math.inf:
+            self.bound[i], self.method[i] = response.error_bound, ONE_BY_ONE
+            self._parts.append((np.array([i]), np.array(response.displacement)[None]))
+        if self.bound[i] > self.tolerance:
+            self.reason[i] = response.message
 
 
-def _checked(
-    name: str, values: npt.ArrayLike, unit: str, above: float = -math.inf, least: float = 0.0
-) -> Real:
-    """Return values as floats, or raise with the first that is out of its range."""
-    numbers = np.asarray(values, dtype=float)
-    bad = ~np.isfinite(numbers) | (numbers <= above) | (numbers < least)
-    if bad.any():
-        where = tuple(int(i) for i in np.argwhere(bad)[0])
-        index = f"[{', '.join(map(str, where))}]" if where else ""
-        shown = f"{name}{index}={numbers[where]}{f' {unit}' if unit else ''}"
-        if not math.isfinite(numbers[where]):
-            raise ArgumentError(f"{shown} must be a finite number")
-        raise ArgumentError(f"{shown} must be {'> 0' if above == 0 else '>= 0'}")
-    return numbers
+def _why_unstable(growth: float) -> str:
+    if math.isinf(growth):
+        return "undamped: free vibrations never die out, so no steady state is reached"
+    return (
+        f"unstable: free vibrations grow by {math.exp(min(growth, 700.0)):.6g} a period (largest "
+        "Floquet multiplier), so there is no steady state"
+    )

@@ -20,18 +20,28 @@ Arrays hold a half spectrum as rows Re y_0..Re y_N, Im y_0..Im y_N, one column f
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.dynamics.fourier import Complex, Real
+from gearmon.dynamics.certificate import Certifier
+from gearmon.dynamics.fourier import Complex, Modulation, Real
 
 MOST_ORDERS = 60
 # the mean square that an order must leave of the one before, or the series is given up
 SLOWEST = 0.5
 FEWEST_ORDERS = 3
 MOST_ROUNDS = 6
+MOST_TOGETHER, FEWEST_TOGETHER = 512, 48
+MOST_NEAR = 10
+MOST_HARMONICS = 256
+# share of a group that may go into a second attempt
+STRAGGLERS = 0.04
+# |D_n| below this many times max|phi| makes a harmonic near
+NEARNESS = 2.0
 # mean square that a single-precision sum leaves of its right side, with room for its rounding
 SINGLE = 1e-10
 
@@ -44,37 +54,13 @@ def stacked(half: Complex) -> Real:
     return np.concatenate([half.real, half.imag])
 
 
-def product_matrix(harmonics: Complex, inputs: int, outputs: int) -> Real:
-    """Matrix of y -> phi y on half spectra, shape (..., 2 outputs + 2, 2 inputs + 2).
-
-    Parameters
-    ----------
-    harmonics : complex ndarray, shape (..., J)
-        c_1..c_J; any leading axes are sets of their own.
-    inputs, outputs : int
-        Highest harmonic of y and of the product.
-    """
-    kept = min(harmonics.shape[-1], inputs + outputs)
-    # phi_k for k = -inputs..outputs+inputs, read through sliding windows
-    line = np.zeros((*harmonics.shape[:-1], 2 * inputs + outputs + 1), dtype=complex)
-    below = min(kept, inputs)
-    line[..., inputs - below : inputs] = harmonics[..., :below][..., ::-1].conj()
-    line[..., inputs + 1 : inputs + 1 + kept] = harmonics[..., :kept]
-    windows = np.lib.stride_tricks.sliding_window_view(line, inputs + 1, axis=-1)
-    difference = windows[..., : outputs + 1, ::-1]
-    total = windows[..., inputs : inputs + outputs + 1, :]
-    matrix = np.empty((*harmonics.shape[:-1], 2 * outputs + 2, 2 * inputs + 2))
-    upper, lower = matrix[..., : outputs + 1, :], matrix[..., outputs + 1 :, :]
-    np.add(difference.real, total.real, out=upper[..., : inputs + 1])
-    np.subtract(total.imag, difference.imag, out=upper[..., inputs + 1 :])
-    np.add(difference.imag, total.imag, out=lower[..., : inputs + 1])
-    np.subtract(difference.real, total.real, out=lower[..., inputs + 1 :])
-    # the mean has no conjugate
-    upper[..., 0] = difference.real[..., 0]
-    lower[..., 0] = difference.imag[..., 0]
-    upper[..., inputs + 1] = 0.0
-    lower[..., inputs + 1] = 0.0
-    return matrix
+def product_matrix(harmonics: Complex, highest: int) -> Real:
+    """Matrix of y -> phi y on such rows, harmonics 0..highest, shape (2 highest + 2,) twice."""
+    count = highest + 1
+    unit = np.concatenate([np.eye(count), 1j * np.eye(count)])
+    matrix = stacked(Modulation(harmonics, highest, highest)(unit).T)
+    # no product exceeds the sum of two coefficients: what is smaller by far is rounding
+    return np.where(np.abs(matrix) > 1e-14 * np.abs(matrix).max(initial=0.0), matrix, 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,7 +90,7 @@ class Window:
     second: Real
 
 
-class SharedCoupling:
+class Coupling:
     """Products by one phi, for harmonics 0..N; its parts are made once and kept.
 
     Parameters
@@ -117,15 +103,10 @@ class SharedCoupling:
 
     def __init__(self, harmonics: Complex, highest: int) -> None:
         self.highest = highest
-        self.reach = highest + len(harmonics)
-        self.outward = product_matrix(harmonics, highest, self.reach)
-        line = np.zeros(self.reach + 1, dtype=complex)
-        line[1 : len(harmonics) + 1] = harmonics
-        self.forcing = stacked(line)
-        within = np.arange(highest + 1)
-        rows = np.concatenate([within, self.reach + 1 + within])
-        self.inward = self.outward[rows]
-        self.inward_forcing = self.forcing[rows]
+        self.inward = product_matrix(harmonics, highest)
+        line = np.zeros(highest + 1, dtype=complex)
+        line[1 : len(harmonics) + 1] = harmonics[:highest]
+        self.inward_forcing = stacked(line)
         self._windows: dict[tuple[int, int], Window] = {}
 
     def window(self, first: int, last: int) -> Window:
@@ -168,7 +149,7 @@ class ManyOrders:
 
     Parameters
     ----------
-    coupling : SharedCoupling
+    coupling : Coupling
         Product by phi.
     window : Window
         Near and far harmonics.
@@ -182,7 +163,7 @@ class ManyOrders:
     """
 
     def __init__(
-        self, coupling: SharedCoupling, window: Window, ratio: Real, zeta: Real, scale: Real
+        self, coupling: Coupling, window: Window, ratio: Real, zeta: Real, scale: Real
     ) -> None:
         self.coupling, self.window, self.scale = coupling, window, scale
         self.count = len(window.far)
@@ -292,3 +273,172 @@ class ManyOrders:
         np.multiply(rows[:half], imaginary, out=out[half:])
         np.multiply(rows[half:], real, out=self.spare)
         out[half:] += self.spare
+
+
+def windows(sets: Certifier) -> tuple[INDICES, INDICES]:
+    """First and last harmonic with |D_n| < NEARNESS max|phi| of every set; last < first if none."""
+    ratio, zeta = sets.ratio[:, 0], sets.zeta[:, 0]
+    bend = 1 - 2 * zeta**2
+    spread = bend**2 - 1 + (NEARNESS * sets.swing) ** 2
+    root = np.sqrt(np.maximum(spread, 0.0))
+    first = np.ceil(ratio * np.sqrt(np.maximum(bend - root, 0.0)))
+    last = np.floor(ratio * np.sqrt(np.maximum(bend + root, 0.0)))
+    none = (spread <= 0) | (bend + root <= 0) | (last < first)
+    return np.where(none, 0, first).astype(int), np.where(none, -1, last).astype(int)
+
+
+def groups(
+    chosen: INDICES, first: INDICES, last: INDICES, alike: Real
+) -> Iterator[tuple[INDICES, tuple[int, int]]]:
+    """Yield sets that are expanded together, and their near harmonics.
+
+    Few sets with their own near harmonics join the next group if that widens it by little.
+    """
+    ordered = chosen[np.lexsort((alike[chosen], last[chosen], first[chosen]))]
+    if not len(ordered):
+        return
+    keys = np.stack([first[ordered], last[ordered]])
+    starts = np.flatnonzero((np.diff(keys) != 0).any(axis=0)) + 1
+    runs = np.split(ordered, starts)
+    waiting: list[INDICES] = []
+    low, high, widest, number = 0, -1, 0, 0
+
+    def flush() -> Iterator[tuple[INDICES, tuple[int, int]]]:
+        whole = np.concatenate(waiting)
+        for start in range(0, len(whole), MOST_TOGETHER):
+            yield whole[start : start + MOST_TOGETHER], (low, high)
+
+    for run in runs:
+        a, b = int(first[run[0]]), int(last[run[0]])
+        if waiting:
+            joined = max(high, b) - min(low, a) + 1
+            small = min(number, len(run)) < FEWEST_TOGETHER
+            if small and low <= high and joined <= max(widest, b - a + 1) + 3:
+                waiting.append(run)
+                low, high, number = min(low, a), max(high, b), number + len(run)
+                widest = max(widest, b - a + 1)
+                continue
+            yield from flush()
+        waiting, low, high, widest, number = [run], a, b, b - a + 1, len(run)
+    yield from flush()
+
+
+class SharedOrders:
+    """Expansions of sets that share phi; products are made once and kept.
+
+    Parameters
+    ----------
+    certifier : Certifier
+        Of all the sets.
+    tolerance : float
+        Relative error of the acceleration to be met.
+    """
+
+    def __init__(self, certifier: Certifier, tolerance: float) -> None:
+        self.certifier, self.tolerance = certifier, tolerance
+        self.gain = np.asarray(certifier.gain.acceleration)
+        self.numbers = tuple(
+            x[:, 0] for x in (certifier.ratio, certifier.zeta, np.asarray(certifier.scale))
+        )
+        self._couplings: dict[int, Coupling] = {}
+
+    def coupling(self, highest: int) -> Coupling:
+        """Products for harmonics 0..highest."""
+        if highest not in self._couplings:
+            harmonics = self.certifier.problem.stiffness_harmonics
+            self._couplings[highest] = Coupling(harmonics, highest)
+        return self._couplings[highest]
+
+    def attempt(
+        self, left: INDICES, sharper: float, stragglers: float
+    ) -> Iterator[tuple[INDICES, Complex, bool]]:
+        """Yield groups of sets, their half spectra less the mean, and whether lines were near."""
+        ratio, zeta, _ = self.numbers
+        first, last = windows(self.certifier)
+        # sets that converge alike stand together
+        alike = np.where(last < first, 1e3 * np.ceil(2 * np.log2(zeta)) + ratio, self.gain)
+        few = left[last[left] - first[left] < MOST_NEAR]
+        chosen = list(groups(few, first, last, alike))
+        needed = self._needed([group for group, _ in chosen], sharper * self.tolerance)
+        for (group, window), highest in zip(chosen, needed, strict=True):
+            if highest <= MOST_HARMONICS:
+                y = self._expand(group, window, highest, sharper * self.tolerance, stragglers)
+                if y is not None:
+                    yield group, y, window[1] >= window[0]
+
+    def _expand(
+        self,
+        group: INDICES,
+        window: tuple[int, int],
+        highest: int,
+        tolerance: float,
+        stragglers: float,
+    ) -> Complex | None:
+        """Orders of one group, near harmonics solved together."""
+        coupling = self.coupling(max(highest, window[1] + 2))
+        ratio, zeta, scale = (x[group] for x in self.numbers)
+        allowed = 0.3 * tolerance * self._first_sizes(group) / self.gain[group]
+        with np.errstate(all="ignore"):
+            try:
+                series = ManyOrders(coupling, coupling.window(*window), ratio, zeta, scale)
+            except np.linalg.LinAlgError:
+                return None
+            y = series.solve(allowed, stragglers)
+        count = coupling.highest + 1
+        half: Complex = np.empty((len(group), count), dtype=complex)
+        half.real, half.imag = y[:count].T, y[count:].T
+        return half
+
+    def _first_sizes(self, group: INDICES) -> Real:
+        """Rms acceleration over w0^2 F/k0 of the first order, and no less than of line 1."""
+        harmonics, shown = self.certifier.problem.stiffness_harmonics, self.certifier.shown
+        count = min(len(harmonics), shown or len(harmonics))
+        ratio, zeta, scale = (x[group] for x in self.numbers)
+        squares = (np.arange(1, count + 1)[:, None] / ratio) ** 2
+        sizes = np.abs(harmonics[:count, None]) ** 2 * squares**2
+        sizes /= (1 - squares) ** 2 + 4 * zeta**2 * squares
+        return np.asarray(scale * np.sqrt(2 * sizes.sum(axis=0)))
+
+    def _needed(self, parts: list[INDICES], tolerance: float) -> list[int]:
+        """Highest harmonic for every group, from its extreme members."""
+        if not parts:
+            return []
+        ratio, zeta, scale = self.numbers
+        # the fastest natural vibration, with the weakest and the strongest damping
+        fastest, strongest, loosest = (
+            np.repeat([x[part].max() for part in parts], 2) for x in (ratio, scale, self.gain)
+        )
+        dampings = np.array([pick(zeta[part]) for part in parts for pick in (np.min, np.max)])
+        needed = self._harmonics_needed(dampings, fastest, strongest, loosest, tolerance)
+        # an even number, so that fewer products are kept
+        return [int(n) + int(n) % 2 for n in needed.reshape(-1, 2).max(axis=1)]
+
+    def _harmonics_needed(
+        self, zeta: Real, ratio: Real, scale: Real, gain: Real, tolerance: float
+    ) -> INDICES:
+        """Highest harmonic that each set takes, shape (B,), by a series that surely converges.
+
+        The orders of the same equations, |D_n| not let below 2.5 max|phi|, fall off above the
+        resonance as the solution does. What is left out may be a third of the tolerance.
+        """
+        harmonics, shown = self.certifier.problem.stiffness_harmonics, self.certifier.shown
+        largest = math.ceil(1.5 * ratio.max() + 3 * len(harmonics)) + 10
+        coupling = self.coupling(min(largest, 2 * MOST_HARMONICS))
+        x = np.arange(coupling.highest + 1)[:, None] / ratio
+        stiffness = 1 - x * x + 2j * zeta * x
+        swing = self.certifier.pattern.highest * scale
+        answer = -scale / (stiffness * np.maximum(1.0, 2.5 * swing / np.abs(stiffness)))
+        count = len(x)
+        rows = coupling.inward_forcing[:, None]
+        for _ in range(round(8 - 1.5 * math.log10(tolerance))):
+            y = answer * (rows[:count] + 1j * rows[count:])
+            rows = coupling.inward_forcing[:, None] + coupling.inward @ stacked(y)
+        lines = np.abs(y) ** 2
+        direct = np.cumsum((x**4 * lines)[::-1], axis=0)[::-1]
+        beyond = np.sqrt(direct if shown is None else 0.0) + gain * swing * np.sqrt(
+            np.cumsum(lines[::-1], axis=0)[::-1]
+        )
+        enough = beyond <= 0.3 * tolerance * np.sqrt(direct[0])
+        # the lines from n on may go, so that n - 1 is the last one kept
+        needed = np.where(enough.any(axis=0), enough.argmax(axis=0), MOST_HARMONICS + 1)
+        return np.asarray(np.maximum(needed, np.ceil(1.3 * ratio).astype(int) + 1))

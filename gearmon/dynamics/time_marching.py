@@ -20,7 +20,7 @@ import numpy as np
 
 from gearmon.dynamics.fourier import Complex, Real
 from gearmon.dynamics.hill import HillProblem
-from gearmon.dynamics.piecewise_problem import PiecewiseProblem
+from gearmon.dynamics.piecewise import PiecewiseProblem
 from gearmon.errors import ArgumentError, check_range
 
 Solver = Literal["RK23", "RK45", "DOP853", "LSODA", "Radau", "BDF"]

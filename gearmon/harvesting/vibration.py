@@ -274,7 +274,7 @@ def clear_lines(vibration: Vibration) -> tuple[npt.NDArray[np.intp], float]:
 
 def _noise(power: Real) -> tuple[Real, float]:
     """Floor of the noise around each bin, and how many times that a clear line exceeds."""
-    from gearmon.signals.spectrum import local_floor
+    from gearmon.signals.spectra import local_floor
 
     return local_floor(power, min(len(power), FLOOR_BINS)), math.log2(len(power) / CHANCE)
 

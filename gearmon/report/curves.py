@@ -11,9 +11,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.signals.angle import AngleGrid, AngleTrack, angle_blocks
-from gearmon.signals.order_lines import OrderLines, synchronous_average
-from gearmon.signals.spectrum import Spectrum, amplitude_spectrum
+from gearmon.signals.angle import AngleTrack
+from gearmon.signals.orders import AngleGrid, OrderLines, angle_blocks, synchronous_average
+from gearmon.signals.spectra import Spectrum, amplitude_spectrum
 from gearmon.signals.transforms import fast_length
 from gearmon.signatures.measured.line_plan import WheelLines
 

@@ -33,7 +33,7 @@ from gearmon.report.plots import (
 )
 from gearmon.report.spectrum_plots import MOST_STRIPS, label_marks, line_marks, order_axis
 from gearmon.report.wording import shortened, strip_label, unit_text
-from gearmon.signals.tsa import one_turn
+from gearmon.signals.orders.averages import one_turn
 from gearmon.signatures.gear_averages import GearAverage, GearAverages
 from gearmon.signatures.measured.gear_signals import gear_signals
 from gearmon.signatures.measured.indicators import IndicatorTable

@@ -15,12 +15,11 @@ from gearmon.signals.reading import (
     Progress,
     SensorLike,
     Wanted,
-    choose,
     find_column,
     identify,
     interpret,
-    load,
     open_source,
+    read_arrays,
     read_table,
     survey,
 )
@@ -189,6 +188,8 @@ def read_recording(
     tacho: str | int | None = None,
     sensors: Iterable[SensorLike] = (),
     progress: Progress | None = None,
+    *,
+    on_disk: bool = False,
 ) -> Recording:
     """Return the recording in a file.
 
@@ -219,6 +220,9 @@ def read_recording(
         sensitivity, which is the recorded number per `unit`.
     progress : callable, optional
         Called with the share of the file that has been read, from 0 to 1.
+    on_disk : bool
+        Whether the samples are to lie in a temporary file instead of in memory; see
+        `open_recording`.
 
     Returns
     -------
@@ -232,43 +236,59 @@ def read_recording(
     ArgumentError
         If an argument is out of its range.
     """
-    wanted = wanted_of(sampling_rate_hz, channels, tacho, sensors)
-    source = open_source(path)
-    found = identify(source)
-    if found.is_text:
-        return _recorded(read_table(source, progress).content(), wanted)
-    held = load(source, found)
-    try:
-        frames, wanted = choose(held, wanted)
-        return _recorded(frames.content(progress=progress), wanted, frames.speed_rpm)
-    finally:
-        held.close()
-
-
-def wanted_of(
-    sampling_rate_hz: float | None,
-    channels: str | int | Iterable[str | int] | None,
-    tacho: str | int | None,
-    sensors: Iterable[SensorLike],
-) -> Wanted:
-    """Return what the user says about a recording as one value.
-
-    Raises
-    ------
-    ArgumentError
-        If the sampling rate is not above zero.
-    """
     if sampling_rate_hz is not None:
         check_positive("sampling_rate_hz", sampling_rate_hz, "Hz")
-    return Wanted(
+    wanted = Wanted(
         sampling_rate_hz=sampling_rate_hz,
         channels=(channels,) if isinstance(channels, str | int) else tuple(channels or ()),
         tacho=tacho,
         sensors=tuple(sensors),
     )
+    room = _room_on_disk if on_disk else np.empty
+    source = open_source(path)
+    found = identify(source)
+    if found.is_text:
+        return _recorded(read_table(source, progress, room).content(), wanted)
+    return _recorded(*read_arrays(source, found, wanted, progress, room))
 
 
-def _recorded(content: Content, wanted: Wanted, speed_rpm: float | None = None) -> Recording:
+def open_recording(
+    path: str | Path,
+    sampling_rate_hz: float | None = None,
+    channels: str | int | Iterable[str | int] | None = None,
+    tacho: str | int | None = None,
+    sensors: Iterable[SensorLike] = (),
+) -> Recording:
+    """Return the recording in a file of any size, its samples in a temporary file on disk.
+
+    Parameters
+    ----------
+    path, sampling_rate_hz, channels, tacho, sensors
+        As of `read_recording`.
+
+    Returns
+    -------
+    Recording
+        As that of `read_recording`, for every analysis alike. The system keeps as much of the
+        samples in memory as there is room for, and takes the file away with the recording.
+
+    Raises
+    ------
+    RecordingError, ArgumentError
+        As `read_recording`.
+    """
+    return read_recording(path, sampling_rate_hz, channels, tacho, sensors, on_disk=True)
+
+
+def _room_on_disk(shape: tuple[int, int]) -> Samples:
+    """Return an array of this shape that lies in a nameless temporary file."""
+    from tempfile import TemporaryFile  # most recordings fit into memory
+
+    with TemporaryFile() as file:
+        return np.memmap(file, np.float64, "w+", shape=shape).view(np.ndarray)
+
+
+def _recorded(content: Content, wanted: Wanted) -> Recording:
     found = interpret(content, wanted)
     return Recording(
         samples=found.samples,
@@ -279,42 +299,7 @@ def _recorded(content: Content, wanted: Wanted, speed_rpm: float | None = None) 
         columns=tuple(column.number for column in found.columns),
         origin=content.path,
         notes=found.notes,
-        speed_rpm=speed_rpm,
+        speed_rpm=content.speed_rpm,
         tacho_told=found.tacho_told,
         known_finite=found.finite,
     )
-
-
-def check_duration(recording: Recording, slowest_order_hz: float, turns: float = 1.0) -> None:
-    """Raise if a recording is shorter than one turn of the slowest shaft.
-
-    Parameters
-    ----------
-    recording : Recording
-        The recording.
-    slowest_order_hz : float > 0
-        Speed of the slowest shaft in turns per second.
-    turns : float > 0
-        How many of its turns are needed.
-
-    Raises
-    ------
-    RecordingError
-        If the recording is too short.
-
-    Examples
-    --------
-    >>> samples = np.zeros((1, 100))
-    >>> check_duration(Recording(samples=samples, sampling_rate_hz=100.0), 0.5)
-    Traceback (most recent call last):
-        ...
-    gearmon.errors.RecordingError: recording: 1 s recorded, but the slowest shaft (0.5 Hz) ...
-    """
-    needed_s = turns / check_positive("slowest_order_hz", slowest_order_hz, "Hz")
-    if recording.duration_s < needed_s:
-        count = "one turn" if turns == 1.0 else f"{turns:g} turns"
-        raise RecordingError(
-            f"{recording.origin or 'recording'}: {recording.duration_s:.4g} s recorded, but the "
-            f"slowest shaft ({slowest_order_hz:.4g} Hz) needs {needed_s:.4g} s for {count}; record "
-            "longer"
-        )

@@ -17,16 +17,13 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-# Above this many samples in equal transforms the import of FFTW (a quarter of a second) pays off.
-_FFTW_PAYS_FROM = 1 << 23
-# The same of windowed pieces of one recording: so long a one loads it for its order lines as well.
-_WINDOWED_PAYS_FROM = 1 << 22
-# Plans with buffers, for spectra of whole signals and of many blocks, are used from this size on.
-_PLANS_PAY_FROM = 1 << 20
+# Samples in equal transforms from which the import of FFTW (a quarter of a second) pays off, and
+# those of windowed pieces of one recording: so long a one loads it for its order lines as well.
+_PLANS_PAY_FROM, _WINDOWED_PAYS_FROM = 1 << 20, 1 << 22
 # Buffers of so many numbers stay in the cache of a processor core.
 _CACHED = 1 << 15
 # Plans held by each thread, and the largest buffer that is held [numbers].
-_PLANS_HELD, LARGEST_HELD = 12, 1 << 22
+_PLANS_HELD, _LARGEST_HELD = 12, 1 << 22
 # Up to here any length transforms in milliseconds; above, awkward ones take ten times as long.
 _ANY_LENGTH_BELOW = 1 << 14
 
@@ -76,43 +73,6 @@ def fast_length(length: int) -> int:
     return best
 
 
-def real_fft(blocks: FloatArray, length: int, *, total: int | None = None) -> ComplexArray:
-    """Fourier transform of real blocks along the last axis, zero-padded to `length`.
-
-    Parameters
-    ----------
-    blocks : ndarray of float, shape (..., n)
-        The blocks, n <= length.
-    length : int
-        Transform length.
-    total : int, optional
-        Samples that the caller will transform in all at this length; decides which library is
-        worth loading.
-
-    Returns
-    -------
-    ndarray of complex, shape (..., length // 2 + 1)
-        Unscaled coefficients, sum over n of x_n exp(-2 pi i k n / length).
-    """
-    if (total or blocks.size) >= _FFTW_PAYS_FROM and length >= 1 << 12:
-        return _fftw(blocks, length)
-    return np.fft.rfft(blocks, n=length, axis=-1)
-
-
-def _fftw(blocks: FloatArray, length: int) -> ComplexArray:
-    try:
-        import pyfftw.interfaces.numpy_fft as backend
-        from pyfftw.interfaces import cache
-    except ImportError:  # FFTW is GPL: whoever removes it keeps a complete product
-        return np.fft.rfft(blocks, n=length, axis=-1)
-    cache.enable()
-    cache.set_keepalive_time(30.0)
-    result: ComplexArray = backend.rfft(
-        blocks, n=length, axis=-1, planner_effort="FFTW_ESTIMATE", threads=1
-    )
-    return result
-
-
 def windowed_transforms(
     signals: FloatArray, weights: FloatArray, length: int, total: int
 ) -> Iterator[ComplexArray]:
@@ -126,21 +86,18 @@ def windowed_transforms(
     length : int, >= n
         Transform length.
     total : int
-        Samples that the caller will transform in all at this length, as for `real_fft`.
+        Samples that the caller will transform in all at this length; decides which library is
+        worth loading.
 
     Yields
     ------
     ndarray of complex, shape (length // 2 + 1,)
         Unscaled.
     """
-    planned = total >= _WINDOWED_PAYS_FROM and length >= 1 << 12
+    one = batch(length, 1, total if total >= _WINDOWED_PAYS_FROM else 0)
     for signal in signals:
-        if planned:
-            one = batch(length, 1, total)
-            fill(one, signal, len(weights), weights)
-            yield one.run()[0]
-        else:
-            yield np.fft.rfft(signal * weights, n=length)
+        fill(one, signal, len(weights), weights)
+        yield one.run()[0]
 
 
 def window_powers(signals: FloatArray, weights: FloatArray, length: int, total: int) -> FloatArray:
@@ -216,7 +173,7 @@ def batch(length: int, rows: int, total: int, *, inverse: bool = False) -> Batch
         As for `Batch`.
     """
     planned = total >= _PLANS_PAY_FROM
-    if length * rows > LARGEST_HELD:
+    if length * rows > _LARGEST_HELD:
         return Batch(length, rows, inverse=inverse, planned=planned)
     held: OrderedDict[tuple[int, int, bool, bool], Batch]
     held = _HELD.__dict__.setdefault("batches", OrderedDict())

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from gearmon.errors import RecordingError
 from gearmon.gears.kinematics import Kinematics, Wheel, kinematics
 from gearmon.machine import Machine
-from gearmon.signals.angular_waveform import whole_turns
+from gearmon.signals.orders import whole_turns
+from gearmon.signals.orders.averages import SynchronousAverage, time_synchronous_average
 from gearmon.signals.recording import Recording
-from gearmon.signals.tsa import SynchronousAverage, time_synchronous_average
 from gearmon.signatures.measured.gear_signals import GearSignals, gear_signals
 from gearmon.signatures.measured.line_plan import MESH_HARMONICS, WheelLines
 from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature

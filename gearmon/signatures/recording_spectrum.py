@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -10,21 +11,300 @@ from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError, check_range
 from gearmon.machine import Machine
-from gearmon.signals.line_peaks import line_amplitude
 from gearmon.signals.recording import Recording
-from gearmon.signals.windows import half_lobe
-from gearmon.signatures.measured.measurement import measure_signature
-from gearmon.signatures.measured.spectrum_kinds import (
-    COMPUTE,
-    KINDS,
-    RecordingSpectrum,
-    machine_marks,
-    mark_near,
+from gearmon.signals.spectra import amplitude_spectrum, half_lobe, line_amplitude, power_density
+from gearmon.signals.spectra.demodulation import (
+    Kurtogram,
+    cyclic_coherence,
+    envelope_spectrum,
+    kurtogram,
+    real_cepstrum,
 )
-
-__all__ = ["KINDS", "RecordingSpectrum", "highest_peaks", "recording_spectrum"]
+from gearmon.signals.transforms import fast_length
+from gearmon.signatures.measured.line_marks import Mark, machine_marks, mark_near
+from gearmon.signatures.measured.measurement import measure_signature
 
 FloatArray = NDArray[np.float64]
+
+# Modulation frequencies and pieces of a coherence, and the block of its carriers [samples].
+_CYCLIC, _PIECES, _CARRIER_BLOCK = 300, 2, 256
+# Halvings of the bandwidth among which the band of an envelope is chosen, and of a map.
+_ENVELOPE_LEVELS, _MAP_LEVELS = 4, 6
+_DENSITY_BLOCKS, _DENSITY_LONGEST = 16, 1 << 16
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RecordingSpectrum:
+    """A spectrum of every channel of a recording.
+
+    Parameters
+    ----------
+    recording, kind : str
+    channel_names : tuple of str
+    axis : str
+        Name of the horizontal column: "frequency_hz", "quefrency_s", "cyclic_frequency_hz" or
+        "order".
+    place : ndarray of float, shape (bins,)
+    values : ndarray of float, shape (channels, bins)
+    value_name : str
+        What the values are, in words.
+    units : tuple of str
+        Of the values, channel by channel; "" where unknown.
+    peaks : tuple of dict
+        Highest peaks: channel, place, value, near which line of the machine.
+    marks : tuple of Mark
+        Lines of the machine within the axis.
+    kurtograms : tuple of Kurtogram
+        One a channel, for that kind only.
+    wander : float
+        Half the range of the speed over its mean: lines are smeared so far about their marks.
+    notes : tuple of str
+    """
+
+    recording: str
+    kind: str
+    channel_names: tuple[str, ...]
+    axis: str
+    place: FloatArray
+    values: FloatArray
+    value_name: str
+    units: tuple[str, ...]
+    peaks: tuple[dict[str, Any], ...]
+    marks: tuple[Mark, ...] = ()
+    kurtograms: tuple[Kurtogram, ...] = ()
+    wander: float = 0.0
+    notes: tuple[str, ...] = field(default=())
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return the whole spectrum as rows, one column a channel."""
+        if self.kurtograms:
+            return [
+                {"channel": name, **row}
+                for name, own in zip(self.channel_names, self.kurtograms, strict=True)
+                for row in own.rows()
+            ]
+        columns = zip(self.channel_names, self.values.tolist(), strict=True)
+        named = {self.axis: self.place.tolist(), **dict(columns)}
+        return [dict(zip(named, row, strict=True)) for row in zip(*named.values(), strict=True)]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the peaks and what they mean, in built-in types."""
+        return {
+            "recording": self.recording,
+            "kind": self.kind,
+            "value": self.value_name,
+            "units": dict(zip(self.channel_names, self.units, strict=True)),
+            "peaks": list(self.peaks),
+            "lines": [{"name": mark.name, self.axis: mark.place} for mark in self.marks],
+            "warnings": list(self.notes),
+        }
+
+
+def _plain(vibration: Recording, kind: str, **given: Any) -> RecordingSpectrum:
+    usual: dict[str, Any] = {
+        "recording": vibration.origin,
+        "kind": kind,
+        "channel_names": vibration.channel_names,
+        "axis": "frequency_hz",
+        "peaks": (),
+    }
+    return RecordingSpectrum(**{**usual, **given})
+
+
+def _cut(
+    place: FloatArray, values: FloatArray, band: tuple[float, float] | None
+) -> tuple[FloatArray, FloatArray]:
+    if band is None:
+        return place, values
+    inside = (place >= band[0]) & (place <= band[1])
+    if inside.sum() < 2:
+        raise ArgumentError(
+            f"band {band[0]:g} to {band[1]:g} holds fewer than two lines; they are "
+            f"{place[1] - place[0]:.3g} apart: give a wider one or record longer"
+        )
+    return place[inside], values[:, inside]
+
+
+def _amplitudes(kind: str) -> Callable[..., RecordingSpectrum]:
+    names = {"amplitude": "peak amplitude", "rms": "RMS of the line", "energy": "energy per line"}
+
+    def compute(
+        vibration: Recording, band: tuple[float, float] | None, window_name: str
+    ) -> RecordingSpectrum:
+        found = amplitude_spectrum(
+            vibration.samples,
+            vibration.sampling_rate_hz,
+            window_name=window_name,
+            quantity=kind,  # type: ignore[arg-type]
+        )
+        place, values = _cut(found.frequency_hz, found.values, band)
+        note = f"{window_name} window, noise bandwidth {found.resolution_hz:.3g} Hz"
+        return _plain(
+            vibration,
+            kind,
+            place=place,
+            values=values,
+            value_name=names[kind],
+            units=_units(vibration, "squared" if kind == "energy" else ""),
+            notes=(note,),
+        )
+
+    return compute
+
+
+def _density(
+    vibration: Recording, band: tuple[float, float] | None, window_name: str
+) -> RecordingSpectrum:
+    count = vibration.samples.shape[-1]
+    wanted = fast_length(max(16, count // _DENSITY_BLOCKS))
+    block = min(count, _DENSITY_LONGEST, wanted)
+    found = power_density(
+        vibration.samples, vibration.sampling_rate_hz, block, window_name=window_name
+    )
+    place, values = _cut(found.frequency_hz, found.values, band)
+    note = f"Welch, blocks of {block} samples, half overlap, {window_name} window"
+    return _plain(
+        vibration,
+        "density",
+        place=place,
+        values=values,
+        value_name="power spectral density",
+        units=_units(vibration, "density"),
+        notes=(note,),
+    )
+
+
+def _envelope(
+    vibration: Recording,
+    band: tuple[float, float] | None,
+    window_name: str,  # noqa: ARG001 (all kinds are called alike)
+) -> RecordingSpectrum:
+    rate, notes = vibration.sampling_rate_hz, []
+    if band is None:
+        # narrow bands through which a wandering line passes now and then would look impulsive
+        deepest = max(0, min(_ENVELOPE_LEVELS, int(np.log2(vibration.samples.shape[-1] / 64))))
+        found_bands = [kurtogram(channel, rate, deepest).best for channel in vibration.samples]
+        channel = int(np.argmax([height for _, _, height in found_bands]))
+        low, high, height = found_bands[channel]
+        band = (low, high)
+        notes.append(
+            f"band {low:.6g} to {high:.6g} Hz by the kurtogram of "
+            f"{vibration.channel_names[channel]} (kurtosis {height:.3g})"
+        )
+    found = envelope_spectrum(vibration.samples, rate, *band)
+    return _plain(
+        vibration,
+        "envelope",
+        place=found.frequency_hz[1:],
+        values=found.values[:, 1:],
+        value_name=f"envelope of {band[0]:.6g} to {band[1]:.6g} Hz",
+        units=_units(vibration, ""),
+        notes=tuple(notes),
+    )
+
+
+def _cepstrum(
+    vibration: Recording,
+    band: tuple[float, float] | None,
+    window_name: str,  # noqa: ARG001
+) -> RecordingSpectrum:
+    found = real_cepstrum(vibration.samples, vibration.sampling_rate_hz)
+    # the first quefrencies hold the coarse shape of the spectrum, many times higher than the rest
+    chosen = band or (16 / vibration.sampling_rate_hz, min(0.5, float(found.quefrency_s[-1])))
+    place, values = _cut(found.quefrency_s, found.values, chosen)
+    return _plain(
+        vibration,
+        "cepstrum",
+        axis="quefrency_s",
+        place=place,
+        values=values,
+        value_name="real cepstrum",
+        units=("1",) * len(values),
+    )
+
+
+def _kurtogram(
+    vibration: Recording,
+    band: tuple[float, float] | None,
+    window_name: str,  # noqa: ARG001
+) -> RecordingSpectrum:
+    if band is not None:
+        raise ArgumentError("band: a kurtogram covers all frequencies; leave the band out")
+    levels = max(0, min(_MAP_LEVELS, int(np.log2(vibration.samples.shape[-1] / 64))))
+    maps = tuple(
+        kurtogram(samples, vibration.sampling_rate_hz, levels) for samples in vibration.samples
+    )
+    return _plain(
+        vibration,
+        "kurtogram",
+        place=np.zeros(0),
+        values=np.zeros((len(maps), 0)),
+        value_name="kurtosis of the envelope",
+        units=("1",) * len(maps),
+        kurtograms=maps,
+    )
+
+
+def _coherence(
+    vibration: Recording,
+    band: tuple[float, float] | None,
+    window_name: str,  # noqa: ARG001
+) -> RecordingSpectrum:
+    rate, count = vibration.sampling_rate_hz, vibration.samples.shape[-1]
+    low, high = band or (1.0, min(200.0, rate / 8))
+    # modulation is resolved to rate over length: so long a piece that no line falls between
+    piece = min(count, max(16 * _CARRIER_BLOCK, int(_CYCLIC * rate / (high - low))))
+    pieces = max(1, min(_PIECES, count // piece))
+    block = min(_CARRIER_BLOCK, piece // 16)
+    if block < 8:
+        raise ArgumentError(f"{vibration.origin}: {count} samples are too few for a coherence")
+    step = rate / piece
+    cyclic = np.arange(max(low, step), high, step)
+    values = [
+        np.mean(
+            [
+                cyclic_coherence(
+                    samples[k * piece : (k + 1) * piece], rate, cyclic, block
+                ).enhanced_envelope_spectrum
+                for k in range(pieces)
+            ],
+            axis=0,
+        )
+        for samples in vibration.samples
+    ]
+    return _plain(
+        vibration,
+        "coherence",
+        axis="cyclic_frequency_hz",
+        place=cyclic,
+        values=np.array(values),
+        value_name="squared cyclic coherence, mean over carriers",
+        units=("1",) * len(values),
+        notes=(
+            f"modulation resolved to {step:.3g} Hz, carriers to {1.5 * rate / block:.3g} Hz, from "
+            f"the first {pieces * piece / rate:.3g} s",
+        ),
+    )
+
+
+def _units(vibration: Recording, how: str) -> tuple[str, ...]:
+    forms = {"": "{}", "squared": "({})^2", "density": "({})^2/Hz"}
+    return tuple(forms[how].format(unit) if unit else "" for unit in vibration.units)
+
+
+# Each takes the vibration, the band or none, and the name of the window.
+COMPUTE: dict[str, Callable[..., RecordingSpectrum]] = {
+    "amplitude": _amplitudes("amplitude"),
+    "rms": _amplitudes("rms"),
+    "density": _density,
+    "energy": _amplitudes("energy"),
+    "envelope": _envelope,
+    "cepstrum": _cepstrum,
+    "kurtogram": _kurtogram,
+    "coherence": _coherence,
+}
+
+KINDS = tuple(COMPUTE)
 
 
 def recording_spectrum(

@@ -12,8 +12,8 @@ from gearmon.errors import ArgumentError
 from gearmon.gears.kinematics import Kinematics, Mesh
 from gearmon.machine import Machine
 from gearmon.signals.angle import AngleTrack
-from gearmon.signals.comb import Comb, SpeedScan, scan_speed
-from gearmon.signals.presence import MeshComb, combined_comb
+from gearmon.signals.tracking.comb import Comb, SpeedScan, scan_speed
+from gearmon.signals.tracking.mesh_detection import MeshComb, combined_comb
 from gearmon.signatures.measured.line_plan import MESH_HARMONICS, group_orders, mesh_harmonics
 
 FloatArray = NDArray[np.float64]

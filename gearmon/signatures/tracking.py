@@ -1,4 +1,4 @@
-"""The angle of shaft 1 in a recording: from a tachometer and the mesh lines, or by ear alone."""
+"""The angle of shaft 1 in a recording: from a tachometer and the mesh lines, or tacholess."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from gearmon.errors import ArgumentError, RecordingError
 from gearmon.gears.kinematics import Kinematics
 from gearmon.machine import Machine
 from gearmon.signals.angle import AngleTrack
-from gearmon.signals.comb import SpeedScan
-from gearmon.signals.phase import integrate_speed
 from gearmon.signals.recording import Recording
-from gearmon.signals.tacho import (
+from gearmon.signals.tracking.comb import SpeedScan
+from gearmon.signals.tracking.phases import integrate_speed
+from gearmon.signals.tracking.tacho import (
     TachoPulses,
     find_pulses,
+    join,
     pulse_angles,
     pulses_per_turn,
     track_from_pulses,
 )
-from gearmon.signals.tacho_phases import join
-from gearmon.signatures.hearing import (
+from gearmon.signatures.mesh_evidence import (
     TACHO_REACH,
-    Heard,
+    GearVibration,
     Tracking,
     evidence_of,
     judge,
@@ -30,7 +30,7 @@ from gearmon.signatures.hearing import (
     wander,
 )
 from gearmon.signatures.speed import SPEED_TOLERANCE, scan_nominal_speeds
-from gearmon.signatures.tracking_by_ear import track_by_ear
+from gearmon.signatures.tacholess import track_tacholess
 
 # How far pulses and comb may be apart before it is asked which of them is right.
 _APART = 0.01
@@ -40,7 +40,7 @@ def track_recording(recording: Recording, machine: Machine, train: Kinematics) -
     """Find the angle of shaft 1: from a tachometer if there is one, else from comb and phases.
 
     The pulses of a tachometer tell the turn, the phases of the mesh lines the angle between them
-    (`gearmon.signals.tacho_phases`). A channel that only its name makes a tachometer is left alone
+    (`gearmon.signals.tracking`). A channel that only its name makes a tachometer is left alone
     where it is none.
 
     Parameters
@@ -64,14 +64,14 @@ def track_recording(recording: Recording, machine: Machine, train: Kinematics) -
     vibration = recording.vibration()
     samples, rate = vibration.samples, vibration.sampling_rate_hz
     nominal_hz, scan = scan_nominal_speeds(samples, rate, train, machine)
-    heard = Heard(samples=samples, rate=rate, train=train, nominal_hz=nominal_hz)
-    ear = _Ear(heard=heard, scan=scan, machine=machine)
+    signal = GearVibration(samples=samples, rate=rate, train=train, nominal_hz=nominal_hz)
+    tacholess = _Tacholess(signal=signal, scan=scan, machine=machine)
     notes: list[str] = []
     for index, kind in enumerate(recording.channel_kinds):
         if kind != "tacho":
             continue
         try:
-            return _with_tacho(recording, index, ear)
+            return _with_tacho(recording, index, tacholess)
         except (ArgumentError, RecordingError) as error:
             if recording.tacho_told:
                 raise
@@ -80,65 +80,65 @@ def track_recording(recording: Recording, machine: Machine, train: Kinematics) -
                 f"{recording.channel_names[index]} is no usable tachometer, though its name "
                 f"suggests one: {why}; the vibration alone tells the angle"
             )
-    return replace(ear.alone, notes=(*notes, *ear.alone.notes))
+    return replace(tacholess.alone, notes=(*notes, *tacholess.alone.notes))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Ear:
+class _Tacholess:
     """What the vibration alone tells, as far as it is asked for."""
 
-    heard: Heard
+    signal: GearVibration
     scan: SpeedScan
     machine: Machine
 
     @cached_property
     def first(self) -> Tracking:
         """The comb about a nominal speed."""
-        heard, nominal_hz = self.heard, self.heard.nominal_hz
-        evidence = evidence_of(heard, self.scan, nominal_hz, SPEED_TOLERANCE)
-        track = integrate_speed(self.scan.track(), heard.last_s)
+        signal, nominal_hz = self.signal, self.signal.nominal_hz
+        evidence = evidence_of(signal, self.scan, nominal_hz, SPEED_TOLERANCE)
+        track = integrate_speed(self.scan.track(), signal.last_s)
         return Tracking(track=track, nominal_hz=nominal_hz, scan=self.scan, evidence=evidence)
 
     @cached_property
     def alone(self) -> Tracking:
         """The angle by comb and phases."""
-        sums = self.heard.sums()
+        sums = self.signal.sums()
         if sums is None:
             note = "no mesh harmonic lies below the Nyquist frequency"
             return replace(self.first, notes=(note,))
-        return track_by_ear(self.heard, sums, self.first, self.machine)
+        return track_tacholess(self.signal, sums, self.first, self.machine)
 
 
-def _with_tacho(recording: Recording, index: int, ear: _Ear) -> Tracking:
+def _with_tacho(recording: Recording, index: int, tacholess: _Tacholess) -> Tracking:
     """Track by the pulses of one channel and the lines between them."""
-    tacho = _Tacho.of(recording, index, ear.machine, ear.heard)
-    if _departs(tacho.track, ear.heard.nominal_hz):
-        found = judge(ear.heard, tacho.track)
+    tacho = _Tacho.of(recording, index, tacholess.machine, tacholess.signal)
+    if _departs(tacho.track, tacholess.signal.nominal_hz):
+        found = judge(tacholess.signal, tacho.track)
         if not recording.tacho_told:
-            _check_believed(found, ear)
+            _check_believed(found, tacholess)
     else:
-        found = _at_pulses(ear, tacho.track)
-        if not recording.tacho_told and _shows_elsewhere(ear.first, tacho.track):
-            _check_believed(judge(ear.heard, tacho.track), ear)
-    track, notes = tacho.joined(ear.heard)
+        found = _at_pulses(tacholess, tacho.track)
+        if not recording.tacho_told and _shows_elsewhere(tacholess.first, tacho.track):
+            _check_believed(judge(tacholess.signal, tacho.track), tacholess)
+    track, notes = tacho.joined(tacholess.signal)
     return replace(found, track=track, notes=notes)
 
 
 def _shows_elsewhere(found: Tracking, track: AngleTrack) -> bool:
-    return found.standing > 0 and _apart(track, found.track) > _APART
+    return found.detected > 0 and _apart(track, found.track) > _APART
 
 
-def _at_pulses(ear: _Ear, track: AngleTrack) -> Tracking:
+def _at_pulses(tacholess: _Tacholess, track: AngleTrack) -> Tracking:
     """Judge the meshes at the speed that pulses tell."""
-    heard, scan = ear.heard, ear.scan
+    signal, scan = tacholess.signal, tacholess.scan
     known = speed_in_blocks(track, scan)
-    evidence = evidence_of(heard, scan, known.mean_hz, TACHO_REACH, known)
-    return Tracking(track=track, nominal_hz=heard.nominal_hz, scan=scan, evidence=evidence)
+    evidence = evidence_of(signal, scan, known.mean_hz, TACHO_REACH, known)
+    return Tracking(track=track, nominal_hz=signal.nominal_hz, scan=scan, evidence=evidence)
 
 
-def _check_believed(judged: Tracking, ear: _Ear) -> None:
+def _check_believed(judged: Tracking, tacholess: _Tacholess) -> None:
     """Refuse pulses at whose speed fewer lines show than at another one."""
-    rival = ear.first if ear.first.standing or judged.standing else ear.alone
+    rival = tacholess.first if tacholess.first.detected or judged.detected else tacholess.alone
     if _apart(judged.track, rival.track) > _APART and _clarity(rival) > _clarity(judged):
         raise RecordingError(
             f"the mesh lines stand out less at the {_mean_hz(judged.track):.4g} Hz that its pulses "
@@ -148,7 +148,7 @@ def _check_believed(judged: Tracking, ear: _Ear) -> None:
 
 def _clarity(found: Tracking) -> tuple[int, int]:
     """How many meshes stand out, and how many of their harmonics are clear."""
-    return found.standing, sum(seen.clear for seen in found.evidence if seen.stands_out)
+    return found.detected, sum(seen.clear for seen in found.evidence if seen.stands_out)
 
 
 def _apart(one: AngleTrack, other: AngleTrack) -> float:
@@ -157,7 +157,7 @@ def _apart(one: AngleTrack, other: AngleTrack) -> float:
 
 
 def _departs(track: AngleTrack, nominal_hz: float) -> bool:
-    """Whether a track leaves the speeds that the scan about nominal hears well."""
+    """Whether a track leaves the speeds that the scan about nominal covers well."""
     return abs(_mean_hz(track) / nominal_hz - 1) > SPEED_TOLERANCE or wander(track) > 0.005
 
 
@@ -176,7 +176,9 @@ class _Tacho:
     track: AngleTrack
 
     @classmethod
-    def of(cls, recording: Recording, index: int, machine: Machine, heard: Heard) -> _Tacho:
+    def of(
+        cls, recording: Recording, index: int, machine: Machine, signal: GearVibration
+    ) -> _Tacho:
         """Find the pulses of a channel."""
         name, column = recording.channel_names[index], str(recording.columns[index])
         sensor = next(
@@ -185,12 +187,12 @@ class _Tacho:
         )
         known = sensor.pulses_per_turn if sensor else None
         pulses = find_pulses(recording.samples[index], recording.sampling_rate_hz, known)
-        order = heard.train.shaft(sensor.shaft).order if sensor is not None else 1.0
-        count = known or pulses_per_turn(pulses, heard.nominal_hz)
-        track = track_from_pulses(pulses, count, order, heard.last_s)
+        order = signal.train.shaft(sensor.shaft).order if sensor is not None else 1.0
+        count = known or pulses_per_turn(pulses, signal.nominal_hz)
+        track = track_from_pulses(pulses, count, order, signal.last_s)
         return cls(name=name, pulses=pulses, per_turn=count, shaft_order=order, track=track)
 
-    def joined(self, heard: Heard) -> tuple[AngleTrack, tuple[str, ...]]:
+    def joined(self, signal: GearVibration) -> tuple[AngleTrack, tuple[str, ...]]:
         """Return the angle of pulses and lines together, and what is to be said about it."""
         pulses, count = self.pulses, self.per_turn
         notes = [f"tacho {self.name}: {count} pulse{'s' if count > 1 else ''} a turn"]
@@ -198,7 +200,7 @@ class _Tacho:
             notes.append(
                 f"tacho {self.name}: {pulses.missing} pulses filled in, {pulses.extra} left out"
             )
-        sums = heard.sums(float(self.track.speed_hz.max()))
+        sums = signal.sums(float(self.track.speed_hz.max()))
         if sums is None:
             return self.track, tuple(notes)
         time_s, turns, _ = pulse_angles(pulses, count, self.shaft_order)

@@ -27,7 +27,7 @@ from gearmon.errors import ArgumentError, RecordingError
 from gearmon.gears.faults import parse_fault
 from gearmon.machine import Machine, OperatingPoint, ParallelStage
 from gearmon.signals.recording import Recording
-from gearmon.signals.tacho import find_pulses
+from gearmon.signals.tracking import find_pulses
 from gearmon.simulation import simulate
 
 GEAR_CRACK = "crack:1:gear:30:40%"

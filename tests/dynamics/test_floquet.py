@@ -104,34 +104,12 @@ def test_product_of_multipliers_is_the_damping():
         assert abs(first) >= abs(second)
 
 
-def test_steps_are_of_fourth_order():
-    rng = np.random.default_rng(1)
-    c = 0.1 * (rng.normal(size=4) + 1j * rng.normal(size=4)) / np.arange(1, 5)
-    traces = []
-    for count in (64, 128, 256, 4096):
-        product, log = floquet.total_product(floquet.make_steps(3.3, 0.05, c, count).matrices)
-        traces.append((product[0, 0] + product[1, 1]) * math.exp(log))
-    errors = np.abs(np.array(traces[:3]) - traces[3])
-    slopes = np.log2(errors[:-1] / errors[1:])
-    np.testing.assert_allclose(slopes, 4, atol=0.3)
-
-
 def test_running_products_do_not_overflow():
-    grow = np.array([[np.full(3000, 3.0), np.zeros(3000)], [np.zeros(3000), np.full(3000, 1 / 3)]])
+    grow = np.zeros((2, 2, 3008, 1))
+    grow[0, 0], grow[1, 1] = 3.0, 1 / 3
     products, logs = floquet.running_products(grow)
     assert np.isfinite(products).all()
-    assert logs[-1] + math.log(products[0, 0, -1]) == pytest.approx(3000 * math.log(3))
-
-
-def test_rest_of_a_step_is_within_its_bound():
-    c = np.array([0.1, 0.05j, -0.02])
-    steps = floquet.make_steps(2.0, 0.1, c, 50)
-    fine = 200
-    s = (np.arange(50 * fine) + 0.5) / (50 * fine) * 2 * math.pi * 2.0
-    phi = sum(2 * (cj * np.exp(1j * j * s / 2.0)).real for j, cj in enumerate(c, start=1))
-    blocks = phi.reshape(50, fine)
-    q = np.cumsum(blocks - blocks.mean(axis=1, keepdims=True), axis=1) * steps.length / fine
-    assert 0.5 * steps.rest < np.abs(q).max() <= steps.rest * 1.001
+    assert logs[-1, 0] + math.log(products[0, 0, -1, 0]) == pytest.approx(3008 * math.log(3))
 
 
 def test_multipliers_of_a_response_are_reported():

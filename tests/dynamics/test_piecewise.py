@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from reference import piecewise_reference as reference
 
-from gearmon.dynamics import piecewise_lines, step_maps
+from gearmon.dynamics import piecewise_motion, step_maps
 from gearmon.dynamics.harmonic_balance import solve as balance
-from gearmon.dynamics.piecewise import PiecewiseProblem, multipliers, solve_exactly, sweep
+from gearmon.dynamics.piecewise import PiecewiseProblem, multipliers, solve_exactly
 from gearmon.errors import ArgumentError
 
 MASS, STIFFNESS, FORCE = 0.28, 8e8, 4e3
@@ -278,55 +278,6 @@ def test_unstable_and_undamped_are_said_with_the_number():
     assert "undamped" in undamped.message
 
 
-def test_sets_are_the_single_answers():
-    rng = np.random.default_rng(9)
-    mass = rng.uniform(0.1, 0.4, (3, 4))
-    damping = np.exp(rng.uniform(np.log(300.0), np.log(8e4), (3, 4)))
-    levels = 8e8 * rng.uniform(0.7, 1.3, (3, 4, 3))
-    times = np.array([4e-4, 7e-4, 5e-4])
-    force = rng.uniform(1e3, 5e3, (3, 4))
-    found = sweep(mass, damping, levels, times, force)
-    lines, push = found.lines(30), found.least_push() * mass
-    phase = rng.random(7)
-    values = found.values(phase)
-    for place in np.ndindex(3, 4):
-        p = PiecewiseProblem(
-            mass_kg=mass[place],
-            damping_ns_per_m=damping[place],
-            stiffness_n_per_m=levels[place],
-            durations_s=times,
-            force_n=force[place],
-        )
-        r = solve_exactly(p, 30)
-        scale = np.abs(r.displacement[1:]).max()
-        np.testing.assert_allclose(lines[place], r.displacement, rtol=1e-9, atol=1e-12 * scale)
-        assert push[place] == pytest.approx(r.least_mesh_force_n, rel=1e-9)
-        assert found.stable[place] == r.stable
-        for kind, value in zip(("displacement", "velocity", "acceleration"), values, strict=False):
-            expected = r.at(phase * p.period_s, kind)
-            np.testing.assert_allclose(
-                value[place], expected, rtol=1e-8, atol=1e-9 * np.abs(expected).max()
-            )
-
-
-def test_sets_with_resonant_pieces_and_own_periods():
-    ratios = np.array([2.0, 2.0001, 5.0, 0.7])
-    times = ratios[:, None] * 2 * math.pi / W0 * np.array([0.4, 0.6])
-    damping = 2 * 1e-4 * math.sqrt(STIFFNESS * MASS)
-    levels = STIFFNESS * np.array([1.02, 0.98])
-    lines = sweep(MASS, damping, levels, times, [[FORCE, 2 * FORCE]]).lines(9)
-    for row, time in zip(lines, times, strict=True):
-        p = PiecewiseProblem(
-            mass_kg=MASS,
-            damping_ns_per_m=damping,
-            stiffness_n_per_m=levels,
-            durations_s=time,
-            force_n=[FORCE, 2 * FORCE],
-        )
-        exact = solve_exactly(p, 9).displacement
-        np.testing.assert_allclose(row, exact, rtol=1e-9, atol=1e-12 * np.abs(exact[1:]).max())
-
-
 @pytest.mark.parametrize("seed", range(5))
 def test_least_mesh_force_against_a_fine_grid(seed):
     rng = np.random.default_rng(seed)
@@ -376,7 +327,7 @@ def test_harmonics_of_the_pieces():
     n = np.arange(1, 8)
     expected = 0.13 * np.sin(n * math.pi * 0.412) / (n * math.pi * (1 - 0.412))
     np.testing.assert_allclose(p.hill(7).stiffness_harmonics, expected, atol=1e-15)
-    assert piecewise_lines._repeats(np.tile([0.3, 0.7, 0.2], 5)) == 5
+    assert piecewise_motion._repeats(np.tile([0.3, 0.7, 0.2], 5)) == 5
 
 
 @pytest.mark.parametrize(
@@ -413,5 +364,3 @@ def test_other_refusals():
         solve_exactly(pair(), 0)
     with pytest.raises(ArgumentError, match="kind='jerk'"):
         solve_exactly(pair()).at(0.0, "jerk")
-    with pytest.raises(ArgumentError, match="damping_ns_per_m: all values"):
-        sweep(1.0, -1.0, [1.0, 2.0], [1.0, 1.0], 1.0)

@@ -9,7 +9,7 @@ from reference.simulated_machines import two_stages
 from reference.synthetic_signals import track_of, wandering_turns
 
 from gearmon.gears.kinematics import kinematics
-from gearmon.signals.fine_spectrum import fine_order_spectrum
+from gearmon.signals.orders import fine_order_spectrum
 from gearmon.signatures.measured.nongear_lines import nongear_lines
 
 RATE_HZ, DURATION_S, SPEED_HZ = 6000.0, 6.0, 24.7

@@ -38,6 +38,11 @@ def wandering_turns(time_s, speed_hz, wander, seed=0, slowest_s=8.0, components=
     return turns
 
 
+def constant_track(speed_hz, duration_s):
+    """The track of a shaft that turns at `speed_hz` throughout."""
+    return track_of(lambda time_s: speed_hz * time_s, duration_s, 2, method="constant")
+
+
 def track_of(turns_of_time, duration_s, knots, method="tacho"):
     """An angle track through a known curve."""
     time_s = np.linspace(0.0, duration_s, knots)

@@ -6,12 +6,18 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from reference.synthetic_signals import band_limited, lines_on, track_of, wandering_turns, white
+from reference.synthetic_signals import (
+    band_limited,
+    constant_track,
+    lines_on,
+    track_of,
+    wandering_turns,
+    white,
+)
 
 from gearmon.errors import ArgumentError
-from gearmon.signals import angle
-from gearmon.signals.angle import AngleGrid, AngleTrack, angle_blocks, resample_to_angle
-from gearmon.signals.phase import constant_track
+from gearmon.signals.angle import AngleTrack
+from gearmon.signals.orders import AngleGrid, angle_blocks, resample_to_angle, resampling
 
 RATE = 2000.0
 
@@ -148,7 +154,7 @@ def test_pieces_join_without_a_seam(monkeypatch, precise):
     samples = band_limited(2, 20_000, seed=1)
     first, count = 20.0, 110 * 160
     whole = resample_to_angle(samples, RATE, curve, 110, first, count, precise=precise)
-    monkeypatch.setattr(angle, "_CHUNK", 1000)
+    monkeypatch.setattr(resampling, "_CHUNK", 1000)
     pieces = resample_to_angle(samples, RATE, curve, 110, first, count, precise=precise)
     assert np.abs(whole - pieces).max() < 2e-3
 
@@ -212,7 +218,7 @@ def test_blocks_are_parts_of_the_whole_resampled_recording(monkeypatch, block):
     samples = lines_on(turns(np.arange(4000) / RATE), [3.0, 11.3], [1.0, 0.5])
     grid = AngleGrid.of(4000, RATE, curve, 12.0)
     whole = resample_to_angle(samples, RATE, curve, grid.per_turn, grid.first_turn, grid.count)
-    monkeypatch.setattr(angle, "_CHUNK", 500)
+    monkeypatch.setattr(resampling, "_CHUNK", 500)
     starts = []
     for start, part in angle_blocks(samples, RATE, curve, grid, block):
         starts.append(start)

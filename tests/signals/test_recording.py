@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gearmon.errors import ArgumentError, RecordingError
-from gearmon.signals.recording import Recording, check_duration, read_recording
+from gearmon.signals.recording import Recording, open_recording, read_recording
 
 
 def recording(**changes):
@@ -79,26 +79,6 @@ class TestRecording:
             recording(samples=np.zeros((3, 1)))
 
 
-class TestDuration:
-    def test_one_turn_of_the_slowest_shaft(self):
-        short = recording(origin="short.csv")
-        check_duration(short, 2.0)
-        with pytest.raises(
-            RecordingError,
-            match=r"short\.csv: 0\.5 s recorded, but .* \(1\.6 Hz\) needs 0\.625 s for one turn",
-        ):
-            check_duration(short, 1.6)
-
-    def test_several_turns(self):
-        with pytest.raises(RecordingError, match=r"needs 2 s for 4 turns; record longer"):
-            check_duration(recording(), 2.0, turns=4)
-
-    @pytest.mark.parametrize("speed_hz", [0.0, -1.0, float("nan")])
-    def test_the_speed_must_be_positive(self, speed_hz):
-        with pytest.raises(ArgumentError, match="slowest_order_hz"):
-            check_duration(recording(), speed_hz)
-
-
 def test_progress_goes_to_one(tmp_path):
     path = tmp_path / "recording.csv"
     path.write_text("".join(f"{k % 7}.5;{k % 11}.25\n" for k in range(60_000)))
@@ -151,3 +131,20 @@ def test_peak_memory_is_well_under_twice_the_numbers(tmp_path, columns):
     ).split()
     # the libraries, pandas the largest, take some 100 MB whatever the file
     assert (int(peak_kib) - int(loaded_kib)) * 1024 < 1.9 * 8 * rows * columns
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".npy"])
+def test_samples_on_disk_are_those_in_memory(tmp_path, suffix):
+    rows = np.random.default_rng(7).normal(size=(3000, 3)).round(6)
+    path = tmp_path / f"long{suffix}"
+    if suffix == ".npy":
+        np.save(path, rows)
+    else:
+        np.savetxt(path, rows, "%.6f", ",", header="a1 [g],a2 [g],tacho", comments="")
+    held, lying = read_recording(path, 2000.0), open_recording(path, 2000.0)
+    np.testing.assert_array_equal(lying.samples, held.samples)
+    assert (lying.channel_kinds, lying.units, lying.notes) == (
+        held.channel_kinds,
+        held.units,
+        held.notes,
+    )

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from reference import slow_indicators
 
 from gearmon.errors import ArgumentError
-from gearmon.signals.indicators import kurtosis
-from gearmon.signals.run_history import RunHistory, na4, na4_frozen
+from gearmon.signals.indicators import RunHistory, kurtosis, na4, na4_frozen
 
 
 def run_of(records):

@@ -16,16 +16,12 @@ from reference.synthetic_signals import lines_on, track_of, wandering_turns, whi
 from gearmon.errors import ArgumentError, RecordingError
 from gearmon.gears.faults import parse_fault
 from gearmon.gears.stiffness import mesh_stiffness
-from gearmon.signals.angle import AngleTrack, resample_to_angle
-from gearmon.signals.angular_waveform import angular_waveform
-from gearmon.signals.envelope import demodulate
-from gearmon.signals.line_peaks import line_amplitude
-from gearmon.signals.recording import read_recording
-from gearmon.signals.spectrum import amplitude_spectrum
-from gearmon.signals.streaming import open_recording
-from gearmon.signals.streaming_statistics import stream_indicators
-from gearmon.signals.tacho import find_pulses, track_from_pulses
-from gearmon.signals.tsa import time_synchronous_average
+from gearmon.signals.angle import AngleTrack
+from gearmon.signals.indicators import describe_waveform
+from gearmon.signals.orders import angular_waveform, resample_to_angle, time_synchronous_average
+from gearmon.signals.recording import open_recording, read_recording
+from gearmon.signals.spectra import amplitude_spectrum, demodulate, line_amplitude
+from gearmon.signals.tracking import find_pulses, track_from_pulses
 from gearmon.signatures.measured.indicators import indicator_table
 from gearmon.signatures.measured.measurement import measure_signature
 
@@ -190,12 +186,12 @@ def test_12_fewer_samples_a_turn_do_not_fold_what_they_cannot_hold():
 def test_13_indicators_of_a_long_recording_take_little_memory(tmp_path):
     path = tmp_path / "long.npy"
     np.save(path, white((1, 4_000_000), seed=1))
-    with open_recording(path, RATE) as stream:
-        tracemalloc.start()
-        found = stream_indicators(stream)
-        peak = tracemalloc.get_traced_memory()[1]
-        tracemalloc.stop()
-    assert found.kurtosis[0] == pytest.approx(3.0, abs=0.02)
+    tracemalloc.start()
+    recording = open_recording(path, RATE)
+    found = describe_waveform(recording.samples[0])
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert found.kurtosis == pytest.approx(3.0, abs=0.02)
     assert peak < 4_000_000 * 8 / 2
 
 

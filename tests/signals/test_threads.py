@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from reference.synthetic_signals import lines_on, white
+from reference.synthetic_signals import constant_track, lines_on, white
 
 from gearmon.signals import threads
-from gearmon.signals.fine_spectrum import fine_envelope_spectrum, fine_order_spectrum
-from gearmon.signals.order_lines import order_lines
-from gearmon.signals.order_sums import OrderSums
-from gearmon.signals.phase import constant_track
+from gearmon.signals.orders import (
+    OrderSums,
+    fine_envelope_spectrum,
+    fine_order_spectrum,
+    order_lines,
+)
 from gearmon.signals.threads import at_once, side_by_side
 
 RATE, SPEED = 2000.0, 20.0

@@ -1,4 +1,4 @@
-"""What is said of an angle that was heard: how far it may be off, and where it may have slipped."""
+"""What is said of an angle found tacholess: how far it may be off, where it may have slipped."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from reference.speed_cases import make_case
 
 from gearmon.gears.kinematics import kinematics
 from gearmon.signals.angle import AngleTrack
-from gearmon.signals.order_sums import OrderSums
-from gearmon.signatures.hearing import Heard
+from gearmon.signals.orders import OrderSums
+from gearmon.signatures.mesh_evidence import GearVibration
+from gearmon.signatures.tacholess import _with_doubt
 from gearmon.signatures.tracking import track_recording
-from gearmon.signatures.tracking_by_ear import _with_doubt
 
 
 def slipped(track, turns, at_s, lasting_s=0.4):
@@ -34,11 +34,11 @@ def test_an_angle_that_slips_is_doubtful_and_one_that_does_not_is_not(periods):
     train = kinematics(case.machine)
     found = track_recording(case.recording, case.machine, train)
     samples, rate = case.recording.samples, case.recording.sampling_rate_hz
-    heard = Heard(samples=samples, rate=rate, train=train, nominal_hz=found.nominal_hz)
+    signal = GearVibration(samples=samples, rate=rate, train=train, nominal_hz=found.nominal_hz)
     order = float(train.meshes[0].order)
     track = slipped(found.track, periods / order, 5.0)
-    sums = OrderSums(samples, rate, heard.orders(float(track.speed_hz.max())))
-    told = _with_doubt(heard, replace(found, track=track, notes=()), 0.9, sums)
+    sums = OrderSums(samples, rate, signal.orders(float(track.speed_hz.max())))
+    told = _with_doubt(signal, replace(found, track=track, notes=()), 0.9, sums)
     if periods == 0:
         assert told.notes == ()
         assert told.track.uncertainty_turns * order < 0.02

@@ -18,7 +18,7 @@ from reference.synthetic_signals import (
 from gearmon.errors import RecordingError
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, OperatingPoint, ParallelStage, Sensor
-from gearmon.signals.order_lines import order_lines
+from gearmon.signals.orders import order_lines
 from gearmon.signals.recording import Recording
 from gearmon.signatures.measured.line_plan import line_plan
 from gearmon.signatures.measured.measurement import family_levels, measure_signature

@@ -18,7 +18,7 @@ from reference.nongear_cases import (
 from reference.simulated_machines import planetary
 
 from gearmon.gears.kinematics import kinematics
-from gearmon.signals.fine_spectrum import fine_order_spectrum
+from gearmon.signals.orders import fine_order_spectrum
 from gearmon.signatures.measured.line_plan import distance_to, known_orders
 from gearmon.signatures.measured.nongear_lines import (
     NonGearLine,

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 from reference.bearing_rigs import KINDS, bearing_rig
 from reference.speed_cases import train_of
-from reference.synthetic_signals import lines_on, white
+from reference.synthetic_signals import constant_track, lines_on, white
 
 from gearmon.gears.kinematics import kinematics
-from gearmon.signals.fine_spectrum import fine_order_spectrum
-from gearmon.signals.phase import constant_track
+from gearmon.signals.orders import fine_order_spectrum
 from gearmon.signals.recording import Recording
-from gearmon.signals.sideband_spacing import foreign_spacing
+from gearmon.signals.tracking import foreign_spacing
 from gearmon.signatures.measured.measurement import measure_signature
 from gearmon.signatures.speed import mesh_combs
 

@@ -1,7 +1,6 @@
 """Recordings in files: what kind of file, the numbers in it, and what they mean.
 
-`gearmon.read_recording` reads a whole recording; `gearmon.signals.streaming.open_recording` gives
-it in blocks. Both take these steps, each of which ends in numbers or in one clear line:
+`gearmon.read_recording` takes these steps, each of which ends in numbers or in one clear line:
 
 >>> from gearmon.signals.reading import identify, interpret, open_source, read_table, Wanted
 >>> source = open_source("recording.csv")                           # doctest: +SKIP
@@ -10,45 +9,40 @@ True
 >>> interpret(read_table(source).content(), Wanted()).columns[0].unit   # doctest: +SKIP
 'm/s2'
 
-Text: `source` (bytes to whole lines), `fields` (what a number is), `dialect`, `header` and `units`
-(separator, decimal character, first row, names), `rows` (lines to numbers, compiled or with care),
-`table` (all of them, or block by block). Other files: `formats`. Then for all: `columns` (names,
-units, kinds), `timebase` (the sampling rate), `quality` (dead or clipped channels) and `roles`
-(which columns are the recording).
+Text: `source` (bytes to whole lines), `fields` (what a number, a unit is), `layout` (separator,
+decimal character, first row, names) and `text` (lines to numbers, compiled or with care). Other
+files: `formats`. Then for all: `columns` (names, units, kinds, defects), `timebase` (the sampling
+rate) and `channels` (which columns are the recording).
 """
 
-from gearmon.signals.reading.columns import Column, Content, describe_columns, find_column
-from gearmon.signals.reading.fields import Floats
-from gearmon.signals.reading.formats import Format, Frames, choose, identify, load
-from gearmon.signals.reading.quality import find_defect, survey
-from gearmon.signals.reading.roles import Interpreted, SensorLike, Wanted, interpret
+from gearmon.signals.reading.channels import SensorLike, Wanted, interpret
+from gearmon.signals.reading.columns import (
+    Content,
+    describe_columns,
+    find_column,
+    find_defect,
+    survey,
+)
+from gearmon.signals.reading.fields import Progress
+from gearmon.signals.reading.formats import identify, read_arrays
 from gearmon.signals.reading.source import Source, open_source
-from gearmon.signals.reading.table import Progress, Table, TextStream, open_text, read_table
+from gearmon.signals.reading.text import read_table
 from gearmon.signals.reading.timebase import counts_evenly, rises_evenly, spacing
 
 __all__ = [
-    "Column",
     "Content",
-    "Floats",
-    "Format",
-    "Frames",
-    "Interpreted",
     "Progress",
     "SensorLike",
     "Source",
-    "Table",
-    "TextStream",
     "Wanted",
-    "choose",
     "counts_evenly",
     "describe_columns",
     "find_column",
     "find_defect",
     "identify",
     "interpret",
-    "load",
     "open_source",
-    "open_text",
+    "read_arrays",
     "read_table",
     "rises_evenly",
     "spacing",

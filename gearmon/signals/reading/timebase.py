@@ -12,10 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.columns import Column, Content
-from gearmon.signals.reading.fields import Floats
-from gearmon.signals.reading.quality import missing_values
-from gearmon.signals.reading.units import time_factor
+from gearmon.signals.reading.columns import Content, DataColumn, missing_values
+from gearmon.signals.reading.fields import Floats, time_factor
 
 Flags = npt.NDArray[np.bool_]
 
@@ -242,7 +240,7 @@ class Rate:
 
 
 def sampling_rate(
-    content: Content, column: Column | None, given_hz: float | None, hint: str = ""
+    content: Content, column: DataColumn | None, given_hz: float | None, hint: str = ""
 ) -> Rate:
     """Return the sampling rate of a recording.
 
@@ -280,7 +278,7 @@ def sampling_rate(
 
 
 def _from_file(
-    content: Content, rate_hz: float, column: Column | None, given_hz: float | None
+    content: Content, rate_hz: float, column: DataColumn | None, given_hz: float | None
 ) -> Rate:
     """Return the rate that the file states, if nothing contradicts it."""
     if given_hz is not None and abs(rate_hz / given_hz - 1.0) > _AGREEMENT:
@@ -296,7 +294,7 @@ def _from_file(
 
 def _from_stamps(
     content: Content,
-    column: Column,
+    column: DataColumn,
     given_hz: float | None,
     contradiction: str = "{:.7g} Hz was given",
 ) -> Rate:
@@ -326,7 +324,7 @@ def _from_stamps(
     return Rate(rate_hz=given_hz, note=note)
 
 
-def _check_complete(content: Content, column: Column, stamps: Floats) -> None:
+def _check_complete(content: Content, column: DataColumn, stamps: Floats) -> None:
     count, first = missing_values(stamps)
     if count:
         raise RecordingError(
@@ -344,7 +342,7 @@ def _check_fine(where: str, found: Spacing, derived_hz: float, given_hz: float |
 
 
 def _unit(
-    where: str, column: Column, found: Spacing, given_hz: float | None, *, is_stamp: bool
+    where: str, column: DataColumn, found: Spacing, given_hz: float | None, *, is_stamp: bool
 ) -> tuple[float, str]:
     """Return the seconds in one unit of the time column, and what was assumed."""
     known = 1.0 if is_stamp else time_factor(column.unit)

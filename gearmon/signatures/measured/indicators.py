@@ -19,8 +19,8 @@ from gearmon.errors import ArgumentError, SignatureError, check_range
 from gearmon.files import write_atomically
 from gearmon.machine import Machine
 from gearmon.signals import indicators
+from gearmon.signals.indicators import RunHistory, na4, na4_frozen
 from gearmon.signals.recording import Recording
-from gearmon.signals.run_history import RunHistory, na4, na4_frozen
 from gearmon.signals.threads import at_once
 from gearmon.signatures.measured.gear_signals import GearSignals, gear_signals
 from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature

@@ -13,16 +13,17 @@ from gearmon.errors import RecordingError
 from gearmon.gears.kinematics import Kinematics, kinematics
 from gearmon.machine import Machine
 from gearmon.signals.angle import AngleTrack
-from gearmon.signals.fine_spectrum import FineSpectrum, fine_order_spectrum
-from gearmon.signals.order_lines import OrderLines, order_lines
-from gearmon.signals.presence import (
-    MeshComb,
-    MeshEvidence,
-)
+from gearmon.signals.orders import OrderLines, order_lines
+from gearmon.signals.orders.fine_spectra import FineSpectrum, fine_order_spectrum
 from gearmon.signals.recording import Recording
-from gearmon.signals.sideband_spacing import foreign_spacing, spacing_mismatch, spacing_support
-from gearmon.signals.spectrum import power_density
+from gearmon.signals.spectra import power_density
 from gearmon.signals.threads import at_once
+from gearmon.signals.tracking.mesh_detection import MeshComb, MeshEvidence
+from gearmon.signals.tracking.sideband_spacing import (
+    foreign_spacing,
+    spacing_mismatch,
+    spacing_support,
+)
 from gearmon.signatures.measured.line_plan import LinePlan, line_plan, mesh_harmonics
 from gearmon.signatures.measured.nongear_lines import NonGearLines, nongear_lines
 from gearmon.signatures.speed import (

@@ -17,12 +17,11 @@ from scipy.special import gammaincc, gammainccinv
 
 from gearmon.gears.kinematics import Kinematics
 from gearmon.signals.angle import AngleTrack
-from gearmon.signals.fine_spectrum import (
+from gearmon.signals.orders.fine_spectra import (
     FineSpectrum,
+    clear_peaks,
     fine_envelope_spectrum,
     fine_spectrum,
-    highest_within,
-    standing_peaks,
 )
 from gearmon.signatures.measured.line_plan import distance_to, known_orders
 
@@ -344,12 +343,20 @@ def _decibels(power: FloatArray) -> NDArray[np.float32]:
     return np.asarray(10 * np.log10(np.maximum(power, np.finfo(float).tiny)), dtype=np.float32)
 
 
+def _highest_within(values: FloatArray, reach: int) -> FloatArray:
+    """Return the highest within `reach` places to either side, fewer at the ends."""
+    from scipy.ndimage import maximum_filter1d
+
+    size = 2 * reach + 1
+    return np.asarray(maximum_filter1d(values, size, axis=-1, mode="constant", cval=-np.inf))
+
+
 def _hidden(spectrum: FineSpectrum, course: _Course, in_time: FloatArray | None) -> FloatArray:
     """Power up to which a line is taken for a part of stronger ones about it, cell by cell."""
     highest = _highest_in_cells(spectrum, 1 / _CELLS_AN_ORDER)
     orders = (np.arange(highest.shape[-1]) + 0.5) / _CELLS_AN_ORDER
     reach = 1 + int(np.ceil(course.reach(spectrum.width) * _CELLS_AN_ORDER))
-    hidden = course.skirt(orders) * highest_within(highest, reach)
+    hidden = course.skirt(orders) * _highest_within(highest, reach)
     if in_time is None:
         return np.asarray(hidden)
     # what was smeared over angle, or is near enough to what was not
@@ -358,7 +365,7 @@ def _hidden(spectrum: FineSpectrum, course: _Course, in_time: FloatArray | None)
     count = min(in_time.shape[-1], hidden.shape[-1])
     half = 1
     for _ in range(int(np.ceil(np.log2(cells.max()))) + 1):
-        wide = highest_within(in_time, half)
+        wide = _highest_within(in_time, half)
         own = (cells[:count] > half / 2) & (cells[:count] <= half)
         hidden[:, :count][:, own] = np.maximum(
             hidden[:, :count][:, own], wide[:, :count][:, own] / _SHARPER
@@ -456,7 +463,7 @@ class _Standing:
 def _sharp_in_angle(
     by_angle: FineSpectrum, by_time: FineSpectrum, known: FloatArray, course: _Course, least: float
 ) -> Iterator[NonGearLine]:
-    peaks = standing_peaks(by_angle, least)
+    peaks = clear_peaks(by_angle, least)
     peaks = peaks[distance_to(known, by_angle.places(peaks)) > OWN_WIDTHS * by_angle.width]
     found = _Standing("spectrum", by_angle, peaks)
     orders, margin = found.places, 2 * by_time.width
@@ -487,7 +494,7 @@ def _mirrored(power: FloatArray, peak: int, reach: int) -> bool:
 def _sharp_in_time(
     by_angle: FineSpectrum, by_time: FineSpectrum, course: _Course, least: float
 ) -> Iterator[NonGearLine]:
-    found = _Standing("spectrum", by_time, standing_peaks(by_time, least))
+    found = _Standing("spectrum", by_time, clear_peaks(by_time, least))
     hertz = found.places
     low, high = hertz / course.high, hertz / course.low
     margin, reach = 2 * by_angle.width, course.reach(by_angle.width)
@@ -503,7 +510,7 @@ def _sharp_in_time(
 def _of_envelope(
     envelope: FineSpectrum, known: FloatArray, course: _Course, least: float
 ) -> Iterator[NonGearLine]:
-    peaks = standing_peaks(envelope, least)
+    peaks = clear_peaks(envelope, least)
     orders, reach = envelope.places(peaks), course.reach(envelope.width)
     # slow wander of load and speed modulates everything
     own = (distance_to(known, orders) <= OWN_WIDTHS * envelope.width) | (orders <= reach)

@@ -23,8 +23,7 @@ from numpy.typing import NDArray
 from gearmon.errors import ArgumentError, SignatureError
 from gearmon.files import write_atomically
 from gearmon.machine import Machine, ParallelStage
-from gearmon.signals.mean_scatter import variance_of_mean
-from gearmon.signals.order_lines import OrderLines
+from gearmon.signals.orders import OrderLines, variance_of_mean
 from gearmon.signatures.measured.line_plan import WheelLines
 from gearmon.signatures.measured.measurement import MeasuredSignature
 from gearmon.signatures.measured.nongear_lines import NonGearLines, line_arrays, lines_from_arrays

@@ -1,7 +1,7 @@
 """Kinds of files: told by their first bytes, never by their names; one table of all.
 
 A loader returns a `Holding`: arrays that may be signals, read in blocks, and the facts beside them.
-`choice.choose` picks the arrays that are the recording.
+`arrays.choose` picks the arrays that are the recording.
 """
 
 from __future__ import annotations
@@ -13,11 +13,13 @@ from dataclasses import dataclass
 from typing import cast
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.formats.arrays import Holding
-from gearmon.signals.reading.formats.choice import Frames, choose
+from gearmon.signals.reading.channels import Wanted
+from gearmon.signals.reading.columns import Content
+from gearmon.signals.reading.fields import Progress, Room
+from gearmon.signals.reading.formats.arrays import Holding, choose
 from gearmon.signals.reading.source import Source
 
-__all__ = ["Format", "Frames", "choose", "identify", "load"]
+__all__ = ["Format", "identify", "read_arrays"]
 
 _UNPACK = "unpack it first"
 
@@ -57,29 +59,29 @@ class Format:
 
 TEXT = Format("text")
 _BINARY = Format("a binary file of unknown kind")
-_UFF = Format("a universal file (UFF)", (), "instruments.read_universal", "pyuff", "uff")
-_NPZ = Format("a NumPy archive (npz)", (), "numpy_files.read_npz")
+_UFF = Format("a universal file (UFF)", (), "extras.read_universal", "pyuff", "uff")
+_NPZ = Format("a NumPy archive (npz)", (), "named_arrays.read_npz")
 _XLSX = Format("an Excel workbook (xlsx)")
 _ZIP = Format("a zip archive", (b"PK\x05\x06",), remedy=_UNPACK)
 _TAR = Format("a tar archive", remedy=_UNPACK)
 _PAGE = "save the file itself, not the page that offers it"
 # First match wins.
 _FORMATS = (
-    Format("a WAV sound file", (b"RIFF", b"RF64", b"BW64"), "sound.read_wav"),
-    Format("a FLAC sound file", (b"fLaC",), "sound.read_flac", "soundfile", "flac"),
-    Format("a NumPy array (npy)", (b"\x93NUMPY",), "numpy_files.read_npy"),
-    Format("a MATLAB file", (b"MATLAB 5.0 MAT-file",), "matlab.read_mat"),
+    Format("a WAV sound file", (b"RIFF", b"RF64", b"BW64"), "wav.read_wav"),
+    Format("a FLAC sound file", (b"fLaC",), "extras.read_flac", "soundfile", "flac"),
+    Format("a NumPy array (npy)", (b"\x93NUMPY",), "named_arrays.read_npy"),
+    Format("a MATLAB file", (b"MATLAB 5.0 MAT-file",), "named_arrays.read_mat"),
     Format(
         "an HDF5 or MATLAB 7.3 file",
         (b"\x89HDF\r\n\x1a\n", b"MATLAB 7.3 MAT-file"),
-        "tables.read_hdf5",
+        "extras.read_hdf5",
         "h5py",
         "hdf5",
     ),
     Format(
-        "an Apache Parquet table", (b"PAR1",), "tables.read_parquet", "pyarrow.parquet", "parquet"
+        "an Apache Parquet table", (b"PAR1",), "extras.read_parquet", "pyarrow.parquet", "parquet"
     ),
-    Format("a TDMS file (LabVIEW)", (b"TDSm",), "instruments.read_tdms", "nptdms", "tdms"),
+    Format("a TDMS file (LabVIEW)", (b"TDSm",), "extras.read_tdms", "nptdms", "tdms"),
     _ZIP,
     Format("an Apache Arrow file", (b"ARROW1",)),
     Format("an Ogg sound file", (b"OggS",)),
@@ -131,8 +133,10 @@ def identify(source: Source) -> Format:
     return _BINARY if source.encoding in ("", "utf-8-sig") and _is_binary(head) else TEXT
 
 
-def load(source: Source, found: Format) -> Holding:
-    """Return what a file holds that is no text; the caller closes it.
+def read_arrays(
+    source: Source, found: Format, wanted: Wanted, progress: Progress | None, room: Room
+) -> tuple[Content, Wanted]:
+    """Return the recording in a file that is no text, and what the user says about its columns.
 
     Parameters
     ----------
@@ -140,13 +144,27 @@ def load(source: Source, found: Format) -> Holding:
         The file.
     found : Format
         Its kind.
+    wanted : Wanted
+        What the user says.
+    progress : callable or None
+        Called with the share of the samples that has been read.
+    room : callable
+        Gives an array of a shape.
 
     Raises
     ------
     RecordingError
-        If that kind is not read or its library is not installed, or the file is packed, comes
-        through a pipe, or is damaged.
+        If that kind is not read or its library is not installed, the file is packed, comes through
+        a pipe, or is damaged, or holds no recording.
     """
+    held = _held(source, found)
+    try:
+        return choose(held, wanted, progress, room)
+    finally:
+        held.close()
+
+
+def _held(source: Source, found: Format) -> Holding:
     if not found.loader:
         raise RecordingError(
             f"{source.path}: looks like {found.what}, which is not read here; {found.remedy} "

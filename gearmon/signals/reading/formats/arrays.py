@@ -1,18 +1,24 @@
-"""What a file of arrays holds: arrays that may be signals, and facts that stand beside them."""
+"""Arrays in a file: those that may be signals, facts that stand beside them, and which are taken.
+
+Taken are the arrays that the user names, or the only ones that can be the recording.
+"""
 
 from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from gearmon.errors import GearmonError, RecordingError
-from gearmon.signals.reading.fields import Floats, shortened
+from gearmon.signals.reading.channels import Wanted
+from gearmon.signals.reading.columns import Content, DataColumn, describe_columns, find_column
+from gearmon.signals.reading.fields import Floats, Progress, Room, shortened
+from gearmon.signals.reading.layout import Header
 
 Read = Callable[[int, int], Floats]
 
@@ -25,6 +31,10 @@ _RATE_NAMES = frozenset(
 _HINT_NAMES = frozenset({"sr", "rate", "dt", "ts", "deltat", "timestep", "sampletime", "f"})
 _MOST_AXES = 2
 _FEWEST_SAMPLES = 2
+_BLOCK = 1 << 18
+_LISTED = 12
+_SAME_RATE = 1e-9
+_HALF_SAMPLE = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -204,12 +214,12 @@ def stated_rate(facts: Mapping[str, float]) -> tuple[float | None, str]:
     return None, ""
 
 
-def stated_speed(facts: Mapping[str, float]) -> tuple[float | None, str]:
+def _stated_speed(facts: Mapping[str, float]) -> tuple[float | None, str]:
     """Return the speed in rpm among the facts, and its name; None if none or several are there.
 
     Examples
     --------
-    >>> stated_speed({"X097RPM": 1796.0})
+    >>> _stated_speed({"X097RPM": 1796.0})
     (1796.0, 'X097RPM')
     """
     named = [
@@ -225,3 +235,226 @@ def stated_speed(facts: Mapping[str, float]) -> tuple[float | None, str]:
 def _plain(name: str) -> str:
     last = name.replace("/", ".").rpartition(".")[2].lower()
     return "".join(character for character in last if character.isalnum())
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Candidate:
+    array: Array
+    columns: tuple[DataColumn, ...]
+
+    @property
+    def kinds(self) -> frozenset[str]:
+        return frozenset(column.kind for column in self.columns)
+
+    @property
+    def shown(self) -> str:
+        numbers = [column.number for column in self.columns]
+        place = f"{numbers[0]}" if len(numbers) == 1 else f"{numbers[0]} to {numbers[-1]}"
+        name = shortened(self.array.name) or "the array"
+        channels = "" if len(numbers) == 1 else f"{len(numbers)} x "
+        return f"{name} ({place}; {channels}{self.array.count} samples)"
+
+
+def choose(
+    holding: Holding, wanted: Wanted, progress: Progress | None, room: Room
+) -> tuple[Content, Wanted]:
+    """Return the columns that make up the recording, and what the user says about these.
+
+    A name with --channel, --tacho or in a [[sensor]] picks an array or one channel of it. Without
+    any, the file must leave no choice: one array that may be vibration, or, in formats whose
+    channels belong together, all of one length and rate. Arrays that are called like a time, a
+    tacho, a speed or a torque and have the same length come along.
+
+    Parameters
+    ----------
+    holding : Holding
+        What the file holds.
+    wanted : Wanted
+        What the user says.
+    progress : callable or None
+        Called with the share of the samples that has been read.
+    room : callable
+        Gives an array of a shape.
+
+    Raises
+    ------
+    RecordingError
+        If there is no signal, several may be meant, or those named do not fit together.
+    """
+    candidates = _candidates(holding)
+    if not candidates:
+        others = ", ".join(map(shortened, holding.left_out[:_LISTED]))
+        raise RecordingError(
+            f"{holding.path}: {holding.what} without a signal in it"
+            f"{f' (it holds {others})' if others else ''}; an array of real numbers is needed"
+        )
+    wanted = _expanded(holding, candidates, wanted)
+    named = _named(holding, candidates, wanted)
+    chosen = named or _only(holding, candidates)
+    _check_alike(holding, chosen)
+    companions = [
+        one for one in candidates if one not in chosen and _accompanies(one, chosen[0], holding)
+    ]
+    taken = [one for one in candidates if one in chosen or one in companions]
+    values = _filled(holding, [one.array for one in taken], progress, room)
+    return _content(holding, taken, values, others=len(candidates) > len(taken)), wanted
+
+
+def _candidates(holding: Holding) -> list[_Candidate]:
+    found, number = [], 1
+    for array in holding.arrays:
+        units = array.units if any(array.units) else None
+        cells = tuple(unit or "" for unit in units) if units else None
+        described = describe_columns(Header(names=array.names, units=cells), len(array.names))
+        columns = tuple(replace(c, number=c.number + number - 1) for c in described)
+        unnamed = tuple(
+            column if column.cell else replace(column, name=f"channel {column.number}")
+            for column in columns
+        )
+        found.append(_Candidate(array=array, columns=unnamed))
+        number += len(columns)
+    return found
+
+
+def _expanded(holding: Holding, candidates: Sequence[_Candidate], wanted: Wanted) -> Wanted:
+    """Put column numbers in the place of names, and all columns of an array for its name."""
+    keys: list[str | int] = []
+    for key in wanted.channels:
+        whole = [one for one in candidates if one.array.name == key]
+        if len(whole) == 1:
+            keys.extend(column.number for column in whole[0].columns)
+        else:
+            keys.append(_number(holding, candidates, key))
+    tacho = None if wanted.tacho is None else _number(holding, candidates, wanted.tacho)
+    return replace(wanted, channels=tuple(keys), tacho=tacho)
+
+
+def _number(holding: Holding, candidates: Sequence[_Candidate], key: str | int) -> int:
+    columns = [column for one in candidates for column in one.columns]
+    names = [(column.name, column.cell) for column in columns]
+    numbers = [column.number for column in columns]
+    return numbers[find_column(holding.path, key, names, numbers)]
+
+
+def _named(holding: Holding, candidates: Sequence[_Candidate], wanted: Wanted) -> list[_Candidate]:
+    """Return the arrays that hold what the user named; the tacho alone names no vibration."""
+    numbers = {key for key in wanted.channels if isinstance(key, int)}
+    if not numbers:
+        for sensor in wanted.sensors:
+            try:
+                numbers.add(_number(holding, candidates, sensor.column))
+            except RecordingError:
+                continue  # a sensor of the machine need not be in every recording
+    if not numbers:
+        return []
+    if isinstance(wanted.tacho, int):
+        numbers.add(wanted.tacho)
+    return [one for one in candidates if numbers & {column.number for column in one.columns}]
+
+
+def _only(holding: Holding, candidates: Sequence[_Candidate]) -> list[_Candidate]:
+    """Return the arrays that may be vibration if there is no choice among them."""
+    possible = [one for one in candidates if "vibration" in one.kinds] or list(candidates)
+    if len(possible) == 1:
+        return possible
+    if not holding.together:
+        raise RecordingError(
+            f"{holding.path}: holds {len(possible)} arrays that may be the recording; name one "
+            f"with --channel: {_listed(possible)}"
+        )
+    return possible
+
+
+def _check_alike(holding: Holding, chosen: Sequence[_Candidate]) -> None:
+    first = chosen[0].array
+    for one in chosen[1:]:
+        other = one.array
+        if other.count != first.count:
+            what = "are not equally long"
+        elif not _same_rate(first, other):
+            what = "have different sampling rates"
+        elif not _same_start(first, other):
+            what = "do not start at the same time"
+        else:
+            continue
+        raise RecordingError(
+            f"{holding.path}: '{shortened(first.name)}' and '{shortened(other.name)}' {what}; name "
+            f"with --channel what belongs together: {_listed(chosen)}"
+        )
+
+
+def _same_rate(first: Array, other: Array) -> bool:
+    if first.rate_hz is None or other.rate_hz is None:
+        return first.rate_hz == other.rate_hz
+    return abs(first.rate_hz - other.rate_hz) <= _SAME_RATE * first.rate_hz
+
+
+def _same_start(first: Array, other: Array) -> bool:
+    if first.start_s is None or other.start_s is None or first.rate_hz is None:
+        return True
+    return abs(first.start_s - other.start_s) * first.rate_hz < _HALF_SAMPLE
+
+
+def _accompanies(one: _Candidate, chosen: _Candidate, holding: Holding) -> bool:
+    """Tell whether an array goes with the chosen one: by its name no vibration, and as long."""
+    if "vibration" in one.kinds or "index" in one.kinds or one.array.count != chosen.array.count:
+        return False
+    alike = _same_rate(chosen.array, one.array) and _same_start(chosen.array, one.array)
+    return alike or not holding.together
+
+
+def _listed(candidates: Iterable[_Candidate]) -> str:
+    shown = [one.shown for one in candidates]
+    return ", ".join(shown[:_LISTED]) + (", ..." if len(shown) > _LISTED else "")
+
+
+def _filled(
+    holding: Holding, arrays: Sequence[Array], progress: Progress | None, room: Room
+) -> Floats:
+    """Read arrays of one length into one, block by block."""
+    rows, total = sum(len(array.names) for array in arrays), arrays[0].count
+    try:
+        values = room((rows, total))
+    except MemoryError:
+        raise RecordingError(
+            f"{holding.path}: {total} samples of {rows} channels need {8e-9 * total * rows:.3g} GB "
+            "of memory; cut the recording, or take open_recording"
+        ) from None
+    row = 0
+    for array in arrays:
+        end = row + len(array.names)
+        for start in range(0, total, _BLOCK):
+            stop = min(total, start + _BLOCK)
+            with reading(holding.path, holding.what):
+                part = array.read(start, stop)
+            if part.shape[1] != stop - start:
+                raise RecordingError(
+                    f"{holding.path}: is cut off: fewer samples than it announces; copy it again"
+                )
+            values[row:end, start:stop] = part
+            if progress is not None:
+                progress((row * total + (end - row) * stop) / (rows * total))
+        row = end
+    return values
+
+
+def _content(
+    holding: Holding, taken: Sequence[_Candidate], values: Floats, *, others: bool
+) -> Content:
+    rate, hint = stated_rate(holding.facts)
+    own = next((one.array.rate_hz for one in taken if one.array.rate_hz is not None), None)
+    speed, name = _stated_speed(holding.facts)
+    notes = list(holding.notes)
+    if speed is not None:
+        notes.append(f"the file states a speed of {speed:g} rpm ({shortened(name)})")
+    if others and not holding.together:
+        notes.append(f"taken from the file: {_listed(taken)}")
+    return Content(
+        path=holding.path,
+        values=values,
+        columns=tuple(column for one in taken for column in one.columns),
+        rate_hz=rate if own is None else own,
+        rate_hint=hint,
+        speed_rpm=speed,
+        notes=tuple(notes),
+    )

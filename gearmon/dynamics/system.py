@@ -1,0 +1,338 @@
+"""Many coordinates and several meshes on one period: the problem, and its steady vibration.
+
+    M q'' + (C + G) q' + [K + sum_j k_j(t) v_j v_j^T] q = F + f(t)
+    k_j(t) = k_j [1 + phi_j(t)],    phi_j(t) = sum_i (c_ji e^{iiwt} + conjugate),    w = 2 pi/T
+
+Mesh j is deflected by d_j = v_j . q, positive where the teeth are pressed together. Meshes of
+different frequency share a period in which all of them repeat.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gearmon.dynamics.extremes import Curve
+from gearmon.dynamics.fourier import Complex, Real
+from gearmon.errors import ArgumentError, check_positive
+
+#: Share of the largest eigenvalue below which a mode is a rigid one: rounding of the eigenvalues of
+#: 40 coordinates is some 1e-14.
+RIGID = 1e-11
+#: Unsymmetric part of a matrix that is taken for rounding.
+SYMMETRIC = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class HillSystem:
+    """Masses on springs, some of them meshes of periodic stiffness.
+
+    Parameters
+    ----------
+    mass, damping, stiffness : float array, shape (n, n)
+        M, C, K without the meshes, all symmetric. With lengths as coordinates (u = r theta for a
+        rotation) in kg, N s/m, N/m.
+    mesh_vectors : float array, shape (meshes, n)
+        v_j, one row each.
+    mesh_stiffness_n_per_m : float array, shape (meshes,)
+        k_j > 0, means.
+    mesh_harmonics : complex array, shape (meshes, J)
+        c_j1..c_jJ, relative to the mean; a single row is taken for all meshes.
+    period_s : float
+        T > 0.
+    force_n : float array, shape (n,)
+        F, constant; on a rigid-body motion it must do no work.
+    gyroscopic : float array, shape (n, n), optional
+        G, skew-symmetric [N s/m].
+    force_harmonics_n : complex array, shape (lines, n), optional
+        f_1, f_2, ... of f(t) = sum (f_i e^{iiwt} + conjugate).
+    mesh_damping_ns_per_m : float array, shape (meshes,), optional
+        Dampers >= 0 between the teeth, beside `damping` [N s/m].
+
+    Raises
+    ------
+    ArgumentError
+        If shapes do not fit, a value is not finite or out of its range, or the machine with mean
+        stiffnesses has no equilibrium.
+
+    Examples
+    --------
+    >>> pair = HillSystem(0.28, 9e3, 0.0, 1.0, 8e8, [[0.065]], 1.6e-3, 4e3)
+    >>> float(pair.natural_frequencies_hz[0].round(2))
+    8507.19
+    """
+
+    mass: Real
+    damping: Real
+    stiffness: Real
+    mesh_vectors: Real
+    mesh_stiffness_n_per_m: Real
+    mesh_harmonics: Complex
+    period_s: float
+    force_n: Real
+    gyroscopic: Real | None = None
+    force_harmonics_n: Complex | None = None
+    mesh_damping_ns_per_m: Real | None = None
+
+    def __post_init__(self) -> None:
+        check_positive("period_s", self.period_s, "s")
+        for name, kind in _KINDS.items():
+            value = getattr(self, name)
+            if value is not None:
+                object.__setattr__(self, name, _frozen(name, value, kind))
+        self._check_shapes()
+        for name in ("mass", "damping", "stiffness"):
+            _check_symmetry(name, getattr(self, name), 1.0)
+        if self.gyroscopic is not None:
+            _check_symmetry("gyroscopic", self.gyroscopic, -1.0)
+        if self.mesh_damping_ns_per_m is not None and (self.mesh_damping_ns_per_m < 0).any():
+            raise ArgumentError("mesh_damping_ns_per_m: all values must be >= 0 N s/m")
+        if not (self.mesh_stiffness_n_per_m > 0).all():
+            raise ArgumentError("mesh_stiffness_n_per_m: all values must be > 0 N/m")
+        least = float(np.linalg.eigvalsh(self.damping)[0])
+        if least < -SYMMETRIC * np.abs(self.damping).max():
+            raise ArgumentError(f"damping: its least eigenvalue {least:.4g} N s/m must be >= 0")
+        self._check_equilibrium()
+
+    def _check_shapes(self) -> None:
+        n, meshes = len(self.mass), len(self.mesh_vectors)
+        shared = np.broadcast_to(self.mesh_harmonics, (meshes, self.mesh_harmonics.shape[-1]))
+        object.__setattr__(self, "mesh_harmonics", shared)
+        wanted: dict[str, tuple[int, ...]] = {
+            "mass": (n, n),
+            "damping": (n, n),
+            "stiffness": (n, n),
+            "gyroscopic": (n, n),
+            "mesh_vectors": (meshes, n),
+            "mesh_stiffness_n_per_m": (meshes,),
+            "mesh_damping_ns_per_m": (meshes,),
+            "force_n": (n,),
+        }
+        for name, shape in wanted.items():
+            value = getattr(self, name)
+            if value is not None and value.shape != shape:
+                raise ArgumentError(f"{name}: shape {value.shape} must be {shape}")
+        if self.force_harmonics_n is not None and self.force_harmonics_n.shape[-1] != n:
+            raise ArgumentError(f"force_harmonics_n: shape must be (lines, {n})")
+
+    def _check_equilibrium(self) -> None:
+        squares = self.modes[0]
+        if squares[0] < -1e-9 * squares[-1]:
+            raise ArgumentError(
+                f"stiffness: the machine with mean mesh stiffnesses has a mode of negative "
+                f"stiffness (square of its frequency {squares[0]:.4g} 1/s2): it has no equilibrium"
+            )
+        rigid = self.modes[1][:, self.rigid]
+        work = np.abs(rigid.T @ self.force_n)
+        size = np.linalg.norm(rigid, axis=0) * np.linalg.norm(self.force_n)
+        if (work > 1e-9 * size).any():
+            raise ArgumentError(
+                "force_n: it does work on a rigid-body motion and would drive it away; balance the "
+                "forces, or hold the machine by a stiffness"
+            )
+
+    @property
+    def angular_frequency(self) -> float:
+        """Angular frequency w = 2 pi/T [rad/s]."""
+        return 2 * math.pi / self.period_s
+
+    @cached_property
+    def mean_stiffness(self) -> Real:
+        """K with the means of all meshes, shape (n, n)."""
+        v = self.mesh_vectors
+        return np.asarray(self.stiffness + v.T @ (self.mesh_stiffness_n_per_m[:, None] * v))
+
+    @cached_property
+    def velocity_matrix(self) -> Real:
+        """Damping with that of all meshes and gyroscopic terms, shape (n, n)."""
+        v, whole = self.mesh_vectors, self.damping
+        if self.mesh_damping_ns_per_m is not None:
+            whole = whole + v.T @ (self.mesh_damping_ns_per_m[:, None] * v)
+        return whole if self.gyroscopic is None else whole + self.gyroscopic
+
+    @cached_property
+    def modes(self) -> tuple[Real, Real]:
+        """Squares of the angular natural frequencies [1/s2], ascending, and modes of unit mass.
+
+        Undamped, with mean stiffnesses and without gyroscopic terms; one mode to a column.
+        """
+        from scipy.linalg import LinAlgError, eigh
+
+        try:
+            squares, shapes = eigh(self.mean_stiffness, self.mass)
+        except LinAlgError:
+            raise ArgumentError("mass: the matrix must be positive definite") from None
+        return np.asarray(squares), np.asarray(shapes)
+
+    @cached_property
+    def rigid(self) -> npt.NDArray[np.bool_]:
+        """Which modes are rigid-body motions, shape (n,)."""
+        squares = self.modes[0]
+        return np.asarray(squares < RIGID * squares[-1])
+
+    @property
+    def natural_frequencies_hz(self) -> Real:
+        """Natural frequencies with mean stiffnesses [Hz], ascending, shape (n,)."""
+        squares = np.where(self.rigid, 0.0, self.modes[0])
+        return np.asarray(np.sqrt(squares) / (2 * math.pi))
+
+
+_KINDS = {
+    "mass": (float, 2),
+    "damping": (float, 2),
+    "stiffness": (float, 2),
+    "mesh_vectors": (float, 2),
+    "mesh_stiffness_n_per_m": (float, 1),
+    "mesh_damping_ns_per_m": (float, 1),
+    "mesh_harmonics": (complex, 2),
+    "force_n": (float, 1),
+    "gyroscopic": (float, 2),
+    "force_harmonics_n": (complex, 2),
+}
+
+
+def _frozen(name: str, value: npt.ArrayLike, kind: tuple[type, int]) -> npt.NDArray[Any]:
+    """Return a read-only array of finite numbers; a number is a matrix of one."""
+    array: npt.NDArray[Any] = np.array(value, dtype=kind[0], ndmin=kind[1])
+    if array.ndim != kind[1]:
+        raise ArgumentError(f"{name}: {array.ndim} axes, must have {kind[1]}")
+    if not np.isfinite(array).all():
+        where = ", ".join(str(int(i)) for i in np.argwhere(~np.isfinite(array))[0])
+        raise ArgumentError(f"{name}: entry [{where}] must be finite")
+    array.flags.writeable = False
+    return array
+
+
+def _check_symmetry(name: str, matrix: Real, sign: float) -> None:
+    apart = float(np.abs(matrix - sign * matrix.T).max())
+    if apart > SYMMETRIC * float(np.abs(matrix).max()):
+        kind = "symmetric" if sign > 0 else "skew-symmetric"
+        raise ArgumentError(f"{name}: must be {kind}, but entries differ by {apart:.4g}")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SystemResponse:
+    """Steady vibration of a `HillSystem`.
+
+    Attributes
+    ----------
+    system : HillSystem
+        What was solved.
+    displacement : complex ndarray, shape (N+1, n)
+        q_0..q_N, q(t) = q_0 + sum_{i>=1} (q_i e^{iiwt} + conjugate) [m]. Rigid-body motions are
+        given without their mean.
+    mesh_force : complex ndarray, shape (N+1, meshes)
+        Force between the teeth k_j(t) d_j + c_j d_j' [N].
+    error_bound : float
+        Bound of the relative L2 error of the acceleration of all coordinates together; infinite if
+        none could be computed or there is no steady state.
+    method : str
+        "msm", "msm least residual" or "harmonic balance".
+    order : int
+        Number of orders of the expansion used; 0 for harmonic balance.
+    floquet_multipliers : complex ndarray
+        Factors by which free vibrations change over a period, the largest modulus first; free
+        rigid-body motions left out.
+    stable : bool
+        Whether free vibrations die out.
+    message : str
+        One line: which method, or what is wrong, with the number.
+    """
+
+    system: HillSystem
+    displacement: Complex
+    mesh_force: Complex
+    error_bound: float
+    method: str
+    order: int
+    floquet_multipliers: Complex
+    stable: bool
+    message: str
+
+    @property
+    def velocity(self) -> Complex:
+        """Velocity [m/s], shape (N+1, n)."""
+        return 1j * self._angular * self.displacement
+
+    @property
+    def acceleration(self) -> Complex:
+        """Acceleration [m/s2], shape (N+1, n)."""
+        return -(self._angular**2) * self.displacement
+
+    @property
+    def frequency_hz(self) -> Real:
+        """Frequencies i/T [Hz], shape (N+1,)."""
+        return np.arange(len(self.displacement)) / self.system.period_s
+
+    @property
+    def mesh_deflection(self) -> Complex:
+        """Lines of d_j = v_j . q [m], shape (N+1, meshes)."""
+        return self.displacement @ self.system.mesh_vectors.T
+
+    def spring_force(self, vectors: npt.ArrayLike, stiffness_n_per_m: npt.ArrayLike) -> Complex:
+        """Lines of the forces of springs of constant stiffness, such as bearings.
+
+        Parameters
+        ----------
+        vectors : float array, shape (springs, n)
+            Their deflections are vectors @ q.
+        stiffness_n_per_m : float array, shape (springs,)
+
+        Returns
+        -------
+        complex ndarray, shape (N+1, springs)
+            [N].
+        """
+        moved: Complex = self.displacement @ np.atleast_2d(np.asarray(vectors, dtype=float)).T
+        force: Complex = moved * np.asarray(stiffness_n_per_m)
+        return force
+
+    @cached_property
+    def mesh_force_margin(self) -> Real:
+        """Smallest force of every mesh over its mean [1]; <= 0 where contact is lost."""
+        return np.array([_margin(force) for force in self.mesh_force.T])
+
+    @property
+    def contact_lost(self) -> npt.NDArray[np.bool_]:
+        """Whether a mesh force passes zero, shape (meshes,): there the linear model ends."""
+        return np.asarray(self.mesh_force_margin <= 0)
+
+    def at(self, time_s: npt.ArrayLike, kind: str = "displacement") -> Real:
+        """Displacement [m], velocity [m/s], acceleration [m/s2] or mesh force [N] at any times.
+
+        Parameters
+        ----------
+        time_s : float array, shape (...)
+            Times [s].
+        kind : {"displacement", "velocity", "acceleration", "mesh_force"}
+
+        Returns
+        -------
+        float ndarray, shape (..., n) or (..., meshes)
+        """
+        if kind not in ("displacement", "velocity", "acceleration", "mesh_force"):
+            raise ArgumentError(
+                f"kind={kind!r} must be displacement, velocity, acceleration or mesh_force"
+            )
+        half: Complex = getattr(self, kind)
+        turns = np.asarray(time_s, dtype=float) / self.system.period_s
+        phase = np.exp(2j * math.pi * (turns % 1.0)[..., None] * np.arange(1, len(half)))
+        return np.asarray(half[0].real + 2 * (phase @ half[1:]).real)
+
+    @property
+    def _angular(self) -> Real:
+        lines = np.arange(len(self.displacement), dtype=float)
+        return np.asarray(self.system.angular_frequency * lines[:, None])
+
+
+def _margin(force: Complex) -> float:
+    mean = float(force[0].real)
+    lowest = Curve(force * math.copysign(1.0, mean)).lowest()
+    if mean:
+        return lowest / abs(mean)
+    return 0.0 if lowest == 0 else -math.inf

@@ -1,0 +1,355 @@
+"""Spectra of whole recordings, as fine as these allow, against angle or against time.
+
+Where the speed wanders, a line that follows the shaft is sharp against angle and smeared against
+time; a line of the mains is the reverse. Both spectra are calibrated alike, so that the power of a
+peak tells on which of the two grids it is the sharper one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearmon.errors import ArgumentError, check_positive
+from gearmon.signals.angle import AngleTrack
+from gearmon.signals.orders.nonuniform_fft import Kernel, Spreading
+from gearmon.signals.orders.resampling import AngleGrid
+from gearmon.signals.spectra.spectrum import hann, local_floor
+from gearmon.signals.threads import side_by_side
+from gearmon.signals.transforms import batch, fast_length, window_powers
+
+FloatArray = NDArray[np.float64]
+
+# Bins of the running median that tells the noise under the lines.
+_FLOOR_BINS = 384
+#: Pieces of a long recording that are looked at, spread over all of it.
+MOST_PIECES = 16
+# Reach of the kernel that spreads samples over angle [steps]: a line is read to 0.3 %.
+_QUICK = 4
+# Power of a Hann window's side lobes over that of its main lobe, with 8 dB to spare: the share not
+# exceeded within so many widths once those of the row before are left out (18 dB an octave).
+_LOBES = ((2.0, 1.0), (4.0, 4e-3), (16.0, 6e-5))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FineSpectrum:
+    """Power of whole signals on a fine grid of orders or of frequencies.
+
+    Parameters
+    ----------
+    power : ndarray of float, shape (channels, bins)
+        Squared peak amplitude that a line on the bin has [unit^2].
+    floor : ndarray of float, shape (channels, bins)
+        Running median of the power, > 0 [unit^2].
+    step : float
+        Distance of the bins [orders or Hz].
+    width : float
+        One over the length of the pieces [orders or Hz]: a line fills twice that on either side.
+    pieces : int
+        Pieces whose powers were averaged, >= 1.
+    """
+
+    power: FloatArray
+    floor: FloatArray
+    step: float
+    width: float
+    pieces: int
+
+    @property
+    def quality(self) -> FloatArray:
+        """log(1 + power over floor), mean over the channels, shape (bins,)."""
+        mean: FloatArray = np.log1p(self.power / self.floor).mean(axis=0)
+        return mean
+
+    @property
+    def top(self) -> float:
+        """Place of the last bin [orders or Hz]."""
+        return float((self.power.shape[-1] - 1) * self.step)
+
+    def places(self, bins: NDArray[np.intp]) -> FloatArray:
+        """Places of bins [orders or Hz]."""
+        return np.asarray(bins * self.step, dtype=np.float64)
+
+    def highest_near(self, low: FloatArray, high: FloatArray) -> FloatArray:
+        """Highest power between two places each, shape (channels, places).
+
+        Parameters
+        ----------
+        low, high : ndarray of float, shape (places,)
+            Ends of the ranges [orders or Hz], low <= high; at least the nearest bin is taken.
+
+        Returns
+        -------
+        ndarray of float, shape (channels, places)
+        """
+        last = self.power.shape[-1] - 1
+        first = np.clip(np.rint(low / self.step).astype(int), 0, last)
+        stop = np.clip(np.rint(high / self.step).astype(int), first, last) + 1
+        result = np.empty((len(self.power), len(first)))
+        for column, (start, end) in enumerate(zip(first, stop, strict=True)):
+            result[:, column] = self.power[:, start:end].max(axis=-1)
+        return result
+
+
+def fine_order_spectrum(
+    samples: FloatArray,
+    sampling_rate_hz: float,
+    track: AngleTrack,
+    pieces: int = 1,
+    most: int = MOST_PIECES,
+) -> FineSpectrum:
+    """Spectrum of whole signals against the angle of shaft 1.
+
+    Parameters
+    ----------
+    samples : ndarray of float, shape (channels, n)
+        The signals.
+    sampling_rate_hz : float
+        Sampling rate [Hz].
+    track : AngleTrack
+        Angle of shaft 1 against time.
+    pieces : int
+        Consecutive pieces whose powers are averaged, >= 1.
+    most : int
+        Of more pieces only so many are looked at, spread evenly.
+
+    Returns
+    -------
+    FineSpectrum
+        Over orders; Hann window, zero padding to twice the length.
+    """
+    grid = AngleGrid.of(samples.shape[-1], sampling_rate_hz, track, 0.0)
+    block, per_turn = grid.count // pieces, float(grid.per_turn)
+    kernel = Kernel.of(_QUICK, 1.3)
+    spreading = Spreading(samples, sampling_rate_hz, track, per_turn, kernel)
+
+    def part(piece: int) -> FloatArray:
+        values = np.empty((samples.shape[0], block))
+        spreading.spread(grid.first_turn + piece * block / per_turn, values)
+        return values
+
+    def share(orders: FloatArray) -> FloatArray:
+        return kernel.transform(orders / per_turn) ** 2
+
+    return _of_pieces(part, block, (pieces, most), per_turn, share)
+
+
+def fine_spectrum(
+    samples: FloatArray, sampling_rate_hz: float, pieces: int = 1, most: int = MOST_PIECES
+) -> FineSpectrum:
+    """Spectrum of whole signals against time, made like `fine_order_spectrum`.
+
+    Parameters
+    ----------
+    samples : ndarray of float, shape (channels, n)
+        The signals.
+    sampling_rate_hz : float
+        Sampling rate [Hz], > 0.
+    pieces, most : int
+        As for `fine_order_spectrum`.
+
+    Returns
+    -------
+    FineSpectrum
+        Over frequencies [Hz].
+    """
+    check_positive("sampling_rate_hz", sampling_rate_hz, "Hz")
+    block = samples.shape[-1] // pieces
+    return _of_pieces(
+        lambda piece: samples[:, piece * block : (piece + 1) * block],
+        block,
+        (pieces, most),
+        sampling_rate_hz,
+    )
+
+
+def fine_envelope_spectrum(
+    samples: FloatArray,
+    sampling_rate_hz: float,
+    track: AngleTrack,
+    top_order: float,
+    pieces: int = 1,
+    most: int = MOST_PIECES,
+) -> FineSpectrum:
+    """Spectrum of the squared envelope of whitened signals against the angle of shaft 1.
+
+    Impacts that slip against the shafts, as a rolling bearing's do, leave few sharp lines in the
+    spectrum, but repeat in the envelope. All lines of the signal are first given one amplitude
+    (cepstrum pre-whitening), so that no strong line, as of a gear, rules the envelope.
+
+    Parameters
+    ----------
+    samples : ndarray of float, shape (channels, n)
+        The signals.
+    sampling_rate_hz : float
+        Sampling rate [Hz].
+    track : AngleTrack
+        Angle of shaft 1 against time.
+    top_order : float
+        Highest order wanted, > 0; cut to an eighth of the sampling rate.
+    pieces, most : int
+        As for `fine_order_spectrum`.
+
+    Returns
+    -------
+    FineSpectrum
+        Over orders; powers are squared relative amplitudes: a squared envelope 1 + a cos(x) gives
+        a^2, whatever the gain of the sensor.
+
+    Notes
+    -----
+    The envelope is averaged over a quarter of the shortest period wanted and read at equal angles
+    along straight lines: a modulation at the top order loses a fifth of its power.
+
+    References
+    ----------
+    Borghesani, Pennacchi, Randall, Sawalhi and Ricci, Application of cepstrum pre-whitening for
+    the diagnosis of bearing faults under variable speed conditions, Mech. Syst. Signal Process. 36
+    (2013) 370-384.
+    """
+    check_positive("top_order", top_order)
+    fastest = float(track.speed_hz.max())
+    top_order = min(top_order, sampling_rate_hz / 8 / fastest)
+    together = 2 * max(1, int(sampling_rate_hz / (8 * top_order * fastest)))
+    block = samples.shape[-1] // pieces // together * together
+    per_turn = int(np.ceil(4 * top_order))
+    middle_s = (0.5 * together - 1 + together * np.arange(block // together)) / sampling_rate_hz
+    ends = np.array([[p * block / sampling_rate_hz] for p in range(pieces)]) + middle_s[[0, -1]]
+    turns = track.turns_at(ends.ravel()).reshape(pieces, 2)
+    count = int(np.floor(np.diff(turns, axis=-1).min() * per_turn))
+    total = 2 * samples.size * min(pieces, most) // pieces
+
+    def part(piece: int) -> FloatArray:
+        squared = _whitened_envelope(samples[:, piece * block : (piece + 1) * block], total)
+        slow = squared.reshape(len(samples), -1, together // 2).mean(axis=-1)
+        angle = turns[piece, 0] + np.arange(count) / per_turn
+        at_s = track.time_at(angle) - piece * block / sampling_rate_hz
+        read = np.array([np.interp(at_s, middle_s, row) for row in slow])
+        # a channel in which nothing vibrates has no envelope
+        mean = np.maximum(read.mean(axis=-1, keepdims=True), np.finfo(float).tiny)
+        relative: FloatArray = read / mean
+        return relative
+
+    spectrum = _of_pieces(part, count, (pieces, most), per_turn)
+    last = int(top_order / spectrum.step) + 1
+    return replace(spectrum, power=spectrum.power[:, :last], floor=spectrum.floor[:, :last])
+
+
+def _whitened_envelope(samples: FloatArray, total: int) -> FloatArray:
+    """Squared envelope, at every other sample, of signals given one amplitude at all frequencies.
+
+    The analytic signal has no negative frequencies: half as many values hold it. Its square is
+    twice as wide, so that what beats at the whole band's width comes on top of the slow beats: few
+    lines are that far apart.
+    """
+    count = samples.shape[-1]
+    length = fast_length(count)
+    squared = np.empty((len(samples), count // 2))
+    forth = batch(length, 1, total)
+    back = batch(length // 2, 1, total, inverse=True)
+    for row, signal in zip(squared, samples, strict=True):
+        np.subtract(signal, signal.mean(), out=forth.input[0, :count])
+        forth.input[0, count:] = 0.0
+        lines = forth.run()[0, : length // 2]
+        size = np.maximum(np.abs(lines), np.finfo(float).tiny)
+        np.divide(lines, size, out=back.input[0])
+        back.input[0, 0] = 0.0
+        analytic = back.run()[0, : count // 2]
+        np.square(analytic.real, out=row)
+        row += np.square(analytic.imag)
+    return squared
+
+
+def _of_pieces(
+    part: Callable[[int], FloatArray],
+    block: int,
+    pieces_and_most: tuple[int, int],
+    rate: float,
+    share: Callable[[FloatArray], FloatArray] | None = None,
+) -> FineSpectrum:
+    """Average the powers of pieces; `share` tells what of them stands at each place."""
+    pieces, most = pieces_and_most
+    if pieces < 1 or block < 8:
+        raise ArgumentError(f"pieces={pieces}: each must hold 8 samples or more, got {block}")
+    length = fast_length(2 * block)
+    weights = hann(block)
+    sampled = np.unique(np.linspace(0, pieces - 1, min(pieces, most)).astype(int))
+
+    def power_of(piece: int) -> FloatArray:
+        values = part(piece)
+        # an offset as large as the signal must not hide it behind its own side lobes
+        centred = values - values.mean(axis=-1, keepdims=True)
+        return window_powers(centred, weights, length, len(sampled) * length)
+
+    powers = side_by_side(power_of, [int(piece) for piece in sampled], 2 * len(sampled) * block)
+    power = np.asarray(sum(powers)) * ((2.0 / weights.sum()) ** 2 / len(sampled))
+    step = rate / length
+    if share is not None:
+        power /= share(step * np.arange(power.shape[-1]))
+    return FineSpectrum(
+        power=power,
+        floor=local_floor(power, _FLOOR_BINS),
+        step=step,
+        width=rate / block,
+        pieces=len(sampled),
+    )
+
+
+def clear_peaks(spectrum: FineSpectrum, least_ratio: float) -> NDArray[np.intp]:
+    """Bins of the peaks that stand above the floor and are no side lobes of higher ones.
+
+    Parameters
+    ----------
+    spectrum : FineSpectrum
+        Against angle or time.
+    least_ratio : float
+        Least power over floor, in at least one channel, > 1.
+
+    Returns
+    -------
+    ndarray of int, shape (peaks,)
+        Ascending.
+
+    Notes
+    -----
+    A peak is the highest value within the main lobe of a Hann window, two widths on either side,
+    of the channel in which it is clearest.
+    """
+    ratio = spectrum.power / spectrum.floor
+    per_width = spectrum.width / spectrum.step
+    found = [
+        _peaks(level, np.flatnonzero(row > least_ratio), per_width)
+        for row, level in zip(ratio, spectrum.power, strict=True)
+    ]
+    places = np.unique(np.concatenate(found))
+    return _clearest(places, ratio[:, places].max(axis=0), round(_LOBES[0][0] * per_width))
+
+
+def _peaks(level: FloatArray, high: NDArray[np.intp], per_width: float) -> NDArray[np.intp]:
+    """Those of the high bins that are no part and no side lobe of another one."""
+    high = high[high > 2 * per_width]
+    if len(high) == 0:
+        return high
+    value = level[high]
+    kept = np.ones(len(high), dtype=bool)
+    for widths, share in _LOBES:
+        reach = round(widths * per_width)
+        first = np.searchsorted(high, high - reach)
+        stop = np.searchsorted(high, high + reach, side="right")
+        ends = np.stack([first, np.minimum(stop, len(high))], axis=-1).ravel()
+        about = np.maximum.reduceat(np.append(value, 0.0), ends)[::2]
+        kept &= value >= share * about
+    return high[kept]
+
+
+def _clearest(places: NDArray[np.intp], ratio: FloatArray, reach: int) -> NDArray[np.intp]:
+    """Of peaks that channels place a little differently, the clearest of each heap."""
+    if len(places) == 0:
+        return places
+    heaps = np.concatenate([[0], np.cumsum(np.diff(places) > reach)])
+    order = np.lexsort((-ratio, heaps))
+    first = np.concatenate([[True], np.diff(heaps[order]) > 0])
+    return np.sort(places[order][first])

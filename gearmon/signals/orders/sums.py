@@ -1,0 +1,409 @@
+"""Order lines in short stretches of a recording, read once for many angle tracks.
+
+A line of order o in a block of angle is the sum of x_n exp(-2 pi i o a_n) w_n over the samples, a_n
+their angles. Within a stretch of some cycles of the highest order the angle is a straight line of
+known slope, and the window is constant, so that the sum over the stretch
+
+    R_k = sum over n of x_n exp(-2 pi i o f_k (t_n - t_k)),     t_k its middle, f_k the speed there,
+
+hardly depends on the track: another track only turns it by exp(-2 pi i o a(t_k)). The samples go
+through one matrix product, once; blocks of any length in any angle that is sought are then sums of
+a hundredth of their number.
+
+A speed that is wrong by a share d within a stretch of c cycles takes (pi c d)^2 / 6 of a line and
+lets c d of a line one over the stretch's length away through: beyond a limit of c d the samples are
+read again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearmon.signals.angle import AngleTrack, phasors
+from gearmon.signals.orders.lines import OrderLines, line_noise, steps_of_block
+from gearmon.signals.orders.resampling import AngleGrid
+from gearmon.signals.threads import side_by_side
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+# Tracks whose angle is remembered, and multiples of an order that are made of its phasors.
+_REMEMBERED, _MULTIPLES = 2, 8
+# Edges of stretches whose angles are found together.
+_EDGES = 1 << 14
+# Cycles a stretch, root mean square, by which another track may differ before it is read anew.
+_NEAR = 0.02
+# Cycles of the highest order in a stretch, its longest [turns], and the least number of them.
+_CYCLES, _LONGEST, _LEAST = 18.0, 0.125, 256
+# Stretches that share a speed, steps of its logarithm, and how many are read together.
+_SHARING, _SPEED_STEP, _TOGETHER = 8, 2e-4, 1 << 12
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlidingLines:
+    """Complex amplitudes of order lines in sliding blocks.
+
+    Parameters
+    ----------
+    angle : ndarray of float, shape (blocks,)
+        Centres of gravity of the blocks' windows [turns].
+    orders : ndarray of float, shape (votes,)
+        Order of each vote: every line in every channel.
+    amplitude : ndarray of complex, shape (blocks, votes)
+        Amplitudes; their phases count from angle zero.
+    """
+
+    angle: FloatArray
+    orders: FloatArray
+    amplitude: ComplexArray
+
+
+class OrderSums:
+    """Lines of a recording at some orders, in the angle of any track.
+
+    Parameters
+    ----------
+    samples : ndarray of float, shape (channels, n)
+        Vibration.
+    sampling_rate_hz : float
+        Sampling rate [Hz].
+    orders : ndarray of float, shape (lines,)
+        Orders of shaft 1, > 0, ascending.
+
+    Notes
+    -----
+    It keeps the sums of the track that was asked for last, and makes others for one that is not
+    near. The angle of the last two tracks is remembered.
+    """
+
+    def __init__(self, samples: FloatArray, sampling_rate_hz: float, orders: FloatArray) -> None:
+        self.samples = samples
+        self.sampling_rate_hz = sampling_rate_hz
+        self.orders = orders
+        self._read: Stretches | None = None
+        self._roots = _roots(orders)
+        self._tracks: list[_Known] = []
+        self._noise: dict[float, FloatArray] = {}
+
+    def blocks(self, track: AngleTrack, block_turns: float, top: float = np.inf) -> OrderLines:
+        """Return the lines in half-overlapped Hann blocks, as `order_lines` does.
+
+        Parameters
+        ----------
+        track : AngleTrack
+            Angle of shaft 1 against time.
+        block_turns : float
+            Length of a block [turns]; cut to the recording.
+        top : float
+            Lines above this order are left out; the lowest one never.
+
+        Returns
+        -------
+        OrderLines
+            Amplitudes right to a few thousandths. The noise is that of the first track asked for
+            with blocks of this length and near this one.
+
+        Raises
+        ------
+        ArgumentError
+            If the recording holds too few samples.
+        """
+        grid = self._grid(track)
+        block = steps_of_block(grid, block_turns)
+        turns = block / grid.per_turn
+        halves = 2 * (grid.count - block) // block + 2
+        edges: FloatArray = grid.first_turn + 0.5 * turns * np.arange(halves + 1.0)
+        chosen = np.flatnonzero(self.orders <= max(top, float(self.orders.min())))
+        known, read = self._near(track)
+        cut = _Cut.of(known.angle, edges)
+        rising = np.cos(np.pi * cut.share)
+
+        def half_sums(wave: ComplexArray) -> ComplexArray:
+            even, odd = cut.sums(wave), cut.sums(wave * rising)
+            both: ComplexArray = 0.5 * (even[:-1] + even[1:] - odd[:-1] + odd[1:])
+            return both
+
+        amplitude = self._turned(known, read, chosen.tolist(), half_sums)
+        return OrderLines(
+            orders=self.orders[chosen],
+            amplitude=amplitude * (2.0 / (0.5 * turns)),
+            block_turns=turns,
+            first_turn=grid.first_turn,
+            noise=self._noise_of(track, block_turns)[:, chosen],
+        )
+
+    def sliding(self, track: AngleTrack, block_turns: float) -> SlidingLines:
+        """Return the lines in Hann blocks a quarter of their length apart, cut at the ends.
+
+        Parameters
+        ----------
+        track : AngleTrack
+            Angle of shaft 1 against time.
+        block_turns : float
+            Length of a block [turns]; at most a quarter of the recording.
+
+        Returns
+        -------
+        SlidingLines
+        """
+        known, read = self._near(track)
+        angle = known.angle
+        low, high = float(angle[0]), float(angle[-1])
+        hop = min(block_turns, 0.25 * (high - low)) / 4
+        count = int((high - low) / hop + 1e-9) + 1
+        # two hops before the first centre and two after the last one
+        edges: FloatArray = low + hop * np.arange(-2.0, count + 2.0)
+        cut = _Cut.of(angle, edges)
+        cosine, sine = np.cos(0.5 * np.pi * cut.share), np.sin(0.5 * np.pi * cut.share)
+
+        def block_sums(wave: ComplexArray) -> ComplexArray:
+            # 1/2 + 1/2 cos about the centre, in the two hops before and the two after it
+            plain, near, far = cut.sums(wave), cut.sums(wave * cosine), cut.sums(wave * sine)
+            total: ComplexArray = plain[:-3] + plain[1:-2] + plain[2:-1] + plain[3:]
+            total += near[2:-1] + far[1:-2] - far[3:] - near[:-3]
+            return 0.5 * total
+
+        amplitude = self._turned(known, read, range(len(self.orders)), block_sums)
+        steps, middle = np.diff(angle), 0.5 * (angle[1:] + angle[:-1])
+        weight = block_sums(_padded(steps)).real
+        moment = block_sums(_padded(steps * (middle - low))).real
+        return SlidingLines(
+            angle=low + moment / weight,
+            orders=np.tile(self.orders, len(self.samples)),
+            amplitude=(amplitude / weight[:, None, None]).reshape(count, -1),
+        )
+
+    def _grid(self, track: AngleTrack) -> AngleGrid:
+        top = float(self.orders.max())
+        return AngleGrid.of(self.samples.shape[-1], self.sampling_rate_hz, track, top)
+
+    def _near(self, track: AngleTrack) -> tuple[_Known, Stretches]:
+        """Return what is known of a track, and sums that suit it."""
+        if self._read is not None:
+            for known in self._tracks:
+                if known.track is track:
+                    return known, self._read
+            angle = _angle_at(track, self._read.edges_s)
+            if self._read.departure(angle) < _NEAR:
+                self._tracks = [*self._tracks[1 - _REMEMBERED :], _Known(track=track, angle=angle)]
+                return self._tracks[-1], self._read
+            self._noise = {}
+        read = Stretches.of(self.samples, self.sampling_rate_hz, track, self.orders)
+        self._read = read
+        self._tracks = [_Known(track=track, angle=_angle_at(track, read.edges_s))]
+        return self._tracks[-1], read
+
+    def _turned(
+        self,
+        known: _Known,
+        read: Stretches,
+        lines: Sequence[int],
+        sums_of: Callable[[ComplexArray], ComplexArray],
+    ) -> ComplexArray:
+        """Return what `sums_of` makes of each line in the angle of a track.
+
+        Parameters
+        ----------
+        known : _Known
+            The track.
+        read : Stretches
+            The sums.
+        lines : sequence of int
+            Numbers of the lines.
+        sums_of : callable
+            Takes a line, stretch by stretch, each times the angle that it spans, and a zero.
+
+        Returns
+        -------
+        ndarray of complex, shape (sums, channels, lines)
+        """
+        angle = known.angle
+        middle, steps = 0.5 * (angle[1:] + angle[:-1]), np.diff(angle) / read.length
+        work = 4 * len(lines) * len(self.samples) * len(steps)
+        wanted = {root for root, multiple in map(self._roots.__getitem__, lines) if multiple > 1}
+        new = sorted(wanted - set(known.roots))
+
+        def turned(number: int) -> ComplexArray:
+            return phasors(-self.orders[number] * middle)
+
+        known.roots |= zip(new, side_by_side(turned, new, work), strict=True)
+
+        def line(number: int) -> ComplexArray:
+            root, multiple = self._roots[number]
+            phasor = known.roots.get(root)
+            turn = (turned(root) if phasor is None else phasor) * steps
+            if phasor is not None:
+                for _ in range(multiple - 1):
+                    turn *= phasor
+            found = []
+            for real, imag in read.sums[:, :, number]:
+                wave = _padded(real)
+                wave.imag[:-1] = imag
+                wave[:-1] *= turn
+                found.append(sums_of(wave))
+            return np.stack(found, axis=-1)
+
+        return np.stack(side_by_side(line, lines, work), axis=-1)
+
+    def _noise_of(self, track: AngleTrack, block_turns: float) -> FloatArray:
+        if block_turns not in self._noise:
+            self._noise[block_turns] = line_noise(
+                self.samples, self.sampling_rate_hz, track, self.orders, block_turns
+            )
+        return self._noise[block_turns]
+
+
+@dataclass(kw_only=True, eq=False)
+class _Known:
+    """What is known of one track.
+
+    `angle` is that of the edges of the stretches [turns], `roots` the phasors of some orders by
+    their numbers, stretch by stretch.
+    """
+
+    track: AngleTrack
+    angle: FloatArray
+    roots: dict[int, ComplexArray] = field(default_factory=dict)
+
+
+def _roots(orders: FloatArray) -> list[tuple[int, int]]:
+    """Tell of each order the number of one that it is a multiple of, and which multiple."""
+    roots: list[tuple[int, int]] = []
+    for number, order in enumerate(orders.tolist()):
+        for root, multiple in roots:
+            times = round(order / float(orders[root]))
+            if (
+                multiple == 1
+                and 1 < times <= _MULTIPLES
+                and abs(order / float(orders[root]) / times - 1) < 1e-12
+            ):
+                roots.append((root, times))
+                break
+        else:
+            roots.append((number, 1))
+    return roots
+
+
+def _angle_at(track: AngleTrack, time_s: FloatArray) -> FloatArray:
+    """Angle at many ascending times [turns]."""
+    firsts = range(0, len(time_s), _EDGES)
+    parts = side_by_side(
+        lambda row: track.turns_at(time_s[firsts[row] : firsts[row] + _EDGES]),
+        range(len(firsts)),
+        16 * len(time_s),
+    )
+    return np.concatenate(parts)
+
+
+def _padded(values: FloatArray) -> ComplexArray:
+    """Return values as complex numbers, and a zero behind them."""
+    padded = np.zeros(len(values) + 1, dtype=np.complex128)
+    padded.real[:-1] = values
+    return padded
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Cut:
+    """Stretches shared out among parts of the angle by where their middles lie.
+
+    `share` tells where each lies in its part, 0 to 1, and ends with a zero; `first` is the first of
+    each part.
+    """
+
+    first: NDArray[np.intp]
+    share: FloatArray
+
+    @classmethod
+    def of(cls, angle: FloatArray, edges: FloatArray) -> _Cut:
+        middle = 0.5 * (angle[1:] + angle[:-1])
+        first = np.searchsorted(middle, edges)
+        # an edge more has passed from the first stretch behind it on
+        sizes = np.diff(np.concatenate([[0], first, [len(middle)]]))
+        part = np.repeat(np.clip(np.arange(-1, len(edges)), 0, len(edges) - 2), sizes)
+        share = (middle - edges[part]) / (edges[1] - edges[0])
+        return cls(first=first, share=np.append(share, 0.0))
+
+    def sums(self, wave: ComplexArray) -> ComplexArray:
+        """Sum over each part; a zero at the end of the wave keeps parts behind the last one."""
+        total: ComplexArray = np.add.reduceat(wave, self.first)[:-1]
+        total[self.first[:-1] == self.first[1:]] = 0.0
+        return total
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stretches:
+    """Sums of samples under waves of each order, stretch by stretch.
+
+    `sums` has shape (channels, 2, lines, stretches), real and imaginary parts; `length` is the
+    samples of a stretch, `slopes` the logarithms of the turns that each was made with, `cycles` the
+    cycles of the highest order in one.
+    """
+
+    edges_s: FloatArray
+    length: int
+    sums: FloatArray
+    slopes: FloatArray
+    cycles: float
+
+    @classmethod
+    def of(
+        cls, samples: FloatArray, rate: float, track: AngleTrack, orders: FloatArray
+    ) -> Stretches:
+        """Read a recording in the angle of a track."""
+        top, fastest = float(orders.max()), float(track.speed_hz.max())
+        turns = min(_CYCLES / top, _LONGEST)
+        length = int(min(turns * rate / fastest, samples.shape[-1] / _LEAST))
+        length = max(1, length)
+        count = samples.shape[-1] // length
+        edges_s = (length * np.arange(count + 1) - 0.5) / rate
+        number = _speed_numbers(np.diff(track.turns_at(edges_s)))
+        sums = np.empty((len(samples), 2, len(orders), count))
+        starts = np.concatenate([[0], np.flatnonzero(np.diff(number)) + 1, [count]])
+        runs = [
+            (first, min(first + _TOGETHER, int(end)))
+            for begin, end in pairwise(starts)
+            for first in range(int(begin), int(end), _TOGETHER)
+        ]
+        place = (np.arange(length) - 0.5 * (length - 1)) / length
+        known: dict[float, FloatArray] = {}
+
+        def waves_at(speed: float) -> FloatArray:
+            if speed not in known:
+                wave = 2 * np.pi * np.exp(speed * _SPEED_STEP) * np.outer(orders, place)
+                known[speed] = np.concatenate([np.cos(wave), -np.sin(wave)])
+            return known[speed]
+
+        def read(row: int) -> None:
+            begin, end = runs[row]
+            waves = waves_at(float(number[begin]))
+            for channel, out in zip(samples, sums, strict=True):
+                part = channel[begin * length : end * length].reshape(end - begin, length)
+                np.matmul(waves, part.T, out=out.reshape(len(waves), count)[:, begin:end])
+
+        side_by_side(read, range(len(runs)), samples.size)
+        return cls(
+            edges_s=edges_s,
+            length=length,
+            sums=sums,
+            slopes=number * _SPEED_STEP,
+            cycles=top * float(np.exp(np.mean(number) * _SPEED_STEP)),
+        )
+
+    def departure(self, angle: FloatArray) -> float:
+        """Cycles a stretch that a track differs by from the one these sums were made with."""
+        change = np.log(np.diff(angle)) - self.slopes
+        return float(np.sqrt(np.mean(change**2))) * self.cycles
+
+
+def _speed_numbers(steps: FloatArray) -> FloatArray:
+    """Round the steps of some stretches each to whole multiples of a step of their logarithm."""
+    count = len(steps)
+    starts = np.arange(0, count, _SHARING)
+    sizes = np.diff(np.append(starts, count))
+    mean = np.add.reduceat(steps, starts) / sizes
+    return np.repeat(np.rint(np.log(mean) / _SPEED_STEP), sizes)

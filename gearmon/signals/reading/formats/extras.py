@@ -1,0 +1,477 @@
+"""Files that a library beyond the core reads, each an extra of gearmon.
+
+HDF5 (MATLAB 7.3 among them), Parquet, TDMS (LabVIEW), UFF 58 and FLAC.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from gearmon.errors import RecordingError
+from gearmon.signals.reading.fields import Floats
+from gearmon.signals.reading.formats.arrays import (
+    Array,
+    Holding,
+    Read,
+    as_array,
+    reading,
+    stated_rate,
+)
+
+_UNIT_KEYS = (b"unit", b"units")
+_UNIT_NAMES = ("unit", "units", "Unit", "Units")
+# MATLAB stores text as numbers, and cells as references to what lies in #refs#.
+_NO_SIGNALS = ("char", "cell", "struct", "function_handle")
+_FEWEST_SAMPLES = 2
+# Of UFF: functions (of time, if the code says so), and directions of a sensor.
+_FUNCTION_SETS = (58,)
+_GENERAL, _TIME_RESPONSE = 0, 1
+_TIME_AXIS = 17
+_COMPLEX = (5, 6)
+_DIRECTIONS = {
+    0: "", 1: "+X", -1: "-X", 2: "+Y", -2: "-Y", 3: "+Z", -3: "-Z",
+    4: "+RX", -4: "-RX", 5: "+RY", -5: "-RY", 6: "+RZ", -6: "-RZ",
+}  # fmt: skip
+# What soundfile says of a file that does not tell how long it is.
+_ENDLESS = 1 << 62
+
+
+def _opened(
+    path: str,
+    what: str,
+    opened: Callable[[], Any],
+    holding: Callable[[str, str, Any], Holding],
+) -> Holding:
+    """Return what an opened file holds; it stays open unless it is damaged."""
+    with reading(path, what):
+        file = opened()
+        try:
+            return holding(path, what, file)
+        except BaseException:
+            file.close()
+            raise
+
+
+def read_hdf5(path: str, what: str) -> Holding:
+    """Return what an HDF5 file holds: all its arrays and single numbers, by their paths.
+
+    Attributes of an array tell its unit (`units`) and its sampling rate (`fs`, `sampling_rate`
+    ...); attributes of the file and of groups count as single numbers.
+
+    Raises
+    ------
+    RecordingError
+        If the file is damaged.
+    """
+    import h5py
+
+    return _opened(path, what, lambda: h5py.File(path, "r"), _hdf5_arrays)
+
+
+def _hdf5_arrays(path: str, what: str, file: Any) -> Holding:
+    import h5py
+
+    arrays: list[Array] = []
+    facts = _attributes(file.attrs, "")
+    others: list[str] = []
+    for name, item in _walk(file):
+        if isinstance(item, h5py.Group):
+            facts |= _attributes(item.attrs, f"{name}.")
+        elif isinstance(item, h5py.Dataset):
+            _gather(name, item, arrays, facts, others)
+    return Holding(
+        path=path,
+        what=what,
+        arrays=tuple(arrays),
+        facts=facts,
+        left_out=tuple(others),
+        close=file.close,
+    )
+
+
+def _walk(group: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
+    for key in group:
+        if key.startswith("#"):
+            continue
+        item = group.get(key)
+        if item is None:  # a link that leads nowhere
+            continue
+        yield prefix + key, item
+        if hasattr(item, "keys") and group.get(key, getlink=True).__class__.__name__ == "HardLink":
+            yield from _walk(item, f"{prefix}{key}/")
+
+
+def _gather(
+    name: str, item: Any, arrays: list[Array], facts: dict[str, float], others: list[str]
+) -> None:
+    kind = item.attrs.get("MATLAB_class", b"")
+    text = kind.decode(errors="replace") if isinstance(kind, bytes) else str(kind)
+    if item.shape is None or item.dtype.kind not in "fiub" or text in _NO_SIGNALS:
+        others.append(f"{name} ({text or item.dtype})")
+        return
+    if all(size == 1 for size in item.shape):
+        facts[name] = float(np.asarray(item[()], dtype=np.float64).reshape(-1)[0])
+        return
+    rate, _ = stated_rate(_attributes(item.attrs, ""))
+    array = as_array(name, item, unit=_unit_of_array(item.attrs), rate_hz=rate)
+    if array is None:
+        others.append(f"{name} of shape {item.shape}")
+    else:
+        arrays.append(replace(array, names=_names(item.attrs, array.names)))
+
+
+def _attributes(attributes: Any, prefix: str) -> dict[str, float]:
+    found = {}
+    for key in attributes:
+        value = np.asarray(attributes[key])
+        if value.dtype.kind in "fiu" and value.size == 1:
+            found[f"{prefix}{key}"] = float(value.reshape(-1)[0])
+    return found
+
+
+def _unit_of_array(attributes: Any) -> str | None:
+    for key in _UNIT_NAMES:
+        value = attributes.get(key)
+        text = value.decode(errors="replace") if isinstance(value, bytes) else value
+        if isinstance(text, str) and text.strip():
+            return text.strip()
+    return None
+
+
+def _names(attributes: Any, usual: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the names of channels that an attribute lists, if there is one for each."""
+    for key in ("channel_names", "channels", "names"):
+        value = np.asarray(attributes.get(key, ()))
+        if value.shape == (len(usual),) and value.dtype.kind in "OSU":
+            return tuple(
+                one.decode(errors="replace") if isinstance(one, bytes) else str(one)
+                for one in value.tolist()
+            )
+    return usual
+
+
+def read_parquet(path: str, what: str) -> Holding:
+    """Return what a Parquet table holds: its columns of numbers and times.
+
+    The metadata of a column may tell its unit (`unit`), that of the table the sampling rate (`fs`,
+    `sampling_rate` ...).
+
+    Raises
+    ------
+    RecordingError
+        If the file is damaged.
+    """
+    from pyarrow import parquet
+
+    return _opened(path, what, lambda: parquet.ParquetFile(path), _parquet_columns)
+
+
+def _parquet_columns(path: str, what: str, file: Any) -> Holding:
+    import pyarrow
+
+    schema, rows = file.schema_arrow, file.metadata.num_rows
+    kept = [field for field in schema if _is_numeric(pyarrow, field.type)]
+    index = _index_of_frame(schema)
+    names = tuple(field.name for field in kept)
+    units = tuple(_unit_of_column(pyarrow, field) for field in kept)
+    arrays = []
+    if rows >= 2 and names:
+        whole = lru_cache(maxsize=1)(lambda name: _floats(file.read([name]).column(0)))
+        arrays = [
+            Array(name=n, names=(n,), count=rows, read=_part_of(whole, n), units=(u,))
+            for n, u in zip(names, units, strict=True)
+            if n not in index
+        ]
+    return Holding(
+        path=path,
+        what=what,
+        arrays=tuple(arrays),
+        together=True,
+        facts=_facts(schema.metadata or {}),
+        left_out=tuple(f"{field.name} ({field.type})" for field in schema if field not in kept),
+        notes=tuple(
+            f"column '{field.name}' holds no numbers: left out"
+            for field in schema
+            if field not in kept
+        ),
+        close=file.close,
+    )
+
+
+def _part_of(whole: Callable[[str], Floats], name: str) -> Read:
+    return lambda start, stop: whole(name)[None, start:stop]
+
+
+def _is_numeric(pyarrow: Any, kind: Any) -> bool:
+    types = pyarrow.types
+    return bool(
+        types.is_integer(kind)
+        or types.is_floating(kind)
+        or types.is_decimal(kind)
+        or types.is_timestamp(kind)
+    )
+
+
+def _unit_of_column(pyarrow: Any, field: Any) -> str | None:
+    if pyarrow.types.is_timestamp(field.type):
+        return "s"
+    for key in _UNIT_KEYS:
+        text = (field.metadata or {}).get(key, b"").decode(errors="replace").strip()
+        if text:
+            return str(text)
+    return None
+
+
+def _index_of_frame(schema: Any) -> frozenset[str]:
+    """Return the columns that are only the row labels of a data frame."""
+    return frozenset(name for name in schema.names if name.startswith("__index_level_"))
+
+
+def _facts(metadata: dict[bytes, bytes]) -> dict[str, float]:
+    found = {}
+    for key, value in metadata.items():
+        try:
+            found[key.decode(errors="replace")] = float(value)
+        except ValueError:
+            continue
+    return found
+
+
+def _floats(column: Any) -> Floats:
+    """Return a column as numbers; time stamps in seconds from the first one on."""
+    import pyarrow
+    import pyarrow.compute
+
+    if pyarrow.types.is_timestamp(column.type):
+        # seconds since 1970 as floats would lose the microseconds
+        steps = pyarrow.compute.subtract(column, column[0]).cast(pyarrow.duration("ns"))
+        return np.asarray(steps.cast(pyarrow.int64()).to_numpy(), dtype=np.float64) * 1e-9
+    if pyarrow.types.is_decimal(column.type):
+        column = column.cast(pyarrow.float64())
+    return np.asarray(column.to_numpy(), dtype=np.float64)
+
+
+def read_tdms(path: str, what: str) -> Holding:
+    """Return what a TDMS file holds: its channels, with unit and sampling rate where stated.
+
+    Raises
+    ------
+    RecordingError
+        If the file is damaged, or its last part is incomplete.
+    """
+    import nptdms
+
+    def channels(path: str, what: str, stream: Any) -> Holding:
+        with _quiet():
+            return _tdms_channels(path, what, nptdms.TdmsFile.open(stream), stream.close)
+
+    # opened here, as the library leaves a damaged file open
+    return _opened(path, what, lambda: open(path, "rb"), channels)
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep the library from writing its remarks on damaged files to the terminal."""
+    logger = logging.getLogger("nptdms")
+    before = logger.level
+    logger.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        logger.setLevel(before)
+
+
+def _tdms_channels(path: str, what: str, file: Any, close: Callable[[], object]) -> Holding:
+    status = file.file_status
+    if status.incomplete_final_segment:
+        raise RecordingError(
+            f"{path}: is cut off: its last part is incomplete (was the recorder switched off while "
+            "it wrote?); copy it again, or open and save it in its own program"
+        )
+    channels = [channel for group in file.groups() for channel in group.channels()]
+    often = Counter(channel.name for channel in channels)
+    arrays, others = [], []
+    for channel in channels:
+        name = channel.name
+        shown = name if often[name] == 1 else f"{channel.group_name}/{name}"
+        numeric = channel.dtype is not None and np.dtype(channel.dtype).kind in "fiu"
+        if numeric and len(channel) >= _FEWEST_SAMPLES:
+            arrays.append(_tdms_array(shown, channel))
+        else:
+            others.append(shown)
+    facts = _properties(file.properties)
+    for group in file.groups():
+        facts |= {f"{group.name}.{key}": v for key, v in _properties(group.properties).items()}
+    return Holding(
+        path=path,
+        what=what,
+        arrays=tuple(arrays),
+        together=True,
+        facts=facts,
+        left_out=tuple(others),
+        close=close,
+    )
+
+
+def _tdms_array(name: str, channel: Any) -> Array:
+    def read(start: int, stop: int) -> Floats:
+        part = channel.read_data(offset=start, length=stop - start)
+        return np.asarray(part, dtype=np.float64).reshape(1, -1)
+
+    step = _number(channel.properties.get("wf_increment"))
+    # LabVIEW's frequency spectra are waveforms as well; only those over time are signals
+    over = str(channel.properties.get("wf_xname", "Time") or "Time").strip().lower()
+    timed = step is not None and step > 0 and over in ("time", "zeit")
+    unit = str(channel.properties.get("unit_string", "") or "").strip()
+    return Array(
+        name=name,
+        names=(name,),
+        count=len(channel),
+        read=read,
+        units=(unit or None,),
+        rate_hz=float(f"{1.0 / step:.13g}") if step and timed else None,
+        start_s=_start(channel.properties),
+    )
+
+
+def _start(properties: Any) -> float | None:
+    offset = _number(properties.get("wf_start_offset")) or 0.0
+    begin = properties.get("wf_start_time")
+    if begin is None:
+        return offset
+    return float(np.datetime64(begin, "us").astype(np.int64)) * 1e-6 + offset
+
+
+def _properties(properties: Any) -> dict[str, float]:
+    found = {key: _number(value) for key, value in properties.items()}
+    return {key: value for key, value in found.items() if value is not None}
+
+
+def _number(value: Any) -> float | None:
+    return float(value) if isinstance(value, int | float | np.number) else None
+
+
+def read_universal(path: str, what: str) -> Holding:
+    """Return what a universal file holds: its functions of time, with unit and spacing.
+
+    Raises
+    ------
+    RecordingError
+        If the file is damaged.
+    """
+    import pyuff
+
+    with reading(path, what):
+        file = pyuff.UFF(path)
+        types = [int(kind) for kind in file.get_set_types()]
+        sets = [file.read_sets(k) for k, kind in enumerate(types) if kind in _FUNCTION_SETS]
+        arrays: list[Array] = []
+        others = [f"a data set of type {kind}" for kind in types if kind not in _FUNCTION_SETS]
+        taken: set[str] = set()
+        for number, one in enumerate(sets, 1):
+            if _is_signal(one):
+                arrays.extend(_functions(path, number, one, taken))
+            else:
+                others.append(f"a function of type {one.get('func_type')}")
+    return Holding(
+        path=path, what=what, arrays=tuple(arrays), together=True, left_out=tuple(others)
+    )
+
+
+def _is_signal(one: dict[str, Any]) -> bool:
+    over_time = one["func_type"] == _TIME_RESPONSE or (
+        one["func_type"] == _GENERAL and one["abscissa_spec_data_type"] == _TIME_AXIS
+    )
+    return over_time and one["ord_data_type"] not in _COMPLEX
+
+
+def _functions(path: str, number: int, one: dict[str, Any], taken: set[str]) -> list[Array]:
+    samples = np.asarray(one["data"], dtype=np.float64).reshape(-1)
+    if len(samples) != one["num_pts"]:
+        raise RecordingError(
+            f"{path}: function {number} has {len(samples)} samples where its header announces "
+            f"{one['num_pts']}; copy the file again"
+        )
+    name = _place(number, one, taken)
+    unit = _label(one["ordinate_axis_units_lab"])
+    if one["abscissa_spacing"]:
+        step = float(one["abscissa_inc"])
+        if not step > 0:
+            raise RecordingError(f"{path}: function {number} has a spacing of {step:g} s")
+        # single precision spacing: seven digits are told, no more
+        rate = float(f"{1.0 / step:.13g}")
+        found = [as_array(name, samples, unit=unit, rate_hz=rate)]
+    else:
+        times = np.asarray(one["x"], dtype=np.float64).reshape(-1)
+        found = [
+            as_array(f"time of {name}", times, unit=_label(one["abscissa_axis_units_lab"]) or "s"),
+            as_array(name, samples, unit=unit),
+        ]
+    return [array for array in found if array is not None]
+
+
+def _place(number: int, one: dict[str, Any], taken: set[str]) -> str:
+    """Return a name that says where the signal was taken, as far as the file tells."""
+    direction = _DIRECTIONS.get(int(one["rsp_dir"]), "")
+    entity = _label(one["rsp_ent_name"]) or ""
+    node = str(one["rsp_node"]) if one["rsp_node"] else ""
+    name = " ".join(part for part in (entity, node, direction) if part)
+    name = name or _label(one["id1"]) or f"function {number}"
+    name = name if name not in taken else f"{name} ({number})"
+    taken.add(name)
+    return name
+
+
+def _label(text: Any) -> str | None:
+    stripped = str(text or "").strip()
+    return stripped if stripped and stripped.upper() != "NONE" else None
+
+
+def read_flac(path: str, what: str) -> Holding:
+    """Return what a FLAC file holds: one array, its sampling rate, no unit.
+
+    Raises
+    ------
+    RecordingError
+        If the file is damaged.
+    """
+    import soundfile
+
+    with reading(path, what):
+        file = soundfile.SoundFile(path)
+    if not 0 < file.frames < _ENDLESS:
+        file.close()
+        raise RecordingError(f"{path}: a FLAC file that does not tell its length; pack it anew")
+    array = Array(
+        name="",
+        names=("",) * file.channels,
+        count=int(file.frames),
+        read=_flac_reader(file),
+        units=(None,) * file.channels,
+        rate_hz=float(file.samplerate),
+    )
+    note = (
+        f"{file.subtype.replace('PCM_', '')}-bit integer, full scale is taken as 1; a FLAC file "
+        "tells no unit: state unit and sensitivity in a [[sensor]] of the machine file"
+    )
+    return Holding(
+        path=path, what=what, arrays=(array,), together=True, notes=(note,), close=file.close
+    )
+
+
+def _flac_reader(file: Any) -> Any:
+    def read(start: int, stop: int) -> Floats:
+        if file.tell() != start:
+            file.seek(start)
+        part = file.read(stop - start, dtype="float64", always_2d=True)
+        return np.asarray(part, dtype=np.float64).T
+
+    return read

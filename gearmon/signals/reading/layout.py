@@ -1,0 +1,538 @@
+"""How a table of numbers is written and what stands above it.
+
+Separator, decimal character, number of columns and first row; then the lines above: names of the
+columns, their units, and what else they tell.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
+
+from gearmon.errors import RecordingError
+from gearmon.signals.reading.fields import (
+    LONGEST_QUOTE,
+    are_units,
+    is_comment,
+    is_missing,
+    is_number,
+    shortened,
+    split_fields,
+    to_microseconds,
+    without_empty_end,
+)
+
+# Lines that are looked at to find the dialect; the last ones, as those are rows most surely.
+_SAMPLE = 100
+_SEPARATORS = ("\t", ";", ",", " ", "")
+_EMPTY = ' \t,;"'
+_MOST_COLUMNS = 1000
+# What may follow a decimal comma.
+_DECIMALS = re.compile(r"\d+([eE][+-]?\d+)?")
+_ONE_NAME = re.compile(r"\S+(?:\s*[\[(].*[\])])?")
+# Lines that announce the numbers and name no column.
+_MARKERS = frozenset(
+    {"data", "begin", "begin data", "start data", "data start", "end header", "header end"}
+    | {"end of header", "end_of_header", "endofheader", "daten", "messdaten", "measurement data"}
+)
+_RATE = re.compile(
+    r"sampl|abtast|\bfs\b|\brate\b|frequen|interval|\bdt\b|delta_?[tx]|schrittweite", re.IGNORECASE
+)
+# A quote that opens a field and is not closed in its line, and over how many lines it may reach.
+_OPEN_QUOTE = re.compile(r'(?:^|[,;\s])"[^"]*$')
+_MOST_PARTS = 16
+Line = tuple[int, str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dialect:
+    """How rows of numbers are written.
+
+    Parameters
+    ----------
+    separator : str
+        "," or ";" or a tab; " " for any run of spaces and tabs; "" for one number in a line.
+    decimal : str
+        "." or ",".
+    columns : int > 0
+        Numbers in a row.
+    trailing : bool
+        Whether separators follow the last number.
+    stamp : int or None
+        Index of a column of dates and times or times of day.
+    stamp_origin : int
+        The first of these stamps, in microseconds.
+    """
+
+    separator: str
+    decimal: str
+    columns: int
+    trailing: bool = False
+    stamp: int | None = None
+    stamp_origin: int = 0
+
+    def row(self, line: str) -> list[str] | None:
+        """Return the fields of the line if it is a row of this table, else None."""
+        fields = _row(line, self.separator, self.decimal)
+        return fields if fields is not None and self.fits(fields) else None
+
+    def fits(self, fields: Sequence[str]) -> bool:
+        """Tell whether the number of fields is right; empty ones may follow."""
+        return len(fields) >= self.columns and not any(fields[self.columns :])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Layout:
+    """Where the rows of a table begin, how they are written, and what stands above them."""
+
+    dialect: Dialect
+    first_line: int
+    header: Header
+
+
+def find_layout(path: str, lines: Sequence[str]) -> Layout | None:
+    """Return the layout of the table of numbers in the lines; None if there is no row of numbers.
+
+    Parameters
+    ----------
+    path : str
+        The file, for messages.
+    lines : sequence of str
+        The beginning of the file, from its first line on.
+
+    Raises
+    ------
+    RecordingError
+        If the beginning can be read in two ways, or its first rows are damaged.
+    """
+    sample = _sample(lines, _SAMPLE)
+    dialect = _most_likely(sample)
+    if dialect is None:  # a text below the rows?
+        sample = _sample(lines, len(lines))
+        dialect = _most_likely(sample)
+    if dialect is None:
+        return None
+    _check_width(path, dialect)
+    first, above = _first_row(path, lines, dialect)
+    above = _joined(path, above, dialect)
+    dialect = _clear_decimals(path, dialect, sample, above)
+    dialect = _widened(dialect, sample, above)
+    header = find_header(path, above, dialect.separator, dialect.decimal, dialect.columns)
+    layout = Layout(dialect=dialect, first_line=first, header=header)
+    return _with_counted_names(layout, lines)
+
+
+def _sample(lines: Sequence[str], count: int) -> list[str]:
+    """Return the last lines that are neither remarks nor empty."""
+    filled = (line for line in reversed(lines) if line.strip(_EMPTY) and not is_comment(line))
+    return list(islice(filled, count))[::-1]
+
+
+def _most_likely(sample: Sequence[str]) -> Dialect | None:
+    """Return the dialect in which most lines of the sample are rows of one length."""
+    text = "\n".join(sample)
+    best, most = None, 0
+    for separator in _SEPARATORS:
+        for decimal in ".,":
+            quoted = '"' in text
+            if decimal == "," and ("," not in text or (separator == "," and not quoted)):
+                continue
+            dialect, count = _fitted(sample, separator, decimal)
+            if count > most:
+                best, most = dialect, count
+    return best
+
+
+def _fitted(sample: Sequence[str], separator: str, decimal: str) -> tuple[Dialect | None, int]:
+    rows = [(line, row) for line in sample if (row := _row(line, separator, decimal)) is not None]
+    if not rows or 2 * sum(_has(line, separator) for line, _ in rows) < len(rows):
+        return None, 0
+    length, count = Counter(len(row) for _, row in rows).most_common(1)[0]
+    alike = [row for _, row in rows if len(row) == length]
+    columns = max(len(without_empty_end(row)) for row in alike)
+    stamp, origin = _stamp(alike[0])
+    dialect = Dialect(
+        separator=separator,
+        decimal=decimal,
+        columns=columns,
+        trailing=length > columns,
+        stamp=stamp,
+        stamp_origin=origin,
+    )
+    return dialect, count
+
+
+def _row(line: str, separator: str, decimal: str) -> list[str] | None:
+    """Return the fields if each is a number, a time stamp or missing, and not all are missing."""
+    fields = split_fields(line, separator)
+    stamps_allowed = separator not in ("", " ")
+    for field in fields:
+        if not (is_number(field, decimal) or is_missing(field)):
+            if not stamps_allowed or to_microseconds(field) is None:
+                return None
+            stamps_allowed = False  # one such column at most
+    return fields if any(_says_number(field) for field in fields) else None
+
+
+def _says_number(field: str) -> bool:
+    # A line of dashes is no row; one of NaN is.
+    return any(character.isdigit() for character in field) or field[-3:].lower() in ("nan", "inf")
+
+
+def _has(line: str, separator: str) -> bool:
+    if separator == " ":
+        return len(line.split(maxsplit=1)) > 1
+    return separator in line
+
+
+def _stamp(row: Sequence[str]) -> tuple[int | None, int]:
+    for index, field in enumerate(row):
+        moment = to_microseconds(field)
+        if moment is not None:
+            return index, moment
+    return None, 0
+
+
+def _check_width(path: str, dialect: Dialect) -> None:
+    if dialect.columns > _MOST_COLUMNS:
+        raise RecordingError(
+            f"{path}: {dialect.columns} numbers in a line; a recording needs one line per sample "
+            "and one column per channel: transpose it"
+        )
+
+
+def _first_row(
+    path: str, lines: Sequence[str], dialect: Dialect
+) -> tuple[int, list[tuple[int, str]]]:
+    """Return the number of the first row, and the lines of text above it with their numbers."""
+    above: list[tuple[int, str]] = []
+    odd: tuple[int, int] | None = None
+    for number, line in enumerate(lines, 1):
+        if not line.strip():
+            continue
+        row = None if is_comment(line) else _row(line, dialect.separator, dialect.decimal)
+        if row is None:
+            above.append((number, line.strip().lstrip("#% \t") if is_comment(line) else line))
+            odd = None
+        elif dialect.fits(row):
+            _check_no_odd_row(path, odd, dialect.columns)
+            return number, above
+        else:
+            odd = odd or (number, len(without_empty_end(row)))
+    raise AssertionError("the sample has a row, so the lines have one")
+
+
+def _joined(path: str, above: list[tuple[int, str]], dialect: Dialect) -> list[tuple[int, str]]:
+    """Put parted lines of names together; raise if it is a row of numbers that is parted."""
+    joined = joined_lines(above)
+    for number, text in joined:
+        if (number, text) not in above and dialect.row(text) is not None:
+            raise RecordingError(
+                f"{path}, line {number}: a line break within quotes parts this row of numbers; "
+                "take it out"
+            )
+    return joined
+
+
+def _check_no_odd_row(path: str, odd: tuple[int, int] | None, columns: int) -> None:
+    if odd is not None:
+        number, count = odd
+        raise RecordingError(
+            f"{path}, line {number}: {counted(count, 'number')} where the rows below have "
+            f"{columns}; if this line is no sample, put # before it"
+        )
+
+
+def counted(count: int, noun: str) -> str:
+    """Return the number with its noun, in the plural where needed."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
+def _widened(dialect: Dialect, sample: Sequence[str], above: Sequence[tuple[int, str]]) -> Dialect:
+    """Count columns that have a name but no number in any row."""
+    if not dialect.trailing or not above:
+        return dialect
+    named = len(without_empty_end(split_fields(above[-1][1], dialect.separator)))
+    rows = [row for line in sample if (row := dialect.row(line)) is not None]
+    length = min(len(row) for row in rows)
+    if not dialect.columns < named <= length:
+        return dialect
+    return replace(dialect, columns=named, trailing=length > named)
+
+
+def _clear_decimals(
+    path: str, dialect: Dialect, sample: Sequence[str], above: Sequence[tuple[int, str]]
+) -> Dialect:
+    """Tell ``1,5`` as one number with a decimal comma from two whole numbers, or raise."""
+    if dialect.separator != "," or dialect.decimal != "." or dialect.columns != 2:
+        return dialect
+    lines = [line for line in sample if dialect.row(line) is not None]
+    rows = [split_fields(line, ",")[:2] for line in lines]
+    if not _may_be_decimals(lines, rows):
+        return dialect
+    verdict = _header_verdict(above) if above else None
+    if verdict is None and not all(second.isdigit() for _, second in rows):
+        return dialect  # 1e-5 stands by itself more often than 0,1e-5 does
+    if verdict is None:
+        verdict = _digit_verdict(rows)
+    if verdict is None:
+        raise RecordingError(
+            f"{path}: its lines, such as '{shortened(','.join(rows[0]))}', may be one column with "
+            "decimal commas or two columns of whole numbers; add a first line that names the "
+            "column(s)"
+        )
+    if verdict == 2:
+        return dialect
+    return replace(dialect, separator="", decimal=",", columns=1, trailing=False)
+
+
+def _may_be_decimals(lines: Sequence[str], rows: Sequence[Sequence[str]]) -> bool:
+    plain = all(
+        first.lstrip("+-").isdigit() and _DECIMALS.fullmatch(second) for first, second in rows
+    )
+    return plain and not any(mark in line.strip() for line in lines for mark in ' "')
+
+
+def _header_verdict(above: Sequence[tuple[int, str]]) -> int | None:
+    """Return the number of columns that the last line of text names, if it names any."""
+    names = without_empty_end(split_fields(above[-1][1], ","))
+    if ":" in above[-1][1] or "=" in above[-1][1] or is_marker(above[-1][1]):
+        return None
+    if len(names) == 1 and _ONE_NAME.fullmatch(names[0]) is None:
+        return None
+    return len(names) if len(names) in (1, 2) else None
+
+
+def _digit_verdict(rows: Sequence[Sequence[str]]) -> int | None:
+    """Return 1 column or 2, from how the digits behave; None if they may be either."""
+    if any(first in ("-0", "+0") or (second[0] == "0" and second != "0") for first, second in rows):
+        return 1  # whole numbers are not written -0 or 05
+    seconds = {second for _, second in rows}
+    if len(rows) >= 50 and max(map(len, seconds)) >= 2:
+        return 2  # of so many decimals some would begin with 0
+    return None
+
+
+def _with_counted_names(layout: Layout, lines: Sequence[str]) -> Layout:
+    """Take a first row 0, 1, 2 ... above rows of decimals as the names that it is."""
+    dialect = layout.dialect
+    if layout.header.names is not None or dialect.columns < 3:
+        return layout
+    numbered = [
+        (number, row)
+        for number, line in enumerate(lines, 1)
+        if number >= layout.first_line and (row := dialect.row(line)) is not None
+    ]
+    (_, names), later = numbered[0], numbered[1 : _SAMPLE + 1]
+    start = names[0]
+    if start not in ("0", "1") or names != [str(int(start) + k) for k in range(dialect.columns)]:
+        return layout
+    if len(later) < 5 or any(field.isdigit() for _, row in later for field in row):
+        return layout
+    header = Header(names=tuple(names), line=layout.first_line)
+    return replace(layout, first_line=later[0][0], header=header)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Header:
+    """What the lines above the numbers say about the columns.
+
+    Parameters
+    ----------
+    names : tuple of str or None
+        The cells of the line of names; None if there is none.
+    units : tuple of str or None
+        The cells of the line of units below it.
+    line : int
+        Number of the line of names.
+    remark : str
+        Why a line that looks like names was not used.
+    rate_hint : str
+        The line that seems to tell the sampling rate.
+    """
+
+    names: tuple[str, ...] | None = None
+    units: tuple[str, ...] | None = None
+    line: int = 0
+    remark: str = ""
+    rate_hint: str = ""
+
+
+def find_header(
+    path: str, above: Sequence[Line], separator: str, decimal: str, columns: int
+) -> Header:
+    """Return what the lines of text above the first row say.
+
+    Parameters
+    ----------
+    path : str
+        The file, for messages.
+    above : sequence of (int, str)
+        Lines of text above the first row with their numbers; no blank ones.
+    separator, decimal : str
+        How the rows are written.
+    columns : int > 0
+        Numbers in a row.
+
+    Raises
+    ------
+    RecordingError
+        If the last of these lines is a row of numbers with a damaged field.
+    """
+    hint = _rate_hint(above)
+    lines = [line for line in above if line[1] and not is_marker(line[1])]
+    if not lines:
+        return Header(rate_hint=hint)
+    number, text = lines[-1]
+    cells = _cells(text, separator, columns)
+    _check_no_odd_line(path, lines[-1], separator, decimal, columns)
+    if cells is None:
+        return Header(remark=_remark(lines[-1], separator, columns), rate_hint=hint)
+    upper = _cells(lines[-2][1], separator, columns) if len(lines) > 1 else None
+    if upper is not None and _numbers(upper, decimal):
+        upper = None
+    if are_units(cells) and (upper is not None or cells[0].startswith(("[", "("))):
+        names = None if upper is None else tuple(upper)
+        line = number if upper is None else lines[-2][0]
+        return Header(names=names, units=tuple(cells), line=line, rate_hint=hint)
+    if _numbers(cells, decimal) and not _are_numbered(cells):
+        _check_no_damaged_row(path, lines, cells, separator, decimal)
+        return Header(rate_hint=hint)
+    if columns == 1 and (_is_metadata(text) or len(text) > LONGEST_QUOTE):
+        return Header(rate_hint=hint)
+    return Header(names=tuple(cells), line=number, rate_hint=hint)
+
+
+def joined_lines(lines: Sequence[Line]) -> list[Line]:
+    r"""Return the lines with those put together that a line break within quotes has parted.
+
+    Examples
+    --------
+    >>> joined_lines([(1, '"a1'), (2, '[g]","a2'), (3, '[g]"'), (4, "5")])
+    [(1, '"a1 [g]","a2 [g]"'), (4, '5')]
+    """
+    joined, place = [], 0
+    while place < len(lines):
+        number, text = lines[place]
+        end = place + _parts(lines[place : place + _MOST_PARTS])
+        joined.append((number, " ".join([text, *(part for _, part in lines[place + 1 : end])])))
+        place = end
+    return joined
+
+
+def _parts(lines: Sequence[Line]) -> int:
+    """Return of how many lines the first one is a part: 1 if no quote is left open in it."""
+    quotes = 0
+    for count, (_, text) in enumerate(lines, 1):
+        quotes += text.count('"')
+        if quotes % 2 == 0:
+            return count
+        if count == 1 and not _OPEN_QUOTE.search(text):
+            return 1
+    return 1
+
+
+def is_marker(text: str) -> bool:
+    """Tell whether the line only announces the numbers, such as ``DATA`` or ``sep=;``."""
+    words = text.strip(" []<>*=:-\t").lower()
+    return words in _MARKERS or words.startswith("sep=")
+
+
+def _cells(text: str, separator: str, columns: int) -> list[str] | None:
+    """Return the cells of the line if it has one for each column, with any usual separator."""
+    if columns == 1:
+        cells = without_empty_end(split_fields(text, separator))
+        return cells if len(cells) == 1 else split_fields(text, "")
+    for trial in dict.fromkeys((separator, "\t", ";", ",")):
+        cells = split_fields(text, trial)
+        named = len(without_empty_end(cells)) - (cells[-1:] in (["Comment"], ["comment"]))
+        if named <= columns <= len(cells):
+            return cells[:columns]
+    for gap in (r"\s{2,}|\t", r"\s+(?![\[(])"):  # "Time (s)  a1 (g)", "Time (s) a1 (g)"
+        cells = re.split(gap, text.strip())
+        if len(cells) == columns:
+            return [cell.strip('"') for cell in cells]
+    return None
+
+
+def _numbers(cells: Sequence[str], decimal: str) -> int:
+    return sum(is_number(cell, decimal) for cell in cells)
+
+
+def _are_numbered(cells: Sequence[str]) -> bool:
+    """Tell names such as ``t,1,2,3``: a word, then channel numbers that count up."""
+    numbers = cells[1:]
+    if len(numbers) < 2 or not all(cell.isdigit() for cell in numbers):
+        return False
+    start = int(numbers[0])
+    return start < 2 and [int(cell) for cell in numbers] == list(range(start, start + len(numbers)))
+
+
+def _check_no_damaged_row(
+    path: str, lines: Sequence[Line], cells: Sequence[str], separator: str, decimal: str
+) -> None:
+    """Raise if the last line, which has some numbers, is a row with a damaged field."""
+    number, text = lines[-1]
+    count = len(cells)
+    if count < 2 or len(split_fields(text, separator)) < count:
+        return
+    begins_as_row = cells[0][:1].isdigit() or cells[0][:1] in "+-.," or is_missing(cells[0])
+    if not begins_as_row and not _stands_below_names(lines, cells, separator, decimal):
+        return
+    for index, cell in enumerate(cells, 1):
+        if not is_number(cell, decimal) and not is_missing(cell):
+            raise RecordingError(
+                f"{path}, line {number}, column {index}: '{shortened(cell)}' is not a number; "
+                "if this line is no sample, put # before it"
+            )
+
+
+def _check_no_odd_line(path: str, line: Line, separator: str, decimal: str, columns: int) -> None:
+    """Raise if the line has another number of fields than the rows, but most are numbers."""
+    number, text = line
+    fields = split_fields(text, separator)
+    if len(without_empty_end(fields)) <= columns <= len(fields):
+        return
+    if is_number(fields[0], decimal) and 2 * _numbers(fields, decimal) > len(fields):
+        raise RecordingError(
+            f"{path}, line {number}: {len(fields)} fields, not all of them numbers, where the rows "
+            f"below have {columns}; if this line is no sample, put # before it"
+        )
+
+
+def _stands_below_names(
+    lines: Sequence[Line], cells: Sequence[str], separator: str, decimal: str
+) -> bool:
+    if len(lines) < 2 or _is_metadata(lines[-1][1]):
+        return False
+    above = split_fields(lines[-2][1], separator)
+    fits = len(without_empty_end(above)) <= len(cells) <= len(above)
+    if not fits or _numbers(above, decimal):
+        return False
+    # where blanks separate, the words of two sentences may be as many as the columns
+    return separator != " " or any(character.isdigit() for character in cells[0])
+
+
+def _is_metadata(text: str) -> bool:
+    """Tell ``Operator: Smith`` from names of columns."""
+    return ":" in text or "=" in text
+
+
+def _remark(line: Line, separator: str, columns: int) -> str:
+    cells = without_empty_end(split_fields(line[1], separator))
+    if len(cells) < 2 or ":" in line[1] or "=" in line[1]:
+        return ""
+    return (
+        f"line {line[0]} has {len(cells)} names for {columns} columns: names not used, columns "
+        "are numbered"
+    )
+
+
+def _rate_hint(above: Sequence[Line]) -> str:
+    for number, text in above:
+        if _RATE.search(text) and any(character.isdigit() for character in text):
+            return f"line {number} says '{shortened(text.strip())}'"
+    return ""

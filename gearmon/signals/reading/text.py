@@ -1,0 +1,630 @@
+"""The rows of a text: numbers by the parser of pandas, or line by line where a line is in doubt.
+
+The parser of pandas (from 3.1 on) rounds every number as `float` does and works without Python's
+lock, so that threads share the blocks of a file. It is lenient in a few ways that would change what
+a damaged file means. Which they are is looked for in the bytes before, and in the shape and the
+values of what comes out; a block that fails is read line by line, slowly, to say what is wrong and
+where. Rows with dates are read line by line as well.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from gearmon.errors import RecordingError
+from gearmon.signals.reading.columns import Content, describe_columns
+from gearmon.signals.reading.fields import (
+    MISSING,
+    Floats,
+    Progress,
+    Room,
+    decoded,
+    is_comment,
+    is_missing,
+    is_number,
+    shortened,
+    split_fields,
+    to_microseconds,
+    to_number,
+    without_empty_end,
+)
+from gearmon.signals.reading.layout import Dialect, Layout, counted, find_layout
+from gearmon.signals.reading.source import Block, Source
+from gearmon.signals.threads import cores
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future
+
+
+_BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+_FORTRAN_EXPONENTS = bytes.maketrans(b"dD", b"ee")
+_BLANK_LINES = re.compile(rb"\n{2,}")
+# QUOTE_MINIMAL and QUOTE_NONE of the csv module.
+_QUOTES: Literal[0] = 0
+_NO_QUOTES: Literal[3] = 3
+# Infinities are told apart from numbers too large: the line shows which it is.
+_NO_VALUES = [
+    spelling
+    for word in ("", *sorted(MISSING))
+    if "inf" not in word
+    for spelling in {word, word.upper(), word.capitalize(), word.replace("n", "N")}
+]
+# Rows whose last fields are compared to see whether the very last one is cut off.
+_ENOUGH_ROWS, _MOST_ROWS = 50, 200
+_CUT_NUMBER = re.compile(r"[+-]?(?:[0-9]*(?:[.,][0-9]*)?[eEdD][+-]?)?|[+-]?[.,]")
+_REMEDY = "correct it, or put # before the line if it is no sample"
+_HEAD_BYTES = 64 * 1024
+_LONGEST_PREAMBLE = 64 * 1024 * 1024
+_ROWS_TO_JUDGE = 50
+# Threads pay only where a file has many blocks; more than four wait for the interpreter.
+_THREADED_BYTES = 8 * 1024 * 1024
+_MOST_THREADS = 4
+_KEPT_BYTES = 16 * 1024 * 1024
+_MARGIN = 1.1  # reserved rows over estimated ones: memory that is not touched costs nothing
+_CUT_CHECK_BYTES = 64 * 1024
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rows:
+    """Rows of a block.
+
+    Parameters
+    ----------
+    values : ndarray of float64, shape (rows, columns)
+        NaN where a value is missing.
+    empty_line : int
+        Number of a line with empty fields only after the last row; 0 if there is none.
+    """
+
+    values: Floats
+    empty_line: int = 0
+
+
+def parse_rows(text: bytes, dialect: Dialect) -> Floats | None:
+    r"""Return the rows of numbers in a block of lines, or None if a line needs a closer look.
+
+    Parameters
+    ----------
+    text : bytes
+        Whole lines, each closed by a line feed; no carriage returns.
+    dialect : Dialect
+        How they are written.
+
+    Returns
+    -------
+    ndarray of float64, shape (rows, columns), or None
+        Equal to ``float`` of each field; NaN where a field is empty or says that it has no value.
+
+    Examples
+    --------
+    >>> parse_rows(b"1.5;2\n-3;4e1\n", Dialect(separator=";", decimal=".", columns=2))
+    array([[ 1.5,  2. ],
+           [-3. , 40. ]])
+    """
+    bare = None if _is_doubtful(text, dialect) else _bare(text, dialect)
+    if bare is None:
+        return None
+    if not bare:
+        return np.empty((0, dialect.columns))
+    values = _parsed(bare, dialect, gaps=False)
+    if values is not None:
+        return values if np.isfinite(values.min()) and np.isfinite(values.max()) else None
+    return _with_gaps(bare, dialect)
+
+
+def _is_doubtful(text: bytes, dialect: Dialect) -> bool:
+    """Tell whether there are dates, remarks, or bytes that the parser passes over."""
+    if dialect.stamp is not None or any(mark in text for mark in (b"#", b"%", b"\0")):
+        return True
+    if text.startswith(_BYTE_ORDER_MARK):
+        return True
+    # a quote with characters on either side: pandas joins "1"2 to one number
+    edges = {" ": rb"\n \t", "": rb"\n"}.get(dialect.separator)
+    edges = edges or rb"\n" + re.escape(dialect.separator.encode())
+    inside = rb'[^%b]"[^%b]' % (edges, edges)
+    return b'"' in text and re.search(inside, text) is not None
+
+
+def _bare(text: bytes, dialect: Dialect) -> bytes | None:
+    """Return the text without blank lines, separators at line ends and exponents with a d."""
+    if b"d" in text or b"D" in text:
+        text = text.translate(_FORTRAN_EXPONENTS)
+    # in a single column a blank line may stand for a missing number
+    if dialect.columns > 1 and (b"\n\n" in text or text.startswith(b"\n")):
+        text = _BLANK_LINES.sub(b"\n", text).lstrip(b"\n")
+    if dialect.trailing:
+        separator = dialect.separator.encode()
+        if text.startswith(separator) or b"\n" + separator in text:
+            return None  # perhaps a row of empty fields only
+        while separator + b"\n" in text:
+            text = text.replace(separator + b"\n", b"\n")
+    return text
+
+
+def _parsed(text: bytes, dialect: Dialect, *, gaps: bool) -> Floats | None:
+    """Return what pandas makes of the text if that is one row of all columns for each line."""
+    import pandas  # takes longer to load than all the rest
+
+    separator = {" ": r"\s+", "": ";" if dialect.decimal == "," else ","}
+    quoting: Literal[0, 3] = _QUOTES if b'"' in text else _NO_QUOTES
+    try:
+        frame = pandas.read_csv(
+            io.BytesIO(text),
+            sep=separator.get(dialect.separator, dialect.separator),
+            decimal=dialect.decimal,
+            header=None,
+            dtype=float,
+            na_filter=gaps,
+            na_values=_NO_VALUES,
+            keep_default_na=False,
+            quoting=quoting,
+            skip_blank_lines=False,
+            low_memory=False,
+            engine="c",
+        )
+    except (ValueError, OverflowError):  # any text that is no number
+        return None
+    values: Floats = frame.to_numpy()
+    return values if values.shape == (_count(text, "\n"), dialect.columns) else None
+
+
+def _with_gaps(text: bytes, dialect: Dialect) -> Floats | None:
+    """Return rows with some fields missing; None if a row has fewer fields, or none at all."""
+    columns, separator = dialect.columns, dialect.separator
+    if columns == 1 or separator == " ":
+        return None
+    # pandas fills up short rows and refuses long ones: with all separators there, none is short
+    if _count(text, separator) != (columns - 1) * _count(text, "\n"):
+        return None
+    values = _parsed(text, dialect, gaps=True)
+    if values is None or np.isinf(values).any() or np.isnan(values).all(axis=1).any():
+        return None
+    return values
+
+
+def _count(text: bytes, character: str) -> int:
+    # several times as fast as bytes.count where there are many
+    return int(np.count_nonzero(np.frombuffer(text, np.uint8) == ord(character)))
+
+
+def read_rows(
+    path: str, block: Block, dialect: Dialect, labels: Sequence[str], empty_line: int = 0
+) -> Rows:
+    """Return the rows of a block, read line by line.
+
+    Parameters
+    ----------
+    path : str
+        The file, for messages.
+    block : Block
+        Lines from the first row on.
+    dialect : Dialect
+        How they are written.
+    labels : sequence of str
+        How to call each column in messages.
+    empty_line : int
+        Number of an empty row before this block; 0 if there is none.
+
+    Raises
+    ------
+    RecordingError
+        At the first line that is neither a row nor blank nor a remark.
+    """
+    values: list[list[float]] = []
+    for number, line in enumerate(decoded(block.text).split("\n")[:-1], block.first_line):
+        where = f"{path}, line {number}"
+        fields = _fields(where, line, dialect)
+        if fields is None:
+            continue
+        if not any(fields):
+            empty_line = empty_line or number
+            continue
+        if empty_line:
+            raise RecordingError(
+                f"{path}, line {empty_line}: empty between samples; was a sample lost? If not, "
+                "delete the line"
+            )
+        _check_count(where, fields, dialect)
+        values.append(_values(where, fields, dialect, labels))
+    table = np.array(values, dtype=np.float64).reshape(-1, dialect.columns)
+    return Rows(values=table, empty_line=empty_line)
+
+
+def is_row(line: str, dialect: Dialect) -> bool:
+    """Tell whether a line below the first row is one of the rows."""
+    return bool(line.strip()) and not is_comment(line) and any(_split(line, dialect))
+
+
+def _split(line: str, dialect: Dialect) -> list[str]:
+    return split_fields(line, dialect.separator)
+
+
+def _fields(where: str, line: str, dialect: Dialect) -> list[str] | None:
+    """Return the fields of a row; None for a remark or a blank line that means nothing."""
+    if "\0" in line:
+        raise RecordingError(f"{where}: zero bytes; the file is damaged, copy it again")
+    if is_comment(line):
+        if dialect.row(line.strip().lstrip("#% \t")) is not None:
+            raise RecordingError(
+                f"{where}: a sample is taken out by '{line.strip()[0]}', so those after it come "
+                "too early; restore it, or cut the file there"
+            )
+        return None
+    if not line.strip():
+        return [""] if dialect.columns == 1 else None
+    return _split(line, dialect)
+
+
+def _check_count(where: str, fields: Sequence[str], dialect: Dialect) -> None:
+    if dialect.fits(fields):
+        return
+    count = len(without_empty_end(list(fields)))
+    if not any(is_number(field, dialect.decimal) for field in fields):
+        text = shortened(" ".join(fields).strip())
+        raise RecordingError(f"{where}: '{text}' is not a number; {_REMEDY}")
+    raise RecordingError(
+        f"{where}: {counted(count, 'field')} where the table has "
+        f"{counted(dialect.columns, 'column')}; {_REMEDY}"
+    )
+
+
+def _values(
+    where: str, fields: Sequence[str], dialect: Dialect, labels: Sequence[str]
+) -> list[float]:
+    values = []
+    for index, field in enumerate(fields[: dialect.columns]):
+        value = _stamp(field, dialect) if index == dialect.stamp else _number(field, dialect)
+        if value is None:
+            what = "time stamp" if index == dialect.stamp else "number"
+            raise RecordingError(
+                f"{where}, {labels[index]}: '{shortened(field)}' is not a {what}; {_REMEDY}"
+            )
+        values.append(value)
+    return values
+
+
+def _number(field: str, dialect: Dialect) -> float | None:
+    if is_number(field, dialect.decimal):
+        return to_number(field, dialect.decimal)
+    return float("nan") if is_missing(field) else None
+
+
+def _stamp(field: str, dialect: Dialect) -> float | None:
+    moment = to_microseconds(field)
+    if moment is None:
+        return float("nan") if is_missing(field) else None
+    return (moment - dialect.stamp_origin) / 1e6
+
+
+def check_last_line(path: str, lines: Sequence[str], number: int, dialect: Dialect) -> None:
+    """Raise if the last line, which has no line end, is visibly cut off.
+
+    Parameters
+    ----------
+    path : str
+        The file, for messages.
+    lines : sequence of str
+        The last line and the lines before it.
+    number : int
+        Number of the last line.
+    dialect : Dialect
+        How they are written.
+
+    Raises
+    ------
+    RecordingError
+        If fields are missing, or the last number is shorter than those above it always are.
+    """
+    last = _split(lines[-1], dialect)
+    if is_comment(lines[-1]) or not any(last):
+        return
+    above = [_split(line, dialect) for line in lines[-_MOST_ROWS - 1 : -1] if is_row(line, dialect)]
+    reason = _cut(last, above, dialect)
+    if reason:
+        raise RecordingError(
+            f"{path}, line {number}: the file is cut off in mid-line ({reason}); delete the last "
+            "line, or copy the file again"
+        )
+
+
+def _cut(last: Sequence[str], above: Sequence[Sequence[str]], dialect: Dialect) -> str:
+    if not all(is_number(field, dialect.decimal) for field in last[: dialect.columns - 1]):
+        return ""
+    if len(last) < dialect.columns:
+        return f"{counted(len(last), 'field')} of {dialect.columns}"
+    if dialect.trailing and len(last) == dialect.columns and above:
+        return "no separator at its end, as the lines above have"
+    field = last[dialect.columns - 1]
+    fits = dialect.fits(last)
+    if fits and (_CUT_NUMBER.fullmatch(field) or _is_shorter(field, above, dialect)):
+        return f"'{shortened(field)}'"
+    return ""
+
+
+def _is_shorter(field: str, above: Sequence[Sequence[str]], dialect: Dialect) -> bool:
+    """Tell whether the field has fewer characters after the point than all above alike have."""
+    endings = {_ending(row[dialect.columns - 1], dialect) for row in above if dialect.fits(row)}
+    ending = _ending(field, dialect)
+    if field.endswith(dialect.decimal):
+        return bool(above) and not any(end == dialect.decimal for end in endings)
+    return len(endings) == 1 and len(above) >= _ENOUGH_ROWS and len(ending) < len(endings.pop())
+
+
+def _ending(field: str, dialect: Dialect) -> str:
+    """Return the field from its decimal character on, with every digit as 0."""
+    _, point, decimals = field.partition(dialect.decimal)
+    return re.sub("[0-9]", "0", point + decimals)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TextTable:
+    """The numbers of a text file.
+
+    Parameters
+    ----------
+    source : Source
+        The file.
+    layout : Layout
+        Where and how the rows are written.
+    values : ndarray of float64, shape (columns, rows)
+        The numbers; NaN where one is missing.
+    """
+
+    source: Source
+    layout: Layout
+    values: Floats
+
+    def line(self, row: int) -> tuple[int, list[str]]:
+        """Return the number of the line that holds the row (counted from 0), and its fields."""
+        dialect = self.layout.dialect
+        for block in _blocks_from(self.source.blocks(), self.layout.first_line):
+            for number, line in enumerate(decoded(block.text).split("\n"), block.first_line):
+                if is_row(line, dialect):
+                    if row == 0:
+                        return number, split_fields(line, dialect.separator)
+                    row -= 1
+        raise IndexError("the file became shorter while it was read")
+
+    def content(self) -> Content:
+        """Return the numbers with what the lines above them say."""
+        header = self.layout.header
+        return Content(
+            path=self.source.path,
+            values=self.values,
+            columns=describe_columns(header, len(self.values)),
+            stamp=self.layout.dialect.stamp,
+            rate_hint=header.rate_hint,
+            notes=(header.remark,) if header.remark else (),
+            is_text=True,
+            place=lambda row: f"line {self.line(row)[0]}",
+            shown=self._shown,
+        )
+
+    def _shown(self, row: int, index: int) -> str:
+        _, fields = self.line(row)
+        field = fields[index] if index < len(fields) else ""
+        return f"'{shortened(field)}'" if field else "an empty field"
+
+
+def read_table(
+    source: Source,
+    progress: Progress | None = None,
+    room: Room = np.empty,
+) -> TextTable:
+    """Return all rows of numbers in a text file.
+
+    Parameters
+    ----------
+    source : Source
+        The file.
+    progress : callable, optional
+        Called with the share of the file that has been read, 0 to 1.
+    room : callable
+        Gives an array of a shape.
+
+    Raises
+    ------
+    RecordingError
+        If the file has no rows of numbers, or a line among them is none.
+    """
+    layout = layout_of(source)
+    collected = _Rows(layout.dialect.columns, room)
+    done, size = 0, max(source.size_hint(), 1)
+    for block, values in parsed_blocks(source, layout):
+        done += len(block.text)
+        if not collected.capacity:
+            collected.reserve(int(_MARGIN * len(values) * max(1.0, size / len(block.text))) + 1000)
+        collected.append(values)
+        if progress is not None:
+            progress(min(1.0, done / size))
+    if progress is not None:
+        progress(1.0)
+    return TextTable(source=source, layout=layout, values=collected.values())
+
+
+class _Rows:
+    """Rows gathered into one array with the columns apart."""
+
+    def __init__(self, columns: int, room: Room) -> None:
+        self._room = room
+        self._array = np.empty((columns, 0))
+        self._count = 0
+
+    @property
+    def capacity(self) -> int:
+        return self._array.shape[1]
+
+    def reserve(self, capacity: int) -> None:
+        array = self._room((len(self._array), capacity))
+        array[:, : self._count] = self._array[:, : self._count]
+        self._array = array
+
+    def append(self, values: Floats) -> None:
+        end = self._count + len(values)
+        if end > self.capacity:
+            self.reserve(end + self.capacity // 2)
+        self._array[:, self._count : end] = values.T
+        self._count = end
+
+    def values(self) -> Floats:
+        return self._array[:, : self._count]
+
+
+def parsed_blocks(source: Source, layout: Layout) -> Iterator[tuple[Block, Floats]]:
+    """Yield the blocks with their rows, in order; the plain ones are parsed ahead by threads.
+
+    Parameters
+    ----------
+    source : Source
+        The file.
+    layout : Layout
+        Where and how the rows are written.
+
+    Yields
+    ------
+    block : Block
+        Lines.
+    values : ndarray of float64, shape (rows, columns)
+        Their numbers; NaN where one is missing.
+
+    Raises
+    ------
+    RecordingError
+        If a line among the rows is none.
+    """
+    blocks = _blocks_from(source.blocks(), layout.first_line)
+    parse = partial(parse_rows, dialect=layout.dialect)
+    labels = _labels(layout)
+    recent: deque[bytes] = deque()
+    empty_line = 0
+    for block, plain in _parsed_ahead(blocks, source, parse):
+        if not block.closed:
+            _check_end(source.path, b"".join(recent), block, layout)
+        if plain is None or (empty_line and len(plain)):
+            rows = read_rows(source.path, block, layout.dialect, labels, empty_line)
+            plain, empty_line = rows.values, rows.empty_line
+        recent.append(block.text)
+        while sum(map(len, recent)) - len(recent[0]) > _CUT_CHECK_BYTES:
+            recent.popleft()
+        yield block, plain
+
+
+def _parsed_ahead(
+    blocks: Iterator[Block], source: Source, parse: Callable[[bytes], Floats | None]
+) -> Iterator[tuple[Block, Floats | None]]:
+    threads = min(cores(), _MOST_THREADS)
+    if threads == 1 or source.size_hint() < _THREADED_BYTES:
+        for block in blocks:
+            yield block, parse(block.text)
+        return
+    from concurrent.futures import ThreadPoolExecutor  # small files do without
+
+    # The C library keeps freed memory up to the largest piece it ever gave back, instead of handing
+    # every array of every block to the system and asking for it again.
+    np.empty(_KEPT_BYTES, np.uint8)
+    waiting: deque[tuple[Block, Future[Floats | None]]] = deque()
+    with ThreadPoolExecutor(threads) as pool:
+        for block in blocks:
+            waiting.append((block, pool.submit(parse, block.text)))
+            if len(waiting) > threads:
+                first, future = waiting.popleft()
+                yield first, future.result()
+        for first, future in waiting:
+            yield first, future.result()
+
+
+def _blocks_from(blocks: Iterator[Block], line: int) -> Iterator[Block]:
+    """Yield the blocks from the given line on."""
+    for block in blocks:
+        skipped = line - block.first_line
+        if skipped <= 0:
+            yield block
+            continue
+        parts = block.text.split(b"\n", skipped)
+        if len(parts) > skipped and parts[-1]:
+            yield replace(block, text=parts[-1], first_line=line)
+
+
+def layout_of(source: Source) -> Layout:
+    """Return the layout, from as much of the beginning of the file as it takes.
+
+    Raises
+    ------
+    RecordingError
+        If there are no rows of numbers.
+    """
+    text, enough = b"", _HEAD_BYTES
+    for block in source.blocks(_HEAD_BYTES):
+        text += block.text
+        if len(text) < enough:
+            continue
+        enough *= 4
+        layout = _layout_of(source.path, text)
+        if layout is not None and text.count(b"\n") - layout.first_line >= _ROWS_TO_JUDGE:
+            return layout
+        if enough > _LONGEST_PREAMBLE:
+            break
+    layout = _layout_of(source.path, text)
+    if layout is None:
+        raise RecordingError(f"{source.path}: {_why_no_table(decoded(text).split(chr(10))[:-1])}")
+    return layout
+
+
+def _layout_of(path: str, text: bytes) -> Layout | None:
+    return find_layout(path, decoded(text).split("\n")[:-1])
+
+
+def _labels(layout: Layout) -> list[str]:
+    names = layout.header.names or ("",) * layout.dialect.columns
+    return [
+        f"column {number} ('{shortened(name)}')" if name else f"column {number}"
+        for number, name in enumerate(names, 1)
+    ]
+
+
+def _check_end(path: str, before: bytes, block: Block, layout: Layout) -> None:
+    if len(before) > _CUT_CHECK_BYTES:
+        before = before[-_CUT_CHECK_BYTES:].partition(b"\n")[2]
+    text = before + block.text
+    lines = decoded(text).split("\n")[:-1]
+    number = block.first_line + block.text.count(b"\n") - 1
+    check_last_line(path, lines, number, layout.dialect)
+
+
+def _why_no_table(lines: Sequence[str]) -> str:
+    """Say what a text without rows of numbers holds instead."""
+    filled = [(number, line) for number, line in enumerate(lines, 1) if line.strip()]
+    found = _text_column(filled)
+    if found is not None:
+        return found
+    number, text = filled[-1]
+    what = "only a header, no rows of numbers" if len(filled) <= 2 else "no rows of numbers"
+    return (
+        f"{what} in its {counted(len(lines), 'line')} (line {number} reads "
+        f"'{shortened(text.strip())}'); a recording has one line of numbers per sample"
+    )
+
+
+def _text_column(lines: Sequence[tuple[int, str]]) -> str | None:
+    """Say which column holds text, if the last lines are rows of numbers but for it."""
+    for separator in ("\t", ";", ","):
+        rows = [(number, split_fields(line, separator)) for number, line in lines[-20:]]
+        number, fields = rows[-1]
+        numeric = sum(is_number(field, ".") or is_number(field, ",") for field in fields)
+        if numeric == 0 or len(rows) < 3 or len({len(row) for _, row in rows[-3:]}) > 1:
+            continue
+        for index, field in enumerate(fields, 1):
+            if field and not is_number(field, ".") and not is_number(field, ","):
+                return (
+                    f"line {number}, column {index}: '{shortened(field)}' is not a number, as in "
+                    "the lines above; take that column out"
+                )
+    return None

@@ -1,0 +1,49 @@
+"""Spectra of signals against time: calibrated lines and densities, modulation and impacts.
+
+>>> import numpy as np
+>>> from gearmon.signals.spectra import amplitude_spectrum
+>>> time_s = np.arange(1000) / 1000
+>>> found = amplitude_spectrum(3.0 * np.sin(2 * np.pi * 50 * time_s), 1000.0)
+>>> found.values[0, 50].round(6), found.frequency_hz[50]
+(np.float64(3.0), np.float64(50.0))
+"""
+
+from gearmon.signals.spectra.demodulation import (
+    Kurtogram,
+    band_envelope,
+    cyclic_coherence,
+    demodulate,
+    envelope_spectrum,
+    kurtogram,
+    real_cepstrum,
+)
+from gearmon.signals.spectra.spectrum import (
+    Spectrum,
+    amplitude_spectrum,
+    half_lobe,
+    hann,
+    line_amplitude,
+    local_floor,
+    noise_bandwidth,
+    power_density,
+    window,
+)
+
+__all__ = [
+    "Kurtogram",
+    "Spectrum",
+    "amplitude_spectrum",
+    "band_envelope",
+    "cyclic_coherence",
+    "demodulate",
+    "envelope_spectrum",
+    "half_lobe",
+    "hann",
+    "kurtogram",
+    "line_amplitude",
+    "local_floor",
+    "noise_bandwidth",
+    "power_density",
+    "real_cepstrum",
+    "window",
+]

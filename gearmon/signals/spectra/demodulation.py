@@ -1,0 +1,576 @@
+"""Modulation and impacts: band envelopes, kurtogram, cyclic coherence and cepstrum.
+
+Envelope. A band is picked out of the Fourier transform and shifted to zero, which is an ideal
+band-pass and the Hilbert transform in one step: no phase lag, and the envelope comes out at the low
+rate that the band needs. Ends: the record is taken as periodic, so the first and last 3/bandwidth
+seconds of a record that is not are smeared.
+
+Kurtogram. The kurtosis of the envelope x of a band,
+
+    K = <|x|^4> / <|x|^2>^2 - 2,
+
+is 0 for stationary Gaussian noise, -1 for a steady tone, large where impacts pass. Mapped over
+centre frequency and bandwidth its maximum is the band to demodulate. One transform of the whole
+record is cut into bands, each of which is transformed back by itself: every level costs one batch
+of short inverse transforms, some at a time in buffers that fit the cache, and bands of a level
+neither overlap nor leak.
+
+Cyclic coherence. Which carriers are modulated at which rate,
+
+    gamma(alpha, f) = S(f + alpha/2, f - alpha/2) / sqrt(S(f + alpha/2) S(f - alpha/2))
+
+with S averaged over short transforms: |gamma|^2 is 0 where the bands alpha apart have nothing to do
+with one another and 1 where one is the other shifted.
+
+Cepstrum. The real cepstrum is the inverse transform of ln|X(f)|. Sidebands that stand at equal
+distances f_r in the spectrum make a line at the quefrency 1/f_r and its multiples (rahmonics).
+Lines at negative amplitude mean nothing by themselves.
+
+References
+----------
+Antoni, Mech. Syst. Signal Process. 20 (2006) 282-307 and 21 (2007) 108-124, kurtogram; 21 (2007)
+597-630, averaged cyclic periodogram. Randall, Mech. Syst. Signal Process. 97 (2017) 3-19, cepstrum.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gearmon.errors import ArgumentError, check_positive, check_range
+from gearmon.signals.spectra.spectrum import Spectrum, hann
+from gearmon.signals.transforms import (
+    batch,
+    fast_length,
+    is_smooth,
+    quick_length,
+    rows_in_cache,
+    transform,
+)
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+#: Samples of the envelope that a band keeps at least: fewer make a kurtosis meaningless.
+LEAST_SAMPLES = 32
+_PIECE = 1 << 14
+#: Spectral lines this far below the strongest are taken as that: the logarithm of zero is none.
+FLOOR_DB = 200.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Envelope:
+    """Complex envelope of one band: signal = Re[values exp(2 pi i centre t)] within the band.
+
+    Parameters
+    ----------
+    values : ndarray of complex, shape (channels, m)
+        Modulus is the amplitude (peak), angle the phase against the centre.
+    rate : float
+        Samples per unit of time or angle.
+    centre : float
+        Frequency that was shifted to zero, per unit of time or angle.
+    low, high : float
+        Edges of the band.
+    """
+
+    values: ComplexArray
+    rate: float
+    centre: float
+    low: float
+    high: float
+
+    @property
+    def amplitude(self) -> FloatArray:
+        """|values|, shape (channels, m)."""
+        return np.abs(self.values)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CarrierModulation:
+    """Amplitude and phase modulation of a carrier: X [1 + a(x)] cos(2 pi f x + phase + b(x)).
+
+    Parameters
+    ----------
+    position : ndarray of float, shape (m,)
+        Time or angle of the samples.
+    amplitude : ndarray of float, shape (channels, m)
+        a(x), relative to the mean amplitude X; mean 0.
+    phase_rad : ndarray of float, shape (channels, m)
+        b(x) [rad]; mean 0, slope kept (a wrong carrier frequency shows as a slope).
+    carrier : ndarray of float, shape (channels,)
+        X, mean of the modulus.
+    """
+
+    position: FloatArray
+    amplitude: FloatArray
+    phase_rad: FloatArray
+    carrier: FloatArray
+
+
+def band_envelope(
+    samples: FloatArray, rate: float, low: float, high: float, centre: float | None = None
+) -> Envelope:
+    """Complex envelope of a band.
+
+    Parameters
+    ----------
+    samples : ndarray of float, shape (channels, n) or (n,)
+        The signals, n >= 8.
+    rate : float
+        Samples per unit of time or angle, > 0.
+    low, high : float
+        Edges of the band, 0 <= low < high <= rate/2; rounded to lines of the transform.
+    centre : float, optional
+        Frequency to shift to zero, within the band; its middle by default.
+
+    Returns
+    -------
+    Envelope
+        At a rate of at least the width of the band.
+
+    Raises
+    ------
+    ArgumentError
+        If the band is out of its range or holds fewer than two lines.
+    """
+    signals = _signals(samples, rate)
+    check_range("low", low, 0.0, rate / 2)
+    check_range("high", high, 0.0, rate / 2)
+    samples_in, count = signals.shape[-1], quick_length(signals.shape[-1])
+    first, last = round(low * count / rate), round(high * count / rate)
+    last = min(last, (count - 1) // 2)
+    if last - first < 2:
+        raise ArgumentError(
+            f"band {low:g} to {high:g} holds fewer than two lines; its width must be at least "
+            f"{2 * rate / count:.3g}"
+        )
+    lines = (2.0 / count) * transform(signals, count)[:, first : last + 1]
+    if first == 0:
+        lines[:, 0] *= 0.5  # the mean has no conjugate to be folded in
+    middle = (first + last) // 2 if centre is None else round(centre * count / rate)
+    if not first <= middle <= last:
+        raise ArgumentError(f"centre={centre} must lie within the band {low:g} to {high:g}")
+    length = fast_length(2 * max(last - middle, middle - first) + 2)
+    work = batch(length, 1, signals.size, inverse=True)
+    # of a record that was padded the padding is left out again
+    values = np.empty((len(signals), -(-length * samples_in // count)), dtype=np.complex128)
+    for row in range(len(signals)):
+        work.input[:] = 0.0
+        work.input[0, : last - middle + 1] = lines[row, middle - first :]
+        if middle > first:
+            work.input[0, -(middle - first) :] = lines[row, : middle - first]
+        values[row] = work.run()[0, : values.shape[-1]]
+    return Envelope(
+        values=values,
+        rate=length * rate / count,
+        centre=middle * rate / count,
+        low=first * rate / count,
+        high=last * rate / count,
+    )
+
+
+def envelope_spectrum(
+    samples: FloatArray, rate: float, low: float, high: float, *, squared: bool = False
+) -> Spectrum:
+    """Amplitude spectrum of the envelope of a band, or of its square.
+
+    Parameters
+    ----------
+    samples : ndarray of float, shape (channels, n) or (n,)
+    rate : float
+        Sampling rate [Hz], or samples a turn.
+    low, high : float
+        Edges of the band [Hz], or orders.
+    squared : bool
+        Whether to take the squared envelope, whose lines add no harmonics of their own.
+
+    Returns
+    -------
+    Spectrum
+        Peak amplitudes in the signal's unit (squared: unit^2), Hann window, mean removed; up to the
+        width of the band: a band of width B carries no modulation faster than B.
+
+    Raises
+    ------
+    ArgumentError
+        As `band_envelope`.
+    """
+    envelope = band_envelope(samples, rate, low, high)
+    size = envelope.amplitude
+    size = size**2 if squared else size
+    size = size - size.mean(axis=-1, keepdims=True)
+    count = size.shape[-1]
+    window = hann(count)
+    values = np.abs(np.fft.rfft(size * window, axis=-1)) * 2.0 / window.sum()
+    values[:, 0] *= 0.5
+    frequency = envelope.rate / count * np.arange(values.shape[-1])
+    kept = frequency <= (envelope.high - envelope.low) * (1 + 1e-12)
+    return Spectrum(
+        frequency_hz=frequency[kept],
+        values=values[:, kept],
+        quantity="amplitude",
+        resolution_hz=1.5 * envelope.rate / count,
+    )
+
+
+def demodulate(
+    samples: FloatArray, rate: float, carrier: float, half_width: float
+) -> CarrierModulation:
+    """Amplitude and phase modulation of a carrier, such as a mesh harmonic of an average.
+
+    Parameters
+    ----------
+    samples : ndarray of float, shape (channels, n) or (n,)
+        Signals against time, or better against angle (a synchronous average is periodic, so that
+        its ends are as good as its middle).
+    rate : float
+        Samples per unit of time or angle.
+    carrier : float
+        Its frequency or order.
+    half_width : float
+        Half the band: modulation up to this frequency or order is kept. Half the distance to the
+        next mesh harmonic takes all sidebands that are not nearer to it.
+
+    Returns
+    -------
+    CarrierModulation
+
+    Raises
+    ------
+    ArgumentError
+        If the band reaches beyond 0 or half the rate, or the carrier is absent.
+
+    Notes
+    -----
+    Amplitude and phase are those of the whole band. They mean modulation only where the carrier is
+    the strongest line in it: with a carrier smaller than its sidebands the phase jumps.
+    McFadden, J. Vib. Acoust. 108 (1986) 165-170.
+    """
+    check_positive("half_width", half_width)
+    low, high = carrier - half_width, carrier + half_width
+    if low < 0 or high > rate / 2:
+        raise ArgumentError(
+            f"band {low:g} to {high:g} about carrier={carrier:g} must lie in [0, {rate / 2:g}]; "
+            "take a smaller half_width"
+        )
+    envelope = band_envelope(samples, rate, low, high, carrier)
+    size = envelope.amplitude
+    mean = size.mean(axis=-1)
+    if (mean <= 0).any():
+        raise ArgumentError(f"nothing vibrates about carrier={carrier:g}")
+    phase = np.unwrap(np.angle(envelope.values), axis=-1)
+    position = np.arange(size.shape[-1]) / envelope.rate
+    # the line next to the carrier is not the carrier: its slow beat is taken off
+    phase = phase - 2 * np.pi * (carrier - envelope.centre) * position
+    return CarrierModulation(
+        position=position,
+        amplitude=size / mean[:, None] - 1.0,
+        phase_rad=phase - phase.mean(axis=-1, keepdims=True),
+        carrier=mean,
+    )
+
+
+def _signals(samples: FloatArray, rate: float) -> FloatArray:
+    check_positive("rate", rate)
+    signals = np.atleast_2d(np.asarray(samples, dtype=float))
+    if signals.ndim != 2 or signals.shape[-1] < 8:
+        raise ArgumentError(f"samples: shape {signals.shape}, at least 8 values are needed")
+    return signals
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kurtogram:
+    """Kurtosis of the envelope by band, of one channel.
+
+    Parameters
+    ----------
+    bands : tuple of int
+        Number of bands of each level: 1, 2, 3, 4, 6, 8, 12, ...
+    kurtosis : tuple of ndarray of float
+        K of each band, one array of shape (bands,) a level.
+    rate : float
+        Sampling rate [Hz] (or samples a turn).
+    """
+
+    bands: tuple[int, ...]
+    kurtosis: tuple[FloatArray, ...]
+    rate: float
+
+    @property
+    def best(self) -> tuple[float, float, float]:
+        """Lower and upper edge [Hz] and kurtosis of the most impulsive band."""
+        tops = [float(level.max()) for level in self.kurtosis]
+        level = int(np.argmax(tops))
+        band = int(np.argmax(self.kurtosis[level]))
+        width = self.rate / 2 / self.bands[level]
+        return band * width, (band + 1) * width, tops[level]
+
+    def rows(self) -> list[dict[str, float]]:
+        """Return level, bandwidth_hz, low_hz, high_hz and kurtosis of every band."""
+        rows = []
+        for number, (count, level) in enumerate(zip(self.bands, self.kurtosis, strict=True)):
+            width = self.rate / 2 / count
+            rows += [
+                {
+                    "level": number,
+                    "bandwidth_hz": width,
+                    "low_hz": band * width,
+                    "high_hz": (band + 1) * width,
+                    "kurtosis": float(value),
+                }
+                for band, value in enumerate(level)
+            ]
+        return rows
+
+
+def kurtogram(samples: FloatArray, rate: float, levels: int | None = None) -> Kurtogram:
+    """Fast kurtogram of one signal.
+
+    Parameters
+    ----------
+    samples : ndarray of float, shape (n,)
+        The signal, n >= 64.
+    rate : float
+        Sampling rate [Hz], > 0.
+    levels : int, optional
+        Halvings of the bandwidth, 0 to 12, with thirds between: 2 * levels rows and one. By default
+        as many as leave 32 samples of every envelope, at most 8.
+
+    Returns
+    -------
+    Kurtogram
+
+    Raises
+    ------
+    ArgumentError
+        If the signal is too short for that many levels, constant, or an argument is out of range.
+    """
+    check_positive("rate", rate)
+    signal = np.asarray(samples, dtype=float)
+    if signal.ndim != 1 or len(signal) < 2 * LEAST_SAMPLES:
+        raise ArgumentError(
+            f"samples: shape {signal.shape}, one row of at least {2 * LEAST_SAMPLES} is needed"
+        )
+    half = len(signal) // 2
+    possible = min(12, int(np.log2(half / LEAST_SAMPLES)))
+    wanted = min(8, possible) if levels is None else int(check_range("levels", levels, 0, 12))
+    if wanted > possible:
+        raise ArgumentError(
+            f"levels={wanted}: {len(signal)} samples allow {possible}; record longer"
+        )
+    if np.ptp(signal) == 0:
+        raise ArgumentError("samples: the signal is constant, it has no kurtosis")
+    length = quick_length(len(signal))
+    lines = transform((signal - signal.mean())[None, :], length)[0, 1 : length // 2 + 1]
+    counts = sorted({1} | {2**k for k in range(wanted + 1)} | {3 * 2**k for k in range(wanted)})
+    share = len(signal) / length
+    return Kurtogram(
+        bands=tuple(counts),
+        kurtosis=tuple(_band_kurtosis(lines, count, share) for count in counts),
+        rate=float(rate),
+    )
+
+
+def _band_kurtosis(lines: NDArray[np.complex128], count: int, share: float) -> FloatArray:
+    """Kurtosis of the envelopes of equal bands; a few lines at the top are left over.
+
+    `share` is that of the record in the transform: what was padded has no say.
+    """
+    width = len(lines) // count
+    # twice as many points as lines: the squared envelope is then sampled without aliasing, and its
+    # mean square is exact wherever the impacts fall between the points
+    length = 2 * width if is_smooth(width) else fast_length(2 * width)
+    rows = min(count, rows_in_cache(length))
+    work = batch(length, rows, 2 * len(lines), inverse=True)
+    work.input[:, width:] = 0.0
+    kept = max(2, int(length * share))
+    bands = lines[: width * count].reshape(count, width)
+    mean, square = np.empty(count), np.empty(count)
+    for first in range(0, count, rows):
+        group = slice(first, min(count, first + rows))
+        size = group.stop - first
+        work.input[:size, :width] = bands[group]
+        mean[group], square[group] = _power_sums(work.run()[:size, :kept])
+    mean /= kept
+    square /= kept
+    # an empty band has no kurtosis; rounding noise beside strong bands must not be taken for one
+    silent = mean <= 1e-24 * mean.max(initial=0.0)
+    ratio = np.divide(square, mean**2, out=np.full(count, 2.0), where=~silent)
+    return np.asarray(ratio - 2.0, dtype=np.float64)
+
+
+def _power_sums(envelopes: NDArray[np.complex128]) -> tuple[FloatArray, FloatArray]:
+    """Add up |x|^2 and |x|^4 of each row, in pieces that stay in the cache; spoils the rows."""
+    first, second = np.zeros(len(envelopes)), np.zeros(len(envelopes))
+    for start in range(0, envelopes.shape[-1], _PIECE):
+        parts = envelopes[:, start : start + _PIECE].view(np.float64)
+        parts *= parts
+        power = parts[:, 0::2] + parts[:, 1::2]
+        first += power.sum(axis=-1)
+        second += np.einsum("ij,ij->i", power, power)
+    return first, second
+
+
+@dataclass(frozen=True, kw_only=True)
+class CyclicCoherence:
+    """Squared modulus of the cyclic coherence of one signal.
+
+    Parameters
+    ----------
+    cyclic_hz : ndarray of float, shape (a,)
+        Modulation frequencies alpha [Hz] (or orders).
+    frequency_hz : ndarray of float, shape (b,)
+        Carrier frequencies f [Hz] (or orders).
+    values : ndarray of float, shape (a, b)
+        |gamma|^2, 0 to 1.
+    threshold : float
+        99.9 % point at one place for a signal without modulation.
+    """
+
+    cyclic_hz: FloatArray
+    frequency_hz: FloatArray
+    values: FloatArray
+    threshold: float
+
+    @property
+    def enhanced_envelope_spectrum(self) -> FloatArray:
+        """Mean of |gamma|^2 over carriers, shape (a,)."""
+        return np.asarray(self.values.mean(axis=-1), dtype=np.float64)
+
+
+def cyclic_coherence(
+    samples: FloatArray, rate: float, cyclic_hz: ArrayLike, block: int
+) -> CyclicCoherence:
+    """Squared cyclic spectral coherence at chosen modulation frequencies.
+
+    Parameters
+    ----------
+    samples : ndarray of float, shape (n,)
+        One signal.
+    rate : float
+        Sampling rate [Hz], or samples a turn.
+    cyclic_hz : array of float, shape (a,)
+        Modulation frequencies, |alpha| < rate/2. They are resolved to rate/n.
+    block : int
+        Samples a block, 8 <= block <= n/8: carriers are resolved to 1.5 rate/block. Hann window,
+        three quarters of overlap.
+
+    Returns
+    -------
+    CyclicCoherence
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of its range.
+    """
+    check_positive("rate", rate)
+    signal = np.asarray(samples, dtype=float)
+    if signal.ndim != 1:
+        raise ArgumentError(f"samples: shape {signal.shape}, one row is needed")
+    alphas = np.atleast_1d(np.asarray(cyclic_hz, dtype=float))
+    if alphas.ndim != 1 or not np.isfinite(alphas).all() or (np.abs(alphas) >= rate / 2).any():
+        raise ArgumentError(f"cyclic_hz must be numbers between -{rate / 2:g} and {rate / 2:g}")
+    if not 8 <= block <= len(signal) // 8:
+        raise ArgumentError(f"block={block} samples must lie in [8, {len(signal) // 8}]")
+    signal = signal - signal.mean()
+    hop = max(1, block // 4)
+    blocks = np.lib.stride_tricks.sliding_window_view(signal, block)[::hop]
+    values = np.array([_coherence(blocks, hop, alpha / rate) for alpha in alphas])
+    # three quarters of overlap count as half as many independent blocks
+    independent = max(2.0, len(blocks) / 2)
+    return CyclicCoherence(
+        cyclic_hz=alphas,
+        frequency_hz=rate / block * np.arange(block // 2 + 1.0),
+        values=values,
+        threshold=float(1 - 0.001 ** (1 / (independent - 1))),
+    )
+
+
+def _coherence(blocks: FloatArray, hop: int, alpha: float) -> FloatArray:
+    """|gamma|^2 at the carriers 0 to half the rate; alpha in cycles a sample."""
+    count, block = blocks.shape
+    half = block // 2 + 1
+    shift = hann(block) * np.exp(-1j * np.pi * alpha * np.arange(block))
+    rows = min(count, rows_in_cache(block))
+    # the conjugate of an inverse transform is the forward one of the conjugate
+    work = batch(block, rows, count * block, inverse=True)
+    conjugate = shift.conj()
+    mirrored = -np.arange(half) % block
+    cross = np.zeros(half, dtype=np.complex128)
+    first, second = np.zeros(half), np.zeros(half)
+    for start in range(0, count, rows):
+        group = blocks[start : start + rows]
+        np.multiply(group, conjugate, out=work.input[: len(group)])
+        lines = work.run()[: len(group)].conj()
+        # f - alpha/2 of a real signal is the conjugate of the same shift at -f
+        upper, lower = lines[:, :half], lines[:, mirrored]
+        turn = np.exp(-2j * np.pi * alpha * hop * np.arange(start, start + len(group)))
+        cross += turn @ (upper * lower)
+        first += np.einsum("ij,ij->j", upper.real, upper.real)
+        first += np.einsum("ij,ij->j", upper.imag, upper.imag)
+        second += np.einsum("ij,ij->j", lower.real, lower.real)
+        second += np.einsum("ij,ij->j", lower.imag, lower.imag)
+    size = first * second
+    squared = cross.real**2 + cross.imag**2
+    ratio: FloatArray = np.divide(squared, size, out=np.zeros(half), where=size > 0)
+    return ratio
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cepstrum:
+    """Cepstrum of real signals.
+
+    Parameters
+    ----------
+    quefrency_s : ndarray of float, shape (n // 2 + 1,)
+        Quefrencies [s] (or turns).
+    values : ndarray of float, shape (channels, n // 2 + 1)
+        Real or power cepstrum [1]; the value at quefrency 0 is the mean logarithm.
+    """
+
+    quefrency_s: FloatArray
+    values: FloatArray
+
+
+def real_cepstrum(samples: FloatArray, rate: float) -> Cepstrum:
+    """Real cepstrum, the inverse transform of ln|X|.
+
+    Parameters
+    ----------
+    samples : ndarray of float, shape (channels, n) or (n,)
+        The signals, n >= 16; the mean is taken off.
+    rate : float
+        Sampling rate [Hz], or samples a turn.
+
+    Raises
+    ------
+    ArgumentError
+        If there are too few samples or a signal is constant.
+    """
+    signals = _centred(samples, rate)
+    count = quick_length(signals.shape[-1])
+    values = np.fft.irfft(_log_amplitude(transform(signals, count)), n=count, axis=-1)
+    return Cepstrum(
+        quefrency_s=np.arange(count // 2 + 1) / rate, values=values[:, : count // 2 + 1]
+    )
+
+
+def _log_amplitude(lines: NDArray[np.complex128]) -> FloatArray:
+    size = np.abs(lines)
+    largest = size.max(axis=-1, keepdims=True)
+    if (largest == 0).any():
+        raise ArgumentError("samples: a signal is constant, it has no cepstrum")
+    floor = largest * 10.0 ** (-FLOOR_DB / 20)
+    return np.asarray(np.log(np.maximum(size, floor)), dtype=np.float64)
+
+
+def _centred(samples: FloatArray, rate: float) -> FloatArray:
+    check_positive("rate", rate)
+    signals = np.atleast_2d(np.asarray(samples, dtype=float))
+    if signals.ndim != 2 or signals.shape[-1] < 16:
+        raise ArgumentError(f"samples: shape {signals.shape}, at least 16 values are needed")
+    centred: FloatArray = signals - signals.mean(axis=-1, keepdims=True)
+    return centred

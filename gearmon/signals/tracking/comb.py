@@ -1,0 +1,402 @@
+"""Speed from a comb: the rotation that puts known orders onto the lines of a spectrum.
+
+A gearbox without a tachometer still tells its speed, because its lines stand at known multiples of
+it. For every block of the recording each candidate speed collects the log signal-to-noise ratios at
+all its orders; the best path of speeds through the blocks is found by dynamic programming.
+Logarithms keep one loud line of another origin from deciding alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearmon.errors import ArgumentError, check_positive, check_range
+from gearmon.signals.spectra.spectrum import hann, local_floor
+from gearmon.signals.threads import side_by_side
+from gearmon.signals.transforms import fast_length, windowed_transforms
+
+FloatArray = NDArray[np.float64]
+
+_MAX_CANDIDATES = 6000
+# Blocks from which on they do not overlap: a long recording has enough of them.
+_MANY_BLOCKS = 400
+# Moves to either side that a path may choose among, and the most candidates from one to the next.
+_MOVES, _SPACING = 24, 12
+# Spectra kept for judging whether a mesh is there; more would only take memory.
+_KEPT_BLOCKS = 80
+# Lines of a comb that are looked up together, and blocks in which they are.
+_ROWS, _BLOCKS = 12, 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comb:
+    """Orders that a rotation is known by.
+
+    Parameters
+    ----------
+    orders : ndarray of float, shape (lines,)
+        Multiples of the rotation frequency, > 0.
+    weights : ndarray of float, shape (lines,)
+        Weight of each order's log signal-to-noise ratio, >= 0.
+
+    Raises
+    ------
+    ArgumentError
+        If the comb is empty, or an order is not > 0.
+    """
+
+    orders: FloatArray
+    weights: FloatArray
+
+    def __post_init__(self) -> None:
+        """Check the comb."""
+        if len(self.orders) == 0 or len(self.orders) != len(self.weights):
+            raise ArgumentError(f"a comb needs orders, one weight each; got {len(self.orders)}")
+        if np.min(self.orders) <= 0 or np.min(self.weights) < 0:
+            raise ArgumentError("a comb's orders must be > 0 and its weights >= 0")
+
+    def below(self, order: float) -> Comb:
+        """Return the part of the comb below `order`; at least its lowest line."""
+        keep = self.orders <= max(order, float(self.orders.min()))
+        return Comb(orders=self.orders[keep], weights=self.weights[keep])
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpeedTrack:
+    """Rotation frequency over time.
+
+    Parameters
+    ----------
+    time_s : ndarray of float, shape (blocks,)
+        Centres of the blocks [s].
+    speed_hz : ndarray of float, shape (blocks,)
+        Rotation frequency of shaft 1 [Hz].
+    resolution_hz : float
+        Half width of the comb's peak: what a block can tell apart [Hz].
+    """
+
+    time_s: FloatArray
+    speed_hz: FloatArray
+    resolution_hz: float
+
+    def at(self, time_s: FloatArray) -> FloatArray:
+        """Return the speed [Hz] at the given times, linear between blocks, constant outside."""
+        return np.interp(time_s, self.time_s, self.speed_hz)
+
+    @property
+    def mean_hz(self) -> float:
+        """Mean speed [Hz] over the blocks."""
+        return float(np.mean(self.speed_hz))
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpeedScan:
+    """How well every candidate speed suits every block of a recording.
+
+    Parameters
+    ----------
+    centre_s : ndarray of float, shape (blocks,)
+        Centres of the blocks [s].
+    middle_hz : ndarray of float, shape (blocks,)
+        Rotation frequency about which each block was searched [Hz].
+    ratio : ndarray of float, shape (candidates,)
+        Candidate speeds over that, evenly spaced.
+    scores : ndarray of float, shape (blocks, candidates)
+        Weighted sum of log(1 + signal-to-noise ratio) over the comb's lines.
+    bin_hz : float
+        Spacing of the spectral bins [Hz]; half a line width because of zero padding.
+    resolution_hz : float
+        What the comb's highest line can tell apart [Hz].
+    kept : ndarray of int, shape (kept,)
+        Blocks whose spectra were kept, no two of them overlapping.
+    quality : ndarray of float, shape (kept, bins)
+        Their log(1 + signal-to-noise ratio), mean over channels.
+    stride : int
+        Blocks from one to the next that does not overlap it.
+    """
+
+    centre_s: FloatArray
+    middle_hz: FloatArray
+    ratio: FloatArray
+    scores: FloatArray
+    bin_hz: float
+    resolution_hz: float
+    kept: NDArray[np.int64]
+    quality: NDArray[np.float32]
+    stride: int
+
+    def track(self, blocks: NDArray[np.int64] | None = None) -> SpeedTrack:
+        """Return the best path of speeds through the blocks (all of them by default)."""
+        rows = np.arange(len(self.centre_s)) if blocks is None else blocks
+        scores = self.scores[rows]
+        path = self._path if blocks is None else best_path(scores, self._reach(rows))
+        return SpeedTrack(
+            time_s=self.centre_s[rows],
+            speed_hz=self.middle_hz[rows] * peak_refined(scores, path, self.ratio),
+            resolution_hz=self.resolution_hz,
+        )
+
+    @property
+    def best_score(self) -> float:
+        """Mean score of the best path: compares one nominal speed with another."""
+        return float(self.scores[np.arange(len(self.centre_s)), self._path].mean())
+
+    @cached_property
+    def _path(self) -> NDArray[np.int64]:
+        return best_path(self.scores, self._reach(np.arange(len(self.centre_s))))
+
+    def _reach(self, rows: NDArray[np.int64]) -> int:
+        """Candidates that the speed may move by from block to block: 2 % a second."""
+        if len(rows) < 2:
+            return 0
+        interval = float(np.diff(self.centre_s[rows]).mean())
+        reach = 0.02 * interval / float(self.ratio[1] - self.ratio[0])
+        return int(np.clip(round(reach), 1, len(self.ratio) - 1))
+
+
+def scan_speed(
+    samples: FloatArray,
+    sampling_rate_hz: float,
+    comb: Comb,
+    nominal_hz: float,
+    tolerance: float = 0.03,
+    block_s: float = 1.0,
+    around: SpeedTrack | None = None,
+) -> SpeedScan:
+    """Try all speeds about the nominal one, or about a first track, on every block of a recording.
+
+    Parameters
+    ----------
+    samples : ndarray of float, shape (channels, n)
+        Vibration; a channel's scale does not matter.
+    sampling_rate_hz : float
+        Sampling rate [Hz].
+    comb : Comb
+        Orders and weights; those above half the sampling rate are left out.
+    nominal_hz : float
+        Where to look [Hz], > 0.
+    tolerance : float
+        How far from nominal to look, as a fraction, in (0, 0.3].
+    block_s : float
+        Duration of a Hann block [s], cut to the recording. Blocks overlap by half, but for those
+        of a recording that holds more than 400 so: they stand end to end.
+    around : SpeedTrack, optional
+        First track about which each block is searched, in place of the nominal speed.
+
+    Returns
+    -------
+    SpeedScan
+
+    Raises
+    ------
+    ArgumentError
+        If the nominal speed, the tolerance or the block is out of range.
+    """
+    check_positive("nominal_hz", nominal_hz, "Hz")
+    check_range("tolerance", tolerance, 1e-6, 0.3)
+    check_positive("block_s", block_s, "s")
+    count = samples.shape[-1]
+    block = int(min(count, max(16.0, round(block_s * sampling_rate_hz))))
+    hop = max(block // 2, 1)
+    if (count - block) // hop >= _MANY_BLOCKS:
+        hop = block
+    length = fast_length(2 * block)
+    bin_hz = sampling_rate_hz / length
+    used = comb.below(0.49 * sampling_rate_hz / (nominal_hz * (1 + tolerance)))
+    top_hz = 1.1 * float(used.orders.max()) * nominal_hz * (1 + tolerance)
+    bins = int(min(length // 2 + 1, np.ceil(top_hz / bin_hz) + 64))
+    ratio = _candidates(bin_hz / nominal_hz, used, tolerance)
+    starts = np.arange(0, count - block + 1, hop)
+    if len(starts) > 3 and starts[-1] != count - block:
+        starts = np.append(starts, count - block)  # takes the recording to its end
+    centre_s = (starts + block / 2) / sampling_rate_hz
+    middle = np.full(len(starts), nominal_hz) if around is None else around.at(centre_s)
+    kept, stride = _kept_blocks(len(starts), 1 if hop == block else 2)
+    scores = np.empty((len(starts), len(ratio)))
+    quality = np.empty((len(kept), bins), dtype=np.float32)
+    total = len(starts) * samples.shape[0] * length
+    window = hann(block)
+    lines = np.outer(used.orders, ratio) / bin_hz
+
+    def nearest_to(speed_hz: float) -> NDArray[np.int64]:
+        return np.minimum(np.rint(lines * speed_hz).astype(np.int64), bins - 1)
+
+    same = nearest_to(nominal_hz) if around is None else None
+
+    def scan_blocks(first: int) -> None:
+        rows = np.arange(first, min(first + _BLOCKS, len(starts)))
+        own = np.empty((bins, len(rows)))
+        for column, row in enumerate(rows):
+            part = samples[:, starts[row] : starts[row] + block]
+            own[:, column] = line_quality(part, window, length, bins, total)
+        if same is not None:
+            scores[rows] = weighted_sum(own, same, used.weights).T
+        else:
+            for column, row in enumerate(rows):
+                nearest = nearest_to(middle[row])
+                scores[row] = weighted_sum(own[:, column], nearest, used.weights)
+        begin, end = np.searchsorted(kept, rows[[0, -1]] + [0, 1])
+        quality[begin:end] = own.T[kept[begin:end] - first]
+
+    side_by_side(scan_blocks, range(0, len(starts), _BLOCKS), total)
+    return SpeedScan(
+        centre_s=centre_s,
+        middle_hz=middle,
+        ratio=ratio,
+        scores=scores,
+        bin_hz=bin_hz,
+        resolution_hz=bin_hz / float(used.orders.max()),
+        kept=kept,
+        quality=quality,
+        stride=stride,
+    )
+
+
+def weighted_sum(values: FloatArray, index: NDArray[np.int64], weights: FloatArray) -> FloatArray:
+    """Sum of values picked by each row of an index, weighted row by row.
+
+    Parameters
+    ----------
+    values : ndarray of float, shape (n,) or (n, columns)
+    index : ndarray of int, shape (rows, candidates)
+    weights : ndarray of float, shape (rows,)
+
+    Returns
+    -------
+    ndarray of float, shape (candidates,) or (candidates, columns)
+    """
+    total = np.zeros((index.shape[1], *values.shape[1:]))
+    flat = total.reshape(-1)
+    # some rows at a time stay in the cache of a processor core
+    for first in range(0, len(index), _ROWS):
+        rows = slice(first, first + _ROWS)
+        taken = values.take(index[rows], axis=0)
+        flat += weights[rows] @ taken.reshape(len(taken), -1)
+    return total
+
+
+def _kept_blocks(count: int, stride: int) -> tuple[NDArray[np.int64], int]:
+    """Blocks whose spectra are kept, and the distance of blocks that do not overlap."""
+    stride = min(stride, count)
+    step = max(2 * stride, -(-count // _KEPT_BLOCKS) // (2 * stride) * 2 * stride)
+    return np.arange(stride if count >= 4 else 0, count, step), stride
+
+
+def line_quality(
+    block: FloatArray, window: FloatArray, length: int, bins: int, total: int
+) -> FloatArray:
+    """Mean over channels of log(1 + power over its local floor) of one block.
+
+    Parameters
+    ----------
+    block : ndarray of float, shape (channels, n)
+        The block.
+    window : ndarray of float, shape (n,)
+        Its window.
+    length : int
+        Length of the transform, at least n.
+    bins : int
+        Bins wanted.
+    total : int
+        Samples that transforms of this length will be taken of, as `windowed_transforms` asks for.
+
+    Returns
+    -------
+    ndarray of float, shape (bins,)
+    """
+    quality = np.zeros(bins)
+    for transform in windowed_transforms(block, window, length, total):
+        own = transform[:bins]
+        power = own.real**2
+        power += own.imag**2
+        # 24 line widths: more than a group of sidebands, less than a resonance
+        power /= local_floor(power, 96)
+        power += 1.0
+        quality += np.log(power, out=power)
+    quality /= len(block)
+    return quality
+
+
+def _candidates(bin_order: float, comb: Comb, tolerance: float) -> FloatArray:
+    """Speed ratios half a bin apart at the highest order: nothing can hide between two of them."""
+    step = 0.5 * bin_order / float(comb.orders.max())
+    half = int(np.clip(np.ceil(tolerance / step), 2, _MAX_CANDIDATES // 2))
+    return 1 + tolerance * np.arange(-half, half + 1) / half
+
+
+def best_path(scores: FloatArray, reach: int) -> NDArray[np.int64]:
+    """Best sequence of candidates, moving at most `reach` a block, large moves penalised (Viterbi).
+
+    The penalty is quadratic and costs one typical score contrast for a move over the whole reach.
+
+    Parameters
+    ----------
+    scores : ndarray of float, shape (blocks, candidates)
+        What each candidate is worth in each block.
+    reach : int
+        Candidates that the path may move by from block to block.
+
+    Returns
+    -------
+    ndarray of int, shape (blocks,)
+        The candidate in each block.
+    """
+    blocks, count = scores.shape
+    contrast = float(np.mean(scores.max(axis=1) - np.median(scores, axis=1)))
+    most = min(reach, max(_MOVES, -(-reach // _SPACING)))
+    moves = np.unique(np.round(np.linspace(-reach, reach, 2 * most + 1)).astype(int))
+    penalty = contrast * (moves / max(1, reach)) ** 2
+    # steps to either side cost the same
+    sideways, cost = moves[moves > 0], penalty[moves > 0][:, None]
+    totals = np.empty((blocks, count))
+    totals[0] = scores[0]
+    # a move from beyond an end is one from that end
+    before = np.empty(count + 2 * reach)
+    moved = np.lib.stride_tricks.sliding_window_view(before, count)
+    for block in range(1, blocks):
+        last, best = totals[block - 1], totals[block]
+        before[:reach], before[reach + count :] = last[0], last[-1]
+        before[reach : reach + count] = last
+        near = moved[reach - sideways]
+        np.maximum(near, moved[reach + sideways], out=near)
+        near -= cost
+        np.maximum(last, near.max(axis=0, initial=-np.inf), out=best)
+        best += scores[block]
+    # where each step of the best path came from is found again: only that path is wanted
+    path = np.empty(blocks, dtype=np.int64)
+    path[-1] = int(np.argmax(totals[-1]))
+    for block in range(blocks - 1, 0, -1):
+        sources = np.clip(path[block] - moves, 0, count - 1)
+        path[block - 1] = sources[int(np.argmax(totals[block - 1, sources] - penalty))]
+    return path
+
+
+def peak_refined(scores: FloatArray, path: NDArray[np.int64], speeds: FloatArray) -> FloatArray:
+    """Refine each block's speed to the peak of the parabola through three scores.
+
+    Parameters
+    ----------
+    scores : ndarray of float, shape (blocks, candidates)
+        What each candidate is worth in each block.
+    path : ndarray of int, shape (blocks,)
+        The candidate chosen in each block.
+    speeds : ndarray of float, shape (candidates,)
+        The candidates, evenly spaced about their neighbours.
+
+    Returns
+    -------
+    ndarray of float, shape (blocks,)
+    """
+    middle = np.clip(path, 1, len(speeds) - 2)
+    rows = np.arange(len(path))
+    left, here, right = (scores[rows, middle + shift] for shift in (-1, 0, 1))
+    curvature = 2 * here - left - right
+    safe = np.where(curvature > 0, curvature, 1.0)
+    offset = np.where(curvature > 0, 0.5 * (right - left) / safe, 0.0)
+    spacing = 0.5 * (speeds[middle + 1] - speeds[middle - 1])
+    refined: FloatArray = speeds[middle] + np.clip(offset, -0.5, 0.5) * spacing
+    return refined

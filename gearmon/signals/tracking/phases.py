@@ -1,0 +1,400 @@
+"""Angle of shaft 1 from the phases of known order lines.
+
+The comb gives the speed to a fraction of a spectral line; the phase advance of the lines from block
+to block gives it a hundred times finer (`refine_track`). Each line votes with the weight of its
+signal-to-noise ratio, a smoothness prior carries the track through blocks where no line is clear.
+
+Phases that are compared from block to block add up like a random walk and end half a block before
+the recording does. Compared with the line's own slowly varying mean they do neither
+(`lock_track`): the blocks slide by a quarter of their length and are cut at the ends of the
+recording.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearmon.signals.angle import AngleTrack, phasors
+from gearmon.signals.orders.lines import OrderLines
+from gearmon.signals.orders.sums import OrderSums, SlidingLines
+from gearmon.signals.tracking.comb import SpeedTrack
+from gearmon.signals.tracking.thresholds import LIMITS, QUARTER_HOP
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+# Blocks that tell whether lines are phase-coherent [turns].
+_BLOCK_TURNS = 5.0
+# Errors of the speed that each pass expects: they bound the orders that it may use.
+_SPEED_ERRORS = (1e-2, 3e-3, 1e-3, 1e-4)
+# Length of the blocks: enough to part mesh lines from the sidebands of shaft 1 [turns].
+_LOCK_TURNS = 4.0
+# Readings of the recording.
+_PASSES = 2
+# Solutions a reading: up to which share of the highest order lines are listened to.
+_LIMITS = (0.4, 0.7, 1.0, 1.0, 1.0)
+# Phases of noise scatter evenly over a cycle, variance 1/12; a line near that is not listened to.
+_NOISE_VARIANCE = 1.0 / 12.0
+
+
+def integrate_speed(speed: SpeedTrack, duration_s: float) -> AngleTrack:
+    """Turn a speed track into an angle track that starts at angle zero.
+
+    Parameters
+    ----------
+    speed : SpeedTrack
+        Speed at the centres of blocks.
+    duration_s : float
+        Duration of the recording [s].
+
+    Returns
+    -------
+    AngleTrack
+        Knots at least as dense as the blocks, from 0 to `duration_s`.
+    """
+    count = max(2, 2 * len(speed.time_s) + 1)
+    time = np.linspace(0.0, duration_s, count)
+    middle = speed.at(0.5 * (time[1:] + time[:-1]))
+    turns = np.concatenate([[0.0], np.cumsum(middle * np.diff(time))])
+    return AngleTrack(time_s=time, turns=turns, method="comb", uncertainty_turns=float("nan"))
+
+
+def refine_track(
+    sums: OrderSums, track: AngleTrack, block_turns: float = 8.0, wander: float = 0.003
+) -> AngleTrack:
+    """Refine an angle track by the phases of order lines.
+
+    Parameters
+    ----------
+    sums : OrderSums
+        Lines of the recording at the orders to follow: mesh harmonics.
+    track : AngleTrack
+        A first track, its speed right to some tenths of a per cent.
+    block_turns : float
+        Length of the blocks whose phases are compared [turns of shaft 1]: long enough to part the
+        mesh lines from their sidebands, short enough to follow the speed.
+    wander : float
+        How restless the speed may be: standard deviation of its relative change in one second.
+
+    Returns
+    -------
+    AngleTrack
+        The refined track; the angle zero is that of the first track.
+
+    Notes
+    -----
+    The increments d_j of the angle error between blocks are estimated by
+    arg(A_j+1 conj A_j) / (2 pi order), weighted by 1/variance with
+    var = (noise / |A|^2 + floor^2) / order^2, and smoothed by minimising
+    sum w_j (d_j - s_j)^2 + sum (s_j+1 - s_j)^2 / q. Low orders come first: they cannot slip by a
+    cycle as long as the speed is wrong by less than a fifth of a cycle a hop. A correction is kept
+    if it raises the likelihood of phase-coherent lines by four times what its degrees of freedom
+    (the trace of the smoother) would gain by fitting noise, half a unit each.
+    """
+    turns = float(track.turns[-1] - track.turns[0])
+    size = min(block_turns, turns / 4)
+    for speed_error in _SPEED_ERRORS:
+        limit = 0.2 / (speed_error * size / 2)
+        before = sums.blocks(track, size, limit)
+        candidate, freedom = _corrected(track, before, wander)
+        if _gain(before, sums.blocks(candidate, size, limit)) > 2.0 * freedom:
+            track = candidate
+    return track
+
+
+def coherent_share(sums: OrderSums, track: AngleTrack) -> float:
+    """Share of the power of order lines that is phase-coherent in angle: 1 for a perfect track.
+
+    Parameters
+    ----------
+    sums : OrderSums
+        Lines of the recording: mesh harmonics.
+    track : AngleTrack
+        The track to be judged.
+
+    Returns
+    -------
+    float
+        Mean over the lines above the noise of |mean A|^2 / mean |A|^2, both less the share of
+        noise, in [0, 1]; 0 if there is none.
+    """
+    turns = float(track.turns[-1] - track.turns[0])
+    lines = sums.blocks(track, min(_BLOCK_TURNS, turns / 4))
+    power = np.mean(np.abs(lines.amplitude) ** 2, axis=0)
+    clear = power > LIMITS.clear_power * lines.noise
+    if not clear.any():
+        return 0.0
+    blocks = lines.amplitude.shape[0]
+    still = np.abs(lines.mean) ** 2 - lines.noise / blocks
+    share = still[clear] / (power - lines.noise)[clear]
+    return float(np.clip(share, 0.0, 1.0).mean())
+
+
+def _gain(before: OrderLines, after: OrderLines) -> float:
+    """Log likelihood that phase-coherent lines gain, noise of unknown variance about them.
+
+    Half overlapped blocks are worth about two thirds of their number. Another track may hold one
+    block more or less: its likelihood is that of as many blocks.
+    """
+    blocks = min(before.amplitude.shape[0], after.amplitude.shape[0])
+    return float(2 / 3 * blocks * (_misfit(before) - _misfit(after)))
+
+
+def _misfit(lines: OrderLines) -> float:
+    """Negative log likelihood of phase-coherent lines, averaged over the blocks."""
+    scatter = np.mean(np.abs(lines.amplitude - lines.mean) ** 2, axis=0)
+    return float(np.log(scatter + 1e-3 * lines.noise).sum())
+
+
+def _corrected(track: AngleTrack, lines: OrderLines, wander: float) -> tuple[AngleTrack, float]:
+    """Return the track less the angle error that the lines show; the freedom that this took."""
+    amplitude = lines.amplitude
+    if amplitude.shape[0] < 2:
+        return track, np.inf
+    product = amplitude[1:] * np.conj(amplitude[:-1])
+    order = lines.orders
+    strength = np.maximum(np.abs(product), np.finfo(float).tiny)
+    variance = lines.noise / strength / (2 * np.pi) ** 2 + LIMITS.hop_floor_cycles**2
+    weight = order**2 / variance
+    # a line below its noise says nothing about phase, however many such lines there are
+    weight = np.where(strength > LIMITS.clear_power * lines.noise, weight, 0.0)
+    error = np.angle(product) / (2 * np.pi * order)
+    increment, total = _robust_mean(error, weight, order)
+    hop_turns = lines.block_turns / 2
+    hop_s = hop_turns / float(np.mean(track.speed_hz))
+    step = wander * np.sqrt(hop_s) * hop_turns
+    smooth, spread, freedom = _smoothed(increment, total, step)
+    middle = lines.first_turn + lines.block_turns / 2
+    centres: FloatArray = middle + hop_turns * np.arange(len(smooth) + 1.0)
+    shift = np.concatenate([[0.0], np.cumsum(smooth)])
+    return shifted_track(track, centres, shift, spread), freedom
+
+
+def _robust_mean(
+    error: FloatArray, weight: FloatArray, order: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Weighted mean over channels and lines; votes beyond a quarter cycle are dropped once."""
+    flat_error = error.reshape(len(error), -1)
+    flat_weight = weight.reshape(len(weight), -1).copy()
+    cycles = np.broadcast_to(order, error.shape).reshape(len(error), -1)
+    for _ in range(2):
+        total = flat_weight.sum(axis=1)
+        mean = (flat_weight * flat_error).sum(axis=1) / np.where(total > 0, total, 1.0)
+        flat_weight[np.abs(flat_error - mean[:, None]) * cycles > 0.25] = 0.0
+    total = flat_weight.sum(axis=1)
+    mean = (flat_weight * flat_error).sum(axis=1) / np.where(total > 0, total, 1.0)
+    return mean, total
+
+
+def _smoothed(
+    increment: FloatArray, weight: FloatArray, step: float
+) -> tuple[FloatArray, float, float]:
+    """Smooth increments under a random walk of `step` a hop.
+
+    Returns the smoothed increments, the error left per increment, and the degrees of freedom.
+    """
+    prior = 1.0 / step**2
+    # a weak pull to the first track settles recordings in which no line is clear at all
+    diagonal = weight + 1e-3 * prior
+    diagonal[:-1] += prior
+    diagonal[1:] += prior
+    smooth, variance = _solve_tridiagonal(diagonal, -prior, weight * increment)
+    return smooth, float(np.sqrt(np.mean(variance))), float(np.sum(weight * variance))
+
+
+def _solve_tridiagonal(
+    diagonal: FloatArray, off: float, right: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Solve a symmetric tridiagonal system; also the diagonal of its inverse (both sweeps)."""
+    count = len(diagonal)
+    ahead = diagonal.copy()
+    behind = diagonal.copy()
+    carried = right.copy()
+    for i in range(1, count):
+        ahead[i] -= off * off / ahead[i - 1]
+        carried[i] -= off * carried[i - 1] / ahead[i - 1]
+    solution = np.empty(count)
+    solution[-1] = carried[-1] / ahead[-1]
+    for i in range(count - 2, -1, -1):
+        behind[i] -= off * off / behind[i + 1]
+        solution[i] = (carried[i] - off * solution[i + 1]) / ahead[i]
+    return solution, 1.0 / (ahead + behind - diagonal)
+
+
+def shifted_track(
+    track: AngleTrack, centres: FloatArray, shift: FloatArray, spread: float
+) -> AngleTrack:
+    """Add an angle error to a track.
+
+    Parameters
+    ----------
+    track : AngleTrack
+        The track.
+    centres : ndarray of float, shape (blocks,)
+        Angles of this track where the error is known [turns], ascending.
+    shift : ndarray of float, shape (blocks,)
+        What is to be added there [turns].
+    spread : float
+        Uncertainty of the result [turns].
+
+    Returns
+    -------
+    AngleTrack
+        Knots at the centres and at the ends of the old track.
+    """
+    ends = track.turns[[0, -1]]
+    inner = centres[(centres > ends[0]) & (centres < ends[1])]
+    angle = np.concatenate([[ends[0]], inner, [ends[1]]])
+    slope_ends = _extrapolated(centres, shift, angle)
+    return AngleTrack(
+        time_s=track.time_at(angle),
+        turns=angle + slope_ends,
+        method=track.method,
+        uncertainty_turns=spread,
+    )
+
+
+def _extrapolated(x: FloatArray, y: FloatArray, at: FloatArray) -> FloatArray:
+    """Piecewise linear through (x, y), continued with the end slopes."""
+    value = np.interp(at, x, y)
+    if len(x) > 1:
+        low, high = (y[1] - y[0]) / (x[1] - x[0]), (y[-1] - y[-2]) / (x[-1] - x[-2])
+        value = np.where(at < x[0], y[0] + low * (at - x[0]), value)
+        value = np.where(at > x[-1], y[-1] + high * (at - x[-1]), value)
+    return value
+
+
+def lock_track(sums: OrderSums, track: AngleTrack) -> AngleTrack:
+    """Lock an angle track to the phases of order lines, right to the ends of the recording.
+
+    Parameters
+    ----------
+    sums : OrderSums
+        Lines of the recording at the orders to follow: mesh harmonics.
+    track : AngleTrack
+        A track whose speed is right to about 0.2 over the highest order.
+
+    Returns
+    -------
+    AngleTrack
+        The track; unchanged but for an infinite uncertainty if no line is clear.
+
+    Notes
+    -----
+    With y_lj the amplitude of line l in block j and e_j the angle error sought, the departures
+    arg(y_lj exp(-2 pi i o_l e_j) conj m_lj) / (2 pi o_l) from the line's mean m_lj (Gaussian window
+    of 40 turns) vote with o_l^2 over the variance of the line's own phase, and
+    sum w (e - vote)^2 + sum (second difference of e)^2 / q is minimised. A path whose delay changes
+    with speed turns all lines alike and cannot be told from rotation: the angle is that of the
+    vibration at the sensor. The uncertainty joins what the lines disagree about from block to block
+    with the slow drift of their means against each other, of which a change in the path's delay is
+    of the same size.
+    """
+    for _ in range(_PASSES):
+        track = _locked(track, sums.sliding(track, _LOCK_TURNS))
+    return track
+
+
+def _unwound(lines: SlidingLines) -> FloatArray:
+    """Angle error from the phase advance of the lines from block to block [turns].
+
+    Blocks are a turn apart: a line of order o slips only if the speed is wrong by more than
+    0.5 / o. The order of a line weighs as in `lock_track`, its phases' variance is that of its
+    second differences: what the speed does not explain.
+    """
+    product = lines.amplitude[1:] * np.conj(lines.amplitude[:-1])
+    advance = np.angle(product) / (2 * np.pi)
+    jump = np.angle(product[1:] * np.conj(product[:-1])) / (2 * np.pi)
+    variance = np.mean(jump**2, axis=0) / 6 + LIMITS.floor_cycles**2
+    weight = np.where(variance < _NOISE_VARIANCE / 6, lines.orders**2 / variance, 0.0)
+    total = float(weight.sum())
+    if total <= 0:
+        return np.zeros(len(lines.angle))
+    increment = _median(advance / lines.orders, weight)
+    for _ in range(3):
+        rest = advance - increment[:, None] * lines.orders
+        votes = weight * (np.abs(rest) < LIMITS.slipped_cycles)
+        mass = votes.sum(axis=1)
+        mean = (votes * rest / lines.orders).sum(axis=1) / np.maximum(mass, 1e-300)
+        increment = increment + np.where(mass > 0, mean, 0.0)
+    error: FloatArray = np.concatenate([[0.0], np.cumsum(increment)])
+    return error
+
+
+def _median(rows: FloatArray, weight: FloatArray) -> FloatArray:
+    """Weighted median along each row."""
+    place = np.argsort(rows, axis=1)
+    mass = np.cumsum(weight[place], axis=1)
+    middle = np.argmax(mass >= 0.5 * mass[:, -1:], axis=1)
+    found: FloatArray = np.take_along_axis(rows, place, axis=1)[np.arange(len(rows)), middle]
+    return found
+
+
+def _locked(track: AngleTrack, lines: SlidingLines) -> AngleTrack:
+    """Solve for the angle error of a track and take it away."""
+    hop_turns = float(np.median(np.diff(lines.angle)))
+    hop_s = hop_turns / float(np.mean(track.speed_hz))
+    step = LIMITS.wander * np.sqrt(hop_s) * hop_turns
+    low = 1.01 * float(lines.orders.min())
+    error = _unwound(lines)
+    hats = _speed_classes(track, lines.angle)
+    for share in _LIMITS:
+        near = lines.orders <= max(share * float(lines.orders.max()), low)
+        order = lines.orders[near]
+        turned = lines.amplitude[:, near] * phasors(np.outer(-error, order))
+        mean = _mean_at_speed(turned, hats)
+        rest = np.angle(turned * np.conj(mean)) / (2 * np.pi)
+        variance = np.mean(rest**2, axis=0) + LIMITS.floor_cycles**2
+        clear = variance < 0.5 * _NOISE_VARIANCE
+        weight = np.where(
+            clear & (np.abs(rest) < LIMITS.slipped_cycles), order**2 / (variance * QUARTER_HOP), 0.0
+        )
+        total = weight.sum(axis=1)
+        departure = rest / order
+        vote = error + (weight * departure).sum(axis=1) / np.maximum(total, 1e-300)
+        error = _smoothed_angle(vote, total, step)
+    if not clear.any():
+        return shifted_track(track, lines.angle, np.zeros(len(error)), float("inf"))
+    quick = float(np.mean(((weight * departure) ** 2).sum(axis=1)) / np.mean(total) ** 2)
+    drift = np.unwrap(np.angle(mean[:, clear]), axis=0) / (2 * np.pi * order[clear])
+    slow = float(np.average(np.var(drift, axis=0), weights=(order**2 / variance)[clear]))
+    return shifted_track(track, lines.angle, error, float(np.sqrt(quick + slow)))
+
+
+def _mean_at_speed(amplitude: ComplexArray, hats: FloatArray) -> ComplexArray:
+    """Mean of each line as a function of the speed, linear between classes of speed."""
+    mass = hats.sum(axis=0)[:, None]
+    mean: ComplexArray = hats @ ((hats.T @ amplitude) / np.maximum(mass, 1e-12))
+    return mean
+
+
+def _speed_classes(track: AngleTrack, angle: FloatArray) -> FloatArray:
+    """Weights of the blocks in overlapping classes of speed, shape (blocks, classes)."""
+    time = track.time_at(angle)
+    speed = np.gradient(angle, time)
+    place = np.log(speed / speed.min()) / LIMITS.speed_class
+    count = max(1, round(float(place.max())))
+    place = place * (count / max(float(place.max()), 1e-12)) if count > 1 else 0.0 * place
+    classes = np.arange(count + 1 if count > 1 else 1)
+    hats: FloatArray = np.maximum(0.0, 1.0 - np.abs(place[:, None] - classes))
+    return hats
+
+
+def _smoothed_angle(vote: FloatArray, weight: FloatArray, step: float) -> FloatArray:
+    """Minimise sum w (e - vote)^2 + sum (second difference of e)^2 / step^2."""
+    from scipy.linalg import solveh_banded
+
+    count = len(vote)
+    prior = 1.0 / step**2
+    band = np.zeros((3, count))  # lower diagonals of prior * D'D
+    band[0, :-2] += prior
+    band[0, 1:-1] += 4 * prior
+    band[0, 2:] += prior
+    band[1, :-2] -= 2 * prior
+    band[1, 1:-1] -= 2 * prior
+    band[2, :-2] += prior
+    # a weak pull to no error settles what no line tells
+    band[0] += weight + 1e-6 * prior
+    smooth: FloatArray = solveh_banded(band, weight * vote, lower=True)
+    return smooth

@@ -1,0 +1,346 @@
+"""Whether an angle stays locked to the lines that it was found by, and how far it may be off.
+
+An angle that is followed by the phases of mesh lines may slip by whole mesh periods where the lines
+are faint or another line takes over; afterwards the lines are as coherent as before. But on the way
+they do not: against its own mean over the turns about it each line then turns, all of them at once.
+Where that shows, lines whose orders are no multiples of one another tell by their phases before and
+after by how much the angle has slipped: those of other stages, and those of the shafts.
+
+What no line can tell is a delay that they share. A path that rings turns the lines with the speed:
+each by its own delay, and the angle by their mean. That mean is about as large as they differ.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearmon.errors import ArgumentError
+from gearmon.signals.angle import AngleTrack, phasors
+from gearmon.signals.orders.sums import OrderSums, SlidingLines
+from gearmon.signals.tracking.thresholds import LIMITS, QUARTER_HOP
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+BoolArray = NDArray[np.bool_]
+
+#: Turns of shaft 1 in which slips can show.
+LEAST_TURNS = 8.0
+# Length of the blocks [turns]: the sidebands of shaft 1 are next to nothing in it.
+_BLOCK_TURNS = 2.0
+# Turns to either side whose mean a line is compared with, and over which its delay is followed.
+_ABOUT_TURNS, _DELAY_TURNS = 30.0, 8.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class LostStretch:
+    """A stretch in which the lines are not phase-coherent in the angle.
+
+    Parameters
+    ----------
+    start_s, end_s : float
+        Where it begins and ends [s].
+    turns : float
+        How many turns of shaft 1 it lasts.
+    slipped_turns : float, optional
+        By how much the angle is ahead after it [turns], 0 if it came back to where it should be;
+        None if the lines do not tell, or there are none on one side.
+    """
+
+    start_s: float
+    end_s: float
+    turns: float
+    slipped_turns: float | None
+
+    @property
+    def harmless(self) -> bool:
+        """Whether the angle is known to be right again after it."""
+        return self.slipped_turns == 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlipCheck:
+    """How well an angle is held by the lines.
+
+    Parameters
+    ----------
+    time_s : ndarray of float, shape (blocks,)
+        Centres of blocks half a turn apart [s].
+    coherence : ndarray of float, shape (blocks,)
+        Mean over the lines of their part in phase with their own mean: 1 while they are coherent, 0
+        while they turn.
+    uncertainty_turns : ndarray of float, shape (blocks,)
+        Standard deviation of the angle about the true one [turns], a common offset left out; after
+        a slip that of the whole record is meant.
+    lost : tuple of LostStretch
+        Stretches in which the angle is lost, in order.
+    """
+
+    time_s: FloatArray
+    coherence: FloatArray
+    uncertainty_turns: FloatArray
+    lost: tuple[LostStretch, ...]
+
+    @property
+    def locked(self) -> bool:
+        """Whether the angle is held throughout, or comes back after each lost stretch."""
+        return all(stretch.harmless for stretch in self.lost)
+
+    @property
+    def typical_turns(self) -> float:
+        """Root mean square of the uncertainty [turns]."""
+        return float(np.sqrt(np.mean(self.uncertainty_turns**2)))
+
+
+def check_slips(sums: OrderSums, track: AngleTrack) -> SlipCheck:
+    """Check whether an angle stays locked to the lines of a recording.
+
+    Parameters
+    ----------
+    sums : OrderSums
+        Lines that the angle was found by, or others that are loud: mesh harmonics. It costs little
+        if they were asked for near this track before.
+    track : AngleTrack
+        The angle, found without a tachometer.
+
+    Returns
+    -------
+    SlipCheck
+
+    Raises
+    ------
+    ArgumentError
+        If the recording holds fewer than eight turns.
+
+    Notes
+    -----
+    With y_lb the amplitude of line l in block b and m_lb its mean over the 30 turns about it, the
+    coherence is the mean over the lines of Re(y conj m) / |m|^2, within -1 and 1, over the lines
+    whose phases scatter by less than 0.12 of a cycle. An error of e turns that comes and goes takes
+    it to cos(2 pi o e). A stretch is lost where it falls below a third; where lines fade by
+    themselves (below 0.75 for more than a tenth of the time) only if that lasts five turns or more.
+
+    The variance of the angle has three parts: what the lines say of it from block to block; how far
+    their consensus departs over the record; and the shared delay (f d)^2 (t^2 + s t0^2), f the mean
+    speed, d its relative departure (a quarter of its mean square at least), t the root mean square
+    by which the delays of the lines differ, weighted by w = o^2 / (phase variance), s the sum of
+    the squares of these weights over the square of their sum, t0 = 0.5 ms. In a lost stretch, and
+    beyond it unless it is known to do no harm, the angle may be off by 6 % of its turns.
+    """
+    turns = float(track.turns[-1] - track.turns[0])
+    if turns < LEAST_TURNS:
+        raise ArgumentError(
+            f"recording of {turns:.2g} turns of shaft 1: slips show in {LEAST_TURNS:g} and more"
+        )
+    lines = sums.sliding(track, _BLOCK_TURNS)
+    hop = float(np.median(np.diff(lines.angle)))
+    mean = _about(lines.amplitude, _ABOUT_TURNS / hop)
+    phase = np.angle(lines.amplitude * np.conj(mean)) / (2 * np.pi)
+    scatter = np.median(np.abs(phase), axis=0) / 0.6745
+    clear = scatter < LIMITS.clear_cycles
+    time_s = track.time_at(lines.angle)
+    if not clear.any():
+        return _no_clear_line(time_s, lines.angle)
+    coherence = _coherence(lines.amplitude[:, clear], mean[:, clear])
+    stretches = _stretches(coherence, hop)
+    sound = np.ones(len(time_s), dtype=np.bool_)
+    for start, stop in stretches:
+        sound[start:stop] = False
+    if not sound.any():
+        return _no_clear_line(time_s, lines.angle)
+    told = _part(lines, clear)
+    lost = tuple(_lost(told, time_s, stretches, number) for number in range(len(stretches)))
+    weight = lines.orders[clear] ** 2 / (scatter[clear] ** 2 + LIMITS.floor_cycles**2)
+    variance = _variance(told, phase[:, clear], weight, sound, time_s)
+    variance += _astray(stretches, lost, sound) ** 2
+    return SlipCheck(
+        time_s=time_s, coherence=coherence, uncertainty_turns=np.sqrt(variance), lost=lost
+    )
+
+
+def _no_clear_line(time_s: FloatArray, angle: FloatArray) -> SlipCheck:
+    """Return the check of an angle that no line holds."""
+    turns = float(angle[-1] - angle[0])
+    return SlipCheck(
+        time_s=time_s,
+        coherence=np.zeros(len(time_s)),
+        uncertainty_turns=np.full(len(time_s), LIMITS.astray * turns / np.sqrt(3)),
+        lost=(
+            LostStretch(
+                start_s=float(time_s[0]), end_s=float(time_s[-1]), turns=turns, slipped_turns=None
+            ),
+        ),
+    )
+
+
+def _about(rows: ComplexArray, width: float) -> ComplexArray:
+    """Mean of the rows about each, cut at the ends: three running means, nearly a Gaussian."""
+    half = max(1, round(0.25 * width))
+    count = len(rows)
+    first = np.maximum(np.arange(count) - half, 0)
+    stop = np.minimum(np.arange(count) + half + 1, count)
+    number = (stop - first)[:, None]
+    for _ in range(3):
+        total = np.concatenate([np.zeros((1, rows.shape[1])), np.cumsum(rows, axis=0)])
+        rows = (total[stop] - total[first]) / number
+    return rows
+
+
+def _coherence(amplitude: ComplexArray, mean: ComplexArray) -> FloatArray:
+    """Mean over the lines of their part in phase with their mean, over three blocks."""
+    size = np.abs(mean)
+    size = np.maximum(size, LIMITS.faint * np.median(size, axis=0))
+    part = np.clip((amplitude * np.conj(mean)).real / size**2, -1, 1).mean(axis=1)
+    padded = np.pad(part, 1, mode="edge")
+    together: FloatArray = 0.25 * padded[:-2] + 0.5 * part + 0.25 * padded[2:]
+    return together
+
+
+def _stretches(coherence: FloatArray, hop: float) -> list[tuple[int, int]]:
+    """Where the coherence is lost, as far as it is not sound."""
+    found: list[tuple[int, int]] = []
+    least = LIMITS.fading_turns if np.quantile(coherence, 0.1) < LIMITS.steady_lines else 0.0
+    for start, stop in _runs(coherence < LIMITS.sound):
+        if float(coherence[start:stop].min()) >= LIMITS.lost or (stop - start) * hop < least:
+            continue
+        # while the angle slips by several periods the lines come back once in each
+        if found and (start - found[-1][1]) * hop < LIMITS.apart_turns:
+            start = found.pop()[0]
+        found.append((start, stop))
+    return found
+
+
+def _runs(mask: BoolArray) -> list[tuple[int, int]]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def _part(lines: SlidingLines, chosen: BoolArray) -> SlidingLines:
+    return SlidingLines(
+        angle=lines.angle, orders=lines.orders[chosen], amplitude=lines.amplitude[:, chosen]
+    )
+
+
+def _variance(
+    lines: SlidingLines, phase: FloatArray, weight: FloatArray, sound: BoolArray, time_s: FloatArray
+) -> FloatArray:
+    """Variance of the angle while it is locked [turns^2]."""
+    total = float(weight.sum())
+    hop = float(np.median(np.diff(lines.angle)))
+    slow = _about(lines.amplitude, _DELAY_TURNS / hop)
+    # a lost stretch would unwind phases by whole cycles
+    drift = np.unwrap(np.angle(slow[sound]), axis=0) / (2 * np.pi)
+    drift = (drift - np.median(drift, axis=0)) / lines.orders
+    shared = drift @ weight / total
+    apart = float(np.mean((drift - shared[:, None]) ** 2 @ weight) / total)
+    quick = (phase / lines.orders) @ weight / total
+    variance = _about_each(quick**2, _ABOUT_TURNS / hop)
+    speed = _about_each(np.gradient(lines.angle, time_s), 2 * _DELAY_TURNS / hop)
+    mean_hz = float((lines.angle[-1] - lines.angle[0]) / (time_s[-1] - time_s[0]))
+    # a delay t sets the angle off by t times the departure of the speed from its mean [turns]
+    departure = (speed - mean_hz) ** 2
+    size = float(departure[sound].mean())
+    delay = float(np.sum(weight**2)) / total**2 * LIMITS.delay_s**2
+    if size > 0:
+        delay += apart / size
+    variance += delay * ((1 - LIMITS.steady_delay) * departure + LIMITS.steady_delay * size)
+    variance[sound] += shared**2
+    return variance
+
+
+def _about_each(values: FloatArray, width: float) -> FloatArray:
+    return _about(values[:, None].astype(np.complex128), width)[:, 0].real
+
+
+def _lost(
+    told: SlidingLines, time_s: FloatArray, stretches: list[tuple[int, int]], number: int
+) -> LostStretch:
+    """Describe one stretch."""
+    angle = told.angle
+    start, stop = stretches[number]
+    begin, end = float(angle[max(start - 1, 0)]), float(angle[min(stop, len(angle) - 1)])
+    slipped = None
+    inside = start > 0 and stop < len(angle)
+    if inside and end - begin < LIMITS.longest_turns:
+        first = stretches[number - 1][1] if number > 0 else 0
+        last = stretches[number + 1][0] - 1 if number + 1 < len(stretches) else len(angle) - 1
+        slipped = _displacement(told, (float(angle[first]), begin, end, float(angle[last])))
+    return LostStretch(
+        start_s=float(time_s[start]),
+        end_s=float(time_s[stop - 1]),
+        turns=end - begin,
+        slipped_turns=slipped,
+    )
+
+
+def _displacement(told: SlidingLines, angles: tuple[float, float, float, float]) -> float | None:
+    """How far the angle has slipped in a stretch [turns]; None if unclear.
+
+    The angles are where the sound lines before it begin and end, and those after it.
+    """
+    _, begin, end, _ = angles
+    turned, order, sure = _turned(told, angles)
+    if sure.sum() < 2 * LIMITS.told:
+        return None
+    # lines that are turned alike are told apart within half a cycle of their mean order
+    lobe = 0.5 / float(np.sqrt(np.average(order**2, weights=sure)))
+    reach = max(LIMITS.astray * (end - begin), 4 * lobe)
+    step = 0.125 * lobe
+    count = int(np.ceil(reach / step))
+    tried = step * np.arange(-count, count + 1)
+    likely = phasors(turned + np.outer(tried, order)).real @ sure
+    best = int(np.argmax(likely))
+    others = np.abs(tried - tried[best]) > 2 * lobe
+    if likely[best] - likely[others].max() < LIMITS.told:
+        return None
+    found = float(tried[best])
+    return 0.0 if abs(found) <= lobe else found
+
+
+def _turned(
+    lines: SlidingLines, angles: tuple[float, float, float, float]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """By how many cycles lines are turned after a stretch, their orders, and how surely."""
+    centre, order = lines.angle, lines.orders
+    # blocks that reach into the stretch hold what is lost
+    apart = 2 * float(np.median(np.diff(centre)))
+    low, begin, end, high = angles
+    low, begin, end, high = low + apart, begin - apart, end + apart, high - apart
+    before = (centre < begin) & (centre > max(low, begin - LIMITS.beside_turns))
+    after = (centre > end) & (centre < min(high, end + LIMITS.beside_turns))
+    if min(begin - low, high - end) < LIMITS.least_turns or min(before.sum(), after.sum()) < 3:
+        return np.zeros(0), np.zeros(0), np.zeros(0)
+    variance = np.full(len(order), (2 * np.pi * LIMITS.turned_cycles) ** 2)
+    means = []
+    for side in (before, after):
+        rows = lines.amplitude[side]
+        mean = rows.mean(axis=0)
+        noise = np.mean(np.abs(rows - mean) ** 2, axis=0) * QUARTER_HOP / len(rows)
+        variance += 0.5 * noise / np.maximum(np.abs(mean) ** 2, np.finfo(float).tiny)
+        means.append(mean)
+    turned = np.angle(means[1] * np.conj(means[0])) / (2 * np.pi)
+    return turned, order, np.where(variance < 1, 1 / variance, 0.0)
+
+
+def _astray(
+    stretches: list[tuple[int, int]], lost: tuple[LostStretch, ...], sound: BoolArray
+) -> FloatArray:
+    """How far the angle may be off because it was lost [turns]."""
+    off = np.zeros(len(sound))
+    # the longest time that it is locked is what the rest is compared with
+    cuts = [0, *(edge for stretch in stretches for edge in stretch), len(sound)]
+    held = list(pairwise(cuts))[::2]
+    home = max(range(len(held)), key=lambda number: held[number][1] - held[number][0])
+    for number, (start, stop) in enumerate(stretches):
+        stretch = lost[number]
+        own = LIMITS.astray * stretch.turns / np.sqrt(3)
+        off[start:stop] = np.hypot(off[start:stop], own)
+        if stretch.harmless:
+            continue
+        beyond = slice(stop, None) if number >= home else slice(0, start)
+        more = own if stretch.slipped_turns is None else abs(stretch.slipped_turns)
+        off[beyond] = np.hypot(off[beyond], more)
+    return off

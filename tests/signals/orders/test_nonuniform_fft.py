@@ -1,0 +1,133 @@
+"""Spreading samples onto steps of angle: the sum over the samples that it stands for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from reference.synthetic_signals import track_of, wandering_turns, white
+
+from gearmon.signals.angle import AngleTrack
+from gearmon.signals.orders import nonuniform_fft
+from gearmon.signals.orders.nonuniform_fft import Kernel, Spreading
+
+RATE = 2000.0
+
+
+def spread_of(samples, track, per_turn, kernel, first_turn, count):
+    out = np.empty((len(samples), count))
+    Spreading(samples, RATE, track, per_turn, kernel).spread(first_turn, out)
+    return out
+
+
+@pytest.mark.parametrize(("width", "bound"), [(4, 3e-3), (6, 6e-5), (8, 1e-6)])
+@pytest.mark.parametrize("oversampling", [1.3, 2.0, 3.0])
+def test_transform_of_the_kernel_is_its_fourier_integral(width, bound, oversampling):
+    kernel = Kernel.of(width, oversampling)
+    u = np.linspace(-width / 2, width / 2, 20_001)
+    x = np.linspace(0.0, 0.5, 7)
+    waves = np.cos(2 * np.pi * np.outer(x, u))
+    integral = np.trapezoid(kernel.at(u) * waves, u, axis=1)
+    np.testing.assert_allclose(kernel.transform(x), integral, rtol=1e-6, atol=1e-7 * width)
+    # continued beyond its reach it stays what it is at the end, or less
+    beyond = kernel.at(np.linspace(width / 2, 0.7 * width, 50))
+    assert np.abs(beyond).max() <= kernel.at(np.array([width / 2]))[0] * (1 + 1e-9)
+    assert kernel.at(np.array([width / 2]))[0] < 30 * bound
+
+
+@pytest.mark.parametrize("width", [4, 6, 8])
+def test_every_step_is_the_weighted_sum_of_its_neighbours(width):
+    # slowly changing speed: angles of samples near a step, one by one
+    def turns(time):
+        return wandering_turns(time, 20.0, 0.02, 3)
+
+    track = track_of(turns, 4.0, 60)
+    samples = white((2, 8000), seed=1)
+    kernel = Kernel.of(width, 1.5)
+    per_turn, first, count = 130.0, 20.0, 3000
+    found = spread_of(samples, track, per_turn, kernel, first, count)
+    angle = track.turns_at(np.arange(8000) / RATE)
+    density = per_turn * np.gradient(angle)
+    for step in range(0, count, 37):
+        distance = step - per_turn * (angle - first)
+        near = np.abs(distance) <= 0.5 * width
+        slow = samples[:, near] @ (kernel.at(distance[near]) * density[near])
+        # taps beyond the reach hold what the kernel has at its end
+        end = float(kernel.at(np.array([0.5 * width]))[0])
+        np.testing.assert_allclose(found[:, step], slow, atol=5 * end + 3e-6)
+
+
+def test_dense_knots_and_sparse_ones_give_the_same_steps():
+    def turns(time):
+        return wandering_turns(time, 20.0, 0.01, 5)
+
+    samples = white((1, 8000), seed=2)
+    kernel = Kernel.of(8, 1.5)
+    dense, sparse = track_of(turns, 4.0, 2000), track_of(turns, 4.0, 50)
+    one, other = (spread_of(samples, track, 100.0, kernel, 20.0, 4000) for track in (dense, sparse))
+    assert np.abs(one - other).max() < 0.05 * np.abs(one).max()
+
+
+@pytest.mark.parametrize(("width", "bound"), [(4, 5e-4), (6, 1e-5), (8, 5e-7)])
+@pytest.mark.parametrize("steps", [0.45, 0.7, 1.05, 1.3])
+def test_polynomials_give_the_kernel_at_every_number_of_steps_a_sample(width, bound, steps):
+    track = track_of(lambda time: 20.0 * time, 2.0, 5)
+    samples = np.sign(white((1, 4000), seed=6))
+    kernel, taps = Kernel.of(width, 1.5), int(np.ceil(width / steps))
+    found = spread_of(samples, track, 100.0 * steps, kernel, 10.0, 500)[0]
+    place = 1000.0 + np.arange(500) / steps  # of each step [samples]
+    nearest = np.rint(place - 0.5 * (taps - 1)).astype(int)[:, None] + np.arange(taps)
+    weights = kernel.at(steps * (nearest - place[:, None])) * steps
+    slow = np.sum(samples[0, nearest] * weights, axis=1)
+    # where two samples are as near either of them may be taken: they lie at the kernel's end
+    end = 2.0 * float(kernel.at(np.array([0.5 * width]))[0])
+    assert np.median(np.abs(found - slow)) < bound
+    assert np.abs(found - slow).max() < bound + end
+
+
+@pytest.mark.parametrize("knots", [6, 40, 900, 6000])
+def test_steps_stand_where_the_track_has_them(knots):
+    rng = np.random.default_rng(7)
+    # knots at random, steps beyond both ends
+    time = np.sort(rng.uniform(0.5, 3.5, knots))
+    track = AngleTrack(
+        time_s=time,
+        turns=wandering_turns(time, 20.0, 0.05, 8),
+        method="tacho",
+        uncertainty_turns=0.0,
+    )
+    per_turn = 90.0
+    grid = Spreading(white((1, 8000), seed=1), RATE, track, per_turn, Kernel.of(8, 1.5))
+    for first, count in ((0.0, 7001), (33.3, 5), (21.7, 16)):
+        position, steps = grid._positions(first, count)
+        time_s, slope = track.time_and_slope_at(first + np.arange(count) / per_turn)
+        np.testing.assert_allclose(position, RATE * time_s, rtol=0, atol=1e-8)
+        np.testing.assert_allclose(steps, per_turn / (RATE * slope), rtol=1e-8)
+
+
+def test_stretches_do_not_depend_on_where_they_begin(monkeypatch):
+    track = AngleTrack(
+        time_s=np.linspace(0.0, 4.0, 9),
+        turns=20 * np.linspace(0.0, 4.0, 9) + 0.3 * np.linspace(0.0, 4.0, 9) ** 2,
+        method="comb",
+        uncertainty_turns=0.0,
+    )
+    samples, kernel = white((2, 8001), seed=4), Kernel.of(8, 1.5)
+    whole = spread_of(samples, track, 120.0, kernel, 0.0, 9600)
+    monkeypatch.setattr(nonuniform_fft, "_PIECE", 700)
+    parts = spread_of(samples, track, 120.0, kernel, 0.0, 9600)
+    np.testing.assert_allclose(
+        parts, whole, atol=5e-5
+    )  # of sums near 5, by polynomials in the speed
+
+
+def test_a_constant_is_spread_evenly_to_the_ends():
+    track = AngleTrack(
+        time_s=np.array([0.0, 1.0]),
+        turns=np.array([0.0, 20.0]),
+        method="constant",
+        uncertainty_turns=0.0,
+    )
+    kernel = Kernel.of(8, 2.0)
+    found = spread_of(np.full((1, 2001), 9.81), track, 110.0, kernel, 0.0, 2200)
+    level = 9.81 * kernel.transform(np.zeros(1))[0]
+    np.testing.assert_allclose(found, level, rtol=1e-6)

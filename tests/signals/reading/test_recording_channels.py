@@ -1,0 +1,240 @@
+"""Which columns are channels, what they are called, what they measure and in which unit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from gearmon.errors import RecordingError
+from gearmon.signals.reading import describe_columns, find_defect
+from gearmon.signals.reading.layout import Header
+from gearmon.signals.recording import read_recording
+
+GRAVITY = 9.80665
+
+
+@dataclass(frozen=True)
+class Sensor:
+    column: str | int
+    unit: str | None = None
+    sensitivity: float = 1.0
+    kind: str = "vibration"
+
+
+@pytest.fixture
+def write(tmp_path):
+    def written(names, values=None, units=""):
+        count = len(names.split(","))
+        samples = np.random.default_rng(7).normal(size=(500, count)).round(5)
+        for column, given in (values or {}).items():
+            samples[:, column] = given
+        lines = [",".join(f"{value:.5f}" for value in row) + "\n" for row in samples]
+        path = tmp_path / "recording.csv"
+        path.write_text(f"{names}\n{units}" + "".join(lines), encoding="utf-8")
+        return path
+
+    return written
+
+
+def column(cell, below=""):
+    return describe_columns(Header(names=(cell,), units=(below,) if below else None), 1)[0]
+
+
+@pytest.mark.parametrize(
+    ("cell", "name", "unit"),
+    [
+        ("acc_x [g]", "acc_x", "g"),
+        ("a1 (m/s2)", "a1", "m/s2"),
+        ("a1 <m/s^2>", "a1", "m/s^2"),
+        ("a1 / g", "a1", "g"),
+        ("Weg in mm", "Weg", "mm"),
+        ("Acc (x)", "Acc (x)", None),
+        ("Bearing (A)", "Bearing (A)", None),
+        ("drive_end_g", "drive_end_g", "g"),
+        ("a1_m_s2", "a1_m_s2", "m/s2"),
+        ("a1", "a1", None),
+        ("a1/a2", "a1/a2", None),
+    ],
+)
+def test_names_and_units(cell, name, unit):
+    found = column(cell)
+    assert (found.name, found.unit) == (name, unit)
+
+
+def test_a_last_letter_is_a_unit_only_if_all_columns_have_one():
+    lettered = describe_columns(Header(names=("acc_e", "acc_f", "acc_g")), 3)
+    assert [found.unit for found in lettered] == [None, None, None]
+    ends = describe_columns(Header(names=("time_s", "drive_g", "fan_g")), 3)
+    assert [found.unit for found in ends] == ["s", "g", "g"]
+
+
+@pytest.mark.parametrize(
+    ("cell", "kind"),
+    [
+        ("a1", "vibration"), ("Voltage_0", "vibration"), ("acc_x [g]", "vibration"),
+        ("velocity [mm/s]", "vibration"), ("tacho", "tacho"), ("Keyphasor [V]", "tacho"),
+        ("Trigger", "tacho"), ("rpm pulse", "tacho"), ("torque", "torque"), ("M [Nm]", "torque"),
+        ("Drehmoment (N·m)", "torque"), ("speed", "speed"), ("Drehzahl", "speed"),
+        ("n [1/min]", "speed"), ("motor_speed_rpm", "speed"), ("temperature", "other"),
+        ("T [°C]", "other"), ("oil temp", "other"), ("load [%]", "other"), ("t", "time"),
+        ("Time (s)", "time"), ("Zeit", "time"), ("timestamp", "time"), ("X_Value", "time"),
+        ("Time 1 - default", "time"), ("T1", "vibration"), ("tempo di prova", "time"),
+        ("index", "index"), ("sample", "index"), ("No.", "index"),
+    ],
+)  # fmt: skip
+def test_kinds_from_names_and_units(cell, kind):
+    assert column(cell).kind == kind
+
+
+def test_accelerations_become_metres_per_second_squared(write):
+    path = write("time_s,a [g],b [mm/s2],v [mm/s],w", {0: np.arange(500) / 1000})
+    recording = read_recording(path)
+    raw = np.loadtxt(path, delimiter=",", skiprows=1)[:, 1:].T
+    assert recording.units == ("m/s2", "m/s2", "mm/s", None)
+    assert np.array_equal(recording.samples, raw * [[GRAVITY], [1e-3], [1.0], [1.0]])
+
+
+@pytest.mark.parametrize("units", ["[s],[g],[m/s^2]\n", "s,g,m/s²\n", "(s),(g),(m/s2)\n"])
+def test_a_row_of_units(write, units):
+    recording = read_recording(write("t,a,b", {0: np.arange(500) / 1000}, units))
+    assert recording.units == ("m/s2", "m/s2")
+    assert recording.channel_names == ("a", "b")
+
+
+def test_channels_by_name_or_number_of_the_column(write):
+    path = write("t,a,b [g],c", {0: np.arange(500) / 1000})
+    assert read_recording(path).channel_names == ("a", "b", "c")
+    assert read_recording(path, channels="b").channel_names == ("b",)
+    assert read_recording(path, channels=["b [g]", "A"]).channel_names == ("a", "b")
+    assert read_recording(path, channels=3).channel_names == ("b",)
+    assert read_recording(path, channels=["4"]).channel_names == ("c",)
+    recording = read_recording(path)
+    assert recording.columns == (2, 3, 4)
+    assert recording.select(["c", 2]).channel_names == ("c", "a")
+
+
+@pytest.mark.parametrize(
+    ("key", "message"),
+    [
+        ("bb", r"no channel 'bb'; did you mean b\? channels \(and columns\): t \(1\), a \(2\)"),
+        (9, r"no channel '9'"),
+        (0, r"no channel '0'"),
+    ],
+)
+def test_unknown_channels_are_refused_with_what_there_is(write, key, message):
+    path = write("t,a,b", {0: np.arange(500) / 1000})
+    with pytest.raises(RecordingError, match=message):
+        read_recording(path, channels=key)
+
+
+def test_a_name_that_stands_twice_is_refused_only_when_asked_for(write):
+    path = write("a,a,b")
+    assert read_recording(path, 100).samples.shape[0] == 3
+    assert read_recording(path, 100, channels=[2]).columns == (2,)
+    with pytest.raises(RecordingError, match=r"'a' is the name of columns 1 and 2; give the"):
+        read_recording(path, 100, channels="a")
+
+
+def test_other_kinds_are_kept_apart(write):
+    recording = read_recording(write("a,torque,tacho,b"), 100)
+    assert recording.channel_kinds == ("vibration", "torque", "tacho", "vibration")
+    assert recording.vibration().channel_names == ("a", "b")
+    assert any("'torque'" in note and "'tacho'" in note for note in recording.notes)
+
+
+def test_the_user_goes_before_the_file(write):
+    path = write("a,torque,c")
+    recording = read_recording(path, 100, channels="torque", tacho="c")
+    assert recording.channel_names == ("torque", "c")
+    assert recording.channel_kinds == ("vibration", "tacho")
+
+
+def test_a_tacho_that_is_told_goes_before_one_that_is_named_so(write):
+    path = write("a,tacho,c")
+    assert not read_recording(path, 100).tacho_told
+    told = read_recording(path, 100, tacho="c")
+    assert told.channel_kinds == ("vibration", "other", "tacho")
+    assert told.tacho_told
+    sensed = read_recording(path, 100, sensors=[Sensor("tacho", kind="tacho")])
+    assert sensed.channel_kinds == ("vibration", "tacho", "vibration")
+    assert sensed.tacho_told
+
+
+def test_sensors_tell_unit_sensitivity_and_kind(write):
+    path = write("a,b,c")
+    raw = np.loadtxt(path, delimiter=",", skiprows=1).T
+    sensors = [
+        Sensor("a", unit="g", sensitivity=0.1),
+        Sensor(3, unit="Nm", kind="torque"),
+        Sensor("d"),
+    ]
+    recording = read_recording(path, 100, sensors=sensors)
+    assert recording.channel_kinds == ("vibration", "vibration", "torque")
+    assert recording.units == ("m/s2", None, "Nm")
+    assert recording.samples[0] == pytest.approx(raw[0] / 0.1 * GRAVITY, rel=1e-15)
+    assert any("'d' of the machine file is not in the recording" in n for n in recording.notes)
+
+
+def test_a_bad_channel_is_left_out_unless_it_is_asked_for(write):
+    path = write("a,b,c", {1: 3.0})
+    recording = read_recording(path, 100)
+    assert recording.channel_names == ("a", "c")
+    assert recording.columns == (1, 3)
+    assert "column 2 ('b') is constant (3 in all 500 samples): left out" in recording.notes
+    with pytest.raises(RecordingError, match=r"column 2 \('b'\) is constant.*check the sensor"):
+        read_recording(path, 100, channels=["b", "c"])
+    assert read_recording(path, 100, channels="c").notes == ()
+
+
+def test_a_channel_of_pulses_is_no_vibration_but_may_be_a_tacho(write):
+    path = write("a,b", {1: np.arange(500) % 25 < 3})
+    recording = read_recording(path, 100)
+    assert recording.channel_names == ("a",)
+    assert "only two values, 0 and 1: is it a tacho" in recording.notes[0]
+    assert read_recording(path, 100, tacho="b").channel_kinds == ("vibration", "tacho")
+
+
+class TestClipping:
+    @pytest.mark.parametrize("limit", [0.5, 1.0, 2.0, 2.5])
+    @pytest.mark.parametrize("step", [1e-6, 1e-3, 1e-2])
+    def test_a_clipped_signal_is_found(self, limit, step):
+        noise = np.random.default_rng(8).normal(size=20_000)
+        defect = find_defect(np.round(np.clip(noise, -limit, limit) / step) * step)
+        assert defect is not None
+        assert defect.fatal
+        assert "is clipped" in defect.text
+
+    def test_on_one_side(self):
+        sine = np.minimum(np.sin(0.0123 * np.arange(20_000)), 0.9)
+        defect = find_defect(sine)
+        assert defect is not None
+        assert sine[defect.row] == 0.9
+        assert sine[: defect.row].max() < 0.9
+
+    def test_a_little_is_only_noted(self):
+        noise = np.random.default_rng(9).normal(size=100_000)
+        top = np.sort(noise)[-30]
+        defect = find_defect(np.minimum(noise, top))
+        assert defect is not None
+        assert not defect.fatal
+
+    @pytest.mark.parametrize("amplitude", [1.0, 1.51, 2.49, 3.0, 10.49, 20.0, 200.0])
+    def test_a_coarsely_rounded_signal_is_not_clipped(self, amplitude):
+        time = np.arange(50_000)
+        rng = np.random.default_rng(10)
+        for frequency in (1e-4, 1e-3, 0.0317, 0.25):
+            assert find_defect(np.round(amplitude * np.sin(2 * np.pi * frequency * time))) is None
+        assert find_defect(np.round(amplitude * rng.normal(size=50_000))) is None
+        assert find_defect(np.round(amplitude * rng.uniform(-1, 1, size=50_000))) is None
+
+    def test_in_a_file(self, write):
+        clipped = np.clip(np.random.default_rng(7).normal(size=500), -1, 1)
+        path = write("a,b", {1: clipped})
+        line = 2 + int(np.argmax(clipped == 1.0))
+        with pytest.raises(
+            RecordingError,
+            match=rf"line {line}, column 2 \('b'\) is clipped: \d+ samples \(\d+ %\) are exactly 1",
+        ):
+            read_recording(path, 100, channels="b")

@@ -1,0 +1,179 @@
+"""Blocks of rows through the compiled parser: what the careful reader makes of them, or nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gearmon.errors import RecordingError
+from gearmon.signals.reading.fields import is_number, to_number
+from gearmon.signals.reading.layout import Dialect
+from gearmon.signals.reading.source import Block
+from gearmon.signals.reading.text import parse_rows, read_rows
+from gearmon.signals.recording import read_recording
+
+ONE = Dialect(separator="", decimal=".", columns=1)
+TWO = Dialect(separator=";", decimal=",", columns=2)
+COMMA = Dialect(separator=",", decimal=".", columns=2)
+ODD = st.text("0123456789.,;+-eE dx\t\"'", max_size=12)
+PLAIN = st.floats(allow_nan=False, allow_infinity=False).map(repr)
+repeatable = settings(derandomize=True, deadline=None, max_examples=200)
+
+
+@repeatable
+@given(st.lists(ODD | PLAIN | st.from_regex(r"[+-]?[0-9]{1,25}[.,]?[0-9]{0,25}", fullmatch=True)))
+def test_one_column(fields):
+    found = parse_rows("".join(f"{field}\n" for field in [*fields, "1.5"]).encode(), ONE)
+    if found is not None:
+        bare = [field.strip().strip('"').strip() for field in fields]
+        assert all(is_number(field, ".") for field in bare)
+        assert found[:-1, 0].tolist() == [to_number(field, ".") for field in bare]
+
+
+def careful(text, dialect):
+    """Return the rows of a text as the careful reader has them; None if it refuses."""
+    labels = ["x"] * dialect.columns
+    try:
+        rows = read_rows("f.csv", Block(text=text.encode(), first_line=1), dialect, labels)
+    except RecordingError:
+        return None
+    return None if rows.empty_line else rows.values
+
+
+def same_as_line_by_line(text, dialect):
+    """Tell whether a block is parsed as the careful reader does, or left to it."""
+    found = parse_rows(text.encode(), dialect)
+    slow = careful(text, dialect)
+    if found is None or slow is None:
+        return found is None
+    alike = np.array_equal(found, slow, equal_nan=True)
+    return alike and np.array_equal(np.signbit(found[found == 0]), np.signbit(slow[slow == 0]))
+
+
+FRAGMENTS = [
+    "1", "-3", "+4", ".5", "6.", "1e3", "1E-3", "1e00005", "1e-99999", "0e99999", "1e4294967297",
+    "1d3", "nan", "NaN", "inf", "1_0", "0x1", "", " ", "\t", "\0", "\n", "\n\n", ",", ";", ".", "-",
+    "e", '"', '""', '"2"', "#", "%", "\v", "\f", "\xa0", "\x1a", "\x1f", "\ufeff", "-0", "00012",
+    "9" * 40, "1e400", "1,5", "N/A", "--", "?",
+]  # fmt: skip
+DIALECTS = [
+    Dialect(separator=separator, decimal=decimal, columns=columns, trailing=trailing)
+    for separator, decimal, columns, trailing in (
+        ("", ".", 1, False), ("", ",", 1, False), (",", ".", 2, False), (";", ",", 2, False),
+        ("\t", ".", 3, False), ("\t", ",", 2, True), (";", ".", 1, True), (",", ".", 4, False),
+        (" ", ".", 2, False), (" ", ",", 3, False), (",", ".", 3, True), (",", ",", 2, False),
+    )
+]  # fmt: skip
+
+
+@settings(derandomize=True, deadline=None, max_examples=1500)
+@given(
+    dialect=st.sampled_from(DIALECTS),
+    rows=st.lists(st.lists(st.integers(-999, 999), min_size=4, max_size=4), min_size=1, max_size=6),
+    changes=st.lists(
+        st.tuples(st.integers(0, 99), st.sampled_from(FRAGMENTS), st.integers(0, 2)), max_size=3
+    ),
+    quoted=st.sampled_from(["", "", '"']),
+)
+def test_blocks_are_parsed_as_line_by_line_or_not_at_all(dialect, rows, changes, quoted):
+    quoted = '"' if dialect.separator == dialect.decimal else quoted
+    end = dialect.separator * dialect.trailing + "\n"
+    text = "".join(
+        dialect.separator.join(
+            quoted + f"{value / 10}".replace(".", dialect.decimal) + quoted
+            for value in row[: dialect.columns]
+        )
+        + end
+        for row in rows
+    )
+    if not changes:
+        assert parse_rows(text.encode(), dialect) is not None
+    for place, fragment, cut in changes:
+        text = text[:place] + fragment + text[place + cut :]
+    assert same_as_line_by_line(text.removesuffix("\n") + "\n", dialect)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [b"1\n\n2\n", b"1\0x\n2\n", b"nan\n2\n", b"1e400\n2\n", b"1\n2;3\n", b"#1\n2\n", b"1\n2\n-\n",
+     b'"1"2\n2\n', b'"1\n"\n2\n', b"\xef\xbb\xbf1\n2\n", b"inf\n2\n", b"1 2\n3\n", b"1\n%\n"],
+)  # fmt: skip
+def test_doubtful_blocks_are_left_to_the_careful_reader(text):
+    assert parse_rows(text, ONE) is None
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["1.5\n", "1,2,3\n", "1,x\n", "1,1e400\n", "1,inf\n", "1,2\0\n", "#1,2\n", "1,2\x1a\n",
+     "1 2,3\n", "1,2,\n3\n", ",\n", "nan,nan\n", " \n", '"1"2,3\n', '"1,2"\n'],
+)  # fmt: skip
+@pytest.mark.parametrize("index", [0, 1, 150, 199])
+def test_a_doubtful_line_is_never_passed_over(line, index):
+    lines = [f"{first!r},{second!r}\n" for first, second in ROWS[:200].tolist()]
+    lines[index] = line
+    assert parse_rows("".join(lines).encode(), COMMA) is None
+
+
+@pytest.mark.parametrize("line", ["1,\n", ",2\n", "1,nan\n", "NaN,2\n", "1,N/A\n", '"1",""\n'])
+@pytest.mark.parametrize("index", [0, 1, 199])
+def test_a_missing_number_is_no_doubt(line, index):
+    lines = [f"{first!r},{second!r}\n" for first, second in ROWS[:200].tolist()]
+    lines[index] = line
+    found = parse_rows("".join(lines).encode(), COMMA)
+    assert np.count_nonzero(np.isnan(found)) == 1
+    assert np.array_equal(np.delete(found, index, axis=0), np.delete(ROWS[:200], index, axis=0))
+
+
+ROWS = np.random.default_rng(15).normal(size=(60_000, 2))
+
+
+def written(path, rows=(), head="a,b\n", end="\n"):
+    """Write a file of several blocks in which some rows are others."""
+    lines = [f"{first!r},{second!r}{end}" for first, second in ROWS.tolist()]
+    for index, line in rows:
+        lines[index] = line
+    path.write_bytes((head + "".join(lines)).encode())
+    return path
+
+
+@pytest.mark.parametrize("head", ["", "a,b\n", "Made by me\n\na,b\n"])
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_a_file_of_several_blocks(tmp_path, head, end):
+    path = written(tmp_path / "large.csv", head=head, end=end)
+    shares = []
+    assert np.array_equal(read_recording(path, 1000.0, progress=shares.append).samples, ROWS.T)
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+
+
+def test_numbers_are_converted_in_place(tmp_path):
+    found = read_recording(written(tmp_path / "large.csv", head="a [g],b [m/s2]\n"), 1000.0)
+    assert np.array_equal(found.samples, [ROWS[:, 0] * 9.80665, ROWS[:, 1]])
+    assert found.units == ("m/s2", "m/s2")
+
+
+def test_a_file_without_a_last_line_end(tmp_path):
+    path = written(tmp_path / "large.csv")
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-1])
+    assert np.array_equal(read_recording(path, 1000.0).samples, ROWS.T)
+    path.write_bytes(whole[: whole.rindex(b",") + 1] + b"-")
+    with pytest.raises(RecordingError, match="line 60001: the file is cut off in mid-line"):
+        read_recording(path, 1000.0)
+
+
+def test_odd_lines_among_plain_ones(tmp_path):
+    first, second = ROWS[50_000].tolist()
+    odd = f' {first!r} , "{second!r}"\n'
+    remark = "# a remark\n{!r},{!r}\n".format(*ROWS[30_000].tolist())
+    path = written(tmp_path / "large.csv", [(30_000, remark), (50_000, odd)])
+    assert np.array_equal(read_recording(path, 1000.0).samples, ROWS.T)
+
+
+@pytest.mark.parametrize("line", ["1,2,3\n", "1.5\n", "\0\n", "1,x\n"])
+def test_a_bad_line_of_a_later_block_is_named(tmp_path, line):
+    path = written(tmp_path / "large.csv", [(50_000, line)])
+    with pytest.raises(RecordingError, match="line 50002"):
+        read_recording(path, 1000.0)

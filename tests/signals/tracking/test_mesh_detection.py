@@ -1,0 +1,215 @@
+"""A mesh is found where there is one, and not in noise, shaft lines or tones of another origin."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from reference.synthetic_signals import constant_track, lines_on, wandering_turns, white
+
+from gearmon.signals.orders import fine_order_spectrum
+from gearmon.signals.tracking import (
+    MeshComb,
+    MeshEvidence,
+    combined_comb,
+    mesh_evidence,
+    scan_speed,
+    spacing_mismatch,
+)
+
+RATE, NOMINAL, DURATION = 4000.0, 25.0, 6.0
+TIME = np.arange(int(DURATION * RATE)) / RATE
+
+
+def parallel(pinion, gear, order=1.0, harmonics=8):
+    """The mesh of a pair whose pinion turns at `order`."""
+    mesh = pinion * order
+    return MeshComb(
+        order=mesh,
+        groups=tuple((mesh * k,) for k in range(1, harmonics + 1)),
+        spacings=(order, mesh / gear),
+    )
+
+
+def evidence(samples, meshes, shafts, nominal=NOMINAL):
+    comb = combined_comb(meshes, shafts)
+    scan = scan_speed(samples, RATE, comb, nominal, block_s=30 / nominal)
+    return mesh_evidence(scan, meshes, shafts, nominal)
+
+
+def pair(pinion, gear):
+    return [parallel(pinion, gear)], [1.0, pinion / gear]
+
+
+def test_comb_joins_meshes_sidebands_and_shafts_once_each():
+    comb = combined_comb([parallel(20, 40, harmonics=2)], [1.0, 0.5], sideband_weight=0.4)
+    weights = dict(zip(comb.orders.tolist(), comb.weights.tolist(), strict=True))
+    assert list(weights) == sorted(weights)
+    assert weights[20.0] == weights[40.0] == 1.0
+    assert weights[21.0] == weights[19.5] == 0.4
+    assert [weights[n] for n in (1.0, 8.0, 0.5, 1.5)] == [0.3] * 4
+    assert 9.0 not in weights
+
+
+def test_larger_weight_wins_where_lines_coincide():
+    # the eighth shaft harmonic is the mesh of a pinion with eight teeth
+    comb = combined_comb([parallel(8, 42, harmonics=2)], [1.0, 8 / 42])
+    assert comb.weights[comb.orders == 8.0] == 1.0
+
+
+def test_shifted_mesh_moves_each_harmonic_by_its_multiple():
+    mesh = MeshComb(order=10.0, groups=((9.0, 10.0), (20.0,)), spacings=(1.0,))
+    moved = mesh.shifted(-1.5)
+    assert moved.order == 8.5
+    assert moved.groups == ((7.5, 8.5), (17.0,))
+    assert moved.spacings == mesh.spacings
+
+
+@pytest.mark.parametrize(
+    ("score", "above", "decoys", "clear", "expected"),
+    [
+        (3.0, 0, 50, 1, True),
+        (2.9, 0, 50, 1, False),
+        (2.1, 0, 50, 2, True),  # of two clear harmonics less is asked
+        (1.9, 0, 50, 2, False),
+        (9.0, 6, 50, 3, False),
+        (9.0, 5, 50, 3, True),
+    ],
+)
+def test_standing_out_means_far_from_and_above_the_decoys(score, above, decoys, clear, expected):
+    seen = MeshEvidence(score=score, decoys_above=above, decoys=decoys, clear=clear, visible=8)
+    assert seen.stands_out is expected
+
+
+def test_what_cannot_be_judged_does_not_stand_out():
+    assert not MeshEvidence.none(40).stands_out
+
+
+def test_noise_has_no_mesh():
+    # 60 recordings, tooth counts at random; a law of 0.1 % would give none, 5 % three
+    generator = np.random.default_rng(0)
+    false = 0
+    for seed in range(60):
+        pinion, gear = generator.integers(13, 50), generator.integers(50, 100)
+        samples = white((1, len(TIME)), seed=seed)
+        false += evidence(samples, *pair(int(pinion), int(gear)))[0].stands_out
+    assert false <= 1
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_shaft_harmonics_alone_are_no_mesh(seed):
+    # a loose machine: forty harmonics of shaft 1, with resonances, 10 dB and more above the noise
+    generator = np.random.default_rng(seed)
+    turns = wandering_turns(TIME, NOMINAL * generator.uniform(0.975, 1.025), 0.002, seed)
+    levels = generator.lognormal(0.0, 0.7, 40)
+    samples = lines_on(turns, np.arange(1, 41), levels, generator.uniform(0, 6.28, 40))
+    samples += white(samples.shape, seed=seed)
+    pinion, gear = (int(teeth) for teeth in generator.integers(13, 45, 2))
+    assert not evidence(samples, *pair(pinion, gear))[0].stands_out
+
+
+def seen_at(level, seed):
+    """Evidence of a mesh whose first harmonics are lines of this amplitude in unit noise."""
+    generator = np.random.default_rng(seed)
+    gear = int(generator.integers(30, 80))
+    turns = wandering_turns(TIME, NOMINAL * generator.uniform(0.975, 1.025), 0.001, seed)
+    orders = [23.0 * k + r for k in (1, 2, 3) for r in (-1, 0, 1)] + [1.0]
+    levels = level * np.array([0.2, 1, 0.2] * 3 + [0.5])
+    phases = generator.uniform(0, 6.28, len(orders))
+    samples = lines_on(turns, orders, levels, phases) + white((1, len(TIME)), seed=seed)
+    return evidence(samples, *pair(23, gear))[0]
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_mesh_well_above_the_noise_is_found(seed):
+    # 0.4 in unit noise: 21 dB over the floor of one block of 1.2 s
+    assert seen_at(0.4, seed).stands_out
+
+
+def test_weak_mesh_is_found_more_often_than_not():
+    # 0.13: 11 dB over the floor of one block, for three lines
+    assert sum(seen_at(0.13, seed).stands_out for seed in range(10)) > 5
+
+
+def test_scale_does_not_matter():
+    turns = 24.8 * TIME
+    samples = lines_on(turns, [23.0, 46.0, 69.0], 0.3) + white((1, len(TIME)), seed=1)
+    one = evidence(samples, *pair(23, 61))[0]
+    other = evidence(1e5 * samples, *pair(23, 61))[0]
+    assert other.score == pytest.approx(one.score, rel=1e-6)
+
+
+def test_other_tooth_counts_than_the_true_one_are_not_found():
+    turns = 24.8 * TIME
+    orders = [27.0 * k + r for k in (1, 2, 3) for r in (-1, 0, 1)] + [1.0, 2.0]
+    samples = lines_on(turns, orders, 0.5) + white((1, len(TIME)), seed=2)
+    assert evidence(samples, *pair(27, 61))[0].stands_out
+    for teeth in (19, 23, 31, 35):
+        assert not evidence(samples, *pair(teeth, 61))[0].stands_out
+
+
+def test_meshes_of_two_stages_are_found_together():
+    meshes = [parallel(26, 53), parallel(23, 61, order=26 / 53)]
+    shafts = [1.0, 26 / 53, 26 / 53 * 23 / 61]
+    turns = wandering_turns(TIME, 24.7, 0.001, 3)
+    orders = [k * mesh.order for mesh in meshes for k in (1, 2, 3)]
+    samples = lines_on(turns, [*orders, 1.0, 25.0, 27.0], 0.4) + white((1, len(TIME)), seed=3)
+    assert [seen.stands_out for seen in evidence(samples, meshes, shafts)] == [True, True]
+
+
+def test_nothing_to_compare_with_is_not_found():
+    # a mesh above half the sampling rate
+    samples = white((1, len(TIME)), seed=4)
+    seen = evidence(samples, [parallel(97, 101)], [1.0, 97 / 101])[0]
+    assert not seen.stands_out
+    assert seen.score == 0.0
+
+
+def test_mesh_near_half_the_sampling_rate_can_be_judged():
+    # decoys with more teeth lie beyond the spectrum
+    samples = white((1, len(TIME)), seed=5)
+    assert np.isfinite(evidence(samples, *pair(60, 61))[0].score)
+
+
+def quality_of(orders, levels, seed=0, duration=10.0):
+    time = np.arange(int(duration * RATE)) / RATE
+    samples = lines_on(NOMINAL * time, orders, levels) + white((1, len(time)), seed=seed)
+    found = fine_order_spectrum(samples, RATE, constant_track(NOMINAL, time[-1]))
+    return found.quality, found.step
+
+
+SIDES = (-2, -1, 0, 1, 2)
+
+
+def test_sidebands_in_their_places_are_no_mismatch():
+    orders = [23.0 * k + r for k in (1, 2, 3) for r in SIDES]
+    quality, bin_order = quality_of(orders, 0.3)
+    excess, _ = spacing_mismatch(quality, bin_order, parallel(23, 61), 1.0)
+    assert excess == 0.0
+
+
+@pytest.mark.parametrize("departure", [-0.02, 0.015])
+def test_sidebands_of_another_rotation_are_a_mismatch(departure):
+    orders = [23.0 * k + r * (1 + departure) for k in (1, 2, 3) for r in SIDES]
+    quality, bin_order = quality_of(orders, 0.3)
+    excess, found = spacing_mismatch(quality, bin_order, parallel(23, 61), 1.0)
+    assert excess > 3.0
+    assert found == pytest.approx(departure, abs=1.5e-3)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_no_sidebands_are_no_mismatch(seed):
+    quality, bin_order = quality_of([23.0, 46.0, 69.0], 0.3, seed)
+    excess, _ = spacing_mismatch(quality, bin_order, parallel(23, 61), 1.0)
+    assert excess < 2.0
+
+
+def test_sidebands_of_the_other_gear_are_no_mismatch():
+    # a ratio near two, and sidebands of the slow gear only
+    orders = [26.0 * k + r * 26 / 53 for k in (1, 2, 3) for r in (-4, *SIDES, 4)]
+    quality, bin_order = quality_of(orders, 0.3)
+    excess, _ = spacing_mismatch(quality, bin_order, parallel(26, 53), 1.0, 0.03, [26 / 53])
+    assert excess == 0.0
+
+
+def test_spectrum_without_any_spread_is_no_mismatch():
+    assert spacing_mismatch(np.zeros(10_000), 0.01, parallel(23, 61), 1.0) == (0.0, 0.0)

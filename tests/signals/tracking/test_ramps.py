@@ -1,0 +1,183 @@
+"""Speeds that change: followed without a tachometer, against angles that are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from reference.speed_cases import Pattern, make_case, train_of
+from reference.synthetic_signals import constant_track, lines_on, wandering_turns, white
+
+from gearmon.errors import ArgumentError
+from gearmon.gears.kinematics import kinematics
+from gearmon.signals.orders import OrderSums
+from gearmon.signals.tracking import find_path, follow_speed, lock_track
+from gearmon.signals.tracking.comb import peak_refined
+from gearmon.signals.tracking.ramps import unwarp
+from gearmon.signatures.speed import machine_comb
+
+RATE, DURATION, NOMINAL = 4000.0, 8.0, 25.0
+TIME = np.arange(int(DURATION * RATE)) / RATE
+MACHINE = train_of((23, 61))
+COMB = machine_comb(kinematics(MACHINE), MACHINE.operating[0].shaft1_hz)
+MESHES = 23.0 * np.arange(1, 4)
+
+
+def ramp(share, off=0.0):
+    """Angle of a shaft whose speed rises by a share of nominal, its middle `off` from nominal."""
+    middle = NOMINAL * (1 + off)
+    return middle * ((1 - share / 2) * TIME + share * TIME**2 / (2 * DURATION))
+
+
+def vibration(turns, noise=0.3, seed=0):
+    """Mesh lines with sidebands of shaft 1, and its own first harmonics."""
+    orders = [m + r for m in MESHES for r in (-2, -1, 0, 1, 2)] + [1.0, 2.0]
+    levels = [0.1, 0.3, 1.0, 0.25, 0.15] * 3 + [0.3, 0.2]
+    phases = np.random.default_rng(seed).uniform(0, 6.28, len(orders))
+    return lines_on(turns, orders, levels, phases) + white((1, len(turns)), noise, seed=seed)
+
+
+def error_of(track, turns, rate=RATE):
+    """Departure of a track from the known angle, its mean left out [turns]."""
+    time = np.arange(0, len(turns), 20) / rate
+    error = track.turns_at(time) - turns[::20]
+    return error - error.mean()
+
+
+@pytest.mark.parametrize("share", [-0.3, 0.2])
+def test_path_follows_a_ramp(share):
+    turns = ramp(share)
+    path = find_path(vibration(turns), RATE, COMB, NOMINAL)
+    true = NOMINAL * (1 + share * (path.speed.time_s / DURATION - 0.5))
+    np.testing.assert_allclose(path.speed.speed_hz, true, rtol=2.5e-3)
+
+
+@pytest.mark.parametrize("off", [-0.15, 0.2])
+def test_path_finds_a_speed_far_from_nominal(off):
+    path = find_path(vibration(ramp(0.0, off)), RATE, COMB, NOMINAL)
+    np.testing.assert_allclose(path.speed.speed_hz, NOMINAL * (1 + off), rtol=1e-3)
+
+
+def test_path_does_not_hear_how_loud_a_channel_is():
+    samples = vibration(ramp(0.1))
+    one = find_path(samples, RATE, COMB, NOMINAL)
+    other = find_path(1e5 * samples, RATE, COMB, NOMINAL)
+    np.testing.assert_allclose(other.speed.speed_hz, one.speed.speed_hz, rtol=1e-9)
+    assert other.score == pytest.approx(one.score, rel=1e-9)
+
+
+@pytest.mark.parametrize("changes", [{"nominal_hz": 0.0}, {"reach": 0.0}, {"reach": 0.7}])
+def test_path_refuses_what_is_out_of_range(changes):
+    known = {"comb": COMB, "nominal_hz": NOMINAL} | changes
+    with pytest.raises(ArgumentError, match=r"nominal_hz|reach"):
+        find_path(white((1, 8000)), RATE, **known)
+
+
+def test_peak_between_uneven_candidates_is_that_of_the_parabola():
+    speeds = np.exp(0.01 * np.arange(20))
+    peak = speeds[7] + 0.3 * 0.5 * (speeds[8] - speeds[6])
+    step = 0.5 * (speeds[8] - speeds[6])
+    scores = 5 - ((np.arange(20) - 7.3) * step) ** 2
+    found = peak_refined(scores[None, :], np.array([7]), speeds)
+    assert found[0] == pytest.approx(peak, rel=1e-9)
+
+
+def test_unwarping_sharpens_a_speed_that_is_slightly_wrong():
+    turns = ramp(0.02)
+    first = constant_track(NOMINAL, TIME[-1])
+    better = unwarp(vibration(turns), RATE, first, COMB, 10.0, 0.015)
+    assert error_of(better, turns).std() < 0.2 * error_of(first, turns).std()
+
+
+@pytest.mark.parametrize("share", [-0.2, 0.2])
+@pytest.mark.parametrize("seed", [1])
+def test_followed_ramp_is_right_to_two_per_cent_of_a_mesh_period(share, seed):
+    turns = ramp(share)
+    samples = vibration(turns, seed=seed)
+    path = find_path(samples, RATE, COMB, NOMINAL)
+    track = follow_speed(samples, RATE, COMB, MESHES, path.speed)
+    error = error_of(track, turns)
+    assert error.std() * 23 < 0.02
+    assert np.abs(error).max() * 23 < 0.1
+    assert error.std() < 3 * track.uncertainty_turns + 1e-4
+
+
+def with_tones(turns, *tones_hz):
+    """The vibration among lines of others, each as strong as the strongest of its own."""
+    samples = vibration(turns) + sum(lines_on(TIME, hz, 1.0) for hz in tones_hz)
+    path = find_path(samples, RATE, COMB, NOMINAL)
+    return follow_speed(samples, RATE, COMB, MESHES, path.speed)
+
+
+def test_tones_that_stand_still_do_not_capture_the_path():
+    turns = ramp(0.2)
+    track = with_tones(turns, 433.0, 791.3, 1003.0, 1210.7)
+    assert error_of(track, turns).std() * 23 < 0.02
+
+
+def test_a_tone_that_a_mesh_line_crosses_raises_the_uncertainty():
+    turns = ramp(0.2)
+    disturbed, free = with_tones(turns, 610.5), with_tones(turns, 480.0)
+    assert disturbed.uncertainty_turns > 5 * free.uncertainty_turns
+    assert error_of(disturbed, turns).std() < 3 * disturbed.uncertainty_turns
+
+
+def test_nothing_within_the_band_leaves_the_path():
+    samples = vibration(ramp(0.1))
+    path = find_path(samples, RATE, COMB, NOMINAL)
+    track = follow_speed(samples, RATE, COMB, np.array([90.0]), path.speed)
+    assert np.isnan(track.uncertainty_turns)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_lock_is_right_to_the_ends_of_the_recording(seed):
+    turns = wandering_turns(TIME, NOMINAL, 0.003, seed)
+    mean = (turns[-1] - turns[0]) / TIME[-1]
+    first = constant_track(mean, TIME[-1])  # its speed is wrong by some tenths of a per cent
+    track = lock_track(OrderSums(vibration(turns, seed=seed), RATE, MESHES), first)
+    error = error_of(track, turns)
+    assert np.abs(error[:20]).max() * 23 < 0.06
+    assert np.abs(error[-20:]).max() * 23 < 0.06
+    assert error.std() * 23 < 0.01
+
+
+def test_lock_of_a_true_track_keeps_it():
+    turns = NOMINAL * TIME
+    track = lock_track(OrderSums(vibration(turns), RATE, MESHES), constant_track(NOMINAL, TIME[-1]))
+    assert error_of(track, turns).std() * 23 < 0.005
+    assert 0 < track.uncertainty_turns * 23 < 0.01
+
+
+def test_lock_hears_channels_together():
+    turns = wandering_turns(TIME, NOMINAL, 0.002, 5)
+    first = constant_track(turns[-1] / TIME[-1], TIME[-1])
+    loud = vibration(turns, 2.0, 1)
+    several = np.vstack([vibration(turns, 2.0, seed) for seed in range(1, 7)])
+    one = error_of(lock_track(OrderSums(loud, RATE, MESHES), first), turns).std()
+    six = error_of(lock_track(OrderSums(several, RATE, MESHES), first), turns).std()
+    assert six < 0.7 * one
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_lock_to_noise_changes_nothing_and_knows_nothing(seed):
+    first = constant_track(NOMINAL, TIME[-1])
+    track = lock_track(OrderSums(white((1, len(TIME)), seed=seed), RATE, MESHES), first)
+    assert track.uncertainty_turns == float("inf")
+    np.testing.assert_allclose(track.turns_at(TIME[::99]), NOMINAL * TIME[::99], atol=1e-9)
+
+
+def test_patterns_of_the_cases_are_their_harmonics():
+    generator = np.random.default_rng(1)
+    amplitude = generator.standard_normal(12) + 1j * generator.standard_normal(12)
+    turns = np.sort(generator.uniform(0, 5, 200))
+    slow = sum((a * np.exp(2j * np.pi * 0.4 * k * turns)).real for k, a in enumerate(amplitude, 1))
+    found = Pattern(order=0.4, amplitude=amplitude).at(turns)
+    np.testing.assert_allclose(found, slow, atol=2e-3 * np.abs(amplitude).sum())
+
+
+@pytest.mark.parametrize("law", ["wander", "ramp"])
+def test_angle_of_the_cases_rises_as_told(law):
+    case = make_case(3, law=law, amount=0.05, duration_s=30.0, rate=2000.0, off=0.05)
+    speed = np.diff(case.turns) * 2000.0
+    assert speed.mean() == pytest.approx(25.0 * 1.05, rel=0.08)
+    expected = 0.05 if law == "wander" else 0.05 / np.sqrt(12)
+    assert speed.std() / speed.mean() == pytest.approx(expected, rel=0.4)
