@@ -23,18 +23,18 @@ _HOMES = {
     "Signature": "gearmon.signatures.signature",
     "read_signature": "gearmon.signatures.signature",
     "write_signature": "gearmon.signatures.signature",
-    "expected_signature": "gearmon.signatures.expected",
-    "fault_family": "gearmon.signatures.fault_family",
-    "loss_response": "gearmon.signatures.fault_family",
-    "MeasuredSignature": "gearmon.signatures.measured",
-    "measure_signature": "gearmon.signatures.measured",
-    "indicator_table": "gearmon.signatures.indicator_table",
+    "expected_signature": "gearmon.signatures.expected.baseline",
+    "fault_family": "gearmon.signatures.expected.fault_family",
+    "loss_response": "gearmon.signatures.expected.faulty_teeth",
+    "MeasuredSignature": "gearmon.signatures.measured.measurement",
+    "measure_signature": "gearmon.signatures.measured.measurement",
+    "indicator_table": "gearmon.signatures.measured.indicators",
     "recording_spectrum": "gearmon.signatures.recording_spectrum",
     "order_spectra": "gearmon.signatures.order_spectra",
     "gear_averages": "gearmon.signatures.gear_averages",
-    "Reference": "gearmon.signatures.reference",
-    "read_reference": "gearmon.signatures.reference_storage",
-    "write_reference": "gearmon.signatures.reference_storage",
+    "Reference": "gearmon.signatures.measured.reference",
+    "read_reference": "gearmon.signatures.measured.reference",
+    "write_reference": "gearmon.signatures.measured.reference",
     "Analysis": "gearmon.diagnosis.results",
     "analyse": "gearmon.diagnosis.analysis",
     "learn": "gearmon.diagnosis.analysis",
@@ -63,18 +63,18 @@ if TYPE_CHECKING:
     from gearmon.signals.recording import Recording as Recording
     from gearmon.signals.recording import open_recording as open_recording
     from gearmon.signals.recording import read_recording as read_recording
-    from gearmon.signatures.expected import expected_signature as expected_signature
-    from gearmon.signatures.fault_family import fault_family as fault_family
-    from gearmon.signatures.fault_family import loss_response as loss_response
+    from gearmon.signatures.expected.baseline import expected_signature as expected_signature
+    from gearmon.signatures.expected.fault_family import fault_family as fault_family
+    from gearmon.signatures.expected.faulty_teeth import loss_response as loss_response
     from gearmon.signatures.gear_averages import gear_averages as gear_averages
-    from gearmon.signatures.indicator_table import indicator_table as indicator_table
-    from gearmon.signatures.measured import MeasuredSignature as MeasuredSignature
-    from gearmon.signatures.measured import measure_signature as measure_signature
+    from gearmon.signatures.measured.indicators import indicator_table as indicator_table
+    from gearmon.signatures.measured.measurement import MeasuredSignature as MeasuredSignature
+    from gearmon.signatures.measured.measurement import measure_signature as measure_signature
+    from gearmon.signatures.measured.reference import Reference as Reference
+    from gearmon.signatures.measured.reference import read_reference as read_reference
+    from gearmon.signatures.measured.reference import write_reference as write_reference
     from gearmon.signatures.order_spectra import order_spectra as order_spectra
     from gearmon.signatures.recording_spectrum import recording_spectrum as recording_spectrum
-    from gearmon.signatures.reference import Reference as Reference
-    from gearmon.signatures.reference_storage import read_reference as read_reference
-    from gearmon.signatures.reference_storage import write_reference as write_reference
     from gearmon.signatures.signature import Signature as Signature
     from gearmon.signatures.signature import read_signature as read_signature
     from gearmon.signatures.signature import write_signature as write_signature

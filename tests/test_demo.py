@@ -13,7 +13,7 @@ from gearmon.demos.crack import FAULT
 from gearmon.errors import ArgumentError
 from gearmon.machine import load_machine
 from gearmon.machine.example import EXAMPLE
-from gearmon.signatures.reference_storage import read_reference
+from gearmon.signatures.measured.reference import read_reference
 
 
 @pytest.fixture(scope="module")

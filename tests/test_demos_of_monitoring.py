@@ -8,7 +8,7 @@ from reference.small_gearbox import as_json
 from gearmon.demos import DEMOS, day, growth, kinds, run_demo
 from gearmon.diagnosis.history import read_history
 from gearmon.machine import load_machine
-from gearmon.signatures.reference_storage import read_reference
+from gearmon.signatures.measured.reference import read_reference
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -66,7 +66,7 @@ def test_help_loads_nothing_heavy(arguments):
 
 
 def test_reading_and_measuring_need_no_heavy_library():
-    _, names, _ = loaded_after("import gearmon.signals.recording, gearmon.signatures.measured")
+    _, names, _ = loaded_after("import gearmon.signatures.measured.measurement")
     assert not heavy(names)
 
 

@@ -11,8 +11,8 @@ from reference.small_gearbox import as_json
 from gearmon.diagnosis.analysis import analyse
 from gearmon.machine import Machine, OperatingPoint, ParallelStage
 from gearmon.signals.recording import read_recording
-from gearmon.signatures.measured import measure_signature
-from gearmon.signatures.reference import make_reference
+from gearmon.signatures.measured.measurement import measure_signature
+from gearmon.signatures.measured.reference import make_reference
 
 FOLDER = Path(__file__).resolve().parents[2] / "shared" / "recordings"
 pytestmark = pytest.mark.skipif(

@@ -21,8 +21,8 @@ from gearmon.diagnosis.analysis import evidence_against
 from gearmon.diagnosis.decision.calibration import situation, table_of
 from gearmon.errors import GearmonError
 from gearmon.files import write_atomically
-from gearmon.signatures.measured import MeasuredSignature, measure_signature
-from gearmon.signatures.reference import make_reference
+from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature
+from gearmon.signatures.measured.reference import make_reference
 from gearmon.terminal import progress_bar
 
 MACHINES, SEED = 40, 2026

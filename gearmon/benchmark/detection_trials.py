@@ -29,9 +29,9 @@ from gearmon.errors import GearmonError
 from gearmon.signals import indicators
 from gearmon.signals.indicators import RunHistory, na4_frozen
 from gearmon.signals.recording import Recording
-from gearmon.signatures.gear_signals import gear_signals
-from gearmon.signatures.measured import MeasuredSignature
-from gearmon.signatures.reference import Profile, Reference
+from gearmon.signatures.measured.gear_signals import gear_signals
+from gearmon.signatures.measured.measurement import MeasuredSignature
+from gearmon.signatures.measured.reference import Profile, Reference
 
 FloatArray = NDArray[np.float64]
 

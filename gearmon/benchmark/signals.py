@@ -22,9 +22,9 @@ from gearmon.signals.orders import fine_order_spectrum, order_lines
 from gearmon.signals.recording import Recording, read_recording
 from gearmon.signals.spectra import amplitude_spectrum, envelope_spectrum, kurtogram, power_density
 from gearmon.signals.transforms import batch
-from gearmon.signatures.indicator_table import indicator_table
-from gearmon.signatures.measured import LEAKAGE, PIECES_HEARD, MeasuredSignature
-from gearmon.signatures.nongear_lines import nongear_lines
+from gearmon.signatures.measured.indicators import indicator_table
+from gearmon.signatures.measured.measurement import LEAKAGE, PIECES_HEARD, MeasuredSignature
+from gearmon.signatures.measured.nongear_lines import nongear_lines
 from gearmon.signatures.speed import scan_nominal_speeds
 from gearmon.signatures.tracking import track_recording
 from gearmon.terminal import Progress

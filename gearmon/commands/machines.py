@@ -97,9 +97,8 @@ def _stiffness_lines(rows: list[dict[str, Any]]) -> list[str]:
 
 def run_baseline(arguments: argparse.Namespace) -> int:
     """Run `gearmon baseline`."""
-    from gearmon.signatures.expected import expected_signature
-    from gearmon.signatures.listing import signature_lines
-    from gearmon.signatures.signature import write_signature
+    from gearmon.signatures.expected.baseline import expected_signature
+    from gearmon.signatures.signature import signature_lines, write_signature
 
     machine, faults = machine_of(arguments.machine), tuple(arguments.fault)
     signature = expected_signature(
@@ -113,7 +112,7 @@ def run_baseline(arguments: argparse.Namespace) -> int:
 
 def run_family(arguments: argparse.Namespace) -> int:
     """Run `gearmon family`."""
-    from gearmon.signatures.fault_family import fault_family
+    from gearmon.signatures.expected.fault_family import fault_family
 
     family = fault_family(
         machine_of(arguments.machine),
@@ -154,7 +153,7 @@ def run_stability(arguments: argparse.Namespace) -> int:
     """Run `gearmon stability`."""
     from gearmon.dynamics.stability_margin import stability_margin
     from gearmon.report.text_tables import table_lines
-    from gearmon.signatures.mesh_problem import mesh_problem
+    from gearmon.signatures.expected.mesh import mesh_problem
 
     machine = machine_of(arguments.machine)
     stages = [arguments.stage] if arguments.stage else range(1, len(machine.stages) + 1)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from gearmon.diagnosis.results import Analysis
     from gearmon.machine import Machine
     from gearmon.signals.recording import Recording
-    from gearmon.signatures.reference import Reference
+    from gearmon.signatures.measured.reference import Reference
 
 #: Examples that a classifier is trained on; kinds less probable than this are not shown.
 EXAMPLES, LEAST_SHOWN = 1600, 0.01
@@ -29,9 +29,8 @@ EXAMPLES, LEAST_SHOWN = 1600, 0.01
 def run_learn(arguments: argparse.Namespace) -> int:
     """Run `gearmon learn`."""
     from gearmon.report.text import reference_text
-    from gearmon.signatures.measured import measure_signature
-    from gearmon.signatures.reference import make_reference
-    from gearmon.signatures.reference_storage import write_reference
+    from gearmon.signatures.measured.measurement import measure_signature
+    from gearmon.signatures.measured.reference import make_reference, write_reference
 
     if not arguments.output:
         raise ArgumentError("learn: -o REFERENCE is missing; name the reference file to write")
@@ -128,7 +127,7 @@ def _analysis_lines(result: dict[str, Any], analyses: list[Analysis]) -> list[st
 def reference_of(arguments: argparse.Namespace, machine: Machine) -> Reference | None:
     """Return the reference that is named, or learn it from the healthy recording that is named."""
     from gearmon.diagnosis.analysis import learn
-    from gearmon.signatures.reference_storage import is_reference, read_reference
+    from gearmon.signatures.measured.reference import is_reference, read_reference
 
     if not arguments.reference:
         return None
@@ -183,7 +182,7 @@ def _classifier(arguments: argparse.Namespace, machine: Machine) -> tuple[KindCl
     """Read the classifier that is named, or train it and keep it under that name."""
     from gearmon.diagnosis.fault_types.classifier import read_kinds, write_kinds
     from gearmon.diagnosis.fault_types.training import EXAMPLES_BETWEEN, train_kinds
-    from gearmon.signatures.reference import tooth_counts
+    from gearmon.signatures.measured.reference import tooth_counts
 
     path = arguments.trained
     if path and Path(path).exists():

@@ -14,8 +14,7 @@ from gearmon.commands.output import BAD_INPUT, DONE, finish, show, write_table, 
 
 if TYPE_CHECKING:
     from gearmon.signatures.gear_averages import GearAverages
-    from gearmon.signatures.indicator_history import IndicatorHistory
-    from gearmon.signatures.indicator_table import IndicatorTable
+    from gearmon.signatures.measured.indicators import IndicatorHistory, IndicatorTable
     from gearmon.signatures.order_spectra import OrderSpectra
 
 # Columns of the table on a screen; the files hold the others too.
@@ -32,7 +31,7 @@ def run_indicators(arguments: argparse.Namespace) -> int:
     tables: list[IndicatorTable] = []
 
     def table_of(path: str) -> dict[str, Any]:
-        from gearmon.signatures.indicator_table import indicator_table
+        from gearmon.signatures.measured.indicators import indicator_table
 
         recording = recording_of(path, arguments, machine)
         before = tables[-1].history if tables else history
@@ -43,7 +42,7 @@ def run_indicators(arguments: argparse.Namespace) -> int:
     history = tables[-1].history if tables else history
     result: dict[str, Any] = {"recordings": entries}
     if arguments.history and history is not None:
-        from gearmon.signatures.indicator_history import write_history
+        from gearmon.signatures.measured.indicators import write_history
 
         write_history(history, arguments.history)
         result["history"] = arguments.history
@@ -62,7 +61,7 @@ def run_indicators(arguments: argparse.Namespace) -> int:
 
 
 def _history(arguments: argparse.Namespace) -> IndicatorHistory | None:
-    from gearmon.signatures.indicator_history import read_history
+    from gearmon.signatures.measured.indicators import read_history
 
     if not arguments.history or not Path(arguments.history).exists():
         return None

@@ -13,7 +13,7 @@ from gearmon.machine import load_machine
 from gearmon.machine.example import EXAMPLE
 from gearmon.report import analysis_text, write_report
 from gearmon.signals.recording import read_recording
-from gearmon.signatures.reference_storage import write_reference
+from gearmon.signatures.measured.reference import write_reference
 from gearmon.simulation import simulate, write_simulation
 from gearmon.terminal import Progress
 

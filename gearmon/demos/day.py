@@ -19,7 +19,7 @@ from gearmon.files import write_atomically
 from gearmon.report.demo_plots import DayView, day_figure
 from gearmon.report.plots import save
 from gearmon.signals.recording import Recording
-from gearmon.signatures.reference_storage import write_reference
+from gearmon.signatures.measured.reference import write_reference
 from gearmon.terminal import Progress
 
 FloatArray = NDArray[np.float64]

@@ -25,7 +25,7 @@ from gearmon.gears.faults import Fault
 from gearmon.report.history_plots import history_figure
 from gearmon.report.history_text import history_lines, moment_text
 from gearmon.report.plots import save
-from gearmon.signatures.reference_storage import write_reference
+from gearmon.signatures.measured.reference import write_reference
 from gearmon.terminal import Progress
 
 RECORDINGS, SOUND = 20, 6

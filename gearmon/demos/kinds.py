@@ -25,7 +25,7 @@ from gearmon.report.plots import save
 from gearmon.report.text_tables import table_lines
 from gearmon.report.wording import percent
 from gearmon.signals.recording import Recording
-from gearmon.signatures.reference_storage import write_reference
+from gearmon.signatures.measured.reference import write_reference
 from gearmon.simulation import Settings
 from gearmon.simulation.contact import Drive, ShaftMotion, random_wander
 from gearmon.simulation.path import noise, random_path, tacho_pulses, through_path

@@ -36,10 +36,10 @@ from gearmon.errors import ArgumentError, GearmonError, check_range
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine
 from gearmon.signals.recording import Recording
-from gearmon.signatures.families import Family
-from gearmon.signatures.indicators import gear_indicators, waveform_indicators
-from gearmon.signatures.measured import MeasuredSignature, measure_signature
-from gearmon.signatures.reference import Profile, Reference, make_reference, tooth_counts
+from gearmon.signatures.measured.indicators import gear_indicators, waveform_indicators
+from gearmon.signatures.measured.line_plan import Family
+from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature
+from gearmon.signatures.measured.reference import Profile, Reference, make_reference, tooth_counts
 from gearmon.signatures.signature import Signature
 
 # Without a reference: false-alarm probability below which one tooth is called damaged. Seen on
@@ -477,7 +477,8 @@ def _expected(
     signature: MeasuredSignature, machine: Machine
 ) -> tuple[Signature | None, tuple[str, ...]]:
     """Return the expected signature up to half the sampling rate, or why there is none."""
-    from gearmon.signatures.expected import expected_signature  # not needed with a reference
+    # not needed with a reference
+    from gearmon.signatures.expected.baseline import expected_signature
 
     try:
         return expected_signature(machine, max_hz=0.5 * signature.sampling_rate_hz), ()

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.diagnosis.nongear import NonGearFinding as ForeignFinding
-from gearmon.signatures.measured import MeasuredSignature
+from gearmon.signatures.measured.measurement import MeasuredSignature
 from gearmon.signatures.signature import Signature
 
 FloatArray = NDArray[np.float64]

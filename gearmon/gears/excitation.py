@@ -14,7 +14,7 @@ between known corners, and its Fourier integrals are exact.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -38,8 +38,6 @@ MOST_CONTACTS = 5_000
 Windows = dict[tuple[tuple[int, int, int], ...], list[int]]
 #: Largest turn of an oscillating part across one piece where it is sampled [rad].
 LARGEST_TURN = 6.0
-#: Longest period that is sampled [mesh periods].
-LONGEST_PERIOD = 20_000
 
 
 def tip_corner_gap(pair: ToothPair, beyond_m: FloatArray, *, leaving: bool) -> FloatArray:
@@ -408,30 +406,10 @@ class Excitation:
         """True period [mesh periods], of errors and stiffness together."""
         return math.lcm(self.stiffness.period_mesh, *(error.period_mesh for error in self.errors))
 
-    def of(self, gears: Sequence[str]) -> Excitation:
-        """Return the excitation by the errors of these gears only."""
-        return replace(self, errors=tuple(error for error in self.errors if error.gear in gears))
-
     def at(self, phase: ArrayLike) -> FloatArray:
         """Return e [m] at mesh phases, any shape; positive where material is missing."""
         x = np.asarray(phase, dtype=np.float64)
         return np.asarray(sum((part.at(x) for part in self.parts), np.zeros(x.shape)))
-
-    def sample(self, points_per_mesh: int) -> FloatArray:
-        """Return e [m] over the true period, at the phases i/points_per_mesh.
-
-        Raises
-        ------
-        ArgumentError
-            If the true period is longer than 20,000 mesh periods.
-        """
-        check_range("points_per_mesh", points_per_mesh, 1, 100_000)
-        if self.period_mesh > LONGEST_PERIOD:
-            raise ArgumentError(
-                f"the errors repeat after {self.period_mesh} mesh periods only, more than "
-                f"{LONGEST_PERIOD}; ask for the errors of one gear at a time"
-            )
-        return self.at(np.arange(self.period_mesh * points_per_mesh) / points_per_mesh)
 
     def harmonics(self, count: int, period_mesh: int | None = None) -> ComplexArray:
         """Return e_0 ... e_count [m] of ``e = e_0 + sum_r (e_r exp(2 pi i r phase/P) + conj)``.

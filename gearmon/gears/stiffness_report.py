@@ -186,12 +186,11 @@ def compare_forms(
     pair = mesh_pairs(machine.stages[stage - 1], stage, machine.path)[0]
     force, hertz = _running(machine, stage)
     phase = np.arange(mesh_periods * points_per_mesh + 1) / points_per_mesh
-    orders = np.arange(1, harmonics + 1)
     curves = []
     for group, form in wanted:
         found = pair_stiffness(pair, (), form, force_n=force)
         name = form if isinstance(form, str) else form.name
-        lines = found.healthy.coefficients(orders) / found.healthy_mean_n_per_m
+        lines = found.mesh_harmonics(harmonics)
         curves.append(FormCurve(group, name, found, found.at(phase), lines))
     return FormComparison(
         machine=machine.name,

@@ -37,7 +37,7 @@ from gearmon.harvesting.vibration import (
 )
 from gearmon.machine import Machine
 from gearmon.signals.recording import Recording
-from gearmon.signatures.expected import expected_signature
+from gearmon.signatures.expected.baseline import expected_signature
 
 #: A place is good only when the gear is damaged if, tuned for that, it loses more than this share
 #: of its power when the gear is sound.

@@ -18,8 +18,8 @@ from gearmon.report.plots import Picture, legend, light_grid, new_figure, style
 from gearmon.report.spectrum_plots import amplitude_figure, close_up_figure
 from gearmon.report.wording import percent, probability_text, strip_label, unit_text
 from gearmon.signals.recording import Recording
-from gearmon.signatures.families import WheelLines
-from gearmon.signatures.reference import Reference
+from gearmon.signatures.measured.line_plan import WheelLines
+from gearmon.signatures.measured.reference import Reference
 
 FloatArray = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ from gearmon.signals.angle import AngleTrack
 from gearmon.signals.orders import AngleGrid, OrderLines, angle_blocks, synchronous_average
 from gearmon.signals.spectra import Spectrum, amplitude_spectrum
 from gearmon.signals.transforms import fast_length
-from gearmon.signatures.families import WheelLines
+from gearmon.signatures.measured.line_plan import WheelLines
 
 FloatArray = NDArray[np.float64]
 

@@ -22,7 +22,7 @@ from gearmon.report.palette import (
     series_marker,
 )
 from gearmon.report.plots import Picture, named_handles, plot_marks, sheet, sheet_style, style
-from gearmon.signatures.fault_family import FaultFamily
+from gearmon.signatures.expected.fault_family import FaultFamily
 
 _ORDERS = {1: ("1st", GREEN, ":"), 2: ("2nd", BLUE, "--"), 3: ("3rd", GREY, "-.")}
 # Below this growth nothing is drawn: it is rounding.

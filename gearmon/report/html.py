@@ -19,7 +19,7 @@ from gearmon.report import text
 from gearmon.report.palette import VERDICT_STYLE
 from gearmon.report.wording import gear_text, printable, probability_text
 from gearmon.signals.recording import Recording
-from gearmon.signatures.reference import Reference
+from gearmon.signatures.measured.reference import Reference
 
 # Changes shown at once; the rest folds away.
 _CHANGES_SHOWN = 30

@@ -45,9 +45,9 @@ from gearmon.report.wording import (
     told_apart,
     unit_text,
 )
-from gearmon.signatures.families import NEAR_SIDEBANDS, Family
-from gearmon.signatures.measured import MeasuredSignature
-from gearmon.signatures.reference import Reference
+from gearmon.signatures.measured.line_plan import NEAR_SIDEBANDS, Family
+from gearmon.signatures.measured.measurement import MeasuredSignature
+from gearmon.signatures.measured.reference import Reference
 
 FloatArray = NDArray[np.float64]
 

@@ -35,8 +35,8 @@ from gearmon.report.spectrum_plots import MOST_STRIPS, label_marks, line_marks, 
 from gearmon.report.wording import shortened, strip_label, unit_text
 from gearmon.signals.orders.averages import one_turn
 from gearmon.signatures.gear_averages import GearAverage, GearAverages
-from gearmon.signatures.gear_signals import gear_signals
-from gearmon.signatures.indicator_table import IndicatorTable
+from gearmon.signatures.measured.gear_signals import gear_signals
+from gearmon.signatures.measured.indicators import IndicatorTable
 from gearmon.signatures.order_spectra import OrderSpectra
 
 FloatArray = NDArray[np.float64]

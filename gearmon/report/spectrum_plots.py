@@ -41,9 +41,9 @@ from gearmon.report.wording import (
 from gearmon.signals.recording import Recording
 from gearmon.signals.spectra import Spectrum
 from gearmon.signals.spectra.demodulation import Kurtogram
-from gearmon.signatures.families import MESH_HARMONICS, NEAR_SIDEBANDS, Family
-from gearmon.signatures.line_marks import Mark
-from gearmon.signatures.measured import MeasuredSignature, MeshFinding
+from gearmon.signatures.measured.line_marks import Mark
+from gearmon.signatures.measured.line_plan import MESH_HARMONICS, NEAR_SIDEBANDS, Family
+from gearmon.signatures.measured.measurement import MeasuredSignature, MeshFinding
 from gearmon.signatures.order_spectra import OrderSpectra
 from gearmon.signatures.recording_spectrum import RecordingSpectrum
 from gearmon.signatures.speed import SPEED_TOLERANCE

@@ -23,7 +23,7 @@ from gearmon.report.wording import (
     unit_text,
     with_uncertainty,
 )
-from gearmon.signatures.reference import Reference
+from gearmon.signatures.measured.reference import Reference
 from gearmon.signatures.speed import SPEED_TOLERANCE
 
 # Changes of more than this many standard deviations are highlighted in pictures and tables.

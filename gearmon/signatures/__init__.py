@@ -1,1 +1,65 @@
-"""Signatures: order lines with amplitude, phase and origin; expected, measured, stored."""
+"""Signatures: order lines with amplitude, phase and origin.
+
+`expected` holds what a machine file foretells, healthy and with every fault of its gears;
+`measured` what recordings show of the same lines, and the healthy reference that they make;
+`signature` the table of lines that is written and read. Names load their module when first used.
+
+>>> from gearmon.machine import Machine, OperatingPoint, ParallelStage
+>>> stage = ParallelStage(pinion_teeth=26, gear_teeth=53, module_mm=2.0, face_width_mm=20.0)
+>>> point = OperatingPoint(speed_rpm=1460.0, torque_nm=98.0)
+>>> machine = Machine(name="pair", stages=(stage,), operating=(point,))
+>>> from gearmon.signatures import expected_signature
+>>> cracked = expected_signature(machine, ["crack:1:pinion:5:20%"], max_hz=2000.0)
+>>> sorted(set(cracked["sideband_of"].tolist()))
+['', 'pinion']
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gearmon.signatures.expected.baseline import expected_signature as expected_signature
+    from gearmon.signatures.expected.fault_family import fault_family as fault_family
+    from gearmon.signatures.expected.faulty_teeth import loss_response as loss_response
+    from gearmon.signatures.expected.mesh import mesh_problem as mesh_problem
+    from gearmon.signatures.expected.tooth_response import tooth_response as tooth_response
+    from gearmon.signatures.measured.indicators import indicator_table as indicator_table
+    from gearmon.signatures.measured.measurement import measure_signature as measure_signature
+    from gearmon.signatures.measured.reference import make_reference as make_reference
+    from gearmon.signatures.measured.reference import read_reference as read_reference
+    from gearmon.signatures.measured.reference import write_reference as write_reference
+    from gearmon.signatures.signature import Signature as Signature
+    from gearmon.signatures.signature import read_signature as read_signature
+    from gearmon.signatures.signature import write_signature as write_signature
+
+_HOMES = {
+    "Signature": "signature",
+    "expected_signature": "expected.baseline",
+    "fault_family": "expected.fault_family",
+    "indicator_table": "measured.indicators",
+    "loss_response": "expected.faulty_teeth",
+    "make_reference": "measured.reference",
+    "measure_signature": "measured.measurement",
+    "mesh_problem": "expected.mesh",
+    "read_reference": "measured.reference",
+    "read_signature": "signature",
+    "tooth_response": "expected.tooth_response",
+    "write_reference": "measured.reference",
+    "write_signature": "signature",
+}
+
+__all__ = [*_HOMES]
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name from its module."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'gearmon.signatures' has no attribute {name!r}")
+    return getattr(import_module(f"gearmon.signatures.{_HOMES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    """List the public names."""
+    return sorted(__all__)

@@ -22,9 +22,9 @@ from gearmon.machine import Machine
 from gearmon.signals.orders import whole_turns
 from gearmon.signals.orders.averages import SynchronousAverage, time_synchronous_average
 from gearmon.signals.recording import Recording
-from gearmon.signatures.families import MESH_HARMONICS, WheelLines
-from gearmon.signatures.gear_signals import GearSignals, gear_signals
-from gearmon.signatures.measured import MeasuredSignature, measure_signature
+from gearmon.signatures.measured.gear_signals import GearSignals, gear_signals
+from gearmon.signatures.measured.line_plan import MESH_HARMONICS, WheelLines
+from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature
 
 FloatArray = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from gearmon.signals.orders.sums import OrderSums
 from gearmon.signals.threads import at_once
 from gearmon.signals.tracking.comb import SpeedScan, SpeedTrack, scan_speed
 from gearmon.signals.tracking.mesh_detection import MeshEvidence, mesh_evidence
-from gearmon.signatures.families import MESH_HARMONICS, group_orders, mesh_harmonics
+from gearmon.signatures.measured.line_plan import MESH_HARMONICS, group_orders, mesh_harmonics
 from gearmon.signatures.speed import SPEED_TOLERANCE, machine_comb, mesh_combs
 
 FloatArray = NDArray[np.float64]

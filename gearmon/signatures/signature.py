@@ -7,6 +7,10 @@ the names.
 
 from __future__ import annotations
 
+import csv
+import io
+import json
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +20,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.errors import ArgumentError
+from gearmon.errors import ArgumentError, SignatureError, nearest_name
+from gearmon.files import replacing, write_atomically
 
 INTEGER_COLUMNS = ("stage", "mesh_harmonic", "sideband")
 TEXT_COLUMNS = ("sideband_of",)
@@ -32,6 +37,9 @@ COLUMNS = (
     "acceleration_ms2",
     "phase_rad",
 )
+FORMAT = "gearmon signature 1"
+RESERVED = ("format", "machine", "origin", "columns", "rows")
+SUFFIXES = (".csv", ".json", ".parquet")
 
 Array = npt.NDArray[Any]
 
@@ -73,7 +81,7 @@ class Signature:
     columns: Mapping[str, Array]
 
     def __post_init__(self) -> None:
-        taken = {"format", "machine", "origin", "columns", "rows"} & set(self.header)
+        taken = set(RESERVED) & set(self.header)
         if taken:
             raise ArgumentError(f"signature: header key {min(taken)} is reserved; use another name")
         missing = [name for name in COLUMNS if name not in self.columns]
@@ -150,12 +158,12 @@ def plain(value: Any) -> Any:
     return value
 
 
-def restored(value: Any) -> Any:
+def _restored(value: Any) -> Any:
     """Undo what `plain` did to numbers that JSON lacks."""
     if isinstance(value, dict):
-        return {key: restored(item) for key, item in value.items()}
+        return {key: _restored(item) for key, item in value.items()}
     if isinstance(value, list):
-        return [restored(item) for item in value]
+        return [_restored(item) for item in value]
     return float(value) if value in ("inf", "-inf", "nan") else value
 
 
@@ -175,9 +183,12 @@ def write_signature(signature: Signature, path: str | Path) -> None:
     ArgumentError
         If the suffix is unknown, the file cannot be written, or Parquet support is not installed.
     """
-    from gearmon.signatures import storage
-
-    storage.write(signature, Path(path))
+    target = Path(path)
+    suffix = _suffix(target)
+    if suffix == ".parquet":
+        _write_parquet(signature, target)
+    else:
+        write_atomically(target, _to_csv(signature) if suffix == ".csv" else _to_json(signature))
 
 
 def read_signature(path: str | Path) -> Signature:
@@ -190,6 +201,243 @@ def read_signature(path: str | Path) -> Signature:
     ArgumentError
         If the suffix is unknown, or Parquet support is not installed.
     """
-    from gearmon.signatures import storage
+    source = Path(path)
+    suffix = _suffix(source)
+    if not source.is_file():
+        raise SignatureError(f"{source}: there is no such file")
+    if suffix == ".parquet":
+        return _read_parquet(source)
+    try:
+        text = source.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        raise SignatureError(f"{source}: cannot be read as text; not a signature") from None
+    return _from_csv(text, source) if suffix == ".csv" else _from_json(text, source)
 
-    return storage.read(Path(path))
+
+def _suffix(path: Path) -> str:
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        near = nearest_name(suffix, SUFFIXES)
+        hint = f"; did you mean {near}?" if near else ""
+        raise ArgumentError(f"{path}: suffix must be one of {', '.join(SUFFIXES)}{hint}")
+    return suffix
+
+
+def _about(signature: Signature) -> dict[str, Any]:
+    """Return everything but the lines."""
+    about = {"format": FORMAT, "machine": signature.machine, "origin": signature.origin}
+    return about | {key: plain(value) for key, value in signature.header.items()}
+
+
+def _check_format(about: dict[str, Any], path: Path) -> None:
+    if about.get("format") != FORMAT:
+        raise SignatureError(
+            f"{path}: is not a signature: it must say format {FORMAT!r}, and says "
+            f"{about.get('format')!r}"
+        )
+
+
+def _assembled(about: dict[str, Any], columns: dict[str, Any], path: Path) -> Signature:
+    """Put a signature together from what was read, or say what is wrong with it."""
+    header = _restored({key: value for key, value in about.items() if key not in RESERVED})
+    machine, origin = (str(about.get(key, "")) for key in ("machine", "origin"))
+    try:
+        return Signature(machine=machine, origin=origin, header=header, columns=columns)
+    except (ArgumentError, ValueError, TypeError) as error:
+        raise SignatureError(f"{path}: {error}") from None
+
+
+def _to_csv(signature: Signature) -> str:
+    text = io.StringIO()
+    for key, value in _about(signature).items():
+        text.write(f"# {key}: {json.dumps(value, allow_nan=False, ensure_ascii=False)}\n")
+    rows = csv.writer(text, lineterminator="\n")
+    rows.writerow(signature.columns)
+    # Python writes the shortest digits that give the same number back
+    rows.writerows(zip(*(c.tolist() for c in signature.columns.values()), strict=True))
+    return text.getvalue()
+
+
+def _from_csv(text: str, path: Path) -> Signature:
+    lines = text.splitlines()
+    count = next((i for i, line in enumerate(lines) if not line.startswith("#")), len(lines))
+    about: dict[str, Any] = {}
+    for number, line in enumerate(lines[:count], start=1):
+        key, _, value = line[1:].strip().partition(": ")
+        try:
+            about[key] = json.loads(value)
+        except json.JSONDecodeError:
+            raise SignatureError(f"{path}, line {number}: {line!r} is not '# key: value'") from None
+    _check_format(about, path)
+    return _assembled(about, _csv_columns(lines, count, path), path)
+
+
+def _csv_columns(lines: list[str], start: int, path: Path) -> dict[str, Any]:
+    table = csv.reader(lines[start:])
+    names = next(table, [])
+    missing = [name for name in COLUMNS if name not in names]
+    if missing:
+        raise SignatureError(f"{path}, line {start + 1}: column {missing[0]} is missing")
+    columns: dict[str, list[Any]] = {name: [] for name in names}
+    for number, row in enumerate(table, start=start + 2):
+        if len(row) != len(names):
+            raise SignatureError(
+                f"{path}, line {number}: {len(row)} values for {len(names)} columns; truncated?"
+            )
+        for name, word in zip(names, row, strict=True):
+            columns[name].append(_value(name, word, number, path))
+    return columns
+
+
+def _value(name: str, word: str, number: int, path: Path) -> str | float:
+    if name in TEXT_COLUMNS:
+        return word
+    try:
+        return float(word)
+    except ValueError:
+        if name not in COLUMNS:
+            return word
+        raise SignatureError(
+            f"{path}, line {number}, column {name}: {word!r} is not a number"
+        ) from None
+
+
+def _to_json(signature: Signature) -> str:
+    rows = ",\n".join(json.dumps(row, allow_nan=False) for row in signature.rows())
+    whole = _about(signature) | {"columns": list(signature.columns)}
+    about = json.dumps(whole, allow_nan=False, ensure_ascii=False, indent=1)
+    return f'{about.removesuffix("}").rstrip()},\n "rows": [\n{rows}\n]}}\n'
+
+
+def _from_json(text: str, path: Path) -> Signature:
+    try:
+        whole = json.loads(text)
+    except json.JSONDecodeError as error:
+        raise SignatureError(
+            f"{path}, line {error.lineno}: not valid JSON ({error.msg}); truncated?"
+        ) from None
+    about = whole if isinstance(whole, dict) else {}
+    _check_format(about, path)
+    rows = about.get("rows")
+    if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
+        raise SignatureError(f"{path}: rows must be a list of mappings")
+    names = about.get("columns", list(COLUMNS))
+    for number, row in enumerate(rows, start=1):
+        if row.keys() != set(names):
+            raise SignatureError(f"{path}, row {number}: its columns are not those announced")
+    return _assembled(about, {name: [row[name] for row in rows] for name in names}, path)
+
+
+def _parquet() -> Any:
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError:
+        raise ArgumentError(
+            "Parquet files need pyarrow: pip install 'gearmon[parquet]', or use .csv or .json"
+        ) from None
+    return pyarrow
+
+
+def _write_parquet(signature: Signature, path: Path) -> None:
+    pyarrow = _parquet()
+    table = pyarrow.table(dict(signature.columns))
+    about = json.dumps(_about(signature), allow_nan=False)
+    table = table.replace_schema_metadata({"gearmon": about})
+    with replacing(path) as temporary:
+        pyarrow.parquet.write_table(table, temporary)
+
+
+def _read_parquet(path: Path) -> Signature:
+    pyarrow = _parquet()
+    try:
+        table = pyarrow.parquet.read_table(path)
+    except (pyarrow.ArrowException, OSError):
+        raise SignatureError(f"{path}: not a Parquet file, or a damaged one") from None
+    stored = (table.schema.metadata or {}).get(b"gearmon")
+    about = json.loads(stored) if stored else {}
+    _check_format(about, path)
+    return _assembled(about, {name: table[name].to_pylist() for name in table.column_names}, path)
+
+
+def signature_lines(signature: Signature, most: int = 30) -> list[str]:
+    """Return a compact table: what holds for each stage, then its strongest lines by frequency.
+
+    Parameters
+    ----------
+    signature : Signature
+        What to show.
+    most : int
+        Largest number of lines, taken by acceleration.
+    """
+    lines = [f"{signature.machine or 'machine'}: {signature.origin} signature"]
+    for stage in signature.header.get("stages", []):
+        lines += _stage_lines(stage)
+    strongest = np.sort(np.argsort(-signature["acceleration_ms2"], kind="stable")[:most])
+    strongest = strongest[np.argsort(signature["frequency_hz"][strongest], kind="stable")]
+    lines.append("")
+    lines.append(
+        f"{'stage':>5} {'line':<18} {'order':>10} {'Hz':>10} {'displacement um':>16} "
+        f"{'velocity mm/s':>14} {'acceleration m/s2':>18} {'phase deg':>10}"
+    )
+    lines += [_line(signature, int(index)) for index in strongest]
+    if len(signature) > len(strongest):
+        lines.append(f"({len(strongest)} strongest of {len(signature)} lines; peak amplitudes)")
+    else:
+        lines.append("(peak amplitudes)")
+    return lines
+
+
+def line_name(mesh_harmonic: int, sideband: int, sideband_of: str) -> str:
+    """Return the name of a line, such as "mesh 2", "mesh 2 -3 pinion" or "5 pinion".
+
+    Examples
+    --------
+    >>> line_name(2, -3, "pinion")
+    'mesh 2 -3 pinion'
+    """
+    if not sideband:
+        return f"mesh {mesh_harmonic}"
+    if not mesh_harmonic:
+        return f"{sideband} {sideband_of}"
+    return f"mesh {mesh_harmonic} {sideband:+d} {sideband_of}"
+
+
+def _line(signature: Signature, index: int) -> str:
+    name = line_name(
+        int(signature["mesh_harmonic"][index]),
+        int(signature["sideband"][index]),
+        str(signature["sideband_of"][index]),
+    )
+    return (
+        f"{signature['stage'][index]:>5} {name:<18} {signature['order'][index]:>10.4f} "
+        f"{signature['frequency_hz'][index]:>10.2f} "
+        f"{1e6 * signature['displacement_m'][index]:>16.4g} "
+        f"{1e3 * signature['velocity_ms'][index]:>14.4g} "
+        f"{signature['acceleration_ms2'][index]:>18.4g} "
+        f"{math.degrees(signature['phase_rad'][index]):>10.1f}"
+    )
+
+
+def _stage_lines(stage: dict[str, object]) -> list[str]:
+    """Return what holds for one stage, as far as the header tells it."""
+    shown = (
+        ("mesh frequency", "mesh_frequency_hz", "Hz"),
+        ("mean stiffness", "mean_stiffness_n_per_m", "N/m"),
+        ("stiffness variation", "stiffness_variation", ""),
+        ("contact ratio", "contact_ratio", ""),
+        ("natural frequency", "natural_frequency_hz", "Hz"),
+        ("damping ratio", "damping_ratio", ""),
+        ("error bound", "error_bound", ""),
+    )
+    parts = [
+        f"{label} {stage[key]:.5g}{' ' + unit if unit else ''}"
+        for label, key, unit in shown
+        if isinstance(stage.get(key), float)
+    ]
+    lines = [f"stage {stage.get('stage', 1)}: {', '.join(parts)}"]
+    if stage.get("message"):
+        lines.append(f"  {stage['message']}")
+    if stage.get("contact_lost"):
+        lines.append("  teeth lose contact in every period: the linear model ends there")
+    return lines

@@ -14,7 +14,7 @@ from gearmon.machine import Machine
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.tracking.comb import Comb, SpeedScan, scan_speed
 from gearmon.signals.tracking.mesh_detection import MeshComb, combined_comb
-from gearmon.signatures.families import MESH_HARMONICS, group_orders, mesh_harmonics
+from gearmon.signatures.measured.line_plan import MESH_HARMONICS, group_orders, mesh_harmonics
 
 FloatArray = NDArray[np.float64]
 

@@ -230,10 +230,3 @@ def test_errors_that_do_not_fit_the_mesh():
 @pytest.mark.parametrize("text", ["eccentricity:1:pinion:all:20um", "pitch:2:gear:7:8um"])
 def test_written_and_read_again(text):
     assert str(parse_error(text)) == text
-
-
-def test_long_periods_are_refused():
-    many = replace(STAGE, pinion_teeth=199, gear_teeth=211)
-    found = excite("pitch:1:pinion:1:5um", "pitch:1:gear:1:5um", stage=many)
-    with pytest.raises(ArgumentError, match="repeat after 41989 mesh periods only"):
-        found.sample(10)

@@ -10,7 +10,7 @@ from gearmon.diagnosis.hypotheses.tooth_search import search_gear
 from gearmon.diagnosis.law import GearDeviation, GearLaw, turned_alike
 from gearmon.diagnosis.law.gear_lines import BandDeviation
 from gearmon.machine import Machine, OperatingPoint, ParallelStage
-from gearmon.signatures.tooth_response import tooth_response
+from gearmon.signatures.expected.tooth_response import tooth_response
 
 TEETH, HARMONICS, SPEED_HZ = 31, 6, 25.0
 

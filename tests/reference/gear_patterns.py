@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gearmon.signatures.reference import WheelPattern
+from gearmon.signatures.measured.reference import WheelPattern
 
 # A tooth is in the middle of its contact so long after it has entered [mesh periods].
 CONTACT_CENTRE = 0.8

@@ -10,7 +10,7 @@ from reference.synthetic_signals import track_of, wandering_turns
 
 from gearmon.gears.kinematics import kinematics
 from gearmon.signals.orders import fine_order_spectrum
-from gearmon.signatures.nongear_lines import nongear_lines
+from gearmon.signatures.measured.nongear_lines import nongear_lines
 
 RATE_HZ, DURATION_S, SPEED_HZ = 6000.0, 6.0, 24.7
 

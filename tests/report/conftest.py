@@ -11,7 +11,7 @@ from gearmon.diagnosis.analysis import analyse, learn
 from gearmon.diagnosis.results import Analysis
 from gearmon.machine import Machine, OperatingPoint, ParallelStage
 from gearmon.signals.recording import Recording
-from gearmon.signatures.reference import Reference
+from gearmon.signatures.measured.reference import Reference
 
 RATE_HZ = 4096.0
 SPEED_HZ = 19.9

@@ -26,9 +26,9 @@ from gearmon.report.recording_plots import (
 )
 from gearmon.report.spectrum_plots import order_figure, spectrum_figure
 from gearmon.report.stiffness_plots import form_figure, stiffness_figures
-from gearmon.signatures.fault_family import fault_family
+from gearmon.signatures.expected.fault_family import fault_family
 from gearmon.signatures.gear_averages import gear_averages
-from gearmon.signatures.indicator_table import indicator_table
+from gearmon.signatures.measured.indicators import indicator_table
 from gearmon.signatures.order_spectra import order_spectra
 from gearmon.signatures.recording_spectrum import recording_spectrum
 

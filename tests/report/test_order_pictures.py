@@ -17,7 +17,7 @@ from gearmon.report.spectrum_plots import order_figure
 from gearmon.report.text import INDICATOR_DEFINITIONS
 from gearmon.signals.orders import order_map
 from gearmon.signatures.gear_averages import gear_averages
-from gearmon.signatures.indicator_table import indicator_table
+from gearmon.signatures.measured.indicators import indicator_table
 from gearmon.signatures.order_spectra import order_spectra
 
 

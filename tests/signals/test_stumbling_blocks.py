@@ -22,8 +22,8 @@ from gearmon.signals.orders import angular_waveform, resample_to_angle, time_syn
 from gearmon.signals.recording import open_recording, read_recording
 from gearmon.signals.spectra import amplitude_spectrum, demodulate, line_amplitude
 from gearmon.signals.tracking import find_pulses, track_from_pulses
-from gearmon.signatures.indicator_table import indicator_table
-from gearmon.signatures.measured import measure_signature
+from gearmon.signatures.measured.indicators import indicator_table
+from gearmon.signatures.measured.measurement import measure_signature
 
 RATE = 4000.0
 TIME = np.arange(40_000) / RATE

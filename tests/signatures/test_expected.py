@@ -10,7 +10,7 @@ from gearmon.dynamics import HillProblem
 from gearmon.errors import ArgumentError
 from gearmon.gears.mechanics import stage_mechanics
 from gearmon.machine import Machine, OperatingPoint, ParallelStage, PlanetaryStage
-from gearmon.signatures.expected import expected_signature
+from gearmon.signatures.expected.baseline import expected_signature
 from gearmon.signatures.signature import COLUMNS
 
 POINT = OperatingPoint(speed_rpm=1460.0, torque_nm=98.12)
@@ -234,6 +234,19 @@ def test_planetary_stages_show_one_of_their_meshes():
     np.testing.assert_allclose(found["order"], found["mesh_harmonic"] * 100 / 6, rtol=1e-12)
 
 
+def test_an_error_that_does_not_act_in_the_mesh_taken_is_told():
+    stage = PlanetaryStage(
+        sun_teeth=20, planet_teeth=40, ring_teeth=100, planets=4, module_mm=2.0, face_width_mm=25.0
+    )
+    faults = ["wear:1:ring:all:5%", "pitch:1:sun:1:10um"]
+    found = expected_signature(machine(stage), faults, 1e-2, max_hz=2000.0)
+    assert found.header["mesh"] == "planet-ring"
+    assert any(
+        "pitch:1:sun:1:10um does not act in the planet-ring mesh" in words
+        for words in found.header["stages"][0]["warnings"]
+    )
+
+
 def test_plain_expansion_to_second_order_reports_its_error():
     plain = expected_signature(machine(), method="msm", order=2)
     exact = expected_signature(machine())
@@ -263,7 +276,7 @@ def test_bad_arguments_are_refused(arguments, words):
 
 def test_nothing_heavy_is_imported():
     code = (
-        "import sys, gearmon.signatures.expected, gearmon.signatures.storage;"
+        "import sys, gearmon.signatures.expected.fault_family;"
         "heavy = ('pandas', 'matplotlib', 'pyarrow', 'rich');"
         "print([module for module in heavy if module in sys.modules])"
     )

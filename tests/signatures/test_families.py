@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from gearmon.errors import GearmonError
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, OperatingPoint, ParallelStage, PlanetaryStage
-from gearmon.signatures.families import MESH_HARMONICS, group_orders, line_plan
+from gearmon.signatures.measured.line_plan import MESH_HARMONICS, group_orders, line_plan
 
 
 def train(*stages):

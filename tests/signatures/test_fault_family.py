@@ -16,9 +16,10 @@ from hypothesis import strategies as st
 from gearmon.cli import main
 from gearmon.errors import ArgumentError
 from gearmon.machine import load_machine
-from gearmon.signatures.expected import expected_signature
-from gearmon.signatures.fault_family import FAMILY_KINDS, fault_family, loss_response
-from gearmon.signatures.fault_family_mesh import common_grid, solved, turn_of
+from gearmon.signatures.expected.baseline import expected_signature
+from gearmon.signatures.expected.fault_family import FAMILY_KINDS, fault_family
+from gearmon.signatures.expected.faulty_teeth import contact_changes, contact_grid, loss_response
+from gearmon.signatures.expected.mesh import posed_mesh
 from gearmon.signatures.signature import read_signature
 
 FOLDER = Path(__file__).resolve().parents[2] / "signatures"
@@ -117,16 +118,13 @@ def test_wear_is_a_softer_mesh():
 @pytest.mark.parametrize("text", ["pitch:1:pinion:1:20um", "missing:1:pinion:1"])
 def test_jumping_excitation_against_slow_integration(text):
     # the full solve cuts the harmonics of jumps: only an integration from corner to corner can say
-    from gearmon.gears.faults import parse_fault_or_error
-
-    healthy = turn_of(PTO, 1, PTO.operating[0], None, "parabolic")
-    turn = turn_of(PTO, 1, PTO.operating[0], parse_fault_or_error(text), "parabolic")
+    healthy, turn = posed_mesh(PTO, 1), posed_mesh(PTO, 1, wrong=[text])
     own, period = turn.mechanics, turn.period
-    grid = common_grid([healthy, turn], 12e3)
-    even = healthy.even(grid)
+    grid = contact_grid([healthy, turn], 12e3)
     count = 3 * period
-    made = solved([turn], period, even).lines(count)[0]
-    made[period - 1 :: period] += even.lines(3)
+    changes = contact_changes(healthy, [turn], grid, period)
+    made = changes.lines(count)[0]
+    made[period - 1 :: period] += changes.mesh.lines(3)
     lines = stepped_lines(turn, grid.edges, count)
     orders = np.arange(1, count + 1)
     error = np.linalg.norm(orders**2 * (lines - made)) / np.linalg.norm(orders**2 * made)

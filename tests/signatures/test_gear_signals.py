@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gearmon.signatures.families import WheelLines
-from gearmon.signatures.gear_signals import gear_signals
+from gearmon.signatures.measured.gear_signals import gear_signals
+from gearmon.signatures.measured.line_plan import WheelLines
 
 TEETH = 20
 NUMBER = np.arange(1, 71)

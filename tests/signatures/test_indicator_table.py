@@ -10,8 +10,7 @@ from reference.small_gearbox import CRACK, as_json, machine, recording
 
 from gearmon.errors import ArgumentError, SignatureError
 from gearmon.signals import indicators
-from gearmon.signatures.indicator_history import read_history, write_history
-from gearmon.signatures.indicator_table import indicator_table
+from gearmon.signatures.measured.indicators import indicator_table, read_history, write_history
 
 RAW = {"RMS", "peak to peak", "crest factor", "kurtosis"}
 GEAR = RAW | {

@@ -20,8 +20,8 @@ from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, OperatingPoint, ParallelStage, Sensor
 from gearmon.signals.orders import order_lines
 from gearmon.signals.recording import Recording
-from gearmon.signatures.families import line_plan
-from gearmon.signatures.measured import family_levels, measure_signature
+from gearmon.signatures.measured.line_plan import line_plan
+from gearmon.signatures.measured.measurement import family_levels, measure_signature
 from gearmon.signatures.speed import mesh_combs
 from gearmon.simulation import simulate
 

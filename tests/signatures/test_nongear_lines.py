@@ -19,8 +19,8 @@ from reference.simulated_machines import planetary
 
 from gearmon.gears.kinematics import kinematics
 from gearmon.signals.orders import fine_order_spectrum
-from gearmon.signatures.gear_orders import distance_to, known_orders
-from gearmon.signatures.nongear_lines import (
+from gearmon.signatures.measured.line_plan import distance_to, known_orders
+from gearmon.signatures.measured.nongear_lines import (
     NonGearLine,
     contaminated,
     line_arrays,
@@ -154,7 +154,7 @@ def test_a_silent_channel_changes_nothing():
 
 def test_of_very_many_lines_the_clearest_are_listed(monkeypatch):
     everything = heard(1, orders=TURNING, level=[0.2, 0.05, 0.02])
-    monkeypatch.setattr("gearmon.signatures.nongear_lines.MOST_LINES", 2)
+    monkeypatch.setattr("gearmon.signatures.measured.nongear_lines.MOST_LINES", 2)
     known = heard(1, orders=TURNING, level=[0.2, 0.05, 0.02])
     assert known.lines == everything.lines[:2]
     assert known.grid("spectrum").least_db == max(everything.lines[2].over_noise_db)

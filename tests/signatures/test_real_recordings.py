@@ -8,7 +8,7 @@ import pytest
 
 from gearmon.machine import Machine, OperatingPoint, ParallelStage, PlanetaryStage
 from gearmon.signals.recording import read_recording
-from gearmon.signatures.measured import measure_signature
+from gearmon.signatures.measured.measurement import measure_signature
 
 
 def one_pair(pinion, gear):

@@ -15,9 +15,15 @@ from reference.synthetic_signals import white
 
 from gearmon.errors import ArgumentError, SignatureError
 from gearmon.signals.recording import Recording
-from gearmon.signatures.measured import measure_signature
-from gearmon.signatures.reference import Profile, make_reference, tooth_counts
-from gearmon.signatures.reference_storage import is_reference, read_reference, write_reference
+from gearmon.signatures.measured.measurement import measure_signature
+from gearmon.signatures.measured.reference import (
+    Profile,
+    is_reference,
+    make_reference,
+    read_reference,
+    tooth_counts,
+    write_reference,
+)
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from gearmon.gears.kinematics import kinematics
 from gearmon.signals.orders import fine_order_spectrum
 from gearmon.signals.recording import Recording
 from gearmon.signals.tracking import foreign_spacing
-from gearmon.signatures.measured import measure_signature
+from gearmon.signatures.measured.measurement import measure_signature
 from gearmon.signatures.speed import mesh_combs
 
 RATE = 12_000.0

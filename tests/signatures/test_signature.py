@@ -6,13 +6,14 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+import gearmon.signatures.signature as module
 from gearmon.errors import ArgumentError, SignatureError
-from gearmon.signatures import storage
-from gearmon.signatures.listing import line_name, signature_lines
 from gearmon.signatures.signature import (
     COLUMNS,
     Signature,
+    line_name,
     read_signature,
+    signature_lines,
     write_signature,
 )
 
@@ -188,7 +189,7 @@ def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
     def fail(_):
         raise ArgumentError("disk full")
 
-    monkeypatch.setattr(storage, "_to_json", fail)
+    monkeypatch.setattr(module, "_to_json", fail)
     with pytest.raises(ArgumentError, match="disk full"):
         write_signature(signature(3), path)
     assert path.read_bytes() == before

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from reference.small_gearbox import CRACK, analysis
 
 from gearmon.signals import indicators
-from gearmon.signatures.indicators import gear_indicators, waveform_indicators
+from gearmon.signatures.measured.indicators import gear_indicators, waveform_indicators
 
 NAMES = {"FM0", "FM4", "M6A", "M8A", "energy ratio", "SER"}
 

@@ -12,7 +12,7 @@ from reference.mesh_curves import parabola
 from gearmon.errors import ArgumentError
 from gearmon.gears.mechanics import stage_mechanics
 from gearmon.machine import Machine, OperatingPoint, ParallelStage
-from gearmon.signatures.expected import expected_signature
+from gearmon.signatures.expected.baseline import expected_signature
 
 POINT = OperatingPoint(speed_rpm=1460.0, torque_nm=98.12)
 SMALL = ParallelStage(
@@ -165,7 +165,7 @@ def test_nothing_extra_for_a_healthy_mesh(monkeypatch):
     def forbidden(*_):
         raise AssertionError("no excitation was asked for")
 
-    monkeypatch.setattr("gearmon.signatures.expected.displacement_excitation", forbidden)
+    monkeypatch.setattr("gearmon.signatures.expected.mesh.displacement_excitation", forbidden)
     expected_signature(box(), [])
 
 

@@ -11,7 +11,7 @@ from gearmon.diagnosis.hypotheses.own_teeth import locate
 from gearmon.diagnosis.hypotheses.runout import turn_changes
 from gearmon.diagnosis.law.machine import same_gear
 from gearmon.diagnosis.results import Analysis, ToothProfile
-from gearmon.signatures.reference import Profile, Reference, WheelPattern
+from gearmon.signatures.measured.reference import Profile, Reference, WheelPattern
 
 if TYPE_CHECKING:
     from gearmon.diagnosis.fault_types.classifier import KindClassifier

@@ -8,21 +8,18 @@ of tooth 1 and ``W_n = sum_j w_j exp(-2 pi i n (j - 1)/z)``.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.errors import ArgumentError
-from gearmon.gears.excitation import displacement_excitation
 from gearmon.gears.faults import Fault, GearError
 from gearmon.gears.kinematics import kinematics
-from gearmon.gears.mechanics import stage_mechanics
 from gearmon.gears.pairs import mesh_pairs
 from gearmon.machine import Machine
-from gearmon.signatures.families import MESH_HARMONICS, LinePlan, WheelLines, line_plan
-from gearmon.signatures.stage_lines import stage_lines
+from gearmon.signatures.expected.faulty_teeth import faulty_lines
+from gearmon.signatures.expected.mesh import operating_point, posed_mesh
+from gearmon.signatures.measured.line_plan import MESH_HARMONICS, LinePlan, WheelLines, line_plan
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -168,22 +165,18 @@ class _Mesh:
     """The mesh of one stage at one operating point."""
 
     def __init__(self, machine: Machine, stage: int, operating: int) -> None:
-        if not 0 <= operating < len(machine.operating):
-            raise ArgumentError(
-                f"operating={operating} must lie in [0, {len(machine.operating) - 1}]"
-            )
-        self.machine, self.stage = machine, stage
-        self.point = machine.operating[operating]
+        self.machine, self.stage, self.operating = machine, stage, operating
+        point = operating_point(machine, operating)
         order = kinematics(machine).mesh(stage).order
-        self.max_hz = (MESH_HARMONICS + 0.6) * order * self.point.shaft1_hz
+        self.max_hz = (MESH_HARMONICS + 0.6) * order * point.shaft1_hz
         module_mm = machine.stages[stage - 1].module_mm
         self.module_m = _USUAL_MODULE_M if module_mm is None else 1e-3 * module_mm
         # the first gear of a stage is in its main mesh
         self.first = mesh_pairs(machine.stages[stage - 1], stage, machine.path)[0].members[0].name
-        self.sound = self._lines([], 1, self.first)
+        self.sound = self._lines(None, 1, self.first)
         self.rms = float(np.linalg.norm(self.sound))
-        profile = self._lines([self._error("profile", self.first, SIZE)], 1, self.first)
-        worn = self._lines([self._fault("wear", self.first, None)], 1, self.first)
+        profile = self._lines(self._error("profile", self.first, SIZE), 1, self.first)
+        worn = self._lines(self._fault("wear", self.first, None), 1, self.first)
         self.profile = self._unit(profile - _fitted(self.sound, len(profile)))
         self.wear = (worn - _fitted(self.sound, len(worn))) / LOSS
 
@@ -224,7 +217,7 @@ class _Mesh:
         return np.asarray(lines * (self.rms / size if size > 1e-6 * self.rms else 0.0))
 
     def _added(self, fault: Fault | GearError, wheel: WheelLines) -> ComplexArray:
-        lines = self._lines([fault], wheel.teeth, wheel.gear)
+        lines = self._lines(fault, wheel.teeth, wheel.gear)
         teeth = wheel.teeth
         if wheel.gear == "ring":
             lines[::teeth] = 0.0
@@ -233,23 +226,18 @@ class _Mesh:
             lines[::teeth] -= _fitted(self.sound, count)
         return _on(lines, wheel.number)
 
-    def _lines(self, faults: Sequence[Fault | GearError], teeth: int, gear: str) -> ComplexArray:
+    def _lines(self, wrong: Fault | GearError | None, teeth: int, gear: str) -> ComplexArray:
         """Return acceleration lines 0, 1, ... of the turn of a gear (of the mesh: 1 tooth)."""
-        faulty = [fault for fault in faults if isinstance(fault, Fault)]
-        errors = [fault for fault in faults if isinstance(fault, GearError)]
         mesh = 1 if gear == "ring" else 0
-        mechanics = stage_mechanics(
-            self.machine, self.stage, self.point, faults=faulty, errors=errors, mesh=mesh
+        asked = [] if wrong is None else [wrong]
+        healthy, faulty = (
+            posed_mesh(self.machine, self.stage, self.operating, own, mesh=mesh)
+            for own in ([], asked)
         )
-        pair = mesh_pairs(self.machine.stages[self.stage - 1], self.stage, self.machine.path)[mesh]
-        moved = displacement_excitation(pair, mechanics.stiffness, errors, faulty)
-        excitation = moved if moved.errors else None
-        solved = stage_lines(mechanics, excitation, self.max_hz, _TOLERANCE)
-        inside = solved.frequency_hz <= self.max_hz * (1 + 1e-9)
-        number = solved.lines[inside] * teeth // solved.period_mesh
-        whole = (solved.lines[inside] * teeth) % solved.period_mesh == 0
+        (solved,) = faulty_lines(healthy, [faulty], gear, self.max_hz, _TOLERANCE)
+        number = solved.number * (teeth // solved.period)
         lines = np.zeros(int(number.max(initial=0)) + 1, dtype=np.complex128)
-        lines[number[whole]] = 2 * solved.acceleration[inside][whole]
+        lines[number] = 2 * solved.acceleration
         return lines
 
     def _fault(self, kind: str, gear: str, tooth: int | None) -> Fault:

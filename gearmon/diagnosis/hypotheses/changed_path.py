@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearmon.diagnosis.law import LevelDeviation
-from gearmon.signatures.families import Family
+from gearmon.signatures.measured.line_plan import Family
 
 # Share of the levels' change that has to be common to the bands: 39 of 42 simulated sensors that
 # were moved, 28 of them to another place altogether, exceed it, none of 26 misaligned or pitted

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE, GearPattern, mesh_bands, turning
 from gearmon.diagnosis.results import ToothProfile
-from gearmon.signatures.reference import WheelPattern
+from gearmon.signatures.measured.reference import WheelPattern
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

@@ -21,8 +21,8 @@ from gearmon.diagnosis.law import GearDeviation, HealthyMachine, MachineDeviatio
 from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE
 from gearmon.errors import ArgumentError
 from gearmon.machine import Machine
-from gearmon.signatures.reference import Profile
-from gearmon.signatures.tooth_response import ToothResponse, tooth_response
+from gearmon.signatures.expected.tooth_response import ToothResponse, tooth_response
+from gearmon.signatures.measured.reference import Profile
 
 FloatArray = NDArray[np.float64]
 

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.diagnosis.law.gear_lines import GearDeviation
-from gearmon.signatures.tooth_response import ToothResponse
+from gearmon.signatures.expected.tooth_response import ToothResponse
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

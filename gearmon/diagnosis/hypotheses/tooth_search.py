@@ -20,7 +20,7 @@ from gearmon.diagnosis.hypotheses.tooth_match import (
     path_power,
 )
 from gearmon.diagnosis.law.gear_lines import NEAR, GearDeviation
-from gearmon.signatures.tooth_response import ToothResponse
+from gearmon.signatures.expected.tooth_response import ToothResponse
 
 FloatArray = NDArray[np.float64]
 

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.diagnosis.law.state import Kriging
-from gearmon.signatures.reference import WheelPattern
+from gearmon.signatures.measured.reference import WheelPattern
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

@@ -13,7 +13,7 @@ from gearmon.diagnosis.law.gear_lines import GearDeviation, GearLaw, turned_alik
 from gearmon.diagnosis.law.levels import LevelDeviation, level_deviation
 from gearmon.diagnosis.law.state import operating_states
 from gearmon.errors import ArgumentError
-from gearmon.signatures.reference import Profile, Reference, WheelPattern
+from gearmon.signatures.measured.reference import Profile, Reference, WheelPattern
 
 FloatArray = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.signatures.reference import Profile
+from gearmon.signatures.measured.reference import Profile
 
 FloatArray = NDArray[np.float64]
 

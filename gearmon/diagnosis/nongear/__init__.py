@@ -1,8 +1,8 @@
 """Lines of no gear: new or grown against healthy recordings, and what they may be.
 
 Bearings, the mains, loose parts and unknown lines are found in the lists that
-`gearmon.signatures.nongear_lines` makes of each recording: `nongear_findings` compares a measured
-signature with a reference, `disturbed` tells which orders of gears the findings spoil.
+`gearmon.signatures.measured.nongear_lines` makes of each recording: `nongear_findings` compares a
+measured signature with a reference, `disturbed` tells which orders of gears the findings spoil.
 """
 
 from gearmon.diagnosis.nongear.changes import PRIOR_CHANGE_DB, PRIOR_WORTH, LineChange

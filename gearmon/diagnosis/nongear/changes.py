@@ -18,8 +18,13 @@ from scipy.special import stdtr
 from gearmon.diagnosis.nongear.names import MAINS_HZ, harmonic_sources
 from gearmon.diagnosis.nongear.speed_scatter import speed_scatter_db
 from gearmon.gears.kinematics import Kinematics
-from gearmon.signatures.gear_orders import distance_to, known_orders
-from gearmon.signatures.nongear_lines import OWN_WIDTHS, NonGearLine, NonGearLines, noise_exceeds
+from gearmon.signatures.measured.line_plan import distance_to, known_orders
+from gearmon.signatures.measured.nongear_lines import (
+    OWN_WIDTHS,
+    NonGearLine,
+    NonGearLines,
+    noise_exceeds,
+)
 
 FloatArray = NDArray[np.float64]
 

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from gearmon.diagnosis.nongear.changes import LEAST_LOG10, LineChange, line_changes
 from gearmon.diagnosis.nongear.names import NamedSeries, name_lines, of_hunting_tooth
 from gearmon.gears.kinematics import Kinematics
-from gearmon.signatures.measured import MeasuredSignature
-from gearmon.signatures.nongear_lines import NonGearLine, NonGearLines, contaminated, taken
-from gearmon.signatures.reference import Reference
+from gearmon.signatures.measured.measurement import MeasuredSignature
+from gearmon.signatures.measured.nongear_lines import NonGearLine, NonGearLines, contaminated, taken
+from gearmon.signatures.measured.reference import Reference
 
 FloatArray = NDArray[np.float64]
 
@@ -77,7 +77,7 @@ class NonGearFinding:
             Orders that are to be measured.
         resolution : float
             Distance at which a line still disturbs [orders]; see
-            `gearmon.signatures.nongear_lines.contaminated`.
+            `gearmon.signatures.measured.nongear_lines.contaminated`.
 
         Returns
         -------

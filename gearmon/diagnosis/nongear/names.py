@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.special import pdtrc
 
 from gearmon.gears.kinematics import Kinematics
-from gearmon.signatures.nongear_lines import NonGearLine
+from gearmon.signatures.measured.nongear_lines import NonGearLine
 
 FloatArray = NDArray[np.float64]
 

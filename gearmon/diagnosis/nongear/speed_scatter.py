@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError, check_finite, check_positive
-from gearmon.signatures.families import Family
+from gearmon.signatures.measured.line_plan import Family
 
 FloatArray = NDArray[np.float64]
 

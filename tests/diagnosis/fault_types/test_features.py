@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from gearmon.diagnosis.fault_types import FEATURES, NAMES, kind_features
 from gearmon.diagnosis.hypotheses.runout import TurnChange, turn_changes
 from gearmon.errors import ArgumentError
-from gearmon.signatures.reference import WheelPattern
+from gearmon.signatures.measured.reference import WheelPattern
 
 
 @dataclass(frozen=True)

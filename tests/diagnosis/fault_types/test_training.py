@@ -24,8 +24,8 @@ from gearmon.diagnosis.fault_types import (
 from gearmon.diagnosis.hypotheses.fault_kinds import judge_kind, rule_probabilities
 from gearmon.errors import ArgumentError
 from gearmon.machine import Machine, OperatingPoint, ParallelStage
-from gearmon.signatures.expected import expected_signature
-from gearmon.signatures.reference import WheelPattern
+from gearmon.signatures.expected.baseline import expected_signature
+from gearmon.signatures.measured.reference import WheelPattern
 
 TRAINED_ON, ASKED = 480, 240
 TURNS_KNOWN = NAMES.index("turns_known")

@@ -14,7 +14,7 @@ from gearmon.diagnosis.hypotheses.runout import (
     healthy_turns,
     runout_growth,
 )
-from gearmon.signatures.reference import WheelPattern
+from gearmon.signatures.measured.reference import WheelPattern
 
 TEETH = 20
 

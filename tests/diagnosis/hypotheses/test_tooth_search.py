@@ -19,8 +19,8 @@ from gearmon.diagnosis.hypotheses.tooth_search import (
 from gearmon.diagnosis.law import GearDeviation
 from gearmon.errors import ArgumentError
 from gearmon.machine import Machine, OperatingPoint, ParallelStage, PlanetaryStage
-from gearmon.signatures.reference import WheelPattern
-from gearmon.signatures.tooth_response import tooth_response
+from gearmon.signatures.expected.tooth_response import tooth_response
+from gearmon.signatures.measured.reference import WheelPattern
 
 SPEED_HZ, TEETH, HARMONICS = 25.0, {"pinion": 27, "gear": 41}, 6
 SIGMA = 0.05

@@ -7,7 +7,7 @@ import pytest
 from reference.gear_departures import held_against
 
 from gearmon.diagnosis.law.state import SPEED_UNIT
-from gearmon.signatures.reference import WheelPattern
+from gearmon.signatures.measured.reference import WheelPattern
 
 TEETH, HARMONICS, ROTATION_HZ, NOISE = 40, 8, 25.0, 1e-3
 

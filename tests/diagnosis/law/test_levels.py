@@ -7,7 +7,7 @@ import pytest
 
 from gearmon.diagnosis.hypotheses.changed_path import path_change
 from gearmon.diagnosis.law import level_deviation
-from gearmon.signatures.families import Family
+from gearmon.signatures.measured.line_plan import Family
 
 HERE, SOME = np.zeros(2), np.zeros((1, 2))
 

@@ -22,8 +22,8 @@ from gearmon.diagnosis.nongear import (
     nongear_findings,
 )
 from gearmon.gears.kinematics import kinematics
-from gearmon.signatures.measured import measure_signature
-from gearmon.signatures.nongear_lines import NoiseGrid, NonGearLine, NonGearLines
+from gearmon.signatures.measured.measurement import measure_signature
+from gearmon.signatures.measured.nongear_lines import NoiseGrid, NonGearLine, NonGearLines
 
 BELOW = 0.01
 CHANNELS, NOISE_DB, LEAST_DB = 2, -60.0, 12.0

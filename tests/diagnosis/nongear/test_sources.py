@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gearmon.diagnosis.nongear import harmonic_sources
-from gearmon.signatures.nongear_lines import NonGearLine
+from gearmon.signatures.measured.nongear_lines import NonGearLine
 
 WIDTH = 0.005
 WIDTHS = {"spectrum": WIDTH, "envelope": WIDTH}

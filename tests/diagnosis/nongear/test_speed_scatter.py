@@ -13,7 +13,7 @@ from gearmon.diagnosis.nongear.speed_scatter import (
     speed_scatter_db,
 )
 from gearmon.errors import ArgumentError
-from gearmon.signatures.families import Family
+from gearmon.signatures.measured.line_plan import Family
 
 
 def test_same_speed_has_no_scatter():

@@ -26,7 +26,7 @@ from gearmon.signals.tracking import (
     refine_track,
     scan_speed,
 )
-from gearmon.signatures.measured import measure_signature
+from gearmon.signatures.measured.measurement import measure_signature
 from gearmon.simulation import simulate
 
 RATE, DURATION = 4000.0, 10.0

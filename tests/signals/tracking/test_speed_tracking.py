@@ -13,7 +13,7 @@ from reference.synthetic_signals import as_recording, white
 from gearmon.gears.kinematics import kinematics
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.recording import Recording
-from gearmon.signatures.measured import measure_signature
+from gearmon.signatures.measured.measurement import measure_signature
 from gearmon.signatures.tracking import track_recording
 from gearmon.simulation import simulate
 

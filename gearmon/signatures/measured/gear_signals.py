@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError
-from gearmon.signatures.families import NEAR_SIDEBANDS, WheelLines
+from gearmon.signatures.measured.line_plan import NEAR_SIDEBANDS, WheelLines
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

@@ -24,8 +24,8 @@ from gearmon.signals.tracking.sideband_spacing import (
     spacing_mismatch,
     spacing_support,
 )
-from gearmon.signatures.families import LinePlan, line_plan, mesh_harmonics
-from gearmon.signatures.nongear_lines import NonGearLines, nongear_lines
+from gearmon.signatures.measured.line_plan import LinePlan, line_plan, mesh_harmonics
+from gearmon.signatures.measured.nongear_lines import NonGearLines, nongear_lines
 from gearmon.signatures.speed import (
     SPEED_TOLERANCE,
     Speed,

@@ -1,4 +1,4 @@
-"""The catalogue of machine files and the signatures that they make people expect.
+"""Makes the tables of this catalogue anew: ``python signatures/make_tables.py``.
 
 Of every machine file NAME.toml of a folder there is the healthy line table NAME.csv, as `gearmon
 baseline` writes it, and NAME-family.csv, lines about the first mesh harmonics with every kind of
@@ -15,8 +15,8 @@ import numpy as np
 from gearmon.errors import ArgumentError
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, load_machine
-from gearmon.signatures.expected import expected_signature
-from gearmon.signatures.fault_family import fault_family
+from gearmon.signatures.expected.baseline import expected_signature
+from gearmon.signatures.expected.fault_family import fault_family
 from gearmon.signatures.signature import Signature, write_signature
 
 #: Sizes in the catalogue, and lines: so many mesh harmonics, so many sidebands to each side.
@@ -111,3 +111,7 @@ def _highest_hz(machine: Machine) -> float:
     order = max(mesh.order for mesh in kinematics(machine).meshes)
     speed = max(point.shaft1_hz for point in machine.operating)
     return order * speed * (MESH_HARMONICS + (SIDEBANDS + 1) / fewest)
+
+
+if __name__ == "__main__":
+    write_catalogue(Path(__file__).parent)

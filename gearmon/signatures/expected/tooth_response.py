@@ -1,6 +1,6 @@
 """What a loss of stiffness on one tooth adds to the lines of its mesh, before any path.
 
-Where the machine file bears a baseline, Hill's equation tells (`fault_family_response`). Without
+Where the machine file bears a baseline, Hill's equation tells (`faulty_teeth`). Without
 dynamics the teeth carry the load on the deflection q = F/k(t): a tooth with a loss makes q larger
 while its pair is in contact, and that pulse, once a turn of the gear, travels to the sensors
 together with the mesh harmonics of q itself. Lines close to one another pass the same train and the
@@ -21,6 +21,7 @@ from gearmon.gears.faults import Fault
 from gearmon.gears.kinematics import kinematics
 from gearmon.gears.stiffness import MeshStiffness, mesh_stiffness
 from gearmon.machine import Machine, ParallelStage
+from gearmon.signatures.expected.faulty_teeth import loss_response
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -148,29 +149,18 @@ def tooth_response(
     if not isinstance(own, ParallelStage) or gear not in ("pinion", "gear"):
         raise ArgumentError(f"stage {stage}, {gear}: only gears of parallel stages are supported")
     teeth = own.pinion_teeth if gear == "pinion" else own.gear_teeth
+    used, stiffness = _teeth(own, stage)
+    share, phase = _pair_share(used, stiffness, stage, gear)
+    from_teeth_alone = False
     try:
-        return _from_hill(machine, own, stage, gear, teeth, max_order, operating)
+        found = loss_response(machine, stage, gear, operating, max_order)
+        lines = np.concatenate([[0.0], found.acceleration])
+        mesh = np.concatenate([[0.0], found.mesh_acceleration])[::teeth]
     except GearmonError:
         # the file bears no baseline: no torque, no module, or teeth that would not run
-        return _from_teeth(machine, own, stage, gear, teeth, max_order)
-
-
-def _from_hill(
-    machine: Machine,
-    own: ParallelStage,
-    stage: int,
-    gear: str,
-    teeth: int,
-    max_order: float,
-    operating: int,
-) -> ToothResponse:
-    from gearmon.signatures.fault_family_response import loss_response  # brings Hill's equation
-
-    found = loss_response(machine, stage, gear, operating, max_order)
-    lines = np.concatenate([[0.0], found.acceleration])
-    mesh = np.concatenate([[0.0], found.mesh_acceleration])[::teeth]
-    stiffness = mesh_stiffness(own, number=stage)
-    share, _ = _pair_share(own, stiffness, stage, gear)
+        from_teeth_alone = used is not own
+        top = int(max_order / kinematics(machine).mesh(stage).order * teeth)
+        lines, mesh = _deflected(stiffness, share, phase, teeth, top)
     return ToothResponse(
         stage=stage,
         gear=gear,
@@ -179,37 +169,23 @@ def _from_hill(
         mesh=mesh,
         pair_share=share,
         contact_ratio=stiffness.total_contact_ratio,
-        from_teeth_alone=False,
+        from_teeth_alone=from_teeth_alone,
     )
 
 
-def _from_teeth(
-    machine: Machine, own: ParallelStage, stage: int, gear: str, teeth: int, max_order: float
-) -> ToothResponse:
-    used, stiffness = _teeth(own, stage)
-    share, phase = _pair_share(used, stiffness, stage, gear)
-    mesh_order = kinematics(machine).mesh(stage).order
-    top = min(int(max_order / mesh_order * teeth), teeth * _POINTS // 2)
-    number = np.arange(top + 1)
+def _deflected(
+    stiffness: MeshStiffness, share: FloatArray, phase: FloatArray, teeth: int, top: int
+) -> tuple[ComplexArray, ComplexArray]:
+    """Lines of q = F/k(t) up to a multiple of the rotation, per loss and of the healthy mesh."""
+    number = np.arange(min(top, teeth * _POINTS // 2) + 1)
     pulse = np.zeros(teeth * _POINTS)
     pulse[: len(share)] = share / stiffness.at(phase)
     # the pulse is taken in the middle of each step
     late = np.exp(-1j * np.pi * number / len(pulse))
-    lines = np.fft.rfft(pulse)[: top + 1] * late / len(pulse) * number**2
-    period = np.arange(_POINTS) / _POINTS
-    healthy = np.fft.fft(1.0 / stiffness.at(period)) / _POINTS
-    harmonic = np.arange(top // teeth + 1)
-    mesh = healthy[harmonic] * (harmonic * teeth) ** 2
-    return ToothResponse(
-        stage=stage,
-        gear=gear,
-        teeth=teeth,
-        lines=lines,
-        mesh=mesh,
-        pair_share=share,
-        contact_ratio=stiffness.total_contact_ratio,
-        from_teeth_alone=used is not own,
-    )
+    lines = np.fft.rfft(pulse)[: len(number)] * late / len(pulse) * number**2
+    healthy = np.fft.fft(1.0 / stiffness.at(np.arange(_POINTS) / _POINTS)) / _POINTS
+    harmonic = np.arange(number[-1] // teeth + 1)
+    return lines, np.asarray(healthy[harmonic] * (harmonic * teeth) ** 2)
 
 
 def _teeth(own: ParallelStage, stage: int) -> tuple[ParallelStage, MeshStiffness]:

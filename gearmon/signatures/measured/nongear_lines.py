@@ -23,7 +23,7 @@ from gearmon.signals.orders.fine_spectra import (
     fine_envelope_spectrum,
     fine_spectrum,
 )
-from gearmon.signatures.gear_orders import distance_to, known_orders
+from gearmon.signatures.measured.line_plan import distance_to, known_orders
 
 FloatArray = NDArray[np.float64]
 
@@ -424,26 +424,58 @@ class _Course:
         return max(_SKIRT_WIDTHS * width, _SKIRT_HZ / self.mean)
 
 
+class _Standing:
+    """Peaks that stand out of a spectrum, each in the channel in which it is clearest."""
+
+    def __init__(self, kind: str, spectrum: FineSpectrum, peaks: NDArray[np.intp]) -> None:
+        self.kind, self.spectrum, self.peaks = kind, spectrum, peaks
+        self.places = spectrum.places(peaks)
+        power = spectrum.power[:, peaks]
+        self.rows = np.argmax(power / spectrum.floor[:, peaks], axis=0)
+        self.power = power[self.rows, np.arange(len(peaks))]
+
+    def highest(self, spectrum: FineSpectrum, low: FloatArray, high: FloatArray) -> FloatArray:
+        """Highest power of a spectrum between two places a peak, in the peak's channel."""
+        found = spectrum.highest_near(low, high)[self.rows, np.arange(len(self.peaks))]
+        return np.asarray(found, dtype=np.float64)
+
+    def about(self, reach: float) -> FloatArray:
+        """Highest power of the same spectrum so far about each peak."""
+        return self.highest(self.spectrum, self.places - reach, self.places + reach)
+
+    def line(self, i: np.intp, orders: FloatArray, locked: str, speed_hz: float) -> NonGearLine:
+        """Return a peak as a line, given its mean, lowest and highest order."""
+        power = np.maximum(self.spectrum.power[:, self.peaks[i]], np.finfo(float).tiny)
+        noise = self.spectrum.floor[:, self.peaks[i]] * _mean_over_median(self.spectrum.pieces)
+        order, low, high = orders.tolist()
+        return NonGearLine(
+            kind=self.kind,
+            order=order,
+            frequency_hz=order * speed_hz,
+            locked=locked,
+            level_db=tuple((10 * np.log10(power)).tolist()),
+            over_noise_db=tuple((10 * np.log10(power / noise)).tolist()),
+            low_order=low,
+            high_order=high,
+        )
+
+
 def _sharp_in_angle(
     by_angle: FineSpectrum, by_time: FineSpectrum, known: FloatArray, course: _Course, least: float
 ) -> Iterator[NonGearLine]:
     peaks = clear_peaks(by_angle, least)
     peaks = peaks[distance_to(known, by_angle.places(peaks)) > OWN_WIDTHS * by_angle.width]
-    orders = by_angle.places(peaks)
-    rows, power = _clearest_channel(by_angle, peaks)
-    reach = course.reach(by_angle.width)
-    about = by_angle.highest_near(orders - reach, orders + reach)[rows, np.arange(len(peaks))]
-    margin = 2 * by_time.width
-    in_time = by_time.highest_near(orders * course.low - margin, orders * course.high + margin)
-    other = in_time[rows, np.arange(len(peaks))]
+    found = _Standing("spectrum", by_angle, peaks)
+    orders, margin = found.places, 2 * by_time.width
+    about = found.about(course.reach(by_angle.width))
+    other = found.highest(by_time, orders * course.low - margin, orders * course.high + margin)
     # a line that stands still in time is smeared over angle: what is left of it there is no line
-    kept = (power > course.skirt(orders) * about) & (_SHARPER * power > other)
+    kept = (found.power > course.skirt(orders) * about) & (_SHARPER * found.power > other)
     for i in np.flatnonzero(kept):
-        if _mirrored(by_angle.power[rows[i]], int(peaks[i]), round(_MIRROR / by_angle.step)):
-            continue
-        locked = "shaft" if power[i] > _SHARPER * other[i] else "either"
-        order = float(orders[i])
-        yield _line("spectrum", by_angle, peaks[i], (order, order, order), locked, course.mean)
+        own = by_angle.power[found.rows[i]]
+        if not _mirrored(own, int(peaks[i]), round(_MIRROR / by_angle.step)):
+            locked = "shaft" if found.power[i] > _SHARPER * other[i] else "either"
+            yield found.line(i, np.repeat(orders[i], 3), locked, course.mean)
 
 
 def _mirrored(power: FloatArray, peak: int, reach: int) -> bool:
@@ -462,71 +494,29 @@ def _mirrored(power: FloatArray, peak: int, reach: int) -> bool:
 def _sharp_in_time(
     by_angle: FineSpectrum, by_time: FineSpectrum, course: _Course, least: float
 ) -> Iterator[NonGearLine]:
-    peaks = clear_peaks(by_time, least)
-    hertz = by_time.places(peaks)
-    rows, power = _clearest_channel(by_time, peaks)
-    columns = np.arange(len(peaks))
+    found = _Standing("spectrum", by_time, clear_peaks(by_time, least))
+    hertz = found.places
     low, high = hertz / course.high, hertz / course.low
     margin, reach = 2 * by_angle.width, course.reach(by_angle.width)
-    there = by_angle.highest_near(low - margin, high + margin)[rows, columns]
-    about = by_angle.highest_near(low - reach, high + reach)[rows, columns]
-    kept = (power > _SHARPER * there) & (power > _TIME_SHARE * about)
+    kept = found.power > _SHARPER * found.highest(by_angle, low - margin, high + margin)
+    kept &= found.power > _TIME_SHARE * found.highest(by_angle, low - reach, high + reach)
     # of the lines in time only the even skirts of their own kind can be taken for others
-    reach_hz = course.reach(by_angle.width) * course.mean
-    kept &= (
-        power
-        > _SKIRT_SHARE * by_time.highest_near(hertz - reach_hz, hertz + reach_hz)[rows, columns]
-    )
+    kept &= found.power > _SKIRT_SHARE * found.about(reach * course.mean)
     for i in np.flatnonzero(kept):
-        places = (float(hertz[i] / course.mean), float(low[i]), float(high[i]))
-        yield _line("spectrum", by_time, peaks[i], places, "time", course.mean)
-
-
-def _clearest_channel(
-    spectrum: FineSpectrum, peaks: NDArray[np.intp]
-) -> tuple[NDArray[np.intp], FloatArray]:
-    """Channel in which each peak is clearest, and its power there."""
-    power = spectrum.power[:, peaks]
-    rows = np.argmax(power / spectrum.floor[:, peaks], axis=0)
-    return rows, power[rows, np.arange(len(peaks))]
+        places = np.array([hertz[i] / course.mean, low[i], high[i]])
+        yield found.line(i, places, "time", course.mean)
 
 
 def _of_envelope(
     envelope: FineSpectrum, known: FloatArray, course: _Course, least: float
 ) -> Iterator[NonGearLine]:
     peaks = clear_peaks(envelope, least)
-    orders = envelope.places(peaks)
-    reach = course.reach(envelope.width)
+    orders, reach = envelope.places(peaks), course.reach(envelope.width)
     # slow wander of load and speed modulates everything
     own = (distance_to(known, orders) <= OWN_WIDTHS * envelope.width) | (orders <= reach)
-    peaks, orders = peaks[~own], orders[~own]
-    rows, power = _clearest_channel(envelope, peaks)
-    about = envelope.highest_near(orders - reach, orders + reach)[rows, np.arange(len(peaks))]
-    for i in np.flatnonzero(power > course.skirt(orders) * about):
-        order = float(orders[i])
-        yield _line("envelope", envelope, peaks[i], (order, order, order), "shaft", course.mean)
-
-
-def _line(
-    kind: str,
-    spectrum: FineSpectrum,
-    bin_: int,
-    orders: tuple[float, float, float],
-    locked: str,
-    speed_hz: float,
-) -> NonGearLine:
-    power = np.maximum(spectrum.power[:, bin_], np.finfo(float).tiny)
-    noise = spectrum.floor[:, bin_] * _mean_over_median(spectrum.pieces)
-    return NonGearLine(
-        kind=kind,
-        order=orders[0],
-        frequency_hz=orders[0] * speed_hz,
-        locked=locked,
-        level_db=tuple(float(value) for value in 10 * np.log10(power)),
-        over_noise_db=tuple(float(value) for value in 10 * np.log10(power / noise)),
-        low_order=orders[1],
-        high_order=orders[2],
-    )
+    found = _Standing("envelope", envelope, peaks[~own])
+    for i in np.flatnonzero(found.power > course.skirt(found.places) * found.about(reach)):
+        yield found.line(i, np.repeat(found.places[i], 3), "shaft", course.mean)
 
 
 def line_arrays(lines: NonGearLines) -> dict[str, NDArray[Any]]:

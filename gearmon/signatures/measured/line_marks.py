@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from gearmon.gears.kinematics import Kinematics, kinematics
 from gearmon.machine import Machine
-from gearmon.signatures.families import MESH_HARMONICS
+from gearmon.signatures.measured.line_plan import MESH_HARMONICS
 
 SHAFT_HARMONICS = 3
 

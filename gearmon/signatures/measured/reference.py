@@ -2,23 +2,31 @@
 
 A reference holds, for each healthy recording, the level of every family of lines with its scatter,
 and the pattern (complex line amplitudes) of every gear. Recordings at several loads span how a
-healthy machine changes with load.
+healthy machine changes with load. Its file is a NumPy archive with a JSON header inside.
 """
 
 from __future__ import annotations
 
+import io
+import json
+import struct
+import zipfile
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.errors import ArgumentError
+from gearmon.errors import ArgumentError, SignatureError
+from gearmon.files import write_atomically
 from gearmon.machine import Machine, ParallelStage
 from gearmon.signals.orders import OrderLines, variance_of_mean
-from gearmon.signatures.families import WheelLines
-from gearmon.signatures.measured import MeasuredSignature
-from gearmon.signatures.nongear_lines import NonGearLines
+from gearmon.signatures.measured.line_plan import WheelLines
+from gearmon.signatures.measured.measurement import MeasuredSignature
+from gearmon.signatures.measured.nongear_lines import NonGearLines, line_arrays, lines_from_arrays
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -27,6 +35,22 @@ ComplexArray = NDArray[np.complex128]
 # the latter is far too large; with few blocks it is still the better guess.
 _FEW_BLOCKS = 9
 _LEAST_OF_FEW, _LEAST = 0.25, 0.01
+FORMAT = "gearmon reference 3"
+# Without lines of no gear, without broadband levels; still read.
+_OLDER_FORMATS = ("gearmon reference 1", "gearmon reference 2")
+# What reading a damaged archive may end in.
+_DAMAGE = (OSError, ValueError, LookupError, TypeError, EOFError, RuntimeError)
+_DAMAGED_ARCHIVE = (zipfile.BadZipFile, zlib.error, struct.error)
+# What stands in the header of the file, and what in arrays of their own.
+_OF_WHEEL, _WHEEL_ARRAYS = (
+    ("stage", "gear", "teeth", "order"),
+    ("number", "mesh", "amplitude", "variance"),
+)
+_OF_PROFILE, _PROFILE_ARRAYS = (
+    ("origin", "speed_hz", "duration_s", "tacho", "family_names"),
+    ("level_db", "band_db", "scatter_db", "heard"),
+)
+_OF_REFERENCE = ("machine", "teeth", "channel_names", "units", "family_names")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -264,4 +288,121 @@ def make_reference(signatures: Sequence[MeasuredSignature], machine: Machine) ->
         units=first.units,
         family_names=tuple(common),
         profiles=profiles,
+    )
+
+
+def write_reference(reference: Reference, path: str | Path) -> None:
+    """Store a reference in one file (a NumPy archive with a JSON header inside).
+
+    Parameters
+    ----------
+    reference : Reference
+        The reference.
+    path : str or Path
+        The file; any name.
+
+    Raises
+    ------
+    ArgumentError
+        If the file cannot be written.
+    """
+    header: dict[str, Any] = {"format": FORMAT, **_named(reference, _OF_REFERENCE), "profiles": []}
+    arrays: dict[str, NDArray[Any]] = {}
+    for row, profile in enumerate(reference.profiles):
+        wheels = [_named(wheel, _OF_WHEEL) for wheel in profile.wheels]
+        header["profiles"].append({**_named(profile, _OF_PROFILE), "wheels": wheels})
+        arrays |= _prefixed(f"{row}", _named(profile, _PROFILE_ARRAYS))
+        for column, wheel in enumerate(profile.wheels):
+            arrays |= _prefixed(f"{row}/{column}", _named(wheel, _WHEEL_ARRAYS))
+        if profile.foreign is not None:
+            arrays |= _prefixed(f"{row}/foreign", line_arrays(profile.foreign))
+    arrays["header"] = np.frombuffer(json.dumps(header).encode("utf-8"), dtype=np.uint8)
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, allow_pickle=False, **arrays)
+    write_atomically(path, buffer.getvalue())
+
+
+def _named(owner: object, names: Sequence[str]) -> dict[str, Any]:
+    return {name: getattr(owner, name) for name in names}
+
+
+def _prefixed(prefix: str, arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    return {f"{prefix}/{name}": values for name, values in arrays.items()}
+
+
+def is_reference(path: str | Path) -> bool:
+    """Tell whether a file is a stored reference (and not, say, a recording)."""
+    try:
+        return zipfile.is_zipfile(path)
+    except OSError:
+        return False
+
+
+def read_reference(path: str | Path) -> Reference:
+    """Read a stored reference.
+
+    Parameters
+    ----------
+    path : str or Path
+        A file written by `write_reference`.
+
+    Returns
+    -------
+    Reference
+
+    Raises
+    ------
+    SignatureError
+        If the file is missing, is no reference, or is damaged.
+    """
+    try:
+        # opened here, so that it is closed even if it turns out to be no archive
+        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as archive:
+            header = json.loads(bytes(archive["header"]).decode("utf-8"))
+            if header.get("format") not in (FORMAT, *_OLDER_FORMATS):
+                raise SignatureError(
+                    f"{path}: format {header.get('format')!r} is not {FORMAT!r}; learn it anew"
+                )
+            profiles = tuple(
+                _read_profile(archive, row, entry) for row, entry in enumerate(header["profiles"])
+            )
+            told = {name: _frozen(header[name]) for name in _OF_REFERENCE}
+    except SignatureError:
+        raise
+    except FileNotFoundError:
+        raise SignatureError(f"{path}: no such file; make one with gearmon learn") from None
+    except _DAMAGE + _DAMAGED_ARCHIVE as error:
+        raise SignatureError(
+            f"{path}: not a readable gearmon reference ({type(error).__name__}); make one with "
+            "gearmon learn"
+        ) from None
+    return Reference(**told, profiles=profiles)
+
+
+def _frozen(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
+
+
+def _read_profile(archive: Any, row: int, entry: dict[str, Any]) -> Profile:
+    wheels = tuple(
+        WheelPattern(
+            **{name: wheel[name] for name in _OF_WHEEL},
+            **{name: archive[f"{row}/{column}/{name}"] for name in _WHEEL_ARRAYS},
+        )
+        for column, wheel in enumerate(entry["wheels"])
+    )
+    arrays = {
+        name: archive[f"{row}/{name}"]
+        for name in _PROFILE_ARRAYS
+        if name != "band_db" or f"{row}/{name}" in archive.files
+    }
+    arrays.setdefault("band_db", np.zeros((len(arrays["level_db"]), 0)))
+    start = f"{row}/foreign/"
+    names = [name for name in archive.files if name.startswith(start)]
+    stored = {name.removeprefix(start): archive[name] for name in names}
+    return Profile(
+        **{name: _frozen(entry[name]) for name in _OF_PROFILE},
+        **arrays,
+        wheels=wheels,
+        foreign=lines_from_arrays(stored) if stored else None,
     )

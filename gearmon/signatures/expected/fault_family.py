@@ -1,0 +1,565 @@
+"""Families of signatures: a machine healthy, and with every kind and size of fault of every gear.
+
+The healthy mesh is solved once, and of every fault what it changes (see `faulty_teeth`). A fault of
+tooth j gives the lines of tooth 1, turned by ``exp(-2 pi i r (j - 1)/z)`` at the harmonic r of the
+gear's turn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gearmon.errors import ArgumentError, check_positive, check_range, nearest_name
+from gearmon.gears.faults import ERROR_KINDS, KINDS, parse_fault_or_error
+from gearmon.gears.pairs import mesh_pairs
+from gearmon.machine import Machine
+from gearmon.signatures.expected.faulty_teeth import faulty_lines, healthy_lines, pair_loss
+from gearmon.signatures.expected.mesh import (
+    AMPLITUDES,
+    ComplexArray,
+    FloatArray,
+    MeshLines,
+    PosedMesh,
+    Wrong,
+    joined,
+    machine_header,
+    mesh_with,
+    operating_point,
+    posed_mesh,
+    refuse_no_lines,
+    rms,
+)
+from gearmon.signatures.signature import Signature, write_signature
+
+#: What a family holds unless told otherwise. A crack in % is a uniform loss of stiffness.
+FAMILY_KINDS = (
+    "crack",
+    "breakage",
+    "pitting",
+    "spall",
+    "wear",
+    "missing",
+    "pitch",
+    "eccentricity",
+    "misalignment",
+)
+LOSSES = ("2.5%", "5%", "10%", "20%", "40%")
+ERROR_SIZES = ("5um", "10um", "20um", "40um")
+GONE = ("1tooth",)
+#: Kinds that concern all teeth of a gear.
+ALL_TEETH = ("wear", "eccentricity", "cumulative", "misalignment", "profile")
+
+Size = float | str
+Sizes = Sequence[Size] | Mapping[str, Sequence[Size]] | None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FamilyMember:
+    """One kind and size of fault of one gear at one operating point.
+
+    Parameters
+    ----------
+    kind, gear : str
+    stage : int
+    size : str
+        As in ``KIND:STAGE:GEAR:TOOTH:SIZE``.
+    loss : float
+        Share that the pair of a faulty tooth loses of its stiffness, integrated over its contact.
+        0 for errors that take no stiffness.
+    operating : int
+        Operating point, from 0.
+    lines : MeshLines
+        Of its mesh, with tooth 1 faulty.
+    """
+
+    kind: str
+    stage: int
+    gear: str
+    size: str
+    loss: float
+    operating: int
+    lines: MeshLines
+
+    @property
+    def teeth(self) -> int:
+        """Teeth for which there are lines of their own; 1 where the whole gear is concerned."""
+        return 1 if self.is_whole else self.lines.period
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether the fault is of the whole gear."""
+        return self.fault().tooth is None
+
+    def fault(self, tooth: int = 1) -> Wrong:
+        """Return the fault of one tooth."""
+        return parse_fault_or_error(_words(self.kind, self.stage, self.gear, self.size, tooth))
+
+    def response(self, tooth: int = 1) -> tuple[FloatArray, ComplexArray]:
+        """Return orders of shaft 1 and acceleration lines [m/s2] for a fault of one tooth.
+
+        Parameters
+        ----------
+        tooth : int
+            From 1; 1 only where the whole gear is concerned.
+
+        Returns
+        -------
+        order : ndarray, shape (n,)
+        acceleration : complex ndarray, shape (n,)
+            Half the peak amplitude, with the phase at the entry of tooth 1 of both gears.
+
+        Raises
+        ------
+        ArgumentError
+            If the gear has no such tooth.
+        """
+        self.check_tooth(tooth)
+        return self.lines.order, self.lines.acceleration * self.lines.turned(tooth)
+
+    def check_tooth(self, tooth: int) -> None:
+        """Refuse teeth that the gear does not have."""
+        if not 1 <= tooth <= self.teeth or tooth != int(tooth):
+            why = "it is of the whole gear" if self.is_whole else f"the gear has {self.teeth} teeth"
+            raise ArgumentError(
+                f"tooth={tooth} of {self.kind} of the {self.gear} must be a whole number in "
+                f"[1, {self.teeth}]: {why}"
+            )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FaultFamily:
+    """A machine healthy and with every fault asked for.
+
+    Parameters
+    ----------
+    machine : Machine
+    members : tuple of FamilyMember
+        One for each kind, size, gear and operating point; teeth follow by turning.
+    healthy : mapping of (int, int, int) to MeshLines
+        The healthy meshes by operating point, stage and mesh (1: planet and ring).
+    max_hz : float or None
+        As asked for.
+    tolerance : float
+    notes : tuple of str
+        What was left out, and why.
+    """
+
+    machine: Machine
+    members: tuple[FamilyMember, ...]
+    healthy: Mapping[tuple[int, int, int], MeshLines]
+    max_hz: float | None
+    tolerance: float
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.members)
+
+    def __iter__(self) -> Iterator[FamilyMember]:
+        return iter(self.members)
+
+    def select(
+        self,
+        kind: str | None = None,
+        stage: int | None = None,
+        gear: str | None = None,
+        operating: int | None = None,
+    ) -> tuple[FamilyMember, ...]:
+        """Return the members of a kind, stage, gear or operating point; None takes all."""
+        wanted = {"kind": kind, "stage": stage, "gear": gear, "operating": operating}
+        asked = {name: value for name, value in wanted.items() if value is not None}
+        return tuple(
+            m for m in self.members if all(getattr(m, name) == v for name, v in asked.items())
+        )
+
+    def signature(
+        self, member: FamilyMember | None = None, tooth: int = 1, operating: int = 0
+    ) -> Signature:
+        """Return the lines of the machine with one of its faults, or healthy.
+
+        Parameters
+        ----------
+        member : FamilyMember, optional
+            By default none: the healthy machine.
+        tooth : int
+            Faulty tooth, from 1.
+        operating : int
+            Of the healthy machine; a member has its own.
+
+        Returns
+        -------
+        Signature
+            Origin "expected": the lines of `expected_signature` for the same fault.
+        """
+        number = operating if member is None else member.operating
+        operating_point(self.machine, number)
+        stages = range(1, len(self.machine.stages) + 1)
+        meshes = {stage: self.healthy[(number, stage, 0)] for stage in stages}
+        tables = {stage: lines.columns() for stage, lines in meshes.items()}
+        if member is not None:
+            member.check_tooth(tooth)
+            meshes[member.stage] = member.lines
+            tables[member.stage] = member.lines.columns(tooth)
+        headers = [lines.header() | {"error": lines.error} for lines in meshes.values()]
+        faults = [] if member is None else [member.fault(tooth)]
+        header = machine_header(self.machine, number, faults, headers)
+        return Signature(
+            machine=self.machine.name,
+            origin="expected",
+            header=header | {"tolerance": self.tolerance},
+            columns=joined(tables.values()),
+        )
+
+    def table(self, mesh_harmonics: int | None = None, sidebands: int | None = None) -> Signature:
+        """Return all lines of the family as one table.
+
+        Parameters
+        ----------
+        mesh_harmonics, sidebands : int, optional
+            Most mesh harmonics, and most sidebands to each side of them; by default all.
+
+        Returns
+        -------
+        Signature
+            Origin "expected family". Beside its columns: `kind`, `gear`, `size`, `loss`,
+            `operating` (from 0); of each member the lines of its own stage with tooth 1 faulty, and
+            those of the healthy stages (kind "healthy").
+        """
+        parts = [
+            (lines, "healthy", "ring" if mesh else "", "", 0.0, operating)
+            for (operating, _, mesh), lines in self.healthy.items()
+        ]
+        parts += [(m.lines, m.kind, m.gear, m.size, m.loss, m.operating) for m in self.members]
+        tables = [_limited(_with_member(*part), mesh_harmonics, sidebands) for part in parts]
+        header = {
+            "operating_points": [
+                {"speed_rpm": point.speed_rpm, "torque_nm": point.torque_nm, "name": point.name}
+                for point in self.machine.operating
+            ],
+            "max_hz": self.max_hz,
+            "tolerance": self.tolerance,
+            "amplitudes": AMPLITUDES + "; tooth 1 is faulty",
+            "largest_error": max((m.lines.error for m in self.members), default=0.0),
+            "notes": list(self.notes),
+        }
+        return Signature(
+            machine=self.machine.name,
+            origin="expected family",
+            header=header,
+            columns=joined(tables),
+        )
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return one row for each member: what it is, and how strong its lines are.
+
+        `sidebands_ms2` is the rms acceleration of all lines that are no mesh harmonics,
+        `mesh_change_ms2` that of the change of the mesh harmonics, `healthy_ms2` that of the
+        healthy mesh, all up to the highest frequency asked for.
+        """
+        return [self._row(member) for member in self.members]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return machine, rows and notes as built-in types that JSON can hold."""
+        return {"machine": self.machine.name, "rows": self.rows(), "notes": list(self.notes)}
+
+    def write(
+        self,
+        path: str | Path,
+        mesh_harmonics: int | None = None,
+        sidebands: int | None = None,
+    ) -> None:
+        """Write `table` as CSV, JSON or Parquet, by the suffix of `path`."""
+        write_signature(self.table(mesh_harmonics, sidebands), path)
+
+    def _row(self, member: FamilyMember) -> dict[str, Any]:
+        lines = member.lines
+        even = self.healthy[(member.operating, member.stage, int(member.gear == "ring"))]
+        mine, is_mesh = lines.acceleration, lines.number % lines.period == 0
+        meshes = mine[is_mesh]
+        names = ("kind", "stage", "gear", "size", "loss", "operating", "teeth")
+        return {name: getattr(member, name) for name in names} | {
+            "lines": len(mine),
+            "healthy_ms2": even.rms,
+            "sidebands_ms2": rms(mine[~is_mesh]),
+            "mesh_change_ms2": rms(meshes - even.acceleration[: len(meshes)]),
+            "contact_lost": lines.contact_lost,
+            "method": lines.method,
+            "error": lines.error,
+        }
+
+
+def _with_member(
+    lines: MeshLines, kind: str, gear: str, size: str, loss: float, operating: int
+) -> dict[str, Any]:
+    columns = lines.columns()
+    count = len(columns["stage"])
+    return {
+        "kind": np.full(count, kind),
+        "gear": np.full(count, gear, dtype="U16"),
+        "size": np.full(count, size, dtype="U64"),
+        "loss": np.full(count, loss),
+        "operating": np.full(count, float(operating)),
+        **columns,
+    }
+
+
+def _limited(
+    columns: dict[str, npt.NDArray[Any]], mesh_harmonics: int | None, sidebands: int | None
+) -> dict[str, npt.NDArray[Any]]:
+    kept = np.ones(len(columns["stage"]), dtype=bool)
+    if mesh_harmonics is not None:
+        # lines below the first mesh harmonic are multiples of the turn, not its sidebands
+        kept &= (columns["mesh_harmonic"] >= 1) & (columns["mesh_harmonic"] <= mesh_harmonics)
+    if sidebands is not None:
+        kept &= np.abs(columns["sideband"]) <= sidebands
+    return {name: column[kept] for name, column in columns.items()}
+
+
+def fault_family(
+    machine: Machine,
+    kinds: Iterable[str] | None = None,
+    sizes: Sizes = None,
+    gears: Iterable[tuple[int, str] | str] | None = None,
+    operating: Iterable[int] | int | None = None,
+    max_hz: float | None = None,
+    tolerance: float = 1e-6,
+    *,
+    form: str = "parabolic",
+) -> FaultFamily:
+    """Solve a machine healthy and with every kind and size of fault of every gear.
+
+    Parameters
+    ----------
+    machine : Machine
+        With the data that a baseline needs.
+    kinds : iterable of str, optional
+        Kinds of `gears.faults.KINDS` and `gears.faults.ERROR_KINDS`; by default
+        `FAMILY_KINDS`, of which those that the machine file has too little data for are left out
+        and named in `FaultFamily.notes`.
+    sizes : sequence or mapping of str to sequence, optional
+        As in ``KIND:STAGE:GEAR:TOOTH:SIZE``, or numbers: losses of pair stiffness in [0, 1). By
+        kind, or for all kinds that understand them (of a plain sequence, um are errors and mm
+        damage). By default 2.5, 5, 10, 20 and 40 % and 5, 10, 20 and 40 um.
+    gears : iterable of (int, str) or str, optional
+        Stages and gears, such as (1, "pinion"), "1:pinion" or "pinion"; by default all.
+    operating : iterable of int, or int, optional
+        Operating points, from 0; by default all.
+    max_hz : float, optional
+        Highest frequency [Hz], > 0; by default as in `expected_signature`.
+    tolerance : float, in [1e-10, 1]
+        Relative error of what a fault adds (an estimate), and of the acceleration of turns that
+        are solved as a whole.
+    form : str
+        Form of the stiffness curve, see `gears.stiffness.mesh_stiffness`.
+
+    Returns
+    -------
+    FaultFamily
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of its range or the machine lacks data.
+
+    Notes
+    -----
+    One fault at a time, in one mesh of its stage: a planet meets the sun, unless the fault is of
+    the ring. The motion is that of `expected_signature`: linear, along the line of action, before
+    any path to a sensor.
+    """
+    if max_hz is not None:
+        check_positive("max_hz", max_hz, "Hz")
+    check_range("tolerance", tolerance, 1e-10, 1.0)
+    texts = _size_texts(kinds, sizes)
+    places = {place: mesh_with(machine, *place) for place in _places(machine, gears)}
+    points = _points(machine, operating)
+    for name, part in (("kinds", texts), ("gears", places), ("operating", points)):
+        if not part:
+            raise ArgumentError(f"{name}: none given, at least one is needed")
+    job = _Job(machine=machine, max_hz=max_hz, tolerance=tolerance, form=form)
+    posed = {
+        (number, stage, mesh): posed_mesh(machine, stage, number, form=form, mesh=mesh)
+        for number in points
+        for stage in range(1, len(machine.stages) + 1)
+        for mesh in sorted({0, *(mesh for (own, _), mesh in places.items() if own == stage)})
+    }
+    healthy = {
+        key: healthy_lines(mesh, mesh.limit_hz(max_hz), tolerance) for key, mesh in posed.items()
+    }
+    if not any(len(lines.displacement) for lines in healthy.values()):
+        refuse_no_lines((lines.mechanics for lines in healthy.values()), max_hz)
+    members: list[FamilyMember] = []
+    notes: dict[str, None] = {}
+    for number in points:
+        for (stage, gear), mesh in places.items():
+            even = posed[number, stage, mesh]
+            for kind, own in texts.items():
+                try:
+                    members += job.members(even, number, stage, gear, mesh, kind, own)
+                except ArgumentError as error:
+                    if kinds is not None:
+                        raise
+                    notes[f"{kind} of the {gear} of stage {stage} left out: {error}"] = None
+    return FaultFamily(
+        machine=machine,
+        members=tuple(members),
+        healthy=healthy,
+        max_hz=max_hz,
+        tolerance=tolerance,
+        notes=tuple(notes),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Job:
+    """What all members of a family are solved with."""
+
+    machine: Machine
+    max_hz: float | None
+    tolerance: float
+    form: str
+
+    def members(
+        self,
+        healthy: PosedMesh,
+        operating: int,
+        stage: int,
+        gear: str,
+        mesh: int,
+        kind: str,
+        sizes: Sequence[str],
+    ) -> list[FamilyMember]:
+        """Solve one kind of fault of one gear at several sizes."""
+        faults = [parse_fault_or_error(_words(kind, stage, gear, size)) for size in sizes]
+        faulty = [
+            posed_mesh(self.machine, stage, operating, [fault], form=self.form, mesh=mesh)
+            for fault in faults
+        ]
+        limit = healthy.limit_hz(self.max_hz)
+        found = faulty_lines(healthy, faulty, gear, limit, self.tolerance)
+        return [
+            FamilyMember(
+                kind=kind,
+                stage=stage,
+                gear=gear,
+                size=size,
+                loss=_loss(own, healthy),
+                operating=operating,
+                lines=lines,
+            )
+            for size, own, lines in zip(sizes, faulty, found, strict=True)
+        ]
+
+
+def _loss(faulty: PosedMesh, healthy: PosedMesh) -> float:
+    own, even = faulty.mechanics.stiffness, healthy.mechanics.stiffness
+    takes = bool(own.pulses) or own.healthy_mean_n_per_m != even.healthy_mean_n_per_m
+    # modulated stiffness loses nothing: its mean wanders a little
+    return pair_loss(faulty, healthy) if takes and not own.modulations else 0.0
+
+
+def _words(kind: str, stage: int, gear: str, size: str, tooth: int = 1) -> str:
+    """Return ``KIND:STAGE:GEAR:TOOTH:SIZE``, with TOOTH ``all`` where the kind asks for it."""
+    place = "all" if kind in ALL_TEETH else str(tooth)
+    return f"{kind}:{stage}:{gear}:{place}:{size}"
+
+
+def _points(machine: Machine, operating: Iterable[int] | int | None) -> tuple[int, ...]:
+    if operating is None:
+        operating = range(len(machine.operating))
+    points = (operating,) if isinstance(operating, int) else tuple(operating)
+    for number in points:
+        operating_point(machine, number)
+    return tuple(dict.fromkeys(points))
+
+
+def _size_texts(kinds: Iterable[str] | None, sizes: Sizes) -> dict[str, tuple[str, ...]]:
+    """Return the sizes of each kind, as they are written."""
+    chosen = FAMILY_KINDS if kinds is None else tuple(dict.fromkeys(kinds))
+    known = (*KINDS, *ERROR_KINDS)
+    for kind in chosen:
+        if kind not in known:
+            near = nearest_name(kind, known)
+            hint = f"; did you mean {near}?" if near else ""
+            raise ArgumentError(f"kind {kind!r} is not one of {', '.join(known)}{hint}")
+    if sizes is None or isinstance(sizes, Mapping):
+        return _sizes_by_kind(chosen, sizes or {})
+    texts = tuple(dict.fromkeys(map(_text, sizes)))
+    found = {kind: tuple(t for t in texts if _fits(kind, t)) for kind in chosen}
+    found |= {kind: GONE for kind in chosen if kind == "missing"}
+    for text in texts:
+        if not any(text in own for own in found.values()):
+            raise ArgumentError(
+                f"size {text!r} fits none of the kinds {', '.join(chosen)}: losses are written 0.2 "
+                f"or 20%, damage 1.5mm or 12%flank, errors 20um"
+            )
+    for kind, own in found.items():
+        if not own and kinds is not None:
+            raise ArgumentError(f"no size fits kind {kind!r}; its default is {_default(kind)}")
+    return {kind: own for kind, own in found.items() if own}
+
+
+def _sizes_by_kind(
+    kinds: Sequence[str], given: Mapping[str, Sequence[Size]]
+) -> dict[str, tuple[str, ...]]:
+    for kind in given:
+        if kind not in kinds:
+            raise ArgumentError(f"sizes: {kind!r} is not among the kinds {', '.join(kinds)}")
+    found = {kind: tuple(map(_text, given.get(kind, _default(kind)))) for kind in kinds}
+    for kind, texts in found.items():
+        for text in texts:
+            parse_fault_or_error(_words(kind, 1, "pinion", text))
+    return found
+
+
+def _default(kind: str) -> tuple[str, ...]:
+    if kind == "missing":
+        return GONE
+    return ERROR_SIZES if kind in ERROR_KINDS else LOSSES
+
+
+def _text(size: Size) -> str:
+    """Write a number as a loss in per cent."""
+    return size.strip() if isinstance(size, str) else f"{100 * float(size):.12g}%"
+
+
+def _fits(kind: str, text: str) -> bool:
+    # in a list for all kinds mm are depths of damage: an error of millimetres is none
+    if kind in ERROR_KINDS:
+        return text.endswith("um")
+    try:
+        parse_fault_or_error(_words(kind, 1, "pinion", text))
+    except ArgumentError:
+        return False
+    return True
+
+
+def _places(
+    machine: Machine, gears: Iterable[tuple[int, str] | str] | None
+) -> Iterator[tuple[int, str]]:
+    """Give stages and gears as asked for; the caller finds those that are not there."""
+    every = [
+        (number, member.name)
+        for number, stage in enumerate(machine.stages, start=1)
+        for pair in mesh_pairs(stage, number, machine.path)
+        for member in pair.members
+    ]
+    for item in every if gears is None else gears:
+        if not isinstance(item, str):
+            yield int(item[0]), item[1]
+        elif ":" not in item:
+            own = [place for place in every if place[1] == item.strip()]
+            if not own:
+                names = ", ".join(dict.fromkeys(gear for _, gear in every))
+                raise ArgumentError(f"gear {item!r} is not in this machine: it has {names}")
+            yield from own
+        else:
+            stage, _, gear = item.partition(":")
+            if not stage.strip().isdecimal():
+                raise ArgumentError(f"gear {item!r}: must be STAGE:GEAR, such as 1:pinion, or GEAR")
+            yield int(stage), gear.strip()

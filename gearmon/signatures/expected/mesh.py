@@ -1,0 +1,372 @@
+"""One mesh of a machine with what is wrong with it, posed for whoever solves it; and its lines.
+
+Each mesh is taken by itself, at one operating point. A healthy mesh repeats every mesh period;
+with damaged teeth or errors on one gear it repeats every turn of that gear. Errors and lost profile
+act as displacement excitation e(t) in ``m z'' + c (z - e)' + k(t) (z - e) = F``. Lines are those of
+the motion z along the line of action, before any path to a sensor: without errors the deflection of
+the teeth.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gearmon.dynamics import HillProblem
+from gearmon.errors import ArgumentError, check_range, nearest_name
+from gearmon.gears.excitation import Excitation, displacement_excitation
+from gearmon.gears.faults import Fault, GearError, parse_fault_or_error
+from gearmon.gears.kinematics import kinematics
+from gearmon.gears.mechanics import StageMechanics, stage_mechanics
+from gearmon.gears.pairs import mesh_pairs
+from gearmon.machine import Machine, OperatingPoint
+
+FloatArray = npt.NDArray[np.float64]
+ComplexArray = npt.NDArray[np.complex128]
+IntArray = npt.NDArray[np.int_]
+Wrong = Fault | GearError
+
+#: What the phases and amplitudes of all expected lines mean.
+AMPLITUDES = "peak; phase of the displacement as a cosine when tooth 1 enters contact"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PosedMesh:
+    """One mesh at one operating point, with its faults and errors, ready to be solved.
+
+    Parameters
+    ----------
+    mechanics : StageMechanics
+        With the faults.
+    excitation : Excitation or None
+        None where nothing moves the flanks.
+    order : float
+        Mesh frequency over that of shaft 1.
+    warnings : tuple of str
+        What was asked for and does not act.
+    """
+
+    mechanics: StageMechanics
+    excitation: Excitation | None
+    order: float
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def period(self) -> int:
+        """P, mesh periods after which it repeats."""
+        own = self.mechanics.stiffness.period_mesh
+        return own if self.excitation is None else self.excitation.period_mesh
+
+    @property
+    def marked(self) -> dict[str, int]:
+        """Gears that differ from tooth to tooth, and their teeth."""
+        trains = [t for t in self.mechanics.stiffness.marks if " and " not in t.gear]
+        found = {train.gear: train.period_mesh for train in trains}
+        errors = () if self.excitation is None else self.excitation.errors
+        return found | {error.gear: error.teeth for error in errors if error.period_mesh > 1}
+
+    def only(self, gears: Iterable[str]) -> PosedMesh:
+        """Return the same mesh with no gear marked but these."""
+        chosen, excitation = tuple(gears), self.excitation
+        stiffness = self.mechanics.stiffness.only(chosen)
+        if excitation is not None:
+            kept = tuple(e for e in excitation.errors if e.gear in chosen or e.period_mesh == 1)
+            excitation = replace(excitation, stiffness=stiffness, errors=kept) if kept else None
+        mechanics = replace(self.mechanics, stiffness=stiffness)
+        return replace(self, mechanics=mechanics, excitation=excitation)
+
+    def limit_hz(self, max_hz: float | None) -> float:
+        """Return up to which frequency [Hz] its lines are shown; 10 mesh harmonics by default."""
+        if max_hz is not None:
+            return max_hz
+        own = self.mechanics
+        return max(10 * own.mesh_frequency_hz, 2 * own.natural_frequency_hz)
+
+    def hill_problem(self, harmonics: ComplexArray) -> HillProblem:
+        """Return its equation, given the stiffness harmonics of the period of the stiffness."""
+        own = self.mechanics
+        step = self.period // own.stiffness.period_mesh
+        spread = np.zeros(len(harmonics) * step, dtype=np.complex128)
+        spread[step - 1 :: step] = harmonics
+        return HillProblem(
+            mass_kg=own.equivalent_mass_kg,
+            damping_ns_per_m=own.damping_ns_per_m,
+            stiffness_n_per_m=own.stiffness.mean_n_per_m,
+            stiffness_harmonics=spread,
+            period_s=self.period / own.mesh_frequency_hz,
+            force_n=own.force_n,
+        )
+
+
+def posed_mesh(
+    machine: Machine,
+    stage: int,
+    operating: int = 0,
+    wrong: Iterable[Wrong | str] = (),
+    *,
+    form: str = "parabolic",
+    mesh: int = 0,
+) -> PosedMesh:
+    """Pose a mesh with what is wrong with it.
+
+    Parameters
+    ----------
+    machine : Machine
+        With the data that a baseline needs; what is missing is named in the error.
+    stage, operating : int
+        Stage counted from 1, operating point from 0.
+    wrong : iterable of Fault, GearError or str
+        Of any stage; those of others are left aside.
+    form : str
+        Form of the stiffness curve, see `gears.stiffness.mesh_stiffness`.
+    mesh : {0, 1}
+        Of a planetary stage 0 for sun and planet, 1 for planet and ring.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no such stage or operating point, the machine lacks data, or a fault does not
+        fit it.
+    """
+    check_range("stage", stage, 1, len(machine.stages))
+    point = operating_point(machine, operating)
+    known = [parse_fault_or_error(one) if isinstance(one, str) else one for one in wrong]
+    own = [one for one in known if one.stage == stage]
+    faults = [fault for fault in own if isinstance(fault, Fault)]
+    errors = [error for error in own if isinstance(error, GearError)]
+    mechanics = stage_mechanics(
+        machine, stage, point, faults=faults, errors=errors, form=form, mesh=mesh
+    )
+    excitation: Excitation | None = None
+    warnings: tuple[str, ...] = ()
+    if own:
+        pair = mesh_pairs(machine.stages[stage - 1], stage, machine.path)[mesh]
+        found = displacement_excitation(pair, mechanics.stiffness, errors, faults)
+        excitation, warnings = found if found.errors else None, found.warnings
+    order = kinematics(machine).mesh(stage).order
+    return PosedMesh(mechanics=mechanics, excitation=excitation, order=order, warnings=warnings)
+
+
+def mesh_problem(
+    machine: Machine,
+    stage: int = 1,
+    operating: int = 0,
+    *,
+    form: str = "parabolic",
+    harmonics: int = 32,
+    mesh: int = 0,
+) -> HillProblem:
+    """Return Hill's equation of a healthy mesh at an operating point, to look at by itself.
+
+    Parameters
+    ----------
+    machine, stage, operating, form, mesh
+        As in `posed_mesh`.
+    harmonics : int, 1 to 10,000
+        Stiffness harmonics taken.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no such stage or operating point, or the machine lacks data.
+    """
+    check_range("stage", stage, 1, len(machine.stages))
+    check_range("harmonics", harmonics, 1, 10_000)
+    if operating_point(machine, operating).torque_nm == 0:
+        raise ArgumentError(f"operating[{operating + 1}]: torque_nm is 0, no tooth is pressed")
+    posed = posed_mesh(machine, stage, operating, form=form, mesh=mesh)
+    return posed.hill_problem(posed.mechanics.stiffness.harmonics(harmonics))
+
+
+def operating_point(machine: Machine, number: int) -> OperatingPoint:
+    """Return an operating point, counted from 0."""
+    if not 0 <= number < len(machine.operating):
+        raise ArgumentError(
+            f"operating={number} must lie in [0, {len(machine.operating) - 1}]: the machine has "
+            f"{len(machine.operating)} operating points, counted from 0"
+        )
+    return machine.operating[number]
+
+
+def mesh_with(machine: Machine, stage: int, gear: str) -> int:
+    """Return in which mesh of its stage a gear is taken: that with the sun, but for the ring.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no such stage, or no such gear in it.
+    """
+    check_range("stage", stage, 1, len(machine.stages))
+    pairs = mesh_pairs(machine.stages[stage - 1], stage, machine.path)
+    for number, pair in enumerate(pairs):
+        if gear in (member.name for member in pair.members):
+            return number
+    known = list(dict.fromkeys(m.name for pair in pairs for m in pair.members))
+    near = nearest_name(gear, known)
+    hint = f"; did you mean {near}?" if near else ""
+    raise ArgumentError(f"gear {gear!r} is not in stage {stage}: {', '.join(known)}{hint}")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MeshLines:
+    """Lines of one mesh.
+
+    Parameters
+    ----------
+    mechanics : StageMechanics
+        Of this mesh, with its faults.
+    mesh_order : float
+        Mesh frequency over that of shaft 1.
+    period : int
+        P, the true period [mesh periods]; 1 where all are alike.
+    number : ndarray of int, shape (n,)
+        r: frequencies r/P of the mesh frequency; increasing.
+    displacement : complex ndarray, shape (n,)
+        z_r [m] of ``z = z_0 + sum (z_r exp(2 pi i r s/P) + conj)`` with s the mesh phase: peak
+        amplitudes are 2 abs(z_r).
+    marked : dict of str to int
+        Gears with damage or errors of their own, and their teeth.
+    method : str
+        How it was solved.
+    error : float
+        Relative error of the acceleration.
+    contact_lost : bool
+        Whether teeth part: the linear model ends there.
+    """
+
+    mechanics: StageMechanics
+    mesh_order: float
+    period: int
+    number: IntArray
+    displacement: ComplexArray
+    marked: dict[str, int]
+    method: str
+    error: float
+    contact_lost: bool
+
+    @property
+    def order(self) -> FloatArray:
+        """Frequencies over that of shaft 1, shape (n,)."""
+        return np.asarray(self.number * (self.mesh_order / self.period))
+
+    @property
+    def frequency_hz(self) -> FloatArray:
+        """Frequencies [Hz], shape (n,)."""
+        return np.asarray(self.number * (self.mechanics.mesh_frequency_hz / self.period))
+
+    @property
+    def acceleration(self) -> ComplexArray:
+        """Acceleration lines [m/s2], shape (n,)."""
+        return np.asarray(-((2 * math.pi * self.frequency_hz) ** 2) * self.displacement)
+
+    @property
+    def rms(self) -> float:
+        """Rms of the acceleration of all lines [m/s2]."""
+        return rms(self.acceleration)
+
+    def turned(self, tooth: int) -> ComplexArray:
+        """Return the factors that turn lines of tooth 1 into those of another, shape (n,).
+
+        Raises
+        ------
+        ArgumentError
+            If the gear has no such tooth.
+        """
+        check_range("tooth", tooth, 1, self.period)
+        return np.asarray(np.exp(-2j * np.pi * (tooth - 1) / self.period * self.number))
+
+    def columns(self, tooth: int = 1) -> dict[str, npt.NDArray[Any]]:
+        """Return the columns of a `Signature`; where one gear is marked, for another tooth of it.
+
+        Lines are attributed to the nearest mesh harmonic; `sideband_of` is "?" for those that
+        belong to neither gear.
+        """
+        harmonic = np.ceil(self.number / self.period - 0.5).astype(int)
+        sideband, gear = self._sidebands(self.number - harmonic * self.period)
+        z, angular = self.displacement, 2 * math.pi * self.frequency_hz
+        if tooth != 1:
+            z = z * self.turned(tooth)
+        return {
+            "stage": np.full(len(z), self.mechanics.stage),
+            "mesh_harmonic": harmonic,
+            "sideband": sideband,
+            "sideband_of": gear,
+            "order": self.order,
+            "frequency_hz": self.frequency_hz,
+            "displacement_m": 2 * np.abs(z),
+            "velocity_ms": 2 * angular * np.abs(z),
+            "acceleration_ms2": 2 * angular**2 * np.abs(z),
+            "phase_rad": np.angle(z),
+        }
+
+    def _sidebands(self, distance: IntArray) -> tuple[IntArray, npt.NDArray[np.str_]]:
+        """Sideband number and modulating gear of lines by their distance from the mesh harmonic."""
+        number = np.zeros(len(self.number), dtype=int)
+        name = np.full(len(self.number), "?", dtype="U16")
+        for gear, teeth in self.marked.items():
+            step = self.period // teeth
+            own = (self.number % step == 0) & (name == "?")
+            name[own] = gear
+            number[own] = distance[own] // step
+        name[distance == 0] = ""
+        number[distance == 0] = 0
+        return number, name
+
+    def header(self) -> dict[str, Any]:
+        """Return what holds for all of its lines."""
+        own = self.mechanics
+        return {
+            "stage": own.stage,
+            "mesh": own.mesh,
+            "mesh_frequency_hz": own.mesh_frequency_hz,
+            "mean_stiffness_n_per_m": own.stiffness.mean_n_per_m,
+            "stiffness_variation": own.stiffness.variation,
+            "contact_ratio": own.stiffness.contact_ratio,
+            "natural_frequency_hz": own.natural_frequency_hz,
+            "damping_ratio": own.damping_ratio,
+            "force_n": own.force_n,
+            "period_mesh": self.period,
+            "method": self.method,
+            "contact_lost": self.contact_lost,
+            "assumptions": list(own.assumptions),
+            "warnings": list(own.warnings),
+        }
+
+
+def machine_header(
+    machine: Machine, operating: int, wrong: Iterable[Wrong], stages: list[dict[str, Any]]
+) -> dict[str, Any]:
+    """Return the header of a signature: numbers of stage 1, of the machine, and of each stage."""
+    point = machine.operating[operating]
+    return {key: value for key, value in stages[0].items() if key != "stage"} | {
+        "speed_rpm": point.speed_rpm,
+        "torque_nm": point.torque_nm,
+        "operating": point.name,
+        "faults": [str(one) for one in wrong],
+        "amplitudes": AMPLITUDES,
+        "stages": stages,
+    }
+
+
+def joined(tables: Iterable[dict[str, Any]]) -> dict[str, Any]:
+    """Return tables of the same columns one under the other."""
+    found = list(tables)
+    return {name: np.concatenate([table[name] for table in found]) for name in found[0]}
+
+
+def refuse_no_lines(meshes: Iterable[StageMechanics], max_hz: float | None) -> None:
+    """Say that no line is left below the highest frequency."""
+    lowest = min(mechanics.mesh_frequency_hz for mechanics in meshes)
+    raise ArgumentError(
+        f"max_hz={max_hz} Hz lies below the lowest mesh frequency, {lowest:.6g} Hz: no lines"
+    )
+
+
+def rms(lines: ComplexArray | FloatArray) -> float:
+    """Rms of a vibration by its one-sided harmonics, without its mean."""
+    return math.sqrt(2 * float(np.sum(np.abs(lines) ** 2)))

@@ -1,0 +1,1 @@
+"""What recordings show: the lines of the machine, of its gears, and of what no gear explains."""

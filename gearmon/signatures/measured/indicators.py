@@ -1,0 +1,449 @@
+"""Condition indicators of a recording, gear by gear: values, what they are of, and their run.
+
+What a gear's signals hold and what was taken out of them is told in `gear_signals`. NA4 and NB4
+compare with the run before; what they remember of it is an `IndicatorHistory`, kept in a file.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearmon.errors import ArgumentError, SignatureError, check_range
+from gearmon.files import write_atomically
+from gearmon.machine import Machine
+from gearmon.signals import indicators
+from gearmon.signals.indicators import RunHistory, na4, na4_frozen
+from gearmon.signals.recording import Recording
+from gearmon.signals.threads import at_once
+from gearmon.signatures.measured.gear_signals import GearSignals, gear_signals
+from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature
+
+FloatArray = NDArray[np.float64]
+Table = dict[str, dict[str, float]]
+
+_HISTORY = "gearmon indicator history"
+# Indicators of a gear's signals: the signal they are of, the value in every channel, and whether
+# they have the unit of the channel.
+_OF_GEAR: dict[str, tuple[str, Callable[[GearSignals], FloatArray], bool]] = {
+    "RMS": ("average", lambda own: indicators.rms(own.average), True),
+    "peak to peak": ("average", lambda own: indicators.peak_to_peak(own.average), True),
+    "crest factor": ("average", lambda own: indicators.crest_factor(own.average), False),
+    "kurtosis": ("average", lambda own: indicators.kurtosis(own.average), False),
+    "FM0": ("average", lambda own: indicators.fm0(own.average, own.mesh_amplitude), False),
+    "SER": (
+        "average",
+        lambda own: indicators.sideband_energy_ratio(own.near_sidebands, own.fundamental),
+        False,
+    ),
+    "sideband index": (
+        "average",
+        lambda own: indicators.sideband_index(own.first_sidebands),
+        True,
+    ),
+    "sideband level factor": (
+        "average",
+        lambda own: indicators.sideband_level_factor(own.first_sidebands, own.average),
+        False,
+    ),
+    "FM4": ("difference", lambda own: indicators.fm4(own.difference), False),
+    "M6A": ("difference", lambda own: indicators.m6a(own.difference), False),
+    "M8A": ("difference", lambda own: indicators.m8a(own.difference), False),
+    "energy ratio": (
+        "regular",
+        lambda own: indicators.energy_ratio(own.difference, own.regular),
+        False,
+    ),
+}
+# Those that compare with the run, of the signals that they are of.
+_OF_RUN = {"NA4": "residual", "NB4": "envelope"}
+_BRIEF = ("FM0", "FM4", "M6A", "M8A", "energy ratio", "SER")
+
+
+@dataclass(frozen=True, kw_only=True)
+class IndicatorRow:
+    """One indicator of one channel.
+
+    Parameters
+    ----------
+    channel : str
+    stage : int or None
+        Stage of the gear; None for the raw vibration.
+    gear : str or None
+        The gear whose turn was averaged.
+    indicator : str
+        Its name.
+    value : float
+    unit : str or None
+        "1" for ratios; None where the unit of the channel is unknown.
+    input : str
+        The signal it was computed of.
+    removed : str
+        What was taken out of that signal, in words.
+    removed_orders : tuple of float
+        The same as orders of shaft 1.
+    """
+
+    channel: str
+    stage: int | None
+    gear: str | None
+    indicator: str
+    value: float
+    unit: str | None
+    input: str
+    removed: str
+    removed_orders: tuple[float, ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return built-in types, ready for JSON."""
+        return {**vars(self), "removed_orders": list(self.removed_orders)}
+
+    def brief(self) -> dict[str, Any]:
+        """Return the row without its list of orders: one line of a table."""
+        return {name: value for name, value in vars(self).items() if name != "removed_orders"}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class IndicatorTable:
+    """All indicators of a recording.
+
+    Parameters
+    ----------
+    recording : str
+        Where it came from.
+    rows : tuple of IndicatorRow
+        First those of the raw vibration, then gear by gear.
+    signature : MeasuredSignature or None
+        What the gears' rows were computed of.
+    history : IndicatorHistory or None
+        The run up to and with this recording; hand it on to the next.
+    notes : tuple of str
+        What the reader should know.
+    """
+
+    recording: str
+    rows: tuple[IndicatorRow, ...]
+    signature: MeasuredSignature | None
+    history: IndicatorHistory | None
+    notes: tuple[str, ...]
+
+    def value(self, indicator: str, channel: str, stage: int | None, gear: str | None) -> float:
+        """Return one value.
+
+        Raises
+        ------
+        KeyError
+            If there is no such row.
+        """
+        wanted = (indicator, channel, stage, gear)
+        for row in self.rows:
+            if (row.indicator, row.channel, row.stage, row.gear) == wanted:
+                return row.value
+        raise KeyError(wanted)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return built-in types, ready for JSON."""
+        found = self.signature
+        return {
+            "recording": self.recording,
+            "speed": found.speed.to_dict() if found is not None else None,
+            "mesh": [mesh.to_dict() for mesh in found.meshes] if found is not None else [],
+            "indicators": [row.to_dict() for row in self.rows],
+            "warnings": list(self.notes),
+        }
+
+
+def waveform_indicators(samples: FloatArray, channel_names: tuple[str, ...]) -> Table:
+    """Compute indicators of the raw vibration: name -> channel -> value.
+
+    Parameters
+    ----------
+    samples : ndarray of float, shape (channels, n)
+        Vibration.
+    channel_names : tuple of str
+        Names.
+
+    Returns
+    -------
+    dict
+        "rms", "peak to peak", "crest factor" and "kurtosis".
+    """
+    rows = {
+        name: indicators.describe_waveform(channel)
+        for name, channel in zip(channel_names, samples, strict=True)
+    }
+    return {
+        "rms": {name: row.rms for name, row in rows.items()},
+        "peak to peak": {name: row.peak_to_peak for name, row in rows.items()},
+        "crest factor": {name: row.crest_factor for name, row in rows.items()},
+        "kurtosis": {name: row.kurtosis for name, row in rows.items()},
+    }
+
+
+def gear_indicators(signature: MeasuredSignature) -> Table:
+    """Compute indicators of every gear's synchronous average: name -> channel -> value.
+
+    Parameters
+    ----------
+    signature : MeasuredSignature
+        Measured lines.
+
+    Returns
+    -------
+    dict
+        FM0, FM4, M6A, M8A, energy ratio, SER, each with the gear in its name.
+    """
+    table: Table = {}
+    for wheel in signature.plan.wheels:
+        own = gear_signals(signature.lines.mean, wheel)
+        for name in _BRIEF:
+            values = _OF_GEAR[name][1](own).tolist()
+            row = dict(zip(signature.channel_names, values, strict=True))
+            table[f"{name}, {wheel.gear} of stage {wheel.stage}"] = row
+    return table
+
+
+def indicator_table(
+    recording: Recording,
+    machine: Machine | None = None,
+    history: IndicatorHistory | None = None,
+    baseline: int = 1,
+) -> IndicatorTable:
+    """Compute every indicator of a recording.
+
+    Parameters
+    ----------
+    recording : Recording
+        Vibration channels, and perhaps a tacho channel.
+    machine : Machine, optional
+        Without it there are the indicators of the raw vibration only: RMS, peak to peak, crest
+        factor, kurtosis.
+    history : IndicatorHistory, optional
+        The run before this recording, for NA4 and NB4; without it a run begins here.
+    baseline : int
+        Records at the start of the run that were healthy: the denominator of NA4* and NB4*.
+
+    Returns
+    -------
+    IndicatorTable
+        With a machine also, gear by gear of its synchronous average: the same four, FM0, sideband
+        energy ratio, sideband index, sideband level factor, of the residual signal NA4 and NA4*, of
+        the difference signal FM4, M6A, M8A and the energy ratio, and of the envelope about the
+        first mesh harmonic NB4 and NB4*.
+
+    Raises
+    ------
+    GearmonError
+        If the recording cannot be used or the history is of other channels.
+    """
+    check_range("baseline", baseline, 1, 1_000_000)
+    vibration = recording.vibration()
+    if machine is None:
+        return IndicatorTable(
+            recording=recording.origin,
+            rows=tuple(_of_waveforms(vibration)),
+            signature=None,
+            history=history,
+            notes=tuple(recording.notes),
+        )
+    rows, signature = at_once(
+        lambda: _of_waveforms(vibration),
+        lambda: measure_signature(recording, machine),
+        vibration.samples.size,
+    )
+    notes, names = list(signature.notes), signature.channel_names
+    run = history if history is not None else IndicatorHistory(channel_names=names)
+    run.check_channels(names)
+    if not signature.found:
+        notes.append("no mesh found: only the raw vibration has indicators")
+    else:
+        for wheel in signature.plan.wheels:
+            if len(wheel.number):
+                own = gear_signals(signature.lines.mean, wheel)
+                run = run.with_gear(own)
+                rows += _of_gear(own, signature, run, baseline)
+        if history is None:
+            notes.append("a run begins here: NA4 and NB4 are the kurtosis of their signals")
+    return IndicatorTable(
+        recording=recording.origin,
+        rows=tuple(rows),
+        signature=signature,
+        history=run,
+        notes=tuple(notes),
+    )
+
+
+def _of_waveforms(vibration: Recording) -> list[IndicatorRow]:
+    table = waveform_indicators(vibration.samples, vibration.channel_names)
+    has_unit = ("rms", "peak to peak")
+    return [
+        IndicatorRow(
+            channel=channel,
+            stage=None,
+            gear=None,
+            indicator="RMS" if name == "rms" else name,
+            value=values[channel],
+            unit=unit if name in has_unit else "1",
+            input="raw vibration",
+            removed="mean",
+        )
+        for channel, unit in zip(vibration.channel_names, vibration.units, strict=True)
+        for name, values in table.items()
+    ]
+
+
+def _inputs(own: GearSignals) -> dict[str, tuple[str, str, tuple[int, ...]]]:
+    """Name the signals: what they are, what was taken out, and which multiples of the rotation."""
+    gear, (low, high) = own.wheel.gear, own.band
+    shaft = f"multiples {_listed(own.shaft)} of the {gear}'s rotation, " if own.shaft else ""
+    residual = f"{shaft}mesh harmonics at {_listed(own.mesh)}"
+    difference = f"{residual}, their first sidebands"
+    taken = tuple(sorted(own.shaft + own.mesh))
+    further = tuple(sorted(taken + own.first))
+    return {
+        "average": ("average", "all that does not repeat with the gear", ()),
+        "residual": ("residual", residual, taken),
+        "difference": ("difference", difference, further),
+        "regular": ("difference over regular", difference, further),
+        "envelope": (
+            f"envelope of the average, multiples {low} to {high}",
+            f"all but multiples {low} to {high} of the {gear}'s rotation",
+            (),
+        ),
+    }
+
+
+def _listed(numbers: tuple[int, ...]) -> str:
+    if len(numbers) > 6:
+        return ", ".join(str(n) for n in (*numbers[:3], "...", numbers[-1]))
+    return ", ".join(str(n) for n in numbers)
+
+
+def _values(
+    own: GearSignals, run: IndicatorHistory, baseline: int
+) -> dict[str, tuple[str, FloatArray, bool]]:
+    """All indicators of a gear in their order: input, value in every channel, with its unit."""
+    found = {name: (of, value(own), unit) for name, (of, value, unit) in _OF_GEAR.items()}
+    for name, of in _OF_RUN.items():
+        signal, known = getattr(own, of), run.of_input(_input_name(of, own))
+        found[name] = (of, na4(signal, known), False)
+        found[f"{name}*"] = (of, na4_frozen(signal, known, baseline), False)
+    order = ("average", "residual", "difference", "regular", "envelope")
+    return dict(sorted(found.items(), key=lambda item: order.index(item[1][0])))
+
+
+def _of_gear(
+    own: GearSignals, signature: MeasuredSignature, run: IndicatorHistory, baseline: int
+) -> Iterator[IndicatorRow]:
+    inputs, wheel, values = _inputs(own), own.wheel, _values(own, run, baseline)
+    channels = zip(signature.channel_names, signature.units, strict=True)
+    for row, (channel, unit) in enumerate(channels):
+        for name, (key, value, has_unit) in values.items():
+            what, removed, numbers = inputs[key]
+            yield IndicatorRow(
+                channel=channel,
+                stage=wheel.stage,
+                gear=wheel.gear,
+                indicator=name,
+                value=float(value[row]),
+                unit=unit if has_unit else "1",
+                input=what,
+                removed=removed,
+                removed_orders=tuple(n * wheel.order for n in numbers),
+            )
+
+
+def _input_name(signal: str, own: GearSignals) -> str:
+    return f"{signal}, {own.wheel.gear} of stage {own.wheel.stage}"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class IndicatorHistory:
+    """Variances of the signals of every gear over a run.
+
+    Parameters
+    ----------
+    channel_names : tuple of str
+        Channels.
+    runs : mapping of str to RunHistory
+        By signal and gear, as "residual, pinion of stage 1".
+    """
+
+    channel_names: tuple[str, ...]
+    runs: Mapping[str, RunHistory] = field(default_factory=dict)
+
+    def check_channels(self, channel_names: tuple[str, ...]) -> None:
+        """Raise if a recording has other channels than the run.
+
+        Raises
+        ------
+        ArgumentError
+            If the names differ.
+        """
+        if channel_names != self.channel_names:
+            raise ArgumentError(
+                f"the run so far is of channels {', '.join(self.channel_names)}, this recording "
+                f"has {', '.join(channel_names)}; name them with --channel or begin a new history"
+            )
+
+    def of_input(self, name: str) -> RunHistory:
+        """Return the history of one signal of one gear; empty if it has none."""
+        known = self.runs.get(name)
+        return RunHistory.of(len(self.channel_names)) if known is None else known
+
+    def with_gear(self, own: GearSignals) -> IndicatorHistory:
+        """Return the history with one more record of a gear's signals."""
+        runs = dict(self.runs)
+        for signal in _OF_RUN.values():
+            name = _input_name(signal, own)
+            runs[name] = self.of_input(name).with_record(getattr(own, signal))
+        return replace(self, runs=runs)
+
+
+def write_history(history: IndicatorHistory, path: str | Path) -> None:
+    """Write a history as JSON.
+
+    Raises
+    ------
+    ArgumentError
+        If the file cannot be written.
+    """
+    content = {
+        "kind": _HISTORY,
+        "channels": list(history.channel_names),
+        "variances": {name: run.variances.tolist() for name, run in history.runs.items()},
+    }
+    write_atomically(path, json.dumps(content, indent=1) + "\n")
+
+
+def read_history(path: str | Path) -> IndicatorHistory:
+    """Read what `write_history` wrote.
+
+    Raises
+    ------
+    SignatureError
+        If the file cannot be read or is none.
+    """
+    try:
+        content = json.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise SignatureError(f"{path}: cannot be read ({error.strerror})") from None
+    except ValueError:
+        raise SignatureError(f"{path}: is no history of indicators (not JSON)") from None
+    if not isinstance(content, dict) or content.get("kind") != _HISTORY:
+        raise SignatureError(f"{path}: is no history of indicators")
+    try:
+        names = tuple(str(name) for name in content["channels"])
+        runs = {
+            str(name): RunHistory(variances=np.array(rows, dtype=float).reshape(-1, len(names)))
+            for name, rows in content["variances"].items()
+        }
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise SignatureError(f"{path}: damaged history of indicators ({error})") from None
+    return IndicatorHistory(channel_names=names, runs=runs)
