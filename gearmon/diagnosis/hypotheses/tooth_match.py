@@ -47,6 +47,8 @@ _POINTS, _REACH, _MOST_POINTS = 2.0, 3.0, 40
 # held against its neighbours. Those differ in detail, and in detail the model is wrong: however
 # strong a departure, it then tells the place no better than one that just stands out of the noise.
 SEARCH_MISFIT, SIZE_MISFIT, PLACE_MISFIT = 0.3, 0.03, 1.0
+# Mean square of a departure that is noise at least, where a recording is held against itself.
+_LEAST_NOISE = 1e-6
 # Share of an event that leaks to each other tooth; misfit of one band at which it stops to count.
 _LEAK, _MOST_MISFIT = 0.05, 6.0
 # Where logarithms of likelihoods are cut off, below the largest.
@@ -315,7 +317,7 @@ def _log_likelihood(
         scale = max(1.0, SEARCH_MISFIT * whole, beside)
     else:
         # where there is less noise than stated, a weak event would be taken for too small
-        scale = max(SIZE_MISFIT * whole, min(1.0, beside))
+        scale = max(SIZE_MISFIT * whole, min(1.0, beside), _LEAST_NOISE)
     scales = np.array([scale, max(scale, PLACE_MISFIT * whole)])
     ratio = size[:, None] ** 2 * spread / scales[:, None, None]
     gain = ratio / (1.0 + ratio) / scales[:, None, None]

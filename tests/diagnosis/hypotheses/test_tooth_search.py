@@ -167,6 +167,15 @@ def test_noise_that_is_stated_too_large_makes_no_loss_too_small():
     assert np.median([one.loss for one in told]) == pytest.approx(loss, rel=0.15)
 
 
+def test_a_recording_held_against_itself_has_lost_nothing():
+    healthy = patterns("gear", 3)[0]
+    difference = held_against(healthy, [healthy], same_zero=True)
+    found = search_gear(difference, response("gear"), SPEED_HZ)
+    assert found.match.log_gear < 0
+    told = loss_estimate(found, SPEED_HZ)
+    assert 0 < told.low <= told.loss <= told.high < 0.02
+
+
 def test_units_do_not_matter():
     healthy, new = patterns("pinion", 2, loss=0.1, tooth=4)
     one = searched("pinion", 2, loss=0.1, tooth=4)
