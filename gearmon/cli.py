@@ -18,6 +18,7 @@ from gearmon.commands import COMMANDS
 from gearmon.commands.inputs import check_names
 from gearmon.commands.output import BAD_INPUT, DONE
 from gearmon.errors import GearmonError
+from gearmon.signals.threads import cores
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -46,6 +47,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             stream.reconfigure(errors="backslashreplace")  # file names need not be text
     try:
         check_names(arguments)
+        cores()  # refuses a wrong number of them before any work
         code: int = arguments.run(arguments)
         sys.stdout.flush()
         return code

@@ -7,8 +7,9 @@ from functools import partial
 
 import pytest
 
+from gearmon.cli import main
 from gearmon.commands.inputs import each_of
-from gearmon.errors import GearmonError
+from gearmon.errors import ArgumentError, GearmonError
 from gearmon.signals.threads import THREADS, cores
 
 
@@ -36,9 +37,20 @@ def test_an_error_of_a_task_is_its_own(monkeypatch, threads):
 def test_cores_are_those_that_are_told(monkeypatch):
     monkeypatch.setenv(THREADS, "3")
     assert cores() == 3
-    for nonsense in ("", "0", "many", "-2"):
-        monkeypatch.setenv(THREADS, nonsense)
-        assert cores() >= 1
+    monkeypatch.setenv(THREADS, "")
+    assert cores() >= 1
+
+
+@pytest.mark.parametrize("wrong", ["0", "-2", "many", "1.5", "²"])
+def test_a_number_of_cores_that_is_none_is_refused(monkeypatch, capsys, wrong):
+    monkeypatch.setenv(THREADS, wrong)
+    with pytest.raises(ArgumentError, match=f"{THREADS}={wrong}: must be a whole number"):
+        cores()
+    # before the machine file is looked for, and in one line
+    assert main(["analyse", "a.csv", "--machine", "nowhere.toml"]) == 2
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1
+    assert told.startswith(f"gearmon: {THREADS}={wrong}: must be")
 
 
 def test_a_process_that_dies_is_told_in_one_line(monkeypatch):

@@ -124,9 +124,11 @@ def each_of(task: Callable[[str], Found], paths: Sequence[str], what: str) -> It
     from concurrent.futures.process import BrokenProcessPool
 
     pool = ProcessPoolExecutor(workers, initializer=_alone_on_a_core)
+    # processes start here, before the bar has a thread that they would inherit half
+    results = pool.map(task, paths)
     with progress_bar(what) as progress:
         try:
-            for number, found in enumerate(pool.map(task, paths)):
+            for number, found in enumerate(results):
                 yield found
                 if progress is not None:
                     progress((number + 1) / len(paths))

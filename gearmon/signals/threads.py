@@ -6,6 +6,8 @@ import os
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
+from gearmon.errors import ArgumentError
+
 # Values handled from which on threads are worth starting, and how many at the most.
 _WORTH_THREADS, _MOST_THREADS = 1 << 19, 4
 #: Variable of the environment that limits the cores that are used.
@@ -44,9 +46,18 @@ def cores() -> int:
     """Return how many processor cores this process may use.
 
     Those that the system grants it, or as many as `GEARMON_THREADS` in the environment says.
+
+    Raises
+    ------
+    ArgumentError
+        If that is no whole number from 1.
     """
     told = os.environ.get(THREADS, "")
-    if told.isdecimal() and int(told) > 0:
+    if told:
+        if not told.isascii() or not told.isdecimal() or int(told) < 1:
+            raise ArgumentError(
+                f"{THREADS}={told}: must be a whole number of cores from 1; unset it for all"
+            )
         return int(told)
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))

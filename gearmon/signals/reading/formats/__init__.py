@@ -36,7 +36,7 @@ class Format:
         How it begins. Text in lower case is compared regardless of case, after leading blanks.
     loader : str
         Module and function that read it; "" if it is not read.
-    library : str
+    needs : str
         The library that the loader needs.
     extra : str
         The extra of gearmon that installs this library.
@@ -47,7 +47,7 @@ class Format:
     what: str
     magic: tuple[bytes, ...] = ()
     loader: str = ""
-    library: str = ""
+    needs: str = ""
     extra: str = ""
     remedy: str = "export it as CSV"
 
@@ -184,8 +184,8 @@ def _held(source: Source, found: Format) -> Holding:
 
 def _check_library(path: str, found: Format) -> None:
     try:
-        if found.library:
-            importlib.import_module(found.library)
+        if found.needs:
+            importlib.import_module(found.needs)
     except ImportError:
         raise RecordingError(
             f"{path}: looks like {found.what}; to read it install gearmon[{found.extra}], or "
