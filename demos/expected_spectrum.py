@@ -32,7 +32,8 @@ def main():
     spectrum.vlines(frequency[mesh], 1e-3, size[mesh], color="tab:blue", label="mesh harmonics")
     spectrum.set(xlabel="frequency in Hz", ylabel="acceleration in m/s²", yscale="log")
     spectrum.set_title(f"loss of {LOSSES[-1]} %")
-    spectrum.legend()
+    spectrum.set_ylim(top=1e5)  # room for the legend
+    spectrum.legend(ncols=2)
     growth.loglog(LOSSES, strongest, "o-")
     growth.set(xlabel="loss of pair stiffness in %", ylabel="strongest sideband in m/s²")
     path = Path("gearmon-spectrum.png")

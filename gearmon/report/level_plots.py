@@ -60,6 +60,8 @@ _LEAST_BAR_DB = 0.8
 _NARROWEST_NUMBERED = 1 / 44
 # A name of two lines takes about this share of the width.
 _NAME_SHARE = 1 / 13
+# Height that a letter of 6.5 points takes where names are written at 45 degrees [inch].
+_LETTER_IN = 0.037
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,7 +126,8 @@ def levels_figure(analysis: Analysis, reference: Reference | None = None) -> Pic
     shown = signature.channel_names[:MOST_STRIPS]
     sideways = _sideways(groups)
     height = 0.74 if len(shown) > 3 else 1.2
-    bottom = 0.85 if sideways else 0.5
+    longest = max((len(group.label) for group in groups), default=0)
+    bottom = max(0.85, 0.3 + _LETTER_IN * longest) if sideways else 0.5
     figure, axes = new_figure([height] * len(shown), top_in=0.62, bottom_in=bottom, sharex=True)
     for row, (name, ax) in enumerate(zip(shown, axes, strict=True)):
         own = [changes.get((name, family.name)) for family in signature.plan.families]

@@ -42,7 +42,7 @@ from gearmon.signals.recording import Recording
 from gearmon.signals.spectra import Spectrum
 from gearmon.signals.spectra.demodulation import Kurtogram
 from gearmon.signatures.measured.line_marks import Mark
-from gearmon.signatures.measured.line_plan import MESH_HARMONICS, NEAR_SIDEBANDS, Family
+from gearmon.signatures.measured.line_plan import NEAR_SIDEBANDS, Family, mesh_harmonics
 from gearmon.signatures.measured.measurement import MeasuredSignature, MeshFinding
 from gearmon.signatures.order_spectra import OrderSpectra
 from gearmon.signatures.recording_spectrum import RecordingSpectrum
@@ -64,6 +64,8 @@ _SEARCH_SHOWN = 2.0 * SPEED_TOLERANCE
 _MOST_COUNTED = 6.0
 # A picture shows at most so many decades below the highest line.
 _DECADES = 6.0
+# Marks of mesh harmonics that a spectrum as wide as the page bears with their names.
+_MOST_MARKS = 32
 # Marks nearer than this share of the axis cannot be told apart; width of a line of a label.
 _LEAST_GAP, _LABEL_WIDTH = 0.012, 0.014
 _GREY_SERIES = 7
@@ -139,9 +141,11 @@ def amplitude_figure(analysis: Analysis, recording: Recording) -> Picture:
     """
     signature = analysis.signature
     spectrum, blocks, nyquist = _time_spectrum(analysis, recording)
-    last = max(MESH_HARMONICS * mesh.frequency_hz for mesh in signature.meshes)
+    last = max(_harmonics(signature, mesh) * mesh.frequency_hz for mesh in signature.meshes)
     high = min(nyquist, _BEYOND_LAST * last)
     marks = [mark for mark in mesh_marks(signature) if mark.place < 0.999 * high]
+    if len(marks) > _MOST_MARKS:
+        marks = _wide_apart(marks, high / _MOST_MARKS)
     strips = _channel_strips(analysis, spectrum, (2 * float(spectrum.frequency_hz[1]), high), marks)
     made = f"{blocks} Hann blocks, averaged in power" if blocks > 1 else "one Hann window"
     cut = "" if high == nyquist else f", shown up to {high:.0f} of {nyquist:.0f} Hz"
@@ -428,6 +432,21 @@ def line_marks(marks: Sequence[Mark], low: float, high: float) -> tuple[LineMark
     )
 
 
+def _wide_apart(marks: Sequence[LineMark], gap: float) -> list[LineMark]:
+    """Return the marks that stand so far from one another, those of the first stages first."""
+    kept: list[LineMark] = []
+    for mark in sorted(marks, key=lambda mark: mark.series):
+        if all(abs(mark.place - other.place) >= gap for other in kept):
+            kept.append(mark)
+    return sorted(kept, key=lambda mark: mark.place)
+
+
+def _harmonics(signature: MeasuredSignature, mesh: MeshFinding) -> int:
+    """Return how many harmonics of a mesh were looked at: more of a slow one."""
+    speed = signature.speed
+    return mesh_harmonics(mesh.frequency_hz * speed.nominal_hz / speed.peak_hz)
+
+
 def mesh_marks(signature: MeasuredSignature) -> list[LineMark]:
     """Return the mesh harmonics of all stages [Hz], coinciding ones as one mark with both names."""
     by_place: dict[float, LineMark] = {}
@@ -435,7 +454,7 @@ def mesh_marks(signature: MeasuredSignature) -> list[LineMark]:
     speed = signature.speed
     ratio = 1.0 if signature.found else speed.nominal_hz / speed.estimated_hz
     for mesh in signature.meshes:
-        for k in range(1, MESH_HARMONICS + 1):
+        for k in range(1, _harmonics(signature, mesh) + 1):
             place, label = k * mesh.frequency_hz * ratio, f"GMF{mesh.stage} ×{k}"
             key = round(place / speed.estimated_hz, 6)
             if key in by_place:
