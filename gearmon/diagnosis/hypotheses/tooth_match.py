@@ -317,13 +317,15 @@ def _log_likelihood(
     leak = _leak(projection, spread, number, len(turned))
     if around is not None:
         beside = _beside(energy / around[:, None], spread, leak)
-        noise = np.maximum(max(1.0, beside) * around, SEARCH_MISFIT * whole)
+        least = max(1.0, beside, SEARCH_MISFIT * whole)
+        noise = np.maximum(max(1.0, beside) * around, least)
     else:
         # where there is less noise than stated, a weak event would be taken for too small
         beside = _beside(energy, spread, leak)
         least = max(SIZE_MISFIT * whole, min(1.0, beside), _LEAST_NOISE)
         noise = np.full(len(turned), least)
-    noises = np.array([noise, np.maximum(noise, PLACE_MISFIT * whole)])
+    # beside the tooth that speaks, its neighbours are held against each other on equal terms
+    noises = np.array([noise, np.full(len(turned), max(least, PLACE_MISFIT * whole))])
     # (noises, losses, teeth, directions)
     ratio = size[:, None, None] ** 2 * spread / noises[:, None, :, None]
     told = ratio / (1.0 + ratio) * (energy / noises[..., None])[:, None]
