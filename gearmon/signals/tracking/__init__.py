@@ -2,8 +2,8 @@
 
 With a tachometer `tacho` finds the pulses (`pulse_repair` mends their train) and `tacho_phases`
 lets the phases of the mesh lines tell the angle between them. Without one `comb` finds the speed
-that puts known orders onto the lines of the spectrum, `ramps` follows a speed that changes,
-`phases` makes an angle of it, `slips` tells where that is lost; `mesh_detection` and
+that puts known orders onto the lines of the spectrum, steady or changing, `phases` makes an angle
+of it, `slips` tells where that is lost; `mesh_detection` and
 `sideband_spacing` judge whether the mesh is there at all.
 
 >>> import numpy as np
@@ -15,7 +15,7 @@ that puts known orders onto the lines of the spectrum, `ramps` follows a speed t
 np.float64(5.0)
 """
 
-from gearmon.signals.tracking.comb import Comb, SpeedScan, SpeedTrack, scan_speed
+from gearmon.signals.tracking.comb import Comb, SpeedScan, SpeedTrack, find_path, scan_speed
 from gearmon.signals.tracking.mesh_detection import (
     MeshComb,
     MeshEvidence,
@@ -24,11 +24,11 @@ from gearmon.signals.tracking.mesh_detection import (
 )
 from gearmon.signals.tracking.phases import (
     coherent_share,
+    follow_speed,
     integrate_speed,
     lock_track,
     refine_track,
 )
-from gearmon.signals.tracking.ramps import find_path, follow_speed
 from gearmon.signals.tracking.sideband_spacing import (
     foreign_spacing,
     spacing_mismatch,

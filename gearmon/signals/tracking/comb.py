@@ -21,7 +21,12 @@ from gearmon.signals.transforms import fast_length, windowed_transforms
 
 FloatArray = NDArray[np.float64]
 
-_MAX_CANDIDATES = 6000
+# Most candidates of a scan, and of a path, whose search takes the longer the more blocks there are.
+_MAX_CANDIDATES, _PATH_CANDIDATES = 6000, 4000
+# Blocks in which a speed is followed that may change [turns at the nominal speed].
+_PATH_TURNS = 8.0
+# Fastest relative change of the speed that is followed [1/s], of a steady machine and of any.
+_STEADY_SLOPE, _PATH_SLOPE = 0.02, 0.12
 # Blocks from which on they do not overlap: a long recording has enough of them.
 _MANY_BLOCKS = 400
 # Moves to either side that a path may choose among, and the most candidates from one to the next.
@@ -104,7 +109,7 @@ class SpeedScan:
     middle_hz : ndarray of float, shape (blocks,)
         Rotation frequency about which each block was searched [Hz].
     ratio : ndarray of float, shape (candidates,)
-        Candidate speeds over that, evenly spaced.
+        Candidate speeds over that, evenly spaced, or in their logarithm.
     scores : ndarray of float, shape (blocks, candidates)
         Weighted sum of log(1 + signal-to-noise ratio) over the comb's lines.
     bin_hz : float
@@ -117,6 +122,8 @@ class SpeedScan:
         Their log(1 + signal-to-noise ratio), mean over channels.
     stride : int
         Blocks from one to the next that does not overlap it.
+    slope_per_s : float
+        Fastest relative change of the speed that a path follows [1/s].
     """
 
     centre_s: FloatArray
@@ -128,6 +135,7 @@ class SpeedScan:
     kept: NDArray[np.int64]
     quality: NDArray[np.float32]
     stride: int
+    slope_per_s: float
 
     def track(self, blocks: NDArray[np.int64] | None = None) -> SpeedTrack:
         """Return the best path of speeds through the blocks (all of them by default)."""
@@ -150,11 +158,12 @@ class SpeedScan:
         return best_path(self.scores, self._reach(np.arange(len(self.centre_s))))
 
     def _reach(self, rows: NDArray[np.int64]) -> int:
-        """Candidates that the speed may move by from block to block: 2 % a second."""
+        """Candidates that the speed may move by from block to block."""
         if len(rows) < 2:
             return 0
         interval = float(np.diff(self.centre_s[rows]).mean())
-        reach = 0.02 * interval / float(self.ratio[1] - self.ratio[0])
+        middle = len(self.ratio) // 2
+        reach = self.slope_per_s * interval / float(self.ratio[middle + 1] - self.ratio[middle])
         return int(np.clip(round(reach), 1, len(self.ratio) - 1))
 
 
@@ -176,7 +185,8 @@ def scan_speed(
     sampling_rate_hz : float
         Sampling rate [Hz].
     comb : Comb
-        Orders and weights; those above half the sampling rate are left out.
+        Orders and weights; those above half the sampling rate are left out, and count nothing
+        where they leave the band at the speed of a block.
     nominal_hz : float
         Where to look [Hz], > 0.
     tolerance : float
@@ -199,61 +209,158 @@ def scan_speed(
     check_positive("nominal_hz", nominal_hz, "Hz")
     check_range("tolerance", tolerance, 1e-6, 0.3)
     check_positive("block_s", block_s, "s")
-    count = samples.shape[-1]
-    block = int(min(count, max(16.0, round(block_s * sampling_rate_hz))))
-    hop = max(block // 2, 1)
-    if (count - block) // hop >= _MANY_BLOCKS:
-        hop = block
-    length = fast_length(2 * block)
-    bin_hz = sampling_rate_hz / length
+    blocks = _Blocks.of(samples, sampling_rate_hz, block_s, _MANY_BLOCKS)
     used = comb.below(0.49 * sampling_rate_hz / (nominal_hz * (1 + tolerance)))
-    top_hz = 1.1 * float(used.orders.max()) * nominal_hz * (1 + tolerance)
-    bins = int(min(length // 2 + 1, np.ceil(top_hz / bin_hz) + 64))
-    ratio = _candidates(bin_hz / nominal_hz, used, tolerance)
-    starts = np.arange(0, count - block + 1, hop)
-    if len(starts) > 3 and starts[-1] != count - block:
-        starts = np.append(starts, count - block)  # takes the recording to its end
-    centre_s = (starts + block / 2) / sampling_rate_hz
-    middle = np.full(len(starts), nominal_hz) if around is None else around.at(centre_s)
-    kept, stride = _kept_blocks(len(starts), 1 if hop == block else 2)
-    scores = np.empty((len(starts), len(ratio)))
-    quality = np.empty((len(kept), bins), dtype=np.float32)
-    total = len(starts) * samples.shape[0] * length
-    window = hann(block)
-    lines = np.outer(used.orders, ratio) / bin_hz
-
-    def nearest_to(speed_hz: float) -> NDArray[np.int64]:
-        return np.minimum(np.rint(lines * speed_hz).astype(np.int64), bins - 1)
-
-    same = nearest_to(nominal_hz) if around is None else None
-
-    def scan_blocks(first: int) -> None:
-        rows = np.arange(first, min(first + _BLOCKS, len(starts)))
-        own = np.empty((bins, len(rows)))
-        for column, row in enumerate(rows):
-            part = samples[:, starts[row] : starts[row] + block]
-            own[:, column] = line_quality(part, window, length, bins, total)
-        if same is not None:
-            scores[rows] = weighted_sum(own, same, used.weights).T
-        else:
-            for column, row in enumerate(rows):
-                nearest = nearest_to(middle[row])
-                scores[row] = weighted_sum(own[:, column], nearest, used.weights)
-        begin, end = np.searchsorted(kept, rows[[0, -1]] + [0, 1])
-        quality[begin:end] = own.T[kept[begin:end] - first]
-
-    side_by_side(scan_blocks, range(0, len(starts), _BLOCKS), total)
-    return SpeedScan(
-        centre_s=centre_s,
-        middle_hz=middle,
-        ratio=ratio,
-        scores=scores,
-        bin_hz=bin_hz,
-        resolution_hz=bin_hz / float(used.orders.max()),
-        kept=kept,
-        quality=quality,
-        stride=stride,
+    top = float(used.orders.max())
+    half = _half(tolerance, blocks.bin_hz / (nominal_hz * top))
+    bins = int(np.ceil(1.1 * top * nominal_hz * (1 + tolerance) / blocks.bin_hz) + 64)
+    middle_hz = np.full(len(blocks.starts), nominal_hz)
+    return blocks.scanned(
+        used,
+        middle_hz if around is None else around.at(blocks.centre_s),
+        1 + tolerance * np.arange(-half, half + 1) / half,
+        min(blocks.length // 2 + 1, bins),
+        _STEADY_SLOPE,
     )
+
+
+def find_path(
+    samples: FloatArray,
+    sampling_rate_hz: float,
+    comb: Comb,
+    nominal_hz: float,
+    reach: float = 0.25,
+) -> SpeedScan:
+    """Follow a comb whose speed may change, in short blocks and far about the nominal speed.
+
+    Parameters
+    ----------
+    samples : ndarray of float, shape (channels, n)
+        Vibration; a channel's scale does not matter.
+    sampling_rate_hz : float
+        Sampling rate [Hz].
+    comb : Comb
+        Orders and weights; lines that leave the band at a speed count nothing there.
+    nominal_hz : float
+        Where to look [Hz], > 0.
+    reach : float
+        How far from nominal to look, as a fraction, in (0, 0.5].
+
+    Returns
+    -------
+    SpeedScan
+        Candidates evenly spaced in the logarithm.
+
+    Raises
+    ------
+    ArgumentError
+        If the nominal speed or the reach is out of range.
+    """
+    check_positive("nominal_hz", nominal_hz, "Hz")
+    check_range("reach", reach, 1e-6, 0.5)
+    blocks = _Blocks.of(samples, sampling_rate_hz, _PATH_TURNS / nominal_hz)
+    used = comb.below(0.49 * sampling_rate_hz / nominal_hz)
+    span = float(np.log1p(reach))
+    half = _half(span, blocks.bin_hz / (nominal_hz * float(used.orders.max())), _PATH_CANDIDATES)
+    return blocks.scanned(
+        used,
+        np.full(len(blocks.starts), nominal_hz),
+        np.exp(span * np.arange(-half, half + 1) / half),
+        blocks.length // 2 + 1,
+        _PATH_SLOPE,
+    )
+
+
+def _half(span: float, bin_share: float, most: int = _MAX_CANDIDATES) -> int:
+    """Candidates to either side half a bin apart at the highest order: nothing hides between."""
+    return int(np.clip(np.ceil(span / (0.5 * bin_share)), 2, most // 2))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Blocks:
+    """Hann blocks of a recording, half overlapped unless there are too many."""
+
+    samples: FloatArray
+    rate: float
+    size: int
+    overlapped: bool
+    starts: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, samples: FloatArray, rate: float, block_s: float, many: float = np.inf) -> _Blocks:
+        count = samples.shape[-1]
+        size = int(min(count, max(16.0, round(block_s * rate))))
+        hop = max(size // 2, 1)
+        overlapped = (count - size) // hop < many
+        starts = np.arange(0, count - size + 1, hop if overlapped else size)
+        if len(starts) > 3 and starts[-1] != count - size:
+            starts = np.append(starts, count - size)  # takes the recording to its end
+        return cls(samples=samples, rate=rate, size=size, overlapped=overlapped, starts=starts)
+
+    @property
+    def length(self) -> int:
+        """Length of the transforms: a line is then two bins wide."""
+        return fast_length(2 * self.size)
+
+    @property
+    def bin_hz(self) -> float:
+        return self.rate / self.length
+
+    @property
+    def centre_s(self) -> FloatArray:
+        return np.asarray((self.starts + self.size / 2) / self.rate)
+
+    def scanned(
+        self,
+        comb: Comb,
+        middle_hz: FloatArray,
+        ratio: FloatArray,
+        bins: int,
+        slope_per_s: float,
+    ) -> SpeedScan:
+        """Score every candidate about the middle of every block; keep some spectra."""
+        count, starts = len(self.starts), self.starts
+        kept, stride = _kept_blocks(count, 2 if self.overlapped else 1)
+        scores = np.empty((count, len(ratio)))
+        quality = np.empty((len(kept), bins), dtype=np.float32)
+        total = count * len(self.samples) * self.length
+        lines = np.outer(comb.orders, ratio) / self.bin_hz
+        steady = bool(np.all(middle_hz == middle_hz[0]))
+
+        def nearest_to(speed_hz: float) -> NDArray[np.int64]:
+            return np.minimum(np.rint(lines * speed_hz).astype(np.int64), bins)
+
+        same = nearest_to(float(middle_hz[0])) if steady else None
+
+        def scan_blocks(first: int) -> None:
+            rows = np.arange(first, min(first + _BLOCKS, count))
+            # the last one stands for what lies beyond the band: nothing
+            own = np.zeros((bins + 1, len(rows)))
+            for column, row in enumerate(rows):
+                part = self.samples[:, starts[row] : starts[row] + self.size]
+                own[:-1, column] = line_quality(part, self.length, bins, total)
+            if same is not None:
+                scores[rows] = weighted_sum(own, same, comb.weights).T
+            else:
+                for column, row in enumerate(rows):
+                    nearest = nearest_to(middle_hz[row])
+                    scores[row] = weighted_sum(own[:, column], nearest, comb.weights)
+            begin, end = np.searchsorted(kept, rows[[0, -1]] + [0, 1])
+            quality[begin:end] = own[:-1].T[kept[begin:end] - first]
+
+        side_by_side(scan_blocks, range(0, count, _BLOCKS), total)
+        return SpeedScan(
+            centre_s=self.centre_s,
+            middle_hz=middle_hz,
+            ratio=ratio,
+            scores=scores,
+            bin_hz=self.bin_hz,
+            resolution_hz=self.bin_hz / float(comb.orders.max()),
+            kept=kept,
+            quality=quality,
+            stride=stride,
+            slope_per_s=slope_per_s,
+        )
 
 
 def weighted_sum(values: FloatArray, index: NDArray[np.int64], weights: FloatArray) -> FloatArray:
@@ -286,17 +393,13 @@ def _kept_blocks(count: int, stride: int) -> tuple[NDArray[np.int64], int]:
     return np.arange(stride if count >= 4 else 0, count, step), stride
 
 
-def line_quality(
-    block: FloatArray, window: FloatArray, length: int, bins: int, total: int
-) -> FloatArray:
+def line_quality(block: FloatArray, length: int, bins: int, total: int) -> FloatArray:
     """Mean over channels of log(1 + power over its local floor) of one block.
 
     Parameters
     ----------
     block : ndarray of float, shape (channels, n)
         The block.
-    window : ndarray of float, shape (n,)
-        Its window.
     length : int
         Length of the transform, at least n.
     bins : int
@@ -309,7 +412,7 @@ def line_quality(
     ndarray of float, shape (bins,)
     """
     quality = np.zeros(bins)
-    for transform in windowed_transforms(block, window, length, total):
+    for transform in windowed_transforms(block, hann(block.shape[-1]), length, total):
         own = transform[:bins]
         power = own.real**2
         power += own.imag**2
@@ -319,13 +422,6 @@ def line_quality(
         quality += np.log(power, out=power)
     quality /= len(block)
     return quality
-
-
-def _candidates(bin_order: float, comb: Comb, tolerance: float) -> FloatArray:
-    """Speed ratios half a bin apart at the highest order: nothing can hide between two of them."""
-    step = 0.5 * bin_order / float(comb.orders.max())
-    half = int(np.clip(np.ceil(tolerance / step), 2, _MAX_CANDIDATES // 2))
-    return 1 + tolerance * np.arange(-half, half + 1) / half
 
 
 def best_path(scores: FloatArray, reach: int) -> NDArray[np.int64]:

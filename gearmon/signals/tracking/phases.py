@@ -8,6 +8,10 @@ Phases that are compared from block to block add up like a random walk and end h
 the recording does. Compared with the line's own slowly varying mean they do neither
 (`lock_track`): the blocks slide by a quarter of their length and are cut at the ends of the
 recording.
+
+A speed that changes is followed in short blocks first (`comb.find_path`). Read at equal steps of
+that path's angle the lines are nearly steady, so that the comb and then the phases of the mesh
+lines tell the rest (`follow_speed`).
 """
 
 from __future__ import annotations
@@ -17,8 +21,10 @@ from numpy.typing import NDArray
 
 from gearmon.signals.angle import AngleTrack, phasors
 from gearmon.signals.orders.lines import OrderLines
+from gearmon.signals.orders.nonuniform_fft import quick_spreading
+from gearmon.signals.orders.resampling import AngleGrid
 from gearmon.signals.orders.sums import OrderSums, SlidingLines
-from gearmon.signals.tracking.comb import SpeedTrack
+from gearmon.signals.tracking.comb import Comb, SpeedTrack, scan_speed
 from gearmon.signals.tracking.thresholds import LIMITS, QUARTER_HOP
 
 FloatArray = NDArray[np.float64]
@@ -36,6 +42,8 @@ _PASSES = 2
 _LIMITS = (0.4, 0.7, 1.0, 1.0, 1.0)
 # Phases of noise scatter evenly over a cycle, variance 1/12; a line near that is not listened to.
 _NOISE_VARIANCE = 1.0 / 12.0
+# Searches for a speed that changes in the angle of the track so far: block [turns], reach about it.
+_UNWARPED = ((10.0, 0.015), (10.0, 0.008))
 
 
 def integrate_speed(speed: SpeedTrack, duration_s: float) -> AngleTrack:
@@ -398,3 +406,89 @@ def _smoothed_angle(vote: FloatArray, weight: FloatArray, step: float) -> FloatA
     band[0] += weight + 1e-6 * prior
     smooth: FloatArray = solveh_banded(band, weight * vote, lower=True)
     return smooth
+
+
+def unwarp(
+    samples: FloatArray,
+    sampling_rate_hz: float,
+    track: AngleTrack,
+    comb: Comb,
+    block_turns: float,
+    tolerance: float,
+) -> AngleTrack:
+    """Follow a comb again in the angle of a first track, where its lines are nearly steady.
+
+    Parameters
+    ----------
+    samples : ndarray of float, shape (channels, n)
+        Vibration.
+    sampling_rate_hz : float
+        Sampling rate [Hz].
+    track : AngleTrack
+        The first track.
+    comb : Comb
+        Orders and weights.
+    block_turns : float
+        Length of the blocks [turns].
+    tolerance : float
+        How far about the first track's speed to look, as a fraction.
+
+    Returns
+    -------
+    AngleTrack
+        The better track.
+    """
+    top = 0.45 * sampling_rate_hz / float(track.speed_hz.max())
+    grid = AngleGrid.of(samples.shape[-1], sampling_rate_hz, track, 0.0)
+    # what spreading takes of an order it takes of the noise there as well
+    read = np.empty((samples.shape[0], grid.count))
+    per_turn = float(grid.per_turn)
+    quick_spreading(samples, sampling_rate_hz, track, per_turn).spread(grid.first_turn, read)
+    scan = scan_speed(read, grid.per_turn, comb.below(top), 1.0, tolerance, block_turns)
+    inner = integrate_speed(scan.track(), (grid.count - 1) / grid.per_turn)
+    ends = track.turns[[0, -1]]
+    knots = grid.first_turn + inner.time_s
+    kept = knots[(knots > ends[0]) & (knots < ends[1])]
+    angle = np.concatenate([ends[:1], kept, ends[1:]])
+    return AngleTrack(
+        time_s=track.time_at(angle),
+        turns=inner.turns_at(angle - grid.first_turn),
+        method="comb",
+        uncertainty_turns=float("nan"),
+    )
+
+
+def follow_speed(
+    samples: FloatArray,
+    sampling_rate_hz: float,
+    comb: Comb,
+    orders: FloatArray,
+    path: SpeedTrack,
+) -> AngleTrack:
+    """Turn a path of speeds into an angle track that is right to a small part of a mesh period.
+
+    Parameters
+    ----------
+    samples : ndarray of float, shape (channels, n)
+        Vibration.
+    sampling_rate_hz : float
+        Sampling rate [Hz].
+    comb : Comb
+        Orders and weights.
+    orders : ndarray of float, shape (lines,)
+        Mesh harmonics, whose phases are followed; those beyond the band are left out.
+    path : SpeedTrack
+        The path, from `find_path`.
+
+    Returns
+    -------
+    AngleTrack
+        The track; the path itself if no mesh harmonic lies within the band.
+    """
+    track = integrate_speed(path, (samples.shape[-1] - 1) / sampling_rate_hz)
+    for block_turns, tolerance in _UNWARPED:
+        track = unwarp(samples, sampling_rate_hz, track, comb, block_turns, tolerance)
+    within = orders[orders < 0.45 * sampling_rate_hz / float(track.speed_hz.max())]
+    if len(within) == 0:
+        return track
+    return lock_track(OrderSums(samples, sampling_rate_hz, within), track)
