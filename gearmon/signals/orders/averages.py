@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError, RecordingError, check_positive
 from gearmon.signals.angle import AngleTrack
+from gearmon.signals.orders.lines import OrderLines
 from gearmon.signals.orders.resampling import (
     READ_UP_TO,
     resample_to_angle,
@@ -167,7 +168,8 @@ def time_synchronous_average(
         )
     highest = READ_UP_TO * sampling_rate_hz / float(shaft.speed_hz.max())
     top = min((wanted - 1) // 2, int(highest))
-    near = np.arange(lobe, min(turns // 2, lobe - 1 + _neighbours(turns)) + 1)
+    neighbours = max(_FEWEST_NEIGHBOURS, turns // _SHARE_OF_GAP)
+    near = np.arange(lobe, min(turns // 2, lobe - 1 + neighbours) + 1)
     weights = window(window_name, turns * steps)
     weights = weights / weights.mean()
     found = []
@@ -207,6 +209,32 @@ def one_turn(lines: ComplexArray, per_turn: int) -> FloatArray:
     half[..., 0] = lines[..., 0].real
     turn: FloatArray = np.fft.irfft(half, n=per_turn, axis=-1, norm="forward")
     return turn
+
+
+def synchronous_average(lines: OrderLines, rotation_order: float, per_turn: int) -> FloatArray:
+    """Waveform of one turn of a shaft from its order lines.
+
+    Parameters
+    ----------
+    lines : OrderLines
+        Lines that contain all multiples of `rotation_order`.
+    rotation_order : float
+        Turns of the shaft a turn of shaft 1.
+    per_turn : int
+        Samples wanted a turn of this shaft.
+
+    Returns
+    -------
+    ndarray of float, shape (channels, per_turn)
+        The time-synchronous average (TSA), without its mean.
+    """
+    ratio = lines.orders / rotation_order
+    number = np.rint(ratio).astype(int)
+    chosen = (np.abs(ratio - number) < 1e-9 * np.maximum(1, ratio)) & (number > 0)
+    chosen &= number < per_turn / 2
+    own = np.zeros((lines.amplitude.shape[1], -(-per_turn // 2)), dtype=complex)
+    own[:, number[chosen]] = lines.mean[:, chosen]
+    return one_turn(own, per_turn)
 
 
 def _of_record(
@@ -266,7 +294,3 @@ def _waveform_error(
 def _squared(values: ComplexArray) -> FloatArray:
     result: FloatArray = values.real**2 + values.imag**2
     return result
-
-
-def _neighbours(turns: int) -> int:
-    return max(_FEWEST_NEIGHBOURS, turns // _SHARE_OF_GAP)
