@@ -24,7 +24,7 @@ from gearmon.signals.tracking.phases import (
     lock_track,
     refine_track,
 )
-from gearmon.signals.tracking.sideband_spacing import spacing_mismatch, spacing_support
+from gearmon.signals.tracking.sideband_spacing import sideband_spacing
 from gearmon.signals.tracking.slips import LEAST_TURNS, SlipCheck, check_slips
 from gearmon.signatures.mesh_evidence import GearVibration, Tracking, judge, wander
 from gearmon.signatures.speed import SPEED_TOLERANCE, machine_comb, mesh_combs
@@ -216,17 +216,17 @@ def _spacing_agrees(signal: GearVibration, judged: Tracking) -> bool:
     low, high = (1 - SPEED_TOLERANCE) * speeds.min(), (1 + SPEED_TOLERANCE) * speeds.max()
     pieces = max(1, signal.samples.shape[-1] >> 18)
     spectrum = fine_order_spectrum(signal.samples, signal.rate, judged.track, pieces)
-    quality = spectrum.quality, spectrum.step
     supported = False
     combs = mesh_combs(signal.train, signal.nominal_hz)
     for mesh, comb, seen in zip(signal.train.meshes, combs, judged.evidence, strict=True):
         if not seen.stands_out or mesh.carrier != 0:
             continue
-        excess, support = 0.0, 0.0
-        for spacing in comb.spacings:
-            others = [other for other in comb.spacings if other != spacing]
-            excess = max(excess, spacing_mismatch(*quality, comb, spacing, _REACH, others)[0])
-            support = max(support, spacing_support(*quality, comb, spacing, _REACH, others))
+        told = [
+            sideband_spacing(spectrum.quality, spectrum.step, comb, spacing, _REACH)
+            for spacing in comb.spacings
+        ]
+        excess = max((one.excess for one in told), default=0.0)
+        support = max((one.support for one in told), default=0.0)
         clear = support >= _SUPPORTED
         # right sidebands of one gear fix the speed: what beats those of the other is some line else
         if not (clear and support > excess) and excess > 0 and seen.score - excess < _CONTRADICTED:

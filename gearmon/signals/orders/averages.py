@@ -207,8 +207,7 @@ def one_turn(lines: ComplexArray, per_turn: int) -> FloatArray:
     half = np.zeros((*lines.shape[:-1], per_turn // 2 + 1), dtype=complex)
     half[..., : lines.shape[-1]] = 0.5 * lines
     half[..., 0] = lines[..., 0].real
-    turn: FloatArray = np.fft.irfft(half, n=per_turn, axis=-1, norm="forward")
-    return turn
+    return np.asarray(np.fft.irfft(half, n=per_turn, axis=-1, norm="forward"))
 
 
 def synchronous_average(lines: OrderLines, rotation_order: float, per_turn: int) -> FloatArray:
@@ -287,10 +286,8 @@ def _waveform_error(
         if top:
             kept[-top:] = column[-top:]
         variance += own * _squared(np.fft.ifft(kept, norm="forward"))
-    error: FloatArray = np.sqrt(variance / weight.sum()) / len(bins) / turns
-    return error
+    return np.asarray(np.sqrt(variance / weight.sum()) / len(bins) / turns)
 
 
 def _squared(values: ComplexArray) -> FloatArray:
-    result: FloatArray = values.real**2 + values.imag**2
-    return result
+    return np.asarray(values.real**2 + values.imag**2)

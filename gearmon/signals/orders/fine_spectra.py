@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,11 +59,10 @@ class FineSpectrum:
     width: float
     pieces: int
 
-    @property
+    @cached_property
     def quality(self) -> FloatArray:
         """log(1 + power over floor), mean over the channels, shape (bins,)."""
-        mean: FloatArray = np.log1p(self.power / self.floor).mean(axis=0)
-        return mean
+        return np.asarray(np.log1p(self.power / self.floor).mean(axis=0))
 
     @property
     def top(self) -> float:
@@ -230,8 +230,7 @@ def fine_envelope_spectrum(
         read = np.array([np.interp(at_s, middle_s, row) for row in slow])
         # a channel in which nothing vibrates has no envelope
         mean = np.maximum(read.mean(axis=-1, keepdims=True), np.finfo(float).tiny)
-        relative: FloatArray = read / mean
-        return relative
+        return np.asarray(read / mean)
 
     spectrum = _of_pieces(part, count, (pieces, most), per_turn)
     last = int(top_order / spectrum.step) + 1

@@ -69,8 +69,7 @@ class OrderMap:
     def mean(self) -> FloatArray:
         """Order spectrum: root mean square over all blocks, shape (channels, bins)."""
         power = np.einsum("rcb,r->cb", self.amplitude**2, self.blocks.astype(float))
-        spectrum: FloatArray = np.sqrt(power / self.blocks.sum())
-        return spectrum
+        return np.asarray(np.sqrt(power / self.blocks.sum()))
 
 
 def order_map(

@@ -113,7 +113,8 @@ class OrderSums:
         ArgumentError
             If the recording holds too few samples.
         """
-        grid = self._grid(track)
+        top_order = float(self.orders.max())
+        grid = AngleGrid.of(self.samples.shape[-1], self.sampling_rate_hz, track, top_order)
         block = steps_of_block(grid, block_turns)
         turns = block / grid.per_turn
         halves = 2 * (grid.count - block) // block + 2
@@ -125,16 +126,19 @@ class OrderSums:
 
         def half_sums(wave: ComplexArray) -> ComplexArray:
             even, odd = cut.sums(wave), cut.sums(wave * rising)
-            both: ComplexArray = 0.5 * (even[:-1] + even[1:] - odd[:-1] + odd[1:])
-            return both
+            return np.asarray(0.5 * (even[:-1] + even[1:] - odd[:-1] + odd[1:]))
 
         amplitude = self._turned(known, read, chosen.tolist(), half_sums)
+        if block_turns not in self._noise:
+            self._noise[block_turns] = line_noise(
+                self.samples, self.sampling_rate_hz, track, self.orders, block_turns
+            )
         return OrderLines(
             orders=self.orders[chosen],
             amplitude=amplitude * (2.0 / (0.5 * turns)),
             block_turns=turns,
             first_turn=grid.first_turn,
-            noise=self._noise_of(track, block_turns)[:, chosen],
+            noise=self._noise[block_turns][:, chosen],
         )
 
     def sliding(self, track: AngleTrack, block_turns: float) -> SlidingLines:
@@ -178,24 +182,20 @@ class OrderSums:
             amplitude=(amplitude / weight[:, None, None]).reshape(count, -1),
         )
 
-    def _grid(self, track: AngleTrack) -> AngleGrid:
-        top = float(self.orders.max())
-        return AngleGrid.of(self.samples.shape[-1], self.sampling_rate_hz, track, top)
-
     def _near(self, track: AngleTrack) -> tuple[_Known, Stretches]:
         """Return what is known of a track, and sums that suit it."""
         if self._read is not None:
             for known in self._tracks:
                 if known.track is track:
                     return known, self._read
-            angle = _angle_at(track, self._read.edges_s)
+            angle = self._read.angle_in(track)
             if self._read.departure(angle) < _NEAR:
                 self._tracks = [*self._tracks[1 - _REMEMBERED :], _Known(track=track, angle=angle)]
                 return self._tracks[-1], self._read
             self._noise = {}
         read = Stretches.of(self.samples, self.sampling_rate_hz, track, self.orders)
         self._read = read
-        self._tracks = [_Known(track=track, angle=_angle_at(track, read.edges_s))]
+        self._tracks = [_Known(track=track, angle=read.angle_in(track))]
         return self._tracks[-1], read
 
     def _turned(
@@ -250,13 +250,6 @@ class OrderSums:
 
         return np.stack(side_by_side(line, lines, work), axis=-1)
 
-    def _noise_of(self, track: AngleTrack, block_turns: float) -> FloatArray:
-        if block_turns not in self._noise:
-            self._noise[block_turns] = line_noise(
-                self.samples, self.sampling_rate_hz, track, self.orders, block_turns
-            )
-        return self._noise[block_turns]
-
 
 @dataclass(kw_only=True, eq=False)
 class _Known:
@@ -275,29 +268,14 @@ def _roots(orders: FloatArray) -> list[tuple[int, int]]:
     """Tell of each order the number of one that it is a multiple of, and which multiple."""
     roots: list[tuple[int, int]] = []
     for number, order in enumerate(orders.tolist()):
-        for root, multiple in roots:
-            times = round(order / float(orders[root]))
-            if (
-                multiple == 1
-                and 1 < times <= _MULTIPLES
-                and abs(order / float(orders[root]) / times - 1) < 1e-12
-            ):
-                roots.append((root, times))
-                break
-        else:
-            roots.append((number, 1))
+        ratios = [(root, order / float(orders[root])) for root, multiple in roots if multiple == 1]
+        found = (
+            (root, round(ratio))
+            for root, ratio in ratios
+            if 1 < round(ratio) <= _MULTIPLES and abs(ratio / round(ratio) - 1) < 1e-12
+        )
+        roots.append(next(found, (number, 1)))
     return roots
-
-
-def _angle_at(track: AngleTrack, time_s: FloatArray) -> FloatArray:
-    """Angle at many ascending times [turns]."""
-    firsts = range(0, len(time_s), _EDGES)
-    parts = side_by_side(
-        lambda row: track.turns_at(time_s[firsts[row] : firsts[row] + _EDGES]),
-        range(len(firsts)),
-        16 * len(time_s),
-    )
-    return np.concatenate(parts)
 
 
 def _padded(values: FloatArray) -> ComplexArray:
@@ -357,8 +335,7 @@ class Stretches:
         """Read a recording in the angle of a track."""
         top, fastest = float(orders.max()), float(track.speed_hz.max())
         turns = min(_CYCLES / top, _LONGEST)
-        length = int(min(turns * rate / fastest, samples.shape[-1] / _LEAST))
-        length = max(1, length)
+        length = max(1, int(min(turns * rate / fastest, samples.shape[-1] / _LEAST)))
         count = samples.shape[-1] // length
         edges_s = (length * np.arange(count + 1) - 0.5) / rate
         number = _speed_numbers(np.diff(track.turns_at(edges_s)))
@@ -393,6 +370,11 @@ class Stretches:
             slopes=number * _SPEED_STEP,
             cycles=top * float(np.exp(np.mean(number) * _SPEED_STEP)),
         )
+
+    def angle_in(self, track: AngleTrack) -> FloatArray:
+        """Angle of a track at the edges of the stretches [turns]."""
+        parts = np.split(self.edges_s, range(_EDGES, len(self.edges_s), _EDGES))
+        return np.concatenate(side_by_side(track.turns_at, parts, 16 * len(self.edges_s)))
 
     def departure(self, angle: FloatArray) -> float:
         """Cycles a stretch that a track differs by from the one these sums were made with."""

@@ -368,8 +368,7 @@ def _medians(windows: FloatArray) -> FloatArray:
     """Medians along the last axis, by sorting in place: quicker than a search in some hundred."""
     width = windows.shape[-1]
     windows.sort(axis=-1)
-    medians: FloatArray = 0.5 * (windows[..., (width - 1) // 2] + windows[..., width // 2])
-    return medians
+    return np.asarray(0.5 * (windows[..., (width - 1) // 2] + windows[..., width // 2]))
 
 
 def _floor_behind(power: FloatArray, medians: FloatArray, width: int, step: int) -> FloatArray:

@@ -29,11 +29,7 @@ from gearmon.signals.tracking.phases import (
     lock_track,
     refine_track,
 )
-from gearmon.signals.tracking.sideband_spacing import (
-    foreign_spacing,
-    spacing_mismatch,
-    spacing_support,
-)
+from gearmon.signals.tracking.sideband_spacing import foreign_spacing, sideband_spacing
 from gearmon.signals.tracking.slips import LEAST_TURNS, SlipCheck, check_slips
 from gearmon.signals.tracking.tacho import (
     TachoPulses,
@@ -71,8 +67,7 @@ __all__ = [
     "pulses_per_turn",
     "refine_track",
     "scan_speed",
-    "spacing_mismatch",
-    "spacing_support",
+    "sideband_spacing",
     "track_from_pulse_times",
     "track_from_pulses",
 ]

@@ -494,5 +494,4 @@ def peak_refined(scores: FloatArray, path: NDArray[np.int64], speeds: FloatArray
     safe = np.where(curvature > 0, curvature, 1.0)
     offset = np.where(curvature > 0, 0.5 * (right - left) / safe, 0.0)
     spacing = 0.5 * (speeds[middle + 1] - speeds[middle - 1])
-    refined: FloatArray = speeds[middle] + np.clip(offset, -0.5, 0.5) * spacing
-    return refined
+    return np.asarray(speeds[middle] + np.clip(offset, -0.5, 0.5) * spacing)

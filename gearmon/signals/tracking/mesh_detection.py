@@ -301,8 +301,7 @@ class _JudgedSpectrum:
         place = orders / self.bin_order
         index = np.rint(place, out=place).astype(np.intp)
         # beyond the last bin its value stands
-        taken: FloatArray = self.quality.take(index, mode="clip")
-        return taken
+        return np.asarray(self.quality.take(index, mode="clip"))
 
 
 def _unseen(scan: SpeedScan) -> NDArray[np.int64]:
@@ -314,8 +313,7 @@ def _unseen(scan: SpeedScan) -> NDArray[np.int64]:
     centre = scan.centre_s
     distance = np.abs(centre[:, None] - centre[scan.kept][None, :]).min(axis=1)
     needed = 0.999 * scan.stride * float(np.median(np.diff(centre)))
-    apart: NDArray[np.int64] = blocks[distance >= needed]
-    return apart
+    return np.asarray(blocks[distance >= needed])
 
 
 def _order_quality(scan: SpeedScan, track: SpeedTrack, bin_order: float) -> FloatArray:

@@ -186,12 +186,11 @@ def _robust_mean(
     flat_error = error.reshape(len(error), -1)
     flat_weight = weight.reshape(len(weight), -1).copy()
     cycles = np.broadcast_to(order, error.shape).reshape(len(error), -1)
-    for _ in range(2):
+    for last in (False, False, True):
         total = flat_weight.sum(axis=1)
         mean = (flat_weight * flat_error).sum(axis=1) / np.where(total > 0, total, 1.0)
-        flat_weight[np.abs(flat_error - mean[:, None]) * cycles > 0.25] = 0.0
-    total = flat_weight.sum(axis=1)
-    mean = (flat_weight * flat_error).sum(axis=1) / np.where(total > 0, total, 1.0)
+        if not last:
+            flat_weight[np.abs(flat_error - mean[:, None]) * cycles > 0.25] = 0.0
     return mean, total
 
 
@@ -202,32 +201,55 @@ def _smoothed(
 
     Returns the smoothed increments, the error left per increment, and the degrees of freedom.
     """
+    from scipy.linalg import solveh_banded
+
     prior = 1.0 / step**2
+    band = prior * roughness(np.arange(float(len(weight))), 1)
     # a weak pull to the first track settles recordings in which no line is clear at all
-    diagonal = weight + 1e-3 * prior
-    diagonal[:-1] += prior
-    diagonal[1:] += prior
-    smooth, variance = _solve_tridiagonal(diagonal, -prior, weight * increment)
+    band[0] += weight + 1e-3 * prior
+    smooth = solveh_banded(band, weight * increment, lower=True)
+    # the diagonal of the inverse, by the pivots of elimination from either end
+    ahead, behind = _pivots(band[0], prior**2), _pivots(band[0][::-1], prior**2)[::-1]
+    variance = 1.0 / (ahead + behind - band[0])
     return smooth, float(np.sqrt(np.mean(variance))), float(np.sum(weight * variance))
 
 
-def _solve_tridiagonal(
-    diagonal: FloatArray, off: float, right: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Solve a symmetric tridiagonal system; also the diagonal of its inverse (both sweeps)."""
-    count = len(diagonal)
-    ahead = diagonal.copy()
-    behind = diagonal.copy()
-    carried = right.copy()
-    for i in range(1, count):
-        ahead[i] -= off * off / ahead[i - 1]
-        carried[i] -= off * carried[i - 1] / ahead[i - 1]
-    solution = np.empty(count)
-    solution[-1] = carried[-1] / ahead[-1]
-    for i in range(count - 2, -1, -1):
-        behind[i] -= off * off / behind[i + 1]
-        solution[i] = (carried[i] - off * solution[i + 1]) / ahead[i]
-    return solution, 1.0 / (ahead + behind - diagonal)
+def _pivots(diagonal: FloatArray, off_squared: float) -> FloatArray:
+    """Pivots of a symmetric tridiagonal matrix whose other diagonals are constant."""
+    pivots = diagonal.tolist()
+    for i in range(1, len(pivots)):
+        pivots[i] -= off_squared / pivots[i - 1]
+    return np.array(pivots)
+
+
+def roughness(x: FloatArray, order: int) -> FloatArray:
+    """Lower diagonals of the squared difference quotients of first or second order.
+
+    Parameters
+    ----------
+    x : ndarray of float, shape (n,)
+        Ascending places; their mean step is the unit.
+    order : int
+        1 or 2.
+
+    Returns
+    -------
+    ndarray of float, shape (order + 1, n)
+        As `scipy.linalg.solveh_banded` takes them.
+    """
+    if len(x) <= order:
+        return np.zeros((order + 1, len(x)))
+    step = np.diff(x) / np.mean(np.diff(x))
+    if order == 1:
+        rows, over = np.stack([-1 / step, 1 / step]), step
+    else:
+        over = 0.5 * (step[1:] + step[:-1])
+        rows = np.stack([1 / step[:-1], -1 / step[:-1] - 1 / step[1:], 1 / step[1:]]) / over
+    band = np.zeros((order + 1, len(x)))
+    for low in range(order + 1):
+        for high in range(low, order + 1):
+            band[high - low, low : low + rows.shape[1]] += over * rows[low] * rows[high]
+    return band
 
 
 def shifted_track(
@@ -326,8 +348,7 @@ def _unwound(lines: SlidingLines) -> FloatArray:
         mass = votes.sum(axis=1)
         mean = (votes * rest / lines.orders).sum(axis=1) / np.maximum(mass, 1e-300)
         increment = increment + np.where(mass > 0, mean, 0.0)
-    error: FloatArray = np.concatenate([[0.0], np.cumsum(increment)])
-    return error
+    return np.asarray(np.concatenate([[0.0], np.cumsum(increment)]))
 
 
 def _median(rows: FloatArray, weight: FloatArray) -> FloatArray:
@@ -335,8 +356,7 @@ def _median(rows: FloatArray, weight: FloatArray) -> FloatArray:
     place = np.argsort(rows, axis=1)
     mass = np.cumsum(weight[place], axis=1)
     middle = np.argmax(mass >= 0.5 * mass[:, -1:], axis=1)
-    found: FloatArray = np.take_along_axis(rows, place, axis=1)[np.arange(len(rows)), middle]
-    return found
+    return np.asarray(np.take_along_axis(rows, place, axis=1)[np.arange(len(rows)), middle])
 
 
 def _locked(track: AngleTrack, lines: SlidingLines) -> AngleTrack:
@@ -373,8 +393,7 @@ def _locked(track: AngleTrack, lines: SlidingLines) -> AngleTrack:
 def _mean_at_speed(amplitude: ComplexArray, hats: FloatArray) -> ComplexArray:
     """Mean of each line as a function of the speed, linear between classes of speed."""
     mass = hats.sum(axis=0)[:, None]
-    mean: ComplexArray = hats @ ((hats.T @ amplitude) / np.maximum(mass, 1e-12))
-    return mean
+    return np.asarray(hats @ ((hats.T @ amplitude) / np.maximum(mass, 1e-12)))
 
 
 def _speed_classes(track: AngleTrack, angle: FloatArray) -> FloatArray:
@@ -385,27 +404,18 @@ def _speed_classes(track: AngleTrack, angle: FloatArray) -> FloatArray:
     count = max(1, round(float(place.max())))
     place = place * (count / max(float(place.max()), 1e-12)) if count > 1 else 0.0 * place
     classes = np.arange(count + 1 if count > 1 else 1)
-    hats: FloatArray = np.maximum(0.0, 1.0 - np.abs(place[:, None] - classes))
-    return hats
+    return np.asarray(np.maximum(0.0, 1.0 - np.abs(place[:, None] - classes)))
 
 
 def _smoothed_angle(vote: FloatArray, weight: FloatArray, step: float) -> FloatArray:
     """Minimise sum w (e - vote)^2 + sum (second difference of e)^2 / step^2."""
     from scipy.linalg import solveh_banded
 
-    count = len(vote)
     prior = 1.0 / step**2
-    band = np.zeros((3, count))  # lower diagonals of prior * D'D
-    band[0, :-2] += prior
-    band[0, 1:-1] += 4 * prior
-    band[0, 2:] += prior
-    band[1, :-2] -= 2 * prior
-    band[1, 1:-1] -= 2 * prior
-    band[2, :-2] += prior
+    band = prior * roughness(np.arange(float(len(vote))), 2)
     # a weak pull to no error settles what no line tells
     band[0] += weight + 1e-6 * prior
-    smooth: FloatArray = solveh_banded(band, weight * vote, lower=True)
-    return smooth
+    return np.asarray(solveh_banded(band, weight * vote, lower=True))
 
 
 def unwarp(

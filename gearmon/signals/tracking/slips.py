@@ -195,8 +195,7 @@ def _coherence(amplitude: ComplexArray, mean: ComplexArray) -> FloatArray:
     size = np.maximum(size, LIMITS.faint * np.median(size, axis=0))
     part = np.clip((amplitude * np.conj(mean)).real / size**2, -1, 1).mean(axis=1)
     padded = np.pad(part, 1, mode="edge")
-    together: FloatArray = 0.25 * padded[:-2] + 0.5 * part + 0.25 * padded[2:]
-    return together
+    return np.asarray(0.25 * padded[:-2] + 0.5 * part + 0.25 * padded[2:])
 
 
 def _stretches(coherence: FloatArray, hop: float) -> list[tuple[int, int]]:
