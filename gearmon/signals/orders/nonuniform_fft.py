@@ -230,11 +230,7 @@ class Spreading:
         return held[:number, :count]
 
     def _weigh(
-        self,
-        powers: FloatArray,
-        steps: FloatArray,
-        change: float,
-        weights: FloatArray,
+        self, powers: FloatArray, steps: FloatArray, change: float, weights: FloatArray
     ) -> None:
         count = len(steps)
         parts = int(min(np.ceil(change / _STEADY), max(1, count // 64)))
@@ -275,13 +271,6 @@ class Spreading:
                 np.concatenate([bend @ fit, none], axis=1),
             )
         return self._tables[key]
-
-
-def quick_spreading(
-    samples: FloatArray, sampling_rate_hz: float, track: AngleTrack, per_turn: float
-) -> Spreading:
-    """Return a spreading for spectra in which lines need only stand out, all orders alike."""
-    return Spreading(samples, sampling_rate_hz, track, per_turn, Kernel.of(4, 1.3))
 
 
 @lru_cache(maxsize=64)

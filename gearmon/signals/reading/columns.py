@@ -12,13 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gearmon.errors import RecordingError, nearest_name
-from gearmon.signals.reading.fields import (
-    Floats,
-    is_trusted_unit,
-    is_unit,
-    kind_of_unit,
-    shortened,
-)
+from gearmon.signals.reading.fields import Floats, is_trusted_unit, is_unit, kind_of_unit, shortened
 from gearmon.signals.reading.layout import Header
 
 _SQUARE = re.compile(r"(.*?)\s*\[\s*([^\]]*?)\s*\]")

@@ -225,11 +225,7 @@ def scan_speed(
 
 
 def find_path(
-    samples: FloatArray,
-    sampling_rate_hz: float,
-    comb: Comb,
-    nominal_hz: float,
-    reach: float = 0.25,
+    samples: FloatArray, sampling_rate_hz: float, comb: Comb, nominal_hz: float, reach: float = 0.25
 ) -> SpeedScan:
     """Follow a comb whose speed may change, in short blocks and far about the nominal speed.
 
@@ -311,12 +307,7 @@ class _Blocks:
         return np.asarray((self.starts + self.size / 2) / self.rate)
 
     def scanned(
-        self,
-        comb: Comb,
-        middle_hz: FloatArray,
-        ratio: FloatArray,
-        bins: int,
-        slope_per_s: float,
+        self, comb: Comb, middle_hz: FloatArray, ratio: FloatArray, bins: int, slope_per_s: float
     ) -> SpeedScan:
         """Score every candidate about the middle of every block; keep some spectra."""
         count, starts = len(self.starts), self.starts

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from gearmon.signals.angle import AngleTrack, phasors
 from gearmon.signals.orders.lines import OrderLines
-from gearmon.signals.orders.nonuniform_fft import quick_spreading
+from gearmon.signals.orders.nonuniform_fft import Kernel, Spreading
 from gearmon.signals.orders.resampling import AngleGrid
 from gearmon.signals.orders.sums import OrderSums, SlidingLines
 from gearmon.signals.tracking.comb import Comb, SpeedTrack, scan_speed
@@ -142,17 +142,14 @@ def coherent_share(sums: OrderSums, track: AngleTrack) -> float:
 def _gain(before: OrderLines, after: OrderLines) -> float:
     """Log likelihood that phase-coherent lines gain, noise of unknown variance about them.
 
-    Half overlapped blocks are worth about two thirds of their number. Another track may hold one
-    block more or less: its likelihood is that of as many blocks.
+    Half-overlapped blocks count as two thirds of their number.
     """
+    misfit = [
+        np.log(np.mean(np.abs(lines.amplitude - lines.mean) ** 2, axis=0) + 1e-3 * lines.noise)
+        for lines in (before, after)
+    ]
     blocks = min(before.amplitude.shape[0], after.amplitude.shape[0])
-    return float(2 / 3 * blocks * (_misfit(before) - _misfit(after)))
-
-
-def _misfit(lines: OrderLines) -> float:
-    """Negative log likelihood of phase-coherent lines, averaged over the blocks."""
-    scatter = np.mean(np.abs(lines.amplitude - lines.mean) ** 2, axis=0)
-    return float(np.log(scatter + 1e-3 * lines.noise).sum())
+    return float(2 / 3 * blocks * (misfit[0].sum() - misfit[1].sum()))
 
 
 def _corrected(track: AngleTrack, lines: OrderLines, wander: float) -> tuple[AngleTrack, float]:
@@ -367,11 +364,13 @@ def _locked(track: AngleTrack, lines: SlidingLines) -> AngleTrack:
     low = 1.01 * float(lines.orders.min())
     error = _unwound(lines)
     hats = _speed_classes(track, lines.angle)
+    mass = np.maximum(hats.sum(axis=0), 1e-12)[:, None]
     for share in _LIMITS:
         near = lines.orders <= max(share * float(lines.orders.max()), low)
         order = lines.orders[near]
         turned = lines.amplitude[:, near] * phasors(np.outer(-error, order))
-        mean = _mean_at_speed(turned, hats)
+        # of each line as a function of the speed, linear between classes of speed
+        mean = hats @ ((hats.T @ turned) / mass)
         rest = np.angle(turned * np.conj(mean)) / (2 * np.pi)
         variance = np.mean(rest**2, axis=0) + LIMITS.floor_cycles**2
         clear = variance < 0.5 * _NOISE_VARIANCE
@@ -388,12 +387,6 @@ def _locked(track: AngleTrack, lines: SlidingLines) -> AngleTrack:
     drift = np.unwrap(np.angle(mean[:, clear]), axis=0) / (2 * np.pi * order[clear])
     slow = float(np.average(np.var(drift, axis=0), weights=(order**2 / variance)[clear]))
     return shifted_track(track, lines.angle, error, float(np.sqrt(quick + slow)))
-
-
-def _mean_at_speed(amplitude: ComplexArray, hats: FloatArray) -> ComplexArray:
-    """Mean of each line as a function of the speed, linear between classes of speed."""
-    mass = hats.sum(axis=0)[:, None]
-    return np.asarray(hats @ ((hats.T @ amplitude) / np.maximum(mass, 1e-12)))
 
 
 def _speed_classes(track: AngleTrack, angle: FloatArray) -> FloatArray:
@@ -453,7 +446,8 @@ def unwarp(
     # what spreading takes of an order it takes of the noise there as well
     read = np.empty((samples.shape[0], grid.count))
     per_turn = float(grid.per_turn)
-    quick_spreading(samples, sampling_rate_hz, track, per_turn).spread(grid.first_turn, read)
+    kernel = Kernel.of(4, 1.3)
+    Spreading(samples, sampling_rate_hz, track, per_turn, kernel).spread(grid.first_turn, read)
     scan = scan_speed(read, grid.per_turn, comb.below(top), 1.0, tolerance, block_turns)
     inner = integrate_speed(scan.track(), (grid.count - 1) / grid.per_turn)
     ends = track.turns[[0, -1]]
@@ -469,11 +463,7 @@ def unwarp(
 
 
 def follow_speed(
-    samples: FloatArray,
-    sampling_rate_hz: float,
-    comb: Comb,
-    orders: FloatArray,
-    path: SpeedTrack,
+    samples: FloatArray, sampling_rate_hz: float, comb: Comb, orders: FloatArray, path: SpeedTrack
 ) -> AngleTrack:
     """Turn a path of speeds into an angle track that is right to a small part of a mesh period.
 

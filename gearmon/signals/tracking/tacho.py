@@ -260,10 +260,7 @@ def _edges(waveform: FloatArray, middle: float, margin: float) -> FloatArray:
 
 
 def track_from_pulses(
-    pulses: TachoPulses,
-    pulses_per_turn: int,
-    shaft_order: float,
-    duration_s: float,
+    pulses: TachoPulses, pulses_per_turn: int, shaft_order: float, duration_s: float
 ) -> AngleTrack:
     """Turn tachometer pulses into the angle of shaft 1.
 

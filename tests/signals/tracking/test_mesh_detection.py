@@ -41,7 +41,7 @@ def pair(pinion, gear):
 
 
 def test_comb_joins_meshes_sidebands_and_shafts_once_each():
-    comb = combined_comb([parallel(20, 40, harmonics=2)], [1.0, 0.5], sideband_weight=0.4)
+    comb = combined_comb([parallel(20, 40, harmonics=2)], [1.0, 0.5])
     weights = dict(zip(comb.orders.tolist(), comb.weights.tolist(), strict=True))
     assert list(weights) == sorted(weights)
     assert weights[20.0] == weights[40.0] == 1.0
