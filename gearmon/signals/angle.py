@@ -10,12 +10,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError, check_positive
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from gearmon.signals.array_types import ComplexArray, FloatArray
 
 # Times of which so many do not come after the one before are no times.
 _WAVEFORM = 0.1

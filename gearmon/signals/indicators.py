@@ -30,11 +30,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError
+from gearmon.signals.array_types import FloatArray
 
-FloatArray = NDArray[np.float64]
 # Pieces that stay in the cache of a processor core: a long recording is read twice, never copied.
 _PIECE = 1 << 15
 

@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from gearmon.signals.array_types import ComplexArray, FloatArray
 
 # Samples in equal transforms from which the import of FFTW (a quarter of a second) pays off, and
 # those of windowed pieces of one recording: so long a one loads it for its order lines as well.

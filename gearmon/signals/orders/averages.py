@@ -21,10 +21,10 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError, RecordingError, check_positive
 from gearmon.signals.angle import AngleTrack
+from gearmon.signals.array_types import ComplexArray, FloatArray, IntArray
 from gearmon.signals.orders.lines import OrderLines
 from gearmon.signals.orders.resampling import (
     READ_UP_TO,
@@ -34,9 +34,6 @@ from gearmon.signals.orders.resampling import (
 )
 from gearmon.signals.spectra.spectrum import half_lobe, window
 from gearmon.signals.transforms import fast_length
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 # Neighbours of a line that tell its error: at least so many on either side, at most an eighth of
 # the way to the next multiple, so that the noise there is the noise here.
@@ -242,7 +239,7 @@ def _of_record(
     turns: int,
     top: int,
     per_turn: int,
-    near: NDArray[np.int64],
+    near: IntArray,
 ) -> tuple[ComplexArray, FloatArray, FloatArray]:
     """Lines, their errors and those of the waveform, of one channel at equal steps of angle."""
     steps = values.shape[-1] // turns
@@ -261,7 +258,7 @@ def _of_record(
     return lines, error, _waveform_error(bins[:, 1:], turns, top, per_turn, near)
 
 
-def _courses(record: FloatArray, wanted: NDArray[np.int64]) -> ComplexArray:
+def _courses(record: FloatArray, wanted: IntArray) -> ComplexArray:
     """Transform a record over its turns, at the wanted bins: shape (steps, bins)."""
     turns, steps = record.shape
     course = np.empty((steps, len(wanted)), dtype=complex)
@@ -273,7 +270,7 @@ def _courses(record: FloatArray, wanted: NDArray[np.int64]) -> ComplexArray:
 
 
 def _waveform_error(
-    bins: ComplexArray, turns: int, top: int, per_turn: int, near: NDArray[np.int64]
+    bins: ComplexArray, turns: int, top: int, per_turn: int, near: IntArray
 ) -> FloatArray:
     """Return standard errors of the mean over turns at every angle."""
     # of the highest bin of an even count there is one, of the others one on either side

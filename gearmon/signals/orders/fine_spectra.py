@@ -16,13 +16,12 @@ from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError, check_positive
 from gearmon.signals.angle import AngleTrack
+from gearmon.signals.array_types import FloatArray
 from gearmon.signals.orders.nonuniform_fft import Kernel, Spreading
 from gearmon.signals.orders.resampling import AngleGrid
 from gearmon.signals.spectra.spectrum import hann, local_floor
 from gearmon.signals.threads import side_by_side
 from gearmon.signals.transforms import batch, fast_length, window_powers
-
-FloatArray = NDArray[np.float64]
 
 # Bins of the running median that tells the noise under the lines.
 _FLOOR_BINS = 384

@@ -10,15 +10,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError, check_positive
 from gearmon.signals.angle import AngleTrack
+from gearmon.signals.array_types import FloatArray, IntArray
 from gearmon.signals.orders.resampling import READ_UP_TO, AngleGrid, angle_blocks
 from gearmon.signals.spectra.spectrum import amplitude_spectrum
 from gearmon.signals.transforms import fast_length
-
-FloatArray = NDArray[np.float64]
 
 #: Most rows of a map along time, and along speed.
 TIME_ROWS, SPEED_ROWS = 200, 60
@@ -61,7 +59,7 @@ class OrderMap:
     speed_hz: FloatArray
     low: FloatArray
     high: FloatArray
-    blocks: NDArray[np.int64]
+    blocks: IntArray
     block_turns: float
     resolution: float
 
@@ -172,9 +170,7 @@ def _blocks(track: AngleTrack, grid: AngleGrid, block: int) -> tuple[FloatArray,
     return 0.5 * (begin + end), length / (end - begin)
 
 
-def _rows(
-    place: FloatArray, against: str, most: int
-) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
+def _rows(place: FloatArray, against: str, most: int) -> tuple[IntArray, FloatArray, FloatArray]:
     """Row of each block by its place, and where the rows begin and end."""
     low, high = float(place.min()), float(place.max())
     if against == "time":

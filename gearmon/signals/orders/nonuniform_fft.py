@@ -27,12 +27,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gearmon.signals.angle import AngleTrack
+from gearmon.signals.array_types import FloatArray
 from gearmon.signals.orders.resampling import odd_stretch
-
-FloatArray = NDArray[np.float64]
 
 # Steps taken at a time: their weights stay in the cache of a processor core.
 _PIECE = 1 << 13

@@ -25,12 +25,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.signals.angle import AngleTrack, phasors
+from gearmon.signals.array_types import ComplexArray, FloatArray
 from gearmon.signals.orders.lines import OrderLines, line_noise, steps_of_block
 from gearmon.signals.orders.resampling import AngleGrid
 from gearmon.signals.threads import side_by_side
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 # Tracks whose angle is remembered, and multiples of an order that are made of its phasors.
 _REMEMBERED, _MULTIPLES = 2, 8

@@ -37,9 +37,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gearmon.errors import ArgumentError, check_positive, check_range
+from gearmon.signals.array_types import ComplexArray, FloatArray
 from gearmon.signals.spectra.spectrum import Spectrum, hann
 from gearmon.signals.transforms import (
     batch,
@@ -50,8 +51,6 @@ from gearmon.signals.transforms import (
     transform,
 )
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 #: Samples of the envelope that a band keeps at least: fewer make a kurtosis meaningless.
 LEAST_SAMPLES = 32
 _PIECE = 1 << 14
@@ -280,7 +279,7 @@ def kurtogram(samples: FloatArray, rate: float, levels: int | None = None) -> Ku
     )
 
 
-def _band_kurtosis(lines: NDArray[np.complex128], count: int, share: float) -> FloatArray:
+def _band_kurtosis(lines: ComplexArray, count: int, share: float) -> FloatArray:
     """Kurtosis of the envelopes of equal bands; a few lines at the top are left over.
 
     `share` is that of the record in the transform: what was padded has no say.
@@ -308,7 +307,7 @@ def _band_kurtosis(lines: NDArray[np.complex128], count: int, share: float) -> F
     return np.asarray(ratio - 2.0)
 
 
-def _power_sums(envelopes: NDArray[np.complex128]) -> tuple[FloatArray, FloatArray]:
+def _power_sums(envelopes: ComplexArray) -> tuple[FloatArray, FloatArray]:
     """Add up |x|^2 and |x|^4 of each row, in pieces that stay in the cache; spoils the rows."""
     first, second = np.zeros(len(envelopes)), np.zeros(len(envelopes))
     for start in range(0, envelopes.shape[-1], _PIECE):

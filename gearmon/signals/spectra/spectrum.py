@@ -28,10 +28,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gearmon.errors import ArgumentError, check_positive, check_range, nearest_name
+from gearmon.signals.array_types import ComplexArray, FloatArray
 from gearmon.signals.transforms import batch, fill, quick_length, rows_in_cache, transform
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 #: Coefficients a_0, a_1, ... of each window.
 TERMS = {

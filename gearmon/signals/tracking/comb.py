@@ -15,11 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError, check_positive, check_range
+from gearmon.signals.array_types import FloatArray, IntArray
 from gearmon.signals.spectra.spectrum import hann, local_floor
 from gearmon.signals.threads import side_by_side
 from gearmon.signals.transforms import fast_length, windowed_transforms
-
-FloatArray = NDArray[np.float64]
 
 # Most candidates of a scan, and of a path, whose search takes the longer the more blocks there are.
 _MAX_CANDIDATES, _PATH_CANDIDATES = 6000, 4000
@@ -132,12 +131,12 @@ class SpeedScan:
     scores: FloatArray
     bin_hz: float
     resolution_hz: float
-    kept: NDArray[np.int64]
+    kept: IntArray
     quality: NDArray[np.float32]
     stride: int
     slope_per_s: float
 
-    def track(self, blocks: NDArray[np.int64] | None = None) -> SpeedTrack:
+    def track(self, blocks: IntArray | None = None) -> SpeedTrack:
         """Return the best path of speeds through the blocks (all of them by default)."""
         rows = np.arange(len(self.centre_s)) if blocks is None else blocks
         scores = self.scores[rows]
@@ -154,10 +153,10 @@ class SpeedScan:
         return float(self.scores[np.arange(len(self.centre_s)), self._path].mean())
 
     @cached_property
-    def _path(self) -> NDArray[np.int64]:
+    def _path(self) -> IntArray:
         return best_path(self.scores, self._reach(np.arange(len(self.centre_s))))
 
-    def _reach(self, rows: NDArray[np.int64]) -> int:
+    def _reach(self, rows: IntArray) -> int:
         """Candidates that the speed may move by from block to block."""
         if len(rows) < 2:
             return 0
@@ -280,7 +279,7 @@ class _Blocks:
     rate: float
     size: int
     overlapped: bool
-    starts: NDArray[np.int64]
+    starts: IntArray
 
     @classmethod
     def of(cls, samples: FloatArray, rate: float, block_s: float, many: float = np.inf) -> _Blocks:
@@ -318,7 +317,7 @@ class _Blocks:
         lines = np.outer(comb.orders, ratio) / self.bin_hz
         steady = bool(np.all(middle_hz == middle_hz[0]))
 
-        def nearest_to(speed_hz: float) -> NDArray[np.int64]:
+        def nearest_to(speed_hz: float) -> IntArray:
             return np.minimum(np.rint(lines * speed_hz).astype(np.int64), bins)
 
         same = nearest_to(float(middle_hz[0])) if steady else None
@@ -354,7 +353,7 @@ class _Blocks:
         )
 
 
-def weighted_sum(values: FloatArray, index: NDArray[np.int64], weights: FloatArray) -> FloatArray:
+def weighted_sum(values: FloatArray, index: IntArray, weights: FloatArray) -> FloatArray:
     """Sum of values picked by each row of an index, weighted row by row.
 
     Parameters
@@ -377,7 +376,7 @@ def weighted_sum(values: FloatArray, index: NDArray[np.int64], weights: FloatArr
     return total
 
 
-def _kept_blocks(count: int, stride: int) -> tuple[NDArray[np.int64], int]:
+def _kept_blocks(count: int, stride: int) -> tuple[IntArray, int]:
     """Blocks whose spectra are kept, and the distance of blocks that do not overlap."""
     stride = min(stride, count)
     step = max(2 * stride, -(-count // _KEPT_BLOCKS) // (2 * stride) * 2 * stride)
@@ -415,7 +414,7 @@ def line_quality(block: FloatArray, length: int, bins: int, total: int) -> Float
     return quality
 
 
-def best_path(scores: FloatArray, reach: int) -> NDArray[np.int64]:
+def best_path(scores: FloatArray, reach: int) -> IntArray:
     """Best sequence of candidates, moving at most `reach` a block, large moves penalised (Viterbi).
 
     The penalty is quadratic and costs one typical score contrast for a move over the whole reach.
@@ -462,7 +461,7 @@ def best_path(scores: FloatArray, reach: int) -> NDArray[np.int64]:
     return path
 
 
-def peak_refined(scores: FloatArray, path: NDArray[np.int64], speeds: FloatArray) -> FloatArray:
+def peak_refined(scores: FloatArray, path: IntArray, speeds: FloatArray) -> FloatArray:
     """Refine each block's speed to the peak of the parabola through three scores.
 
     Parameters

@@ -13,12 +13,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gearmon.signals.array_types import FloatArray, IntArray
 from gearmon.signals.threads import side_by_side
 from gearmon.signals.tracking.comb import Comb, SpeedScan, SpeedTrack
-
-FloatArray = NDArray[np.float64]
 
 _DECOYS_A_SIDE = 14
 # Decoy scores scatter about like a normal law: 3 is one false mesh in about a thousand machines. Of
@@ -290,7 +288,7 @@ class _JudgedSpectrum:
         return np.asarray(self.quality.take(index, mode="clip"))
 
 
-def _unseen(scan: SpeedScan) -> NDArray[np.int64]:
+def _unseen(scan: SpeedScan) -> IntArray:
     """Blocks that share no sample with the kept ones; all of them if there are too few."""
     blocks = np.arange(len(scan.centre_s))
     if len(blocks) < 4:

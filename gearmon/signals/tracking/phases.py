@@ -17,18 +17,15 @@ lines tell the rest (`follow_speed`).
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gearmon.signals.angle import AngleTrack, phasors
+from gearmon.signals.array_types import FloatArray
 from gearmon.signals.orders.lines import OrderLines
 from gearmon.signals.orders.nonuniform_fft import Kernel, Spreading
 from gearmon.signals.orders.resampling import AngleGrid
 from gearmon.signals.orders.sums import OrderSums, SlidingLines
 from gearmon.signals.tracking.comb import Comb, SpeedTrack, scan_speed
 from gearmon.signals.tracking.thresholds import LIMITS, QUARTER_HOP
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 # Blocks that tell whether lines are phase-coherent [turns].
 _BLOCK_TURNS = 5.0

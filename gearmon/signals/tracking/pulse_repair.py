@@ -18,12 +18,9 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gearmon.signals.array_types import BoolArray, FloatArray, IntArray
 from gearmon.signals.tracking.thresholds import LIMITS
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 # Intervals on either side whose median tells what is typical.
 _NEIGHBOURS = 7
@@ -199,7 +196,7 @@ class _Repair:
         reach = self.near * (first + (last - first) * u)
         self._settle(np.arange(before + 1, after), start + place, reach)
 
-    def _end(self, inner: NDArray[np.int64], sound: NDArray[np.int64]) -> None:
+    def _end(self, inner: IntArray, sound: IntArray) -> None:
         """Repair what lies beyond the first or the last sound pulse; both go away from it."""
         known = sound[:_CONTINUED]
         if self.doubtful[known].any():
@@ -237,7 +234,7 @@ class _Repair:
         intervals = sorted(b - a for a, b in pairwise(times))
         return float(intervals[len(intervals) // 2])
 
-    def _settle(self, inner: NDArray[np.int64], place: FloatArray, reach: FloatArray) -> None:
+    def _settle(self, inner: IntArray, place: FloatArray, reach: FloatArray) -> None:
         """Keep the pulse that is nearest to each place, if it is near; fill in the others."""
         self.kept[inner] = False
         for where, near in zip(place.tolist(), reach.tolist(), strict=True):

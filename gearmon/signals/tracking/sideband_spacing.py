@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from math import gcd
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
+from gearmon.signals.array_types import BoolArray, FloatArray
 from gearmon.signals.orders.fine_spectra import FineSpectrum
 from gearmon.signals.tracking.mesh_detection import FOUND_FROM, MeshComb
-
-FloatArray = NDArray[np.float64]
 
 # A finer comb, such as a bearing's. Set on five meshes invented for simulated bearings and 103 of a
 # real two-stage gearbox with sound and broken teeth: ratios of 0.70 to 1.09, and below 0.41.
@@ -169,7 +167,7 @@ class _Lines:
         inside = (bins > 0) & (bins < len(self.height))
         return np.asarray(np.where(inside, self.height[np.where(inside, bins, 0)], np.nan))
 
-    def on(self, orders: FloatArray, spacing: float) -> NDArray[np.bool_]:
+    def on(self, orders: FloatArray, spacing: float) -> BoolArray:
         """Which orders are multiples of a spacing."""
         away = np.abs(orders - spacing * np.rint(orders / spacing))
         return np.asarray(away <= 1.5 * self.width)

@@ -16,16 +16,12 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError
 from gearmon.signals.angle import AngleTrack, phasors
+from gearmon.signals.array_types import BoolArray, ComplexArray, FloatArray
 from gearmon.signals.orders.sums import OrderSums, SlidingLines
 from gearmon.signals.tracking.thresholds import LIMITS, QUARTER_HOP
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
-BoolArray = NDArray[np.bool_]
 
 #: Turns of shaft 1 in which slips can show.
 LEAST_TURNS = 8.0

@@ -14,10 +14,11 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gearmon.errors import ArgumentError, RecordingError, check_positive, check_range
 from gearmon.signals.angle import AngleTrack
+from gearmon.signals.array_types import FloatArray
 from gearmon.signals.orders.sums import OrderSums
 from gearmon.signals.tracking.phases import lock_track, roughness
 from gearmon.signals.tracking.pulse_repair import (
@@ -29,8 +30,6 @@ from gearmon.signals.tracking.pulse_repair import (
     repair_uneven,
 )
 from gearmon.signals.tracking.thresholds import LIMITS
-
-FloatArray = NDArray[np.float64]
 
 # Knots a turn that an angle track gets; of an encoder's many pulses neighbours are averaged.
 _KNOTS_PER_TURN = 16
