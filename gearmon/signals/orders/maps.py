@@ -129,7 +129,12 @@ def order_map(
     grid = AngleGrid.of(samples.shape[-1], sampling_rate_hz, track, highest)
     turns = min(wanted, grid.count / grid.per_turn / 4)
     block = min(grid.count, fast_length(max(16, int(turns * grid.per_turn))))
-    middle, speed = _blocks(track, grid, block)
+    # of every block its middle [s] and the mean speed of shaft 1 within it [Hz]
+    length = block / grid.per_turn
+    starts = np.arange(0, grid.count - block + 1, max(1, block // 2))
+    begin = grid.first_turn + starts / grid.per_turn
+    ends = track.time_at(begin), track.time_at(begin + length)
+    middle, speed = 0.5 * (ends[0] + ends[1]), length / (ends[1] - ends[0])
     row, low, high = _rows(middle if against == "time" else ratio * speed, against, most)
     bins = int(highest * block / grid.per_turn) + 1
     powers = np.zeros((len(low), len(samples), bins))
@@ -159,15 +164,6 @@ def order_map(
         block_turns=block / grid.per_turn * ratio,
         resolution=resolution / ratio,
     )
-
-
-def _blocks(track: AngleTrack, grid: AngleGrid, block: int) -> tuple[FloatArray, FloatArray]:
-    """Middle of every block [s] and mean speed of shaft 1 within it [Hz]."""
-    starts = np.arange(0, grid.count - block + 1, max(1, block // 2))
-    angle = grid.first_turn + starts / grid.per_turn
-    length = block / grid.per_turn
-    begin, end = track.time_at(angle), track.time_at(angle + length)
-    return 0.5 * (begin + end), length / (end - begin)
 
 
 def _rows(place: FloatArray, against: str, most: int) -> tuple[IntArray, FloatArray, FloatArray]:

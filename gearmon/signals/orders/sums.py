@@ -22,7 +22,6 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gearmon.signals.angle import AngleTrack, phasors
 from gearmon.signals.array_types import ComplexArray, FloatArray
@@ -119,11 +118,11 @@ class OrderSums:
         edges: FloatArray = grid.first_turn + 0.5 * turns * np.arange(halves + 1.0)
         chosen = np.flatnonzero(self.orders <= max(top, float(self.orders.min())))
         known, read = self._near(track)
-        cut = _Cut.of(known.angle, edges)
-        rising = np.cos(np.pi * cut.share)
+        share, sums = _cut(known.angle, edges)
+        rising = np.cos(np.pi * share)
 
         def half_sums(wave: ComplexArray) -> ComplexArray:
-            even, odd = cut.sums(wave), cut.sums(wave * rising)
+            even, odd = sums(wave), sums(wave * rising)
             return np.asarray(0.5 * (even[:-1] + even[1:] - odd[:-1] + odd[1:]))
 
         amplitude = self._turned(known, read, chosen.tolist(), half_sums)
@@ -160,12 +159,12 @@ class OrderSums:
         count = int((high - low) / hop + 1e-9) + 1
         # two hops before the first centre and two after the last one
         edges: FloatArray = low + hop * np.arange(-2.0, count + 2.0)
-        cut = _Cut.of(angle, edges)
-        cosine, sine = np.cos(0.5 * np.pi * cut.share), np.sin(0.5 * np.pi * cut.share)
+        share, sums = _cut(angle, edges)
+        cosine, sine = np.cos(0.5 * np.pi * share), np.sin(0.5 * np.pi * share)
 
         def block_sums(wave: ComplexArray) -> ComplexArray:
             # 1/2 + 1/2 cos about the centre, in the two hops before and the two after it
-            plain, near, far = cut.sums(wave), cut.sums(wave * cosine), cut.sums(wave * sine)
+            plain, near, far = sums(wave), sums(wave * cosine), sums(wave * sine)
             total: ComplexArray = plain[:-3] + plain[1:-2] + plain[2:-1] + plain[3:]
             total += near[2:-1] + far[1:-2] - far[3:] - near[:-3]
             return 0.5 * total
@@ -283,32 +282,31 @@ def _padded(values: FloatArray) -> ComplexArray:
     return padded
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Cut:
-    """Stretches shared out among parts of the angle by where their middles lie.
+def _cut(
+    angle: FloatArray, edges: FloatArray
+) -> tuple[FloatArray, Callable[[ComplexArray], ComplexArray]]:
+    """Share stretches out among parts of the angle by where their middles lie.
 
-    `share` tells where each lies in its part, 0 to 1, and ends with a zero; `first` is the first of
-    each part.
+    Returns
+    -------
+    share : ndarray of float, shape (stretches + 1,)
+        Where each lies in its part, 0 to 1, and a zero.
+    sums : callable
+        Adds up a wave over each part; a zero at its end keeps parts behind the last stretch.
     """
+    middle = 0.5 * (angle[1:] + angle[:-1])
+    first = np.searchsorted(middle, edges)
+    # an edge more has passed from the first stretch behind it on
+    sizes = np.diff(np.concatenate([[0], first, [len(middle)]]))
+    part = np.repeat(np.clip(np.arange(-1, len(edges)), 0, len(edges) - 2), sizes)
+    share = (middle - edges[part]) / (edges[1] - edges[0])
 
-    first: NDArray[np.intp]
-    share: FloatArray
-
-    @classmethod
-    def of(cls, angle: FloatArray, edges: FloatArray) -> _Cut:
-        middle = 0.5 * (angle[1:] + angle[:-1])
-        first = np.searchsorted(middle, edges)
-        # an edge more has passed from the first stretch behind it on
-        sizes = np.diff(np.concatenate([[0], first, [len(middle)]]))
-        part = np.repeat(np.clip(np.arange(-1, len(edges)), 0, len(edges) - 2), sizes)
-        share = (middle - edges[part]) / (edges[1] - edges[0])
-        return cls(first=first, share=np.append(share, 0.0))
-
-    def sums(self, wave: ComplexArray) -> ComplexArray:
-        """Sum over each part; a zero at the end of the wave keeps parts behind the last one."""
-        total: ComplexArray = np.add.reduceat(wave, self.first)[:-1]
-        total[self.first[:-1] == self.first[1:]] = 0.0
+    def sums(wave: ComplexArray) -> ComplexArray:
+        total: ComplexArray = np.add.reduceat(wave, first)[:-1]
+        total[first[:-1] == first[1:]] = 0.0
         return total
+
+    return np.append(share, 0.0), sums
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -336,7 +334,11 @@ class Stretches:
         length = max(1, int(min(turns * rate / fastest, samples.shape[-1] / _LEAST)))
         count = samples.shape[-1] // length
         edges_s = (length * np.arange(count + 1) - 0.5) / rate
-        number = _speed_numbers(np.diff(track.turns_at(edges_s)))
+        # some stretches share a speed, rounded to whole steps of its logarithm
+        shared = np.arange(0, count, _SHARING)
+        sizes = np.diff(np.append(shared, count))
+        mean = np.add.reduceat(np.diff(track.turns_at(edges_s)), shared) / sizes
+        number = np.repeat(np.rint(np.log(mean) / _SPEED_STEP), sizes)
         sums = np.empty((len(samples), 2, len(orders), count))
         starts = np.concatenate([[0], np.flatnonzero(np.diff(number)) + 1, [count]])
         runs = [
@@ -378,12 +380,3 @@ class Stretches:
         """Cycles a stretch that a track differs by from the one these sums were made with."""
         change = np.log(np.diff(angle)) - self.slopes
         return float(np.sqrt(np.mean(change**2))) * self.cycles
-
-
-def _speed_numbers(steps: FloatArray) -> FloatArray:
-    """Round the steps of some stretches each to whole multiples of a step of their logarithm."""
-    count = len(steps)
-    starts = np.arange(0, count, _SHARING)
-    sizes = np.diff(np.append(starts, count))
-    mean = np.add.reduceat(steps, starts) / sizes
-    return np.repeat(np.rint(np.log(mean) / _SPEED_STEP), sizes)

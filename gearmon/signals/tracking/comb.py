@@ -310,7 +310,10 @@ class _Blocks:
     ) -> SpeedScan:
         """Score every candidate about the middle of every block; keep some spectra."""
         count, starts = len(self.starts), self.starts
-        kept, stride = _kept_blocks(count, 2 if self.overlapped else 1)
+        # of blocks that do not overlap, every other one or fewer is kept
+        stride = min(2 if self.overlapped else 1, count)
+        step = max(2 * stride, -(-count // _KEPT_BLOCKS) // (2 * stride) * 2 * stride)
+        kept = np.arange(stride if count >= 4 else 0, count, step)
         scores = np.empty((count, len(ratio)))
         quality = np.empty((len(kept), bins), dtype=np.float32)
         total = count * len(self.samples) * self.length
@@ -374,13 +377,6 @@ def weighted_sum(values: FloatArray, index: IntArray, weights: FloatArray) -> Fl
         taken = values.take(index[rows], axis=0)
         flat += weights[rows] @ taken.reshape(len(taken), -1)
     return total
-
-
-def _kept_blocks(count: int, stride: int) -> tuple[IntArray, int]:
-    """Blocks whose spectra are kept, and the distance of blocks that do not overlap."""
-    stride = min(stride, count)
-    step = max(2 * stride, -(-count // _KEPT_BLOCKS) // (2 * stride) * 2 * stride)
-    return np.arange(stride if count >= 4 else 0, count, step), stride
 
 
 def line_quality(block: FloatArray, length: int, bins: int, total: int) -> FloatArray:
