@@ -50,15 +50,10 @@ _DEGREES = {
 _PLACED, _STRIDE = 1 << 16, 16
 
 
-def _cubic() -> tuple[FloatArray, FloatArray]:
-    """Cubic of Hermite at the steps of a stretch, from its rise and its slopes a stretch."""
-    v = np.arange(_STRIDE) / _STRIDE
-    value = np.stack([v**2 * (3 - 2 * v), v * (1 - v) ** 2, v**2 * (v - 1)])
-    slope = np.stack([6 * v * (1 - v), (1 - v) * (1 - 3 * v), v * (3 * v - 2)])
-    return value, slope / _STRIDE
-
-
-_CUBIC, _CUBIC_SLOPE = _cubic()
+# Cubic of Hermite at the steps of a stretch, from its rise and its slopes a stretch.
+_V = np.arange(_STRIDE) / _STRIDE
+_CUBIC = np.stack([_V**2 * (3 - 2 * _V), _V * (1 - _V) ** 2, _V**2 * (_V - 1)])
+_CUBIC_SLOPE = np.stack([6 * _V * (1 - _V), (1 - _V) * (1 - 3 * _V), _V * (3 * _V - 2)]) / _STRIDE
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,10 +1,10 @@
 """Speed and angle of shaft 1: from a tachometer, from the lines of the vibration, or from both.
 
-With a tachometer `tacho` finds the pulses (`pulse_repair` mends their train) and `tacho_phases`
-lets the phases of the mesh lines tell the angle between them. Without one `comb` finds the speed
-that puts known orders onto the lines of the spectrum, steady or changing, `phases` makes an angle
-of it, `slips` tells where that is lost; `mesh_detection` and
-`sideband_spacing` judge whether the mesh is there at all.
+With a tachometer `tacho` finds the pulses (`pulse_repair` mends their train) and lets the phases
+of the mesh lines tell the angle between them. Without one `comb` finds the speed that puts known
+orders onto the lines of the spectrum, steady or changing, `phases` makes an angle of it, `slips`
+tells where that is lost; `mesh_detection` and `sideband_spacing` judge whether the mesh is there at
+all.
 
 >>> import numpy as np
 >>> from gearmon.signals.tracking import find_pulses, track_from_pulses
