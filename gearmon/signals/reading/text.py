@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import io
 import re
+from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -37,7 +38,7 @@ from gearmon.signals.reading.fields import (
 )
 from gearmon.signals.reading.layout import Dialect, Layout, counted, find_layout
 from gearmon.signals.reading.source import Block, Source
-from gearmon.signals.threads import cores, side_by_side
+from gearmon.signals.threads import cores
 
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 _FORTRAN_EXPONENTS = bytes.maketrans(b"dD", b"ee")
@@ -402,31 +403,41 @@ def read_table(
 
 
 def _parsed_blocks(source: Source, layout: Layout) -> Iterator[tuple[Block, Floats]]:
-    """Yield the blocks with their rows, in order; some plain ones are parsed side by side."""
+    """Yield the blocks with their rows, in order; the plain ones are parsed ahead by threads."""
     names = layout.header.names or ("",) * layout.dialect.columns
     labels = [
         f"column {number} ('{shortened(name)}')" if name else f"column {number}"
         for number, name in enumerate(names, 1)
     ]
-    blocks, together = _blocks_from(source, layout.first_line), 1
-    if source.size_hint() >= _THREADED_BYTES:
-        together = 2 * min(cores(), _MOST_THREADS)
-        # The C library keeps freed memory up to the largest piece it ever gave back, instead of
-        # handing every array of every block to the system and asking for it again.
-        np.empty(_KEPT_BYTES, np.uint8)
     before, empty_line = b"", 0
-    while group := list(islice(blocks, together)):
-        texts = [block.text for block in group]
-        parsed = side_by_side(
-            lambda text: parse_rows(text, layout.dialect), texts, sum(map(len, texts))
-        )
-        for block, rows in zip(group, parsed, strict=True):
-            if not block.closed:
-                _check_end(source.path, before, block, layout.dialect)
-            if rows is None or (empty_line and len(rows)):
-                rows, empty_line = read_rows(source.path, block, layout.dialect, labels, empty_line)
-            before = (before + block.text)[-_CUT_CHECK_BYTES:]
-            yield block, rows
+    for block, rows in _parsed_ahead(source, layout):
+        if not block.closed:
+            _check_end(source.path, before, block, layout.dialect)
+        if rows is None or (empty_line and len(rows)):
+            rows, empty_line = read_rows(source.path, block, layout.dialect, labels, empty_line)
+        before = (before + block.text)[-_CUT_CHECK_BYTES:]
+        yield block, rows
+
+
+def _parsed_ahead(source: Source, layout: Layout) -> Iterator[tuple[Block, Floats | None]]:
+    """Yield the blocks with their rows as far as they are plain, some read ahead by threads."""
+    blocks, dialect = _blocks_from(source, layout.first_line), layout.dialect
+    threads = min(cores(), _MOST_THREADS)
+    if threads == 1 or source.size_hint() < _THREADED_BYTES:
+        yield from ((block, parse_rows(block.text, dialect)) for block in blocks)
+        return
+    from concurrent.futures import ThreadPoolExecutor  # small files do without
+
+    # The C library keeps freed memory up to the largest piece it ever gave back, instead of handing
+    # every array of every block to the system and asking for it again.
+    np.empty(_KEPT_BYTES, np.uint8)
+    with ThreadPoolExecutor(threads) as pool:
+        submitted = ((block, pool.submit(parse_rows, block.text, dialect)) for block in blocks)
+        waiting = deque(islice(submitted, threads))
+        while waiting:
+            block, future = waiting.popleft()
+            waiting.extend(islice(submitted, 1))
+            yield block, future.result()
 
 
 def _blocks_from(source: Source, line: int) -> Iterator[Block]:
