@@ -88,7 +88,7 @@ class Dialect:
         """Tell whether the number of fields is right; empty ones may follow."""
         return len(fields) >= self.columns and not any(fields[self.columns :])
 
-    def names(self, fields: Sequence[str]) -> bool:
+    def covers(self, fields: Sequence[str]) -> bool:
         """Tell whether there is a cell for each column; some of them may be empty."""
         return len(without_empty_end(fields)) <= self.columns <= len(fields)
 
@@ -468,7 +468,7 @@ def _check_no_damaged_row(
 def _check_no_odd_line(path: str, line: Line, dialect: Dialect) -> None:
     """Raise if the line has another number of fields than the rows, but most are numbers."""
     fields = dialect.split(line[1])
-    if dialect.names(fields):
+    if dialect.covers(fields):
         return
     if is_number(fields[0], dialect.decimal) and 2 * dialect.numbers(fields) > len(fields):
         raise RecordingError(
@@ -481,7 +481,7 @@ def _stands_below_names(lines: Sequence[Line], cells: Sequence[str], dialect: Di
     if len(lines) < 2 or _is_metadata(lines[-1][1]):
         return False
     above = dialect.split(lines[-2][1])
-    if not dialect.names(above) or dialect.numbers(above):
+    if not dialect.covers(above) or dialect.numbers(above):
         return False
     # where blanks separate, the words of two sentences may be as many as the columns
     return dialect.separator != " " or any(character.isdigit() for character in cells[0])
