@@ -121,8 +121,8 @@ class SpeedScan:
         Their log(1 + signal-to-noise ratio), mean over channels.
     stride : int
         Blocks from one to the next that does not overlap it.
-    slope_per_s : float
-        Fastest relative change of the speed that a path follows [1/s].
+    reach : int, optional
+        Candidates that a path may move by from block to block; those of 2 % a second if not given.
     """
 
     centre_s: FloatArray
@@ -134,7 +134,7 @@ class SpeedScan:
     kept: IntArray
     quality: NDArray[np.float32]
     stride: int
-    slope_per_s: float
+    reach: int | None = None
 
     def track(self, blocks: IntArray | None = None) -> SpeedTrack:
         """Return the best path of speeds through the blocks (all of them by default)."""
@@ -158,11 +158,10 @@ class SpeedScan:
 
     def _reach(self, rows: IntArray) -> int:
         """Candidates that the speed may move by from block to block."""
-        if len(rows) < 2:
-            return 0
+        if self.reach is not None or len(rows) < 2:
+            return self.reach or 0
         interval = float(np.diff(self.centre_s[rows]).mean())
-        middle = len(self.ratio) // 2
-        reach = self.slope_per_s * interval / float(self.ratio[middle + 1] - self.ratio[middle])
+        reach = _STEADY_SLOPE * interval / float(self.ratio[1] - self.ratio[0])
         return int(np.clip(round(reach), 1, len(self.ratio) - 1))
 
 
@@ -219,7 +218,6 @@ def scan_speed(
         middle_hz if around is None else around.at(blocks.centre_s),
         1 + tolerance * np.arange(-half, half + 1) / half,
         min(blocks.length // 2 + 1, bins),
-        _STEADY_SLOPE,
     )
 
 
@@ -262,7 +260,7 @@ def find_path(
         np.full(len(blocks.starts), nominal_hz),
         np.exp(span * np.arange(-half, half + 1) / half),
         blocks.length // 2 + 1,
-        _PATH_SLOPE,
+        max(1, round(_PATH_SLOPE * max(blocks.size // 2, 1) / sampling_rate_hz / (span / half))),
     )
 
 
@@ -306,7 +304,12 @@ class _Blocks:
         return np.asarray((self.starts + self.size / 2) / self.rate)
 
     def scanned(
-        self, comb: Comb, middle_hz: FloatArray, ratio: FloatArray, bins: int, slope_per_s: float
+        self,
+        comb: Comb,
+        middle_hz: FloatArray,
+        ratio: FloatArray,
+        bins: int,
+        reach: int | None = None,
     ) -> SpeedScan:
         """Score every candidate about the middle of every block; keep some spectra."""
         count, starts = len(self.starts), self.starts
@@ -352,7 +355,7 @@ class _Blocks:
             kept=kept,
             quality=quality,
             stride=stride,
-            slope_per_s=slope_per_s,
+            reach=reach,
         )
 
 
