@@ -272,7 +272,7 @@ def forced_resonance(
     lines : sequence of int, optional
         Harmonics >= 0 to treat as resonant; by default the one nearest to the natural frequency,
         or its two neighbours where it is more than w/4 away from both. Two serve the steady state
-        only: for initial conditions see `motion.transient`.
+        only: for initial conditions see `transient`.
     rate_order : int, optional
         Highest order of the rates; default order + 2.
     small_damping : bool
@@ -281,7 +281,7 @@ def forced_resonance(
     Returns
     -------
     AmplitudeEquations
-        `steady_displacement()` is the steady vibration; see `motion.Motion` for transients.
+        `steady_displacement()` is the steady vibration; see `Motion` for transients.
 
     Raises
     ------

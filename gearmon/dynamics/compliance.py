@@ -9,7 +9,8 @@ Of a single pair G is the number 1/D_n, D_n = 1 - (n/R)^2 + 2 i zeta n/R (`PairC
 sets of R and zeta may stand side by side); of a machine a matrix of meshes (`SystemCompliance`).
 Both give the same to `mesh_equations`:
 
-answer(x), motion(x)        G x, and the motion of all coordinates that x makes
+answer(x), motion(x)        G x, and the motion of all coordinates that x makes; both also of the
+                            lines from `first` on alone
 state(x)                    deflections and motion under the forces and x together
 weights(N)                  acceleration per displacement of lines 0..N
 size(half), per_line(half)  rms over the period, and modulus of every line, all rows together
@@ -84,23 +85,21 @@ class PairCompliance:
             self._weights = (np.arange(highest + 1) / self.ratio) ** 2
         return self._weights[..., : highest + 1]
 
-    def forced(self, highest: int) -> Complex:
-        """g_n/D_n, shape (..., highest+1)."""
-        stiffness = self.stiffness(highest)
-        start = np.zeros(stiffness.shape, dtype=complex)
-        count = min(len(self.forces), highest + 1)
-        start[..., :count] = self.forces[:count] / stiffness[..., :count]
-        return start
-
-    def answer(self, x: Complex) -> Complex:
-        """x/D."""
-        return np.asarray(x / self.stiffness(x.shape[-1] - 1))
+    def answer(self, x: Complex, first: int = 0) -> Complex:
+        """x/D of the lines from `first` on, 0 below."""
+        answer = np.zeros(x.shape, dtype=complex)
+        outer = slice(first, None)
+        stiffness = self.stiffness(x.shape[-1] - 1)
+        np.divide(x[..., outer], stiffness[..., outer], out=answer[..., outer])
+        return answer
 
     motion = answer
 
     def state(self, x: Complex, answered: Complex | None = None) -> tuple[Complex, Complex]:
         """Deflections, twice, since they are the motion; `answered` if x/D is known."""
-        u = self.forced(x.shape[-1] - 1) + (self.answer(x) if answered is None else answered)
+        u = self.answer(x) if answered is None else answered.copy()
+        count = min(len(self.forces), u.shape[-1])
+        u[..., :count] += self.forces[:count] / self.stiffness(u.shape[-1] - 1)[..., :count]
         return u, u
 
     def size(self, half: Complex) -> Real:
@@ -239,7 +238,7 @@ class SystemCompliance:
         if self.system.force_harmonics_n is not None:
             forces = np.concatenate([forces, self.system.force_harmonics_n])
         lines = np.arange(len(forces), dtype=float)
-        return self._answers(lines, (forces @ self.shapes)[..., None])[..., 0].T
+        return np.asarray(self._answers(lines, (forces @ self.shapes)[..., None])[..., 0].T)
 
     @property
     def forces(self) -> Complex:
@@ -250,13 +249,15 @@ class SystemCompliance:
         """(n w)^2 [1/s2], shape (highest+1,)."""
         return np.asarray((self.system.angular_frequency * np.arange(highest + 1)) ** 2)
 
-    def answer(self, x: Complex) -> Complex:
-        """G x, shape (meshes, N+1)."""
-        return np.ascontiguousarray((self.matrices(x.shape[1]) @ x.T[:, :, None])[:, :, 0].T)
+    def answer(self, x: Complex, first: int = 0) -> Complex:
+        """G x of the lines from `first` on, shape (meshes, N+1)."""
+        u = (self.matrices(x.shape[1]) @ x.T[:, :, None])[:, :, 0].T
+        return np.where(np.arange(x.shape[1]) < first, 0, u) if first else np.ascontiguousarray(u)
 
-    def motion(self, x: Complex) -> Complex:
-        """Lines of all coordinates, shape (n, N+1)."""
-        return np.asarray(self.shapes @ np.einsum("lnm,ml->nl", self._modal(x.shape[1]), x))
+    def motion(self, x: Complex, first: int = 0) -> Complex:
+        """Lines of all coordinates, those from `first` on, shape (n, N+1)."""
+        modal = np.einsum("lnm,ml->nl", self._modal(x.shape[1])[first:], x[:, first:])
+        return np.asarray(self.shapes @ np.pad(modal, [(0, 0), (first, 0)]))
 
     def state(self, x: Complex, answered: Complex | None = None) -> tuple[Complex, Complex]:
         """Deflections (meshes, N+1) and motion (n, N+1)."""
@@ -280,7 +281,7 @@ class SystemCompliance:
         """G of lines 0..count-1, shape (count, meshes, meshes)."""
         if len(self._matrices) < count:
             self._modal(count)
-            self._matrices = self.meshes.T @ self._lines
+            self._matrices = np.asarray(self.meshes.T @ self._lines)
         return self._matrices[:count]
 
     @cached_property

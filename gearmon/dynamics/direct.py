@@ -54,8 +54,6 @@ class Solution(NamedTuple):
         Whether free vibrations die out.
     solved : int
         Highest harmonic of the matrix; those above were added one by one.
-    sweeps : int
-        How often they and the core were corrected.
     pressed : bool
         Whether the acceleration is so small that the teeth stay in contact for certain.
     """
@@ -64,7 +62,6 @@ class Solution(NamedTuple):
     bound: float
     stable: bool
     solved: int
-    sweeps: int
     pressed: bool
 
 
@@ -107,7 +104,7 @@ def _refine(
     system.begin()
     bound = math.inf
     if not inverse.stable:
-        return Solution(system.vibration(shown)[0], bound, False, system.solved, 0, False)
+        return Solution(system.vibration(shown)[0], bound, False, system.solved, False)
     for sweep in range(MOST_SWEEPS + 1):
         if sweep:
             system.sweep()
@@ -115,7 +112,7 @@ def _refine(
         before, bound = bound, relative_bound(system, inverse, last)
         if bound <= tolerance or bound > 0.5 * before < math.inf:
             break
-    return Solution(displacement, bound, inverse.stable, system.solved, sweep, system.pressed)
+    return Solution(displacement, bound, inverse.stable, system.solved, system.pressed)
 
 
 class InverseBound(NamedTuple):

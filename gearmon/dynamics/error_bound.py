@@ -22,7 +22,7 @@ energy
 Floquet
     From the Floquet form of the equation, see `floquet`.
 
-Sizes are those of exact arithmetic; rounding enters through the residual, see `certificate`.
+Sizes are those of exact arithmetic; rounding enters through the residual, see `mesh_equations`.
 Numbers of the sets have the shape (B,); all of them share phi but for a factor `scale`.
 """
 

@@ -246,13 +246,6 @@ def _exponentials(diagonal: Real, lower: Real, length: Real) -> Real:
     return np.array([[even + odd * diagonal, odd], [odd * lower, even - odd * diagonal]])
 
 
-def multiply(left: Real, right: Real) -> Real:
-    """Products of stacks of 2 x 2 matrices, shapes (2, 2, ...)."""
-    (a, b), (c, d) = left
-    (e, f), (g, h) = right
-    return np.array([[a * e + b * g, a * f + b * h], [c * e + d * g, c * f + d * h]])
-
-
 def running_products(matrices: Real) -> tuple[Real, Real]:
     """S_i ... S_2 S_1 for all i, as (matrices of norm about one, natural logarithms of scale).
 
@@ -264,17 +257,17 @@ def running_products(matrices: Real) -> tuple[Real, Real]:
     _, _, count, sets = matrices.shape
     rows = matrices.reshape(2, 2, count // IN_A_ROW, IN_A_ROW, sets).copy()
     for i in range(1, IN_A_ROW):
-        rows[:, :, :, i] = multiply(rows[:, :, :, i], rows[:, :, :, i - 1])
+        rows[:, :, :, i] = period_trace.multiply(rows[:, :, :, i], rows[:, :, :, i - 1])
     ends, logs = rows[:, :, :, -1].copy(), np.zeros((count // IN_A_ROW, sets))
     shift = 1
     while shift < len(logs):
-        ends[:, :, shift:] = multiply(ends[:, :, shift:], ends[:, :, :-shift])
+        ends[:, :, shift:] = period_trace.multiply(ends[:, :, shift:], ends[:, :, :-shift])
         logs[shift:] += logs[:-shift].copy()
         size = np.abs(ends).max(axis=(0, 1))
         ends /= size
         logs += np.log(size)
         shift *= 2
-    rows[:, :, 1:] = multiply(rows[:, :, 1:], ends[:, :, :-1, None])
+    rows[:, :, 1:] = period_trace.multiply(rows[:, :, 1:], ends[:, :, :-1, None])
     shifted = np.concatenate([np.zeros((1, sets)), logs[:-1]])
     return rows.reshape(matrices.shape), np.repeat(shifted, IN_A_ROW, axis=0)
 

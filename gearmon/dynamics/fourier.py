@@ -30,17 +30,9 @@ def fast_length(least: int) -> int:
     >>> fast_length(67)
     72
     """
-    best = 1 << max(0, math.ceil(math.log2(max(1, least))))
-    fives = 1
-    while fives < best:
-        threes = fives
-        while threes < best:
-            quotient = -(-least // threes)
-            candidate = threes << max(0, (quotient - 1).bit_length())
-            best = min(best, candidate)
-            threes *= 3
-        fives *= 5
-    return best
+    from scipy.fft import next_fast_len
+
+    return int(next_fast_len(max(1, least), real=True))
 
 
 def rms(half: Complex | Real) -> float:
@@ -50,7 +42,8 @@ def rms(half: Complex | Real) -> float:
 
 def rms_of_each(half: Complex | Real) -> Real:
     """Root mean squares of functions with coefficients `half`, shape (..., N+1)."""
-    rows = np.ascontiguousarray(half)
+    # parts of rows are viewed as they are: copying them costs as much as their squares
+    rows = half if half.strides[-1] == half.itemsize else np.ascontiguousarray(half)
     parts = rows.view(float) if np.iscomplexobj(rows) else rows
     total: Real = np.einsum("...n,...n->...", parts, parts)
     first = rows[..., 0]

@@ -176,7 +176,9 @@ def frozen_vector(name: str, values: npt.ArrayLike) -> Complex:
 def dynamic_stiffness(ratio: float | Real, zeta: float | Real, highest: int) -> Complex:
     """D_n of lines 0..highest for R = `ratio`, relative to k0; `ratio`, `zeta` may be columns."""
     x = np.arange(highest + 1) / ratio
-    return np.asarray((1 - x**2) + 2j * zeta * x)
+    stiffness = np.empty(np.broadcast_shapes(x.shape, np.shape(zeta)), dtype=complex)
+    stiffness.real, stiffness.imag = 1 - x * x, 2 * zeta * x
+    return stiffness
 
 
 def largest_responses(

@@ -22,7 +22,6 @@ from gearmon.dynamics.time_marching import (
     March,
     Periodic,
     Scaled,
-    Solver,
     TimeHistory,
     defect_of,
     history,
@@ -30,17 +29,6 @@ from gearmon.dynamics.time_marching import (
     scaled,
 )
 from gearmon.errors import ArgumentError, check_finite, check_range
-
-__all__ = [
-    "Contact",
-    "IntegratedResponse",
-    "Integrator",
-    "Solver",
-    "TimeHistory",
-    "settle",
-    "shoot",
-    "transient",
-]
 
 Start = Literal["rest", "static"] | tuple[float, float]
 

@@ -147,6 +147,12 @@ class MeshEquations:
         if gain is not None:
             self.gain = gain
 
+    @property
+    def pairs(self) -> PairCompliance:
+        """The compliance of a pair, or of many sets."""
+        assert isinstance(self.compliance, PairCompliance)
+        return self.compliance
+
     @cached_property
     def gain(self) -> Gain:
         """Bound of the inverse operator, and stability."""
@@ -224,17 +230,12 @@ class MeshEquations:
         depth = self.compliance.depth + (math.log2(length) if not self.many else length)
         rounding = self.compliance.size(x) + self.compliance.swinging_forces
         rounding = rounding + depth * self.swing * swinging
-        rounding = rounding + self.compliance.size(mean * self.scale * self.pattern.size)
+        static: Complex = np.asarray(mean * self.scale * self.pattern.size, dtype=complex)
+        rounding = rounding + self.compliance.size(static)
         bound = self._bound(motion, residual, UNIT_ROUNDOFF * rounding)
         return Approximation(
             swing=x, deflection=u, motion=motion, residual=residual, bound=bound, orders=orders
         )
-
-    def above(self, residual: Complex, line: int) -> Complex:
-        """Residual above a line, with zeros up to it."""
-        outer = residual.copy()
-        outer[..., : line + 1] = 0
-        return outer
 
     def size(self, motion: Complex) -> Real:
         """Rms acceleration of the harmonics of a motion that are handed out."""
@@ -257,11 +258,9 @@ class MeshEquations:
     def _shares(self, residual: Complex, core: int) -> tuple[Real, Real]:
         """Bounds of the error that residuals of the core and above it cause."""
         compliance, gain = self.compliance, self.gain.acceleration
-        outer = self.above(residual, core)
-        extra = compliance.answer(outer)
-        direct = self.size(
-            extra if isinstance(compliance, PairCompliance) else compliance.motion(outer)
-        )
+        extra = compliance.answer(residual, core + 1)
+        moved = extra if isinstance(compliance, PairCompliance) else None
+        direct = self.size(compliance.motion(residual, core + 1) if moved is None else moved)
         inner = _times(gain, compliance.size(residual[..., : core + 1]))
         spread = self.swing * compliance.size(extra)
         coupled = _times(gain, spread)
@@ -269,9 +268,9 @@ class MeshEquations:
             return inner, direct + coupled
         # what the lines above do to the core is computed, and only their second answer is bounded
         back = self.modulate(extra, core)
-        most, moved = compliance.most_from(core + 1)
+        most, accelerated = compliance.most_from(core + 1)
         second = _times(gain, compliance.size(residual[..., : core + 1] - back))
-        beyond = direct + spread * moved + _times(gain, spread * self.swing * most)
+        beyond = direct + spread * accelerated + _times(gain, spread * self.swing * most)
         better = second + beyond < inner + direct + coupled
         return (second, beyond) if better else (inner, direct + coupled)
 
@@ -408,7 +407,9 @@ def recombine(equations: MeshEquations, x: Complex, tolerance: float, most: int)
         return known
     orders = 0
     if core < known.highest:
-        known = equations.judge(known.swing + equations.above(known.residual[..., :count], core))
+        above = known.residual[..., :count].copy()
+        above[..., : core + 1] = 0
+        known = equations.judge(known.swing + above)
         orders = 1
     right_side = known.residual[..., : core + 1]
     if orders >= most or not right_side.any():
@@ -482,12 +483,11 @@ def sum_orders(equations: MeshEquations, x: Complex, tolerance: float) -> Approx
     x, tolerance
         As in `recombine`.
     """
-    compliance = equations.compliance
-    assert isinstance(compliance, PairCompliance)
+    compliance = equations.pairs
     highest, middle = len(x) - 1, equations.pattern.middle_and_swing[0]
     stiffness = compliance.stiffness(highest)
     force = equations.judge(x).residual[: highest + 1]
-    start, total = compliance.forced(highest), compliance.answer(x)
+    total = compliance.answer(x)
     product, answer = equations.product(highest, highest, middle), 1 / (stiffness + middle)
     step = force * answer
     gain = float(equations.gain.acceleration)
@@ -499,7 +499,7 @@ def sum_orders(equations: MeshEquations, x: Complex, tolerance: float) -> Approx
         left = gain * rms(step)
         if left <= 2 * AIM * tolerance * size:
             # the size hardly changes after the first orders: it is taken again only to decide
-            size = float(equations.size(start + total))
+            size = float(equations.size(compliance.state(x, total)[1]))
             if left <= AIM * tolerance * size:
                 break
         step *= answer
@@ -534,6 +534,8 @@ def first_highest(equations: MeshEquations, tolerance: float) -> int:
     given = max(2, len(compliance.forces) - 1, shown or 1)
     if not sizes.any():
         return max(given, compliance.quiet_above(2.3))
+    # shares, so that squares of tiny ones do not vanish
+    sizes = sizes / sizes.max()
     # lines at which an order may gain less than half, and those that resonate
     top = max(given, compliance.quiet_above(min(2.3, 0.5 / swing)))
     orders = np.arange(1, len(sizes) + 1)
@@ -590,11 +592,12 @@ def widen(
 def _larger(equations: MeshEquations, found: Approximation, tolerance: float) -> int:
     """Find the harmonic beyond which the residual asks for too little to matter."""
     compliance, gain = equations.compliance, float(equations.gain.acceleration)
-    outer = equations.above(found.residual, found.highest)
-    weights = compliance.weights(outer.shape[-1] - 1) * (equations.shown is None)
-    worth = weights * compliance.per_line(compliance.motion(outer))
+    left, first = found.residual, found.highest + 1
+    weights = compliance.weights(left.shape[-1] - 1) * (equations.shown is None)
+    worth = weights * compliance.per_line(compliance.motion(left, first))
     if gain < math.inf:
-        worth = worth + gain * equations.swing * compliance.per_line(compliance.answer(outer))
+        answer = compliance.answer(left, first)
+        worth = worth + gain * equations.swing * compliance.per_line(answer)
     beyond = np.sqrt(2 * np.cumsum((worth**2)[::-1]))[::-1]
     allowed = tolerance * found.bound.size
     if beyond[0] <= 0.4 * allowed:

@@ -19,7 +19,7 @@ has h = zeta w0 = eps mu, so that damping acts one order later:
     Z^(k+1)_n = -(1/D_n) [sum_m phi_{n-m} Z^(k)_m + 2 i zeta (n/R) Z^(k)_n],   D_n = 1 - (n/R)^2
 
 It is offered as `small_damping`. It diverges where 2 zeta n/R > |D_n|, that is near resonance,
-where n w = w0 makes the right side secular: there use `resonance.forced_resonance`. The damping
+where n w = w0 makes the right side secular: there use `forced_resonance`. The damping
 ratio of meshes (0.03 to 0.3) is not small beside the variation of stiffness, which is why it is in
 order zero by default. Transients are in `motion`.
 

@@ -233,13 +233,15 @@ def scaled_product(matrices: Real, logs: Real) -> tuple[Real, Real]:
     while matrices.shape[2] > 1:
         even = matrices.shape[2] // 2 * 2
         a, b = matrices[:, :, 0:even:2], matrices[:, :, 1:even:2]
-        pairs = np.array(
-            [
-                [b[0, 0] * a[0, 0] + b[0, 1] * a[1, 0], b[0, 0] * a[0, 1] + b[0, 1] * a[1, 1]],
-                [b[1, 0] * a[0, 0] + b[1, 1] * a[1, 0], b[1, 0] * a[0, 1] + b[1, 1] * a[1, 1]],
-            ]
-        )
+        pairs = multiply(b, a)
         size = np.abs(pairs).max(axis=(0, 1))
         matrices = np.concatenate([pairs / size, matrices[:, :, even:]], axis=2)
         logs = np.concatenate([logs[1:even:2] + logs[0:even:2] + np.log(size), logs[even:]])
     return matrices[:, :, 0], logs[0]
+
+
+def multiply(left: Real, right: Real) -> Real:
+    """Products of stacks of 2 x 2 matrices, shapes (2, 2, ...)."""
+    (a, b), (c, d) = left
+    (e, f), (g, h) = right
+    return np.array([[a * e + b * g, a * f + b * h], [c * e + d * g, c * f + d * h]])

@@ -4,7 +4,7 @@ Sets that share a pattern of stiffness differ in D and in a factor of phi only. 
 
 1. the gain of the inverse operator is bounded, which settles stability (`error_bound`);
 2. sets with the same harmonics near their natural frequency are expanded together
-   (`sweep_orders`), and judged by the certificate that one problem has;
+   (`sweep_orders`), and judged as one problem is, by the same `MeshEquations`;
 3. what still misses the tolerance goes through `steady_state` by itself, and so do sets whose
    pattern of stiffness few others share.
 """
@@ -339,8 +339,9 @@ class _Work:
     def _take(self, equations: MeshEquations, sets: INDICES, y: Complex, method: str) -> None:
         """Judge deflections less the mean, of sets solved together, and keep what is good."""
         # y is all that exceeds the static deflection, the answer to the mean force
-        swing = equations.compliance.stiffness(y.shape[1] - 1) * y
-        found = equations.judge(swing, answered=y)
+        pairs, highest = equations.pairs, y.shape[1] - 1
+        stiffness = pairs.stiffness(highest + len(equations.pattern.harmonics))
+        found = equations.judge(stiffness[:, : highest + 1] * y, answered=y)
         good = found.bound.relative <= self.tolerance
         half = found.motion[good]
         self._parts.append((sets[good], half if self.shown is None else half[:, : self.shown + 1]))

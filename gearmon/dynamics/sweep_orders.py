@@ -277,7 +277,7 @@ class ManyOrders:
 
 def windows(sets: MeshEquations) -> tuple[INDICES, INDICES]:
     """First and last harmonic with |D_n| < NEARNESS max|phi| of every set; last < first if none."""
-    ratio, zeta = sets.compliance.ratio[:, 0], sets.compliance.zeta[:, 0]
+    ratio, zeta = sets.pairs.ratio[:, 0], sets.pairs.zeta[:, 0]
     bend = 1 - 2 * zeta**2
     spread = bend**2 - 1 + (NEARNESS * sets.swing) ** 2
     root = np.sqrt(np.maximum(spread, 0.0))
@@ -337,7 +337,7 @@ class SharedOrders:
     def __init__(self, equations: MeshEquations, tolerance: float) -> None:
         self.equations, self.tolerance = equations, tolerance
         self.gain = np.asarray(equations.gain.acceleration)
-        pairs = equations.compliance
+        pairs = equations.pairs
         self.numbers = pairs.ratio[:, 0], pairs.zeta[:, 0], equations.scale[:, 0]
         self._couplings: dict[int, Coupling] = {}
 

@@ -199,6 +199,12 @@ def test_extreme_numbers_neither_overflow_nor_warn(seed):
         assert math.isinf(r.error_bound)
 
 
+def test_harmonics_next_to_nothing_change_nothing():
+    r = steady_state(replace(published_pair(), stiffness_harmonics=[1e-320]))
+    assert r.error_bound <= 1e-6
+    assert abs(r.displacement[0] - 5e-6) < 1e-20
+
+
 def test_a_heavy_mass_stands_still_and_a_tiny_one_is_refused():
     heavy = steady_state(replace(published_pair(), mass_kg=1e12))
     assert heavy.stable
