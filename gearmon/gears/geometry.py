@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.optimize import newton
+from scipy.optimize import bisect, newton
 
 from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.gears.pulses import FloatArray
@@ -121,7 +121,10 @@ class Rack:
         if internal:
             return math.sqrt(max((radius + depth) ** 2 - (radius * math.cos(alpha)) ** 2, 0.0))
         roll = radius * math.sin(alpha) - depth / math.sin(alpha)
-        return roll if roll >= 0 else self._undercut_roll(teeth, profile_shift)
+        if roll >= 0:
+            return roll
+        end = self.fillet(teeth, profile_shift, np.array(self.undercut_end(teeth, profile_shift)))
+        return math.sqrt(max(float(np.hypot(*end)) ** 2 - (radius * math.cos(alpha)) ** 2, 0.0))
 
     def fillet(
         self, teeth: int, profile_shift: float, angles_rad: FloatArray
@@ -168,21 +171,21 @@ class Rack:
         shift = 2 * profile_shift * math.tan(self.pressure_angle_rad)
         return (math.pi / 2 + shift) / teeth + math.tan(alpha) - alpha
 
-    def _undercut_roll(self, teeth: int, profile_shift: float) -> float:
-        """Return the roll length at which the fillet cuts the involute, found by halving."""
+    def undercut_end(self, teeth: int, profile_shift: float) -> float:
+        """Return the angle [rad] of the rack-tip normal at which a fillet cuts the involute."""
         base = 0.5 * teeth / math.cos(self.helix_angle_rad)
         base *= math.cos(self.transverse_pressure_angle_rad)
         half_angle = self.base_half_angle(teeth, profile_shift)
-        low, high = self.pressure_angle_rad, math.pi / 2
-        for _ in range(60):
-            middle = 0.5 * (low + high)
-            height, half = self.fillet(teeth, profile_shift, np.array([middle]))
-            radius = float(np.hypot(height[0], half[0]))
-            tangent = math.sqrt(max((radius / base) ** 2 - 1, 0.0))
-            flank = half_angle - (tangent - math.atan(tangent))
-            beyond = radius > base and math.atan2(float(half[0]), float(height[0])) > flank
-            low, high = (middle, high) if beyond else (low, middle)
-        return base * tangent
+
+        def beyond(angle: float) -> float:
+            height, half = self.fillet(teeth, profile_shift, np.array(angle))
+            rolled = math.sqrt(max((float(np.hypot(height, half)) / base) ** 2 - 1, 0.0))
+            # inside the base circle there is no involute to be cut
+            flank = half_angle - (rolled - math.atan(rolled)) if rolled else math.pi
+            return math.atan2(float(half), float(height)) - flank
+
+        first = self.pressure_angle_rad
+        return float(bisect(beyond, first, math.pi / 2, xtol=1e-15)) if beyond(first) > 0 else first
 
 
 def involute(angle_rad: float) -> float:

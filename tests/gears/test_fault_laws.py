@@ -15,7 +15,7 @@ from gearmon.gears.damage import size_for_loss, stiffness_loss
 from gearmon.gears.faults import parse_fault
 from gearmon.gears.pairs import mesh_pairs
 from gearmon.gears.pulses import PulseTrain
-from gearmon.gears.stiffness import pair_stiffness
+from gearmon.gears.stiffness import mesh_stiffness
 from gearmon.gears.tooth_pairs import POTENTIAL_ENERGY, ToothPair, teeth_of
 from gearmon.machine import ParallelStage, PlanetaryStage
 
@@ -53,7 +53,7 @@ FORMS = ["parabolic", POTENTIAL_ENERGY]
 def mesh_of(gear, texts, form):
     stage, number = MESHES[gear]
     pair = mesh_pairs(stage, 1)[number]
-    return pair, pair_stiffness(pair, [parse_fault(text) for text in texts], form)
+    return pair, mesh_stiffness(pair, [parse_fault(text) for text in texts], form)
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -187,7 +187,7 @@ def contacts(monkeypatch, stage, texts):
     with monkeypatch.context() as patch:
         patch.setattr(ToothPair, "compliances", counting)
         pair = mesh_pairs(stage, 1)[0]
-        mesh = pair_stiffness(pair, [parse_fault(text) for text in texts], POTENTIAL_ENERGY)
+        mesh = mesh_stiffness(pair, [parse_fault(text) for text in texts], POTENTIAL_ENERGY)
         mesh.sample(200)
     return sum(counted)
 

@@ -16,7 +16,7 @@ from gearmon.errors import ArgumentError
 from gearmon.gears.damage import measured_patches
 from gearmon.gears.faults import parse_fault
 from gearmon.gears.pairs import mesh_pairs
-from gearmon.gears.stiffness import FORM_NAMES, mesh_stiffness, pair_stiffness
+from gearmon.gears.stiffness import FORM_NAMES, mesh_stiffness
 from gearmon.gears.tooth_pairs import PotentialEnergy, teeth_of
 from gearmon.machine import ParallelStage, PlanetaryStage
 
@@ -381,8 +381,8 @@ PLANETARY = PlanetaryStage(
 
 def test_planetary_stage():
     inner, outer = mesh_pairs(PLANETARY, 1)
-    assert pair_stiffness(inner, (), FORM).period_mesh == 1
-    assert pair_stiffness(outer, (), FORM).period_mesh == 1
+    assert mesh_stiffness(inner, (), FORM).period_mesh == 1
+    assert mesh_stiffness(outer, (), FORM).period_mesh == 1
 
 
 @pytest.mark.parametrize("form", [FORM, "parabolic"])
@@ -401,8 +401,8 @@ def test_planetary_stage():
 def test_measured_damage_in_a_planetary_stage(form, text, periods):
     """On the sun, the planet and the ring, in both meshes, with sizes in millimetres."""
     for pair, period in zip(mesh_pairs(PLANETARY, 1), periods, strict=True):
-        sound = pair_stiffness(pair, (), form)
-        hurt = pair_stiffness(pair, [parse_fault(text)], form)
+        sound = mesh_stiffness(pair, (), form)
+        hurt = mesh_stiffness(pair, [parse_fault(text)], form)
         assert hurt.period_mesh == period
         x = np.linspace(0, period, 50 * period, endpoint=False)
         lost = 1 - hurt.at(x) / sound.at(x)
