@@ -25,7 +25,14 @@ from gearmon.gears.pulses import (
     gauss,
     panel_nodes,
 )
-from gearmon.gears.tooth_damage import SOUND, ToothDamage, largest_size, tooth_damage
+from gearmon.gears.tooth_damage import (
+    LARGEST_WIDTH,
+    SOUND,
+    Hole,
+    ToothDamage,
+    largest_size,
+    tooth_damage,
+)
 from gearmon.gears.tooth_mesh import meeting
 from gearmon.gears.tooth_pairs import ToothPair, teeth_of
 
@@ -61,6 +68,13 @@ def measured_patches(
 ) -> tuple[LossPatch, ...]:
     """Return the loss that measured faults of one tooth cause along the contact of its pair.
 
+    Load that finds no flank, over a spall or where the tooth is broken off, is not carried there:
+    the line of contact is shorter by the face that is lost, and what is left of the face carries
+    it, slice by slice as helical teeth do. So a spall as high as the flank costs what a breakage as
+    wide does, in proportion to the face, and a shorter one costs that while the contact passes it;
+    the section of the tooth, which the spall weakens too, counts beside it. Pits are small and
+    many, and between them the flank carries: they only shorten the contact.
+
     Parameters
     ----------
     faults : sequence of Fault
@@ -78,6 +92,9 @@ def measured_patches(
     for fault in faults:
         if fault.kind == "breakage":
             patches = union(patches, _broken(fault, pair, index))
+    for hole in tooth_damage(faults, pair.teeth[index]).holes:
+        if not hole.round:
+            patches = union(patches, _without_flank(hole, pair, index))
     damage = tooth_damage(faults, pair.teeth[index])
     if not damage.is_none:
         patches = union(patches, _section_patches(damage, pair, index, is_helical))
@@ -192,6 +209,20 @@ def _broken(fault: Fault, pair: ToothPair, index: int) -> tuple[LossPatch, ...]:
     return (LossPatch(1.0, start, end, begin, min(1.0, begin + share)),)
 
 
+def _without_flank(hole: Hole, pair: ToothPair, index: int) -> tuple[LossPatch, ...]:
+    """Return the loss of the face on which a spall leaves no flank, while the contact passes it.
+
+    Of a spall across the whole face `LARGEST_WIDTH` is lost, and its edges carry the rest.
+    """
+    tooth = pair.teeth[index]
+    ends = [pair.phase_of(index, tooth.angle_at_height(h)) for h in (hole.low_m, hole.high_m)]
+    start, end = np.clip(sorted(ends), 0.0, pair.contact_ratio).tolist()
+    share = min(hole.width_m / tooth.face_width_m, LARGEST_WIDTH)
+    if share == 0 or end <= start:
+        return ()
+    return (LossPatch(1.0, start, end, hole.start, min(1.0, hole.start + share)),)
+
+
 def _bridged(pair: ToothPair, length: float) -> LossCurve:
     """Return the loss of a pair that is gone while the ends of its neighbours bridge the gap.
 
@@ -263,8 +294,7 @@ def _slice(damage: ToothDamage, low: float, high: float, width: float) -> ToothD
         if hole.round:
             holes.append(hole)
         elif inside:
-            # just short of the whole face: a slice in the hole hardly touches its mate
-            holes.append(replace(hole, width_m=0.999 * width, start=0.0))
+            holes.append(replace(hole, width_m=width, start=0.0))
     return replace(damage, crack=crack, holes=tuple(holes))
 
 

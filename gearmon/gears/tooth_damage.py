@@ -179,7 +179,11 @@ class Hole:
         Into the tooth [m].
     round : bool
     start : float, in [0, 1)
-        Where along the face it begins, for pictures.
+        Where along the face it begins.
+    is_touched : bool
+        Whether the contact that passes it is shortened, as in the formulas of the literature
+        (Chaari 2008). Not where the face over it counts as lost altogether, see
+        `damage.measured_patches`.
     """
 
     low_m: float
@@ -188,6 +192,7 @@ class Hole:
     depth_m: float
     round: bool = False
     start: float = 0.0
+    is_touched: bool = True
 
     def __post_init__(self) -> None:
         check_positive("length of the spall", self.high_m - self.low_m, "m")
@@ -288,8 +293,9 @@ class ToothDamage:
         return np.array([start, *kept, *self.crack.limits_m(tooth)])
 
     def missing_width_m(self, height: FloatArray) -> FloatArray:
-        """Return the width of flank that is missing at a height, of all holes together [m]."""
-        return np.asarray(sum((hole.width(height) for hole in self.holes), np.zeros(height.shape)))
+        """Return by how much all holes together shorten a contact at a height [m]."""
+        widths = (hole.width(height) for hole in self.holes if hole.is_touched)
+        return np.asarray(sum(widths, np.zeros(height.shape)))
 
     def _crack_corners(self, tooth: Tooth, crack: RootCrack) -> FloatArray:
         found = []
@@ -492,6 +498,7 @@ def _spall(fault: Fault, tooth: Tooth) -> Hole:
         width_m=width,
         depth_m=1e-3 * shape.depth,
         start=start / tooth.face_width_m,
+        is_touched=False,
     )
 
 

@@ -372,11 +372,8 @@ class ToothPair:
         width = self.first.face_width_m
         missing: FloatArray | float = 0.0
         for beam, angle in zip(beams, angles, strict=True):
-            # a spall across the whole face is bridged: contact is on its floor
-            through = any(hole.width_m >= width for hole in beam.damage.holes)
-            if beam.damage.holes and not through:
-                height = beam.tooth.height(angle)
-                missing = missing + beam.damage.missing_width_m(height)
+            if beam.damage.holes:
+                missing = missing + beam.damage.missing_width_m(beam.tooth.height(angle))
         return width - np.minimum(missing, LARGEST_WIDTH * width)
 
 
