@@ -421,16 +421,25 @@ def gear_losses(
     return losses
 
 
-def wear_curve(pair: MeshPair, faults: Sequence[Fault], length: float) -> LossCurve | None:
-    """Return what wear in mm leaves of every pair, or None without such wear."""
-    patches: tuple[LossPatch, ...] = ()
+def worn_patches(
+    pair: MeshPair,
+    faults: Sequence[Fault],
+    length: float | None = None,
+    teeth: ToothPair | None = None,
+) -> tuple[tuple[LossPatch, ...], tuple[LossPatch, ...]]:
+    """Return the loss by wear in mm of all teeth of each gear; see `gear_losses`."""
+    found = []
     for member in pair.members:
         worn = [f for f in faults if f.kind == "wear" and f.gear == member.name and not f.is_loss]
-        if worn:
-            patches = union(patches, _measured(pair, member.name, worn, length, None))
+        found.append(_measured(pair, member.name, worn, length, teeth) if worn else ())
+    return found[0], found[1]
+
+
+def wear_curve(pair: MeshPair, faults: Sequence[Fault], length: float) -> LossCurve | None:
+    """Return what wear in mm leaves of every pair, or None without such wear."""
+    patches = union(*worn_patches(pair, faults, length))
     if not patches:
         return None
-
     return LossCurve(
         lambda phase: 1 - np.asarray(sum(patch.at(phase) for patch in patches)),
         tuple(sorted({corner for patch in patches for corner in patch.corners})),
@@ -442,7 +451,11 @@ def _needs_pitch(faults: Sequence[Fault]) -> bool:
 
 
 def _measured(
-    pair: MeshPair, gear: str, faults: Sequence[Fault], length: float, teeth: ToothPair | None
+    pair: MeshPair,
+    gear: str,
+    faults: Sequence[Fault],
+    length: float | None,
+    teeth: ToothPair | None,
 ) -> tuple[LossPatch, ...]:
     """Return the loss that sizes in mm or shares of the flank mean, in a contact of this length."""
     known = teeth_of(pair) if teeth is None else teeth

@@ -20,8 +20,8 @@ from gearmon.gears.damage import (
     acting_faults,
     damage_trains,
     gear_losses,
-    measured_patches,
     wear_curve,
+    worn_patches,
 )
 from gearmon.gears.faults import Fault, GearError
 from gearmon.gears.iso6336 import MethodB
@@ -29,7 +29,7 @@ from gearmon.gears.modulation import MOVING_KINDS, ModulationTrain, modulation_t
 from gearmon.gears.pairs import MeshPair, Stage, mesh_pairs
 from gearmon.gears.pulses import ComplexArray, FloatArray, Pulse, PulseTerm, PulseTrain
 from gearmon.gears.stiffness_forms import FORMS, StiffnessForm, mesh_variation, unit_pulse
-from gearmon.gears.tooth_mesh import PairState, TeethInMesh
+from gearmon.gears.tooth_mesh import TeethInMesh
 from gearmon.gears.tooth_pairs import POTENTIAL_ENERGY, PotentialEnergy, ToothPair, teeth_of
 
 #: Names of all forms: curves over a mesh period, and the one computed from the teeth.
@@ -296,7 +296,7 @@ def _from_teeth(
 
     def mesh(lost: float = 0.0, wear: Sequence[Fault] = acting) -> TeethInMesh:
         moved = teeth.parted(lost)
-        worn = _worn_state(pair, moved, wear)
+        worn = worn_patches(pair, wear, teeth=moved)
         return TeethInMesh(pair=moved, worn=worn, is_coupled=form.is_coupled, force_n=force_n)
 
     factor, imposed = _worn_share(acting), pair.given("mesh_stiffness_n_per_m")
@@ -328,20 +328,6 @@ def _missing_teeth(
         )
         for gear, period, terms in found
     ]
-
-
-def _worn_state(pair: MeshPair, teeth: ToothPair, faults: Sequence[Fault]) -> PairState:
-    """Return the loss by measured wear of each gear."""
-    one, two = (
-        measured_patches(
-            [f for f in faults if f.kind == "wear" and f.gear == member.name and not f.is_loss],
-            teeth,
-            index,
-            pair.overlap_ratio > 0,
-        )
-        for index, member in enumerate(pair.members)
-    )
-    return one, two
 
 
 def _worn_share(acting: Sequence[Fault]) -> float:
