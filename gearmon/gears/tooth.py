@@ -97,7 +97,7 @@ def straight_root(base_radius: float, root_radius: float, half_angle: float) -> 
     return RootPart(curve=curve)
 
 
-def fillet_root(rack: Rack, teeth: int, profile_shift: float, module_m: float) -> RootPart:
+def fillet_root(rack: Rack, teeth: float, profile_shift: float, module_m: float) -> RootPart:
     """Return the fillet that a rack generates, up to where the involute begins.
 
     Parameters
@@ -234,8 +234,8 @@ class Tooth:
     Parameters
     ----------
     name : str
-    teeth : int
-        Positive, for a ring too.
+    teeth : float
+        Positive, for a ring too; of helical gears that of their normal section.
     profile_shift : float
     rack : Rack
     module_m : float
@@ -244,7 +244,7 @@ class Tooth:
     form_roll_m : float
         Roll length [m] at which the involute begins above the fillet.
     bore_radius_m : float
-        Radius on which the body is held: of a disc its bore, at least 0.1 root radii; of a ring
+        Radius on which the body is held: of a disc its bore; of a ring
         its outside, at most 3 root radii.
     face_width_m : float
     elastic_modulus_pa : float
@@ -259,7 +259,7 @@ class Tooth:
     """
 
     name: str
-    teeth: int
+    teeth: float
     profile_shift: float
     rack: Rack
     module_m: float
