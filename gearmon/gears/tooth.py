@@ -280,11 +280,11 @@ class Tooth:
             raise ArgumentError(f"root={self.root!r} must be one of {', '.join(ROOTS)}")
         if self.internal:
             self._check_ring()
-        elif not 0.1 * self.root_radius_m <= self.bore_radius_m < self.root_radius_m:
+        elif not 0 < self.bore_radius_m < self.root_radius_m:
             raise ArgumentError(
-                f"bore radius {1e3 * self.bore_radius_m:g} mm of the {self.name} must be at least "
-                f"a tenth of its root radius {1e3 * self.root_radius_m:.5g} mm and less than that: "
-                f"the body of the gear yields between them; set bore_diameter_{self.name}_mm"
+                f"bore radius {1e3 * self.bore_radius_m:g} mm of the {self.name} must be > 0 and "
+                f"less than its root radius {1e3 * self.root_radius_m:.5g} mm: the body of the "
+                f"gear yields between them; set bore_diameter_{self.name}_mm"
             )
 
     def _check_ring(self) -> None:

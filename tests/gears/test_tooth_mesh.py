@@ -501,3 +501,36 @@ def test_normal_section_of_helical_gears(angle):
     # exact without profile shift, which moves the working circle off the reference circle
     assert section.line_m == pytest.approx(geometry.line_m / cosine, rel=2e-3)
     assert section.path_length_m == pytest.approx(geometry.path_length_m / cosine, rel=0.02)
+
+
+def bored(z2, bore, module=3.0):
+    return ParallelStage(
+        pinion_teeth=20,
+        gear_teeth=z2,
+        module_mm=module,
+        face_width_mm=20.0,
+        bore_diameter_pinion_mm=25.0,
+        bore_diameter_gear_mm=bore,
+    )
+
+
+@pytest.mark.parametrize(("z2", "bore"), [(60, 12.0), (100, 40.0), (150, 40.0), (150, 2.0)])
+def test_a_body_that_reaches_far_from_its_bore_keeps_its_teeth(z2, bore):
+    """The wind-up of the disc is left out, with a word on it: near the standard."""
+    stage = bored(z2, bore)
+    single, mean = against_iso(stage)
+    assert single == pytest.approx(1.0, abs=0.12)
+    assert mean == pytest.approx(0.8, abs=0.12)
+    assert any(
+        "known from 1.4 to 3.5 times" in text for text in mesh_stiffness(stage, (), FORM).warnings
+    )
+
+
+def test_the_stiffness_is_continuous_in_the_bore():
+    root = mesh_pairs(bored(100, 40.0))[0].geometry.root_radii_m[1]
+    for ratio in (3.5, 1.4):
+        edge = 2e3 * root / ratio
+        below, above = (against_iso(bored(100, edge * x))[1] for x in (1 - 1e-6, 1 + 1e-6))
+        assert below == pytest.approx(above, rel=1e-5)
+    sizes = np.linspace(10.0, 240.0, 12)
+    assert (np.diff([against_iso(bored(100, size))[1] for size in sizes.tolist()]) >= -1e-12).all()
