@@ -13,6 +13,7 @@ from gearmon.errors import RecordingError
 from gearmon.gears.kinematics import Kinematics, kinematics
 from gearmon.machine import Machine
 from gearmon.signals.angle import AngleTrack
+from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.orders import OrderLines, order_lines
 from gearmon.signals.orders.fine_spectra import FineSpectrum, fine_order_spectrum
 from gearmon.signals.recording import Recording
@@ -26,6 +27,7 @@ from gearmon.signals.tracking.sideband_spacing import (
 )
 from gearmon.signatures.measured.line_plan import LinePlan, line_plan, mesh_harmonics
 from gearmon.signatures.measured.nongear_lines import NonGearLines, nongear_lines
+from gearmon.signatures.measured.provenance import digests
 from gearmon.signatures.speed import (
     SPEED_TOLERANCE,
     Speed,
@@ -127,6 +129,8 @@ class MeasuredSignature:
         What the reader should know.
     foreign : NonGearLines or None
         Lines that no gear explains.
+    digests : tuple of str
+        Mark of the samples of each channel.
     """
 
     origin: str
@@ -145,6 +149,7 @@ class MeasuredSignature:
     band_db: FloatArray
     notes: tuple[str, ...]
     foreign: NonGearLines | None = None
+    digests: tuple[str, ...] = ()
 
     @property
     def found(self) -> bool:
@@ -173,8 +178,10 @@ def measure_signature(recording: Recording, machine: Machine) -> MeasuredSignatu
     Raises
     ------
     RecordingError
-        If the recording has no vibration channel or is too short for a turn of the slowest shaft.
+        If the recording has no vibration channel, none that is sound (see
+        `gearmon.signals.bad_samples`), or is too short for a turn of the slowest shaft.
     """
+    recording = sound_part(recording)
     train = kinematics(machine)
     vibration = recording.vibration()
     slowest = min(shaft.order for shaft in train.shafts)
@@ -206,6 +213,7 @@ def measure_signature(recording: Recording, machine: Machine) -> MeasuredSignatu
         band_db=broadband_levels(samples, rate),
         notes=tuple(recording.notes) + tracking.notes,
         foreign=foreign,
+        digests=digests(samples),
     )
 
 
