@@ -17,6 +17,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from gearmon.errors import RecordingError
+from gearmon.signals.reading import find_defect
 from gearmon.signals.recording import Recording
 
 FloatArray = NDArray[np.float64]
@@ -187,15 +188,17 @@ def _longest_between(gaps: Sequence[BadStretch], count: int) -> tuple[int, int]:
 
 def _clipped(values: FloatArray) -> BadStretch | None:
     """Tell of a channel that stays at an extreme; files are searched for it as they are read."""
-    for extreme in (values.max(), values.min()):
-        at_it = 0
-        for start in range(0, len(values), _CHUNK):
-            part = values[start : start + _CHUNK] == extreme
-            at_it += int(np.count_nonzero(part[1:] & part[:-1]))
-        if at_it >= max(_CLIPPED_SHARE * len(values), _RUN_TIMES):
-            what = f"is clipped: {at_it} samples are exactly {extreme:g}, as is the one before"
-            return BadStretch(start=0, stop=len(values), what=what)
-    return None
+    defect = find_defect(values)
+    if defect is None or not defect.fatal:
+        return None
+    # a tone of whole samples a period has its extremes as often, but never twice in a row
+    extremes, at_it = (values.min(), values.max()), 0
+    for start in range(0, len(values), _CHUNK):
+        part = values[start : start + _CHUNK]
+        at_it += sum(np.count_nonzero((part[1:] == e) & (part[:-1] == e)) for e in extremes)
+    if at_it < _CLIPPED_SHARE * len(values):
+        return None
+    return BadStretch(start=0, stop=len(values), what=defect.text)
 
 
 def _standing_still(values: FloatArray) -> Iterator[BadStretch]:
