@@ -8,18 +8,28 @@ the mark, files that were changed since, and files of other commands are never w
 from __future__ import annotations
 
 import errno
+import io
+import json
 import os
+import re
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from gearmon.errors import ArgumentError
+from gearmon.errors import ArgumentError, GearmonError, SignatureError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 _MARK = "user.gearmon"
 # What no program can mend: no room, or a disk that fails.
+_MOST_BYTES = 1 << 30  # more than any archive of ours has
+# What spreadsheets take for a formula; numbers with a sign are none.
+_FORMULA = re.compile(r"[=@\t\r]|[+-](?![\d.]+(?:[eE][+-]?\d+)?$)")
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)
 
 
@@ -194,6 +204,97 @@ def write_atomically(path: str | Path, content: bytes | str) -> None:
     data = content.encode("utf-8") if isinstance(content, str) else content
     with replacing(path) as temporary:
         temporary.write_bytes(data)
+
+
+def write_archive(
+    path: str | Path, header: dict[str, Any], arrays: Mapping[str, NDArray[Any]]
+) -> None:
+    """Store arrays with a header in one file: a NumPy archive with JSON inside, no code.
+
+    Parameters
+    ----------
+    path : str or Path
+    header : dict
+        Built-in types; its "format" tells readers what it is.
+    arrays : mapping of str to ndarray
+
+    Raises
+    ------
+    ArgumentError
+        If the file cannot be written.
+    """
+    import numpy as np  # the command line does without it where it only writes text
+
+    told = np.frombuffer(json.dumps(header).encode("utf-8"), dtype=np.uint8)
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, allow_pickle=False, **{**arrays, "header": told})
+    write_atomically(path, buffer.getvalue())
+
+
+@contextmanager
+def reading_archive(
+    path: str | Path, formats: Sequence[str], what: str, remedy: str
+) -> Iterator[tuple[dict[str, Any], dict[str, NDArray[Any]]]]:
+    """Give header and arrays of a file that `write_archive` wrote.
+
+    Whatever goes wrong with them inside this block, because they are damaged or were made to do
+    harm, ends in one clear line.
+
+    Parameters
+    ----------
+    path : str or Path
+    formats : sequence of str
+        Formats that can be read, the present one first.
+    what : str
+        What the file should be.
+    remedy : str
+        What to do about it.
+
+    Yields
+    ------
+    header : dict
+    arrays : dict of str to ndarray
+
+    Raises
+    ------
+    SignatureError
+        If the file is missing, something else, or damaged.
+    """
+    import numpy as np
+
+    try:
+        # opened here, so that it is closed even if it turns out to be no archive
+        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as archive:
+            if sum(part.file_size for part in archive.zip.infolist()) > _MOST_BYTES:
+                raise ValueError("it is larger than any")
+            arrays = {name: archive[name] for name in archive.files}
+        header = json.loads(bytes(arrays.pop("header")).decode("utf-8"))
+        if header.get("format") not in formats:
+            raise SignatureError(
+                f"{path}: format {header.get('format')!r} is not {formats[0]!r}; {remedy} anew"
+            )
+        yield header, arrays
+    except GearmonError:
+        raise
+    except FileNotFoundError:
+        raise SignatureError(f"{path}: no such file; {remedy} first") from None
+    except Exception as error:  # damage shows in every way there is
+        name = type(error).__name__
+        why = str(error) if name == "ValueError" and len(str(error)) < 80 else name
+        raise SignatureError(f"{path}: not a readable {what} ({why}); {remedy} anew") from None
+
+
+def table_cell(value: Any) -> Any:
+    """Return what a table on disk holds: text that a spreadsheet would run as a formula is quoted.
+
+    Examples
+    --------
+    >>> table_cell("=1+1"), table_cell("-5.2"), table_cell(-5.2), table_cell("mesh")
+    ("'=1+1", '-5.2', -5.2, 'mesh')
+    """
+    if isinstance(value, str) and _FORMULA.match(value):
+        return "'" + value
+    return value
 
 
 def _umask() -> int:

@@ -436,7 +436,7 @@ def read_table(
         If the file has no rows of numbers, or a line among them is none.
     """
     layout = layout_of(source)
-    collected = _Rows(layout.dialect.columns, room)
+    collected = _Rows(source.path, layout.dialect.columns, room)
     done, size = 0, max(source.size_hint(), 1)
     for block, values in parsed_blocks(source, layout):
         done += len(block.text)
@@ -453,8 +453,8 @@ def read_table(
 class _Rows:
     """Rows gathered into one array with the columns apart."""
 
-    def __init__(self, columns: int, room: Room) -> None:
-        self._room = room
+    def __init__(self, path: str, columns: int, room: Room) -> None:
+        self._path, self._room = path, room
         self._array = np.empty((columns, 0))
         self._count = 0
 
@@ -463,7 +463,14 @@ class _Rows:
         return self._array.shape[1]
 
     def reserve(self, capacity: int) -> None:
-        array = self._room((len(self._array), capacity))
+        try:
+            array = self._room((len(self._array), capacity))
+        except MemoryError:
+            needed = 8e-9 * len(self._array) * capacity
+            raise RecordingError(
+                f"{self._path}: its numbers need {needed:.3g} GB of memory; cut the recording, or "
+                "take open_recording"
+            ) from None
         array[:, : self._count] = self._array[:, : self._count]
         self._array = array
 

@@ -7,11 +7,7 @@ healthy machine changes with load. Its file is a NumPy archive with a JSON heade
 
 from __future__ import annotations
 
-import io
-import json
-import struct
 import zipfile
-import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon import __version__
-from gearmon.errors import ArgumentError, SignatureError
-from gearmon.files import write_atomically
+from gearmon.errors import ArgumentError
+from gearmon.files import reading_archive, write_archive
 from gearmon.machine import Machine
 from gearmon.signals.orders import OrderLines, variance_of_mean
 from gearmon.signatures.measured.line_plan import WheelLines
@@ -45,9 +41,6 @@ _LEAST_OF_FEW, _LEAST = 0.25, 0.01
 FORMAT = "gearmon reference 4"
 # Without lines of no gear, broadband levels, provenance; still read.
 _OLDER_FORMATS = tuple(f"gearmon reference {number}" for number in (1, 2, 3))
-# What reading a damaged archive may end in.
-_DAMAGE = (OSError, ValueError, LookupError, TypeError, EOFError, RuntimeError)
-_DAMAGED_ARCHIVE = (zipfile.BadZipFile, zlib.error, struct.error)
 # What stands in the header of the file, and what in arrays of their own.
 _OF_WHEEL, _WHEEL_ARRAYS = (
     ("stage", "gear", "teeth", "order"),
@@ -61,7 +54,6 @@ _OF_REFERENCE = ("machine", "teeth", "channel_names", "units", "family_names")
 # What older formats do not tell.
 _PROVENANCE, _OF_SAMPLES = ("version", "machine_facts", "notes"), ("sampling_rate_hz", "digests")
 # More than any recording gives: what claims to be larger is damaged, or made to do harm.
-_MOST_BYTES = 1 << 30
 _MOST_DB, _MOST_LINES, _MOST_AMPLITUDE = 7000.0, 10_000_000, 1e150
 
 
@@ -333,10 +325,7 @@ def write_reference(reference: Reference, path: str | Path) -> None:
             arrays |= _prefixed(f"{row}/{column}", _named(wheel, _WHEEL_ARRAYS))
         if profile.foreign is not None:
             arrays |= _prefixed(f"{row}/foreign", line_arrays(profile.foreign))
-    arrays["header"] = np.frombuffer(json.dumps(header).encode("utf-8"), dtype=np.uint8)
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, allow_pickle=False, **arrays)
-    write_atomically(path, buffer.getvalue())
+    write_archive(path, header, arrays)
 
 
 def _named(owner: object, names: Sequence[str]) -> dict[str, Any]:
@@ -372,39 +361,19 @@ def read_reference(path: str | Path) -> Reference:
     SignatureError
         If the file is missing, is no reference, or is damaged.
     """
-    try:
-        # opened here, so that it is closed even if it turns out to be no archive
-        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as archive:
-            if sum(part.file_size for part in archive.zip.infolist()) > _MOST_BYTES:
-                raise ValueError("larger than any reference")
-            header = json.loads(bytes(archive["header"]).decode("utf-8"))
-            if header.get("format") not in (FORMAT, *_OLDER_FORMATS):
-                raise SignatureError(
-                    f"{path}: format {header.get('format')!r} is not {FORMAT!r}; learn it anew"
-                )
-            profiles = tuple(
-                _read_profile(archive, row, entry) for row, entry in enumerate(header["profiles"])
-            )
-            told = {name: _frozen(header[name]) for name in _OF_REFERENCE}
-            told |= {name: _frozen(header[name]) for name in _PROVENANCE if name in header}
-            reference = Reference(**told, profiles=profiles)
-            _check(reference)
-    except SignatureError:
-        raise
-    except FileNotFoundError:
-        raise SignatureError(f"{path}: no such file; make one with gearmon learn") from None
-    except _DAMAGE + _DAMAGED_ARCHIVE as error:
-        raise SignatureError(
-            f"{path}: not a readable gearmon reference ({_said(error)}); make one with gearmon "
-            "learn"
-        ) from None
+    formats = (FORMAT, *_OLDER_FORMATS)
+    with reading_archive(
+        path, formats, "gearmon reference", "make it with gearmon learn"
+    ) as stored:
+        header, arrays = stored
+        profiles = tuple(
+            _read_profile(arrays, row, entry) for row, entry in enumerate(header["profiles"])
+        )
+        told = {name: _frozen(header[name]) for name in _OF_REFERENCE}
+        told |= {name: _frozen(header[name]) for name in _PROVENANCE if name in header}
+        reference = Reference(**told, profiles=profiles)
+        _check(reference)
     return reference
-
-
-def _said(error: BaseException) -> str:
-    """Say what is wrong in a few words."""
-    name = type(error).__name__
-    return str(error) if name == "ValueError" and len(str(error)) < 80 else name
 
 
 def _check(reference: Reference) -> None:
@@ -472,7 +441,7 @@ def _frozen(value: Any) -> Any:
     return tuple(value) if isinstance(value, list) else value
 
 
-def _read_profile(archive: Any, row: int, entry: dict[str, Any]) -> Profile:
+def _read_profile(archive: dict[str, NDArray[Any]], row: int, entry: dict[str, Any]) -> Profile:
     wheels = tuple(
         WheelPattern(
             **{name: wheel[name] for name in _OF_WHEEL},
@@ -483,11 +452,11 @@ def _read_profile(archive: Any, row: int, entry: dict[str, Any]) -> Profile:
     arrays = {
         name: archive[f"{row}/{name}"]
         for name in _PROFILE_ARRAYS
-        if name != "band_db" or f"{row}/{name}" in archive.files
+        if name != "band_db" or f"{row}/{name}" in archive
     }
     arrays.setdefault("band_db", np.zeros((len(arrays["level_db"]), 0)))
     start = f"{row}/foreign/"
-    names = [name for name in archive.files if name.startswith(start)]
+    names = [name for name in archive if name.startswith(start)]
     stored = {name.removeprefix(start): archive[name] for name in names}
     return Profile(
         **{name: _frozen(entry[name]) for name in _OF_PROFILE},
