@@ -63,11 +63,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         return OWN_FAULT
 
 
+def parsed(
+    argv: Sequence[str] | None, arguments: argparse.Namespace | None = None
+) -> argparse.Namespace:
+    """Return the parsed arguments of a command line; wrong ones, and --help, leave by an exit."""
+    return _parser().parse_args(argv, arguments)
+
+
 def _run(argv: Sequence[str] | None, arguments: argparse.Namespace) -> int:
-    parser = _parser()
-    parser.parse_args(argv, arguments)
+    parsed(argv, arguments)
     if arguments.command is None:
-        parser.print_help()
+        _parser().print_help()
         return DONE
     check_names(arguments)
     cores()  # refuses a wrong number of them before any work

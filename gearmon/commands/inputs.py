@@ -73,7 +73,7 @@ def outputs_claimed(arguments: argparse.Namespace) -> Iterator[None]:
     read += [path for name in ("machine", "reference", "harvester") if (path := given.get(name))]
     # these are gone on with: whoever reads them knows whether they are what they should be
     kept = [path for name in ("history", "store", "trained") if (path := given.get(name))]
-    written = [*map(Path, kept), *_outputs(arguments)]
+    written = [*map(Path, kept), *output_files(arguments)]
     with protecting(arguments.command, read, kept):
         checked = [check_output(path) for path in written]
         for number, path in enumerate(checked):
@@ -82,8 +82,14 @@ def outputs_claimed(arguments: argparse.Namespace) -> Iterator[None]:
         yield
 
 
-def _outputs(arguments: argparse.Namespace) -> list[Path]:
-    """Files that a command writes under the names given to it, and those there are beside them."""
+def output_files(arguments: argparse.Namespace) -> list[Path]:
+    """Return the files that a command will write, and those there are already beside them.
+
+    Parameters
+    ----------
+    arguments : argparse.Namespace
+        Parsed arguments.
+    """
     found: list[Path] = []
     named = ((arguments.output, arguments.beside), (vars(arguments).get("report"), _PICTURES))
     for path, beside in [(Path(name), beside) for name, beside in named if name]:

@@ -182,6 +182,7 @@ def run_kinds(arguments: argparse.Namespace) -> int:
 def _classifier(arguments: argparse.Namespace, machine: Machine) -> tuple[KindClassifier, bool]:
     """Read the classifier that is named, or train it and keep it under that name."""
     from gearmon.diagnosis.fault_types.classifier import read_kinds, write_kinds
+    from gearmon.diagnosis.fault_types.features import NAMES
     from gearmon.diagnosis.fault_types.training import EXAMPLES_BETWEEN, train_kinds
     from gearmon.signatures.measured.provenance import tooth_counts
 
@@ -192,6 +193,11 @@ def _classifier(arguments: argparse.Namespace, machine: Machine) -> tuple[KindCl
             raise ArgumentError(
                 f"{path}: was trained for teeth {classifier.machine_ or 'not told'}, the machine "
                 f"file has {tooth_counts(machine)}; name another file to train one"
+            )
+        if classifier.n_features_in_ != len(NAMES):
+            raise ArgumentError(
+                f"{path}: knows {classifier.n_features_in_} features, there are {len(NAMES)}; name "
+                "another file to train one"
             )
         return classifier, False
     check_range("--examples", arguments.examples, *EXAMPLES_BETWEEN)

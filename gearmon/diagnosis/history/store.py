@@ -167,22 +167,24 @@ def read_history(path: str | Path, machine: str | None = None) -> History:
         If the file holds several machines and none was named.
     """
     with _opened(Path(path), create=False) as store:
-        if machine is None:
-            names = [row[0] for row in store.execute("SELECT DISTINCT machine FROM recordings")]
-            if len(names) != 1:
-                listed = ", ".join(repr(name) for name in sorted(names)) or "none"
-                raise ArgumentError(f"{path}: name one of its machines: {listed}")
-            machine = str(names[0])
-        asked = "SELECT * FROM recordings WHERE machine = ? ORDER BY time_s"
-        rows = store.execute(asked, (machine,)).fetchall()
+        rows = store.execute("SELECT * FROM recordings ORDER BY time_s").fetchall()
         try:
-            return History(machine=machine, entries=tuple(_entry(store, row) for row in rows))
+            # all of them: of a damaged name nobody knows whose it was
+            entries = [_entry(store, row) for row in rows]
         except (ArgumentError, TypeError, ValueError, OverflowError) as error:
             raise _damaged(Path(path), "is a damaged history file", error) from None
+    if machine is None:
+        names = sorted({entry.machine for entry in entries})
+        if len(names) != 1:
+            listed = ", ".join(repr(name) for name in names) or "none"
+            raise ArgumentError(f"{path}: name one of its machines: {listed}")
+        machine = names[0]
+    return History(machine=machine, entries=tuple(e for e in entries if e.machine == machine))
 
 
 def _entry(store: sqlite3.Connection, row: sqlite3.Row) -> Entry:
-    if "checksum" in row.keys() and row["checksum"] not in (None, _checksum(store, row["id"])):  # noqa: SIM118
+    known = dict(row).get("checksum")  # none in files of the first version
+    if known is not None and known != _checksum(store, row["id"]):
         raise ValueError(f"recording {row['id']} is not what was written")
     places = _places(store, row["id"])
     return Entry(
