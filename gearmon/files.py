@@ -233,7 +233,7 @@ def write_archive(
 
 @contextmanager
 def reading_archive(
-    path: str | Path, formats: Sequence[str], what: str, remedy: str
+    path: str | Path, formats: Sequence[str], what: str, remedy: str, missing: str
 ) -> Iterator[tuple[dict[str, Any], dict[str, NDArray[Any]]]]:
     """Give header and arrays of a file that `write_archive` wrote.
 
@@ -248,7 +248,9 @@ def reading_archive(
     what : str
         What the file should be.
     remedy : str
-        What to do about it.
+        What to do about one that cannot be read: it is to be done anew.
+    missing : str
+        What to do where there is none.
 
     Yields
     ------
@@ -277,7 +279,7 @@ def reading_archive(
     except GearmonError:
         raise
     except FileNotFoundError:
-        raise SignatureError(f"{path}: no such file; {remedy} first") from None
+        raise SignatureError(f"{path}: no such file; {missing}") from None
     except Exception as error:  # damage shows in every way there is
         name = type(error).__name__
         why = str(error) if name == "ValueError" and len(str(error)) < 80 else name

@@ -284,7 +284,8 @@ def read_kinds(path: str | Path) -> KindClassifier:
     SignatureError
         If the file is missing, is no classifier, or is damaged.
     """
-    with reading_archive(path, (FORMAT,), "kind classifier", "train it") as (header, arrays):
+    told_of = "kind classifier", "train it", "train a classifier and store it"
+    with reading_archive(path, (FORMAT,), *told_of) as (header, arrays):
         classifier = KindClassifier(**header["settings"])
         for name in _ARRAYS:
             setattr(classifier, name, arrays[name])

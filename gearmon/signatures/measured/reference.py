@@ -362,10 +362,8 @@ def read_reference(path: str | Path) -> Reference:
         If the file is missing, is no reference, or is damaged.
     """
     formats = (FORMAT, *_OLDER_FORMATS)
-    with reading_archive(
-        path, formats, "gearmon reference", "make it with gearmon learn"
-    ) as stored:
-        header, arrays = stored
+    told_of = "gearmon reference", "learn it", "make one with gearmon learn"
+    with reading_archive(path, formats, *told_of) as (header, arrays):
         profiles = tuple(
             _read_profile(arrays, row, entry) for row, entry in enumerate(header["profiles"])
         )
