@@ -61,6 +61,7 @@ def gear(weight, seed=0, height=10.0, smooth=None, noise=1.0):
                 rest=lines + hiss,
                 deviation=np.full(lines.shape, 0.01),
                 noise=np.full(lines.shape, 0.01),
+                pattern=np.zeros(lines.shape, dtype=complex),
             )
         )
     return search_gear(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gearmon.diagnosis.decision.evidence import tooth_strength
 from gearmon.diagnosis.decision.thresholds import LIMITS
-from gearmon.diagnosis.hypotheses.tooth_damage import STANDS_OUT, GearEvidence
+from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence
 from gearmon.diagnosis.hypotheses.tooth_match import LOSSES
 
 FloatArray = NDArray[np.float64]
@@ -58,14 +58,13 @@ def noticed_from(gear: GearEvidence) -> float | None:
     to the next, and with what is believed of it.
     """
     deviation, search = gear.deviation, gear.search
-    misfit = max(1.0, deviation.misfit)
     if search is None:
-        return _first(_log_ratio(gear) / misfit - _prior(gear), LIMITS.fault)
+        return _first(_log_ratio(gear) / max(1.0, deviation.misfit) - _prior(gear), LIMITS.fault)
     expected = search.match.expected - _prior(gear)
     lines = sum(band.rest.size for band in deviation.bands)
     peak = 1.0 + np.maximum(expected, 0.0) / max(1.0, 2.0 * lines / deviation.teeth)
-    share = np.minimum(1.0, misfit**-2 + (peak / STANDS_OUT) ** 2)
-    return _first(np.where(expected > 0, expected * share, expected), LIMITS.fault)
+    believed = [gear.believes(*each) for each in zip(expected.tolist(), peak.tolist(), strict=True)]
+    return _first(np.array(believed), LIMITS.fault)
 
 
 def _prior(gear: GearEvidence) -> float:

@@ -55,7 +55,7 @@ _DISTANCES, _NEAR = 3, 2
 # least that it has to be as a share of what speaks for the first, since what the imperfect model of
 # the first leaves behind grows with it. Of 275 simulated single teeth, a sixth of them at another
 # load, speed and gain, one goes beyond the first and two beyond the second.
-_CLEAR, _CLEAR_OF_NEIGHBOUR = 8.0, 25.0
+_CLEAR, _CLEAR_OF_NEIGHBOUR = 8.0, 40.0
 _SHARE, _SHARE_OF_NEIGHBOUR = 0.1, 0.08
 
 

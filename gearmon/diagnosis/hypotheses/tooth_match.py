@@ -157,6 +157,7 @@ def match_teeth(
     path = path_power(difference.mesh_power, response.mesh)
     rotation_hz = difference.order * speed_hz
     size = response.amplitude(LOSSES)
+    around = difference.expected_by_tooth if against_others else None
     total = np.zeros((2, len(LOSSES), difference.teeth))
     expected = np.zeros(len(LOSSES))
     lines = 0
@@ -187,7 +188,7 @@ def match_teeth(
             turned = place * band.rest[channel, inside]
             misfits.append(_misfit(turned))
             parts = [
-                _log_likelihood(turned, number, signal[:, None] * delay, size, against_others)
+                _log_likelihood(turned, number, signal[:, None] * delay, size, around)
                 for delay in delays
             ]
             total += _with_unsure_path(log_mean(np.array([told for told, _ in parts])))
@@ -284,7 +285,7 @@ def _log_likelihood(
     number: IntArray,
     root: ComplexArray,
     size: FloatArray,
-    against_others: bool,
+    around: FloatArray | None,
 ) -> tuple[FloatArray, FloatArray]:
     """Logarithm of the likelihood ratio of one band of one channel, shape (2, losses, teeth).
 
@@ -301,8 +302,9 @@ def _log_likelihood(
         Square root of the covariance of the response to a unit loss.
     size : ndarray of float, shape (losses,)
         Size of the response to each loss.
-    against_others : bool
-        As of `match_teeth`.
+    around : ndarray of float, shape (teeth,), or None
+        Mean square of healthy departures at each tooth over that of the median. None where the
+        departure of other teeth is no noise, see `match_teeth`.
     """
     spread, vector = np.linalg.eigh(root.conj().T @ root)
     # what carries the signal; no more than half of the lines, the others tell the noise
@@ -312,17 +314,23 @@ def _log_likelihood(
     projection = (root @ vector[:, kept] / np.sqrt(spread)).conj()
     energy = np.abs(turned @ projection) ** 2
     whole = float(np.mean(np.abs(turned[0]) ** 2))
-    beside = _beside(energy, spread, _leak(projection, spread, number, len(turned)))
-    if against_others:
-        scale = max(1.0, SEARCH_MISFIT * whole, beside)
+    leak = _leak(projection, spread, number, len(turned))
+    if around is not None:
+        beside = _beside(energy / around[:, None], spread, leak)
+        least = max(1.0, beside, SEARCH_MISFIT * whole)
+        noise = np.maximum(max(1.0, beside) * around, least)
     else:
         # where there is less noise than stated, a weak event would be taken for too small
-        scale = max(SIZE_MISFIT * whole, min(1.0, beside), _LEAST_NOISE)
-    scales = np.array([scale, max(scale, PLACE_MISFIT * whole)])
-    ratio = size[:, None] ** 2 * spread / scales[:, None, None]
-    gain = ratio / (1.0 + ratio) / scales[:, None, None]
-    result: FloatArray = gain @ energy.T - np.log1p(ratio).sum(axis=-1)[..., None]
-    return result, np.sum(ratio[0] - np.log1p(ratio[0]), axis=1)
+        beside = _beside(energy, spread, leak)
+        least = max(SIZE_MISFIT * whole, min(1.0, beside), _LEAST_NOISE)
+        noise = np.full(len(turned), least)
+    # beside the tooth that speaks, its neighbours are held against each other on equal terms
+    noises = np.array([noise, np.full(len(turned), max(least, PLACE_MISFIT * whole))])
+    # (noises, losses, teeth, directions)
+    ratio = size[:, None, None] ** 2 * spread / noises[:, None, :, None]
+    told = ratio / (1.0 + ratio) * (energy / noises[..., None])[:, None]
+    result: FloatArray = np.sum(told - np.log1p(ratio), axis=-1)
+    return result, np.mean(np.sum(ratio[0] - np.log1p(ratio[0]), axis=-1), axis=-1)
 
 
 def _with_unsure_path(log_likelihood: FloatArray) -> FloatArray:

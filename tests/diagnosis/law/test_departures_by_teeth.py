@@ -1,0 +1,81 @@
+"""Where a healthy gear departs when its load changes, and what is believed beside it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from reference.gear_departures import gear, weights
+
+from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence
+from gearmon.diagnosis.law import GearDeviation
+
+
+def uneven(seed):
+    """A gear of uneven teeth, and what is left where all of them changed in proportion."""
+    own = np.random.default_rng(seed).normal(size=31)
+    own[7] = 4.0
+    return own, gear(own, seed=seed, height=3.0)
+
+
+def of(searched, pattern, noise_share):
+    """The same departure beside a healthy pattern and that share of noise in its variance."""
+    bands = [
+        replace(one, pattern=5.0 * same.rest, noise=np.sqrt(noise_share) * one.deviation)
+        for one, same in zip(searched.difference.bands, pattern.difference.bands, strict=True)
+    ]
+    return replace(searched.difference, bands=tuple(bands))
+
+
+def test_a_departure_in_proportion_to_the_healthy_pattern_does_not_stand_out():
+    for seed in range(5):
+        own, changed = uneven(seed)
+        healthy = gear(own, seed=seed, height=10.0, noise=0.0)
+        blind = of(changed, gear(np.zeros(31), seed=seed, noise=0.0), 0.1)
+        told = of(changed, healthy, 0.1)
+        assert abs(int(np.argmax(blind.by_tooth)) - 7) <= 1
+        assert told.peak < 0.5 * blind.peak
+        assert told.misfit == pytest.approx(blind.misfit)
+
+
+def test_beside_noise_alone_the_place_does_not_matter():
+    own, _ = uneven(1)
+    healthy = gear(own, seed=1, height=10.0, noise=0.0)
+    quiet = of(gear(np.zeros(31), seed=1), healthy, 1.0)
+    assert quiet.departs == pytest.approx(0.0)
+    np.testing.assert_allclose(quiet.expected_around, 1.0, atol=0.05)
+
+
+def test_a_tooth_that_no_healthy_pattern_explains_still_stands_out():
+    own, _ = uneven(2)
+    healthy = gear(own, seed=2, height=10.0, noise=0.0)
+    damaged = of(gear(weights(20), seed=2), healthy, 0.5)
+    assert int(np.argmax(damaged.by_tooth)) == 20
+    assert damaged.peak > 20.0
+
+
+def evidence(deviation: GearDeviation) -> GearEvidence:
+    return GearEvidence(deviation=deviation, search=None)
+
+
+def test_what_departs_by_teeth_bounds_what_is_believed_of_a_likelihood():
+    _, changed = uneven(3)
+    flat = gear(np.zeros(31), seed=3, noise=0.0)
+    noisy, departing = (evidence(of(changed, flat, share)) for share in (0.999, 0.3))
+    # a peak four times the median: proof among teeth that are alike, chance among such as depart
+    assert noisy.believes(60.0, 4.0) > 3.0 * departing.believes(60.0, 4.0)
+    # gamma variables of shape two: 2 (r - 1 - ln r) - ln z
+    r = 1.0 + 3.0 / departing.deviation.departs
+    most = 2.0 * (r - 1.0 - np.log(r)) - np.log(31)
+    quiet = replace(departing.deviation, bands=departing.deviation.bands)
+    assert evidence(quiet).believes(1e9, 4.0) == pytest.approx(most)
+    # evidence against damage is believed as it is
+    assert departing.believes(-7.0, 4.0) == -7.0
+
+
+def test_more_is_believed_of_a_higher_peak_and_of_a_larger_factor():
+    _, changed = uneven(4)
+    one = evidence(of(changed, gear(np.zeros(31), seed=4, noise=0.0), 0.5))
+    peaks = [one.believes(200.0, peak) for peak in np.geomspace(1.0, 100.0, 25)]
+    factors = [one.believes(factor, 6.0) for factor in np.geomspace(0.1, 1e4, 25)]
+    assert np.all(np.diff(peaks) >= 0)
+    assert np.all(np.diff(factors) >= 0)
