@@ -46,7 +46,7 @@ def complain(message: str) -> None:
 def complain_of(results: Sequence[Mapping[str, Any]]) -> None:
     """Say of several recordings that some could not be used, after the lines of each."""
     bad = sum("error" in entry for entry in results)
-    if bad > 1:
+    if bad > 2:
         complain(f"{bad} of {len(results)} recordings could not be used; the lines above say why")
 
 

@@ -98,7 +98,7 @@ def sound_part(recording: Recording) -> Recording:
     """
     rate, count = recording.sampling_rate_hz, recording.samples.shape[1]
     kept, notes, bridges, gaps = [], [], [], []
-    why = ""
+    why, where = "", f"{recording.origin}: " if recording.origin else ""
     for row, name in enumerate(recording.channel_names):
         if recording.channel_kinds[row] != "vibration":
             kept.append(row)
@@ -106,7 +106,8 @@ def sound_part(recording: Recording) -> Recording:
         values = recording.samples[row]
         clipped = _clipped(values)
         found = [clipped] if clipped is not None else bad_stretches(values)
-        told = [f"channel {name} {_when(bad, rate)} {bad.what}" for bad in found]
+        label = name if name.startswith("channel") else f"channel {name}"
+        told = [f"{label} {_when(bad, rate)} {bad.what}" for bad in found]
         lost = sum(bad.stop - bad.start for bad in found if not bad.bridged)
         if lost > _MOST_BAD * count:
             why = why or told[0]
@@ -120,13 +121,12 @@ def sound_part(recording: Recording) -> Recording:
         return recording
     if not any(recording.channel_kinds[row] == "vibration" for row in kept):
         raise RecordingError(
-            f"{recording.origin}: {why}, and no channel is sound; check cable and sensor, and "
-            "record again"
+            f"{where}{why}, and no channel is sound; check cable and sensor, and record again"
         )
     start, stop = _longest_between(gaps, count)
     if stop - start < _LEAST_LEFT * count:
         raise RecordingError(
-            f"{recording.origin}: {'; '.join(notes)}; the longest sound piece is "
+            f"{where}{'; '.join(notes)}; the longest sound piece is "
             f"{(stop - start) / rate:.3g} of {count / rate:.3g} s; check cables, and record again"
         )
     if (start, stop) != (0, count):
@@ -189,8 +189,8 @@ def _longest_between(gaps: Sequence[BadStretch], count: int) -> tuple[int, int]:
 def _clipped(values: FloatArray) -> BadStretch | None:
     """Tell of a channel that stays at an extreme; files are searched for it as they are read."""
     defect = find_defect(values)
-    if defect is None or not defect.fatal:
-        return None
+    if defect is None or not defect.fatal or defect.row < 0:
+        return None  # a channel of one value or two is silent, or no vibration at all
     # a tone of whole samples a period has its extremes as often, but never twice in a row
     extremes, at_it = (values.min(), values.max()), 0
     for start in range(0, len(values), _CHUNK):

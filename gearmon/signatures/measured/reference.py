@@ -413,7 +413,7 @@ def _check_profile(profile: Profile, channels: int, families: set[str]) -> None:
     # short recordings have bands without a bin
     _need(not bool((np.abs(profile.band_db) >= _MOST_DB).any()), "band_db")
     foreign = profile.foreign
-    _need(foreign is None or foreign.in_time_db.shape[0] == channels, "lines of no gear")
+    _need(foreign is None or len(foreign.in_time_db) == channels, "lines of no gear")
 
 
 def _check_wheel(wheel: WheelPattern, channels: int) -> None:
