@@ -195,7 +195,7 @@ def _clipped(values: FloatArray) -> BadStretch | None:
     extremes, at_it = (values.min(), values.max()), 0
     for start in range(0, len(values), _CHUNK):
         part = values[start : start + _CHUNK]
-        at_it += sum(np.count_nonzero((part[1:] == e) & (part[:-1] == e)) for e in extremes)
+        at_it += sum(int(np.sum((part[1:] == e) & (part[:-1] == e))) for e in extremes)
     if at_it < _CLIPPED_SHARE * len(values):
         return None
     return BadStretch(start=0, stop=len(values), what=defect.text)
