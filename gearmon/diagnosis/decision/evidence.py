@@ -55,31 +55,29 @@ class Evidence:
     @cached_property
     def strengths(self) -> dict[str, float]:
         """Strength of every test, by its name."""
+        deviation = self.deviation
+        levels = levels_strength(deviation.levels, deviation.broadband)
         told = {
-            "levels": self._levels(),
+            # a shorter recording has shorter blocks, which part lines from their neighbours less
+            "levels": levels * deviation.length,
             "runout": rare_strength([one.log10_probability for one in self.runout]),
             "lines of no gear": rare_strength([one.log10_probability for one in self.nongear]),
         }
         if self.finding is not None:
             told["tooth"] = tooth_strength(self.finding.evidence)
-        if np.isfinite(self.angle) and self.angle > LIMITS.angle_unsure:
-            # what a smeared angle does to the lines looks like a change of the gears
-            told |= {
-                name: LIMITS.unsure_share * told[name]
-                for name in ("levels", "tooth")
-                if name in told
-            }
-            # and smears single sidebands most
+        unsure = np.isfinite(self.angle) and self.angle > LIMITS.angle_unsure
+        # gears that begin to lose contact, and what a smeared angle does to their lines
+        lighter = 1.0 + LIMITS.light_weight * max(0.0, min(deviation.light, LENGTH) - FAR)
+        borne = (LIMITS.unsure_share if unsure else 1.0) / lighter
+        told |= {
+            name: min(value, value * borne)
+            for name, value in told.items()
+            if name != "lines of no gear"
+        }
+        if unsure:
+            # single sidebands are smeared most
             told["runout"] = min(0.0, told["runout"])
         return told
-
-    def _levels(self) -> float:
-        """Strength of changed levels, as far as the references bear the comparison."""
-        deviation = self.deviation
-        told = levels_strength(deviation.levels, deviation.broadband)
-        lighter = max(0.0, min(deviation.light, LENGTH) - FAR)
-        # a shorter recording has shorter blocks, which part lines from their neighbours less
-        return told * deviation.length / (1.0 + LIMITS.light_weight * lighter)
 
     @property
     def angle_lost(self) -> bool:

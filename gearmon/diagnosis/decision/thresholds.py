@@ -33,10 +33,10 @@ class Limits:
         Strength for one unit of mean square of the families of lines, and of the broadband levels,
         which move more easily: with a bearing, a fan, a neighbouring machine.
     light_weight : float
-        What the strength of levels is divided by, beside 1, for one unit of load (Np) by which the
-        recording is lighter than all references, beyond `calibration.FAR` and up to a factor of
-        two: simulated gears that begin to lose contact below half load reach three times the
-        strength of steady ones. A load that seems heavier tells of no such thing.
+        What the strength of the gears' evidence is divided by, beside 1, for one unit of load (Np)
+        by which the recording is lighter than all references, beyond `calibration.FAR` and up to
+        a factor of two: simulated gears that begin to lose contact below half load reach three
+        times the strength of steady ones. A load that seems heavier tells of no such thing.
     rare_share : float
         Strength taken off tests of rare kinds: a twentieth of the false alarms is theirs.
     noise_strength, noise_rise_db : float

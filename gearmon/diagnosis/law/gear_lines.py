@@ -213,14 +213,16 @@ class GearDeviation:
         rings: either is told by the powers of the lines.
         """
         energy = self._around([np.abs(band.rest).astype(complex) for band in self.bands])
-        return np.roll(energy, -int(np.argmax(energy))) / max(energy.max(), np.finfo(float).tiny)
+        largest = max(float(energy.max()), np.finfo(float).tiny)
+        return np.asarray(np.roll(energy, -int(np.argmax(energy))) / largest)
 
     @cached_property
     def _standing_out(self) -> FloatArray:
         """Energy around the turn over the median, by what is expected at each place."""
-        energy = self._energy / self.expected_around
+        energy: FloatArray = self._energy / self.expected_around
         least = _LEAST_MISFIT * sum(band.rest.size for band in self.bands)
-        return energy / max(_beside_the_largest(energy, self._leak), least)
+        energy /= max(_beside_the_largest(energy, self._leak), least)
+        return energy
 
     def _around(self, lines_of_bands: Sequence[ComplexArray]) -> FloatArray:
         """Energy in windows of two teeth around the turn, centred on each step."""
