@@ -17,7 +17,7 @@ from gearmon import __version__
 from gearmon.commands import COMMANDS
 from gearmon.commands.inputs import check_names, outputs_claimed
 from gearmon.commands.output import BAD_INPUT, DONE, OWN_FAULT, STOPPED, complain, flushed
-from gearmon.errors import GearmonError
+from gearmon.errors import GearmonError, nearest_name
 from gearmon.signals.threads import cores
 
 
@@ -67,7 +67,13 @@ def parsed(
     argv: Sequence[str] | None, arguments: argparse.Namespace | None = None
 ) -> argparse.Namespace:
     """Return the parsed arguments of a command line; wrong ones, and --help, leave by an exit."""
-    return _parser().parse_args(argv, arguments)
+    parser, words = _parser(), sys.argv[1:] if argv is None else argv
+    names = [command.name for command in COMMANDS]
+    word = words[0] if words else "-"
+    near = None if word.startswith("-") or word in names else nearest_name(word, names)
+    if near is not None:
+        parser.error(f"there is no command {word!r}; did you mean {near}?")
+    return parser.parse_args(argv, arguments)
 
 
 def _run(argv: Sequence[str] | None, arguments: argparse.Namespace) -> int:

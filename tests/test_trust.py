@@ -241,3 +241,32 @@ def test_text_that_a_spreadsheet_would_run_is_quoted(text):
 @pytest.mark.parametrize("cell", ["mesh", "-5", "+1.5e-3", "a=b", "", None, -5.0, 3, "é"])
 def test_other_cells_stay_as_they_are(cell):
     assert table_cell(cell) is cell
+
+
+# Likely cures
+
+
+def test_a_command_that_is_spelt_otherwise_is_named(capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(["analyze", "new.csv"])
+    assert stop.value.code == 2
+    assert "did you mean analyse?" in capsys.readouterr().err
+
+
+def test_a_size_without_per_cent_is_asked_for(here, shop, capsys):
+    given = ["stiffness", str(shop / "machine.toml"), "--fault", "crack:1:pinion:5:20"]
+    assert main(given) == 2
+    assert "did you mean 20%?" in lines_of_error(capsys)[0]
+    assert list(here.iterdir()) == []
+
+
+def test_time_in_ms_and_speed_in_hz_are_guessed(here, shop, capsys):
+    rows = (shop / "new.csv").read_text().splitlines()[1:2001]
+    text = [f"{1000 * float(time)},{rest}" for time, rest in (row.split(",", 1) for row in rows)]
+    (here / "ms.csv").write_text("\n".join(["time,a1,a2,tacho", *text]))
+    assert main(["analyse", "ms.csv", "--machine", str(shop / "machine.toml")]) == 2
+    assert "--sampling-rate 10000" in lines_of_error(capsys)[0]
+    slow = (shop / "machine.toml").read_text().replace("2960.0", "49.3")
+    (here / "hz.toml").write_text(slow)
+    assert main(["analyse", str(shop / "new.csv"), "--machine", "hz.toml"]) == 2
+    assert "did you mean 2958 (49.3 Hz)?" in lines_of_error(capsys)[0]

@@ -49,6 +49,8 @@ _BANDS, _BAND_SAMPLES = 40, 2048
 # Height of a gear's own sidebands, in robust standard deviations, from which they count.
 _SUPPORTED = 4.0
 _FOUND_DESPITE_MISMATCH = 6.0
+# Speed of shaft 1 up to which it is asked whether Hz were meant [1/min].
+_SLOW_RPM = 100.0
 # Lines of the kinematics at whose multiples sidebands of the machine's own stand.
 _TURNING = ("shaft", "rotation", "local fault", "planet pass")
 
@@ -267,13 +269,30 @@ def _spectra(
 
 
 def _check_length(recording: Recording, slowest_order: float, machine: Machine) -> None:
+    fastest_hz = max(point.shaft1_hz for point in machine.operating)
+    rate = recording.sampling_rate_hz
+    if rate < 2.0 * fastest_hz * (1 - SPEED_TOLERANCE):
+        raise RecordingError(
+            f"{recording.origin}: {rate:.6g} samples a second show nothing of a shaft at "
+            f"{fastest_hz:.6g} Hz; if the time is in ms, name its column time (ms), or give "
+            f"--sampling-rate {1000 * rate:.6g}"
+        )
     slowest_hz = slowest_order * min(point.shaft1_hz for point in machine.operating)
     needed = 2.0 / slowest_hz
     if recording.duration_s < needed:
         raise RecordingError(
             f"{recording.origin}: {recording.duration_s:.3g} s are too short: the slowest shaft "
-            f"turns at {slowest_hz:.3g} Hz, two turns need {needed:.3g} s"
+            f"turns at {slowest_hz:.3g} Hz, two turns need {needed:.3g} s{_speed_hint(machine)}"
         )
+
+
+def _speed_hint(machine: Machine) -> str:
+    """Ask whether a very slow speed was meant in Hz."""
+    slowest = min(point.speed_rpm for point in machine.operating)
+    if slowest > _SLOW_RPM:
+        return ""
+    meant = f"{60 * slowest:g} ({slowest:g} Hz)"
+    return f"; speed_rpm is {slowest:g} turns a minute: did you mean {meant}?"
 
 
 def _plan(train: Kinematics, rate: float, track: AngleTrack, nominal_hz: float) -> LinePlan:
