@@ -225,12 +225,13 @@ def _opened(path: Path, *, create: bool) -> Iterator[sqlite3.Connection]:
 
 
 def _connected(path: Path, *, create: bool) -> sqlite3.Connection:
-    how: dict[str, Any] = {"timeout": _PATIENCE_S, "isolation_level": None}
-    folder = path.resolve().parent
-    if create or (os.access(folder, os.W_OK) and os.access(path, os.W_OK)):
-        return sqlite3.connect(path, **how)
+    target = path.resolve()
+    writable = os.access(target.parent, os.W_OK) and os.access(target, os.W_OK)
+    if create or writable:
+        return sqlite3.connect(path, timeout=_PATIENCE_S, isolation_level=None)
     # who may only read cannot make the files that writers and readers share
-    return sqlite3.connect(f"{path.resolve().as_uri()}?immutable=1", uri=True, **how)
+    name = f"{target.as_uri()}?immutable=1"
+    return sqlite3.connect(name, uri=True, timeout=_PATIENCE_S, isolation_level=None)
 
 
 def _prepare(store: sqlite3.Connection, path: Path, *, create: bool) -> None:

@@ -8,7 +8,7 @@ healthy machine changes with load. Its file is a NumPy archive with a JSON heade
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -439,7 +439,7 @@ def _frozen(value: Any) -> Any:
     return tuple(value) if isinstance(value, list) else value
 
 
-def _read_profile(archive: dict[str, NDArray[Any]], row: int, entry: dict[str, Any]) -> Profile:
+def _read_profile(archive: Mapping[str, Any], row: int, entry: dict[str, Any]) -> Profile:
     wheels = tuple(
         WheelPattern(
             **{name: wheel[name] for name in _OF_WHEEL},
