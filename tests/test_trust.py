@@ -263,7 +263,7 @@ def test_a_size_without_per_cent_is_asked_for(here, shop, capsys):
 def test_time_in_ms_and_speed_in_hz_are_guessed(here, shop, capsys):
     rows = (shop / "new.csv").read_text().splitlines()[1:2001]
     text = [f"{1000 * float(time)},{rest}" for time, rest in (row.split(",", 1) for row in rows)]
-    (here / "ms.csv").write_text("\n".join(["time,a1,a2,tacho", *text]))
+    (here / "ms.csv").write_text("\n".join(["time (s),a1,a2,tacho", *text]))
     assert main(["analyse", "ms.csv", "--machine", str(shop / "machine.toml")]) == 2
     assert "--sampling-rate 10000" in lines_of_error(capsys)[0]
     slow = (shop / "machine.toml").read_text().replace("2960.0", "49.3")
