@@ -151,7 +151,7 @@ def _family_lines(result: dict[str, Any]) -> list[str]:
 
 def run_stability(arguments: argparse.Namespace) -> int:
     """Run `gearmon stability`."""
-    from gearmon.dynamics.stability_margin import stability_margin
+    from gearmon.dynamics.stability import stability_margin
     from gearmon.report.text_tables import table_lines
     from gearmon.signatures.expected.mesh import mesh_problem
 

@@ -19,34 +19,34 @@ from gearmon.dynamics.steady_state import Method, steady_state
 from gearmon.dynamics.system import HillSystem, SystemResponse
 
 if TYPE_CHECKING:
-    from gearmon.dynamics.combinations import combination_tongues as combination_tongues
+    from gearmon.dynamics.amplitude_equations import forced_resonance as forced_resonance
+    from gearmon.dynamics.amplitude_equations import parametric_resonance as parametric_resonance
+    from gearmon.dynamics.free_vibration import transient as transient
     from gearmon.dynamics.integration import settle as settle
     from gearmon.dynamics.integration import shoot as shoot
-    from gearmon.dynamics.motion import transient as transient
     from gearmon.dynamics.multiple_scales import expand as expand
     from gearmon.dynamics.piecewise import PiecewiseProblem as PiecewiseProblem
     from gearmon.dynamics.piecewise import solve_exactly as solve_exactly
     from gearmon.dynamics.planetary import Body as Body
     from gearmon.dynamics.planetary import PlanetarySet as PlanetarySet
-    from gearmon.dynamics.resonance import forced_resonance as forced_resonance
-    from gearmon.dynamics.resonance import parametric_resonance as parametric_resonance
     from gearmon.dynamics.stability import stability_chart as stability_chart
     from gearmon.dynamics.sweep import ManySets as ManySets
+    from gearmon.dynamics.tongues import combination_tongues as combination_tongues
 
 _HOMES = {
     "Body": "planetary",
     "ManySets": "sweep",
     "PiecewiseProblem": "piecewise",
     "PlanetarySet": "planetary",
-    "combination_tongues": "combinations",
+    "combination_tongues": "tongues",
     "expand": "multiple_scales",
-    "forced_resonance": "resonance",
-    "parametric_resonance": "resonance",
+    "forced_resonance": "amplitude_equations",
+    "parametric_resonance": "amplitude_equations",
     "settle": "integration",
     "shoot": "integration",
     "solve_exactly": "piecewise",
     "stability_chart": "stability",
-    "transient": "motion",
+    "transient": "free_vibration",
 }
 
 __all__ = [

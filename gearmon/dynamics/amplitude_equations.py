@@ -5,18 +5,46 @@
 A holds the complex amplitudes of a few slow states (sign, n), the part of line n that belongs to
 the free vibration of that sign; L, b, U and q are series in the variation of stiffness (and in the
 damping where that is small), by the recursion of `slow_states`. `free_vibration` keeps one state at
-a time, `resonance` those that are near each other in frequency.
+a time, `forced_resonance` and `parametric_resonance` those that are near each other in frequency.
 
 Limits: all states left out must be away from those kept, by much more than max|phi|/2 relative to
 w0: see `smallest_divisor`.
 
-Source: Nayfeh and Mook, Nonlinear Oscillations, 1979, chapter 5.
+Resonance. The line p w near the natural frequency carries z = A e^{i p w t} + conjugate, whose
+amplitude obeys
+
+    A' = alpha A + beta conj(A) + b
+
+alpha = -h + i (w0 - p w) + ..., beta = i w0 c_{2p}/2 + ... and, for whole p, b = i w0 c_p delta/2 +
+..., delta = F/k0, each to any order. (Signs: z'' + ... = -w0^2 phi z.)
+
+Forced parametric resonance, n w = w0 (p = n): at first order the steady line has the amplitude
+2|A| = w0 |c_n| delta/sqrt(h^2 + (n w - w0)^2), which a direct force f_n at the line adds to.
+
+Principal parametric resonance, n w = 2 w0 (p = n/2): A grows with the rate
+-h + sqrt(|beta|^2 - Im(alpha)^2); at first order inside |n w - 2 w0| < 2 sqrt((w0 |c_n|/2)^2 - h^2)
+and only if 2|c_n| > 4 zeta (2|c_n| is the real amplitude of the stiffness harmonic n).
+
+Coincidences of second and higher order need nothing else: beta and b then start at that order, from
+products c_j c_l with j + l = 2p or p.
+
+Orders: with damping and detuning of order r (r = 1 where c_p or c_2p itself is resonant, 2 where a
+product is) A is of order zero and its error of order N + 1 if L and b go to order N + r; the
+default is N + 2.
+
+Limits: all other lines must be away from the natural frequency by much more than |phi| w0/2; the
+nearest is usually a mesh frequency away, so max|phi| R should not be large. Lines p and p+1 may be
+taken together for the steady state (and are, half-way between them). Overdamped systems have no
+resonance.
+
+Source: Nayfeh and Mook, Nonlinear Oscillations, 1979, chapter 5; section 5.7 (first order of the
+resonances).
 """
 
 from __future__ import annotations
 
-import cmath
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -152,74 +180,6 @@ class AmplitudeEquations:
             rows.append(f"A({line:g})' = " + " + ".join(terms or ["0"]))
         return "\n".join(rows)
 
-    def rows(self) -> list[dict[str, float | int | str]]:
-        """Secular terms order by order: what was removed from the lines and put into A'.
-
-        Returns
-        -------
-        list of dict
-            line, order, term ("A of line n" or "force"), real_per_s and imaginary_per_s of its
-            coefficient in A' [1/s, or m/s for a force].
-        """
-        found: list[dict[str, float | int | str]] = []
-        for k, (rate, forcing) in enumerate(zip(self.rate_terms, self.forcing_terms, strict=True)):
-            for p, (_, line) in enumerate(self.slow):
-                named = [(f"A of line {n:g}", rate[p, r]) for r, (_, n) in enumerate(self.slow)]
-                named.append(("force", forcing[p]))
-                found += [
-                    {
-                        "line": float(line),
-                        "order": k,
-                        "term": term,
-                        "real_per_s": float(value.real),
-                        "imaginary_per_s": float(value.imag),
-                    }
-                    for term, value in named
-                    if value != 0
-                ]
-        return found
-
-    def modulation(self, amplitude_m: float, phase_rad: float) -> tuple[float, float]:
-        """Amplitude and phase modulation of the first slow line, a cos(n w t + theta).
-
-        A' = alpha A + beta conj(A) + b with A = (a/2) e^{i theta} gives
-
-            a' = Re(alpha) a + Re(beta e^{-2i theta}) a + 2 Re(b e^{-i theta})
-            theta' = Im(alpha) + Im(beta e^{-2i theta}) + (2/a) Im(b e^{-i theta})
-
-        Parameters
-        ----------
-        amplitude_m : float
-            a > 0 [m].
-        phase_rad : float
-            theta [rad].
-
-        Returns
-        -------
-        (float, float)
-            a' [m/s] and theta' [rad/s].
-        """
-        self.check_conjugate_pair()
-        if not amplitude_m > 0:
-            raise ArgumentError(f"amplitude_m={amplitude_m} m must be > 0")
-        turn = cmath.exp(1j * phase_rad)
-        slow = amplitude_m / 2 * np.array([turn, turn.conjugate()])
-        change = complex((self.rate @ slow + self.forcing)[0]) / turn
-        return 2 * change.real, 2 * change.imag / amplitude_m
-
-    def check_conjugate_pair(self) -> None:
-        """Raise ArgumentError unless the slow states are one pair (1, n), (-1, -n)."""
-        two = len(self.slow) == 2
-        if not two or self.slow[0] != (1, -self.slow[1][1]) or self.slow[1][0] != -1:
-            raise ArgumentError(
-                f"slow={self.slow}: this needs one pair (1, n), (-1, -n); choose a single line"
-            )
-        if self.problem.damping_ratio >= 1 and not self.small_damping:
-            raise ArgumentError(
-                f"damping_ratio={self.problem.damping_ratio:.6g} must be < 1: overdamped, there is "
-                "no oscillation to be modulated"
-            )
-
 
 def _shown(value: complex) -> str:
     return f"({value.real:.6g}{value.imag:+.6g}i)"
@@ -292,3 +252,132 @@ def amplitude_equations(
         forced_terms=forced.terms,
         smallest_divisor=min(reduction.smallest_divisor, forced.smallest_divisor),
     )
+
+
+def forced_resonance(
+    problem: HillProblem,
+    order: int = 2,
+    lines: Sequence[int] | None = None,
+    rate_order: int | None = None,
+    small_damping: bool = False,
+) -> AmplitudeEquations:
+    """Amplitude equations of the mesh harmonics near the natural frequency.
+
+    Parameters
+    ----------
+    problem : HillProblem
+        What to expand; zeta < 1.
+    order : int
+        N >= 0: highest order of the lines.
+    lines : sequence of int, optional
+        Harmonics >= 0 to treat as resonant; by default the one nearest to the natural frequency,
+        or its two neighbours where it is more than w/4 away from both. Two serve the steady state
+        only: for initial conditions see `transient`.
+    rate_order : int, optional
+        Highest order of the rates; default order + 2.
+    small_damping : bool
+        Damping of order one (h = eps mu) instead of zero.
+
+    Returns
+    -------
+    AmplitudeEquations
+        `steady_displacement()` is the steady vibration; see `Motion` for transients.
+
+    Raises
+    ------
+    ArgumentError
+        If the system is overdamped, or an argument is out of its range.
+
+    Examples
+    --------
+    >>> p = HillProblem(1.0, 0.02, 1.0, [0.05], 2 * math.pi / 1.02, 1.0)    # w0 = 1, w = 1.02
+    >>> e = forced_resonance(p, 0, rate_order=1, small_damping=True)
+    >>> a = 2 * abs(e.steady_amplitudes()[0])
+    >>> round(float(a), 3), round(0.05 / math.hypot(0.01, 0.02), 3)
+    (2.236, 2.236)
+    """
+    near = natural_line(problem, small_damping)
+    chosen = nearest_lines(near) if lines is None else [int(n) for n in lines]
+    for n in chosen:
+        check_range("lines", n, 0, 100_000)
+    slow = [(sign, float(sign * n)) for n in chosen for sign in (1, -1)]
+    rate_order = order + 2 if rate_order is None else rate_order
+    return amplitude_equations(problem, slow, order, rate_order, small_damping)
+
+
+def parametric_resonance(
+    problem: HillProblem,
+    order: int = 2,
+    number: int | None = None,
+    rate_order: int | None = None,
+    small_damping: bool = False,
+) -> AmplitudeEquations:
+    """Amplitude equations where n w is near twice the natural frequency.
+
+    Parameters
+    ----------
+    problem : HillProblem
+        What to expand; zeta < 1.
+    order, rate_order, small_damping
+        As in `forced_resonance`.
+    number : int, optional
+        n >= 1; by default the nearest.
+
+    Returns
+    -------
+    AmplitudeEquations
+        `growth_per_s` > 0 tells instability. For even n this is the forced resonance of n/2, too.
+
+    Raises
+    ------
+    ArgumentError
+        If the system is overdamped, or an argument is out of its range.
+
+    Examples
+    --------
+    >>> p = HillProblem(1.0, 0.02, 1.0, [0.05], math.pi, 1.0)    # w0 = 1, w = 2, zeta = 0.01
+    >>> growth = parametric_resonance(p, 0, rate_order=1, small_damping=True).growth_per_s
+    >>> round(growth, 6)    # w0 c_1/2 - h
+    0.015
+    """
+    near = natural_line(problem, small_damping)
+    n = max(1, round(2 * near)) if number is None else int(number)
+    check_range("number", n, 1, 100_000)
+    rate_order = order + 2 if rate_order is None else rate_order
+    slow = [(1, n / 2), (-1, -n / 2)]
+    return amplitude_equations(problem, slow, order, rate_order, small_damping)
+
+
+def nearest_lines(natural: float) -> list[int]:
+    """Whole lines near the natural frequency: one, or both neighbours of the middle.
+
+    Line n alone would leave a divisor |2 R - 2n - 1|/R, lines n and n+1 together |2 R - 2n|/R.
+
+    Examples
+    --------
+    >>> nearest_lines(2.2), nearest_lines(2.4)
+    ([2], [2, 3])
+    """
+    below = math.floor(natural)
+    if abs(natural - round(natural)) <= 0.25:
+        return [round(natural)]
+    return [below, below + 1]
+
+
+def natural_line(problem: HillProblem, small_damping: bool = False) -> float:
+    """Natural frequency as a multiple of the mesh frequency, damped unless damping is small.
+
+    Raises
+    ------
+    ArgumentError
+        If the system is overdamped.
+    """
+    if small_damping:
+        return problem.frequency_ratio
+    zeta = problem.damping_ratio
+    if zeta >= 1:
+        raise ArgumentError(
+            f"damping_ratio={zeta:.6g} must be < 1: an overdamped system has no resonance; "
+            "use expand(problem, order)"
+        )
+    return problem.frequency_ratio * math.sqrt(1 - zeta**2)

@@ -1,23 +1,44 @@
-"""All lines of a small problem solved together: one band factorisation, certified by itself."""
+"""All lines of a small pair solved together: one band factorisation, certified by itself.
+
+The bound needs no second factorisation. Where max|phi| max 1/|D| < 1 over all frequencies the
+Neumann series gives the gain of the inverse operator and stability in one. Elsewhere both come
+from the determinant that the factors hold, Hill's infinite determinant
+
+    Q = det((D + phi) D^-1) = det(1 - M)/det(1 - M_0),
+
+with M the map of the state over a period and M_0 that of constant stiffness. With
+p = e^{-4 pi zeta R} the multipliers are the roots of rho^2 - (1 + p - q) rho + p = 0,
+q = Q det(1 - M_0), so the system is stable if and only if 0 < q < 2 (1 + p). And with column norms
+s_n^2 = |D_n|^2 + ms(phi), Hadamard's inequality and that of the means give
+
+    ||(D + phi)^-1 r|| <= max(1/s_n) sqrt(e) prod_n (s_n/|D_n|) / |Q| ||r||.
+
+What lies beyond the lines solved changes ln Q by at most what `beyond_lines` computes.
+(Hill, Acta Math. 8, 1886; Magnus and Winkler, Hill's Equation, 1966.)
+"""
 
 from __future__ import annotations
 
+import cmath
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
-from gearmon.dynamics import inverse_bound
-from gearmon.dynamics.band_system import MOST_LINES, BandSystem
-from gearmon.dynamics.fourier import Complex
+import numpy as np
 
-if TYPE_CHECKING:
-    from gearmon.dynamics.hill import HillProblem
+from gearmon.dynamics.band_system import MOST_LINES, NEAR_ONE, BandSystem, counting, peak
+from gearmon.dynamics.fourier import Complex, supremum, with_zero_mean
+from gearmon.dynamics.hill import HillProblem, largest_responses
 
 # N J^2 up to which factors take less time than orders, of which few do where they converge fast
 MOST_WORK_BESIDE_FEW_ORDERS = 4e5
 MOST_WORK = 4e6
 MOST_SWEEPS = 6
 QUICK = 0.7
-MOST_INVERTED = 300
+FARTHEST = 1 << 40
+MOST_BEYOND = 0.5
+MOST_GROWTH = 600.0
+LEAST = 1e-300
+UNIT_ROUNDOFF = 2.0**-52
 
 
 class Solution(NamedTuple):
@@ -33,8 +54,6 @@ class Solution(NamedTuple):
         Whether free vibrations die out.
     solved : int
         Highest harmonic of the matrix; those above were added one by one.
-    sweeps : int
-        How often they and the core were corrected.
     pressed : bool
         Whether the acceleration is so small that the teeth stay in contact for certain.
     """
@@ -43,13 +62,10 @@ class Solution(NamedTuple):
     bound: float
     stable: bool
     solved: int
-    sweeps: int
     pressed: bool
 
 
-def solve(
-    problem: HillProblem, tolerance: float, shown: int | None = None, *, thorough: bool = False
-) -> Solution | None:
+def solve(problem: HillProblem, tolerance: float, shown: int | None = None) -> Solution | None:
     """Steady vibration of a small problem, or None where another way is called for.
 
     None is returned for problems too large to be cheap, without damping or coupling, too close to
@@ -63,9 +79,6 @@ def solve(
         Relative L2 error of the acceleration aimed at.
     shown : int, optional
         Harmonics 0..shown are handed out, others dropped; default all.
-    thorough : bool
-        Bound the inverse by computing it, which takes a hundred times as long, and return the best
-        there is even if it misses the tolerance.
     """
     count = len(problem.stiffness_harmonics)
     if not count or problem.damping_ns_per_m <= 0 or count > MOST_LINES:
@@ -74,56 +87,255 @@ def solve(
     if not system.scale:
         return None
     solved = system.enough_lines(tolerance)
-    if thorough:
-        return _solve_thoroughly(system, solved, tolerance, shown)
-    if not _affordable(system, solved, MOST_LINES) or not system.factorise(solved):
+    work = MOST_WORK_BESIDE_FEW_ORDERS if system.loop < QUICK else MOST_WORK
+    if solved > MOST_LINES or solved * system.band**2 > work or not system.factorise(solved):
         return None
-    inverse = inverse_bound.cheap(system)
-    if inverse is not None:
-        found = _refine(system, inverse, tolerance, shown)
-        if found.bound <= tolerance or not found.stable:
-            return found
-    if not _affordable(system, solved, MOST_INVERTED):
-        return None
-    inverse = inverse_bound.by_inverse(system, inverse_bound.crude_norm)
+    inverse = cheap(system)
     if inverse is None:
         return None
     found = _refine(system, inverse, tolerance, shown)
     return found if found.bound <= tolerance or not found.stable else None
 
 
-def _solve_thoroughly(
-    system: BandSystem, solved: int, tolerance: float, shown: int | None
-) -> Solution | None:
-    """Solve with as many lines as it takes to bound the inverse."""
-    for _ in range(4):
-        if not _affordable(system, solved, MOST_INVERTED) or not system.factorise(solved):
-            return None
-        inverse = inverse_bound.by_inverse(system, inverse_bound.norm)
-        if inverse is not None:
-            return _refine(system, inverse, tolerance, shown)
-        solved = solved + solved // 2 + system.band
-    return None
-
-
-def _affordable(system: BandSystem, solved: int, most: int) -> bool:
-    work = MOST_WORK_BESIDE_FEW_ORDERS if system.loop < QUICK else MOST_WORK
-    return solved <= most and solved * system.band**2 <= work
-
-
 def _refine(
-    system: BandSystem, inverse: inverse_bound.InverseBound, tolerance: float, shown: int | None
+    system: BandSystem, inverse: InverseBound, tolerance: float, shown: int | None
 ) -> Solution:
     """Sweep until the bound meets the tolerance or rounding keeps it from falling."""
     system.begin()
     bound = math.inf
     if not inverse.stable:
-        return Solution(system.vibration(shown)[0], bound, False, system.solved, 0, False)
+        return Solution(system.vibration(shown)[0], bound, False, system.solved, False)
     for sweep in range(MOST_SWEEPS + 1):
         if sweep:
             system.sweep()
         displacement, last = system.vibration(shown)
-        before, bound = bound, inverse_bound.relative_bound(system, inverse, last)
+        before, bound = bound, relative_bound(system, inverse, last)
         if bound <= tolerance or bound > 0.5 * before < math.inf:
             break
-    return Solution(displacement, bound, inverse.stable, system.solved, sweep, system.pressed)
+    return Solution(displacement, bound, inverse.stable, system.solved, system.pressed)
+
+
+class InverseBound(NamedTuple):
+    """What is known of the inverse operator.
+
+    Attributes
+    ----------
+    gain : float
+        ||(L^{-1} r)''|| <= gain ||r||, accelerations over w0^2.
+    edge_gain : float
+        The same for residuals of the lines above `inside` only.
+    inside : int
+        See there.
+    stable : bool
+        Whether free vibrations die out.
+    """
+
+    gain: float
+    edge_gain: float
+    inside: int
+    stable: bool
+
+
+class Determinant(NamedTuple):
+    """Hill's determinant of finitely many lines.
+
+    Attributes
+    ----------
+    value : float
+        Q of the lines solved.
+    growth : float
+        sqrt(e) prod_n (s_n/|D_n|) over all lines.
+    constant : float
+        ln of det(1 - M_0) e^{2 pi zeta R}/4.
+    """
+
+    value: float
+    growth: float
+    constant: float
+
+
+def relative_bound(system: BandSystem, inverse: InverseBound, last: int) -> float:
+    """Bound of the relative error, of harmonics 0..last."""
+    accelerations: Complex = system.squares * system.swinging
+    size = _size(accelerations)
+    # F - m z'' is the mesh force, and the sum of N lines is at most sqrt(2 N) times their rms
+    reach = math.sqrt(2 * len(accelerations)) * size
+    system.pressed = reach < 0.999 * abs(system.mean) and not len(system.forces)
+    swinging = _size(system.swinging)
+    damped = 2 * system.zeta * math.sqrt(size * swinging)
+    # products with phi, forces of mass and damper, and n/R and the damping ratio themselves
+    rounding = (
+        2 * system.sum * ((system.band + 3) * swinging + abs(system.mean))
+        + swinging
+        + 6 * size
+        + 4 * damped
+    )
+    error = inverse.gain * UNIT_ROUNDOFF * rounding
+    edge = inverse.inside + 1
+    if edge < len(system.excess):
+        error += inverse.edge_gain * _size(system.excess[edge:])
+        error += inverse.gain * _size(system.excess[:edge])
+    else:
+        error += inverse.gain * _size(system.excess)
+    if last < len(accelerations) - 1:
+        size = _size(accelerations[: last + 1])
+    return error / (size - error) + 2 * UNIT_ROUNDOFF if error < size else math.inf
+
+
+def cheap(system: BandSystem) -> InverseBound | None:
+    """Gains from residual to acceleration, and stability; None if neither rule tells."""
+    if system.loop < NEAR_ONE:
+        gain = peak(system.zeta) / (1 - system.loop)
+        return InverseBound(gain, gain, FARTHEST, True)
+    return _by_determinant(system)
+
+
+def _by_determinant(system: BandSystem) -> InverseBound | None:
+    distance = _distance(system)
+    if distance is None:
+        return None
+    inside, nearest, decay = distance
+    margin = nearest - system.swing
+    power = 2 * float(np.vdot(system.sizes, system.sizes))
+    known = determinant(system, power)
+    if known is None:
+        return None
+    static, largest = largest_responses(system.ratio, system.zeta, power)
+    norm_bound = known.growth / abs(known.value)
+    edge = 1 / margin + decay * decay * static * norm_bound
+    stable, beyond = _stability(system, known, power, edge)
+    if stable is None:
+        return None
+    norm_bound *= math.exp(beyond)
+    gain = largest * norm_bound
+    # residuals of lines well above resonance reach it only through jumps of phi/D
+    local = _acceleration(system, inside + 1) * nearest / margin
+    edge_gain = gain * decay + local * (1 + system.swing * static * norm_bound * decay)
+    return InverseBound(gain, edge_gain, system.solved - system.band, stable)
+
+
+def _acceleration(system: BandSystem, line: int) -> float:
+    """Bound of x^2/|D| of the lines from one above resonance on."""
+    # beyond resonance x^2/|D| falls, or never exceeds 1.16 where damping is strong
+    return max(1.16, (line / system.ratio) ** 2 / system.nearest(line))
+
+
+def _distance(system: BandSystem) -> tuple[int, float, float] | None:
+    """Line n above resonance, |D_n+1|, and what comes from the edge to lines 0..n at most.
+
+    Lines within J of the edge are k jumps away from those up to n = N - kJ, and each jump costs
+    max|phi|/|D_n+1|.
+    """
+    system.swing = 2 * system.sum
+    if system.swing > 0.1 * system.nearest(system.solved - system.band + 1):
+        system.swing = supremum(with_zero_mean(system.c))
+    swing, best = system.swing, None
+    for jumps in range(1, 30):
+        inside = system.solved - jumps * system.band
+        if inside + 1 <= system.ratio:
+            break
+        nearest = system.nearest(inside + 1)
+        if nearest <= swing:
+            break
+        decay = (swing / nearest) ** (jumps - 1) * swing / (nearest - swing)
+        if best is not None and decay >= best[2]:
+            break
+        best = inside, nearest, decay
+    return best
+
+
+def determinant(system: BandSystem, power: float) -> Determinant | None:
+    """Hill's determinant of the lines solved, or None where numbers run out.
+
+    Parameters
+    ----------
+    system : BandSystem
+        Factorised.
+    power : float
+        Mean square of phi.
+    """
+    constant = _resonance(system.ratio, system.zeta, 0.0)
+    growth = _resonance(system.ratio, system.zeta, power) - constant
+    # no leading minor exceeds the product of the columns: no partial product overflows
+    if not growth < MOST_GROWTH:
+        return None
+    upper = system.factors[2 * system.band]
+    value = float(np.multiply.reduce(upper / system.diagonal).real)
+    if np.count_nonzero(system.pivots != counting(len(upper))) % 2:
+        value = -value
+    if not abs(value) > LEAST:
+        return None
+    # no factor is below one; rounding must not claim otherwise
+    return Determinant(value, math.exp(0.5 + max(0.0, growth)), constant)
+
+
+def _resonance(ratio: float, zeta: float, power: float) -> float:
+    """ln|sin(pi R sqrt(r_1)) sin(pi R sqrt(r_2))|, r the zeros of |D|^2 + power as function of x^2.
+
+    By Euler's product of the sine, the product of (|D_n|^2 + power)/|D_n|^2 over n >= 1, times
+    sqrt(1 + power), is the ratio of this with and without power.
+    """
+    middle = 1 - 2 * zeta * zeta
+    square = 4 * zeta * zeta * (zeta * zeta - 1) - power
+    turns = math.pi * ratio
+    if square < 0:
+        # conjugates
+        return 2 * _log_sine(turns * cmath.sqrt(complex(middle, math.sqrt(-square))))
+    farther = middle - math.sqrt(square)
+    roots = (farther, (1 + power) / farther)
+    return sum(_log_sine(turns * cmath.sqrt(root)) for root in roots)
+
+
+def _log_sine(z: complex) -> float:
+    """ln|sin z|, where sin z itself would overflow too; Im z >= 0."""
+    size = math.sin(z.real) ** 2 * math.exp(-2 * z.imag) + (0.5 * math.expm1(-2 * z.imag)) ** 2
+    return z.imag + 0.5 * math.log(size) if size else -math.inf
+
+
+def beyond_lines(system: BandSystem, edge: float, power: float) -> float:
+    """Bound of |ln| of what the lines above N multiply Q by.
+
+    With X = (phi_OO - phi_OC A^-1 phi_CO)/D_O over the outer lines, |ln det(1 + X)| <=
+    |tr X| + |X|_F^2/(2 (1 - |X|_F)); of A^-1 only the lines within J of the edge enter, and
+    `edge` bounds its norm there.
+    """
+    outer = 1 / system.nearest(system.solved + 1)
+    sizes = system.sizes
+    reaching = 2 * float(counting(system.band + 1)[1:].dot(sizes * sizes))
+    trace = edge * reaching * outer
+    tail = tail_squares_above(system.ratio, system.solved)
+    size = math.sqrt(power * tail) + edge * system.swing * math.sqrt(reaching) * outer
+    return trace + size * size / (2 * (1 - size)) if size < 1 else math.inf
+
+
+def _stability(
+    system: BandSystem, known: Determinant, power: float, edge: float
+) -> tuple[bool | None, float]:
+    """Stability, None if the determinant does not tell, and what the lines above N change in ln Q.
+
+    edge bounds the inverse of the matrix between lines within J of its edges.
+    """
+    beyond = beyond_lines(system, edge, power)
+    if not beyond < MOST_BEYOND:
+        return None, beyond
+    period = 2 * math.pi * system.ratio
+    allowed = 2 * (1 + math.exp(-2 * system.zeta * period))
+    # 4 e^{-2 pi zeta R} sin sin = det(1 - M_0)
+    log_q = math.log(4 * abs(known.value)) + known.constant - system.zeta * period
+    if known.value < 0 or log_q > math.log(allowed) + beyond:
+        return False, beyond
+    return (True if log_q < math.log(allowed) - beyond else None), beyond
+
+
+def _size(half: Complex) -> float:
+    """Rms of the function whose half spectrum this is, or up to 41 % more for its mean."""
+    return math.sqrt(2 * np.vdot(half, half).real)
+
+
+def tail_squares_above(ratio: float, solved: int) -> float:
+    """Bound of the sum of 1/|D_n|^2 over |n| > solved; solved > ratio."""
+    x = solved / ratio
+    if x > 10:
+        # the first term of the series of what would cancel, and 5 % for the others
+        return 0.7 * ratio / x**3
+    return ratio * (x / (x * x - 1) - 0.5 * math.log((x + 1) / (x - 1)))

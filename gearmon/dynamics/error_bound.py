@@ -22,7 +22,7 @@ energy
 Floquet
     From the Floquet form of the equation, see `floquet`.
 
-Sizes are those of exact arithmetic; rounding enters through the residual, see `certificate`.
+Sizes are those of exact arithmetic; rounding enters through the residual, see `mesh_equations`.
 Numbers of the sets have the shape (B,); all of them share phi but for a factor `scale`.
 """
 
@@ -43,6 +43,7 @@ from gearmon.dynamics.fourier import (
     fast_length,
     middle_and_swing,
     rms,
+    rms_of_each,
     samples,
     supremum,
     with_zero_mean,
@@ -58,8 +59,8 @@ class Pattern:
 
     Parameters
     ----------
-    harmonics : complex ndarray, shape (J,)
-        c_1..c_J.
+    harmonics : complex ndarray, shape (J,), or (meshes, J)
+        c_1..c_J. Of several meshes only `highest` and `size` are known.
     """
 
     harmonics: Complex
@@ -68,13 +69,13 @@ class Pattern:
 
     @cached_property
     def highest(self) -> float:
-        """Bound of max|phi|."""
-        return supremum(with_zero_mean(self.harmonics)) if len(self.harmonics) else 0.0
+        """Bound of max|phi|, of all meshes."""
+        return supremum(with_zero_mean(self.harmonics)) if self.harmonics.size else 0.0
 
     @cached_property
-    def size(self) -> float:
-        """Rms of phi."""
-        return rms(with_zero_mean(self.harmonics))
+    def size(self) -> Real:
+        """Rms of phi, shape (1,) or (meshes, 1)."""
+        return rms_of_each(with_zero_mean(self.harmonics))[..., None]
 
     @cached_property
     def middle_and_swing(self) -> tuple[float, float]:
@@ -123,7 +124,7 @@ class Gain:
 
     acceleration: Real
     stable: npt.NDArray[np.bool_]
-    growth: Real
+    growth: Real = field(default_factory=lambda: np.array(math.nan))
 
 
 def best_gain(ratio: Real, zeta: Real, scale: Real, pattern: Pattern) -> Gain:

@@ -29,12 +29,16 @@ from __future__ import annotations
 
 import cmath
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from gearmon.dynamics import period_trace
-from gearmon.dynamics.fourier import Complex, Real
+from gearmon.dynamics.fourier import Complex, Real, samples, with_zero_mean
+from gearmon.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from gearmon.dynamics.compliance import SystemCompliance
 
 MOST_STEPS = 1 << 21
 #: Steps times sets that are followed together.
@@ -242,13 +246,6 @@ def _exponentials(diagonal: Real, lower: Real, length: Real) -> Real:
     return np.array([[even + odd * diagonal, odd], [odd * lower, even - odd * diagonal]])
 
 
-def multiply(left: Real, right: Real) -> Real:
-    """Products of stacks of 2 x 2 matrices, shapes (2, 2, ...)."""
-    (a, b), (c, d) = left
-    (e, f), (g, h) = right
-    return np.array([[a * e + b * g, a * f + b * h], [c * e + d * g, c * f + d * h]])
-
-
 def running_products(matrices: Real) -> tuple[Real, Real]:
     """S_i ... S_2 S_1 for all i, as (matrices of norm about one, natural logarithms of scale).
 
@@ -260,17 +257,17 @@ def running_products(matrices: Real) -> tuple[Real, Real]:
     _, _, count, sets = matrices.shape
     rows = matrices.reshape(2, 2, count // IN_A_ROW, IN_A_ROW, sets).copy()
     for i in range(1, IN_A_ROW):
-        rows[:, :, :, i] = multiply(rows[:, :, :, i], rows[:, :, :, i - 1])
+        rows[:, :, :, i] = period_trace.multiply(rows[:, :, :, i], rows[:, :, :, i - 1])
     ends, logs = rows[:, :, :, -1].copy(), np.zeros((count // IN_A_ROW, sets))
     shift = 1
     while shift < len(logs):
-        ends[:, :, shift:] = multiply(ends[:, :, shift:], ends[:, :, :-shift])
+        ends[:, :, shift:] = period_trace.multiply(ends[:, :, shift:], ends[:, :, :-shift])
         logs[shift:] += logs[:-shift].copy()
         size = np.abs(ends).max(axis=(0, 1))
         ends /= size
         logs += np.log(size)
         shift *= 2
-    rows[:, :, 1:] = multiply(rows[:, :, 1:], ends[:, :, :-1, None])
+    rows[:, :, 1:] = period_trace.multiply(rows[:, :, 1:], ends[:, :, :-1, None])
     shifted = np.concatenate([np.zeros((1, sets)), logs[:-1]])
     return rows.reshape(matrices.shape), np.repeat(shifted, IN_A_ROW, axis=0)
 
@@ -331,3 +328,68 @@ def _condition(columns: Real) -> Real:
     squares = (columns**2).sum(axis=(0, 1))
     largest = np.sqrt((squares + np.sqrt(np.maximum(0.0, squares**2 - 4 * areas**2))) / 2)
     return np.asarray(largest.max(axis=0) * (largest / areas).max(axis=0))
+
+
+#: Steps of the period map of a machine at most, and change of the multiplier that is small.
+MOST_SYSTEM_STEPS, SETTLED = 1 << 15, 1e-9
+
+
+def system_multipliers(compliance: SystemCompliance, harmonics: Complex) -> Complex:
+    """Floquet multipliers of a machine of several meshes, the largest modulus first.
+
+    The map over a period is made of free vibrations of the mean machine in closed form between
+    kicks by the meshes; steps are halved and extrapolated (errors of a symmetric step are even
+    powers of it).
+
+    Parameters
+    ----------
+    compliance : SystemCompliance
+        Modes of the machine.
+    harmonics : complex ndarray, shape (meshes, J)
+        c_1..c_J of every mesh.
+    """
+    meshes, squares = compliance.meshes, compliance.squares
+    felt = np.linalg.norm(meshes, axis=1) > 1e-6 * np.linalg.norm(meshes)
+    fastest = math.sqrt(float(squares[felt].max(initial=0.0))) * compliance.system.period_s
+    count = 1 << math.ceil(math.log2(max(32, 4 * harmonics.shape[1], 2 * fastest)))
+    rows = [[_period_map(compliance, harmonics, count)]]
+    old = math.nan
+    while True:
+        count *= 2
+        row = [_period_map(compliance, harmonics, count)]
+        for k, before in enumerate(rows[-1][:3], start=1):
+            row.append(row[-1] + (row[-1] - before) / (4**k - 1))
+        rows.append(row)
+        values = np.linalg.eigvals(row[-1])
+        radius = float(np.abs(values).max(initial=0.0))
+        settled = abs(radius - old) <= max(SETTLED, 1e-3 * abs(1 - radius))
+        if settled or count >= MOST_SYSTEM_STEPS:
+            return np.asarray(values[np.argsort(-np.abs(values))], dtype=complex)
+        old = radius
+
+
+def _period_map(compliance: SystemCompliance, harmonics: Complex, count: int) -> Real:
+    """Map of the modal state over a period in `count` steps, free rigid motions left out."""
+    from scipy.linalg import expm
+
+    if count <= 2 * harmonics.shape[1]:
+        raise ArgumentError(f"mesh_harmonics: more than {MOST_SYSTEM_STEPS // 2} of them")
+    values, step = samples(with_zero_mean(harmonics), count), compliance.system.period_s / count
+    # nothing depends on the place of a rigid-body motion, and on its speed only if it is damped
+    sizes, held = np.abs(compliance.damping), ~compliance.system.rigid
+    kept = held | (sizes.max(axis=1) > 1e-12 * sizes.max())
+    squares, damping = compliance.squares[kept], compliance.damping[np.ix_(kept, kept)]
+    meshes, n = compliance.meshes[kept], int(kept.sum())
+    # velocities over w0, so that all entries are of one size
+    scale = math.sqrt(float(squares.max(initial=1.0)))
+    rate = np.block([[np.zeros((n, n)), scale * np.eye(n)], [-np.diag(squares) / scale, -damping]])
+    drift = expm(rate * step)
+    # half a kick at both ends
+    kicks = np.concatenate([values, values[:, :1]], axis=1) * (step / scale)
+    kicks[:, [0, -1]] /= 2
+    state = np.eye(2 * n)
+    for i, strength in enumerate(kicks.T):
+        state = drift @ state if i else state
+        state[n:] -= meshes @ (strength[:, None] * (meshes.T @ state[:n]))
+    matters = np.concatenate([held[kept], np.ones(n, dtype=bool)])
+    return np.asarray(state[np.ix_(matters, matters)])

@@ -30,17 +30,9 @@ def fast_length(least: int) -> int:
     >>> fast_length(67)
     72
     """
-    best = 1 << max(0, math.ceil(math.log2(max(1, least))))
-    fives = 1
-    while fives < best:
-        threes = fives
-        while threes < best:
-            quotient = -(-least // threes)
-            candidate = threes << max(0, (quotient - 1).bit_length())
-            best = min(best, candidate)
-            threes *= 3
-        fives *= 5
-    return best
+    from scipy.fft import next_fast_len
+
+    return int(next_fast_len(max(1, least), real=True))
 
 
 def rms(half: Complex | Real) -> float:
@@ -50,7 +42,8 @@ def rms(half: Complex | Real) -> float:
 
 def rms_of_each(half: Complex | Real) -> Real:
     """Root mean squares of functions with coefficients `half`, shape (..., N+1)."""
-    rows = np.ascontiguousarray(half)
+    # parts of rows are viewed as they are: copying them costs as much as their squares
+    rows = half if half.strides[-1] == half.itemsize else np.ascontiguousarray(half)
     parts = rows.view(float) if np.iscomplexobj(rows) else rows
     total: Real = np.einsum("...n,...n->...", parts, parts)
     first = rows[..., 0]
@@ -108,12 +101,12 @@ class Modulation:
 
 
 def supremum(half: Complex) -> float:
-    """Bound of max |y(x)| over all x, at most 8 % above the truth.
+    """Bound of max |y(x)| over all x (and rows), at most 8 % above the truth.
 
     A trigonometric polynomial of degree N is nowhere larger than its largest value on L > 2N
     equal steps divided by cos(pi N/L) (Ehlich and Zeller, Math. Z. 86, 1964). Here L >= 8N + 8.
     """
-    degree = len(half) - 1
+    degree = half.shape[-1] - 1
     length = fast_length(8 * degree + 8)
     return float(np.abs(samples(half, length)).max()) / math.cos(math.pi * degree / length)
 
@@ -131,3 +124,89 @@ def middle_and_swing(harmonics: Complex) -> tuple[float, float]:
     values = samples(with_zero_mean(harmonics), length)
     high, low = float(values.max()), float(values.min())
     return (high + low) / 2, (high - low) / 2 / math.cos(math.pi * degree / length)
+
+
+PARTS = 8
+FINEST = 1e-12
+MOST_TERMS = 4_000_000
+
+
+class Curve:
+    """y(x) = y_0 + sum_{n>=1} (y_n e^{inx} + conjugate), 0 <= x < 2 pi.
+
+    Parameters
+    ----------
+    half : complex ndarray, shape (N+1,)
+        y_0..y_N.
+    """
+
+    def __init__(self, half: Complex) -> None:
+        self.half = half
+        orders = np.arange(len(half))
+        self.orders = orders
+        self.size = float(2 * np.abs(half).sum())
+        self.bend = float(2 * (orders**2 * np.abs(half)).sum())
+
+    def at(self, x: Real) -> Real:
+        """Values at x, shape of x."""
+        phases = np.exp(1j * x[..., None] * self.orders[1:])
+        values: Real = self.half[0].real + 2 * (phases @ self.half[1:]).real
+        return values
+
+    def lowest(self) -> float:
+        """Return min y(x), to 1e-12 of the sum of all amplitudes."""
+        left, low, high, width = self._grid()
+        best = float(low.min())
+        while self.bend * width**2 / 8 > FINEST * self.size:
+            open_ = np.minimum(low, high) - self.bend * width**2 / 8 < best
+            if not open_.any() or self._too_many(int(open_.sum())):
+                break
+            left, low, high, width = self._divided(left[open_], low[open_], high[open_], width)
+            best = min(best, float(low.min()))
+        return best
+
+    def first_not_positive(self) -> float | None:
+        """Return the smallest x in [0, 2 pi) with y(x) <= 0, to 1e-12 of a turn, or None."""
+        left, low, high, width = self._grid()
+        while True:
+            lost = np.flatnonzero(low <= 0)
+            if len(lost):
+                # what follows the first known loss does not matter, what comes before might
+                first = int(lost[0])
+                if first == 0 and left[0] == 0.0:
+                    return 0.0
+                keep = slice(0, first)
+                left, low, high = left[keep], low[keep], high[keep]
+            slack = self.bend * width**2 / 8
+            open_ = np.minimum(low, high) <= slack
+            if not open_.any():
+                return None
+            left, low, high = left[open_], low[open_], high[open_]
+            if slack <= FINEST * self.size or width <= FINEST or self._too_many(len(left)):
+                crossed = np.flatnonzero(high <= 0)
+                if not len(crossed):
+                    return None
+                at = int(crossed[0])
+                return float(left[at] + width * low[at] / (low[at] - high[at]))
+            left, low, high, width = self._divided(left, low, high, width)
+
+    def _too_many(self, intervals: int) -> bool:
+        """Whether dividing would take longer than it is worth, as for a curve that hugs zero."""
+        return intervals * PARTS * len(self.half) > MOST_TERMS
+
+    def _grid(self) -> tuple[Real, Real, Real, float]:
+        length = fast_length(max(256, 16 * len(self.half)))
+        low = samples(self.half, length)
+        return 2 * math.pi * np.arange(length) / length, low, np.roll(low, -1), 2 * math.pi / length
+
+    def _divided(
+        self, left: Real, low: Real, high: Real, width: float
+    ) -> tuple[Real, Real, Real, float]:
+        """Cut every interval into equal parts."""
+        part = width / PARTS
+        starts = left[:, None] + part * np.arange(PARTS)
+        values = np.empty((len(left), PARTS + 1))
+        values[:, 0] = low
+        values[:, -1] = high
+        values[:, 1:-1] = self.at(starts[:, 1:])
+        return starts.ravel(), values[:, :-1].ravel(), values[:, 1:].ravel(), part

@@ -1,4 +1,6 @@
-"""Free vibration under periodic stiffness, away from parametric resonance.
+"""Free vibration and transients under periodic stiffness, by amplitude equations.
+
+Away from parametric resonance the free vibration is
 
     z(t) = A e^{lambda t} sum_n U_n e^{i n w t} + conjugate,    U_0 = 1 + order two
 
@@ -15,29 +17,188 @@ the multiple of i w that these leave open.
 Limits: the divisors are n/R (slow stiffness against w0: the side lines are then many, like those
 of frequency modulation with index c_n R/n) and 2 sqrt(1 - zeta^2) - n/R (n w near 2 w0: parametric
 resonance); `AmplitudeEquations.smallest_divisor` tells how near. Near parametric resonance use
-`resonance.parametric_resonance`, and `motion.transient` anywhere.
+`parametric_resonance`, and `transient` anywhere.
 
 Source: Nayfeh and Mook, Nonlinear Oscillations, 1979, section 5.2; Floquet exponents by a
 perturbation series (Hill 1886).
+
+Motion from given initial conditions. Of two amplitude equations,
+
+    z(t) = sum_n [q_n + sum_p U_np A_p(t)] e^{i n w t},    A(t) = A_s + e^{L t} (A(0) - A_s)
+
+A_s is the steady amplitude and A(0) is found from z(0) and z'(0). The exponential of the 2 x 2
+matrix L is in closed form, also where its two exponents coincide (edge of an instability tongue).
 """
 
 from __future__ import annotations
 
+import cmath
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 
 from gearmon.dynamics.amplitude_equations import (
     AmplitudeEquations,
+    amplitude_equations,
     check_orders,
     coupling_of,
 )
 from gearmon.dynamics.fourier import Complex, Real
-from gearmon.dynamics.hill import HillProblem
-from gearmon.dynamics.motion import Motion
+from gearmon.dynamics.hill import KINDS, HillProblem, check_kind
 from gearmon.dynamics.slow_states import answer_forces, reduce
-from gearmon.errors import ArgumentError
+from gearmon.errors import ArgumentError, check_finite
+
+VALUES_AT_ONCE = 1 << 20
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Motion:
+    """Transient and steady vibration that starts at t = 0.
+
+    Parameters
+    ----------
+    equations : AmplitudeEquations
+        Of two slow states.
+    displacement_m, velocity_ms : float
+        z(0) and z'(0), met exactly.
+
+    Raises
+    ------
+    ArgumentError
+        If there are not two slow states, or they cannot carry the initial conditions.
+    """
+
+    equations: AmplitudeEquations
+    displacement_m: float
+    velocity_ms: float
+
+    def __post_init__(self) -> None:
+        check_finite("displacement_m", self.displacement_m, "m")
+        check_finite("velocity_ms", self.velocity_ms, "m/s")
+        if len(self.equations.slow) != 2:
+            raise ArgumentError(
+                f"slow={self.equations.slow}: initial conditions fix two amplitudes, no more or "
+                "less; choose a single line"
+            )
+
+    @cached_property
+    def start_amplitudes(self) -> Complex:
+        """A(0) [m], shape (2,)."""
+        e = self.equations
+        # z and z' at t = 0 per amplitude and per rate of amplitude
+        carried = self._shape.sum(axis=0)
+        turning = (1j * e.problem.angular_frequency * e.lines) @ self._shape
+        matrix = np.array([carried, carried @ e.rate + turning])
+        still = self._forced.sum()
+        moving = (1j * e.problem.angular_frequency * e.forced_lines) @ self._forced
+        wanted = np.array(
+            [
+                self.displacement_m - still,
+                self.velocity_ms - moving - carried @ e.forcing,
+            ]
+        )
+        scale = np.array([1.0, 2 * math.pi * e.problem.natural_frequency_hz])
+        if np.linalg.cond(matrix / scale[:, None]) > 1e12:
+            raise ArgumentError(
+                "the two slow states look alike at t = 0 and cannot carry the initial conditions; "
+                "take a lower order"
+            )
+        return np.asarray(np.linalg.solve(matrix, wanted), dtype=np.complex128)
+
+    @cached_property
+    def steady_amplitudes(self) -> Complex:
+        """A_s [m], shape (2,)."""
+        return self.equations.steady_amplitudes()
+
+    def amplitudes(self, time_s: npt.ArrayLike) -> Complex:
+        """Slow amplitudes A(t) [m], shape (..., 2): envelope and phase of the modulation."""
+        time = np.asarray(time_s, dtype=float)
+        away = self.start_amplitudes - self.steady_amplitudes
+        even, odd = self._exponential(time)
+        spread = (self.equations.rate - self._middle * np.eye(2)) @ away
+        moved = self.steady_amplitudes + even[..., None] * away + odd[..., None] * spread
+        return np.asarray(moved, dtype=np.complex128)
+
+    def at(self, time_s: npt.ArrayLike, kind: str = "displacement") -> Real:
+        """Displacement [m], velocity [m/s], acceleration [m/s2] or mesh force [N] at any times.
+
+        Parameters
+        ----------
+        time_s : float array
+            Times [s] from the start, any shape.
+        kind : {"displacement", "velocity", "acceleration", "mesh_force"}
+            What to evaluate: the displacement as it stands, its derivatives, or k(t) z + c z'.
+        """
+        derivative = KINDS.index(check_kind(kind))
+        time = np.asarray(time_s, dtype=float)
+        rows = max(1, VALUES_AT_ONCE // max(len(self._shape), len(self._forced)))
+        flat = time.ravel()
+        found = np.empty(len(flat))
+        for first in range(0, len(flat), rows):
+            part = slice(first, first + rows)
+            if kind == "mesh_force":
+                found[part] = self._mesh_force(flat[part])
+            else:
+                found[part] = self._values(flat[part], derivative)
+        return found.reshape(time.shape)
+
+    @cached_property
+    def _shape(self) -> Complex:
+        return np.asarray(self.equations.shape_terms.sum(axis=0), dtype=np.complex128)
+
+    @cached_property
+    def _forced(self) -> Complex:
+        return np.asarray(self.equations.forced_terms.sum(axis=0), dtype=np.complex128)
+
+    @cached_property
+    def _middle(self) -> complex:
+        return complex(np.trace(self.equations.rate)) / 2
+
+    @cached_property
+    def _half_split(self) -> complex:
+        """Half the difference of both exponents [1/s]."""
+        away = self.equations.rate - self._middle * np.eye(2)
+        return cmath.sqrt(-complex(away[0, 0] * away[1, 1] - away[0, 1] * away[1, 0]))
+
+    def _exponential(self, time: Real) -> tuple[Complex, Complex]:
+        """e^{Lt} = even + odd (L - middle): the two factors."""
+        split = self._half_split
+        first, second = (np.exp((self._middle + s * split) * time) for s in (1, -1))
+        even = (first + second) / 2
+        x = split * time
+        near = np.abs(x) < 1e-2
+        series = np.exp(self._middle * time) * time * (1 + x**2 / 6 * (1 + x**2 / 20))
+        odd = (first - second) / (2 * split) if split != 0 else series
+        return even, np.where(near, series, odd)
+
+    def _values(self, time: Real, derivative: int) -> Real:
+        """Differentiate the displacement at a few times."""
+        e = self.equations
+        w = e.problem.angular_frequency
+        a = self.amplitudes(time)
+        rates = [a]
+        for _ in range(derivative):
+            rates.append(rates[-1] @ e.rate.T + (e.forcing if len(rates) == 1 else 0))
+        turning = np.exp(1j * w * np.multiply.outer(time, e.lines))
+        z = np.zeros(len(time), dtype=complex)
+        for k, rate in enumerate(rates):
+            weight = math.comb(derivative, k) * (1j * w * e.lines) ** (derivative - k)
+            z += ((turning * weight) @ self._shape * rate).sum(axis=1)
+        still = (1j * w * e.forced_lines) ** derivative * self._forced
+        z += np.exp(1j * w * np.multiply.outer(time, e.forced_lines)) @ still
+        return np.asarray(z.real, dtype=np.float64)
+
+    def _mesh_force(self, time: Real) -> Real:
+        p = self.equations.problem
+        n = np.arange(1, len(p.stiffness_harmonics) + 1)
+        turning = np.exp(1j * p.angular_frequency * np.multiply.outer(time, n))
+        stiffness = p.stiffness_n_per_m * (1 + 2 * (turning @ p.stiffness_harmonics).real)
+        force: Real = stiffness * self._values(time, 0)
+        force += p.damping_ns_per_m * self._values(time, 1)
+        return force
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -86,34 +247,6 @@ class FreeVibration:
         return Motion(
             equations=self.equations, displacement_m=displacement_m, velocity_ms=velocity_ms
         )
-
-    def rows(self, most: int = 12) -> list[dict[str, float]]:
-        """Lines by size, relative to the free amplitude A, with what each order gives.
-
-        Parameters
-        ----------
-        most : int
-            Number of lines.
-
-        Returns
-        -------
-        list of dict
-            harmonic n, frequency_hz of w + n w_mesh (negative: seen at its modulus), relative
-            amplitude |U_n|, and order_k (modulus) for every order.
-        """
-        e = self.equations
-        terms = e.shape_terms[:, :, 0]
-        sizes = np.abs(terms.sum(axis=0))
-        return [
-            {
-                "harmonic": float(e.lines[at]),
-                "frequency_hz": self.frequency_hz + float(e.lines[at]) / e.problem.period_s,
-                "relative": float(sizes[at]),
-            }
-            | {f"order_{k}": float(abs(term[at])) for k, term in enumerate(terms)}
-            for at in np.argsort(-sizes, kind="stable")[:most]
-            if sizes[at] > 0
-        ]
 
 
 def free_vibration(
@@ -175,25 +308,55 @@ def free_vibration(
     )
 
 
-def frequency_shifts(problem: HillProblem) -> Real:
-    """Second-order shift of the natural frequency by each stiffness harmonic [rad/s], shape (J,).
+def transient(
+    problem: HillProblem,
+    displacement_m: float = 0.0,
+    velocity_ms: float = 0.0,
+    order: int = 4,
+    small_damping: bool = False,
+) -> Motion:
+    """Vibration from given initial conditions, resonant or not.
 
-    -w0 |c_n|^2/(4 - (n/R)^2): downwards for harmonics below 2 w0, upwards above.
+    Parameters
+    ----------
+    problem : HillProblem
+        What to expand.
+    displacement_m, velocity_ms : float
+        z(0) and z'(0).
+    order : int
+        N >= 0: the error is of order N+1 in the variation of stiffness, up to times of the order
+        of its inverse squared; rates are taken to order N+2.
+    small_damping : bool
+        Damping of order one (h = eps mu) instead of zero.
+
+    Returns
+    -------
+    Motion
+        Of the slow line p w nearest to the natural frequency, p = 0, 1/2, 1, 3/2, ...: that also
+        covers parametric (2p) and forced (p) resonance. Overdamped, and where the damped natural
+        frequency is below w/4, p = 0.
 
     Raises
     ------
     ArgumentError
-        If a harmonic with c_n != 0 lies within 1e-9 of 2 w0.
+        If an argument is out of its range or the damping critical.
+
+    Notes
+    -----
+    Other lines are at least w/2 away, so that max|phi| R should be well below one (fast meshes);
+    with it above, as for w0 = 13.6 w, more orders help as long as they converge.
+
+    Examples
+    --------
+    >>> p = HillProblem(0.28, 9e3, 8e8, [0.065], 4e-5, 4e3)
+    >>> m = transient(p)    # from rest
+    >>> abs(float(m.at(0.0))) < 1e-18, abs(float(m.at(1.0)) / 5e-6 - 1) < 0.1
+    (True, True)
     """
-    n = np.arange(1, len(problem.stiffness_harmonics) + 1)
-    c = problem.stiffness_harmonics
-    divisor = 4 - (n / problem.frequency_ratio) ** 2
-    hit = (np.abs(divisor) < 4e-9) & (c != 0)
-    if hit.any():
-        raise ArgumentError(
-            f"harmonic {int(n[hit][0])} of the stiffness lies on twice the natural frequency; "
-            "use parametric_resonance(problem)"
-        )
-    w0 = 2 * math.pi * problem.natural_frequency_hz
-    shift: Real = -w0 * np.abs(c) ** 2 / np.where(c == 0, 1.0, divisor)
-    return shift
+    zeta = 0.0 if small_damping else problem.damping_ratio
+    near = problem.frequency_ratio * math.sqrt(max(0.0, 1 - zeta**2))
+    line = round(2 * near) / 2
+    equations = amplitude_equations(
+        problem, [(1, line), (-1, -line)], order, order + 2, small_damping
+    )
+    return Motion(equations=equations, displacement_m=displacement_m, velocity_ms=velocity_ms)

@@ -17,8 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gearmon.dynamics import floquet
-from gearmon.dynamics.extremes import Curve
-from gearmon.dynamics.fourier import Complex, Modulation, Real
+from gearmon.dynamics.fourier import Complex, Curve, Modulation, Real
 from gearmon.errors import ArgumentError, check_finite, check_positive, check_range
 
 LARGEST = 1e9
@@ -126,8 +125,7 @@ class HillProblem:
 
     def dynamic_stiffness(self, highest: int) -> Complex:
         """D_n = 1 - (n/R)^2 + 2 i zeta n/R, relative to k0, shape (highest+1,)."""
-        x = np.arange(highest + 1) / self.frequency_ratio
-        return (1 - x**2) + 2j * self.damping_ratio * x
+        return dynamic_stiffness(self.frequency_ratio, self.damping_ratio, highest)
 
     def static_forcing(self, highest: int) -> Complex:
         """(F, f_1, ..., f_highest)/k0 [m], shape (highest+1,)."""
@@ -175,6 +173,37 @@ def frozen_vector(name: str, values: npt.ArrayLike) -> Complex:
     return vector
 
 
+def dynamic_stiffness(ratio: float | Real, zeta: float | Real, highest: int) -> Complex:
+    """D_n of lines 0..highest for R = `ratio`, relative to k0; `ratio`, `zeta` may be columns."""
+    x = np.arange(highest + 1) / ratio
+    stiffness = np.empty(np.broadcast_shapes(x.shape, np.shape(zeta)), dtype=complex)
+    stiffness.real, stiffness.imag = 1 - x * x, 2 * zeta * x
+    return stiffness
+
+
+def largest_responses(
+    ratio: float, zeta: float, power: float = 0.0, line: int = 0
+) -> tuple[float, float]:
+    """Largest 1/s_n and x_n^2/s_n of all lines n >= `line`, s_n^2 = |D_n|^2 + power, x_n = n/R.
+
+    s^2 is a parabola in x^2 and s^2/x^4 one in 1/x^2: the best lines are next to their vertices.
+    """
+    middle = 1 - 2 * zeta * zeta
+    lines = [line]
+    if middle > 0:
+        for vertex in (middle, (1 + power) / middle):
+            near = math.floor(ratio * math.sqrt(vertex))
+            lines += [n for n in (near, near + 1) if n > line]
+    least, least_weighted = math.inf, 1.0
+    for n in lines:
+        x = (n / ratio) ** 2
+        square = (1 - x) ** 2 + 4 * zeta * zeta * x + power
+        least = min(least, square)
+        if n:
+            least_weighted = min(least_weighted, square / (x * x))
+    return 1 / math.sqrt(max(least, 1e-300)), 1 / math.sqrt(max(least_weighted, 1e-300))
+
+
 UNITS = {
     "mass_kg": "kg",
     "damping_ns_per_m": "N s/m",
@@ -212,6 +241,8 @@ def broadcast_values(
 
 def _checked_array(name: str, values: npt.ArrayLike) -> Real:
     """Return values as floats, or raise with the first that is out of its range."""
+    if np.iscomplexobj(values):
+        raise ArgumentError(f"{name}: complex numbers, must be real")
     numbers = np.asarray(values, dtype=float)
     positive, signed = name in ("mass_kg", "stiffness_n_per_m", "period_s"), name == "force_n"
     bad = ~np.isfinite(numbers) | (positive & (numbers <= 0)) | ((numbers < 0) & (not signed))
@@ -225,8 +256,74 @@ def _checked_array(name: str, values: npt.ArrayLike) -> Real:
     return numbers
 
 
+class PeriodicVibration:
+    """What lines 0..N, on the first axis, tell of a steady vibration."""
+
+    displacement: Complex
+
+    @property
+    def _period_s(self) -> float:
+        raise NotImplementedError
+
+    @property
+    def _angular(self) -> Real:
+        rows = (-1, *(1,) * (self.displacement.ndim - 1))
+        return np.asarray((2 * math.pi * self.frequency_hz).reshape(rows))
+
+    @property
+    def frequency_hz(self) -> Real:
+        """Frequencies n/T [Hz], shape (N+1,)."""
+        return np.arange(len(self.displacement)) / self._period_s
+
+    @cached_property
+    def velocity(self) -> Complex:
+        """Velocity i n w z_n [m/s], shape of the displacement."""
+        return 1j * self._angular * self.displacement
+
+    @cached_property
+    def acceleration(self) -> Complex:
+        """Acceleration -(n w)^2 z_n [m/s2], shape of the displacement."""
+        return -(self._angular**2) * self.displacement
+
+    @property
+    def energy_lines(self) -> Real:
+        """E_n = (2 pi f_n A_n)^2/2 [J/kg] of each line, A_n = 2|z_n|, shape of the displacement."""
+        energy: Real = 2 * np.abs(self.velocity) ** 2
+        return energy
+
+    def at(self, time_s: npt.ArrayLike, kind: str = "displacement") -> Real:
+        """Displacement [m], velocity [m/s], acceleration [m/s2] or mesh force [N] at any times.
+
+        Parameters
+        ----------
+        time_s : float array
+            Times [s], any shape.
+        kind : {"displacement", "velocity", "acceleration", "mesh_force"}
+            What to evaluate.
+
+        Returns
+        -------
+        float ndarray
+            Shape of the times, and behind it that of one line.
+        """
+        half: Complex = getattr(self, check_kind(kind))
+        turns = np.asarray(time_s, dtype=float) / self._period_s
+        phase = np.exp(2j * math.pi * (turns % 1.0)[..., None] * np.arange(1, len(half)))
+        return np.asarray(half[0].real + 2 * (phase @ half[1:]).real, dtype=np.float64)
+
+
+KINDS = ("displacement", "velocity", "acceleration", "mesh_force")
+
+
+def check_kind(kind: str) -> str:
+    """Return what to evaluate at times, or raise ArgumentError."""
+    if kind not in KINDS:
+        raise ArgumentError(f"kind={kind!r} must be one of: {', '.join(KINDS)}")
+    return kind
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Response:
+class Response(PeriodicVibration):
     """Steady vibration of a `HillProblem`.
 
     Attributes
@@ -260,26 +357,9 @@ class Response:
     def __post_init__(self) -> None:
         object.__setattr__(self, "displacement", frozen_vector("displacement", self.displacement))
 
-    @cached_property
-    def velocity(self) -> Complex:
-        """Velocity i n w z_n [m/s], shape (N+1,)."""
-        return 1j * self._angular * self.displacement
-
-    @cached_property
-    def acceleration(self) -> Complex:
-        """Acceleration -(n w)^2 z_n [m/s2], shape (N+1,)."""
-        return -(self._angular**2) * self.displacement
-
     @property
-    def frequency_hz(self) -> Real:
-        """Frequencies n/T [Hz], shape (N+1,)."""
-        return np.arange(len(self.displacement)) / self.problem.period_s
-
-    @property
-    def energy_lines(self) -> Real:
-        """E_n = (2 pi f_n A_n)^2/2 [J/kg] of each line, A_n = 2|z_n|, shape (N+1,)."""
-        energy: Real = 2 * np.abs(self.velocity) ** 2
-        return energy
+    def _period_s(self) -> float:
+        return self.problem.period_s
 
     @cached_property
     def mesh_force(self) -> Complex:
@@ -323,27 +403,3 @@ class Response:
     def _pressing(self) -> Complex:
         """Mesh force counted positive in the direction of F, which presses the teeth together."""
         return self.mesh_force * math.copysign(1.0, self.problem.force_n)
-
-    def at(self, time_s: npt.ArrayLike, kind: str = "displacement") -> Real:
-        """Displacement [m], velocity [m/s], acceleration [m/s2] or mesh force [N] at any times.
-
-        Parameters
-        ----------
-        time_s : float array
-            Times [s], any shape.
-        kind : {"displacement", "velocity", "acceleration", "mesh_force"}
-            What to evaluate.
-        """
-        if kind not in ("displacement", "velocity", "acceleration", "mesh_force"):
-            raise ArgumentError(
-                f"kind={kind!r} must be displacement, velocity, acceleration or mesh_force"
-            )
-        half: Complex = getattr(self, kind)
-        turns = np.asarray(time_s, dtype=float) / self.problem.period_s
-        phase = np.exp(2j * math.pi * (turns % 1.0)[..., None] * np.arange(1, len(half)))
-        return np.asarray(half[0].real + 2 * (phase @ half[1:]).real, dtype=np.float64)
-
-    @property
-    def _angular(self) -> Real:
-        lines = np.arange(len(self.displacement), dtype=np.float64)
-        return np.asarray(lines * self.problem.angular_frequency)

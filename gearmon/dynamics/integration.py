@@ -17,32 +17,18 @@ import numpy as np
 from gearmon.dynamics.fourier import Real
 from gearmon.dynamics.time_marching import (
     Contact,
+    IntegratedResponse,
     Integrator,
     March,
     Periodic,
     Scaled,
-    Solver,
-    scaled,
-)
-from gearmon.dynamics.time_results import (
-    IntegratedResponse,
     TimeHistory,
     defect_of,
     history,
     response,
+    scaled,
 )
 from gearmon.errors import ArgumentError, check_finite, check_range
-
-__all__ = [
-    "Contact",
-    "IntegratedResponse",
-    "Integrator",
-    "Solver",
-    "TimeHistory",
-    "settle",
-    "shoot",
-    "transient",
-]
 
 Start = Literal["rest", "static"] | tuple[float, float]
 
@@ -262,8 +248,7 @@ def _begun(system: Scaled, start: Start, integrator: Integrator | None, contact:
     if isinstance(start, str):
         if start not in ("rest", "static"):
             raise ArgumentError(f"start={start!r} must be rest, static or a pair (z, z')")
-        mean = _mean_force(system)
-        state = [0.0, 0.0] if start == "rest" else [mean, 0.0]
+        state = [0.0 if start == "rest" else system.mean, 0.0]
     else:
         z, v = start
         check_finite("start", z, "m")
@@ -272,12 +257,3 @@ def _begun(system: Scaled, start: Start, integrator: Integrator | None, contact:
     return March(
         system=system, integrator=integrator or Integrator(), contact=contact, s=0.0, state=state
     )
-
-
-def _mean_force(system: Scaled) -> float:
-    """F/k0 in units of the deflection scale."""
-    p = system.problem
-    force = getattr(p, "mean_force_n", None)
-    force = p.force_n if force is None else force
-    stiffness = p.mass_kg * system.w0**2
-    return float(force) / stiffness / system.size_m

@@ -19,22 +19,12 @@ has h = zeta w0 = eps mu, so that damping acts one order later:
     Z^(k+1)_n = -(1/D_n) [sum_m phi_{n-m} Z^(k)_m + 2 i zeta (n/R) Z^(k)_n],   D_n = 1 - (n/R)^2
 
 It is offered as `small_damping`. It diverges where 2 zeta n/R > |D_n|, that is near resonance,
-where n w = w0 makes the right side secular: there use `resonance.forced_resonance`. The damping
+where n w = w0 makes the right side secular: there use `forced_resonance`. The damping
 ratio of meshes (0.03 to 0.3) is not small beside the variation of stiffness, which is why it is in
 order zero by default. Transients are in `motion`.
 
 Mass, damping, mean stiffness and period enter through D_n alone, the size of the variation through
 its power and the force as a factor: other values are substituted in the same orders (`Formula`).
-
-`sum_orders` expands about a constant stiffness 1 + b midway between the extremes of 1 + phi,
-
-    (D_n + b) Z^(k+1)_n = -[(phi - b) Z^(k)]_n,
-
-which for a stiffness that drops at one tooth of many is well below the mean and nearer to the
-extremes. Where max|phi - b| max 1/|D + b| < 1 it converges for certain, by at least that factor an
-order. An order costs one product and nothing is stored: the cheapest there is for the thousands of
-harmonics of a shaft turn. The partial sum leaves the residual -(phi - b) Z^(k), which is the force
-of the next order: what is left is known before it is summed.
 """
 
 from __future__ import annotations
@@ -48,19 +38,14 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.dynamics.certificate import Approximation, Certifier
-from gearmon.dynamics.fourier import FEWEST_FOR_A_MATRIX, Complex, Modulation, Real, rms
+from gearmon.dynamics.fourier import FEWEST_FOR_A_MATRIX, Complex, Modulation, Real
 from gearmon.dynamics.hill import HillProblem, broadcast_values
 from gearmon.errors import ArgumentError, check_range
 
-MOST_ORDERS = 400
 #: |D_n| that is rounding only
 NO_STIFFNESS = 1e-13
 #: Complex numbers of one array while formulas are evaluated: a few such stay in the cache.
 VALUES_AT_ONCE = 1 << 17
-#: Factor an order up to which the plain sum is worth it, and share of the tolerance it may leave.
-SLOWEST, AIM = 0.7, 0.3
-MOST_SUMMED = 120
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -309,80 +294,3 @@ class Formula:
             lambda half: scale * product(half),
         )
         return np.asarray(sum(itertools.islice(terms, self.order + 1)))
-
-
-def plain_sum(
-    certifier: Certifier, highest: int, tolerance: float, order: int | None
-) -> Approximation:
-    """Sum the orders as they come: `order` of them, or until they meet the tolerance or diverge.
-
-    Parameters
-    ----------
-    certifier : Certifier
-        Of the problem.
-    highest : int
-        Highest response harmonic kept.
-    tolerance : float
-        Relative error of the acceleration to stop at, where no order is given.
-    order : int or None
-        Highest order.
-    """
-    stream = orders(certifier.problem, highest)
-    start = next(stream)
-    dynamic = np.zeros_like(start)
-    used = 0
-    smallest = math.inf
-    for term in itertools.islice(stream, MOST_ORDERS if order is None else order):
-        dynamic = dynamic + term
-        used += 1
-        if order is None:
-            size = float(certifier.size(term))
-            smallest = min(smallest, size)
-            total = float(certifier.size(start + dynamic))
-            if size <= 0.1 * tolerance * total and (
-                size <= 1e-3 * tolerance * total
-                or certifier.judge(dynamic).bound.relative <= tolerance
-            ):
-                break
-            if size > 1e3 * smallest:
-                break
-    return certifier.judge(dynamic, used)
-
-
-def sum_orders(certifier: Certifier, dynamic: Complex, tolerance: float) -> Approximation:
-    """Improve z = g/D + dynamic by as many further orders as the tolerance takes.
-
-    Parameters
-    ----------
-    certifier : Certifier
-        Of the problem, with `certifier.convergence` below `SLOWEST`.
-    dynamic : complex ndarray, shape (N+1,)
-        What is known so far, zeros to begin with.
-    tolerance : float
-        Relative error of the acceleration aimed at.
-    """
-    highest = len(dynamic) - 1
-    middle = certifier.pattern.middle_and_swing[0]
-    start, _ = certifier.answer_to_forces(highest)
-    if dynamic.any():
-        force = certifier.judge(dynamic).residual[: highest + 1]
-    else:
-        force = -certifier.modulate(start, highest)
-    product = certifier.product(highest, highest, middle)
-    compliance = 1 / (certifier.stiffness(highest) + middle)
-    step, total = force * compliance, dynamic.copy()
-    gain = float(certifier.gain.acceleration)
-    size, orders = math.inf, 0
-    while orders < MOST_SUMMED:
-        total += step
-        orders += 1
-        step = product(step)
-        left = gain * rms(step)
-        if left <= 2 * AIM * tolerance * size:
-            # the size hardly changes after the first orders: it is taken again only to decide
-            size = float(certifier.size(start + total))
-            if left <= AIM * tolerance * size:
-                break
-        step *= compliance
-        np.negative(step, out=step)
-    return certifier.judge(total, orders)

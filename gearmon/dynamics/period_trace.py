@@ -20,8 +20,8 @@ import math
 
 import numpy as np
 
-from gearmon.dynamics import step_maps
 from gearmon.dynamics.fourier import Complex, Real
+from gearmon.dynamics.piecewise_motion import unit_integral
 
 Integers = np.ndarray[tuple[int, ...], np.dtype[np.int_]]
 
@@ -101,7 +101,7 @@ def _magnus(systems: Real, harmonics: Complex, count: int) -> tuple[Real, Real]:
     length = 2 * math.pi * ratio / count
     values = [variation * f[:, None] + (1 - zeta**2) for f in gauss_values(harmonics, count)]
     matrices, logs = magnus_steps(values[0], values[1], values[2], length)
-    product, log = step_maps.scaled_product(matrices, logs)
+    product, log = scaled_product(matrices, logs)
     return (product[0, 0] + product[1, 1]) / 2, log
 
 
@@ -182,8 +182,8 @@ def of_pieces(
     shape, pieces = ratio.shape, (len(levels), *(1,) * ratio.ndim)
     squares = 1 - zeta**2 + variation * levels.reshape(pieces)
     times = 2 * math.pi * ratio * shares.reshape(pieces)
-    matrices, logs = step_maps.unit_matrices(np.zeros(1), squares, times)
-    product, log = step_maps.scaled_product(matrices, logs)
+    matrices, logs = unit_matrices(np.zeros(1), squares, times)
+    product, log = scaled_product(matrices, logs)
     return ((product[0, 0] + product[1, 1]) / 2).reshape(shape), log.reshape(shape)
 
 
@@ -195,3 +195,53 @@ def growth(value: Real, log: Real) -> Real:
     with np.errstate(over="ignore"):
         small = np.arccosh(np.maximum(1.0, size * np.exp(np.minimum(log, 30.0))))
     return np.asarray(np.where(large & (size > 0), np.log(2 * safe) + log, small))
+
+
+def unit_matrices(h: Real, s: Real, tau: Real) -> tuple[Real, Real]:
+    """Step matrices with determinant one and size about one: e^{h tau} (I + N) = e^log matrix.
+
+    Returns
+    -------
+    matrices : float ndarray, shape (2, 2, ...)
+    logs : float ndarray, shape (...,)
+    """
+    h, s, tau = (np.asarray(x, dtype=np.float64) for x in np.broadcast_arrays(h, s, tau))
+    square = s - h**2
+    root = np.sqrt(np.abs(square)) * tau
+    swings = square >= 0
+    twice = np.where(swings, 0.0, -2 * root)
+    even = np.where(swings, np.cos(root), (1 + np.exp(twice)) / 2)
+    odd = tau * np.where(swings, np.sinc(root / math.pi), unit_integral(twice))
+    logs = np.where(swings, 0.0, root)
+    return np.array([[even + h * odd, odd], [-s * odd, even - h * odd]]), logs
+
+
+def scaled_product(matrices: Real, logs: Real) -> tuple[Real, Real]:
+    """Product of e^log * matrix in order along the first axis behind the 2 x 2, by halving.
+
+    Parameters
+    ----------
+    matrices : float ndarray, shape (2, 2, n, ...)
+    logs : float ndarray, shape (n, ...)
+
+    Returns
+    -------
+    matrix : float ndarray, shape (2, 2, ...)
+        Of size about one.
+    log : float ndarray, shape (...,)
+    """
+    while matrices.shape[2] > 1:
+        even = matrices.shape[2] // 2 * 2
+        a, b = matrices[:, :, 0:even:2], matrices[:, :, 1:even:2]
+        pairs = multiply(b, a)
+        size = np.abs(pairs).max(axis=(0, 1))
+        matrices = np.concatenate([pairs / size, matrices[:, :, even:]], axis=2)
+        logs = np.concatenate([logs[1:even:2] + logs[0:even:2] + np.log(size), logs[even:]])
+    return matrices[:, :, 0], logs[0]
+
+
+def multiply(left: Real, right: Real) -> Real:
+    """Products of stacks of 2 x 2 matrices, shapes (2, 2, ...)."""
+    (a, b), (c, d) = left
+    (e, f), (g, h) = right
+    return np.array([[a * e + b * g, a * f + b * h], [c * e + d * g, c * f + d * h]])

@@ -17,9 +17,15 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.dynamics import floquet, step_maps
+from gearmon.dynamics import floquet, period_trace
 from gearmon.dynamics.fourier import Complex, Real, rms
-from gearmon.dynamics.hill import HillProblem, frozen_vector
+from gearmon.dynamics.hill import (
+    KINDS,
+    HillProblem,
+    PeriodicVibration,
+    check_kind,
+    frozen_vector,
+)
 from gearmon.dynamics.piecewise_motion import PiecewiseMotion
 from gearmon.errors import ArgumentError, check_finite, check_positive, check_range
 
@@ -245,10 +251,10 @@ def multipliers(problem: PiecewiseProblem) -> tuple[complex, complex]:
     (True, 1.0)
     """
     h = problem.damping_ns_per_m / (2 * problem.mass_kg)
-    steps, logs = step_maps.unit_matrices(
+    steps, logs = period_trace.unit_matrices(
         np.array(h), problem.stiffness_n_per_m / problem.mass_kg, problem.durations_s
     )
-    product, log = step_maps.scaled_product(steps, logs)
+    product, log = period_trace.scaled_product(steps, logs)
     pair = floquet.exponents(product, float(log))
     decay = h * problem.period_s
     return cmath.exp(pair[0] - decay), cmath.exp(pair[1] - decay)
@@ -258,7 +264,7 @@ ROUNDING = 2.0**-52
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PiecewiseResponse:
+class PiecewiseResponse(PeriodicVibration):
     """Steady vibration of a `PiecewiseProblem`.
 
     Attributes
@@ -294,32 +300,15 @@ class PiecewiseResponse:
     def __post_init__(self) -> None:
         object.__setattr__(self, "displacement", frozen_vector("displacement", self.displacement))
 
-    @cached_property
-    def velocity(self) -> Complex:
-        """Velocity i n w z_n [m/s], shape (N+1,)."""
-        return 1j * self._angular * self.displacement
-
-    @cached_property
-    def acceleration(self) -> Complex:
-        """Acceleration -(n w)^2 z_n [m/s2], shape (N+1,); with its jumps, none of it cut."""
-        return -(self._angular**2) * self.displacement
+    @property
+    def _period_s(self) -> float:
+        return self.problem.period_s
 
     @cached_property
     def mesh_force(self) -> Complex:
         """Coefficients of k(t) z + c z' = F(t) - m z'' [N], shape (N+1,)."""
         force = self.problem.harmonics_of(self.problem.force_n, len(self.displacement) - 1)
         return force - self.problem.mass_kg * self.acceleration
-
-    @property
-    def frequency_hz(self) -> Real:
-        """Frequencies n/T [Hz], shape (N+1,)."""
-        return np.arange(len(self.displacement)) / self.problem.period_s
-
-    @property
-    def energy_lines(self) -> Real:
-        """E_n = (2 pi f_n A_n)^2/2 [J/kg] of each line, A_n = 2|z_n|, shape (N+1,)."""
-        energy: Real = 2 * np.abs(self.velocity) ** 2
-        return energy
 
     @cached_property
     def floquet_multipliers(self) -> tuple[complex, complex]:
@@ -364,14 +353,10 @@ class PiecewiseResponse:
         kind : {"displacement", "velocity", "acceleration", "mesh_force"}
             What to evaluate; exact, not a sum of harmonics.
         """
-        kinds = ("displacement", "velocity", "acceleration", "mesh_force")
-        if kind not in kinds:
-            raise ArgumentError(
-                f"kind={kind!r} must be displacement, velocity, acceleration or mesh_force"
-            )
+        which = KINDS.index(check_kind(kind))
         times = np.asarray(time_s, dtype=np.float64)
         phase = np.mod((times.ravel() - self.problem.start_s) / self.problem.period_s, 1.0)
-        values = self.motion.values(phase)[kinds.index(kind)].reshape(times.shape)
+        values = self.motion.values(phase)[which].reshape(times.shape)
         return np.asarray(values * self.problem.mass_kg if kind == "mesh_force" else values)
 
     def _push(self, time_s: Real) -> Real:
@@ -393,11 +378,6 @@ class PiecewiseResponse:
             k = int(np.argmax(self._push(times) <= 0))
             left, right = times[max(0, k - 1)], times[k]
         return float(right)
-
-    @property
-    def _angular(self) -> Real:
-        lines = np.arange(len(self.displacement), dtype=np.float64)
-        return np.asarray(lines * self.problem.angular_frequency)
 
 
 def solve_exactly(problem: PiecewiseProblem, harmonics: int | None = None) -> PiecewiseResponse:

@@ -12,6 +12,19 @@ difference of its ends, gives for the integrals Z of z e and A of z'' e
 Z is used below the mean natural frequency and A above it, where z_n = -A/(W^2 T) keeps its digits
 although it falls as n^-3. Where D cancels in a piece, because it swings at the line itself with
 little damping, its free vibration is integrated by its exponents instead.
+
+The states follow from the exact motion on a constant stiffness, step by step:
+
+    z'' + 2 h z' + s z = g,    state x = (z, z')
+
+Within a step h, s and g are constant, so x(t) = x(0) + N(t) x(0) + g (P, Q) with
+
+    Q(t) = response of the velocity-free mass to a unit impulse,   P(t) = integral of Q,
+    N = [ -s P   Q ;  -s Q   -s P - 2 h Q ]  (the step matrix less the identity).
+
+Everything follows from P and Q, which are positive sums of well-conditioned terms in every case
+(swinging, critical, creeping; s of either sign). N rather than I + N is kept, because I - (I+N)
+would cancel for periods that are short against the vibration.
 """
 
 from __future__ import annotations
@@ -24,7 +37,6 @@ from typing import Any, NamedTuple, TypeVar, cast
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.dynamics import step_maps
 from gearmon.dynamics.fourier import Complex, Real
 
 Integers = npt.NDArray[np.int_]
@@ -37,6 +49,184 @@ BLOCK = 20_000
 NEAR_RESONANCE = 0.03
 #: Durations that agree so closely repeat.
 SAME = 1e-13
+#: Below this length in radians P is summed as a power series, above it is not cancelling.
+SHORT = 0.5
+SERIES_TERMS = 16
+
+
+class Maps(NamedTuple):
+    """Affine maps x -> x + N x + b of states (z, z'), one per entry of the arrays."""
+
+    n11: Real
+    n12: Real
+    n21: Real
+    n22: Real
+    b1: Real
+    b2: Real
+
+    def move(self, z: Real, v: Real) -> tuple[Real, Real]:
+        """Return the moved states."""
+        return (
+            z + (self.n11 * z + self.n12 * v + self.b1),
+            v + (self.n21 * z + self.n22 * v + self.b2),
+        )
+
+    def determinant(self) -> Real:
+        """det(-N) = 1 - trace + determinant of the step matrix."""
+        return self.n11 * self.n22 - self.n12 * self.n21
+
+    def fixed_point(self) -> tuple[Real, Real]:
+        """State that the map leaves where it is; infinite or NaN if there is none or no single."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            det = self.determinant()
+            z = (self.n12 * self.b2 - self.n22 * self.b1) / det
+            v = (self.n21 * self.b1 - self.n11 * self.b2) / det
+        return z, v
+
+
+def step(h: Real, s: Real, tau: Real, g: Real) -> Maps:
+    """Motion over the time tau under h, s and g, element by element.
+
+    Parameters
+    ----------
+    h : float ndarray
+        Half of damping over mass [1/s], >= 0.
+    s : float ndarray
+        Stiffness over mass [1/s2], any sign.
+    tau : float ndarray
+        Time [s], >= 0.
+    g : float ndarray
+        Force over mass [m/s2].
+    """
+    p, q = forced_and_free(h, s, tau)
+    n11 = -s * p
+    return Maps(n11, q, -s * q, n11 - 2 * h * q, g * p, g * q)
+
+
+def forced_and_free(h: Real, s: Real, tau: Real) -> tuple[Real, Real]:
+    """P(tau) [s2] and Q(tau) [s]; arguments as in `step`, broadcast."""
+    square = s - h**2
+    if square.size and square.min() > 0 and (s * tau**2).min() > SHORT**2:
+        return _swinging(h, s, square, tau)
+    h, s, tau, square = (
+        np.asarray(x, dtype=np.float64) for x in np.broadcast_arrays(h, s, tau, square)
+    )
+    p, q = np.empty(tau.shape), np.empty(tau.shape)
+    swings = square > 0
+    p[swings], q[swings] = _swinging(*(x[swings] for x in (h, s, square, tau)))
+    creeps = ~swings
+    p[creeps], q[creeps] = _creeping(*(x[creeps] for x in (h, s, square, tau)))
+    short = np.maximum(h, np.sqrt(np.abs(s))) * tau < SHORT
+    p[short] = _series(h[short], s[short], tau[short])
+    return p, q
+
+
+def _swinging(h: Real, s: Real, square: Real, tau: Real) -> tuple[Real, Real]:
+    d = np.sqrt(square)
+    angle, fade = d * tau, np.exp(-h * tau)
+    q = fade * np.sin(angle) / d
+    return (1 - (fade * np.cos(angle) + h * q)) / s, q
+
+
+def _creeping(h: Real, s: Real, square: Real, tau: Real) -> tuple[Real, Real]:
+    g = np.sqrt(-square)
+    fast = h + g
+    slow = np.divide(s, fast, out=np.zeros_like(s), where=fast > 0)
+    first, last = unit_integral(-slow * tau), unit_integral(-fast * tau)
+    q = tau * np.exp(-slow * tau) * unit_integral(-2 * g * tau)
+    apart = g * tau > 0.25
+    p = np.empty_like(q)
+    p[apart] = (tau * (first - last))[apart] / (2 * g[apart])
+    # the exponents nearly agree: then s tau^2 is not small, or the series takes over
+    near = ~apart
+    rest = np.exp(-fast * tau) + fast * q
+    p[near] = np.divide(1 - rest, s, out=np.zeros_like(s), where=s != 0)[near]
+    return p, q
+
+
+def unit_integral(x: Real) -> Real:
+    """(e^x - 1)/x."""
+    zero = x == 0
+    safe = np.where(zero, 1.0, x)
+    return np.where(zero, 1.0, np.expm1(safe) / safe)
+
+
+def _series(h: Real, s: Real, tau: Real) -> Real:
+    """Taylor series of P: P'' + 2 h P' + s P = 1 term by term."""
+    a, b = 2 * h * tau, s * tau**2
+    before, last = np.zeros_like(tau), tau**2 / 2
+    total = last.copy()
+    for n in range(3, SERIES_TERMS + 3):
+        before, last = last, -(a * last / n + b * before / (n * (n - 1)))
+        total += last
+    return total
+
+
+def composed(first: Maps, then: Maps) -> Maps:
+    """Return the map that does `first` and `then` after it."""
+    a, b = first, then
+    return Maps(
+        a.n11 + b.n11 + (b.n11 * a.n11 + b.n12 * a.n21),
+        a.n12 + b.n12 + (b.n11 * a.n12 + b.n12 * a.n22),
+        a.n21 + b.n21 + (b.n21 * a.n11 + b.n22 * a.n21),
+        a.n22 + b.n22 + (b.n21 * a.n12 + b.n22 * a.n22),
+        a.b1 + b.b1 + (b.n11 * a.b1 + b.n12 * a.b2),
+        a.b2 + b.b2 + (b.n21 * a.b1 + b.n22 * a.b2),
+    )
+
+
+def running(maps: Maps) -> Maps:
+    """Return maps from the start of the first piece to the end of each (axis 0), by doubling."""
+    count, shift = len(maps.n11), 1
+    while shift < count:
+        moved = composed(
+            Maps(*(x[:-shift] for x in maps)),
+            Maps(*(x[shift:] for x in maps)),
+        )
+        maps = Maps(*(np.concatenate([x[:shift], y]) for x, y in zip(maps, moved, strict=True)))
+        shift *= 2
+    return maps
+
+
+def last_of(maps: Maps) -> Maps:
+    """Return the maps at the end of axis 0."""
+    return Maps(*(x[-1] for x in maps))
+
+
+def periodic_states(maps: Maps) -> tuple[Real, Real, Maps]:
+    """States at the start of each piece that return after all of them, and the period's map.
+
+    Returns
+    -------
+    z, v : float ndarray, shape of the maps
+        Displacement [m] and velocity [m/s]; not finite where no periodic motion exists.
+    whole : Maps
+        Map of the whole period, without axis 0.
+    """
+    after = running(maps)
+    whole = last_of(after)
+    z0, v0 = whole.fixed_point()
+    z, v = after.move(z0, v0)
+    return (
+        np.concatenate([z0[None], z[:-1]]),
+        np.concatenate([v0[None], v[:-1]]),
+        whole,
+    )
+
+
+def is_stable(whole: Maps, decay: Real) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+    """Whether both multipliers of a period's map lie inside the unit circle (Jury's conditions).
+
+    Parameters
+    ----------
+    whole : Maps
+        Map of the period.
+    decay : float ndarray
+        2 h T: minus the logarithm of the product of the multipliers.
+    """
+    one = whole.determinant() > 0
+    trace = 2 + whole.n11 + whole.n22
+    return np.asarray(one & (1 + trace + np.exp(-decay) > 0) & (decay > 0))
 
 
 class _Pieces(NamedTuple):
@@ -213,12 +403,12 @@ class PiecewiseMotion:
     start: float
     z: Real
     v: Real
-    whole: step_maps.Maps
+    whole: Maps
 
     @classmethod
     def solve(cls, h: Real, s: Real, tau: Real, g: Real, start: float = 0.0) -> PiecewiseMotion:
         """Find the periodic motion; the arrays broadcast."""
-        z, v, whole = step_maps.periodic_states(step_maps.step(h, s, tau, g))
+        z, v, whole = periodic_states(step(h, s, tau, g))
         return cls(h=h, s=s, tau=tau, g=g, start=start, z=z, v=v, whole=whole)
 
     @cached_property
@@ -229,7 +419,7 @@ class PiecewiseMotion:
     @cached_property
     def stable(self) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
         """Whether free vibrations die out."""
-        return step_maps.is_stable(self.whole, 2 * (self.h * self.tau).sum(axis=0))
+        return is_stable(self.whole, 2 * (self.h * self.tau).sum(axis=0))
 
     def lines(self, highest: int) -> Complex:
         """Exact displacement harmonics 0..highest [m], shape (highest+1,)."""
@@ -254,7 +444,7 @@ class PiecewiseMotion:
         index = np.searchsorted(begins[1:], moment, side="right")
         s, g = self.s[index], self.g[index]
         h = np.broadcast_to(self.h, self.z.shape)[index]
-        maps = step_maps.step(h, s, moment - begins[index], g)
+        maps = step(h, s, moment - begins[index], g)
         z, v = maps.move(self.z[index], self.v[index])
         push = s * z + 2 * h * v
         return z, v, g - push, push
@@ -270,7 +460,7 @@ class PiecewiseMotion:
         least = np.full(self.z.shape, np.inf)
         for moment in (np.zeros_like(self.z), *times, np.broadcast_to(self.tau, self.z.shape)):
             inside = np.clip(np.nan_to_num(moment, nan=0.0), 0.0, self.tau)
-            z, v = step_maps.step(h, s, inside, g).move(self.z, self.v)
+            z, v = step(h, s, inside, g).move(self.z, self.v)
             least = np.minimum(least, sign * (s * z + 2 * h * v))
         return np.asarray(least.min(axis=0))
 

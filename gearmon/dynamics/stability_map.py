@@ -17,8 +17,7 @@ from gearmon.dynamics.stability import (
     shape_of,
     stability_chart,
 )
-from gearmon.dynamics.tongue_expansion import expanded_tongue
-from gearmon.dynamics.tongues import MOST_TONGUE, is_open, tongue_edges
+from gearmon.dynamics.tongues import MOST_TONGUE, expanded_tongue, is_open, tongue_edges
 from gearmon.errors import ArgumentError, check_range
 
 #: Part of the variation that brings k(t) to zero up to which a map is drawn.

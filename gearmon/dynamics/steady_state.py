@@ -3,24 +3,37 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Literal, get_args, overload
 
 import numpy as np
 
-from gearmon.dynamics import direct, floquet, harmonic_balance, least_residual, multiple_scales
+from gearmon.dynamics import direct, floquet
 from gearmon.dynamics.band_system import counting
-from gearmon.dynamics.certificate import Approximation, Certifier
-from gearmon.dynamics.fourier import Complex, rms
+from gearmon.dynamics.compliance import PairCompliance
+from gearmon.dynamics.fourier import Complex
 from gearmon.dynamics.hill import HillProblem, Response
-from gearmon.dynamics.meshes import solve_system
+from gearmon.dynamics.mesh_equations import (
+    MOST_ORDERS,
+    SLOWEST,
+    Approximation,
+    MeshEquations,
+    balance,
+    equations_of,
+    first_highest,
+    plain_sum,
+    recombine,
+    sharpened,
+    sum_orders,
+    widen,
+)
 from gearmon.dynamics.system import HillSystem, SystemResponse
 from gearmon.errors import ArgumentError, check_range
 
 Method = Literal["auto", "msm", "msm least residual", "harmonic balance"]
 
-MOST_ROUNDS = 12
+#: w0/w up to which the harmonics are solved for.
+MOST_RATIO = 1e6
 
 
 @overload
@@ -64,8 +77,8 @@ def steady_state(
         by least residual, then by harmonic balance if they stall; systems by least residual.
         "msm": the plain sum of the orders. "msm least residual" and "harmonic balance": that one.
     order : int, optional
-        Number of orders to use, >= 0 (a system takes one at least); by default as many as the
-        tolerance takes. Not for harmonic balance.
+        Number of orders to use, >= 0; by default as many as the tolerance takes. Not for harmonic
+        balance.
     harmonics : int, optional
         Highest response harmonic wanted, >= 1; the tolerance and the bound then concern harmonics
         0..harmonics. By default all that the tolerance takes.
@@ -93,41 +106,61 @@ def steady_state(
     True
     """
     _check(tolerance, method, order, harmonics)
-    if isinstance(problem, HillSystem):
-        return solve_system(problem, tolerance, method, order, harmonics)
-    if method == "auto" and order is None:
-        solution = direct.solve(problem, tolerance, harmonics)
-        if solution is not None:
-            return _respond_directly(problem, solution, tolerance)
-    certifier = Certifier(problem, harmonics)
+    if isinstance(problem, HillProblem):
+        _check_lines(problem)
+        if method == "auto" and order is None:
+            solution = direct.solve(problem, tolerance, harmonics)
+            if solution is not None:
+                return _respond_directly(problem, solution, tolerance)
+        equations = equations_of(problem, harmonics)
+        return _respond(problem, equations, *_solve(equations, tolerance, method, order), tolerance)
+    equations = equations_of(problem, harmonics)
+    found, way = _solve(equations, tolerance, method, order)
+    return _respond_of_system(problem, equations, found, way, tolerance)
+
+
+def _solve(
+    equations: MeshEquations, tolerance: float, method: str, order: int | None
+) -> tuple[Approximation, str]:
+    """Solve by the cheapest method, or the one asked for; return its name, too."""
+    most = MOST_ORDERS if order is None else order
+
+    def recombined(x: Complex) -> Approximation:
+        return recombine(equations, x, tolerance, most)
+
     if method == "msm":
-        found = _plain(certifier, tolerance, order)
-        return _respond(certifier, found, tolerance, "msm")
+        return _plain(equations, tolerance, order), method
     if method == "harmonic balance":
-        found = _widen(
-            certifier, tolerance, lambda z: harmonic_balance.balance(certifier, len(z) - 1)
-        )
-        return _respond(certifier, found, tolerance, method)
-    if (
-        method == "auto"
-        and order is None
-        and (certifier.gain.stable and certifier.convergence < multiple_scales.SLOWEST)
-    ):
-        found = _widen(
-            certifier, tolerance, lambda z: multiple_scales.sum_orders(certifier, z, tolerance)
-        )
+        improve = lambda x: balance(equations, x.shape[-1] - 1)  # noqa: E731
+        return widen(equations, tolerance, improve), method
+    free = method == "auto" and order is None
+    if free and equations.gain.stable and equations.convergence < SLOWEST:
+        found = widen(equations, tolerance, lambda x: sum_orders(equations, x, tolerance))
         if found.bound.relative <= tolerance:
-            return _respond(certifier, found, tolerance, "msm")
-    improve = _recombining(certifier, tolerance, order)
-    found = _widen(certifier, tolerance, improve, repeat=order is None)
-    if method == "auto" and order is None and _worth_solving_directly(certifier, found, tolerance):
-        solution = direct.solve(problem, tolerance, harmonics, thorough=True)
-        if solution is not None and solution.stable and solution.bound < found.bound.relative:
-            return _respond_directly(problem, solution, tolerance)
-        balanced = harmonic_balance.balance(certifier, found.highest)
-        if balanced.bound.relative < found.bound.relative:
-            return _respond(certifier, balanced, tolerance, "harmonic balance")
-    return _respond(certifier, found, tolerance, "msm least residual")
+            return found, "msm"
+    found = widen(equations, tolerance, recombined, repeat=order is None)
+    if free and _worth_a_matrix(equations, found, tolerance):
+        # the core is what a matrix can mend, and a bound of the inverse that is missing or loose
+        own = equations.gain
+        sharper = np.minimum(own.acceleration, equations.gain_by_inverse)
+        if sharper < 0.9 * own.acceleration:
+            equations.gain = replace(own, acceleration=sharper)
+            found = widen(equations, tolerance, recombined)
+        if found.bound.relative > tolerance:
+            balanced = balance(equations, found.highest)
+            if balanced.bound.relative < found.bound.relative:
+                return balanced, "harmonic balance"
+    return found, "msm least residual"
+
+
+def _check_lines(problem: HillProblem) -> None:
+    ratio = problem.frequency_ratio
+    if ratio > MOST_RATIO:
+        raise ArgumentError(
+            f"mass_kg={problem.mass_kg} kg, stiffness_n_per_m={problem.stiffness_n_per_m} N/m, "
+            f"period_s={problem.period_s} s: the natural frequency is {ratio:.4g} times that of "
+            f"the mesh, and as many harmonics must be solved; allowed is {MOST_RATIO:.0g} times"
+        )
 
 
 def _check(tolerance: float, method: str, order: int | None, harmonics: int | None) -> None:
@@ -142,116 +175,29 @@ def _check(tolerance: float, method: str, order: int | None, harmonics: int | No
         check_range("harmonics", harmonics, 1, 10_000_000)
 
 
-def _plain(certifier: Certifier, tolerance: float, order: int | None) -> Approximation:
-    p = certifier.problem
+def _plain(equations: MeshEquations, tolerance: float, order: int | None) -> Approximation:
     if order is None:
-        found = _widen(
-            certifier,
+        found = widen(
+            equations,
             tolerance,
-            lambda z: multiple_scales.plain_sum(certifier, len(z) - 1, tolerance, None),
+            lambda x: plain_sum(equations, x.shape[-1] - 1, tolerance, None),
             counts_add=False,
         )
     else:
-        forced = max(1, len(p.force_harmonics_n), certifier.shown or 1)
-        all_reached = len(p.force_harmonics_n) + order * len(p.stiffness_harmonics)
-        highest = max(forced, min(all_reached, first_highest(certifier, 1e-13)))
-        found = multiple_scales.plain_sum(certifier, highest, tolerance, order)
-    return found if found.bound.relative <= tolerance else sharpened(certifier, found)
+        lines = len(equations.compliance.forces) - 1
+        reached = lines + order * equations.pattern.harmonics.shape[-1]
+        least = max(1, lines, equations.shown or 1)
+        highest = max(least, min(reached, first_highest(equations, 1e-13)))
+        found = plain_sum(equations, highest, tolerance, order)
+    return found if found.bound.relative <= tolerance else sharpened(equations, found)
 
 
-def sharpened(certifier: Certifier, found: Approximation) -> Approximation:
-    """Bound a large error by the distance from a good solution, more sharply than by the gain."""
-    if not certifier.gain.stable:
-        return found
-    for _ in range(2):
-        wanted = max(1e-12, 0.05 * min(float(found.bound.relative), 0.1))
-        better = _widen(certifier, wanted, _recombining(certifier, wanted))
-        found = certifier.sharpened(found, better)
-    return found
-
-
-def _recombining(
-    certifier: Certifier, tolerance: float, order: int | None = None
-) -> Callable[[Complex], Approximation]:
-    most = least_residual.MOST_ORDERS if order is None else order
-    return lambda z: least_residual.recombine(certifier, z, tolerance, most)
-
-
-def first_highest(certifier: Certifier, tolerance: float) -> int:
-    """Guess the number of harmonics that a tolerance takes.
-
-    The significant stiffness harmonics all appear at first order. Above them and above resonance,
-    a line is reached only by jumps of about the mean bandwidth of phi, each of which costs
-    max|phi|/|D_n|.
-    """
-    p = certifier.problem
-    sizes = np.abs(p.stiffness_harmonics)
-    ratio, swing = p.frequency_ratio, float(certifier.swing)
-    top = max(2, math.ceil(1.2 * ratio), len(p.force_harmonics_n), certifier.shown or 1)
-    if not sizes.any():
-        return top
-    orders = np.arange(1, len(sizes) + 1)
-    if certifier.shown is not None:
-        # a line that is not handed out matters by what it gives to the others
-        hidden = np.minimum(1, (ratio / orders) ** 2)
-        sizes = np.where(orders > certifier.shown, sizes * hidden, sizes)
-    above = np.sqrt(np.cumsum((sizes**2)[::-1]))[::-1]
-    top = max(top, int(np.flatnonzero(above > 0.1 * tolerance * above[0])[-1]) + 1)
-    jump = max(1, round(float(orders @ sizes / sizes.sum())))
-    share = 1.0
-    for _ in range(400):
-        if share < 3e-3 * tolerance:
-            break
-        top += jump
-        share *= min(0.8, swing / max(1e-9, abs((top / ratio) ** 2 - 1)))
-    return top
-
-
-def _widen(
-    certifier: Certifier,
-    tolerance: float,
-    improve: Callable[[Complex], Approximation],
-    repeat: bool = True,
-    counts_add: bool = True,
-) -> Approximation:
-    """Improve and add harmonics in turn, until the tolerance is met or neither helps."""
-    dynamic = np.zeros(first_highest(certifier, tolerance) + 1, dtype=complex)
-    found = improve(dynamic)
-    orders = found.orders
-    for _ in range(MOST_ROUNDS if repeat else 0):
-        if found.bound.relative <= tolerance:
-            break
-        highest = _larger(certifier, found, tolerance)
-        padding = np.zeros(highest - found.highest, dtype=complex)
-        better = improve(np.concatenate([found.dynamic, padding]))
-        orders = better.orders + counts_add * orders
-        old, found = found, replace(better, orders=orders)
-        if highest == old.highest and rms(found.residual) > 0.5 * rms(old.residual):
-            break
-    return found
-
-
-def _larger(certifier: Certifier, found: Approximation, tolerance: float) -> int:
-    """Find the harmonic beyond which the residual asks for too little to matter."""
-    extra = np.abs(certifier.answer(found.residual, found.highest))
-    worth = certifier.weights(len(extra) - 1) * (certifier.shown is None)
-    gain = float(certifier.gain.acceleration)
-    if gain < math.inf:
-        worth = worth + gain * certifier.swing
-    beyond = np.sqrt(2 * np.cumsum(((worth * extra) ** 2)[::-1]))[::-1]
-    allowed = tolerance * found.bound.size
-    if beyond[0] <= 0.4 * allowed:
-        return found.highest
-    needed = int((beyond > 0.1 * allowed).sum())
-    return max(needed, found.highest + max(8, found.highest // 4))
-
-
-def _worth_solving_directly(certifier: Certifier, found: Approximation, tolerance: float) -> bool:
-    # the core is what a matrix can mend, and a bound of the inverse that is missing or loose
-    known = certifier.gain.acceleration < math.inf
-    missed = found.bound.relative > tolerance and bool(certifier.gain.stable)
-    inner = found.bound.core + found.bound.rounding
-    return bool(missed and not (known and found.bound.above > inner) and found.highest <= 1000)
+def _worth_a_matrix(equations: MeshEquations, found: Approximation, tolerance: float) -> bool:
+    if found.bound.relative <= tolerance or not equations.gain.stable:
+        return False
+    known = equations.gain.acceleration < math.inf
+    small = isinstance(equations.compliance, PairCompliance) and found.highest <= 1000
+    return small and not (known and found.bound.above > found.bound.core + found.bound.rounding)
 
 
 def _respond_directly(
@@ -304,24 +250,73 @@ def _growth(multipliers: tuple[complex, complex]) -> str:
     )
 
 
-def _respond(certifier: Certifier, found: Approximation, tolerance: float, method: str) -> Response:
+def _cut(half: Complex, shown: int | None) -> Complex:
+    """Lines 0..shown of the last axis, zeros where there are none."""
+    if shown is None:
+        return half
+    missing = max(0, shown + 1 - half.shape[-1])
+    return np.pad(half, [(0, 0)] * (half.ndim - 1) + [(0, missing)])[..., : shown + 1]
+
+
+def _respond(
+    problem: HillProblem,
+    equations: MeshEquations,
+    found: Approximation,
+    method: str,
+    tolerance: float,
+) -> Response:
     """Hand out the harmonics asked for, with what there is to say about them."""
-    p = certifier.problem
-    z = found.start + found.dynamic
-    shown = certifier.shown
-    if shown is not None:
-        z = np.concatenate([z, np.zeros(max(0, shown + 1 - len(z)))])[: shown + 1]
-    stable = p.damping_ns_per_m > 0 and bool(certifier.gain.stable)
+    stable = problem.damping_ns_per_m > 0 and bool(equations.gain.stable)
     response = Response(
-        problem=p,
-        displacement=z,
-        error_bound=float(found.bound.relative) if stable is not False else math.inf,
+        problem=problem,
+        displacement=_cut(found.motion, equations.shown),
+        error_bound=float(found.bound.relative) if stable else math.inf,
         method=method,
         order=found.orders,
         stable=stable,
         message="",
     )
     return _with_contact(replace(response, message=_message(response, found, tolerance)))
+
+
+def _respond_of_system(
+    system: HillSystem,
+    equations: MeshEquations,
+    found: Approximation,
+    method: str,
+    tolerance: float,
+) -> SystemResponse:
+    stable = bool(equations.gain.stable)
+    bound = float(found.bound.relative) if stable else math.inf
+    scale = np.sqrt(system.mesh_stiffness_n_per_m)[:, None]
+    u = found.deflection
+    # the swing that these deflections make, one order better than the one they come from
+    force = scale * (u - found.swing - found.residual[:, : u.shape[1]])
+    if system.mesh_damping_ns_per_m is not None:
+        rates = 1j * system.angular_frequency * np.arange(u.shape[1]) * u
+        force += system.mesh_damping_ns_per_m[:, None] / scale * rates
+    if stable:
+        message = (
+            f"{method}, {found.orders} orders, {len(u)} meshes, harmonics 0 to {found.highest}: "
+            + _verdict(bound, tolerance)
+        )
+    else:
+        radius = float(np.abs(equations.multipliers[:1]).max(initial=0.0))
+        message = (
+            f"unstable: free vibrations change by {radius:.6g} a period (largest Floquet "
+            "multiplier), so there is no steady state"
+        )
+    return SystemResponse(
+        system=system,
+        displacement=_cut(found.motion, equations.shown).T,
+        mesh_force=_cut(force, equations.shown).T,
+        error_bound=bound,
+        method=method,
+        order=found.orders,
+        floquet_multipliers=equations.multipliers,
+        stable=stable,
+        message=message,
+    )
 
 
 def _message(response: Response, found: Approximation, tolerance: float) -> str:

@@ -4,7 +4,7 @@ Sets that share a pattern of stiffness differ in D and in a factor of phi only. 
 
 1. the gain of the inverse operator is bounded, which settles stability (`error_bound`);
 2. sets with the same harmonics near their natural frequency are expanded together
-   (`sweep_orders`), and judged by the certificate that one problem has;
+   (`sweep_orders`), and judged as one problem is, by the same `MeshEquations`;
 3. what still misses the tolerance goes through `steady_state` by itself, and so do sets whose
    pattern of stiffness few others share.
 """
@@ -17,11 +17,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.dynamics.certificate import Certifier, Sets
+from gearmon.dynamics.compliance import PairCompliance
 from gearmon.dynamics.error_bound import Gain, Pattern, best_gain
 from gearmon.dynamics.fourier import Complex, Real
-from gearmon.dynamics.hill import HillProblem, Response, broadcast_values
-from gearmon.dynamics.steady_state import steady_state
+from gearmon.dynamics.hill import LARGEST, HillProblem, Response, broadcast_values
+from gearmon.dynamics.mesh_equations import MeshEquations
+from gearmon.dynamics.steady_state import MOST_RATIO, steady_state
 from gearmon.dynamics.sweep_orders import INDICES, STRAGGLERS, SharedOrders
 from gearmon.errors import ArgumentError, check_range
 
@@ -166,7 +167,8 @@ def sweep(
     Raises
     ------
     ArgumentError
-        If a value is not finite or out of its range, or shapes do not broadcast.
+        If a value is not finite or out of its range, or shapes do not broadcast. A set whose values
+        are possible one by one, but not together, is refused alone, with its reason.
 
     Notes
     -----
@@ -291,11 +293,17 @@ class _Work:
 
     def solve(self, harmonics: Complex, at: INDICES) -> None:
         """Solve the sets `at`, whose stiffness follows one pattern."""
-        left = at
-        if len(at) >= FEWEST_TOGETHER:
-            left = self._together(Pattern(harmonics), at)
-        for i in left:
-            self._alone(int(i), harmonics)
+        # what no pair can have is told one by one, each with its reason
+        usual = (self.ratio[at] >= 1 / LARGEST) & (self.ratio[at] <= MOST_RATIO)
+        usual &= self.zeta[at] <= LARGEST
+        left, odd = at[usual], at[~usual]
+        if len(left) >= FEWEST_TOGETHER:
+            left = self._together(Pattern(harmonics), left)
+        for i in np.concatenate([left, odd]):
+            try:
+                self._alone(int(i), harmonics)
+            except ArgumentError as error:
+                self.reason[i] = str(error)
 
     def _together(self, pattern: Pattern, at: INDICES) -> INDICES:
         """Solve sets side by side; those that are left to be solved alone."""
@@ -307,38 +315,35 @@ class _Work:
         known = np.flatnonzero(gain.stable & np.isfinite(gain.acceleration))
         if not len(known):
             return at[gain.stable]
-        orders = SharedOrders(self._certifier(pattern, at, known, gain), self.tolerance)
+        orders = SharedOrders(self._equations(pattern, at, known, gain), self.tolerance)
         left = np.arange(len(known))
         for sharper, stragglers in ((1.0, STRAGGLERS), (0.03, 0.0)):
             for group, y, near in orders.attempt(left, sharper, stragglers):
                 for first in range(0, len(group), JUDGED_TOGETHER):
                     some = slice(first, first + JUDGED_TOGETHER)
                     part = known[group[some]]
-                    certifier = self._certifier(pattern, at, part, gain)
-                    self._take(certifier, at[part], y[some], RESONANT if near else MSM)
+                    equations = self._equations(pattern, at, part, gain)
+                    self._take(equations, at[part], y[some], RESONANT if near else MSM)
             left = left[~(self.bound[at[known[left]]] <= self.tolerance)]
         return at[gain.stable & ~(self.bound[at] <= self.tolerance)]
 
-    def _certifier(self, pattern: Pattern, at: INDICES, part: INDICES, gain: Gain) -> Certifier:
-        sets = Sets(
-            frequency_ratio=self.ratio[at[part], None],
-            damping_ratio=self.zeta[at[part], None],
-            scale=self.values["scale"][at[part], None],
-            stiffness_harmonics=pattern.harmonics,
+    def _equations(self, pattern: Pattern, at: INDICES, part: INDICES, gain: Gain) -> MeshEquations:
+        """Put sets side by side, each under a unit of static deflection."""
+        ratio, zeta, scale = (
+            x[at[part], None] for x in (self.ratio, self.zeta, self.values["scale"])
         )
-        own = Gain(
-            acceleration=gain.acceleration[part],
-            stable=gain.stable[part],
-            growth=gain.growth[part],
-        )
-        return Certifier(sets, self.shown, own, pattern)
+        own = Gain(acceleration=gain.acceleration[part], stable=gain.stable[part])
+        pairs = PairCompliance(ratio, zeta, np.ones(1, dtype=complex))
+        return MeshEquations(pairs, pattern, self.shown, scale, own)
 
-    def _take(self, certifier: Certifier, sets: INDICES, y: Complex, method: str) -> None:
+    def _take(self, equations: MeshEquations, sets: INDICES, y: Complex, method: str) -> None:
         """Judge deflections less the mean, of sets solved together, and keep what is good."""
         # y is all that exceeds the static deflection, the answer to the mean force
-        found = certifier.judge(y)
+        pairs, highest = equations.pairs, y.shape[1] - 1
+        stiffness = pairs.stiffness(highest + len(equations.pattern.harmonics))
+        found = equations.judge(stiffness[:, : highest + 1] * y, answered=y)
         good = found.bound.relative <= self.tolerance
-        half = (found.start + found.dynamic)[good]
+        half = found.motion[good]
         self._parts.append((sets[good], half if self.shown is None else half[:, : self.shown + 1]))
         self.bound[sets[good]], self.method[sets[good]] = found.bound.relative[good], method
 

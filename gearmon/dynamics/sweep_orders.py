@@ -27,8 +27,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.dynamics.certificate import Certifier
 from gearmon.dynamics.fourier import Complex, Modulation, Real
+from gearmon.dynamics.mesh_equations import MeshEquations
 
 MOST_ORDERS = 60
 # the mean square that an order must leave of the one before, or the series is given up
@@ -275,9 +275,9 @@ class ManyOrders:
         out[half:] += self.spare
 
 
-def windows(sets: Certifier) -> tuple[INDICES, INDICES]:
+def windows(sets: MeshEquations) -> tuple[INDICES, INDICES]:
     """First and last harmonic with |D_n| < NEARNESS max|phi| of every set; last < first if none."""
-    ratio, zeta = sets.ratio[:, 0], sets.zeta[:, 0]
+    ratio, zeta = sets.pairs.ratio[:, 0], sets.pairs.zeta[:, 0]
     bend = 1 - 2 * zeta**2
     spread = bend**2 - 1 + (NEARNESS * sets.swing) ** 2
     root = np.sqrt(np.maximum(spread, 0.0))
@@ -328,24 +328,23 @@ class SharedOrders:
 
     Parameters
     ----------
-    certifier : Certifier
+    equations : MeshEquations
         Of all the sets.
     tolerance : float
         Relative error of the acceleration to be met.
     """
 
-    def __init__(self, certifier: Certifier, tolerance: float) -> None:
-        self.certifier, self.tolerance = certifier, tolerance
-        self.gain = np.asarray(certifier.gain.acceleration)
-        self.numbers = tuple(
-            x[:, 0] for x in (certifier.ratio, certifier.zeta, np.asarray(certifier.scale))
-        )
+    def __init__(self, equations: MeshEquations, tolerance: float) -> None:
+        self.equations, self.tolerance = equations, tolerance
+        self.gain = np.asarray(equations.gain.acceleration)
+        pairs = equations.pairs
+        self.numbers = pairs.ratio[:, 0], pairs.zeta[:, 0], equations.scale[:, 0]
         self._couplings: dict[int, Coupling] = {}
 
     def coupling(self, highest: int) -> Coupling:
         """Products for harmonics 0..highest."""
         if highest not in self._couplings:
-            harmonics = self.certifier.problem.stiffness_harmonics
+            harmonics = self.equations.pattern.harmonics
             self._couplings[highest] = Coupling(harmonics, highest)
         return self._couplings[highest]
 
@@ -354,7 +353,7 @@ class SharedOrders:
     ) -> Iterator[tuple[INDICES, Complex, bool]]:
         """Yield groups of sets, their half spectra less the mean, and whether lines were near."""
         ratio, zeta, _ = self.numbers
-        first, last = windows(self.certifier)
+        first, last = windows(self.equations)
         # sets that converge alike stand together
         alike = np.where(last < first, 1e3 * np.ceil(2 * np.log2(zeta)) + ratio, self.gain)
         few = left[last[left] - first[left] < MOST_NEAR]
@@ -391,7 +390,7 @@ class SharedOrders:
 
     def _first_sizes(self, group: INDICES) -> Real:
         """Rms acceleration over w0^2 F/k0 of the first order, and no less than of line 1."""
-        harmonics, shown = self.certifier.problem.stiffness_harmonics, self.certifier.shown
+        harmonics, shown = self.equations.pattern.harmonics, self.equations.shown
         count = min(len(harmonics), shown or len(harmonics))
         ratio, zeta, scale = (x[group] for x in self.numbers)
         squares = (np.arange(1, count + 1)[:, None] / ratio) ** 2
@@ -421,12 +420,12 @@ class SharedOrders:
         The orders of the same equations, |D_n| not let below 2.5 max|phi|, fall off above the
         resonance as the solution does. What is left out may be a third of the tolerance.
         """
-        harmonics, shown = self.certifier.problem.stiffness_harmonics, self.certifier.shown
+        harmonics, shown = self.equations.pattern.harmonics, self.equations.shown
         largest = math.ceil(1.5 * ratio.max() + 3 * len(harmonics)) + 10
         coupling = self.coupling(min(largest, 2 * MOST_HARMONICS))
         x = np.arange(coupling.highest + 1)[:, None] / ratio
         stiffness = 1 - x * x + 2j * zeta * x
-        swing = self.certifier.pattern.highest * scale
+        swing = self.equations.pattern.highest * scale
         answer = -scale / (stiffness * np.maximum(1.0, 2.5 * swing / np.abs(stiffness)))
         count = len(x)
         rows = coupling.inward_forcing[:, None]

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.dynamics.extremes import Curve
-from gearmon.dynamics.fourier import Complex, Real
+from gearmon.dynamics.fourier import Complex, Curve, Real
+from gearmon.dynamics.hill import PeriodicVibration
 from gearmon.errors import ArgumentError, check_positive
 
 #: Share of the largest eigenvalue below which a mode is a rigid one: rounding of the eigenvalues of
@@ -216,7 +216,7 @@ def _check_symmetry(name: str, matrix: Real, sign: float) -> None:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SystemResponse:
+class SystemResponse(PeriodicVibration):
     """Steady vibration of a `HillSystem`.
 
     Attributes
@@ -255,19 +255,8 @@ class SystemResponse:
     message: str
 
     @property
-    def velocity(self) -> Complex:
-        """Velocity [m/s], shape (N+1, n)."""
-        return 1j * self._angular * self.displacement
-
-    @property
-    def acceleration(self) -> Complex:
-        """Acceleration [m/s2], shape (N+1, n)."""
-        return -(self._angular**2) * self.displacement
-
-    @property
-    def frequency_hz(self) -> Real:
-        """Frequencies i/T [Hz], shape (N+1,)."""
-        return np.arange(len(self.displacement)) / self.system.period_s
+    def _period_s(self) -> float:
+        return self.system.period_s
 
     @property
     def mesh_deflection(self) -> Complex:
@@ -301,33 +290,6 @@ class SystemResponse:
     def contact_lost(self) -> npt.NDArray[np.bool_]:
         """Whether a mesh force passes zero, shape (meshes,): there the linear model ends."""
         return np.asarray(self.mesh_force_margin <= 0)
-
-    def at(self, time_s: npt.ArrayLike, kind: str = "displacement") -> Real:
-        """Displacement [m], velocity [m/s], acceleration [m/s2] or mesh force [N] at any times.
-
-        Parameters
-        ----------
-        time_s : float array, shape (...)
-            Times [s].
-        kind : {"displacement", "velocity", "acceleration", "mesh_force"}
-
-        Returns
-        -------
-        float ndarray, shape (..., n) or (..., meshes)
-        """
-        if kind not in ("displacement", "velocity", "acceleration", "mesh_force"):
-            raise ArgumentError(
-                f"kind={kind!r} must be displacement, velocity, acceleration or mesh_force"
-            )
-        half: Complex = getattr(self, kind)
-        turns = np.asarray(time_s, dtype=float) / self.system.period_s
-        phase = np.exp(2j * math.pi * (turns % 1.0)[..., None] * np.arange(1, len(half)))
-        return np.asarray(half[0].real + 2 * (phase @ half[1:]).real)
-
-    @property
-    def _angular(self) -> Real:
-        lines = np.arange(len(self.displacement), dtype=float)
-        return np.asarray(self.system.angular_frequency * lines[:, None])
 
 
 def _margin(force: Complex) -> float:

@@ -163,33 +163,6 @@ def rows(
     ]
 
 
-def describe(expansion: Expansion, line: int, most: int = 3) -> str:
-    """Tell in a few lines of text what makes a line, order by order.
-
-    Parameters
-    ----------
-    expansion : Expansion
-        From `expand`.
-    line : int
-        n >= 0.
-    most : int
-        Terms named per order.
-    """
-    hertz = line / expansion.problem.period_s
-    twice = 2 if line else 1
-    text = [f"line {line} ({hertz:.6g} Hz)"]
-    for order, term in enumerate(expansion.terms):
-        found = rows(expansion, line, order, most)
-        if not found:
-            continue
-        text.append(f"  order {order}: {twice * abs(term[line]):.4g} m")
-        text += [
-            f"    {row['amplitude_m']:.4g} m  share {row['share']:+.3f}  {row['term']}"
-            for row in found
-        ]
-    return "\n".join(text)
-
-
 _Partial = tuple[float, complex, tuple[int, ...], tuple[int, ...]]
 
 

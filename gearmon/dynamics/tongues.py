@@ -8,26 +8,69 @@ m, these are the eigenvalues of a Hermitian problem,
 
 two for each tongue, and they come to nearly machine precision. The damped tongue is found inside
 the undamped one of w0^2 - h^2, whose growth e^{h t} outdoes there.
+
+By multiple scales. The amplitude equation of line p = n/2 (see `parametric_resonance`), in
+s = w0 t and centred on n w/2,
+
+    A' = [-zeta + i (1 + a - n nu/2)] A + i B conj(A),    nu = w/w0
+
+has real exponents -zeta +- sqrt(|B|^2 - (1 + a - n nu/2)^2), so that the edges of the tongue are at
+
+    nu = (2/n) [1 + a +- sqrt(|B|^2 - zeta^2)]
+
+and there is no tongue where |B| < zeta. Through second order, at nu = 2/n,
+
+    a = -zeta^2/2 - sum_{j>=1} |c_j|^2/(4 - 4 j^2/n^2)  (of j = n only its upper state, |c_n|^2/16)
+    B = c_n/2 + products c_j c_l with j + l = n
+
+which for 1 + eps cos(w t) gives nu = 2 +- eps/2 - eps^2/32 (n = 1), and nu = 1 + eps^2/24 and
+1 - 5 eps^2/24 (n = 2). Coefficients of higher orders depend on nu, and the edge is iterated.
+
+Limits: an asymptotic series; order K errs by order K+1 of the variation as long as neighbouring
+tongues stay apart (n max|phi| well below 1). `zeta` is c/(2 sqrt(k0 m)), the same at every speed.
+
+Sources: Nayfeh and Mook, Nonlinear Oscillations, 1979, section 5.2; McLachlan, Theory and
+Application of Mathieu Functions, 1947 (n = 1, 2 undamped).
+
+Several meshes. With modes of unit mass, D^(l) = Phi^T [sum_j k_j c_jl v_j v_j^T] Phi of the l-th
+harmonic of the stiffness couples mode p to mode q where l w = w_p + w_q (p = q: principal
+resonance). To first order of multiple scales, with z_p = A_p e^{i w_p t} + conjugate,
+
+    A_p' = -mu_p A_p + i D_pq/(2 w_p) conj(A_q) e^{i s t},    s = l w - w_p - w_q
+
+and the same with p and q exchanged. With kappa = |D_pq|/(2 sqrt(w_p w_q)) free vibrations grow for
+
+    |s| < (mu_p + mu_q) sqrt(kappa^2/(mu_p mu_q) - 1),    undamped |s| < 2 kappa.
+
+Where modes share a frequency, as the translational ones of planetary sets, D is a block and its
+singular values take the place of |D_pq|. Differences of frequencies do not occur, because D is
+symmetric. The error is of second order in the variation of stiffness.
+
+Source: Nayfeh and Mook, Nonlinear Oscillations, 1979, chapter 5; for gears Lin and Parker,
+J. Vib. Acoust. 124 (2002) 68.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from gearmon.dynamics.amplitude_equations import MOST_ORDERS
 from gearmon.dynamics.fourier import Complex, Real
+from gearmon.dynamics.hill import frozen_vector
+from gearmon.dynamics.slow_states import Coupling, reduce
 from gearmon.dynamics.stability import FourierShape, PiecewiseShape, excess
-from gearmon.errors import ArgumentError, check_range
+from gearmon.dynamics.system import HillSystem
+from gearmon.errors import ArgumentError, check_positive, check_range
 
 MOST_HARMONICS = 600
 MOST_TONGUE = 200
 #: A tongue whose excess stays below this is closed as far as rounding can tell.
 CLOSED = 1e-13
 PEAK_ROUNDS = 7
-MOST_ROUNDS = 80
 
 
 def tongue_edges(
@@ -151,42 +194,237 @@ def _inside(
     shape: FourierShape | PiecewiseShape, tongue: int, eps: Real, zeta: float, around: Real
 ) -> Real:
     """Edges within an interval of w/w0 for each eps."""
+    from scipy.optimize.elementwise import find_root
+
     top, grows = _opened(shape, tongue, eps, zeta, around)
     edges = np.full((len(eps), 2), np.nan)
     for column in (0, 1):
 
-        def value(x: Real) -> Real:
-            return excess(shape, 1 / x, eps[grows], zeta)[tongue % 2]
+        def value(x: Real, some: Real) -> Real:
+            return excess(shape, 1 / x, some, zeta)[tongue % 2]
 
-        edges[grows, column] = roots(value, around[grows, column], top[grows])
+        if grows.any():
+            found = find_root(
+                value,
+                (around[grows, column], top[grows]),
+                args=(eps[grows],),
+                tolerances={"xatol": 0.0, "xrtol": 4e-16, "fatol": 0.0, "frtol": 0.0},
+            )
+            edges[grows, column] = found.x
     return edges
 
 
-def roots(function: Callable[[Real], Real], outside: Real, inside: Real) -> Real:
-    """Zeros between points where a function of arrays is <= 0 and where it is > 0.
+MOST_ITERATIONS = 60
 
-    Chandrupatla's choice between bisection and inverse quadratic interpolation (Adv. Eng. Software
-    28, 1997, 145), for all elements at once, down to rounding.
+
+def expanded_tongue(
+    harmonics: npt.ArrayLike, number: int, zeta: float = 0.0, order: int = 2
+) -> tuple[float, float] | None:
+    """Lower and upper edge w/w0 of the n-th tongue, to some order of the variation.
+
+    Parameters
+    ----------
+    harmonics : complex array, shape (J,)
+        c_1..c_J of phi; eps cos(wt) has c_1 = eps/2.
+    number : int
+        n >= 1.
+    zeta : float
+        Damping ratio, 0 to 0.99; counted as order one.
+    order : int
+        K >= 1: highest order of the amplitude equation.
+
+    Returns
+    -------
+    (float, float) or None
+        Edges w/w0; None if damping leaves no tongue at this order.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of its range, or the edges of an order above two do not settle.
+
+    Examples
+    --------
+    >>> low, high = expanded_tongue([0.1], 1)    # eps = 0.2
+    >>> round(low, 5), round(high, 5), 2 - 0.1 - 0.04 / 32, 2 + 0.1 - 0.04 / 32
+    (1.89875, 2.09875, 1.89875, 2.09875)
+    >>> expanded_tongue([0.1], 1, zeta=0.051) is None    # eps < 4 zeta
+    True
     """
-    a, b, c = inside.copy(), outside.copy(), inside.copy()
-    fa, fb = function(a), function(b)
-    fc, share = fa.copy(), np.full(len(a), 0.5)
-    for _ in range(MOST_ROUNDS):
-        x = a + share * (b - a)
-        f = function(x)
-        same = (f > 0) == (fa > 0)
-        c, fc = np.where(same, a, b), np.where(same, fa, fb)
-        b, fb = np.where(same, b, a), np.where(same, fb, fa)
-        a, fa = x, f
-        width = np.abs(b - a)
-        if (width <= 4e-16 * np.abs(a)).all() or not len(a):
+    c = frozen_vector("harmonics", harmonics)
+    check_range("number", number, 1, 10_000)
+    check_range("order", order, 1, MOST_ORDERS)
+    check_range("zeta", zeta, 0.0, 0.99)
+    edges = [_edge(c, number, zeta, order, side) for side in (-1, 1)]
+    low, high = edges
+    return None if low is None or high is None else (min(low, high), max(low, high))
+
+
+def _edge(c: Complex, number: int, zeta: float, order: int, side: int) -> float | None:
+    centre = 2 / number
+    found = _next_edge(c, number, zeta, order, centre, side)
+    if order <= 2 or found is None:
+        return found
+    change = math.inf
+    for _ in range(MOST_ITERATIONS):
+        better = _next_edge(c, number, zeta, order, found, side)
+        if better is None:
+            return None
+        change, found = abs(better - found), better
+        if change <= 1e-14 * centre:
+            return found
+        if not 0.5 * centre < found < 2 * centre:
             break
-        with np.errstate(divide="ignore", invalid="ignore"):
-            place, level = (a - b) / (c - b), (fa - fb) / (fc - fb)
-            smooth = (1 - np.sqrt(1 - place) < level) & (level < np.sqrt(place))
-            share = fa / (fb - fa) * fc / (fb - fc) + (c - a) / (b - a) * fa / (fc - fa) * fb / (
-                fc - fb
+    if change <= 1e-12 * centre:
+        return found
+    raise ArgumentError(
+        f"number={number}: order {order} of multiple scales gives no edge at this variation of "
+        "stiffness (the iteration does not settle); use order=2 or Floquet multipliers"
+    )
+
+
+def _next_edge(
+    c: Complex, number: int, zeta: float, order: int, nu: float, side: int
+) -> float | None:
+    """Edge by the coefficients at w/w0 = nu."""
+    shift, coupling, decay = tongue_coefficients(c, number, zeta, order, nu)
+    square = abs(coupling) ** 2 - decay**2
+    if square < 0:
+        return None
+    return (2 / number) * (1 + shift + side * math.sqrt(square))
+
+
+def tongue_coefficients(
+    harmonics: npt.ArrayLike, number: int, zeta: float, order: int, nu: float
+) -> tuple[float, complex, float]:
+    """Coefficients (a, i B, decay) of the amplitude equation at w/w0 = nu, in s = w0 t.
+
+    Parameters
+    ----------
+    harmonics, number, zeta, order
+        As in `expanded_tongue`.
+    nu : float
+        w/w0 > 0.
+    """
+    coupling = Coupling(
+        ratio=1 / check_positive("nu", nu),
+        zeta=zeta,
+        harmonics=frozen_vector("harmonics", harmonics),
+        small_damping=True,
+    )
+    rates = reduce(coupling, [(1, number / 2), (-1, -number / 2)], 0, order).rates[1:]
+    total = np.asarray(rates.sum(axis=0))
+    return float(total[0, 0].imag), complex(total[0, 1]), float(-total[0, 0].real)
+
+
+#: Frequencies that agree so closely are one: rounding of eigenvalues is far below.
+SAME = 1e-6
+#: A coupling below this share of the largest is rounding.
+NO_COUPLING = 1e-9
+
+
+@dataclass(frozen=True, kw_only=True)
+class CombinationTongue:
+    """Where two modes are unstable together.
+
+    Attributes
+    ----------
+    harmonic : int
+        l, of the stiffness.
+    modes : (int, int)
+        p <= q, the first of each frequency, counted from 0 in ascending order.
+    frequency_hz : float
+        Centre: 1/T at which l/T is the sum of both natural frequencies.
+    half_width_hz : float
+        Half width in 1/T; 0 where damping closes the tongue.
+    coupling_per_s : float
+        kappa [1/s]: rate of growth at the centre without damping.
+    damping_per_s : (float, float)
+        mu_p and mu_q [1/s].
+    """
+
+    harmonic: int
+    modes: tuple[int, int]
+    frequency_hz: float
+    half_width_hz: float
+    coupling_per_s: float
+    damping_per_s: tuple[float, float]
+
+
+def combination_tongues(system: HillSystem) -> list[CombinationTongue]:
+    """Principal and combination instabilities of first order, the widest first.
+
+    Parameters
+    ----------
+    system : HillSystem
+        Its own period does not matter: the tongues say at which it is unstable. Gyroscopic terms
+        are left out.
+
+    Returns
+    -------
+    list of Tongue
+        Every pair of modes that some harmonic couples, damped shut or not.
+
+    Examples
+    --------
+    >>> pair = HillSystem(0.28, 0.0, 0.0, 1.0, 8e8, [[0.065]], 1.6e-3, 4e3)
+    >>> tongue = combination_tongues(pair)[0]
+    >>> round(tongue.half_width_hz / tongue.frequency_hz, 6)    # eps/4 of 2 w0
+    0.0325
+    """
+    squares, shapes = system.modes
+    natural = np.sqrt(np.where(system.rigid, 0.0, squares))
+    damping = 0.5 * np.diag(shapes.T @ system.velocity_matrix @ shapes)
+    groups = _groups(natural)
+    meshes = shapes.T @ system.mesh_vectors.T
+    found = []
+    for index, c in enumerate(system.mesh_harmonics.T):
+        coupling = meshes @ ((system.mesh_stiffness_n_per_m * c)[:, None] * meshes.T)
+        for i, p in enumerate(groups):
+            for q in groups[i:]:
+                sizes = np.linalg.svd(coupling[np.ix_(p, q)], compute_uv=False)
+                found += _tongues(index + 1, p, q, sizes, natural, damping)
+    most = max((tongue.coupling_per_s for tongue in found), default=0.0)
+    open_ = [tongue for tongue in found if tongue.coupling_per_s > NO_COUPLING * most]
+    return sorted(open_, key=lambda tongue: (-tongue.half_width_hz, -tongue.coupling_per_s))
+
+
+def _groups(natural: Real) -> list[list[int]]:
+    """Modes of one frequency together, rigid-body motions left out."""
+    groups: list[list[int]] = []
+    for mode, frequency in enumerate(natural):
+        if frequency == 0:
+            continue
+        if groups and frequency - natural[groups[-1][0]] <= SAME * frequency:
+            groups[-1].append(mode)
+        else:
+            groups.append([mode])
+    return groups
+
+
+def _tongues(
+    harmonic: int, p: list[int], q: list[int], sizes: Real, natural: Real, damping: Real
+) -> list[CombinationTongue]:
+    """One tongue for every different coupling of two frequencies."""
+    one, other = float(natural[p[0]]), float(natural[q[0]])
+    rates = float(damping[p].mean()), float(damping[q].mean())
+    found: list[CombinationTongue] = []
+    for size in sizes:
+        kappa = float(size) / (2 * math.sqrt(one * other))
+        if found and found[-1].coupling_per_s - kappa <= SAME * kappa:
+            continue
+        width = 2 * kappa
+        if min(rates) > 0:
+            excess = kappa**2 / (rates[0] * rates[1]) - 1
+            width = sum(rates) * math.sqrt(max(0.0, excess))
+        found.append(
+            CombinationTongue(
+                harmonic=harmonic,
+                modes=(p[0], q[0]),
+                frequency_hz=(one + other) / (2 * math.pi * harmonic),
+                half_width_hz=width / (2 * math.pi * harmonic),
+                coupling_per_s=kappa,
+                damping_per_s=rates,
             )
-        least = np.minimum(0.5, 2e-16 * np.abs(a) / np.maximum(width, 1e-300))
-        share = np.clip(np.where(smooth & np.isfinite(share), share, 0.5), least, 1 - least)
-    return np.where(np.abs(fa) < np.abs(fb), a, b)
+        )
+    return found

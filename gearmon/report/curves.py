@@ -135,7 +135,7 @@ def angle_spectrum(
     grid = AngleGrid.of(part.shape[-1], sampling_rate_hz, track, top)
     block = min(grid.count, fast_length(max(8, int(block_turns * grid.per_turn))))
     power, count = np.zeros((len(part), block // 2 + 1)), 0
-    for _, values in angle_blocks(part, sampling_rate_hz, track, grid, block, precise=False):
+    for _, values in angle_blocks(part, sampling_rate_hz, track, grid, block):
         level = values.mean(axis=-1, keepdims=True)
         spectrum = amplitude_spectrum(values - level, float(grid.per_turn))
         power += spectrum.values**2

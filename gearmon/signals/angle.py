@@ -10,12 +10,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError, check_positive
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from gearmon.signals.array_types import ComplexArray, FloatArray
 
 # Times of which so many do not come after the one before are no times.
 _WAVEFORM = 0.1
@@ -192,24 +189,20 @@ def phasors(cycles: FloatArray) -> ComplexArray:
     found = np.empty(np.shape(cycles), dtype=np.complex128)
     flat, out = np.ascontiguousarray(cycles).reshape(-1), found.reshape(-1)
     for first in range(0, len(flat), _PIECE):
-        part = slice(first, first + _PIECE)
-        _turned(flat[part], out[part])
+        cycle, own = flat[first : first + _PIECE], out[first : first + _PIECE]
+        # whole cycles off first: what is left keeps all its digits
+        rest = cycle - np.rint(cycle)
+        rest *= _POINTS
+        nearest = np.rint(rest)
+        rest -= nearest
+        rest *= 2 * np.pi / _POINTS
+        np.take(_TABLE, nearest.astype(np.intp), mode="wrap", out=own)
+        square = rest * rest
+        turn = np.empty(own.shape, dtype=np.complex128)
+        np.multiply(square, -0.5, out=turn.real)
+        turn.real += 1.0
+        square *= -1.0 / 6.0
+        square += 1.0
+        np.multiply(rest, square, out=turn.imag)
+        own *= turn
     return found
-
-
-def _turned(cycles: FloatArray, found: ComplexArray) -> None:
-    # whole cycles off first: what is left keeps all its digits
-    rest = cycles - np.rint(cycles)
-    rest *= _POINTS
-    nearest = np.rint(rest)
-    rest -= nearest
-    rest *= 2 * np.pi / _POINTS
-    np.take(_TABLE, nearest.astype(np.intp), mode="wrap", out=found)
-    square = rest * rest
-    turn = np.empty(found.shape, dtype=np.complex128)
-    np.multiply(square, -0.5, out=turn.real)
-    turn.real += 1.0
-    square *= -1.0 / 6.0
-    square += 1.0
-    np.multiply(rest, square, out=turn.imag)
-    found *= turn

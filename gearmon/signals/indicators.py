@@ -30,25 +30,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError
+from gearmon.signals.array_types import FloatArray
 
-FloatArray = NDArray[np.float64]
 # Pieces that stay in the cache of a processor core: a long recording is read twice, never copied.
 _PIECE = 1 << 15
 
 
 def rms(signal: FloatArray) -> FloatArray:
     """Root mean square of the signal less its mean, shape (...,)."""
-    result: FloatArray = np.std(signal, axis=-1)
-    return result
+    return np.asarray(np.std(signal, axis=-1))
 
 
 def peak_to_peak(signal: FloatArray) -> FloatArray:
     """Largest less smallest value, shape (...,)."""
-    result: FloatArray = np.ptp(signal, axis=-1)
-    return result
+    return np.asarray(np.ptp(signal, axis=-1))
 
 
 def crest_factor(signal: FloatArray) -> FloatArray:
@@ -77,8 +74,7 @@ def normalised_moment(signal: FloatArray, order: int) -> FloatArray:
     centred = _centred(signal)
     scale = np.std(signal, axis=-1, keepdims=True)
     standard = np.divide(centred, scale, out=np.zeros_like(centred), where=scale > 0)
-    result: FloatArray = np.mean(standard**order, axis=-1)
-    return result
+    return np.asarray(np.mean(standard**order, axis=-1))
 
 
 def kurtosis(signal: FloatArray) -> FloatArray:
@@ -137,8 +133,7 @@ def sideband_index(first_sidebands: FloatArray) -> FloatArray:
     first_sidebands : ndarray of float, shape (..., 2)
         Amplitudes of the lines -1 and +1.
     """
-    result: FloatArray = np.mean(first_sidebands, axis=-1)
-    return result
+    return np.asarray(np.mean(first_sidebands, axis=-1))
 
 
 def sideband_level_factor(first_sidebands: FloatArray, average: FloatArray) -> FloatArray:
@@ -211,8 +206,7 @@ def describe_waveform(signal: FloatArray) -> Waveform:
 
 
 def _centred(signal: FloatArray) -> FloatArray:
-    result: FloatArray = signal - np.mean(signal, axis=-1, keepdims=True)
-    return result
+    return np.asarray(signal - np.mean(signal, axis=-1, keepdims=True))
 
 
 def _ratio(above: FloatArray, below: FloatArray) -> FloatArray:

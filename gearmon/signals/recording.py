@@ -94,9 +94,16 @@ class Recording:
         if samples.ndim != 2:
             raise ArgumentError(f"samples have shape {samples.shape}, must be (channels, n)")
         self._fill(samples.view(), len(samples))
-        self._check_count()
-        if not known_finite:
-            self._check_samples()
+        where = f"{self.origin}: " if self.origin else ""
+        if samples.shape[1] < 2:
+            raise RecordingError(
+                f"{where}{samples.shape[1]} sample(s) per channel; at least 2 are needed"
+            )
+        for name, channel in zip(self.channel_names, samples, strict=True):
+            if not (known_finite or survey(channel).finite):
+                raise RecordingError(
+                    f"{where}channel '{name}' has values that are no finite numbers"
+                )
 
     def _fill(self, samples: Samples, count: int) -> None:
         samples.flags.writeable = False
@@ -115,21 +122,6 @@ class Recording:
         for kind in self.channel_kinds:
             if kind not in CHANNEL_KINDS:
                 raise ArgumentError(f"kind '{kind}' is none of {', '.join(CHANNEL_KINDS)}")
-
-    def _check_count(self) -> None:
-        if self.samples.shape[1] < 2:
-            where = f"{self.origin}: " if self.origin else ""
-            raise RecordingError(
-                f"{where}{self.samples.shape[1]} sample(s) per channel; at least 2 are needed"
-            )
-
-    def _check_samples(self) -> None:
-        for name, channel in zip(self.channel_names, self.samples, strict=True):
-            if not survey(channel).finite:
-                where = f"{self.origin}: " if self.origin else ""
-                raise RecordingError(
-                    f"{where}channel '{name}' has values that are no finite numbers"
-                )
 
     @property
     def duration_s(self) -> float:
@@ -161,12 +153,9 @@ class Recording:
         RecordingError
             If there is none.
         """
-        return self._of_kind("vibration")
-
-    def _of_kind(self, kind: str) -> Recording:
-        found = [index for index, own in enumerate(self.channel_kinds) if own == kind]
+        found = [index for index, own in enumerate(self.channel_kinds) if own == "vibration"]
         if not found:
-            raise RecordingError(f"{self.origin}: no {kind} channel; name one with --channel")
+            raise RecordingError(f"{self.origin}: no vibration channel; name one with --channel")
         return self._part(found)
 
     def _part(self, indices: Sequence[int]) -> Recording:

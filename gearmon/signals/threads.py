@@ -13,33 +13,34 @@ _WORTH_THREADS, _MOST_THREADS = 1 << 19, 4
 #: Variable of the environment that limits the cores that are used.
 THREADS = "GEARMON_THREADS"
 
+Item = TypeVar("Item")
 Found = TypeVar("Found")
 Other = TypeVar("Other")
 
 
-def side_by_side(task: Callable[[int], Found], numbers: Sequence[int], work: int) -> list[Found]:
-    """Do a task for every number, by threads where there is work for them.
+def side_by_side(task: Callable[[Item], Found], items: Sequence[Item], work: int) -> list[Found]:
+    """Do a task for every item, by threads where there is work for them.
 
     Parameters
     ----------
     task : callable
-        Takes a number. Tasks must not depend on one another.
-    numbers : sequence of int
+        Takes an item. Tasks must not depend on one another.
+    items : sequence
     work : int
         Values that all of them handle.
 
     Returns
     -------
     list
-        What the tasks returned, in the order of the numbers.
+        What the tasks returned, in the order of the items.
     """
-    threads = min(cores(), _MOST_THREADS, len(numbers))
+    threads = min(cores(), _MOST_THREADS, len(items))
     if threads < 2 or work < _WORTH_THREADS:
-        return [task(number) for number in numbers]
+        return [task(item) for item in items]
     from concurrent.futures import ThreadPoolExecutor  # short recordings do without
 
     with ThreadPoolExecutor(threads) as pool:
-        return list(pool.map(task, numbers))
+        return list(pool.map(task, items))
 
 
 def cores() -> int:
@@ -75,5 +76,5 @@ def at_once(one: Callable[[], Found], other: Callable[[], Other], work: int) -> 
         Values that they handle.
     """
     tasks: tuple[Callable[[], Any], ...] = (one, other)
-    found: list[Any] = side_by_side(lambda number: tasks[number](), range(2), work)
-    return found[0], found[1]
+    first, second = side_by_side(lambda task: task(), tasks, work)
+    return first, second

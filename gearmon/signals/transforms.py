@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from gearmon.signals.array_types import ComplexArray, FloatArray
 
 # Samples in equal transforms from which the import of FFTW (a quarter of a second) pays off, and
 # those of windowed pieces of one recording: so long a one loads it for its order lines as well.
@@ -60,17 +59,9 @@ def fast_length(length: int) -> int:
     >>> fast_length(10007)
     10240
     """
-    best = 1 << max(1, (length - 1).bit_length())
-    five = 1
-    while five < 2 * length:
-        three = five
-        while three < 2 * length:
-            quotient = -(-length // three)
-            candidate = three << max(1, (quotient - 1).bit_length())
-            best = min(best, candidate)
-            three *= 3
-        five *= 5
-    return best
+    from scipy.fft import next_fast_len
+
+    return 2 * int(next_fast_len(max(1, -(-length // 2)), real=True))
 
 
 def windowed_transforms(

@@ -16,15 +16,15 @@ from gearmon.machine import Machine
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.orders.fine_spectra import fine_order_spectrum
 from gearmon.signals.orders.sums import OrderSums
-from gearmon.signals.tracking.comb import scan_speed
+from gearmon.signals.tracking.comb import find_path, scan_speed
 from gearmon.signals.tracking.phases import (
     coherent_share,
+    follow_speed,
     integrate_speed,
     lock_track,
     refine_track,
 )
-from gearmon.signals.tracking.ramps import find_path, follow_speed
-from gearmon.signals.tracking.sideband_spacing import spacing_mismatch, spacing_support
+from gearmon.signals.tracking.sideband_spacing import sideband_spacing
 from gearmon.signals.tracking.slips import LEAST_TURNS, SlipCheck, check_slips
 from gearmon.signatures.mesh_evidence import GearVibration, Tracking, judge, wander
 from gearmon.signatures.speed import SPEED_TOLERANCE, machine_comb, mesh_combs
@@ -102,9 +102,9 @@ def _elsewhere(signal: GearVibration, first: Tracking) -> bool:
     path = find_path(
         part, signal.rate, machine_comb(signal.train, signal.nominal_hz), signal.nominal_hz, _REACH
     )
-    here = begin / signal.rate + path.speed.time_s
-    known = first.scan.track().at(here)
-    return bool(np.median(np.abs(path.speed.speed_hz / known - 1)) > _ELSEWHERE)
+    speed = path.track()
+    known = first.scan.track().at(begin / signal.rate + speed.time_s)
+    return bool(np.median(np.abs(speed.speed_hz / known - 1)) > _ELSEWHERE)
 
 
 def _outdoes(followed: tuple[Tracking, float, OrderSums], steady: tuple[Tracking, float]) -> bool:
@@ -185,15 +185,16 @@ def _follow(signal: GearVibration, machine: Machine) -> tuple[Tracking, float, O
         (find_path(signal.samples, signal.rate, machine_comb(signal.train, hz), hz, _REACH), hz)
         for hz in nominal
     ]
-    path, nominal_hz = max(paths, key=lambda pair: pair[0].score)
+    path, nominal_hz = max(paths, key=lambda pair: pair[0].best_score)
+    speed = path.track()
     signal = replace(signal, nominal_hz=nominal_hz)
     orders = signal.orders(0.5 * nominal_hz)
     comb = machine_comb(signal.train, nominal_hz)
-    track = follow_speed(signal.samples, signal.rate, comb, orders, path.speed)
+    track = follow_speed(signal.samples, signal.rate, comb, orders, speed)
     judged = judge(signal, track)
     if not judged.convincing or not _spacing_agrees(signal, judged):
         return None
-    speeds = path.speed.speed_hz
+    speeds = speed.speed_hz
     note = (
         f"the speed was followed over the recording, from {speeds[0]:.4g} to {speeds[-1]:.4g} Hz "
         f"between {speeds.min():.4g} and {speeds.max():.4g} Hz; nominal is {nominal_hz:.4g} Hz"
@@ -215,17 +216,17 @@ def _spacing_agrees(signal: GearVibration, judged: Tracking) -> bool:
     low, high = (1 - SPEED_TOLERANCE) * speeds.min(), (1 + SPEED_TOLERANCE) * speeds.max()
     pieces = max(1, signal.samples.shape[-1] >> 18)
     spectrum = fine_order_spectrum(signal.samples, signal.rate, judged.track, pieces)
-    quality = spectrum.quality, spectrum.step
     supported = False
     combs = mesh_combs(signal.train, signal.nominal_hz)
     for mesh, comb, seen in zip(signal.train.meshes, combs, judged.evidence, strict=True):
         if not seen.stands_out or mesh.carrier != 0:
             continue
-        excess, support = 0.0, 0.0
-        for spacing in comb.spacings:
-            others = [other for other in comb.spacings if other != spacing]
-            excess = max(excess, spacing_mismatch(*quality, comb, spacing, _REACH, others)[0])
-            support = max(support, spacing_support(*quality, comb, spacing, _REACH, others))
+        told = [
+            sideband_spacing(spectrum.quality, spectrum.step, comb, spacing, _REACH)
+            for spacing in comb.spacings
+        ]
+        excess = max((one.excess for one in told), default=0.0)
+        support = max((one.support for one in told), default=0.0)
         clear = support >= _SUPPORTED
         # right sidebands of one gear fix the speed: what beats those of the other is some line else
         if not (clear and support > excess) and excess > 0 and seen.score - excess < _CONTRADICTED:

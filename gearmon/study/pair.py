@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from gearmon.dynamics import HillProblem, Response, steady_state
 from gearmon.dynamics.fourier import rms
-from gearmon.dynamics.motion import transient
+from gearmon.dynamics.free_vibration import transient
 from gearmon.dynamics.multiple_scales import expand
 from gearmon.gears.pulses import ComplexArray, FloatArray, Pulse
 from gearmon.gears.stiffness_forms import (

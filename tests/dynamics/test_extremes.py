@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gearmon.dynamics.extremes import Curve
+from gearmon.dynamics.fourier import Curve
 
 
 def random_half(seed):

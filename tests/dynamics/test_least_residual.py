@@ -3,7 +3,7 @@ import pytest
 from reference.hill_cases import scaled_problem
 
 from gearmon.dynamics.fourier import Modulation, rms
-from gearmon.dynamics.least_residual import LeastResidual
+from gearmon.dynamics.mesh_equations import LeastResidual
 
 
 def space_of(problem, highest, most=100):

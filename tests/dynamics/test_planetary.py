@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from gearmon.dynamics import steady_state
-from gearmon.dynamics.combinations import combination_tongues
 from gearmon.dynamics.planetary import Body, PlanetarySet
+from gearmon.dynamics.tongues import combination_tongues
 from gearmon.errors import ArgumentError
 
 # Lin and Parker 1999, table 2: natural frequencies [Hz] by the number of planets

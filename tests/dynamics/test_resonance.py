@@ -5,11 +5,14 @@ import pytest
 from reference.hill_cases import scaled_problem
 from reference.hill_reference import harmonic_balance
 
-from gearmon.dynamics.amplitude_equations import amplitude_equations
+from gearmon.dynamics.amplitude_equations import (
+    amplitude_equations,
+    forced_resonance,
+    parametric_resonance,
+)
 from gearmon.dynamics.floquet import multipliers
 from gearmon.dynamics.free_vibration import free_vibration
 from gearmon.dynamics.multiple_scales import expand
-from gearmon.dynamics.resonance import forced_resonance, parametric_resonance
 from gearmon.errors import ArgumentError
 
 SHAPE = np.array([0.5, 0.2j, -0.15])
@@ -123,30 +126,6 @@ def test_growth_error_falls_with_the_next_power(rate_order):
     assert slope == pytest.approx(rate_order + 1, abs=0.2)
 
 
-def test_modulation_vanishes_at_the_steady_amplitude():
-    p = scaled_problem(3.02, 0.01, [0.05, 0.02j, 0.03])
-    e = forced_resonance(p, 2)
-    steady = e.steady_amplitudes()[0]
-    w0 = 2 * math.pi * p.natural_frequency_hz
-    moved = e.modulation(2 * abs(steady), float(np.angle(steady)))
-    assert abs(moved[0]) < 1e-12 * w0 * abs(steady)
-    assert abs(moved[1]) < 1e-12 * w0
-    # a small amplitude decays at -Re(alpha) +- |beta|
-    unforced = amplitude_equations(p, [(1, 3.0), (-1, -3.0)], 0, 1, small_damping=True)
-    assert unforced.rate[0, 0].real == pytest.approx(-0.01 * w0, rel=1e-12)
-
-
-def test_secular_rows_sum_to_the_equations():
-    e = forced_resonance(scaled_problem(3.02, 0.01, [0.05, 0.02j, 0.03]), 2)
-    total = sum(
-        complex(row["real_per_s"], row["imaginary_per_s"])
-        for row in e.rows()
-        if row["line"] == 3 and row["term"] == "A of line 3"
-    )
-    assert total == pytest.approx(complex(e.rate[0, 0]), rel=1e-12)
-    assert e.text.startswith("A(3)' = (")
-
-
 def test_refusals():
     p = scaled_problem(2.0, 0.0, [0.05, 0.05])
     with pytest.raises(ArgumentError, match="lines=-1"):
@@ -167,5 +146,3 @@ def test_refusals():
     flat = amplitude_equations(undamped, [(1, 3.0), (-1, -3.0)], 0, 1)
     with pytest.raises(ArgumentError, match="singular"):
         flat.steady_amplitudes()
-    with pytest.raises(ArgumentError, match="pair"):
-        forced_resonance(scaled_problem(3.5, 0.01, [0.04]), 1, [3, 4]).modulation(1e-6, 0.0)

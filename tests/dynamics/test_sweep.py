@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from reference.dense_harmonic_balance import steady_displacement
-from reference.hill_cases import published_pair, random_problem
+from reference.hill_cases import balanced, published_pair, random_problem
 from reference.hill_reference import acceleration_error, period_map
 
-from gearmon.dynamics import harmonic_balance, steady_state
+from gearmon.dynamics import steady_state
 from gearmon.dynamics.sweep import ManySets, sweep
 from gearmon.errors import ArgumentError
 
@@ -28,7 +28,7 @@ def published_values(rng, count, weak=False):
 
 def exact(problem, highest):
     reach = highest + 2 * len(problem.stiffness_harmonics) + 30
-    return harmonic_balance.solve(problem, min(reach, 250))
+    return balanced(problem, min(reach, 250))
 
 
 @pytest.mark.parametrize("weak", [False, True])
@@ -205,3 +205,19 @@ def test_bad_input_is_refused(change, message):
     }
     with pytest.raises(ArgumentError, match=message):
         sweep(**(values | change))
+
+
+@pytest.mark.parametrize("count", [3, 40])
+def test_a_bad_cell_leaves_the_others_alone(count):
+    mass = np.full(count, 0.28)
+    mass[:2] = 1e12, 1e-12
+    found = sweep(mass, 9e3, 8e8, [0.065], 1.6e-3, 4e3)
+    assert found.met.tolist() == [True, False, *[True] * (count - 2)]
+    assert found.method[1] == "refused"
+    assert "7.203e+06 times that of the mesh" in found.reason[1]
+    assert np.isnan(found.displacement[1]).all()
+
+
+def test_complex_values_are_refused():
+    with pytest.raises(ArgumentError, match="mass_kg: complex"):
+        sweep(0.28 + 0.1j, 9e3, 8e8, [0.065], 1.6e-3, 4e3)

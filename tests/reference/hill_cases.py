@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from gearmon.dynamics import HillProblem
+from gearmon.dynamics.compliance import solve_band
 
 
 def published_pair(harmonics=41, damping=9e3, variation=0.13):
@@ -38,3 +39,9 @@ def random_problem(rng, most_harmonics=30, largest=0.95, ratios=(0.1, 20.0), zet
     c /= np.arange(1, count + 1) ** rng.uniform(0, 2)
     c *= 10 ** rng.uniform(-2.5, math.log10(largest)) / (2 * np.abs(c).sum())
     return scaled_problem(ratio, zeta, c)
+
+
+def balanced(problem, highest):
+    """All harmonics of a problem by one band matrix [m]."""
+    stiffness, right = problem.dynamic_stiffness(highest), problem.static_forcing(highest)
+    return solve_band(stiffness, problem.stiffness_harmonics, right)

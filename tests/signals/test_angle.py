@@ -115,27 +115,17 @@ def test_time_and_angle_of_a_smooth_shaft_invert_to_a_millionth_of_a_turn(wander
     np.testing.assert_allclose(curve.turns_at(curve.time_at(angles)), angles, atol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("share", "precise", "bound"),
-    [
-        (0.02, True, 1e-6),
-        (0.1, True, 1e-6),
-        (0.3, True, 1e-4),
-        (0.02, False, 1e-8),
-        (0.1, False, 5e-6),
-        (0.2, False, 6e-4),
-    ],
-)
-def test_tone_survives_resampling_a_turn_away_from_the_ends(share, precise, bound):
-    assert tone_error(share, precise, away=100) < bound
+@pytest.mark.parametrize(("share", "bound"), [(0.02, 1e-6), (0.1, 1e-6), (0.3, 1e-4)])
+def test_tone_survives_resampling_a_turn_away_from_the_ends(share, bound):
+    assert tone_error(share, away=100) < bound
 
 
 @pytest.mark.parametrize(("share", "bound"), [(0.1, 1e-5), (0.3, 1e-4)])
 def test_tone_survives_resampling_far_from_the_ends(share, bound):
-    assert tone_error(share, True, away=16_000) < bound
+    assert tone_error(share, away=16_000) < bound
 
 
-def tone_error(share, precise, away):
+def tone_error(share, away):
     """Largest error of a tone resampled `away` samples from the ends."""
     count, speed_hz = 40_000, 20.0
     time = np.arange(count) / RATE
@@ -143,19 +133,18 @@ def tone_error(share, precise, away):
     samples = np.sin(2 * np.pi * share * RATE * time + 0.3)[None, :]
     per_turn, first = 137, away / RATE * speed_hz
     wanted = int((curve.turns[-1] - 2 * first) * per_turn)
-    found = resample_to_angle(samples, RATE, curve, per_turn, first, wanted, precise=precise)
+    found = resample_to_angle(samples, RATE, curve, per_turn, first, wanted)
     at = (first + np.arange(wanted) / per_turn) / speed_hz
     return np.abs(found[0] - np.sin(2 * np.pi * share * RATE * at + 0.3)).max()
 
 
-@pytest.mark.parametrize("precise", [True, False])
-def test_pieces_join_without_a_seam(monkeypatch, precise):
+def test_pieces_join_without_a_seam(monkeypatch):
     curve = wandering()[1]
     samples = band_limited(2, 20_000, seed=1)
     first, count = 20.0, 110 * 160
-    whole = resample_to_angle(samples, RATE, curve, 110, first, count, precise=precise)
+    whole = resample_to_angle(samples, RATE, curve, 110, first, count)
     monkeypatch.setattr(resampling, "_CHUNK", 1000)
-    pieces = resample_to_angle(samples, RATE, curve, 110, first, count, precise=precise)
+    pieces = resample_to_angle(samples, RATE, curve, 110, first, count)
     assert np.abs(whole - pieces).max() < 2e-3
 
 

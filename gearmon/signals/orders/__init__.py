@@ -20,7 +20,12 @@ block.
 array([[3.]])
 """
 
-from gearmon.signals.orders.averages import SynchronousAverage, one_turn, time_synchronous_average
+from gearmon.signals.orders.averages import (
+    SynchronousAverage,
+    one_turn,
+    synchronous_average,
+    time_synchronous_average,
+)
 from gearmon.signals.orders.fine_spectra import (
     FineSpectrum,
     clear_peaks,
@@ -28,14 +33,8 @@ from gearmon.signals.orders.fine_spectra import (
     fine_order_spectrum,
     fine_spectrum,
 )
-from gearmon.signals.orders.lines import (
-    OrderLines,
-    order_lines,
-    synchronous_average,
-    variance_of_mean,
-)
+from gearmon.signals.orders.lines import OrderLines, order_lines, variance_of_mean
 from gearmon.signals.orders.maps import OrderMap, order_map
-from gearmon.signals.orders.nonuniform_fft import quick_spreading
 from gearmon.signals.orders.resampling import (
     READ_UP_TO,
     AngleGrid,
@@ -64,7 +63,6 @@ __all__ = [
     "one_turn",
     "order_lines",
     "order_map",
-    "quick_spreading",
     "resample_to_angle",
     "synchronous_average",
     "time_synchronous_average",

@@ -21,10 +21,11 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError, RecordingError, check_positive
 from gearmon.signals.angle import AngleTrack
+from gearmon.signals.array_types import ComplexArray, FloatArray, IntArray
+from gearmon.signals.orders.lines import OrderLines
 from gearmon.signals.orders.resampling import (
     READ_UP_TO,
     resample_to_angle,
@@ -33,9 +34,6 @@ from gearmon.signals.orders.resampling import (
 )
 from gearmon.signals.spectra.spectrum import half_lobe, window
 from gearmon.signals.transforms import fast_length
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 # Neighbours of a line that tell its error: at least so many on either side, at most an eighth of
 # the way to the next multiple, so that the noise there is the noise here.
@@ -167,7 +165,8 @@ def time_synchronous_average(
         )
     highest = READ_UP_TO * sampling_rate_hz / float(shaft.speed_hz.max())
     top = min((wanted - 1) // 2, int(highest))
-    near = np.arange(lobe, min(turns // 2, lobe - 1 + _neighbours(turns)) + 1)
+    neighbours = max(_FEWEST_NEIGHBOURS, turns // _SHARE_OF_GAP)
+    near = np.arange(lobe, min(turns // 2, lobe - 1 + neighbours) + 1)
     weights = window(window_name, turns * steps)
     weights = weights / weights.mean()
     found = []
@@ -205,8 +204,33 @@ def one_turn(lines: ComplexArray, per_turn: int) -> FloatArray:
     half = np.zeros((*lines.shape[:-1], per_turn // 2 + 1), dtype=complex)
     half[..., : lines.shape[-1]] = 0.5 * lines
     half[..., 0] = lines[..., 0].real
-    turn: FloatArray = np.fft.irfft(half, n=per_turn, axis=-1, norm="forward")
-    return turn
+    return np.asarray(np.fft.irfft(half, n=per_turn, axis=-1, norm="forward"))
+
+
+def synchronous_average(lines: OrderLines, rotation_order: float, per_turn: int) -> FloatArray:
+    """Waveform of one turn of a shaft from its order lines.
+
+    Parameters
+    ----------
+    lines : OrderLines
+        Lines that contain all multiples of `rotation_order`.
+    rotation_order : float
+        Turns of the shaft a turn of shaft 1.
+    per_turn : int
+        Samples wanted a turn of this shaft.
+
+    Returns
+    -------
+    ndarray of float, shape (channels, per_turn)
+        The time-synchronous average (TSA), without its mean.
+    """
+    ratio = lines.orders / rotation_order
+    number = np.rint(ratio).astype(int)
+    chosen = (np.abs(ratio - number) < 1e-9 * np.maximum(1, ratio)) & (number > 0)
+    chosen &= number < per_turn / 2
+    own = np.zeros((lines.amplitude.shape[1], -(-per_turn // 2)), dtype=complex)
+    own[:, number[chosen]] = lines.mean[:, chosen]
+    return one_turn(own, per_turn)
 
 
 def _of_record(
@@ -215,7 +239,7 @@ def _of_record(
     turns: int,
     top: int,
     per_turn: int,
-    near: NDArray[np.int64],
+    near: IntArray,
 ) -> tuple[ComplexArray, FloatArray, FloatArray]:
     """Lines, their errors and those of the waveform, of one channel at equal steps of angle."""
     steps = values.shape[-1] // turns
@@ -234,7 +258,7 @@ def _of_record(
     return lines, error, _waveform_error(bins[:, 1:], turns, top, per_turn, near)
 
 
-def _courses(record: FloatArray, wanted: NDArray[np.int64]) -> ComplexArray:
+def _courses(record: FloatArray, wanted: IntArray) -> ComplexArray:
     """Transform a record over its turns, at the wanted bins: shape (steps, bins)."""
     turns, steps = record.shape
     course = np.empty((steps, len(wanted)), dtype=complex)
@@ -246,7 +270,7 @@ def _courses(record: FloatArray, wanted: NDArray[np.int64]) -> ComplexArray:
 
 
 def _waveform_error(
-    bins: ComplexArray, turns: int, top: int, per_turn: int, near: NDArray[np.int64]
+    bins: ComplexArray, turns: int, top: int, per_turn: int, near: IntArray
 ) -> FloatArray:
     """Return standard errors of the mean over turns at every angle."""
     # of the highest bin of an even count there is one, of the others one on either side
@@ -259,14 +283,8 @@ def _waveform_error(
         if top:
             kept[-top:] = column[-top:]
         variance += own * _squared(np.fft.ifft(kept, norm="forward"))
-    error: FloatArray = np.sqrt(variance / weight.sum()) / len(bins) / turns
-    return error
+    return np.asarray(np.sqrt(variance / weight.sum()) / len(bins) / turns)
 
 
 def _squared(values: ComplexArray) -> FloatArray:
-    result: FloatArray = values.real**2 + values.imag**2
-    return result
-
-
-def _neighbours(turns: int) -> int:
-    return max(_FEWEST_NEIGHBOURS, turns // _SHARE_OF_GAP)
+    return np.asarray(values.real**2 + values.imag**2)

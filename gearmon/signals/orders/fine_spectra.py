@@ -9,19 +9,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError, check_positive
 from gearmon.signals.angle import AngleTrack
+from gearmon.signals.array_types import FloatArray
 from gearmon.signals.orders.nonuniform_fft import Kernel, Spreading
 from gearmon.signals.orders.resampling import AngleGrid
 from gearmon.signals.spectra.spectrum import hann, local_floor
 from gearmon.signals.threads import side_by_side
 from gearmon.signals.transforms import batch, fast_length, window_powers
-
-FloatArray = NDArray[np.float64]
 
 # Bins of the running median that tells the noise under the lines.
 _FLOOR_BINS = 384
@@ -58,11 +58,10 @@ class FineSpectrum:
     width: float
     pieces: int
 
-    @property
+    @cached_property
     def quality(self) -> FloatArray:
         """log(1 + power over floor), mean over the channels, shape (bins,)."""
-        mean: FloatArray = np.log1p(self.power / self.floor).mean(axis=0)
-        return mean
+        return np.asarray(np.log1p(self.power / self.floor).mean(axis=0))
 
     @property
     def top(self) -> float:
@@ -230,8 +229,7 @@ def fine_envelope_spectrum(
         read = np.array([np.interp(at_s, middle_s, row) for row in slow])
         # a channel in which nothing vibrates has no envelope
         mean = np.maximum(read.mean(axis=-1, keepdims=True), np.finfo(float).tiny)
-        relative: FloatArray = read / mean
-        return relative
+        return np.asarray(read / mean)
 
     spectrum = _of_pieces(part, count, (pieces, most), per_turn)
     last = int(top_order / spectrum.step) + 1

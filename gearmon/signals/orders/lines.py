@@ -21,14 +21,12 @@ from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError
 from gearmon.signals.angle import AngleTrack, phasors
+from gearmon.signals.array_types import ComplexArray, FloatArray
 from gearmon.signals.orders.nonuniform_fft import Kernel, Spreading
 from gearmon.signals.orders.resampling import AngleGrid
 from gearmon.signals.spectra.spectrum import hann, local_floor
 from gearmon.signals.threads import side_by_side
 from gearmon.signals.transforms import batch, fast_length, window_powers
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 # What a line may add elsewhere where only the phase of strong ones is followed.
 _QUICK_ERROR = 1e-3
@@ -38,8 +36,6 @@ _FLOOR_BLOCKS = 32
 # spreading adds is below 1e-6 where there are twice as many steps a cycle, 1e-4 or some 1e-3.
 _PRECISE, _MIDDLE, _QUICK = (8, 2.6, 1.0), (6, 3.2, 0.25), (4, 2.6, 0.25)
 _MIDDLE_FROM, _QUICK_FROM = 1e-4, 1e-3
-# Up to so many lines a matrix product is quicker than a transform.
-_FEW_LINES, _LARGEST_MATRIX = 20, 1 << 21
 # Steps taken at a time.
 _TOGETHER = 1 << 18
 # Lines and bins whose weights make one matrix.
@@ -80,8 +76,7 @@ class OrderLines:
     @property
     def mean(self) -> ComplexArray:
         """Synchronous mean over the blocks, shape (channels, lines)."""
-        mean: ComplexArray = self.amplitude.mean(axis=0)
-        return mean
+        return np.asarray(self.amplitude.mean(axis=0))
 
     @property
     def independent_blocks(self) -> float:
@@ -91,7 +86,7 @@ class OrderLines:
         blocks end to end as there is record per half block (Harris 1978, correlation 1/6).
         """
         count = self.amplitude.shape[0]
-        return float(count / (1 + 2 * (1 / 6) ** 2 * (count - 1) / count))
+        return float(count / (1 + 2 * _SHARED**2 * (count - 1) / count))
 
     def block_powers(self) -> tuple[FloatArray, float]:
         """Power of each line, pair of blocks by pair of blocks, without the share of noise.
@@ -115,8 +110,7 @@ class OrderLines:
 
     def cross_power(self) -> FloatArray:
         """Power of each line without the share of noise, shape (channels, lines)."""
-        mean: FloatArray = self.block_powers()[0].mean(axis=0)
-        return mean
+        return np.asarray(self.block_powers()[0].mean(axis=0))
 
 
 def order_lines(
@@ -167,20 +161,18 @@ def order_lines(
     """
     if len(orders) == 0 or orders.min() < 0:
         raise ArgumentError("orders: at least one, all >= 0, are needed")
-    grid, halves, count = _halves(samples, sampling_rate_hz, track, orders, block_turns, error)
-    turns, sampled = 2 * halves.turns, _floor_blocks(count - 1)
-    rising, falling, kept = halves.transforms(grid.first_turn, count, sampled)
-    starts = grid.first_turn + 0.5 * turns * np.arange(count - 1)
+    halves = _Halves(samples, sampling_rate_hz, track, orders, block_turns, error)
+    rising, falling, kept = halves.transforms()
+    turns = halves.block_turns
+    starts = halves.first_turn + 0.5 * turns * np.arange(halves.count - 1)
     shift = phasors(-orders * starts[:, None])[:, None, :]
-    half_turn = phasors(-orders * (0.5 * turns))
-    rows = (rising[:-1] + falling[1:] * half_turn) * shift
-    scale = np.where(orders > 0, 2.0, 1.0) / (halves.steps * halves.response)
+    rows = (rising[:-1] + falling[1:] * phasors(-orders * (0.5 * turns))) * shift
     return OrderLines(
         orders=orders,
-        amplitude=rows * scale,
+        amplitude=rows * halves.scale,
         block_turns=turns,
-        first_turn=grid.first_turn,
-        noise=_noise(halves, kept, sampled),
+        first_turn=halves.first_turn,
+        noise=halves.noise(kept),
     )
 
 
@@ -203,28 +195,8 @@ def line_noise(
     ndarray of float, shape (channels, lines)
         Mean power |A|^2 that noise alone would show at each line.
     """
-    grid, halves, count = _halves(
-        samples, sampling_rate_hz, track, orders, block_turns, _QUICK_ERROR
-    )
-    sampled = _floor_blocks(count - 1)
-    wanted = sorted({half for block in sampled for half in (block, block + 1)})
-    return _noise(halves, halves.some(grid.first_turn, wanted), sampled)
-
-
-def _halves(
-    samples: FloatArray,
-    rate: float,
-    track: AngleTrack,
-    orders: FloatArray,
-    block_turns: float,
-    error: float,
-) -> tuple[AngleGrid, OrderSTFT, int]:
-    """Halves of blocks, and how many of them the recording holds."""
-    grid = AngleGrid.of(samples.shape[-1], rate, track, float(orders.max()))
-    block = steps_of_block(grid, block_turns)
-    turns = block / grid.per_turn
-    halves = OrderSTFT.of(samples, rate, track, orders, turns, error=error)
-    return grid, halves, 2 * (grid.count - block) // block + 2
+    halves = _Halves(samples, sampling_rate_hz, track, orders, block_turns, _QUICK_ERROR)
+    return halves.noise(halves.some(sorted(halves.wanted)))
 
 
 def steps_of_block(grid: AngleGrid, block_turns: float) -> int:
@@ -233,186 +205,102 @@ def steps_of_block(grid: AngleGrid, block_turns: float) -> int:
     return min(grid.count, max(8, int(block_turns * grid.per_turn + 1e-6)))
 
 
-def _floor_blocks(blocks: int) -> range:
-    """Blocks whose spectra tell the noise."""
-    every = max(1, blocks // _FLOOR_BLOCKS)
-    return range(every - 1, blocks, every)
-
-
-def _noise(halves: OrderSTFT, kept: dict[int, FloatArray], sampled: range) -> FloatArray:
-    """Noise power at each line, from the blocks between whose lines it is measured."""
-    floor = _floor_at(halves.powers(kept, sampled), halves.orders / halves.bin_order, len(sampled))
-    scale = np.where(halves.orders > 0, 2.0, 1.0) / (halves.steps * halves.response)
-    noise: FloatArray = floor * scale**2
-    return noise
-
-
-def _floor_at(power: FloatArray, bins: FloatArray, blocks: int) -> FloatArray:
-    """Noise power at fractional bins: running median, over the median of averaged noise powers.
-
-    The mean of n noise powers follows a gamma law of shape n, whose median over its mean is about
-    1 - 1/(3 n) + 0.02/n^2; half overlapped Hann blocks are worth a twentieth less.
-    """
-    worth = max(1.0, 0.95 * blocks)
-    median = 1 - 1 / (3 * worth) + 0.02 / worth**2
-    floor = local_floor(power, min(power.shape[-1], 256)) / median
-    nearest = np.minimum(np.rint(bins).astype(int), power.shape[-1] - 1)
-    taken: FloatArray = floor[:, nearest]
-    return taken
-
-
-def synchronous_average(lines: OrderLines, rotation_order: float, per_turn: int) -> FloatArray:
-    """Waveform of one turn of a shaft from its order lines.
-
-    Parameters
-    ----------
-    lines : OrderLines
-        Lines that contain all multiples of `rotation_order`.
-    rotation_order : float
-        Turns of the shaft a turn of shaft 1.
-    per_turn : int
-        Samples wanted a turn of this shaft.
-
-    Returns
-    -------
-    ndarray of float, shape (channels, per_turn)
-        The time-synchronous average (TSA), without its mean.
-    """
-    ratio = lines.orders / rotation_order
-    number = np.rint(ratio).astype(int)
-    chosen = (np.abs(ratio - number) < 1e-9 * np.maximum(1, ratio)) & (number > 0)
-    chosen &= number < per_turn / 2
-    spectrum = np.zeros((lines.amplitude.shape[1], per_turn // 2 + 1), dtype=complex)
-    spectrum[:, number[chosen]] = lines.mean[:, chosen]
-    result: FloatArray = np.fft.irfft(spectrum, n=per_turn, axis=-1) * per_turn / 2
-    return result
-
-
-@dataclass(frozen=True, kw_only=True)
-class OrderSTFT:
+class _Halves:
     """Half blocks of a recording at equal steps of angle, and their transforms."""
 
-    spreading: Spreading
-    channels: int
-    orders: FloatArray
-    turns: float  # of a half
-    steps: int  # of a half
-    response: FloatArray  # of the spreading, at the orders
-    beside: FloatArray  # the same over that one bin of a block below and above, (2, lines)
-
-    @classmethod
-    def of(
-        cls,
+    def __init__(
+        self,
         samples: FloatArray,
         rate: float,
         track: AngleTrack,
         orders: FloatArray,
         block_turns: float,
-        *,
         error: float,
-    ) -> OrderSTFT:
-        """Return the halves of blocks of `block_turns` turns, for lines at the given orders.
-
-        Of a line, spreading adds `error` elsewhere: 1e-3, 1e-4, or else 1e-6.
-        """
-        top = float(orders.max())
-        whole = rate / float(track.speed_hz.min())
+    ) -> None:
+        top, whole = float(orders.max()), rate / float(track.speed_hz.min())
+        grid = AngleGrid.of(samples.shape[-1], rate, track, top)
+        block = steps_of_block(grid, block_turns)
+        self.orders, self.channels, self.first_turn = orders, len(samples), grid.first_turn
+        self.block_turns, self.count = block / grid.per_turn, 2 * (grid.count - block) // block + 2
         # steps that last no longer than a sample hold the whole band; fewer of them do for lines
         # low in it, and what is folded onto these the kernel has taken out before
         width, room, coarsest = _choice(error, top, whole)
         least = max(room * top, coarsest * whole)
-        steps = fast_length(int(np.ceil(block_turns * least))) // 2
-        per_turn = 2 * steps / block_turns
+        self.steps = fast_length(int(np.ceil(self.block_turns * least))) // 2  # of a half
+        per_turn = 2 * self.steps / self.block_turns
         kernel = Kernel.of(width, per_turn / (2 * max(top, 1e-3 * per_turn)))
-        bin_order = 1 / block_turns
+        # what spreading leaves of a line, over that one bin of a block below and above
         below, response, above = (
-            kernel.transform((orders + k * bin_order) / per_turn) for k in (-1, 0, 1)
+            kernel.transform((orders + k / self.block_turns) / per_turn) for k in (-1, 0, 1)
         )
-        return cls(
-            spreading=Spreading(samples, rate, track, per_turn, kernel),
-            channels=samples.shape[0],
-            orders=orders,
-            turns=0.5 * block_turns,
-            steps=steps,
-            response=response,
-            beside=np.stack([response / below, response / above]),
-        )
+        self.beside = np.stack([response / below, response / above])
+        self.scale = np.where(orders > 0, 2.0, 1.0) / (self.steps * response)
+        self._spreading = Spreading(samples, rate, track, per_turn, kernel)
+        # blocks whose spectra tell the noise
+        every = max(1, (self.count - 1) // _FLOOR_BLOCKS)
+        self.sampled = range(every - 1, self.count - 1, every)
+        self.wanted = {half for block in self.sampled for half in (block, block + 1)}
 
-    @property
-    def bin_order(self) -> float:
-        """Spacing of the bins of `powers` [orders]."""
-        return 0.25 / self.turns
+    def _spread(self, first: int, number: int) -> FloatArray:
+        """Return halves one after the other, shape (channels, halves, steps)."""
+        values = np.empty((self.channels, number * self.steps))
+        self._spreading.spread(self.first_turn + 0.5 * first * self.block_turns, values)
+        return values.reshape(self.channels, number, self.steps)
 
-    def transforms(
-        self, first_turn: float, count: int, sampled: range
-    ) -> tuple[ComplexArray, ComplexArray, dict[int, FloatArray]]:
+    def transforms(self) -> tuple[ComplexArray, ComplexArray, dict[int, FloatArray]]:
         """Transform all halves under the rising and the falling half of the window.
-
-        Parameters
-        ----------
-        first_turn : float
-            Where the first half begins [turns].
-        count : int
-            How many halves there are.
-        sampled : range
-            Blocks whose halves are to be kept.
 
         Returns
         -------
         rising, falling : ndarray of complex, shape (count, channels, lines)
             The transforms.
         kept : dict
-            Number of a half -> the half, shape (channels, steps).
+            Number of a half whose block tells the noise -> the half, shape (channels, steps).
         """
-        total = 2 * count * self.steps * self.channels
-        plan = line_plan(self.steps, self.orders * self.turns, self.beside, total)
-        wanted = {half for block in sampled for half in (block, block + 1)}
+        total = 2 * self.count * self.steps * self.channels
+        plan = GriddedPlan(self.steps, 0.5 * self.orders * self.block_turns, self.beside, total)
         together = max(1, _TOGETHER // self.steps)
 
         def part(first: int) -> tuple[ComplexArray, ComplexArray, dict[int, FloatArray]]:
-            number = min(together, count - first)
-            values = np.empty((self.channels, number * self.steps))
-            self.spreading.spread(first_turn + first * self.turns, values)
-            cut = values.reshape(self.channels, number, self.steps)
-            rising, falling = plan.lines(cut.reshape(-1, self.steps))
-            shape = (self.channels, number, len(self.orders))
-            kept = {k: cut[:, k - first].copy() for k in wanted if first <= k < first + number}
-            return (
-                rising.reshape(shape).transpose(1, 0, 2),
-                falling.reshape(shape).transpose(1, 0, 2),
-                kept,
+            cut = self._spread(first, min(together, self.count - first))
+            kept = {k: cut[:, k - first].copy() for k in self.wanted if 0 <= k - first < together}
+            rising, falling = (
+                found.reshape(*cut.shape[:2], -1).transpose(1, 0, 2)
+                for found in plan.lines(cut.reshape(-1, self.steps))
             )
+            return rising, falling, kept
 
-        firsts = range(0, count, together)
-        found = side_by_side(part, firsts, total // 2)
-        kept = {k: half for one in found for k, half in one[2].items()}
-        return np.concatenate([f[0] for f in found]), np.concatenate([f[1] for f in found]), kept
+        found = side_by_side(part, range(0, self.count, together), total // 2)
+        rising, falling = (np.concatenate([one[k] for one in found]) for k in (0, 1))
+        return rising, falling, {k: half for one in found for k, half in one[2].items()}
 
-    def some(self, first_turn: float, wanted: Sequence[int]) -> dict[int, FloatArray]:
+    def some(self, wanted: Sequence[int]) -> dict[int, FloatArray]:
         """Return some halves by their numbers, each of shape (channels, steps)."""
-
-        def half(number: int) -> FloatArray:
-            values = np.empty((self.channels, self.steps))
-            self.spreading.spread(first_turn + number * self.turns, values)
-            return values
-
         work = len(wanted) * self.steps * self.channels
-        return dict(zip(wanted, side_by_side(half, wanted, work), strict=True))
+        found = side_by_side(lambda number: self._spread(number, 1)[:, 0], wanted, work)
+        return dict(zip(wanted, found, strict=True))
 
-    def powers(self, kept: dict[int, FloatArray], sampled: range) -> FloatArray:
-        """Mean power of the plain Hann spectra of blocks, (channels, bins)."""
-        window = hann(2 * self.steps)
-        length = 4 * self.steps
+    def noise(self, kept: dict[int, FloatArray]) -> FloatArray:
+        """Noise power at each line, from the blocks between whose lines it is measured.
 
-        work = len(sampled) * length * self.channels
+        The mean of n noise powers follows a gamma law of shape n, whose median over its mean is
+        about 1 - 1/(3 n) + 0.02/n^2; half overlapped Hann blocks are worth a twentieth less.
+        """
+        window, length = hann(2 * self.steps), 4 * self.steps
+        work = len(self.sampled) * length * self.channels
 
         def power(number: int) -> FloatArray:
             block = np.concatenate([kept[number], kept[number + 1]], axis=-1)
             block -= block.mean(axis=-1, keepdims=True)
             return window_powers(block, window, length, work)
 
-        total: FloatArray = sum(side_by_side(power, sampled, work), np.zeros(1)) / len(sampled)
-        return total
+        powers = side_by_side(power, self.sampled, work)
+        mean: FloatArray = sum(powers, np.zeros(1)) / len(powers)
+        worth = max(1.0, 0.95 * len(self.sampled))
+        median = 1 - 1 / (3 * worth) + 0.02 / worth**2
+        floor = local_floor(mean, min(mean.shape[-1], 256)) / median
+        bins = np.rint(self.orders * (2 * self.block_turns)).astype(int)
+        return np.asarray(floor[:, np.minimum(bins, mean.shape[-1] - 1)] * self.scale**2)
 
 
 def _choice(error: float, top: float, whole: float) -> tuple[int, float, float]:
@@ -423,26 +311,6 @@ def _choice(error: float, top: float, whole: float) -> tuple[int, float, float]:
     return _MIDDLE if error >= _MIDDLE_FROM and _MIDDLE[1] * top <= whole else _PRECISE
 
 
-class MatrixPlan:
-    """Fourier sums of halves of one length at few fractional bins: one matrix product."""
-
-    def __init__(self, steps: int, bins: FloatArray, beside: FloatArray) -> None:
-        angle = np.arange(steps) / steps
-        waves = np.exp(-2j * np.pi * np.outer(angle, bins))
-        turn = np.exp(1j * np.pi * angle)[:, None]
-        wave = 0.25 * (turn * beside[0] + np.conj(turn) * beside[1])
-        matrix = np.concatenate([(0.5 - wave) * waves, (0.5 + wave) * waves], axis=1)
-        self._real, self._imag = matrix.real.copy(), matrix.imag.copy()
-
-    def lines(self, halves: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-        """Return the transforms under the rising and the falling half of the window."""
-        value = np.empty((len(halves), self._real.shape[1]), dtype=np.complex128)
-        value.real = halves @ self._real
-        value.imag = halves @ self._imag
-        middle = value.shape[1] // 2
-        return value[:, :middle], value[:, middle:]
-
-
 class GriddedPlan:
     """Non-uniform Fourier transform of halves of blocks at many fractional bins.
 
@@ -451,29 +319,25 @@ class GriddedPlan:
     spreading left of it: so the window is that of the samples, not of the steps.
     """
 
-    _REACH = 8
-    _BETA = 2.30 * 8
+    _KERNEL = Kernel(width=8, beta=2.30 * 8)
 
     def __init__(self, steps: int, bins: FloatArray, beside: FloatArray, total: int = 0) -> None:
-        self.length = 2 * steps
-        self.steps = steps
-        self._total = total
-        centred = (np.arange(steps) - steps / 2) / self.length
-        self._flat = 1 / _kernel_transform(centred, self._REACH, self._BETA)
+        self.length, self.steps, self._total = 2 * steps, steps, total
+        width = self._KERNEL.width
+        self._flat = 1 / self._KERNEL.transform((np.arange(steps) - steps / 2) / self.length)
         ascending = np.argsort(bins, kind="stable")
         self._place = 2 * np.argsort(ascending)
         target = 2.0 * bins[ascending]
-        base = np.floor(target).astype(int) - self._REACH // 2 + 1
-        near = base[:, None] + np.arange(self._REACH)
-        offset = (target[:, None] - near) / (self._REACH / 2)
-        kernel = np.i0(self._BETA * np.sqrt(np.maximum(0.0, 1 - offset**2)))
+        base = np.floor(target).astype(int) - width // 2 + 1
+        near = base[:, None] + np.arange(width)
         # the kernel acts on the spectrum of the half centred at zero: undo the shift on the grid
-        weight = kernel * np.exp(0.5j * np.pi * (near - target[:, None]))
+        away = near - target[:, None]
+        weight = self._KERNEL.at(away) * np.exp(0.5j * np.pi * away)
         share = 0.25 * beside[:, ascending]
         both = [_with_neighbours(weight, -share), _with_neighbours(weight, share)]
         # bins from the lowest to the highest that is asked for, also below 0 and above the middle
         self._first = int(base.min(initial=1)) - 1
-        wanted = self._first + np.arange(int(base.max(initial=1)) + self._REACH - self._first + 1)
+        wanted = self._first + np.arange(int(base.max(initial=1)) + width - self._first + 1)
         wrapped = wanted % self.length
         self._mirrored = np.flatnonzero(wrapped > steps)
         self._taken = np.where(wrapped > steps, self.length - wrapped, wrapped)
@@ -523,27 +387,6 @@ def _groups(base: NDArray[np.intp], weights: ComplexArray) -> list[tuple[int, in
     return groups
 
 
-def line_plan(
-    steps: int, bins: FloatArray, beside: FloatArray, total: int = 0
-) -> MatrixPlan | GriddedPlan:
-    """Return the transform of halves of so many steps at bins [cycles a half].
-
-    Parameters
-    ----------
-    steps : int
-        Steps of a half.
-    bins : ndarray of float, shape (lines,)
-        Cycles a half, >= 0.
-    beside : ndarray of float, shape (2, lines)
-        What spreading leaves of a line, over that of one a bin of the whole block below and above.
-    total : int
-        Samples that the caller will transform in all, as for `batch`.
-    """
-    if len(bins) <= _FEW_LINES and steps * len(bins) <= _LARGEST_MATRIX:
-        return MatrixPlan(steps, bins, beside)
-    return GriddedPlan(steps, bins, beside, total)
-
-
 def _with_neighbours(weight: ComplexArray, share: FloatArray) -> ComplexArray:
     """Weights of the bins that give half of a transform and a share of both its neighbours.
 
@@ -554,13 +397,6 @@ def _with_neighbours(weight: ComplexArray, share: FloatArray) -> ComplexArray:
     wide[:, :-2] += share[0][:, None] * weight
     wide[:, 2:] += share[1][:, None] * weight
     return wide
-
-
-def _kernel_transform(x: FloatArray, reach: int, beta: float) -> FloatArray:
-    """Fourier transform of the kernel I0(beta sqrt(1 - (2 u / reach)^2)) at x cycles a bin."""
-    argument = np.emath.sqrt(beta**2 - (np.pi * reach * x) ** 2)
-    value: FloatArray = np.real(reach * np.sinh(argument) / argument)
-    return value
 
 
 def variance_of_mean(blocks: ComplexArray) -> FloatArray:
@@ -596,15 +432,9 @@ def variance_of_mean(blocks: ComplexArray) -> FloatArray:
     power = np.abs(np.fft.fft(blocks, axis=0)[1:] / count) ** 2
     told: FloatArray = power * shape.reshape(-1, *[1] * (blocks.ndim - 1))
     if count < _FEW:
-        whole: FloatArray = told.mean(axis=0)
-        return whole
-    usual = np.median(told, axis=0) / _median_of_exponentials(count - 1)
+        return np.asarray(told.mean(axis=0))
+    # mean of the median of exponential variables of mean 1, by the waits from one to the next
+    reached = np.cumsum(1.0 / np.arange(count - 1, 0, -1))
+    usual = np.median(told, axis=0) / np.median(reached)
     slow = 0.5 * (told[:_SLOW].mean(axis=0) + told[-_SLOW:].mean(axis=0))
     return np.where(slow > _EXCESS * usual, slow, usual)
-
-
-def _median_of_exponentials(count: int) -> float:
-    """Mean of the median of so many exponential variables of mean 1."""
-    waits = 1.0 / np.arange(count, 0, -1)  # between one of them and the next larger
-    reached = np.cumsum(waits)
-    return float(0.5 * (reached[(count - 1) // 2] + reached[count // 2]))

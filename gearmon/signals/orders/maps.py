@@ -10,15 +10,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError, check_positive
 from gearmon.signals.angle import AngleTrack
+from gearmon.signals.array_types import FloatArray, IntArray
 from gearmon.signals.orders.resampling import READ_UP_TO, AngleGrid, angle_blocks
 from gearmon.signals.spectra.spectrum import amplitude_spectrum
 from gearmon.signals.transforms import fast_length
-
-FloatArray = NDArray[np.float64]
 
 #: Most rows of a map along time, and along speed.
 TIME_ROWS, SPEED_ROWS = 200, 60
@@ -61,7 +59,7 @@ class OrderMap:
     speed_hz: FloatArray
     low: FloatArray
     high: FloatArray
-    blocks: NDArray[np.int64]
+    blocks: IntArray
     block_turns: float
     resolution: float
 
@@ -69,8 +67,7 @@ class OrderMap:
     def mean(self) -> FloatArray:
         """Order spectrum: root mean square over all blocks, shape (channels, bins)."""
         power = np.einsum("rcb,r->cb", self.amplitude**2, self.blocks.astype(float))
-        spectrum: FloatArray = np.sqrt(power / self.blocks.sum())
-        return spectrum
+        return np.asarray(np.sqrt(power / self.blocks.sum()))
 
 
 def order_map(
@@ -132,7 +129,12 @@ def order_map(
     grid = AngleGrid.of(samples.shape[-1], sampling_rate_hz, track, highest)
     turns = min(wanted, grid.count / grid.per_turn / 4)
     block = min(grid.count, fast_length(max(16, int(turns * grid.per_turn))))
-    middle, speed = _blocks(track, grid, block)
+    # of every block its middle [s] and the mean speed of shaft 1 within it [Hz]
+    length = block / grid.per_turn
+    starts = np.arange(0, grid.count - block + 1, max(1, block // 2))
+    begin = grid.first_turn + starts / grid.per_turn
+    ends = track.time_at(begin), track.time_at(begin + length)
+    middle, speed = 0.5 * (ends[0] + ends[1]), length / (ends[1] - ends[0])
     row, low, high = _rows(middle if against == "time" else ratio * speed, against, most)
     bins = int(highest * block / grid.per_turn) + 1
     powers = np.zeros((len(low), len(samples), bins))
@@ -164,18 +166,7 @@ def order_map(
     )
 
 
-def _blocks(track: AngleTrack, grid: AngleGrid, block: int) -> tuple[FloatArray, FloatArray]:
-    """Middle of every block [s] and mean speed of shaft 1 within it [Hz]."""
-    starts = np.arange(0, grid.count - block + 1, max(1, block // 2))
-    angle = grid.first_turn + starts / grid.per_turn
-    length = block / grid.per_turn
-    begin, end = track.time_at(angle), track.time_at(angle + length)
-    return 0.5 * (begin + end), length / (end - begin)
-
-
-def _rows(
-    place: FloatArray, against: str, most: int
-) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
+def _rows(place: FloatArray, against: str, most: int) -> tuple[IntArray, FloatArray, FloatArray]:
     """Row of each block by its place, and where the rows begin and end."""
     low, high = float(place.min()), float(place.max())
     if against == "time":

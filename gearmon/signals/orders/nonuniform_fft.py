@@ -27,12 +27,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gearmon.signals.angle import AngleTrack
+from gearmon.signals.array_types import FloatArray
 from gearmon.signals.orders.resampling import odd_stretch
-
-FloatArray = NDArray[np.float64]
 
 # Steps taken at a time: their weights stay in the cache of a processor core.
 _PIECE = 1 << 13
@@ -52,15 +50,10 @@ _DEGREES = {
 _PLACED, _STRIDE = 1 << 16, 16
 
 
-def _cubic() -> tuple[FloatArray, FloatArray]:
-    """Cubic of Hermite at the steps of a stretch, from its rise and its slopes a stretch."""
-    v = np.arange(_STRIDE) / _STRIDE
-    value = np.stack([v**2 * (3 - 2 * v), v * (1 - v) ** 2, v**2 * (v - 1)])
-    slope = np.stack([6 * v * (1 - v), (1 - v) * (1 - 3 * v), v * (3 * v - 2)])
-    return value, slope / _STRIDE
-
-
-_CUBIC, _CUBIC_SLOPE = _cubic()
+# Cubic of Hermite at the steps of a stretch, from its rise and its slopes a stretch.
+_V = np.arange(_STRIDE) / _STRIDE
+_CUBIC = np.stack([_V**2 * (3 - 2 * _V), _V * (1 - _V) ** 2, _V**2 * (_V - 1)])
+_CUBIC_SLOPE = np.stack([6 * _V * (1 - _V), (1 - _V) * (1 - 3 * _V), _V * (3 * _V - 2)]) / _STRIDE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,22 +84,19 @@ class Kernel:
         inside = 1 - (2 * u / self.width) ** 2
         argument = self.beta * np.sqrt(np.abs(inside))
         # beyond the reach no larger than the kernel at its end
-        result: FloatArray = np.where(inside < 0, j0(argument), i0(argument)) / i0(self.beta)
-        return result
+        return np.asarray(np.where(inside < 0, j0(argument), i0(argument)) / i0(self.beta))
 
     def transform(self, x: FloatArray) -> FloatArray:
         """Fourier transform at x cycles a step."""
         inside = self.beta**2 - (np.pi * self.width * np.asarray(x)) ** 2
         if inside.min(initial=np.inf) > 1.0:  # real throughout, ten times as fast
             root = np.sqrt(inside)
-            plain: FloatArray = self.width * np.sinh(root) / root / np.i0(self.beta)
-            return plain
+            return np.asarray(self.width * np.sinh(root) / root / np.i0(self.beta))
         argument = np.sqrt(inside + 0j)
         small = np.abs(argument) < 1e-6
         safe = np.where(small, 1.0, argument)
         shape = np.where(small, 1.0, np.sinh(safe) / safe)
-        result: FloatArray = np.real(self.width * shape) / np.i0(self.beta)
-        return result
+        return np.asarray(np.real(self.width * shape) / np.i0(self.beta))
 
 
 class Spreading:
@@ -233,11 +223,7 @@ class Spreading:
         return held[:number, :count]
 
     def _weigh(
-        self,
-        powers: FloatArray,
-        steps: FloatArray,
-        change: float,
-        weights: FloatArray,
+        self, powers: FloatArray, steps: FloatArray, change: float, weights: FloatArray
     ) -> None:
         count = len(steps)
         parts = int(min(np.ceil(change / _STEADY), max(1, count // 64)))
@@ -278,13 +264,6 @@ class Spreading:
                 np.concatenate([bend @ fit, none], axis=1),
             )
         return self._tables[key]
-
-
-def quick_spreading(
-    samples: FloatArray, sampling_rate_hz: float, track: AngleTrack, per_turn: float
-) -> Spreading:
-    """Return a spreading for spectra in which lines need only stand out, all orders alike."""
-    return Spreading(samples, sampling_rate_hz, track, per_turn, Kernel.of(4, 1.3))
 
 
 @lru_cache(maxsize=64)

@@ -14,13 +14,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError, RecordingError, check_positive
 from gearmon.signals.angle import AngleTrack
+from gearmon.signals.array_types import FloatArray
 from gearmon.signals.transforms import fast_length
-
-FloatArray = NDArray[np.float64]
 
 #: Share of the sampling rate up to which tones are read; above, they fade towards half the rate.
 READ_UP_TO = 0.45
@@ -45,8 +43,6 @@ def resample_to_angle(
     per_turn: int,
     first_turn: float,
     count: int,
-    *,
-    precise: bool = True,
 ) -> FloatArray:
     """Sample signals at equal steps of the angle of shaft 1.
 
@@ -84,47 +80,34 @@ def resample_to_angle(
     ArgumentError
         If the wanted angles reach beyond the recording.
     """
+    from scipy.ndimage import map_coordinates
+
     check_positive("per_turn", per_turn)
+    last = samples.shape[-1] - 1
     output = np.empty((samples.shape[0], count))
     for start in range(0, count, _CHUNK):
         stop = min(count, start + _CHUNK)
         angle = first_turn + np.arange(start, stop) / per_turn
         position = track.time_at(angle) * sampling_rate_hz
-        output[:, start:stop] = _read_at(samples, position, 2 if precise else 1)
+        if position[0] < -1e-6 or position[-1] > last + 1e-6:
+            raise ArgumentError(
+                f"angle track reaches from sample {position[0]:.1f} to {position[-1]:.1f}, "
+                f"the recording from 0 to {last}"
+            )
+        first = int(position[0]) - _MARGIN
+        length = fast_length(int(position[-1]) + 2 + _MARGIN - first)
+        coordinates = 2 * (position - first)[None, :]
+        for row, channel in enumerate(samples):
+            chunk = odd_stretch(channel, first, first + length)
+            level = float(chunk.mean())
+            half = np.fft.rfft((chunk - level) * _taper(length))
+            # zeros between the samples repeat the spectrum
+            repeated = np.concatenate([half, np.conj(half[-2::-1])]) * _doubling(length)
+            weights = np.fft.irfft(repeated, n=2 * length)
+            output[row, start:stop] = level + map_coordinates(
+                weights, coordinates, order=5, mode="mirror", prefilter=False
+            )
     return output
-
-
-def _read_at(samples: FloatArray, position: FloatArray, oversampling: int) -> FloatArray:
-    """Values of band-limited signals at fractional sample positions (increasing)."""
-    from scipy.ndimage import map_coordinates, spline_filter1d
-
-    last = samples.shape[-1] - 1
-    if position[0] < -1e-6 or position[-1] > last + 1e-6:
-        raise ArgumentError(
-            f"angle track reaches from sample {position[0]:.1f} to {position[-1]:.1f}, "
-            f"the recording from 0 to {last}"
-        )
-    first = int(position[0]) - _MARGIN
-    stop = int(position[-1]) + 2 + _MARGIN
-    length = fast_length(stop - first)
-    taper = np.ones(length)
-    ramp = 0.5 - 0.5 * np.cos(np.pi * np.arange(_MARGIN // 2) / (_MARGIN // 2))
-    taper[: len(ramp)] = ramp
-    taper[-len(ramp) :] = ramp[::-1]
-    coordinates = oversampling * (position - first)[None, :]
-    result = np.empty((samples.shape[0], len(position)))
-    for row, channel in enumerate(samples):
-        chunk = odd_stretch(channel, first, first + length)
-        level = float(chunk.mean())
-        tapered = (chunk - level) * taper
-        if oversampling == 2:
-            weights = _doubled_weights(tapered)
-        else:
-            weights = spline_filter1d(tapered, order=5, mode="mirror")
-        result[row] = level + map_coordinates(
-            weights, coordinates, order=5, mode="mirror", prefilter=False
-        )
-    return result
 
 
 def odd_stretch(channel: FloatArray, begin: int, end: int) -> FloatArray:
@@ -142,24 +125,18 @@ def odd_stretch(channel: FloatArray, begin: int, end: int) -> FloatArray:
     return np.where(index == inside, channel[inside], 2.0 * channel[inside] - channel[beyond])
 
 
-def _doubled_weights(chunk: FloatArray) -> FloatArray:
-    """Weights of quintic B-splines, two a sample, that interpolate a periodic band-limited chunk.
-
-    The chunk is brought to twice its rate by a low-pass that reaches 40 samples to either side and
-    leaves the samples as they are: what is wrong beyond an end of the recording does not reach
-    further inside. A low-pass with an edge at half the rate would ring by 1/(pi k^2) at k samples.
-    """
-    half = np.fft.rfft(chunk)
-    # zeros between the samples repeat the spectrum
-    repeated = np.concatenate([half, np.conj(half[-2::-1])])
-    repeated *= _doubling(len(chunk))
-    result: FloatArray = np.fft.irfft(repeated, n=2 * len(chunk))
-    return result
+def _taper(length: int) -> FloatArray:
+    """Return ones that rise and fall at the ends over half the margin."""
+    distance = np.minimum(np.arange(length), np.arange(length)[::-1]) / (_MARGIN // 2)
+    return np.asarray(0.5 - 0.5 * np.cos(np.pi * np.minimum(distance, 1.0)))
 
 
 @lru_cache(maxsize=8)
 def _doubling(length: int) -> FloatArray:
-    """Transform of the low-pass over that of a quintic B-spline read at its knots; read-only."""
+    """Gain that makes a repeated spectrum weights of quintic B-splines, two a sample; read-only.
+
+    It is the transform of the low-pass over that of a quintic B-spline read at its knots.
+    """
     reach = np.arange(2 * _REACH + 1)
     # a windowed sinc whose every second value is zero: it keeps the samples
     side = np.sinc(reach / 2) * np.kaiser(4 * _REACH + 1, _KAISER)[2 * _REACH :]
@@ -217,13 +194,7 @@ class AngleGrid:
 
 
 def angle_blocks(
-    samples: FloatArray,
-    sampling_rate_hz: float,
-    track: AngleTrack,
-    grid: AngleGrid,
-    block: int,
-    *,
-    precise: bool = True,
+    samples: FloatArray, sampling_rate_hz: float, track: AngleTrack, grid: AngleGrid, block: int
 ) -> Iterator[tuple[int, FloatArray]]:
     """Give half-overlapped blocks of a recording at equal steps of angle.
 
@@ -252,17 +223,11 @@ def angle_blocks(
     hop = max(1, block // 2)
     starts = range(0, grid.count - block + 1, hop)
     together = max(1, _CHUNK // hop)
-    for first in range(0, len(starts), together):
-        group = starts[first : first + together]
-        piece = resample_to_angle(
-            samples,
-            sampling_rate_hz,
-            track,
-            grid.per_turn,
-            grid.first_turn + group[0] / grid.per_turn,
-            group[-1] - group[0] + block,
-            precise=precise,
-        )
+    for number in range(0, len(starts), together):
+        group = starts[number : number + together]
+        turn = grid.first_turn + group[0] / grid.per_turn
+        count = group[-1] - group[0] + block
+        piece = resample_to_angle(samples, sampling_rate_hz, track, grid.per_turn, turn, count)
         for start in group:
             yield start, piece[:, start - group[0] : start - group[0] + block]
 
@@ -346,32 +311,43 @@ def angular_waveform(
     RecordingError
         If the recording holds no whole turn of the shaft.
     """
+    from scipy.signal import firwin, kaiser_beta, upfirdn
+
     check_positive("sampling_rate_hz", sampling_rate_hz, "Hz")
-    shaft = track.of_shaft(shaft_order)
-    enough = steps_to_keep_all(sampling_rate_hz, shaft)
+    rate, shaft = sampling_rate_hz, track.of_shaft(shaft_order)
+    enough = steps_to_keep_all(rate, shaft)
     steps = enough if per_turn is None else per_turn
     if steps != int(steps) or steps < 4:
         raise ArgumentError(f"per_turn={per_turn} must be a whole number, at least 4")
-    first, turns = whole_turns(samples.shape[-1], sampling_rate_hz, shaft)
+    first, turns = whole_turns(samples.shape[-1], rate, shaft)
+    highest, count = READ_UP_TO * rate / float(shaft.speed_hz.max()), turns * steps
     factor = -(-enough // steps)
-    highest = READ_UP_TO * sampling_rate_hz / float(shaft.speed_hz.max())
-    over = range(first, first + turns)
     if factor == 1:
-        values = resample_to_angle(
-            samples, sampling_rate_hz, shaft, steps, float(first), turns * steps
-        )
-    else:  # a channel at a time: the fine grid takes memory
-        thinned = [
-            _thinned(channel[None], sampling_rate_hz, shaft, steps, factor, over)
-            for channel in samples
-        ]
-        values = np.concatenate(thinned)
+        values = resample_to_angle(samples, rate, shaft, steps, float(first), count)
+    else:
+        # a grid finer by a whole factor, low-passed over Kaiser's length, every `factor`-th value
+        fine, highest = steps * factor, min(highest, PASSED * steps)
+        width = (_STOPPED - PASSED) / factor
+        half = factor * math.ceil((_ATTENUATION_DB - 7.95) / (14.36 * width) / 2 / factor)
+        window = ("kaiser", kaiser_beta(_ATTENUATION_DB))
+        kernel = firwin(2 * half + 1, (PASSED + _STOPPED) / factor, window=window)
+        # whole steps before and behind the turns that lie inside the recording, up to its reach
+        ends = shaft.turns_at(np.array([0.0, (samples.shape[-1] - 1) / rate])) - first
+        before = min(half // factor, max(0, math.floor(-ends[0] * steps)))
+        over = before * factor + min(count * factor - factor + half, math.floor(ends[1] * fine)) + 1
+        values = np.empty((len(samples), count))
+        for row, channel in enumerate(samples):  # one by one: the fine grid takes memory
+            found = resample_to_angle(
+                channel[None], rate, shaft, fine, first - before / steps, over
+            )
+            smooth = upfirdn(kernel, found[0], down=factor, mode="antireflect")
+            values[row] = smooth[half // factor + before :][:count]
     return AngularWaveform(
         values=values,
         per_turn=int(steps),
         first_turn=first,
         shaft_order=float(shaft_order),
-        top_order=highest if factor == 1 else min(highest, PASSED * steps),
+        top_order=highest,
     )
 
 
@@ -412,34 +388,3 @@ def whole_turns(count: int, sampling_rate_hz: float, shaft: AngleTrack) -> tuple
             "whole; record longer"
         )
     return first, last - first
-
-
-def _thinned(
-    samples: FloatArray, rate: float, shaft: AngleTrack, steps: int, factor: int, turns: range
-) -> FloatArray:
-    """Return one signal on a grid finer by a whole factor, low-passed, every `factor`-th value."""
-    from scipy.signal import firwin, kaiser_beta, upfirdn
-
-    fine = steps * factor
-    # Kaiser's length, rounded up to whole steps
-    width = (_STOPPED - PASSED) / factor
-    half = factor * math.ceil((_ATTENUATION_DB - 7.95) / (14.36 * width) / 2 / factor)
-    kernel = firwin(
-        2 * half + 1,
-        (PASSED + _STOPPED) / factor,
-        window=("kaiser", kaiser_beta(_ATTENUATION_DB)),
-    )
-    last_s = (samples.shape[-1] - 1) / rate
-    begin, end = shaft.turns_at(np.array([0.0, last_s])) - turns.start
-    # steps of the fine grid that lie inside the recording, the turn's first being number 0
-    low, high = -half, (len(turns) * steps - 1) * factor + half
-    kept_low = max(low, min(0, math.ceil(begin * fine)))
-    kept_high = min(high, math.floor(end * fine))
-    values = resample_to_angle(
-        samples, rate, shaft, fine, turns.start + kept_low / fine, kept_high - kept_low + 1
-    )
-    beyond = ((0, 0), (kept_low - low, high - kept_high))
-    padded = np.pad(values, beyond, mode="reflect", reflect_type="odd")
-    # whole where the kernel lies within, from twice its half on
-    smooth: FloatArray = upfirdn(kernel, padded, down=factor, axis=-1)
-    return smooth[:, 2 * half // factor :][:, : len(turns) * steps]

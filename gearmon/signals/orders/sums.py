@@ -22,15 +22,12 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gearmon.signals.angle import AngleTrack, phasors
+from gearmon.signals.array_types import ComplexArray, FloatArray
 from gearmon.signals.orders.lines import OrderLines, line_noise, steps_of_block
 from gearmon.signals.orders.resampling import AngleGrid
 from gearmon.signals.threads import side_by_side
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 # Tracks whose angle is remembered, and multiples of an order that are made of its phasors.
 _REMEMBERED, _MULTIPLES = 2, 8
@@ -113,28 +110,32 @@ class OrderSums:
         ArgumentError
             If the recording holds too few samples.
         """
-        grid = self._grid(track)
+        top_order = float(self.orders.max())
+        grid = AngleGrid.of(self.samples.shape[-1], self.sampling_rate_hz, track, top_order)
         block = steps_of_block(grid, block_turns)
         turns = block / grid.per_turn
         halves = 2 * (grid.count - block) // block + 2
         edges: FloatArray = grid.first_turn + 0.5 * turns * np.arange(halves + 1.0)
         chosen = np.flatnonzero(self.orders <= max(top, float(self.orders.min())))
         known, read = self._near(track)
-        cut = _Cut.of(known.angle, edges)
-        rising = np.cos(np.pi * cut.share)
+        share, sums = _cut(known.angle, edges)
+        rising = np.cos(np.pi * share)
 
         def half_sums(wave: ComplexArray) -> ComplexArray:
-            even, odd = cut.sums(wave), cut.sums(wave * rising)
-            both: ComplexArray = 0.5 * (even[:-1] + even[1:] - odd[:-1] + odd[1:])
-            return both
+            even, odd = sums(wave), sums(wave * rising)
+            return np.asarray(0.5 * (even[:-1] + even[1:] - odd[:-1] + odd[1:]))
 
         amplitude = self._turned(known, read, chosen.tolist(), half_sums)
+        if block_turns not in self._noise:
+            self._noise[block_turns] = line_noise(
+                self.samples, self.sampling_rate_hz, track, self.orders, block_turns
+            )
         return OrderLines(
             orders=self.orders[chosen],
             amplitude=amplitude * (2.0 / (0.5 * turns)),
             block_turns=turns,
             first_turn=grid.first_turn,
-            noise=self._noise_of(track, block_turns)[:, chosen],
+            noise=self._noise[block_turns][:, chosen],
         )
 
     def sliding(self, track: AngleTrack, block_turns: float) -> SlidingLines:
@@ -158,12 +159,12 @@ class OrderSums:
         count = int((high - low) / hop + 1e-9) + 1
         # two hops before the first centre and two after the last one
         edges: FloatArray = low + hop * np.arange(-2.0, count + 2.0)
-        cut = _Cut.of(angle, edges)
-        cosine, sine = np.cos(0.5 * np.pi * cut.share), np.sin(0.5 * np.pi * cut.share)
+        share, sums = _cut(angle, edges)
+        cosine, sine = np.cos(0.5 * np.pi * share), np.sin(0.5 * np.pi * share)
 
         def block_sums(wave: ComplexArray) -> ComplexArray:
             # 1/2 + 1/2 cos about the centre, in the two hops before and the two after it
-            plain, near, far = cut.sums(wave), cut.sums(wave * cosine), cut.sums(wave * sine)
+            plain, near, far = sums(wave), sums(wave * cosine), sums(wave * sine)
             total: ComplexArray = plain[:-3] + plain[1:-2] + plain[2:-1] + plain[3:]
             total += near[2:-1] + far[1:-2] - far[3:] - near[:-3]
             return 0.5 * total
@@ -178,24 +179,20 @@ class OrderSums:
             amplitude=(amplitude / weight[:, None, None]).reshape(count, -1),
         )
 
-    def _grid(self, track: AngleTrack) -> AngleGrid:
-        top = float(self.orders.max())
-        return AngleGrid.of(self.samples.shape[-1], self.sampling_rate_hz, track, top)
-
     def _near(self, track: AngleTrack) -> tuple[_Known, Stretches]:
         """Return what is known of a track, and sums that suit it."""
         if self._read is not None:
             for known in self._tracks:
                 if known.track is track:
                     return known, self._read
-            angle = _angle_at(track, self._read.edges_s)
+            angle = self._read.angle_in(track)
             if self._read.departure(angle) < _NEAR:
                 self._tracks = [*self._tracks[1 - _REMEMBERED :], _Known(track=track, angle=angle)]
                 return self._tracks[-1], self._read
             self._noise = {}
         read = Stretches.of(self.samples, self.sampling_rate_hz, track, self.orders)
         self._read = read
-        self._tracks = [_Known(track=track, angle=_angle_at(track, read.edges_s))]
+        self._tracks = [_Known(track=track, angle=read.angle_in(track))]
         return self._tracks[-1], read
 
     def _turned(
@@ -250,13 +247,6 @@ class OrderSums:
 
         return np.stack(side_by_side(line, lines, work), axis=-1)
 
-    def _noise_of(self, track: AngleTrack, block_turns: float) -> FloatArray:
-        if block_turns not in self._noise:
-            self._noise[block_turns] = line_noise(
-                self.samples, self.sampling_rate_hz, track, self.orders, block_turns
-            )
-        return self._noise[block_turns]
-
 
 @dataclass(kw_only=True, eq=False)
 class _Known:
@@ -275,29 +265,14 @@ def _roots(orders: FloatArray) -> list[tuple[int, int]]:
     """Tell of each order the number of one that it is a multiple of, and which multiple."""
     roots: list[tuple[int, int]] = []
     for number, order in enumerate(orders.tolist()):
-        for root, multiple in roots:
-            times = round(order / float(orders[root]))
-            if (
-                multiple == 1
-                and 1 < times <= _MULTIPLES
-                and abs(order / float(orders[root]) / times - 1) < 1e-12
-            ):
-                roots.append((root, times))
-                break
-        else:
-            roots.append((number, 1))
+        ratios = [(root, order / float(orders[root])) for root, multiple in roots if multiple == 1]
+        found = (
+            (root, round(ratio))
+            for root, ratio in ratios
+            if 1 < round(ratio) <= _MULTIPLES and abs(ratio / round(ratio) - 1) < 1e-12
+        )
+        roots.append(next(found, (number, 1)))
     return roots
-
-
-def _angle_at(track: AngleTrack, time_s: FloatArray) -> FloatArray:
-    """Angle at many ascending times [turns]."""
-    firsts = range(0, len(time_s), _EDGES)
-    parts = side_by_side(
-        lambda row: track.turns_at(time_s[firsts[row] : firsts[row] + _EDGES]),
-        range(len(firsts)),
-        16 * len(time_s),
-    )
-    return np.concatenate(parts)
 
 
 def _padded(values: FloatArray) -> ComplexArray:
@@ -307,32 +282,31 @@ def _padded(values: FloatArray) -> ComplexArray:
     return padded
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Cut:
-    """Stretches shared out among parts of the angle by where their middles lie.
+def _cut(
+    angle: FloatArray, edges: FloatArray
+) -> tuple[FloatArray, Callable[[ComplexArray], ComplexArray]]:
+    """Share stretches out among parts of the angle by where their middles lie.
 
-    `share` tells where each lies in its part, 0 to 1, and ends with a zero; `first` is the first of
-    each part.
+    Returns
+    -------
+    share : ndarray of float, shape (stretches + 1,)
+        Where each lies in its part, 0 to 1, and a zero.
+    sums : callable
+        Adds up a wave over each part; a zero at its end keeps parts behind the last stretch.
     """
+    middle = 0.5 * (angle[1:] + angle[:-1])
+    first = np.searchsorted(middle, edges)
+    # an edge more has passed from the first stretch behind it on
+    sizes = np.diff(np.concatenate([[0], first, [len(middle)]]))
+    part = np.repeat(np.clip(np.arange(-1, len(edges)), 0, len(edges) - 2), sizes)
+    share = (middle - edges[part]) / (edges[1] - edges[0])
 
-    first: NDArray[np.intp]
-    share: FloatArray
-
-    @classmethod
-    def of(cls, angle: FloatArray, edges: FloatArray) -> _Cut:
-        middle = 0.5 * (angle[1:] + angle[:-1])
-        first = np.searchsorted(middle, edges)
-        # an edge more has passed from the first stretch behind it on
-        sizes = np.diff(np.concatenate([[0], first, [len(middle)]]))
-        part = np.repeat(np.clip(np.arange(-1, len(edges)), 0, len(edges) - 2), sizes)
-        share = (middle - edges[part]) / (edges[1] - edges[0])
-        return cls(first=first, share=np.append(share, 0.0))
-
-    def sums(self, wave: ComplexArray) -> ComplexArray:
-        """Sum over each part; a zero at the end of the wave keeps parts behind the last one."""
-        total: ComplexArray = np.add.reduceat(wave, self.first)[:-1]
-        total[self.first[:-1] == self.first[1:]] = 0.0
+    def sums(wave: ComplexArray) -> ComplexArray:
+        total: ComplexArray = np.add.reduceat(wave, first)[:-1]
+        total[first[:-1] == first[1:]] = 0.0
         return total
+
+    return np.append(share, 0.0), sums
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -357,11 +331,14 @@ class Stretches:
         """Read a recording in the angle of a track."""
         top, fastest = float(orders.max()), float(track.speed_hz.max())
         turns = min(_CYCLES / top, _LONGEST)
-        length = int(min(turns * rate / fastest, samples.shape[-1] / _LEAST))
-        length = max(1, length)
+        length = max(1, int(min(turns * rate / fastest, samples.shape[-1] / _LEAST)))
         count = samples.shape[-1] // length
         edges_s = (length * np.arange(count + 1) - 0.5) / rate
-        number = _speed_numbers(np.diff(track.turns_at(edges_s)))
+        # some stretches share a speed, rounded to whole steps of its logarithm
+        shared = np.arange(0, count, _SHARING)
+        sizes = np.diff(np.append(shared, count))
+        mean = np.add.reduceat(np.diff(track.turns_at(edges_s)), shared) / sizes
+        number = np.repeat(np.rint(np.log(mean) / _SPEED_STEP), sizes)
         sums = np.empty((len(samples), 2, len(orders), count))
         starts = np.concatenate([[0], np.flatnonzero(np.diff(number)) + 1, [count]])
         runs = [
@@ -394,16 +371,12 @@ class Stretches:
             cycles=top * float(np.exp(np.mean(number) * _SPEED_STEP)),
         )
 
+    def angle_in(self, track: AngleTrack) -> FloatArray:
+        """Angle of a track at the edges of the stretches [turns]."""
+        parts = np.split(self.edges_s, range(_EDGES, len(self.edges_s), _EDGES))
+        return np.concatenate(side_by_side(track.turns_at, parts, 16 * len(self.edges_s)))
+
     def departure(self, angle: FloatArray) -> float:
         """Cycles a stretch that a track differs by from the one these sums were made with."""
         change = np.log(np.diff(angle)) - self.slopes
         return float(np.sqrt(np.mean(change**2))) * self.cycles
-
-
-def _speed_numbers(steps: FloatArray) -> FloatArray:
-    """Round the steps of some stretches each to whole multiples of a step of their logarithm."""
-    count = len(steps)
-    starts = np.arange(0, count, _SHARING)
-    sizes = np.diff(np.append(starts, count))
-    mean = np.add.reduceat(steps, starts) / sizes
-    return np.repeat(np.rint(np.log(mean) / _SPEED_STEP), sizes)

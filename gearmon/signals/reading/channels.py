@@ -19,10 +19,7 @@ from gearmon.signals.reading.columns import (
     missing_values,
     survey,
 )
-from gearmon.signals.reading.fields import (
-    Floats,
-    acceleration_factor,
-)
+from gearmon.signals.reading.fields import Floats, acceleration_factor
 from gearmon.signals.reading.timebase import counts_evenly, rises_evenly, sampling_rate
 from gearmon.signals.threads import side_by_side
 
@@ -62,14 +59,10 @@ class Interpreted:
         The numbers in the units of `columns`.
     columns : tuple of DataColumn
         What the channels are.
-    scales : tuple of float
-        What the numbers of each channel were multiplied by.
     rate_hz : float > 0
         Sampling rate.
     notes : tuple of str
         What was assumed or left out.
-    time : Column or None
-        The time column.
     finite : bool
         Whether all samples are known to be finite, also after they were multiplied.
     tacho_told : bool
@@ -78,12 +71,10 @@ class Interpreted:
 
     samples: Floats
     columns: tuple[DataColumn, ...]
-    scales: tuple[float, ...]
     rate_hz: float
     notes: tuple[str, ...]
-    time: DataColumn | None = None
-    finite: bool = False
-    tacho_told: bool = False
+    finite: bool
+    tacho_told: bool
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,7 +112,15 @@ class _Spoken:
         tacho = frozenset(() if self.tacho is None else (self.tacho,))
         return (self.channels or frozenset()) | tacho | frozenset(self.sensors)
 
+    def asks_for(self, index: int) -> bool:
+        return index == self.tacho or index in (self.channels or ())
 
+    def tells_tacho(self, columns: Sequence[DataColumn]) -> bool:
+        """Whether the user said which column is the tacho."""
+        return any(columns[index].kind == "tacho" for index in self.all)
+
+
+@np.errstate(over="ignore", invalid="ignore")  # numbers that overflow are refused by their sizes
 def interpret(content: Content, wanted: Wanted) -> Interpreted:
     """Return the channels of a recording; the values of its content are used up.
 
@@ -137,44 +136,36 @@ def interpret(content: Content, wanted: Wanted) -> Interpreted:
     RecordingError
         If the channels cannot be used.
     """
-    # numbers near the largest overflow on the way; they are refused by their sizes in the end
-    with np.errstate(over="ignore", invalid="ignore"):
-        return _interpreted(content, wanted)
-
-
-def _interpreted(content: Content, wanted: Wanted) -> Interpreted:
     spoken, absent = _spoken(content, wanted)
-    columns = _told(content, spoken)
-    columns, remarks = _confirmed(content, columns, spoken)
-    time = _time_column(columns)
-    rate = sampling_rate(content, time, wanted.sampling_rate_hz, "; ".join(remarks))
+    columns, remarks = _confirmed(content, _told(content, spoken), spoken)
+    time = next((column for column in columns if column.kind == "time"), None)
+    hint = "; ".join(remarks)
+    rate_hz, rate_note = sampling_rate(content, time, wanted.sampling_rate_hz, hint)
     kept, left_out, largest = _usable(content, columns, spoken)
     samples = _taken(content.values, kept)
     parted = [_unit_and_scale(columns[index], spoken.sensors.get(index)) for index in kept]
     for row, (_, scale) in enumerate(parted):
         if scale != 1.0:
             samples[row] *= scale
-    first_notes = [*content.notes, *remarks, rate.note, *absent]
-    notes = [*first_notes, *_other_kinds(columns, kept), *left_out]
+    others = [columns[index] for index in kept if columns[index].kind != "vibration"]
+    listed = ", ".join(f"{column.label} ({column.kind})" for column in others)
+    aside = f"not taken as vibration: {listed}" if others else ""
+    notes = [*content.notes, *remarks, rate_note, *absent, aside, *left_out]
+    sizes = [size * scale for size, (_, scale) in zip(largest, parted, strict=True)]
     return Interpreted(
         samples=samples,
         columns=tuple(column for column, _ in parted),
-        scales=tuple(scale for _, scale in parted),
-        rate_hz=rate.rate_hz,
+        rate_hz=rate_hz,
         notes=tuple(note for note in notes if note),
-        time=time,
-        finite=all(
-            math.isfinite(size * scale) for size, (_, scale) in zip(largest, parted, strict=True)
-        ),
-        tacho_told=_tells_tacho(columns, spoken),
+        finite=all(map(math.isfinite, sizes)),
+        tacho_told=spoken.tells_tacho(columns),
     )
 
 
 def _spoken(content: Content, wanted: Wanted) -> tuple[_Spoken, list[str]]:
     """Return the columns that the user spoke of, and notes on sensors that are not in the file."""
-    columns = content.columns
-    names = [(column.name, column.cell) for column in columns]
-    numbers = [column.number for column in columns]
+    names = [(column.name, column.cell) for column in content.columns]
+    numbers = [column.number for column in content.columns]
 
     def index(key: str | int) -> int:
         return find_column(content.path, key, names, numbers)
@@ -186,47 +177,34 @@ def _spoken(content: Content, wanted: Wanted) -> tuple[_Spoken, list[str]]:
             told[index(sensor.column)] = sensor
         except RecordingError:
             absent.append(f"column '{sensor.column}' of the machine file is not in the recording")
-    spoken = _Spoken(
-        channels=frozenset(index(key) for key in wanted.channels) or None,
-        tacho=None if wanted.tacho is None else index(wanted.tacho),
-        sensors=told,
-    )
-    return spoken, absent
+    channels = frozenset(index(key) for key in wanted.channels) or None
+    tacho = None if wanted.tacho is None else index(wanted.tacho)
+    return _Spoken(channels=channels, tacho=tacho, sensors=told), absent
 
 
-def _told(content: Content, wanted: _Spoken) -> tuple[DataColumn, ...]:
+def _told(content: Content, wanted: _Spoken) -> list[DataColumn]:
     """Let what the user says go before what the file says."""
     told = list(content.columns)
     if content.stamp is not None:
         told[content.stamp] = replace(told[content.stamp], kind="time")
     for index, sensor in wanted.sensors.items():
-        told[index] = replace(
-            told[index], kind=sensor.kind, unit=sensor.unit or _recorded_unit(told[index], sensor)
-        )
+        recorded = told[index].unit if sensor.sensitivity == 1.0 else None
+        told[index] = replace(told[index], kind=sensor.kind, unit=sensor.unit or recorded)
     for index in wanted.channels or ():
         told[index] = replace(told[index], kind="vibration")
     if wanted.tacho is not None:
         told[wanted.tacho] = replace(told[wanted.tacho], kind="tacho")
-    if _tells_tacho(told, wanted):
+    if wanted.tells_tacho(told):
         # what the user calls a tacho goes before what is named like one
         for index, column in enumerate(told):
             if column.kind == "tacho" and index not in wanted.all:
                 told[index] = replace(column, kind="other")
-    return tuple(told)
-
-
-def _tells_tacho(columns: Sequence[DataColumn], wanted: _Spoken) -> bool:
-    """Whether the user said which column is the tacho."""
-    return any(columns[index].kind == "tacho" for index in wanted.all)
-
-
-def _recorded_unit(column: DataColumn, sensor: SensorLike) -> str | None:
-    return column.unit if sensor.sensitivity == 1.0 else None
+    return told
 
 
 def _confirmed(
     content: Content, columns: Sequence[DataColumn], wanted: _Spoken
-) -> tuple[tuple[DataColumn, ...], list[str]]:
+) -> tuple[list[DataColumn], list[str]]:
     """Check by the numbers what names only suggest: counters, and a first column that is time."""
     confirmed, remarks = list(columns), []
     timed = any(column.kind == "time" for column in columns)
@@ -235,19 +213,15 @@ def _confirmed(
         if index in wanted.all:
             continue
         if column.kind == "index" and not rises_evenly(values):
-            confirmed[index] = replace(column, kind=_no_counter(column))
+            # named like a counter, and does not count
+            kind = "other" if len(column.name) > 2 else "vibration"
+            kind = "speed" if column.name.lower() == "n" else kind
+            confirmed[index] = replace(column, kind=kind)
         elif index == 0 and column.kind == "vibration" and not (timed or content.rate_hz):
             kind, remark = _first_column(column, values)
             confirmed[0] = replace(column, kind=kind)
             remarks.extend([remark] if remark else [])
-    return tuple(confirmed), remarks
-
-
-def _no_counter(column: DataColumn) -> str:
-    """Return the kind of a column that is named like a counter and does not count."""
-    if column.name.lower() == "n":
-        return "speed"
-    return "other" if len(column.name) > 2 else "vibration"
+    return confirmed, remarks
 
 
 def _first_column(column: DataColumn, values: Floats) -> tuple[str, str]:
@@ -262,26 +236,22 @@ def _first_column(column: DataColumn, values: Floats) -> tuple[str, str]:
     return "other", remark
 
 
-def _time_column(columns: Sequence[DataColumn]) -> DataColumn | None:
-    return next((column for column in columns if column.kind == "time"), None)
-
-
 def _usable(
     content: Content, columns: Sequence[DataColumn], wanted: _Spoken
 ) -> tuple[list[int], list[str], list[float]]:
     """Return the columns to keep, notes on those left out, and the sizes of those kept."""
     kept, notes, bad, largest = [], [], [], []
+    aside = () if wanted.channels is None else ("vibration", "other")
     looked_at = [
         index
         for index, column in enumerate(columns)
-        if column.kind not in ("time", "index") and not _is_unwanted(index, column, wanted)
+        if column.kind not in ("time", "index")
+        and (column.kind not in aside or index in (wanted.channels or ()))
     ]
-    surveys = side_by_side(
-        lambda index: survey(content.values[index]), looked_at, content.values.size
-    )
+    rows = [content.values[index] for index in looked_at]
+    surveys = side_by_side(survey, rows, content.values.size)
     for index, found in zip(looked_at, surveys, strict=True):
-        column = columns[index]
-        fatal, note = _judged(content, index, column, wanted, found)
+        fatal, note = _judged(content, index, columns[index], wanted, found)
         if fatal:
             bad.append(note)
         else:
@@ -289,15 +259,16 @@ def _usable(
             largest.append(max(abs(found.low), abs(found.high)))
         if note:
             notes.append(f"{note}: left out" if fatal else note)
-    if not any(columns[index].kind == "vibration" for index in kept):
-        _raise_no_channel(content.path, columns, bad)
-    return kept, notes, largest
-
-
-def _is_unwanted(index: int, column: DataColumn, wanted: _Spoken) -> bool:
-    if wanted.channels is None:
-        return False
-    return index not in wanted.channels and column.kind in ("vibration", "other")
+    if any(columns[index].kind == "vibration" for index in kept):
+        return kept, notes, largest
+    if bad:
+        more = f" (and {len(bad) - 1} more)" if len(bad) > 1 else ""
+        raise RecordingError(
+            f"{content.path}: no usable vibration channel: {bad[0]}{more}; check the sensors, or "
+            "record again"
+        )
+    kinds = ", ".join(f"{column.label}: {column.kind}" for column in columns[:10])
+    raise RecordingError(f"{content.path}: no vibration channel ({kinds}); name one with --channel")
 
 
 def _judged(
@@ -307,8 +278,11 @@ def _judged(
     values = content.values[index]
     count, first = missing_values(values, found)
     if count:
-        text = _missing_text(count, len(values))
-        if _is_asked_for(index, wanted) or (column.kind == "vibration" and count < len(values)):
+        share = f"{count} of {len(values)} rows ({100 * count / len(values):.2g} %)"
+        text = f"lacks a finite number in {share}"
+        if count == len(values):
+            text = f"has no numbers at all in {count} rows"
+        if wanted.asks_for(index) or (column.kind == "vibration" and count < len(values)):
             raise RecordingError(
                 f"{content.path}, {content.place(first)}, {column.label}: "
                 f"{content.shown(first, index)} is no number; the column {text}; {_REMEDY_ALONE}"
@@ -321,38 +295,9 @@ def _judged(
         return False, ""
     place = "" if defect.row < 0 else f"{content.place(defect.row)}, "
     note = f"{place}{column.label} {defect.text}"
-    if defect.fatal and _is_asked_for(index, wanted):
+    if defect.fatal and wanted.asks_for(index):
         raise RecordingError(f"{content.path}, {note}; check the sensor, or record again")
     return defect.fatal, note
-
-
-def _is_asked_for(index: int, wanted: _Spoken) -> bool:
-    return index == wanted.tacho or (wanted.channels is not None and index in wanted.channels)
-
-
-def _missing_text(count: int, total: int) -> str:
-    if count == total:
-        return f"has no numbers at all in {total} rows"
-    return f"lacks a finite number in {count} of {total} rows ({100 * count / total:.2g} %)"
-
-
-def _raise_no_channel(path: str, columns: Sequence[DataColumn], bad: Sequence[str]) -> None:
-    if bad:
-        more = f" (and {len(bad) - 1} more)" if len(bad) > 1 else ""
-        raise RecordingError(
-            f"{path}: no usable vibration channel: {bad[0]}{more}; check the sensors, or record "
-            "again"
-        )
-    kinds = ", ".join(f"{column.label}: {column.kind}" for column in columns[:10])
-    raise RecordingError(f"{path}: no vibration channel ({kinds}); name one with --channel")
-
-
-def _other_kinds(columns: Sequence[DataColumn], kept: Sequence[int]) -> list[str]:
-    others = [columns[index] for index in kept if columns[index].kind != "vibration"]
-    if not others:
-        return []
-    listed = ", ".join(f"{column.label} ({column.kind})" for column in others)
-    return [f"not taken as vibration: {listed}"]
 
 
 def _taken(values: Floats, kept: Sequence[int]) -> Floats:

@@ -12,13 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gearmon.errors import RecordingError, nearest_name
-from gearmon.signals.reading.fields import (
-    Floats,
-    is_trusted_unit,
-    is_unit,
-    kind_of_unit,
-    shortened,
-)
+from gearmon.signals.reading.fields import Floats, is_trusted_unit, is_unit, kind_of_unit, shortened
 from gearmon.signals.reading.layout import Header
 
 _SQUARE = re.compile(r"(.*?)\s*\[\s*([^\]]*?)\s*\]")
@@ -88,14 +82,6 @@ class DataColumn:
         return f"column {self.number} ('{shortened(self.name)}')"
 
 
-def _sample(row: int) -> str:
-    return f"sample {row + 1}"
-
-
-def _no_text(row: int, index: int) -> str:  # noqa: ARG001
-    return "a value"
-
-
 @dataclass(frozen=True, kw_only=True)
 class Content:
     """Columns of numbers of a file.
@@ -135,18 +121,8 @@ class Content:
     speed_rpm: float | None = None
     notes: tuple[str, ...] = ()
     is_text: bool = False
-    place: Callable[[int], str] = field(default=_sample)
-    shown: Callable[[int, int], str] = field(default=_no_text)
-
-    @property
-    def rows_are(self) -> str:
-        """What messages call many rows."""
-        return "lines" if self.is_text else "samples"
-
-    @property
-    def columns_by_number(self) -> dict[int, int]:
-        """The index of each column by its number in the file."""
-        return {column.number: index for index, column in enumerate(self.columns)}
+    place: Callable[[int], str] = field(default=lambda row: f"sample {row + 1}")
+    shown: Callable[[int, int], str] = field(default=lambda _row, _index: "a value")
 
 
 def describe_columns(header: Header, count: int) -> tuple[DataColumn, ...]:
@@ -164,26 +140,14 @@ def describe_columns(header: Header, count: int) -> tuple[DataColumn, ...]:
     parted = [_name_and_unit(cell) for cell in cells]
     if not header.units:
         parted = _without_doubtful_units(parted, cells)
-    return tuple(
-        _column(number, cell, name, unit or _stated(below))
-        for number, (cell, (name, unit), below) in enumerate(
-            zip(cells, parted, units, strict=True), 1
-        )
-    )
-
-
-def _column(number: int, cell: str, name: str, unit: str | None) -> DataColumn:
-    shown = name or f"column {number}"
-    named = cell != ""
-    return DataColumn(
-        number=number, name=shown, cell=cell, unit=unit, kind=_kind_of(name, unit, named=named)
-    )
-
-
-def _stated(below: str) -> str | None:
-    """Return the unit in a cell of the row of units; None if it says nothing."""
-    text = below.strip().strip("[]()<> ")
-    return text if text not in ("", "-", "--", "1") else None
+    columns = []
+    for number, (cell, (name, unit), below) in enumerate(zip(cells, parted, units, strict=True), 1):
+        text = below.strip().strip("[]()<> ")
+        own = unit or (text if text not in ("", "-", "--", "1") else None)
+        kind = _kind_of(name, own, named=cell != "")
+        shown = name or f"column {number}"
+        columns.append(DataColumn(number=number, name=shown, cell=cell, unit=own, kind=kind))
+    return tuple(columns)
 
 
 def _name_and_unit(cell: str) -> tuple[str, str | None]:
@@ -276,18 +240,13 @@ def find_column(
                 return found[0]
     if text.strip().isdigit() and int(text) in numbers:
         return numbers.index(int(text))
-    raise RecordingError(
-        f"{origin}: no channel '{shortened(text)}'; {_known(text, names, numbers)}"
-    )
-
-
-def _known(text: str, names: Sequence[Sequence[str]], numbers: Sequence[int]) -> str:
     shown = [f"{shortened(own[0])} ({number})" for own, number in zip(names, numbers, strict=True)]
     listed = ", ".join(shown[:20]) + (", ..." if len(shown) > 20 else "")
     near = nearest_name(text, [name for own in names for name in own])
-    return (
-        f"did you mean {shortened(near)}? " if near else ""
-    ) + f"channels (and columns): {listed}"
+    meant = f"did you mean {shortened(near)}? " if near else ""
+    raise RecordingError(
+        f"{origin}: no channel '{shortened(text)}'; {meant}channels (and columns): {listed}"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

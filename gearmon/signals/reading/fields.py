@@ -17,7 +17,10 @@ Room = Callable[[tuple[int, int]], Floats]
 LONGEST_QUOTE = 60  # characters of a file that a message shows
 _EXPONENT_LETTERS = str.maketrans("dD", "ee")
 _QUOTED = re.compile(r'[ \t]*"((?:[^"]|"")*)"[ \t]*')
-_BLANKS = re.compile(r"\s+")
+# Fields, with their quotes, in which a separator is no end.
+_FIELDS = {
+    mark: re.compile(rf'(?:^|{mark})((?:[^"{mark}]|"[^"]*(?:"|\Z))*)') for mark in "\t;,"
+} | {" ": re.compile(r'((?:[^"\s]|"[^"]*(?:"|\Z))+)')}
 _TIME_OF_DAY = re.compile(r"(\d{1,2}):(\d{2}):(\d{2}(?:[.,]\d+)?)")
 _DATE = re.compile(r"\d{4}-\d{2}-\d{2}[T ]\d{2}:\d{2}")
 _SPREADSHEET_ERROR = re.compile(r"#(n/a|nv|div/0!|wert!|value!|ref!|num!|zahl!|name\?|null!)")
@@ -29,34 +32,15 @@ _NO_VALUE = """
 MISSING = frozenset(_NO_VALUE.split())
 STANDARD_GRAVITY = 9.80665  # m/s2, ISO 80000-3
 _SPELLING = str.maketrans({"²": "2", "μ": "u", "µ": "u", "·": "", "*": "", "^": "", " ": ""})
-_ACCELERATION = {
-    "m/s2": 1.0,
-    "m/s/s": 1.0,
-    "m/(s2)": 1.0,
-    "m/sec2": 1.0,
-    "ms-2": 1.0,
-    "ms2": 1.0,
-    "m_s2": 1.0,
-    "m_s_2": 1.0,
-    "mps2": 1.0,
-    "mm/s2": 1e-3,
-    "mms-2": 1e-3,
-    "cm/s2": 1e-2,
-    "ft/s2": 0.3048,
-    "in/s2": 0.0254,
-    "g": STANDARD_GRAVITY,
-    "gn": STANDARD_GRAVITY,
-    "g_n": STANDARD_GRAVITY,
-    "g0": STANDARD_GRAVITY,
-    "mg": 1e-3 * STANDARD_GRAVITY,
-}
-_TIME = {
-    "s": 1.0,
-    "sec": 1.0,
-    "secs": 1.0,
-    "second": 1.0,
-    "seconds": 1.0,
-    "sek": 1.0,
+_ACCELERATION = (
+    dict.fromkeys(
+        ["m/s2", "m/s/s", "m/(s2)", "m/sec2", "ms-2", "ms2", "m_s2", "m_s_2", "mps2"], 1.0
+    )
+    | {"mm/s2": 1e-3, "mms-2": 1e-3, "cm/s2": 1e-2, "ft/s2": 0.3048, "in/s2": 0.0254}
+    | dict.fromkeys(["g", "gn", "g_n", "g0"], STANDARD_GRAVITY)
+    | {"mg": 1e-3 * STANDARD_GRAVITY}
+)
+_TIME = dict.fromkeys(["s", "sec", "secs", "second", "seconds", "sek"], 1.0) | {
     "ms": 1e-3,
     "msec": 1e-3,
     "us": 1e-6,
@@ -148,7 +132,13 @@ def to_microseconds(field: str) -> int | None:
         return 10**6 * whole + round(10**6 * float(seconds.replace(",", ".")))
     if _DATE.match(field) is None:
         return None
-    return _microseconds_of_date(field)
+    from datetime import datetime, timedelta  # few recordings have dates
+
+    try:
+        moment = datetime.fromisoformat(field)
+    except ValueError:
+        return None
+    return (moment.replace(tzinfo=None) - datetime.min) // timedelta(microseconds=1)
 
 
 def split_fields(line: str, separator: str) -> list[str]:
@@ -166,18 +156,14 @@ def split_fields(line: str, separator: str) -> list[str]:
     >>> split_fields('1; "2,5" ;', ";")
     ['1', '2,5', '']
     """
-    if separator == " ":
-        parts = line.split() if '"' not in line else _words_outside_quotes(line)
-    elif separator == "":
-        parts = [line]
-    elif '"' not in line:
-        return [part.strip() for part in line.split(separator)]
-    else:
-        parts = _split_outside_quotes(line, separator)
-    return [_unquoted(part) for part in parts]
+    if separator == "":
+        return [_unquoted(line)]
+    if '"' not in line:
+        return line.split() if separator == " " else [own.strip() for own in line.split(separator)]
+    return [_unquoted(part) for part in _FIELDS[separator].findall(line)]
 
 
-def without_empty_end(fields: list[str]) -> list[str]:
+def without_empty_end(fields: Sequence[str]) -> Sequence[str]:
     """Return the fields up to the last one that is not empty."""
     count = len(fields)
     while count and not fields[count - 1]:
@@ -185,39 +171,9 @@ def without_empty_end(fields: list[str]) -> list[str]:
     return fields[:count]
 
 
-def _split_outside_quotes(line: str, separator: str) -> list[str]:
-    parts = [""]
-    for index, piece in enumerate(line.split('"')):
-        parts[-1] += '"' if index else ""
-        first, *others = [piece] if index % 2 else piece.split(separator)
-        parts[-1] += first
-        parts.extend(others)
-    return parts
-
-
-def _words_outside_quotes(line: str) -> list[str]:
-    words = [""]
-    for index, piece in enumerate(line.split('"')):
-        words[-1] += '"' if index else ""
-        first, *others = [piece] if index % 2 else _BLANKS.split(piece)
-        words[-1] += first
-        words.extend(others)
-    return [word for word in words if word]
-
-
 def _unquoted(field: str) -> str:
     match = _QUOTED.fullmatch(field)
     return match[1].replace('""', '"').strip() if match else field.strip()
-
-
-def _microseconds_of_date(field: str) -> int | None:
-    from datetime import datetime, timedelta  # few recordings have dates
-
-    try:
-        moment = datetime.fromisoformat(field)
-    except ValueError:
-        return None
-    return (moment.replace(tzinfo=None) - datetime.min) // timedelta(microseconds=1)
 
 
 def plain_unit(text: str) -> str:

@@ -44,6 +44,7 @@ _RATE = re.compile(
 # A quote that opens a field and is not closed in its line, and over how many lines it may reach.
 _OPEN_QUOTE = re.compile(r'(?:^|[,;\s])"[^"]*$')
 _MOST_PARTS = 16
+
 Line = tuple[int, str]
 
 
@@ -74,6 +75,10 @@ class Dialect:
     stamp: int | None = None
     stamp_origin: int = 0
 
+    def split(self, line: str) -> list[str]:
+        """Return the fields of a line."""
+        return split_fields(line, self.separator)
+
     def row(self, line: str) -> list[str] | None:
         """Return the fields of the line if it is a row of this table, else None."""
         fields = _row(line, self.separator, self.decimal)
@@ -82,6 +87,39 @@ class Dialect:
     def fits(self, fields: Sequence[str]) -> bool:
         """Tell whether the number of fields is right; empty ones may follow."""
         return len(fields) >= self.columns and not any(fields[self.columns :])
+
+    def covers(self, fields: Sequence[str]) -> bool:
+        """Tell whether there is a cell for each column; some of them may be empty."""
+        return len(without_empty_end(fields)) <= self.columns <= len(fields)
+
+    def numbers(self, cells: Sequence[str]) -> int:
+        """Return how many of the cells are numbers."""
+        return sum(is_number(cell, self.decimal) for cell in cells)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Header:
+    """What the lines above the numbers say about the columns.
+
+    Parameters
+    ----------
+    names : tuple of str or None
+        The cells of the line of names; None if there is none.
+    units : tuple of str or None
+        The cells of the line of units below it.
+    line : int
+        Number of the line of names.
+    remark : str
+        Why a line that looks like names was not used.
+    rate_hint : str
+        The line that seems to tell the sampling rate.
+    """
+
+    names: tuple[str, ...] | None = None
+    units: tuple[str, ...] | None = None
+    line: int = 0
+    remark: str = ""
+    rate_hint: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,12 +153,22 @@ def find_layout(path: str, lines: Sequence[str]) -> Layout | None:
         dialect = _most_likely(sample)
     if dialect is None:
         return None
-    _check_width(path, dialect)
+    if dialect.columns > _MOST_COLUMNS:
+        raise RecordingError(
+            f"{path}: {dialect.columns} numbers in a line; a recording needs one line per sample "
+            "and one column per channel: transpose it"
+        )
     first, above = _first_row(path, lines, dialect)
-    above = _joined(path, above, dialect)
-    dialect = _clear_decimals(path, dialect, sample, above)
-    dialect = _widened(dialect, sample, above)
-    header = find_header(path, above, dialect.separator, dialect.decimal, dialect.columns)
+    joined = _joined_lines(above)
+    for number, text in joined:
+        if (number, text) not in above and dialect.row(text) is not None:
+            raise RecordingError(
+                f"{path}, line {number}: a line break within quotes parts this row of numbers; "
+                "take it out"
+            )
+    dialect = _clear_decimals(path, dialect, sample, joined)
+    dialect = _widened(dialect, sample, joined)
+    header = _find_header(path, joined, dialect)
     layout = Layout(dialect=dialect, first_line=first, header=header)
     return _with_counted_names(layout, lines)
 
@@ -137,8 +185,7 @@ def _most_likely(sample: Sequence[str]) -> Dialect | None:
     best, most = None, 0
     for separator in _SEPARATORS:
         for decimal in ".,":
-            quoted = '"' in text
-            if decimal == "," and ("," not in text or (separator == "," and not quoted)):
+            if decimal == "," and ("," not in text or (separator == "," and '"' not in text)):
                 continue
             dialect, count = _fitted(sample, separator, decimal)
             if count > most:
@@ -148,12 +195,17 @@ def _most_likely(sample: Sequence[str]) -> Dialect | None:
 
 def _fitted(sample: Sequence[str], separator: str, decimal: str) -> tuple[Dialect | None, int]:
     rows = [(line, row) for line in sample if (row := _row(line, separator, decimal)) is not None]
-    if not rows or 2 * sum(_has(line, separator) for line, _ in rows) < len(rows):
+    parted = sum(
+        len(line.split(maxsplit=1)) > 1 if separator == " " else separator in line
+        for line, _ in rows
+    )
+    if not rows or 2 * parted < len(rows):
         return None, 0
     length, count = Counter(len(row) for _, row in rows).most_common(1)[0]
     alike = [row for _, row in rows if len(row) == length]
     columns = max(len(without_empty_end(row)) for row in alike)
-    stamp, origin = _stamp(alike[0])
+    moments = [(k, to_microseconds(field)) for k, field in enumerate(alike[0])]
+    stamp, origin = next(((k, at) for k, at in moments if at is not None), (None, 0))
     dialect = Dialect(
         separator=separator,
         decimal=decimal,
@@ -182,33 +234,9 @@ def _says_number(field: str) -> bool:
     return any(character.isdigit() for character in field) or field[-3:].lower() in ("nan", "inf")
 
 
-def _has(line: str, separator: str) -> bool:
-    if separator == " ":
-        return len(line.split(maxsplit=1)) > 1
-    return separator in line
-
-
-def _stamp(row: Sequence[str]) -> tuple[int | None, int]:
-    for index, field in enumerate(row):
-        moment = to_microseconds(field)
-        if moment is not None:
-            return index, moment
-    return None, 0
-
-
-def _check_width(path: str, dialect: Dialect) -> None:
-    if dialect.columns > _MOST_COLUMNS:
-        raise RecordingError(
-            f"{path}: {dialect.columns} numbers in a line; a recording needs one line per sample "
-            "and one column per channel: transpose it"
-        )
-
-
-def _first_row(
-    path: str, lines: Sequence[str], dialect: Dialect
-) -> tuple[int, list[tuple[int, str]]]:
+def _first_row(path: str, lines: Sequence[str], dialect: Dialect) -> tuple[int, list[Line]]:
     """Return the number of the first row, and the lines of text above it with their numbers."""
-    above: list[tuple[int, str]] = []
+    above: list[Line] = []
     odd: tuple[int, int] | None = None
     for number, line in enumerate(lines, 1):
         if not line.strip():
@@ -217,33 +245,16 @@ def _first_row(
         if row is None:
             above.append((number, line.strip().lstrip("#% \t") if is_comment(line) else line))
             odd = None
-        elif dialect.fits(row):
-            _check_no_odd_row(path, odd, dialect.columns)
+        elif not dialect.fits(row):
+            odd = odd or (number, len(without_empty_end(row)))
+        elif odd is None:
             return number, above
         else:
-            odd = odd or (number, len(without_empty_end(row)))
-    raise AssertionError("the sample has a row, so the lines have one")
-
-
-def _joined(path: str, above: list[tuple[int, str]], dialect: Dialect) -> list[tuple[int, str]]:
-    """Put parted lines of names together; raise if it is a row of numbers that is parted."""
-    joined = joined_lines(above)
-    for number, text in joined:
-        if (number, text) not in above and dialect.row(text) is not None:
             raise RecordingError(
-                f"{path}, line {number}: a line break within quotes parts this row of numbers; "
-                "take it out"
+                f"{path}, line {odd[0]}: {counted(odd[1], 'number')} where the rows below have "
+                f"{dialect.columns}; if this line is no sample, put # before it"
             )
-    return joined
-
-
-def _check_no_odd_row(path: str, odd: tuple[int, int] | None, columns: int) -> None:
-    if odd is not None:
-        number, count = odd
-        raise RecordingError(
-            f"{path}, line {number}: {counted(count, 'number')} where the rows below have "
-            f"{columns}; if this line is no sample, put # before it"
-        )
+    raise AssertionError("the sample has a row, so the lines have one")
 
 
 def counted(count: int, noun: str) -> str:
@@ -251,29 +262,31 @@ def counted(count: int, noun: str) -> str:
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
-def _widened(dialect: Dialect, sample: Sequence[str], above: Sequence[tuple[int, str]]) -> Dialect:
+def _widened(dialect: Dialect, sample: Sequence[str], above: Sequence[Line]) -> Dialect:
     """Count columns that have a name but no number in any row."""
     if not dialect.trailing or not above:
         return dialect
-    named = len(without_empty_end(split_fields(above[-1][1], dialect.separator)))
-    rows = [row for line in sample if (row := dialect.row(line)) is not None]
-    length = min(len(row) for row in rows)
+    named = len(without_empty_end(dialect.split(above[-1][1])))
+    length = min(len(row) for line in sample if (row := dialect.row(line)) is not None)
     if not dialect.columns < named <= length:
         return dialect
     return replace(dialect, columns=named, trailing=length > named)
 
 
 def _clear_decimals(
-    path: str, dialect: Dialect, sample: Sequence[str], above: Sequence[tuple[int, str]]
+    path: str, dialect: Dialect, sample: Sequence[str], above: Sequence[Line]
 ) -> Dialect:
     """Tell ``1,5`` as one number with a decimal comma from two whole numbers, or raise."""
     if dialect.separator != "," or dialect.decimal != "." or dialect.columns != 2:
         return dialect
     lines = [line for line in sample if dialect.row(line) is not None]
     rows = [split_fields(line, ",")[:2] for line in lines]
-    if not _may_be_decimals(lines, rows):
+    plain = all(
+        first.lstrip("+-").isdigit() and _DECIMALS.fullmatch(second) for first, second in rows
+    )
+    if not plain or any(mark in line.strip() for line in lines for mark in ' "'):
         return dialect
-    verdict = _header_verdict(above) if above else None
+    verdict = _header_verdict(above[-1][1]) if above else None
     if verdict is None and not all(second.isdigit() for _, second in rows):
         return dialect  # 1e-5 stands by itself more often than 0,1e-5 does
     if verdict is None:
@@ -289,21 +302,12 @@ def _clear_decimals(
     return replace(dialect, separator="", decimal=",", columns=1, trailing=False)
 
 
-def _may_be_decimals(lines: Sequence[str], rows: Sequence[Sequence[str]]) -> bool:
-    plain = all(
-        first.lstrip("+-").isdigit() and _DECIMALS.fullmatch(second) for first, second in rows
-    )
-    return plain and not any(mark in line.strip() for line in lines for mark in ' "')
-
-
-def _header_verdict(above: Sequence[tuple[int, str]]) -> int | None:
+def _header_verdict(text: str) -> int | None:
     """Return the number of columns that the last line of text names, if it names any."""
-    names = without_empty_end(split_fields(above[-1][1], ","))
-    if ":" in above[-1][1] or "=" in above[-1][1] or is_marker(above[-1][1]):
+    names = without_empty_end(split_fields(text, ","))
+    if _is_metadata(text) or _is_marker(text) or len(names) not in (1, 2):
         return None
-    if len(names) == 1 and _ONE_NAME.fullmatch(names[0]) is None:
-        return None
-    return len(names) if len(names) in (1, 2) else None
+    return None if len(names) == 1 and _ONE_NAME.fullmatch(names[0]) is None else len(names)
 
 
 def _digit_verdict(rows: Sequence[Sequence[str]]) -> int | None:
@@ -336,82 +340,57 @@ def _with_counted_names(layout: Layout, lines: Sequence[str]) -> Layout:
     return replace(layout, first_line=later[0][0], header=header)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Header:
-    """What the lines above the numbers say about the columns.
-
-    Parameters
-    ----------
-    names : tuple of str or None
-        The cells of the line of names; None if there is none.
-    units : tuple of str or None
-        The cells of the line of units below it.
-    line : int
-        Number of the line of names.
-    remark : str
-        Why a line that looks like names was not used.
-    rate_hint : str
-        The line that seems to tell the sampling rate.
-    """
-
-    names: tuple[str, ...] | None = None
-    units: tuple[str, ...] | None = None
-    line: int = 0
-    remark: str = ""
-    rate_hint: str = ""
-
-
-def find_header(
-    path: str, above: Sequence[Line], separator: str, decimal: str, columns: int
-) -> Header:
+def _find_header(path: str, above: Sequence[Line], dialect: Dialect) -> Header:
     """Return what the lines of text above the first row say.
-
-    Parameters
-    ----------
-    path : str
-        The file, for messages.
-    above : sequence of (int, str)
-        Lines of text above the first row with their numbers; no blank ones.
-    separator, decimal : str
-        How the rows are written.
-    columns : int > 0
-        Numbers in a row.
 
     Raises
     ------
     RecordingError
-        If the last of these lines is a row of numbers with a damaged field.
+        If the last of them is a row with a damaged field, or one with another number of fields.
     """
-    hint = _rate_hint(above)
-    lines = [line for line in above if line[1] and not is_marker(line[1])]
+    hint = next(
+        (
+            f"line {number} says '{shortened(text.strip())}'"
+            for number, text in above
+            if _RATE.search(text) and any(character.isdigit() for character in text)
+        ),
+        "",
+    )
+    lines = [line for line in above if line[1] and not _is_marker(line[1])]
     if not lines:
         return Header(rate_hint=hint)
     number, text = lines[-1]
-    cells = _cells(text, separator, columns)
-    _check_no_odd_line(path, lines[-1], separator, decimal, columns)
+    cells = _cells(text, dialect)
+    _check_no_odd_line(path, lines[-1], dialect)
     if cells is None:
-        return Header(remark=_remark(lines[-1], separator, columns), rate_hint=hint)
-    upper = _cells(lines[-2][1], separator, columns) if len(lines) > 1 else None
-    if upper is not None and _numbers(upper, decimal):
+        named = without_empty_end(dialect.split(text))
+        remark = (
+            f"line {number} has {len(named)} names for {dialect.columns} columns: names not used, "
+            "columns are numbered"
+        )
+        told = len(named) >= 2 and not _is_metadata(text)
+        return Header(remark=remark if told else "", rate_hint=hint)
+    upper = _cells(lines[-2][1], dialect) if len(lines) > 1 else None
+    if upper is not None and dialect.numbers(upper):
         upper = None
     if are_units(cells) and (upper is not None or cells[0].startswith(("[", "("))):
         names = None if upper is None else tuple(upper)
         line = number if upper is None else lines[-2][0]
         return Header(names=names, units=tuple(cells), line=line, rate_hint=hint)
-    if _numbers(cells, decimal) and not _are_numbered(cells):
-        _check_no_damaged_row(path, lines, cells, separator, decimal)
+    if dialect.numbers(cells) and not _are_numbered(cells):
+        _check_no_damaged_row(path, lines, cells, dialect)
         return Header(rate_hint=hint)
-    if columns == 1 and (_is_metadata(text) or len(text) > LONGEST_QUOTE):
+    if dialect.columns == 1 and (_is_metadata(text) or len(text) > LONGEST_QUOTE):
         return Header(rate_hint=hint)
     return Header(names=tuple(cells), line=number, rate_hint=hint)
 
 
-def joined_lines(lines: Sequence[Line]) -> list[Line]:
+def _joined_lines(lines: Sequence[Line]) -> list[Line]:
     r"""Return the lines with those put together that a line break within quotes has parted.
 
     Examples
     --------
-    >>> joined_lines([(1, '"a1'), (2, '[g]","a2'), (3, '[g]"'), (4, "5")])
+    >>> _joined_lines([(1, '"a1'), (2, '[g]","a2'), (3, '[g]"'), (4, "5")])
     [(1, '"a1 [g]","a2 [g]"'), (4, '5')]
     """
     joined, place = [], 0
@@ -435,18 +414,19 @@ def _parts(lines: Sequence[Line]) -> int:
     return 1
 
 
-def is_marker(text: str) -> bool:
+def _is_marker(text: str) -> bool:
     """Tell whether the line only announces the numbers, such as ``DATA`` or ``sep=;``."""
     words = text.strip(" []<>*=:-\t").lower()
     return words in _MARKERS or words.startswith("sep=")
 
 
-def _cells(text: str, separator: str, columns: int) -> list[str] | None:
+def _cells(text: str, dialect: Dialect) -> list[str] | None:
     """Return the cells of the line if it has one for each column, with any usual separator."""
+    columns = dialect.columns
     if columns == 1:
-        cells = without_empty_end(split_fields(text, separator))
+        cells = list(without_empty_end(dialect.split(text)))
         return cells if len(cells) == 1 else split_fields(text, "")
-    for trial in dict.fromkeys((separator, "\t", ";", ",")):
+    for trial in dict.fromkeys((dialect.separator, "\t", ";", ",")):
         cells = split_fields(text, trial)
         named = len(without_empty_end(cells)) - (cells[-1:] in (["Comment"], ["comment"]))
         if named <= columns <= len(cells):
@@ -456,10 +436,6 @@ def _cells(text: str, separator: str, columns: int) -> list[str] | None:
         if len(cells) == columns:
             return [cell.strip('"') for cell in cells]
     return None
-
-
-def _numbers(cells: Sequence[str], decimal: str) -> int:
-    return sum(is_number(cell, decimal) for cell in cells)
 
 
 def _are_numbered(cells: Sequence[str]) -> bool:
@@ -472,67 +448,45 @@ def _are_numbered(cells: Sequence[str]) -> bool:
 
 
 def _check_no_damaged_row(
-    path: str, lines: Sequence[Line], cells: Sequence[str], separator: str, decimal: str
+    path: str, lines: Sequence[Line], cells: Sequence[str], dialect: Dialect
 ) -> None:
     """Raise if the last line, which has some numbers, is a row with a damaged field."""
     number, text = lines[-1]
-    count = len(cells)
-    if count < 2 or len(split_fields(text, separator)) < count:
+    if len(cells) < 2 or len(dialect.split(text)) < len(cells):
         return
     begins_as_row = cells[0][:1].isdigit() or cells[0][:1] in "+-.," or is_missing(cells[0])
-    if not begins_as_row and not _stands_below_names(lines, cells, separator, decimal):
+    if not begins_as_row and not _stands_below_names(lines, cells, dialect):
         return
     for index, cell in enumerate(cells, 1):
-        if not is_number(cell, decimal) and not is_missing(cell):
+        if not is_number(cell, dialect.decimal) and not is_missing(cell):
             raise RecordingError(
                 f"{path}, line {number}, column {index}: '{shortened(cell)}' is not a number; "
                 "if this line is no sample, put # before it"
             )
 
 
-def _check_no_odd_line(path: str, line: Line, separator: str, decimal: str, columns: int) -> None:
+def _check_no_odd_line(path: str, line: Line, dialect: Dialect) -> None:
     """Raise if the line has another number of fields than the rows, but most are numbers."""
-    number, text = line
-    fields = split_fields(text, separator)
-    if len(without_empty_end(fields)) <= columns <= len(fields):
+    fields = dialect.split(line[1])
+    if dialect.covers(fields):
         return
-    if is_number(fields[0], decimal) and 2 * _numbers(fields, decimal) > len(fields):
+    if is_number(fields[0], dialect.decimal) and 2 * dialect.numbers(fields) > len(fields):
         raise RecordingError(
-            f"{path}, line {number}: {len(fields)} fields, not all of them numbers, where the rows "
-            f"below have {columns}; if this line is no sample, put # before it"
+            f"{path}, line {line[0]}: {len(fields)} fields, not all of them numbers, where the "
+            f"rows below have {dialect.columns}; if this line is no sample, put # before it"
         )
 
 
-def _stands_below_names(
-    lines: Sequence[Line], cells: Sequence[str], separator: str, decimal: str
-) -> bool:
+def _stands_below_names(lines: Sequence[Line], cells: Sequence[str], dialect: Dialect) -> bool:
     if len(lines) < 2 or _is_metadata(lines[-1][1]):
         return False
-    above = split_fields(lines[-2][1], separator)
-    fits = len(without_empty_end(above)) <= len(cells) <= len(above)
-    if not fits or _numbers(above, decimal):
+    above = dialect.split(lines[-2][1])
+    if not dialect.covers(above) or dialect.numbers(above):
         return False
     # where blanks separate, the words of two sentences may be as many as the columns
-    return separator != " " or any(character.isdigit() for character in cells[0])
+    return dialect.separator != " " or any(character.isdigit() for character in cells[0])
 
 
 def _is_metadata(text: str) -> bool:
     """Tell ``Operator: Smith`` from names of columns."""
     return ":" in text or "=" in text
-
-
-def _remark(line: Line, separator: str, columns: int) -> str:
-    cells = without_empty_end(split_fields(line[1], separator))
-    if len(cells) < 2 or ":" in line[1] or "=" in line[1]:
-        return ""
-    return (
-        f"line {line[0]} has {len(cells)} names for {columns} columns: names not used, columns "
-        "are numbered"
-    )
-
-
-def _rate_hint(above: Sequence[Line]) -> str:
-    for number, text in above:
-        if _RATE.search(text) and any(character.isdigit() for character in text):
-            return f"line {number} says '{shortened(text.strip())}'"
-    return ""

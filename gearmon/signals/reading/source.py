@@ -100,7 +100,11 @@ class Source:
             cut = chunk.rfind(b"\n") + 1
             if cut == 0:
                 rest += chunk
-                self._check_length(rest, line)
+                if len(rest) > _LONGEST_LINE:
+                    raise RecordingError(
+                        f"{self.path}, line {line}: over {_LONGEST_LINE // 2**20} MB without a "
+                        "line end; a recording needs one line per sample"
+                    )
                 continue
             yield Block(text=rest + chunk[:cut], first_line=line)
             line += _count_lines(chunk)
@@ -135,42 +139,24 @@ class Source:
 
     @contextmanager
     def _opened(self) -> Iterator[BinaryIO]:
-        with self._raw() as raw:
+        with open(self.path, "rb") if self.content is None else io.BytesIO(self.content) as raw:
             if not self.zipped:
                 yield raw
                 return
-            with _unzipping(self.path, raw) as stream:
-                yield stream
+            import gzip  # most recordings are not compressed
+            import zlib
 
-    def _raw(self) -> BinaryIO:
-        if self.content is not None:
-            return io.BytesIO(self.content)
-        return open(self.path, "rb")
-
-    def _check_length(self, text: bytes, line: int) -> None:
-        if len(text) > _LONGEST_LINE:
-            raise RecordingError(
-                f"{self.path}, line {line}: over {_LONGEST_LINE // 2**20} MB without a line end; "
-                "a recording needs one line per sample"
-            )
-
-
-@contextmanager
-def _unzipping(path: str, raw: BinaryIO) -> Iterator[BinaryIO]:
-    import gzip  # most recordings are not compressed
-    import zlib
-
-    try:
-        with gzip.GzipFile(fileobj=raw) as stream:
-            yield cast(BinaryIO, stream)
-    except EOFError:
-        raise RecordingError(
-            f"{path}: the compressed file is cut off before its end; copy it again"
-        ) from None
-    except (gzip.BadGzipFile, zlib.error) as error:
-        raise RecordingError(
-            f"{path}: the compressed file is damaged ({error}); copy it again"
-        ) from None
+            try:
+                with gzip.GzipFile(fileobj=raw) as stream:
+                    yield cast(BinaryIO, stream)
+            except EOFError:
+                raise RecordingError(
+                    f"{self.path}: the compressed file is cut off before its end; copy it again"
+                ) from None
+            except (gzip.BadGzipFile, zlib.error) as error:
+                raise RecordingError(
+                    f"{self.path}: the compressed file is damaged ({error}); copy it again"
+                ) from None
 
 
 def _count_lines(text: bytes) -> int:
@@ -197,7 +183,7 @@ def open_source(path: str | Path) -> Source:
         packed = Source(path=name, content=content)
         magic = packed.head(2)
     except OSError as error:
-        raise RecordingError(f"{name}: {_why_not(name, error)}") from None
+        raise RecordingError(f"{name}: {_why_not(Path(name), error)}") from None
     zipped = magic == _GZIP_MAGIC
     plain = Source(path=name, content=content, zipped=zipped)
     return Source(path=name, content=content, zipped=zipped, encoding=_encoding(plain.head(4096)))
@@ -213,23 +199,18 @@ def _read_once(name: str) -> bytes | None:
     return Path(name).read_bytes()
 
 
-def _why_not(name: str, error: OSError) -> str:
-    if isinstance(error, FileNotFoundError):
-        return "no such file" + _suggestion(Path(name))
+def _why_not(path: Path, error: OSError) -> str:
     if isinstance(error, IsADirectoryError):
         return "is a folder; give the recordings in it, one by one"
-    return f"cannot be read ({error.strerror})"
-
-
-def _suggestion(path: Path) -> str:
+    if not isinstance(error, FileNotFoundError):
+        return f"cannot be read ({error.strerror})"
     if not path.parent.is_dir():
-        return f", nor a folder {path.parent}"
+        return f"no such file, nor a folder {path.parent}"
     with os.scandir(path.parent) as entries:
         names = sorted(entry.name for entry in islice(entries, _NAMES_COMPARED + 1))
-    if len(names) > _NAMES_COMPARED:
-        return ""  # comparing takes longer than reading
-    similar = nearest_name(path.name, names)
-    return f"; did you mean {path.parent / similar}?" if similar else ""
+    # comparing many takes longer than reading
+    similar = nearest_name(path.name, names) if len(names) <= _NAMES_COMPARED else None
+    return "no such file" + (f"; did you mean {path.parent / similar}?" if similar else "")
 
 
 def _encoding(head: bytes) -> str:

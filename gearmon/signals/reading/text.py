@@ -12,10 +12,10 @@ from __future__ import annotations
 import io
 import re
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import TYPE_CHECKING, Literal
+from itertools import islice
+from typing import Literal
 
 import numpy as np
 
@@ -39,10 +39,6 @@ from gearmon.signals.reading.fields import (
 from gearmon.signals.reading.layout import Dialect, Layout, counted, find_layout
 from gearmon.signals.reading.source import Block, Source
 from gearmon.signals.threads import cores
-
-if TYPE_CHECKING:
-    from concurrent.futures import Future
-
 
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 _FORTRAN_EXPONENTS = bytes.maketrans(b"dD", b"ee")
@@ -70,22 +66,6 @@ _MOST_THREADS = 4
 _KEPT_BYTES = 16 * 1024 * 1024
 _MARGIN = 1.1  # reserved rows over estimated ones: memory that is not touched costs nothing
 _CUT_CHECK_BYTES = 64 * 1024
-
-
-@dataclass(frozen=True, kw_only=True)
-class Rows:
-    """Rows of a block.
-
-    Parameters
-    ----------
-    values : ndarray of float64, shape (rows, columns)
-        NaN where a value is missing.
-    empty_line : int
-        Number of a line with empty fields only after the last row; 0 if there is none.
-    """
-
-    values: Floats
-    empty_line: int = 0
 
 
 def parse_rows(text: bytes, dialect: Dialect) -> Floats | None:
@@ -117,7 +97,15 @@ def parse_rows(text: bytes, dialect: Dialect) -> Floats | None:
     values = _parsed(bare, dialect, gaps=False)
     if values is not None:
         return values if np.isfinite(values.min()) and np.isfinite(values.max()) else None
-    return _with_gaps(bare, dialect)
+    if dialect.columns == 1 or dialect.separator == " ":
+        return None
+    # pandas fills up short rows and refuses long ones: with all separators there, none is short
+    if _count(bare, dialect.separator) != (dialect.columns - 1) * _count(bare, "\n"):
+        return None
+    values = _parsed(bare, dialect, gaps=True)
+    if values is None or np.isinf(values).any() or np.isnan(values).all(axis=1).any():
+        return None
+    return values
 
 
 def _is_doubtful(text: bytes, dialect: Dialect) -> bool:
@@ -129,8 +117,7 @@ def _is_doubtful(text: bytes, dialect: Dialect) -> bool:
     # a quote with characters on either side: pandas joins "1"2 to one number
     edges = {" ": rb"\n \t", "": rb"\n"}.get(dialect.separator)
     edges = edges or rb"\n" + re.escape(dialect.separator.encode())
-    inside = rb'[^%b]"[^%b]' % (edges, edges)
-    return b'"' in text and re.search(inside, text) is not None
+    return b'"' in text and re.search(rb'[^%b]"[^%b]' % (edges, edges), text) is not None
 
 
 def _bare(text: bytes, dialect: Dialect) -> bytes | None:
@@ -176,20 +163,6 @@ def _parsed(text: bytes, dialect: Dialect, *, gaps: bool) -> Floats | None:
     return values if values.shape == (_count(text, "\n"), dialect.columns) else None
 
 
-def _with_gaps(text: bytes, dialect: Dialect) -> Floats | None:
-    """Return rows with some fields missing; None if a row has fewer fields, or none at all."""
-    columns, separator = dialect.columns, dialect.separator
-    if columns == 1 or separator == " ":
-        return None
-    # pandas fills up short rows and refuses long ones: with all separators there, none is short
-    if _count(text, separator) != (columns - 1) * _count(text, "\n"):
-        return None
-    values = _parsed(text, dialect, gaps=True)
-    if values is None or np.isinf(values).any() or np.isnan(values).all(axis=1).any():
-        return None
-    return values
-
-
 def _count(text: bytes, character: str) -> int:
     # several times as fast as bytes.count where there are many
     return int(np.count_nonzero(np.frombuffer(text, np.uint8) == ord(character)))
@@ -197,7 +170,7 @@ def _count(text: bytes, character: str) -> int:
 
 def read_rows(
     path: str, block: Block, dialect: Dialect, labels: Sequence[str], empty_line: int = 0
-) -> Rows:
+) -> tuple[Floats, int]:
     """Return the rows of a block, read line by line.
 
     Parameters
@@ -234,17 +207,7 @@ def read_rows(
             )
         _check_count(where, fields, dialect)
         values.append(_values(where, fields, dialect, labels))
-    table = np.array(values, dtype=np.float64).reshape(-1, dialect.columns)
-    return Rows(values=table, empty_line=empty_line)
-
-
-def is_row(line: str, dialect: Dialect) -> bool:
-    """Tell whether a line below the first row is one of the rows."""
-    return bool(line.strip()) and not is_comment(line) and any(_split(line, dialect))
-
-
-def _split(line: str, dialect: Dialect) -> list[str]:
-    return split_fields(line, dialect.separator)
+    return np.array(values, dtype=np.float64).reshape(-1, dialect.columns), empty_line
 
 
 def _fields(where: str, line: str, dialect: Dialect) -> list[str] | None:
@@ -260,18 +223,17 @@ def _fields(where: str, line: str, dialect: Dialect) -> list[str] | None:
         return None
     if not line.strip():
         return [""] if dialect.columns == 1 else None
-    return _split(line, dialect)
+    return dialect.split(line)
 
 
 def _check_count(where: str, fields: Sequence[str], dialect: Dialect) -> None:
     if dialect.fits(fields):
         return
-    count = len(without_empty_end(list(fields)))
     if not any(is_number(field, dialect.decimal) for field in fields):
         text = shortened(" ".join(fields).strip())
         raise RecordingError(f"{where}: '{text}' is not a number; {_REMEDY}")
     raise RecordingError(
-        f"{where}: {counted(count, 'field')} where the table has "
+        f"{where}: {counted(len(without_empty_end(fields)), 'field')} where the table has "
         f"{counted(dialect.columns, 'column')}; {_REMEDY}"
     )
 
@@ -281,58 +243,48 @@ def _values(
 ) -> list[float]:
     values = []
     for index, field in enumerate(fields[: dialect.columns]):
-        value = _stamp(field, dialect) if index == dialect.stamp else _number(field, dialect)
-        if value is None:
-            what = "time stamp" if index == dialect.stamp else "number"
+        stamped = index == dialect.stamp
+        moment = to_microseconds(field) if stamped else None
+        if moment is not None:
+            values.append((moment - dialect.stamp_origin) / 1e6)
+        elif not stamped and is_number(field, dialect.decimal):
+            values.append(to_number(field, dialect.decimal))
+        elif is_missing(field):
+            values.append(float("nan"))
+        else:
+            what = "time stamp" if stamped else "number"
             raise RecordingError(
                 f"{where}, {labels[index]}: '{shortened(field)}' is not a {what}; {_REMEDY}"
             )
-        values.append(value)
     return values
 
 
-def _number(field: str, dialect: Dialect) -> float | None:
-    if is_number(field, dialect.decimal):
-        return to_number(field, dialect.decimal)
-    return float("nan") if is_missing(field) else None
-
-
-def _stamp(field: str, dialect: Dialect) -> float | None:
-    moment = to_microseconds(field)
-    if moment is None:
-        return float("nan") if is_missing(field) else None
-    return (moment - dialect.stamp_origin) / 1e6
-
-
-def check_last_line(path: str, lines: Sequence[str], number: int, dialect: Dialect) -> None:
+def _check_end(path: str, before: bytes, block: Block, dialect: Dialect) -> None:
     """Raise if the last line, which has no line end, is visibly cut off.
 
-    Parameters
-    ----------
-    path : str
-        The file, for messages.
-    lines : sequence of str
-        The last line and the lines before it.
-    number : int
-        Number of the last line.
-    dialect : Dialect
-        How they are written.
-
-    Raises
-    ------
-    RecordingError
-        If fields are missing, or the last number is shorter than those above it always are.
+    Where a number has lost its end, what is left is a number as well: only a line with too few
+    fields, a number that ends where none can, and one with fewer digits after the point than all
+    others give it away.
     """
-    last = _split(lines[-1], dialect)
+    if len(before) == _CUT_CHECK_BYTES:
+        before = before.partition(b"\n")[2]
+    lines = decoded(before + block.text).split("\n")[:-1]
+    last = dialect.split(lines[-1])
     if is_comment(lines[-1]) or not any(last):
         return
-    above = [_split(line, dialect) for line in lines[-_MOST_ROWS - 1 : -1] if is_row(line, dialect)]
+    above = [dialect.split(line) for line in lines[-_MOST_ROWS - 1 : -1] if _is_row(line, dialect)]
     reason = _cut(last, above, dialect)
     if reason:
+        number = block.first_line + block.text.count(b"\n") - 1
         raise RecordingError(
             f"{path}, line {number}: the file is cut off in mid-line ({reason}); delete the last "
             "line, or copy the file again"
         )
+
+
+def _is_row(line: str, dialect: Dialect) -> bool:
+    """Tell whether a line below the first row is one of the rows."""
+    return bool(line.strip()) and not is_comment(line) and any(dialect.split(line))
 
 
 def _cut(last: Sequence[str], above: Sequence[Sequence[str]], dialect: Dialect) -> str:
@@ -351,17 +303,16 @@ def _cut(last: Sequence[str], above: Sequence[Sequence[str]], dialect: Dialect) 
 
 def _is_shorter(field: str, above: Sequence[Sequence[str]], dialect: Dialect) -> bool:
     """Tell whether the field has fewer characters after the point than all above alike have."""
-    endings = {_ending(row[dialect.columns - 1], dialect) for row in above if dialect.fits(row)}
-    ending = _ending(field, dialect)
+
+    def ending(own: str) -> str:
+        _, point, decimals = own.partition(dialect.decimal)
+        return re.sub("[0-9]", "0", point + decimals)
+
+    endings = {ending(row[dialect.columns - 1]) for row in above if dialect.fits(row)}
     if field.endswith(dialect.decimal):
-        return bool(above) and not any(end == dialect.decimal for end in endings)
-    return len(endings) == 1 and len(above) >= _ENOUGH_ROWS and len(ending) < len(endings.pop())
-
-
-def _ending(field: str, dialect: Dialect) -> str:
-    """Return the field from its decimal character on, with every digit as 0."""
-    _, point, decimals = field.partition(dialect.decimal)
-    return re.sub("[0-9]", "0", point + decimals)
+        return bool(above) and dialect.decimal not in endings
+    enough = len(endings) == 1 and len(above) >= _ENOUGH_ROWS
+    return enough and len(ending(field)) < len(endings.pop())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -385,11 +336,11 @@ class TextTable:
     def line(self, row: int) -> tuple[int, list[str]]:
         """Return the number of the line that holds the row (counted from 0), and its fields."""
         dialect = self.layout.dialect
-        for block in _blocks_from(self.source.blocks(), self.layout.first_line):
+        for block in _blocks_from(self.source, self.layout.first_line):
             for number, line in enumerate(decoded(block.text).split("\n"), block.first_line):
-                if is_row(line, dialect):
+                if _is_row(line, dialect):
                     if row == 0:
-                        return number, split_fields(line, dialect.separator)
+                        return number, dialect.split(line)
                     row -= 1
         raise IndexError("the file became shorter while it was read")
 
@@ -409,15 +360,12 @@ class TextTable:
         )
 
     def _shown(self, row: int, index: int) -> str:
-        _, fields = self.line(row)
-        field = fields[index] if index < len(fields) else ""
+        field = ([*self.line(row)[1][index:], ""])[0]
         return f"'{shortened(field)}'" if field else "an empty field"
 
 
 def read_table(
-    source: Source,
-    progress: Progress | None = None,
-    room: Room = np.empty,
+    source: Source, progress: Progress | None = None, room: Room = np.empty
 ) -> TextTable:
     """Return all rows of numbers in a text file.
 
@@ -435,122 +383,76 @@ def read_table(
     RecordingError
         If the file has no rows of numbers, or a line among them is none.
     """
-    layout = layout_of(source)
-    collected = _Rows(source.path, layout.dialect.columns, room)
+    layout = _layout_of(source)
+    values, count = np.empty((layout.dialect.columns, 0)), 0
     done, size = 0, max(source.size_hint(), 1)
-    for block, values in parsed_blocks(source, layout):
+    for block, rows in _parsed_blocks(source, layout):
         done += len(block.text)
-        if not collected.capacity:
-            collected.reserve(int(_MARGIN * len(values) * max(1.0, size / len(block.text))) + 1000)
-        collected.append(values)
+        if count + len(rows) > values.shape[1]:
+            estimate = int(_MARGIN * len(rows) * max(1.0, size / len(block.text))) + 1000
+            grown = count + len(rows) + values.shape[1] // 2 if count else estimate
+            values, old = _made(source.path, room, (len(values), grown)), values
+            values[:, :count] = old[:, :count]
+        values[:, count : count + len(rows)] = rows.T
+        count += len(rows)
         if progress is not None:
             progress(min(1.0, done / size))
     if progress is not None:
         progress(1.0)
-    return TextTable(source=source, layout=layout, values=collected.values())
+    return TextTable(source=source, layout=layout, values=values[:, :count])
 
 
-class _Rows:
-    """Rows gathered into one array with the columns apart."""
-
-    def __init__(self, path: str, columns: int, room: Room) -> None:
-        self._path, self._room = path, room
-        self._array = np.empty((columns, 0))
-        self._count = 0
-
-    @property
-    def capacity(self) -> int:
-        return self._array.shape[1]
-
-    def reserve(self, capacity: int) -> None:
-        try:
-            array = self._room((len(self._array), capacity))
-        except MemoryError:
-            needed = 8e-9 * len(self._array) * capacity
-            raise RecordingError(
-                f"{self._path}: its numbers need {needed:.3g} GB of memory; cut the recording, or "
-                "take open_recording"
-            ) from None
-        array[:, : self._count] = self._array[:, : self._count]
-        self._array = array
-
-    def append(self, values: Floats) -> None:
-        end = self._count + len(values)
-        if end > self.capacity:
-            self.reserve(end + self.capacity // 2)
-        self._array[:, self._count : end] = values.T
-        self._count = end
-
-    def values(self) -> Floats:
-        return self._array[:, : self._count]
+def _made(path: str, room: Room, shape: tuple[int, int]) -> Floats:
+    try:
+        return room(shape)
+    except MemoryError:
+        raise RecordingError(
+            f"{path}: its numbers need {8e-9 * shape[0] * shape[1]:.3g} GB of memory; cut the "
+            "recording, or take open_recording"
+        ) from None
 
 
-def parsed_blocks(source: Source, layout: Layout) -> Iterator[tuple[Block, Floats]]:
-    """Yield the blocks with their rows, in order; the plain ones are parsed ahead by threads.
-
-    Parameters
-    ----------
-    source : Source
-        The file.
-    layout : Layout
-        Where and how the rows are written.
-
-    Yields
-    ------
-    block : Block
-        Lines.
-    values : ndarray of float64, shape (rows, columns)
-        Their numbers; NaN where one is missing.
-
-    Raises
-    ------
-    RecordingError
-        If a line among the rows is none.
-    """
-    blocks = _blocks_from(source.blocks(), layout.first_line)
-    parse = partial(parse_rows, dialect=layout.dialect)
-    labels = _labels(layout)
-    recent: deque[bytes] = deque()
-    empty_line = 0
-    for block, plain in _parsed_ahead(blocks, source, parse):
+def _parsed_blocks(source: Source, layout: Layout) -> Iterator[tuple[Block, Floats]]:
+    """Yield the blocks with their rows, in order; the plain ones are parsed ahead by threads."""
+    names = layout.header.names or ("",) * layout.dialect.columns
+    labels = [
+        f"column {number} ('{shortened(name)}')" if name else f"column {number}"
+        for number, name in enumerate(names, 1)
+    ]
+    before, empty_line = b"", 0
+    for block, rows in _parsed_ahead(source, layout):
         if not block.closed:
-            _check_end(source.path, b"".join(recent), block, layout)
-        if plain is None or (empty_line and len(plain)):
-            rows = read_rows(source.path, block, layout.dialect, labels, empty_line)
-            plain, empty_line = rows.values, rows.empty_line
-        recent.append(block.text)
-        while sum(map(len, recent)) - len(recent[0]) > _CUT_CHECK_BYTES:
-            recent.popleft()
-        yield block, plain
+            _check_end(source.path, before, block, layout.dialect)
+        if rows is None or (empty_line and len(rows)):
+            rows, empty_line = read_rows(source.path, block, layout.dialect, labels, empty_line)
+        before = (before + block.text)[-_CUT_CHECK_BYTES:]
+        yield block, rows
 
 
-def _parsed_ahead(
-    blocks: Iterator[Block], source: Source, parse: Callable[[bytes], Floats | None]
-) -> Iterator[tuple[Block, Floats | None]]:
+def _parsed_ahead(source: Source, layout: Layout) -> Iterator[tuple[Block, Floats | None]]:
+    """Yield the blocks with their rows as far as they are plain, some read ahead by threads."""
+    blocks, dialect = _blocks_from(source, layout.first_line), layout.dialect
     threads = min(cores(), _MOST_THREADS)
     if threads == 1 or source.size_hint() < _THREADED_BYTES:
-        for block in blocks:
-            yield block, parse(block.text)
+        yield from ((block, parse_rows(block.text, dialect)) for block in blocks)
         return
     from concurrent.futures import ThreadPoolExecutor  # small files do without
 
     # The C library keeps freed memory up to the largest piece it ever gave back, instead of handing
     # every array of every block to the system and asking for it again.
     np.empty(_KEPT_BYTES, np.uint8)
-    waiting: deque[tuple[Block, Future[Floats | None]]] = deque()
     with ThreadPoolExecutor(threads) as pool:
-        for block in blocks:
-            waiting.append((block, pool.submit(parse, block.text)))
-            if len(waiting) > threads:
-                first, future = waiting.popleft()
-                yield first, future.result()
-        for first, future in waiting:
-            yield first, future.result()
+        submitted = ((block, pool.submit(parse_rows, block.text, dialect)) for block in blocks)
+        waiting = deque(islice(submitted, threads))
+        while waiting:
+            block, future = waiting.popleft()
+            waiting.extend(islice(submitted, 1))
+            yield block, future.result()
 
 
-def _blocks_from(blocks: Iterator[Block], line: int) -> Iterator[Block]:
+def _blocks_from(source: Source, line: int) -> Iterator[Block]:
     """Yield the blocks from the given line on."""
-    for block in blocks:
+    for block in source.blocks():
         skipped = line - block.first_line
         if skipped <= 0:
             yield block
@@ -560,78 +462,44 @@ def _blocks_from(blocks: Iterator[Block], line: int) -> Iterator[Block]:
             yield replace(block, text=parts[-1], first_line=line)
 
 
-def layout_of(source: Source) -> Layout:
-    """Return the layout, from as much of the beginning of the file as it takes.
-
-    Raises
-    ------
-    RecordingError
-        If there are no rows of numbers.
-    """
+def _layout_of(source: Source) -> Layout:
+    """Return the layout, from as much of the beginning of the file as it takes."""
     text, enough = b"", _HEAD_BYTES
     for block in source.blocks(_HEAD_BYTES):
         text += block.text
         if len(text) < enough:
             continue
         enough *= 4
-        layout = _layout_of(source.path, text)
+        layout = find_layout(source.path, decoded(text).split("\n")[:-1])
         if layout is not None and text.count(b"\n") - layout.first_line >= _ROWS_TO_JUDGE:
             return layout
         if enough > _LONGEST_PREAMBLE:
             break
-    layout = _layout_of(source.path, text)
-    if layout is None:
-        raise RecordingError(f"{source.path}: {_why_no_table(decoded(text).split(chr(10))[:-1])}")
-    return layout
-
-
-def _layout_of(path: str, text: bytes) -> Layout | None:
-    return find_layout(path, decoded(text).split("\n")[:-1])
-
-
-def _labels(layout: Layout) -> list[str]:
-    names = layout.header.names or ("",) * layout.dialect.columns
-    return [
-        f"column {number} ('{shortened(name)}')" if name else f"column {number}"
-        for number, name in enumerate(names, 1)
-    ]
-
-
-def _check_end(path: str, before: bytes, block: Block, layout: Layout) -> None:
-    if len(before) > _CUT_CHECK_BYTES:
-        before = before[-_CUT_CHECK_BYTES:].partition(b"\n")[2]
-    text = before + block.text
     lines = decoded(text).split("\n")[:-1]
-    number = block.first_line + block.text.count(b"\n") - 1
-    check_last_line(path, lines, number, layout.dialect)
+    layout = find_layout(source.path, lines)
+    if layout is None:
+        raise RecordingError(f"{source.path}: {_why_no_table(lines)}")
+    return layout
 
 
 def _why_no_table(lines: Sequence[str]) -> str:
     """Say what a text without rows of numbers holds instead."""
     filled = [(number, line) for number, line in enumerate(lines, 1) if line.strip()]
-    found = _text_column(filled)
-    if found is not None:
-        return found
     number, text = filled[-1]
+    # a column of text, if the last lines are rows of numbers but for it?
+    for separator in ("\t", ";", ","):
+        rows = [split_fields(line, separator) for _, line in filled[-20:]]
+        told = [is_number(field, ".") or is_number(field, ",") for field in rows[-1]]
+        if not any(told) or len(rows) < 3 or len({len(row) for row in rows[-3:]}) > 1:
+            continue
+        for index, field in enumerate(rows[-1], 1):
+            if field and not told[index - 1]:
+                return (
+                    f"line {number}, column {index}: '{shortened(field)}' is not a number, as in "
+                    "the lines above; take that column out"
+                )
     what = "only a header, no rows of numbers" if len(filled) <= 2 else "no rows of numbers"
     return (
         f"{what} in its {counted(len(lines), 'line')} (line {number} reads "
         f"'{shortened(text.strip())}'); a recording has one line of numbers per sample"
     )
-
-
-def _text_column(lines: Sequence[tuple[int, str]]) -> str | None:
-    """Say which column holds text, if the last lines are rows of numbers but for it."""
-    for separator in ("\t", ";", ","):
-        rows = [(number, split_fields(line, separator)) for number, line in lines[-20:]]
-        number, fields = rows[-1]
-        numeric = sum(is_number(field, ".") or is_number(field, ",") for field in fields)
-        if numeric == 0 or len(rows) < 3 or len({len(row) for _, row in rows[-3:]}) > 1:
-            continue
-        for index, field in enumerate(fields, 1):
-            if field and not is_number(field, ".") and not is_number(field, ","):
-                return (
-                    f"line {number}, column {index}: '{shortened(field)}' is not a number, as in "
-                    "the lines above; take that column out"
-                )
-    return None

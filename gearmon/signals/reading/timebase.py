@@ -5,7 +5,7 @@ First how time stamps follow each other, rounded as they are printed; then the r
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -81,14 +81,19 @@ def spacing(stamps: Floats) -> Spacing:
     usual, exact = _usual_step(stamps)
     backwards = _first(stamps, lambda steps: steps < 0)
     if backwards >= 0 or usual < 0 or step <= 0:
-        return _backward(stamps, step, max(backwards, 1))
+        row = max(backwards, 1)
+        before, after = stamps[row - 1], stamps[row]
+        what = f"comes after {before:.9g}" if after < before else "is repeated"
+        return Spacing(step=abs(step), fault=f"{after:.9g} {what}", row=row)
     resolution = _resolution(stamps)
     if exact and resolution > _DOUBTFUL * step:
         resolution = 0.0  # a step such as 0.001 with three decimals: nothing was rounded
     if resolution > _COARSE * step:
-        found = _coarse(stamps, step, resolution)
+        fault, row = _off_line(stamps, step, resolution + _JITTER * step)
+        found = Spacing(step=step, coarse=True, fault=fault, row=row)
     else:
-        found = _fine(stamps, step, usual, resolution)
+        fault, row = _fault(stamps, step, usual, resolution)
+        found = Spacing(step=step, fault=fault, row=row)
     if exact or found.fault:
         return found
     return replace(found, step=_slope(stamps), uncertainty=resolution / (step * len(stamps)))
@@ -110,44 +115,26 @@ def rises_evenly(values: Floats) -> bool:
     return not found.fault and not found.coarse
 
 
-def _backward(stamps: Floats, step: float, row: int) -> Spacing:
-    before, after = stamps[row - 1], stamps[row]
-    what = f"comes after {before:.9g}" if after < before else "is repeated"
-    fault = f"{after:.9g} {what}"
-    return Spacing(step=abs(step), fault=fault, row=row)
-
-
-def _fine(stamps: Floats, step: float, usual: float, resolution: float) -> Spacing:
+def _fault(stamps: Floats, step: float, usual: float, resolution: float) -> tuple[str, int]:
+    """Say what is irregular about stamps that are rounded to a part of a step, and in which row."""
     repeated = _first(stamps, lambda steps: steps == 0)
     if repeated >= 0:
-        return Spacing(step=step, fault=f"{stamps[repeated]:.9g} is repeated", row=repeated)
+        return f"{stamps[repeated]:.9g} is repeated", repeated
     tolerance = resolution + _JITTER * usual
     uneven = _first(stamps, lambda steps: np.abs(steps - usual) > tolerance)
     if uneven >= 0:
-        return Spacing(step=step, fault=_uneven(stamps, uneven, usual), row=uneven)
+        return _uneven(stamps, uneven, usual), uneven
     if resolution > _DOUBTFUL * step:
-        row = _off_line(stamps, 0.5 * resolution + _JITTER * step)
-        if row >= 0:
-            fault = f"{stamps[row]:.9g} is off the even spacing of {step:.6g}"
-            return Spacing(step=step, fault=fault, row=row)
-    return _undrifted(stamps, step, resolution)
-
-
-def _undrifted(stamps: Floats, step: float, resolution: float) -> Spacing:
+        fault, row = _off_line(stamps, step, 0.5 * resolution + _JITTER * step)
+        if fault:
+            return fault, row
     half = len(stamps) // 2
     if half > 1:
         early = float(stamps[half] - stamps[0]) / half
         late = float(stamps[-1] - stamps[half]) / (len(stamps) - 1 - half)
         if abs(late - early) > _DRIFT * step + 4 * resolution / half:
-            fault = f"the step changes from {early:.6g} to {late:.6g} between its two halves"
-            return Spacing(step=step, fault=fault, row=half)
-    return Spacing(step=step)
-
-
-def _coarse(stamps: Floats, step: float, resolution: float) -> Spacing:
-    row = _off_line(stamps, resolution + _JITTER * step)
-    fault = f"{stamps[row]:.9g} is off the even spacing of {step:.6g}" if row >= 0 else ""
-    return Spacing(step=step, coarse=True, fault=fault, row=max(row, 0))
+            return f"the step changes from {early:.6g} to {late:.6g} between its two halves", half
+    return "", 0
 
 
 def _uneven(stamps: Floats, row: int, usual: float) -> str:
@@ -189,16 +176,11 @@ def _last_decimal(stamps: Floats) -> float:
 
 def _first(stamps: Floats, wrong: Callable[[Floats], Flags]) -> int:
     """Return the index of the first stamp whose step from the one before is wrong; -1: none."""
-    for start, steps in _steps(stamps):
-        bad = wrong(steps)
+    for start in range(0, len(stamps) - 1, _CHUNK):
+        bad = wrong(np.diff(stamps[start : start + _CHUNK + 1]))
         if bad.any():
             return start + int(bad.argmax()) + 1
     return -1
-
-
-def _steps(stamps: Floats) -> Iterator[tuple[int, Floats]]:
-    for start in range(0, len(stamps) - 1, _CHUNK):
-        yield start, np.diff(stamps[start : start + _CHUNK + 1])
 
 
 def _slope(stamps: Floats) -> float:
@@ -211,8 +193,8 @@ def _slope(stamps: Floats) -> float:
     return moment * 12.0 / (len(stamps) * (len(stamps) ** 2 - 1.0))
 
 
-def _off_line(stamps: Floats, tolerance: float) -> int:
-    """Return the index of the stamp farthest from their straight line if too far; else -1."""
+def _off_line(stamps: Floats, step: float, tolerance: float) -> tuple[str, int]:
+    """Say which stamp is farthest from their straight line, if too far, and its index."""
     middle, mean, slope = 0.5 * (len(stamps) - 1), float(stamps.mean()), _slope(stamps)
     worst, row = tolerance, -1
     for start in range(0, len(stamps), _CHUNK):
@@ -220,28 +202,14 @@ def _off_line(stamps: Floats, tolerance: float) -> int:
         off = np.abs(part - slope * (np.arange(start, start + len(part)) - middle))
         if off.max() > worst:
             worst, row = float(off.max()), start + int(off.argmax())
-    return row
-
-
-@dataclass(frozen=True, kw_only=True)
-class Rate:
-    """A sampling rate and how it was found.
-
-    Parameters
-    ----------
-    rate_hz : float > 0
-        Samples per second.
-    note : str
-        What was assumed; "" if nothing.
-    """
-
-    rate_hz: float
-    note: str = ""
+    if row < 0:
+        return "", 0
+    return f"{stamps[row]:.9g} is off the even spacing of {step:.6g}", row
 
 
 def sampling_rate(
     content: Content, column: DataColumn | None, given_hz: float | None, hint: str = ""
-) -> Rate:
+) -> tuple[float, str]:
     """Return the sampling rate of a recording.
 
     Parameters
@@ -255,53 +223,58 @@ def sampling_rate(
     hint : str
         What else in the file may help, for the message.
 
+    Returns
+    -------
+    rate_hz : float > 0
+        Samples per second.
+    note : str
+        What was assumed; "" if nothing.
+
     Raises
     ------
     RecordingError
         If there is neither a rate nor a time column in the file and none was given, they contradict
         each other by more than 0.1 %, or the time column is irregular.
     """
-    if content.rate_hz is not None:
-        return _from_file(content, content.rate_hz, column, given_hz)
+    stated = content.rate_hz
+    if stated is not None:
+        if given_hz is not None and abs(stated / given_hz - 1.0) > _AGREEMENT:
+            raise RecordingError(
+                f"{content.path}: the file says {stated:.7g} Hz, but {given_hz:.7g} Hz was given; "
+                "leave --sampling-rate out, or correct it"
+            )
+        if column is not None:
+            _from_stamps(content, column, stated, "the file says {:.7g} Hz as well")
+        # some formats round the rate; the user may know it better
+        return stated if given_hz is None else given_hz, ""
     if column is not None:
-        return _from_stamps(content, column, given_hz)
+        return _from_stamps(content, column, given_hz, "{:.7g} Hz was given")
     if given_hz is not None:
-        return Rate(rate_hz=given_hz)
-    help_ = hint or content.rate_hint
-    raise RecordingError(
-        f"{content.path}: no time column, so the sampling rate is unknown; give "
-        f"--sampling-rate HZ{f' ({help_})' if help_ else ''}"
+        return given_hz, ""
+    what = (
+        "no time column, so the sampling rate is unknown"
         if content.is_text
-        else f"{content.path}: does not say its sampling rate; give --sampling-rate HZ"
-        f"{f' ({help_})' if help_ else ''}"
+        else ("does not say its sampling rate")
+    )
+    told = hint or content.rate_hint
+    raise RecordingError(
+        f"{content.path}: {what}; give --sampling-rate HZ{f' ({told})' if told else ''}"
     )
 
 
-def _from_file(
-    content: Content, rate_hz: float, column: DataColumn | None, given_hz: float | None
-) -> Rate:
-    """Return the rate that the file states, if nothing contradicts it."""
-    if given_hz is not None and abs(rate_hz / given_hz - 1.0) > _AGREEMENT:
-        raise RecordingError(
-            f"{content.path}: the file says {rate_hz:.7g} Hz, but {given_hz:.7g} Hz was given; "
-            "leave --sampling-rate out, or correct it"
-        )
-    if column is not None:
-        _from_stamps(content, column, rate_hz, "the file says {:.7g} Hz as well")
-    # some formats round the rate; the user may know it better
-    return Rate(rate_hz=rate_hz if given_hz is None else given_hz)
-
-
 def _from_stamps(
-    content: Content,
-    column: DataColumn,
-    given_hz: float | None,
-    contradiction: str = "{:.7g} Hz was given",
-) -> Rate:
+    content: Content, column: DataColumn, given_hz: float | None, contradiction: str
+) -> tuple[float, str]:
+    """Return the rate that time stamps tell, or the given one that agrees, and what was assumed."""
     where = f"{content.path}, {column.label}"
-    index = content.columns_by_number[column.number]
+    index = [own.number for own in content.columns].index(column.number)
     stamps = content.values[index]
-    _check_complete(content, column, stamps)
+    count, first = missing_values(stamps)
+    if count:
+        raise RecordingError(
+            f"{content.path}, {content.place(first)}, {column.label}: the time is missing (in "
+            f"{count} of {len(stamps)} {'lines' if content.is_text else 'samples'}); {_REMEDY}"
+        )
     found = spacing(stamps)
     if found.fault:
         raise RecordingError(
@@ -309,36 +282,23 @@ def _from_stamps(
             f"{found.fault}; {_REMEDY}"
         )
     if given_hz is not None and column.unit is None and found.step == 1.0:
-        return Rate(rate_hz=given_hz, note=f"{column.label} counts samples; the given rate is used")
+        return given_hz, f"{column.label} counts samples; the given rate is used"
     is_stamp = content.stamp == index
     factor, note = _unit(where, column, found, given_hz, is_stamp=is_stamp)
     derived_hz = float(f"{1.0 / (found.step * factor):.13g}")  # 1000, not 1000.0000000000001
-    _check_fine(where, found, derived_hz, given_hz)
     if given_hz is None:
-        return Rate(rate_hz=derived_hz, note=note)
+        if found.coarse:
+            raise RecordingError(
+                f"{where}: its stamps are rounded so much that neighbours can be alike; give "
+                f"--sampling-rate HZ (it must be about {derived_hz:.4g})"
+            )
+        return derived_hz, note
     if abs(derived_hz / given_hz - 1.0) > _AGREEMENT + found.uncertainty:
         raise RecordingError(
             f"{where}: its stamps say {derived_hz:.7g} Hz, but {contradiction.format(given_hz)}; "
             "leave --sampling-rate out, or correct it or the unit of the time column"
         )
-    return Rate(rate_hz=given_hz, note=note)
-
-
-def _check_complete(content: Content, column: DataColumn, stamps: Floats) -> None:
-    count, first = missing_values(stamps)
-    if count:
-        raise RecordingError(
-            f"{content.path}, {content.place(first)}, {column.label}: the time is missing (in "
-            f"{count} of {len(stamps)} {content.rows_are}); {_REMEDY}"
-        )
-
-
-def _check_fine(where: str, found: Spacing, derived_hz: float, given_hz: float | None) -> None:
-    if found.coarse and given_hz is None:
-        raise RecordingError(
-            f"{where}: its stamps are rounded so much that neighbours can be alike; give "
-            f"--sampling-rate HZ (it must be about {derived_hz:.4g})"
-        )
+    return given_hz, note
 
 
 def _unit(

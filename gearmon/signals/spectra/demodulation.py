@@ -37,9 +37,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gearmon.errors import ArgumentError, check_positive, check_range
+from gearmon.signals.array_types import ComplexArray, FloatArray
 from gearmon.signals.spectra.spectrum import Spectrum, hann
 from gearmon.signals.transforms import (
     batch,
@@ -50,8 +51,6 @@ from gearmon.signals.transforms import (
     transform,
 )
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 #: Samples of the envelope that a band keeps at least: fewer make a kurtosis meaningless.
 LEAST_SAMPLES = 32
 _PIECE = 1 << 14
@@ -87,31 +86,7 @@ class Envelope:
         return np.abs(self.values)
 
 
-@dataclass(frozen=True, kw_only=True)
-class CarrierModulation:
-    """Amplitude and phase modulation of a carrier: X [1 + a(x)] cos(2 pi f x + phase + b(x)).
-
-    Parameters
-    ----------
-    position : ndarray of float, shape (m,)
-        Time or angle of the samples.
-    amplitude : ndarray of float, shape (channels, m)
-        a(x), relative to the mean amplitude X; mean 0.
-    phase_rad : ndarray of float, shape (channels, m)
-        b(x) [rad]; mean 0, slope kept (a wrong carrier frequency shows as a slope).
-    carrier : ndarray of float, shape (channels,)
-        X, mean of the modulus.
-    """
-
-    position: FloatArray
-    amplitude: FloatArray
-    phase_rad: FloatArray
-    carrier: FloatArray
-
-
-def band_envelope(
-    samples: FloatArray, rate: float, low: float, high: float, centre: float | None = None
-) -> Envelope:
+def band_envelope(samples: FloatArray, rate: float, low: float, high: float) -> Envelope:
     """Complex envelope of a band.
 
     Parameters
@@ -122,8 +97,6 @@ def band_envelope(
         Samples per unit of time or angle, > 0.
     low, high : float
         Edges of the band, 0 <= low < high <= rate/2; rounded to lines of the transform.
-    centre : float, optional
-        Frequency to shift to zero, within the band; its middle by default.
 
     Returns
     -------
@@ -149,18 +122,15 @@ def band_envelope(
     lines = (2.0 / count) * transform(signals, count)[:, first : last + 1]
     if first == 0:
         lines[:, 0] *= 0.5  # the mean has no conjugate to be folded in
-    middle = (first + last) // 2 if centre is None else round(centre * count / rate)
-    if not first <= middle <= last:
-        raise ArgumentError(f"centre={centre} must lie within the band {low:g} to {high:g}")
-    length = fast_length(2 * max(last - middle, middle - first) + 2)
+    middle = (first + last) // 2  # what is shifted to zero
+    length = fast_length(2 * (last - middle) + 2)
     work = batch(length, 1, signals.size, inverse=True)
     # of a record that was padded the padding is left out again
     values = np.empty((len(signals), -(-length * samples_in // count)), dtype=np.complex128)
+    work.input[:] = 0.0
     for row in range(len(signals)):
-        work.input[:] = 0.0
         work.input[0, : last - middle + 1] = lines[row, middle - first :]
-        if middle > first:
-            work.input[0, -(middle - first) :] = lines[row, : middle - first]
+        work.input[0, first - middle :] = lines[row, : middle - first]
         values[row] = work.run()[0, : values.shape[-1]]
     return Envelope(
         values=values,
@@ -215,68 +185,11 @@ def envelope_spectrum(
     )
 
 
-def demodulate(
-    samples: FloatArray, rate: float, carrier: float, half_width: float
-) -> CarrierModulation:
-    """Amplitude and phase modulation of a carrier, such as a mesh harmonic of an average.
-
-    Parameters
-    ----------
-    samples : ndarray of float, shape (channels, n) or (n,)
-        Signals against time, or better against angle (a synchronous average is periodic, so that
-        its ends are as good as its middle).
-    rate : float
-        Samples per unit of time or angle.
-    carrier : float
-        Its frequency or order.
-    half_width : float
-        Half the band: modulation up to this frequency or order is kept. Half the distance to the
-        next mesh harmonic takes all sidebands that are not nearer to it.
-
-    Returns
-    -------
-    CarrierModulation
-
-    Raises
-    ------
-    ArgumentError
-        If the band reaches beyond 0 or half the rate, or the carrier is absent.
-
-    Notes
-    -----
-    Amplitude and phase are those of the whole band. They mean modulation only where the carrier is
-    the strongest line in it: with a carrier smaller than its sidebands the phase jumps.
-    McFadden, J. Vib. Acoust. 108 (1986) 165-170.
-    """
-    check_positive("half_width", half_width)
-    low, high = carrier - half_width, carrier + half_width
-    if low < 0 or high > rate / 2:
-        raise ArgumentError(
-            f"band {low:g} to {high:g} about carrier={carrier:g} must lie in [0, {rate / 2:g}]; "
-            "take a smaller half_width"
-        )
-    envelope = band_envelope(samples, rate, low, high, carrier)
-    size = envelope.amplitude
-    mean = size.mean(axis=-1)
-    if (mean <= 0).any():
-        raise ArgumentError(f"nothing vibrates about carrier={carrier:g}")
-    phase = np.unwrap(np.angle(envelope.values), axis=-1)
-    position = np.arange(size.shape[-1]) / envelope.rate
-    # the line next to the carrier is not the carrier: its slow beat is taken off
-    phase = phase - 2 * np.pi * (carrier - envelope.centre) * position
-    return CarrierModulation(
-        position=position,
-        amplitude=size / mean[:, None] - 1.0,
-        phase_rad=phase - phase.mean(axis=-1, keepdims=True),
-        carrier=mean,
-    )
-
-
-def _signals(samples: FloatArray, rate: float) -> FloatArray:
+def _signals(samples: FloatArray, rate: float, fewest: int = 8) -> FloatArray:
     check_positive("rate", rate)
     signals = np.atleast_2d(np.asarray(samples, dtype=float))
-    if signals.ndim != 2 or signals.shape[-1] < 8:
-        raise ArgumentError(f"samples: shape {signals.shape}, at least 8 values are needed")
+    if signals.ndim != 2 or signals.shape[-1] < fewest:
+        raise ArgumentError(f"samples: shape {signals.shape}, at least {fewest} values are needed")
     return signals
 
 
@@ -309,20 +222,13 @@ class Kurtogram:
 
     def rows(self) -> list[dict[str, float]]:
         """Return level, bandwidth_hz, low_hz, high_hz and kurtosis of every band."""
-        rows = []
-        for number, (count, level) in enumerate(zip(self.bands, self.kurtosis, strict=True)):
-            width = self.rate / 2 / count
-            rows += [
-                {
-                    "level": number,
-                    "bandwidth_hz": width,
-                    "low_hz": band * width,
-                    "high_hz": (band + 1) * width,
-                    "kurtosis": float(value),
-                }
-                for band, value in enumerate(level)
-            ]
-        return rows
+        names = ("level", "bandwidth_hz", "low_hz", "high_hz", "kurtosis")
+        widths = [self.rate / 2 / count for count in self.bands]
+        return [
+            dict(zip(names, (level, width, k * width, (k + 1) * width, float(value)), strict=True))
+            for level, (width, own) in enumerate(zip(widths, self.kurtosis, strict=True))
+            for k, value in enumerate(own)
+        ]
 
 
 def kurtogram(samples: FloatArray, rate: float, levels: int | None = None) -> Kurtogram:
@@ -373,7 +279,7 @@ def kurtogram(samples: FloatArray, rate: float, levels: int | None = None) -> Ku
     )
 
 
-def _band_kurtosis(lines: NDArray[np.complex128], count: int, share: float) -> FloatArray:
+def _band_kurtosis(lines: ComplexArray, count: int, share: float) -> FloatArray:
     """Kurtosis of the envelopes of equal bands; a few lines at the top are left over.
 
     `share` is that of the record in the transform: what was padded has no say.
@@ -398,10 +304,10 @@ def _band_kurtosis(lines: NDArray[np.complex128], count: int, share: float) -> F
     # an empty band has no kurtosis; rounding noise beside strong bands must not be taken for one
     silent = mean <= 1e-24 * mean.max(initial=0.0)
     ratio = np.divide(square, mean**2, out=np.full(count, 2.0), where=~silent)
-    return np.asarray(ratio - 2.0, dtype=np.float64)
+    return np.asarray(ratio - 2.0)
 
 
-def _power_sums(envelopes: NDArray[np.complex128]) -> tuple[FloatArray, FloatArray]:
+def _power_sums(envelopes: ComplexArray) -> tuple[FloatArray, FloatArray]:
     """Add up |x|^2 and |x|^4 of each row, in pieces that stay in the cache; spoils the rows."""
     first, second = np.zeros(len(envelopes)), np.zeros(len(envelopes))
     for start in range(0, envelopes.shape[-1], _PIECE):
@@ -509,14 +415,12 @@ def _coherence(blocks: FloatArray, hop: int, alpha: float) -> FloatArray:
         upper, lower = lines[:, :half], lines[:, mirrored]
         turn = np.exp(-2j * np.pi * alpha * hop * np.arange(start, start + len(group)))
         cross += turn @ (upper * lower)
-        first += np.einsum("ij,ij->j", upper.real, upper.real)
-        first += np.einsum("ij,ij->j", upper.imag, upper.imag)
-        second += np.einsum("ij,ij->j", lower.real, lower.real)
-        second += np.einsum("ij,ij->j", lower.imag, lower.imag)
+        for power, own in ((first, upper), (second, lower)):
+            power += np.einsum("ij,ij->j", own.real, own.real)
+            power += np.einsum("ij,ij->j", own.imag, own.imag)
     size = first * second
     squared = cross.real**2 + cross.imag**2
-    ratio: FloatArray = np.divide(squared, size, out=np.zeros(half), where=size > 0)
-    return ratio
+    return np.asarray(np.divide(squared, size, out=np.zeros(half), where=size > 0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -550,27 +454,12 @@ def real_cepstrum(samples: FloatArray, rate: float) -> Cepstrum:
     ArgumentError
         If there are too few samples or a signal is constant.
     """
-    signals = _centred(samples, rate)
+    signals = _signals(samples, rate, 16)
     count = quick_length(signals.shape[-1])
-    values = np.fft.irfft(_log_amplitude(transform(signals, count)), n=count, axis=-1)
-    return Cepstrum(
-        quefrency_s=np.arange(count // 2 + 1) / rate, values=values[:, : count // 2 + 1]
-    )
-
-
-def _log_amplitude(lines: NDArray[np.complex128]) -> FloatArray:
-    size = np.abs(lines)
+    size = np.abs(transform(signals - signals.mean(axis=-1, keepdims=True), count))
     largest = size.max(axis=-1, keepdims=True)
     if (largest == 0).any():
         raise ArgumentError("samples: a signal is constant, it has no cepstrum")
-    floor = largest * 10.0 ** (-FLOOR_DB / 20)
-    return np.asarray(np.log(np.maximum(size, floor)), dtype=np.float64)
-
-
-def _centred(samples: FloatArray, rate: float) -> FloatArray:
-    check_positive("rate", rate)
-    signals = np.atleast_2d(np.asarray(samples, dtype=float))
-    if signals.ndim != 2 or signals.shape[-1] < 16:
-        raise ArgumentError(f"samples: shape {signals.shape}, at least 16 values are needed")
-    centred: FloatArray = signals - signals.mean(axis=-1, keepdims=True)
-    return centred
+    logarithm = np.log(np.maximum(size, largest * 10.0 ** (-FLOOR_DB / 20)))
+    values = np.fft.irfft(logarithm, n=count, axis=-1)[:, : count // 2 + 1]
+    return Cepstrum(quefrency_s=np.arange(count // 2 + 1) / rate, values=values)

@@ -28,16 +28,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gearmon.errors import ArgumentError, check_positive, check_range, nearest_name
-from gearmon.signals.transforms import (
-    batch,
-    fill,
-    quick_length,
-    rows_in_cache,
-    transform,
-)
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from gearmon.signals.array_types import ComplexArray, FloatArray
+from gearmon.signals.transforms import batch, fill, quick_length, rows_in_cache, transform
 
 #: Coefficients a_0, a_1, ... of each window.
 TERMS = {
@@ -70,8 +62,8 @@ def window(name: str, length: int) -> FloatArray:
     ArgumentError
         If there is no such window.
     """
-    terms = window_terms(name)
-    return _held_weights(terms, length) if length <= _LONGEST_HELD else _weights(terms, length)
+    made = _weights if length <= _LONGEST_HELD else _weights.__wrapped__
+    return made(window_terms(name), length)
 
 
 def window_terms(name: str) -> tuple[float, ...]:
@@ -100,8 +92,8 @@ def window_sums(name: str, length: int) -> tuple[float, float]:
 
 def noise_bandwidth(name: str) -> float:
     """Return the equivalent noise bandwidth of a window in bins: 1.5 for Hann, 1 for none."""
-    terms = window_terms(name)
-    return (terms[0] ** 2 + 0.5 * sum(a**2 for a in terms[1:])) / terms[0] ** 2
+    total, squared = window_sums(name, 100)
+    return 100 * squared / total**2
 
 
 def half_lobe(name: str) -> int:
@@ -143,10 +135,6 @@ def _dirichlet(offset: FloatArray, length: int) -> ComplexArray:
 
 
 @lru_cache(maxsize=4)
-def _held_weights(terms: tuple[float, ...], length: int) -> FloatArray:
-    return _weights(terms, length)
-
-
 def _weights(terms: tuple[float, ...], length: int) -> FloatArray:
     weights = np.full(length, terms[0])
     turn = 2 * np.pi * np.arange(length) / length
@@ -181,16 +169,6 @@ class Spectrum:
 def hann(length: int) -> FloatArray:
     """Return the periodic Hann window of `length` samples (mean 1/2); read-only."""
     return window("hann", length)
-
-
-def _magnitudes(signals: FloatArray, length: int, weights: FloatArray) -> FloatArray:
-    """Magnitudes of windowed transforms, shape (channels, length // 2 + 1)."""
-    values = np.empty((len(signals), length // 2 + 1))
-    one = batch(length, 1, signals.size)
-    for row, signal in enumerate(signals):
-        fill(one, signal, signal.shape[-1], weights)
-        np.abs(one.run()[0], out=values[row])
-    return values
 
 
 def amplitude_spectrum(
@@ -246,7 +224,11 @@ def amplitude_spectrum(
     if length < count:
         raise ArgumentError(f"length={length} must be at least the {count} samples")
     weights = window(window_name, count)
-    values = _magnitudes(signals, length, weights)
+    values = np.empty((len(signals), length // 2 + 1))
+    one = batch(length, 1, signals.size)
+    for row, signal in zip(values, signals, strict=True):
+        fill(one, signal, count, weights)
+        np.abs(one.run()[0], out=row)
     total, squared = window_sums(window_name, count)
     folded = 2.0  # the lines of negative frequency count with their mirror images
     if quantity == "energy":
@@ -355,7 +337,13 @@ def local_floor(power: FloatArray, width: int) -> FloatArray:
     width = min(max(2, width), bins)
     step = max(1, width // 2)
     count = (bins - width) // step + 1
-    medians = _medians(_windows(power, width, step, count))
+    if width == 2 * step:  # windows share their halves, which copies in half the time
+        halves = power[..., : (count + 1) * step].reshape(*power.shape[:-1], count + 1, step)
+        windows = np.concatenate([halves[..., :-1, :], halves[..., 1:, :]], axis=-1)
+    else:
+        strided = np.lib.stride_tricks.sliding_window_view(power, width, axis=-1)
+        windows = strided[..., : (count - 1) * step + 1 : step, :].copy()
+    medians = _medians(windows)
     floor = np.empty(power.shape)
     # the medians stand at the middles of the windows: before the first, between them, behind
     first = width // 2
@@ -365,26 +353,14 @@ def local_floor(power: FloatArray, width: int) -> FloatArray:
     middle += medians[..., :-1, None]
     floor[..., :first] = medians[..., :1]
     floor[..., first + (count - 1) * step :] = _floor_behind(power, medians, width, step)
-    result: FloatArray = np.maximum(floor, np.finfo(float).tiny)
-    return result
-
-
-def _windows(power: FloatArray, width: int, step: int, count: int) -> FloatArray:
-    """Return copies of the first windows, `step` apart, shape (..., count, width)."""
-    if width == 2 * step:
-        used = power[..., : (count + 1) * step]
-        halves = used.reshape(*power.shape[:-1], count + 1, step)
-        return np.concatenate([halves[..., :-1, :], halves[..., 1:, :]], axis=-1)
-    windows = np.lib.stride_tricks.sliding_window_view(power, width, axis=-1)
-    return windows[..., : (count - 1) * step + 1 : step, :].copy()
+    return np.asarray(np.maximum(floor, np.finfo(float).tiny))
 
 
 def _medians(windows: FloatArray) -> FloatArray:
     """Medians along the last axis, by sorting in place: quicker than a search in some hundred."""
     width = windows.shape[-1]
     windows.sort(axis=-1)
-    medians: FloatArray = 0.5 * (windows[..., (width - 1) // 2] + windows[..., width // 2])
-    return medians
+    return np.asarray(0.5 * (windows[..., (width - 1) // 2] + windows[..., width // 2]))
 
 
 def _floor_behind(power: FloatArray, medians: FloatArray, width: int, step: int) -> FloatArray:
@@ -478,15 +454,9 @@ def line_amplitude(
             raise ArgumentError(
                 f"frequency_hz={value:g} must lie between 0 and {sampling_rate_hz / 2:g} Hz"
             )
-    rows = [
-        [fit.line(channel, value, within_bins) for value in wanted]
-        for channel in range(fit.channels)
-    ]
-    return _lines(rows)
-
-
-def _lines(rows: list[list[tuple[float, float, float]]]) -> FittedLines:
-    table = np.array(rows, dtype=float).reshape(len(rows), -1, 3)
+    table = np.array(
+        [[fit.line(bins, value, within_bins) for value in wanted] for bins in fit.bins]
+    ).reshape(len(fit.bins), -1, 3)
     return FittedLines(frequency_hz=table[..., 0], amplitude=table[..., 1], phase_rad=table[..., 2])
 
 
@@ -500,58 +470,43 @@ class _Fit:
         if signals.ndim != 2 or self.count < 16:
             raise ArgumentError(f"samples: shape {signals.shape}, at least 16 values are needed")
         self.length = quick_length(self.count)
-        self.rate, self.name = rate, name
+        self.rate, self.name, self.per_bin = rate, name, self.length / self.count
         weights = window(name, self.count)
         self.bins = transform(signals, self.length, weights) / window_sums(name, self.count)[0]
         if not np.isfinite(self.bins.sum()):
             raise ArgumentError("samples: not all are finite numbers")
-        self.channels = len(signals)
 
-    def line(self, channel: int, frequency: float, within: float) -> tuple[float, float, float]:
-        place = frequency * self.count / self.rate
-        if within == 0.0:
-            return self._at(channel, place, self._near(place))
-        per_bin = self.length / self.count
-        low = max(1, int(np.ceil((place - within) * per_bin)))
-        high = min(self.bins.shape[-1] - 1, int((place + within) * per_bin))
-        return self._peak(channel, low, max(low, high))
-
-    def _peak(self, channel: int, low: int, high: int) -> tuple[float, float, float]:
-        size = np.abs(self.bins[channel, low : high + 1])
-        place = (low + int(np.argmax(size))) * self.count / self.length
-        near = self._near(place)
+    def line(
+        self, bins: ComplexArray, frequency: float, within: float
+    ) -> tuple[float, float, float]:
+        """Frequency, amplitude and phase of the line of a channel near a frequency."""
+        place, last = frequency * self.count / self.rate, len(bins) - 1
+        if within > 0.0:
+            low = max(1, int(np.ceil((place - within) * self.per_bin)))
+            high = max(low, min(last, int((place + within) * self.per_bin)))
+            place = (low + int(np.argmax(np.abs(bins[low : high + 1])))) / self.per_bin
+        # the bins about the place, as far as the main lobe reaches
+        reach, middle = max(2, half_lobe(self.name)) * self.per_bin, place * self.per_bin
+        near = np.arange(max(0, int(np.ceil(middle - reach))), min(last, int(middle + reach)) + 1)
         width = 1.5
-        for _ in range(_SEARCHES):
+        for _ in range(_SEARCHES if within > 0.0 else 0):
             tried = np.clip(place + width * _GRID, 0.25, self.count / 2 - 1e-3)
-            misfit = self._fitted(channel, tried, near)[1]
-            place = float(tried[int(np.argmin(misfit))])
+            place = float(tried[int(np.argmin(self._fitted(bins, tried, near)[1]))])
             width *= _NARROWER
-        return self._at(channel, place, near)
-
-    def _near(self, place: float) -> NDArray[np.intp]:
-        """Bins about a place, as far as the main lobe reaches."""
-        reach = max(2, half_lobe(self.name)) * self.length / self.count
-        middle = place * self.length / self.count
-        low = max(0, int(np.ceil(middle - reach)))
-        high = min(self.bins.shape[-1] - 1, int(middle + reach))
-        return np.arange(low, high + 1)
-
-    def _at(self, channel: int, place: float, near: NDArray[np.intp]) -> tuple[float, float, float]:
-        value = complex(self._fitted(channel, np.array([place]), near)[0][0])
+        value = complex(self._fitted(bins, np.array([place]), near)[0][0])
         return place * self.rate / self.count, 2 * abs(value), float(np.angle(value))
 
     def _fitted(
-        self, channel: int, places: FloatArray, near: NDArray[np.intp]
+        self, bins: ComplexArray, places: FloatArray, near: NDArray[np.intp]
     ) -> tuple[ComplexArray, FloatArray]:
         """A/2 e^{ip} of a line at each of the places, and the misfit that it leaves."""
-        at, place = near * self.count / self.length, places[:, None]
+        at, place = near / self.per_bin, places[:, None]
         own = window_spectrum(self.name, at - place, self.count)
         image = window_spectrum(self.name, at + place, self.count)
         mean = np.broadcast_to(window_spectrum(self.name, at, self.count), own.shape)
         columns = np.stack([own + image, 1j * (own - image), mean], axis=-1)
         matrix = np.concatenate([columns.real, columns.imag], axis=1)
-        right = self.bins[channel, near]
-        stacked = np.concatenate([right.real, right.imag])
+        stacked = np.concatenate([bins[near].real, bins[near].imag])
         solution = np.linalg.pinv(matrix, rcond=1e-12) @ stacked
         left = stacked - np.einsum("pij,pj->pi", matrix, solution)
         return solution[:, 0] + 1j * solution[:, 1], np.einsum("pi,pi->p", left, left)

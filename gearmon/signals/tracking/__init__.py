@@ -1,10 +1,10 @@
 """Speed and angle of shaft 1: from a tachometer, from the lines of the vibration, or from both.
 
-With a tachometer `tacho` finds the pulses (`pulse_repair` mends their train) and `tacho_phases`
-lets the phases of the mesh lines tell the angle between them. Without one `comb` finds the speed
-that puts known orders onto the lines of the spectrum, `ramps` follows a speed that changes,
-`phases` makes an angle of it, `slips` tells where that is lost; `mesh_detection` and
-`sideband_spacing` judge whether the mesh is there at all.
+With a tachometer `tacho` finds the pulses (`pulse_repair` mends their train) and lets the phases
+of the mesh lines tell the angle between them. Without one `comb` finds the speed that puts known
+orders onto the lines of the spectrum, steady or changing, `phases` makes an angle of it, `slips`
+tells where that is lost; `mesh_detection` and `sideband_spacing` judge whether the mesh is there at
+all.
 
 >>> import numpy as np
 >>> from gearmon.signals.tracking import find_pulses, track_from_pulses
@@ -15,7 +15,7 @@ that puts known orders onto the lines of the spectrum, `ramps` follows a speed t
 np.float64(5.0)
 """
 
-from gearmon.signals.tracking.comb import Comb, SpeedScan, SpeedTrack, scan_speed
+from gearmon.signals.tracking.comb import Comb, SpeedScan, SpeedTrack, find_path, scan_speed
 from gearmon.signals.tracking.mesh_detection import (
     MeshComb,
     MeshEvidence,
@@ -24,16 +24,12 @@ from gearmon.signals.tracking.mesh_detection import (
 )
 from gearmon.signals.tracking.phases import (
     coherent_share,
+    follow_speed,
     integrate_speed,
     lock_track,
     refine_track,
 )
-from gearmon.signals.tracking.ramps import find_path, follow_speed
-from gearmon.signals.tracking.sideband_spacing import (
-    foreign_spacing,
-    spacing_mismatch,
-    spacing_support,
-)
+from gearmon.signals.tracking.sideband_spacing import foreign_spacing, sideband_spacing
 from gearmon.signals.tracking.slips import LEAST_TURNS, SlipCheck, check_slips
 from gearmon.signals.tracking.tacho import (
     TachoPulses,
@@ -71,8 +67,7 @@ __all__ = [
     "pulses_per_turn",
     "refine_track",
     "scan_speed",
-    "spacing_mismatch",
-    "spacing_support",
+    "sideband_spacing",
     "track_from_pulse_times",
     "track_from_pulses",
 ]

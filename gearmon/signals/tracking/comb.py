@@ -15,13 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError, check_positive, check_range
+from gearmon.signals.array_types import FloatArray, IntArray
 from gearmon.signals.spectra.spectrum import hann, local_floor
 from gearmon.signals.threads import side_by_side
 from gearmon.signals.transforms import fast_length, windowed_transforms
 
-FloatArray = NDArray[np.float64]
-
-_MAX_CANDIDATES = 6000
+# Most candidates of a scan, and of a path, whose search takes the longer the more blocks there are.
+_MAX_CANDIDATES, _PATH_CANDIDATES = 6000, 4000
+# Blocks in which a speed is followed that may change [turns at the nominal speed].
+_PATH_TURNS = 8.0
+# Fastest relative change of the speed that is followed [1/s], of a steady machine and of any.
+_STEADY_SLOPE, _PATH_SLOPE = 0.02, 0.12
 # Blocks from which on they do not overlap: a long recording has enough of them.
 _MANY_BLOCKS = 400
 # Moves to either side that a path may choose among, and the most candidates from one to the next.
@@ -104,7 +108,7 @@ class SpeedScan:
     middle_hz : ndarray of float, shape (blocks,)
         Rotation frequency about which each block was searched [Hz].
     ratio : ndarray of float, shape (candidates,)
-        Candidate speeds over that, evenly spaced.
+        Candidate speeds over that, evenly spaced, or in their logarithm.
     scores : ndarray of float, shape (blocks, candidates)
         Weighted sum of log(1 + signal-to-noise ratio) over the comb's lines.
     bin_hz : float
@@ -117,6 +121,8 @@ class SpeedScan:
         Their log(1 + signal-to-noise ratio), mean over channels.
     stride : int
         Blocks from one to the next that does not overlap it.
+    reach : int, optional
+        Candidates that a path may move by from block to block; those of 2 % a second if not given.
     """
 
     centre_s: FloatArray
@@ -125,11 +131,12 @@ class SpeedScan:
     scores: FloatArray
     bin_hz: float
     resolution_hz: float
-    kept: NDArray[np.int64]
+    kept: IntArray
     quality: NDArray[np.float32]
     stride: int
+    reach: int | None = None
 
-    def track(self, blocks: NDArray[np.int64] | None = None) -> SpeedTrack:
+    def track(self, blocks: IntArray | None = None) -> SpeedTrack:
         """Return the best path of speeds through the blocks (all of them by default)."""
         rows = np.arange(len(self.centre_s)) if blocks is None else blocks
         scores = self.scores[rows]
@@ -146,15 +153,15 @@ class SpeedScan:
         return float(self.scores[np.arange(len(self.centre_s)), self._path].mean())
 
     @cached_property
-    def _path(self) -> NDArray[np.int64]:
+    def _path(self) -> IntArray:
         return best_path(self.scores, self._reach(np.arange(len(self.centre_s))))
 
-    def _reach(self, rows: NDArray[np.int64]) -> int:
-        """Candidates that the speed may move by from block to block: 2 % a second."""
-        if len(rows) < 2:
-            return 0
+    def _reach(self, rows: IntArray) -> int:
+        """Candidates that the speed may move by from block to block."""
+        if self.reach is not None or len(rows) < 2:
+            return self.reach or 0
         interval = float(np.diff(self.centre_s[rows]).mean())
-        reach = 0.02 * interval / float(self.ratio[1] - self.ratio[0])
+        reach = _STEADY_SLOPE * interval / float(self.ratio[1] - self.ratio[0])
         return int(np.clip(round(reach), 1, len(self.ratio) - 1))
 
 
@@ -176,7 +183,8 @@ def scan_speed(
     sampling_rate_hz : float
         Sampling rate [Hz].
     comb : Comb
-        Orders and weights; those above half the sampling rate are left out.
+        Orders and weights; those above half the sampling rate are left out, and count nothing
+        where they leave the band at the speed of a block.
     nominal_hz : float
         Where to look [Hz], > 0.
     tolerance : float
@@ -199,64 +207,159 @@ def scan_speed(
     check_positive("nominal_hz", nominal_hz, "Hz")
     check_range("tolerance", tolerance, 1e-6, 0.3)
     check_positive("block_s", block_s, "s")
-    count = samples.shape[-1]
-    block = int(min(count, max(16.0, round(block_s * sampling_rate_hz))))
-    hop = max(block // 2, 1)
-    if (count - block) // hop >= _MANY_BLOCKS:
-        hop = block
-    length = fast_length(2 * block)
-    bin_hz = sampling_rate_hz / length
+    blocks = _Blocks.of(samples, sampling_rate_hz, block_s, _MANY_BLOCKS)
     used = comb.below(0.49 * sampling_rate_hz / (nominal_hz * (1 + tolerance)))
-    top_hz = 1.1 * float(used.orders.max()) * nominal_hz * (1 + tolerance)
-    bins = int(min(length // 2 + 1, np.ceil(top_hz / bin_hz) + 64))
-    ratio = _candidates(bin_hz / nominal_hz, used, tolerance)
-    starts = np.arange(0, count - block + 1, hop)
-    if len(starts) > 3 and starts[-1] != count - block:
-        starts = np.append(starts, count - block)  # takes the recording to its end
-    centre_s = (starts + block / 2) / sampling_rate_hz
-    middle = np.full(len(starts), nominal_hz) if around is None else around.at(centre_s)
-    kept, stride = _kept_blocks(len(starts), 1 if hop == block else 2)
-    scores = np.empty((len(starts), len(ratio)))
-    quality = np.empty((len(kept), bins), dtype=np.float32)
-    total = len(starts) * samples.shape[0] * length
-    window = hann(block)
-    lines = np.outer(used.orders, ratio) / bin_hz
-
-    def nearest_to(speed_hz: float) -> NDArray[np.int64]:
-        return np.minimum(np.rint(lines * speed_hz).astype(np.int64), bins - 1)
-
-    same = nearest_to(nominal_hz) if around is None else None
-
-    def scan_blocks(first: int) -> None:
-        rows = np.arange(first, min(first + _BLOCKS, len(starts)))
-        own = np.empty((bins, len(rows)))
-        for column, row in enumerate(rows):
-            part = samples[:, starts[row] : starts[row] + block]
-            own[:, column] = line_quality(part, window, length, bins, total)
-        if same is not None:
-            scores[rows] = weighted_sum(own, same, used.weights).T
-        else:
-            for column, row in enumerate(rows):
-                nearest = nearest_to(middle[row])
-                scores[row] = weighted_sum(own[:, column], nearest, used.weights)
-        begin, end = np.searchsorted(kept, rows[[0, -1]] + [0, 1])
-        quality[begin:end] = own.T[kept[begin:end] - first]
-
-    side_by_side(scan_blocks, range(0, len(starts), _BLOCKS), total)
-    return SpeedScan(
-        centre_s=centre_s,
-        middle_hz=middle,
-        ratio=ratio,
-        scores=scores,
-        bin_hz=bin_hz,
-        resolution_hz=bin_hz / float(used.orders.max()),
-        kept=kept,
-        quality=quality,
-        stride=stride,
+    top = float(used.orders.max())
+    half = _half(tolerance, blocks.bin_hz / (nominal_hz * top))
+    bins = int(np.ceil(1.1 * top * nominal_hz * (1 + tolerance) / blocks.bin_hz) + 64)
+    middle_hz = np.full(len(blocks.starts), nominal_hz)
+    return blocks.scanned(
+        used,
+        middle_hz if around is None else around.at(blocks.centre_s),
+        1 + tolerance * np.arange(-half, half + 1) / half,
+        min(blocks.length // 2 + 1, bins),
     )
 
 
-def weighted_sum(values: FloatArray, index: NDArray[np.int64], weights: FloatArray) -> FloatArray:
+def find_path(
+    samples: FloatArray, sampling_rate_hz: float, comb: Comb, nominal_hz: float, reach: float = 0.25
+) -> SpeedScan:
+    """Follow a comb whose speed may change, in short blocks and far about the nominal speed.
+
+    Parameters
+    ----------
+    samples : ndarray of float, shape (channels, n)
+        Vibration; a channel's scale does not matter.
+    sampling_rate_hz : float
+        Sampling rate [Hz].
+    comb : Comb
+        Orders and weights; lines that leave the band at a speed count nothing there.
+    nominal_hz : float
+        Where to look [Hz], > 0.
+    reach : float
+        How far from nominal to look, as a fraction, in (0, 0.5].
+
+    Returns
+    -------
+    SpeedScan
+        Candidates evenly spaced in the logarithm.
+
+    Raises
+    ------
+    ArgumentError
+        If the nominal speed or the reach is out of range.
+    """
+    check_positive("nominal_hz", nominal_hz, "Hz")
+    check_range("reach", reach, 1e-6, 0.5)
+    blocks = _Blocks.of(samples, sampling_rate_hz, _PATH_TURNS / nominal_hz)
+    used = comb.below(0.49 * sampling_rate_hz / nominal_hz)
+    span = float(np.log1p(reach))
+    half = _half(span, blocks.bin_hz / (nominal_hz * float(used.orders.max())), _PATH_CANDIDATES)
+    return blocks.scanned(
+        used,
+        np.full(len(blocks.starts), nominal_hz),
+        np.exp(span * np.arange(-half, half + 1) / half),
+        blocks.length // 2 + 1,
+        max(1, round(_PATH_SLOPE * max(blocks.size // 2, 1) / sampling_rate_hz / (span / half))),
+    )
+
+
+def _half(span: float, bin_share: float, most: int = _MAX_CANDIDATES) -> int:
+    """Candidates to either side half a bin apart at the highest order: nothing hides between."""
+    return int(np.clip(np.ceil(span / (0.5 * bin_share)), 2, most // 2))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Blocks:
+    """Hann blocks of a recording, half overlapped unless there are too many."""
+
+    samples: FloatArray
+    rate: float
+    size: int
+    overlapped: bool
+    starts: IntArray
+
+    @classmethod
+    def of(cls, samples: FloatArray, rate: float, block_s: float, many: float = np.inf) -> _Blocks:
+        count = samples.shape[-1]
+        size = int(min(count, max(16.0, round(block_s * rate))))
+        hop = max(size // 2, 1)
+        overlapped = (count - size) // hop < many
+        starts = np.arange(0, count - size + 1, hop if overlapped else size)
+        if len(starts) > 3 and starts[-1] != count - size:
+            starts = np.append(starts, count - size)  # takes the recording to its end
+        return cls(samples=samples, rate=rate, size=size, overlapped=overlapped, starts=starts)
+
+    @property
+    def length(self) -> int:
+        """Length of the transforms: a line is then two bins wide."""
+        return fast_length(2 * self.size)
+
+    @property
+    def bin_hz(self) -> float:
+        return self.rate / self.length
+
+    @property
+    def centre_s(self) -> FloatArray:
+        return np.asarray((self.starts + self.size / 2) / self.rate)
+
+    def scanned(
+        self,
+        comb: Comb,
+        middle_hz: FloatArray,
+        ratio: FloatArray,
+        bins: int,
+        reach: int | None = None,
+    ) -> SpeedScan:
+        """Score every candidate about the middle of every block; keep some spectra."""
+        count, starts = len(self.starts), self.starts
+        # of blocks that do not overlap, every other one or fewer is kept
+        stride = min(2 if self.overlapped else 1, count)
+        step = max(2 * stride, -(-count // _KEPT_BLOCKS) // (2 * stride) * 2 * stride)
+        kept = np.arange(stride if count >= 4 else 0, count, step)
+        scores = np.empty((count, len(ratio)))
+        quality = np.empty((len(kept), bins), dtype=np.float32)
+        total = count * len(self.samples) * self.length
+        lines = np.outer(comb.orders, ratio) / self.bin_hz
+        steady = bool(np.all(middle_hz == middle_hz[0]))
+
+        def nearest_to(speed_hz: float) -> IntArray:
+            return np.minimum(np.rint(lines * speed_hz).astype(np.int64), bins)
+
+        same = nearest_to(float(middle_hz[0])) if steady else None
+
+        def scan_blocks(first: int) -> None:
+            rows = np.arange(first, min(first + _BLOCKS, count))
+            # the last one stands for what lies beyond the band: nothing
+            own = np.zeros((bins + 1, len(rows)))
+            for column, row in enumerate(rows):
+                part = self.samples[:, starts[row] : starts[row] + self.size]
+                own[:-1, column] = line_quality(part, self.length, bins, total)
+            if same is not None:
+                scores[rows] = weighted_sum(own, same, comb.weights).T
+            else:
+                for column, row in enumerate(rows):
+                    nearest = nearest_to(middle_hz[row])
+                    scores[row] = weighted_sum(own[:, column], nearest, comb.weights)
+            begin, end = np.searchsorted(kept, rows[[0, -1]] + [0, 1])
+            quality[begin:end] = own[:-1].T[kept[begin:end] - first]
+
+        side_by_side(scan_blocks, range(0, count, _BLOCKS), total)
+        return SpeedScan(
+            centre_s=self.centre_s,
+            middle_hz=middle_hz,
+            ratio=ratio,
+            scores=scores,
+            bin_hz=self.bin_hz,
+            resolution_hz=self.bin_hz / float(comb.orders.max()),
+            kept=kept,
+            quality=quality,
+            stride=stride,
+            reach=reach,
+        )
+
+
+def weighted_sum(values: FloatArray, index: IntArray, weights: FloatArray) -> FloatArray:
     """Sum of values picked by each row of an index, weighted row by row.
 
     Parameters
@@ -279,24 +382,13 @@ def weighted_sum(values: FloatArray, index: NDArray[np.int64], weights: FloatArr
     return total
 
 
-def _kept_blocks(count: int, stride: int) -> tuple[NDArray[np.int64], int]:
-    """Blocks whose spectra are kept, and the distance of blocks that do not overlap."""
-    stride = min(stride, count)
-    step = max(2 * stride, -(-count // _KEPT_BLOCKS) // (2 * stride) * 2 * stride)
-    return np.arange(stride if count >= 4 else 0, count, step), stride
-
-
-def line_quality(
-    block: FloatArray, window: FloatArray, length: int, bins: int, total: int
-) -> FloatArray:
+def line_quality(block: FloatArray, length: int, bins: int, total: int) -> FloatArray:
     """Mean over channels of log(1 + power over its local floor) of one block.
 
     Parameters
     ----------
     block : ndarray of float, shape (channels, n)
         The block.
-    window : ndarray of float, shape (n,)
-        Its window.
     length : int
         Length of the transform, at least n.
     bins : int
@@ -309,7 +401,7 @@ def line_quality(
     ndarray of float, shape (bins,)
     """
     quality = np.zeros(bins)
-    for transform in windowed_transforms(block, window, length, total):
+    for transform in windowed_transforms(block, hann(block.shape[-1]), length, total):
         own = transform[:bins]
         power = own.real**2
         power += own.imag**2
@@ -321,14 +413,7 @@ def line_quality(
     return quality
 
 
-def _candidates(bin_order: float, comb: Comb, tolerance: float) -> FloatArray:
-    """Speed ratios half a bin apart at the highest order: nothing can hide between two of them."""
-    step = 0.5 * bin_order / float(comb.orders.max())
-    half = int(np.clip(np.ceil(tolerance / step), 2, _MAX_CANDIDATES // 2))
-    return 1 + tolerance * np.arange(-half, half + 1) / half
-
-
-def best_path(scores: FloatArray, reach: int) -> NDArray[np.int64]:
+def best_path(scores: FloatArray, reach: int) -> IntArray:
     """Best sequence of candidates, moving at most `reach` a block, large moves penalised (Viterbi).
 
     The penalty is quadratic and costs one typical score contrast for a move over the whole reach.
@@ -375,7 +460,7 @@ def best_path(scores: FloatArray, reach: int) -> NDArray[np.int64]:
     return path
 
 
-def peak_refined(scores: FloatArray, path: NDArray[np.int64], speeds: FloatArray) -> FloatArray:
+def peak_refined(scores: FloatArray, path: IntArray, speeds: FloatArray) -> FloatArray:
     """Refine each block's speed to the peak of the parabola through three scores.
 
     Parameters
@@ -398,5 +483,4 @@ def peak_refined(scores: FloatArray, path: NDArray[np.int64], speeds: FloatArray
     safe = np.where(curvature > 0, curvature, 1.0)
     offset = np.where(curvature > 0, 0.5 * (right - left) / safe, 0.0)
     spacing = 0.5 * (speeds[middle + 1] - speeds[middle - 1])
-    refined: FloatArray = speeds[middle] + np.clip(offset, -0.5, 0.5) * spacing
-    return refined
+    return np.asarray(speeds[middle] + np.clip(offset, -0.5, 0.5) * spacing)

@@ -13,12 +13,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gearmon.signals.array_types import FloatArray, IntArray
 from gearmon.signals.threads import side_by_side
 from gearmon.signals.tracking.comb import Comb, SpeedScan, SpeedTrack
-
-FloatArray = NDArray[np.float64]
 
 _DECOYS_A_SIDE = 14
 # Decoy scores scatter about like a normal law: 3 is one false mesh in about a thousand machines. Of
@@ -97,20 +95,16 @@ class MeshEvidence:
         return self.score >= enough and self.decoys_above <= self.decoys // 10
 
 
-def combined_comb(
-    meshes: Sequence[MeshComb], shaft_orders: Sequence[float], sideband_weight: float = 0.4
-) -> Comb:
+def combined_comb(meshes: Sequence[MeshComb], shaft_orders: Sequence[float]) -> Comb:
     """Join meshes, their first sidebands and the first shaft harmonics into one comb.
 
     Parameters
     ----------
     meshes : sequence of MeshComb
-        The meshes, weight 1 a harmonic.
+        The meshes, weight 1 a harmonic and 0.4 each sideband at +-1 spacing.
     shaft_orders : sequence of float
         Rotation orders, the input first; harmonics 1 to 8 of the first and 1 to 3 of the others
         get weight 0.3.
-    sideband_weight : float
-        Weight of the sidebands at +-1 spacing.
 
     Returns
     -------
@@ -122,8 +116,7 @@ def combined_comb(
         for k, group in enumerate(mesh.groups, start=1):
             found += [(order, 1.0) for order in group]
             for spacing in mesh.spacings:
-                found.append((k * mesh.order + spacing, sideband_weight))
-                found.append((k * mesh.order - spacing, sideband_weight))
+                found += [(k * mesh.order + spacing, 0.4), (k * mesh.order - spacing, 0.4)]
     for number, order in enumerate(shaft_orders):
         found += [(harmonic * order, 0.3) for harmonic in range(1, 9 if number == 0 else 4)]
     weighed = sorted([(round(order, 9), weight) for order, weight in found])
@@ -172,10 +165,7 @@ def mesh_evidence(
 
 
 def _evidence(
-    judged: _JudgedSpectrum,
-    meshes: Sequence[MeshComb],
-    shaft_orders: Sequence[float],
-    index: int,
+    judged: _JudgedSpectrum, meshes: Sequence[MeshComb], shaft_orders: Sequence[float], index: int
 ) -> MeshEvidence:
     others = [mesh for i, mesh in enumerate(meshes) if i != index]
     mesh = meshes[index]
@@ -184,13 +174,17 @@ def _evidence(
         decoy
         for spacing in mesh.spacings
         for decoy in _decoys(mesh, spacing)
-        if decoy.order > 2 * spacing and _apart(decoy.order, meshes, 1.5 * spacing)
+        if decoy.order > 2 * spacing
+        and all(abs(decoy.order - true.order) >= 1.5 * spacing for true in meshes)
     ]
     own, *decoys = judged.best([mesh, *rival], shared)
     decoys = [strength for strength in decoys if len(strength)]
     if len(own) == 0 or len(decoys) < 8:
         return MeshEvidence.none(len(decoys))
-    strengths = _padded([own, *decoys])
+    rows = [own, *decoys]
+    strengths = np.full((len(rows), max(map(len, rows))), np.nan)
+    for padded, row in zip(strengths, rows, strict=True):
+        padded[: len(row)] = row
     rivals = strengths[1:, : len(own)]
     common = np.sum(~np.isnan(rivals), axis=0) >= 8
     if not common.any():
@@ -212,25 +206,12 @@ def _evidence(
     )
 
 
-def _padded(rows: Sequence[FloatArray]) -> FloatArray:
-    """Rows of different lengths as one array, filled up with NaN."""
-    result = np.full((len(rows), max(len(row) for row in rows)), np.nan)
-    for index, row in enumerate(rows):
-        result[index, : len(row)] = row
-    return result
-
-
 def _decoys(mesh: MeshComb, spacing: float) -> list[MeshComb]:
     """Meshes with some teeth more or less, beyond the reach of the true mesh's own sidebands."""
     reach = max(max(group) - min(group) for group in mesh.groups)
     nearest = 3 + round(reach / spacing)
     steps = range(nearest, nearest + _DECOYS_A_SIDE)
     return [mesh.shifted(sign * j * spacing) for sign in (-1, 1) for j in steps]
-
-
-def _apart(order: float, meshes: Sequence[MeshComb], distance: float) -> bool:
-    """Whether an order keeps away from the fundamentals of all true meshes."""
-    return all(abs(order - mesh.order) >= distance for mesh in meshes)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -256,8 +237,11 @@ class _JudgedSpectrum:
         steps = int(np.ceil(2 * tolerance * top / bin_order))
         corrections = tolerance * np.arange(-steps, steps + 1) / max(1, steps)
         inside = np.abs(mean * (1 + corrections) / nominal_hz - 1) <= tolerance
+        grid, quality = np.arange(bins) * bin_order, np.zeros(bins)
+        for row, speed in zip(scan.quality, track.at(scan.centre_s[scan.kept]), strict=True):
+            quality += row[np.minimum(np.rint(grid * speed / scan.bin_hz).astype(int), bins - 1)]
         return cls(
-            quality=_order_quality(scan, track, bin_order),
+            quality=quality / len(scan.kept),
             bin_order=bin_order,
             corrections=corrections[inside] if inside.any() else np.zeros(1),
             top_order=top,
@@ -274,7 +258,11 @@ class _JudgedSpectrum:
 
         One array a mesh, of the groups within the spectrum.
         """
-        seen = [self._seen(mesh) for mesh in meshes]
+        # the groups of each that lie within the spectrum
+        seen = [
+            [group for group in mesh.groups if max(group) < self.top_order and min(group) > 0]
+            for mesh in meshes
+        ]
         corrections = [
             1
             + self.corrections[int(np.argmax(self.comb_score(combined_comb([mesh], ())) + shared))]
@@ -293,19 +281,14 @@ class _JudgedSpectrum:
         strengths = np.log(powers / sizes)
         return np.split(strengths, np.cumsum([len(groups) for groups in seen])[:-1])
 
-    def _seen(self, mesh: MeshComb) -> list[tuple[float, ...]]:
-        """Return the groups of a mesh that lie within the spectrum."""
-        return [group for group in mesh.groups if max(group) < self.top_order and min(group) > 0]
-
     def _at(self, orders: FloatArray) -> FloatArray:
         place = orders / self.bin_order
         index = np.rint(place, out=place).astype(np.intp)
         # beyond the last bin its value stands
-        taken: FloatArray = self.quality.take(index, mode="clip")
-        return taken
+        return np.asarray(self.quality.take(index, mode="clip"))
 
 
-def _unseen(scan: SpeedScan) -> NDArray[np.int64]:
+def _unseen(scan: SpeedScan) -> IntArray:
     """Blocks that share no sample with the kept ones; all of them if there are too few."""
     blocks = np.arange(len(scan.centre_s))
     if len(blocks) < 4:
@@ -314,16 +297,4 @@ def _unseen(scan: SpeedScan) -> NDArray[np.int64]:
     centre = scan.centre_s
     distance = np.abs(centre[:, None] - centre[scan.kept][None, :]).min(axis=1)
     needed = 0.999 * scan.stride * float(np.median(np.diff(centre)))
-    apart: NDArray[np.int64] = blocks[distance >= needed]
-    return apart
-
-
-def _order_quality(scan: SpeedScan, track: SpeedTrack, bin_order: float) -> FloatArray:
-    """Average log(1 + snr) of the kept blocks on a common grid of orders."""
-    speeds = track.at(scan.centre_s[scan.kept])
-    bins = scan.quality.shape[1]
-    grid = np.arange(bins) * bin_order
-    total = np.zeros(bins)
-    for row, speed in zip(scan.quality, speeds, strict=True):
-        total += row[np.minimum(np.rint(grid * speed / scan.bin_hz).astype(int), bins - 1)]
-    return total / len(speeds)
+    return np.asarray(blocks[distance >= needed])

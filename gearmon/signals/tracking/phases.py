@@ -8,21 +8,24 @@ Phases that are compared from block to block add up like a random walk and end h
 the recording does. Compared with the line's own slowly varying mean they do neither
 (`lock_track`): the blocks slide by a quarter of their length and are cut at the ends of the
 recording.
+
+A speed that changes is followed in short blocks first (`comb.find_path`). Read at equal steps of
+that path's angle the lines are nearly steady, so that the comb and then the phases of the mesh
+lines tell the rest (`follow_speed`).
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gearmon.signals.angle import AngleTrack, phasors
+from gearmon.signals.array_types import FloatArray
 from gearmon.signals.orders.lines import OrderLines
+from gearmon.signals.orders.nonuniform_fft import Kernel, Spreading
+from gearmon.signals.orders.resampling import AngleGrid
 from gearmon.signals.orders.sums import OrderSums, SlidingLines
-from gearmon.signals.tracking.comb import SpeedTrack
+from gearmon.signals.tracking.comb import Comb, SpeedTrack, scan_speed
 from gearmon.signals.tracking.thresholds import LIMITS, QUARTER_HOP
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 # Blocks that tell whether lines are phase-coherent [turns].
 _BLOCK_TURNS = 5.0
@@ -36,6 +39,8 @@ _PASSES = 2
 _LIMITS = (0.4, 0.7, 1.0, 1.0, 1.0)
 # Phases of noise scatter evenly over a cycle, variance 1/12; a line near that is not listened to.
 _NOISE_VARIANCE = 1.0 / 12.0
+# Searches for a speed that changes in the angle of the track so far: block [turns], reach about it.
+_UNWARPED = ((10.0, 0.015), (10.0, 0.008))
 
 
 def integrate_speed(speed: SpeedTrack, duration_s: float) -> AngleTrack:
@@ -134,17 +139,14 @@ def coherent_share(sums: OrderSums, track: AngleTrack) -> float:
 def _gain(before: OrderLines, after: OrderLines) -> float:
     """Log likelihood that phase-coherent lines gain, noise of unknown variance about them.
 
-    Half overlapped blocks are worth about two thirds of their number. Another track may hold one
-    block more or less: its likelihood is that of as many blocks.
+    Half-overlapped blocks count as two thirds of their number.
     """
+    misfit = [
+        np.log(np.mean(np.abs(lines.amplitude - lines.mean) ** 2, axis=0) + 1e-3 * lines.noise)
+        for lines in (before, after)
+    ]
     blocks = min(before.amplitude.shape[0], after.amplitude.shape[0])
-    return float(2 / 3 * blocks * (_misfit(before) - _misfit(after)))
-
-
-def _misfit(lines: OrderLines) -> float:
-    """Negative log likelihood of phase-coherent lines, averaged over the blocks."""
-    scatter = np.mean(np.abs(lines.amplitude - lines.mean) ** 2, axis=0)
-    return float(np.log(scatter + 1e-3 * lines.noise).sum())
+    return float(2 / 3 * blocks * (misfit[0].sum() - misfit[1].sum()))
 
 
 def _corrected(track: AngleTrack, lines: OrderLines, wander: float) -> tuple[AngleTrack, float]:
@@ -178,12 +180,11 @@ def _robust_mean(
     flat_error = error.reshape(len(error), -1)
     flat_weight = weight.reshape(len(weight), -1).copy()
     cycles = np.broadcast_to(order, error.shape).reshape(len(error), -1)
-    for _ in range(2):
+    for last in (False, False, True):
         total = flat_weight.sum(axis=1)
         mean = (flat_weight * flat_error).sum(axis=1) / np.where(total > 0, total, 1.0)
-        flat_weight[np.abs(flat_error - mean[:, None]) * cycles > 0.25] = 0.0
-    total = flat_weight.sum(axis=1)
-    mean = (flat_weight * flat_error).sum(axis=1) / np.where(total > 0, total, 1.0)
+        if not last:
+            flat_weight[np.abs(flat_error - mean[:, None]) * cycles > 0.25] = 0.0
     return mean, total
 
 
@@ -194,32 +195,55 @@ def _smoothed(
 
     Returns the smoothed increments, the error left per increment, and the degrees of freedom.
     """
+    from scipy.linalg import solveh_banded
+
     prior = 1.0 / step**2
+    band = prior * roughness(np.arange(float(len(weight))), 1)
     # a weak pull to the first track settles recordings in which no line is clear at all
-    diagonal = weight + 1e-3 * prior
-    diagonal[:-1] += prior
-    diagonal[1:] += prior
-    smooth, variance = _solve_tridiagonal(diagonal, -prior, weight * increment)
+    band[0] += weight + 1e-3 * prior
+    smooth = solveh_banded(band, weight * increment, lower=True)
+    # the diagonal of the inverse, by the pivots of elimination from either end
+    ahead, behind = _pivots(band[0], prior**2), _pivots(band[0][::-1], prior**2)[::-1]
+    variance = 1.0 / (ahead + behind - band[0])
     return smooth, float(np.sqrt(np.mean(variance))), float(np.sum(weight * variance))
 
 
-def _solve_tridiagonal(
-    diagonal: FloatArray, off: float, right: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Solve a symmetric tridiagonal system; also the diagonal of its inverse (both sweeps)."""
-    count = len(diagonal)
-    ahead = diagonal.copy()
-    behind = diagonal.copy()
-    carried = right.copy()
-    for i in range(1, count):
-        ahead[i] -= off * off / ahead[i - 1]
-        carried[i] -= off * carried[i - 1] / ahead[i - 1]
-    solution = np.empty(count)
-    solution[-1] = carried[-1] / ahead[-1]
-    for i in range(count - 2, -1, -1):
-        behind[i] -= off * off / behind[i + 1]
-        solution[i] = (carried[i] - off * solution[i + 1]) / ahead[i]
-    return solution, 1.0 / (ahead + behind - diagonal)
+def _pivots(diagonal: FloatArray, off_squared: float) -> FloatArray:
+    """Pivots of a symmetric tridiagonal matrix whose other diagonals are constant."""
+    pivots = diagonal.tolist()
+    for i in range(1, len(pivots)):
+        pivots[i] -= off_squared / pivots[i - 1]
+    return np.array(pivots)
+
+
+def roughness(x: FloatArray, order: int) -> FloatArray:
+    """Lower diagonals of the squared difference quotients of first or second order.
+
+    Parameters
+    ----------
+    x : ndarray of float, shape (n,)
+        Ascending places; their mean step is the unit.
+    order : int
+        1 or 2.
+
+    Returns
+    -------
+    ndarray of float, shape (order + 1, n)
+        As `scipy.linalg.solveh_banded` takes them.
+    """
+    if len(x) <= order:
+        return np.zeros((order + 1, len(x)))
+    step = np.diff(x) / np.mean(np.diff(x))
+    if order == 1:
+        rows, over = np.stack([-1 / step, 1 / step]), step
+    else:
+        over = 0.5 * (step[1:] + step[:-1])
+        rows = np.stack([1 / step[:-1], -1 / step[:-1] - 1 / step[1:], 1 / step[1:]]) / over
+    band = np.zeros((order + 1, len(x)))
+    for low in range(order + 1):
+        for high in range(low, order + 1):
+            band[high - low, low : low + rows.shape[1]] += over * rows[low] * rows[high]
+    return band
 
 
 def shifted_track(
@@ -318,8 +342,7 @@ def _unwound(lines: SlidingLines) -> FloatArray:
         mass = votes.sum(axis=1)
         mean = (votes * rest / lines.orders).sum(axis=1) / np.maximum(mass, 1e-300)
         increment = increment + np.where(mass > 0, mean, 0.0)
-    error: FloatArray = np.concatenate([[0.0], np.cumsum(increment)])
-    return error
+    return np.asarray(np.concatenate([[0.0], np.cumsum(increment)]))
 
 
 def _median(rows: FloatArray, weight: FloatArray) -> FloatArray:
@@ -327,8 +350,7 @@ def _median(rows: FloatArray, weight: FloatArray) -> FloatArray:
     place = np.argsort(rows, axis=1)
     mass = np.cumsum(weight[place], axis=1)
     middle = np.argmax(mass >= 0.5 * mass[:, -1:], axis=1)
-    found: FloatArray = np.take_along_axis(rows, place, axis=1)[np.arange(len(rows)), middle]
-    return found
+    return np.asarray(np.take_along_axis(rows, place, axis=1)[np.arange(len(rows)), middle])
 
 
 def _locked(track: AngleTrack, lines: SlidingLines) -> AngleTrack:
@@ -339,11 +361,13 @@ def _locked(track: AngleTrack, lines: SlidingLines) -> AngleTrack:
     low = 1.01 * float(lines.orders.min())
     error = _unwound(lines)
     hats = _speed_classes(track, lines.angle)
+    mass = np.maximum(hats.sum(axis=0), 1e-12)[:, None]
     for share in _LIMITS:
         near = lines.orders <= max(share * float(lines.orders.max()), low)
         order = lines.orders[near]
         turned = lines.amplitude[:, near] * phasors(np.outer(-error, order))
-        mean = _mean_at_speed(turned, hats)
+        # of each line as a function of the speed, linear between classes of speed
+        mean = hats @ ((hats.T @ turned) / mass)
         rest = np.angle(turned * np.conj(mean)) / (2 * np.pi)
         variance = np.mean(rest**2, axis=0) + LIMITS.floor_cycles**2
         clear = variance < 0.5 * _NOISE_VARIANCE
@@ -362,13 +386,6 @@ def _locked(track: AngleTrack, lines: SlidingLines) -> AngleTrack:
     return shifted_track(track, lines.angle, error, float(np.sqrt(quick + slow)))
 
 
-def _mean_at_speed(amplitude: ComplexArray, hats: FloatArray) -> ComplexArray:
-    """Mean of each line as a function of the speed, linear between classes of speed."""
-    mass = hats.sum(axis=0)[:, None]
-    mean: ComplexArray = hats @ ((hats.T @ amplitude) / np.maximum(mass, 1e-12))
-    return mean
-
-
 def _speed_classes(track: AngleTrack, angle: FloatArray) -> FloatArray:
     """Weights of the blocks in overlapping classes of speed, shape (blocks, classes)."""
     time = track.time_at(angle)
@@ -377,24 +394,98 @@ def _speed_classes(track: AngleTrack, angle: FloatArray) -> FloatArray:
     count = max(1, round(float(place.max())))
     place = place * (count / max(float(place.max()), 1e-12)) if count > 1 else 0.0 * place
     classes = np.arange(count + 1 if count > 1 else 1)
-    hats: FloatArray = np.maximum(0.0, 1.0 - np.abs(place[:, None] - classes))
-    return hats
+    return np.asarray(np.maximum(0.0, 1.0 - np.abs(place[:, None] - classes)))
 
 
 def _smoothed_angle(vote: FloatArray, weight: FloatArray, step: float) -> FloatArray:
     """Minimise sum w (e - vote)^2 + sum (second difference of e)^2 / step^2."""
     from scipy.linalg import solveh_banded
 
-    count = len(vote)
     prior = 1.0 / step**2
-    band = np.zeros((3, count))  # lower diagonals of prior * D'D
-    band[0, :-2] += prior
-    band[0, 1:-1] += 4 * prior
-    band[0, 2:] += prior
-    band[1, :-2] -= 2 * prior
-    band[1, 1:-1] -= 2 * prior
-    band[2, :-2] += prior
+    band = prior * roughness(np.arange(float(len(vote))), 2)
     # a weak pull to no error settles what no line tells
     band[0] += weight + 1e-6 * prior
-    smooth: FloatArray = solveh_banded(band, weight * vote, lower=True)
-    return smooth
+    return np.asarray(solveh_banded(band, weight * vote, lower=True))
+
+
+def unwarp(
+    samples: FloatArray,
+    sampling_rate_hz: float,
+    track: AngleTrack,
+    comb: Comb,
+    block_turns: float,
+    tolerance: float,
+) -> AngleTrack:
+    """Follow a comb again in the angle of a first track, where its lines are nearly steady.
+
+    Parameters
+    ----------
+    samples : ndarray of float, shape (channels, n)
+        Vibration.
+    sampling_rate_hz : float
+        Sampling rate [Hz].
+    track : AngleTrack
+        The first track.
+    comb : Comb
+        Orders and weights.
+    block_turns : float
+        Length of the blocks [turns].
+    tolerance : float
+        How far about the first track's speed to look, as a fraction.
+
+    Returns
+    -------
+    AngleTrack
+        The better track.
+    """
+    top = 0.45 * sampling_rate_hz / float(track.speed_hz.max())
+    grid = AngleGrid.of(samples.shape[-1], sampling_rate_hz, track, 0.0)
+    # what spreading takes of an order it takes of the noise there as well
+    read = np.empty((samples.shape[0], grid.count))
+    per_turn = float(grid.per_turn)
+    kernel = Kernel.of(4, 1.3)
+    Spreading(samples, sampling_rate_hz, track, per_turn, kernel).spread(grid.first_turn, read)
+    scan = scan_speed(read, grid.per_turn, comb.below(top), 1.0, tolerance, block_turns)
+    inner = integrate_speed(scan.track(), (grid.count - 1) / grid.per_turn)
+    ends = track.turns[[0, -1]]
+    knots = grid.first_turn + inner.time_s
+    kept = knots[(knots > ends[0]) & (knots < ends[1])]
+    angle = np.concatenate([ends[:1], kept, ends[1:]])
+    return AngleTrack(
+        time_s=track.time_at(angle),
+        turns=inner.turns_at(angle - grid.first_turn),
+        method="comb",
+        uncertainty_turns=float("nan"),
+    )
+
+
+def follow_speed(
+    samples: FloatArray, sampling_rate_hz: float, comb: Comb, orders: FloatArray, path: SpeedTrack
+) -> AngleTrack:
+    """Turn a path of speeds into an angle track that is right to a small part of a mesh period.
+
+    Parameters
+    ----------
+    samples : ndarray of float, shape (channels, n)
+        Vibration.
+    sampling_rate_hz : float
+        Sampling rate [Hz].
+    comb : Comb
+        Orders and weights.
+    orders : ndarray of float, shape (lines,)
+        Mesh harmonics, whose phases are followed; those beyond the band are left out.
+    path : SpeedTrack
+        The path, from `find_path`.
+
+    Returns
+    -------
+    AngleTrack
+        The track; the path itself if no mesh harmonic lies within the band.
+    """
+    track = integrate_speed(path, (samples.shape[-1] - 1) / sampling_rate_hz)
+    for block_turns, tolerance in _UNWARPED:
+        track = unwarp(samples, sampling_rate_hz, track, comb, block_turns, tolerance)
+    within = orders[orders < 0.45 * sampling_rate_hz / float(track.speed_hz.max())]
+    if len(within) == 0:
+        return track
+    return lock_track(OrderSums(samples, sampling_rate_hz, within), track)

@@ -18,12 +18,9 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gearmon.signals.array_types import BoolArray, FloatArray, IntArray
 from gearmon.signals.tracking.thresholds import LIMITS
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 # Intervals on either side whose median tells what is typical.
 _NEIGHBOURS = 7
@@ -31,8 +28,6 @@ _NEIGHBOURS = 7
 _BESIDE, _CONTINUED = 5, 8
 # Repairs one after the other, the last of which must find nothing.
 _ROUNDS = 4
-# Windows that medians are taken of at a time: they stay in the cache of a processor core.
-_TOGETHER = 1 << 13
 # Turns from which the spacing is first learned.
 _FIRST_TURNS = 6
 
@@ -98,15 +93,10 @@ def repair_even(time_s: FloatArray) -> Repaired:
 
 def _typical(interval: FloatArray) -> FloatArray:
     """Median interval among each one's neighbours: the speed may change along the recording."""
+    from scipy.ndimage import median_filter
+
     half = min(2 * _NEIGHBOURS + 1, len(interval)) // 2
-    padded = np.pad(interval, half, mode="reflect") if half else interval
-    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1)
-    typical = np.empty(len(interval))
-    for first in range(0, len(interval), _TOGETHER):
-        part = slice(first, first + _TOGETHER)
-        # an odd number of values: the median is the one in the middle
-        typical[part] = np.partition(windows[part], half, axis=-1)[:, half]
-    return typical
+    return np.asarray(median_filter(interval, 2 * half + 1, mode="mirror"))
 
 
 def _doubtful(
@@ -118,11 +108,11 @@ def _doubtful(
     doubtful = np.zeros(len(time_s), dtype=np.bool_)
     doubtful[:-1] |= wrong
     doubtful[1:] |= wrong
-    departure = _departure(time_s)
-    departure /= np.append(typical, typical[-1])
+    # how far each pulse is off the cubic through its neighbours, two at either end left out
+    near = 4 * (time_s[1:-3] + time_s[3:-1])
+    inner = np.abs(time_s[2:-2] - (near - time_s[:-4] - time_s[4:]) / 6) / typical[2:][: len(near)]
     # where an interval is wrong already, it alone makes the pulses about it depart
     about = np.convolve(wrong, np.ones(4))[3:-3] > 0 if len(time_s) > 4 else wrong[:0]
-    inner = np.abs(departure[2:-2])
     spread = float(np.median(inner[~about])) / 0.6745 if not about.all() else 0.0
     off = max(LIMITS.off, LIMITS.deviations * spread)
     doubtful[2:-2] |= (inner > off) & ~about
@@ -131,22 +121,9 @@ def _doubtful(
     for way in (1, -1):
         last = _beyond(time_s[::way], typical[::way], wrong[::way], far)
         doubtful[::way][: last + 1] = True
-    return _without_islands(doubtful), off
-
-
-def _without_islands(doubtful: BoolArray) -> BoolArray:
-    """Doubt sound pulses that stand alone as well: nothing beside them tells the speed."""
+    # sound pulses that stand alone are doubted as well: nothing beside them tells the speed
     padded = np.concatenate([[True], doubtful, [True]])
-    return np.asarray(doubtful | (padded[:-2] & padded[2:]))
-
-
-def _departure(time_s: FloatArray) -> FloatArray:
-    """How far each pulse is off the cubic through its neighbours [s]; 0 for two at either end."""
-    departure = np.zeros(len(time_s))
-    if len(time_s) >= 5:
-        near = 4 * (time_s[1:-3] + time_s[3:-1])
-        departure[2:-2] = time_s[2:-2] - (near - time_s[:-4] - time_s[4:]) / 6
-    return departure
+    return np.asarray(doubtful | (padded[:-2] & padded[2:])), off
 
 
 def _beyond(time_s: FloatArray, typical: FloatArray, wrong: BoolArray, far: float) -> int:
@@ -195,11 +172,10 @@ class _Repair:
                 self._end(np.arange(start, stop), np.arange(start - 1, -1, -1))
             else:
                 self._between(start - 1, stop)
-        extra = int(np.count_nonzero(~self.kept))
         return Repaired(
             time_s=np.sort(np.concatenate([self.time_s[self.kept], self.filled])),
             missing=len(self.filled),
-            extra=extra,
+            extra=int(np.count_nonzero(~self.kept)),
             unclear_s=self.unclear_s,
         )
 
@@ -220,7 +196,7 @@ class _Repair:
         reach = self.near * (first + (last - first) * u)
         self._settle(np.arange(before + 1, after), start + place, reach)
 
-    def _end(self, inner: NDArray[np.int64], sound: NDArray[np.int64]) -> None:
+    def _end(self, inner: IntArray, sound: IntArray) -> None:
         """Repair what lies beyond the first or the last sound pulse; both go away from it."""
         known = sound[:_CONTINUED]
         if self.doubtful[known].any():
@@ -258,7 +234,7 @@ class _Repair:
         intervals = sorted(b - a for a, b in pairwise(times))
         return float(intervals[len(intervals) // 2])
 
-    def _settle(self, inner: NDArray[np.int64], place: FloatArray, reach: FloatArray) -> None:
+    def _settle(self, inner: IntArray, place: FloatArray, reach: FloatArray) -> None:
         """Keep the pulse that is nearest to each place, if it is near; fill in the others."""
         self.kept[inner] = False
         for where, near in zip(place.tolist(), reach.tolist(), strict=True):
@@ -324,6 +300,7 @@ def _walk(time_s: FloatArray, gaps: FloatArray, per_turn: int) -> tuple[FloatArr
     missing = extra = 0
     index = per_turn + 1
     limit = max(10, int(LIMITS.hopeless_uneven * len(time_s)))
+    following = np.append(np.diff(time_s), np.inf)
     while index < len(time_s) and missing + extra <= limit:
         step = (len(found) - 1) % per_turn
         turn = found[-1] - found[-1 - per_turn]
@@ -332,20 +309,13 @@ def _walk(time_s: FloatArray, gaps: FloatArray, per_turn: int) -> tuple[FloatArr
         if late > reach:
             found.append(found[-1] + gaps[step] * turn)
             missing += 1
-        elif late < -reach or _next_is_nearer(time_s, index, late):
+        elif late < -reach or abs(late + following[index]) < abs(late):  # the next is nearer
             extra += 1
             index += 1
         else:
             found.append(float(time_s[index]))
             index += 1
     return np.array(found), missing, extra
-
-
-def _next_is_nearer(time_s: FloatArray, index: int, late: float) -> bool:
-    """Whether the pulse after one that comes so late [s] is nearer to the place of both."""
-    if index + 1 >= len(time_s):
-        return False
-    return abs(late + float(time_s[index + 1] - time_s[index])) < abs(late)
 
 
 def is_even(time_s: FloatArray, per_turn: int) -> bool:
@@ -428,8 +398,7 @@ def learn_spacing(time_s: FloatArray, per_turn: int) -> FloatArray:
     first = table[:, 0]
     if turns < 4:
         length = np.diff(first)[:, None]
-        shares: FloatArray = np.median((table[:-1] - first[:-1, None]) / length, axis=0)
-        return shares
+        return np.asarray(np.median((table[:-1] - first[:-1, None]) / length, axis=0))
     # the angles -1, 0, 1, 2 of the same pulse
     four = [part[:, None] for part in (first[:-3], first[1:-2], first[2:-1], first[3:])]
     angle = _cubic_at(table[1:-2], four, [np.float64(k) for k in (-1, 0, 1, 2)])

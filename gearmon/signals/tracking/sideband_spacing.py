@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from math import gcd
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
+from gearmon.signals.array_types import BoolArray, FloatArray
 from gearmon.signals.orders.fine_spectra import FineSpectrum
 from gearmon.signals.tracking.mesh_detection import FOUND_FROM, MeshComb
-
-FloatArray = NDArray[np.float64]
 
 # A finer comb, such as a bearing's. Set on five meshes invented for simulated bearings and 103 of a
 # real two-stage gearbox with sound and broken teeth: ratios of 0.70 to 1.09, and below 0.41.
@@ -27,18 +25,33 @@ _PARTS, _TIMES, _AVERAGED = 40, (1, 2, 3), (1, 4)
 _HARMONICS, _CLEAREST = 12, 0.02
 
 
-def spacing_mismatch(
-    quality: FloatArray,
-    bin_order: float,
-    mesh: MeshComb,
-    spacing: float,
-    tolerance: float = 0.03,
-    others: Sequence[float] = (),
-) -> tuple[float, float]:
-    """Compare the sidebands at a shaft's spacing with those at a slightly different spacing.
+@dataclass(frozen=True, kw_only=True)
+class SidebandSpacing:
+    """How clearly the sidebands of a mesh stand at a shaft's spacing, and at another one.
 
-    A tone of another origin can be taken for a mesh harmonic at a wrong speed. Its sidebands, if it
-    has any, then stand at the true rotation frequency and not where this speed wants them.
+    Parameters
+    ----------
+    support : float
+        Height of the expected spacing in robust standard deviations over all spacings tried; 0 if
+        another spacing is clearer by more than one of them. The harmonics of a mesh alone fit any
+        tooth count at some speed; the spacing of its sidebands does not.
+    excess : float
+        How much better the best other spacing does, in the same; 0 if the expected one is best. A
+        tone of another origin can be taken for a mesh harmonic at a wrong speed: its sidebands, if
+        it has any, then stand at the true rotation frequency.
+    departure : float
+        That other spacing's relative departure.
+    """
+
+    support: float
+    excess: float
+    departure: float
+
+
+def sideband_spacing(
+    quality: FloatArray, bin_order: float, mesh: MeshComb, spacing: float, tolerance: float = 0.03
+) -> SidebandSpacing:
+    """Compare the sidebands at a shaft's spacing with those at slightly different spacings.
 
     Parameters
     ----------
@@ -47,80 +60,24 @@ def spacing_mismatch(
     bin_order : float
         Spacing of the bins [orders].
     mesh : MeshComb
-        The mesh, at its place in this spectrum.
+        The mesh, at its place in this spectrum. Departures at which the sidebands of its other
+        spacings stand are left out.
     spacing : float
         Order of the shaft.
     tolerance : float
         Departures of the spacing to try, as a fraction.
-    others : sequence of float
-        Orders of the other shafts: departures at which their sidebands stand are left out.
 
     Returns
     -------
-    excess : float
-        How much better the best other spacing does, in robust standard deviations over all
-        spacings tried; 0 if the expected one is best.
-    departure : float
-        That other spacing's relative departure.
+    SidebandSpacing
     """
-    departures, standard, near = _spacing_scores(
-        quality, bin_order, mesh, spacing, tolerance, others
-    )
-    expected = float(standard[np.abs(departures) <= near].max())
-    best = int(np.argmax(standard))
-    if standard[best] < FOUND_FROM:
-        return 0.0, 0.0
-    return max(0.0, float(standard[best]) - max(expected, 0.0)), float(departures[best])
-
-
-def spacing_support(
-    quality: FloatArray,
-    bin_order: float,
-    mesh: MeshComb,
-    spacing: float,
-    tolerance: float = 0.03,
-    others: Sequence[float] = (),
-) -> float:
-    """How clearly sidebands stand at a shaft's spacing: what fixes the speed besides the mesh.
-
-    The harmonics of a mesh alone fit any tooth count at some speed; the spacing of its sidebands
-    does not.
-
-    Parameters
-    ----------
-    quality, bin_order, mesh, spacing, tolerance, others
-        As for `spacing_mismatch`.
-
-    Returns
-    -------
-    float
-        Height of the expected spacing in robust standard deviations over all spacings tried; 0 if
-        another spacing is clearer by more than one of them.
-    """
-    departures, standard, near = _spacing_scores(
-        quality, bin_order, mesh, spacing, tolerance, others
-    )
-    expected = float(standard[np.abs(departures) <= near].max())
-    return expected if expected > float(standard.max()) - 1.0 else 0.0
-
-
-def _spacing_scores(
-    quality: FloatArray,
-    bin_order: float,
-    mesh: MeshComb,
-    spacing: float,
-    tolerance: float,
-    others: Sequence[float],
-) -> tuple[FloatArray, FloatArray, float]:
-    """Departures of the spacing, how far each stands out, and what cannot be told from none."""
     top = (len(quality) - 1) * bin_order
     # a line width at the second sideband: finer departures cannot be told from none
     near = max(2 * bin_order / spacing, 1e-3)
     departures = np.linspace(-tolerance, tolerance, 2 * max(20, int(4 * tolerance / near)) + 1)
     # where the second sideband of one gear nearly meets the first of the other, it is that one's
-    small = range(1, 5)
-    ratios = [j * other / (i * spacing) for other in others for i in small for j in small]
-    for ratio in ratios:
+    others, small = [other for other in mesh.spacings if other != spacing], range(1, 5)
+    for ratio in (j * other / (i * spacing) for other in others for i in small for j in small):
         elsewhere = np.abs(1 + departures - ratio) > 2 * near  # and the skirts of its lines
         departures = departures[elsewhere | (np.abs(departures) <= near)]
     total = np.zeros(len(departures))
@@ -132,7 +89,14 @@ def _spacing_scores(
     middle = float(np.median(total))
     spread = 1.4826 * float(np.median(np.abs(total - middle)))
     standard = (total - middle) / spread if spread > 0 else np.zeros(len(total))
-    return departures, standard, near
+    expected = float(standard[np.abs(departures) <= near].max())
+    best = int(np.argmax(standard))
+    found = standard[best] >= FOUND_FROM
+    return SidebandSpacing(
+        support=expected if expected > standard[best] - 1.0 else 0.0,
+        excess=max(0.0, float(standard[best]) - max(expected, 0.0)) if found else 0.0,
+        departure=float(departures[best]) if found else 0.0,
+    )
 
 
 def foreign_spacing(
@@ -203,7 +167,7 @@ class _Lines:
         inside = (bins > 0) & (bins < len(self.height))
         return np.asarray(np.where(inside, self.height[np.where(inside, bins, 0)], np.nan))
 
-    def on(self, orders: FloatArray, spacing: float) -> NDArray[np.bool_]:
+    def on(self, orders: FloatArray, spacing: float) -> BoolArray:
         """Which orders are multiples of a spacing."""
         away = np.abs(orders - spacing * np.rint(orders / spacing))
         return np.asarray(away <= 1.5 * self.width)
@@ -236,7 +200,8 @@ def _finer_comb(
     told_apart = [shaft for shaft in turning if shaft > 2.5 * lines.width]
     parts = [(n, times) for n in range(2, _PARTS + 1) for times in _TIMES if gcd(n, times) == 1]
     for spacing in (mesh.order * times / n for n, times in parts):
-        if spacing < 4 * lines.width or _is_one_of(spacing, (*turning, *meshing), lines.width):
+        known = any(abs(spacing - one) <= lines.width for one in (*turning, *meshing))
+        if spacing < 4 * lines.width or known:
             continue
         orders = np.arange(1.0, int(top / spacing) + 1) * spacing
         meshed = lines.on(orders, mesh.order)
@@ -254,7 +219,3 @@ def _finer_comb(
         if off > _AS_CLEAR * own and off * np.sqrt(count) > _SURE:
             return spacing
     return None
-
-
-def _is_one_of(order: float, orders: Sequence[float], width: float) -> bool:
-    return any(abs(order - one) <= width for one in orders)

@@ -12,20 +12,16 @@ each by its own delay, and the angle by their mean. That mean is about as large 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError
 from gearmon.signals.angle import AngleTrack, phasors
+from gearmon.signals.array_types import BoolArray, ComplexArray, FloatArray
 from gearmon.signals.orders.sums import OrderSums, SlidingLines
 from gearmon.signals.tracking.thresholds import LIMITS, QUARTER_HOP
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
-BoolArray = NDArray[np.bool_]
 
 #: Turns of shaft 1 in which slips can show.
 LEAST_TURNS = 8.0
@@ -151,7 +147,7 @@ def check_slips(sums: OrderSums, track: AngleTrack) -> SlipCheck:
         sound[start:stop] = False
     if not sound.any():
         return _no_clear_line(time_s, lines.angle)
-    told = _part(lines, clear)
+    told = replace(lines, orders=lines.orders[clear], amplitude=lines.amplitude[:, clear])
     lost = tuple(_lost(told, time_s, stretches, number) for number in range(len(stretches)))
     weight = lines.orders[clear] ** 2 / (scatter[clear] ** 2 + LIMITS.floor_cycles**2)
     variance = _variance(told, phase[:, clear], weight, sound, time_s)
@@ -195,15 +191,15 @@ def _coherence(amplitude: ComplexArray, mean: ComplexArray) -> FloatArray:
     size = np.maximum(size, LIMITS.faint * np.median(size, axis=0))
     part = np.clip((amplitude * np.conj(mean)).real / size**2, -1, 1).mean(axis=1)
     padded = np.pad(part, 1, mode="edge")
-    together: FloatArray = 0.25 * padded[:-2] + 0.5 * part + 0.25 * padded[2:]
-    return together
+    return np.asarray(0.25 * padded[:-2] + 0.5 * part + 0.25 * padded[2:])
 
 
 def _stretches(coherence: FloatArray, hop: float) -> list[tuple[int, int]]:
     """Where the coherence is lost, as far as it is not sound."""
     found: list[tuple[int, int]] = []
     least = LIMITS.fading_turns if np.quantile(coherence, 0.1) < LIMITS.steady_lines else 0.0
-    for start, stop in _runs(coherence < LIMITS.sound):
+    edges = np.flatnonzero(np.diff(coherence < LIMITS.sound, prepend=False, append=False))
+    for start, stop in edges.reshape(-1, 2).tolist():
         if float(coherence[start:stop].min()) >= LIMITS.lost or (stop - start) * hop < least:
             continue
         # while the angle slips by several periods the lines come back once in each
@@ -211,17 +207,6 @@ def _stretches(coherence: FloatArray, hop: float) -> list[tuple[int, int]]:
             start = found.pop()[0]
         found.append((start, stop))
     return found
-
-
-def _runs(mask: BoolArray) -> list[tuple[int, int]]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
-    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
-
-
-def _part(lines: SlidingLines, chosen: BoolArray) -> SlidingLines:
-    return SlidingLines(
-        angle=lines.angle, orders=lines.orders[chosen], amplitude=lines.amplitude[:, chosen]
-    )
 
 
 def _variance(

@@ -14,12 +14,13 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gearmon.errors import ArgumentError, RecordingError, check_positive, check_range
 from gearmon.signals.angle import AngleTrack
+from gearmon.signals.array_types import FloatArray
 from gearmon.signals.orders.sums import OrderSums
-from gearmon.signals.tracking.phases import lock_track
+from gearmon.signals.tracking.phases import lock_track, roughness
 from gearmon.signals.tracking.pulse_repair import (
     Repaired,
     is_even,
@@ -29,8 +30,6 @@ from gearmon.signals.tracking.pulse_repair import (
     repair_uneven,
 )
 from gearmon.signals.tracking.thresholds import LIMITS
-
-FloatArray = NDArray[np.float64]
 
 # Knots a turn that an angle track gets; of an encoder's many pulses neighbours are averaged.
 _KNOTS_PER_TURN = 16
@@ -69,7 +68,23 @@ class TachoPulses:
 
     def __post_init__(self) -> None:
         """Check the times."""
-        _check_times(self.time_s)
+        times = self.time_s
+        if times.ndim != 1:
+            raise RecordingError(
+                f"pulse times: an array of shape {times.shape}; a row of times is needed"
+            )
+        if not np.all(np.isfinite(times)):
+            place = int(np.argmin(np.isfinite(times)))
+            raise RecordingError(f"pulse times: pulse {place + 1} has no finite time")
+        falls = np.flatnonzero(np.diff(times) <= 0)
+        if len(falls):
+            first = int(falls[0])
+            raise RecordingError(
+                f"pulse times: pulse {first + 2} at {times[first + 1]:g} s does not come after "
+                f"pulse {first + 1} at {times[first]:g} s, nor do {len(falls) - 1} others after "
+                "theirs; if this is the waveform of a tachometer, give it to find_pulses with its "
+                "sampling rate"
+            )
 
 
 def find_pulses(
@@ -116,17 +131,12 @@ def find_pulses(
         raise ArgumentError(f'edge must be "rising" or "falling", got {edge!r}')
     low, high = float(np.min(waveform)), float(np.max(waveform))
     middle, margin = 0.5 * (low + high), hysteresis * (high - low)
-    if edge == "rising":
-        raw = _edges(waveform, middle, margin) / sampling_rate_hz
-    else:
-        raw = _edges(-np.asarray(waveform), -middle, margin) / sampling_rate_hz
+    turned, middle = (waveform, middle) if edge == "rising" else (-np.asarray(waveform), -middle)
+    raw = _edges(turned, middle, margin) / sampling_rate_hz
     if len(raw) < LIMITS.fewest_pulses:
         times = len(waveform) > LIMITS.fewest_pulses and bool(np.all(np.diff(waveform) > 0))
-        hint = (
-            "; its values only rise, as times of pulses do: give those to track_from_pulse_times"
-            if times
-            else ""
-        )
+        rise = "; its values only rise, as times of pulses do: give those to track_from_pulse_times"
+        hint = rise if times else ""
         raise RecordingError(
             f"tacho channel: {len(raw)} pulses found between {low:g} and {high:g}; at least 4 are "
             f"needed. Name the right channel with --tacho, or leave the tacho out{hint}"
@@ -197,26 +207,7 @@ def pulses_from_times(time_s: ArrayLike, per_turn: int | None = None) -> TachoPu
         raise RecordingError(
             f"pulse times: an array of shape {times.shape}; a row of at least 4 times is needed"
         )
-    _check_times(times)
-    return _repaired_pulses(times, per_turn)
-
-
-def _check_times(times: FloatArray) -> None:
-    if times.ndim != 1:
-        raise RecordingError(
-            f"pulse times: an array of shape {times.shape}; a row of times is needed"
-        )
-    if not np.all(np.isfinite(times)):
-        place = int(np.argmin(np.isfinite(times)))
-        raise RecordingError(f"pulse times: pulse {place + 1} has no finite time")
-    falls = np.flatnonzero(np.diff(times) <= 0)
-    if len(falls):
-        first = int(falls[0])
-        raise RecordingError(
-            f"pulse times: pulse {first + 2} at {times[first + 1]:g} s does not come after pulse "
-            f"{first + 1} at {times[first]:g} s, nor do {len(falls) - 1} others after theirs; if "
-            "this is the waveform of a tachometer, give it to find_pulses with its sampling rate"
-        )
+    return _repaired_pulses(TachoPulses(time_s=times).time_s, per_turn)
 
 
 def track_from_pulse_times(
@@ -268,10 +259,7 @@ def _edges(waveform: FloatArray, middle: float, margin: float) -> FloatArray:
 
 
 def track_from_pulses(
-    pulses: TachoPulses,
-    pulses_per_turn: int,
-    shaft_order: float,
-    duration_s: float,
+    pulses: TachoPulses, pulses_per_turn: int, shaft_order: float, duration_s: float
 ) -> AngleTrack:
     """Turn tachometer pulses into the angle of shaft 1.
 
@@ -381,12 +369,9 @@ def _thinned(time_s: FloatArray, turns: FloatArray, together: int) -> tuple[Floa
     """Average neighbouring pulses of an encoder: less jitter, and fewer knots."""
     if together == 1:
         return time_s, turns
-    groups = len(time_s) // together
-    cut = groups * together
-    return (
-        time_s[:cut].reshape(groups, together).mean(axis=1),
-        turns[:cut].reshape(groups, together).mean(axis=1),
-    )
+    cut = len(time_s) // together * together
+    means = np.stack([time_s[:cut], turns[:cut]]).reshape(2, -1, together).mean(axis=-1)
+    return means[0], means[1]
 
 
 def pulses_per_turn(pulses: TachoPulses, shaft_hz: float, tolerance: float = 0.05) -> int:
@@ -479,8 +464,11 @@ def join(sums: OrderSums, known: AngleTrack, time_s: FloatArray, turns: FloatArr
     At a speed so steady that edges beat with the samples, quantisation is not white and would pass
     for a drift: none is looked for while the mean explains the pulses.
     """
-    pulses = _Pulses.of(known, time_s, turns, sums.sampling_rate_hz)
-    if not pulses.enough or pulses.scatter * float(sums.orders.max()) < LIMITS.floor_cycles:
+    rate, jitter = sums.sampling_rate_hz, known.uncertainty_turns
+    sample = float((turns[-1] - turns[0]) / (time_s[-1] - time_s[0])) / rate
+    pulses = _Pulses(time_s=time_s, turns=turns, jitter=jitter, sample=sample, rate=rate)
+    enough = len(turns) >= LIMITS.pulses and turns[-1] - turns[0] >= LIMITS.turns
+    if not enough or pulses.scatter * float(sums.orders.max()) < LIMITS.floor_cycles:
         return Joined(track=known)
     course = pulses.course()
     if np.any(np.diff(course) <= 0):
@@ -512,16 +500,6 @@ class _Pulses:
     jitter: float
     sample: float
     rate: float
-
-    @classmethod
-    def of(cls, known: AngleTrack, time_s: FloatArray, turns: FloatArray, rate: float) -> _Pulses:
-        speed_hz = float((turns[-1] - turns[0]) / (time_s[-1] - time_s[0]))
-        jitter = known.uncertainty_turns
-        return cls(time_s=time_s, turns=turns, jitter=jitter, sample=speed_hz / rate, rate=rate)
-
-    @property
-    def enough(self) -> bool:
-        return len(self.turns) >= LIMITS.pulses and self.turns[-1] - self.turns[0] >= LIMITS.turns
 
     @property
     def scatter(self) -> float:
@@ -575,7 +553,7 @@ def _smoothed(x: FloatArray, y: FloatArray, order: int, least: float = 0.0) -> F
     """
     from scipy.linalg import cho_solve_banded, cholesky_banded
 
-    rough = _roughness(x, order)
+    rough = roughness(x, order)
     plain = np.polynomial.Polynomial.fit(x, y, order - 1)(x)
     rest, free = y - plain, len(x) - order
     found = []
@@ -591,18 +569,3 @@ def _smoothed(x: FloatArray, y: FloatArray, order: int, least: float = 0.0) -> F
     likeliest = min(found, key=lambda one: one[0])
     believed = likeliest[0] + LIMITS.drift < found[-1][0]
     return np.asarray(plain + likeliest[1] if believed else plain)
-
-
-def _roughness(x: FloatArray, order: int) -> FloatArray:
-    """Lower diagonals of the squared difference quotients of first or second order."""
-    step = np.diff(x) / np.mean(np.diff(x))
-    if order == 1:
-        rows, over = np.stack([-1 / step, 1 / step]), step
-    else:
-        over = 0.5 * (step[1:] + step[:-1])
-        rows = np.stack([1 / step[:-1], -1 / step[:-1] - 1 / step[1:], 1 / step[1:]]) / over
-    band = np.zeros((order + 1, len(x)))
-    for low in range(order + 1):
-        for high in range(low, order + 1):
-            band[high - low, low : low + rows.shape[1]] += over * rows[low] * rows[high]
-    return band

@@ -22,8 +22,7 @@ from gearmon.signals.threads import at_once
 from gearmon.signals.tracking.mesh_detection import MeshComb, MeshEvidence
 from gearmon.signals.tracking.sideband_spacing import (
     foreign_spacing,
-    spacing_mismatch,
-    spacing_support,
+    sideband_spacing,
 )
 from gearmon.signatures.measured.line_plan import LinePlan, line_plan, mesh_harmonics
 from gearmon.signatures.measured.nongear_lines import NonGearLines, nongear_lines
@@ -422,9 +421,8 @@ def _support(quality: FloatArray, bin_order: float, comb: MeshComb) -> float:
     for spacing in comb.spacings:
         multiples = spacing * np.arange(1, 5)
         if np.abs(multiples - np.rint(multiples)).min() > max(4 * bin_order, 1e-3):
-            others = [other for other in comb.spacings if other != spacing]
-            height = spacing_support(quality, bin_order, comb, spacing, SPEED_TOLERANCE, others)
-            found = max(found, height)
+            told = sideband_spacing(quality, bin_order, comb, spacing, SPEED_TOLERANCE)
+            found = max(found, told.support)
     return found
 
 
@@ -467,14 +465,12 @@ def _judge(
         )
     if doubted:
         for spacing in comb.spacings:
-            others = [other for other in comb.spacings if other != spacing]
-            excess, departure = spacing_mismatch(
-                quality, bin_order, comb, spacing, SPEED_TOLERANCE, others
-            )
-            if excess > 0 and seen.score - excess < _FOUND_DESPITE_MISMATCH:
+            told = sideband_spacing(quality, bin_order, comb, spacing, SPEED_TOLERANCE)
+            if told.excess > 0 and seen.score - told.excess < _FOUND_DESPITE_MISMATCH:
                 return False, (
-                    f"a line suits it, but the sidebands about it are spaced {departure:+.1%} from "
-                    "the rotation that this mesh would need: it belongs to something else"
+                    "a line suits it, but the sidebands about it are spaced "
+                    f"{told.departure:+.1%} from the rotation that this mesh would need: it "
+                    "belongs to something else"
                 )
     return True, (
         f"its lines stand {seen.score:.1f} standard deviations above those of other tooth counts"

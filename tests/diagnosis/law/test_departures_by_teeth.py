@@ -34,7 +34,6 @@ def test_a_departure_in_proportion_to_the_healthy_pattern_does_not_stand_out():
         told = of(changed, healthy, 0.1)
         assert abs(int(np.argmax(blind.by_tooth)) - 7) <= 1
         assert told.peak < 0.5 * blind.peak
-        assert told.misfit == pytest.approx(blind.misfit)
 
 
 def test_beside_noise_alone_the_place_does_not_matter():

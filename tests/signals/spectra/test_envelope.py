@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gearmon.errors import ArgumentError
-from gearmon.signals.spectra import band_envelope, demodulate, envelope_spectrum
+from gearmon.signals.spectra import band_envelope, envelope_spectrum
 
 RATE, COUNT = 1024.0, 4096
 TIME = np.arange(COUNT) / RATE
@@ -18,22 +18,6 @@ def modulated(depth=0.3, phase=0.2, carrier=200.0, rate=5.0):
     a = depth * np.cos(2 * np.pi * rate * TIME)
     b = phase * np.cos(2 * np.pi * rate * TIME + 0.7)
     return 2.5 * (1 + a) * np.cos(2 * np.pi * carrier * TIME + 0.4 + b)
-
-
-def test_planted_modulation_is_read_back():
-    signal = modulated()
-    found = demodulate(signal, RATE, 200.0, 80.0)
-    np.testing.assert_allclose(found.carrier, 2.5, rtol=1e-9)
-    turn = 2 * np.pi * 5.0 * found.position
-    np.testing.assert_allclose(found.amplitude[0], 0.3 * np.cos(turn), atol=1e-9)
-    np.testing.assert_allclose(found.phase_rad[0], 0.2 * np.cos(turn + 0.7), atol=1e-9)
-
-
-def test_carrier_between_lines_leaves_no_beat():
-    signal = np.cos(2 * np.pi * 200.07 * TIME)
-    found = demodulate(signal, RATE, 200.07, 50.0)
-    middle = slice(len(found.position) // 4, -len(found.position) // 4)
-    assert np.ptp(found.phase_rad[0][middle]) < 0.02
 
 
 def test_envelope_equals_the_hilbert_transform():
@@ -81,22 +65,11 @@ def test_squared_envelope_of_two_tones_is_one_line():
     assert found.values[0].max() == pytest.approx(1.0, rel=1e-3)
 
 
-def test_scale_goes_through():
-    signal = modulated()
-    small = demodulate(signal, RATE, 200.0, 80.0)
-    large = demodulate(1000 * signal, RATE, 200.0, 80.0)
-    np.testing.assert_allclose(large.amplitude, small.amplitude, atol=1e-12)
-    np.testing.assert_allclose(large.carrier, 1000 * small.carrier, rtol=1e-12)
-
-
 @pytest.mark.parametrize(
     ("call", "words"),
     [
         (lambda s: band_envelope(s, RATE, 300, 200), "fewer than two lines"),
         (lambda s: band_envelope(s, RATE, 0, 900), "high"),
-        (lambda s: band_envelope(s, RATE, 100, 200, 250), "centre"),
-        (lambda s: demodulate(s, RATE, 20, 30), "smaller half_width"),
-        (lambda s: demodulate(0 * s, RATE, 200, 30), "nothing vibrates"),
         (lambda s: band_envelope(s[:4], RATE, 0, 100), "at least 8"),
         (lambda s: band_envelope(s, -1.0, 0, 100), "rate"),
     ],
@@ -111,7 +84,7 @@ def test_a_padded_record_keeps_its_envelope_and_length():
     rate, count = 10_000.0, 20_011
     t = np.arange(count) / rate
     samples = (1 + 0.5 * np.cos(2 * np.pi * 7 * t)) * np.cos(2 * np.pi * 2000 * t)
-    found = band_envelope(samples, rate, 1500.0, 2500.0, 2000.0)
+    found = band_envelope(samples, rate, 1500.0, 2500.0)
     time = np.arange(found.values.shape[-1]) / found.rate
     assert time[-1] <= count / rate
     assert time[-1] == pytest.approx(count / rate, abs=2 / found.rate)

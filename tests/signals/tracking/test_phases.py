@@ -132,13 +132,16 @@ def test_nothing_heard_does_not_stand_still():
     assert coherent_share(OrderSums(samples, RATE, MESHES), constant_track(25.0, TIME[-1])) == 0.0
 
 
-def test_tridiagonal_system_equals_the_dense_one():
+def test_smoothing_equals_the_dense_system():
     generator = np.random.default_rng(6)
-    diagonal, right = generator.uniform(2.5, 9.0, 12), generator.standard_normal(12)
-    dense = np.diag(diagonal) - np.eye(12, k=1) - np.eye(12, k=-1)
-    solution, variance = phases._solve_tridiagonal(diagonal, -1.0, right)
-    np.testing.assert_allclose(solution, np.linalg.solve(dense, right), rtol=1e-12)
-    np.testing.assert_allclose(variance, np.diag(np.linalg.inv(dense)), rtol=1e-12)
+    increment, weight = generator.standard_normal(12), generator.uniform(0.0, 9.0, 12)
+    steps = np.diff(np.eye(12), axis=0) / 0.5
+    dense = steps.T @ steps + np.diag(weight + 1e-3 / 0.5**2)
+    inverse = np.linalg.inv(dense)
+    smooth, spread, freedom = phases._smoothed(increment, weight, 0.5)
+    np.testing.assert_allclose(smooth, inverse @ (weight * increment), rtol=1e-10)
+    assert spread == pytest.approx(np.sqrt(np.mean(np.diag(inverse))), rel=1e-10)
+    assert freedom == pytest.approx(np.sum(weight * np.diag(inverse)), rel=1e-10)
 
 
 def simulated_error(simulated, machine):

@@ -12,7 +12,7 @@ from gearmon.gears.kinematics import kinematics
 from gearmon.signals.orders import OrderSums
 from gearmon.signals.tracking import find_path, follow_speed, lock_track
 from gearmon.signals.tracking.comb import peak_refined
-from gearmon.signals.tracking.ramps import unwarp
+from gearmon.signals.tracking.phases import unwarp
 from gearmon.signatures.speed import machine_comb
 
 RATE, DURATION, NOMINAL = 4000.0, 8.0, 25.0
@@ -46,23 +46,23 @@ def error_of(track, turns, rate=RATE):
 @pytest.mark.parametrize("share", [-0.3, 0.2])
 def test_path_follows_a_ramp(share):
     turns = ramp(share)
-    path = find_path(vibration(turns), RATE, COMB, NOMINAL)
-    true = NOMINAL * (1 + share * (path.speed.time_s / DURATION - 0.5))
-    np.testing.assert_allclose(path.speed.speed_hz, true, rtol=2.5e-3)
+    path = find_path(vibration(turns), RATE, COMB, NOMINAL).track()
+    true = NOMINAL * (1 + share * (path.time_s / DURATION - 0.5))
+    np.testing.assert_allclose(path.speed_hz, true, rtol=2.5e-3)
 
 
 @pytest.mark.parametrize("off", [-0.15, 0.2])
 def test_path_finds_a_speed_far_from_nominal(off):
-    path = find_path(vibration(ramp(0.0, off)), RATE, COMB, NOMINAL)
-    np.testing.assert_allclose(path.speed.speed_hz, NOMINAL * (1 + off), rtol=1e-3)
+    path = find_path(vibration(ramp(0.0, off)), RATE, COMB, NOMINAL).track()
+    np.testing.assert_allclose(path.speed_hz, NOMINAL * (1 + off), rtol=1e-3)
 
 
 def test_path_does_not_hear_how_loud_a_channel_is():
     samples = vibration(ramp(0.1))
     one = find_path(samples, RATE, COMB, NOMINAL)
     other = find_path(1e5 * samples, RATE, COMB, NOMINAL)
-    np.testing.assert_allclose(other.speed.speed_hz, one.speed.speed_hz, rtol=1e-9)
-    assert other.score == pytest.approx(one.score, rel=1e-9)
+    np.testing.assert_allclose(other.track().speed_hz, one.track().speed_hz, rtol=1e-9)
+    assert other.best_score == pytest.approx(one.best_score, rel=1e-9)
 
 
 @pytest.mark.parametrize("changes", [{"nominal_hz": 0.0}, {"reach": 0.0}, {"reach": 0.7}])
@@ -93,8 +93,8 @@ def test_unwarping_sharpens_a_speed_that_is_slightly_wrong():
 def test_followed_ramp_is_right_to_two_per_cent_of_a_mesh_period(share, seed):
     turns = ramp(share)
     samples = vibration(turns, seed=seed)
-    path = find_path(samples, RATE, COMB, NOMINAL)
-    track = follow_speed(samples, RATE, COMB, MESHES, path.speed)
+    path = find_path(samples, RATE, COMB, NOMINAL).track()
+    track = follow_speed(samples, RATE, COMB, MESHES, path)
     error = error_of(track, turns)
     assert error.std() * 23 < 0.02
     assert np.abs(error).max() * 23 < 0.1
@@ -104,8 +104,8 @@ def test_followed_ramp_is_right_to_two_per_cent_of_a_mesh_period(share, seed):
 def with_tones(turns, *tones_hz):
     """The vibration among lines of others, each as strong as the strongest of its own."""
     samples = vibration(turns) + sum(lines_on(TIME, hz, 1.0) for hz in tones_hz)
-    path = find_path(samples, RATE, COMB, NOMINAL)
-    return follow_speed(samples, RATE, COMB, MESHES, path.speed)
+    path = find_path(samples, RATE, COMB, NOMINAL).track()
+    return follow_speed(samples, RATE, COMB, MESHES, path)
 
 
 def test_tones_that_stand_still_do_not_capture_the_path():
@@ -123,8 +123,8 @@ def test_a_tone_that_a_mesh_line_crosses_raises_the_uncertainty():
 
 def test_nothing_within_the_band_leaves_the_path():
     samples = vibration(ramp(0.1))
-    path = find_path(samples, RATE, COMB, NOMINAL)
-    track = follow_speed(samples, RATE, COMB, np.array([90.0]), path.speed)
+    path = find_path(samples, RATE, COMB, NOMINAL).track()
+    track = follow_speed(samples, RATE, COMB, np.array([90.0]), path)
     assert np.isnan(track.uncertainty_turns)
 
 

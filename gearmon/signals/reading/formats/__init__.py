@@ -126,11 +126,17 @@ def identify(source: Source) -> Format:
     """
     head = source.head(64 * 1024)
     if not head.strip(_BLANK):
-        raise RecordingError(f"{source.path}: is empty{_of_what(head)}; nothing to analyse")
+        zeros = " (only zero bytes: was the recorder switched off while it wrote?)"
+        of_what = zeros if b"\x00" in head else " (only blanks)" if head else ""
+        raise RecordingError(f"{source.path}: is empty{of_what}; nothing to analyse")
     named = _named(head)
     if named is not None:
         return named
-    return _BINARY if source.encoding in ("", "utf-8-sig") and _is_binary(head) else TEXT
+    # binary if more than one byte in a hundred of the beginning is no character
+    sample = head[:4096]
+    controls = len(sample) - len(sample.translate(None, _CONTROL))
+    binary = controls > max(2, 0.01 * len(sample))
+    return _BINARY if source.encoding in ("", "utf-8-sig") and binary else TEXT
 
 
 def read_arrays(
@@ -176,26 +182,23 @@ def _held(source: Source, found: Format) -> Holding:
         raise RecordingError(
             f"{source.path}: {found.what} cannot be read through a pipe; give the file itself"
         )
-    _check_library(source.path, found)
-    module, _, name = found.loader.partition(".")
-    loaded = importlib.import_module(f"{__name__}.{module}")
-    return cast(Callable[[str, str], Holding], getattr(loaded, name))(source.path, found.what)
-
-
-def _check_library(path: str, found: Format) -> None:
     try:
         if found.needs:
             importlib.import_module(found.needs)
     except ImportError:
         raise RecordingError(
-            f"{path}: looks like {found.what}; to read it install gearmon[{found.extra}], or "
-            "export it as CSV"
+            f"{source.path}: looks like {found.what}; to read it install gearmon[{found.extra}], "
+            "or export it as CSV"
         ) from None
+    module, _, name = found.loader.partition(".")
+    loaded = importlib.import_module(f"{__name__}.{module}")
+    return cast(Callable[[str, str], Holding], getattr(loaded, name))(source.path, found.what)
 
 
 def _named(head: bytes) -> Format | None:
     if head.startswith(b"PK\x03\x04"):
-        if _first_member(head).endswith(b".npy"):
+        first_member = head[30 : 30 + int.from_bytes(head[26:28], "little")]
+        if first_member.endswith(b".npy"):
             return _NPZ
         return _XLSX if b"[Content_Types].xml" in head or b"xl/" in head else _ZIP
     begin = head.lstrip(b"\xef\xbb\xbf\r\n\t ")[:64].lower()
@@ -206,21 +209,3 @@ def _named(head: bytes) -> Format | None:
     if _UNIVERSAL_FILE.match(head):
         return _UFF
     return _TAR if head[257:262] == b"ustar" else None
-
-
-def _first_member(head: bytes) -> bytes:
-    """Return the name of the first file in a zip archive."""
-    return head[30 : 30 + int.from_bytes(head[26:28], "little")]
-
-
-def _is_binary(head: bytes) -> bool:
-    """Tell whether more than one byte in a hundred of the beginning is no character."""
-    sample = head[:4096]
-    controls = len(sample) - len(sample.translate(None, _CONTROL))
-    return controls > max(2, 0.01 * len(sample))
-
-
-def _of_what(head: bytes) -> str:
-    if b"\x00" in head:
-        return " (only zero bytes: was the recorder switched off while it wrote?)"
-    return " (only blanks)" if head else ""

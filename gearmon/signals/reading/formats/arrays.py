@@ -63,7 +63,7 @@ class Array:
     names: tuple[str, ...]
     count: int
     read: Read
-    units: tuple[str | None, ...]
+    units: tuple[str | None, ...] = ()
     rate_hz: float | None = None
     start_s: float | None = None
 
@@ -131,11 +131,7 @@ def reading(path: str, what: str) -> Iterator[None]:
 
 
 def as_array(
-    name: str,
-    data: Any,
-    *,
-    unit: str | None = None,
-    rate_hz: float | None = None,
+    name: str, data: Any, *, unit: str | None = None, rate_hz: float | None = None
 ) -> Array | None:
     """Return numbers of shape (n,), (n, 1), (1, n), (channels, n) or (n, channels) as signals.
 
@@ -303,15 +299,13 @@ def choose(
 def _candidates(holding: Holding) -> list[_Candidate]:
     found, number = [], 1
     for array in holding.arrays:
-        units = array.units if any(array.units) else None
-        cells = tuple(unit or "" for unit in units) if units else None
+        cells = tuple(unit or "" for unit in array.units) if any(array.units) else None
         described = describe_columns(Header(names=array.names, units=cells), len(array.names))
-        columns = tuple(replace(c, number=c.number + number - 1) for c in described)
-        unnamed = tuple(
-            column if column.cell else replace(column, name=f"channel {column.number}")
-            for column in columns
+        columns = tuple(
+            replace(own, number=k, name=own.name if own.cell else f"channel {k}")
+            for k, own in enumerate(described, number)
         )
-        found.append(_Candidate(array=array, columns=unnamed))
+        found.append(_Candidate(array=array, columns=columns))
         number += len(columns)
     return found
 

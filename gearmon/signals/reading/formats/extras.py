@@ -17,14 +17,7 @@ import numpy as np
 
 from gearmon.errors import RecordingError
 from gearmon.signals.reading.fields import Floats
-from gearmon.signals.reading.formats.arrays import (
-    Array,
-    Holding,
-    Read,
-    as_array,
-    reading,
-    stated_rate,
-)
+from gearmon.signals.reading.formats.arrays import Array, Holding, as_array, reading, stated_rate
 
 _UNIT_KEYS = (b"unit", b"units")
 _UNIT_NAMES = ("unit", "units", "Unit", "Units")
@@ -45,10 +38,7 @@ _ENDLESS = 1 << 62
 
 
 def _opened(
-    path: str,
-    what: str,
-    opened: Callable[[], Any],
-    holding: Callable[[str, str, Any], Holding],
+    path: str, what: str, opened: Callable[[], Any], holding: Callable[[str, str, Any], Holding]
 ) -> Holding:
     """Return what an opened file holds; it stays open unless it is damaged."""
     with reading(path, what):
@@ -179,35 +169,28 @@ def _parquet_columns(path: str, what: str, file: Any) -> Holding:
 
     schema, rows = file.schema_arrow, file.metadata.num_rows
     kept = [field for field in schema if _is_numeric(pyarrow, field.type)]
-    index = _index_of_frame(schema)
-    names = tuple(field.name for field in kept)
-    units = tuple(_unit_of_column(pyarrow, field) for field in kept)
-    arrays = []
-    if rows >= 2 and names:
-        whole = lru_cache(maxsize=1)(lambda name: _floats(file.read([name]).column(0)))
-        arrays = [
-            Array(name=n, names=(n,), count=rows, read=_part_of(whole, n), units=(u,))
-            for n, u in zip(names, units, strict=True)
-            if n not in index
-        ]
+    dropped = [field for field in schema if field not in kept]
+    whole = lru_cache(maxsize=1)(lambda name: _floats(file.read([name]).column(0)))
+
+    def column(field: Any) -> Array:
+        def read(start: int, stop: int) -> Floats:
+            return np.asarray(whole(field.name)[None, start:stop])
+
+        units = (_unit_of_column(pyarrow, field),)
+        return Array(name=field.name, names=(field.name,), count=rows, read=read, units=units)
+
+    # the row labels of a data frame are no channel
+    channels = [field for field in kept if not field.name.startswith("__index_level_")]
     return Holding(
         path=path,
         what=what,
-        arrays=tuple(arrays),
+        arrays=tuple(column(field) for field in channels) if rows >= _FEWEST_SAMPLES else (),
         together=True,
         facts=_facts(schema.metadata or {}),
-        left_out=tuple(f"{field.name} ({field.type})" for field in schema if field not in kept),
-        notes=tuple(
-            f"column '{field.name}' holds no numbers: left out"
-            for field in schema
-            if field not in kept
-        ),
+        left_out=tuple(f"{field.name} ({field.type})" for field in dropped),
+        notes=tuple(f"column '{field.name}' holds no numbers: left out" for field in dropped),
         close=file.close,
     )
-
-
-def _part_of(whole: Callable[[str], Floats], name: str) -> Read:
-    return lambda start, stop: whole(name)[None, start:stop]
 
 
 def _is_numeric(pyarrow: Any, kind: Any) -> bool:
@@ -228,11 +211,6 @@ def _unit_of_column(pyarrow: Any, field: Any) -> str | None:
         if text:
             return str(text)
     return None
-
-
-def _index_of_frame(schema: Any) -> frozenset[str]:
-    """Return the columns that are only the row labels of a data frame."""
-    return frozenset(name for name in schema.names if name.startswith("__index_level_"))
 
 
 def _facts(metadata: dict[bytes, bytes]) -> dict[str, float]:
@@ -331,6 +309,8 @@ def _tdms_array(name: str, channel: Any) -> Array:
     over = str(channel.properties.get("wf_xname", "Time") or "Time").strip().lower()
     timed = step is not None and step > 0 and over in ("time", "zeit")
     unit = str(channel.properties.get("unit_string", "") or "").strip()
+    begin = channel.properties.get("wf_start_time", None)
+    start = 0.0 if begin is None else float(np.datetime64(begin, "us").astype(np.int64)) * 1e-6
     return Array(
         name=name,
         names=(name,),
@@ -338,16 +318,8 @@ def _tdms_array(name: str, channel: Any) -> Array:
         read=read,
         units=(unit or None,),
         rate_hz=float(f"{1.0 / step:.13g}") if step and timed else None,
-        start_s=_start(channel.properties),
+        start_s=start + (_number(channel.properties.get("wf_start_offset")) or 0.0),
     )
-
-
-def _start(properties: Any) -> float | None:
-    offset = _number(properties.get("wf_start_offset")) or 0.0
-    begin = properties.get("wf_start_time")
-    if begin is None:
-        return offset
-    return float(np.datetime64(begin, "us").astype(np.int64)) * 1e-6 + offset
 
 
 def _properties(properties: Any) -> dict[str, float]:
@@ -450,12 +422,18 @@ def read_flac(path: str, what: str) -> Holding:
     if not 0 < file.frames < _ENDLESS:
         file.close()
         raise RecordingError(f"{path}: a FLAC file that does not tell its length; pack it anew")
+
+    def read(start: int, stop: int) -> Floats:
+        if file.tell() != start:
+            file.seek(start)
+        part = file.read(stop - start, dtype="float64", always_2d=True)
+        return np.asarray(part, dtype=np.float64).T
+
     array = Array(
         name="",
         names=("",) * file.channels,
         count=int(file.frames),
-        read=_flac_reader(file),
-        units=(None,) * file.channels,
+        read=read,
         rate_hz=float(file.samplerate),
     )
     note = (
@@ -465,13 +443,3 @@ def read_flac(path: str, what: str) -> Holding:
     return Holding(
         path=path, what=what, arrays=(array,), together=True, notes=(note,), close=file.close
     )
-
-
-def _flac_reader(file: Any) -> Any:
-    def read(start: int, stop: int) -> Floats:
-        if file.tell() != start:
-            file.seek(start)
-        part = file.read(stop - start, dtype="float64", always_2d=True)
-        return np.asarray(part, dtype=np.float64).T
-
-    return read

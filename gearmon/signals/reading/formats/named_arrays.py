@@ -210,9 +210,7 @@ def _record_fields(stored: Any) -> tuple[Array, ...]:
         records = stored[start:stop]
         return np.stack([records[name].astype(np.float64) for name in names])
 
-    units = (None,) * len(names)
-    one = Array(name="", names=tuple(names), count=stored.shape[0], read=read, units=units)
-    return (one,)
+    return (Array(name="", names=tuple(names), count=stored.shape[0], read=read),)
 
 
 def read_npz(path: str, what: str) -> Holding:

@@ -73,7 +73,6 @@ def read_wav(path: str, what: str) -> Holding:
         names=("",) * layout.channels,
         count=layout.frames,
         read=read,
-        units=(None,) * layout.channels,
         rate_hz=float(layout.rate),
     )
     how = "float" if layout.tag == _FLOATS else "integer, full scale is taken as 1"
@@ -108,7 +107,10 @@ def _samples(layout: _Layout, start: int, stop: int) -> Floats:
 
 def _layout(path: str, stream: BinaryIO) -> _Layout:
     size = os.fstat(stream.fileno()).st_size
-    magic, _, kind = struct.unpack("<4sI4s", _exactly(path, stream, 12))
+    begin = stream.read(12)
+    if len(begin) < 12:
+        raise RecordingError(f"{path}: a WAV file cut off in its header; copy it again")
+    magic, _, kind = struct.unpack("<4sI4s", begin)
     if kind != b"WAVE":
         raise RecordingError(f"{path}: a RIFF file that holds no WAVE sound; export it as CSV")
     layout: _Layout | None = None
@@ -134,13 +136,6 @@ def _layout(path: str, stream: BinaryIO) -> _Layout:
         elif chunk == b"ds64" and len(body) >= 16:
             long_size = struct.unpack("<Q", body[8:16])[0]
         stream.seek(length - len(body) + length % 2, os.SEEK_CUR)
-
-
-def _exactly(path: str, stream: BinaryIO, count: int) -> bytes:
-    found = stream.read(count)
-    if len(found) < count:
-        raise RecordingError(f"{path}: a WAV file cut off in its header; copy it again")
-    return found
 
 
 def _format(path: str, body: bytes) -> _Layout:

@@ -1,0 +1,629 @@
+"""The equations of the meshes, whatever the machine around them: orders, residual, error bound.
+
+A mesh feels the rest of the machine only through its dynamic compliance G (`compliance`). The swing
+x = -phi u of the mesh forces and the deflections u = u0 + G x of the meshes are the only unknowns,
+
+    (1 + phi G) x = -phi u0,                                     lines 0..N of every mesh,
+
+a number a line for a single pair, and one more axis in front for many sets of it.
+
+Orders. Multiple scales gives x^(1) = -phi u0, x^(k+1) = -phi G x^(k); they are summed as they come,
+or taken as a basis and recombined so that the residual is least (`LeastResidual`), or all lines are
+solved together. `sum_orders` expands about another constant stiffness.
+
+Bound. An approximation x of lines 0..N leaves the residual r_0..r_{N+J} of the full equation, all
+of it known. Above a core of lines 0..n', beyond which |G| is far below 1/max|phi|, it is answered
+explicitly, e = G r_n for n > n'; what then remains is r_0..r_n' less phi e, and
+
+    ||error of acceleration|| <= ||e''|| + gain (||r_0..r_n'|| + max|phi| ||e|| + rounding)
+
+with the gain of the inverse (`error_bound` for pairs, `inverse_norm` for machines); or, with the
+rest answered once more above the core,
+
+    ||e''|| + gain (||s_0..s_n'|| + max|phi|^2 max_{n>n'}|G| ||e|| + rounding)
+           + max|phi| ||e|| max_{n>n'} |acceleration/x|.
+
+So high harmonics, solved for or not, cost what they are worth and not the gain of a resonance they
+have no part in.
+
+Sources: Eisenstat, Elman and Schultz, SIAM J. Numer. Anal. 20 (1983) 345 (least residual); the
+choice of the next direction is that of Jiranek and Rozloznik, J. Comput. Appl. Math. 214 (2008)
+303.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from gearmon.dynamics.compliance import PairCompliance, SystemCompliance, inverse_norm
+from gearmon.dynamics.error_bound import Gain, Pattern, best_gain, convergence
+from gearmon.dynamics.floquet import SETTLED, system_multipliers
+from gearmon.dynamics.fourier import FEWEST_FOR_A_MATRIX, Complex, Modulation, Real, rms
+from gearmon.dynamics.hill import HillProblem
+from gearmon.dynamics.system import HillSystem
+
+UNIT_ROUNDOFF = 2.0**-52
+MOST_ROUNDS, MOST_ORDERS = 12, 400
+BYTES_FOR_BASIS = 400e6
+#: A residual that falls by less makes a poor next direction: the last image is taken.
+STALLED = 0.95
+#: Sizes below are not divided by.
+SMALLEST = 1e-200
+#: Factor an order up to which the plain sum is worth it, and share of the tolerance it may leave.
+SLOWEST, AIM = 0.7, 0.3
+MOST_SUMMED = 120
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bound:
+    """What is known of the error of approximations; rms of acceleration over w0^2 for pairs.
+
+    Attributes
+    ----------
+    relative : float ndarray
+        Guaranteed relative L2 error of the acceleration; may be infinite.
+    size : float ndarray
+        Rms of the acceleration handed out.
+    core, above, rounding : float ndarray
+        Shares of the bound of the rms error: residual of the core, of all harmonics above it, and
+        rounding.
+    """
+
+    relative: Real
+    size: Real
+    core: Real
+    above: Real
+    rounding: Real
+
+    @property
+    def total(self) -> Real:
+        """Bound of the rms error."""
+        return self.core + self.above + self.rounding
+
+
+@dataclass(frozen=True, kw_only=True)
+class Approximation:
+    """An approximate steady vibration, and how good it is.
+
+    Attributes
+    ----------
+    swing : complex ndarray, shape (..., N+1)
+        x.
+    deflection, motion : complex ndarray, shape (..., N+1)
+        u, and the lines of all coordinates; of a pair the same.
+    residual : complex ndarray, shape (..., N+J+1)
+        Of the full equation.
+    bound : Bound
+        Of the error of the harmonics handed out.
+    orders : int
+        Orders of the expansion that went into it.
+    """
+
+    swing: Complex
+    deflection: Complex
+    motion: Complex
+    residual: Complex
+    bound: Bound
+    orders: int
+
+    @property
+    def highest(self) -> int:
+        """N."""
+        return int(self.swing.shape[-1]) - 1
+
+
+class MeshEquations:
+    """Residuals and error bounds of approximations to one problem, or to many at once.
+
+    Parameters
+    ----------
+    compliance : PairCompliance or SystemCompliance
+    pattern : Pattern
+        phi, of every mesh a row.
+    shown : int, optional
+        Harmonics 0..shown are handed out, others dropped; default all.
+    scale : float ndarray, shape (B, 1), optional
+        Factor of phi of many sets.
+    gain : Gain, optional
+        Of the inverse operators, if it is known.
+    """
+
+    def __init__(
+        self,
+        compliance: PairCompliance | SystemCompliance,
+        pattern: Pattern,
+        shown: int | None = None,
+        scale: Real | None = None,
+        gain: Gain | None = None,
+    ) -> None:
+        self.compliance, self.pattern, self.shown = compliance, pattern, shown
+        self.many, self.sets = scale is not None, 1 if scale is None else len(scale)
+        self.scale: Real = np.ones(1) if scale is None else scale
+        if gain is not None:
+            self.gain = gain
+
+    @property
+    def pairs(self) -> PairCompliance:
+        """The compliance of a pair, or of many sets."""
+        assert isinstance(self.compliance, PairCompliance)
+        return self.compliance
+
+    @cached_property
+    def gain(self) -> Gain:
+        """Bound of the inverse operator, and stability."""
+        c = self.compliance
+        if isinstance(c, SystemCompliance):
+            radius = float(np.abs(self.multipliers[:1]).max(initial=0.0))
+            return Gain(acceleration=self.gain_by_inverse, stable=np.array(radius < 1 - SETTLED))
+        found = best_gain(c.ratio, c.zeta, np.ones(1), self.pattern)
+        return Gain(acceleration=found.acceleration[0], stable=found.stable[0])
+
+    @cached_property
+    def gain_by_inverse(self) -> Real:
+        """Bound of the inverse operator by the inverse of a matrix of the core."""
+        most = self.compliance.most_from(0)[1]
+        return np.array(most * inverse_norm(self.compliance, self.pattern))
+
+    @cached_property
+    def multipliers(self) -> Complex:
+        """Floquet multipliers of a machine, the largest modulus first."""
+        assert isinstance(self.compliance, SystemCompliance)
+        return system_multipliers(self.compliance, self.pattern.harmonics)
+
+    @cached_property
+    def swing(self) -> Real:
+        """Bound of max|phi|."""
+        return np.asarray(self.scale[..., 0] * self.pattern.highest)
+
+    @cached_property
+    def convergence(self) -> float:
+        """Factor an order of the expansion about the middle of the stiffness of a pair."""
+        c = self.compliance
+        if isinstance(c, SystemCompliance):
+            return math.inf
+        return float(convergence(c.zeta, np.ones(1), self.pattern)[0])
+
+    def product(self, inputs: int, outputs: int, middle: float = 0.0) -> Modulation:
+        """Multiplication by phi/scale - middle; kept for all sets that share phi."""
+        key = inputs, outputs, middle, self.sets >= FEWEST_FOR_A_MATRIX
+        if key not in self.pattern.products:
+            c = self.pattern.harmonics
+            self.pattern.products[key] = Modulation(c, inputs, outputs, self.sets, middle)
+        return self.pattern.products[key]
+
+    def modulate(self, half: Complex, outputs: int) -> Complex:
+        """Harmonics 0..outputs of phi times a function."""
+        product = self.product(half.shape[-1] - 1, outputs)(half)
+        if self.many:
+            product *= self.scale
+        return product
+
+    def zeros(self, highest: int) -> Complex:
+        """X = 0 of lines 0..highest."""
+        return np.zeros((*self.compliance.rows, highest + 1), dtype=complex)
+
+    @cached_property
+    def core(self) -> int:
+        """Harmonic above which |G| max|phi| <= 1/10 and |G| <= 1/10: each order gains a digit."""
+        return self.compliance.quiet_above(0.1 / max(1.0, float(self.swing.max())))
+
+    def judge(self, x: Complex, orders: int = 0, answered: Complex | None = None) -> Approximation:
+        """Compute residual and bound of x, shape (..., N+1); `answered` is G x if that is known."""
+        c = self.pattern.harmonics
+        u, motion = self.compliance.state(x, answered)
+        # phi times the large mean deflection is known without a transform and its rounding
+        mean = u[..., :1].real.copy()
+        u[..., 0] = 0
+        residual = self.modulate(u, x.shape[-1] - 1 + c.shape[-1])
+        swinging = self.compliance.size(u)
+        residual[..., 1 : c.shape[-1] + 1] += mean * self.scale * c
+        u[..., :1] = mean
+        residual[..., : x.shape[-1]] += x
+        np.negative(residual, out=residual)
+        # rounding of x, of the forces and of a product, by transforms or by a matrix
+        length = 4 * x.shape[-1] + 2 * c.shape[-1]
+        depth = self.compliance.depth + (math.log2(length) if not self.many else length)
+        rounding = self.compliance.size(x) + self.compliance.swinging_forces
+        rounding = rounding + depth * self.swing * swinging
+        static: Complex = np.asarray(mean * self.scale * self.pattern.size, dtype=complex)
+        rounding = rounding + self.compliance.size(static)
+        bound = self._bound(motion, residual, UNIT_ROUNDOFF * rounding)
+        return Approximation(
+            swing=x, deflection=u, motion=motion, residual=residual, bound=bound, orders=orders
+        )
+
+    def size(self, motion: Complex) -> Real:
+        """Rms acceleration of the harmonics of a motion that are handed out."""
+        highest = motion.shape[-1] - 1
+        last = highest if self.shown is None else min(self.shown, highest)
+        return self.compliance.size(self.compliance.weights(last) * motion[..., : last + 1])
+
+    def _bound(self, motion: Complex, residual: Complex, rounding: Real) -> Bound:
+        highest = int(motion.shape[-1]) - 1
+        # of many sets the short bound, about all lines solved for, costs half the time
+        core = min(self.core, highest) if not self.many else highest
+        inner, above = self._shares(residual, core)
+        rounding, size = _times(self.gain.acceleration, rounding), self.size(motion)
+        total = inner + above + rounding
+        with np.errstate(divide="ignore", invalid="ignore"):
+            relative = np.where(total < size, total / (size - total), np.inf)
+        relative = np.where(total == 0, 0.0, relative)
+        return Bound(relative=relative, size=size, core=inner, above=above, rounding=rounding)
+
+    def _shares(self, residual: Complex, core: int) -> tuple[Real, Real]:
+        """Bounds of the error that residuals of the core and above it cause."""
+        compliance, gain = self.compliance, self.gain.acceleration
+        extra = compliance.answer(residual, core + 1)
+        moved = extra if isinstance(compliance, PairCompliance) else None
+        direct = self.size(compliance.motion(residual, core + 1) if moved is None else moved)
+        inner = _times(gain, compliance.size(residual[..., : core + 1]))
+        spread = self.swing * compliance.size(extra)
+        coupled = _times(gain, spread)
+        if self.many or (coupled <= 0.1 * (inner + direct)).all():
+            return inner, direct + coupled
+        # what the lines above do to the core is computed, and only their second answer is bounded
+        back = self.modulate(extra, core)
+        most, accelerated = compliance.most_from(core + 1)
+        second = _times(gain, compliance.size(residual[..., : core + 1] - back))
+        beyond = direct + spread * accelerated + _times(gain, spread * self.swing * most)
+        better = second + beyond < inner + direct + coupled
+        return (second, beyond) if better else (inner, direct + coupled)
+
+
+def _times(gain: Real, size: Real) -> Real:
+    """Product in which nothing times an unknown gain is nothing."""
+    with np.errstate(invalid="ignore"):
+        return np.where(size > 0, gain * size, 0.0)
+
+
+def equations_of(problem: HillProblem | HillSystem, shown: int | None = None) -> MeshEquations:
+    """Equations of the meshes of a pair or of a machine; harmonics above `shown` are dropped."""
+    if isinstance(problem, HillSystem):
+        return MeshEquations(SystemCompliance(problem), Pattern(problem.mesh_harmonics), shown)
+    ratio, zeta = np.array([problem.frequency_ratio]), np.array([problem.damping_ratio])
+    forces = problem.static_forcing(len(problem.force_harmonics_n))
+    return MeshEquations(
+        PairCompliance(ratio, zeta, forces), Pattern(problem.stiffness_harmonics), shown
+    )
+
+
+class LeastResidual:
+    """Grow a basis of orders for (1 + K) x = right side, and recombine them.
+
+    The images of the directions are kept orthonormal (generalised conjugate residuals, GMRES in
+    exact arithmetic).
+
+    Parameters
+    ----------
+    coupling : callable
+        Half spectra x -> K x, real-linear, same shape.
+    right_side : complex ndarray, shape (..., N+1)
+        Half spectrum, or one of every mesh; not zero.
+    most : int
+        Largest number of orders.
+    """
+
+    def __init__(
+        self, coupling: Callable[[Complex], Complex], right_side: Complex, most: int
+    ) -> None:
+        self.coupling, self.shape = coupling, right_side.shape
+        # scaled so that the dot product of real views is the mean product over the period
+        self.weights = np.full(right_side.shape[-1], math.sqrt(2.0))
+        self.weights[0] = 1.0
+        self.rest = self._flat(right_side)
+        size = len(self.rest)
+        self.most = max(1, min(most, size - 1, int(BYTES_FOR_BASIS / (16 * size))))
+        #: orthonormal images (1 + K) p, and the directions p
+        self.images = np.empty((min(self.most, 15), size))
+        self.directions = np.empty_like(self.images)
+        self.sum = np.zeros(size)
+        self.orders = 0
+        self.residual = _length(self.rest)
+        self._least = UNIT_ROUNDOFF * self.residual
+        self._stalled = False
+
+    def extend(self, target: float) -> bool:
+        """Add orders until the rms residual is <= `target`; True if it was reached."""
+        while self.residual > max(target, self._least):
+            if self.orders >= self.most or not self._add():
+                break
+        return self.residual <= target
+
+    def solution(self) -> Complex:
+        """Least-residual x."""
+        return self._half(self.sum)
+
+    def _flat(self, half: Complex) -> Real:
+        return np.ascontiguousarray(self.weights * half).view(float).ravel()
+
+    def _half(self, row: Real) -> Complex:
+        return np.asarray(row.view(complex).reshape(self.shape) / self.weights)
+
+    def _add(self) -> bool:
+        """One more order; False when the space is exhausted."""
+        direction = (self.images[self.orders - 1] if self._stalled else self.rest).copy()
+        image = direction + self._flat(self.coupling(self._half(direction)))
+        whole = _length(image)
+        length = self._orthogonalise(image, direction)
+        if length < 0.5 * whole:
+            # where much cancelled, a second pass keeps the basis orthogonal to rounding
+            length = self._orthogonalise(image, direction)
+        if not length > max(1e-14 * whole, SMALLEST):
+            return False
+        image, direction = image / length, direction / length
+        if self.orders == len(self.images):
+            empty = np.empty((min(self.most, 2 * self.orders) - self.orders, len(image)))
+            self.images = np.concatenate([self.images, empty])
+            self.directions = np.concatenate([self.directions, empty])
+        self.images[self.orders], self.directions[self.orders] = image, direction
+        self.orders += 1
+        share = float(image @ self.rest)
+        self.sum += share * direction
+        self.rest -= share * image
+        before, self.residual = self.residual, _length(self.rest)
+        self._stalled = self.residual > STALLED * before
+        return True
+
+    def _orthogonalise(self, image: Real, direction: Real) -> float:
+        """Take the known images out of one, and its direction along; length that is left."""
+        known = self.images[: self.orders]
+        shares = known @ image
+        image -= shares @ known
+        direction -= shares @ self.directions[: self.orders]
+        return _length(image)
+
+
+def _length(row: Real) -> float:
+    return math.sqrt(float(row @ row))
+
+
+def recombine(equations: MeshEquations, x: Complex, tolerance: float, most: int) -> Approximation:
+    """Improve x by one least-residual combination of at most `most` orders.
+
+    Parameters
+    ----------
+    equations : MeshEquations
+    x : complex ndarray, shape (..., N+1)
+        What is known so far, zeros to begin with.
+    tolerance : float
+        Relative error of the acceleration aimed at: the residual is reduced to 0.4 of what it
+        allows.
+    most : int
+        Largest number of orders.
+
+    Notes
+    -----
+    Only the core harmonics take part in the combination. Above them a plain order gains a digit,
+    and one is taken before.
+    """
+    known = equations.judge(x)
+    core, count = min(equations.core, known.highest), x.shape[-1]
+    if most < 1:
+        return known
+    orders = 0
+    if core < known.highest:
+        above = known.residual[..., :count].copy()
+        above[..., : core + 1] = 0
+        known = equations.judge(known.swing + above)
+        orders = 1
+    right_side = known.residual[..., : core + 1]
+    if orders >= most or not right_side.any():
+        return replace(known, orders=orders)
+
+    def coupling(swing: Complex) -> Complex:
+        return equations.modulate(equations.compliance.answer(swing), core)
+
+    space = LeastResidual(coupling, right_side, most - orders)
+    space.extend(_target(equations, known, right_side, tolerance))
+    x = known.swing.copy()
+    x[..., : core + 1] += space.solution()
+    return equations.judge(x, orders + space.orders)
+
+
+def _target(
+    equations: MeshEquations, known: Approximation, right_side: Complex, tolerance: float
+) -> float:
+    """Rms residual of the core that leaves 0.4 of the tolerance."""
+    gain = float(equations.gain.acceleration)
+    if gain == math.inf:
+        return 1e-3 * tolerance * float(equations.compliance.size(right_side))
+    motion = known.motion.copy()
+    motion[..., : right_side.shape[-1]] += equations.compliance.motion(right_side)
+    return 0.4 * tolerance * max(float(known.bound.size), float(equations.size(motion))) / gain
+
+
+def plain_sum(
+    equations: MeshEquations, highest: int, tolerance: float, order: int | None
+) -> Approximation:
+    """Sum the orders as they come: `order` of them, or until they meet the tolerance or diverge."""
+    compliance = equations.compliance
+    total = equations.zeros(highest)
+    term = equations.judge(total).residual[..., : highest + 1]
+    smallest, used = math.inf, 0
+    while used < (MOST_ORDERS if order is None else order):
+        total = total + term
+        used += 1
+        if order is None:
+            size = float(equations.size(compliance.motion(term)))
+            smallest = min(smallest, size)
+            whole = float(equations.size(compliance.state(total)[1]))
+            if size <= 0.1 * tolerance * whole and (
+                size <= 1e-3 * tolerance * whole
+                or equations.judge(total).bound.relative <= tolerance
+            ):
+                break
+            if size > 1e3 * smallest:
+                break
+        term = -equations.modulate(compliance.answer(term), highest)
+    return equations.judge(total, used)
+
+
+def sum_orders(equations: MeshEquations, x: Complex, tolerance: float) -> Approximation:
+    """Improve x of a pair by orders about the middle of its stiffness.
+
+    The expansion about a constant stiffness 1 + b midway between the extremes of 1 + phi,
+
+        (D_n + b) Z^(k+1)_n = -[(phi - b) Z^(k)]_n,
+
+    converges for certain where max|phi - b| max 1/|D + b| < 1, by at least that factor an order;
+    for a stiffness that drops at one tooth of many the extremes are well apart from the mean. An
+    order costs one product and nothing is stored: the cheapest there is for the thousands of
+    harmonics of a shaft turn. What the partial sum leaves, -(phi - b) Z^(k), is the force of the
+    next order: it is known before it is summed.
+
+    Parameters
+    ----------
+    equations : MeshEquations
+        Of a pair, with `convergence` below `SLOWEST`.
+    x, tolerance
+        As in `recombine`.
+    """
+    compliance = equations.pairs
+    highest, middle = len(x) - 1, equations.pattern.middle_and_swing[0]
+    stiffness = compliance.stiffness(highest)
+    force = equations.judge(x).residual[: highest + 1]
+    total = compliance.answer(x)
+    product, answer = equations.product(highest, highest, middle), 1 / (stiffness + middle)
+    step = force * answer
+    gain = float(equations.gain.acceleration)
+    size, orders = math.inf, 0
+    while orders < MOST_SUMMED:
+        total += step
+        orders += 1
+        step = product(step)
+        left = gain * rms(step)
+        if left <= 2 * AIM * tolerance * size:
+            # the size hardly changes after the first orders: it is taken again only to decide
+            size = float(equations.size(compliance.state(x, total)[1]))
+            if left <= AIM * tolerance * size:
+                break
+        step *= answer
+        np.negative(step, out=step)
+    return equations.judge(stiffness * total, orders, total)
+
+
+def balance(equations: MeshEquations, highest: int) -> Approximation:
+    """Harmonics 0..highest together, refined once so that only rounding is left.
+
+    Raises
+    ------
+    ArgumentError
+        If the matrix would not fit in memory.
+    """
+    x = equations.zeros(highest)
+    for _ in range(2):
+        residual = equations.judge(x).residual[..., : highest + 1]
+        x = x + equations.compliance.together(equations.pattern, residual)
+    return equations.judge(x)
+
+
+def first_highest(equations: MeshEquations, tolerance: float) -> int:
+    """Guess the number of harmonics that a tolerance takes.
+
+    The significant stiffness harmonics all appear at first order. Above them and above resonance,
+    a line is reached only by jumps of about the mean bandwidth of phi, each of which costs
+    max|phi| |G|.
+    """
+    compliance, shown, swing = equations.compliance, equations.shown, float(equations.swing.max())
+    sizes = np.atleast_2d(np.abs(equations.pattern.harmonics)).sum(axis=0)
+    given = max(2, len(compliance.forces) - 1, shown or 1)
+    if not sizes.any():
+        return max(given, compliance.quiet_above(2.3))
+    # shares, so that squares of tiny ones do not vanish
+    sizes = sizes / sizes.max()
+    # lines at which an order may gain less than half, and those that resonate
+    top = max(given, compliance.quiet_above(min(2.3, 0.5 / swing)))
+    orders = np.arange(1, len(sizes) + 1)
+    if shown is not None:
+        # a line that is not handed out matters by what it gives to the others
+        hidden = np.minimum(1, (compliance.quiet_above(2.3) / orders) ** 2)
+        sizes = np.where(orders > shown, sizes * hidden, sizes)
+    above = np.sqrt(np.cumsum((sizes**2)[::-1]))[::-1]
+    top = max(top, int(np.flatnonzero(above > 0.1 * tolerance * above[0])[-1]) + 1)
+    jump = max(1, round(float(orders @ sizes / sizes.sum())))
+    share = 1.0
+    for _ in range(400):
+        if share < 3e-3 * tolerance:
+            break
+        top += jump
+        share *= min(0.8, swing * compliance.most_from(top)[0])
+    return top
+
+
+def widen(
+    equations: MeshEquations,
+    tolerance: float,
+    improve: Callable[[Complex], Approximation],
+    repeat: bool = True,
+    counts_add: bool = True,
+) -> Approximation:
+    """Improve and add harmonics in turn, until the tolerance is met or neither helps.
+
+    Parameters
+    ----------
+    equations : MeshEquations
+    tolerance : float
+    improve : callable
+        x, zeros to begin with -> a better approximation.
+    repeat, counts_add : bool
+        Whether to try more than once, and whether orders of all rounds count.
+    """
+    found = improve(equations.zeros(first_highest(equations, tolerance)))
+    orders = found.orders
+    for _ in range(MOST_ROUNDS if repeat else 0):
+        if found.bound.relative <= tolerance:
+            break
+        highest = _larger(equations, found, tolerance)
+        padding = equations.zeros(highest - found.highest - 1)
+        better = improve(np.concatenate([found.swing, padding], axis=-1))
+        orders = better.orders + counts_add * orders
+        old, found = found, replace(better, orders=orders)
+        size = equations.compliance.size
+        if highest == old.highest and size(found.residual) > 0.5 * size(old.residual):
+            break
+    return found
+
+
+def _larger(equations: MeshEquations, found: Approximation, tolerance: float) -> int:
+    """Find the harmonic beyond which the residual asks for too little to matter."""
+    compliance, gain = equations.compliance, float(equations.gain.acceleration)
+    left, first = found.residual, found.highest + 1
+    weights = compliance.weights(left.shape[-1] - 1) * (equations.shown is None)
+    worth = weights * compliance.per_line(compliance.motion(left, first))
+    if gain < math.inf:
+        answer = compliance.answer(left, first)
+        worth = worth + gain * equations.swing * compliance.per_line(answer)
+    beyond = np.sqrt(2 * np.cumsum((worth**2)[::-1]))[::-1]
+    allowed = tolerance * found.bound.size
+    if beyond[0] <= 0.4 * allowed:
+        return found.highest
+    needed = int((beyond > 0.1 * allowed).sum())
+    return max(needed, found.highest + max(8, found.highest // 4))
+
+
+def sharpened(equations: MeshEquations, found: Approximation) -> Approximation:
+    """Bound a large error by the distance from a good solution and the error of that one."""
+    if not equations.gain.stable:
+        return found
+    for _ in range(2):
+        wanted = max(1e-12, 0.05 * min(float(found.bound.relative), 0.1))
+
+        def improve(x: Complex, wanted: float = wanted) -> Approximation:
+            return recombine(equations, x, wanted, MOST_ORDERS)
+
+        better = widen(equations, wanted, improve)
+        count = max(found.highest, better.highest) + 1
+        apart = np.zeros((*better.motion.shape[:-1], count), dtype=complex)
+        apart[..., : better.highest + 1] = better.motion
+        apart[..., : found.highest + 1] -= found.motion
+        size, left = equations.size(better.motion), better.bound.total
+        if left < size:
+            relative = (equations.size(apart) + left) / (size - left)
+            relative = np.minimum(found.bound.relative, relative)
+            found = replace(found, bound=replace(found.bound, relative=relative))
+    return found
