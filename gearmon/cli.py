@@ -1,8 +1,8 @@
 """Arguments -> one call -> output and exit code; nobody imports this module.
 
 Exit codes: 0 done and no flag raised, 1 done and a flag raised, 2 bad input or usage, 3 done but
-nothing can be said. What a command takes stands beside it in `gearmon.commands`; everything heavy
-is imported inside the command that needs it.
+nothing can be said, 130 stopped, 70 an error of our own. What a command takes stands beside it in
+`gearmon.commands`; everything heavy is imported inside the command that needs it.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from collections.abc import Sequence
 
 from gearmon import __version__
 from gearmon.commands import COMMANDS
-from gearmon.commands.inputs import check_names
-from gearmon.commands.output import BAD_INPUT, DONE
-from gearmon.errors import GearmonError
+from gearmon.commands.inputs import check_names, outputs_claimed
+from gearmon.commands.output import BAD_INPUT, DONE, OWN_FAULT, STOPPED, complain, flushed
+from gearmon.errors import GearmonError, nearest_name
 from gearmon.signals.threads import cores
 
 
@@ -37,30 +37,88 @@ def main(argv: Sequence[str] | None = None) -> int:
     # threads of linear algebra only wait for each other: the matrices here are small (six analyses
     # beside one busy core took 7.0 s with them, 2.2 s without); read when NumPy is first imported
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    parser = _parser()
-    arguments = parser.parse_args(argv)
+    _open_streams()
+    # what stands there until the arguments are known: their parser leaves by an exit of its own
+    arguments = argparse.Namespace(debug=False)
+    try:
+        try:
+            return _run(argv, arguments)
+        finally:
+            flushed()
+    except GearmonError as error:
+        complain(str(error))
+        return BAD_INPUT
+    except KeyboardInterrupt:
+        complain("stopped")
+        return STOPPED
+    except MemoryError:
+        complain(
+            "this takes more memory than there is; give shorter recordings, or fewer at a time"
+        )
+        return BAD_INPUT
+    except Exception as error:
+        if arguments.debug:
+            raise
+        complain(_own_fault(error))
+        return OWN_FAULT
+
+
+def parsed(
+    argv: Sequence[str] | None, arguments: argparse.Namespace | None = None
+) -> argparse.Namespace:
+    """Return the parsed arguments of a command line; wrong ones, and --help, leave by an exit."""
+    parser, words = _parser(), sys.argv[1:] if argv is None else argv
+    names = [command.name for command in COMMANDS]
+    word = words[0] if words else "-"
+    near = None if word.startswith("-") or word in names else nearest_name(word, names)
+    if near is not None:
+        parser.error(f"there is no command {word!r}; did you mean {near}?")
+    return parser.parse_args(argv, arguments)
+
+
+def _run(argv: Sequence[str] | None, arguments: argparse.Namespace) -> int:
+    parsed(argv, arguments)
     if arguments.command is None:
-        parser.print_help()
+        _parser().print_help()
         return DONE
+    check_names(arguments)
+    cores()  # refuses a wrong number of them before any work
+    with outputs_claimed(arguments):
+        code: int = arguments.run(arguments)
+    return code
+
+
+def _open_streams() -> None:
+    """See to it that there is something to write to, and that any name can be written."""
+    for name in ("stdin", "stdout", "stderr"):
+        # a closed one would give its number to the next file that is opened, and write into that
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "r" if name == "stdin" else "w"))  # noqa: SIM115
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # file names need not be text
+
+
+def _own_fault(error: Exception) -> str:
+    """Write down what happened; return a line that says where."""
+    import platform
+    import tempfile
+    import traceback
+
+    told = f"an error of gearmon's own ({type(error).__name__}: {error})"
+    details = [
+        f"gearmon {__version__}, Python {platform.python_version()}, {platform.platform()}",
+        " ".join(sys.argv),
+        *traceback.format_exception(error),
+    ]
     try:
-        check_names(arguments)
-        cores()  # refuses a wrong number of them before any work
-        code: int = arguments.run(arguments)
-        sys.stdout.flush()
-        return code
-    except GearmonError as error:
-        print(f"gearmon: {error}", file=sys.stderr)
-        return BAD_INPUT
-    except KeyboardInterrupt:
-        print("gearmon: stopped", file=sys.stderr)
-        return 130
-    except BrokenPipeError:
-        # whoever reads the output has seen enough; stop Python from complaining at exit
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return DONE
+        with tempfile.NamedTemporaryFile(
+            "w", encoding="utf-8", prefix="gearmon-", suffix=".txt", delete=False, errors="replace"
+        ) as file:
+            file.write("\n".join(details))
+    except OSError:
+        return f"{told}; --debug shows where it happened"
+    return f"{told}; details are in {file.name}, please report them"
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -69,7 +127,7 @@ def _parser() -> argparse.ArgumentParser:
         description="Gear condition monitoring that starts from physics.",
         epilog="Every command explains itself: gearmon COMMAND --help. First steps, without any "
         "recording: gearmon demo. Exit codes: 0 done, 1 done and a fault was flagged, "
-        "2 bad input, 3 done but nothing can be said.",
+        "2 bad input, 3 done but nothing can be said, 130 stopped, 70 an error of gearmon's own.",
     )
     parser.add_argument("--version", action="version", version=f"gearmon {__version__}")
     parsers = parser.add_subparsers(dest="command", metavar="COMMAND")

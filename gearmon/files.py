@@ -1,14 +1,153 @@
-"""Writing files so that nothing already written is ever lost."""
+"""Writing files so that nothing already written is ever lost.
+
+Every file is written beside its place and takes it in one step. It carries a mark (an extended
+attribute of the file) of who wrote it and of its size and time: while a command runs, files without
+the mark, files that were changed since, and files of other commands are never written over.
+"""
 
 from __future__ import annotations
 
+import errno
+import io
+import json
 import os
+import re
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from contextvars import ContextVar
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from gearmon.errors import ArgumentError
+from gearmon.errors import ArgumentError, GearmonError, SignatureError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+_MARK = "user.gearmon"
+# What no program can mend: no room, or a disk that fails.
+_MOST_BYTES = 1 << 30  # more than any archive of ours has
+# What spreadsheets take for a formula; numbers with a sign are none.
+_FORMULA = re.compile(r"[=@\t\r]|[+-](?![\d.]+(?:[eE][+-]?\d+)?$)")
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Writer:
+    """The command that writes, the files that it reads, and those that it goes on with."""
+
+    command: str
+    read: frozenset[tuple[int, int]]  # by device and number
+    kept: frozenset[Path]
+
+
+# None outside commands: who calls from Python says himself what is written over
+_WRITER: ContextVar[_Writer | None] = ContextVar("writer", default=None)
+
+
+@contextmanager
+def protecting(
+    command: str, read: Iterable[str | Path], kept: Iterable[str | Path] = ()
+) -> Iterator[None]:
+    """Write nothing over inside this block but what the same command has written before.
+
+    Parameters
+    ----------
+    command : str
+        Its name.
+    read : iterable of str or Path
+        What it reads, which is not written over whoever wrote it.
+    kept : iterable of str or Path
+        What it goes on with: it has looked at what stands there.
+    """
+    known = {found for path in read if (found := _identity(Path(path))) is not None}
+    own = frozenset(Path(os.path.realpath(path)) for path in kept)
+    token = _WRITER.set(_Writer(command=command, read=frozenset(known), kept=own))
+    try:
+        yield
+    finally:
+        _WRITER.reset(token)
+
+
+def check_output(path: str | Path) -> Path:
+    """Return the file that a path leads to, or raise if it must or can not be written.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Returns
+    -------
+    Path
+        `path`; of a link the file that it points to.
+
+    Raises
+    ------
+    ArgumentError
+        If it is a folder or no ordinary file, its folder does not exist or cannot be written, or,
+        inside `protecting`, it is read as well or holds what the same command has not written.
+    """
+    given = Path(path)
+    try:
+        target = given.resolve()  # a link stays a link: what it points to is replaced
+        if target.is_dir():
+            raise ArgumentError(f"{given}: is a folder; give the name of a file to write")
+        if target.is_symlink() or (target.exists() and not target.is_file()):
+            raise ArgumentError(f"{given}: is no ordinary file; give the name of a file to write")
+        target.parent.stat()
+    except (OSError, RuntimeError) as error:
+        # links in a circle are a RuntimeError up to Python 3.12
+        why = getattr(error, "strerror", None) or "links in a circle"
+        raise ArgumentError(f"{given}: cannot write there ({why})") from None
+    if not os.access(target.parent, os.W_OK | os.X_OK):
+        raise ArgumentError(f"{given}: cannot write there (no permission to write in its folder)")
+    writer = _WRITER.get()
+    if writer is not None:
+        _check_owner(given, target, writer)
+    return target
+
+
+def _check_owner(given: Path, target: Path, writer: _Writer) -> None:
+    if _identity(target) in writer.read:
+        raise ArgumentError(f"{given}: is read as well; give another name to write to")
+    known = target in writer.kept or not target.exists() or not target.stat().st_size
+    if not (known or _is_own(target, writer.command)):
+        raise ArgumentError(
+            f"{given}: exists, and gearmon {writer.command} did not write it, or it was changed "
+            "since; remove it, or give another name"
+        )
+
+
+def _identity(path: Path) -> tuple[int, int] | None:
+    """Device and number of a file: the same by whatever name or link."""
+    try:
+        found = path.stat()
+    except (OSError, ValueError):
+        return None
+    return found.st_dev, found.st_ino
+
+
+def _is_own(path: Path, command: str) -> bool:
+    """Whether a command wrote a file, which nobody changed; also where no mark can be kept."""
+    try:
+        told = os.getxattr(path, _MARK).decode("utf-8", "replace")
+    except OSError as error:
+        return error.errno in (errno.ENOTSUP, errno.ENOSYS)
+    writer, _, state = told.partition(" ")
+    return state == _state(path) and writer in (command, "python")
+
+
+def _set_mark(path: Path) -> None:
+    writer = _WRITER.get()
+    told = f"{writer.command if writer else 'python'} {_state(path)}"
+    with suppress(OSError):  # not every file system keeps marks
+        os.setxattr(path, _MARK, told.encode())
+
+
+def _state(path: Path) -> str:
+    found = path.stat()
+    return f"{found.st_size} {found.st_mtime_ns}"
 
 
 @contextmanager
@@ -28,25 +167,27 @@ def replacing(path: str | Path) -> Iterator[Path]:
     Raises
     ------
     ArgumentError
-        If the folder does not exist or cannot be written.
+        If the folder does not exist, the disk is full, or `check_output` refuses.
     """
-    target = Path(path)
-    if target.is_dir():
-        raise ArgumentError(f"{target}: is a folder; give the name of a file to write")
-    if target.exists() and not target.is_file():
-        raise ArgumentError(f"{target}: is no ordinary file; give the name of a file to write")
-    target = target.resolve()  # a link stays a link: what it points to is replaced
+    target = check_output(path)
     try:
         handle, name = tempfile.mkstemp(prefix=".", suffix=target.suffix, dir=target.parent)
         os.close(handle)
     except OSError as error:
-        raise ArgumentError(f"{target}: cannot write there ({error.strerror})") from None
+        raise ArgumentError(f"{path}: cannot write there ({error.strerror})") from None
     temporary = Path(name)
     try:
         yield temporary
         # mkstemp makes private files; a result is as readable as any file the user writes
         os.chmod(temporary, 0o666 & ~_umask())
+        _set_mark(temporary)
         os.replace(temporary, target)
+    except OSError as error:
+        if error.errno in _FULL:
+            raise ArgumentError(
+                f"{path}: cannot write it ({error.strerror}); what was there before is unchanged"
+            ) from None
+        raise
     finally:
         with suppress(FileNotFoundError):
             temporary.unlink()
@@ -63,6 +204,99 @@ def write_atomically(path: str | Path, content: bytes | str) -> None:
     data = content.encode("utf-8") if isinstance(content, str) else content
     with replacing(path) as temporary:
         temporary.write_bytes(data)
+
+
+def write_archive(
+    path: str | Path, header: dict[str, Any], arrays: Mapping[str, NDArray[Any]]
+) -> None:
+    """Store arrays with a header in one file: a NumPy archive with JSON inside, no code.
+
+    Parameters
+    ----------
+    path : str or Path
+    header : dict
+        Built-in types; its "format" tells readers what it is.
+    arrays : mapping of str to ndarray
+
+    Raises
+    ------
+    ArgumentError
+        If the file cannot be written.
+    """
+    import numpy as np  # the command line does without it where it only writes text
+
+    told = np.frombuffer(json.dumps(header).encode("utf-8"), dtype=np.uint8)
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, allow_pickle=False, **{**arrays, "header": told})
+    write_atomically(path, buffer.getvalue())
+
+
+@contextmanager
+def reading_archive(
+    path: str | Path, formats: Sequence[str], what: str, remedy: str, missing: str
+) -> Iterator[tuple[dict[str, Any], dict[str, NDArray[Any]]]]:
+    """Give header and arrays of a file that `write_archive` wrote.
+
+    Whatever goes wrong with them inside this block, because they are damaged or were made to do
+    harm, ends in one clear line.
+
+    Parameters
+    ----------
+    path : str or Path
+    formats : sequence of str
+        Formats that can be read, the present one first.
+    what : str
+        What the file should be.
+    remedy : str
+        What to do about one that cannot be read: it is to be done anew.
+    missing : str
+        What to do where there is none.
+
+    Yields
+    ------
+    header : dict
+    arrays : dict of str to ndarray
+
+    Raises
+    ------
+    SignatureError
+        If the file is missing, something else, or damaged.
+    """
+    import numpy as np
+
+    try:
+        # opened here, so that it is closed even if it turns out to be no archive
+        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as archive:
+            if sum(part.file_size for part in archive.zip.infolist()) > _MOST_BYTES:
+                raise ValueError("it is larger than any")
+            arrays = {name: archive[name] for name in archive.files}
+        header = json.loads(bytes(arrays.pop("header")).decode("utf-8"))
+        if header.get("format") not in formats:
+            raise SignatureError(
+                f"{path}: format {header.get('format')!r} is not {formats[0]!r}; {remedy} anew"
+            )
+        yield header, arrays
+    except GearmonError:
+        raise
+    except FileNotFoundError:
+        raise SignatureError(f"{path}: no such file; {missing}") from None
+    except Exception as error:  # damage shows in every way there is
+        name = type(error).__name__
+        why = str(error) if name == "ValueError" and len(str(error)) < 80 else name
+        raise SignatureError(f"{path}: not a readable {what} ({why}); {remedy} anew") from None
+
+
+def table_cell(value: Any) -> Any:
+    """Return what a table on disk holds: text that a spreadsheet would run as a formula is quoted.
+
+    Examples
+    --------
+    >>> table_cell("=1+1"), table_cell("-5.2"), table_cell(-5.2), table_cell("mesh")
+    ("'=1+1", '-5.2', -5.2, 'mesh')
+    """
+    if isinstance(value, str) and _FORMULA.match(value):
+        return "'" + value
+    return value
 
 
 def _umask() -> int:

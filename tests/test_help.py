@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import glob
 import shlex
+from pathlib import Path
 
 import pytest
 
 from gearmon import demos
-from gearmon.cli import main
+from gearmon.cli import main, parsed
 from gearmon.commands import COMMANDS
+from gearmon.commands.inputs import output_files
 from gearmon.dynamics import stability_map
 from gearmon.gears.faults import ERROR_KINDS, KINDS
 
@@ -66,7 +68,11 @@ def test_the_example_runs(shop, tmp_path, monkeypatch, capsys, name):
     if "-o" in words and (tmp_path / words[words.index("-o") + 1]).is_symlink():
         (tmp_path / words[words.index("-o") + 1]).unlink()
     flags = name in ("analyse", "history", "kinds")
+    before = set(tmp_path.iterdir())
     assert main(words) == (1 if flags else 0)
+    # what a command writes it has named before it began to work
+    named = set(output_files(parsed(words))) | {Path(word) for word in words}
+    assert set(tmp_path.iterdir()) - before <= {tmp_path / path for path in named}
     if "-o" in words:
         assert (tmp_path / words[words.index("-o") + 1]).stat().st_size > 0
 

@@ -90,6 +90,6 @@ def test_wrong_arguments_are_refused_before_any_work(folder, capsys, options, me
 def test_the_store_must_be_a_file_of_its_own(folder, capsys):
     path = str(folder / "healthy.ref")
     assert run(folder, "--times", TIMES, "--store", path) == 2
-    assert "another file of this command" in capsys.readouterr().err
+    assert "healthy.ref: is read as well" in capsys.readouterr().err
     assert main(["history", "--machine", str(folder / "machine.toml")]) == 2
     assert "name recordings" in capsys.readouterr().err

@@ -36,6 +36,11 @@ class Command:
         Endings that the name of the output may have; empty: any.
     output : str
         What is written under that name.
+    beside : tuple of str
+        What is written beside the output: patterns of names, in which {} stands for its name
+        without the ending.
+    folder : bool
+        Whether the output is a folder.
     more : str
         What else a newcomer has to know, after the options.
     """
@@ -47,6 +52,8 @@ class Command:
     run: Callable[[argparse.Namespace], int]
     endings: tuple[str, ...] = ()
     output: str = "write the result to this file"
+    beside: tuple[str, ...] = ()
+    folder: bool = False
     more: str = ""
 
     def add_to(self, parsers: Any) -> None:
@@ -58,11 +65,13 @@ class Command:
             epilog=self._epilog(),
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
-        parser.set_defaults(run=self.run, output_endings=self.endings)
+        own = {"output_endings": self.endings, "beside": self.beside, "folder": self.folder}
+        parser.set_defaults(run=self.run, **own)
         option = parser.add_argument
         option("--json", action="store_true", help="print one JSON object")
         endings = f" ({', '.join(self.endings)})" if self.endings else ""
         option("-o", "--output", metavar="PATH", help=self.output + endings)
+        option("--debug", action="store_true", help="show where an error of gearmon's own happened")
         self.add(parser)
 
     def _epilog(self) -> str:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import argparse
+import glob
 import os
 import signal
-import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from gearmon.commands.output import complain, complain_of
 from gearmon.errors import ArgumentError, GearmonError
+from gearmon.files import check_output, protecting
 from gearmon.signals.threads import THREADS, cores
 from gearmon.terminal import progress_bar
 
@@ -22,8 +25,12 @@ Found = TypeVar("Found")
 
 # A process takes as long to start as one file of ten seconds takes to analyse.
 _FILES_A_PROCESS = 2
-_OUTPUTS = ("output", "report")
-_NEVER_EMPTY = (*_OUTPUTS, "reference", "tacho", "machine", "harvester", "history", "trained")
+# Pictures beside a report.
+_PICTURES = ("{}-[0-9][0-9]-*.png",)
+_NEVER_EMPTY = (
+    *("output", "report", "reference", "tacho", "machine", "harvester", "history", "trained"),
+    "store",
+)
 
 
 def check_names(arguments: argparse.Namespace) -> None:
@@ -37,25 +44,58 @@ def check_names(arguments: argparse.Namespace) -> None:
     Raises
     ------
     ArgumentError
-        If a name is empty, has the wrong ending, or would be written over what is read.
+        If a name is empty, has the wrong ending, or stands for two files.
     """
     given = vars(arguments)
     for name in _NEVER_EMPTY:
         if given.get(name) == "":
             raise ArgumentError(f"--{name}: the name is empty")
-    inputs = [*given.get("recording", ()), *given.get("degraded", ())]
-    inputs += [given.get(name) for name in ("machine", "reference", "harvester")]
-    read = {Path(path).resolve() for path in inputs if path}
-    for name in _OUTPUTS:
-        path = given.get(name)
-        if path and Path(path).resolve() in read:
-            raise ArgumentError(f"{path}: is read as well; give another name to write to")
     if given.get("report") and Path(given["report"]).suffix.lower() not in (".html", ".htm"):
         raise ArgumentError(f"{given['report']}: the name of a report must end in .html")
     endings = arguments.output_endings
     if given.get("output") and endings and Path(given["output"]).suffix.lower() not in endings:
         listed = ", ".join(endings)
         raise ArgumentError(f"{given['output']}: the name must end in one of {listed}")
+
+
+@contextmanager
+def outputs_claimed(arguments: argparse.Namespace) -> Iterator[None]:
+    """Check all files that a command will write, before it does any work, and guard the others.
+
+    Raises
+    ------
+    ArgumentError
+        If one cannot be written, is read as well, or was not written by this command; see
+        `gearmon.files.check_output`.
+    """
+    given = vars(arguments)
+    read = [*given.get("recording", ()), *given.get("degraded", ())]
+    read += [path for name in ("machine", "reference", "harvester") if (path := given.get(name))]
+    # these are gone on with: whoever reads them knows whether they are what they should be
+    kept = [path for name in ("history", "store", "trained") if (path := given.get(name))]
+    written = [*map(Path, kept), *output_files(arguments)]
+    with protecting(arguments.command, read, kept):
+        checked = [check_output(path) for path in written]
+        for number, path in enumerate(checked):
+            if path in checked[:number]:
+                raise ArgumentError(f"{written[number]}: would be written twice; give two names")
+        yield
+
+
+def output_files(arguments: argparse.Namespace) -> list[Path]:
+    """Return the files that a command will write, and those there are already beside them.
+
+    Parameters
+    ----------
+    arguments : argparse.Namespace
+        Parsed arguments.
+    """
+    found: list[Path] = []
+    named = ((arguments.output, arguments.beside), (vars(arguments).get("report"), _PICTURES))
+    for path, beside in [(Path(name), beside) for name, beside in named if name]:
+        stem = glob.escape(path.stem)
+        found += [path, *(p for name in beside for p in path.parent.glob(name.format(stem)))]
+    return [] if arguments.folder else found
 
 
 def machine_of(path: str) -> Machine:
@@ -162,8 +202,9 @@ def in_turn(
         try:
             results.append(work(path))
         except GearmonError as error:
-            print(f"gearmon: {error}", file=sys.stderr)
+            complain(str(error))
             results.append({"recording": path, "error": str(error)})
+    complain_of(results)
     return results
 
 

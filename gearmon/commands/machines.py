@@ -416,6 +416,7 @@ STIFFNESS = Command(
     add=_stiffness_arguments,
     run=run_stiffness,
     endings=(".csv", ".json"),
+    beside=("{}.png", "{}-stage*.png"),
 )
 BASELINE = Command(
     name="baseline",
@@ -432,6 +433,7 @@ FAMILY = Command(
     add=_family_arguments,
     run=run_family,
     endings=(".csv", ".json", ".parquet"),
+    beside=("{}.png",),
 )
 STABILITY = Command(
     name="stability",
@@ -440,6 +442,7 @@ STABILITY = Command(
     add=_stability_arguments,
     run=run_stability,
     endings=(".csv", ".json"),
+    beside=("{}-stage*.png",),
 )
 SIMULATE = Command(
     name="simulate",
@@ -449,6 +452,7 @@ SIMULATE = Command(
     run=run_simulate,
     endings=(".csv",),
     output="write the recording to this file; needed",
+    beside=("{}.json",),
 )
 HARVEST = Command(
     name="harvest",
@@ -459,4 +463,5 @@ HARVEST = Command(
     run=run_harvest,
     endings=(".csv", ".json"),
     output="write the result to this file, and pictures beside it",
+    beside=("{}-energy.png", "{}-tuning.png", "{}-positions.png", "{}-response.png"),
 )

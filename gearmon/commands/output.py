@@ -4,24 +4,86 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from gearmon.errors import ArgumentError
 
-DONE, FLAGGED, BAD_INPUT, UNJUDGED = 0, 1, 2, 3
+DONE, FLAGGED, BAD_INPUT, UNJUDGED, OWN_FAULT, STOPPED = 0, 1, 2, 3, 70, 130
+
+
+def judged(verdicts: Iterable[str], *, flagged: bool, bad: bool) -> int:
+    """Return the exit code of recordings that were judged.
+
+    Parameters
+    ----------
+    verdicts : iterable of str
+    flagged : bool
+        Whether anything was flagged.
+    bad : bool
+        Whether a recording could not be used.
+    """
+    if bad:
+        return BAD_INPUT
+    if flagged:
+        return FLAGGED
+    open_ = any(verdict in ("cannot tell", "no mesh found") for verdict in verdicts)
+    return UNJUDGED if open_ else DONE
+
+
+def complain(message: str) -> None:
+    """Write one line to standard error, if anything can be written there."""
+    # names of files need not be text, nor one line; those bytes that are no text are spelled out
+    line = "".join(c if c.isprintable() or "\ud800" <= c <= "\udfff" else " " for c in message)
+    with suppress(OSError):
+        print(f"gearmon: {line}", file=sys.stderr)
+
+
+def complain_of(results: Sequence[Mapping[str, Any]]) -> None:
+    """Say of several recordings that some could not be used, after the lines of each."""
+    bad = sum("error" in entry for entry in results)
+    if bad > 2:
+        complain(f"{bad} of {len(results)} recordings could not be used; the lines above say why")
 
 
 def show(arguments: argparse.Namespace, result: Any, lines: Callable[[], Iterable[str]]) -> None:
     """Print a result: one JSON object with --json, else lines of text."""
     if arguments.json:
-        json.dump(result, sys.stdout, indent=1, ensure_ascii=False, allow_nan=False)
-        print()
-        return
-    for line in lines():
-        print(line)
+        text = json.dumps(result, indent=1, ensure_ascii=False, allow_nan=False)
+    else:
+        text = "\n".join(lines())
+    try:
+        print(text)
+    except OSError as error:
+        _no_more(error)
+    flushed()
+
+
+def flushed() -> None:
+    """Make sure that what was printed has arrived.
+
+    Raises
+    ------
+    ArgumentError
+        If it cannot be written, for lack of room say.
+    """
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        _no_more(error)
+
+
+def _no_more(error: OSError) -> None:
+    """Let what is still to be printed go nowhere: Python would complain of it at exit."""
+    with suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    # whoever reads a pipe may have seen enough; the exit code is still that of the result
+    if not isinstance(error, BrokenPipeError):
+        raise ArgumentError(f"standard output: {error.strerror}") from None
 
 
 def finish(

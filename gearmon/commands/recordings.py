@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from datetime import datetime
 from functools import partial
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from gearmon.commands.command import Command, recording_options
 from gearmon.commands.inputs import each_of, followed, in_turn, loss_of, machine_of, recording_of
-from gearmon.commands.output import BAD_INPUT, DONE, FLAGGED, UNJUDGED, show, write_json
+from gearmon.commands.output import DONE, complain, complain_of, judged, show, write_json
 from gearmon.errors import ArgumentError, GearmonError, check_range
 
 if TYPE_CHECKING:
@@ -28,9 +27,10 @@ EXAMPLES, LEAST_SHOWN = 1600, 0.01
 
 def run_learn(arguments: argparse.Namespace) -> int:
     """Run `gearmon learn`."""
+    from gearmon.diagnosis.analysis import learned
     from gearmon.report.text import reference_text
     from gearmon.signatures.measured.measurement import measure_signature
-    from gearmon.signatures.measured.reference import make_reference, write_reference
+    from gearmon.signatures.measured.reference import write_reference
 
     if not arguments.output:
         raise ArgumentError("learn: -o REFERENCE is missing; name the reference file to write")
@@ -39,7 +39,7 @@ def run_learn(arguments: argparse.Namespace) -> int:
         measure_signature(recording_of(path, arguments, machine), machine)
         for path in followed(arguments.recording, "learning")
     ]
-    reference = make_reference(signatures, machine)
+    reference = learned(signatures, machine)
     write_reference(reference, arguments.output)
     result = {
         "reference": arguments.output,
@@ -50,6 +50,7 @@ def run_learn(arguments: argparse.Namespace) -> int:
             {"recording": s.origin, "speed": s.speed.to_dict(), "warnings": list(s.notes)}
             for s in signatures
         ],
+        "warnings": list(reference.notes),
     }
     show(arguments, result, lambda: [reference_text(reference), f"wrote {arguments.output}"])
     return DONE
@@ -66,9 +67,10 @@ def run_analyse(arguments: argparse.Namespace) -> int:
     kept: list[tuple[Analysis, Recording | None]] = []
     for entry, found in each_of(task, arguments.recording, "analysing"):
         if "error" in entry:
-            print(f"gearmon: {entry['error']}", file=sys.stderr)
+            complain(entry["error"])
         results.append(entry)
         kept += [found] if found is not None else []
+    complain_of(results)
     result: dict[str, Any] = {"recordings": results}
     if arguments.report and kept:
         from gearmon.report.html import Failure, write_report
@@ -82,12 +84,13 @@ def run_analyse(arguments: argparse.Namespace) -> int:
     if arguments.output:
         write_json(arguments.output, result)
     show(arguments, result, lambda: _analysis_lines(result, [a for a, _ in kept]))
-    if any("error" in entry for entry in results):
-        return BAD_INPUT
-    if any(entry["flags"] for entry in results):
-        return FLAGGED
-    open_ = any(entry["verdict"] in ("cannot tell", "no mesh found") for entry in results)
-    return UNJUDGED if open_ else DONE
+    return _exit_code(results, flagged=any(entry.get("flags") for entry in results))
+
+
+def _exit_code(results: list[dict[str, Any]], *, flagged: bool) -> int:
+    """Exit code of entries with a verdict, or an error, each."""
+    verdicts = [entry["verdict"] for entry in results if "verdict" in entry]
+    return judged(verdicts, flagged=flagged, bad=any("error" in entry for entry in results))
 
 
 def _analysed(
@@ -150,7 +153,7 @@ def run_kinds(arguments: argparse.Namespace) -> int:
     reference = reference_of(arguments, machine)
     classifier, trained = _classifier(arguments, machine)
 
-    def judged(path: str) -> dict[str, Any]:
+    def kind_of(path: str) -> dict[str, Any]:
         from gearmon.diagnosis.analysis import analyse
         from gearmon.diagnosis.fault_types.judgement import kind_of_analysis
 
@@ -164,7 +167,7 @@ def run_kinds(arguments: argparse.Namespace) -> int:
             "kind": None if judgement is None else judgement.to_dict(),
         }
 
-    results = in_turn(arguments.recording, "judging", judged)
+    results = in_turn(arguments.recording, "judging", kind_of)
     result = {
         "machine": machine.name,
         "classifier": {"file": arguments.trained, "trained_now": trained},
@@ -173,16 +176,15 @@ def run_kinds(arguments: argparse.Namespace) -> int:
     if arguments.output:
         write_json(arguments.output, result)
     show(arguments, result, lambda: _kind_lines(result))
-    if any("error" in entry for entry in results):
-        return BAD_INPUT
-    return FLAGGED if any(entry["flagged"] for entry in results) else DONE
+    return _exit_code(results, flagged=any(entry.get("flagged") for entry in results))
 
 
 def _classifier(arguments: argparse.Namespace, machine: Machine) -> tuple[KindClassifier, bool]:
     """Read the classifier that is named, or train it and keep it under that name."""
     from gearmon.diagnosis.fault_types.classifier import read_kinds, write_kinds
+    from gearmon.diagnosis.fault_types.features import NAMES
     from gearmon.diagnosis.fault_types.training import EXAMPLES_BETWEEN, train_kinds
-    from gearmon.signatures.measured.reference import tooth_counts
+    from gearmon.signatures.measured.provenance import tooth_counts
 
     path = arguments.trained
     if path and Path(path).exists():
@@ -191,6 +193,11 @@ def _classifier(arguments: argparse.Namespace, machine: Machine) -> tuple[KindCl
             raise ArgumentError(
                 f"{path}: was trained for teeth {classifier.machine_ or 'not told'}, the machine "
                 f"file has {tooth_counts(machine)}; name another file to train one"
+            )
+        if classifier.n_features_in_ != len(NAMES):
+            raise ArgumentError(
+                f"{path}: knows {classifier.n_features_in_} features, there are {len(NAMES)}; name "
+                "another file to train one"
             )
         return classifier, False
     check_range("--examples", arguments.examples, *EXAMPLES_BETWEEN)
@@ -301,7 +308,7 @@ KINDS = Command(
     "recording of a fault is needed; its probabilities hold on such machines, not surely on "
     "yours, and there it is right in two of three. A kind is judged only where gearmon analyse "
     "calls a fault. Exit code: 0 if nothing is flagged, 1 if something is, 2 if a recording cannot "
-    "be used.",
+    "be used, 3 if nothing is flagged but of some recording nothing can be said.",
 )
 
 
@@ -329,22 +336,13 @@ def run_history(arguments: argparse.Namespace) -> int:
     if arguments.output:
         result["files"] = _history_written(arguments.output, found, result)
     show(arguments, result, lambda: _history_lines(found, result))
-    if errors:
-        return BAD_INPUT
-    return FLAGGED if found.raised else DONE
+    return judged((entry.verdict for entry in entries), flagged=found.raised, bad=bool(errors))
 
 
 def _check_history(arguments: argparse.Namespace) -> None:
     """Refuse what cannot work before any recording is analysed."""
-    if arguments.store == "":
-        raise ArgumentError("--store: the name is empty")
     if not arguments.recording and not arguments.store:
         raise ArgumentError("history: name recordings, or with --store a history file to look at")
-    if arguments.store:
-        store = Path(arguments.store).resolve()
-        others = [*arguments.recording, arguments.machine, arguments.reference, arguments.output]
-        if any(store == Path(path).resolve() for path in others if path):
-            raise ArgumentError(f"{arguments.store}: is another file of this command as well")
 
 
 def _history_times(arguments: argparse.Namespace) -> list[datetime]:
@@ -455,5 +453,6 @@ HISTORY = Command(
     output="write the table to this file, and a picture beside it",
     more="A tooth is listed once its loss stands clear of noise and of zero in several recordings; "
     "changes are looked for in six or more. Exit code: 0 if nothing is flagged, 1 if something "
-    "is, 2 if a recording cannot be used.",
+    "is, 2 if a recording cannot be used, 3 if nothing is flagged but of some nothing can be said.",
+    beside=("{}.png",),
 )

@@ -270,6 +270,7 @@ INDICATORS = Command(
     run=run_indicators,
     endings=(".csv", ".json", ".png"),
     output=_WRITTEN,
+    beside=("{}.png",),
 )
 SPECTRUM = Command(
     name="spectrum",
@@ -280,6 +281,11 @@ SPECTRUM = Command(
     run=run_spectrum,
     endings=(".csv", ".json", ".png"),
     output=_WRITTEN,
+    beside=("{}.png",),
+)
+_ORDERS_BESIDE = (
+    *("{}.png", "{}-map.*", "{}-averages.*", "{}-lines.*"),
+    "{}-average-[0-9]*-*.png",
 )
 ORDERS = Command(
     name="orders",
@@ -289,4 +295,5 @@ ORDERS = Command(
     run=run_orders,
     endings=(".csv", ".json", ".png"),
     output="write the tables to files of this name and others beside it, with pictures",
+    beside=_ORDERS_BESIDE,
 )

@@ -82,6 +82,7 @@ DEMO = Command(
     add=_demo_arguments,
     run=run_demo,
     output="write into this folder (gearmon-NAME)",
+    folder=True,
 )
 BENCHMARK = Command(
     name="benchmark",
@@ -90,4 +91,5 @@ BENCHMARK = Command(
     add=_benchmark_arguments,
     run=run_benchmark,
     endings=(".csv", ".json"),
+    beside=("{}.png", "{}-*.png"),
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,14 +32,16 @@ from gearmon.diagnosis.hypotheses.tooth_damage import (
 from gearmon.diagnosis.law import HealthyMachine, MachineDeviation
 from gearmon.diagnosis.nongear import disturbed, nongear_findings
 from gearmon.diagnosis.results import Analysis, Change, Flag, ToothProfile
-from gearmon.errors import ArgumentError, GearmonError, check_range
+from gearmon.errors import GearmonError, check_range
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine
+from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.recording import Recording
 from gearmon.signatures.measured.indicators import gear_indicators, waveform_indicators
 from gearmon.signatures.measured.line_plan import Family
 from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature
-from gearmon.signatures.measured.reference import Profile, Reference, make_reference, tooth_counts
+from gearmon.signatures.measured.provenance import machine_notes, recording_notes
+from gearmon.signatures.measured.reference import Profile, Reference, make_reference
 from gearmon.signatures.signature import Signature
 
 # Without a reference: false-alarm probability below which one tooth is called damaged. Seen on
@@ -69,7 +71,48 @@ def learn(recordings: Sequence[Recording], machine: Machine) -> Reference:
     GearmonError
         If a recording cannot be used.
     """
-    return make_reference([measure_signature(r, machine) for r in recordings], machine)
+    return learned([measure_signature(r, machine) for r in recordings], machine)
+
+
+def learned(signatures: Sequence[MeasuredSignature], machine: Machine) -> Reference:
+    """Build a healthy reference from what was measured, with notes on what is doubtful.
+
+    Parameters
+    ----------
+    signatures : sequence of MeasuredSignature
+        Of healthy recordings.
+    machine : Machine
+        The machine.
+
+    Returns
+    -------
+    Reference
+
+    Raises
+    ------
+    GearmonError
+        If a recording cannot be used.
+    """
+    reference = make_reference(signatures, machine)
+    return replace(reference, notes=tuple(_doubts(signatures, machine)))
+
+
+def _doubts(signatures: Sequence[MeasuredSignature], machine: Machine) -> Iterator[str]:
+    """Name recordings that do not look like those of a sound machine."""
+    for number, own in enumerate(signatures):
+        rows = tuple(range(len(own.channel_names)))
+        if own_teeth_flags(_own_teeth(Profile.of(own), rows), _OWN_TEETH_BELOW):
+            yield f"{own.origin}: one tooth stands out of its gear already; is the machine sound?"
+        others = [*signatures[:number], *signatures[number + 1 :]]
+        # of two that differ nobody knows which is the odd one
+        if len(others) < 2:
+            continue
+        strength = evidence_against(own, machine, make_reference(others, machine)).strength
+        if strength >= LIMITS.fault:
+            yield (
+                f"{own.origin}: departs from the other recordings as a fault would (strength "
+                f"{strength:.1f}); was the machine sound, and everything as in the others?"
+            )
 
 
 def analyse(
@@ -105,7 +148,8 @@ def analyse(
     """
     check_range("must_notice", must_notice, 0.0, 1.0)
     if reference is not None:
-        _check_fit(machine, reference)
+        machine_notes(machine, reference)  # refuses other gears before any work
+    recording = sound_part(recording)
     signature = measure_signature(recording, machine)
     vibration = recording.vibration()
     indicators = waveform_indicators(vibration.samples, vibration.channel_names)
@@ -160,15 +204,12 @@ class _Compared:
     rows: tuple[int, ...]
     healthy: HealthyMachine
     shared: tuple[str, ...]
+    notes: tuple[str, ...]
 
     @classmethod
     def of(cls, signature: MeasuredSignature, machine: Machine, reference: Reference) -> _Compared:
+        notes = machine_notes(machine, reference) + recording_notes(signature, reference)
         shared = [name for name in signature.channel_names if name in reference.channel_names]
-        if not shared:
-            raise ArgumentError(
-                f"{signature.origin}: channels {', '.join(signature.channel_names)} are not in the "
-                f"reference, which has {', '.join(reference.channel_names)}"
-            )
         return cls(
             signature=signature,
             machine=machine,
@@ -179,6 +220,7 @@ class _Compared:
                 reference, [reference.channel_names.index(name) for name in shared]
             ),
             shared=tuple(shared),
+            notes=tuple(notes),
         )
 
     def judged(self, indicators: _Indicators, must_notice: float) -> Analysis:
@@ -331,7 +373,7 @@ class _Compared:
     def _limits(self) -> tuple[str, ...]:
         """Name what limits a comparison with this reference."""
         signature, reference = self.signature, self.reference
-        notes = []
+        notes = [*self.notes, *(f"reference: {note}" for note in reference.notes)]
         if len(reference.profiles) == 1:
             notes.append(
                 "the reference is one recording: how this machine differs from one healthy "
@@ -358,6 +400,7 @@ class _Compared:
     def without_mesh(self, indicators: _Indicators) -> Analysis:
         """Judge a recording that lacks the mesh which its reference has: that is a change too."""
         found = _no_mesh(self.signature, self.machine, indicators)
+        found = replace(found, warnings=(*found.warnings, *self.notes))
         deviation = self.healthy.deviation(self.own, self.rows)
         broadband = deviation.broadband
         if broadband is None:
@@ -426,31 +469,11 @@ def _with(
     )
 
 
-def _check_fit(machine: Machine, reference: Reference) -> None:
-    if reference.teeth != tooth_counts(machine):
-        raise ArgumentError(
-            f"the reference was learned for teeth {reference.teeth} ({reference.machine}), the "
-            f"machine file has {tooth_counts(machine)}; learn one for this machine"
-        )
-
-
 def _alone(signature: MeasuredSignature, machine: Machine, indicators: _Indicators) -> Analysis:
     """Judge a recording by itself: every tooth against the others of its gear."""
     own = Profile.of(signature)
     rows = tuple(range(len(signature.channel_names)))
-    looked = [
-        # the tachometer's zero is that of shaft 1: other shafts stand anywhere when it comes
-        locate(
-            wheel,
-            rows,
-            (),
-            (),
-            numbered=own.tacho and abs(wheel.order - 1.0) < 1e-12,
-            same_zero=False,
-        )
-        for wheel in own.wheels
-    ]
-    profiles = tuple(profile for profile in looked if profile is not None)
+    profiles = _own_teeth(own, rows)
     log10 = min((p.log10_probability for p in profiles), default=0.0)
     log10 = min(0.0, log10 + float(np.log10(max(1, len(profiles)))))
     flags = own_teeth_flags(profiles, _OWN_TEETH_BELOW)
@@ -471,6 +494,23 @@ def _alone(signature: MeasuredSignature, machine: Machine, indicators: _Indicato
         expected=expected,
         warnings=(*signature.notes, *notes, *_missing(signature)),
     )
+
+
+def _own_teeth(own: Profile, rows: tuple[int, ...]) -> tuple[ToothProfile, ...]:
+    """Hold every tooth against the others of its gear."""
+    looked = [
+        # the tachometer's zero is that of shaft 1: other shafts stand anywhere when it comes
+        locate(
+            wheel,
+            rows,
+            (),
+            (),
+            numbered=own.tacho and abs(wheel.order - 1.0) < 1e-12,
+            same_zero=False,
+        )
+        for wheel in own.wheels
+    ]
+    return tuple(profile for profile in looked if profile is not None)
 
 
 def _expected(

@@ -253,9 +253,10 @@ def flank_level(share: float) -> int | None:
 def _check_loss(size: float, unit: str) -> None:
     if not (math.isfinite(size) and 0 <= size * LOSS_UNITS[unit] < 1):
         top = "100 %" if unit == "%" else "1"
+        hint = f"; did you mean {size:g}%?" if unit == "" and 1 <= size < 100 else ""
         raise ArgumentError(
             f"fault size={size:g}{unit} must lie in [0, {top}): it is the loss of stiffness of "
-            f"the tooth pair"
+            f"the tooth pair{hint}"
         )
 
 

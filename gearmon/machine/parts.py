@@ -22,6 +22,8 @@ Stage = ParallelStage | PlanetaryStage
 SENSOR_KINDS = ("vibration", "tacho", "torque", "speed", "other")
 SHARE_TOLERANCE = 1e-6
 MOST_STAGES = 30
+#: Fastest over slowest operating point of one machine.
+MOST_SPEEDS_APART = 100.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -228,6 +230,7 @@ class Machine:
             reason = f"is given {len(self.stages)} times; a train has 1 to {MOST_STAGES} stages"
             raise FieldError("stage", reason)
         self._check_shares()
+        self._check_speeds()
         self._check_bearings()
         self._check_sensors()
 
@@ -241,6 +244,15 @@ class Machine:
         if abs(total - 1) > SHARE_TOLERANCE:
             reason = f"must sum to 1 over all operating points; the sum is {total:.7g}"
             raise FieldError("operating.share", reason)
+
+    def _check_speeds(self) -> None:
+        speeds = [abs(point.speed_rpm) for point in self.operating]
+        if max(speeds) > MOST_SPEEDS_APART * min(speeds):
+            reason = (
+                f"must not differ by more than a factor of {MOST_SPEEDS_APART:g} between operating "
+                f"points; they go from {min(speeds):g} to {max(speeds):g} 1/min"
+            )
+            raise FieldError("operating.speed_rpm", reason)
 
     def _check_bearings(self) -> None:
         for number, bearing in enumerate(self.bearings, start=1):

@@ -38,6 +38,7 @@ from gearmon.report.wording import (
     told_apart,
     unit_text,
 )
+from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.recording import Recording
 from gearmon.signals.spectra import Spectrum
 from gearmon.signals.spectra.demodulation import Kurtogram
@@ -489,7 +490,7 @@ def close_up_harmonic(analysis: Analysis, stage: int) -> int:
 
 def _vibration_of(analysis: Analysis, recording: Recording) -> Recording:
     """Return the channels of the recording that were analysed, in the order of the analysis."""
-    vibration, names = recording.vibration(), analysis.signature.channel_names
+    vibration, names = sound_part(recording).vibration(), analysis.signature.channel_names
     return vibration if vibration.channel_names == names else vibration.select(names)
 
 

@@ -152,6 +152,7 @@ def reference_text(reference: Reference) -> str:
         f"{profile.speed_hz:.4f} Hz{', tacho' if profile.tacho else ''}"
         for profile in reference.profiles
     ]
+    lines += [f"  note: {printable(note)}" for note in reference.notes]
     return "\n".join(lines)
 
 

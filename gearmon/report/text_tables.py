@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from gearmon.files import table_cell
+
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
@@ -93,13 +95,13 @@ def rows_as_csv(rows: Sequence[dict[str, Any]]) -> str:
     Returns
     -------
     str
-        None is an empty field.
+        None is an empty field; see `gearmon.files.table_cell`.
     """
     text = io.StringIO()
     if rows:
         writer = csv.DictWriter(text, fieldnames=list(rows[0]), lineterminator="\n")
         writer.writeheader()
-        writer.writerows(rows)
+        writer.writerows({name: table_cell(cell) for name, cell in row.items()} for row in rows)
     return text.getvalue()
 
 

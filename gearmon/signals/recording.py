@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.errors import ArgumentError, RecordingError, check_positive
+from gearmon.errors import ArgumentError, RecordingError, check_range
 from gearmon.signals.reading import (
     Content,
     Progress,
@@ -24,6 +24,8 @@ from gearmon.signals.reading import (
     survey,
 )
 
+#: Vibration is sampled no slower and no faster [Hz].
+RATES_HZ = 1e-3, 1e10
 CHANNEL_KINDS = ("vibration", "tacho", "torque", "speed", "other")
 
 Samples = npt.NDArray[np.float64]
@@ -37,7 +39,7 @@ class Recording:
     ----------
     samples : ndarray of float64, shape (channels, n), n >= 2
         The samples, all finite; read-only. Accelerations are in m/s2 where their unit is known.
-    sampling_rate_hz : float > 0
+    sampling_rate_hz : float, in [0.001, 1e10]
         Samples per second.
     channel_names : tuple of str, optional
         One name for each channel; "channel 1" and so on if not given.
@@ -87,7 +89,7 @@ class Recording:
     known_finite: InitVar[bool] = False
 
     def __post_init__(self, known_finite: bool) -> None:
-        check_positive("sampling_rate_hz", self.sampling_rate_hz, "Hz")
+        check_range("sampling_rate_hz", self.sampling_rate_hz, *RATES_HZ, "Hz")
         samples = np.asarray(self.samples, dtype=np.float64)
         if samples.ndim != 2:
             raise ArgumentError(f"samples have shape {samples.shape}, must be (channels, n)")
@@ -226,7 +228,7 @@ def read_recording(
         If an argument is out of its range.
     """
     if sampling_rate_hz is not None:
-        check_positive("sampling_rate_hz", sampling_rate_hz, "Hz")
+        check_range("sampling_rate_hz", sampling_rate_hz, *RATES_HZ, "Hz")
     wanted = Wanted(
         sampling_rate_hz=sampling_rate_hz,
         channels=(channels,) if isinstance(channels, str | int) else tuple(channels or ()),

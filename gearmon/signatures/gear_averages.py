@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from gearmon.errors import RecordingError
 from gearmon.gears.kinematics import Kinematics, Wheel, kinematics
 from gearmon.machine import Machine
+from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.orders import whole_turns
 from gearmon.signals.orders.averages import SynchronousAverage, time_synchronous_average
 from gearmon.signals.recording import Recording
@@ -225,6 +226,7 @@ def gear_averages(
         If the recording cannot be used.
     """
     train = kinematics(machine)
+    recording = sound_part(recording)
     found = measure_signature(recording, machine) if signature is None else signature
     vibration = recording.vibration()
     rate, track = vibration.sampling_rate_hz, found.track

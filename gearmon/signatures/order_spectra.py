@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine
+from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.orders import READ_UP_TO
 from gearmon.signals.orders.maps import OrderMap, order_map
 from gearmon.signals.recording import Recording
@@ -163,6 +164,7 @@ def order_spectra(
     """
     train = kinematics(machine)
     ratio = train.shaft(shaft).order
+    recording = sound_part(recording)
     signature = measure_signature(recording, machine)
     vibration = recording.vibration()
     rate, track = vibration.sampling_rate_hz, signature.track

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError, check_range
 from gearmon.machine import Machine
+from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.recording import Recording
 from gearmon.signals.spectra import amplitude_spectrum, half_lobe, line_amplitude, power_density
 from gearmon.signals.spectra.demodulation import (
@@ -349,6 +350,7 @@ def recording_spectrum(
     if kind not in KINDS:
         raise ArgumentError(f"kind={kind!r} must be one of {', '.join(KINDS)}")
     check_range("peaks", most_peaks, 0, 1000)
+    recording = sound_part(recording)
     vibration = recording.vibration()
     _check_band(band, vibration, kind)
     result = COMPUTE[kind](vibration, band, window_name)

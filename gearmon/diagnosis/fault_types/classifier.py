@@ -11,10 +11,7 @@ C. Guo, G. Pleiss, Y. Sun, K. Weinberger, On calibration of modern neural networ
 
 from __future__ import annotations
 
-import io
-import json
 import warnings
-import zipfile
 from pathlib import Path
 from typing import Any, Self
 
@@ -34,8 +31,8 @@ from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from gearmon.diagnosis.fault_types.features import NONE
-from gearmon.errors import ArgumentError, SignatureError
-from gearmon.files import write_atomically
+from gearmon.errors import ArgumentError
+from gearmon.files import reading_archive, write_archive
 
 FloatArray = NDArray[np.float64]
 
@@ -271,10 +268,7 @@ def write_kinds(classifier: KindClassifier, path: str | Path) -> None:
     arrays["classes_"] = arrays["classes_"].astype(str)
     for row, network in enumerate(classifier.networks_):
         arrays |= {f"{row}/{part}": values for part, values in enumerate(network)}
-    arrays["header"] = np.frombuffer(json.dumps(header).encode("utf-8"), dtype=np.uint8)
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, allow_pickle=False, **arrays)
-    write_atomically(path, buffer.getvalue())
+    write_archive(path, header, arrays)
 
 
 def read_kinds(path: str | Path) -> KindClassifier:
@@ -290,32 +284,44 @@ def read_kinds(path: str | Path) -> KindClassifier:
     SignatureError
         If the file is missing, is no classifier, or is damaged.
     """
-    try:
-        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as archive:
-            header = json.loads(bytes(archive["header"]).decode("utf-8"))
-            if header.get("format") != FORMAT:
-                raise SignatureError(
-                    f"{path}: format {header.get('format')!r} is not {FORMAT!r}; train it anew"
-                )
-            classifier = KindClassifier(**header["settings"])
-            for name in _ARRAYS:
-                setattr(classifier, name, archive[name])
-            classifier.networks_ = [
-                [archive[f"{row}/{part}"] for part in range(4)] for row in range(header["networks"])
-            ]
-    except SignatureError:
-        raise
-    except FileNotFoundError:
-        raise SignatureError(f"{path}: no such file; train a classifier and store it") from None
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile, EOFError, TypeError) as error:
-        raise SignatureError(
-            f"{path}: not a readable kind classifier ({type(error).__name__}); train it anew"
-        ) from None
-    classifier.temperature_ = float(header["temperature"])
-    classifier.reach_ = float(header["reach"])
-    classifier.machine_ = str(header.get("machine", ""))
-    classifier.n_features_in_ = len(classifier.mean_)
+    told_of = "kind classifier", "train it", "train a classifier and store it"
+    with reading_archive(path, (FORMAT,), *told_of) as (header, arrays):
+        classifier = KindClassifier(**header["settings"])
+        for name in _ARRAYS:
+            setattr(classifier, name, arrays[name])
+        classifier.networks_ = [
+            [arrays[f"{row}/{part}"] for part in range(4)] for row in range(header["networks"])
+        ]
+        classifier.temperature_ = float(header["temperature"])
+        classifier.reach_ = float(header["reach"])
+        classifier.machine_ = str(header.get("machine", ""))
+        classifier.n_features_in_ = len(classifier.mean_)
+        _check(classifier)
     return classifier
+
+
+def _check(classifier: KindClassifier) -> None:
+    """Refuse what no training gives: a file may be damaged and still be an archive."""
+    kinds, features = len(classifier.classes_), classifier.n_features_in_
+    shapes = [(features,), (features,), (kinds, features), (features, features)]
+    parts = [getattr(classifier, name) for name in _ARRAYS[1:]]
+    for network in classifier.networks_:
+        hidden = len(network[1])
+        shapes += [(features, hidden), (hidden,), (hidden, kinds), (kinds,)]
+        parts += network
+    right = all(
+        part.shape == shape and part.dtype.kind == "f" and np.isfinite(part).all()
+        for part, shape in zip(parts, shapes, strict=True)
+    )
+    kinds_right = classifier.classes_.ndim == 1 and classifier.classes_.dtype.kind == "U"
+    if not (right and kinds_right and 0 < kinds == len(set(classifier.classes_))):
+        raise ValueError("its numbers do not fit together")
+    if kinds > 1 and not classifier.networks_:
+        raise ValueError("it has no networks")
+    if not ((classifier.scale_ > 0).all() and classifier.reach_ > 0 < classifier.temperature_):
+        raise ValueError("its scales cannot be")
+    if not (classifier.reach_ < np.inf and classifier.temperature_ < np.inf):
+        raise ValueError("its scales cannot be")
 
 
 # Of a plain detector, as a yardstick

@@ -21,7 +21,8 @@ from gearmon.diagnosis.hypotheses.runout import TurnChange, turn_changes
 from gearmon.diagnosis.results import Change
 from gearmon.errors import check_range
 from gearmon.machine import Machine
-from gearmon.signatures.measured.reference import WheelPattern, tooth_counts
+from gearmon.signatures.measured.provenance import tooth_counts
+from gearmon.signatures.measured.reference import WheelPattern
 
 if TYPE_CHECKING:
     from gearmon.diagnosis.fault_types.classifier import KindClassifier

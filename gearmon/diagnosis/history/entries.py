@@ -16,6 +16,20 @@ from gearmon.errors import ArgumentError, check_finite, check_range
 HALF_OF_90 = 1.6448536269514722
 
 
+# Years 1 to 9999; and what no evidence, no estimate reaches.
+_TIMES_S = -6.21e10, 2.53e11
+_MUCH = 1e9
+_RANGES = {
+    "stage": (1, 100),
+    "teeth": (1, 100_000),
+    "tooth": (1, 100_000),
+    "statistic": (0.0, _MUCH),
+    "log10_probability": (-_MUCH, 0.0),
+    **dict.fromkeys(("loss", "loss_low", "loss_high"), (-_MUCH, _MUCH)),
+    "loss_sigma": (0.0, _MUCH),
+}
+
+
 @dataclass(frozen=True, kw_only=True)
 class Place:
     """What one recording said about a gear, or about one of its teeth.
@@ -60,6 +74,11 @@ class Place:
         for name, value in asdict(self).items():
             if isinstance(value, float):
                 check_finite(name, value)
+        for name, (low, high) in _RANGES.items():
+            if getattr(self, name) is not None:
+                check_range(name, getattr(self, name), low, high)
+        if not isinstance(self.gear, str):
+            raise ArgumentError(f"gear={self.gear!r} must be a text")
         if self.loss_sigma is not None and self.loss_sigma <= 0:
             raise ArgumentError(f"loss_sigma={self.loss_sigma} must be > 0")
         if self.loss is not None and self.loss_sigma is None:
@@ -117,9 +136,12 @@ class Entry:
 
     def __post_init__(self) -> None:
         """Check the values."""
-        check_finite("time_s", self.time_s, "s")
-        check_finite("score", self.score)
-        check_finite("speed_hz", self.speed_hz, "Hz")
+        check_range("time_s", self.time_s, *_TIMES_S, "s")
+        check_range("score", self.score, -_MUCH, _MUCH)
+        check_range("speed_hz", self.speed_hz, 0.0, _MUCH, "Hz")
+        for text in (self.time_source, self.machine, self.recording, *self.findings):
+            if not isinstance(text, str):
+                raise ArgumentError(f"{text!r} must be a text")
         check_range("false_alarm_probability", self.false_alarm_probability, 0.0, 1.0)
         if self.verdict not in VERDICTS:
             raise ArgumentError(f"verdict={self.verdict!r} must be one of {', '.join(VERDICTS)}")

@@ -6,7 +6,9 @@ as columns.
 
 from __future__ import annotations
 
+import hashlib
 import json
+import os
 import sqlite3
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
@@ -16,11 +18,12 @@ from typing import Any
 
 from gearmon.diagnosis.history.entries import ENTRY, PLACE, Entry, History, Place, duplicate_time
 from gearmon.errors import ArgumentError, SignatureError
-from gearmon.files import replacing, write_atomically
+from gearmon.files import replacing, table_cell, write_atomically
 
 #: "GMhi": SQLite files of other programs have another mark.
 APPLICATION_ID = 0x474D6869
-SCHEMA_VERSION = 1
+#: Version 1 had no checksums; it is read, and made version 2 when it is added to.
+SCHEMA_VERSION = 2
 #: Seconds that a writer waits for another one to finish.
 _PATIENCE_S = 10.0
 
@@ -40,7 +43,8 @@ _SQL_ENTRY, _SQL_PLACE = (
 )
 _SCHEMA = f"""
 CREATE TABLE IF NOT EXISTS recordings
-    (id INTEGER PRIMARY KEY, {_SQL_ENTRY}, findings TEXT NOT NULL, UNIQUE (machine, time_s));
+    (id INTEGER PRIMARY KEY, {_SQL_ENTRY}, findings TEXT NOT NULL, checksum TEXT,
+     UNIQUE (machine, time_s));
 CREATE TABLE IF NOT EXISTS places
     (recording_id INTEGER NOT NULL REFERENCES recordings (id) ON DELETE CASCADE, {_SQL_PLACE});
 CREATE INDEX IF NOT EXISTS places_by_recording ON places (recording_id);
@@ -91,7 +95,25 @@ def append(path: str | Path, entries: Sequence[Entry], *, replace: bool = False)
             number = _insert(store, "recordings", own)
             for place in entry.places:
                 _insert(store, "places", {"recording_id": number} | asdict(place))
+            store.execute(
+                "UPDATE recordings SET checksum = ? WHERE id = ?",
+                (_checksum(store, number), number),
+            )
     return replaced
+
+
+def _checksum(store: sqlite3.Connection, number: int | None) -> str:
+    """Return a mark of all that is stored of one recording."""
+    own = store.execute("SELECT * FROM recordings WHERE id = ?", (number,)).fetchone()
+    places = _places(store, number)
+    told = [[own[name] for name in (*ENTRY, "findings")]]
+    told += [[place[name] for name in PLACE] for place in places]
+    return hashlib.blake2b(json.dumps(told).encode(), digest_size=8).hexdigest()
+
+
+def _places(store: sqlite3.Connection, number: int | None) -> list[sqlite3.Row]:
+    asked = "SELECT * FROM places WHERE recording_id = ? ORDER BY rowid"
+    return store.execute(asked, (number,)).fetchall()
 
 
 def _check_teeth(store: sqlite3.Connection, entry: Entry) -> None:
@@ -145,20 +167,26 @@ def read_history(path: str | Path, machine: str | None = None) -> History:
         If the file holds several machines and none was named.
     """
     with _opened(Path(path), create=False) as store:
-        if machine is None:
-            names = [row[0] for row in store.execute("SELECT DISTINCT machine FROM recordings")]
-            if len(names) != 1:
-                listed = ", ".join(repr(name) for name in sorted(names)) or "none"
-                raise ArgumentError(f"{path}: name one of its machines: {listed}")
-            machine = str(names[0])
-        asked = "SELECT * FROM recordings WHERE machine = ? ORDER BY time_s"
-        rows = store.execute(asked, (machine,)).fetchall()
-        return History(machine=machine, entries=tuple(_entry(store, row) for row in rows))
+        rows = store.execute("SELECT * FROM recordings ORDER BY time_s").fetchall()
+        try:
+            # all of them: of a damaged name nobody knows whose it was
+            entries = [_entry(store, row) for row in rows]
+        except (ArgumentError, TypeError, ValueError, OverflowError) as error:
+            raise _damaged(Path(path), "is a damaged history file", error) from None
+    if machine is None:
+        names = sorted({entry.machine for entry in entries})
+        if len(names) != 1:
+            listed = ", ".join(repr(name) for name in names) or "none"
+            raise ArgumentError(f"{path}: name one of its machines: {listed}")
+        machine = names[0]
+    return History(machine=machine, entries=tuple(e for e in entries if e.machine == machine))
 
 
 def _entry(store: sqlite3.Connection, row: sqlite3.Row) -> Entry:
-    asked = "SELECT * FROM places WHERE recording_id = ? ORDER BY rowid"
-    places = store.execute(asked, (row["id"],)).fetchall()
+    known = dict(row).get("checksum")  # none in files of the first version
+    if known is not None and known != _checksum(store, row["id"]):
+        raise ValueError(f"recording {row['id']} is not what was written")
+    places = _places(store, row["id"])
     return Entry(
         **{name: row[name] for name in ENTRY},
         findings=tuple(json.loads(row["findings"])),
@@ -178,7 +206,7 @@ def _opened(path: Path, *, create: bool) -> Iterator[sqlite3.Connection]:
             raise ArgumentError(f"{path}: cannot be made, its folder does not exist")
     try:
         # the transaction is begun by hand: one for the schema and all rows
-        with closing(sqlite3.connect(path, timeout=_PATIENCE_S, isolation_level=None)) as store:
+        with closing(_connected(path, create=create)) as store:
             store.row_factory = sqlite3.Row
             _prepare(store, path, create=create)
             store.execute("BEGIN IMMEDIATE" if create else "BEGIN")
@@ -194,6 +222,16 @@ def _opened(path: Path, *, create: bool) -> Iterator[sqlite3.Connection]:
         raise SignatureError(f"{path}: cannot be used as a history ({error})") from None
     except (sqlite3.DatabaseError, json.JSONDecodeError) as error:
         raise _damaged(path, "is no history file, or a damaged one", error) from None
+
+
+def _connected(path: Path, *, create: bool) -> sqlite3.Connection:
+    target = path.resolve()
+    writable = os.access(target.parent, os.W_OK) and os.access(target, os.W_OK)
+    if create or writable:
+        return sqlite3.connect(path, timeout=_PATIENCE_S, isolation_level=None)
+    # who may only read cannot make the files that writers and readers share
+    name = f"{target.as_uri()}?immutable=1"
+    return sqlite3.connect(name, uri=True, timeout=_PATIENCE_S, isolation_level=None)
 
 
 def _prepare(store: sqlite3.Connection, path: Path, *, create: bool) -> None:
@@ -213,6 +251,11 @@ def _prepare(store: sqlite3.Connection, path: Path, *, create: bool) -> None:
         raise SignatureError(
             f"{path}: has schema {version}, this version of gearmon knows {SCHEMA_VERSION}; use a "
             "later one"
+        )
+    elif version == 1 and create:
+        store.executescript(
+            "BEGIN IMMEDIATE; ALTER TABLE recordings ADD COLUMN checksum TEXT;"
+            f"PRAGMA user_version = {SCHEMA_VERSION}; COMMIT;"
         )
     store.execute("PRAGMA foreign_keys = ON")
     if answer != "ok":
@@ -248,7 +291,8 @@ def export_history(history: History, path: str | Path) -> Path:
     kinds = {"time": "str"} | {name: _COLUMNS[name][1] for name in (*ENTRY, *PLACE)}
     # a gear as a whole has no row in places where nothing was looked at
     kinds["gear"] = "object"
-    frame = pd.DataFrame(history.rows(), columns=list(kinds)).astype(kinds)
+    rows = [{name: table_cell(v) for name, v in row.items()} for row in history.rows()]
+    frame = pd.DataFrame(rows, columns=list(kinds)).astype(kinds)
     if target.suffix.lower() == ".csv":
         write_atomically(target, frame.to_csv(index=False, lineterminator="\n"))
     elif target.suffix.lower() == ".parquet":

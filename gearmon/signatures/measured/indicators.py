@@ -19,6 +19,7 @@ from gearmon.errors import ArgumentError, SignatureError, check_range
 from gearmon.files import write_atomically
 from gearmon.machine import Machine
 from gearmon.signals import indicators
+from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.indicators import RunHistory, na4, na4_frozen
 from gearmon.signals.recording import Recording
 from gearmon.signals.threads import at_once
@@ -243,6 +244,7 @@ def indicator_table(
         If the recording cannot be used or the history is of other channels.
     """
     check_range("baseline", baseline, 1, 1_000_000)
+    recording = sound_part(recording)
     vibration = recording.vibration()
     if machine is None:
         return IndicatorTable(

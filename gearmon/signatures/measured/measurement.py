@@ -13,6 +13,7 @@ from gearmon.errors import RecordingError
 from gearmon.gears.kinematics import Kinematics, kinematics
 from gearmon.machine import Machine
 from gearmon.signals.angle import AngleTrack
+from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.orders import OrderLines, order_lines
 from gearmon.signals.orders.fine_spectra import FineSpectrum, fine_order_spectrum
 from gearmon.signals.recording import Recording
@@ -25,6 +26,7 @@ from gearmon.signals.tracking.sideband_spacing import (
 )
 from gearmon.signatures.measured.line_plan import LinePlan, line_plan, mesh_harmonics
 from gearmon.signatures.measured.nongear_lines import NonGearLines, nongear_lines
+from gearmon.signatures.measured.provenance import digests
 from gearmon.signatures.speed import (
     SPEED_TOLERANCE,
     Speed,
@@ -46,6 +48,8 @@ _BANDS, _BAND_SAMPLES = 40, 2048
 # Height of a gear's own sidebands, in robust standard deviations, from which they count.
 _SUPPORTED = 4.0
 _FOUND_DESPITE_MISMATCH = 6.0
+# Speed of shaft 1 up to which it is asked whether Hz were meant [1/min].
+_SLOW_RPM = 100.0
 # Lines of the kinematics at whose multiples sidebands of the machine's own stand.
 _TURNING = ("shaft", "rotation", "local fault", "planet pass")
 
@@ -126,6 +130,8 @@ class MeasuredSignature:
         What the reader should know.
     foreign : NonGearLines or None
         Lines that no gear explains.
+    digests : tuple of str
+        Mark of the samples of each channel.
     """
 
     origin: str
@@ -144,6 +150,7 @@ class MeasuredSignature:
     band_db: FloatArray
     notes: tuple[str, ...]
     foreign: NonGearLines | None = None
+    digests: tuple[str, ...] = ()
 
     @property
     def found(self) -> bool:
@@ -172,8 +179,10 @@ def measure_signature(recording: Recording, machine: Machine) -> MeasuredSignatu
     Raises
     ------
     RecordingError
-        If the recording has no vibration channel or is too short for a turn of the slowest shaft.
+        If the recording has no vibration channel, none that is sound (see
+        `gearmon.signals.bad_samples`), or is too short for a turn of the slowest shaft.
     """
+    recording = sound_part(recording)
     train = kinematics(machine)
     vibration = recording.vibration()
     slowest = min(shaft.order for shaft in train.shafts)
@@ -205,6 +214,7 @@ def measure_signature(recording: Recording, machine: Machine) -> MeasuredSignatu
         band_db=broadband_levels(samples, rate),
         notes=tuple(recording.notes) + tracking.notes,
         foreign=foreign,
+        digests=digests(samples),
     )
 
 
@@ -258,13 +268,30 @@ def _spectra(
 
 
 def _check_length(recording: Recording, slowest_order: float, machine: Machine) -> None:
+    fastest_hz = max(point.shaft1_hz for point in machine.operating)
+    rate = recording.sampling_rate_hz
+    if rate < 2.0 * fastest_hz * (1 - SPEED_TOLERANCE):
+        raise RecordingError(
+            f"{recording.origin}: {rate:.6g} samples a second show nothing of a shaft at "
+            f"{fastest_hz:.6g} Hz; if the time is in ms, name its column time (ms), or give "
+            f"--sampling-rate {1000 * rate:.6g}"
+        )
     slowest_hz = slowest_order * min(point.shaft1_hz for point in machine.operating)
     needed = 2.0 / slowest_hz
     if recording.duration_s < needed:
         raise RecordingError(
             f"{recording.origin}: {recording.duration_s:.3g} s are too short: the slowest shaft "
-            f"turns at {slowest_hz:.3g} Hz, two turns need {needed:.3g} s"
+            f"turns at {slowest_hz:.3g} Hz, two turns need {needed:.3g} s{_speed_hint(machine)}"
         )
+
+
+def _speed_hint(machine: Machine) -> str:
+    """Ask whether a very slow speed was meant in Hz."""
+    slowest = min(point.speed_rpm for point in machine.operating)
+    if slowest > _SLOW_RPM:
+        return ""
+    meant = f"{60 * slowest:g} ({slowest:g} Hz)"
+    return f"; speed_rpm is {slowest:g} turns a minute: did you mean {meant}?"
 
 
 def _plan(train: Kinematics, rate: float, track: AngleTrack, nominal_hz: float) -> LinePlan:

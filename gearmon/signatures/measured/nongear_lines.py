@@ -52,6 +52,8 @@ _ENVELOPE_ORDER, _ENVELOPE_HARMONICS = 20.0, 3.5
 KINDS = ("spectrum", "envelope")
 LOCKS = ("shaft", "time", "either")
 _PLACES = ("order", "frequency_hz", "low_order", "high_order")
+# No level, order, frequency or count is larger.
+_MUCH = 1e12
 _GRID = ("width", "top", "pieces", "least_db", "looked_at")
 
 
@@ -563,6 +565,7 @@ def lines_from_arrays(arrays: Mapping[str, NDArray[Any]]) -> NonGearLines:
     KeyError, ValueError, IndexError
         If something is missing or does not fit.
     """
+    _check_arrays(arrays)
     rows = zip(arrays["kind"], arrays["locked"], arrays["place"], arrays["level"], strict=True)
     lines = tuple(
         NonGearLine(
@@ -588,3 +591,27 @@ def lines_from_arrays(arrays: Mapping[str, NDArray[Any]]) -> NonGearLines:
         cell_hz=cell_hz,
         in_time_db=arrays["in_time_db"],
     )
+
+
+def _check_arrays(arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Refuse what no recording gives."""
+    channels, count = len(arrays["in_time_db"]), len(arrays["kind"])
+    by_channel = [
+        arrays["in_time_db"],
+        *(arrays[f"{what}/{kind}"] for kind in KINDS for what in ("noise", "hidden")),
+    ]
+    right = all(
+        part.ndim == 2 and len(part) == channels and part.shape[1] > 0 and part.dtype.kind == "f"
+        for part in by_channel
+    )
+    right &= not count or arrays["level"].shape == (count, 2, channels)
+    right &= arrays["kind"].dtype.kind == arrays["locked"].dtype.kind == "i"
+    right &= bool((arrays["kind"] >= 0).all() and (arrays["locked"] >= 0).all())
+    told = [*by_channel, *(arrays[name] for name in ("place", "level", "grid", "speed_hz"))]
+    # nothing at all is minus infinity
+    right &= all(bool((part < _MUCH).all()) for part in told)
+    right &= all(bool(np.isfinite(arrays[name]).all()) for name in ("place", "grid", "speed_hz"))
+    # widths, orders, pieces and speeds
+    right &= bool((arrays["speed_hz"] > 0).all() and (arrays["grid"][:, :3] > 0).all())
+    if not right:
+        raise ValueError("its lines of no gear cannot be")

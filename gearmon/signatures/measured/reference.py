@@ -7,26 +7,29 @@ healthy machine changes with load. Its file is a NumPy archive with a JSON heade
 
 from __future__ import annotations
 
-import io
-import json
-import struct
 import zipfile
-import zlib
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.errors import ArgumentError, SignatureError
-from gearmon.files import write_atomically
-from gearmon.machine import Machine, ParallelStage
+from gearmon import __version__
+from gearmon.errors import ArgumentError
+from gearmon.files import reading_archive, write_archive
+from gearmon.machine import Machine
 from gearmon.signals.orders import OrderLines, variance_of_mean
 from gearmon.signatures.measured.line_plan import WheelLines
 from gearmon.signatures.measured.measurement import MeasuredSignature
 from gearmon.signatures.measured.nongear_lines import NonGearLines, line_arrays, lines_from_arrays
+from gearmon.signatures.measured.provenance import (
+    check_alike,
+    machine_facts,
+    refuse_twice,
+    tooth_counts,
+)
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -35,12 +38,9 @@ ComplexArray = NDArray[np.complex128]
 # the latter is far too large; with few blocks it is still the better guess.
 _FEW_BLOCKS = 9
 _LEAST_OF_FEW, _LEAST = 0.25, 0.01
-FORMAT = "gearmon reference 3"
-# Without lines of no gear, without broadband levels; still read.
-_OLDER_FORMATS = ("gearmon reference 1", "gearmon reference 2")
-# What reading a damaged archive may end in.
-_DAMAGE = (OSError, ValueError, LookupError, TypeError, EOFError, RuntimeError)
-_DAMAGED_ARCHIVE = (zipfile.BadZipFile, zlib.error, struct.error)
+FORMAT = "gearmon reference 4"
+# Without lines of no gear, broadband levels, provenance; still read.
+_OLDER_FORMATS = tuple(f"gearmon reference {number}" for number in (1, 2, 3))
 # What stands in the header of the file, and what in arrays of their own.
 _OF_WHEEL, _WHEEL_ARRAYS = (
     ("stage", "gear", "teeth", "order"),
@@ -51,6 +51,10 @@ _OF_PROFILE, _PROFILE_ARRAYS = (
     ("level_db", "band_db", "scatter_db", "heard"),
 )
 _OF_REFERENCE = ("machine", "teeth", "channel_names", "units", "family_names")
+# What older formats do not tell.
+_PROVENANCE, _OF_SAMPLES = ("version", "machine_facts", "notes"), ("sampling_rate_hz", "digests")
+# More than any recording gives: what claims to be larger is damaged, or made to do harm.
+_MOST_DB, _MOST_LINES, _MOST_AMPLITUDE = 7000.0, 10_000_000, 1e150
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -132,6 +136,10 @@ class Profile:
         format.
     foreign : NonGearLines or None
         Lines that no gear explains; None in references of the oldest format.
+    sampling_rate_hz : float
+        Sampling rate [Hz]; 0 where an older format does not tell.
+    digests : tuple of str
+        Mark of the samples of each channel.
     """
 
     origin: str
@@ -145,6 +153,8 @@ class Profile:
     wheels: tuple[WheelPattern, ...]
     band_db: FloatArray
     foreign: NonGearLines | None = None
+    sampling_rate_hz: float = 0.0
+    digests: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, signature: MeasuredSignature) -> Profile:
@@ -163,6 +173,8 @@ class Profile:
             ),
             band_db=signature.band_db,
             foreign=signature.foreign,
+            sampling_rate_hz=signature.sampling_rate_hz,
+            digests=signature.digests,
         )
 
 
@@ -184,6 +196,12 @@ class Reference:
         Families that all recordings have.
     profiles : tuple of Profile
         The recordings.
+    version : str
+        Of gearmon that learned it; empty in older formats.
+    machine_facts : dict
+        What the machine file said.
+    notes : tuple of str
+        What was doubtful about the recordings.
     """
 
     machine: str
@@ -192,6 +210,9 @@ class Reference:
     units: tuple[str | None, ...]
     family_names: tuple[str, ...]
     profiles: tuple[Profile, ...]
+    version: str = ""
+    machine_facts: dict[str, Any] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     @property
     def origins(self) -> tuple[str, ...]:
@@ -215,27 +236,6 @@ def _taken(profile: Profile, names: Sequence[str], values: FloatArray) -> FloatA
     return values[:, [index[name] for name in names]]
 
 
-def tooth_counts(machine: Machine) -> str:
-    """Return the tooth counts of a machine in one line, as "32/96, 20/40/100".
-
-    Parameters
-    ----------
-    machine : Machine
-        The machine.
-
-    Returns
-    -------
-    str
-    """
-    stages = []
-    for stage in machine.stages:
-        if isinstance(stage, ParallelStage):
-            stages.append(f"{stage.pinion_teeth}/{stage.gear_teeth}")
-        else:
-            stages.append(f"{stage.sun_teeth}/{stage.planet_teeth}/{stage.ring_teeth}")
-    return ", ".join(stages)
-
-
 def make_reference(signatures: Sequence[MeasuredSignature], machine: Machine) -> Reference:
     """Join measured signatures of healthy recordings into a reference.
 
@@ -253,7 +253,8 @@ def make_reference(signatures: Sequence[MeasuredSignature], machine: Machine) ->
     Raises
     ------
     ArgumentError
-        If there is none, no mesh was found in one of them, or their channels differ.
+        If there is none, no mesh was found in one of them, one is there twice, or their channels,
+        units or sampling rates differ.
     """
     if not signatures:
         raise ArgumentError("a reference needs at least one healthy recording")
@@ -281,14 +282,20 @@ def make_reference(signatures: Sequence[MeasuredSignature], machine: Machine) ->
             "the recordings share no family of lines: they differ too much in sampling rate or "
             "length"
         )
-    return Reference(
+    reference = Reference(
         machine=machine.name,
         teeth=tooth_counts(machine),
         channel_names=first.channel_names,
         units=first.units,
         family_names=tuple(common),
         profiles=profiles,
+        version=__version__,
+        machine_facts=machine_facts(machine),
     )
+    refuse_twice(profiles)
+    for signature in signatures:
+        check_alike(signature, reference)
+    return reference
 
 
 def write_reference(reference: Reference, path: str | Path) -> None:
@@ -306,20 +313,19 @@ def write_reference(reference: Reference, path: str | Path) -> None:
     ArgumentError
         If the file cannot be written.
     """
-    header: dict[str, Any] = {"format": FORMAT, **_named(reference, _OF_REFERENCE), "profiles": []}
+    named = _named(reference, (*_OF_REFERENCE, *_PROVENANCE))
+    header: dict[str, Any] = {"format": FORMAT, **named, "profiles": []}
     arrays: dict[str, NDArray[Any]] = {}
     for row, profile in enumerate(reference.profiles):
         wheels = [_named(wheel, _OF_WHEEL) for wheel in profile.wheels]
-        header["profiles"].append({**_named(profile, _OF_PROFILE), "wheels": wheels})
+        own = _named(profile, (*_OF_PROFILE, *_OF_SAMPLES))
+        header["profiles"].append({**own, "wheels": wheels})
         arrays |= _prefixed(f"{row}", _named(profile, _PROFILE_ARRAYS))
         for column, wheel in enumerate(profile.wheels):
             arrays |= _prefixed(f"{row}/{column}", _named(wheel, _WHEEL_ARRAYS))
         if profile.foreign is not None:
             arrays |= _prefixed(f"{row}/foreign", line_arrays(profile.foreign))
-    arrays["header"] = np.frombuffer(json.dumps(header).encode("utf-8"), dtype=np.uint8)
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, allow_pickle=False, **arrays)
-    write_atomically(path, buffer.getvalue())
+    write_archive(path, header, arrays)
 
 
 def _named(owner: object, names: Sequence[str]) -> dict[str, Any]:
@@ -355,35 +361,85 @@ def read_reference(path: str | Path) -> Reference:
     SignatureError
         If the file is missing, is no reference, or is damaged.
     """
-    try:
-        # opened here, so that it is closed even if it turns out to be no archive
-        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as archive:
-            header = json.loads(bytes(archive["header"]).decode("utf-8"))
-            if header.get("format") not in (FORMAT, *_OLDER_FORMATS):
-                raise SignatureError(
-                    f"{path}: format {header.get('format')!r} is not {FORMAT!r}; learn it anew"
-                )
-            profiles = tuple(
-                _read_profile(archive, row, entry) for row, entry in enumerate(header["profiles"])
-            )
-            told = {name: _frozen(header[name]) for name in _OF_REFERENCE}
-    except SignatureError:
-        raise
-    except FileNotFoundError:
-        raise SignatureError(f"{path}: no such file; make one with gearmon learn") from None
-    except _DAMAGE + _DAMAGED_ARCHIVE as error:
-        raise SignatureError(
-            f"{path}: not a readable gearmon reference ({type(error).__name__}); make one with "
-            "gearmon learn"
-        ) from None
-    return Reference(**told, profiles=profiles)
+    formats = (FORMAT, *_OLDER_FORMATS)
+    told_of = "gearmon reference", "learn it", "make one with gearmon learn"
+    with reading_archive(path, formats, *told_of) as (header, arrays):
+        profiles = tuple(
+            _read_profile(arrays, row, entry) for row, entry in enumerate(header["profiles"])
+        )
+        told = {name: _frozen(header[name]) for name in _OF_REFERENCE}
+        told |= {name: _frozen(header[name]) for name in _PROVENANCE if name in header}
+        reference = Reference(**told, profiles=profiles)
+        _check(reference)
+    return reference
+
+
+def _check(reference: Reference) -> None:
+    """Refuse what no recording gives: a file may be damaged and still be an archive."""
+    names = (*reference.channel_names, *reference.family_names, *reference.notes)
+    told = (reference.machine, reference.teeth, reference.version, *names)
+    told += tuple(unit for unit in reference.units if unit is not None)
+    _need(all(isinstance(text, str) for text in told), "names")
+    _need(isinstance(reference.machine_facts, dict), "machine data")
+    channels = len(reference.channel_names)
+    _need(0 < channels == len(set(reference.channel_names)) == len(reference.units), "channels")
+    _need(bool(reference.profiles) and bool(reference.family_names), "recordings")
+    bands = reference.profiles[0].band_db.shape
+    gears = [(wheel.stage, wheel.gear, wheel.teeth) for wheel in reference.profiles[0].wheels]
+    for profile in reference.profiles:
+        _check_profile(profile, channels, set(reference.family_names))
+        _need(profile.band_db.shape == bands, "broadband levels")
+        own = [(wheel.stage, wheel.gear, wheel.teeth) for wheel in profile.wheels]
+        _need(bool(own) and own == gears, "gears")
+        for wheel in profile.wheels:
+            _check_wheel(wheel, channels)
+
+
+def _check_profile(profile: Profile, channels: int, families: set[str]) -> None:
+    shape = channels, len(profile.family_names)
+    _need(families <= set(profile.family_names), "families")
+    _need(all(isinstance(text, str) for text in (profile.origin, *profile.digests)), "origin")
+    for name in ("speed_hz", "duration_s"):
+        _need(1e-6 < float(getattr(profile, name)) < 1e9, name)
+    _need(0 <= float(profile.sampling_rate_hz) < 1e12 and isinstance(profile.tacho, bool), "rate")
+    for name in ("level_db", "scatter_db"):
+        values = getattr(profile, name)
+        _need(values.shape == shape and values.dtype.kind == "f", name)
+        _need(bool((np.abs(values) < _MOST_DB).all()), name)
+    _need(bool((profile.scatter_db >= 0).all()), "scatter_db")
+    _need(profile.heard.shape == shape and profile.heard.dtype.kind == "b", "heard")
+    _need(profile.band_db.ndim == 2 and len(profile.band_db) == channels, "band_db")
+    _need(profile.band_db.dtype.kind == "f", "band_db")
+    # short recordings have bands without a bin
+    _need(not bool((np.abs(profile.band_db) >= _MOST_DB).any()), "band_db")
+    foreign = profile.foreign
+    _need(foreign is None or len(foreign.in_time_db) == channels, "lines of no gear")
+
+
+def _check_wheel(wheel: WheelPattern, channels: int) -> None:
+    lines = len(wheel.number)
+    _need(isinstance(wheel.gear, str) and 0 < wheel.stage < 100 and 0 < wheel.teeth < 1e5, "gear")
+    _need(0 < float(wheel.order) < 1e4, "order")
+    _need(wheel.number.shape == wheel.mesh.shape == (lines,), "lines")
+    _need(wheel.number.dtype.kind == "i" and wheel.mesh.dtype.kind == "b", "lines")
+    _need(bool(((wheel.number > 0) & (wheel.number < _MOST_LINES)).all()), "lines")
+    _need(wheel.amplitude.shape == wheel.variance.shape == (channels, lines), "amplitudes")
+    _need(wheel.amplitude.dtype.kind == "c" and wheel.variance.dtype.kind == "f", "amplitudes")
+    _need(bool((np.abs(wheel.amplitude) < _MOST_AMPLITUDE).all()), "amplitudes")
+    positive = (wheel.variance >= 0) & (wheel.variance < _MOST_AMPLITUDE**2)
+    _need(bool(positive.all()), "variances")
+
+
+def _need(ok: bool, what: str) -> None:
+    if not ok:
+        raise ValueError(f"its {what} cannot be")
 
 
 def _frozen(value: Any) -> Any:
     return tuple(value) if isinstance(value, list) else value
 
 
-def _read_profile(archive: Any, row: int, entry: dict[str, Any]) -> Profile:
+def _read_profile(archive: Mapping[str, Any], row: int, entry: dict[str, Any]) -> Profile:
     wheels = tuple(
         WheelPattern(
             **{name: wheel[name] for name in _OF_WHEEL},
@@ -394,14 +450,15 @@ def _read_profile(archive: Any, row: int, entry: dict[str, Any]) -> Profile:
     arrays = {
         name: archive[f"{row}/{name}"]
         for name in _PROFILE_ARRAYS
-        if name != "band_db" or f"{row}/{name}" in archive.files
+        if name != "band_db" or f"{row}/{name}" in archive
     }
     arrays.setdefault("band_db", np.zeros((len(arrays["level_db"]), 0)))
     start = f"{row}/foreign/"
-    names = [name for name in archive.files if name.startswith(start)]
+    names = [name for name in archive if name.startswith(start)]
     stored = {name.removeprefix(start): archive[name] for name in names}
     return Profile(
         **{name: _frozen(entry[name]) for name in _OF_PROFILE},
+        **{name: _frozen(entry[name]) for name in _OF_SAMPLES if name in entry},
         **arrays,
         wheels=wheels,
         foreign=lines_from_arrays(stored) if stored else None,

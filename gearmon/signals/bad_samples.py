@@ -1,0 +1,341 @@
+"""Samples that no machine made: what a cable, a connector or a recorder put into a recording.
+
+A channel that stands still, single samples far above all others, a dropout, a cut cable, a range
+that was changed: each is named with its time and channel. Single samples are bridged; short
+stretches are left out, with them all but the longest sound piece, so that every average is one of
+whole turns of it; a channel that is bad for long is left out, and a recording without a sound one
+refused. Nothing else is touched.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from gearmon.errors import RecordingError
+from gearmon.signals.reading import find_defect
+from gearmon.signals.recording import Recording
+
+FloatArray = NDArray[np.float64]
+
+_CHUNK = 1 << 20
+# A run of equal samples is a channel that stands still if it is so many times as long as all but
+# one in a thousand of the others: runs of rounded noise grow with the logarithm of their number.
+_RUN_TIMES, _RUN_SHARE, _LONGEST_RUN = 10, 0.999, 4096
+# A single sample, or up to three, above the rest so many times, whose neighbours ring no more than
+# this share: an impact rings through the anti-aliasing filter. More of them are the signal itself.
+_OVER_REST, _SPIKE_SAMPLES, _RINGS, _REACH, _MOST_SPIKES = 4.0, 3, 0.1, 8, 20
+# Share of samples that stay at an extreme, as that which readers of files refuse.
+_CLIPPED_SHARE = 1e-3
+_OVER_NOISE = 20.0  # standard deviations, from which a sample is looked at
+# Frames whose levels tell a step or a dropout: their number, and their fewest samples.
+_FRAMES, _FRAME_SAMPLES, _FEWEST_FRAMES = 100, 256, 12
+# A step at once that no load makes [dB], so many times the scatter to either side of it; and how
+# far below its median level a channel is silent [dB].
+_STEP_DB, _STEP_TIMES, _SILENT_DB = 10.0, 6.0, 25.0
+# Share of a channel that may be bad, and of the recording that must be left.
+_MOST_BAD, _LEAST_LEFT = 0.2, 0.3
+
+
+@dataclass(frozen=True, kw_only=True)
+class BadStretch:
+    """A stretch of one channel that no machine made.
+
+    Parameters
+    ----------
+    start, stop : int
+        First sample, and the one behind the last.
+    what : str
+        What is wrong, as the rest of a sentence that begins with the channel.
+    bridged : bool
+        Whether so few samples are concerned that a straight line does in their place.
+    """
+
+    start: int
+    stop: int
+    what: str
+    bridged: bool = False
+
+
+def bad_stretches(values: FloatArray) -> list[BadStretch]:
+    """Find what no machine made in one channel.
+
+    Parameters
+    ----------
+    values : ndarray of float, shape (n,)
+        Finite samples.
+
+    Returns
+    -------
+    list of BadStretch
+        In the order of time.
+    """
+    still = list(_standing_still(values))
+    found = [*still, *_spikes(values), *_level_changes(values, still)]
+    return sorted(found, key=lambda bad: bad.start)
+
+
+def sound_part(recording: Recording) -> Recording:
+    """Return what is sound of a recording, with notes on what is not.
+
+    Parameters
+    ----------
+    recording : Recording
+
+    Returns
+    -------
+    Recording
+        The same one if nothing is wrong with its vibration channels.
+
+    Raises
+    ------
+    RecordingError
+        If no vibration channel is sound for long enough.
+    """
+    rate, count = recording.sampling_rate_hz, recording.samples.shape[1]
+    kept, notes, bridges, gaps = [], [], [], []
+    why, where = "", f"{recording.origin}: " if recording.origin else ""
+    for row, name in enumerate(recording.channel_names):
+        if recording.channel_kinds[row] != "vibration":
+            kept.append(row)
+            continue
+        values = recording.samples[row]
+        clipped = _clipped(values)
+        found = [clipped] if clipped is not None else bad_stretches(values)
+        label = name if name.startswith("channel") else f"channel {name}"
+        told = [f"{label} {_when(bad, rate)} {bad.what}" for bad in found]
+        lost = sum(bad.stop - bad.start for bad in found if not bad.bridged)
+        if lost > _MOST_BAD * count:
+            why = why or told[0]
+            notes.append(f"{_several(told)}: the channel is left out")
+            continue
+        kept.append(row)
+        bridges += [(row, bad) for bad in found if bad.bridged]
+        gaps += [bad for bad in found if not bad.bridged]
+        notes += [f"{_several(told)}: not taken into account"] if told else []
+    if not notes:
+        return recording
+    if not any(recording.channel_kinds[row] == "vibration" for row in kept):
+        raise RecordingError(
+            f"{where}{why}, and no channel is sound; check cable and sensor, and record again"
+        )
+    start, stop = _longest_between(gaps, count)
+    if stop - start < _LEAST_LEFT * count:
+        raise RecordingError(
+            f"{where}{'; '.join(notes)}; the longest sound piece is "
+            f"{(stop - start) / rate:.3g} of {count / rate:.3g} s; check cables, and record again"
+        )
+    if (start, stop) != (0, count):
+        notes.append(f"only {start / rate:.4g} to {stop / rate:.4g} s are looked at")
+    return _cut(recording, kept, (start, stop), bridges, notes)
+
+
+def _cut(
+    recording: Recording,
+    kept: Sequence[int],
+    piece: tuple[int, int],
+    bridges: Sequence[tuple[int, BadStretch]],
+    notes: Sequence[str],
+) -> Recording:
+    start, stop = piece
+    samples = recording.samples
+    if bridges:
+        samples = samples.copy()
+        for row, bad in bridges:
+            _bridge(samples[row], bad)
+    chosen = samples[list(kept), start:stop] if len(kept) < len(samples) else samples[:, start:stop]
+    return replace(
+        recording,
+        samples=chosen,
+        channel_names=tuple(recording.channel_names[row] for row in kept),
+        channel_kinds=tuple(recording.channel_kinds[row] for row in kept),
+        units=tuple(recording.units[row] for row in kept),
+        columns=tuple(recording.columns[row] for row in kept),
+        notes=(*recording.notes, *notes),
+        known_finite=True,
+    )
+
+
+def _bridge(values: FloatArray, bad: BadStretch) -> None:
+    """Put a straight line in place of a few samples."""
+    ends = [values[place] for place in (bad.start - 1, bad.stop) if 0 <= place < len(values)]
+    values[bad.start : bad.stop] = np.linspace(ends[0], ends[-1], bad.stop - bad.start + 2)[1:-1]
+
+
+def _when(bad: BadStretch, rate: float) -> str:
+    if bad.bridged:
+        return f"at {bad.start / rate:.4f} s"
+    return f"from {bad.start / rate:.4g} to {bad.stop / rate:.4g} s"
+
+
+def _several(told: Sequence[str]) -> str:
+    more = f" (and {len(told) - 3} more such places)" if len(told) > 3 else ""
+    return "; ".join(told[:3]) + more
+
+
+def _longest_between(gaps: Sequence[BadStretch], count: int) -> tuple[int, int]:
+    """Return begin and end of the longest piece without a gap."""
+    pieces, begin = [], 0
+    for gap in sorted(gaps, key=lambda bad: bad.start):
+        pieces.append((begin, gap.start))
+        begin = max(begin, gap.stop)
+    return max([*pieces, (begin, count)], key=lambda piece: piece[1] - piece[0])
+
+
+def _clipped(values: FloatArray) -> BadStretch | None:
+    """Tell of a channel that stays at an extreme; files are searched for it as they are read."""
+    defect = find_defect(values)
+    if defect is None or not defect.fatal or defect.row < 0:
+        return None  # a channel of one value or two is silent, or no vibration at all
+    # a tone of whole samples a period has its extremes as often, but never twice in a row
+    extremes, at_it = (values.min(), values.max()), 0
+    for start in range(0, len(values), _CHUNK):
+        part = values[start : start + _CHUNK]
+        at_it += sum(int(np.sum((part[1:] == e) & (part[:-1] == e))) for e in extremes)
+    if at_it < _CLIPPED_SHARE * len(values):
+        return None
+    return BadStretch(start=0, stop=len(values), what=defect.text)
+
+
+def _standing_still(values: FloatArray) -> Iterator[BadStretch]:
+    """Find runs of equal samples that are far longer than rounding makes them."""
+    runs: list[tuple[int, int]] = []
+    lengths = np.zeros(_LONGEST_RUN + 1, dtype=np.int64)
+    for start in range(0, len(values), _CHUNK):
+        part = values[start : start + _CHUNK]
+        edges = np.flatnonzero(np.concatenate([[True], part[1:] != part[:-1], [True]]))
+        length = np.diff(edges)
+        lengths += np.bincount(np.minimum(length, _LONGEST_RUN), minlength=_LONGEST_RUN + 1)
+        for number in np.flatnonzero(length > _RUN_TIMES):
+            begin, end = start + int(edges[number]), start + int(edges[number + 1])
+            if runs and runs[-1][1] == begin and values[begin] == values[begin - 1]:
+                begin = runs.pop()[0]  # a run across two chunks
+            runs.append((begin, end))
+    usual = int(np.searchsorted(np.cumsum(lengths), _RUN_SHARE * lengths.sum()))
+    extremes = (values.min(), values.max()) if runs else ()
+    for begin, end in runs:
+        # what stands at an extreme is clipped, which is judged as such
+        if end - begin > _RUN_TIMES * usual and values[begin] not in extremes:
+            what = f"stands still at {values[begin]:.4g} ({end - begin} equal samples)"
+            yield BadStretch(start=begin, stop=end, what=what)
+
+
+def _spikes(values: FloatArray) -> Iterator[BadStretch]:
+    """Find few samples far above all others, whose neighbours know nothing of them."""
+    some = values[:: max(1, len(values) // _CHUNK)]
+    middle = float(np.median(some))
+    noise = float(np.median(np.abs(some - middle))) / 0.6745
+    if not noise:
+        return
+    high: list[int] = []
+    for start in range(0, len(values), _CHUNK):
+        part = np.abs(values[start : start + _CHUNK] - middle) > _OVER_NOISE * noise
+        high += (start + np.flatnonzero(part)).tolist()
+        if len(high) > _MOST_SPIKES * _SPIKE_SAMPLES:
+            return
+    groups: list[list[int]] = []
+    for place in high:
+        if groups and place - groups[-1][-1] <= _SPIKE_SAMPLES:
+            groups[-1].append(place)
+        else:
+            groups.append([place])
+    stretches = [(group[0], group[-1] + 1) for group in groups]
+    if not stretches or any(stop - start > _SPIKE_SAMPLES for start, stop in stretches):
+        return
+    rest = _largest_outside(values, middle, stretches)
+    for start, stop in stretches:
+        peak = float(np.abs(values[start:stop] - middle).max())
+        beside = np.r_[values[max(0, start - _REACH) : start], values[stop : stop + _REACH]]
+        rings = float(np.abs(beside - middle).max(initial=0.0))
+        if peak > _OVER_REST * rest and rings < max(_RINGS * peak, 1.5 * rest):
+            what = f"jumps to {peak / rest:.3g} times the largest other sample"
+            yield BadStretch(start=start, stop=stop, what=what, bridged=True)
+
+
+def _largest_outside(
+    values: FloatArray, middle: float, stretches: Sequence[tuple[int, int]]
+) -> float:
+    """Largest departure outside some stretches."""
+    edges = [0, *(edge for stretch in stretches for edge in stretch), len(values)]
+    pieces = [values[begin:end] for begin, end in zip(edges[::2], edges[1::2], strict=True)]
+    return max(
+        max(float(piece.max()) - middle, middle - float(piece.min()))
+        for piece in pieces
+        if len(piece)
+    )
+
+
+def _level_changes(values: FloatArray, still: Sequence[BadStretch]) -> Iterator[BadStretch]:
+    """Find stretches of another level that begin or end at once."""
+    length = max(_FRAME_SAMPLES, len(values) // _FRAMES)
+    count = len(values) // length
+    if count < _FEWEST_FRAMES:
+        return
+    frames = [values[number * length : (number + 1) * length] for number in range(count)]
+    # the spread of half of the samples: a spike changes nothing
+    spread = [np.subtract(*np.percentile(part[:: 1 + length // 4096], [84, 16])) for part in frames]
+    level = 20 * np.log10(np.maximum(spread, np.finfo(float).tiny ** 0.5))
+    sound = np.ones(count, dtype=bool)
+    for bad in still:
+        sound[bad.start // length : bad.stop // length + 1] = False
+    where = np.flatnonzero(sound)
+    if len(where) < _FEWEST_FRAMES:
+        return
+    step = _step(level[where])
+    if step is not None:
+        first, change, quieter = step
+        edge = int(where[first]) * length
+        before_is_bad = quieter == "before" or (quieter == "" and first < len(where) - first)
+        # somewhere within the frame at which it was seen
+        start, stop = (0, edge + length) if before_is_bad else (edge - length, len(values))
+        what = (
+            f"is {abs(change):.0f} dB {'quieter' if (change > 0) == before_is_bad else 'louder'} "
+            "than the rest from one moment to the next, as by a cable, a connector or a range"
+        )
+        yield BadStretch(start=max(0, start), stop=min(stop, len(values)), what=what)
+        return
+    for first, last in _dropouts(level, sound):
+        yield BadStretch(
+            start=max(0, (first - 1) * length),
+            stop=min(len(values), (last + 2) * length),
+            what="drops out: there is next to no signal",
+        )
+
+
+def _step(level: FloatArray) -> tuple[int, float, str] | None:
+    """First frame behind a step, its height [dB] and which side is silent; None without one."""
+    best = None
+    # three frames behind against three before: the frame in which it happens is a bit of both
+    middles = np.median(sliding_window_view(level, 3), axis=1)
+    at_once = middles[4:] - middles[:-4]
+    for first in (np.flatnonzero(np.abs(at_once) > _STEP_DB) + 4).tolist():
+        before, after = level[: first - 1], level[first:]
+        change = float(np.median(after) - np.median(before))
+        scatter = max(_scatter(before), _scatter(after))
+        clear = min(abs(change), float(np.sign(change) * at_once[first - 4]))
+        if clear > max(_STEP_DB, _STEP_TIMES * scatter) and (best is None or clear > best[0]):
+            best = clear, first, change
+    if best is None:
+        return None
+    _, first, change = best
+    quieter = "" if abs(change) < _SILENT_DB else "before" if change > 0 else "after"
+    return first, change, quieter
+
+
+def _scatter(level: FloatArray) -> float:
+    return float(np.median(np.abs(level - np.median(level)))) / 0.6745
+
+
+def _dropouts(level: FloatArray, sound: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First and last frames of stretches that are silent, if hardly any frame lies between."""
+    below = level - np.median(level[sound])
+    silent = (below < -_SILENT_DB) & sound
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], silent, [False]]).astype(int)))
+    runs = [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    # levels that come and go with the work have all values between
+    between = int(((below < -0.5 * _SILENT_DB) & ~silent & sound).sum())
+    return runs if between <= 2 * len(runs) else []

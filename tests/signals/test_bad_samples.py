@@ -1,0 +1,172 @@
+"""Samples that no machine made: found, named with time and channel, and no fault of the machine."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from reference.small_gearbox import CRACK, machine, recording, reference
+from reference.synthetic_signals import white
+
+from gearmon.diagnosis.analysis import analyse
+from gearmon.errors import RecordingError
+from gearmon.signals.bad_samples import bad_stretches, sound_part
+from gearmon.signals.recording import Recording
+
+RATE = 10_000.0
+
+
+def frozen(a, first=13_000, count=5_000):
+    a[:, first : first + count] = a[:, first : first + 1]
+
+
+def empty(a):
+    a[:, 30_000:30_400] = 0.0
+
+
+def noise_only(a):
+    a[:, 33_000:35_000] = 1e-3 * white(2_000, seed=1)
+
+
+def spike(a):
+    a[0, 12_345] = 100 * np.abs(a).max()
+
+
+def spikes(a):
+    a[1, [500, 20_000, 20_001, 39_999]] = -30 * np.abs(a).max()
+
+
+def clipped(a):
+    a[0] = np.clip(a[0], -0.4 * np.abs(a[0]).max(), 0.4 * np.abs(a[0]).max())
+
+
+def cable(a):
+    a[0, 15_000:] = 1e-3 * white(25_000, seed=2)
+
+
+def range_of_one(a):
+    a[0, 18_000:] *= 10.0
+
+
+def cable_of_all(a):
+    a[:, 15_000:] = 1e-3 * white(50_000, seed=3).reshape(2, -1)
+
+
+def range_of_all(a):
+    a[:, 18_000:] *= 10.0
+
+
+def long_frozen(a):
+    frozen(a, 10_000, 15_000)
+
+
+def spoilt(damage, fault="", **changes):
+    own = recording(fault, **changes)
+    samples = own.samples.copy()
+    damage(samples[:2])
+    return replace(own, samples=samples)
+
+
+SHORT = {
+    frozen: "channel a1 from 1.3 to 1.8 s stands still",
+    empty: "channel a2 from 3 to 3.04 s stands still at 0 ",
+    noise_only: "channel a1 from 3.28 to 3.52 s drops out",
+    spike: "channel a1 at 1.2345 s jumps to",
+    spikes: "channel a2 at 0.0500 s jumps to",
+}
+ONE_CHANNEL = {
+    clipped: "channel a1 from 0 to 4 s is clipped: .* the channel is left out",
+    cable: "channel a1 from 1.4.* to 4 s is .* quieter .* the channel is left out",
+    range_of_one: "channel a1 from .* the channel is left out",
+}
+ALL_CHANNELS = [cable_of_all, range_of_all, long_frozen]
+
+
+def told(answer):
+    return " / ".join(answer.warnings)
+
+
+@pytest.mark.parametrize("damage", SHORT, ids=lambda d: d.__name__)
+def test_short_bad_samples_are_named_and_are_no_fault(damage):
+    answer = analyse(spoilt(damage), machine(), reference())
+    assert SHORT[damage] in told(answer)
+    assert answer.verdict == "healthy"
+
+
+@pytest.mark.parametrize("damage", [frozen, spike], ids=lambda d: d.__name__)
+def test_a_fault_is_still_found_beside_bad_samples(damage):
+    answer = analyse(spoilt(damage, CRACK), machine(), reference())
+    assert SHORT[damage] in told(answer)
+    assert [flag.tooth for flag in answer.flags] == [7]
+
+
+@pytest.mark.parametrize("damage", ONE_CHANNEL, ids=lambda d: d.__name__)
+def test_a_bad_channel_is_left_out_and_the_verdict_says_what_it_could_not_hear(damage):
+    answer = analyse(spoilt(damage), machine(), reference())
+    assert any(re.search(ONE_CHANNEL[damage], note) for note in answer.warnings)
+    assert answer.verdict == "cannot tell"
+    assert "what channel a1 hears" in answer.reason
+    # and a fault is one also with the other channel alone
+    assert analyse(spoilt(damage, CRACK), machine(), reference()).verdict == "fault"
+
+
+@pytest.mark.parametrize("damage", ALL_CHANNELS, ids=lambda d: d.__name__)
+def test_a_recording_without_a_sound_channel_is_refused(damage):
+    with pytest.raises(RecordingError, match=r"channel a1 from .* check cable") as refused:
+        analyse(spoilt(damage), machine(), reference())
+    assert "\n" not in str(refused.value)
+
+
+def of(values):
+    return Recording(samples=np.atleast_2d(values), sampling_rate_hz=RATE, channel_names=("a1",))
+
+
+def bits(values, levels):
+    """Rounded to so many steps of its largest value."""
+    return np.round(values / np.abs(values).max() * levels) / levels
+
+
+TIME = np.arange(60_000) / RATE
+SOUND = {
+    "noise": white(60_000, seed=4),
+    "coarse noise": bits(white(60_000, seed=5), 4),
+    "slow sine of 8 bits": bits(np.sin(2 * np.pi * 2.0 * TIME), 127),
+    "sine": np.sin(2 * np.pi * 50 * TIME),
+    "ringing impacts": np.tile(np.exp(-np.arange(1000) / 30) * np.cos(np.arange(1000)), 60)
+    + 1e-3 * white(60_000, seed=6),
+    "run-up": np.linspace(0.01, 1.0, 60_000) ** 2 * white(60_000, seed=7),
+    "load that doubles": np.where(TIME < 3, 1.0, 2.0) * white(60_000, seed=8),
+    "load that swings": (1.2 + np.sin(2 * np.pi * 0.5 * TIME)) * white(60_000, seed=9),
+    "impulses": (np.arange(60_000) % 500 == 0) + 0.01 * white(60_000, seed=10),
+    "few samples": white(50, seed=11),
+}
+
+
+@pytest.mark.parametrize("kind", SOUND)
+def test_what_machines_and_recorders_do_is_left_alone(kind):
+    own = of(SOUND[kind])
+    assert bad_stretches(SOUND[kind]) == []
+    assert sound_part(own) is own
+
+
+@pytest.mark.parametrize("length", [60_000, (1 << 20) + 7])
+def test_stretches_are_found_wherever_they_lie(length):
+    random = np.random.default_rng(0)
+    for first in [0, 1, length - 700, *random.integers(0, length - 700, 3), (1 << 20) - 300]:
+        if first + 600 > length:
+            continue
+        values = white(length, seed=12)
+        values[first : first + 600] = 0.125
+        (found,) = bad_stretches(values)
+        assert (found.start, found.stop) == (first, first + 600)
+
+
+def test_a_bridged_sample_leaves_the_rest_as_it_was():
+    values = white(60_000, seed=13)
+    bad = values.copy()
+    bad[[7, 30_000, 59_999]] = 1e4
+    out = sound_part(of(bad)).samples[0]
+    np.testing.assert_array_equal(np.flatnonzero(out != values), [7, 30_000, 59_999])
+    assert np.abs(out).max() == np.abs(values).max()

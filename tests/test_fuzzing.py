@@ -1,0 +1,21 @@
+"""Damaged and hostile files: a quick round of `fuzzing.py`, which runs longer by hand."""
+
+from __future__ import annotations
+
+import pytest
+from fuzzing import attack, targets
+
+# Every file of a reference that is read whole is also used.
+TRIALS = {"csv": 80, "npz": 80, "reference": 60, "kinds": 100, "history": 100}
+NAMES = ("csv", "npz", "reference", "kinds", "history", "indicators", "machine")
+
+
+@pytest.fixture(scope="module")
+def known(tmp_path_factory):
+    return targets(tmp_path_factory.mktemp("fuzzing"))
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("name", NAMES)
+def test_damaged_files_are_read_as_they_were_or_refused_in_one_line(known, tmp_path, name):
+    assert attack(known[name], TRIALS.get(name, 150), 0, tmp_path) == []

@@ -1,0 +1,272 @@
+"""What must hold of every command: exit codes, one line for any error, nothing written over."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from gearmon import cli
+from gearmon.cli import main
+from gearmon.commands import COMMANDS
+from gearmon.commands.output import judged
+from gearmon.errors import GearmonError
+from gearmon.files import protecting, table_cell, write_atomically
+from gearmon.report.text_tables import rows_as_csv
+
+WRITING = [c for c in COMMANDS if "-o" in shlex.split(c.example) and not c.folder]
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def lines_of_error(capsys):
+    return capsys.readouterr().err.splitlines()
+
+
+# One net
+
+
+def failing(monkeypatch, error):
+    def fail(_):
+        raise error
+
+    monkeypatch.setattr(cli, "check_names", fail)
+
+
+def test_an_error_of_our_own_has_its_own_exit_code_and_says_where_details_are(
+    monkeypatch, capsys, here
+):
+    monkeypatch.setenv("TMPDIR", str(here))
+    monkeypatch.setattr("tempfile.tempdir", None)
+    failing(monkeypatch, ZeroDivisionError("no\nluck"))
+    assert main(["lines", "machine.toml"]) == 70
+    (line,) = lines_of_error(capsys)
+    assert "an error of gearmon's own (ZeroDivisionError: no luck)" in line
+    details = Path(re.search(r"details are in (\S+),", line)[1]).read_text()
+    assert "Traceback" in details
+    assert "no\nluck" in details
+
+
+def test_debug_shows_the_error_itself(monkeypatch):
+    failing(monkeypatch, ZeroDivisionError("no luck"))
+    with pytest.raises(ZeroDivisionError):
+        main(["lines", "machine.toml", "--debug"])
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "words"),
+    [
+        (GearmonError("bad\x1b[31m\r\nline"), 2, "bad [31m  line"),
+        (MemoryError(), 2, "more memory than there is"),
+        (KeyboardInterrupt(), 130, "stopped"),
+    ],
+)
+def test_what_stops_a_command_is_one_line(monkeypatch, capsys, error, code, words):
+    failing(monkeypatch, error)
+    assert main(["lines", "machine.toml"]) == code
+    (line,) = lines_of_error(capsys)
+    assert words in line
+
+
+def test_exit_codes_of_several_recordings():
+    assert judged(["healthy"], flagged=False, bad=False) == 0
+    assert judged(["healthy", "fault"], flagged=True, bad=False) == 1
+    assert judged(["fault"], flagged=True, bad=True) == 2
+    assert judged(["healthy", "cannot tell"], flagged=False, bad=False) == 3
+    assert judged(["no mesh found"], flagged=False, bad=False) == 3
+
+
+@pytest.mark.usefixtures("here")
+def test_many_bad_recordings_end_with_a_line_that_counts_them(capsys, shop):
+    missing = [f"{number}.csv" for number in range(30)]
+    given = ["indicators", *missing, "--machine", str(shop / "machine.toml")]
+    assert main(given) == 2
+    told = lines_of_error(capsys)
+    assert len(told) == 31
+    assert "30 of 30 recordings could not be used" in told[-1]
+
+
+@pytest.mark.parametrize(
+    ("words", "code"),
+    [
+        ("lines {machine} --json >/dev/full", 2),
+        ("lines {machine} --json >&-", 0),
+        ("lines missing.toml 2>/dev/full", 2),
+        ("--help >&-", 0),
+    ],
+)
+def test_a_stream_that_takes_nothing_is_no_crash(shop, words, code):
+    command = f"{sys.executable} -m gearmon {words.format(machine=shop / 'machine.toml')}"
+    done = subprocess.run(["sh", "-c", command], capture_output=True, check=False, text=True)
+    assert done.returncode == code
+    assert len(done.stderr.splitlines()) <= 1
+
+
+# Outputs
+
+
+@pytest.mark.parametrize("command", WRITING, ids=lambda c: c.name)
+def test_no_command_writes_over_what_it_has_not_written(here, capsys, command):
+    words = shlex.split(command.example)[1:]
+    at = words.index("-o") + 1
+    for name, words_of_error in (
+        (words[at], "did not write it"),
+        (f"nowhere/{words[at]}", "cannot write there"),
+    ):
+        mine = here / words[at]
+        mine.write_text("mine")
+        given = [name if number == at else word for number, word in enumerate(words)]
+        # refused before any work: none of the files that are named exists
+        assert main(given) == 2
+        (line,) = lines_of_error(capsys)
+        assert words_of_error in line
+        assert mine.read_text() == "mine"
+
+
+@pytest.mark.parametrize("command", [c for c in WRITING if c.beside], ids=lambda c: c.name)
+def test_nor_beside_its_output(here, capsys, command):
+    words = shlex.split(command.example)[1:]
+    stem = Path(words[words.index("-o") + 1]).stem
+    for pattern in command.beside:
+        name = pattern.format(stem).replace("[0-9]", "1").replace("*", "1")
+        mine = here / name
+        mine.write_text("mine")
+        assert main(words) == 2
+        assert f"{name}: exists, and gearmon {command.name} did not" in lines_of_error(capsys)[0]
+        mine.unlink()
+
+
+def test_a_command_writes_over_what_it_wrote_itself_and_nothing_else(here, shop, capsys):
+    given = [str(shop / "machine.toml"), "-o", "out.csv"]
+    assert main(["lines", *given]) == 0
+    assert main(["lines", *given]) == 0
+    capsys.readouterr()
+    # another command, and a file that was changed since
+    assert main(["baseline", *given]) == 2
+    assert "gearmon baseline did not write it" in lines_of_error(capsys)[0]
+    with (here / "out.csv").open("a") as file:
+        file.write("my remarks\n")
+    assert main(["lines", *given]) == 2
+    assert "it was changed since" in lines_of_error(capsys)[0]
+    # nothing is lost with an empty file
+    (here / "out.csv").write_text("")
+    assert main(["lines", *given]) == 0
+
+
+@pytest.mark.parametrize("link", [os.link, os.symlink])
+def test_an_input_is_never_written_by_any_name(here, shop, capsys, link):
+    machine = here / "machine.toml"
+    machine.write_bytes((shop / "machine.toml").read_bytes())
+    link(machine, here / "other.csv")
+    assert main(["lines", str(machine), "-o", "other.csv"]) == 2
+    assert "is read as well" in lines_of_error(capsys)[0]
+    assert machine.read_bytes() == (shop / "machine.toml").read_bytes()
+
+
+def test_links_in_a_circle_are_refused(here, shop, capsys):
+    (here / "a.csv").symlink_to(here / "b.csv")
+    (here / "b.csv").symlink_to(here / "a.csv")
+    machine = str(shop / "machine.toml")
+    assert main(["lines", machine, "-o", "a.csv"]) == 2
+    assert main(["lines", "a.csv"]) == 2
+    assert main(["indicators", "a.csv"]) == 2
+    assert main(["analyse", "new.csv", "--machine", machine, "--reference", "a.csv"]) == 2
+    assert len(lines_of_error(capsys)) == 4
+
+
+@pytest.mark.usefixtures("here")
+def test_one_name_for_two_outputs_is_refused(shop, capsys):
+    given = ["indicators", "new.csv", "--machine", str(shop / "machine.toml")]
+    assert main([*given, "-o", "x.json", "--history", "./x.json"]) == 2
+    assert "would be written twice" in lines_of_error(capsys)[0]
+
+
+def test_a_full_disk_is_said_and_keeps_what_was_there(here, monkeypatch):
+    write_atomically("a.csv", "old")
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(GearmonError, match=r"a\.csv: cannot write it \(No space left on device\)"):
+        write_atomically("a.csv", "new")
+    assert (here / "a.csv").read_text() == "old"
+    assert [path.name for path in here.iterdir()] == ["a.csv"]
+
+
+def test_outside_commands_python_decides_what_is_written_over(here):
+    (here / "a.csv").write_text("old")
+    write_atomically("a.csv", "new")
+    # and a command goes on from there
+    with protecting("lines", ()):
+        write_atomically("a.csv", "newer")
+    assert (here / "a.csv").read_text() == "newer"
+
+
+# Costs and cells
+
+
+def test_missing_files_cost_nothing(here):
+    for number in range(300):
+        (here / f"recording-{number}.csv").touch()
+    begin = time.process_time()
+    assert main(["indicators", *(f"recordin-{number}.csv" for number in range(300))]) == 2
+    assert time.process_time() - begin < 5.0
+
+
+def test_operating_points_too_far_apart_are_refused_with_the_numbers(here, shop, capsys):
+    text = (shop / "machine.toml").read_text()
+    other = text.replace("[operating]", "[[operating]]\nspeed_rpm = 6.0\n\n[[operating]]")
+    (here / "m.toml").write_text(other)
+    assert main(["lines", "m.toml"]) == 2
+    assert "from 6 to 2960 1/min" in lines_of_error(capsys)[0]
+
+
+@pytest.mark.parametrize("text", ["=1+1", "@x", "+cmd|' /C calc'!A0", "-2+3", "-x", "\tx", "--"])
+def test_text_that_a_spreadsheet_would_run_is_quoted(text):
+    assert table_cell(text) == "'" + text
+    assert rows_as_csv([{"name": text}]).splitlines()[1].lstrip('"').startswith("'")
+
+
+@pytest.mark.parametrize("cell", ["mesh", "-5", "+1.5e-3", "a=b", "", None, -5.0, 3, "é"])
+def test_other_cells_stay_as_they_are(cell):
+    assert table_cell(cell) is cell
+
+
+# Likely cures
+
+
+def test_a_command_that_is_spelt_otherwise_is_named(capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(["analyze", "new.csv"])
+    assert stop.value.code == 2
+    assert "did you mean analyse?" in capsys.readouterr().err
+
+
+def test_a_size_without_per_cent_is_asked_for(here, shop, capsys):
+    given = ["stiffness", str(shop / "machine.toml"), "--fault", "crack:1:pinion:5:20"]
+    assert main(given) == 2
+    assert "did you mean 20%?" in lines_of_error(capsys)[0]
+    assert list(here.iterdir()) == []
+
+
+def test_time_in_ms_and_speed_in_hz_are_guessed(here, shop, capsys):
+    rows = (shop / "new.csv").read_text().splitlines()[1:2001]
+    text = [f"{1000 * float(time)},{rest}" for time, rest in (row.split(",", 1) for row in rows)]
+    (here / "ms.csv").write_text("\n".join(["time (s),a1,a2,tacho", *text]))
+    assert main(["analyse", "ms.csv", "--machine", str(shop / "machine.toml")]) == 2
+    assert "--sampling-rate 10000" in lines_of_error(capsys)[0]
+    slow = (shop / "machine.toml").read_text().replace("2960.0", "49.3")
+    (here / "hz.toml").write_text(slow)
+    assert main(["analyse", str(shop / "new.csv"), "--machine", "hz.toml"]) == 2
+    assert "did you mean 2958 (49.3 Hz)?" in lines_of_error(capsys)[0]
