@@ -488,7 +488,7 @@ BAD_ANALYSES = {
     "no rate": (["no-time.csv", "--sampling-rate", "0"], "sampling"),
     "NaN rate": (["no-time.csv", "--sampling-rate", "nan"], "sampling"),
     "infinite rate": (["no-time.csv", "--sampling-rate", "inf"], "sampling"),
-    "huge rate": (["no-time.csv", "--sampling-rate", "1e12"], "short"),
+    "huge rate": (["no-time.csv", "--sampling-rate", "1e12"], "must lie in"),
     "rate against the time column": (["new.csv", "--sampling-rate", "9000"], "9000"),
 }
 
