@@ -52,7 +52,10 @@ WORDS = st.text(st.characters(codec="utf-8", exclude_characters="\r\x00"), max_s
 )
 def test_csv_gives_back_what_was_written(rows):
     read = list(csv.DictReader(io.StringIO(rows_as_csv(rows), newline="")))
-    assert [row["word"] for row in read] == [row["word"] for row in rows]
+    for told, row in zip(read, rows, strict=True):
+        # what a spreadsheet would run stands behind a quote
+        assert told["word"] in (row["word"], "'" + row["word"])
+        assert not (told["word"][:1] in ("=", "@") and told["word"] == row["word"])
     assert [int(row["count"]) for row in read] == [row["count"] for row in rows]
     assert [float(row["value"]) for row in read] == [row["value"] for row in rows]
 
