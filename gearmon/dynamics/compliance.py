@@ -243,7 +243,7 @@ class SystemCompliance:
     @property
     def forces(self) -> Complex:
         """One entry for every line that forces drive."""
-        return self._forced[0]
+        return np.asarray(self._forced[0])
 
     def weights(self, highest: int) -> Real:
         """(n w)^2 [1/s2], shape (highest+1,)."""

@@ -42,7 +42,7 @@ from gearmon.gears.iso6336 import MethodB, method_b
 from gearmon.gears.kinematics import Kinematics, line_table
 from gearmon.gears.mechanics import StageMechanics, pair_resonance, stage_mechanics
 from gearmon.gears.pairs import MeshPair, mesh_pairs
-from gearmon.gears.stiffness import FORM_NAMES, MeshStiffness, mesh_stiffness, pair_stiffness
+from gearmon.gears.stiffness import FORM_NAMES, MeshStiffness, mesh_stiffness
 from gearmon.gears.stiffness_report import StiffnessReport, compare_forms
 from gearmon.gears.tooth_pairs import PotentialEnergy, teeth_of
 
@@ -70,7 +70,6 @@ __all__ = [
     "method_b",
     "pair_geometry",
     "pair_resonance",
-    "pair_stiffness",
     "parse_error",
     "parse_fault",
     "parse_fault_or_error",

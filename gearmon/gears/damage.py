@@ -25,7 +25,14 @@ from gearmon.gears.pulses import (
     gauss,
     panel_nodes,
 )
-from gearmon.gears.tooth_damage import SOUND, ToothDamage, largest_size, tooth_damage
+from gearmon.gears.tooth_damage import (
+    LARGEST_WIDTH,
+    SOUND,
+    Hole,
+    ToothDamage,
+    largest_size,
+    tooth_damage,
+)
 from gearmon.gears.tooth_mesh import meeting
 from gearmon.gears.tooth_pairs import ToothPair, teeth_of
 
@@ -61,6 +68,13 @@ def measured_patches(
 ) -> tuple[LossPatch, ...]:
     """Return the loss that measured faults of one tooth cause along the contact of its pair.
 
+    Load that finds no flank, over a spall or where the tooth is broken off, is not carried there:
+    the line of contact is shorter by the face that is lost, and what is left of the face carries
+    it, slice by slice as helical teeth do. So a spall as high as the flank costs what a breakage as
+    wide does, in proportion to the face, and a shorter one costs that while the contact passes it;
+    the section of the tooth, which the spall weakens too, counts beside it. Pits are small and
+    many, and between them the flank carries: they only shorten the contact.
+
     Parameters
     ----------
     faults : sequence of Fault
@@ -78,6 +92,9 @@ def measured_patches(
     for fault in faults:
         if fault.kind == "breakage":
             patches = union(patches, _broken(fault, pair, index))
+    for hole in tooth_damage(faults, pair.teeth[index]).holes:
+        if not hole.round:
+            patches = union(patches, _without_flank(hole, pair, index))
     damage = tooth_damage(faults, pair.teeth[index])
     if not damage.is_none:
         patches = union(patches, _section_patches(damage, pair, index, is_helical))
@@ -192,6 +209,20 @@ def _broken(fault: Fault, pair: ToothPair, index: int) -> tuple[LossPatch, ...]:
     return (LossPatch(1.0, start, end, begin, min(1.0, begin + share)),)
 
 
+def _without_flank(hole: Hole, pair: ToothPair, index: int) -> tuple[LossPatch, ...]:
+    """Return the loss of the face on which a spall leaves no flank, while the contact passes it.
+
+    Of a spall across the whole face `LARGEST_WIDTH` is lost, and its edges carry the rest.
+    """
+    tooth = pair.teeth[index]
+    ends = [pair.phase_of(index, tooth.angle_at_height(h)) for h in (hole.low_m, hole.high_m)]
+    start, end = np.clip(sorted(ends), 0.0, pair.contact_ratio).tolist()
+    share = min(hole.width_m / tooth.face_width_m, LARGEST_WIDTH)
+    if share == 0 or end <= start:
+        return ()
+    return (LossPatch(1.0, start, end, hole.start, min(1.0, hole.start + share)),)
+
+
 def _bridged(pair: ToothPair, length: float) -> LossCurve:
     """Return the loss of a pair that is gone while the ends of its neighbours bridge the gap.
 
@@ -263,8 +294,7 @@ def _slice(damage: ToothDamage, low: float, high: float, width: float) -> ToothD
         if hole.round:
             holes.append(hole)
         elif inside:
-            # just short of the whole face: a slice in the hole hardly touches its mate
-            holes.append(replace(hole, width_m=0.999 * width, start=0.0))
+            holes.append(replace(hole, width_m=width, start=0.0))
     return replace(damage, crack=crack, holes=tuple(holes))
 
 
@@ -391,16 +421,25 @@ def gear_losses(
     return losses
 
 
-def wear_curve(pair: MeshPair, faults: Sequence[Fault], length: float) -> LossCurve | None:
-    """Return what wear in mm leaves of every pair, or None without such wear."""
-    patches: tuple[LossPatch, ...] = ()
+def worn_patches(
+    pair: MeshPair,
+    faults: Sequence[Fault],
+    length: float | None = None,
+    teeth: ToothPair | None = None,
+) -> tuple[tuple[LossPatch, ...], tuple[LossPatch, ...]]:
+    """Return the loss by wear in mm of all teeth of each gear; see `gear_losses`."""
+    found = []
     for member in pair.members:
         worn = [f for f in faults if f.kind == "wear" and f.gear == member.name and not f.is_loss]
-        if worn:
-            patches = union(patches, _measured(pair, member.name, worn, length, None))
+        found.append(_measured(pair, member.name, worn, length, teeth) if worn else ())
+    return found[0], found[1]
+
+
+def wear_curve(pair: MeshPair, faults: Sequence[Fault], length: float) -> LossCurve | None:
+    """Return what wear in mm leaves of every pair, or None without such wear."""
+    patches = union(*worn_patches(pair, faults, length))
     if not patches:
         return None
-
     return LossCurve(
         lambda phase: 1 - np.asarray(sum(patch.at(phase) for patch in patches)),
         tuple(sorted({corner for patch in patches for corner in patch.corners})),
@@ -412,7 +451,11 @@ def _needs_pitch(faults: Sequence[Fault]) -> bool:
 
 
 def _measured(
-    pair: MeshPair, gear: str, faults: Sequence[Fault], length: float, teeth: ToothPair | None
+    pair: MeshPair,
+    gear: str,
+    faults: Sequence[Fault],
+    length: float | None,
+    teeth: ToothPair | None,
 ) -> tuple[LossPatch, ...]:
     """Return the loss that sizes in mm or shares of the flank mean, in a contact of this length."""
     known = teeth_of(pair) if teeth is None else teeth

@@ -255,7 +255,8 @@ def _bridge(pair: ToothPair) -> Callable[[FloatArray], FloatArray]:
         after = np.clip(1 - phase, 0.0, None) * pair.base_pitch_m
         leaving = tip_corner_gap(pair, before, leaving=True)
         entering = tip_corner_gap(pair, after, leaving=False)
-        return np.where(alone, np.minimum(leaving, entering), 0.0)
+        # a gap between the flanks of helical teeth is closed by more along the line of action
+        return np.where(alone, pair.oblique * np.minimum(leaving, entering), 0.0)
 
     return curve
 

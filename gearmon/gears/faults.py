@@ -79,7 +79,7 @@ GEARS = ("pinion", "gear", "sun", "planet", "ring")
 #: Share of the path of contact that is hurt, centred on the pitch point.
 BANDS = {"pitting": 0.3, "spall": 0.15}
 SYNTAX = "KIND:STAGE:GEAR:TOOTH:SIZE, such as crack:1:pinion:5:20% or crack:1:pinion:5:1.5mm"
-GearName = Literal["pinion", "gear", "sun", "planet", "ring"]
+NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -283,8 +283,7 @@ def _check_physical(kind: str, size: float, unit: str, shape: FaultShape) -> Non
 
 
 def _numbers(text: str) -> tuple[list[float], str]:
-    number = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
-    match = re.fullmatch(rf"\s*({number}(?:\s*x\s*{number})*)\s*([%A-Za-z ]*)", text)
+    match = re.fullmatch(rf"\s*({NUMBER}(?:\s*x\s*{NUMBER})*)\s*([%A-Za-z ]*)", text)
     if match is None:
         raise ArgumentError(f"SIZE {text!r} is not a number")
     return [float(part) for part in match[1].split("x")], match[2].strip()
@@ -455,26 +454,40 @@ def parse_fault(text: str) -> Fault:
     >>> parse_fault("crack:1:pinion:5:20%").tooth
     5
     """
-    parts = [part.strip() for part in text.split(":")]
-    if parts[0] == "missing" and len(parts) == 4:
-        parts.append("1tooth")
-    if len(parts) != 5:
-        raise ArgumentError(f"fault {text!r} has {len(parts)} parts and not 5: {SYNTAX}")
-    kind, stage, gear, tooth, size = parts
-    check_word("fault kind ", kind, KINDS)
+    kind, stage, gear, tooth, size = _parts("fault", text, tuple(KINDS), SYNTAX)
     try:
         number, unit, shape = parse_size(kind, size)
     except ArgumentError as error:
         raise ArgumentError(f"fault {text!r}: {error}; {SYNTAX}") from None
     return Fault(
-        kind=kind,
-        stage=_whole("STAGE", stage, text),
-        gear=gear,
-        tooth=None if tooth == "all" else _whole("TOOTH", tooth, text),
-        size=number,
-        unit=unit,
-        shape=shape,
+        kind=kind, stage=stage, gear=gear, tooth=tooth, size=number, unit=unit, shape=shape
     )
+
+
+def _parts(
+    what: str, text: str, kinds: tuple[str, ...], syntax: str
+) -> tuple[str, int, str, int | None, str]:
+    """Take ``KIND:STAGE:GEAR:TOOTH:SIZE`` apart."""
+    parts = [part.strip() for part in text.split(":")]
+    if parts[0] == "missing" and len(parts) == 4:
+        parts.append("1tooth")
+    if len(parts) != 5:
+        raise ArgumentError(f"{what} {text!r} has {len(parts)} parts and not 5: {syntax}")
+    check_word(f"{what} kind ", parts[0], kinds)
+    check_word("gear ", parts[2], GEARS)
+    numbers: list[int | None] = []
+    for name, word in (("STAGE", parts[1]), ("TOOTH", parts[3])):
+        if name == "TOOTH" and word == "all":
+            numbers.append(None)
+            continue
+        try:
+            numbers.append(int(word))
+        except ValueError:
+            hint = " or 'all'" if name == "TOOTH" else ""
+            raise ArgumentError(
+                f"{what} {text!r}: {name} {word!r} must be a whole number{hint}; {syntax}"
+            ) from None
+    return parts[0], numbers[0] or 0, parts[2], numbers[1], parts[4]
 
 
 def faults_of_stage(faults: Iterable[Fault], stage: int) -> tuple[Fault, ...]:
@@ -573,16 +586,6 @@ def overlap(one: Sequence[LossPatch], other: Sequence[LossPatch]) -> tuple[LossP
     return tuple(patches)
 
 
-def _whole(name: str, word: str, text: str) -> int:
-    try:
-        return int(word)
-    except ValueError:
-        hint = " or 'all'" if name == "TOOTH" else ""
-        raise ArgumentError(
-            f"fault {text!r}: {name} {word!r} must be a whole number{hint}; {SYNTAX}"
-        ) from None
-
-
 @dataclass(frozen=True, kw_only=True)
 class GearError:
     """An error of manufacture or mounting of one gear.
@@ -678,27 +681,9 @@ def parse_error(text: str) -> GearError:
     2e-05
     """
     syntax = "KIND:STAGE:GEAR:TOOTH:SIZE, such as eccentricity:1:pinion:all:20um"
-    parts = [part.strip() for part in text.split(":")]
-    if len(parts) != 5:
-        raise ArgumentError(f"error {text!r} has {len(parts)} parts and not 5: {syntax}")
-    kind, stage, gear, tooth, size = parts
-    check_word("error kind ", kind, ERROR_KINDS)
-    check_word("gear ", gear, GEARS)
-    scale = {"um": 1e-6, "mm": 1e-3}.get(size[-2:])
-    try:
-        if scale is None:
-            raise ValueError
-        return GearError(
-            kind=kind,
-            stage=int(stage),
-            gear=gear,
-            tooth=None if tooth == "all" else int(tooth),
-            size_m=scale * float(size[:-2]),
-        )
-    except ArgumentError:
-        raise
-    except ValueError:
-        raise ArgumentError(
-            f"error {text!r}: STAGE and TOOTH must be whole numbers and SIZE a number in um or mm: "
-            f"{syntax}"
-        ) from None
+    kind, stage, gear, tooth, size = _parts("error", text, tuple(ERROR_KINDS), syntax)
+    match = re.fullmatch(rf"({NUMBER})\s*(um|mm)", size)
+    if match is None:
+        raise ArgumentError(f"error {text!r}: SIZE must be a number in um or mm: {syntax}")
+    size_m = float(match[1]) * (1e-6 if match[2] == "um" else 1e-3)
+    return GearError(kind=kind, stage=stage, gear=gear, tooth=tooth, size_m=size_m)

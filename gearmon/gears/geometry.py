@@ -14,9 +14,10 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import cast
 
 import numpy as np
-from scipy.optimize import newton
+from scipy.optimize import bisect, newton
 
 from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.gears.pulses import FloatArray
@@ -88,7 +89,7 @@ class Rack:
         """alpha_t = atan(tan alpha_n/cos beta)."""
         return math.atan(math.tan(self.pressure_angle_rad) / math.cos(self.helix_angle_rad))
 
-    def least_shift(self, teeth: int) -> float:
+    def least_shift(self, teeth: float) -> float:
         """Return the profile shift below which `teeth` are undercut."""
         sine = math.sin(self.transverse_pressure_angle_rad)
         return self.straight_depth - 0.5 * teeth / math.cos(self.helix_angle_rad) * sine**2
@@ -99,7 +100,7 @@ class Rack:
         depth = max(self.straight_depth - profile_shift, 0.0)
         return math.ceil(2 * depth * math.cos(self.helix_angle_rad) / sine**2 - 1e-9)
 
-    def form_roll(self, teeth: int, profile_shift: float, *, internal: bool = False) -> float:
+    def form_roll(self, teeth: float, profile_shift: float, *, internal: bool = False) -> float:
         """Return the roll length at which the involute meets the fillet.
 
         Parameters
@@ -121,10 +122,13 @@ class Rack:
         if internal:
             return math.sqrt(max((radius + depth) ** 2 - (radius * math.cos(alpha)) ** 2, 0.0))
         roll = radius * math.sin(alpha) - depth / math.sin(alpha)
-        return roll if roll >= 0 else self._undercut_roll(teeth, profile_shift)
+        if roll >= 0:
+            return roll
+        end = self.fillet(teeth, profile_shift, np.array(self.undercut_end(teeth, profile_shift)))
+        return math.sqrt(max(float(np.hypot(*end)) ** 2 - (radius * math.cos(alpha)) ** 2, 0.0))
 
     def fillet(
-        self, teeth: int, profile_shift: float, angles_rad: FloatArray
+        self, teeth: float, profile_shift: float, angles_rad: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return points of the generated fillet of an external gear, in the transverse section.
 
@@ -162,27 +166,27 @@ class Rack:
         half = radius * np.sin(rolled) - reach * np.cos(slope - rolled)
         return height, half
 
-    def base_half_angle(self, teeth: int, profile_shift: float) -> float:
+    def base_half_angle(self, teeth: float, profile_shift: float) -> float:
         """Return half the angle that a tooth takes on the base circle [rad]."""
         alpha = self.transverse_pressure_angle_rad
         shift = 2 * profile_shift * math.tan(self.pressure_angle_rad)
         return (math.pi / 2 + shift) / teeth + math.tan(alpha) - alpha
 
-    def _undercut_roll(self, teeth: int, profile_shift: float) -> float:
-        """Return the roll length at which the fillet cuts the involute, found by halving."""
+    def undercut_end(self, teeth: float, profile_shift: float) -> float:
+        """Return the angle [rad] of the rack-tip normal at which a fillet cuts the involute."""
         base = 0.5 * teeth / math.cos(self.helix_angle_rad)
         base *= math.cos(self.transverse_pressure_angle_rad)
         half_angle = self.base_half_angle(teeth, profile_shift)
-        low, high = self.pressure_angle_rad, math.pi / 2
-        for _ in range(60):
-            middle = 0.5 * (low + high)
-            height, half = self.fillet(teeth, profile_shift, np.array([middle]))
-            radius = float(np.hypot(height[0], half[0]))
-            tangent = math.sqrt(max((radius / base) ** 2 - 1, 0.0))
-            flank = half_angle - (tangent - math.atan(tangent))
-            beyond = radius > base and math.atan2(float(half[0]), float(height[0])) > flank
-            low, high = (middle, high) if beyond else (low, middle)
-        return base * tangent
+
+        def beyond(angle: float) -> float:
+            height, half = self.fillet(teeth, profile_shift, np.array(angle))
+            rolled = math.sqrt(max((float(np.hypot(height, half)) / base) ** 2 - 1, 0.0))
+            # inside the base circle there is no involute to be cut
+            flank = half_angle - (rolled - math.atan(rolled)) if rolled else math.pi
+            return math.atan2(float(half), float(height)) - flank
+
+        first = self.pressure_angle_rad
+        return float(bisect(beyond, first, math.pi / 2, xtol=1e-15)) if beyond(first) > 0 else first
 
 
 def involute(angle_rad: float) -> float:
@@ -297,6 +301,8 @@ class GearTeeth:
         Dedendum of the basic rack h_fP*.
     name : str
         What messages call the gear; the ending of its keys in a machine file.
+    virtual : bool
+        Whether it is one of the spur gears of `normal_section`.
     """
 
     teeth: int
@@ -304,9 +310,10 @@ class GearTeeth:
     tip_factor: float = 1.0
     root_factor: float = 1.25
     name: str = "gear"
+    virtual: bool = False
 
     def __post_init__(self) -> None:
-        if self.teeth != int(self.teeth) or self.teeth < 5:
+        if (self.teeth != int(self.teeth) and not self.virtual) or self.teeth < 5:
             raise ArgumentError(f"{self.name}_teeth={self.teeth} must be a whole number >= 5")
         check_range(f"profile_shift_{self.name}", self.profile_shift, -2, 3)
         check_range(f"tip_factor_{self.name}", self.tip_factor, 0.1, 3)
@@ -435,14 +442,6 @@ class PairGeometry:
     def total_contact_ratio(self) -> float:
         """Total contact ratio eps_gamma = eps_alpha + eps_beta."""
         return self.transverse_contact_ratio + self.overlap_ratio
-
-    @property
-    def zones(self) -> list[tuple[float, float, int]]:
-        """Zones that a pair passes from entry to exit: start, end [mesh periods], pairs carrying.
-
-        Of helical gears the pairs that touch anywhere along the face width.
-        """
-        return contact_zones(self.total_contact_ratio)
 
     @property
     def base_helix_angle_rad(self) -> float:
@@ -638,13 +637,52 @@ def _with_tips(pair: PairGeometry) -> PairGeometry:
         ),
         pair,
     )
+    return replace(pair, tip_radii_m=tips, path_m=_path(pair, tips))
+
+
+def _path(pair: PairGeometry, tip_radii_m: Two) -> Two:
+    """Return the roll lengths [m] on the first gear between which tips so high make contact."""
     one, two = (
         math.sqrt(max(tip**2 - base**2, 0.0))
-        for tip, base in zip(tips, pair.base_radii_m, strict=True)
+        for tip, base in zip(tip_radii_m, pair.base_radii_m, strict=True)
     )
     sign, tangent = pair.sign(1), math.tan(pair.working_pressure_angle_rad)
     length = (pair.base_radii_m[0] + sign * pair.base_radii_m[1]) * tangent
-    return replace(pair, tip_radii_m=tips, path_m=(length - sign * two, one))
+    return length - sign * two, one
+
+
+def normal_section(pair: PairGeometry) -> PairGeometry:
+    """Return the spur gears whose teeth are those of a helical pair, cut square to its flanks.
+
+    Notes
+    -----
+    Teeth ``z_n = z/(cos^2 beta_b cos beta)``, as in ISO 6336-1, of the normal module, with the
+    heights that the helical teeth have; ``sin alpha_wn = sin alpha_wt cos beta_b``. Their numbers
+    are not whole. Roll lengths are radii of curvature, which are 1/cos(beta_b) of the transverse
+    ones.
+    """
+    cosine = math.cos(pair.base_helix_angle_rad)
+    share = cosine**2 * math.cos(pair.helix_angle_rad)
+    first, second = (
+        replace(gear, teeth=cast(int, gear.teeth / share), virtual=True) for gear in pair.gears
+    )
+    section = replace(
+        pair,
+        gears=(first, second),
+        helix_angle_rad=0.0,
+        working_pressure_angle_rad=math.asin(math.sin(pair.working_pressure_angle_rad) * cosine),
+    )
+    one, two = section.working_radii_m
+    tips = _both(
+        lambda _, i: section.reference_radii_m[i] + pair.tip_radii_m[i] - pair.reference_radii_m[i],
+        pair,
+    )
+    return replace(
+        section,
+        centre_distance_m=abs(one + pair.sign(1) * two),
+        tip_radii_m=tips,
+        path_m=_path(section, tips),
+    )
 
 
 def check_pair(pair: PairGeometry) -> PairGeometry:

@@ -167,8 +167,7 @@ def method_b(
     contact_ratio: float,
     pressure_angle_rad: float = math.radians(20),
     helix_angle_rad: float = 0.0,
-    web_ratio: float | None = None,
-    rim_factor: float | None = None,
+    web: Body | None = None,
     load_n_per_mm: float | None = None,
 ) -> MethodB:
     """Return tooth-pair and mesh stiffness by ISO 6336-1 Method B.
@@ -183,9 +182,9 @@ def method_b(
         Normal pressure angle of the basic rack [rad].
     helix_angle_rad : float
         Helix angle at the reference circle [rad].
-    web_ratio, rim_factor : float, optional
-        b_s/b and s_R/m_n of the more flexible gear (see `Body`): the factor of the standard is
-        meant for mates that are equal or stiffer. Both are taken as solid when not given.
+    web : Body, optional
+        Of the more flexible gear: the factor of the standard is meant for mates that are equal or
+        stiffer. Both are taken as solid when not given.
     load_n_per_mm : float, optional
         Tangential load per face width F_t K_A/b [N/mm]; without it the branch for at least
         100 N/mm is taken.
@@ -222,8 +221,7 @@ def method_b(
     virtual = _virtual_teeth(first, second, helix_angle_rad, pressure_angle_rad)
     theoretical = _theoretical(first, second, virtual)
     rack = _rack_factor(first, second, pressure_angle_rad)
-    body = _body(web_ratio, rim_factor)
-    blank = 1.0 if body is None else body.factor
+    blank = 1.0 if web is None else web.factor
     load = _load_factor(load_n_per_mm)
     pair = _pair_modulus(first, second) / MODULUS_STEEL_PA
     single = theoretical * CORRECTION_MEASURED * blank * rack * math.cos(helix_angle_rad) * pair
@@ -242,7 +240,7 @@ def method_b(
         virtual_teeth=virtual,
         warnings=(
             *_limits(first, second, contact_ratio, helix_angle_rad, load_n_per_mm),
-            *(f"{METHOD}: {note}" for note in (body.limits if body else ())),
+            *(f"{METHOD}: {note}" for note in (web.limits if web else ())),
         ),
     )
 
@@ -355,14 +353,6 @@ def _theoretical(first: ToothData, second: ToothData, virtual: tuple[float, floa
 def _rack_factor(first: ToothData, second: ToothData, alpha: float) -> float:
     angle = 1 - 0.02 * (20 - math.degrees(alpha))
     return 0.5 * sum((1 + 0.5 * (1.2 - gear.root_factor)) * angle for gear in (first, second))
-
-
-def _body(web_ratio: float | None, rim_factor: float | None) -> Body | None:
-    if web_ratio is None:
-        return None
-    if rim_factor is None:
-        raise ArgumentError("rim_factor is missing: with web_ratio give the rim thickness s_R/m_n")
-    return Body(web_ratio=web_ratio, rim_factor=rim_factor)
 
 
 def _load_factor(load_n_per_mm: float | None) -> float:

@@ -17,7 +17,7 @@ from gearmon.gears.iso6336 import (
 )
 from gearmon.gears.kinematics import kinematics
 from gearmon.gears.pairs import Member, MeshPair, mesh_pairs
-from gearmon.gears.stiffness import MeshStiffness, pair_stiffness
+from gearmon.gears.stiffness import MeshStiffness, mesh_stiffness
 from gearmon.gears.stiffness_forms import StiffnessForm
 from gearmon.machine import Machine, OperatingPoint, PlanetaryStage
 
@@ -145,7 +145,7 @@ def stage_mechanics(
     force, torque = _force(pair, running, train.shaft(number).order)
     own = _own_faults(machine, number, faults)
     wrong = [error for error in errors if error.stage == number]
-    stiffness = pair_stiffness(pair, own, form, force_n=force, errors=wrong)
+    stiffness = mesh_stiffness(pair, own, form, force_n=force, errors=wrong)
     mass = _equivalent_mass(pair, notes)
     ratio, damping = _damping(pair, math.sqrt(stiffness.healthy_mean_n_per_m * mass), notes)
     return StageMechanics(

@@ -33,6 +33,7 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -65,12 +66,6 @@ PHASES_PER_BLOCK = 16_384
 MOVING_KINDS = ("eccentricity", "cumulative", "misalignment")
 
 
-NODES = (3, 5, 9, 17)
-CONVERGED = 1e-10
-#: Phases evaluated together; bounds the memory.
-PHASES_PER_BLOCK = 16_384
-
-
 @dataclass(frozen=True, kw_only=True)
 class ContactOffset:
     """How the errors of one gear move the contact, as it turns.
@@ -96,10 +91,6 @@ class ContactOffset:
     def is_none(self) -> bool:
         """Whether nothing moves."""
         return not (self.leaving or self.entering or self.lead_m)
-
-    def turned(self, amplitude: complex, angle: FloatArray) -> FloatArray:
-        """Return the real part of an amplitude turned by an angle [rad]."""
-        return np.asarray(amplitude.real * np.cos(angle) - amplitude.imag * np.sin(angle))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -165,9 +156,10 @@ def state_of(
     """
     leaving, entering, lead = np.zeros(()), np.zeros(()), np.zeros(())
     for offset, angle in zip(offsets, angles, strict=True):
-        leaving = leaving + offset.turned(offset.leaving, angle)
-        entering = entering + offset.turned(offset.entering, angle)
-        lead = lead + offset.turned(offset.lead_m, angle)
+        turned = np.exp(1j * angle)
+        leaving = leaving + (offset.leaving * turned).real
+        entering = entering + (offset.entering * turned).real
+        lead = lead + (offset.lead_m * turned).real
     share = carrying_share(np.abs(lead), free_gap_m)
     return OffsetState(leaving=leaving, entering=entering, share=share)
 
@@ -400,8 +392,9 @@ class ModulationTrain:
         x = np.asarray(phase, dtype=np.float64)
         flat = x.ravel()
         total = np.zeros(len(flat))
-        for sign, chosen in self._signed:
-            state = self._state(chosen, [2 * np.pi * flat / o.teeth for o in chosen], len(flat))
+        angles = [2 * np.pi * flat / offset.teeth for offset in self.offsets]
+        for sign, moving in self._signed:
+            state = state_of(moving, angles, self.free_gap_m)
             total += sign * state.share * self.family.at(flat, state.leaving, state.entering)
         return total.reshape(x.shape)
 
@@ -426,28 +419,17 @@ class ModulationTrain:
         found = wanted[np.abs(r)]
         return np.asarray(np.where(r < 0, found.conj(), found))
 
-    def windows(self, points_per_mesh: int) -> list[tuple[int, FloatArray]]:
-        """Return first sample and samples [N/m] at the phases i/points_per_mesh of the period."""
-        count = self.period_mesh * points_per_mesh
-        return [(0, self.at(np.arange(count) / points_per_mesh))]
-
     @cached_property
     def _signed(self) -> list[tuple[int, tuple[ContactOffset, ...]]]:
-        """Which gears move, and the sign with which that enters."""
-        if len(self.offsets) == 1:
-            return [(1, self.offsets), (-1, ())]
-        one, two = self.offsets
-        return [(1, self.offsets), (-1, (one,)), (-1, (two,)), (1, ())]
-
-    def _state(
-        self, chosen: tuple[ContactOffset, ...], angles: Iterable[FloatArray], count: int
-    ) -> OffsetState:
-        state = state_of(chosen, angles, self.free_gap_m)
-        return OffsetState(
-            leaving=np.broadcast_to(state.leaving, count),
-            entering=np.broadcast_to(state.entering, count),
-            share=np.broadcast_to(state.share, count),
-        )
+        """What moves, with one gear or both standing still, and the sign with which it enters."""
+        found = []
+        for stands in product((False, True), repeat=len(self.offsets)):
+            moving = tuple(
+                ContactOffset(gear=o.gear, teeth=o.teeth) if still else o
+                for o, still in zip(self.offsets, stands, strict=True)
+            )
+            found.append(((-1) ** sum(stands), moving))
+        return found
 
     def _sidebands(self, order: int, gears: int) -> int:
         """Return up to which gear order lines about a mesh order are to be had."""
@@ -489,7 +471,8 @@ class ModulationTrain:
         (offset,) = self.offsets
         shifted = self._shifted(int(meshes[-1]))
         count = 2 * shifted + 2
-        state = self._state(self.offsets, [2 * np.pi * np.arange(count) / count], count)
+        angle = 2 * np.pi * np.arange(count) / count
+        state = state_of(self.offsets, [angle], self.free_gap_m)
         moved = self.family.coefficients(meshes, state.leaving, state.entering)
         lines = _around(np.fft.fft(moved, axis=0, norm="forward"), shifted)
         if offset.lead_m:
@@ -506,9 +489,8 @@ class ModulationTrain:
         angle = 2 * np.pi * np.arange(count) / count
         angles = [np.repeat(angle, count), np.tile(angle, count)]
         total = np.zeros((count, count, len(meshes)), dtype=np.complex128)
-        for sign, chosen in self._signed:
-            own = [a for a, o in zip(angles, self.offsets, strict=True) if o in chosen]
-            state = self._state(chosen, own, count * count)
+        for sign, moving in self._signed:
+            state = state_of(moving, angles, self.free_gap_m)
             lines = self.family.coefficients(meshes, state.leaving, state.entering)
             total += sign * (state.share[:, None] * lines).reshape(total.shape)
         once = _around(np.fft.fft(total, axis=0, norm="forward"), reach)

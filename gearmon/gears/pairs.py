@@ -210,15 +210,13 @@ class MeshPair:
             Static force on the line of action [N]; below 100 N/mm the stiffness falls.
         """
         one, two = (_tooth_data(member) for member in self.members)
-        body = self._body()
         return iso6336.method_b(
             one,
             two,
             contact_ratio=self.contact_ratio,
             pressure_angle_rad=self.pressure_angle_rad,
             helix_angle_rad=self.helix_angle_rad,
-            web_ratio=None if body is None else body.web_ratio,
-            rim_factor=None if body is None else body.rim_factor,
+            web=self._body(),
             load_n_per_mm=self.specific_load(force_n),
         )
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
+from numpy.polynomial.legendre import legint, legvander
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import roots_legendre, spherical_jn
 
@@ -92,14 +93,7 @@ class PanelCurves:
         """Return the running integrals from the first edge, plus `start` of each curve."""
         c = self.coefficients
         half = 0.5 * np.diff(self.edges)[:, None, None]
-        degree = c.shape[1]
-        total = np.zeros((c.shape[0], degree + 1, c.shape[2]))
-        # integral of P_n from -1 is (P_{n+1} - P_{n-1})/(2n + 1), and x + 1 for n = 0
-        share = c / (2 * np.arange(degree) + 1)[:, None]
-        total[:, 1:] += share
-        total[:, 0] += c[:, 0]
-        total[:, : degree - 1] -= share[:, 1:]
-        total *= half
+        total = half * legint(c, lbnd=-1, axis=1)
         whole = np.cumsum(2 * half[:, 0] * c[:, 0], axis=0)
         total[1:, 0] += whole[:-1]
         total[:, 0] += np.asarray(start)
@@ -132,66 +126,26 @@ class PanelCurves:
 
 def legendre(count: int, x: FloatArray) -> FloatArray:
     """Return the Legendre polynomials P_0 ... P_{count-1} at `x`, shape (count, len(x))."""
-    total = np.empty((count, len(x)))
-    total[0] = 1.0
-    if count > 1:
-        total[1] = x
-    for n in range(2, count):
-        np.multiply(total[n - 1], x, out=total[n])
-        total[n] *= (2 * n - 1) / n
-        total[n] -= ((n - 1) / n) * total[n - 2]
-    return total
+    return np.asarray(legvander(x, count - 1).T)
 
 
 def spherical_bessel(count: int, x: FloatArray) -> FloatArray:
     """Return the spherical Bessel functions j_0 ... j_{count-1} at `x`, shape (count, *x.shape).
 
-    By recurrence upwards where that is stable (|x| above the order), downwards elsewhere: a run
-    over all orders at once, where SciPy's would begin anew for each.
+    Where |x| is above the order by recurrence upwards, which is stable there: a run over all orders
+    at once, where SciPy begins anew for each.
     """
-    size = np.abs(x)
     total = np.empty((count, *x.shape))
-    large, small = size > count, size < 1
-    middle = ~(large | small)
-    total[:, large] = _bessel_up(count, x[large])
-    total[:, middle] = _bessel_down(count, x[middle])
+    large = np.abs(x) > count
+    small = x[~large]
     # SciPy's are not numbers where 1/x overflows
-    total[:, small] = spherical_jn(np.arange(count)[:, None], x[small] * (size[small] > 1e-30))
+    total[:, ~large] = spherical_jn(np.arange(count)[:, None], small * (np.abs(small) > 1e-30))
+    high = x[large]
+    upwards = [np.cos(high) / high, np.sin(high) / high]
+    for n in range(count - 1):
+        upwards.append((2 * n + 1) / high * upwards[-1] - upwards[-2])
+    total[:, large] = upwards[1:]
     return total
-
-
-def _bessel_up(count: int, x: FloatArray) -> FloatArray:
-    total = np.empty((count, *x.shape))
-    inverse = 1 / x
-    np.multiply(np.sin(x), inverse, out=total[0])
-    if count > 1:
-        np.multiply(total[0] - np.cos(x), inverse, out=total[1])
-    for n in range(2, count):
-        np.multiply(total[n - 1], inverse, out=total[n])
-        total[n] *= 2 * n - 1
-        total[n] -= total[n - 2]
-    return total
-
-
-def _bessel_down(count: int, x: FloatArray) -> FloatArray:
-    # Miller: any start above decays into the wanted solution, as Airy's function of the orders
-    # over the cube root of half of them: by exp(-4/3 10^1.5) here
-    total = np.empty((max(count, 2), len(x)))
-    later, now = np.zeros(len(x)), np.full(len(x), 1e-200)
-    for n in range(len(total) + max(20, math.ceil(10 * math.cbrt(count / 2))), 0, -1):
-        later, now = now, (2 * n + 1) / x * now - later
-        huge = np.abs(now) > 1e200
-        if huge.any():
-            later[huge], now[huge] = later[huge] * 1e-250, now[huge] * 1e-250
-            total[n:, huge] *= 1e-250
-        if n <= len(total):
-            total[n - 1] = now
-    zeroth = np.sin(x) / x
-    first = (zeroth - np.cos(x)) / x
-    # j_0 and j_1 are never small together
-    by_first = np.abs(first) > np.abs(zeroth)
-    known, found = np.where(by_first, first, zeroth), np.where(by_first, total[1], total[0])
-    return np.asarray(total[:count] * (known / found))
 
 
 @dataclass(frozen=True, eq=False)
@@ -450,24 +404,6 @@ class PulseTrain:
             turned = np.exp(-2j * np.pi * v * middle) * np.sinc(v * part * self.overlap_ratio)
             total += term.weight * part * turned * term.pulse.transform(v)
         return total / self.period_mesh
-
-    def windows(self, points_per_mesh: int) -> list[tuple[int, FloatArray]]:
-        """Return, for each pulse, the first sample in it and the stiffness [N/m] from there on.
-
-        Parameters
-        ----------
-        points_per_mesh : int, >= 1
-            Samples are at the phases i/points_per_mesh.
-        """
-        parts = []
-        for term in self.terms:
-            # the margin keeps a sample that falls on the start of the pulse
-            first = math.ceil(term.offset * points_per_mesh - 1e-9)
-            points = math.ceil(self._support(term) * points_per_mesh) + 1
-            points = min(points, self.period_mesh * points_per_mesh)
-            alone = replace(self, terms=(term,))
-            parts.append((first, alone.at((first + np.arange(points)) / points_per_mesh)))
-        return parts
 
     def _support(self, term: PulseTerm) -> float:
         return term.pulse.length + term.face_end * self.overlap_ratio

@@ -20,16 +20,16 @@ from gearmon.gears.damage import (
     acting_faults,
     damage_trains,
     gear_losses,
-    measured_patches,
     wear_curve,
+    worn_patches,
 )
 from gearmon.gears.faults import Fault, GearError
 from gearmon.gears.iso6336 import MethodB
 from gearmon.gears.modulation import MOVING_KINDS, ModulationTrain, modulation_trains
 from gearmon.gears.pairs import MeshPair, Stage, mesh_pairs
 from gearmon.gears.pulses import ComplexArray, FloatArray, Pulse, PulseTerm, PulseTrain
-from gearmon.gears.stiffness_forms import FORMS, StiffnessForm, shorter_pulse, unit_pulse
-from gearmon.gears.tooth_mesh import PairState, TeethInMesh
+from gearmon.gears.stiffness_forms import FORMS, StiffnessForm, mesh_variation, unit_pulse
+from gearmon.gears.tooth_mesh import TeethInMesh
 from gearmon.gears.tooth_pairs import POTENTIAL_ENERGY, PotentialEnergy, ToothPair, teeth_of
 
 #: Names of all forms: curves over a mesh period, and the one computed from the teeth.
@@ -136,8 +136,7 @@ class MeshStiffness:
         Parameters
         ----------
         points_per_mesh : int, >= 1
-            Equally spaced phases i/points_per_mesh. The healthy mesh is computed once, a damaged
-            tooth only where it is in contact.
+            Equally spaced phases i/points_per_mesh.
 
         Returns
         -------
@@ -146,13 +145,8 @@ class MeshStiffness:
         count = int(points_per_mesh)
         if count < 1:
             raise ArgumentError(f"points_per_mesh={points_per_mesh} must be >= 1")
-        stiffness = np.tile(self.healthy.at(np.arange(count) / count), self.period_mesh)
-        for train in self.marks:
-            for start, values in train.windows(count):
-                for turn in range(0, self.period_mesh, train.period_mesh):
-                    where = (start + turn * count + np.arange(len(values))) % len(stiffness)
-                    stiffness[where] += values
-        return stiffness
+        found = [train.at(np.arange(train.period_mesh * count) / count) for train in self.parts]
+        return np.asarray(sum(np.tile(k, self.period_mesh * count // len(k)) for k in found))
 
     def harmonics(self, count: int) -> ComplexArray:
         """Return c_1 ... c_count of ``k = mean (1 + sum_r (c_r exp(2 pi i r phase/P) + conj))``.
@@ -180,7 +174,7 @@ class MeshStiffness:
 
 
 def mesh_stiffness(
-    stage: Stage,
+    stage: Stage | MeshPair,
     faults: Iterable[Fault] = (),
     form: str | StiffnessForm | PotentialEnergy = "parabolic",
     *,
@@ -188,11 +182,12 @@ def mesh_stiffness(
     force_n: float | None = None,
     errors: Iterable[GearError] = (),
 ) -> MeshStiffness:
-    """Return the stiffness of a stage's mesh; of a planetary stage, of one sun-planet mesh.
+    """Return the stiffness of a mesh.
 
     Parameters
     ----------
-    stage : ParallelStage or PlanetaryStage
+    stage : ParallelStage, PlanetaryStage or MeshPair
+        Of a planetary stage its sun-planet mesh, unless the pair itself is given.
     faults : iterable of Fault
         Faults of this stage.
     form : str, StiffnessForm or PotentialEnergy
@@ -221,26 +216,7 @@ def mesh_stiffness(
     peak over its mean is that value (of a Fourier sum: the rectangle under it). The form
     "potential-energy" takes mean and curve from the teeth; only the mean can be imposed on it.
     """
-    return pair_stiffness(
-        mesh_pairs(stage, number)[0], faults, form, force_n=force_n, errors=errors
-    )
-
-
-def pair_stiffness(
-    pair: MeshPair,
-    faults: Iterable[Fault] = (),
-    form: str | StiffnessForm | PotentialEnergy = "parabolic",
-    *,
-    force_n: float | None = None,
-    errors: Iterable[GearError] = (),
-) -> MeshStiffness:
-    """Return the stiffness of one pair of gears; see `mesh_stiffness`.
-
-    Raises
-    ------
-    ArgumentError
-        If data are missing, the gears cannot run, or a fault does not fit the pair.
-    """
+    pair = stage if isinstance(stage, MeshPair) else mesh_pairs(stage, number)[0]
     chosen = _chosen(form)
     _check_contact(pair)
     acting, notes = acting_faults(pair, faults)
@@ -285,12 +261,12 @@ class _Parts:
 def _from_form(
     pair: MeshPair, acting: list[Fault], form: StiffnessForm, force_n: float | None
 ) -> _Parts:
-    variation = unit_pulse(pair, form)[1]
+    variation = mesh_variation(pair, form)
     mean, iso = _mean(pair, form, force_n)
     worn = _worn_share(acting)
 
     def member(lost: float) -> Pulse:
-        pulse = shorter_pulse(pair, form, lost).scaled(mean * worn)
+        pulse = unit_pulse(pair, form, lost).scaled(mean * worn)
         left = wear_curve(pair, acting, pulse.length)
         return pulse if left is None else pulse.times(left.share, left.corners)
 
@@ -320,7 +296,7 @@ def _from_teeth(
 
     def mesh(lost: float = 0.0, wear: Sequence[Fault] = acting) -> TeethInMesh:
         moved = teeth.parted(lost)
-        worn = _worn_state(pair, moved, wear)
+        worn = worn_patches(pair, wear, teeth=moved)
         return TeethInMesh(pair=moved, worn=worn, is_coupled=form.is_coupled, force_n=force_n)
 
     factor, imposed = _worn_share(acting), pair.given("mesh_stiffness_n_per_m")
@@ -352,20 +328,6 @@ def _missing_teeth(
         )
         for gear, period, terms in found
     ]
-
-
-def _worn_state(pair: MeshPair, teeth: ToothPair, faults: Sequence[Fault]) -> PairState:
-    """Return the loss by measured wear of each gear."""
-    one, two = (
-        measured_patches(
-            [f for f in faults if f.kind == "wear" and f.gear == member.name and not f.is_loss],
-            teeth,
-            index,
-            pair.overlap_ratio > 0,
-        )
-        for index, member in enumerate(pair.members)
-    )
-    return one, two
 
 
 def _worn_share(acting: Sequence[Fault]) -> float:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 
@@ -27,24 +27,6 @@ CURVATURE_GU = 0.391
 
 Normalisation = Literal["mean", "maximum"]
 Duty = Literal["true", "half"]
-
-
-class StiffnessForm(Protocol):
-    """What every form gives."""
-
-    @property
-    def name(self) -> str:
-        """Name under which the form is chosen."""
-
-    @property
-    def normalisation(self) -> Normalisation:
-        """What ISO 6336 fixes: the mean mesh stiffness or the greatest of a single pair."""
-
-    def pulse(self, contact_ratio: float) -> Pulse:
-        """Return the stiffness of one pair over its contact, in units of its maximum."""
-
-    def outline(self, contact_ratio: float) -> Pulse:
-        """Return the pulse whose sum has the peaks that count: of a Fourier sum, its rectangle."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,8 +65,12 @@ class Parabolic:
         )
 
     def outline(self, contact_ratio: float) -> Pulse:
-        """Return the pulse whose sum has the peaks that count."""
+        """Return the pulse whose sum has the peaks that count: of a Fourier sum, its rectangle."""
         return self.pulse(contact_ratio)
+
+
+#: Every form is made from the parabola of one pair.
+StiffnessForm = Parabolic
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,10 +145,6 @@ class Rectangular(Parabolic):
         level = np.where(pairs == math.floor(contact_ratio), low, high) / pairs
         return Pulse(edges, level[:, None])
 
-    def outline(self, contact_ratio: float) -> Pulse:
-        """Return the pulse of the rectangle: the overshoot of a Fourier sum is no stiffness."""
-        return Rectangular.pulse(self, contact_ratio)
-
 
 @dataclass(frozen=True, kw_only=True)
 class FourierSum(Rectangular):
@@ -197,6 +179,10 @@ class FourierSum(Rectangular):
     def name(self) -> str:
         """Name under which the form is chosen."""
         return "fourier" if self.duty == "half" else "fourier-true"
+
+    def outline(self, contact_ratio: float) -> Pulse:
+        """Return the pulse of the rectangle: the overshoot of a Fourier sum is no stiffness."""
+        return Rectangular.pulse(self, contact_ratio)
 
     def pulse(self, contact_ratio: float) -> Pulse:
         """Return the stiffness of one pair over its contact, in units of its maximum."""
@@ -237,8 +223,8 @@ def zone_means(contact_ratio: float, curvature: float = CURVATURE_CAI) -> tuple[
     return (low if part < 1e-12 else float(inside.sum()) / part), low
 
 
-def unit_pulse(pair: MeshPair, form: StiffnessForm) -> tuple[Pulse, float]:
-    """Return the pulse of one pair that makes a mean stiffness of 1, and the variation.
+def mesh_variation(pair: MeshPair, form: StiffnessForm) -> float:
+    """Return half the peak to peak of the mesh stiffness over its mean, imposed or of the form.
 
     Parameters
     ----------
@@ -246,41 +232,39 @@ def unit_pulse(pair: MeshPair, form: StiffnessForm) -> tuple[Pulse, float]:
         Its stage may impose stiffness_variation.
     form : StiffnessForm
 
-    Returns
-    -------
-    pulse : Pulse
-    variation : float
-        Half the peak to peak of the mesh stiffness over its mean.
-
     Raises
     ------
     ArgumentError
         If the variation imposed would make the stiffness negative somewhere.
     """
     eps, overlap = pair.contact_ratio, pair.overlap_ratio
-    pulse, natural = form.pulse(eps), _variation(form, eps, overlap)
-    pulse = pulse.scaled(1 / pulse.area)
-    wanted = pair.given("stiffness_variation")
+    natural, wanted = _variation(form, eps, overlap), pair.given("stiffness_variation")
     if wanted is None:
-        return pulse, natural
+        return natural
     if eps < 1 or (natural < 1e-9 and wanted > 0):
         raise ArgumentError(
             f"{pair.where}: stiffness_variation={wanted:g} cannot be imposed: a mesh with contact "
             f"ratios {eps:.4g} and {overlap:.4g} has no curve to stretch; leave it out"
         )
-    stretched = _stretched(pulse, wanted / natural if wanted else 0.0)
-    if _mesh_curve(stretched, overlap).min() <= 0:
+    if _mesh_curve(unit_pulse(pair, form), overlap).min() <= 0:
         raise ArgumentError(
             f"{pair.where}: stiffness_variation={wanted:g} makes the {form.name} stiffness "
             f"negative in a part of the mesh; {natural:.4g} follows from its contact ratio"
         )
-    return stretched, wanted
+    return wanted
 
 
-def shorter_pulse(pair: MeshPair, form: StiffnessForm, lost: float) -> Pulse:
-    """Return the pulse of `unit_pulse` where the contact ratio is smaller by `lost`.
+def unit_pulse(pair: MeshPair, form: StiffnessForm, lost: float = 0.0) -> Pulse:
+    """Return the pulse of one pair that makes a mean stiffness of 1.
 
-    The greatest stiffness of a single pair is kept, and the factor of an imposed variation.
+    Parameters
+    ----------
+    pair : MeshPair
+        Its stage may impose stiffness_variation, see `mesh_variation`.
+    form : StiffnessForm
+    lost : float
+        What the contact ratio has lost: the greatest stiffness of a single pair is kept, and the
+        factor of an imposed variation.
     """
     eps = pair.contact_ratio
     pulse = form.pulse(eps - lost).scaled(1 / form.pulse(eps).area)

@@ -26,7 +26,7 @@ from gearmon.gears.faults import (
 from gearmon.gears.mechanics import stage_mechanics
 from gearmon.gears.pairs import MeshPair, mesh_pairs
 from gearmon.gears.pulses import ComplexArray, FloatArray
-from gearmon.gears.stiffness import MeshStiffness, pair_stiffness
+from gearmon.gears.stiffness import MeshStiffness, mesh_stiffness
 from gearmon.gears.stiffness_forms import StiffnessForm
 from gearmon.gears.tooth_damage import largest_size
 from gearmon.gears.tooth_outline import TeethPicture, teeth_picture
@@ -188,7 +188,7 @@ def compare_forms(
     phase = np.arange(mesh_periods * points_per_mesh + 1) / points_per_mesh
     curves = []
     for group, form in wanted:
-        found = pair_stiffness(pair, (), form, force_n=force)
+        found = mesh_stiffness(pair, (), form, force_n=force)
         name = form if isinstance(form, str) else form.name
         lines = found.mesh_harmonics(harmonics)
         curves.append(FormCurve(group, name, found, found.at(phase), lines))
@@ -226,11 +226,33 @@ class FaultLoss:
         Of the pair of the damaged tooth; None where the teeth are not known.
     measured : str
         The size that means the same mean loss, where the fault is given as a loss; else its own.
+    sized : Fault or None
+        The fault with a size that can be varied and drawn, where there is one.
     """
 
     fault: Fault
-    loss: PairLoss | None
-    measured: str
+    loss: PairLoss | None = None
+    measured: str = ""
+    sized: Fault | None = None
+
+    @property
+    def drawn(self) -> Fault | None:
+        """The fault as it is to be drawn."""
+        return self.sized if self.fault.is_loss else self.fault
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what it costs in built-in types; of pitting, also of a loss, its level."""
+        found: dict[str, Any] = {"fault": str(self.fault), "size": self.measured}
+        if self.fault.kind == "pitting" and self.sized is not None:
+            level = flank_level(flank_share(self.sized.size, self.sized.unit))
+            found |= {} if level is None else {"level": f"{level} ({LEVELS[level][0]})"}
+        if self.loss is not None:
+            found |= {
+                "mean_loss": self.loss.mean,
+                "greatest_loss": self.loss.greatest,
+                "loss_at_middle": self.loss.at_middle,
+            }
+        return found
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -318,7 +340,7 @@ class StageStiffness:
             "stiffness_variation": self.healthy.variation,
             "damaged_mean_stiffness_n_per_m": self.damaged.mean_n_per_m,
             "period_mesh": self.damaged.period_mesh,
-            "faults": [_fault_dict(entry) for entry in self.faults],
+            "faults": [entry.to_dict() for entry in self.faults],
             "compliance_shares_at_middle": {
                 name: float(np.interp(0.5 * self.healthy.contact_ratio, self.contact_phase, share))
                 for name, share in self.shares.items()
@@ -442,8 +464,8 @@ def _mesh(
 ) -> StageStiffness:
     number = pair.number or 1
     force, _ = _running(machine, number, mesh)
-    healthy = pair_stiffness(pair, (), form, force_n=force)
-    damaged = pair_stiffness(pair, faults, form, force_n=force) if faults else healthy
+    healthy = mesh_stiffness(pair, (), form, force_n=force)
+    damaged = mesh_stiffness(pair, faults, form, force_n=force) if faults else healthy
     notes = list(damaged.warnings)
     teeth = _teeth(pair, notes)
     contact = np.linspace(0.0, healthy.contact_ratio, 201)
@@ -482,22 +504,24 @@ def _window(losses: tuple[FaultLoss, ...], mesh: MeshStiffness, points: int) -> 
 
 
 def _fault_loss(fault: Fault, pair: MeshPair, teeth: ToothPair | None) -> FaultLoss:
-    names = [member.name for member in pair.members]
-    if teeth is None or fault.gear not in names:
-        return FaultLoss(fault, None, "")
-    index = names.index(fault.gear)
+    if teeth is None:
+        return FaultLoss(fault)
+    index = [member.name for member in pair.members].index(fault.gear)
     loss = stiffness_loss(fault, teeth, index)
     if not fault.is_loss:
-        size = size_text(fault.kind, fault.size, fault.unit, fault.shape)
-        return FaultLoss(fault, loss, size or "whole tooth")
+        size = size_text(fault.kind, fault.size, fault.unit, fault.shape) or "whole tooth"
+        if fault.unit == "level":
+            share = flank_share(fault.size, fault.unit)
+            return FaultLoss(fault, loss, size, replace(fault, unit="flank", size=share))
+        return FaultLoss(fault, loss, size, None if fault.unit == "tooth" else fault)
     unit = MEASURED_UNITS.get(fault.kind)
     if unit is None:
-        return FaultLoss(fault, loss, "")
+        return FaultLoss(fault, loss)
     try:
         found = size_for_loss(replace(fault, unit=unit, size=0.0), loss.mean, teeth, index)
     except ArgumentError:
         return FaultLoss(fault, loss, "out of reach")
-    return FaultLoss(fault, loss, f"{found.size:.3g}{found.unit}")
+    return FaultLoss(fault, loss, f"{found.size:.3g}{found.unit}", found)
 
 
 def _curve(
@@ -507,58 +531,19 @@ def _curve(
     if teeth is None:
         return None
     names = [member.name for member in pair.members]
-    for entry in losses:
-        fault = _sized(entry)
-        if fault is not None and fault.gear in names:
-            return size_curve(fault, teeth, names.index(fault.gear))
+    for fault in (entry.sized for entry in losses if entry.sized is not None):
+        return size_curve(fault, teeth, names.index(fault.gear))
     if losses:
         return None
     crack = Fault(kind="crack", stage=pair.number or 1, gear=names[0], tooth=1, size=0.0, unit="mm")
     return replace(size_curve(crack, teeth, 0), marked=None)
 
 
-def _sized(entry: FaultLoss) -> Fault | None:
-    """Return the fault with a size that can be varied, or None."""
-    fault = entry.fault
-    if fault.unit == "level":
-        return replace(fault, unit="flank", size=flank_share(fault.size, fault.unit))
-    if fault.unit in ("mm", "flank", "%flank"):
-        return fault
-    if not fault.is_loss or not entry.measured or entry.measured == "out of reach":
-        return None
-    unit = MEASURED_UNITS[fault.kind]
-    return replace(fault, unit=unit, size=float(entry.measured.removesuffix(unit)))
-
-
 def _picture(losses: tuple[FaultLoss, ...], teeth: ToothPair | None) -> TeethPicture | None:
     if teeth is None:
         return None
-    drawn = [fault for fault in (_drawn(entry) for entry in losses) if fault is not None]
+    drawn = [entry.drawn for entry in losses if entry.drawn is not None]
     seen: dict[str, int | None] = {}
     # one tooth of each gear is drawn: the first that is damaged
     chosen = [f for f in drawn if seen.setdefault(f.gear, f.tooth) == f.tooth]
     return teeth_picture(teeth, chosen)
-
-
-def _drawn(entry: FaultLoss) -> Fault | None:
-    return entry.fault if not entry.fault.is_loss else _sized(entry)
-
-
-def _level(entry: FaultLoss) -> int | None:
-    """Return the level of pitting, also of one that is given as a loss."""
-    fault = _sized(entry) if entry.fault.kind == "pitting" else None
-    return None if fault is None else flank_level(flank_share(fault.size, fault.unit))
-
-
-def _fault_dict(entry: FaultLoss) -> dict[str, Any]:
-    found: dict[str, Any] = {"fault": str(entry.fault), "size": entry.measured}
-    level = _level(entry)
-    if level is not None:
-        found["level"] = f"{level} ({LEVELS[level][0]})"
-    if entry.loss is not None:
-        found |= {
-            "mean_loss": entry.loss.mean,
-            "greatest_loss": entry.loss.greatest,
-            "loss_at_middle": entry.loss.at_middle,
-        }
-    return found

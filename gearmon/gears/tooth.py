@@ -22,12 +22,13 @@ from functools import cached_property, lru_cache
 from typing import Literal
 
 import numpy as np
+from numpy.polynomial.legendre import legder, legval
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from gearmon.errors import ArgumentError
 from gearmon.gears.geometry import PairGeometry, Rack
-from gearmon.gears.pulses import FloatArray, PanelCurves, gauss, panel_nodes
+from gearmon.gears.pulses import FloatArray, PanelCurves, distinct, gauss, panel_nodes
 from gearmon.gears.tooth_damage import SOUND, ToothDamage, crossings, sections
 
 #: Tangent angle of the critical section of a fillet, ISO 6336-3 [rad].
@@ -55,14 +56,11 @@ class RootPart:
     ----------
     curve : callable
         Maps parameters to height and half thickness [m].
-    is_straight : bool
-        Whether the half thickness is the same everywhere.
     crack_parameter : float
         Parameter at which root cracks begin.
     """
 
     curve: Curve
-    is_straight: bool = False
     crack_parameter: float = 0.0
 
     def at(self, parameter: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -77,21 +75,14 @@ class RootPart:
 
     def edges(self, levels: FloatArray) -> FloatArray:
         """Return panel edges, with corners where the half thickness crosses `levels` [m]."""
-        if not len(levels):
-            return np.array([0.0, 1.0])
-        edges = np.unique(np.concatenate([[0.0, 1.0], self._crossings(levels)]))
-        return np.asarray(edges[np.concatenate([[True], np.diff(edges) > 1e-12])])
+        found = crossings(lambda p: self.at(p)[1], 0.0, 1.0, levels)
+        return distinct([0.0, 1.0, *found], 1e-12)
 
     @cached_property
     def crack_start(self) -> tuple[float, float]:
         """Height and half thickness [m] where a root crack begins."""
         height, half = self.at(np.array([self.crack_parameter]))
         return float(height[0]), float(half[0])
-
-    def _crossings(self, levels: FloatArray) -> FloatArray:
-        if self.is_straight:
-            return np.zeros(0)
-        return crossings(lambda p: self.at(p)[1], 0.0, 1.0, levels)
 
 
 def straight_root(base_radius: float, root_radius: float, half_angle: float) -> RootPart:
@@ -103,12 +94,10 @@ def straight_root(base_radius: float, root_radius: float, half_angle: float) -> 
         height = low + (high - low) * parameter
         return height, np.full_like(height, half)
 
-    return RootPart(curve=curve, is_straight=True)
+    return RootPart(curve=curve)
 
 
-def fillet_root(
-    rack: Rack, teeth: int, profile_shift: float, form_roll: float, module_m: float
-) -> RootPart:
+def fillet_root(rack: Rack, teeth: float, profile_shift: float, module_m: float) -> RootPart:
     """Return the fillet that a rack generates, up to where the involute begins.
 
     Parameters
@@ -116,16 +105,12 @@ def fillet_root(
     rack : Rack
     teeth : int
     profile_shift : float
-    form_roll : float
-        Roll length at which the involute begins, in modules.
     module_m : float
         Normal module [m].
     """
-    base = 0.5 * teeth / math.cos(rack.helix_angle_rad)
-    base *= math.cos(rack.transverse_pressure_angle_rad)
     upper = rack.pressure_angle_rad
     if rack.least_shift(teeth) > profile_shift:
-        upper = _undercut_end(rack, teeth, profile_shift, math.hypot(base, form_roll))
+        upper = rack.undercut_end(teeth, profile_shift)
 
     def curve(parameter: FloatArray) -> tuple[FloatArray, FloatArray]:
         angles = math.pi / 2 + (upper - math.pi / 2) * parameter
@@ -156,30 +141,11 @@ def where_tangent(curve: Curve, angle_rad: float) -> float:
     return float(grid[i - 1] + share * (grid[i] - grid[i - 1]))
 
 
-def _undercut_end(rack: Rack, teeth: int, profile_shift: float, form_radius: float) -> float:
-    """Return the angle of the rack-tip normal at which an undercut fillet cuts the involute."""
-    low, high = rack.pressure_angle_rad, math.pi / 2
-    grid = np.linspace(high, low, 513)
-    radius = np.hypot(*rack.fillet(teeth, profile_shift, grid))
-    first = int(np.argmax(radius >= form_radius))
-    if first == 0:
-        return low
-    share = (form_radius - radius[first - 1]) / (radius[first] - radius[first - 1])
-    return float(grid[first - 1] + share * (grid[first] - grid[first - 1]))
-
-
 @lru_cache(maxsize=8)
 def _differentiation(points: int) -> FloatArray:
     """Return the matrix from values at Gauss points to slopes there."""
     nodes, _, analysis = gauss(points)
-    slopes = np.stack(
-        [
-            np.polynomial.legendre.legval(nodes, np.polynomial.legendre.legder(row))
-            for row in np.eye(points)
-        ],
-        axis=1,
-    )
-    return np.asarray(slopes @ analysis)
+    return np.asarray(legval(nodes, legder(np.eye(points))).T @ analysis)
 
 
 def ring_root(end_m: tuple[float, float], slope_rad: float, root_radius_m: float) -> RootPart:
@@ -268,8 +234,8 @@ class Tooth:
     Parameters
     ----------
     name : str
-    teeth : int
-        Positive, for a ring too.
+    teeth : float
+        Positive, for a ring too; of helical gears that of their normal section.
     profile_shift : float
     rack : Rack
     module_m : float
@@ -278,7 +244,7 @@ class Tooth:
     form_roll_m : float
         Roll length [m] at which the involute begins above the fillet.
     bore_radius_m : float
-        Radius on which the body is held: of a disc its bore, at least 0.1 root radii; of a ring
+        Radius on which the body is held: of a disc its bore; of a ring
         its outside, at most 3 root radii.
     face_width_m : float
     elastic_modulus_pa : float
@@ -293,7 +259,7 @@ class Tooth:
     """
 
     name: str
-    teeth: int
+    teeth: float
     profile_shift: float
     rack: Rack
     module_m: float
@@ -314,11 +280,11 @@ class Tooth:
             raise ArgumentError(f"root={self.root!r} must be one of {', '.join(ROOTS)}")
         if self.internal:
             self._check_ring()
-        elif not 0.1 * self.root_radius_m <= self.bore_radius_m < self.root_radius_m:
+        elif not 0 < self.bore_radius_m < self.root_radius_m:
             raise ArgumentError(
-                f"bore radius {1e3 * self.bore_radius_m:g} mm of the {self.name} must be at least "
-                f"a tenth of its root radius {1e3 * self.root_radius_m:.5g} mm and less than that: "
-                f"the body of the gear yields between them; set bore_diameter_{self.name}_mm"
+                f"bore radius {1e3 * self.bore_radius_m:g} mm of the {self.name} must be > 0 and "
+                f"less than its root radius {1e3 * self.root_radius_m:.5g} mm: the body of the "
+                f"gear yields between them; set bore_diameter_{self.name}_mm"
             )
 
     def _check_ring(self) -> None:
@@ -417,8 +383,7 @@ class Tooth:
         if self.internal:
             return self._ring_root()
         if self.root == "fillet":
-            roll = self.form_roll_m / self.module_m
-            return fillet_root(self.rack, self.teeth, self.profile_shift, roll, self.module_m)
+            return fillet_root(self.rack, self.teeth, self.profile_shift, self.module_m)
         if self.root == "base" or self.root_radius_m >= self.base_radius_m:
             return None
         return straight_root(self.base_radius_m, self.root_radius_m, self.base_half_angle_rad)
@@ -496,7 +461,8 @@ class ToothBeam:
         """Running integrals of 1/A and of (1, y, y^2)/I along the involute."""
         tooth = self.tooth
         splits = tooth.start + (tooth.tip - tooth.start) * np.array(SPLITS)
-        edges = _with_corners(tooth.start, tooth.tip, np.concatenate([splits, self.corners]))
+        inner = [t for t in self.corners if tooth.start + 1e-12 < t < tooth.tip - 1e-12]
+        edges = distinct([tooth.start, *splits, *inner, tooth.tip], 1e-12)
         t = panel_nodes(edges)
         height, half = tooth.height(t), tooth.half_thickness(t)
         slope = tooth.roll(t) * np.cos(t)
@@ -578,9 +544,3 @@ def _form_roll(pair: PairGeometry, index: int) -> float:
     teeth, root = pair.gears[index].teeth, pair.root_radii_m[index]
     half = pair.rack(index).base_half_angle(-teeth, pair.gears[index].profile_shift)
     return roomy_roll(pair.base_radii_m[index], root, half, math.pi / teeth, roll)
-
-
-def _with_corners(low: float, high: float, corners: FloatArray) -> FloatArray:
-    inner = corners[(corners > low + 1e-12) & (corners < high - 1e-12)]
-    edges = np.unique(np.concatenate([[low, high], inner]))
-    return np.asarray(edges[np.concatenate([[True], np.diff(edges) > 1e-12])])

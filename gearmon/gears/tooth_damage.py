@@ -21,8 +21,10 @@ from gearmon.gears.pulses import FloatArray
 if TYPE_CHECKING:
     from gearmon.gears.tooth import Tooth
 
-#: Gauss points across the width of a crack of varying depth; integrands are cubics times a line.
-WIDTH_POINTS = 3
+#: Gauss points across the width of a crack of varying depth; a flat line's integrands are cubics.
+WIDTH_POINTS = 12
+#: By how many depths of a crack the fillet flares that it shields, see `RootCrack`.
+FLARE = 2.0
 #: Panels across a round pit, graded towards its ends where its width has a vertical tangent.
 PIT_PANELS = 4
 #: Largest part of the face width that pits may take at one height.
@@ -61,9 +63,14 @@ class RootCrack:
     the other flank it would close and carry again; that is not this state.
 
     Flat limit line (Wu, Zuo & Parey 2008): on the cracked side the half thickness is at most
-    ``h_cr = h_root - q sin(angle)``, in the root as well: the material below a crack is as idle as
-    that above it. Against finite elements with a slit this under-predicts the
+    ``h_cr = h_root - q sin(angle)``. Against finite elements with a slit this under-predicts the
     effect of shallow cracks by up to 45 % and over-predicts that of deep ones near the tip.
+
+    A crack without depth takes nothing. Where the sound tooth is thicker than the line of such a
+    crack, mostly in the fillet below its start, the surplus ``h - h_root`` goes as the crack grows:
+    ``h_lim = h_cr + max(h - h_root - 2 q, 0)``. A crack shields the material to about its own
+    depth beside it, over which a fillet flares by twice that. Cracks from a sixth of the module on
+    leave nothing of it, so that theirs is the line of the sources.
 
     Parabolic limit line (after Mohammed, Rantatalo & Aidanpaa 2013): above the start of the crack
     ``h_lim^2 = h_tip^2 + (h_cr^2 - h_tip^2)(y_tip - y)/(y_tip - y_start)``, so that the corner of
@@ -113,8 +120,35 @@ class RootCrack:
         root = tooth.crack_start[1]
         return np.array([root - depth * math.sin(self.angle_rad) for depth in self.depths])
 
-    def carrying(self, tooth: Tooth, height: FloatArray, depth: FloatArray | float) -> FloatArray:
-        """Return the half thickness [m] up to which sections carry where the crack is so deep."""
+    def carrying(
+        self, tooth: Tooth, height: FloatArray, half: FloatArray, depth: FloatArray | float
+    ) -> FloatArray:
+        """Return the half thickness [m] up to which sections carry where the crack is so deep.
+
+        Parameters
+        ----------
+        tooth : Tooth
+        height, half : ndarray
+            Height and half thickness of the sound sections [m].
+        depth : array_like
+            [m]
+        """
+        kept = half - self._line(tooth, height, 0.0) - FLARE * np.asarray(depth)
+        return np.asarray(self._line(tooth, height, depth) + np.maximum(kept, 0.0))
+
+    def biting(self, tooth: Tooth, height: FloatArray, half: FloatArray) -> FloatArray:
+        """Return the depth [m] from which on a crack bites into sections; `carrying` inverted."""
+        cut = left = np.minimum(half, self._line(tooth, height, 0.0))
+        if self.limit == "parabolic":
+            low, tip = self._below_tip(tooth, height)
+            square = tip**2 + (left**2 - tip**2) / np.maximum(low, 1e-12)
+            rise = np.sqrt(1 - np.minimum(low, 1 - 1e-12))
+            past = (left - tip * rise) / (1 - np.minimum(rise, 1 - 1e-9))
+            cut = np.where(square > 0, np.sqrt(np.maximum(square, 0.0)), past)
+        return np.asarray((tooth.crack_start[1] - cut) / math.sin(self.angle_rad))
+
+    def _line(self, tooth: Tooth, height: FloatArray, depth: FloatArray | float) -> FloatArray:
+        """Return the limit line [m] of a crack so deep."""
         cut = tooth.crack_start[1] - np.asarray(depth) * math.sin(self.angle_rad)
         if self.limit == "flat":
             return np.broadcast_to(cut, height.shape)
@@ -123,17 +157,6 @@ class RootCrack:
         base = np.minimum(cut, 0.0)
         square = np.maximum(cut, 0.0) ** 2 * low + (tip - base) ** 2 * (1 - low)
         return np.asarray(base + np.sqrt(square))
-
-    def biting(self, tooth: Tooth, height: FloatArray, half: FloatArray) -> FloatArray:
-        """Return the depth [m] from which on a crack bites into sections; `carrying` inverted."""
-        cut = half
-        if self.limit == "parabolic":
-            low, tip = self._below_tip(tooth, height)
-            square = tip**2 + (half**2 - tip**2) / np.maximum(low, 1e-12)
-            rise = np.sqrt(1 - np.minimum(low, 1 - 1e-12))
-            past = (half - tip * rise) / (1 - np.minimum(rise, 1 - 1e-9))
-            cut = np.where(square > 0, np.sqrt(np.maximum(square, 0.0)), past)
-        return np.asarray((tooth.crack_start[1] - cut) / math.sin(self.angle_rad))
 
     def _below_tip(self, tooth: Tooth, height: FloatArray) -> tuple[FloatArray, float]:
         """Return (y_tip - y)/(y_tip - y_start), at most 1, and the half thickness of the tip."""
@@ -156,7 +179,11 @@ class Hole:
         Into the tooth [m].
     round : bool
     start : float, in [0, 1)
-        Where along the face it begins, for pictures.
+        Where along the face it begins.
+    is_touched : bool
+        Whether the contact that passes it is shortened, as in the formulas of the literature
+        (Chaari 2008). Not where the face over it counts as lost altogether, see
+        `damage.measured_patches`.
     """
 
     low_m: float
@@ -165,6 +192,7 @@ class Hole:
     depth_m: float
     round: bool = False
     start: float = 0.0
+    is_touched: bool = True
 
     def __post_init__(self) -> None:
         check_positive("length of the spall", self.high_m - self.low_m, "m")
@@ -259,21 +287,24 @@ class ToothDamage:
         """Return the half thicknesses [m] at which a crack leaves corners in the root."""
         if self.crack is None:
             return np.zeros(0)
-        limits = self.crack.limits_m(tooth)
-        # the parabolic line begins where the crack does
-        return limits if self.crack.limit == "flat" else np.append(limits, tooth.crack_start[1])
+        # the line begins where the crack does, and below it ends in what is left of the fillet
+        start = tooth.crack_start[1]
+        kept = [start + FLARE * depth for depth in self.crack.depths]
+        return np.array([start, *kept, *self.crack.limits_m(tooth)])
 
     def missing_width_m(self, height: FloatArray) -> FloatArray:
-        """Return the width of flank that is missing at a height, of all holes together [m]."""
-        return np.asarray(sum((hole.width(height) for hole in self.holes), np.zeros(height.shape)))
+        """Return by how much all holes together shorten a contact at a height [m]."""
+        widths = (hole.width(height) for hole in self.holes if hole.is_touched)
+        return np.asarray(sum(widths, np.zeros(height.shape)))
 
     def _crack_corners(self, tooth: Tooth, crack: RootCrack) -> FloatArray:
         found = []
-        for depth in sorted(set(crack.depths)):
+        for depth in sorted({0.0, *crack.depths}):
 
             def beyond(t: FloatArray, depth: float = depth) -> FloatArray:
-                loaded = tooth.half_thickness(t) - self.wear_m / np.cos(t)
-                return np.asarray(loaded - crack.carrying(tooth, tooth.height(t), depth))
+                half = tooth.half_thickness(t)
+                loaded = half - self.wear_m / np.cos(t)
+                return np.asarray(loaded - crack.carrying(tooth, tooth.height(t), half, depth))
 
             found.append(crossings(beyond, tooth.start, tooth.tip, np.zeros(1)))
         return np.concatenate(found)
@@ -325,7 +356,7 @@ def _cracked(
     """Average the sections over the face width: sound part, and depths from least to greatest."""
     low, high = crack.depths
     if high - low < 1e-9 * max(high, 1e-30):
-        cut = half + np.minimum(loaded, crack.carrying(tooth, height, high))
+        cut = half + np.minimum(loaded, crack.carrying(tooth, height, half, high))
         first, third = cut, cut**3
     else:
         first, third = _varying(tooth, crack, height, half, loaded)
@@ -343,14 +374,12 @@ def _varying(
     depth = np.clip(crack.biting(tooth, height, loaded), low, high)
     spread = high**2 - low**2
     full = half + loaded
-    # a parabola of the depth in the flat line, its root in the other
-    points = WIDTH_POINTS if crack.limit == "flat" else 4 * WIDTH_POINTS
-    nodes, weights = np.polynomial.legendre.leggauss(points)
+    nodes, weights = np.polynomial.legendre.leggauss(WIDTH_POINTS)
     uncut = (depth**2 - low**2) / spread
     first, third = uncut * full, uncut * full**3
     for node, weight in zip(nodes, weights, strict=True):
         q = 0.5 * (depth + high) + 0.5 * (high - depth) * node
-        thickness = half + crack.carrying(tooth, height, q)
+        thickness = half + crack.carrying(tooth, height, half, q)
         share = weight * (high - depth) * q / spread
         first, third = first + share * thickness, third + share * thickness**3
     return first, third
@@ -469,6 +498,7 @@ def _spall(fault: Fault, tooth: Tooth) -> Hole:
         width_m=width,
         depth_m=1e-3 * shape.depth,
         start=start / tooth.face_width_m,
+        is_touched=False,
     )
 
 

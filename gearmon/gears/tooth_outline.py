@@ -43,7 +43,7 @@ class FlankMark:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TeethPicture:
-    """Two gears in contact, in the transverse section; all points in mm, shape (n, 2).
+    """Two gears in contact, cut square to their flanks; all points in mm, shape (n, 2).
 
     Parameters
     ----------

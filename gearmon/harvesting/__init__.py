@@ -35,7 +35,6 @@ from gearmon.harvesting.cantilever import (
     PIEZO_MATERIALS,
     ModalDamping,
     PiezoCantilever,
-    sized_for,
 )
 from gearmon.harvesting.inertial import InertialHarvester
 from gearmon.harvesting.placement import Survey, survey_expected, survey_measured
@@ -75,7 +74,6 @@ __all__ = [
     "half_power_band",
     "load_harvester",
     "response_rows",
-    "sized_for",
     "survey_expected",
     "survey_measured",
     "sweep_designs",

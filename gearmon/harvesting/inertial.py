@@ -36,7 +36,7 @@ class InertialHarvester(OneLoad):
     mechanical_damping_ratio : float, > 0 and < 1
         What is lost to heat.
     electrical_damping_ratio : float, >= 0 and <= 10
-        What the load takes; `electromagnetic_damping_ratio` gives it for a coil.
+        What the load takes; a coil takes ``theta^2/(2 m w_n (R_coil + R_load))``.
     clearance_m : float, > 0
         Room of the mass to either side [m].
     lowest_hz, highest_hz : float, > 0
@@ -177,44 +177,3 @@ class InertialHarvester(OneLoad):
         if math.isinf(self.clearance_m):
             values["clearance_m"] = None
         return values
-
-
-def electromagnetic_damping_ratio(
-    coupling_n_per_a: float,
-    mass_kg: float,
-    natural_frequency_hz: float,
-    coil_ohm: float,
-    load_ohm: float,
-) -> tuple[float, float]:
-    """Damping ratio that a coil makes, and the share of its power that reaches the load.
-
-    z = theta^2/(2 m wn (Rc + Rl)), share Rl/(Rc + Rl); well below the corner R/L of the coil.
-
-    Parameters
-    ----------
-    coupling_n_per_a : float, > 0
-        theta, force per current = voltage per velocity [N/A = V s/m].
-    mass_kg, natural_frequency_hz : float, > 0
-    coil_ohm, load_ohm : float, >= 0, > 0
-        Resistances [ohm].
-
-    Returns
-    -------
-    ratio, share : float
-
-    Raises
-    ------
-    ArgumentError
-        If a value is out of its range.
-    """
-    for name, value in (
-        ("coupling_n_per_a", coupling_n_per_a),
-        ("mass_kg", mass_kg),
-        ("natural_frequency_hz", natural_frequency_hz),
-        ("load_ohm", load_ohm),
-    ):
-        check_positive(name, value)
-    check_range("coil_ohm", coil_ohm, 0.0, 1e12, "ohm")
-    total = coil_ohm + load_ohm
-    natural = 2 * math.pi * natural_frequency_hz
-    return coupling_n_per_a**2 / (2 * mass_kg * natural * total), load_ohm / total

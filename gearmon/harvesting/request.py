@@ -26,7 +26,7 @@ from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, TypeVar, cast, get_args
 
-from gearmon.errors import ArgumentError, check_positive, nearest_name
+from gearmon.errors import ArgumentError, nearest_name
 from gearmon.harvesting.cantilever import (
     BEAM_MATERIALS,
     PIEZO_MATERIALS,
@@ -113,11 +113,6 @@ class SensorBudget:
         """
         left = self.efficiency * power_w - self.sleep_power_w
         return max(self.duration_s, self.energy_j / left) if left > 0 else math.inf
-
-    def power_for_w(self, interval_s: float) -> float:
-        """Mean harvested power that a recording every so often takes [W]."""
-        check_positive("interval_s", interval_s, "s")
-        return (self.energy_j / interval_s + self.sleep_power_w) / self.efficiency
 
     def to_dict(self) -> dict[str, Any]:
         """Return all values, and the energy of a recording, in built-in types."""

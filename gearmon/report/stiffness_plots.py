@@ -90,7 +90,7 @@ def stiffness_figure(stage: StageStiffness) -> Picture:
 
 
 def _plot_teeth(picture: TeethPicture, ax: Axes) -> None:
-    """Draw the pair of teeth in the transverse section, to scale."""
+    """Draw the pair of teeth, cut square to their flanks, to scale."""
     # the body of the first gear lies below its teeth, that of the second above, a ring's too
     for outline, colour, name, side in zip(
         picture.outlines, (BLUE, GREEN), picture.names, (-1, 1), strict=True

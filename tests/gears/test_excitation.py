@@ -208,12 +208,12 @@ def test_a_tip_corner_touches_at_the_end_of_the_path():
         ("eccentricity:1:pinion:all", "has 4 parts and not 5"),
         ("excentricity:1:pinion:all:20um", "did you mean eccentricity"),
         ("eccentricity:1:pinon:all:20um", "did you mean pinion"),
-        ("eccentricity:1:pinion:all:20", "SIZE a number in um or mm"),
+        ("eccentricity:1:pinion:all:20", "SIZE must be a number in um or mm"),
         ("eccentricity:1:pinion:3:20um", "is of the whole gear"),
         ("pitch:1:pinion:all:20um", "is of one tooth"),
         ("pitch:1:pinion:0:20um", "tooth=0 must be >= 1"),
         ("pitch:0:pinion:1:20um", "stage=0 must be >= 1"),
-        ("pitch:1:pinion:1:nanum", "finite"),
+        ("pitch:1:pinion:1:nanum", "SIZE must be a number"),
     ],
 )
 def test_errors_without_meaning_are_refused(text, match):

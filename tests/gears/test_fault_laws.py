@@ -15,7 +15,7 @@ from gearmon.gears.damage import size_for_loss, stiffness_loss
 from gearmon.gears.faults import parse_fault
 from gearmon.gears.pairs import mesh_pairs
 from gearmon.gears.pulses import PulseTrain
-from gearmon.gears.stiffness import pair_stiffness
+from gearmon.gears.stiffness import mesh_stiffness
 from gearmon.gears.tooth_pairs import POTENTIAL_ENERGY, ToothPair, teeth_of
 from gearmon.machine import ParallelStage, PlanetaryStage
 
@@ -53,7 +53,7 @@ FORMS = ["parabolic", POTENTIAL_ENERGY]
 def mesh_of(gear, texts, form):
     stage, number = MESHES[gear]
     pair = mesh_pairs(stage, 1)[number]
-    return pair, pair_stiffness(pair, [parse_fault(text) for text in texts], form)
+    return pair, mesh_stiffness(pair, [parse_fault(text) for text in texts], form)
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -187,7 +187,7 @@ def contacts(monkeypatch, stage, texts):
     with monkeypatch.context() as patch:
         patch.setattr(ToothPair, "compliances", counting)
         pair = mesh_pairs(stage, 1)[0]
-        mesh = pair_stiffness(pair, [parse_fault(text) for text in texts], POTENTIAL_ENERGY)
+        mesh = mesh_stiffness(pair, [parse_fault(text) for text in texts], POTENTIAL_ENERGY)
         mesh.sample(200)
     return sum(counted)
 
@@ -219,3 +219,40 @@ def test_no_more_harmonics_than_asked_for(monkeypatch):
     monkeypatch.setattr(PulseTrain, "coefficients", counting)
     assert len(mesh.harmonics(130)) == 130
     assert asked == [(1, 5), (26, 130)]
+
+
+# --- load that finds no flank --------------------------------------------------------------------
+
+
+def mean_loss(gear, text):
+    stage, number = MESHES[gear]
+    pair = mesh_pairs(stage, 1)[number]
+    index = [member.name for member in pair.members].index(gear)
+    return stiffness_loss(parse_fault(text.format(gear)), teeth_of(pair), index).mean
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.sampled_from(["pinion", "gear", "sun"]), st.floats(0.01, 19.0), st.floats(0.0, 0.9))
+def test_a_spall_as_high_as_the_flank_costs_what_a_breakage_does(gear, width, start):
+    """So shallow that it does not weaken the section, it costs the share of the face."""
+    face = MESHES[gear][0].face_width_mm
+    place = f",from={start * (face - width):.9f}"
+    spall = mean_loss(gear, f"spall:1:{{}}:4:{width:.9f}x9x1e-6mm{place}")
+    broken = mean_loss(gear, f"breakage:1:{{}}:4:{width:.9f}mm{place}")
+    assert broken == pytest.approx(width / face, rel=1e-6)
+    assert spall == pytest.approx(broken, rel=1e-4)
+
+
+@pytest.mark.parametrize("gear", ["pinion", "gear", "planet", "ring"])
+@pytest.mark.parametrize("place", ["", ",at=0.9"])
+def test_the_loss_by_a_spall_is_continuous_in_its_size(gear, place):
+    """Also where it reaches across the whole face, and as it grows from nothing."""
+    face = MESHES[gear][0].face_width_mm
+    widths = [1e-6, 1e-3 * face, 0.9799 * face, 0.9801 * face, 0.9999 * face, face]
+    lost = [mean_loss(gear, f"spall:1:{{}}:4:{w:.9f}x1x0.2mm{place}") for w in widths]
+    assert lost[0] < 1e-6
+    assert (np.diff(lost) >= 0).all()
+    assert lost[5] - lost[2] < 1e-3 * lost[5]
+    lengths = [mean_loss(gear, f"spall:1:{{}}:4:5x{x}x0.2mm{place}") for x in (1e-6, 0.01, 0.011)]
+    assert lengths[0] < 1e-5
+    assert lengths[2] == pytest.approx(1.1 * lengths[1], rel=0.05)

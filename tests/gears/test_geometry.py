@@ -343,7 +343,9 @@ def test_zones_of_a_helical_pair_count_all_pairs_that_touch():
         gear(30), gear(50), module_m=0.002, helix_angle_rad=30 * DEG, face_width_m=0.04
     )
     assert pair.total_contact_ratio > 4
-    assert max(pairs for _, _, pairs in pair.zones) == math.ceil(pair.total_contact_ratio)
+    assert max(pairs for _, _, pairs in contact_zones(pair.total_contact_ratio)) == math.ceil(
+        pair.total_contact_ratio
+    )
 
 
 @pytest.mark.parametrize(("tip", "root", "fewest"), [(1.3, 1.6, 2), (1.0, 1.25, 1)])
@@ -356,8 +358,15 @@ def test_zones_of_a_spur_pair_say_how_many_pairs_carry(tip, root, fewest):
     )
     eps = pair.transverse_contact_ratio
     assert math.floor(eps) == fewest
-    assert {pairs for _, _, pairs in pair.zones} == {fewest, fewest + 1}
-    many = sum(end - start for start, end, pairs in pair.zones if pairs == fewest + 1)
+    assert {pairs for _, _, pairs in contact_zones(pair.total_contact_ratio)} == {
+        fewest,
+        fewest + 1,
+    }
+    many = sum(
+        end - start
+        for start, end, pairs in contact_zones(pair.total_contact_ratio)
+        if pairs == fewest + 1
+    )
     assert many == pytest.approx((fewest + 1) * (eps - fewest))
 
 

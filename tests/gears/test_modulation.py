@@ -13,7 +13,7 @@ from scipy.special import jv
 from gearmon.gears.faults import parse_error
 from gearmon.gears.modulation import contact_offsets, state_of
 from gearmon.gears.pairs import mesh_pairs
-from gearmon.gears.stiffness import FORM_NAMES, mesh_stiffness, pair_stiffness
+from gearmon.gears.stiffness import FORM_NAMES, mesh_stiffness
 from gearmon.machine import ParallelStage, PlanetaryStage
 
 STAGE = ParallelStage(pinion_teeth=26, gear_teeth=53, module_mm=2.0, face_width_mm=20.0)
@@ -325,7 +325,7 @@ def test_planet_and_ring_take_part():
     inner, outer = mesh_pairs(PLANETARY, 1)
     error = [parse_error("eccentricity:1:planet:all:15um")]
     for pair in (inner, outer):
-        found = pair_stiffness(pair, (), errors=error)
+        found = mesh_stiffness(pair, (), errors=error)
         assert found.period_mesh == 40
         lines = np.abs(found.harmonics(45))
         assert min(lines[38], lines[40]) > 1e-6

@@ -18,7 +18,7 @@ from gearmon.gears.damage import stiffness_loss
 from gearmon.gears.faults import parse_fault
 from gearmon.gears.geometry import GearTeeth, pair_geometry
 from gearmon.gears.pairs import mesh_pairs
-from gearmon.gears.stiffness import pair_stiffness
+from gearmon.gears.stiffness import mesh_stiffness
 from gearmon.gears.tooth_damage import SOUND, tooth_damage
 from gearmon.gears.tooth_mesh import SOUND_PAIR, TeethInMesh
 from gearmon.gears.tooth_outline import teeth_picture
@@ -81,14 +81,14 @@ def planetary_stages(draw, helix=(0.0,)):
         rim_thickness_ring_mm=draw(st.floats(2, 8)) * stage.module_mm,
     )
     try:
-        pair_stiffness(mesh_pairs(stage)[1], (), "parabolic")
+        mesh_stiffness(mesh_pairs(stage)[1], (), "parabolic")
     except ArgumentError:
         assume(False)
     return stage
 
 
 def outer(stage, *faults, form="potential-energy", **data):
-    return pair_stiffness(mesh_pairs(stage)[1], [parse_fault(f) for f in faults], form, **data)
+    return mesh_stiffness(mesh_pairs(stage)[1], [parse_fault(f) for f in faults], form, **data)
 
 
 # --- one tooth -----------------------------------------------------------------------------------
@@ -305,7 +305,7 @@ def test_scaling(stage, modulus, width, module):
 def test_stiffness_of_both_meshes_is_of_the_order_of_the_standard(stage):
     for pair in mesh_pairs(stage):
         iso = pair.method_b()
-        found = pair_stiffness(pair, (), "potential-energy").mean_n_per_m
+        found = mesh_stiffness(pair, (), "potential-energy").mean_n_per_m
         ratio = found / iso.mean_n_per_m(1e-3 * stage.face_width_mm)
         assert 0.7 < ratio < 1.45
 

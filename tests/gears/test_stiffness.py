@@ -14,7 +14,7 @@ from reference.mesh_curves import damaged_mesh, fft_coefficients, helical_mesh, 
 from gearmon.errors import ArgumentError
 from gearmon.gears.faults import Fault, parse_fault
 from gearmon.gears.pairs import mesh_pairs
-from gearmon.gears.stiffness import MeshStiffness, mesh_stiffness, pair_stiffness
+from gearmon.gears.stiffness import MeshStiffness, mesh_stiffness
 from gearmon.gears.stiffness_forms import FORMS, FourierSum, zone_means
 from gearmon.machine import ParallelStage, PlanetaryStage
 
@@ -464,7 +464,7 @@ def test_narrow_helical_gears_carry_by_their_overlap():
 
 
 def test_both_meshes_of_a_planetary_stage():
-    inner, outer = (pair_stiffness(pair) for pair in mesh_pairs(PLANETARY, 1))
+    inner, outer = (mesh_stiffness(pair) for pair in mesh_pairs(PLANETARY, 1))
     assert inner.mean_n_per_m == mesh_stiffness(PLANETARY).mean_n_per_m
     assert outer.contact_ratio > inner.contact_ratio
     assert outer.mean_n_per_m > inner.mean_n_per_m
@@ -477,18 +477,18 @@ def test_faults_act_in_the_meshes_of_their_gear():
         Fault(kind="crack", stage=1, gear=gear, tooth=2, size=0.3)
         for gear in ("sun", "planet", "ring")
     )
-    assert pair_stiffness(inner, [sun, planet, ring]).period_mesh == 40
-    assert pair_stiffness(outer, [sun, planet, ring]).period_mesh == 100
+    assert mesh_stiffness(inner, [sun, planet, ring]).period_mesh == 40
+    assert mesh_stiffness(outer, [sun, planet, ring]).period_mesh == 100
     assert any(
-        "does not act in the sun-planet" in t for t in pair_stiffness(inner, [ring]).warnings
+        "does not act in the sun-planet" in t for t in mesh_stiffness(inner, [ring]).warnings
     )
     for kind in ("pitting", "spall", "crack"):
         one = replace(planet, kind=kind)
-        assert pair_stiffness(inner, [one]).period_mesh == 40
-        assert pair_stiffness(outer, [one]).period_mesh == 1
-    assert any("is pressed shut" in t for t in pair_stiffness(outer, [planet]).warnings)
+        assert mesh_stiffness(inner, [one]).period_mesh == 40
+        assert mesh_stiffness(outer, [one]).period_mesh == 1
+    assert any("is pressed shut" in t for t in mesh_stiffness(outer, [planet]).warnings)
     broken = replace(planet, kind="breakage")
-    assert {pair_stiffness(p, [broken]).period_mesh for p in (inner, outer)} == {40}
+    assert {mesh_stiffness(p, [broken]).period_mesh for p in (inner, outer)} == {40}
 
 
 # --- refusals ------------------------------------------------------------------------------------

@@ -386,9 +386,9 @@ def test_larger_bore_holds_the_teeth_harder():
 # --- refusals ------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("bore", [0.0, 0.5, 24.0])
+@pytest.mark.parametrize("bore", [0.0, 24.0])
 def test_bores_that_do_not_fit_are_refused(bore):
-    with pytest.raises(ArgumentError, match=r"bore radius .* of the pinion must be at least"):
+    with pytest.raises(ArgumentError, match=r"bore radius .* of the pinion must be > 0"):
         teeth(26, 53, 2, 20, (bore, 21))
 
 

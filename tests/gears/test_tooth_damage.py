@@ -140,6 +140,19 @@ def test_spall_centred_on_the_height_of_the_pitch_point():
         assert found == pytest.approx(expected, rel=1e-3)
 
 
+@pytest.mark.parametrize("limit", ["flat", "parabolic"])
+@pytest.mark.parametrize("far", [None, 0.0])
+@pytest.mark.parametrize("pair", [PAPER, STRAIGHT], ids=["fillet", "straight"])
+def test_a_crack_grows_from_nothing(pair, far, limit):
+    """In the limit of no depth a crack takes nothing, and what it takes is linear in its depth."""
+    depths = np.array([1e-6, 1e-3, 2e-3])
+    data = {"far_depth_m": far, "limit": limit}
+    lost = [-mean_change(pair, crack(depth, 60.0, **data)) for depth in depths]
+    assert abs(lost[0]) < 1e-6
+    assert 0 < lost[1] < 1e-3
+    assert lost[2] == pytest.approx(2 * lost[1], rel=0.5)
+
+
 # --- slow version --------------------------------------------------------------------------------
 
 PITCH = float(PAPER.first.height(PAPER.first.angle_at_radius(26e-3)))
@@ -189,10 +202,10 @@ def test_parabolic_line_runs_from_the_crack_to_the_corner_of_the_tip():
     damage = crack(1.0, 60.0, limit="parabolic").crack
     start, top = tooth.crack_start[0], float(tooth.height(tooth.tip))
     tip, cut = float(tooth.half_thickness(tooth.tip)), damage.limits_m(tooth)[1]
-    ends = damage.carrying(tooth, np.array([start - 1e-4, start, top]), 1e-3)
+    ends = damage.carrying(tooth, np.array([start - 1e-4, start, top]), np.zeros(3), 1e-3)
     np.testing.assert_allclose(ends, [cut, cut, tip], rtol=1e-12)
     # a parabola along the tooth: the square is linear in the height
-    middle = damage.carrying(tooth, np.array([0.5 * (start + top)]), 1e-3)
+    middle = damage.carrying(tooth, np.array([0.5 * (start + top)]), np.zeros(1), 1e-3)
     assert middle[0] ** 2 == pytest.approx(0.5 * (cut**2 + tip**2), rel=1e-12)
 
 
@@ -202,7 +215,7 @@ def test_depth_from_which_a_section_is_bitten(place, depth, limit):
     damage = crack(1.0, 60.0, limit=limit).crack
     low, top = tooth.crack_start[0], float(tooth.height(tooth.tip))
     height = np.array([low + 0.98 * place * (top - low)])
-    half = damage.carrying(tooth, height, 1e-3 * depth)
+    half = damage.carrying(tooth, height, np.zeros(1), 1e-3 * depth)
     if half[0] > 0:
         assert damage.biting(tooth, height, half)[0] == pytest.approx(1e-3 * depth, rel=1e-9)
 

@@ -19,7 +19,6 @@ from gearmon.harvesting.cantilever import (
     ModalDamping,
     PiezoCantilever,
     PiezoMaterial,
-    sized_for,
 )
 
 G = 9.81
@@ -166,19 +165,6 @@ def test_frequencies_out_of_reach_are_refused_with_the_range():
         bimorph().retuned(1e5)
     with pytest.raises(ArgumentError, match=r"reaches .* Hz"):
         bimorph().retuned(1.0)
-
-
-@pytest.mark.parametrize("dimension", ["tip_mass_kg", "length_m", "passive_thickness_m"])
-def test_sized_beam_has_the_frequency_wanted(dimension):
-    wanted = bimorph().natural_frequency_hz * 0.8
-    assert sized_for(bimorph(), wanted, dimension).natural_frequency_hz == pytest.approx(wanted)
-
-
-def test_sizes_out_of_reach_name_the_nearest():
-    with pytest.raises(ArgumentError, match="nearest at"):
-        sized_for(bimorph(), 1e6, "length_m", 0.02, 0.05)
-    with pytest.raises(ArgumentError, match="must be one of"):
-        sized_for(bimorph(), 100.0, "colour")
 
 
 #: The brass-reinforced PZT-5H bimorph of Erturk and Inman, Piezoelectric Energy Harvesting, Wiley

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from reference.harvester_simulation import integrated_inertial_power
 
 from gearmon.errors import ArgumentError
-from gearmon.harvesting.inertial import InertialHarvester, electromagnetic_damping_ratio
+from gearmon.harvesting.inertial import InertialHarvester
 
 harvesters = st.builds(
     InertialHarvester,
@@ -74,12 +74,6 @@ def test_power_under_lines_equals_time_integration():
     gains = h.gains([f for f, _ in lines]).power_w
     ours = float(gains @ np.square([a for _, a in lines]))
     assert ours == pytest.approx(integrated_inertial_power(h, lines), rel=1e-3)
-
-
-def test_coil_gives_damping_and_share():
-    ratio, share = electromagnetic_damping_ratio(2.0, 0.01, 50.0, 100.0, 300.0)
-    assert ratio == pytest.approx(4.0 / (2 * 0.01 * 2 * math.pi * 50 * 400))
-    assert share == 0.75
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,9 @@ def section(half, width, crack=None, h_root=None, loaded=None, holes=(), height=
     else:
         places = (np.arange(slices) + 0.5) / slices
         depth = crack.at(places)
-        limit = np.where(depth > 0, h_root - depth * math.sin(crack.angle_rad), np.inf)
+        # what the sound section has beyond the root half thickness goes twice as fast
+        kept = np.maximum(half - h_root - 2 * depth, 0.0)
+        limit = np.where(depth > 0, h_root - depth * math.sin(crack.angle_rad) + kept, np.inf)
         thickness = half + np.minimum(side, limit)
         area, inertia = width * thickness.mean(), width * (thickness**3).mean() / 12
     for hole in holes:

@@ -430,9 +430,8 @@ def _cross_effect(mechanics: StageMechanics, base: _Part, parts: Sequence[_Part]
         residual += np.tile(lost, period // part.period) * np.tile(added, period // other.period)
     for train in stiffness.marks:
         if " and " in train.gear:
-            for first, values in train.windows(points):
-                where = (first + np.arange(len(values))) % len(residual)
-                residual[where] += values * still[where % len(still)]
+            lost = train.at(np.arange(len(residual)) / points)
+            residual += lost * np.resize(still, len(residual))
     lines = np.fft.rfft(residual, norm="forward")
     angular = 2 * math.pi * mechanics.mesh_frequency_hz / period * np.arange(len(lines))
     spring = base.response.problem.stiffness_n_per_m

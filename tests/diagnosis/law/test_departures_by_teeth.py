@@ -14,7 +14,8 @@ def uneven(seed):
     """A gear of uneven teeth, and what is left where all of them changed in proportion."""
     own = np.random.default_rng(seed).normal(size=31)
     own[7] = 4.0
-    return own, gear(own, seed=seed, height=3.0)
+    # by another path than the pattern: what is in proportion to it, line by line, is a gain
+    return own, gear(own, seed=seed + 50, height=3.0)
 
 
 def of(searched, pattern, noise_share):
@@ -26,14 +27,18 @@ def of(searched, pattern, noise_share):
     return replace(searched.difference, bands=tuple(bands))
 
 
-def test_a_departure_in_proportion_to_the_healthy_pattern_does_not_stand_out():
+def test_a_departure_is_held_against_what_the_healthy_pattern_lets_expect_there():
     for seed in range(5):
         own, changed = uneven(seed)
         healthy = gear(own, seed=seed, height=10.0, noise=0.0)
         blind = of(changed, gear(np.zeros(31), seed=seed, noise=0.0), 0.1)
         told = of(changed, healthy, 0.1)
-        assert abs(int(np.argmax(blind.by_tooth)) - 7) <= 1
-        assert told.peak < 0.5 * blind.peak
+        expected = told.expected_by_tooth
+        assert expected.min() >= 1.0
+        assert abs(int(np.argmax(expected)) - 7) <= 1
+        assert expected.max() > 2.0
+        energy = [one.by_tooth * one.misfit for one in (blind, told)]
+        np.testing.assert_allclose(energy[0], energy[1] * expected, rtol=1e-9)
 
 
 def test_beside_noise_alone_the_place_does_not_matter():
