@@ -266,7 +266,7 @@ def _prepare(store: sqlite3.Connection, path: Path, *, create: bool) -> None:
 
 
 def _damaged(path: Path, what: str, why: object) -> SignatureError:
-    told = " ".join(str(why).split())
+    told = _line(why)
     return SignatureError(
         f"{path}: {what} ({told}); restore a copy, or analyse the recordings anew"
     )
