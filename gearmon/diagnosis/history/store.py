@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from gearmon.diagnosis.history.entries import ENTRY, PLACE, Entry, History, Place, duplicate_time
-from gearmon.errors import ArgumentError, SignatureError
+from gearmon.errors import ArgumentError, GearmonError, SignatureError
 from gearmon.files import replacing, table_cell, write_atomically
 
 #: "GMhi": SQLite files of other programs have another mark.
@@ -171,7 +171,7 @@ def read_history(path: str | Path, machine: str | None = None) -> History:
         try:
             # all of them: of a damaged name nobody knows whose it was
             entries = [_entry(store, row) for row in rows]
-        except (ArgumentError, TypeError, ValueError, OverflowError) as error:
+        except (ArgumentError, LookupError, TypeError, ValueError, OverflowError) as error:
             raise _damaged(Path(path), "is a damaged history file", error) from None
     if machine is None:
         names = sorted({entry.machine for entry in entries})
@@ -219,8 +219,11 @@ def _opened(path: Path, *, create: bool) -> Iterator[sqlite3.Connection]:
     except sqlite3.OperationalError as error:
         if "locked" in str(error):
             raise SignatureError(f"{path}: another program is writing to it; try again") from None
-        raise SignatureError(f"{path}: cannot be used as a history ({error})") from None
-    except (sqlite3.DatabaseError, json.JSONDecodeError) as error:
+        why = _line(error)
+        raise SignatureError(f"{path}: cannot be used as a history ({why})") from None
+    except GearmonError:
+        raise
+    except (sqlite3.DatabaseError, LookupError, ValueError) as error:
         raise _damaged(path, "is no history file, or a damaged one", error) from None
 
 
@@ -259,11 +262,19 @@ def _prepare(store: sqlite3.Connection, path: Path, *, create: bool) -> None:
         )
     store.execute("PRAGMA foreign_keys = ON")
     if answer != "ok":
-        raise _damaged(path, "is a damaged history file", " ".join(str(answer).split()))
+        raise _damaged(path, "is a damaged history file", answer)
 
 
 def _damaged(path: Path, what: str, why: object) -> SignatureError:
-    return SignatureError(f"{path}: {what} ({why}); restore a copy, or analyse the recordings anew")
+    told = _line(why)
+    return SignatureError(
+        f"{path}: {what} ({told}); restore a copy, or analyse the recordings anew"
+    )
+
+
+def _line(why: object) -> str:
+    """Put what SQLite says, with what it quotes of a damaged file, into one line."""
+    return "".join(c if c.isprintable() else " " for c in " ".join(str(why).split()))
 
 
 def export_history(history: History, path: str | Path) -> Path:
