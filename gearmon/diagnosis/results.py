@@ -94,13 +94,15 @@ class ToothProfile:
     order : float
         Rotation of the gear, in turns of shaft 1: gears on one shaft share it.
     energy : ndarray of float, shape (teeth,)
-        Energy of the departure over windows of two teeth centred on each tooth, median 1.
+        Energy of the departure in windows of two teeth centred on each tooth, over that beside the
+        largest and over what healthy departures let expect at each place; without a reference over
+        the median.
     tooth : int or None
         Tooth that stands out, from 1; None where nothing tells which tooth is the first.
     position : float
         The same place in turns of this gear after the recording's own angle zero, in [0, 1).
     ratio : float
-        Highest energy over the median.
+        Highest of these.
     log10_probability : float
         Logarithm of the probability that a healthy gear shows as much anywhere in its turn.
     against : {"reference", "other teeth"}

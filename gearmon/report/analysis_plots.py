@@ -151,10 +151,10 @@ def _turn_caption(
             if profile.against == "reference"
             else "what sets each tooth apart from the others of this gear (no reference)"
         )
-        said.append(f"Bars: energy of {against}, all channels, in windows of two teeth, median 1.")
+        said.append(f"Bars: energy of {against}, all channels, over two teeth, elsewhere 1.")
     said.append(
-        f"The highest of the {profile.teeth} is {profile.ratio:.1f} times the median; a healthy "
-        "gear shows as much somewhere in its turn with probability "
+        f"The highest of the {profile.teeth} is {profile.ratio:.1f} times that elsewhere; a "
+        "healthy gear shows as much somewhere in its turn with probability "
         f"{probability_text(10.0**profile.log10_probability)}{': flagged' if flagged else ''}."
     )
     if at_length and profile.tooth is None:
@@ -185,8 +185,9 @@ def _plot_teeth(profile: ToothProfile, flagged: bool, ax: Axes) -> None:
     ax.axhline(1.0, color=BLACK, linewidth=0.7, linestyle=_DASHED)
     name = "" if profile.tooth is None else f"tooth {(round(place) - 1) % teeth + 1}: "
     left = place > 0.6 * teeth
+    state = "flagged" if flagged else "highest, not flagged"
     ax.annotate(
-        f"{name}{profile.ratio:.1f} × median ({'flagged' if flagged else 'highest, not flagged'})",
+        f"{name}{profile.ratio:.1f} × elsewhere ({state})",
         # above the bars beside it, which may be higher
         xy=(number[peak], top),
         xytext=(-6 if left else 6, 2),
@@ -198,7 +199,7 @@ def _plot_teeth(profile: ToothProfile, flagged: bool, ax: Axes) -> None:
     )
     ax.set_ylim(0, 1.25 * max(top, 1.6))
     light_grid(ax)
-    ax.set_ylabel("Energy by tooth\n(median 1)", fontsize=7)
+    ax.set_ylabel("Energy by tooth\n(elsewhere 1)", fontsize=7)
 
 
 def _label_teeth(teeth: int, text: str, ax: Axes) -> None:

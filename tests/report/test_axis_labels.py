@@ -55,12 +55,12 @@ OF_AN_ANALYSIS = {
     "levels": {"Level (dB re 1 unit², peak amplitudes)", *STRIPS},
     "turn-1-pinion": {
         "Tooth (tooth 1 at the tachometer pulse)",
-        "Energy by tooth\n(median 1)",
+        "Energy by tooth\n(elsewhere 1)",
         *STRIPS,
     },
     "turn-1-gear": {
         "Tooth, from the start of the recording (relative: no tachometer on this shaft)",
-        "Energy by tooth\n(median 1)",
+        "Energy by tooth\n(elsewhere 1)",
         *STRIPS,
     },
     "speed": {"Time (s)", "Shaft 1 (Hz)", "Shaft 1 (rpm)"},

@@ -90,7 +90,7 @@ class Flagging:
         stage, gear = best.key
         evidence = [
             f"the {gear} of stage {stage} departs from its healthy pattern at tooth "
-            f"{finding.tooth}: {best.deviation.peak:.1f} times the energy of its median tooth"
+            f"{finding.tooth}: {best.deviation.peak:.1f} times the energy elsewhere in its turn"
         ]
         loss = finding.loss
         if loss is not None:

@@ -125,7 +125,7 @@ def _tooth(profiles: Sequence[ToothProfile]) -> str:
         return "No gear's turn could be resolved."
     return (
         f"The most striking place of a gear (the {best.gear} of stage {best.stage}) has "
-        f"{best.ratio:.1f} times its median energy."
+        f"{best.ratio:.1f} times the energy elsewhere in its turn."
     )
 
 

@@ -54,7 +54,8 @@ _DISTANCES, _NEAR = 3, 2
 # for teeth apart (beside the number of places and sizes it may have) and for neighbours; and the
 # least that it has to be as a share of what speaks for the first, since what the imperfect model of
 # the first leaves behind grows with it. Of 275 simulated single teeth, a sixth of them at another
-# load, speed and gain, one goes beyond the first and two beyond the second.
+# load, speed and gain, one goes beyond the first; beyond 25 for neighbours went two of them and
+# cracks of a slow heavy gearbox, which ring on (27).
 _CLEAR, _CLEAR_OF_NEIGHBOUR = 8.0, 40.0
 _SHARE, _SHARE_OF_NEIGHBOUR = 0.1, 0.08
 
