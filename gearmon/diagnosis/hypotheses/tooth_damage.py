@@ -29,10 +29,10 @@ FloatArray = NDArray[np.float64]
 
 # The likelihood takes the law at its word, line by line. What departs on a healthy machine, beyond
 # noise, departs by teeth: energies about single teeth scatter like gamma variables of this shape.
-# Single references of five simulated machines, loads up to a factor of 2.5 apart: 61 of 198 healthy
+# Single references of five simulated machines, loads up to a factor of 2.5 apart: 61 of 162 healthy
 # pairs were called faults without it, 5 are with it (loads below two thirds of the reference's),
-# one instead of 12 of 77 with three references. Where healthy ones stayed healthy before, it costs
-# one of 42 losses of 15 %.
+# one instead of 12 of 63 with three references. Where healthy ones stayed healthy before, it costs
+# one of the 36 losses of 15 % that were found.
 _TEETH_SCATTER = 2.0
 # Healthy departures scatter like noise with a fraction of its degrees of freedom.
 _OVERDISPERSION = 3.0
