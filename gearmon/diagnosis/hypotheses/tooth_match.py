@@ -324,13 +324,37 @@ def _log_likelihood(
         beside = _beside(energy, spread, leak)
         least = max(SIZE_MISFIT * whole, min(1.0, beside), _LEAST_NOISE)
         noise = np.full(len(turned), least)
+    power = size[:, None] ** 2 * spread
+    told, expected = _beside_noise(power, energy, np.full(1, least))
+    # most places are as quiet as the quietest
+    louder = noise > least
+    if louder.any():
+        told[:, louder], there = _beside_noise(power, energy[louder], noise[louder])
+        expected = (np.sum(~louder) * expected + louder.sum() * there) / len(louder)
     # beside the tooth that speaks, its neighbours are held against each other on equal terms
-    noises = np.array([noise, np.full(len(turned), max(least, PLACE_MISFIT * whole))])
-    # (noises, losses, teeth, directions)
-    ratio = size[:, None, None] ** 2 * spread / noises[:, None, :, None]
-    told = ratio / (1.0 + ratio) * (energy / noises[..., None])[:, None]
-    result: FloatArray = np.sum(told - np.log1p(ratio), axis=-1)
-    return result, np.mean(np.sum(ratio[0] - np.log1p(ratio[0]), axis=-1), axis=-1)
+    place, _ = _beside_noise(power, energy, np.full(1, max(least, PLACE_MISFIT * whole)))
+    return np.array([told, place]), expected
+
+
+def _beside_noise(
+    power: FloatArray, energy: FloatArray, noise: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Logarithm of the likelihood ratio, shape (losses, teeth), and its mean for each loss.
+
+    Parameters
+    ----------
+    power : ndarray of float, shape (losses, directions)
+        Mean power of the response along each direction.
+    energy : ndarray of float, shape (teeth, directions)
+        Energy of the departure along them.
+    noise : ndarray of float, shape (1,) or (teeth,)
+        Mean square of the noise, of all teeth or of each.
+    """
+    ratio = power[:, None] / noise[:, None]
+    less = np.log1p(ratio)
+    gain = ratio / (1.0 + ratio) / noise[:, None]
+    told = gain[:, 0] @ energy.T if len(noise) == 1 else np.einsum("ltd,td->lt", gain, energy)
+    return told - less.sum(axis=-1), np.mean(np.sum(ratio - less, axis=-1), axis=-1)
 
 
 def _with_unsure_path(log_likelihood: FloatArray) -> FloatArray:
