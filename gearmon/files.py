@@ -26,10 +26,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _MARK = "user.gearmon"
-# What no program can mend: no room, or a disk that fails.
 _MOST_BYTES = 1 << 30  # more than any archive of ours has
 # What spreadsheets take for a formula; numbers with a sign are none.
 _FORMULA = re.compile(r"[=@\t\r]|[+-](?![\d.]+(?:[eE][+-]?\d+)?$)")
+# What no program can mend: no room, or a disk that fails.
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)
 
 
@@ -132,6 +132,8 @@ def _is_own(path: Path, command: str) -> bool:
     """Whether a command wrote a file, which nobody changed; also where no mark can be kept."""
     try:
         told = os.getxattr(path, _MARK).decode("utf-8", "replace")
+    except AttributeError:
+        return True  # systems other than Linux keep no marks
     except OSError as error:
         return error.errno in (errno.ENOTSUP, errno.ENOSYS)
     writer, _, state = told.partition(" ")
@@ -141,7 +143,7 @@ def _is_own(path: Path, command: str) -> bool:
 def _set_mark(path: Path) -> None:
     writer = _WRITER.get()
     told = f"{writer.command if writer else 'python'} {_state(path)}"
-    with suppress(OSError):  # not every file system keeps marks
+    with suppress(AttributeError, OSError):  # not every file system keeps marks
         os.setxattr(path, _MARK, told.encode())
 
 

@@ -10,6 +10,7 @@ together.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -256,14 +257,15 @@ def _checked_array(name: str, values: npt.ArrayLike) -> Real:
     return numbers
 
 
-class PeriodicVibration:
+class PeriodicVibration(ABC):
     """What lines 0..N, on the first axis, tell of a steady vibration."""
 
     displacement: Complex
 
     @property
+    @abstractmethod
     def _period_s(self) -> float:
-        raise NotImplementedError
+        """Time after which it repeats [s]."""
 
     @property
     def _angular(self) -> Real:

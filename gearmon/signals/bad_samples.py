@@ -22,6 +22,9 @@ from gearmon.signals.recording import Recording
 
 FloatArray = NDArray[np.float64]
 
+# With these limits nothing is found in 15 real recordings of three rigs nor in sound simulated
+# ones; frozen channels, spikes, dropouts, cut cables and ranges made by hand are found. No more
+# than that has set them.
 _CHUNK = 1 << 20
 # A run of equal samples is a channel that stands still if it is so many times as long as all but
 # one in a thousand of the others: runs of rounded noise grow with the logarithm of their number.
