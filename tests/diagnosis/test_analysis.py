@@ -17,6 +17,7 @@ from reference.small_gearbox import (
     recording,
     reference,
 )
+from reference.simulated_machines import planetary
 from reference.synthetic_signals import as_recording, white
 from scipy.interpolate import CubicSpline
 
@@ -66,6 +67,18 @@ def test_healthy_at_another_load_is_healthy():
     assert told.verdict == "healthy"
     assert told.flags == ()
     assert told.compared_with == "reference"
+
+
+def test_planetary_set_is_compared_with_its_own_reference(planetary_recording):
+    # its gears are followed relative to the carrier, as the reference knows them
+    own = as_recording(planetary_recording)
+    half = own.samples.shape[1] // 2
+    first, second = (
+        replace(own, samples=samples) for samples in (own.samples[:, :half], own.samples[:, half:])
+    )
+    told = analyse(second, planetary(), learn([first], planetary()))
+    assert told.compared_with == "reference"
+    assert told.verdict != "fault"
 
 
 @pytest.mark.parametrize("seed", [31, 32, 33])
