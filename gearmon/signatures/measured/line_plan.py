@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
@@ -143,6 +144,8 @@ class LinePlan:
     wheels: tuple[WheelLines, ...]
 
 
+# recordings of one machine have the same lines
+@lru_cache(maxsize=16)
 def line_plan(
     train: Kinematics, top_order: float, finest_spacing: float, shaft1_hz: float = math.inf
 ) -> LinePlan:
