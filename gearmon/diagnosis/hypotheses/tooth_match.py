@@ -53,7 +53,7 @@ _LEAST_NOISE = 1e-6
 # Where logarithms of likelihoods are cut off, below the largest.
 _FAR_BELOW = -600.0
 # Numbers that are worked on at once.
-_TOGETHER = 1 << 19
+_TOGETHER = 1 << 21
 # Share of the teeth that are taken for sound.
 _MOST_TEETH = 0.8
 # Share of the signal's energy in directions that are not worth looking at.
