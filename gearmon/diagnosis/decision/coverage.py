@@ -94,7 +94,7 @@ def _log_ratio(gear: GearEvidence) -> FloatArray:
     deviation, search = gear.deviation, gear.search
     if search is None:
         size = _PAIR_SHARE * np.sqrt(gear.deviation.meetings) / gear.meshes * LOSSES
-        if gear.heard_in is None and deviation.gear in ("sun", "planet"):
+        if gear.meshes > 1 and gear.heard_in is None and deviation.gear != "ring":
             size = _OF_TURNING_PATH * size
     else:
         size = search.response.amplitude(LOSSES)
