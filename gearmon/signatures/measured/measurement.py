@@ -13,7 +13,7 @@ from gearmon.errors import RecordingError
 from gearmon.gears.kinematics import Kinematics, kinematics
 from gearmon.machine import Machine
 from gearmon.signals.angle import AngleTrack
-from gearmon.signals.bad_samples import sound_part
+from gearmon.signals.bad_samples import inspected, sound_part, sound_piece
 from gearmon.signals.orders import OrderLines, order_lines
 from gearmon.signals.orders.fine_spectra import FineSpectrum, fine_order_spectrum
 from gearmon.signals.recording import Recording
@@ -27,6 +27,7 @@ from gearmon.signals.tracking.sideband_spacing import (
 from gearmon.signatures.measured.line_plan import LinePlan, line_plan, mesh_harmonics
 from gearmon.signatures.measured.nongear_lines import NonGearLines, nongear_lines
 from gearmon.signatures.measured.provenance import digests
+from gearmon.signatures.mesh_evidence import Tracking
 from gearmon.signatures.speed import (
     SPEED_TOLERANCE,
     Speed,
@@ -42,6 +43,9 @@ FloatArray = NDArray[np.float64]
 LEAKAGE = 1e-4
 #: Pieces of a long recording in which lines of other origin are looked for.
 PIECES_HEARD = 8
+# Blocks that must fit between gaps: powers are products of every other one. Mesh periods over which
+# phases hold an angle alone: a speed 1 % off that on both sides slips by a quarter of one.
+_LEAST_BLOCKS, _HELD_PERIODS = 2.5, 25.0
 # Bands of the broadband spectrum, a sixth of an octave each at most, and samples of a segment.
 _BANDS, _BAND_SAMPLES = 40, 2048
 # A mesh whose sidebands would rather stand elsewhere must be far clearer than others.
@@ -182,17 +186,14 @@ def measure_signature(recording: Recording, machine: Machine) -> MeasuredSignatu
         If the recording has no vibration channel, none that is sound (see
         `gearmon.signals.bad_samples`), or is too short for a turn of the slowest shaft.
     """
-    recording = sound_part(recording)
     train = kinematics(machine)
+    recording, tracking = _tracked(recording, machine, train)
     vibration = recording.vibration()
-    slowest = min(shaft.order for shaft in train.shafts)
-    _check_length(recording, slowest, machine)
     samples, rate = vibration.samples, vibration.sampling_rate_hz
-    tracking = track_recording(recording, machine, train)
     track, nominal_hz = tracking.track, tracking.nominal_hz
     combs = mesh_combs(train, nominal_hz)
     plan = _plan(train, rate, track, tracking.plan_hz)
-    lines, (spectrum, foreign) = _spectra(samples, rate, track, train, plan)
+    lines, (spectrum, foreign) = _spectra(vibration, track, train, plan)
     level, scatter, heard = family_levels(lines, plan)
     peak_hz = line_peak(samples, rate, train, track, nominal_hz)
     speed = speed_of(track, nominal_hz, peak_hz, tracking.scan, recording.duration_s)
@@ -211,11 +212,55 @@ def measure_signature(recording: Recording, machine: Machine) -> MeasuredSignatu
         level_db=level,
         scatter_db=scatter,
         heard=heard,
-        band_db=broadband_levels(samples, rate),
+        band_db=broadband_levels(samples[:, slice(*sound_piece(vibration))], rate),
         notes=tuple(recording.notes) + tracking.notes,
         foreign=foreign,
         digests=digests(samples),
     )
+
+
+def _tracked(
+    recording: Recording, machine: Machine, train: Kinematics
+) -> tuple[Recording, Tracking]:
+    """Find what is sound, and the angle in it.
+
+    Where the angle is not known across what is left out, or little lies between, the longest sound
+    piece is all.
+    """
+    slowest = min(shaft.order for shaft in train.shafts)
+    whole = inspected(recording)
+    if whole.left_out and _held(whole, machine, train, "tacho" in whole.channel_kinds):
+        _check_length(whole, slowest, machine)
+        found = track_recording(whole, machine, train)
+        told = _held(whole, machine, train, found.track.method == "tacho")
+        if told and _has_room(whole, found.track, slowest):
+            return whole, found
+    part = sound_part(whole)
+    _check_length(part, slowest, machine)
+    return part, track_recording(part, machine, train)
+
+
+def _held(recording: Recording, machine: Machine, train: Kinematics, tacho: bool) -> bool:
+    """Whether the angle is known across all that is left out: by pulses, or because it is short."""
+    fastest_hz = max(point.shaft1_hz for point in machine.operating)
+    short_s = _HELD_PERIODS / fastest_hz / max(mesh.order for mesh in train.meshes)
+    long = [
+        slice(first, end)
+        for first, end in recording.left_out or ()
+        if end - first > short_s * recording.sampling_rate_hz
+    ]
+    if not tacho:
+        return not long
+    pulses = recording.samples[recording.channel_kinds.index("tacho")]
+    # a recorder that stood still did so with all channels
+    return all(np.ptp(pulses[gap]) > 0 for gap in long)
+
+
+def _has_room(recording: Recording, track: AngleTrack, slowest: float) -> bool:
+    """Whether some blocks fit between what is left out."""
+    ends = np.array(sound_piece(recording)) / recording.sampling_rate_hz
+    block = _block_turns(float(track.turns[-1] - track.turns[0]), slowest)
+    return float(np.diff(track.turns_at(ends))[0]) >= _LEAST_BLOCKS * block
 
 
 def broadband_levels(samples: FloatArray, rate: float) -> FloatArray:
@@ -249,20 +294,28 @@ def broadband_levels(samples: FloatArray, rate: float) -> FloatArray:
 
 
 def _spectra(
-    samples: FloatArray, rate: float, track: AngleTrack, train: Kinematics, plan: LinePlan
+    vibration: Recording, track: AngleTrack, train: Kinematics, plan: LinePlan
 ) -> tuple[OrderLines, tuple[FineSpectrum, NonGearLines]]:
     """Lines of the plan; fine spectrum and lines of other origin: both at once."""
+    samples, rate = vibration.samples, vibration.sampling_rate_hz
+    gaps = vibration.left_out or ()
     turns = float(track.turns[-1] - track.turns[0])
     block_turns = _block_turns(turns, min(shaft.order for shaft in train.shafts))
+    start, stop = sound_piece(vibration)
+    piece, part = samples[:, start:stop], track
+    if gaps:
+        part = track.between(start / rate, stop / rate)
     # at most some millions of points: the test needs the resolution of seconds, not of hours
-    pieces = max(1, samples.shape[-1] >> 18)
+    pieces = max(1, piece.shape[-1] >> 18)
 
     def planned() -> OrderLines:
-        return order_lines(samples, rate, track, plan.orders, block_turns, error=LEAKAGE)
+        return order_lines(
+            samples, rate, track, plan.orders, block_turns, error=LEAKAGE, left_out=gaps
+        )
 
     def others() -> tuple[FineSpectrum, NonGearLines]:
-        spectrum = fine_order_spectrum(samples, rate, track, pieces, PIECES_HEARD)
-        return spectrum, nongear_lines(samples, rate, track, train, spectrum)
+        spectrum = fine_order_spectrum(piece, rate, part, pieces, PIECES_HEARD)
+        return spectrum, nongear_lines(piece, rate, part, train, spectrum)
 
     return at_once(planned, others, samples.size)
 
