@@ -43,9 +43,9 @@ FloatArray = NDArray[np.float64]
 LEAKAGE = 1e-4
 #: Pieces of a long recording in which lines of other origin are looked for.
 PIECES_HEARD = 8
-# Blocks that must fit between gaps: powers are products of every other one. Mesh periods over which
-# phases hold an angle alone: a speed 1 % off that on both sides slips by a quarter of one.
-_LEAST_BLOCKS, _HELD_PERIODS = 2.5, 25.0
+# Mesh periods over which phases hold an angle alone: a speed 1 % off that on both sides slips by a
+# quarter of one.
+_HELD_PERIODS = 25.0
 # Bands of the broadband spectrum, a sixth of an octave each at most, and samples of a segment.
 _BANDS, _BAND_SAMPLES = 40, 2048
 # A mesh whose sidebands would rather stand elsewhere must be far clearer than others.
@@ -192,8 +192,22 @@ def measure_signature(recording: Recording, machine: Machine) -> MeasuredSignatu
     samples, rate = vibration.samples, vibration.sampling_rate_hz
     track, nominal_hz = tracking.track, tracking.nominal_hz
     combs = mesh_combs(train, nominal_hz)
-    plan = _plan(train, rate, track, tracking.plan_hz)
-    lines, (spectrum, foreign) = _spectra(vibration, track, train, plan)
+    start, stop = sound_piece(vibration)
+    # what is sound in one piece sets the length of blocks, and has the spectra
+    part = track.between(start / rate, stop / rate) if vibration.left_out else track
+    piece = samples[:, start:stop]
+    plan = _plan(train, rate, part, tracking.plan_hz)
+    block_turns = _block_turns(float(part.turns[-1] - part.turns[0]), train)
+
+    def planned() -> OrderLines:
+        gaps = vibration.left_out or ()
+        return order_lines(
+            samples, rate, track, plan.orders, block_turns, error=LEAKAGE, left_out=gaps
+        )
+
+    lines, (spectrum, foreign) = at_once(
+        planned, lambda: _others(piece, rate, part, train), samples.size
+    )
     level, scatter, heard = family_levels(lines, plan)
     peak_hz = line_peak(samples, rate, train, track, nominal_hz)
     speed = speed_of(track, nominal_hz, peak_hz, tracking.scan, recording.duration_s)
@@ -212,7 +226,7 @@ def measure_signature(recording: Recording, machine: Machine) -> MeasuredSignatu
         level_db=level,
         scatter_db=scatter,
         heard=heard,
-        band_db=broadband_levels(samples[:, slice(*sound_piece(vibration))], rate),
+        band_db=broadband_levels(piece, rate),
         notes=tuple(recording.notes) + tracking.notes,
         foreign=foreign,
         digests=digests(samples),
@@ -224,19 +238,16 @@ def _tracked(
 ) -> tuple[Recording, Tracking]:
     """Find what is sound, and the angle in it.
 
-    Where the angle is not known across what is left out, or little lies between, the longest sound
-    piece is all.
+    Where the angle is not known across what is left out the longest sound piece is all.
     """
     slowest = min(shaft.order for shaft in train.shafts)
     whole = inspected(recording)
+    _check_length(sound_part(whole, 0.0), slowest, machine)
     if whole.left_out and _held(whole, machine, train, "tacho" in whole.channel_kinds):
-        _check_length(whole, slowest, machine)
         found = track_recording(whole, machine, train)
-        told = _held(whole, machine, train, found.track.method == "tacho")
-        if told and _has_room(whole, found.track, slowest):
+        if _held(whole, machine, train, found.track.method == "tacho"):
             return whole, found
     part = sound_part(whole)
-    _check_length(part, slowest, machine)
     return part, track_recording(part, machine, train)
 
 
@@ -254,13 +265,6 @@ def _held(recording: Recording, machine: Machine, train: Kinematics, tacho: bool
     pulses = recording.samples[recording.channel_kinds.index("tacho")]
     # a recorder that stood still did so with all channels
     return all(np.ptp(pulses[gap]) > 0 for gap in long)
-
-
-def _has_room(recording: Recording, track: AngleTrack, slowest: float) -> bool:
-    """Whether some blocks fit between what is left out."""
-    ends = np.array(sound_piece(recording)) / recording.sampling_rate_hz
-    block = _block_turns(float(track.turns[-1] - track.turns[0]), slowest)
-    return float(np.diff(track.turns_at(ends))[0]) >= _LEAST_BLOCKS * block
 
 
 def broadband_levels(samples: FloatArray, rate: float) -> FloatArray:
@@ -293,31 +297,14 @@ def broadband_levels(samples: FloatArray, rate: float) -> FloatArray:
     return levels
 
 
-def _spectra(
-    vibration: Recording, track: AngleTrack, train: Kinematics, plan: LinePlan
-) -> tuple[OrderLines, tuple[FineSpectrum, NonGearLines]]:
-    """Lines of the plan; fine spectrum and lines of other origin: both at once."""
-    samples, rate = vibration.samples, vibration.sampling_rate_hz
-    gaps = vibration.left_out or ()
-    turns = float(track.turns[-1] - track.turns[0])
-    block_turns = _block_turns(turns, min(shaft.order for shaft in train.shafts))
-    start, stop = sound_piece(vibration)
-    piece, part = samples[:, start:stop], track
-    if gaps:
-        part = track.between(start / rate, stop / rate)
+def _others(
+    samples: FloatArray, rate: float, track: AngleTrack, train: Kinematics
+) -> tuple[FineSpectrum, NonGearLines]:
+    """Fine spectrum, and lines of other origin."""
     # at most some millions of points: the test needs the resolution of seconds, not of hours
-    pieces = max(1, piece.shape[-1] >> 18)
-
-    def planned() -> OrderLines:
-        return order_lines(
-            samples, rate, track, plan.orders, block_turns, error=LEAKAGE, left_out=gaps
-        )
-
-    def others() -> tuple[FineSpectrum, NonGearLines]:
-        spectrum = fine_order_spectrum(piece, rate, part, pieces, PIECES_HEARD)
-        return spectrum, nongear_lines(piece, rate, part, train, spectrum)
-
-    return at_once(planned, others, samples.size)
+    pieces = max(1, samples.shape[-1] >> 18)
+    spectrum = fine_order_spectrum(samples, rate, track, pieces, PIECES_HEARD)
+    return spectrum, nongear_lines(samples, rate, track, train, spectrum)
 
 
 def _check_length(recording: Recording, slowest_order: float, machine: Machine) -> None:
@@ -352,12 +339,13 @@ def _plan(train: Kinematics, rate: float, track: AngleTrack, nominal_hz: float) 
     top = 0.48 * rate / nominal_hz / (1 + SPEED_TOLERANCE)
     turns = float(track.turns[-1] - track.turns[0])
     # a Hann block tells lines apart that are two over its length away from each other
-    finest = 2.0 / _block_turns(turns, min(shaft.order for shaft in train.shafts))
+    finest = 2.0 / _block_turns(turns, train)
     return line_plan(train, top, 0.999 * finest, nominal_hz)
 
 
-def _block_turns(turns: float, slowest_order: float) -> float:
+def _block_turns(turns: float, train: Kinematics) -> float:
     """Length of the blocks: five turns of the slowest shaft where the recording has room."""
+    slowest_order = min(shaft.order for shaft in train.shafts)
     wanted = max(5.0 / slowest_order, 20.0)
     return float(min(wanted, max(turns / 2.5, min(turns, 2.0 / slowest_order))))
 
