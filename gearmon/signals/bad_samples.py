@@ -133,7 +133,7 @@ def inspected(recording: Recording) -> Recording:
         bridges += [(row, bad) for bad in found if bad.bridged]
         gaps += [bad for bad in found if not bad.bridged]
         notes += [f"{_several(told)}: {_TOLD[0]}"] if told else []
-    if not any(recording.channel_kinds[row] == "vibration" for row in kept):
+    if why and not any(recording.channel_kinds[row] == "vibration" for row in kept):
         raise RecordingError(
             f"{where}{why}, and no channel is sound; check cable and sensor, and record again"
         )
