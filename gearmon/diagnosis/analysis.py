@@ -22,7 +22,12 @@ from gearmon.diagnosis.decision.words import fault_sentence, own_teeth_reason, r
 from gearmon.diagnosis.fault_types.features import kind_features
 from gearmon.diagnosis.hypotheses.changed_path import path_change
 from gearmon.diagnosis.hypotheses.own_teeth import locate
-from gearmon.diagnosis.hypotheses.runout import healthy_turns, runout_growth, turn_changes
+from gearmon.diagnosis.hypotheses.runout import (
+    TurnChange,
+    healthy_turns,
+    runout_growth,
+    turn_changes,
+)
 from gearmon.diagnosis.hypotheses.tooth_damage import (
     GearEvidence,
     ToothFinding,
@@ -277,7 +282,7 @@ class _Compared:
             finding=find_tooth(self.own, deviation, healthy, self.machine),
             runout=runout_growth(
                 turn_changes(self.own.wheels, self.rows, theirs, healthy.rows),
-                healthy_turns(theirs, healthy.rows),
+                _healthy_turns(self.reference, healthy.rows),
             ),
             nongear=nongear,
             references=len(theirs),
@@ -439,6 +444,13 @@ class _Compared:
 @lru_cache(maxsize=4)
 def _law_of(reference: Reference, rows: tuple[int, ...]) -> HealthyMachine:
     return HealthyMachine.of(reference, rows)
+
+
+@lru_cache(maxsize=4)
+def _healthy_turns(
+    reference: Reference, rows: tuple[int, ...]
+) -> tuple[tuple[TurnChange, ...], ...]:
+    return healthy_turns([profile.wheels for profile in reference.profiles], rows)
 
 
 def _mesh_lost(why: str, gain: float, probability: float) -> Flag:
