@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gearmon.diagnosis.law import Kriging
@@ -48,7 +48,6 @@ def test_a_straight_course_is_followed_between_references():
     assert found.weights @ np.array([-0.3, 0.0, 0.3]) == pytest.approx(0.15, abs=0.02)
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     st.lists(st.tuples(st.floats(-1, 1), st.floats(-1, 1)), min_size=1, max_size=6),
     st.tuples(st.floats(-1, 1), st.floats(-1, 1)),

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gearmon.signals.reading.layout import Dialect
 from gearmon.signals.reading.text import parse_rows
 
-repeatable = settings(derandomize=True, deadline=None)
 ONE = Dialect(separator="", decimal=".", columns=1)
 TWO = Dialect(separator=";", decimal=",", columns=2)
 COMMA = Dialect(separator=",", decimal=".", columns=2)
@@ -35,13 +34,11 @@ def one_column(fields: list[str]) -> np.ndarray:
     return parse_rows("".join(f"{field}\n" for field in fields).encode(), ONE)[:, 0]
 
 
-@repeatable
 @given(st.lists(numbers_as_text(longest=30, exponents=True), min_size=1, max_size=30))
 def test_any_number_is_read_as_float_reads_it(fields):
     assert same_bits(one_column(fields), as_python_reads(fields))
 
 
-@repeatable
 @given(st.lists(numbers_as_text(longest=15, exponents=False), min_size=1, max_size=30))
 def test_decimal_commas_are_read_as_float_reads_points(fields):
     block = "".join(f"{field};1\n" for field in fields).replace(".", ",").encode()
@@ -50,7 +47,6 @@ def test_decimal_commas_are_read_as_float_reads_points(fields):
     assert np.all(found[:, 1] == 1.0)
 
 
-@repeatable
 @given(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=1, max_size=50))
 def test_shortest_and_long_prints_come_back(values):
     for shown in (repr, "{:.17g}".format, "{:.18e}".format):

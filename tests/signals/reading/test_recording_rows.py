@@ -19,10 +19,8 @@ TWO = Dialect(separator=";", decimal=",", columns=2)
 COMMA = Dialect(separator=",", decimal=".", columns=2)
 ODD = st.text("0123456789.,;+-eE dx\t\"'", max_size=12)
 PLAIN = st.floats(allow_nan=False, allow_infinity=False).map(repr)
-repeatable = settings(derandomize=True, deadline=None, max_examples=200)
 
 
-@repeatable
 @given(st.lists(ODD | PLAIN | st.from_regex(r"[+-]?[0-9]{1,25}[.,]?[0-9]{0,25}", fullmatch=True)))
 def test_one_column(fields):
     found = parse_rows("".join(f"{field}\n" for field in [*fields, "1.5"]).encode(), ONE)
@@ -70,7 +68,7 @@ DIALECTS = [
 ]  # fmt: skip
 
 
-@settings(derandomize=True, deadline=None, max_examples=1500)
+@settings(max_examples=300)  # fuzzing: few of the changes matter
 @given(
     dialect=st.sampled_from(DIALECTS),
     rows=st.lists(st.lists(st.integers(-999, 999), min_size=4, max_size=4), min_size=1, max_size=6),
