@@ -40,8 +40,6 @@ def test_locked_line_reads_its_amplitude_at_every_speed(against, name):
 def test_time_and_speed_of_the_rows():
     found = order_map(LOCKED, RATE, TRACK, top=30.0)
     np.testing.assert_allclose(found.speed_hz, 20.0 + 2 / 3 * found.time_s, rtol=1e-3)
-    # the first row is the first block, told by its middle
-    assert ramp(2 * found.time_s[0]) == pytest.approx(1.0 / found.order[1], rel=0.05)
     # evenly in angle is not evenly in time: rows are as long as their blocks, not as their mean
     assert np.all(np.diff(found.time_s) > 0)
     np.testing.assert_allclose(found.low[1:], found.high[:-1], rtol=1e-9)
