@@ -74,7 +74,7 @@ CASES = {
         lambda p, order: transient(p, 1e-6, 0.01, order),
     ),
 }
-SIZES = np.array([0.02, 0.04])
+SIZES = np.array([0.01, 0.02, 0.04])
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -104,7 +104,7 @@ def test_what_growth_leaves_is_least_squares():
 @pytest.mark.parametrize("course", COURSES)
 def test_begin_rate_and_limit_of_any_growth_lie_in_their_intervals(course, rise):
     generator = np.random.default_rng([int(rise), len(course)])
-    trials, late, begun, now, limits = 12, [], [], [], []
+    trials, late, begun, now, limits = 25, [], [], [], []
     for _ in range(trials):
         series, begin, true = grown(generator, course, rise)
         trend = fit_trend(series)
