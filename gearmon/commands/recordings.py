@@ -108,7 +108,7 @@ def _analysed(
 
     try:
         recording = recording_of(path, arguments, machine)
-        options = {} if must_notice is None else {"must_notice": must_notice}
+        options: dict[str, Any] = {} if must_notice is None else {"must_notice": must_notice}
         analysis = analyse(recording, machine, reference, **options)
     except GearmonError as error:
         return {"recording": path, "error": str(error)}, None

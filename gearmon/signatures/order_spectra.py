@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.gears.kinematics import kinematics
-from gearmon.machine import Machine
+from gearmon.machine import MachineLike, load_machine
 from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.orders import READ_UP_TO
 from gearmon.signals.orders.maps import OrderMap, order_map
-from gearmon.signals.recording import Recording
+from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signatures.measured.line_marks import Mark, machine_marks, mark_near
 from gearmon.signatures.measured.line_plan import MESH_HARMONICS
 from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature
@@ -123,10 +123,12 @@ class OrderSpectra:
 
 
 def order_spectra(
-    recording: Recording,
-    machine: Machine,
+    recording: RecordingLike,
+    machine: MachineLike,
     shaft: int = 1,
     *,
+    sampling_rate_hz: float | None = None,
+    unit: str | None = None,
     top: float | None = None,
     window_name: str = "hann",
     most_peaks: int = 20,
@@ -136,10 +138,12 @@ def order_spectra(
 
     Parameters
     ----------
-    recording : Recording
-    machine : Machine
+    recording : str, Path, array, DataFrame or Recording
+    machine : Machine, path or dict
     shaft : int
         Shaft whose turns the orders count, from 1.
+    sampling_rate_hz, unit
+        Of an array, or where the recording does not state them: as of `gearmon.read_recording`.
     top : float, optional
         Highest order; by default a tenth above the last mesh harmonic looked at, as far as the
         sampling rate allows.
@@ -162,9 +166,12 @@ def order_spectra(
     GearmonError
         If there is no such shaft, or the recording cannot be used.
     """
+    machine = load_machine(machine)
     train = kinematics(machine)
     ratio = train.shaft(shaft).order
-    recording = sound_part(recording)
+    recording = sound_part(
+        read_recording(recording, sampling_rate_hz, sensors=machine.sensors, unit=unit)
+    )
     signature = measure_signature(recording, machine)
     vibration = recording.vibration()
     rate, track = vibration.sampling_rate_hz, signature.track

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError, check_range
-from gearmon.machine import Machine
+from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.signals.bad_samples import sound_part
-from gearmon.signals.recording import Recording
+from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signals.spectra import amplitude_spectrum, half_lobe, line_amplitude, power_density
 from gearmon.signals.spectra.demodulation import (
     Kurtogram,
@@ -309,10 +309,12 @@ KINDS = tuple(COMPUTE)
 
 
 def recording_spectrum(
-    recording: Recording,
+    recording: RecordingLike,
     kind: str = "amplitude",
     *,
-    machine: Machine | None = None,
+    machine: MachineLike | None = None,
+    sampling_rate_hz: float | None = None,
+    unit: str | None = None,
     band: tuple[float, float] | None = None,
     window_name: str = "hann",
     most_peaks: int = 12,
@@ -321,14 +323,16 @@ def recording_spectrum(
 
     Parameters
     ----------
-    recording : Recording
+    recording : str, Path, array, DataFrame or Recording
     kind : {"amplitude", "rms", "density", "energy", "envelope", "cepstrum", "kurtogram", \
 "coherence"}
         Peak amplitude or root mean square of every line, power density, energy per line, amplitude
         of the envelope of a band, real cepstrum, kurtogram, cyclic spectral coherence averaged over
         carriers.
-    machine : Machine, optional
+    machine : Machine, path or dict, optional
         Marks its lines at the speed found in the recording.
+    sampling_rate_hz, unit
+        Of an array, or where the recording does not state them: as of `gearmon.read_recording`.
     band : (float, float), optional
         Of the axis that is shown [Hz; s for the cepstrum]; for the envelope the band that is
         demodulated, by default the most impulsive one; for the coherence the modulation
@@ -350,7 +354,9 @@ def recording_spectrum(
     if kind not in KINDS:
         raise ArgumentError(f"kind={kind!r} must be one of {', '.join(KINDS)}")
     check_range("peaks", most_peaks, 0, 1000)
-    recording = sound_part(recording)
+    machine = None if machine is None else load_machine(machine)
+    sensors = () if machine is None else machine.sensors
+    recording = sound_part(read_recording(recording, sampling_rate_hz, sensors=sensors, unit=unit))
     vibration = recording.vibration()
     _check_band(band, vibration, kind)
     result = COMPUTE[kind](vibration, band, window_name)

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from gearmon.errors import RecordingError
 from gearmon.gears.kinematics import Kinematics, kinematics
-from gearmon.machine import Machine
+from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.orders import OrderLines, order_lines
 from gearmon.signals.orders.fine_spectra import FineSpectrum, fine_order_spectrum
-from gearmon.signals.recording import Recording
+from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signals.spectra import power_density
 from gearmon.signals.threads import at_once
 from gearmon.signals.tracking.mesh_detection import MeshComb, MeshEvidence
@@ -158,7 +158,13 @@ class MeasuredSignature:
         return any(mesh.found for mesh in self.meshes)
 
 
-def measure_signature(recording: Recording, machine: Machine) -> MeasuredSignature:
+def measure_signature(
+    recording: RecordingLike,
+    machine: MachineLike,
+    *,
+    sampling_rate_hz: float | None = None,
+    unit: str | None = None,
+) -> MeasuredSignature:
     """Reduce a recording to the order lines of its machine.
 
     The speed comes from a tacho channel if there is one, else from the comb of mesh and shaft lines
@@ -166,10 +172,12 @@ def measure_signature(recording: Recording, machine: Machine) -> MeasuredSignatu
 
     Parameters
     ----------
-    recording : Recording
+    recording : str, Path, array, DataFrame or Recording
         Vibration channels, and perhaps a tacho channel.
-    machine : Machine
+    machine : Machine, path or dict
         Tooth counts and nominal speeds.
+    sampling_rate_hz, unit
+        Of an array, or where the recording does not state them: as of `gearmon.read_recording`.
 
     Returns
     -------
@@ -182,7 +190,10 @@ def measure_signature(recording: Recording, machine: Machine) -> MeasuredSignatu
         If the recording has no vibration channel, none that is sound (see
         `gearmon.signals.bad_samples`), or is too short for a turn of the slowest shaft.
     """
-    recording = sound_part(recording)
+    machine = load_machine(machine)
+    recording = sound_part(
+        read_recording(recording, sampling_rate_hz, sensors=machine.sensors, unit=unit)
+    )
     train = kinematics(machine)
     vibration = recording.vibration()
     slowest = min(shaft.order for shaft in train.shafts)
