@@ -92,7 +92,7 @@ def test_what_is_no_recording_is_refused_in_one_line(source, said):
 
 def test_a_frame_with_a_gap_in_its_time_is_refused(samples):
     gap = np.delete(np.arange(samples.shape[1]), slice(100, 110))
-    with pytest.raises(gearmon.GearmonError, match=r"column . \('time_ns'\): the time is irregular"):
+    with pytest.raises(gearmon.GearmonError, match=r"'time_ns'.: the time is irregular"):
         gearmon.read_recording(frame(samples, pd.to_timedelta(times(samples), unit="s")).iloc[gap])
 
 

@@ -119,8 +119,11 @@ def _analysed(
 
 def _analysis_lines(result: dict[str, Any], analyses: list[Analysis]) -> list[str]:
     from gearmon.report.text import analysis_text
+    from gearmon.report.verdict import overview_lines, worst_first
 
-    lines = [text for analysis in analyses for text in (analysis_text(analysis), "")]
+    lines = overview_lines(analyses) if len(analyses) > 1 else []
+    shown = [analyses[place] for place in worst_first(analyses)]
+    lines += [text for analysis in shown for text in (analysis_text(analysis), "")]
     lines += [f"{e['recording']}: not analysed" for e in result["recordings"] if "error" in e]
     if "report" in result:
         lines.append(f"report: {result['report'][0]} and {len(result['report']) - 1} pictures")

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from matplotlib.markers import TICKUP
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
@@ -246,12 +248,14 @@ def _close_up_caption(analysis: Analysis, mesh: MeshFinding) -> str:
 
 
 @style()
-def spectrum_figure(found: RecordingSpectrum) -> Picture:
+def spectrum_figure(found: RecordingSpectrum, ax: Sequence[Axes] = ()) -> Figure:
     """Draw a spectrum of any kind, a strip a channel; of a kurtogram a map a channel.
 
     Parameters
     ----------
     found : RecordingSpectrum
+    ax : sequence of Axes
+        Where to draw the first channels, in the place of a new figure.
     """
     if found.kurtograms:
         return _kurtogram_figure(found)
@@ -265,16 +269,18 @@ def spectrum_figure(found: RecordingSpectrum) -> Picture:
         x, y = max_hold(found.place, values)
         strips.append(Strip(label=label, place=x, value=y, marks=marks, linear=linear))
     what = found.value_name[0].upper() + found.value_name[1:]
-    return _strips_figure(strips, found.units, _AXES[found.axis], what)
+    return _strips_figure(strips, found.units, _AXES[found.axis], what, ax=ax)
 
 
 @style()
-def order_figure(found: OrderSpectra) -> Picture:
+def order_figure(found: OrderSpectra, ax: Sequence[Axes] = ()) -> Figure:
     """Draw peak amplitudes against the orders of a shaft, a strip a channel.
 
     Parameters
     ----------
     found : OrderSpectra
+    ax : sequence of Axes
+        Where to draw the first channels, in the place of a new figure.
     """
     # the mean and what leaks from it are no lines
     order = found.order[2:]
@@ -284,7 +290,7 @@ def order_figure(found: OrderSpectra) -> Picture:
         x, y = max_hold(order, values[2:])
         label = strip_label(name, unit_text(unit))
         strips.append(Strip(label=label, place=x, value=y, marks=marks))
-    return _strips_figure(strips, found.units, order_axis(found), "Peak amplitude")
+    return _strips_figure(strips, found.units, order_axis(found), "Peak amplitude", ax=ax)
 
 
 def order_axis(found: OrderSpectra) -> str:
@@ -303,8 +309,11 @@ def _strips_figure(
     axis: str,
     what: str,
     heights_in: tuple[float, float] = (0.9, 1.5),
-) -> Picture:
+    ax: Sequence[Axes] = (),
+) -> Any:
     """Draw one strip above the other with a common axis; `heights_in`: of many, of few strips."""
+    if ax:
+        return _on_given(strips, ax, axis, what)
     shown = strips[:MOST_STRIPS]
     height = heights_in[0] if len(shown) > 3 else heights_in[1]
     # room above for a legend, or for the names of the lines, sideways
@@ -322,6 +331,15 @@ def _strips_figure(
     axes[-1].set_xlabel(axis)
     left_label(figure, axes, what)
     return figure
+
+
+def _on_given(strips: Sequence[Strip], axes: Sequence[Axes], axis: str, what: str) -> Any:
+    """Draw strips on axes of the caller's, who has made room for their letters."""
+    for strip, ax in zip(strips, axes, strict=False):
+        _plot_strip(strip, ax)
+        ax.set_xlabel(axis)
+        ax.set_ylabel(f"{what}, {strip.label}".replace("\n", " "))
+    return axes[0].figure
 
 
 def _plot_strip(strip: Strip, ax: Axes) -> None:

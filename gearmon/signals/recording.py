@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gearmon.errors import ArgumentError, RecordingError, check_range
+from gearmon.result import Result, with_units
 from gearmon.signals.reading import (
     Content,
     Progress,
@@ -34,7 +35,7 @@ Samples = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Recording:
+class Recording(Result):
     """Samples of one or more channels, taken at the same instants at an even rate.
 
     Parameters
@@ -124,6 +125,13 @@ class Recording:
         for kind in self.channel_kinds:
             if kind not in CHANNEL_KINDS:
                 raise ArgumentError(f"kind '{kind}' is none of {', '.join(CHANNEL_KINDS)}")
+
+    def frame_rows(self) -> list[dict[str, Any]]:
+        """Return a row a sample: the time, and every channel."""
+        times = np.arange(self.samples.shape[1]) / self.sampling_rate_hz
+        heads = ["time_s", *with_units(self.channel_names, self.units)]
+        rows = np.vstack([times, self.samples]).T.tolist()
+        return [dict(zip(heads, row, strict=True)) for row in rows]
 
     @property
     def duration_s(self) -> float:

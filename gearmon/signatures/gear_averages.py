@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from gearmon.errors import RecordingError
 from gearmon.gears.kinematics import Kinematics, Wheel, kinematics
 from gearmon.machine import MachineLike, load_machine
+from gearmon.result import Result
 from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.orders import whole_turns
 from gearmon.signals.orders.averages import SynchronousAverage, time_synchronous_average
@@ -77,7 +78,7 @@ class GearAverage:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class GearAverages:
+class GearAverages(Result):
     """Averages of all gears of a recording.
 
     Parameters
@@ -93,6 +94,8 @@ class GearAverages:
     notes : tuple of str
         What the reader should know.
     """
+
+    picture = "recording_plots.average_figures"
 
     recording: str
     channel_names: tuple[str, ...]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import MachineLike, load_machine
+from gearmon.result import Result, with_units
 from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.orders import READ_UP_TO
 from gearmon.signals.orders.maps import OrderMap, order_map
@@ -27,7 +28,7 @@ _TURNS, _MAP_TURNS, _MAP_BLOCKS = 40.0, 8.0, {"time": 24, "speed": 72}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class OrderSpectra:
+class OrderSpectra(Result):
     """Amplitude against order, averaged and along the recording.
 
     Parameters
@@ -54,6 +55,8 @@ class OrderSpectra:
     notes : tuple of str
     """
 
+    picture = "spectrum_plots.order_figure"
+
     recording: str
     shaft: int
     channel_names: tuple[str, ...]
@@ -69,7 +72,8 @@ class OrderSpectra:
 
     def rows(self) -> list[dict[str, Any]]:
         """Return the averaged spectrum as rows, one column a channel."""
-        columns = zip(self.channel_names, self.amplitude.tolist(), strict=True)
+        heads = with_units(self.channel_names, self.units)
+        columns = zip(heads, self.amplitude.tolist(), strict=True)
         named = {"order": self.order.tolist(), **dict(columns)}
         return [dict(zip(named, row, strict=True)) for row in zip(*named.values(), strict=True)]
 

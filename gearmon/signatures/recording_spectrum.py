@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError, check_range
 from gearmon.machine import Machine, MachineLike, load_machine
+from gearmon.result import Result, with_units
 from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signals.spectra import amplitude_spectrum, half_lobe, line_amplitude, power_density
@@ -35,7 +36,7 @@ _DENSITY_BLOCKS, _DENSITY_LONGEST = 16, 1 << 16
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RecordingSpectrum:
+class RecordingSpectrum(Result):
     """A spectrum of every channel of a recording.
 
     Parameters
@@ -62,6 +63,8 @@ class RecordingSpectrum:
     notes : tuple of str
     """
 
+    picture = "spectrum_plots.spectrum_figure"
+
     recording: str
     kind: str
     channel_names: tuple[str, ...]
@@ -84,7 +87,8 @@ class RecordingSpectrum:
                 for name, own in zip(self.channel_names, self.kurtograms, strict=True)
                 for row in own.rows()
             ]
-        columns = zip(self.channel_names, self.values.tolist(), strict=True)
+        heads = with_units(self.channel_names, self.units)
+        columns = zip(heads, self.values.tolist(), strict=True)
         named = {self.axis: self.place.tolist(), **dict(columns)}
         return [dict(zip(named, row, strict=True)) for row in zip(*named.values(), strict=True)]
 

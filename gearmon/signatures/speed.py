@@ -19,6 +19,8 @@ from gearmon.signatures.measured.line_plan import MESH_HARMONICS, group_orders, 
 FloatArray = NDArray[np.float64]
 
 SPEED_TOLERANCE = 0.03
+#: How far it is looked for when it is not found so near to nominal.
+SPEED_REACH = 0.25
 # Blocks of the first scan [turns]: they tell the sidebands of shaft 1 from the mesh lines. High
 # harmonics of a slow mesh are smeared in long blocks by a speed that drifts; short ones still tell
 # them from sidebands of shaft 1.

@@ -17,6 +17,7 @@ from gearmon.files import replacing, write_atomically
 from gearmon.gears.faults import Fault, parse_fault
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, MachineLike, OperatingPoint, load_machine
+from gearmon.result import Result
 from gearmon.simulation import path as paths
 from gearmon.simulation.contact import Drive, Ripple, ShaftMotion, random_wander
 from gearmon.simulation.settings import Settings, check_seed, stream
@@ -35,7 +36,7 @@ ROWS_AT_A_TIME = 20_000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SimulatedRecording:
+class SimulatedRecording(Result):
     """A recording of a simulated machine, with what is true of it.
 
     Parameters

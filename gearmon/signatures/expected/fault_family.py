@@ -19,6 +19,7 @@ from gearmon.errors import ArgumentError, check_positive, check_range, nearest_n
 from gearmon.gears.faults import ERROR_KINDS, KINDS, parse_fault_or_error
 from gearmon.gears.pairs import mesh_pairs
 from gearmon.machine import Machine, MachineLike, load_machine
+from gearmon.result import Result
 from gearmon.signatures.expected.faulty_teeth import faulty_lines, healthy_lines, pair_loss
 from gearmon.signatures.expected.mesh import (
     AMPLITUDES,
@@ -133,7 +134,7 @@ class FamilyMember:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FaultFamily:
+class FaultFamily(Result):
     """A machine healthy and with every fault asked for.
 
     Parameters
@@ -149,6 +150,8 @@ class FaultFamily:
     notes : tuple of str
         What was left out, and why.
     """
+
+    picture = "expected_plots.family_figure"
 
     machine: Machine
     members: tuple[FamilyMember, ...]

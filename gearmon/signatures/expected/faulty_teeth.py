@@ -20,6 +20,7 @@ from gearmon.gears.excitation import FlankError
 from gearmon.gears.modulation import ModulationTrain, state_of
 from gearmon.gears.pulses import PulseTrain
 from gearmon.machine import MachineLike, load_machine
+from gearmon.result import Result
 from gearmon.signatures.expected.contact_motion import (
     Deviations,
     PeriodicMotion,
@@ -330,7 +331,7 @@ def _kinks(posed: PosedMesh) -> FloatArray:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LossResponse:
+class LossResponse(Result):
     """What a loss of stiffness of one tooth adds to the lines of its mesh, per unit of loss.
 
     Parameters

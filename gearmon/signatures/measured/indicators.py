@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from gearmon.errors import ArgumentError, SignatureError, check_range
 from gearmon.files import write_atomically
 from gearmon.machine import MachineLike, load_machine
+from gearmon.result import Result
 from gearmon.signals import indicators
 from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.indicators import RunHistory, na4, na4_frozen
@@ -111,7 +112,7 @@ class IndicatorRow:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class IndicatorTable:
+class IndicatorTable(Result):
     """All indicators of a recording.
 
     Parameters
@@ -128,11 +129,17 @@ class IndicatorTable:
         What the reader should know.
     """
 
+    picture = "recording_plots.indicator_figure"
+
     recording: str
     rows: tuple[IndicatorRow, ...]
     signature: MeasuredSignature | None
     history: IndicatorHistory | None
     notes: tuple[str, ...]
+
+    def frame_rows(self) -> list[dict[str, Any]]:
+        """Return a row for every indicator of every channel."""
+        return [{"recording": self.recording, **row.brief()} for row in self.rows]
 
     def value(self, indicator: str, channel: str, stage: int | None, gear: str | None) -> float:
         """Return one value.

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gearmon.errors import RecordingError
 from gearmon.gears.kinematics import Kinematics, kinematics
 from gearmon.machine import Machine, MachineLike, load_machine
+from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.orders import OrderLines, order_lines
@@ -95,7 +96,7 @@ class MeshFinding:
 
 
 @dataclass(frozen=True, kw_only=True)
-class MeasuredSignature:
+class MeasuredSignature(Result):
     """A recording reduced to order lines.
 
     Parameters
