@@ -102,7 +102,7 @@ def finish(
     ----------
     arguments : Namespace
     result : dict
-        For JSON; gets "pictures" if any are drawn.
+        For JSON; gets "tables" and "pictures" with the names of what is written.
     lines : callable
         What the terminal shows.
     rows : callable, optional
@@ -118,6 +118,7 @@ def finish(
             listed = rows()
             whole = result | {"rows": listed} if rows_in_json else result
             write_table(arguments.output, whole, listed)
+            result["tables"] = [arguments.output]
         if figures is not None:
             from gearmon.report.plots import save_all
 

@@ -83,6 +83,7 @@ def run_analyse(arguments: argparse.Namespace) -> int:
         result["report"] = [str(file) for file in files]
     if arguments.output:
         write_json(arguments.output, result)
+        result["tables"] = [arguments.output]
     show(arguments, result, lambda: _analysis_lines(result, [a for a, _ in kept]))
     return _exit_code(results, flagged=any(entry.get("flags") for entry in results))
 
@@ -127,7 +128,7 @@ def _analysis_lines(result: dict[str, Any], analyses: list[Analysis]) -> list[st
     lines += [f"{e['recording']}: not analysed" for e in result["recordings"] if "error" in e]
     if "report" in result:
         lines.append(f"report: {result['report'][0]} and {len(result['report']) - 1} pictures")
-    return lines
+    return lines + [f"wrote {path}" for path in result.get("tables", ())]
 
 
 def reference_of(arguments: argparse.Namespace, machine: Machine) -> Reference | None:

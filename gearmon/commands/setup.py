@@ -95,8 +95,8 @@ def _stage(text: str) -> str:
     match = _TEETH.fullmatch(text)
     if match is None:
         raise ArgumentError(
-            f"--teeth {text}: must be driver/driven, such as 23/57, or sun/planet/ring and planets, "
-            "such as 30/35/100x3"
+            f"--teeth {text}: must be driver/driven, such as 23/57, or sun/planet/ring and "
+            "planets, such as 30/35/100x3"
         )
     counts = [own for own in match.groups() if own is not None]
     return (_PLANETARY if len(counts) > 2 else _PARALLEL).format(*counts)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import cast
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -269,7 +269,9 @@ def spectrum_figure(found: RecordingSpectrum, ax: Sequence[Axes] = ()) -> Figure
         x, y = max_hold(found.place, values)
         strips.append(Strip(label=label, place=x, value=y, marks=marks, linear=linear))
     what = found.value_name[0].upper() + found.value_name[1:]
-    return _strips_figure(strips, found.units, _AXES[found.axis], what, ax=ax)
+    if ax:
+        return _on_given(strips, ax, _AXES[found.axis], what)
+    return _strips_figure(strips, found.units, _AXES[found.axis], what)
 
 
 @style()
@@ -290,7 +292,9 @@ def order_figure(found: OrderSpectra, ax: Sequence[Axes] = ()) -> Figure:
         x, y = max_hold(order, values[2:])
         label = strip_label(name, unit_text(unit))
         strips.append(Strip(label=label, place=x, value=y, marks=marks))
-    return _strips_figure(strips, found.units, order_axis(found), "Peak amplitude", ax=ax)
+    if ax:
+        return _on_given(strips, ax, order_axis(found), "Peak amplitude")
+    return _strips_figure(strips, found.units, order_axis(found), "Peak amplitude")
 
 
 def order_axis(found: OrderSpectra) -> str:
@@ -309,11 +313,8 @@ def _strips_figure(
     axis: str,
     what: str,
     heights_in: tuple[float, float] = (0.9, 1.5),
-    ax: Sequence[Axes] = (),
-) -> Any:
+) -> Picture:
     """Draw one strip above the other with a common axis; `heights_in`: of many, of few strips."""
-    if ax:
-        return _on_given(strips, ax, axis, what)
     shown = strips[:MOST_STRIPS]
     height = heights_in[0] if len(shown) > 3 else heights_in[1]
     # room above for a legend, or for the names of the lines, sideways
@@ -333,13 +334,13 @@ def _strips_figure(
     return figure
 
 
-def _on_given(strips: Sequence[Strip], axes: Sequence[Axes], axis: str, what: str) -> Any:
+def _on_given(strips: Sequence[Strip], axes: Sequence[Axes], axis: str, what: str) -> Figure:
     """Draw strips on axes of the caller's, who has made room for their letters."""
     for strip, ax in zip(strips, axes, strict=False):
         _plot_strip(strip, ax)
         ax.set_xlabel(axis)
         ax.set_ylabel(f"{what}, {strip.label}".replace("\n", " "))
-    return axes[0].figure
+    return cast(Figure, axes[0].get_figure(root=True))
 
 
 def _plot_strip(strip: Strip, ax: Axes) -> None:

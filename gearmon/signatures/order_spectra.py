@@ -226,18 +226,38 @@ def _peaks(
     marks: tuple[Mark, ...],
     most: int,
 ) -> tuple[dict[str, Any], ...]:
-    within = 1.5 * float(order[1] - order[0])
+    step = float(order[1] - order[0])
     return tuple(
         {
             "channel": name,
-            "order": float(order[index]),
-            "amplitude": float(amplitude[row, index]),
+            "order": at,
+            "amplitude": height,
             "unit": vibration.units[row] or "",
-            "near": mark_near(marks, float(order[index]), within),
+            "near": mark_near(marks, at, 1.5 * step),
         }
         for row, name in enumerate(vibration.channel_names)
-        for index in highest_peaks(amplitude[row], most, 2)
+        for at, height in sorted(
+            (
+                _between_bins(order, amplitude[row], int(index))
+                for index in highest_peaks(amplitude[row], most, 2)
+            ),
+            key=lambda peak: -peak[1],
+        )
     )
+
+
+def _between_bins(order: FloatArray, amplitude: FloatArray, top: int) -> tuple[float, float]:
+    """Read a line between the bins: a parabola through the logarithms of three.
+
+    Of a Hann window it is off by 0.016 bins and 4 % in height at most; the bin itself by half a bin
+    and 15 %.
+    """
+    before, here, after = np.log(np.maximum(amplitude[top - 1 : top + 2], 1e-300))
+    bend = before - 2.0 * here + after
+    shift = 0.5 * (before - after) / bend if bend < 0 else 0.0
+    step = float(order[1] - order[0])
+    height = float(np.exp(here - 0.25 * (before - after) * shift))
+    return float(order[top]) + shift * step, height
 
 
 def _notes(

@@ -433,6 +433,8 @@ def _peaks(
         if exact and len(chosen):
             place, value = _read(vibration.samples[row], vibration, place, value, window_name)
             value = value / np.sqrt(2) if result.kind == "rms" else value
+            ranked = np.argsort(-value, kind="stable")
+            place, value = place[ranked], value[ranked]
         within = 3 * float(result.place[1] - result.place[0])
         rows += [
             {
