@@ -223,8 +223,8 @@ def legend(figure: Figure, axes: Sequence[Axes], columns: int = 4) -> None:
 def left_label(figure: Figure, axes: Sequence[Axes], text: str) -> None:
     """Write what all axes show along the left edge."""
     middle = 0.5 * (axes[0].get_position().y1 + axes[-1].get_position().y0)
-    # 7.5 points are 0.058 inch a letter
-    wrapped = textwrap.fill(text, max(12, int(figure.get_figheight() / 0.058)))
+    # a letter of 7.5 points is 0.06 inch wide; the middle of the axes is not that of the figure
+    wrapped = textwrap.fill(text, max(12, int(0.85 * figure.get_figheight() / 0.06)))
     how: dict[str, Any] = {"ha": "left", "va": "center", "fontsize": 7.5, "linespacing": 0.95}
     figure.text(0.004, middle, wrapped, rotation=90, multialignment="center", **how)
 

@@ -71,6 +71,8 @@ _DECADES = 6.0
 _MOST_MARKS = 32
 # Marks nearer than this share of the axis cannot be told apart; width of a line of a label.
 _LEAST_GAP, _LABEL_WIDTH = 0.012, 0.014
+# Share of the page that axes usually take: on narrower ones a label takes a larger share.
+_USUAL_WIDTH = 0.86
 _GREY_SERIES = 7
 _DASHED = (0, (4, 2))
 _AXES = {
@@ -339,7 +341,8 @@ def _on_given(strips: Sequence[Strip], axes: Sequence[Axes], axis: str, what: st
     for strip, ax in zip(strips, axes, strict=False):
         _plot_strip(strip, ax)
         ax.set_xlabel(axis)
-        ax.set_ylabel(f"{what}, {strip.label}".replace("\n", " "))
+        size = ax.xaxis.label.get_fontsize()
+        ax.set_ylabel(f"{what}, {strip.label}".replace("\n", " "), fontsize=size)
     return cast(Figure, axes[0].get_figure(root=True))
 
 
@@ -404,7 +407,8 @@ def label_marks(marks: Sequence[LineMark], ax: Axes) -> None:
     low, high = ax.get_xlim()
     share = [(mark.place - low) / (high - low) for mark in marks]
     widest = max((mark.label.count("\n") + 1 for mark in marks), default=1)
-    places = spread(share, widest * _LABEL_WIDTH, 0.0, 1.0)
+    narrow = min(1.0, ax.get_position().width / _USUAL_WIDTH)
+    places = spread(share, widest * _LABEL_WIDTH / narrow, 0.0, 1.0)
     up = 0.1 / (ax.get_position().height * ax.get_figure(root=True).get_figheight())  # type: ignore[union-attr]
     for mark, at, place in zip(marks, share, places, strict=True):
         ax.plot(

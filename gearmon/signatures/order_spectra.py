@@ -254,7 +254,7 @@ def _between_bins(order: FloatArray, amplitude: FloatArray, top: int) -> tuple[f
     """
     before, here, after = np.log(np.maximum(amplitude[top - 1 : top + 2], 1e-300))
     bend = before - 2.0 * here + after
-    shift = 0.5 * (before - after) / bend if bend < 0 else 0.0
+    shift = 0.5 * float((before - after) / bend) if bend < 0 else 0.0
     step = float(order[1] - order[0])
     height = float(np.exp(here - 0.25 * (before - after) * shift))
     return float(order[top]) + shift * step, height
