@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from reference.simulated_machines import planetary
 from reference.small_gearbox import (
     CRACK,
     HEALTHY_LOADS,
@@ -66,6 +67,18 @@ def test_healthy_at_another_load_is_healthy():
     assert told.verdict == "healthy"
     assert told.flags == ()
     assert told.compared_with == "reference"
+
+
+def test_planetary_set_is_compared_with_its_own_reference(planetary_recording):
+    # its gears are followed relative to the carrier, as the reference knows them
+    own = as_recording(planetary_recording)
+    half = own.samples.shape[1] // 2
+    first, second = (
+        replace(own, samples=samples) for samples in (own.samples[:, :half], own.samples[:, half:])
+    )
+    told = analyse(second, planetary(), learn([first], planetary()))
+    assert told.compared_with == "reference"
+    assert told.verdict != "fault"
 
 
 @pytest.mark.parametrize("seed", [31, 32, 33])
