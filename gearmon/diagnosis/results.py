@@ -187,20 +187,6 @@ class Flag(Result):
     false_alarm_probability: float
     evidence: tuple[str, ...]
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return built-in types, ready for JSON."""
-        return {
-            "kind": self.kind,
-            "stage": self.stage,
-            "gear": self.gear,
-            "tooth": self.tooth,
-            "stiffness_loss": self.stiffness_loss,
-            "stiffness_loss_low": self.stiffness_loss_low,
-            "stiffness_loss_high": self.stiffness_loss_high,
-            "false_alarm_probability": self.false_alarm_probability,
-            "evidence": list(self.evidence),
-        }
-
 
 @dataclass(frozen=True, kw_only=True)
 class Analysis(Result):

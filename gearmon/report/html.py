@@ -157,7 +157,6 @@ def _contents(
         "flags": [_flag(flag) for flag in analysis.flags],
         "warnings": list(dict.fromkeys([*analysis.warnings, *analysis.signature.notes])),
         "meshes": text.mesh_table(analysis),
-        "flag_table": text.flag_table(analysis),
         "indicators": indicators,
         "definitions": definitions,
         "changes": text.change_table(analysis),

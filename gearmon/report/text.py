@@ -232,21 +232,6 @@ def mesh_table(analysis: Analysis) -> Table:
     return Table.of(rows, "rrlrrl")
 
 
-def flag_table(analysis: Analysis) -> Table:
-    """Return the flags, strongest first."""
-    rows = [
-        {
-            "Kind": flag.kind,
-            "Place": gear_text(flag.stage, flag.gear, flag.tooth),
-            "Stiffness loss (90 %)": flag_loss(flag) or "not estimated",
-            "False-alarm probability": probability_text(flag.false_alarm_probability),
-            "Evidence": "; ".join(flag.evidence),
-        }
-        for flag in analysis.flags
-    ]
-    return Table.of(rows, "lllrl")
-
-
 def flag_loss(flag: Flag) -> str:
     """Return the estimated loss of stiffness with its interval, "" if there is none."""
     return loss_text(flag.stiffness_loss, flag.stiffness_loss_low, flag.stiffness_loss_high)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 from gearmon.errors import ArgumentError
 from gearmon.gears.kinematics import Kinematics, Mesh
 from gearmon.machine import Machine
+from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.tracking.comb import Comb, SpeedScan, scan_speed
 from gearmon.signals.tracking.mesh_detection import MeshComb, combined_comb
@@ -28,7 +28,7 @@ _SCAN_TURNS, _SLOW_MESH_TURNS = 30.0, 8.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Speed:
+class Speed(Result):
     """Rotation frequency of shaft 1 in a recording.
 
     Parameters
@@ -55,18 +55,6 @@ class Speed:
     lowest_hz: float
     highest_hz: float
     method: str
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return built-in types, ready for JSON."""
-        return {
-            "nominal_hz": self.nominal_hz,
-            "estimated_hz": self.estimated_hz,
-            "peak_hz": self.peak_hz,
-            "uncertainty_hz": self.uncertainty_hz,
-            "lowest_hz": self.lowest_hz,
-            "highest_hz": self.highest_hz,
-            "method": self.method,
-        }
 
 
 def mesh_combs(train: Kinematics, shaft1_hz: float) -> tuple[MeshComb, ...]:

@@ -69,7 +69,7 @@ _BRIEF = ("FM0", "FM4", "M6A", "M8A", "energy ratio", "SER")
 
 
 @dataclass(frozen=True, kw_only=True)
-class IndicatorRow:
+class IndicatorRow(Result):
     """One indicator of one channel.
 
     Parameters
@@ -101,10 +101,6 @@ class IndicatorRow:
     input: str
     removed: str
     removed_orders: tuple[float, ...] = ()
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return built-in types, ready for JSON."""
-        return {**vars(self), "removed_orders": list(self.removed_orders)}
 
     def brief(self) -> dict[str, Any]:
         """Return the row without its list of orders: one line of a table."""

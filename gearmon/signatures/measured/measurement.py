@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,7 +55,7 @@ _TURNING = ("shaft", "rotation", "local fault", "planet pass")
 
 
 @dataclass(frozen=True, kw_only=True)
-class MeshFinding:
+class MeshFinding(Result):
     """What a recording shows of one mesh.
 
     Parameters
@@ -82,17 +81,6 @@ class MeshFinding:
     snr_db: float | None
     score: float
     reason: str
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return built-in types, ready for JSON."""
-        return {
-            "stage": self.stage,
-            "frequency_hz": self.frequency_hz,
-            "found": self.found,
-            "snr_db": self.snr_db,
-            "score": self.score,
-            "reason": self.reason,
-        }
 
 
 @dataclass(frozen=True, kw_only=True)
