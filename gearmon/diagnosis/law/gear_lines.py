@@ -149,6 +149,9 @@ class GearDeviation:
         |A|^2 of the recording's mesh harmonics 0, 1, ...
     shift_turns : float
         Turns by which the references were turned to the new recording.
+    meetings : int, >= 1
+        How often a damaged tooth is heard in a turn, at equal distances: energies are means over
+        these.
     """
 
     stage: int
@@ -158,6 +161,7 @@ class GearDeviation:
     bands: tuple[BandDeviation, ...]
     mesh_power: FloatArray
     shift_turns: float
+    meetings: int = 1
 
     @cached_property
     def misfit(self) -> float:
@@ -168,8 +172,9 @@ class GearDeviation:
         pattern too.
         """
         place = int(np.argmax(self._energy)) / _STEPS + _CONTACT_CENTRE
-        reach = min(1.0, _EVENT_OF_TURN * self.teeth / (_BEFORE + _AFTER))
-        delay = (place + reach * np.arange(-_BEFORE, _AFTER + 0.25, _STEP)) / self.teeth
+        reach = min(1.0, _EVENT_OF_TURN * self.teeth / (_BEFORE + _AFTER) / self.meetings)
+        after = (place + reach * np.arange(-_BEFORE, _AFTER + 0.25, _STEP)) / self.teeth
+        delay = (np.arange(self.meetings)[:, None] / self.meetings + after).ravel()
         left = freedom = 0.0
         for band in self.bands:
             waves = np.exp(-2j * np.pi * np.outer(band.number, delay))
@@ -255,7 +260,9 @@ class GearDeviation:
         ends = np.concatenate([[0.0], np.cumsum(np.tile(energy, 3))])
         first = steps + np.arange(steps) + middle
         window: FloatArray = (ends[first + wide] - ends[first]) / wide
-        return window
+        again = np.rint(np.arange(self.meetings) * steps / self.meetings).astype(int)
+        met: FloatArray = window[(np.arange(steps)[:, None] + again) % steps].mean(axis=1)
+        return met
 
 
 # Steps of the waveform for each tooth, and the middle of the contact of tooth 1 [teeth] after the

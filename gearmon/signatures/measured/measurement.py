@@ -180,9 +180,12 @@ def measure_signature(
         `gearmon.signals.bad_samples`), or is too short for a turn of the slowest shaft.
     """
     machine = load_machine(machine)
-    recording = sound_part(
-        read_recording(recording, sampling_rate_hz, sensors=machine.sensors, unit=unit)
-    )
+    known = read_recording(recording, sampling_rate_hz, sensors=machine.sensors, unit=unit)
+    return measure_sound(sound_part(known), machine)
+
+
+def measure_sound(recording: Recording, machine: Machine) -> MeasuredSignature:
+    """Measure the signature of a recording whose `sound_part` is all of it."""
     train = kinematics(machine)
     vibration = recording.vibration()
     slowest = min(shaft.order for shaft in train.shafts)
