@@ -12,31 +12,23 @@ C. Guo, G. Pleiss, Y. Sun, K. Weinberger, On calibration of modern neural networ
 from __future__ import annotations
 
 import warnings
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize_scalar
 from scipy.spatial.distance import cdist
 from scipy.special import expit, log_softmax, softmax
-from sklearn.base import BaseEstimator, ClassifierMixin
-from sklearn.covariance import LedoitWolf
-from sklearn.ensemble import IsolationForest
-from sklearn.exceptions import ConvergenceWarning
-from sklearn.model_selection import StratifiedKFold
-from sklearn.neural_network import MLPClassifier
-from sklearn.utils import check_random_state
-from sklearn.utils.multiclass import check_classification_targets
-from sklearn.utils.validation import check_is_fitted, validate_data
 
 from gearmon.diagnosis.fault_types.features import NONE
-from gearmon.errors import ArgumentError
 from gearmon.files import reading_archive, write_archive
 
 FloatArray = NDArray[np.float64]
 
-FORMAT = "gearmon kind classifier 1"
+FORMAT = "gearmon kind classifier 2"
+#: Neurons of each network, L2 penalty of their weights, most steps of the optimiser; and networks.
+_HIDDEN, _DECAY, _STEPS, _FOLDS = 40, 10.0, 250, 4
 #: Standard deviations at which a feature is cut.
 _CUT = 6.0
 #: Share of training examples nearer than the distance at which novelty begins.
@@ -45,156 +37,110 @@ _INSIDE = 0.995
 _HALF_BEYOND, _SHARPNESS = 1.3, 12.0
 
 
-class KindClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
-    """Kinds of fault from features.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class KindClassifier:
+    """Probabilities of kinds of fault from features, in the names of scikit-learn's classifiers.
 
     Parameters
     ----------
-    hidden : int, >= 1
-        Neurons of each network.
-    decay : float, >= 0
-        L2 penalty of the weights.
-    folds : int, >= 2
-        Folds of the training data, and networks.
-    other : object
-        The class that takes what is like nothing seen; no class of this name, no such escape.
-    max_iter : int, >= 1
-        Steps of the optimiser.
-    random_state : int, RandomState or None
-        Of folds and initial weights.
-
-    Attributes
-    ----------
-    classes_ : ndarray
-        Classes, sorted.
-    temperature_ : float
-        By which the logits are divided.
-    n_features_in_ : int
-        Features.
-    n_iter_ : int
-        Steps that the slowest network took.
     machine_ : str
         Teeth of the machine that it was trained for; "" if nobody told.
+    classes_ : ndarray of str, shape (kinds,)
+        Kinds, sorted.
+    mean_, scale_ : ndarray of float, shape (features,)
+        By which features are scaled.
+    centres_ : ndarray of float, shape (kinds, features)
+        Means of the kinds, scaled.
+    whitener_ : ndarray of float, shape (features, features)
+        Makes the covariance within kinds one.
+    reach_ : float, > 0
+        Distance from the nearest centre, whitened, at which novelty begins.
+    temperature_ : float, > 0
+        By which the logits are divided.
+    first_, bias_, second_, end_ : ndarray of float
+        Of every network, shapes (networks, features, neurons), (networks, 1, neurons),
+        (networks, neurons, kinds), (networks, 1, kinds).
+
+    Raises
+    ------
+    ValueError
+        If the numbers do not fit together: a file may be damaged and still be an archive.
 
     Examples
     --------
     >>> import numpy as np
-    >>> x = np.array([[0.0], [0.1], [0.2], [5.0], [5.1], [5.2]])
-    >>> trained = KindClassifier(decay=0.1, random_state=0).fit(x, ["a"] * 3 + ["b"] * 3)
-    >>> trained.predict([[0.05], [5.05]]).tolist()
+    >>> x = np.repeat([[0.0, 0.1], [5.0, 0.1], [0.0, 7.0]], 8, axis=0)
+    >>> trained = KindClassifier.trained(x + 0.1 * np.eye(24, 2), np.repeat(["a", "b", "c"], 8))
+    >>> trained.predict([[0.05, 0.0], [5.05, 0.0]]).tolist()
     ['a', 'b']
     """
 
-    def __init__(
-        self,
-        hidden: int = 40,
-        decay: float = 10.0,
-        folds: int = 4,
-        other: Any = NONE,
-        max_iter: int = 250,
-        random_state: Any = None,
-    ) -> None:
-        self.hidden = hidden
-        self.decay = decay
-        self.folds = folds
-        self.other = other
-        self.max_iter = max_iter
-        self.random_state = random_state
+    machine_: str
+    classes_: NDArray[np.str_]
+    mean_: FloatArray
+    scale_: FloatArray
+    centres_: FloatArray
+    whitener_: FloatArray
+    reach_: float
+    temperature_: float
+    first_: FloatArray
+    bias_: FloatArray
+    second_: FloatArray
+    end_: FloatArray
 
-    def fit(self, X: ArrayLike, y: ArrayLike) -> Self:
+    def __post_init__(self) -> None:
+        """Refuse what no training gives."""
+        kinds, features, (nets, _, hidden) = len(self.classes_), len(self.mean_), self.bias_.shape
+        shapes = {
+            "mean_": (features,),
+            "scale_": (features,),
+            "centres_": (kinds, features),
+            "whitener_": (features, features),
+            "first_": (nets, features, hidden),
+            "bias_": (nets, 1, hidden),
+            "second_": (nets, hidden, kinds),
+            "end_": (nets, 1, kinds),
+        }
+        for name, shape in shapes.items():
+            own = getattr(self, name)
+            if own.shape != shape or own.dtype.kind != "f" or not np.isfinite(own).all():
+                raise ValueError("its numbers do not fit together")
+        if self.classes_.dtype.kind != "U" or not 0 < kinds == len(set(self.classes_)) or not nets:
+            raise ValueError("its kinds or networks are missing")
+        scales = np.array([*self.scale_, self.reach_, self.temperature_], dtype=np.float64)
+        if not ((scales > 0) & (scales < np.inf)).all():
+            raise ValueError("its scales cannot be")
+
+    @classmethod
+    def trained(
+        cls, rows: ArrayLike, kinds: ArrayLike, machine: str = "", seed: int = 0
+    ) -> KindClassifier:
         """Train.
 
         Parameters
         ----------
-        X : array_like of float, shape (examples, features)
+        rows : array_like of float, shape (examples, features)
             Features.
-        y : array_like, shape (examples,)
-            Kinds.
-
-        Returns
-        -------
-        KindClassifier
-            Itself.
-
-        Raises
-        ------
-        ValueError
-            If the data are not what scikit-learn asks of training data.
+        kinds : array_like of str, shape (examples,)
+            Three kinds at least, of each as many as there are folds.
+        machine : str
+            Teeth of the machine.
+        seed : int, >= 0
+            Of folds and initial weights.
         """
-        rows, labels = validate_data(self, X, y, dtype=np.float64)
-        check_classification_targets(labels)
-        self.classes_, codes = np.unique(labels, return_inverse=True)
-        self.mean_, spread = rows.mean(axis=0), rows.std(axis=0)
-        self.scale_ = np.where(spread > 1e-9 * np.maximum(np.abs(self.mean_), 1.0), spread, 1.0)
-        scaled = self._scaled(rows)
-        self.networks_: list[list[FloatArray]] = []
-        self.temperature_, self.n_iter_, self.machine_ = 1.0, 1, ""
-        if len(self.classes_) > 1:
-            self._train(scaled, codes, check_random_state(self.random_state))
-        centres = [scaled[codes == code].mean(axis=0) for code in range(len(self.classes_))]
-        self.centres_ = np.array(centres)
-        inner = LedoitWolf(assume_centered=True).fit(scaled - self.centres_[codes]).covariance_
-        self.whitener_ = np.linalg.inv(np.linalg.cholesky(inner + 1e-6 * np.eye(len(inner)))).T
-        self.reach_ = max(float(np.quantile(self._distance(scaled), _INSIDE)), 1e-9)
-        return self
+        from sklearn.covariance import LedoitWolf
+        from sklearn.model_selection import StratifiedKFold
 
-    def predict_proba(self, X: ArrayLike) -> FloatArray:
-        """Return the probability of each class.
-
-        Parameters
-        ----------
-        X : array_like of float, shape (rows, features)
-            Features.
-
-        Returns
-        -------
-        ndarray of float, shape (rows, classes)
-            In the order of `classes_`; rows sum to 1.
-        """
-        check_is_fitted(self)
-        rows = validate_data(self, X, dtype=np.float64, reset=False)
-        probability = softmax(self._logits(self._scaled(rows)) / self.temperature_, axis=1)
-        escape = np.flatnonzero(self.classes_ == self.other)
-        if len(escape):
-            strange = expit(_SHARPNESS * (self.novelty(rows) / _HALF_BEYOND - 1.0))
-            probability *= 1.0 - strange[:, None]
-            probability[:, escape[0]] += strange
-        return np.asarray(probability)
-
-    def predict(self, X: ArrayLike) -> NDArray[Any]:
-        """Return the most probable class of each row."""
-        check_is_fitted(self)
-        return np.asarray(self.classes_[np.argmax(self.predict_proba(X), axis=1)])
-
-    def novelty(self, rows: FloatArray) -> FloatArray:
-        """Return how far rows are from the nearest class, 1 where training examples end.
-
-        Notes
-        -----
-        Mahalanobis distance with the pooled covariance within classes, over its 99.5 % quantile
-        among the training examples.
-        """
-        plain = (np.asarray(rows, dtype=np.float64) - self.mean_) / self.scale_
-        return np.asarray(self._distance(plain) / self.reach_)
-
-    def _distance(self, scaled: FloatArray) -> FloatArray:
-        whitened = cdist(scaled @ self.whitener_, self.centres_ @ self.whitener_)
-        return np.asarray(whitened.min(axis=1))
-
-    def _scaled(self, rows: FloatArray) -> FloatArray:
-        return np.asarray(np.clip((rows - self.mean_) / self.scale_, -_CUT, _CUT))
-
-    def _train(self, rows: FloatArray, codes: NDArray[np.intp], random: Any) -> None:
-        """Fit one network a fold, and the temperature on what each has not seen."""
-        folds = min(self.folds, int(np.bincount(codes).min()))
-        if folds < 2:  # a class of one example cannot be held out
-            self.networks_ = [self._network(rows, codes, random)]
-            return
-        splits = StratifiedKFold(n_splits=folds, shuffle=True, random_state=random)
-        unseen = np.zeros((len(rows), len(self.classes_)))
-        for kept, held in splits.split(rows, codes):
-            self.networks_.append(self._network(rows[kept], codes[kept], random))
-            unseen[held] = _forward(self.networks_[-1], rows[held])
+        table, random = np.asarray(rows, dtype=np.float64), np.random.RandomState(seed)
+        classes, codes = np.unique(np.asarray(kinds, dtype=np.str_), return_inverse=True)
+        mean, spread = table.mean(axis=0), table.std(axis=0)
+        scale = np.where(spread > 1e-9 * np.maximum(np.abs(mean), 1.0), spread, 1.0)
+        scaled = _scaled(table, mean, scale)
+        splits = StratifiedKFold(n_splits=_FOLDS, shuffle=True, random_state=random)
+        unseen, networks = np.zeros((len(table), len(classes))), []
+        for kept, held in splits.split(scaled, codes):
+            networks.append(_network(scaled[kept], codes[kept], random))
+            unseen[held] = _logits(scaled[held], *networks[-1])
 
         def entropy(log_temperature: float) -> float:
             told = log_softmax(unseen / np.exp(log_temperature), axis=1)
@@ -202,41 +148,104 @@ class KindClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
 
         # between 1/20 and 20
         best = minimize_scalar(entropy, bounds=(-3.0, 3.0), method="bounded")
-        self.temperature_ = float(np.exp(best.x))
-
-    def _network(self, rows: FloatArray, codes: NDArray[np.intp], random: Any) -> list[FloatArray]:
-        network = MLPClassifier(
-            hidden_layer_sizes=(self.hidden,),
-            activation="tanh",
-            solver="lbfgs",
-            alpha=self.decay,
-            max_iter=self.max_iter,
-            random_state=random.randint(2**31 - 1),
+        centres = np.array([scaled[codes == code].mean(axis=0) for code in range(len(classes))])
+        inner = LedoitWolf(assume_centered=True).fit(scaled - centres[codes]).covariance_
+        whitener = np.linalg.inv(np.linalg.cholesky(inner + 1e-6 * np.eye(len(inner)))).T
+        distance = _distance(scaled, centres, whitener)
+        first, bias, second, end = (np.array(part) for part in zip(*networks, strict=True))
+        return cls(
+            machine_=machine,
+            classes_=classes,
+            mean_=mean,
+            scale_=scale,
+            centres_=centres,
+            whitener_=whitener,
+            reach_=max(float(np.quantile(distance, _INSIDE)), 1e-9),
+            temperature_=float(np.exp(best.x)),
+            first_=first,
+            bias_=bias,
+            second_=second,
+            end_=end,
         )
-        with warnings.catch_warnings():
-            # stopping early is a choice: the temperature corrects what it costs
-            warnings.simplefilter("ignore", ConvergenceWarning)
-            network.fit(rows, codes)
-        self.n_iter_ = max(self.n_iter_, int(network.n_iter_))
-        (first, second), (bias, end) = network.coefs_, network.intercepts_
-        if second.shape[1] == 1:  # two classes share one logit
-            second = np.hstack([-0.5 * second, 0.5 * second])
-            end = np.concatenate([-0.5 * end, 0.5 * end])
-        return [np.asarray(part, dtype=np.float64) for part in (first, bias, second, end)]
 
-    def _logits(self, scaled: FloatArray) -> FloatArray:
-        if not self.networks_:  # one class only
-            return np.zeros((len(scaled), len(self.classes_)))
-        return np.asarray(np.mean([_forward(net, scaled) for net in self.networks_], axis=0))
+    @property
+    def n_features_in_(self) -> int:
+        """Number of features."""
+        return len(self.mean_)
+
+    def predict_proba(self, rows: ArrayLike) -> FloatArray:
+        """Return the probability of each kind.
+
+        Parameters
+        ----------
+        rows : array_like of float, shape (rows, features)
+            Features.
+
+        Returns
+        -------
+        ndarray of float, shape (rows, kinds)
+            In the order of `classes_`; rows sum to 1.
+        """
+        scaled = _scaled(np.asarray(rows, dtype=np.float64), self.mean_, self.scale_)
+        logits = _logits(scaled, self.first_, self.bias_, self.second_, self.end_).mean(axis=0)
+        probability = softmax(logits / self.temperature_, axis=1)
+        escape = self.classes_ == NONE
+        if escape.any():
+            strange = expit(_SHARPNESS * (self.novelty(rows) / _HALF_BEYOND - 1.0))[:, None]
+            probability = probability * (1.0 - strange) + strange * escape
+        return np.asarray(probability)
+
+    def predict(self, rows: ArrayLike) -> NDArray[np.str_]:
+        """Return the most probable kind of each row."""
+        return np.asarray(self.classes_[np.argmax(self.predict_proba(rows), axis=1)])
+
+    def novelty(self, rows: ArrayLike) -> FloatArray:
+        """Return how far rows are from the nearest kind, 1 where training examples end.
+
+        Notes
+        -----
+        Mahalanobis distance with the pooled covariance within kinds, over its 99.5 % quantile
+        among the training examples.
+        """
+        plain = (np.asarray(rows, dtype=np.float64) - self.mean_) / self.scale_
+        return _distance(plain, self.centres_, self.whitener_) / self.reach_
 
 
-def _forward(network: list[FloatArray], rows: FloatArray) -> FloatArray:
-    first, bias, second, end = network
+def _scaled(rows: FloatArray, mean: FloatArray, scale: FloatArray) -> FloatArray:
+    return np.asarray(np.clip((rows - mean) / scale, -_CUT, _CUT))
+
+
+def _distance(scaled: FloatArray, centres: FloatArray, whitener: FloatArray) -> FloatArray:
+    return np.asarray(cdist(scaled @ whitener, centres @ whitener).min(axis=1))
+
+
+def _logits(
+    rows: FloatArray, first: FloatArray, bias: FloatArray, second: FloatArray, end: FloatArray
+) -> FloatArray:
     return np.asarray(np.tanh(rows @ first + bias) @ second + end)
 
 
-_ARRAYS = ("classes_", "mean_", "scale_", "centres_", "whitener_")
-_SETTINGS = ("hidden", "decay", "folds", "other", "max_iter", "random_state")
+def _network(
+    rows: FloatArray, codes: NDArray[np.intp], random: np.random.RandomState
+) -> tuple[FloatArray, ...]:
+    """Return the weights of a network that was fitted to some examples."""
+    from sklearn.exceptions import ConvergenceWarning
+    from sklearn.neural_network import MLPClassifier
+
+    network = MLPClassifier(
+        hidden_layer_sizes=(_HIDDEN,),
+        activation="tanh",
+        solver="lbfgs",
+        alpha=_DECAY,
+        max_iter=_STEPS,
+        random_state=random.randint(2**31 - 1),
+    )
+    with warnings.catch_warnings():
+        # stopping early is a choice: the temperature corrects what it costs
+        warnings.simplefilter("ignore", ConvergenceWarning)
+        network.fit(rows, codes)
+    (first, second), (bias, end) = network.coefs_, network.intercepts_
+    return first, bias[None], second, end[None]
 
 
 def write_kinds(classifier: KindClassifier, path: str | Path) -> None:
@@ -245,30 +254,18 @@ def write_kinds(classifier: KindClassifier, path: str | Path) -> None:
     Parameters
     ----------
     classifier : KindClassifier
-        Trained on text labels, with a whole number or nothing as random state.
     path : str or Path
         The file; any name.
 
     Raises
     ------
     ArgumentError
-        If it is not trained, or the file cannot be written.
+        If the file cannot be written.
     """
-    if not hasattr(classifier, "classes_"):
-        raise ArgumentError("the classifier is not trained; call fit before it is stored")
-    header = {
-        "format": FORMAT,
-        "settings": {name: getattr(classifier, name) for name in _SETTINGS},
-        "temperature": classifier.temperature_,
-        "reach": classifier.reach_,
-        "networks": len(classifier.networks_),
-        "machine": classifier.machine_,
-    }
-    arrays = {name: np.asarray(getattr(classifier, name)) for name in _ARRAYS}
-    arrays["classes_"] = arrays["classes_"].astype(str)
-    for row, network in enumerate(classifier.networks_):
-        arrays |= {f"{row}/{part}": values for part, values in enumerate(network)}
-    write_archive(path, header, arrays)
+    parts = {field.name: getattr(classifier, field.name) for field in fields(classifier)}
+    arrays = {name: part for name, part in parts.items() if isinstance(part, np.ndarray)}
+    plain = {name: part for name, part in parts.items() if name not in arrays}
+    write_archive(path, {"format": FORMAT, "plain": plain}, arrays)
 
 
 def read_kinds(path: str | Path) -> KindClassifier:
@@ -286,84 +283,6 @@ def read_kinds(path: str | Path) -> KindClassifier:
     """
     told_of = "kind classifier", "train it", "train a classifier and store it"
     with reading_archive(path, (FORMAT,), *told_of) as (header, arrays):
-        classifier = KindClassifier(**header["settings"])
-        for name in _ARRAYS:
-            setattr(classifier, name, arrays[name])
-        classifier.networks_ = [
-            [arrays[f"{row}/{part}"] for part in range(4)] for row in range(header["networks"])
-        ]
-        classifier.temperature_ = float(header["temperature"])
-        classifier.reach_ = float(header["reach"])
-        classifier.machine_ = str(header.get("machine", ""))
-        classifier.n_features_in_ = len(classifier.mean_)
-        _check(classifier)
-    return classifier
-
-
-def _check(classifier: KindClassifier) -> None:
-    """Refuse what no training gives: a file may be damaged and still be an archive."""
-    kinds, features = len(classifier.classes_), classifier.n_features_in_
-    shapes = [(features,), (features,), (kinds, features), (features, features)]
-    parts = [getattr(classifier, name) for name in _ARRAYS[1:]]
-    for network in classifier.networks_:
-        hidden = len(network[1])
-        shapes += [(features, hidden), (hidden,), (hidden, kinds), (kinds,)]
-        parts += network
-    right = all(
-        part.shape == shape and part.dtype.kind == "f" and np.isfinite(part).all()
-        for part, shape in zip(parts, shapes, strict=True)
-    )
-    kinds_right = classifier.classes_.ndim == 1 and classifier.classes_.dtype.kind == "U"
-    if not (right and kinds_right and 0 < kinds == len(set(classifier.classes_))):
-        raise ValueError("its numbers do not fit together")
-    if kinds > 1 and not classifier.networks_:
-        raise ValueError("it has no networks")
-    if not ((classifier.scale_ > 0).all() and classifier.reach_ > 0 < classifier.temperature_):
-        raise ValueError("its scales cannot be")
-    if not (classifier.reach_ < np.inf and classifier.temperature_ < np.inf):
-        raise ValueError("its scales cannot be")
-
-
-# Of a plain detector, as a yardstick
-TREES = 100
-
-
-def novelty(healthy: FloatArray, candidates: FloatArray, seed: int = 0) -> FloatArray:
-    """Return how unlike healthy rows of features each candidate is, without any physics.
-
-    What many monitoring systems do, as a yardstick: an isolation forest that has seen how the
-    indicators of healthy machines change from one recording to the next.
-
-    Parameters
-    ----------
-    healthy : ndarray of float, shape (n, features), n >= 2
-        Features of healthy recordings, such as logarithms of indicators over those of a reference.
-    candidates : ndarray of float, shape (m, features)
-    seed : int
-
-    Returns
-    -------
-    ndarray of float, shape (m,)
-        In (0, 1); rises with novelty.
-
-    Raises
-    ------
-    ArgumentError
-        If the shapes do not fit or a feature is not finite.
-
-    References
-    ----------
-    Liu, Ting and Zhou, Isolation forest, ICDM 2008.
-    """
-    known, new = np.asarray(healthy, dtype=float), np.asarray(candidates, dtype=float)
-    if known.ndim != 2 or new.ndim != 2 or len(known) < 2 or known.shape[1] != new.shape[1]:
-        raise ArgumentError(
-            f"healthy {known.shape} and candidates {new.shape} must be tables with the same "
-            "features, and at least two healthy rows"
-        )
-    if not (np.isfinite(known).all() and np.isfinite(new).all()):
-        raise ArgumentError("features must be finite numbers")
-    if not len(new):
-        return np.zeros(0)
-    forest = IsolationForest(n_estimators=TREES, random_state=seed).fit(known)
-    return -np.asarray(forest.score_samples(new), dtype=np.float64)
+        plain = header["plain"]
+        numbers = {name: float(plain[name]) for name in ("reach_", "temperature_")}
+        return KindClassifier(machine_=str(plain["machine_"]), **numbers, **arrays)

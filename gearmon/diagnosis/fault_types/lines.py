@@ -117,15 +117,13 @@ class MachineLines:
     family_of: IntArray
 
 
-def machine_lines(machine: Machine, operating: int = 0) -> MachineLines:
+def machine_lines(machine: Machine) -> MachineLines:
     """Compute the lines of everything that can be wrong with the gears of a machine.
 
     Parameters
     ----------
     machine : Machine
-        With the data that a baseline needs.
-    operating : int
-        Operating point, from 0.
+        With the data that a baseline needs; at its first operating point.
 
     Returns
     -------
@@ -148,7 +146,7 @@ def machine_lines(machine: Machine, operating: int = 0) -> MachineLines:
     healthy = np.zeros((len(machine.stages), len(plan.orders)), dtype=np.complex128)
     gears = []
     for stage in range(1, len(machine.stages) + 1):
-        mesh = _Mesh(machine, stage, operating)
+        mesh = _Mesh(machine, stage)
         own = [wheel for wheel in plan.wheels if wheel.stage == stage]
         gears += [mesh.gear(wheel) for wheel in own]
         for wheel in own[:1]:
@@ -162,13 +160,12 @@ def machine_lines(machine: Machine, operating: int = 0) -> MachineLines:
 
 
 class _Mesh:
-    """The mesh of one stage at one operating point."""
+    """The mesh of one stage."""
 
-    def __init__(self, machine: Machine, stage: int, operating: int) -> None:
-        self.machine, self.stage, self.operating = machine, stage, operating
-        point = operating_point(machine, operating)
+    def __init__(self, machine: Machine, stage: int) -> None:
+        self.machine, self.stage = machine, stage
         order = kinematics(machine).mesh(stage).order
-        self.max_hz = (MESH_HARMONICS + 0.6) * order * point.shaft1_hz
+        self.max_hz = (MESH_HARMONICS + 0.6) * order * operating_point(machine, 0).shaft1_hz
         module_mm = machine.stages[stage - 1].module_mm
         self.module_m = _USUAL_MODULE_M if module_mm is None else 1e-3 * module_mm
         # the first gear of a stage is in its main mesh
@@ -218,12 +215,10 @@ class _Mesh:
 
     def _added(self, fault: Fault | GearError, wheel: WheelLines) -> ComplexArray:
         lines = self._lines(fault, wheel.teeth, wheel.gear)
-        teeth = wheel.teeth
         if wheel.gear == "ring":
-            lines[::teeth] = 0.0
+            lines[:: wheel.teeth] = 0.0
         else:
-            count = len(lines[::teeth])
-            lines[::teeth] -= _fitted(self.sound, count)
+            lines[:: wheel.teeth] -= _fitted(self.sound, len(lines[:: wheel.teeth]))
         return _on(lines, wheel.number)
 
     def _lines(self, wrong: Fault | GearError | None, teeth: int, gear: str) -> ComplexArray:
@@ -231,8 +226,7 @@ class _Mesh:
         mesh = 1 if gear == "ring" else 0
         asked = [] if wrong is None else [wrong]
         healthy, faulty = (
-            posed_mesh(self.machine, self.stage, self.operating, own, mesh=mesh)
-            for own in ([], asked)
+            posed_mesh(self.machine, self.stage, 0, own, mesh=mesh) for own in ([], asked)
         )
         (solved,) = faulty_lines(healthy, [faulty], gear, self.max_hz, _TOLERANCE)
         number = solved.number * (teeth // solved.period)

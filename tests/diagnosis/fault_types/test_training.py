@@ -45,7 +45,7 @@ def drawn(seed, count):
 
 @cache
 def trained():
-    return KindClassifier(random_state=0).fit(*training_table(drawn(1, TRAINED_ON)))
+    return KindClassifier.trained(*training_table(drawn(1, TRAINED_ON)))
 
 
 def told(made):
@@ -231,7 +231,8 @@ def test_a_judgement_names_gear_and_reasons():
 
 
 def test_a_classifier_of_other_features_is_refused():
-    other = KindClassifier().fit([[0.0], [1.0], [0.1], [1.1]], ["wear", NONE, "wear", NONE])
+    rows = np.random.default_rng(0).normal(size=(12, 1))
+    other = KindClassifier.trained(rows, np.repeat(["wear", "looseness", NONE], 4))
     with pytest.raises(ArgumentError, match="trained on 1 features"):
         judge_kind(drawn(2, ASKED)[0].features, other)
 
