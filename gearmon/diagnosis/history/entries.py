@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from gearmon.diagnosis.results import VERDICTS, Analysis, Flag, ToothProfile
-from gearmon.errors import ArgumentError, check_finite, check_range
+from gearmon.errors import ArgumentError, check_range
 
 #: Half the width of the 90 % interval of a loss, in standard deviations.
 HALF_OF_90 = 1.6448536269514722
@@ -83,9 +83,6 @@ class Place:
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        for name, value in asdict(self).items():
-            if isinstance(value, float):
-                check_finite(name, value)
         for name, (low, high) in _RANGES.items():
             if getattr(self, name) is not None:
                 check_range(name, getattr(self, name), low, high)

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import bdtrc, ndtri, ndtri_exp
+from scipy.special import bdtrc, ndtri_exp
 
 from gearmon.diagnosis.history.changes import (
     FEWEST,
@@ -62,14 +62,10 @@ class ToothTrend:
         None: the largest loss of the gear, where teeth cannot be told from one recording to
         another.
     trend : Trend
-        Of the loss as a fraction; its intervals are those of what differs between recordings.
+        Of the loss as a fraction. What may have been missed is the smallest that was found, 10 % at
+        most; nothing if none was.
     low, high : ndarray of float, shape (estimates,)
         The recordings' own 90 % intervals.
-    common : float, >= 0
-        Standard deviation of the logarithm of the loss that all recordings share.
-    missed : float, >= 0
-        Loss up to which one may have been missed wherever none was found: the smallest that was
-        found, 10 % at most; 0 if none was.
     stands : bool
         Whether the loss stands clear of its noise and of zero, over several recordings.
     false_alarm_probability : float
@@ -86,39 +82,15 @@ class ToothTrend:
     trend: Trend
     low: FloatArray
     high: FloatArray
-    common: float
-    missed: float
     stands: bool
     false_alarm_probability: float
     recordings: int
     limit: float | None
 
-    def at(self, time_s: FloatArray | Sequence[float]) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Loss at some times with its interval, what all recordings share included.
-
-        Parameters
-        ----------
-        time_s : array_like of float, shape (k,)
-            Times [s].
-
-        Returns
-        -------
-        value, low, high : ndarray of float, shape (k,)
-            `high` is nowhere below `missed`, however often nothing was found.
-        """
-        value, low, high = self._widened(*self.trend.at(time_s))
-        missed = np.where(value < self.missed, self._factors[1] * self.missed, high)
-        return value, low, np.maximum(high, missed)
-
-    def rate(self) -> tuple[float, float, float]:
-        """Rise of the loss at the newest recording with its interval [1/s]."""
-        value, low, high = self._widened(*np.array(self.trend.rate()))
-        return float(value), float(low), float(high)
-
     @property
     def now(self) -> tuple[float, float, float]:
         """Loss at the newest recording with its interval."""
-        value, low, high = self.at(self.trend.series.time_s[-1:])
+        value, low, high = self.trend.at(self.trend.series.time_s[-1:])
         return float(value[0]), float(low[0]), float(high[0])
 
     @property
@@ -131,48 +103,17 @@ class ToothTrend:
 
     @property
     def crossing(self) -> Crossing | None:
-        """When the limit is reached, what all recordings share included in the interval."""
-        if self.limit is None:
-            return None
-        found = self.trend.crossing(self.limit)
-        if found.status == "reached" and self.now[1] < self.limit:
-            reason = "the trend is at or above the limit; its interval reaches below the limit"
-            found = replace(found, reason=reason)
-        if found.time_s is None:
-            return found
-        early, late = (self.trend.time_at(self.limit * factor) for factor in self._factors)
-        first = self.trend.series.time_s[-1 if found.status == "ahead" else 0]
-        low, high = found.low_s, found.high_s
-        if low is not None and early is not None:
-            low = found.time_s - math.hypot(found.time_s - low, found.time_s - early)
-            low = max(low, float(first))
-        if high is not None and late is not None:
-            high = found.time_s + math.hypot(high - found.time_s, late - found.time_s)
-        return replace(found, low_s=low, high_s=high)
+        """When the limit is reached."""
+        return None if self.limit is None else self.trend.crossing(self.limit)
 
     @property
     def risen(self) -> bool:
         """Whether its latest change is a rise."""
         return bool(self.trend.changes) and self.trend.changes[-1].size > 0
 
-    @property
-    def _factors(self) -> tuple[float, float]:
-        """How much smaller and larger all losses may be, at the level of the trend."""
-        up = math.exp(float(ndtri(0.5 + 0.5 * self.trend.level)) * self.common)
-        return 1.0 / up, up
-
-    def _widened(
-        self, value: FloatArray, low: FloatArray, high: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Add what all recordings share to the interval of a loss, or of its rate."""
-        (down, up), size = self._factors, np.maximum(value, 0.0)
-        below = np.hypot(value - low, (1.0 - down) * size)
-        above = np.hypot(high - value, (up - 1.0) * size)
-        return value, value - below, value + above
-
     def to_dict(self) -> dict[str, Any]:
         """Return built-in types, ready for JSON."""
-        crossing, per_day = self.crossing, np.multiply(SECONDS_PER_DAY, self.rate())
+        crossing, per_day = self.crossing, np.multiply(SECONDS_PER_DAY, self.trend.rate())
         return {
             "stage": self.stage,
             "gear": self.gear,
@@ -244,27 +185,29 @@ def follow_tooth(
         refined = fit_trend(own, below=below, level=level)
         # a loss that came at once may hide behind what could have been missed before it
         trend = refined if refined.changes else trend
+    trend = replace(trend, common=common, missed=missed)
     chances = [change_probability(stated), *(c.false_alarm_probability for c in trend.changes)]
     low, high = (
         np.array([getattr(place, name) for place in places], dtype=float)
         for name in ("loss_low", "loss_high")
     )
     reach = HALF_OF_90 * stated.sigma
-    found = ToothTrend(
+    low = np.where(np.isnan(low), stated.value - reach, low)
+    clear = low > 0
+    by_chance = float(bdtrc(np.count_nonzero(clear) - 1.0, len(stated), _CLEAR_BY_CHANCE))
+    several = np.count_nonzero(clear & (trend.at(stated.time_s)[1] > 0)) >= SEVERAL
+    return ToothTrend(
         stage=places[0].stage,
         gear=places[0].gear,
         tooth=places[0].tooth,
         trend=trend,
-        low=np.where(np.isnan(low), stated.value - reach, low),
+        low=low,
         high=np.where(np.isnan(high), stated.value + reach, high),
-        common=common,
-        missed=missed,
-        stands=False,
+        stands=several and (bool(trend.changes) or by_chance * followed < below),
         false_alarm_probability=min(1.0, min(chances) * followed),
         recordings=recordings,
         limit=limit,
     )
-    return replace(found, stands=_stands(found, stated, followed, below))
 
 
 def own_series(stated: Series) -> tuple[Series, float, float]:
@@ -300,16 +243,6 @@ def own_series(stated: Series) -> tuple[Series, float, float]:
     missed = min(_MOST_MISSED, float(value[clear].min()))
     own[~clear] = np.maximum(own[~clear], missed / HALF_OF_90)
     return replace(stated, sigma=own), common, missed
-
-
-def _stands(found: ToothTrend, stated: Series, followed: int, below: float) -> bool:
-    """Tell whether a loss stands clear of zero in its trend and in several recordings."""
-    clear = found.low > 0
-    _, trend_low, _ = found.at(stated.time_s)
-    if np.count_nonzero(clear & (trend_low > 0)) < SEVERAL:
-        return False
-    by_chance = bdtrc(np.count_nonzero(clear) - 1.0, len(stated), _CLEAR_BY_CHANCE)
-    return bool(found.trend.changes) or float(by_chance) * followed < below
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtri
 
 from gearmon.diagnosis.history.changes import (
     COURSES,
@@ -81,11 +82,18 @@ class Trend:
         In the order of time; none: the series is constant as far as can be told.
     level : float
         Of all intervals.
+    common : float, >= 0
+        Standard deviation of the logarithm of the values that all of them share: no number of
+        recordings averages it out.
+    missed : float
+        Size up to which something may have been missed wherever nothing was found.
     """
 
     series: Series
     changes: tuple[ChangePoint, ...]
     level: float
+    common: float = 0.0
+    missed: float = -math.inf
 
     @property
     def grows(self) -> bool:
@@ -103,15 +111,24 @@ class Trend:
         Returns
         -------
         value, low, high : ndarray of float, shape (k,)
+            `high` is nowhere below `missed`, however often nothing was found.
         """
-        return self._allowed(np.atleast_1d(np.asarray(time_s, dtype=float)))
+        times = np.atleast_1d(np.asarray(time_s, dtype=float))
+        value, low, high = self._widened(*self._allowed(times))
+        missed = np.where(value < self.missed, self._most * self.missed, high)
+        return value, low, np.maximum(high, missed)
 
     def rate(self) -> tuple[float, float, float]:
         """Slope at the last recording with its interval [1/s]; zeros for a level series."""
         if not self.grows:
             return 0.0, 0.0, 0.0
-        value, low, high = self._allowed(self.series.time_s[-1:], rates=True)
+        value, low, high = self._widened(*self._allowed(self.series.time_s[-1:], rates=True))
         return float(value[0]), float(low[0]), float(high[0])
+
+    @property
+    def _rises(self) -> bool:
+        """Whether the rate at the last recording is surely above zero, whatever all share."""
+        return self.grows and bool(self._allowed(self.series.time_s[-1:], rates=True)[1][0] > 0)
 
     def crossing(self, limit: float) -> Crossing:
         """When the trend reaches a limit from below.
@@ -133,25 +150,19 @@ class Trend:
         straight or faster and faster.
         """
         check_finite("limit", limit)
-        end = float(self.series.time_s[-1])
-        reached, time = bool(self.at([end])[0][0] >= limit), self.time_at(limit)
-        if not reached and (refused := self._refused(time)):
+        value, low, _ = (float(x[0]) for x in self.at(self.series.time_s[-1:]))
+        times = self.series.time_s
+        time, early, late = self._when(limit, float(times[0 if value >= limit else -1]))
+        if value >= limit:
+            reason = "the trend is at or above the limit"
+            reason += "" if low >= limit else "; its interval reaches below the limit"
+            return Crossing(status="reached", reason=reason, time_s=time, low_s=early, high_s=late)
+        if refused := self._refused(time):
             return Crossing(status="not extrapolated", reason=refused)
-        early = late = None
-        if time is not None:
-            times, _, low, high = self._course
-            early, late = _reached(times, high, limit), _reached(times, low, limit)
-            early = time if early is None else min(early, time)
-            # what may not rise now may never get there
-            late = None if late is None or self.rate()[1] <= 0 else max(late, time)
-        if reached:
-            status, reason = "reached", "the trend is at or above the limit"
-        else:
-            status, reason = "ahead", "if growth goes on speeding up as it has"
-            if self._last is not None and self._last.growth.straight:
-                reason = "if the present rate lasts; cracks grow faster the larger they are"
-            early = None if early is None else max(early, end)
-        return Crossing(status=status, reason=reason, time_s=time, low_s=early, high_s=late)
+        reason = "if growth goes on speeding up as it has"
+        if self._last is not None and self._last.growth.straight:
+            reason = "if the present rate lasts; cracks grow faster the larger they are"
+        return Crossing(status="ahead", reason=reason, time_s=time, low_s=early, high_s=late)
 
     def _refused(self, time: float | None) -> str:
         """Say why nothing is extrapolated; nothing if it is."""
@@ -159,34 +170,53 @@ class Trend:
             return f"{len(self.series)} estimates are too few for a trend, {FEWEST} needed"
         if not self.grows:
             return "no growth that noise would not make as well"
-        slope, least, _ = self.rate()
-        if slope <= 0 or least <= 0:
+        if not self._rises:
             return "the present rate is not surely above zero"
         return "the present rate does not lead to the limit" if time is None else ""
 
-    def time_at(self, limit: float) -> float | None:
-        """Time at which the trend as told is at a limit that it rises to; None where it never is.
+    def _when(self, limit: float, start: float) -> tuple[float | None, float | None, float | None]:
+        """Time from which on a rising trend is at a limit, with its interval, which has a start.
 
-        Before the first recording it is not followed.
+        Nothing before the first recording; no end where it may never get there.
         """
         if self.rate()[0] <= 0:
-            return None
-        times, value, _, _ = self._course
-        return _reached(times, value, limit)
-
-    @cached_property
-    def _course(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Times at which the trend is held against a limit, and its value and interval there."""
+            return None, None, None
         first, last = self.series.time_s[[0, -1]]
         ahead = last + (last - first) * np.geomspace(_NEAREST, _FARTHEST, _STEPS[1])
         times = np.concatenate([np.linspace(first, last, _STEPS[0]), ahead])
-        return times, *self._allowed(times)
+        value, low, high = self._allowed(times)
+        time, early, late = (_reached(times, x, limit) for x in (value, high, low))
+        if time is None:
+            return None, None, None
+        early = max(start, time if early is None else min(early, time))
+        # what may not rise now may never get there
+        late = max(late, time) if late is not None and self._rises else None
+        # what all values share is as if the limit lay elsewhere
+        nearer, farther = (_reached(times, value, limit * x) for x in (1 / self._most, self._most))
+        if nearer is not None:
+            early = max(start, time - math.hypot(time - early, time - nearer))
+        if late is not None and farther is not None:
+            late = time + math.hypot(late - time, farther - time)
+        return time, early, late
 
     @property
     def _last(self) -> ChangePoint | None:
         """The latest growth, whose time is uncertain in all intervals."""
         growths = [change for change in self.changes if change.kind == "growth"]
         return (growths or list(self.changes) or [None])[-1]
+
+    @property
+    def _most(self) -> float:
+        """How many times larger all values may be, or smaller, by what they share."""
+        return math.exp(float(ndtri(0.5 + 0.5 * self.level)) * self.common)
+
+    def _widened(
+        self, value: FloatArray, low: FloatArray, high: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Add what all values share to an interval."""
+        size = np.maximum(value, 0.0)
+        below = np.hypot(value - low, (1.0 - 1.0 / self._most) * size)
+        return value, value - below, value + np.hypot(high - value, (self._most - 1.0) * size)
 
     def _allowed(
         self, times: FloatArray, *, rates: bool = False
