@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from reference.simulated_machines import planetary
 from reference.small_gearbox import (
     CRACK,
     HEALTHY_LOADS,
@@ -17,7 +18,6 @@ from reference.small_gearbox import (
     recording,
     reference,
 )
-from reference.simulated_machines import planetary
 from reference.synthetic_signals import as_recording, white
 from scipy.interpolate import CubicSpline
 
