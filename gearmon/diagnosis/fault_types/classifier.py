@@ -14,6 +14,7 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -284,5 +285,6 @@ def read_kinds(path: str | Path) -> KindClassifier:
     told_of = "kind classifier", "train it", "train a classifier and store it"
     with reading_archive(path, (FORMAT,), *told_of) as (header, arrays):
         plain = header["plain"]
-        numbers = {name: float(plain[name]) for name in ("reach_", "temperature_")}
-        return KindClassifier(machine_=str(plain["machine_"]), **numbers, **arrays)
+        parts: dict[str, Any] = dict(arrays)
+        parts |= {name: float(plain[name]) for name in ("reach_", "temperature_")}
+        return KindClassifier(machine_=str(plain["machine_"]), **parts)
