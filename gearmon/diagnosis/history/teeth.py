@@ -195,7 +195,7 @@ def follow_tooth(
     low = np.where(np.isnan(low), stated.value - reach, low)
     clear = low > 0
     by_chance = float(bdtrc(np.count_nonzero(clear) - 1.0, len(stated), _CLEAR_BY_CHANCE))
-    several = np.count_nonzero(clear & (trend.at(stated.time_s)[1] > 0)) >= SEVERAL
+    several = int(np.count_nonzero(clear & (trend.at(stated.time_s)[1] > 0))) >= SEVERAL
     return ToothTrend(
         stage=places[0].stage,
         gear=places[0].gear,

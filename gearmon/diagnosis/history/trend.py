@@ -203,7 +203,7 @@ class Trend:
     def _last(self) -> ChangePoint | None:
         """The latest growth, whose time is uncertain in all intervals."""
         growths = [change for change in self.changes if change.kind == "growth"]
-        return (growths or list(self.changes) or [None])[-1]
+        return growths[-1] if growths else self.changes[-1] if self.changes else None
 
     @property
     def _most(self) -> float:
