@@ -36,14 +36,13 @@ from gearmon.diagnosis.results import Analysis, Change, Flag, ToothProfile
 from gearmon.errors import GearmonError, check_range
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine
-from gearmon.signals.bad_samples import sound_part
+from gearmon.signals.bad_samples import inspected, sound_part
 from gearmon.signals.recording import Recording
 from gearmon.signatures.measured.indicators import gear_indicators, waveform_indicators
 from gearmon.signatures.measured.line_plan import Family
 from gearmon.signatures.measured.measurement import (
     MeasuredSignature,
     measure_signature,
-    measure_sound,
 )
 from gearmon.signatures.measured.provenance import machine_notes, recording_notes
 from gearmon.signatures.measured.reference import Profile, Reference, make_reference
@@ -154,9 +153,9 @@ def analyse(
     check_range("must_notice", must_notice, 0.0, 1.0)
     if reference is not None:
         machine_notes(machine, reference)  # refuses other gears before any work
-    recording = sound_part(recording)
-    signature = measure_sound(recording, machine)
-    vibration = recording.vibration()
+    recording = inspected(recording)
+    signature = measure_signature(recording, machine)
+    vibration = sound_part(recording, 0.0).vibration()
     indicators = waveform_indicators(vibration.samples, vibration.channel_names)
     told = signature.found or (reference is not None and signature.track.indexed)
     if told:

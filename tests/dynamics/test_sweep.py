@@ -221,3 +221,11 @@ def test_a_bad_cell_leaves_the_others_alone(count):
 def test_complex_values_are_refused():
     with pytest.raises(ArgumentError, match="mass_kg: complex"):
         sweep(0.28 + 0.1j, 9e3, 8e8, [0.065], 1.6e-3, 4e3)
+
+
+def test_one_cell_of_nonsense_does_not_stop_a_sweep():
+    found = sweep([0.28, 1e12, 1e-12], 9e3, 8e8, [0.065], 1.6e-3, 4e3, scale=[1.0, 1.0, 1.0])
+    assert [bool(reason) for reason in found.reason] == [False, False, True]
+    found = sweep(0.28, 9e3, 8e8, [0.065], 1.6e-3, 4e3, scale=[1.0, 1e12])
+    assert "would swing by 6.5e+10 times" in found.reason[1]
+    assert found.stable[0]
