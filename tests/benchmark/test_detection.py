@@ -14,7 +14,6 @@ from gearmon.benchmark.detection import (
     with_learning,
 )
 from gearmon.benchmark.detection_trials import _NOTHING, Outcome, _around
-from gearmon.diagnosis.fault_types import novelty
 from gearmon.errors import ArgumentError
 
 TRUTH = {"machine": 0, "tacho": True, "variant": "same", "stage": 1, "gear": "pinion"}
@@ -110,18 +109,6 @@ def test_learning_is_trained_on_other_machines():
     rows = with_learning(outcomes)
     assert rows[-1]["plain learning"] is None
     assert value(roc_rows(rows), "ROC area", "loss 0.2", "plain learning")[0] > 0.95
-
-
-def test_novelty_refuses_what_does_not_fit():
-    assert novelty(np.zeros((3, 2)), np.zeros((0, 2))).shape == (0,)
-    for healthy, new in (
-        (np.zeros((3, 2)), np.zeros((1, 3))),
-        (np.zeros((1, 2)), np.zeros((1, 2))),
-    ):
-        with pytest.raises(ArgumentError):
-            novelty(healthy, new)
-    with pytest.raises(ArgumentError, match="finite"):
-        novelty(np.zeros((3, 2)), np.full((1, 2), np.nan))
 
 
 def test_distance_on_a_gear_goes_the_shorter_way():
