@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -39,7 +40,11 @@ from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.recording import Recording
 from gearmon.signatures.measured.indicators import gear_indicators, waveform_indicators
 from gearmon.signatures.measured.line_plan import Family
-from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature
+from gearmon.signatures.measured.measurement import (
+    MeasuredSignature,
+    measure_signature,
+    measure_sound,
+)
 from gearmon.signatures.measured.provenance import machine_notes, recording_notes
 from gearmon.signatures.measured.reference import Profile, Reference, make_reference
 from gearmon.signatures.signature import Signature
@@ -150,7 +155,7 @@ def analyse(
     if reference is not None:
         machine_notes(machine, reference)  # refuses other gears before any work
     recording = sound_part(recording)
-    signature = measure_signature(recording, machine)
+    signature = measure_sound(recording, machine)
     vibration = recording.vibration()
     indicators = waveform_indicators(vibration.samples, vibration.channel_names)
     told = signature.found or (reference is not None and signature.track.indexed)
@@ -216,8 +221,8 @@ class _Compared:
             reference=reference,
             own=Profile.of(signature),
             rows=tuple(signature.channel_names.index(name) for name in shared),
-            healthy=HealthyMachine.of(
-                reference, [reference.channel_names.index(name) for name in shared]
+            healthy=_law_of(
+                reference, tuple(reference.channel_names.index(name) for name in shared)
             ),
             shared=tuple(shared),
             notes=tuple(notes),
@@ -429,6 +434,12 @@ class _Compared:
             strength=strength,
             probability=probability,
         )
+
+
+# several recordings are held against one reference
+@lru_cache(maxsize=4)
+def _law_of(reference: Reference, rows: tuple[int, ...]) -> HealthyMachine:
+    return HealthyMachine.of(reference, rows)
 
 
 def _mesh_lost(why: str, gain: float, probability: float) -> Flag:

@@ -42,8 +42,7 @@ from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.recording import Recording
 from gearmon.signals.spectra import Spectrum
 from gearmon.signals.spectra.demodulation import Kurtogram
-from gearmon.signatures.measured.line_marks import Mark
-from gearmon.signatures.measured.line_plan import NEAR_SIDEBANDS, Family, mesh_harmonics
+from gearmon.signatures.measured.line_plan import NEAR_SIDEBANDS, Family, Mark, mesh_harmonics
 from gearmon.signatures.measured.measurement import MeasuredSignature, MeshFinding
 from gearmon.signatures.order_spectra import OrderSpectra
 from gearmon.signatures.recording_spectrum import RecordingSpectrum

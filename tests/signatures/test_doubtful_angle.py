@@ -12,8 +12,7 @@ from gearmon.gears.kinematics import kinematics
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.orders import OrderSums
 from gearmon.signatures.mesh_evidence import GearVibration
-from gearmon.signatures.tacholess import _with_doubt
-from gearmon.signatures.tracking import track_recording
+from gearmon.signatures.tracking import _with_doubt, track_recording
 
 
 def slipped(track, turns, at_s, lasting_s=0.4):

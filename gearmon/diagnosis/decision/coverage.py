@@ -83,10 +83,14 @@ def _log_ratio(gear: GearEvidence) -> FloatArray:
     """Mean log likelihood ratio of damage, for each of `LOSSES`.
 
     Without a template: a pulse of one of z teeth modulates every mesh harmonic X_k by the depth a,
-    lines of X_k a / z each (McFadden 1986).
+    lines of X_k a / z each (McFadden 1986). Of n meshes in parallel it modulates one at a time, m
+    times a turn: energies of m / n^2 of that.
     """
     deviation, search = gear.deviation, gear.search
-    size = _PAIR_SHARE * LOSSES if search is None else search.response.amplitude(LOSSES)
+    if search is None:
+        size = _PAIR_SHARE * np.sqrt(gear.deviation.meetings) / gear.meshes * LOSSES
+    else:
+        size = search.response.amplitude(LOSSES)
     total = np.zeros(len(LOSSES))
     for band in deviation.bands:
         if search is not None:

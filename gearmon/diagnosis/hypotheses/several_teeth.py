@@ -37,6 +37,7 @@ from gearmon.diagnosis.hypotheses.tooth_match import log_mean
 from gearmon.diagnosis.hypotheses.tooth_search import SearchedGear
 
 FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 
 #: One tooth leaves less than this unexplained: its event is not known better, and a machine departs
 #: a little all around its turn.
@@ -165,10 +166,10 @@ def departure_spread(gear: SearchedGear) -> DepartureSpread | None:
     if not bands:
         return None
     contact_ratio = gear.response.contact_ratio
-    for band in bands:
+    events = [[event(band, contact_ratio, ringing) for ringing in RINGING] for band in bands]
+    for band, of_band in zip(bands, events, strict=True):
         parts = []
-        for number, ringing in enumerate(RINGING):
-            power, direction = event(band, contact_ratio, ringing)
+        for number, (power, direction) in enumerate(of_band):
             parts.append(log_likelihood(band, power, energies(band, direction, tried)))
             if number == _TOLD:
                 energy = energies(band, direction, slice(None))
@@ -179,13 +180,13 @@ def departure_spread(gear: SearchedGear) -> DepartureSpread | None:
     return DepartureSpread(
         log_likelihood=log_mean(total.T.copy()),
         by_tooth=by_tooth,
-        second=second_tooth(bands, contact_ratio, first, by_tooth, gear.match.log_gear),
+        second=second_tooth(bands, events, first, by_tooth, gear.match.log_gear),
     )
 
 
 def second_tooth(
     bands: Sequence[Band],
-    contact_ratio: float,
+    events: Sequence[Sequence[tuple[FloatArray, ComplexArray]]],
     first: int,
     by_tooth: FloatArray,
     log_first: float,
@@ -196,8 +197,8 @@ def second_tooth(
     ----------
     bands : sequence of Band
         The departure.
-    contact_ratio : float
-        Of the mesh.
+    events : sequence of sequence of tuple
+        Powers and directions of an event in each, by how long it rings.
     first : int
         Tooth that explains it best, from 0.
     by_tooth : ndarray of float, shape (teeth,)
@@ -217,12 +218,11 @@ def second_tooth(
     tried = [(distance, size) for distance in distances for size in SIZES]
     distance, size = (np.array(each) for each in zip(*tried, strict=True))
     total = np.zeros((len(SHARES), len(tried)))
-    for band in bands:
+    for band, of_band in zip(bands, events, strict=True):
         turn = np.exp(-2j * np.pi / teeth * np.outer(distance, band.number))
         factor = np.asarray(1.0 + size[:, None] * turn, dtype=np.complex128)
         parts = []
-        for ringing in RINGING:
-            power, direction = event(band, contact_ratio, ringing)
+        for power, direction in of_band:
             parts.append(log_likelihood(band, *weighted(band, power, direction, first, factor)))
         total += log_mean(np.array(parts))
     share = np.tile(_SHARES_OF_FIRST, len(distances))

@@ -182,7 +182,11 @@ def measure_signature(recording: Recording, machine: Machine) -> MeasuredSignatu
         If the recording has no vibration channel, none that is sound (see
         `gearmon.signals.bad_samples`), or is too short for a turn of the slowest shaft.
     """
-    recording = sound_part(recording)
+    return measure_sound(sound_part(recording), machine)
+
+
+def measure_sound(recording: Recording, machine: Machine) -> MeasuredSignature:
+    """Measure the signature of a recording whose `sound_part` is all of it."""
     train = kinematics(machine)
     vibration = recording.vibration()
     slowest = min(shaft.order for shaft in train.shafts)

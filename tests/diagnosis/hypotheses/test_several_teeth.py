@@ -201,4 +201,4 @@ def test_what_repeats_is_the_autocorrelation_at_whole_teeth():
 
 
 def test_gears_of_hardly_any_teeth_are_not_judged():
-    assert second_tooth([], 1.6, 0, np.ones(5), 10.0) is None
+    assert second_tooth([], [], 0, np.ones(5), 10.0) is None
