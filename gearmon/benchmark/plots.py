@@ -51,7 +51,6 @@ DETECTOR_STYLES: dict[str, Style] = {
     "kurtosis": (GREY, "v", ":"),
     "energy ratio": (SKY, "P", "-."),
     "sideband energy ratio": (PURPLE, "X", ":"),
-    "sideband index": (PURPLE, "<", "--"),
     "localised difference": (GREEN, "p", "-"),
     "plain learning": (BLACK, "*", "-"),
 }

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
-from gearmon.benchmark.detection_trials import RIVALS
 from matplotlib.figure import Figure
 
 from gearmon.benchmark import case_figures
-from gearmon.benchmark.detection import detection_summary
+from gearmon.benchmark.detection import RIVALS, detection_summary
 from gearmon.benchmark.plots import (
     DETECTOR_STYLES,
     plot_areas,
