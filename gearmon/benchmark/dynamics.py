@@ -386,7 +386,8 @@ def sweep_rows(count: int, seed: int, quick: bool = False) -> list[Row]:
 def _together(sweep: Sweep) -> Contender:
     """All sets at once, nothing kept from an earlier call."""
     columns = [(p.mass_kg, p.damping_ns_per_m, p.stiffness_n_per_m) for p in sweep.problems]
-    common = *np.array(columns).T, sweep.problems[0].stiffness_harmonics, PERIOD_S, FORCE_N
+    mass, damping, stiffness = np.array(columns).T
+    common = mass, damping, stiffness, sweep.problems[0].stiffness_harmonics, PERIOD_S, FORCE_N
     run = partial(solve_sets, *common, tolerance=TARGET)
     found = run()
     refused, met = int((~found.met).sum()), [i for i in sweep.references if found.met[i]]

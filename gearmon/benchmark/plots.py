@@ -190,11 +190,11 @@ def plot_kinds(table: pd.DataFrame, ax: Axes) -> Axes:
     """Draw the confusion matrix of the true condition and the first flag."""
     found = table["found_kind"].where(table["found_kind"].fillna("") != "", table["verdict"])
     counts = pd.crosstab(table["condition"], found)
-    share = counts.div(counts.sum(axis=1), axis=0)
+    share = counts.div(counts.sum(axis=1), axis=0).to_numpy()
     ax.imshow(share, cmap="Blues", vmin=0, vmax=1, aspect="auto")
     for (i, j), number in np.ndenumerate(counts.to_numpy()):
         if number:
-            colour = "white" if share.iat[i, j] > 0.6 else BLACK
+            colour = "white" if share[i, j] > 0.6 else BLACK
             ax.text(j, i, f"{number}", ha="center", va="center", color=colour, fontsize=8)
     ax.set_xticks(range(counts.shape[1]), list(counts.columns), rotation=45, ha="right")
     ax.set_yticks(range(counts.shape[0]), list(counts.index))
