@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +24,12 @@ from gearmon.diagnosis.decision.words import fault_sentence, own_teeth_reason, r
 from gearmon.diagnosis.fault_types.features import kind_features
 from gearmon.diagnosis.hypotheses.changed_path import path_change
 from gearmon.diagnosis.hypotheses.own_teeth import locate
-from gearmon.diagnosis.hypotheses.runout import healthy_turns, runout_growth, turn_changes
+from gearmon.diagnosis.hypotheses.runout import (
+    TurnChange,
+    healthy_turns,
+    runout_growth,
+    turn_changes,
+)
 from gearmon.diagnosis.hypotheses.tooth_damage import (
     GearEvidence,
     ToothFinding,
@@ -35,18 +42,23 @@ from gearmon.diagnosis.nongear import disturbed, nongear_findings
 from gearmon.diagnosis.results import Analysis, Change, Flag, ToothProfile
 from gearmon.errors import GearmonError, check_range
 from gearmon.gears.kinematics import kinematics
-from gearmon.machine import Machine
-from gearmon.signals.bad_samples import sound_part
-from gearmon.signals.recording import Recording
+from gearmon.machine import Machine, MachineLike, load_machine
+from gearmon.signals.bad_samples import inspected, sound_part
+from gearmon.signals.recording import RecordingLike, read_recording, read_recordings
 from gearmon.signatures.measured.indicators import gear_indicators, waveform_indicators
 from gearmon.signatures.measured.line_plan import Family
 from gearmon.signatures.measured.measurement import (
     MeasuredSignature,
     measure_signature,
-    measure_sound,
 )
 from gearmon.signatures.measured.provenance import machine_notes, recording_notes
-from gearmon.signatures.measured.reference import Profile, Reference, make_reference
+from gearmon.signatures.measured.reference import (
+    Profile,
+    Reference,
+    is_reference,
+    make_reference,
+    read_reference,
+)
 from gearmon.signatures.signature import Signature
 
 # Without a reference: false-alarm probability below which one tooth is called damaged. Seen on
@@ -57,15 +69,23 @@ _OWN_TEETH_BELOW = 0.01
 _SILENT_DB = -20.0
 
 
-def learn(recordings: Sequence[Recording], machine: Machine) -> Reference:
+def learn(
+    recordings: RecordingLike | Sequence[RecordingLike],
+    machine: MachineLike,
+    *,
+    sampling_rate_hz: float | None = None,
+    unit: str | None = None,
+) -> Reference:
     """Build a healthy reference from recordings.
 
     Parameters
     ----------
-    recordings : sequence of Recording
+    recordings : list of str, Path, array, DataFrame or Recording, or one of them
         Healthy recordings of the same channels, at one or several loads.
-    machine : Machine
+    machine : Machine, path or dict
         The machine.
+    sampling_rate_hz, unit
+        Of an array, or where the recording does not state them: as of `gearmon.read_recording`.
 
     Returns
     -------
@@ -76,7 +96,10 @@ def learn(recordings: Sequence[Recording], machine: Machine) -> Reference:
     GearmonError
         If a recording cannot be used.
     """
-    return learned([measure_signature(r, machine) for r in recordings], machine)
+    machine = load_machine(machine)
+    known: dict[str, Any] = {"sampling_rate_hz": sampling_rate_hz, "unit": unit}
+    healthy = read_recordings(recordings, sensors=machine.sensors, **known)
+    return learned([measure_signature(r, machine) for r in healthy], machine)
 
 
 def learned(signatures: Sequence[MeasuredSignature], machine: Machine) -> Reference:
@@ -121,23 +144,27 @@ def _doubts(signatures: Sequence[MeasuredSignature], machine: Machine) -> Iterat
 
 
 def analyse(
-    recording: Recording,
-    machine: Machine,
-    reference: Reference | None = None,
+    recording: RecordingLike,
+    machine: MachineLike,
+    reference: Reference | RecordingLike | Sequence[RecordingLike] | None = None,
     *,
+    sampling_rate_hz: float | None = None,
+    unit: str | None = None,
     must_notice: float = LIMITS.must_notice,
 ) -> Analysis:
     """Say whether a machine is healthy, and why.
 
     Parameters
     ----------
-    recording : Recording
+    recording : str, Path, array, DataFrame or Recording
         The new recording.
-    machine : Machine
+    machine : Machine, path or dict
         Its machine.
-    reference : Reference, optional
+    reference : Reference, or what `learn` takes or `write_reference` wrote, optional
         Healthy recordings to compare with. Without them the gear's own teeth and the expected
         signature have to do, which rarely allows more than "cannot tell".
+    sampling_rate_hz, unit
+        Of an array, or where the recording does not state them: as of `gearmon.read_recording`.
     must_notice : float, in (0, 1]
         Loss of the stiffness of one tooth's pair that has to be noticeable on every gear before a
         machine is called healthy.
@@ -152,11 +179,17 @@ def analyse(
         If the recording cannot be used or the reference does not fit.
     """
     check_range("must_notice", must_notice, 0.0, 1.0)
+    machine = load_machine(machine)
+    known: dict[str, Any] = {"sampling_rate_hz": sampling_rate_hz, "unit": unit}
+    if isinstance(reference, str | Path) and is_reference(reference):
+        reference = read_reference(reference)
+    if not (reference is None or isinstance(reference, Reference)):
+        reference = learn(reference, machine, **known)
     if reference is not None:
         machine_notes(machine, reference)  # refuses other gears before any work
-    recording = sound_part(recording)
-    signature = measure_sound(recording, machine)
-    vibration = recording.vibration()
+    recording = inspected(read_recording(recording, sensors=machine.sensors, **known))
+    signature = measure_signature(recording, machine)
+    vibration = sound_part(recording, 0.0).vibration()
     indicators = waveform_indicators(vibration.samples, vibration.channel_names)
     told = signature.found or (reference is not None and signature.track.indexed)
     if told:
@@ -278,7 +311,7 @@ class _Compared:
             finding=find_tooth(self.own, deviation, healthy, self.machine),
             runout=runout_growth(
                 turn_changes(self.own.wheels, self.rows, theirs, healthy.rows),
-                healthy_turns(theirs, healthy.rows),
+                _healthy_turns(self.reference, healthy.rows),
             ),
             nongear=nongear,
             references=len(theirs),
@@ -440,6 +473,13 @@ class _Compared:
 @lru_cache(maxsize=4)
 def _law_of(reference: Reference, rows: tuple[int, ...]) -> HealthyMachine:
     return HealthyMachine.of(reference, rows)
+
+
+@lru_cache(maxsize=4)
+def _healthy_turns(
+    reference: Reference, rows: tuple[int, ...]
+) -> tuple[tuple[TurnChange, ...], ...]:
+    return healthy_turns([profile.wheels for profile in reference.profiles], rows)
 
 
 def _mesh_lost(why: str, gain: float, probability: float) -> Flag:

@@ -182,7 +182,7 @@ def size_for_loss(fault: Fault, loss: float, pair: ToothPair, index: int) -> Fau
         return _loss_of_size(fault, size, pair, index) - loss
 
     beyond = int(np.argmax(losses >= loss))
-    size = brentq(missed, sizes[beyond - 1], sizes[beyond], xtol=1e-7 * most_size)
+    size = brentq(missed, sizes[beyond - 1], sizes[beyond], rtol=1e-9)
     return replace(fault, size=size)
 
 

@@ -23,6 +23,7 @@ import numpy.typing as npt
 
 from gearmon.errors import ArgumentError, check_range
 from gearmon.harvesting.vibration import OperatingShare, Shaking, Vibration, check_duty
+from gearmon.result import Result
 
 Real = npt.NDArray[np.float64]
 Self_ = TypeVar("Self_")
@@ -214,7 +215,7 @@ def _peak(gain: Real, vibration: Vibration) -> Real:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Tuned(Generic[H]):
+class Tuned(Result, Generic[H]):
     """A harvester at its best.
 
     Attributes

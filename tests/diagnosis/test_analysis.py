@@ -404,3 +404,10 @@ def test_silence_has_no_mesh():
 def _times(part, factor):
     scale = np.where(np.array(part.channel_kinds) == "vibration", factor, 1.0)
     return replace(part, samples=part.samples * scale[:, None])
+
+
+def test_without_a_reference_every_gear_is_a_place_to_look_at():
+    told = analysis(CRACK, with_reference=False)
+    rarest = min(profile.log10_probability for profile in told.profiles)
+    assert len(told.profiles) == 2
+    assert told.score == pytest.approx(-(rarest + math.log10(2)))

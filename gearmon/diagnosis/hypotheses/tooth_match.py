@@ -276,7 +276,8 @@ def _delays(decay_s: float, mesh_hz: float, contact_ratio: float) -> FloatArray:
     below = _ramp(time, decay_s) - _ramp(time - contact_ratio / mesh_hz, decay_s)
     share = (np.arange(count) + 0.5) / count
     # delays of equal probability, so that the likely ones lie densest
-    return np.interp(share * below[-1], below, time)
+    delay: FloatArray = np.interp(share * below[-1], below, time)
+    return delay
 
 
 def _ringing(frequency_hz: FloatArray, delay_s: FloatArray) -> ComplexArray:
@@ -286,7 +287,7 @@ def _ringing(frequency_hz: FloatArray, delay_s: FloatArray) -> ComplexArray:
     as a matrix of all lines.
     """
     root: ComplexArray = np.exp(-2j * np.pi * frequency_hz[:, :, None] * delay_s)
-    return root / np.sqrt(len(delay_s))
+    return np.asarray(root / np.sqrt(len(delay_s)))
 
 
 def _ramp(time: FloatArray, decay_s: float) -> FloatArray:

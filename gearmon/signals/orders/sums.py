@@ -85,7 +85,7 @@ class OrderSums:
         self._read: Stretches | None = None
         self._roots = _roots(orders)
         self._tracks: list[_Known] = []
-        self._noise: FloatArray | None = None
+        self._noise: dict[float, FloatArray] = {}
 
     def blocks(self, track: AngleTrack, block_turns: float, top: float = np.inf) -> OrderLines:
         """Return the lines in half-overlapped Hann blocks, as `order_lines` does.
@@ -103,7 +103,7 @@ class OrderSums:
         -------
         OrderLines
             Amplitudes right to a few thousandths. The noise is that of the first track asked for
-            near this one and of its blocks, in proportion to the length of these.
+            with blocks of this length and near this one.
 
         Raises
         ------
@@ -126,8 +126,8 @@ class OrderSums:
             return np.asarray(0.5 * (even[:-1] + even[1:] - odd[:-1] + odd[1:]))
 
         amplitude = self._turned(known, read, chosen.tolist(), half_sums)
-        if self._noise is None:
-            self._noise = turns * line_noise(
+        if block_turns not in self._noise:
+            self._noise[block_turns] = line_noise(
                 self.samples, self.sampling_rate_hz, track, self.orders, block_turns
             )
         return OrderLines(
@@ -135,7 +135,7 @@ class OrderSums:
             amplitude=amplitude * (2.0 / (0.5 * turns)),
             block_turns=turns,
             first_turn=grid.first_turn,
-            noise=self._noise[:, chosen] / turns,
+            noise=self._noise[block_turns][:, chosen],
         )
 
     def sliding(self, track: AngleTrack, block_turns: float) -> SlidingLines:
@@ -189,7 +189,7 @@ class OrderSums:
             if self._read.departure(angle) < _NEAR:
                 self._tracks = [*self._tracks[1 - _REMEMBERED :], _Known(track=track, angle=angle)]
                 return self._tracks[-1], self._read
-            self._noise = None
+            self._noise = {}
         read = Stretches.of(self.samples, self.sampling_rate_hz, track, self.orders)
         self._read = read
         self._tracks = [_Known(track=track, angle=read.angle_in(track))]
