@@ -321,7 +321,3 @@ def _check(classifier: KindClassifier) -> None:
         raise ValueError("its scales cannot be")
     if not (classifier.reach_ < np.inf and classifier.temperature_ < np.inf):
         raise ValueError("its scales cannot be")
-
-
-# Of a plain detector, as a yardstick
-TREES = 100
