@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from gearmon.dynamics.sweep import sweep
 from gearmon.errors import ArgumentError, check_positive
-from gearmon.harvesting.power import Harvester
+from gearmon.harvesting.harvester import Harvester
 from gearmon.harvesting.tuning import stiffening
 
 Real = npt.NDArray[np.float64]

@@ -19,6 +19,7 @@ from gearmon.harvesting.cantilever import (
     ModalDamping,
     PiezoCantilever,
     PiezoMaterial,
+    TipBlock,
 )
 
 G = 9.81
@@ -107,7 +108,10 @@ def test_peaks_from_short_to_open_circuit(load_ohm, peaks):
 
 
 def test_bound_of_the_published_beam():
-    assert 2e3 * PUBLISHED.power_bound_w() * G**2 == pytest.approx(32.9, rel=1e-3)
+    # the published figure is that of the first mode; a bound has to hold the others as well
+    first = PUBLISHED.forcing[0] ** 2 / (16 * PUBLISHED.damping_ratio * PUBLISHED.natural_rad_s[0])
+    assert 2e3 * first * G**2 == pytest.approx(32.9, rel=1e-3)
+    assert first < PUBLISHED.power_bound_w() < 1.1 * first
 
 
 beams = st.builds(
@@ -189,7 +193,7 @@ def test_bimorph_of_the_book_peaks_where_its_model_and_the_experiment_do():
     assert peaks == pytest.approx([502.6, 524.2], rel=2e-3)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(9))
 def test_beam_equals_finite_elements(seed):
     rng = np.random.default_rng(seed)
     beam = bimorph(
@@ -199,23 +203,21 @@ def test_beam_equals_finite_elements(seed):
         tip_gyration_m=rng.choice([0.0, 2e-3, 6e-3]),
         passive_thickness_m=rng.uniform(1e-4, 4e-4),
         piezo_thickness_m=rng.uniform(5e-5, 4e-4),
-        modes=5,
     )
+    if seed >= 4:
+        beam = replace(beam, tip_block=TipBlock(density_kg_m3=7850.0, height_m=4e-3))
     short, opened = natural_hz(beam)
-    np.testing.assert_allclose(beam.resonances_hz[:3], short, rtol=1e-4)
-    # the single-mode formula leaves out what other modes add
-    assert beam.open_circuit_hz == pytest.approx(opened[0], rel=3e-3)
+    np.testing.assert_allclose(beam.natural_rad_s[:3] / (2 * np.pi), short, rtol=1e-4)
+    assert beam.open_circuit_hz == pytest.approx(opened[0], rel=1e-4)
     grid = short[0] * np.array([0.5, 0.9, 0.98, 1.0, 1.02, 1.1])
     for load in (1e3, 1e5, 1e7):
         loaded = beam.with_load(load)
-        voltage, travel, curvature = answers(loaded, grid)
+        voltage, travel, stress = answers(loaded, grid)
         gains = loaded.gains(grid)
-        # five modes against all
-        np.testing.assert_allclose(gains.voltage_v, voltage, rtol=2e-2)
-        np.testing.assert_allclose(gains.travel_m, travel, rtol=2e-2)
-        hs, hp, axis = beam.passive_thickness_m, beam.piezo_thickness_m, beam.neutral_axis_m
-        bending = beam.piezo.youngs_modulus_pa * (hs + hp - axis) * curvature
-        assert (gains.stress_pa >= 0.9 * bending).all()
+        # a few modes and the static rest of the others against all
+        np.testing.assert_allclose(gains.voltage_v, voltage, rtol=1e-3)
+        np.testing.assert_allclose(gains.travel_m, travel, rtol=1e-3)
+        np.testing.assert_allclose(gains.stress_pa, stress, rtol=1e-3)
 
 
 @pytest.mark.parametrize("seed", range(5))
