@@ -631,11 +631,13 @@ class PiezoCantilever(OneLoad):
     def _compliance(self, circular: Real, rows: int) -> tuple[Complex, Complex]:
         """First answers of the mechanics to an acceleration and to a volt, each (rows, n)."""
         natural, damping = self.natural_rad_s[:, None], self.damping_ratios[:, None]
-        mode = 1 / (natural**2 - circular**2 + 2j * damping * natural * circular)
+        mode: Complex = np.asarray(
+            1 / (natural**2 - circular**2 + 2j * damping * natural * circular)
+        )
         shapes, rest = self._rows[:rows], self._rest[:rows, :, None]
-        return (shapes * self.forcing) @ mode + rest[:, 0], (shapes * self.coupling) @ mode + rest[
-            :, 1
-        ]
+        by_push = (shapes * self.forcing) @ mode + rest[:, 0]
+        by_volt = (shapes * self.coupling) @ mode + rest[:, 1]
+        return np.asarray(by_push), np.asarray(by_volt)
 
     def _admittance(self, circular: Real, by_volt: Complex) -> Complex:
         return np.asarray(1j * circular * (self.capacitance_f + by_volt))

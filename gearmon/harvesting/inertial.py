@@ -104,7 +104,7 @@ class _MassOnSpring(OneLoad):
     def transfer(self, loads: Real, frequency_hz: Real) -> Complex:
         """Answers per unit acceleration of the base, shape (4, loads, n), see `OUTPUTS`."""
         rate = 2j * math.pi * frequency_hz
-        damper, worth = self._electrical(loads[:, None], rate)
+        damper, worth = self._electrical(loads[:, None], np.asarray(rate))
         heat = 2 * self.mechanical_damping_ratio * self._natural
         travel = -1 / (self._natural**2 + rate**2 + (heat + damper) * rate)
         nothing = np.zeros_like(travel)

@@ -33,7 +33,7 @@ from gearmon.harvesting.recorded import (
     power_with_stops,
     scatter_of_mean,
 )
-from gearmon.harvesting.tuning import OverLimitsError, tune_harvester, tune_set, tuned_to_lines
+from gearmon.harvesting.tuning import OverLimitsError, tune_harvester, tune_set, tuned_among
 from gearmon.harvesting.vibration import (
     OperatingShare,
     Vibration,
@@ -313,7 +313,11 @@ def _judged(harvester: Harvester, tuned: Tuned[Any], position: Position) -> dict
                 replace(point, share=point.share / len(others)) for o in others for point in o
             )
             # where the limits chose the tuning, the noise did not
-            one = tuned.harvester if _limited(tuned) else tuned_to_lines(harvester, duty)
+            one = (
+                tuned.harvester
+                if _limited(tuned)
+                else tuned_among(harvester, duty, tuned.rivals_hz)
+            )
             judged.append(evaluate(one, part))
     except ArgumentError:
         # a part shorter than the ring-down tells nothing
@@ -394,8 +398,14 @@ class Survey:
         tuned = self.best.tuned
         if tuned is None:
             return []
-        wander = max(point.vibration.wander for point in self.best.position.healthy)
-        return bandwidth_against_quality(tuned.harvester, QUALITY_FACTORS, wander)
+        return bandwidth_against_quality(tuned.harvester, QUALITY_FACTORS, self.wander)
+
+    @property
+    def wander(self) -> float:
+        """Standard deviation of the line that gives most, over its frequency, at its widest."""
+        tuned = self.best.tuned
+        points = self.best.position.healthy
+        return max(wander_of(p.vibration, tuned.harvester if tuned else None) for p in points)
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything in built-in types that JSON can hold."""
@@ -431,6 +441,27 @@ def _band(harvester: Harvester) -> dict[str, float] | None:
     except ArgumentError:
         # so heavily loaded that there is none
         return None
+
+
+def wander_of(vibration: Vibration, harvester: Harvester | None) -> float:
+    """Return the relative standard deviation of the line that a harvester takes most from.
+
+    That of the mean squares over the bins that belong to it; what the model says of given lines.
+    """
+    if vibration.resolution_hz == 0 or harvester is None:
+        return vibration.wander
+    number = line_numbers(vibration)
+    if not number.any():
+        return 0.0
+    frequency, power = vibration.frequency_hz, vibration.mean_square_m2s4
+    taken = np.bincount(number, power * harvester.gains(frequency).power_w)
+    own = number == 1 + int(np.argmax(taken[1:]))
+    frequency, power = frequency[own], power[own]
+    mean = np.average(frequency, weights=power)
+    variance = np.average((frequency - mean) ** 2, weights=power)
+    # less what the tapers spread a line that does not wander
+    spread = vibration.resolution_hz**2 / 3
+    return min(0.2, math.sqrt(max(0.0, variance - spread)) / mean)
 
 
 def survey_expected(

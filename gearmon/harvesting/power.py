@@ -33,7 +33,7 @@ Real = npt.NDArray[np.float64]
 #: Standard deviations of speed that peaks are looked for in.
 PEAK_REACH = 3.0
 #: Loads tried at once, over their whole range and then about the best of them, so many times.
-LOADS, ZOOMED, ZOOMS = 13, 9, 3
+LOADS, ZOOMED, ZOOMS = 11, 7, 6
 #: Points of a response table, half of them about the resonance.
 POINTS = 240
 #: Shares of the steps of a recording whose peaks stay below what is told.
@@ -136,6 +136,8 @@ class Tuned(Generic[H]):
         From its own weight.
     travel_share, stress_share : float
         Largest peak with that of the weight over its limit; 0 where there is no limit.
+    rivals_hz : tuple of float
+        Natural frequencies that were looked at more closely.
     """
 
     harvester: H
@@ -145,6 +147,7 @@ class Tuned(Generic[H]):
     static_stress_pa: float
     travel_share: float
     stress_share: float
+    rivals_hz: tuple[float, ...] = ()
 
     @property
     def within_limits(self) -> bool:
@@ -222,7 +225,7 @@ def best_load(
     worth : callable
         Gives the worth of each of several loads.
     zooms : int, >= 0
-        Each divides the step between loads by four.
+        Each divides the step between loads by three.
 
     Returns
     -------

@@ -114,7 +114,7 @@ def _lead(harvester: Harvester, count: int, rate: float) -> int:
 
 
 def _transfer(harvester: Harvester, length: int, rate: float) -> npt.NDArray[np.complex128]:
-    frequency = np.fft.rfftfreq(length, 1 / rate)
+    frequency = np.arange(length // 2 + 1) * (rate / length)
     found = harvester.transfer(np.array([harvester.load]), frequency)[:, 0]
     found[:, frequency < DRIFT_HZ] = 0.0
     return found
@@ -200,19 +200,25 @@ def scatter_of_mean(steps: Real) -> Scatter:
 
 
 def _memory(steps: Real) -> float:
-    """Sum of the autocorrelation over all lags [steps], >= 1."""
+    """Time over which the slow part of a series is forgotten [steps], >= 1.
+
+    Twice the sum of its autocorrelation, over that at the first lag: what changes from step to step
+    by chance is no part of it, and would make it look shorter.
+    """
     from scipy.fft import irfft, next_fast_len, rfft
 
     count = len(steps)
     length = next_fast_len(2 * count, real=True)
     spectrum = np.abs(rfft(steps - steps.mean(), length)) ** 2
-    correlation = irfft(spectrum, length)[: count // 2 * 2]
-    if correlation[0] <= 0:
+    correlation = irfft(spectrum, length)[: count // 2 * 2 + 1]
+    first = correlation[1]
+    # two standard deviations of the first one without any memory
+    if first <= 2 / math.sqrt(count) * correlation[0]:
         return 1.0
-    pairs = (correlation[::2] + correlation[1::2]) / correlation[0]
+    pairs = correlation[1:-1:2] + correlation[2::2]
     negative = np.flatnonzero(pairs <= 0)
     kept = pairs[: negative[0]] if len(negative) else pairs
-    return max(1.0, float(2 * np.minimum.accumulate(kept).sum() - 1))
+    return max(1.0, 1 + 2 * float(np.minimum.accumulate(kept).sum() / first))
 
 
 def combined(parts: Sequence[Scatter], shares: Sequence[float], share_error: float) -> Scatter:
@@ -340,7 +346,7 @@ def _step(mode: Oscillator, step_s: float) -> Real:
 
     w, heat = mode.natural_rad_s, 2 * mode.damping_ratio * mode.natural_rad_s
     rates = np.zeros((5, 5))
-    rates[:2, :3] = [[0, 1, 0], [-(w**2), -heat, -mode.back]]
+    rates[0, 1], rates[1, :3] = 1.0, (-(w**2), -heat, -mode.back)
     if mode.store > 0:
         rates[2, 1:3] = mode.drive / mode.store, -mode.leak / mode.store
     else:

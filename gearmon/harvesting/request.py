@@ -165,7 +165,7 @@ def load_harvester(path: str | Path) -> tuple[Harvester, SensorBudget]:
     document = dict(source.document)
     kind = document.pop("kind", None)
     if not isinstance(kind, str) or kind not in _KEYS:
-        raise source.error("kind", f'kind = {kind!r} must be "cantilever", "inertial" or "coil"')
+        raise source.error("kind", f'kind = {kind!r} must be "cantilever" or "inertial" or "coil"')
     budget = document.pop("budget", {})
     if not isinstance(budget, dict):
         raise source.error("budget", "budget must be a table, written [budget]")

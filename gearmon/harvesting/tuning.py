@@ -35,17 +35,17 @@ Real = npt.NDArray[np.float64]
 Points = tuple[OperatingShare, ...]
 
 #: Step of the first look, in damping ratios, and the most natural frequencies looked at.
-STEP, MOST_SCANNED = 0.5, 4000
+STEP, MOST_SCANNED = 0.7, 4000
 #: Loud lines that are looked at as well, where the steps would have to be larger.
 LOUDEST = 40
 #: Bins are merged over these shares of a damping ratio, for the first look and for the search.
-ROUGH_BINS, FINE_BINS = 0.5, 0.125
+ROUGH_BINS, FINE_BINS = 0.5, 0.2
 #: Places that are refined; one whose first look, this many times, is below the best is not.
 PLACES, PRUNED_FROM = 6, 1.3
 #: End of the search for the natural frequency, in damping ratios.
 LAST_STEP = 0.02
-#: Zooms on the load where limits bind, since the power is not flat there.
-LIMITED_ZOOMS = 5
+#: Zooms on the load where limits bind, since the power is not flat there, and where they do not.
+LIMITED_ZOOMS, FREE_ZOOMS = 4, 3
 #: Corrections of the crest by the recordings, and the peak that they aim at.
 CORRECTIONS, AIMED = 6, 0.995
 #: Tunings that sets are made of, and sets that are tried together.
@@ -100,7 +100,7 @@ def tune_harvester(harvester: H, duty: Shaking, *, limited: bool = True) -> Tune
     """
     points = check_duty(duty)
     free = _Search(harvester, points)
-    tuned = evaluate(free.best().harvester, points)
+    tuned = replace(evaluate(free.best().harvester, points), rivals_hz=tuple(free.places_hz))
     if tuned.within_limits or not limited:
         return tuned
     crests = [point.vibration.crest for point in points]
@@ -120,9 +120,9 @@ def tune_harvester(harvester: H, duty: Shaking, *, limited: bool = True) -> Tune
     return max(allowed, key=lambda t: t.power_w)
 
 
-def tuned_to_lines(harvester: H, duty: Shaking) -> H:
-    """Return the harvester tuned without regard to limits, and without a recording's own answer."""
-    return _Search(harvester, check_duty(duty)).best().harvester
+def tuned_among(harvester: H, duty: Shaking, places_hz: Sequence[float]) -> H:
+    """Return the harvester tuned near one of a few natural frequencies, whatever its limits."""
+    return _Search(harvester, check_duty(duty)).best(places_hz=places_hz).harvester
 
 
 def power_against_tuning(harvester: H, duty: Shaking, frequency_hz: npt.ArrayLike) -> Real:
@@ -173,17 +173,24 @@ class _Search(Generic[H]):
             _lightened(harvester, points, width) for width in (ROUGH_BINS, FINE_BINS)
         )
         self.first_look: list[tuple[float, float]] = []
+        self.places_hz: list[float] = []
 
-    def best(self, known: Sequence[tuple[float, float]] = ()) -> _Start[H]:
-        """Refine the best places of a first look, or of a known one without limits."""
+    def best(
+        self, known: Sequence[tuple[float, float]] = (), places_hz: Sequence[float] = ()
+    ) -> _Start[H]:
+        """Refine the best places of a first look, of a known one without limits, or given ones."""
         look = partial(self._start, points=self.rough, zooms=0)
         if self.limited:
             starts = self._within(look, known)
+        elif places_hz:
+            starts = [look(place) for place in sorted(places_hz)]
         else:
             starts = [look(float(f)) for f in _grid(self.harvester, self.rough)]
             self.first_look = [(s.power_w, s.harvester.natural_frequency_hz) for s in starts]
         found: list[_Start[H]] = []
-        for start in _tops(starts)[:PLACES]:
+        tops = sorted(starts, key=lambda s: s.rank)[::-1] if places_hz else _tops(starts)
+        self.places_hz = [s.harvester.natural_frequency_hz for s in tops[:PLACES]]
+        for start in tops[:PLACES]:
             if not found or PRUNED_FROM * start.power_w >= found[0].power_w:
                 found.append(self._refined(start))
                 found.sort(key=lambda s: s.rank, reverse=True)
@@ -222,7 +229,8 @@ class _Search(Generic[H]):
 
         def cost(offset: float) -> float:
             frequency = middle * math.exp(damping * offset)
-            seen.append(self._start(frequency, self.fine, LIMITED_ZOOMS if self.limited else 2))
+            zooms = LIMITED_ZOOMS if self.limited else FREE_ZOOMS
+            seen.append(self._start(frequency, self.fine, zooms))
             return -seen[-1].power_w if seen[-1].power_w >= 0 else seen[-1].share
 
         for reach in ((-1.2, 0.1), (-0.1, 1.2)):

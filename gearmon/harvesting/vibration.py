@@ -341,7 +341,7 @@ def line_numbers(vibration: Vibration) -> npt.NDArray[np.int64]:
 
     power = vibration.mean_square_m2s4
     if vibration.resolution_hz == 0:
-        return np.cumsum(power > 0) * (power > 0)
+        return np.where(power > 0, np.cumsum(power > 0), 0)
     place = np.log(vibration.frequency_hz) / CELL
     cells, starts = np.unique(np.floor(place), return_index=True)
     medians = np.array([np.median(part) for part in np.split(power, starts[1:])])
@@ -380,13 +380,16 @@ def operating_lines(vibration: Vibration, most: int = 8) -> list[dict[str, Any]]
     if not number.any():
         return []
     power = np.bincount(number, vibration.mean_square_m2s4)[1:]
-    moment = np.bincount(number, vibration.mean_square_m2s4 * vibration.frequency_hz)[1:]
+    # by squares, for the noise beside a line to count little
+    squared = vibration.mean_square_m2s4**2
+    middle = np.bincount(number, squared * vibration.frequency_hz)[1:]
+    middle = middle / np.bincount(number, squared)[1:]
     energy = np.bincount(number, vibration.energy_j_per_kg)[1:]
     largest = np.argsort(-energy, kind="stable")[:most]
     total, best = float(energy.sum()), float(energy.max())
     return [
         {
-            "frequency_hz": float(moment[i] / power[i]),
+            "frequency_hz": float(middle[i]),
             "acceleration_ms2": math.sqrt(2 * power[i]),
             "energy_j_per_kg": float(energy[i]),
             "share": float(energy[i]) / total,

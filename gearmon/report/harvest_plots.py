@@ -11,6 +11,7 @@ from matplotlib.ticker import FuncFormatter
 from gearmon.harvesting.placement import Placed, Survey
 from gearmon.harvesting.tuning import power_against_tuning
 from gearmon.harvesting.vibration import Vibration
+from gearmon.report.harvest_text import spoken_time
 from gearmon.report.palette import BLACK, BLUE, GREY, VERMILLION, series_colour
 from gearmon.report.plots import Picture, sheet, sheet_style
 
@@ -229,7 +230,7 @@ def _between(vibration: Vibration, low: float, high: float) -> float:
 def _remark(place: Placed) -> str:
     if place.tuned is None:
         return "nothing to tune to"
-    often = f"a recording every {place.interval_s / 60:.3g} min"
+    often = f"a recording every {spoken_time(place.interval_s)}"
     text = often if np.isfinite(place.interval_s) else "too little to send a recording"
     return text + ("; better only when damaged" if place.good_only_when_damaged else "")
 
@@ -242,7 +243,11 @@ def _span(place: Placed) -> tuple[float, float]:
         energy = vibration.energy_j_per_kg
         loud = vibration.frequency_hz[energy > energy.max() * 1e-5]
         # drift of a sensor is energy too, but not worth a picture
-        ends += [float(loud.max())] if vibration.resolution_hz else [float(loud.min()), loud.max()]
+        ends += (
+            [float(loud.max())]
+            if vibration.resolution_hz
+            else [float(loud.min()), float(loud.max())]
+        )
     return min(ends) / 1.5, max(ends) * 1.5
 
 

@@ -14,8 +14,12 @@ from gearmon.harvesting.cantilever import (
 )
 from gearmon.harvesting.inertial import InertialHarvester
 from gearmon.harvesting.power import answer, evaluate
-from gearmon.harvesting.sets import tune_set
-from gearmon.harvesting.tuning import OverLimitsError, power_against_tuning, tune_harvester
+from gearmon.harvesting.tuning import (
+    OverLimitsError,
+    power_against_tuning,
+    tune_harvester,
+    tune_set,
+)
 from gearmon.harvesting.vibration import OperatingShare, vibration_of_lines, vibration_of_samples
 from gearmon.signatures.signature import COLUMNS, Signature
 
@@ -65,7 +69,7 @@ def brute_force(harvester, points, frequencies, loads=36):
             shifted, likely = point.vibration.nodes(tuned.damping_ratio)
             for row, weight in zip(shifted, likely, strict=True):
                 gains = tuned.power_by_load(tried, row)
-                power += 2 * point.share * weight * (gains @ point.vibration.mean_square_m2s4)
+                power += 2 * point.share * gains @ (weight * point.vibration.mean_square_m2s4)
         rows += [(p, float(frequency), float(x)) for p, x in zip(power, tried, strict=True)]
     for power, frequency, load in sorted(rows, reverse=True):
         tuned = harvester.retuned(frequency).with_load(load)

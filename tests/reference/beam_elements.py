@@ -122,5 +122,7 @@ def answers(beam, frequency_hz):
         solved = np.linalg.solve(whole, np.concatenate([-base, [0.0]]))
         h = beam.length_m / (size // 2)
         curvature = 6 / h**2 * solved[0] - 2 / h * solved[1]
-        found.append([abs(solved[size]), abs(solved[size - 2]), stress(beam, curvature, solved[size])])
+        found.append(
+            [abs(solved[size]), abs(solved[size - 2]), stress(beam, curvature, solved[size])]
+        )
     return np.array(found).T

@@ -92,7 +92,9 @@ def marched(harvester, samples, rate, *, times=16):
     # one recursion for every eigenvector of the exact step
     values, vectors = np.linalg.eig(exact[:size, :size])
     inputs = np.linalg.solve(vectors, driven.astype(complex))
-    states = np.array([lfilter([1.0], [1.0, -v], row) for v, row in zip(values, inputs)])
+    states = np.array(
+        [lfilter([1.0], [1.0, -v], row) for v, row in zip(values, inputs, strict=True)]
+    )
     return np.real((rows @ vectors) @ states), rate * times
 
 
