@@ -32,7 +32,7 @@ STEP_S, FEWEST_STEPS = 0.05, 64
 DENSER = 8
 #: Cosine weights of the long-run variance for each independent stretch: the spectrum of a power
 #: that is forgotten exponentially has then fallen by less than a twentieth over them.
-WEIGHTS_A_STRETCH, MOST_WEIGHTS = 0.25, 40
+WEIGHTS_A_STRETCH, MOST_WEIGHTS = 0.2, 40
 #: Fewer independent stretches give no interval.
 FEWEST_STRETCHES = 8.0
 #: Steps of a natural period while the mass may hit its stops, and the most that are taken.
