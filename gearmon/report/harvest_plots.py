@@ -10,7 +10,7 @@ from matplotlib.ticker import FuncFormatter
 
 from gearmon.harvesting.placement import Placed, Survey
 from gearmon.harvesting.tuning import power_against_tuning
-from gearmon.harvesting.vibration import Vibration
+from gearmon.harvesting.vibration import Vibration, operating_lines
 from gearmon.report.harvest_text import spoken_time
 from gearmon.report.palette import BLACK, BLUE, GREY, VERMILLION, series_colour
 from gearmon.report.plots import Picture, sheet, sheet_style
@@ -242,7 +242,8 @@ def _span(place: Placed) -> tuple[float, float]:
         vibration = point.vibration
         energy = vibration.energy_j_per_kg
         loud = vibration.frequency_hz[energy > energy.max() * 1e-5]
-        # drift of a sensor is energy too, but not worth a picture
+        # the lines with most of the energy are shown wherever they lie; drift of a sensor is not
+        ends += [row["frequency_hz"] for row in operating_lines(vibration, 3)]
         ends += (
             [float(loud.max())]
             if vibration.resolution_hz
