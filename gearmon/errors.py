@@ -37,9 +37,13 @@ def check_finite(name: str, value: float, unit: str = "") -> float:
     Raises
     ------
     ArgumentError
-        If `value` is NaN or infinite.
+        If `value` is NaN, infinite, or no real number at all.
     """
-    number = float(value)
+    try:
+        # NumPy would let an imaginary part go, and float read a text
+        number = math.nan if isinstance(value, complex | str) else float(value)
+    except (TypeError, ValueError, OverflowError):
+        number = math.nan
     if not math.isfinite(number):
         raise ArgumentError(f"{name}={_shown(value, unit)} must be a finite number")
     return number

@@ -19,13 +19,34 @@ from reference.simulated_machines import planetary, two_stages
 
 from gearmon.simulation import SimulatedRecording, simulate
 
-settings.register_profile(
-    "gearmon", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow]
-)
+# One number of examples for all laws: a law that is wrong is wrong nearly everywhere. More of them,
+# and others every time: pytest --hypothesis-profile=long
+_ALWAYS = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
+settings.register_profile("gearmon", max_examples=12, derandomize=True, **_ALWAYS)
+settings.register_profile("long", max_examples=200, **_ALWAYS)
 settings.load_profile("gearmon")
 
 # Real recordings are no part of the project; where they lie beside it they are tested as well.
 _RECORDINGS = Path(__file__).resolve().parents[1] / ".." / "shared" / "recordings"
+
+
+# What they share is made once for a file, and in these folders once for all.
+_SHARING = ("tests/report", "tests/study")
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """Give tests that share what is slow to make to one worker, whole files at the least."""
+    from xdist.scheduler import LoadScopeScheduling
+
+    class ByWhatIsShared(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            file = nodeid.partition("::")[0]
+            return next((folder for folder in _SHARING if file.startswith(folder)), file)
+
+    # in the order of the folders, slow ones first; not by number of tests
+    config.option.loadscopereorder = False
+    return ByWhatIsShared(config, log)
 
 
 @pytest.fixture(scope="session")

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from reference.small_gearbox import CRACK, MACHINE_FILE
+from reference.small_gearbox import CRACK
 
 from gearmon.cli import main
 
@@ -51,24 +51,6 @@ def analyse(*recordings):
 
 
 # Help and usage
-
-
-@pytest.mark.parametrize("command", COMMANDS)
-def test_help_has_an_example_that_parses(run, command):
-    code, out, err = run(command, "--help")
-    assert code == 0
-    assert err == ""
-    example = re.search(r"^example: (gearmon (?:.|\n )*)", out, re.MULTILINE)
-    assert example
-    assert example[1].split()[1] == command
-    for option in ("--json", "-o PATH"):
-        assert option in out
-
-
-@pytest.mark.parametrize("command", ["baseline", "simulate"])
-def test_example_can_be_copied(run, command):
-    _, out, _ = run(command, "--help")
-    assert "crack:1:pinion:5:20% " in " ".join(out.split())
 
 
 @pytest.mark.parametrize("option", ["--reference", "--report", "-o", "--tacho"])
@@ -161,43 +143,14 @@ def test_stiffness_as_table_and_picture(run, tmp_path):
     assert all(Path(name).is_file() for name in json.loads(out)["pictures"])
 
 
-BASELINE_COLUMNS = [
-    "stage",
-    "mesh_harmonic",
-    "sideband",
-    "sideband_of",
-    "order",
-    "frequency_hz",
-    "displacement_m",
-    "velocity_ms",
-    "acceleration_ms2",
-    "phase_rad",
-]
-BASELINE_HEADER = {
-    "mesh_frequency_hz",
-    "mean_stiffness_n_per_m",
-    "stiffness_variation",
-    "contact_ratio",
-    "natural_frequency_hz",
-    "damping_ratio",
-    "method",
-    "order_used",
-    "error_bound",
-}
-
-
-def test_baseline_keeps_the_contract(run, tmp_path):
+def test_baseline_writes_the_lines_asked_for(run, tmp_path):
     target = tmp_path / "lines.csv"
     code, out, err = run("baseline", "machine.toml", "--max-hz", 4000, "--json", "-o", target)
     assert (code, err) == (0, "")
     told = json.loads(out)
-    assert set(told) >= BASELINE_HEADER
-    assert all(set(row) >= set(BASELINE_COLUMNS) for row in told["rows"])
     assert all(row["frequency_hz"] <= 4000 for row in told["rows"])
     table = [line for line in target.read_text().splitlines() if not line.startswith("#")]
-    rows = list(csv.DictReader(table))
-    assert list(rows[0])[:10] == BASELINE_COLUMNS
-    assert len(rows) == len(told["rows"])
+    assert len(table) == len(told["rows"]) + 1
 
 
 def test_baseline_with_a_fault_has_sidebands(run):
@@ -358,114 +311,35 @@ def test_bad_machine_files_get_one_line(run, command, kind):
     one_line(run(command, *arguments), named)
 
 
-MACHINE_CHANGES = {
-    "unknown key": ("module_mm", "modul_mm", "module_mm"),
-    "text for a number": ("= 23", '= "many"', "pinion_teeth"),
-    "no teeth": ("= 23", "= 0", "pinion_teeth"),
-    "half a tooth": ("= 23", "= 22.5", "pinion_teeth"),
-    "negative": ("= 2.5", "= -2.5", "module_mm"),
-    "NaN": ("= 2960.0", "= nan", "speed_rpm"),
-    "infinite": ("= 2960.0", "= inf", "speed_rpm"),
-    "standing still": ("= 2960.0", "= 0.0", "speed_rpm"),
-    "unknown kind": ('"parallel"', '"paralel"', "parallel"),
-    "twice": ("gear_teeth = 57", "gear_teeth = 57\ngear_teeth = 58", "second time"),
-    "huge": ("= 57", "= 99999999999999999999", "gear_teeth"),
-}
-
-
-@pytest.mark.parametrize("kind", MACHINE_CHANGES)
-def test_bad_values_in_a_machine_file_get_one_line(run, tmp_path, kind):
-    old, new, named = MACHINE_CHANGES[kind]
-    path = tmp_path / "changed.toml"
-    path.write_text(MACHINE_FILE.replace(old, new))
-    one_line(run("lines", path), named)
-
-
-BAD_BASELINES = {
-    "NaN tolerance": (["--tolerance", "nan"], "tolerance"),
-    "no tolerance": (["--tolerance", "0"], "tolerance"),
-    "negative tolerance": (["--tolerance", "-1"], "tolerance"),
-    "infinite tolerance": (["--tolerance", "inf"], "tolerance"),
-    "negative top": (["--max-hz", "-1"], "max_hz"),
-    "no top": (["--max-hz", "0"], "max_hz"),
-    "NaN top": (["--max-hz", "nan"], "max_hz"),
-    "infinite top": (["--max-hz", "inf"], "max_hz"),
-    "top below all lines": (["--max-hz", "1"], "max_hz"),
-    "fault in four parts": (["--fault", "crack:1:pinion:5"], "crack:1:pinion:5"),
-    "nothing for a fault": (["--fault", ""], "fault"),
-    "unknown kind": (["--fault", "crak:1:pinion:5:20%"], "crack"),
-    "missing stage": (["--fault", "crack:2:pinion:5:20%"], "stage"),
-    "stage 0": (["--fault", "crack:0:pinion:5:20%"], "stage"),
-    "unknown gear": (["--fault", "crack:1:wheel:5:20%"], "wheel"),
-    "gear of another kind": (["--fault", "crack:1:sun:5:20%"], "sun"),
-    "missing tooth": (["--fault", "crack:1:pinion:24:20%"], "tooth|24"),
-    "tooth 0": (["--fault", "crack:1:pinion:0:20%"], "tooth"),
-    "half a tooth": (["--fault", "crack:1:pinion:1.5:20%"], "1\\.5"),
-    "all too much": (["--fault", "crack:1:pinion:5:120%"], "120|1\\.2"),
-    "negative size": (["--fault", "crack:1:pinion:5:-20%"], "-"),
-    "NaN size": (["--fault", "crack:1:pinion:5:nan"], "nan"),
-    "no size": (["--fault", "crack:1:pinion:5:"], "crack"),
-    "unknown suffix": (["-o", "lines.txt"], r"lines\.txt"),
-    "no suffix": (["-o", "lines"], "lines"),
-    "nowhere": (["-o", "nowhere/lines.csv"], "nowhere"),
-    "a folder": (["-o", "folder"], "folder"),
-}
-
-
-@pytest.mark.parametrize("kind", BAD_BASELINES)
-def test_bad_baseline_arguments_get_one_line(run, shop, kind):
-    arguments, named = BAD_BASELINES[kind]
-    unchanged(shop, lambda: one_line(run("baseline", "machine.toml", *arguments), named))
-
-
 def test_baseline_names_what_the_machine_lacks(run):
     one_line(run("baseline", "bare.toml"), "module_mm|torque_nm|face_width_mm")
 
 
-BAD_STIFFNESSES = {
-    "unknown form": (["--form", "nonsense"], "nonsense"),
-    "missing stage": (["--stage", "2"], "stage"),
-    "stage 0": (["--stage", "0"], "stage"),
-    "missing tooth": (["--fault", "crack:1:pinion:99:1mm"], "99"),
-    "NaN depth": (["--fault", "crack:1:pinion:5:nanmm"], "nanmm"),
-    "deeper than the tooth": (["--fault", "crack:1:pinion:5:500mm"], "500"),
-    "unknown suffix": (["-o", "x.txt"], r"x\.txt"),
-    "nowhere": (["-o", "nowhere/x.csv"], "nowhere"),
+# what each value may be is tested where it is used; here that every way to a refusal is one line
+BAD_MODELS = {
+    "NaN tolerance": ("baseline --tolerance nan", "tolerance"),
+    "top below all lines": ("baseline --max-hz 1", "max_hz"),
+    "infinite top": ("baseline --max-hz inf", "max_hz"),
+    "fault in four parts": ("baseline --fault crack:1:pinion:5", "crack:1:pinion:5"),
+    "unknown kind": ("baseline --fault crak:1:pinion:5:20%", "crack"),
+    "gear of another kind": ("baseline --fault crack:1:sun:5:20%", "sun"),
+    "missing tooth": ("baseline --fault crack:1:pinion:24:20%", "tooth|24"),
+    "all too much": ("baseline --fault crack:1:pinion:5:120%", "120|1\\.2"),
+    "unknown form": ("stiffness --form nonsense", "nonsense"),
+    "missing stage": ("stiffness --stage 2", "stage"),
+    "deeper than the tooth": ("stiffness --fault crack:1:pinion:5:500mm", "500"),
+    "no output": ("simulate", "-o PATH"),
+    "less than a turn": ("simulate -o x.csv --duration 0.001", "duration_s"),
+    "no channel": ("simulate -o x.csv --channels 0", "channels"),
+    "negative seed": ("simulate -o x.csv --seed -1", "seed"),
 }
 
 
-@pytest.mark.parametrize("kind", BAD_STIFFNESSES)
-def test_bad_stiffness_arguments_get_one_line(run, shop, kind):
-    arguments, named = BAD_STIFFNESSES[kind]
-    unchanged(shop, lambda: one_line(run("stiffness", "machine.toml", *arguments), named))
-
-
-BAD_SIMULATIONS = {
-    "no output": ([], "-o PATH"),
-    "unknown suffix": (["-o", "x.txt", "--duration", "0.1"], r"x\.txt"),
-    "nowhere": (["-o", "nowhere/x.csv", "--duration", "0.1"], "nowhere"),
-    "negative length": (["-o", "x.csv", "--duration", "-1"], "duration_s"),
-    "NaN length": (["-o", "x.csv", "--duration", "nan"], "duration_s"),
-    "endless": (["-o", "x.csv", "--duration", "1e12"], "duration_s"),
-    "less than a turn": (["-o", "x.csv", "--duration", "0.001"], "duration_s"),
-    "negative rate": (["-o", "x.csv", "--sampling-rate", "-5"], "sampling_rate_hz"),
-    "slow rate": (["-o", "x.csv", "--sampling-rate", "500"], "sampling_rate_hz"),
-    "no channel": (["-o", "x.csv", "--channels", "0"], "channels"),
-    "channels by the million": (["-o", "x.csv", "--channels", "1000000"], "channels"),
-    "no load": (["-o", "x.csv", "--load", "0"], "load"),
-    "NaN load": (["-o", "x.csv", "--load", "nan"], "load"),
-    "much drift": (["-o", "x.csv", "--speed-drift", "3"], "speed_drift"),
-    "infinite noise": (["-o", "x.csv", "--snr-db=-inf"], "snr_db"),
-    "negative seed": (["-o", "x.csv", "--seed", "-1"], "seed"),
-    "missing tooth": (["-o", "x.csv", "--fault", "crack:1:pinion:99:20%"], "99"),
-    "missing stage": (["-o", "x.csv", "--fault", "crack:9:pinion:1:20%"], "stage"),
-}
-
-
-@pytest.mark.parametrize("kind", BAD_SIMULATIONS)
-def test_bad_simulation_arguments_get_one_line(run, shop, kind):
-    arguments, named = BAD_SIMULATIONS[kind]
-    unchanged(shop, lambda: one_line(run("simulate", "machine.toml", *arguments), named))
+@pytest.mark.parametrize("kind", BAD_MODELS)
+def test_bad_arguments_of_models_get_one_line(run, shop, kind):
+    words, named = BAD_MODELS[kind]
+    command, *arguments = words.split()
+    unchanged(shop, lambda: one_line(run(command, "machine.toml", *arguments), named))
 
 
 BAD_ANALYSES = {
@@ -484,10 +358,7 @@ BAD_ANALYSES = {
     "unknown tacho": (["new.csv", "--tacho", "pulses"], "pulses"),
     "noise as tacho": (["noise.csv", "--tacho", "a1", "--channel", "a1"], "a1"),
     "tacho and channel at once": (["new.csv", "--tacho", "a1", "--channel", "a1"], "a1"),
-    "negative rate": (["no-time.csv", "--sampling-rate", "-1"], "sampling"),
-    "no rate": (["no-time.csv", "--sampling-rate", "0"], "sampling"),
     "NaN rate": (["no-time.csv", "--sampling-rate", "nan"], "sampling"),
-    "infinite rate": (["no-time.csv", "--sampling-rate", "inf"], "sampling"),
     "huge rate": (["no-time.csv", "--sampling-rate", "1e12"], "must lie in"),
     "rate against the time column": (["new.csv", "--sampling-rate", "9000"], "9000"),
 }
@@ -515,12 +386,6 @@ BAD_REFERENCES = {
 def test_bad_references_get_one_line(run, kind):
     name, named = BAD_REFERENCES[kind]
     one_line(run(*analyse("new.csv"), "--reference", name, "--json"), named)
-
-
-def test_reference_of_another_machine_gets_one_line(run):
-    given = ["analyse", "new.csv", "--machine", "other.toml", "--reference", "healthy.ref"]
-    code, _, err = run(*given)
-    one_line((code, "", err), "23/57")
 
 
 BAD_LEARNING = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gearmon.errors import MachineFileError
@@ -317,7 +317,6 @@ def test_line_numbers_survive_text_of_several_lines():
     }
 
 
-@settings(max_examples=150, deadline=None)
 @given(data=st.data())
 def test_damaged_files_are_read_or_refused(tmp_path_factory, data):
     """Whatever is cut out of a file and put in its place: a machine, or one line."""

@@ -96,6 +96,10 @@ def test_orders_write_the_map_only_in_full(place, options):
     assert out.with_suffix(".png").read_bytes().startswith(PNG)
     head = out.read_text(encoding="utf-8").split("\n", 1)[0]
     assert head.startswith("time_s,speed_hz,blocks,channel,order_0")
+    along = "speed_hz" if "speed" in options else "time_s"
+    place_of = [float(row[along]) for row in table(out) if row["channel"] == "a1"]
+    assert len(place_of) > 2
+    assert place_of == sorted(place_of)
     assert not list(place.glob(f"{out.stem}-*"))
 
 
@@ -157,11 +161,3 @@ def test_bad_options_are_one_line_and_exit_two(place, capsys, command, options, 
     error = capsys.readouterr().err
     assert words in error
     assert error.count("\n") == 1
-
-
-@pytest.mark.parametrize("command", ["indicators", "spectrum", "orders"])
-def test_help_has_an_example(command, capsys):
-    with pytest.raises(SystemExit) as stopped:
-        main([command, "--help"])
-    assert stopped.value.code == 0
-    assert f"example: gearmon {command}" in " ".join(capsys.readouterr().out.split())

@@ -64,16 +64,18 @@ def roc_area_interval(
     (float, float, float)
         Area, lower and upper limit.
     """
+    low, high = np.concatenate(healthy), np.concatenate(faulty)
+    area, machines = roc_area(low, high), np.arange(len(healthy))
     rng = np.random.default_rng(seed)
-    area = roc_area(np.concatenate(healthy), np.concatenate(faulty))
-    drawn = []
-    for _ in range(RESAMPLES):
-        chosen = rng.integers(0, len(healthy), len(healthy))
-        low = np.concatenate([healthy[i] for i in chosen])
-        high = np.concatenate([faulty[i] for i in chosen])
-        if len(low) and len(high):
-            drawn.append(roc_area(low, high))
-    return area, *np.quantile(drawn, (0.025, 0.975)).tolist()
+    chosen = rng.integers(0, len(machines), (RESAMPLES, len(machines)))
+    drawn = (chosen[:, :, None] == machines).sum(axis=1)
+    # how often each score was drawn
+    left = drawn[:, np.repeat(machines, [len(own) for own in healthy])]
+    right = drawn[:, np.repeat(machines, [len(own) for own in faulty])]
+    in_order = (high > low[:, None]) + 0.5 * (high == low[:, None])
+    pairs = left.sum(axis=1) * right.sum(axis=1)
+    areas = ((left @ in_order) * right).sum(axis=1)[pairs > 0] / pairs[pairs > 0]
+    return area, *np.quantile(areas, (0.025, 0.975)).tolist()
 
 
 def share_interval(hits: int, trials: int) -> tuple[float, float, float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -21,7 +22,12 @@ from gearmon.diagnosis.decision.words import fault_sentence, own_teeth_reason, r
 from gearmon.diagnosis.fault_types.features import kind_features
 from gearmon.diagnosis.hypotheses.changed_path import path_change
 from gearmon.diagnosis.hypotheses.own_teeth import locate
-from gearmon.diagnosis.hypotheses.runout import healthy_turns, runout_growth, turn_changes
+from gearmon.diagnosis.hypotheses.runout import (
+    TurnChange,
+    healthy_turns,
+    runout_growth,
+    turn_changes,
+)
 from gearmon.diagnosis.hypotheses.tooth_damage import (
     GearEvidence,
     ToothFinding,
@@ -35,11 +41,14 @@ from gearmon.diagnosis.results import Analysis, Change, Flag, ToothProfile
 from gearmon.errors import GearmonError, check_range
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine
-from gearmon.signals.bad_samples import sound_part
+from gearmon.signals.bad_samples import inspected, sound_part
 from gearmon.signals.recording import Recording
 from gearmon.signatures.measured.indicators import gear_indicators, waveform_indicators
 from gearmon.signatures.measured.line_plan import Family
-from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature
+from gearmon.signatures.measured.measurement import (
+    MeasuredSignature,
+    measure_signature,
+)
 from gearmon.signatures.measured.provenance import machine_notes, recording_notes
 from gearmon.signatures.measured.reference import Profile, Reference, make_reference
 from gearmon.signatures.signature import Signature
@@ -149,9 +158,9 @@ def analyse(
     check_range("must_notice", must_notice, 0.0, 1.0)
     if reference is not None:
         machine_notes(machine, reference)  # refuses other gears before any work
-    recording = sound_part(recording)
+    recording = inspected(recording)
     signature = measure_signature(recording, machine)
-    vibration = recording.vibration()
+    vibration = sound_part(recording, 0.0).vibration()
     indicators = waveform_indicators(vibration.samples, vibration.channel_names)
     told = signature.found or (reference is not None and signature.track.indexed)
     if told:
@@ -216,8 +225,8 @@ class _Compared:
             reference=reference,
             own=Profile.of(signature),
             rows=tuple(signature.channel_names.index(name) for name in shared),
-            healthy=HealthyMachine.of(
-                reference, [reference.channel_names.index(name) for name in shared]
+            healthy=_law_of(
+                reference, tuple(reference.channel_names.index(name) for name in shared)
             ),
             shared=tuple(shared),
             notes=tuple(notes),
@@ -273,7 +282,7 @@ class _Compared:
             finding=find_tooth(self.own, deviation, healthy, self.machine),
             runout=runout_growth(
                 turn_changes(self.own.wheels, self.rows, theirs, healthy.rows),
-                healthy_turns(theirs, healthy.rows),
+                _healthy_turns(self.reference, healthy.rows),
             ),
             nongear=nongear,
             references=len(theirs),
@@ -429,6 +438,19 @@ class _Compared:
             strength=strength,
             probability=probability,
         )
+
+
+# several recordings are held against one reference
+@lru_cache(maxsize=4)
+def _law_of(reference: Reference, rows: tuple[int, ...]) -> HealthyMachine:
+    return HealthyMachine.of(reference, rows)
+
+
+@lru_cache(maxsize=4)
+def _healthy_turns(
+    reference: Reference, rows: tuple[int, ...]
+) -> tuple[tuple[TurnChange, ...], ...]:
+    return healthy_turns([profile.wheels for profile in reference.profiles], rows)
 
 
 def _mesh_lost(why: str, gain: float, probability: float) -> Flag:

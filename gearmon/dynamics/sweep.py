@@ -20,7 +20,7 @@ import numpy.typing as npt
 from gearmon.dynamics.compliance import PairCompliance
 from gearmon.dynamics.error_bound import Gain, Pattern, best_gain
 from gearmon.dynamics.fourier import Complex, Real
-from gearmon.dynamics.hill import LARGEST, HillProblem, Response, broadcast_values
+from gearmon.dynamics.hill import LARGEST, MOST_SWING, HillProblem, Response, broadcast_values
 from gearmon.dynamics.mesh_equations import MeshEquations
 from gearmon.dynamics.steady_state import MOST_RATIO, steady_state
 from gearmon.dynamics.sweep_orders import INDICES, STRAGGLERS, SharedOrders
@@ -296,6 +296,7 @@ class _Work:
         # what no pair can have is told one by one, each with its reason
         usual = (self.ratio[at] >= 1 / LARGEST) & (self.ratio[at] <= MOST_RATIO)
         usual &= self.zeta[at] <= LARGEST
+        usual &= np.abs(self.values["scale"][at]) * np.abs(harmonics).sum() <= MOST_SWING
         left, odd = at[usual], at[~usual]
         if len(left) >= FEWEST_TOGETHER:
             left = self._together(Pattern(harmonics), left)

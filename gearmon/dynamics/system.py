@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gearmon.dynamics.fourier import Complex, Curve, Real
-from gearmon.dynamics.hill import PeriodicVibration
+from gearmon.dynamics.hill import PeriodicVibration, check_swing
 from gearmon.errors import ArgumentError, check_positive
 
 #: Share of the largest eigenvalue below which a mode is a rigid one: rounding of the eigenvalues of
@@ -94,6 +94,7 @@ class HillSystem:
             raise ArgumentError("mesh_damping_ns_per_m: all values must be >= 0 N s/m")
         if not (self.mesh_stiffness_n_per_m > 0).all():
             raise ArgumentError("mesh_stiffness_n_per_m: all values must be > 0 N/m")
+        check_swing("mesh_harmonics", self.mesh_harmonics)
         least = float(np.linalg.eigvalsh(self.damping)[0])
         if least < -SYMMETRIC * np.abs(self.damping).max():
             raise ArgumentError(f"damping: its least eigenvalue {least:.4g} N s/m must be >= 0")

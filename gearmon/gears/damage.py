@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -57,6 +58,10 @@ class PairLoss:
     mean: float
     greatest: float
     at_middle: float
+
+
+# Sizes between which one is looked for: nearly straight pieces of the curve of losses.
+_SIZES = 9
 
 
 def measured_patches(
@@ -124,14 +129,19 @@ def stiffness_loss(fault: Fault, pair: ToothPair, index: int) -> PairLoss:
         patches = loss_patches(fault, pair.contact_ratio, pitch)
     else:
         patches = measured_patches([fault], pair, index)
+    mean, greatest = _mean_loss(patches, pair)
+    middle = patch_loss(patches, np.array([0.5 * pair.contact_ratio]))
+    return PairLoss(mean=mean, greatest=greatest, at_middle=float(middle[0]))
+
+
+def _mean_loss(patches: Sequence[LossPatch], pair: ToothPair) -> tuple[float, float]:
+    """Mean loss over the contact, weighted with the stiffness, and the greatest."""
     edges = _edges(patches, pair)
     phase = panel_nodes(edges)
     stiffness = pair.compliances(pair.roll(phase)).stiffness
     lost = patch_loss(patches, phase)
-    weights = gauss(phase.shape[1])[1] * np.diff(edges)[:, None]
-    mean = float((weights * stiffness * lost).sum() / (weights * stiffness).sum())
-    middle = patch_loss(patches, np.array([0.5 * pair.contact_ratio]))
-    return PairLoss(mean=mean, greatest=float(lost.max()), at_middle=float(middle[0]))
+    weights = gauss(phase.shape[1])[1] * np.diff(edges)[:, None] * stiffness
+    return float((weights * lost).sum() / weights.sum()), float(lost.max())
 
 
 def size_for_loss(fault: Fault, loss: float, pair: ToothPair, index: int) -> Fault:
@@ -157,20 +167,35 @@ def size_for_loss(fault: Fault, loss: float, pair: ToothPair, index: int) -> Fau
         raise ArgumentError(f"fault {fault} has no size to be found; give one in mm or as share")
     if not 0 <= loss < 1:
         raise ArgumentError(f"loss={loss:g} must lie in [0, 1)")
-    most_size = largest_size(fault, pair.teeth[index])
-    most = stiffness_loss(replace(fault, size=most_size), pair, index).mean
+
+    sizes, losses = _losses_of_sizes(fault, pair, index)
+    most_size, most = float(sizes[-1]), float(losses[-1])
     if loss > most:
         raise ArgumentError(
             f"a {fault.kind} costs at most {100 * most:.3g} % of the stiffness of its pair, at "
             f"{most_size:.4g}{fault.unit}; loss={100 * loss:.3g} % is out of its reach"
         )
-
-    def missed(size: float) -> float:
-        return stiffness_loss(replace(fault, size=size), pair, index).mean - loss
-
     if loss in (0, most):
         return replace(fault, size=most_size if loss else 0.0)
-    return replace(fault, size=brentq(missed, 0.0, most_size, rtol=1e-9))
+
+    def missed(size: float) -> float:
+        return _loss_of_size(fault, size, pair, index) - loss
+
+    beyond = int(np.argmax(losses >= loss))
+    size = brentq(missed, sizes[beyond - 1], sizes[beyond], rtol=1e-9)
+    return replace(fault, size=size)
+
+
+@lru_cache(maxsize=64)
+def _loss_of_size(fault: Fault, size: float, pair: ToothPair, index: int) -> float:
+    return _mean_loss(measured_patches([replace(fault, size=size)], pair, index), pair)[0]
+
+
+@lru_cache(maxsize=64)
+def _losses_of_sizes(fault: Fault, pair: ToothPair, index: int) -> tuple[FloatArray, FloatArray]:
+    """Return sizes up to the largest and their losses, between which a size is looked for."""
+    sizes = np.linspace(0.0, largest_size(fault, pair.teeth[index]), _SIZES)
+    return sizes, np.array([_loss_of_size(fault, float(s), pair, index) for s in sizes])
 
 
 def patch_loss(patches: Sequence[LossPatch], phase: FloatArray) -> FloatArray:

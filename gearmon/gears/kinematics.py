@@ -16,6 +16,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from fractions import Fraction
+from functools import lru_cache
 from itertools import combinations
 from typing import Any, TypeVar
 
@@ -341,6 +342,7 @@ def _numbered(what: str, items: tuple[_Item, ...], number: int) -> _Item:
     return items[number - 1]
 
 
+@lru_cache(maxsize=16)
 def kinematics(machine: Machine) -> Kinematics:
     """Return the shafts, meshes and lines of a machine as orders of shaft 1.
 

@@ -38,12 +38,11 @@ from gearmon.report.wording import (
     told_apart,
     unit_text,
 )
-from gearmon.signals.bad_samples import sound_part
+from gearmon.signals.bad_samples import inspected, sound_part, sound_piece
 from gearmon.signals.recording import Recording
 from gearmon.signals.spectra import Spectrum
 from gearmon.signals.spectra.demodulation import Kurtogram
-from gearmon.signatures.measured.line_marks import Mark
-from gearmon.signatures.measured.line_plan import NEAR_SIDEBANDS, Family, mesh_harmonics
+from gearmon.signatures.measured.line_plan import NEAR_SIDEBANDS, Family, Mark, mesh_harmonics
 from gearmon.signatures.measured.measurement import MeasuredSignature, MeshFinding
 from gearmon.signatures.order_spectra import OrderSpectra
 from gearmon.signatures.recording_spectrum import RecordingSpectrum
@@ -490,7 +489,7 @@ def close_up_harmonic(analysis: Analysis, stage: int) -> int:
 
 def _vibration_of(analysis: Analysis, recording: Recording) -> Recording:
     """Return the channels of the recording that were analysed, in the order of the analysis."""
-    vibration, names = sound_part(recording).vibration(), analysis.signature.channel_names
+    vibration, names = sound_part(recording, 0.0).vibration(), analysis.signature.channel_names
     return vibration if vibration.channel_names == names else vibration.select(names)
 
 
@@ -513,7 +512,10 @@ def _sideband_strips(
 ) -> list[Strip]:
     """Return the spectrum in angle about a mesh harmonic, with the sidebands of every spacing."""
     signature = analysis.signature
-    vibration = _vibration_of(analysis, recording)
+    vibration, track = _vibration_of(analysis, recording), signature.track
+    if vibration.duration_s < signature.duration_s:
+        piece = np.array(sound_piece(inspected(recording))) / vibration.sampling_rate_hz
+        track = track.between(*piece)
     speed = signature.speed.estimated_hz
     families = [
         family
@@ -528,7 +530,7 @@ def _sideband_strips(
     orders = angle_spectrum(
         vibration.samples,
         vibration.sampling_rate_hz,
-        signature.track,
+        track,
         2 * signature.lines.block_turns,
         high,
     )

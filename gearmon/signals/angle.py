@@ -6,7 +6,7 @@ cycles a turn of shaft 1. Time is the last axis everywhere, channels the one bef
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -99,6 +99,24 @@ class AngleTrack:
             uncertainty_turns=self.uncertainty_turns * order,
             # several turns of a slower shaft begin alike at shaft 1
             indexed=self.indexed and order == 1.0,
+        )
+
+    def between(self, start_s: float, stop_s: float) -> AngleTrack:
+        """Return the track of a part, its time counted from there; the angle stays as it is.
+
+        Parameters
+        ----------
+        start_s, stop_s : float
+            Of the part [s].
+        """
+        ends = np.array([start_s, stop_s])
+        inside = (self.time_s > start_s) & (self.time_s < stop_s)
+        time = np.concatenate([ends[:1], self.time_s[inside], ends[1:]])
+        first, last = self.turns_at(ends)
+        return replace(
+            self,
+            time_s=time - start_s,
+            turns=np.concatenate([[first], self.turns[inside], [last]]),
         )
 
     def time_at(self, turns: FloatArray) -> FloatArray:

@@ -58,6 +58,9 @@ class Recording:
     tacho_told : bool
         Whether somebody said that a tacho channel is one, not its name alone: then it must be
         usable.
+    left_out : tuple of (int, int) or None
+        First sample, and the one behind the last, of stretches that no machine made and that hold
+        zeros instead; None as long as nobody looked for them (`gearmon.signals.bad_samples`).
     known_finite : bool
         Whether the samples were looked at already and are finite; they are not looked at again.
 
@@ -86,6 +89,7 @@ class Recording:
     columns: tuple[int, ...] = ()
     speed_rpm: float | None = None
     tacho_told: bool = True
+    left_out: tuple[tuple[int, int], ...] | None = None
     known_finite: InitVar[bool] = False
 
     def __post_init__(self, known_finite: bool) -> None:

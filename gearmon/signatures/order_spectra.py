@@ -14,8 +14,7 @@ from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.orders import READ_UP_TO
 from gearmon.signals.orders.maps import OrderMap, order_map
 from gearmon.signals.recording import Recording
-from gearmon.signatures.measured.line_marks import Mark, machine_marks, mark_near
-from gearmon.signatures.measured.line_plan import MESH_HARMONICS
+from gearmon.signatures.measured.line_plan import MESH_HARMONICS, Mark, machine_marks, mark_near
 from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature
 from gearmon.signatures.recording_spectrum import highest_peaks
 

@@ -22,7 +22,7 @@ from gearmon.signals.spectra.demodulation import (
     real_cepstrum,
 )
 from gearmon.signals.transforms import fast_length
-from gearmon.signatures.measured.line_marks import Mark, machine_marks, mark_near
+from gearmon.signatures.measured.line_plan import Mark, machine_marks, mark_near
 from gearmon.signatures.measured.measurement import measure_signature
 
 FloatArray = NDArray[np.float64]

@@ -1,17 +1,35 @@
-"""The angle of shaft 1 in a recording: from a tachometer and the mesh lines, or tacholess."""
+"""The angle of shaft 1 in a recording: from a tachometer and the mesh lines, or tacholess.
+
+Without a tachometer the steady comb is tried first, within 3 % of a nominal speed. Where its lines
+are not phase-coherent in the angle that it gives, or no mesh shows at it, the speed is looked for
+in short blocks and far about the nominal one, and kept only if the mesh stands out better at the
+speeds so found.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import numpy as np
+
 from gearmon.errors import ArgumentError, RecordingError
 from gearmon.gears.kinematics import Kinematics
 from gearmon.machine import Machine
 from gearmon.signals.angle import AngleTrack
+from gearmon.signals.orders.fine_spectra import fine_order_spectrum
+from gearmon.signals.orders.sums import OrderSums
 from gearmon.signals.recording import Recording
-from gearmon.signals.tracking.comb import SpeedScan
-from gearmon.signals.tracking.phases import integrate_speed
+from gearmon.signals.tracking.comb import SpeedScan, find_path, scan_speed
+from gearmon.signals.tracking.phases import (
+    coherent_share,
+    follow_speed,
+    integrate_speed,
+    lock_track,
+    refine_track,
+)
+from gearmon.signals.tracking.sideband_spacing import sideband_spacing
+from gearmon.signals.tracking.slips import LEAST_TURNS, SlipCheck, check_slips
 from gearmon.signals.tracking.tacho import (
     TachoPulses,
     find_pulses,
@@ -29,11 +47,36 @@ from gearmon.signatures.mesh_evidence import (
     speed_in_blocks,
     wander,
 )
-from gearmon.signatures.speed import SPEED_TOLERANCE, scan_nominal_speeds
-from gearmon.signatures.tacholess import track_tacholess
+from gearmon.signatures.speed import SPEED_TOLERANCE, machine_comb, mesh_combs, scan_nominal_speeds
 
 # How far pulses and comb may be apart before it is asked which of them is right.
 _APART = 0.01
+# Shorter blocks, searched about the track so far, follow a speed that wanders (turns, tolerance).
+_FINER_SCANS = ((10.0, 0.012), (6.0, 0.006))
+# Share of the mesh lines' power that must be phase-coherent for a track to be left alone.
+_COHERENT = 0.82
+# Below this share shorter blocks do not mend a track: the speed must be followed.
+_NEARLY = 0.6
+# Above this share nothing is left to gain from shorter blocks.
+_ALL_COHERENT = 0.93
+# Below this share the angle of a mesh line is not known to a tenth of its period.
+_LOST = 0.5
+# Wander of the speed from which the ends of a recording need care, relative standard deviation.
+_WANDERS = 1e-3
+# Stretches in which the angle may have slipped that a note names.
+_NAMED = 3
+# How much more of the lines must be phase-coherent before a speed far away is believed.
+_BETTER = 0.02
+# The same if fewer meshes stand out there.
+_FAR_BETTER = 0.2
+# Turns that are looked at for a speed elsewhere, and how far off it counts.
+_LOOK_TURNS = 60.0
+_ELSEWHERE = 0.01
+# How far the speed is looked for when it is not found about nominal.
+_REACH = 0.25
+# Sidebands that contradict or support a followed speed, in robust standard deviations.
+_CONTRADICTED = 6.0
+_SUPPORTED = 3.0
 
 
 def track_recording(recording: Recording, machine: Machine, train: Kinematics) -> Tracking:
@@ -211,3 +254,214 @@ class _Tacho:
                 "as far as the scatter of the pulses allows; the pulses alone tell it"
             )
         return found.track, tuple(notes)
+
+
+def track_tacholess(
+    signal: GearVibration, sums: OrderSums, first: Tracking, machine: Machine
+) -> Tracking:
+    """Track without a tachometer, beginning with the track of the comb.
+
+    Parameters
+    ----------
+    signal : GearVibration
+        The recording.
+    sums : OrderSums
+        Its mesh lines.
+    first : Tracking
+        The steady comb's track and evidence.
+    machine : Machine
+        Nominal speeds.
+
+    Returns
+    -------
+    Tracking
+    """
+    steady, share = _steady(signal, sums, first)
+    calm = share > (_NEARLY if wander(steady) < _WANDERS else _COHERENT)
+    if not calm or _elsewhere(signal, first):
+        followed = _follow(signal, machine)
+        if followed is not None and _outdoes(followed, (first, share)):
+            return _with_doubt(signal, *followed)
+        if share <= _COHERENT:
+            steady, share = _finer(signal, sums, first, (steady, share))
+    found = replace(first, track=steady)
+    return _with_doubt(signal, found, share, sums) if first.detected else found
+
+
+def _elsewhere(signal: GearVibration, first: Tracking) -> bool:
+    """Whether the comb may stand at another speed: no mesh shows, or one does but a look says so.
+
+    The look is at some turns from the middle of the recording, far about the nominal speed.
+    """
+    if first.detected in (0, len(first.evidence)):
+        return first.detected == 0
+    length = round(_LOOK_TURNS / signal.nominal_hz * signal.rate)
+    begin = max(0, (signal.samples.shape[-1] - length) // 2)
+    part = signal.samples[:, begin : begin + length]
+    path = find_path(
+        part, signal.rate, machine_comb(signal.train, signal.nominal_hz), signal.nominal_hz, _REACH
+    )
+    speed = path.track()
+    known = first.scan.track().at(begin / signal.rate + speed.time_s)
+    return bool(np.median(np.abs(speed.speed_hz / known - 1)) > _ELSEWHERE)
+
+
+def _outdoes(followed: tuple[Tracking, float, OrderSums], steady: tuple[Tracking, float]) -> bool:
+    """Whether a followed speed shows more meshes than a steady one, or lines far more coherent."""
+    more = followed[0].detected - steady[0].detected
+    return more > 0 or followed[1] > steady[1] + (_BETTER if more == 0 else _FAR_BETTER)
+
+
+def _steady(signal: GearVibration, sums: OrderSums, first: Tracking) -> tuple[AngleTrack, float]:
+    """Refine the comb's track by phases; lock it to them if its speed wanders."""
+    # long blocks part the mesh lines from the sidebands of slow shafts; a calm speed allows them
+    slowest = min(shaft.order for shaft in signal.train.shafts)
+    calm = float(np.clip(2.0 / slowest, 8.0, 20.0))
+    track = refine_track(sums, first.track, calm)
+    share = coherent_share(sums, track)
+    if share > _COHERENT and wander(track) > _WANDERS:
+        return _locked(sums, (track, share))
+    if _NEARLY < share < _ALL_COHERENT:
+        best = _better(sums, (track, share), _in_short_blocks(sums, track))
+        # an angle that wobbles puts sidebands of slow shafts beside every mesh line
+        return _better(sums, best, lock_track(sums, best[0]))
+    return track, share
+
+
+def _locked(sums: OrderSums, known: tuple[AngleTrack, float]) -> tuple[AngleTrack, float]:
+    """Lock a track that wanders to the lines, which shorter blocks lose half a block from the end.
+
+    A path whose delay changes makes lines that are coherent in a track turn a little.
+    """
+    return _better(sums, known, lock_track(sums, known[0]), 0.01)
+
+
+def _in_short_blocks(sums: OrderSums, track: AngleTrack) -> AngleTrack:
+    return refine_track(sums, track, block_turns=5.0, wander=0.01)
+
+
+def _better(
+    sums: OrderSums, known: tuple[AngleTrack, float], track: AngleTrack, leeway: float = 0.0
+) -> tuple[AngleTrack, float]:
+    """Return the known track, or another one in which more of the lines is phase-coherent."""
+    share = coherent_share(sums, track)
+    return (track, share) if share > known[1] - leeway else known
+
+
+def _finer(
+    signal: GearVibration, sums: OrderSums, first: Tracking, best: tuple[AngleTrack, float]
+) -> tuple[AngleTrack, float]:
+    """Follow a speed that wanders within the tolerance by scans in shorter blocks."""
+    comb, speed = machine_comb(signal.train, signal.nominal_hz), first.scan.track()
+    if best[1] <= _NEARLY:
+        best = _better(sums, best, _in_short_blocks(sums, best[0]))
+    enough = _COHERENT
+    for turns, tolerance in _FINER_SCANS:
+        block_s = turns / signal.nominal_hz
+        if best[1] > enough or signal.last_s < 8 * block_s:
+            break
+        enough = (
+            _ALL_COHERENT  # once the speed is known to wander, even its last second must be right
+        )
+        finer = scan_speed(
+            signal.samples, signal.rate, comb, signal.nominal_hz, tolerance, block_s, around=speed
+        )
+        speed = finer.track()
+        other = _in_short_blocks(sums, integrate_speed(speed, signal.last_s))
+        best = _better(sums, best, other)
+    if best[1] > _COHERENT and wander(best[0]) > _WANDERS:
+        best = _locked(sums, best)
+    return best
+
+
+def _follow(signal: GearVibration, machine: Machine) -> tuple[Tracking, float, OrderSums] | None:
+    """Look for the comb in short blocks far about nominal; None if no mesh stands out there.
+
+    Returns the track, the share of the lines that is coherent in it, and the lines.
+    """
+    nominal = sorted({point.shaft1_hz for point in machine.operating})
+    paths = [
+        (find_path(signal.samples, signal.rate, machine_comb(signal.train, hz), hz, _REACH), hz)
+        for hz in nominal
+    ]
+    path, nominal_hz = max(paths, key=lambda pair: pair[0].best_score)
+    speed = path.track()
+    signal = replace(signal, nominal_hz=nominal_hz)
+    orders = signal.orders(0.5 * nominal_hz)
+    comb = machine_comb(signal.train, nominal_hz)
+    track = follow_speed(signal.samples, signal.rate, comb, orders, speed)
+    judged = judge(signal, track)
+    if not judged.convincing or not _spacing_agrees(signal, judged):
+        return None
+    speeds = speed.speed_hz
+    note = (
+        f"the speed was followed over the recording, from {speeds[0]:.4g} to {speeds[-1]:.4g} Hz "
+        f"between {speeds.min():.4g} and {speeds.max():.4g} Hz; nominal is {nominal_hz:.4g} Hz"
+    )
+    sums = signal.sums(float(track.speed_hz.max()))
+    if sums is None:
+        return None
+    return replace(judged, notes=(note,)), coherent_share(sums, track), sums
+
+
+def _spacing_agrees(signal: GearVibration, judged: Tracking) -> bool:
+    """Whether the sidebands agree with a followed speed; they must show if it is far off.
+
+    A mesh of one tooth more stands at the same lines if the shaft turns a little slower: only the
+    spacing of its sidebands tells.
+    """
+    speeds = judged.track.speed_hz
+    nominal = signal.nominal_hz
+    low, high = (1 - SPEED_TOLERANCE) * speeds.min(), (1 + SPEED_TOLERANCE) * speeds.max()
+    pieces = max(1, signal.samples.shape[-1] >> 18)
+    spectrum = fine_order_spectrum(signal.samples, signal.rate, judged.track, pieces)
+    supported = False
+    combs = mesh_combs(signal.train, signal.nominal_hz)
+    for mesh, comb, seen in zip(signal.train.meshes, combs, judged.evidence, strict=True):
+        if not seen.stands_out or mesh.carrier != 0:
+            continue
+        told = [
+            sideband_spacing(spectrum.quality, spectrum.step, comb, spacing, _REACH)
+            for spacing in comb.spacings
+        ]
+        excess = max((one.excess for one in told), default=0.0)
+        support = max((one.support for one in told), default=0.0)
+        clear = support >= _SUPPORTED
+        # right sidebands of one gear fix the speed: what beats those of the other is some line else
+        if not (clear and support > excess) and excess > 0 and seen.score - excess < _CONTRADICTED:
+            return False
+        supported = supported or clear
+    return supported or bool(low <= nominal <= high)
+
+
+def _with_doubt(
+    signal: GearVibration, tracking: Tracking, share: float, sums: OrderSums
+) -> Tracking:
+    """State how far the angle may be off, and say so if the lines do not hold it."""
+    track = tracking.track
+    if track.turns[-1] - track.turns[0] < LEAST_TURNS:
+        return tracking
+    check = check_slips(sums, track)
+    doubt, notes = check.typical_turns, tracking.notes
+    if share < _LOST:
+        order = max(mesh.order for mesh in signal.train.meshes)
+        cycles = np.sqrt(-np.log(max(share, 1e-3))) / (2 * np.pi)
+        doubt = max(cycles / order, doubt)
+        notes += (
+            f"the angle is doubtful: only {share:.0%} of the power of the mesh lines stands still "
+            "in it; record with a tachometer",
+        )
+    elif not check.locked:
+        notes += (_slips_told(check),)
+    return replace(tracking, track=replace(track, uncertainty_turns=float(doubt)), notes=notes)
+
+
+def _slips_told(check: SlipCheck) -> str:
+    """Say where an angle may have slipped."""
+    lost = [stretch for stretch in check.lost if not stretch.harmless]
+    where = ", ".join(f"{one.start_s:.4g} to {one.end_s:.4g} s" for one in lost[:_NAMED])
+    more = f" and {len(lost) - _NAMED} times more" if len(lost) > _NAMED else ""
+    return (
+        f"the angle is doubtful: the mesh lines do not hold it from {where}{more}, where it may "
+        "have slipped by whole mesh periods; leave these parts out, or record with a tachometer"
+    )

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from reference.simulated_machines import planetary
 from reference.small_gearbox import (
     CRACK,
     HEALTHY_LOADS,
@@ -66,6 +67,18 @@ def test_healthy_at_another_load_is_healthy():
     assert told.verdict == "healthy"
     assert told.flags == ()
     assert told.compared_with == "reference"
+
+
+def test_planetary_set_is_compared_with_its_own_reference(planetary_recording):
+    # its gears are followed relative to the carrier, as the reference knows them
+    own = as_recording(planetary_recording)
+    half = own.samples.shape[1] // 2
+    first, second = (
+        replace(own, samples=samples) for samples in (own.samples[:, :half], own.samples[:, half:])
+    )
+    told = analyse(second, planetary(), learn([first], planetary()))
+    assert told.compared_with == "reference"
+    assert told.verdict != "fault"
 
 
 @pytest.mark.parametrize("seed", [31, 32, 33])
@@ -391,3 +404,10 @@ def test_silence_has_no_mesh():
 def _times(part, factor):
     scale = np.where(np.array(part.channel_kinds) == "vibration", factor, 1.0)
     return replace(part, samples=part.samples * scale[:, None])
+
+
+def test_without_a_reference_every_gear_is_a_place_to_look_at():
+    told = analysis(CRACK, with_reference=False)
+    rarest = min(profile.log10_probability for profile in told.profiles)
+    assert len(told.profiles) == 2
+    assert told.score == pytest.approx(-(rarest + math.log10(2)))

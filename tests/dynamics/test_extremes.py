@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gearmon.dynamics.fourier import Curve
@@ -43,7 +43,6 @@ def test_a_dip_between_all_samples_is_found():
         assert angle == pytest.approx(place, abs=1e-3)
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_no_sample_lies_lower(seed):
     half = random_half(seed)
@@ -53,7 +52,6 @@ def test_no_sample_lies_lower(seed):
     assert lowest >= dense.min() - Curve(half).bend * (2 * math.pi / (1 << 14)) ** 2 / 8
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.floats(-0.5, 0.5))
 def test_first_zero(seed, share):
     half = random_half(seed)

@@ -89,8 +89,8 @@ def test_half_widths_against_the_multipliers(number):
     tongue = combination_tongues(in_phase(0.02))[number]
 
     def edge(side):
-        inner, outer = 0.0, 2.0
-        for _ in range(11):
+        inner, outer = 0.8, 1.2
+        for _ in range(7):
             middle = (inner + outer) / 2
             frequency = tongue.frequency_hz + side * middle * tongue.half_width_hz
             grows = not steady_state(in_phase(0.02, 1 / frequency, 1e-3)).stable

@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from reference.hill_cases import balanced, published_pair, random_problem, scaled_problem
 from reference.hill_reference import acceleration_error, periodic_solution
@@ -75,7 +75,6 @@ def test_resonances_and_weak_damping(ratio, zeta):
         assert "largest Floquet multiplier" in r.message
 
 
-@settings(max_examples=25, deadline=None)
 @given(SEEDS, st.floats(0.01, 1e5), st.booleans())
 def test_linear_in_the_force(seed, factor, negative):
     p = random_problem(np.random.default_rng(seed), 8, zetas=(0.01, 1.0))
@@ -87,7 +86,6 @@ def test_linear_in_the_force(seed, factor, negative):
     assert s.contact_lost == r.contact_lost
 
 
-@settings(max_examples=25, deadline=None)
 @given(SEEDS, st.floats(1e-3, 1e3))
 def test_scaling_of_time(seed, factor):
     # t -> factor t: m -> factor^2 m, c -> factor c leaves z(t/T) as it is
@@ -104,7 +102,6 @@ def test_scaling_of_time(seed, factor):
     np.testing.assert_allclose(s.displacement[:n], r.displacement[:n], atol=1e-6 * scale)
 
 
-@settings(max_examples=25, deadline=None)
 @given(SEEDS, st.floats(0, 1))
 def test_shift_of_time(seed, share):
     # k(t + share T): every coefficient turns by its own phase
@@ -118,7 +115,6 @@ def test_shift_of_time(seed, share):
     np.testing.assert_allclose(s.displacement[:n], turned, atol=1e-6 * scale)
 
 
-@settings(max_examples=25, deadline=None)
 @given(SEEDS)
 def test_mean_force_is_carried_by_the_mesh(seed):
     p = random_problem(np.random.default_rng(seed), 8, zetas=(0.01, 1.0))

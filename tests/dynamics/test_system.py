@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from reference.hill_cases import published_pair, random_problem
 from reference.system_reference import (
@@ -57,7 +57,6 @@ def test_a_pair_is_a_system_of_one_mesh(method):
     assert not system.contact_lost.any()
 
 
-@settings(max_examples=25, deadline=None)
 @given(SEEDS)
 def test_pairs_near_resonance_and_instability(seed):
     p = random_problem(np.random.default_rng(seed), 8, ratios=(0.2, 6.0))
@@ -68,7 +67,6 @@ def test_pairs_near_resonance_and_instability(seed):
         assert error <= system.error_bound + pair.error_bound
 
 
-@settings(max_examples=25, deadline=None)
 @given(SEEDS, st.sampled_from([1e-3, 1e-6, 1e-9]))
 def test_bound_of_random_systems_holds(seed, tolerance):
     system = random_system(np.random.default_rng(seed))
@@ -97,11 +95,11 @@ def test_against_integration_in_time(seed):
 def test_many_meshes_meet_the_tolerance():
     rng = np.random.default_rng(12)
     refused = stable = 0
-    for _ in range(12):
+    for _ in range(6):
         found = steady_state(random_system(rng, 40, 12, 10, 0.6), 1e-6)
         stable += found.stable
         refused += found.stable and not found.error_bound <= 1e-6
-    assert stable >= 8
+    assert stable >= 4
     assert not refused
 
 

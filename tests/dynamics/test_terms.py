@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from reference.hill_cases import published_pair, scaled_problem
 
@@ -11,7 +11,6 @@ from gearmon.errors import ArgumentError
 PARTS = st.floats(-0.1, 0.1).filter(lambda x: x == 0 or abs(x) > 1e-6)
 
 
-@settings(max_examples=25, deadline=None)
 @given(
     st.lists(st.builds(complex, PARTS, PARTS), min_size=1, max_size=3),
     st.floats(0.3, 5.0),

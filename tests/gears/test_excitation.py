@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gearmon.errors import ArgumentError
@@ -68,7 +68,6 @@ def test_profile_error_repeats_with_the_mesh():
     assert found.at(found.stiffness.contact_ratio / 2) == pytest.approx(0.0, abs=1e-18)
 
 
-@settings(max_examples=20, deadline=None)
 @given(st.floats(-50, 50), st.floats(0.1, 5), st.sampled_from(sorted(ERROR_KINDS)))
 def test_excitation_is_linear_in_the_errors(size, factor, kind):
     tooth = 3 if kind == "pitch" else "all"

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gearmon.errors import ArgumentError
@@ -89,7 +89,6 @@ def test_written_read_and_of_no_size(gear, text):
         np.testing.assert_array_equal(zero.at(x), healthy.at(x))
 
 
-@settings(max_examples=15, deadline=None)
 @given(
     st.sampled_from(sorted(MESHES)),
     st.sampled_from(["crack", "crack-parabolic", "pitting", "spall", "breakage", "wear"]),
@@ -231,7 +230,6 @@ def mean_loss(gear, text):
     return stiffness_loss(parse_fault(text.format(gear)), teeth_of(pair), index).mean
 
 
-@settings(max_examples=15, deadline=None)
 @given(st.sampled_from(["pinion", "gear", "sun"]), st.floats(0.01, 19.0), st.floats(0.0, 0.9))
 def test_a_spall_as_high_as_the_flank_costs_what_a_breakage_does(gear, width, start):
     """So shallow that it does not weaken the section, it costs the share of the face."""

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from reference.tooth_cases import PAPER
 
@@ -197,7 +197,6 @@ def test_losses_need_no_conversion():
     assert (loss.mean, loss.greatest, loss.at_middle) == pytest.approx((0.2, 0.2, 0.2))
 
 
-@settings(max_examples=20, deadline=None)
 @given(
     st.sampled_from(
         [

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from reference.mesh_curves import fft_coefficients
 
@@ -71,7 +71,6 @@ def test_curve_is_the_sum_of_its_lines():
     np.testing.assert_allclose(total, curve.stiffness_n_per_m, rtol=1e-10)
 
 
-@settings(max_examples=40, deadline=None)
 @given(
     st.integers(70, 190).filter(lambda n: n % 64),
     st.integers(0, 130),

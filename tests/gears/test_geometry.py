@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from reference.tooth_generation import path_of_contact, ring_path_of_contact
 
@@ -240,7 +240,6 @@ def test_handbook_pairs(data, row):
 # --- slow versions and laws ----------------------------------------------------------------------
 
 
-@settings(max_examples=40, deadline=None)
 @given(pairs())
 def test_path_of_contact_is_cut_off_by_the_tip_circles(pair: PairGeometry):
     distance = pair.centre_distance_m
@@ -248,14 +247,12 @@ def test_path_of_contact_is_cut_off_by_the_tip_circles(pair: PairGeometry):
     assert pair.path_m == pytest.approx(slow, rel=1e-9, abs=1e-12)
 
 
-@settings(max_examples=40, deadline=None)
 @given(pairs(internal=True))
 def test_path_of_contact_in_a_ring(pair: PairGeometry):
     slow = ring_path_of_contact(pair.base_radii_m, pair.tip_radii_m, pair.centre_distance_m)
     assert pair.path_m == pytest.approx(slow, rel=1e-9, abs=1e-12)
 
 
-@settings(max_examples=40, deadline=None)
 @given(pairs())
 def test_a_pair_and_its_mirror_image(pair: PairGeometry):
     mirror = pair_geometry(
@@ -269,7 +266,6 @@ def test_a_pair_and_its_mirror_image(pair: PairGeometry):
     assert mirror.pitch_point_phase == pytest.approx(across, abs=1e-9)
 
 
-@settings(max_examples=40, deadline=None)
 @given(pairs(), st.floats(0.2, 5.0))
 def test_similar_gears_have_similar_geometry(pair: PairGeometry, scale):
     similar = pair_geometry(
@@ -282,7 +278,6 @@ def test_similar_gears_have_similar_geometry(pair: PairGeometry, scale):
     assert similar.path_length_m == pytest.approx(scale * pair.path_length_m)
 
 
-@settings(max_examples=40, deadline=None)
 @given(pairs())
 def test_teeth_fill_the_working_circle_without_backlash(pair: PairGeometry):
     """Without backlash the thicknesses on the working circles add up to the pitch there."""
@@ -291,7 +286,6 @@ def test_teeth_fill_the_working_circle_without_backlash(pair: PairGeometry):
     assert sum_ == pytest.approx(pitch, rel=1e-9)
 
 
-@settings(max_examples=40, deadline=None)
 @given(pairs(internal=True))
 def test_ring_teeth_fill_the_working_circle_too(pair: PairGeometry):
     sum_ = sum(pair.thickness_m(i, pair.working_radii_m[i]) for i in (0, 1))
@@ -460,7 +454,6 @@ def test_a_planet_that_only_goes_in_along_its_axis_is_a_warning():
     assert roomy.warnings == ()
 
 
-@settings(max_examples=30)
 @given(st.integers(20, 60), st.integers(9, 40), st.floats(0.55, 0.85), st.floats(-0.2, 0.5))
 def test_radial_assembly_against_moving_the_planet_in(teeth, more, tip, shift):
     """Corners of the planet's tips must pass those of the ring's on the way to its place."""

@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gearmon.errors import ArgumentError
@@ -161,7 +161,6 @@ def test_low_load(load):
     assert low.load == pytest.approx((load / 100) ** 0.25)
 
 
-@settings(max_examples=30)
 @given(TEETH, SHIFT)
 def test_a_ring_is_the_limit_of_many_teeth(teeth, shift):
     ring = method_b(tooth(teeth, shift), tooth(200, 0.2, internal=True), contact_ratio=1.6)

@@ -9,7 +9,7 @@ from itertools import permutations
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from gearmon.errors import ArgumentError
@@ -341,7 +341,6 @@ def test_no_such_harmonic():
         mesh.healthy_orders(0)
 
 
-@settings(max_examples=20)
 @given(train=st.lists(st.builds(pair, TEETH, TEETH), min_size=2, max_size=3))
 def test_coincidences_are_exact(train):
     box = kinematics(machine(*train))

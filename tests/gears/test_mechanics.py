@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gearmon.errors import ArgumentError
@@ -85,7 +85,6 @@ def test_mass_of_the_published_pair():
 
 
 @given(st.integers(18, 60), st.integers(18, 90), st.floats(0, 0.6))
-@settings(max_examples=25, deadline=None)
 def test_mass_of_discs(z1, z2, hollow):
     """1/m = r_b1^2/J1 + r_b2^2/J2 with J = (pi/2) rho b (r^4 - r_i^4), r half of (d_a + d_f)/2."""
     bores = [hollow * z for z in (z1, z2)]

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.special import spherical_jn
 
@@ -46,7 +46,6 @@ def gauss(pulse, nodes=60):
     return points.ravel(), (half * w).ravel()
 
 
-@settings(max_examples=60, deadline=None)
 @given(pulses(), st.lists(st.floats(-12, 12), min_size=1, max_size=5))
 def test_transform_against_quadrature(pulse, orders):
     x, w = gauss(pulse)
@@ -54,7 +53,6 @@ def test_transform_against_quadrature(pulse, orders):
     np.testing.assert_allclose(pulse.transform(orders), slow, atol=1e-12)
 
 
-@settings(max_examples=40, deadline=None)
 @given(pulses(), st.floats(-1, 6))
 def test_integral_against_quadrature(pulse, end):
     part = pulse.window(-1.0, end)
@@ -63,7 +61,6 @@ def test_integral_against_quadrature(pulse, end):
     assert pulse.integral(pulse.length + 1) == pytest.approx(pulse.area, abs=1e-12)
 
 
-@settings(max_examples=40, deadline=None)
 @given(pulses(), st.floats(0, 4), st.floats(0, 4))
 def test_windows_and_cuts(pulse, one, two):
     low, high = min(one, two), max(one, two)
@@ -92,7 +89,6 @@ def test_an_empty_window_is_zero():
     assert empty.integral([0.5, 2.5]).tolist() == [0.0, 0.0]
 
 
-@settings(max_examples=30, deadline=None)
 @given(pulses(), st.integers(1, 4), st.floats(0, 3), st.floats(0, 2.5), st.floats(0.1, 0.9))
 def test_trains_repeat_and_their_coefficients_are_those_of_the_curve(
     pulse, period, offset, overlap, face
@@ -179,7 +175,6 @@ def test_values_integral_and_area():
     assert PULSE.limits[1] == pytest.approx((float(curve(0.4)), 3 + np.sin(4.0)))
 
 
-@settings(max_examples=30, deadline=None)
 @given(st.floats(-40, 40))
 def test_transform_is_the_fourier_integral(order):
     slow = integral(0, 1.4, lambda x: curve(x) * np.exp(-2j * np.pi * order * x))

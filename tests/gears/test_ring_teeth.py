@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from reference.ring_reference import ring_tooth_compliances
 from reference.tooth_cases import PAPER
@@ -284,7 +284,6 @@ def test_contacts_yield_to_each_other_alike():
     np.testing.assert_allclose(there, back, rtol=1e-9)
 
 
-@settings(max_examples=12)
 @given(planetary_stages(), st.floats(0.3, 3), st.floats(0.3, 3), st.floats(0.3, 3))
 def test_scaling(stage, modulus, width, module):
     other = replace(
@@ -300,7 +299,6 @@ def test_scaling(stage, modulus, width, module):
     np.testing.assert_allclose(outer(other).at(x), modulus * width * outer(stage).at(x), rtol=1e-7)
 
 
-@settings(max_examples=12)
 @given(planetary_stages(helix=(0.0, 12.0)))
 def test_stiffness_of_both_meshes_is_of_the_order_of_the_standard(stage):
     for pair in mesh_pairs(stage):
@@ -320,7 +318,6 @@ def test_helical_planet_and_ring():
 # --- damage --------------------------------------------------------------------------------------
 
 
-@settings(max_examples=12)
 @given(
     st.sampled_from(["crack", "spall", "pitting"]),
     st.floats(0, 1),

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from reference.mesh_curves import damaged_mesh, fft_coefficients, helical_mesh, parabolic_mesh
 
@@ -130,7 +130,6 @@ def test_low_load_lowers_the_mean():
     assert any("low-load branch" in text for text in low.warnings)
 
 
-@settings(max_examples=25, deadline=None)
 @given(stages(), st.floats(0.2, 4))
 def test_mean_is_proportional_to_modulus_and_face_width(stage, factor):
     base = mesh_stiffness(stage)
@@ -145,7 +144,6 @@ def test_mean_is_proportional_to_modulus_and_face_width(stage, factor):
         assert mesh_stiffness(wider).mean_n_per_m == pytest.approx(factor * base.mean_n_per_m)
 
 
-@settings(max_examples=25, deadline=None)
 @given(stages(), st.floats(0.3, 3))
 def test_stiffness_is_independent_of_the_module_of_similar_spur_gears(stage, factor):
     stage = replace(stage, helix_angle_deg=0.0)
@@ -185,7 +183,6 @@ def test_whole_overlap_ratio_leaves_no_variation():
     assert np.abs(mesh.harmonics(20)).max() < 1e-14
 
 
-@settings(max_examples=25, deadline=None)
 @given(stages())
 def test_mirrored_pair_gives_the_curve_mirrored_in_time(stage):
     mirror = replace(
@@ -215,7 +212,6 @@ def test_variation_is_half_the_peak_to_peak_over_the_mean():
     assert parabola.variation == pytest.approx(0.5 * (1.548588 - 0.921964) / 1.2002, rel=1e-6)
 
 
-@settings(max_examples=40, deadline=None)
 @given(
     st.sampled_from(["parabolic", "wave", "rectangular", "rectangular-half"]),
     st.floats(1.05, 2.9).filter(lambda r: 0.05 < r % 1 < 0.95),
@@ -307,7 +303,6 @@ def test_harmonics_of_a_damaged_mesh_are_the_fft_of_its_curve(form, stage):
     np.testing.assert_allclose(mesh.harmonics(count), slow[1:] / slow[0].real, atol=1e-12)
 
 
-@settings(max_examples=30, deadline=None)
 @given(stages(), st.data())
 def test_stiffness_stays_positive_and_harmonics_rebuild_the_mean_square(stage, data):
     """Parseval: sum of |c_r|^2 comes up to the variance of the curve from below."""
@@ -321,7 +316,6 @@ def test_stiffness_stays_positive_and_harmonics_rebuild_the_mean_square(stage, d
         assert 2 * np.sum(np.abs(c) ** 2) == pytest.approx(variance, rel=0.1, abs=1e-3)
 
 
-@settings(max_examples=30, deadline=None)
 @given(stages(), st.data())
 def test_faults_of_size_zero_change_nothing(stage, data):
     faults = [replace(fault, size=0.0) for fault in faults_of(stage, data.draw)]
@@ -333,7 +327,6 @@ def test_faults_of_size_zero_change_nothing(stage, data):
     np.testing.assert_array_equal(mesh.harmonics(30), healthy.harmonics(30))
 
 
-@settings(max_examples=30, deadline=None)
 @given(
     stages(),
     st.sampled_from(SINGLE),
@@ -350,7 +343,6 @@ def test_loss_grows_with_size(stage, kind, gear, one, two):
     assert large.mean_n_per_m <= small.mean_n_per_m * (1 + 1e-12)
 
 
-@settings(max_examples=20, deadline=None)
 @given(stages(), st.data())
 def test_samples_are_the_curve(stage, data):
     mesh = mesh_stiffness(stage, faults_of(stage, data.draw), "parabolic")

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from reference.mesh_curves import fft_coefficients, parabolic_mesh
 from scipy.special import sici
@@ -69,7 +69,6 @@ def test_parabola_coefficients():
     np.testing.assert_allclose(gu, [0.14928, 0.05171, 0.03208], atol=1.5e-4)
 
 
-@settings(max_examples=40, deadline=None)
 @given(RATIOS, st.floats(0, 2.2), st.floats(0, 0.9))
 def test_coefficients_are_the_published_closed_form(ratio, overlap, q):
     """Psi(pi n eps_a) sinc(n eps_b) cos[pi n (2 t/T - eps_a - eps_b)]."""
@@ -83,7 +82,6 @@ def test_coefficients_are_the_published_closed_form(ratio, overlap, q):
     np.testing.assert_allclose(found, expected, atol=1e-13)
 
 
-@settings(max_examples=30, deadline=None)
 @given(RATIOS, st.floats(0, 1))
 def test_parabola_is_the_sum_over_the_pairs(ratio, phase):
     assert mesh("parabolic", ratio).at([phase])[0] == pytest.approx(
@@ -94,7 +92,6 @@ def test_parabola_is_the_sum_over_the_pairs(ratio, phase):
 # --- closed form against FFT ---------------------------------------------------------------------
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.sampled_from(sorted(FORMS)), st.integers(64, 200), st.integers(0, 100))
 def test_closed_form_is_the_fft_of_the_curve(name, sixtyfourths, lag):
     """On a grid that holds the ends of all zones, the FFT at Gauss points is exact."""
@@ -184,7 +181,6 @@ def test_overshoot_of_the_fourier_sum():
     assert unit == pytest.approx(1.178980, abs=2e-4)
 
 
-@settings(max_examples=30, deadline=None)
 @given(st.sampled_from(sorted(FORMS)), RATIOS)
 def test_every_form_is_symmetric_in_time(name, ratio):
     """A pair enters as it leaves: c_n times exp(i pi n length) is real."""

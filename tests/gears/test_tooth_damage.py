@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from reference.tooth_cases import PAPER, STRAIGHT, TIAN, teeth
 from reference.tooth_reference import tooth_compliance
@@ -279,7 +279,6 @@ def test_parabolic_line_against_finite_elements_near_the_tip(data, elements):
     np.testing.assert_allclose(found, elements, atol=2.6)
 
 
-@settings(max_examples=20, deadline=None)
 @given(
     st.sampled_from([PAPER, STRAIGHT, TIAN]),
     st.floats(0.05, 1.5),
@@ -332,7 +331,6 @@ def test_size_zero_is_no_damage(damage):
     np.testing.assert_array_equal(at(PAPER, phase, damage), at(PAPER, phase))
 
 
-@settings(max_examples=25, deadline=None)
 @given(
     st.sampled_from([PAPER, STRAIGHT, TIAN]),
     st.floats(0.0, 1.0),

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from reference.mesh_curves import fft_coefficients
 from reference.tooth_reference import coupled_mesh
@@ -104,7 +104,6 @@ def test_step_from_one_pair_to_two(z1, z2, m, b, bores, coupled, classical, doub
     assert found[0] / found[1] == pytest.approx(double / single, rel=0.05)
 
 
-@settings(max_examples=20, deadline=None)
 @given(stages())
 def test_two_pairs_lie_between_full_sharing_and_the_classical_sum(stage):
     mesh, loose = k(stage), k(stage, form=CLASSICAL)
@@ -123,7 +122,6 @@ def test_two_pairs_lie_between_full_sharing_and_the_classical_sum(stage):
     assert mesh.at(single) == pytest.approx(loose.at(single))
 
 
-@settings(max_examples=15, deadline=None)
 @given(stages(), st.floats(0.3, 3), st.floats(0.3, 3), st.floats(0.3, 3))
 def test_scaling(stage, modulus, width, module):
     base = k(stage)
@@ -140,7 +138,6 @@ def test_scaling(stage, modulus, width, module):
     np.testing.assert_allclose(k(other).at(x), modulus * width * base.at(x), rtol=1e-8)
 
 
-@settings(max_examples=15, deadline=None)
 @given(stages(helix=(0.0, 14.0)))
 def test_mirrored_pair_gives_the_curve_mirrored_in_time(stage):
     mirror = replace(
@@ -301,7 +298,6 @@ def test_a_root_crack_hurts_most_when_the_tip_is_loaded():
         assert losses[0] < losses[1]
 
 
-@settings(max_examples=15, deadline=None)
 @given(
     stages(helix=(0.0, 0.0, 11.0)),
     st.sampled_from(["crack", "spall", "pitting", "breakage", "wear"]),

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gearmon.errors import ArgumentError
@@ -37,7 +37,6 @@ def test_heavy_tip_mass_pins_the_higher_modes():
     np.testing.assert_allclose(beam_modes(1e6, 0.0, 3).eigenvalue[1:], pinned, rtol=1e-6)
 
 
-@settings(max_examples=60, deadline=None)
 @given(ratio=st.floats(1e-3, 1e3), inertia=st.floats(0, 1.0))
 def test_effective_masses_add_to_what_moves(ratio, inertia):
     # sum over all modes of F_r^2 is the mass of beam and tip; few modes hold most, never more
@@ -46,14 +45,12 @@ def test_effective_masses_add_to_what_moves(ratio, inertia):
     assert 0.8 * (1 + ratio) < held <= (1 + ratio) * (1 + 1e-9)
 
 
-@settings(max_examples=60, deadline=None)
 @given(ratio=st.floats(0, 1e4))
 def test_mass_for_a_root_undoes_the_root_for_a_mass(ratio):
     first = float(beam_modes(ratio, 0.0, 1).eigenvalue[0])
     assert mass_ratio_for(first) == pytest.approx(ratio, rel=1e-9, abs=1e-12)
 
 
-@settings(max_examples=60, deadline=None)
 @given(ratio=st.floats(1e-3, 1e4), gyration=st.floats(0, 1))
 def test_mass_for_a_root_undoes_the_root_for_a_body(ratio, gyration):
     first = float(beam_modes(ratio, ratio * gyration**2, 1).eigenvalue[0])

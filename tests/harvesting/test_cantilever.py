@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from reference.beam_elements import answers, natural_hz
 from reference.harvester_simulation import marched_power
@@ -127,7 +127,6 @@ beams = st.builds(
 )
 
 
-@settings(max_examples=80, deadline=None)
 @given(beam=beams, detuning=st.floats(0.8, 1.3), decade=st.floats(-3, 3))
 def test_no_load_takes_more_than_the_bound(beam, detuning, decade):
     frequency = beam.natural_frequency_hz * detuning
@@ -136,7 +135,6 @@ def test_no_load_takes_more_than_the_bound(beam, detuning, decade):
     assert loaded.gains(frequency).power_w[0] <= beam.power_bound_w() * (1 + 1e-9)
 
 
-@settings(max_examples=60, deadline=None)
 @given(beam=beams, detuning=st.floats(0.9, 1.2), factor=st.floats(1.01, 5))
 def test_best_load_is_the_best(beam, detuning, factor):
     frequency = beam.natural_frequency_hz * detuning
@@ -146,7 +144,6 @@ def test_best_load_is_the_best(beam, detuning, factor):
         assert beam.with_load(load).gains(frequency).power_w[0] <= power * (1 + 1e-12)
 
 
-@settings(max_examples=40, deadline=None)
 @given(beam=beams, frequency=st.floats(20, 3000))
 def test_series_and_parallel_give_the_same_power(beam, frequency):
     series = replace(beam, wiring="series")
@@ -156,7 +153,6 @@ def test_series_and_parallel_give_the_same_power(beam, frequency):
     )
 
 
-@settings(max_examples=40, deadline=None)
 @given(beam=beams, share=st.floats(0.01, 0.99))
 def test_retuned_beam_has_the_frequency_wanted(beam, share):
     low, high = beam.frequency_range_hz

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from reference.harvester_simulation import integrated_inertial_power
 
@@ -33,7 +33,6 @@ def test_published_example():
     assert 1e3 * h.gains(625.0).power_w[0] * 13.04**2 == pytest.approx(2.706, rel=1e-3)
 
 
-@settings(max_examples=60, deadline=None)
 @given(h=harvesters, ratio=st.floats(0.2, 3))
 def test_power_is_that_of_the_damper(h, ratio):
     # m zT Y^2 r^3 w^3/[(1-r^2)^2 + (2 zT r)^2], the electrical share of it
@@ -47,13 +46,11 @@ def test_power_is_that_of_the_damper(h, ratio):
     assert h.gains(frequency).power_w[0] == pytest.approx(expected, rel=1e-10)
 
 
-@settings(max_examples=60, deadline=None)
 @given(h=harvesters, ratio=st.floats(0.5, 2))
 def test_bound_is_never_exceeded(h, ratio):
     assert h.gains(ratio * h.natural_frequency_hz).power_w[0] <= h.power_bound_w() * (1 + 1e-12)
 
 
-@settings(max_examples=30, deadline=None)
 @given(h=harvesters, factor=st.floats(1.05, 10))
 def test_matched_load_is_best_at_resonance(h, factor):
     matched = h.with_load(h.mechanical_damping_ratio)

@@ -51,3 +51,19 @@ def test_bad_files_end_in_one_line(tmp_path, text, words):
     with pytest.raises(GearmonError, match=words) as caught:
         load_harvester(written(tmp_path, text))
     assert "\n" not in str(caught.value)
+
+
+def test_millimetres_and_grams_become_metres_and_kilograms(tmp_path):
+    text = """kind = "cantilever"
+length_mm = 30.0
+width_mm = 5.0
+passive_thickness_mm = 0.15
+piezo_thickness_mm = 0.25
+most_tip_mass_g = 7.0
+tip_gyration_mm = 4.0
+clearance_mm = 3.0
+"""
+    beam, _ = load_harvester(written(tmp_path, text))
+    assert (beam.length_m, beam.width_m, beam.clearance_m) == pytest.approx((0.03, 0.005, 0.003))
+    assert (beam.passive_thickness_m, beam.piezo_thickness_m) == pytest.approx((1.5e-4, 2.5e-4))
+    assert (beam.most_tip_mass_kg, beam.tip_gyration_m) == pytest.approx((0.007, 0.004))

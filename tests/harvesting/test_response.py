@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gearmon.errors import ArgumentError
@@ -24,7 +24,6 @@ def inertial(**changes):
     return InertialHarvester(**({"mass_kg": 5e-3, "natural_frequency_hz": 100.0} | changes))
 
 
-@settings(max_examples=30, deadline=None)
 @given(heat=st.floats(1e-3, 0.1), load=st.floats(1e-3, 0.1))
 def test_bandwidth_of_a_mass_on_a_spring_is_twice_its_damping(heat, load):
     # r^2/((1 - r^2)^2 + (2 z r)^2) is half its top where r - 1/r = +-2 z: exactly 2 z wide

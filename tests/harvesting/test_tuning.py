@@ -291,3 +291,13 @@ def test_peak_of_one_line_is_its_amplitude():
     h = inertial(natural_frequency_hz=200.0)
     v = vibration_of_lines([180.0], acceleration_ms2=[2.0])
     assert answer(h, v).travel_m == pytest.approx(2.0 * h.gains(180.0).travel_m[0], rel=1e-12)
+
+
+def test_the_worst_operating_point_counts_against_the_limits():
+    limited = inertial(clearance_m=1e-3)
+    quiet, loud = (
+        OperatingShare(vibration=vibration_of_lines([100.0], acceleration_ms2=[a]), share=0.5)
+        for a in (1.0, 3.0)
+    )
+    both = evaluate(limited, [quiet, loud])
+    assert both.travel_share == pytest.approx(3 * evaluate(limited, quiet.vibration).travel_share)

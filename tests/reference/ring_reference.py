@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
+
+gauss = cache(np.polynomial.legendre.leggauss)
 
 
 def arc_compliance_slow(ratio, half, nu, apart=0.0, orders=240, elements=40):
@@ -14,8 +17,9 @@ def arc_compliance_slow(ratio, half, nu, apart=0.0, orders=240, elements=40):
     """
     outwards = 1.0 if ratio < 1 else -1.0
     total = np.zeros((3, 3))
+    stiffness = _stiffness(ratio, nu, elements)
     for k in range(orders + 1):
-        yielding = _yielding(k, ratio, nu, elements)
+        yielding = _yielding(k, stiffness)
         loads = _loads(k, half, outwards)
         # order -k is the conjugate of order k, so together they are twice the real part
         work = np.conj(loads.T) @ yielding @ loads * np.exp(-1j * k * apart)
@@ -25,7 +29,7 @@ def arc_compliance_slow(ratio, half, nu, apart=0.0, orders=240, elements=40):
 
 def _loads(k, half, outwards):
     """Components of (t_r, t_theta) for unit moment, shear and push on an arc, shape (2, 3)."""
-    x, w = np.polynomial.legendre.leggauss(40 + 2 * int(k * half))
+    x, w = gauss(40 + 2 * int(k * half))
     angle, weight = half * x, half * w / (2 * math.pi) * np.exp(-1j * k * half * x)
     uniform = np.sum(weight) / (2 * half)
     linear = np.sum(weight * angle) * 3 / (2 * half**3)
@@ -33,13 +37,13 @@ def _loads(k, half, outwards):
     return np.array([[-outwards * linear, 0, -outwards * uniform], [0, uniform, 0]], dtype=complex)
 
 
-def _yielding(k, ratio, nu, elements):
-    """Displacement (u, v) at radius 1 by tractions (t_r, t_theta) there, held at `ratio`."""
+def _stiffness(ratio, nu, elements):
+    """Stiffness of the ring as coefficients of 1, k and k^2."""
     # elements crowd at the loaded circle, where high orders decay
     s = np.linspace(0, 1, elements + 1)
     radii = 1 + (ratio - 1) * s**3
     size = 2 * (2 * elements + 1)
-    stiff = np.zeros((size, size))
+    stiff = np.zeros((3, size, size))
     elastic = np.array([[1, nu, 0], [nu, 1, 0], [0, 0, (1 - nu) / 2]]) / (1 - nu**2)
     points, weights = np.polynomial.legendre.leggauss(4)
     for n in range(elements):
@@ -49,15 +53,24 @@ def _yielding(k, ratio, nu, elements):
             r = 0.5 * (low + high) + jacobian * x
             shape = np.array([0.5 * x * (x - 1), 1 - x * x, 0.5 * x * (x + 1)])
             slope = np.array([x - 0.5, -2 * x, x + 0.5]) / jacobian
-            strain = np.zeros((3, 6))
-            # u = U exp(ik theta), v = -i W exp(ik theta)
+            strain, turning = np.zeros((3, 6)), np.zeros((3, 6))
+            # u = U exp(ik theta), v = -i W exp(ik theta): strains are `strain` + k `turning`
             strain[0, 0::2] = slope
-            strain[1, 0::2], strain[1, 1::2] = shape / r, k * shape / r
-            strain[2, 0::2], strain[2, 1::2] = k * shape / r, shape / r - slope
-            where = np.arange(4 * n, 4 * n + 6)
-            part = strain.T @ elastic @ strain * r * w * abs(jacobian)
-            stiff[np.ix_(where, where)] += part
-    found = np.linalg.solve(stiff[:-2, :-2], np.eye(size - 2, 2))[:2]
+            strain[1, 0::2], turning[1, 1::2] = shape / r, shape / r
+            turning[2, 0::2], strain[2, 1::2] = shape / r, shape / r - slope
+            where = np.ix_(np.arange(4 * n, 4 * n + 6), np.arange(4 * n, 4 * n + 6))
+            mixed = strain.T @ elastic @ turning
+            for power, part in enumerate(
+                (strain.T @ elastic @ strain, mixed + mixed.T, turning.T @ elastic @ turning)
+            ):
+                stiff[power][where] += part * r * w * abs(jacobian)
+    return stiff
+
+
+def _yielding(k, stiffness):
+    """Displacement (u, v) at radius 1 by tractions (t_r, t_theta) there, held at the other edge."""
+    stiff = stiffness[0] + k * stiffness[1] + k**2 * stiffness[2]
+    found = np.linalg.solve(stiff[:-2, :-2], np.eye(len(stiff) - 2, 2))[:2]
     turn = np.array([[1, 0], [0, -1j]])
     return turn @ found @ np.conj(turn.T)
 

@@ -32,9 +32,3 @@ def test_curves_and_lines_of_a_form(comparison, group):
         np.testing.assert_allclose(line.get_ydata(), 1e-9 * curve.stiffness_n_per_m)
     for curve, line in zip(own, right.lines, strict=True):
         np.testing.assert_allclose(line.get_ydata(), 1e-6 * curve.amplitudes_n_per_m)
-
-
-def test_sheet(comparison):
-    figure = form_figure(comparison)
-    assert len(figure.axes) == 8
-    assert figure.axes[-1].get_xlabel() == "mesh harmonic (times 632.67 Hz)"

@@ -6,14 +6,11 @@ import numpy as np
 import pytest
 from reference.small_gearbox import machine, recording
 
-from gearmon.report.plots import save, save_all
 from gearmon.report.recording_plots import (
     average_figure,
-    average_figures,
     indicator_figure,
     order_map_figure,
 )
-from gearmon.report.spectrum_plots import order_figure
 from gearmon.report.text import INDICATOR_DEFINITIONS
 from gearmon.signals.orders import order_map
 from gearmon.signatures.gear_averages import gear_averages
@@ -41,21 +38,11 @@ def labels(figure):
     return [ax.get_xlabel() for ax in figure.axes] + [ax.get_ylabel() for ax in figure.axes]
 
 
-@pytest.mark.parametrize(
-    ("against", "words"), [("time", "Time (s)"), ("speed", "Speed of shaft 1 (Hz)")]
-)
-def test_map_names_its_axes_and_units(spectra, against, words):
-    figure = order_map_figure(spectra[against])
-    said = texts(figure)
-    assert words in said
-    assert "Order (cycles a turn of shaft 1)" in labels(figure)
-    assert "peak amplitude (m/s²)" in said
-    assert "GMF1 ×1" in said
-
-
 def test_map_keeps_every_line_and_is_calibrated(spectra):
     found = spectra["time"]
-    ax = order_map_figure(found).axes[0]
+    figure = order_map_figure(found)
+    assert "GMF1 ×1" in texts(figure)
+    ax = figure.axes[0]
     image = ax.images[0]
     drawn = image.get_array()
     assert drawn.max() == pytest.approx(found.map.amplitude[:, 0, 2:].max())
@@ -105,16 +92,6 @@ def test_average_shows_the_whole_turn_with_its_errors(averages):
         known = np.arange(own.average.per_turn) * own.teeth / own.average.per_turn
         read = np.interp(known, angle, whole)
         assert np.corrcoef(read, own.average.waveform[0])[0, 1] > 0.99
-
-
-def test_pictures_are_written(spectra, averages, tmp_path):
-    paths = [
-        save(order_figure(spectra["time"]), tmp_path / "a.png"),
-        save(order_map_figure(spectra["speed"]), tmp_path / "b.png"),
-        *save_all(average_figures(averages), tmp_path / "c.png"),
-    ]
-    assert [path.name for path in paths] == ["a.png", "b.png", "c-1-pinion.png", "c-1-gear.png"]
-    assert all(path.read_bytes().startswith(b"\x89PNG") for path in paths)
 
 
 def test_indicators_say_what_is_dashed():

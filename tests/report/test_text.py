@@ -14,7 +14,8 @@ def test_the_verdict_comes_first(faulty):
     lines = analysis_text(faulty.analysis).splitlines()
     assert lines[0] == "made-7.csv: FAULT"
     assert any(line.startswith("  flag: tooth damage, stage 1, pinion, tooth ") for line in lines)
-    assert any("rpm), by tacho" in line for line in lines)
+    rpm = 60 * faulty.analysis.signature.speed.estimated_hz
+    assert any(f"({rpm:.1f} rpm), by tacho" in line for line in lines)
 
 
 def test_a_healthy_machine_has_few_words(healthy):

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from reference.synthetic_signals import (
     band_limited,
@@ -163,7 +165,6 @@ def test_constant_stays_constant_to_the_ends():
     np.testing.assert_allclose(found, 9.81, rtol=1e-12)
 
 
-@settings(max_examples=15)
 @given(st.floats(-1e3, 1e3), st.integers(0, 1000))
 def test_resampling_is_linear_and_channels_stay_apart(factor, seed):
     curve = constant_track(20.0, 1.0)
@@ -213,3 +214,9 @@ def test_blocks_are_parts_of_the_whole_resampled_recording(monkeypatch, block):
         starts.append(start)
         np.testing.assert_allclose(part, whole[:, start : start + block], atol=1e-3)
     assert starts == list(range(0, grid.count - block + 1, block // 2))
+
+
+def test_uncertainty_counts_turns_of_the_shaft_it_is_told_for():
+    fast = replace(track([0, 1], [0, 20]), uncertainty_turns=1e-3).of_shaft(3.5)
+    assert fast.speed_hz == pytest.approx(70.0)
+    assert fast.uncertainty_turns == pytest.approx(3.5e-3)

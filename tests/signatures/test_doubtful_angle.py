@@ -12,8 +12,8 @@ from gearmon.gears.kinematics import kinematics
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.orders import OrderSums
 from gearmon.signatures.mesh_evidence import GearVibration
-from gearmon.signatures.tacholess import _with_doubt
-from gearmon.signatures.tracking import track_recording
+from gearmon.signatures.speed import speed_of
+from gearmon.signatures.tracking import _with_doubt, track_recording
 
 
 def slipped(track, turns, at_s, lasting_s=0.4):
@@ -57,3 +57,15 @@ def test_the_stated_uncertainty_of_a_wandering_speed_is_that_of_its_error():
         error = track.turns_at(time) - case.turns[::40]
         ratios.append(float(np.std(error)) / track.uncertainty_turns)
     assert 0.2 < np.median(ratios) < 1.7
+
+
+def test_both_ends_of_the_angle_make_the_speed_uncertain():
+    track = AngleTrack(
+        time_s=np.array([0.0, 10.0]),
+        turns=np.array([0.0, 250.0]),
+        method="comb",
+        uncertainty_turns=1e-3,
+    )
+    found = speed_of(track, 24.0, 25.0, None, 10.0)
+    assert found.estimated_hz == pytest.approx(25.0)
+    assert found.uncertainty_hz == pytest.approx(np.hypot(1e-3, 1e-3) / 10.0)

@@ -1,6 +1,7 @@
 import math
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -284,3 +285,15 @@ def test_nothing_heavy_is_imported():
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     )
     assert result.stdout.strip() == "[]"
+
+
+def test_contact_is_lost_at_the_same_mesh_phase_whatever_the_period():
+    # a fault of next to nothing makes a period of a turn of its gear out of one of the mesh
+    light = replace(SMALL, damping_ratio=0.05)
+    point = OperatingPoint(speed_rpm=60 * 0.9 * 2372.0 / 9, torque_nm=50.0)
+    phases = []
+    for faults in ([], ["crack:1:pinion:1:0.0001%"]):
+        found = expected_signature(machine(light, points=(point,)), faults, 1e-4)
+        (warning,) = (w for w in found.header["warnings"] if "lose contact" in w)
+        phases.append(float(warning.split("mesh phase ")[1].split(":")[0]))
+    assert phases[1] % 1.0 == pytest.approx(phases[0], abs=2e-3)

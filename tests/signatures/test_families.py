@@ -7,7 +7,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given, reject, settings
+from hypothesis import given, reject
 from hypothesis import strategies as st
 
 from gearmon.errors import GearmonError
@@ -206,13 +206,11 @@ def check_plan(gears, top, finest):
         assert len(wheel.mesh) == len(wheel.lines) == len(wheel.number)
 
 
-@settings(max_examples=30)
 @given(PARALLEL, st.floats(1.0, 150.0), st.floats(0.005, 0.5))
 def test_plans_of_any_parallel_train_hold_together(pairs, top, finest):
     check_plan(train(*pairs), top, finest)
 
 
-@settings(max_examples=20)
 @given(
     st.integers(12, 40),
     st.integers(12, 40),
@@ -229,7 +227,6 @@ def test_plans_with_planetary_sets_hold_together(sun, planet, planets, fixed, fi
     check_plan(train(*stages), 80.0, 0.02)
 
 
-@settings(max_examples=20)
 @given(PARALLEL, st.floats(40.0, 120.0))
 def test_higher_rate_adds_families_and_changes_no_mesh(pairs, top):
     gears = train(*pairs)

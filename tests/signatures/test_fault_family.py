@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gearmon.cli import main
@@ -187,7 +187,6 @@ def test_small_losses_are_the_response_per_unit(kind, gear):
     assert left[1] / left[0] == pytest.approx(4, rel=0.05)
 
 
-@settings(max_examples=6, deadline=None, derandomize=True)
 @given(
     loss=st.floats(1e-3, 0.6),
     gear=st.sampled_from(["pinion", "gear"]),

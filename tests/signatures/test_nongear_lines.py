@@ -173,3 +173,15 @@ def test_channels_can_be_taken_out():
     assert [line.level_db[::-1] for line in turned] == [line.level_db for line in known]
     assert len(taken(known, [1]).lines[0].level_db) == 1
     assert taken(known, [1]).grid("envelope").noise_db.shape[0] == 1
+
+
+def test_every_channel_is_one_more_place_where_noise_may_peak():
+    samples, track = recorded(3)
+    one, two = (
+        nongear_lines(
+            part, RATE_HZ, track, train(), fine_order_spectrum(part, RATE_HZ, track)
+        ).grids[0]
+        for part in (samples[:1], samples)
+    )
+    assert two.looked_at == pytest.approx(2 * one.looked_at)
+    assert two.least_db > one.least_db

@@ -8,7 +8,7 @@ from reference.small_gearbox import as_json, machine, recording
 
 from gearmon.errors import ArgumentError
 from gearmon.signals.recording import Recording
-from gearmon.signatures.measured.line_marks import machine_marks, mark_near
+from gearmon.signatures.measured.line_plan import machine_marks, mark_near
 from gearmon.signatures.order_spectra import order_spectra
 from gearmon.signatures.recording_spectrum import KINDS, highest_peaks, recording_spectrum
 

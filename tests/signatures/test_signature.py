@@ -62,9 +62,7 @@ def test_what_was_written_is_read_back(tmp_path, suffix, count):
     same(read_signature(tmp_path / f"s{suffix}"), written)
 
 
-@settings(
-    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(NUMBERS, min_size=1, max_size=6), st.sampled_from(SUFFIXES))
 def test_any_number_survives(tmp_path, numbers, suffix):
     written = signature(len(numbers), displacement_m=np.array(numbers))

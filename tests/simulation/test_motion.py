@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gearmon.errors import ArgumentError
@@ -43,7 +43,6 @@ def test_no_deviation_is_a_constant_speed():
     assert motion.turns(times) == pytest.approx(3 + 25 * times)
 
 
-@settings(max_examples=30, deadline=None)
 @given(
     seed=st.integers(0, 1000),
     mean_hz=st.floats(0.01, 500),

@@ -7,6 +7,7 @@ import pytest
 
 from gearmon.simulation.path import (
     MODE_BAND_HZ,
+    ROTOR_SHARE,
     noise,
     random_path,
     shaft_lines,
@@ -89,3 +90,12 @@ def test_tacho_crosses_half_its_height_at_every_whole_turn():
     assert found == pytest.approx(np.round(found), abs=1e-9)
     assert len(found) == 52
     assert np.mean(pulses) / 5 == pytest.approx(0.05, rel=0.02)
+
+
+def test_an_unbalance_of_grade_6_3_pulls_with_its_speed():
+    turns = np.arange(400) / 100.0
+    rows = shaft_lines(1, [1.0], turns, np.full(400, 20.0), 4000)
+    # m e w^2 of a rotor of a tenth of the housing, e w = 6.3 mm/s; both phases drawn with size 1
+    amplitude = np.abs(np.fft.rfft(rows)[:, 4]) / 200
+    force = ROTOR_SHARE * 6.3e-3 * 2 * np.pi * 20.0
+    assert np.sqrt(np.mean(amplitude**2)) == pytest.approx(np.sqrt(2) * force, rel=0.05)

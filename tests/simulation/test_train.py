@@ -196,3 +196,11 @@ def test_machine_without_torque_is_refused():
     machine = Machine(operating=(OperatingPoint(speed_rpm=1500.0),), stages=two_stages().stages)
     with pytest.raises(ArgumentError, match="torque_nm"):
         build_train(machine)
+
+
+def test_a_planet_of_odd_teeth_meets_sun_and_ring_half_a_period_apart():
+    """Parker and Lin: half the teeth of the planet lie between its two contacts."""
+    for sun, planet, ring, apart in ((20, 40, 100, 0.0), (21, 39, 99, 0.5)):
+        machine = planetary(sun_teeth=sun, planet_teeth=planet, ring_teeth=ring)
+        meshes = build_train(machine).meshes
+        assert (meshes[3].offset - meshes[0].offset) % 1.0 == pytest.approx(apart)

@@ -27,6 +27,11 @@ _DIRECTIONS = 2.4
 # Share of a mesh's stiffness that one pair carries, about: with a contact ratio of 1.3 to 2.
 _PAIR_SHARE = 0.65
 
+# Amplitude that is left of what a tooth of a sun or planet adds, where it is heard in a turn of its
+# own: the carrier turns it past the sensor, and of the path only the mean remains. A simulated set
+# of 24/30/84 teeth with four planets does not show 30 % on the sun, and 21 % would be stated.
+_OF_TURNING_PATH = 0.5
+
 
 def heard_from(gear: GearEvidence) -> float | None:
     """Find the loss of one tooth from which it would be heard beside the noise.
@@ -83,10 +88,16 @@ def _log_ratio(gear: GearEvidence) -> FloatArray:
     """Mean log likelihood ratio of damage, for each of `LOSSES`.
 
     Without a template: a pulse of one of z teeth modulates every mesh harmonic X_k by the depth a,
-    lines of X_k a / z each (McFadden 1986).
+    lines of X_k a / z each (McFadden 1986). Of n meshes in parallel it modulates one at a time, m
+    times a turn: energies of m / n^2 of that.
     """
     deviation, search = gear.deviation, gear.search
-    size = _PAIR_SHARE * LOSSES if search is None else search.response.amplitude(LOSSES)
+    if search is None:
+        size = _PAIR_SHARE * np.sqrt(gear.deviation.meetings) / gear.meshes * LOSSES
+        if gear.meshes > 1 and gear.heard_in is None and deviation.gear != "ring":
+            size = _OF_TURNING_PATH * size
+    else:
+        size = search.response.amplitude(LOSSES)
     total = np.zeros(len(LOSSES))
     for band in deviation.bands:
         if search is not None:

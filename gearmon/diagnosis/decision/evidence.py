@@ -23,6 +23,10 @@ from gearmon.diagnosis.law import LevelDeviation, MachineDeviation
 from gearmon.diagnosis.law.state import LENGTH
 from gearmon.diagnosis.nongear import NonGearFinding
 
+# Quantile of the broadband spectrum's changes that tells whether any part of it fell: with added
+# noise none falls by more than 0.6 dB in 67 simulated bearings, in 9 of 10 moved sensors by 2 dB.
+_LOWEST = 0.1
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Evidence:
@@ -157,9 +161,14 @@ def noise_rose(deviation: MachineDeviation) -> bool:
     """Whether the spectrum between the lines rose, and by more than the lines did.
 
     A bearing, a loose part or a neighbour fills the spectrum between the lines of the gears; a
-    sensor that was moved raises and lowers both alike.
+    sensor that was moved raises and lowers both alike, and noise that is added lowers no part of
+    the spectrum.
     """
-    broadband = deviation.broadband
+    broadband, lines_db = deviation.broadband, deviation.levels.gain_db
     if broadband is None or broadband_strength(broadband) < LIMITS.noise_strength:
         return False
-    return bool(np.median(broadband.gain_db - deviation.levels.gain_db) > LIMITS.noise_rise_db)
+    changed_db = broadband.rest_db + broadband.gain_db[:, None]
+    fell_db = np.nanquantile(changed_db, _LOWEST, axis=1) - np.minimum(lines_db, 0.0)
+    if np.any(fell_db < -LIMITS.noise_rise_db):
+        return False
+    return bool(np.median(broadband.gain_db - lines_db) > LIMITS.noise_rise_db)

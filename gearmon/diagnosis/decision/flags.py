@@ -98,7 +98,7 @@ class Flagging:
                 f"as a loss of {100 * loss.loss:.0f} % ({100 * loss.low:.0f} to "
                 f"{100 * loss.high:.0f} %) of the stiffness of that tooth's pair would make it"
             )
-        evidence.append(_counting(finding))
+        evidence += [_counting(finding), *_alike(finding)]
         if spread is not None:
             evidence.append(_explained(spread))
         evidence += [
@@ -170,6 +170,14 @@ class Flagging:
 
     def _runout(self, flagged: set[tuple[int | None, str | None]]) -> list[Flag]:
         """Flag gears whose first or second sidebands have grown beyond the farther ones."""
+        strengths = self.evidence.strengths
+        if strengths["runout"] < LIMITS.fault:
+            return []
+        # none of 51 simulated gears that run out changes the noise or whole bands; bearings and
+        # sensors that were moved do, and move single sidebands with them
+        elsewhere = noise_rose(self.evidence.deviation) or self.path.likely
+        if strengths["levels"] >= LIMITS.fault and elsewhere:
+            return []
         found = []
         for growth in self.evidence.runout:
             strength = rare_strength([growth.log10_probability])
@@ -272,6 +280,21 @@ def _counting(finding: ToothFinding) -> str:
         "teeth are counted from where the first healthy recording begins: the same number is "
         "the same tooth in every recording compared with this reference"
     )
+
+
+def _alike(finding: ToothFinding) -> list[str]:
+    """Tell which teeth of a planetary set sound alike."""
+    best = finding.best
+    count, teeth = best.deviation.meetings, best.deviation.teeth
+    if count > 1 and best.deviation.gear == "planet":
+        return [f"which of the {best.meshes} planets it is of cannot be told"]
+    others = sorted(
+        {round(finding.tooth - 1 + k * teeth / count) % teeth + 1 for k in range(count)}
+    )
+    if len(others) < 2:
+        return []
+    named = ", ".join(str(tooth) for tooth in others)
+    return [f"teeth {named} meet a planet at the same moments: it may be any of them"]
 
 
 def _explained(spread: DepartureSpread) -> str:

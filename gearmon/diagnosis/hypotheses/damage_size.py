@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.damage import size_for_loss
 from gearmon.gears.faults import Fault
-from gearmon.gears.pairs import MeshPair, mesh_pairs
+from gearmon.gears.pairs import mesh_pairs
 from gearmon.gears.tooth_pairs import ToothPair, teeth_of
 from gearmon.machine import Machine
 
@@ -114,12 +115,11 @@ def physical_size(
         check_range(name, value, 0.0, 1.0)
     if not low <= loss <= high:
         raise ArgumentError(f"low={low:g}, loss={loss:g}, high={high:g} must not decrease")
-    pair, index = _pair_of(machine, stage, gear)
+    teeth, index = _teeth_of(machine, stage, gear)
     damage = READ_AS.get(kind, kind)
-    if damage not in MEASURED or pair.stage.module_mm is None or pair.stage.face_width_mm is None:
+    if damage not in MEASURED or teeth is None:
         return None
     unit, shown, quantity = MEASURED[damage]
-    teeth = teeth_of(pair)
     fault = Fault(kind=damage, stage=stage, gear=gear, tooth=1, size=0.1, unit=unit)
     size, least, most = (_size(fault, value, teeth, index) for value in (loss, low, high))
     if size is None:
@@ -127,13 +127,19 @@ def physical_size(
     return PhysicalSize(quantity=quantity, unit=shown, size=size, low=least, high=most)
 
 
-def _pair_of(machine: Machine, stage: int, gear: str) -> tuple[MeshPair, int]:
-    """Return the mesh of a gear and its place in it; of a planet the mesh with the sun."""
+# the same for every recording of a machine
+@lru_cache(maxsize=64)
+def _teeth_of(machine: Machine, stage: int, gear: str) -> tuple[ToothPair | None, int]:
+    """Return the teeth of a gear's mesh, None where the file lacks geometry, and its place there.
+
+    Of a planet the mesh with the sun is taken.
+    """
     pairs = mesh_pairs(machine.stages[stage - 1], stage, machine.path)
     for pair in pairs:
         names = [member.name for member in pair.members]
         if gear in names:
-            return pair, names.index(gear)
+            told = pair.stage.module_mm is not None and pair.stage.face_width_mm is not None
+            return teeth_of(pair) if told else None, names.index(gear)
     known = ", ".join(dict.fromkeys(m.name for pair in pairs for m in pair.members))
     raise ArgumentError(f"gear {gear!r} is not in stage {stage}, which has {known}")
 

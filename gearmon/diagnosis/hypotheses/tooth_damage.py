@@ -21,7 +21,7 @@ from gearmon.diagnosis.hypotheses.tooth_search import (
 from gearmon.diagnosis.law import GearDeviation, HealthyMachine, MachineDeviation
 from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE
 from gearmon.errors import ArgumentError
-from gearmon.machine import Machine
+from gearmon.machine import Machine, PlanetaryStage
 from gearmon.signatures.expected.tooth_response import ToothResponse, tooth_response
 from gearmon.signatures.measured.reference import Profile
 
@@ -36,6 +36,8 @@ FloatArray = NDArray[np.float64]
 _TEETH_SCATTER = 2.0
 # Healthy departures scatter like noise with a fraction of its degrees of freedom.
 _OVERDISPERSION = 3.0
+# Share of departures from which on noise alone is left.
+_NOISE_ALONE = 1e-9
 # Losses are not told apart more finely.
 _LEAST_SIGMA = 0.005
 # Logarithm of odds against damage that are as good as any larger.
@@ -62,10 +64,17 @@ class GearEvidence:
     search : SearchedGear or None
         The matched search of its teeth; None where there is no template of the response (planetary
         sets: their teeth meet several others a turn, each heard through a path of its own).
+    heard_in : GearDeviation, optional
+        The deviation in whose turn a damaged tooth without a template comes again; the gear's own
+        by default.
+    meshes : int, >= 1
+        Meshes of the gear's stage that share the load in parallel.
     """
 
     deviation: GearDeviation
     search: SearchedGear | None
+    heard_in: GearDeviation | None = None
+    meshes: int = 1
 
     @property
     def key(self) -> tuple[int, str]:
@@ -81,15 +90,21 @@ class GearEvidence:
         """
         if self.search is not None:
             return self.search.match.log_gear
-        deviation = self.deviation
-        lines = sum(band.rest.size for band in deviation.bands)
-        shape = max(0.5, 2.0 * lines / deviation.teeth / _OVERDISPERSION)
-        return self._of_gamma(shape, deviation.peak)
+        turn = self._turn
+        lines = sum(band.rest.size for band in turn.bands)
+        shape = max(0.5, 2.0 * lines / turn.teeth / _OVERDISPERSION)
+        # the meetings of one turn depart together on a healthy machine, too: however many there
+        # are, the largest mean over them scatters as one of them would
+        return self._of_gamma(shape, turn.peak)
+
+    @property
+    def _turn(self) -> GearDeviation:
+        return self.heard_in or self.deviation
 
     @property
     def believed(self) -> float:
         """`log_factor`, as far as it is believed."""
-        return self.believes(self.log_factor, self.deviation.peak)
+        return self.believes(self.log_factor, self._turn.peak)
 
     def believes(self, log_factor: float, peak: float) -> float:
         """Return how much is believed of a log Bayes factor.
@@ -106,13 +121,14 @@ class GearEvidence:
         float
             At most what the energy at one tooth, beyond noise, tells among teeth that all depart.
         """
-        departs = max(self.deviation.departs, np.finfo(float).tiny)
+        departs = max(self._turn.departs, _NOISE_ALONE)
         by_teeth = self._of_gamma(_TEETH_SCATTER, 1.0 + max(0.0, peak - 1.0) / departs)
         return min(log_factor, by_teeth) if log_factor > 0 else log_factor
 
     def _of_gamma(self, shape: float, peak: float) -> float:
         """Log likelihood ratio of the largest of gamma variables, the tooth unknown."""
-        return shape * (peak - 1.0 - float(np.log(peak))) - float(np.log(self.deviation.teeth))
+        teeth = self._turn.teeth / self._turn.meetings
+        return float(shape * (peak - 1.0 - np.log(peak)) - np.log(max(1.0, teeth)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -201,12 +217,42 @@ def _searched(
     responses = [_response(gear, machine) for gear in deviation.gears]
     for gear, response in zip(deviation.gears, responses, strict=True):
         if response is None:
-            yield GearEvidence(deviation=gear, search=None)
+            yield planetary_evidence(gear, deviation.gears, machine)
             continue
         alone = replace(gear, mesh_power=own_mesh_power(gear, response, deviation.gears))
         found = search_gear(alone, response, own.speed_hz)
         if found is not None:
             yield GearEvidence(deviation=alone, search=found)
+
+
+def planetary_evidence(
+    gear: GearDeviation, gears: Sequence[GearDeviation], machine: Machine
+) -> GearEvidence:
+    """Evidence of a gear without a template, in the turn in which a damaged tooth comes again.
+
+    A tooth of the sun or the ring meets every planet in a turn about the carrier, one of a planet
+    the sun and the ring. Where the sun turns a whole number of times while the carrier does, its
+    tooth is heard at as many places of the housing: the turn of the carrier, that of the ring's
+    pattern, tells them apart.
+
+    Notes
+    -----
+    Simulated final drive of the catalogue, 30 % on a tooth of the sun: a log factor of 7 to 16 in
+    its own turn counted as one place, 30 in the ring's (which was blamed), 31 at twelve places
+    there; healthy ones 3 at most.
+    """
+    stage = machine.stages[gear.stage - 1]
+    if not isinstance(stage, PlanetaryStage):
+        return GearEvidence(deviation=gear, search=None)
+    met = 2 if gear.gear == "planet" else stage.planets
+    heard_in = None
+    for other in gears if gear.gear == "sun" else ():
+        times = gear.order / other.order
+        alike = (other.stage, other.gear) == (gear.stage, "ring")
+        if alike and abs(times - round(times)) <= 1e-9 * times:
+            heard_in = replace(other, meetings=met * round(times))
+    own = replace(gear, meetings=met)
+    return GearEvidence(deviation=own, search=None, heard_in=heard_in, meshes=stage.planets)
 
 
 def _response(gear: GearDeviation, machine: Machine) -> ToothResponse | None:

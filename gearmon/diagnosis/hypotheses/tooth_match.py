@@ -16,6 +16,7 @@ probability of at most 1/x.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -49,10 +50,10 @@ _POINTS, _REACH, _MOST_POINTS = 2.0, 3.0, 40
 SEARCH_MISFIT, SIZE_MISFIT, PLACE_MISFIT = 0.3, 0.03, 1.0
 # Mean square of a departure that is noise at least, where a recording is held against itself.
 _LEAST_NOISE = 1e-6
-# Share of an event that leaks to each other tooth; misfit of one band at which it stops to count.
-_LEAK, _MOST_MISFIT = 0.05, 6.0
 # Where logarithms of likelihoods are cut off, below the largest.
 _FAR_BELOW = -600.0
+# Numbers that are worked on at once.
+_TOGETHER = 1 << 21
 # Share of the teeth that are taken for sound.
 _MOST_TEETH = 0.8
 # Share of the signal's energy in directions that are not worth looking at.
@@ -80,11 +81,6 @@ class ToothMatch:
         more of the departure held for noise, see `PLACE_MISFIT`.
     expected : ndarray of float, shape (losses,)
         What the first would be on average at a tooth that has lost as much.
-    lines : int
-        Lines of the gear that were looked at.
-    misfit : float
-        Mean square of the departure beside the best tooth over that of noise, mean of the bands; 1
-        if the healthy pattern fits to within the scatter of either recording.
     """
 
     stage: int
@@ -94,8 +90,6 @@ class ToothMatch:
     log_likelihood: FloatArray
     log_place: FloatArray
     expected: FloatArray
-    lines: int
-    misfit: float
 
     @property
     def log_tooth(self) -> FloatArray:
@@ -122,10 +116,9 @@ def _any_loss(log_likelihood: FloatArray) -> FloatArray:
 def log_mean(logarithms: FloatArray, weight: FloatArray | None = None) -> FloatArray:
     """Logarithm of the (weighted) mean over the first axis of numbers given by their logarithms."""
     largest = logarithms.max(axis=0)
-    mean: FloatArray = largest + np.log(
-        np.average(np.exp(logarithms - largest), axis=0, weights=weight)
-    )
-    return mean
+    share = np.exp(logarithms - largest)
+    mean = share.mean(axis=0) if weight is None else np.average(share, axis=0, weights=weight)
+    return np.asarray(largest + np.log(mean))
 
 
 def match_teeth(
@@ -156,45 +149,36 @@ def match_teeth(
     """
     path = path_power(difference.mesh_power, response.mesh)
     rotation_hz = difference.order * speed_hz
+    delays = [
+        _delays(decay_s, rotation_hz * difference.teeth, response.contact_ratio)
+        for decay_s in DECAY_S
+    ]
+    turns = np.exp(2j * np.pi / difference.teeth * np.arange(difference.teeth))
     size = response.amplitude(LOSSES)
     around = difference.expected_by_tooth if against_others else None
     total = np.zeros((2, len(LOSSES), difference.teeth))
     expected = np.zeros(len(LOSSES))
-    lines = 0
-    misfits: list[float] = []
-    for band in difference.bands:
-        inside = band.number < len(response.lines)
-        if band.harmonic >= path.shape[1] or not inside.any():
-            continue
-        lines += int(inside.sum())
-        number = band.number[inside]
-        mesh_hz = rotation_hz * difference.teeth
-        delays = [
-            _delays(
-                np.asarray(number * rotation_hz, dtype=np.float64),
-                decay_s,
-                mesh_hz,
-                response.contact_ratio,
-            )
-            for decay_s in DECAY_S
-        ]
-        level = np.sqrt(response.band_power(number.astype(np.float64)))
-        place = np.exp(
-            2j * np.pi / difference.teeth * np.outer(np.arange(difference.teeth), number)
-        )
-        for channel in np.flatnonzero(path[:, band.harmonic] > 0):
-            deviation = band.deviation[channel, inside]
-            signal = level * np.sqrt(path[channel, band.harmonic]) / deviation
-            turned = place * band.rest[channel, inside]
-            misfits.append(_misfit(turned))
-            parts = [
-                _log_likelihood(turned, number, signal[:, None] * delay, size, around)
-                for delay in delays
-            ]
-            total += _with_unsure_path(log_mean(np.array([told for told, _ in parts])))
-            expected += np.mean([mean for _, mean in parts], axis=0)
-    if not misfits:
+    heard = list(_heard(difference, response, path))
+    if not heard:
         return None
+    for number, rest, signal in _alike(heard, len(LOSSES) * difference.teeth):
+        place = turns[np.arange(difference.teeth)[:, None] * number[:, None] % difference.teeth]
+        turned = place * rest[:, None]
+        told, mean = zip(
+            *[
+                _log_likelihood(
+                    turned,
+                    number,
+                    signal[:, :, None] * _ringing(number * rotation_hz, delay),
+                    size,
+                    around,
+                )
+                for delay in delays
+            ],
+            strict=True,
+        )
+        total += _with_unsure_path(log_mean(np.array(told))).sum(axis=0)
+        expected += np.mean(mean, axis=0).sum(axis=0)
     return ToothMatch(
         stage=difference.stage,
         gear=difference.gear,
@@ -203,9 +187,37 @@ def match_teeth(
         log_likelihood=total[0],
         log_place=_any_loss(total[1]),
         expected=expected,
-        lines=lines,
-        misfit=float(np.mean(misfits)),
     )
+
+
+_Lines = tuple[NDArray[Any], NDArray[Any], NDArray[Any]]
+
+
+def _heard(
+    difference: GearDeviation, response: ToothResponse, path: FloatArray
+) -> Iterator[_Lines]:
+    """Numbers of the lines of each band and channel, what departs, and what a unit loss adds."""
+    for band in difference.bands:
+        inside = band.number < len(response.lines)
+        if band.harmonic >= path.shape[1] or not inside.any():
+            continue
+        number = band.number[inside]
+        level = np.sqrt(response.band_power(number.astype(np.float64)))
+        for channel in np.flatnonzero(path[:, band.harmonic] > 0):
+            signal = level * np.sqrt(path[channel, band.harmonic])
+            yield number, band.rest[channel, inside], signal / band.deviation[channel, inside]
+
+
+def _alike(heard: Sequence[_Lines], places: int) -> Iterator[_Lines]:
+    """Stack those of equally many lines, some at a time; `places` are tried in each."""
+    for lines in sorted({len(number) for number, _, _ in heard}):
+        same = [one for one in heard if len(one[0]) == lines]
+        some = max(1, _TOGETHER // (places * lines))
+        for first in range(0, len(same), some):
+            number, rest, signal = (
+                np.array(a) for a in zip(*same[first : first + some], strict=True)
+            )
+            yield number, rest, signal
 
 
 def path_power(measured: FloatArray, expected: ComplexArray, *, mean: bool = False) -> FloatArray:
@@ -252,14 +264,10 @@ def _near(values: NDArray[Any]) -> FloatArray:
     return np.convolve(values, [0.5, 1.0, 0.5], "same")
 
 
-def _delays(
-    frequency_hz: FloatArray, decay_s: float, mesh_hz: float, contact_ratio: float
-) -> ComplexArray:
-    """Square root of the covariance of a band at unit power, shape (lines, delays).
+def _delays(decay_s: float, mesh_hz: float, contact_ratio: float) -> FloatArray:
+    """Delays [s] of equal probability: of a moment of contact, any being likely, and of the path.
 
-    The covariance is a mean over delays of rank-one parts: as few numbers as delays tell the same
-    as a matrix of all lines. A delay is that of a moment of contact, any being equally likely, and
-    that of the path, of density exp(-t/tau)/tau.
+    That of the path has the density exp(-t/tau)/tau.
     """
     span = contact_ratio / mesh_hz + _REACH * decay_s
     count = min(_MOST_POINTS, 2 + int(np.ceil(_POINTS * span * mesh_hz)))
@@ -268,9 +276,18 @@ def _delays(
     below = _ramp(time, decay_s) - _ramp(time - contact_ratio / mesh_hz, decay_s)
     share = (np.arange(count) + 0.5) / count
     # delays of equal probability, so that the likely ones lie densest
-    delay = np.interp(share * below[-1], below, time)
-    root: ComplexArray = np.exp(-2j * np.pi * np.outer(frequency_hz, delay)) / np.sqrt(count)
-    return root
+    delay: FloatArray = np.interp(share * below[-1], below, time)
+    return delay
+
+
+def _ringing(frequency_hz: FloatArray, delay_s: FloatArray) -> ComplexArray:
+    """Square roots of the covariances of bands at unit power, shape (bands, lines, delays).
+
+    The covariance is a mean over delays of rank-one parts: as few numbers as delays tell the same
+    as a matrix of all lines.
+    """
+    root: ComplexArray = np.exp(-2j * np.pi * frequency_hz[:, :, None] * delay_s)
+    return np.asarray(root / np.sqrt(len(delay_s)))
 
 
 def _ramp(time: FloatArray, decay_s: float) -> FloatArray:
@@ -287,18 +304,18 @@ def _log_likelihood(
     size: FloatArray,
     around: FloatArray | None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Logarithm of the likelihood ratio of one band of one channel, shape (2, losses, teeth).
+    """Logarithm of the likelihood ratio of each band, shape (bands, 2, losses, teeth).
 
     The first to tell whether there is damage or how much, the second to tell where. With it the
-    mean of the first at a tooth that has lost as much, shape (losses,).
+    mean of the first at a tooth that has lost as much, shape (bands, losses).
 
     Parameters
     ----------
-    turned : ndarray of complex, shape (teeth, lines)
+    turned : ndarray of complex, shape (bands, teeth, lines)
         The rest, turned so that each tooth in turn stands where tooth 1 would.
-    number : ndarray of int, shape (lines,)
+    number : ndarray of int, shape (bands, lines)
         Multiples of the gear's rotation.
-    root : ndarray of complex, shape (lines, delays)
+    root : ndarray of complex, shape (bands, lines, delays)
         Square root of the covariance of the response to a unit loss.
     size : ndarray of float, shape (losses,)
         Size of the response to each loss.
@@ -306,95 +323,94 @@ def _log_likelihood(
         Mean square of healthy departures at each tooth over that of the median. None where the
         departure of other teeth is no noise, see `match_teeth`.
     """
-    spread, vector = np.linalg.eigh(root.conj().T @ root)
-    # what carries the signal; no more than half of the lines, the others tell the noise
-    kept = np.cumsum(spread) > _LEFT_OUT * spread.sum()
-    kept[: -max(1, len(root) // 2)] = False
-    spread = spread[kept]
-    projection = (root @ vector[:, kept] / np.sqrt(spread)).conj()
+    spread, projection = _directions(root)
     energy = np.abs(turned @ projection) ** 2
-    whole = float(np.mean(np.abs(turned[0]) ** 2))
-    leak = _leak(projection, spread, number, len(turned))
+    whole = np.mean(np.abs(turned[:, 0]) ** 2, axis=1)
+    leak = _leak(projection, spread, number, turned.shape[1])
     if around is not None:
-        beside = _beside(energy / around[:, None], spread, leak)
-        least = max(1.0, beside, SEARCH_MISFIT * whole)
-        noise = np.maximum(max(1.0, beside) * around, least)
+        beside = np.maximum(_beside(energy / around[:, None], spread, leak), 1.0)
+        least = np.maximum(beside, SEARCH_MISFIT * whole)
     else:
         # where there is less noise than stated, a weak event would be taken for too small
-        beside = _beside(energy, spread, leak)
-        least = max(SIZE_MISFIT * whole, min(1.0, beside), _LEAST_NOISE)
-        noise = np.full(len(turned), least)
-    power = size[:, None] ** 2 * spread
-    told, expected = _beside_noise(power, energy, np.full(1, least))
-    # most places are as quiet as the quietest
-    louder = noise > least
-    if louder.any():
-        told[:, louder], there = _beside_noise(power, energy[louder], noise[louder])
-        expected = (np.sum(~louder) * expected + louder.sum() * there) / len(louder)
+        beside = np.minimum(_beside(energy, spread, leak), 1.0)
+        least = np.maximum(beside, np.maximum(SIZE_MISFIT * whole, _LEAST_NOISE))
+    power = size[:, None] ** 2 * spread[:, None]
+    told, expected = _beside_noise(power, energy, least)
+    if around is not None:
+        noise = beside[:, None] * around
+        # most places are as quiet as the quietest
+        band, tooth = np.nonzero(noise > least[:, None])
+        there, mean = _beside_noise(power[band], energy[band, tooth, None], noise[band, tooth])
+        told[band, :, tooth] = there[:, :, 0]
+        np.add.at(expected, band, (mean - expected[band]) / len(around))
     # beside the tooth that speaks, its neighbours are held against each other on equal terms
-    place, _ = _beside_noise(power, energy, np.full(1, max(least, PLACE_MISFIT * whole)))
-    return np.array([told, place]), expected
+    place, _ = _beside_noise(power, energy, np.maximum(least, PLACE_MISFIT * whole))
+    return np.stack([told, place], axis=1), expected
+
+
+def _directions(root: ComplexArray) -> tuple[FloatArray, ComplexArray]:
+    """Directions that carry the signal, and their powers; 0 where a band has fewer than others.
+
+    No more of them than half of the lines: the others tell the noise.
+    """
+    spread, vector = np.linalg.eigh(root.conj().swapaxes(1, 2) @ root)
+    kept = np.cumsum(spread, axis=1) > _LEFT_OUT * spread.sum(axis=1, keepdims=True)
+    kept[:, : -max(1, root.shape[1] // 2)] = False
+    first = int(np.argmax(kept.any(axis=0)))
+    kept, spread, vector = kept[:, first:], spread[:, first:], vector[:, :, first:]
+    over = np.where(kept, 1.0 / np.sqrt(np.where(kept, spread, 1.0)), 0.0)
+    return np.where(kept, spread, 0.0), ((root @ vector) * over[:, None]).conj()
 
 
 def _beside_noise(
     power: FloatArray, energy: FloatArray, noise: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Logarithm of the likelihood ratio, shape (losses, teeth), and its mean for each loss.
+    """Logarithm of the likelihood ratio, shape (bands, losses, teeth), and its mean for each loss.
 
     Parameters
     ----------
-    power : ndarray of float, shape (losses, directions)
+    power : ndarray of float, shape (bands, losses, directions)
         Mean power of the response along each direction.
-    energy : ndarray of float, shape (teeth, directions)
+    energy : ndarray of float, shape (bands, teeth, directions)
         Energy of the departure along them.
-    noise : ndarray of float, shape (1,) or (teeth,)
-        Mean square of the noise, of all teeth or of each.
+    noise : ndarray of float, shape (bands,)
+        Mean square of the noise.
     """
-    ratio = power[:, None] / noise[:, None]
-    less = np.log1p(ratio)
-    gain = ratio / (1.0 + ratio) / noise[:, None]
-    told = gain[:, 0] @ energy.T if len(noise) == 1 else np.einsum("ltd,td->lt", gain, energy)
-    return told - less.sum(axis=-1), np.mean(np.sum(ratio - less, axis=-1), axis=-1)
+    ratio = power / noise[:, None, None]
+    less = np.log1p(ratio).sum(axis=2)
+    told = (ratio / (1.0 + ratio) / noise[:, None, None]) @ energy.swapaxes(1, 2)
+    return told - less[:, :, None], ratio.sum(axis=2) - less
+
+
+_STEPS = np.log(LOSSES)[:, None] - np.log(LOSSES)
+_UNSURE = np.exp(-0.5 * (_STEPS / PATH_DEVIATION) ** 2)
+_UNSURE /= _UNSURE.sum(axis=1)[:, None]
 
 
 def _with_unsure_path(log_likelihood: FloatArray) -> FloatArray:
     """Average over the path's power in a band, which the mesh harmonics tell only roughly."""
-    steps = np.log(LOSSES)[:, None] - np.log(LOSSES)
-    weight = np.exp(-0.5 * (steps / PATH_DEVIATION) ** 2)
-    largest = log_likelihood.max(axis=1, keepdims=True)
+    largest = log_likelihood.max(axis=-2, keepdims=True)
     share = np.exp(np.maximum(log_likelihood - largest, _FAR_BELOW))
-    mean: FloatArray = largest + np.log(weight @ share / weight.sum(axis=1)[:, None])
-    return mean
-
-
-def _misfit(turned: ComplexArray) -> float:
-    """Mean square of a band's departure at the median tooth, what leaks from the largest left out.
-
-    An exponential variable has a median of log 2; a band with gaps, as mesh harmonics leave them,
-    lets about a twentieth of a large event leak to each other tooth.
-    """
-    energy = np.abs(turned.sum(axis=1)) ** 2 / turned.shape[1]
-    rest = float(np.median(energy)) - _LEAK * float(energy.max())
-    return float(np.clip(rest / np.log(2.0), 0.0, _MOST_MISFIT))
+    return np.asarray(largest + np.log(_UNSURE @ share))
 
 
 def _leak(projection: ComplexArray, spread: FloatArray, number: IntArray, teeth: int) -> FloatArray:
-    """Share of an event's energy that is seen so many teeth after it, shape (teeth,).
+    """Share of an event's energy that is seen so many teeth after it, shape (bands, teeth).
 
     Neighbours hear it because the path rings on; all teeth do because lines are missing about the
     mesh harmonics, most where a gear has few teeth.
     """
-    event = projection.conj() * np.sqrt(spread)
-    turn = np.zeros((len(spread), len(spread), teeth), dtype=complex)
-    turn[:, :, number % teeth] = projection.T[:, None, :] * event.T
-    seen = np.abs(np.fft.ifft(turn)) ** 2
-    energy = spread @ seen.sum(axis=1)
-    share: FloatArray = energy / energy[0]
-    return share
+    # summed over directions, the energy of an event along all of them is a sum over pairs of lines
+    power = np.abs((projection * spread[:, None]) @ projection.conj().swapaxes(1, 2)) ** 2
+    bands = np.arange(len(number))[:, None, None]
+    apart = bands * teeth + (number[:, :, None] - number[:, None]) % teeth
+    pairs = np.bincount(apart.ravel(), power.ravel(), minlength=len(number) * teeth)
+    energy = np.fft.fft(pairs.reshape(-1, teeth), axis=1).real
+    return np.asarray(energy / energy[:, :1])
 
 
-def _beside(energy: FloatArray, spread: FloatArray, leak: FloatArray) -> float:
-    """Mean square of the departure at most other teeth, what leaks from the largest taken off.
+def _beside(energy: FloatArray, spread: FloatArray, leak: FloatArray) -> FloatArray:
+    """Mean square of bands' departure at most other teeth, what leaks from the largest taken off.
 
     A departure around much of the turn is no damage of one tooth; what is left of it after the fit
     of the healthy pattern counts as noise. Told by a high quantile over the teeth, over that of a
@@ -402,14 +418,15 @@ def _beside(energy: FloatArray, spread: FloatArray, leak: FloatArray) -> float:
     """
     from scipy.special import gammaincinv
 
-    weight = spread / spread.sum()
-    level = energy @ weight
-    largest = int(np.argmax(level))
-    after = np.arange(len(level)) - largest
+    weight = (spread / spread.sum(axis=1, keepdims=True))[:, :, None]
+    level = (energy @ weight)[:, :, 0]
+    largest = np.argmax(level, axis=1)[:, None]
+    after = np.arange(level.shape[1]) - largest
     # a tooth before the largest is as good a neighbour as one after it
-    heard = np.maximum(leak[after], leak[-after])
+    row = np.arange(len(level))[:, None]
+    heard = np.maximum(leak[row, after], leak[row, -after]) * level[row, largest]
     # each component leaks more or less than the mean: what exceeds it stays, to be on the safe side
-    beside = np.maximum(energy - (heard * level[largest])[:, None], 0.0) @ weight
-    degrees = 1.0 / float(np.sum(weight**2))
-    expected = float(gammaincinv(degrees, _MOST_TEETH)) / degrees
-    return float(np.quantile(beside, _MOST_TEETH)) / expected
+    beside = (np.maximum(energy - heard[:, :, None], 0.0) @ weight)[:, :, 0]
+    degrees = 1.0 / np.sum(weight[:, :, 0] ** 2, axis=1)
+    expected = gammaincinv(degrees, _MOST_TEETH) / degrees
+    return np.asarray(np.quantile(beside, _MOST_TEETH, axis=1) / expected)

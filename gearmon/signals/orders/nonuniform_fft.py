@@ -22,7 +22,9 @@ a minimal oversampling ratio, IEEE Trans. Medical Imaging 24 (2005) 799-808.
 
 from __future__ import annotations
 
+import math
 import threading
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -228,42 +230,44 @@ class Spreading:
         count = len(steps)
         parts = int(min(np.ceil(change / _STEADY), max(1, count // 64)))
         length = -(-count // max(1, parts))
-        for begin in range(0, count, length):
-            own = steps[begin : begin + length]
-            number = round(float(np.log(own[len(own) // 2])) / _SPEED_STEP)
-            both, bend = self._table(len(weights), number)
+        begins = range(0, count, length)
+        middles = [steps[first : first + length] for first in begins]
+        numbers = [round(math.log(own[len(own) // 2]) / _SPEED_STEP) for own in middles]
+        self._add_tables(len(weights), numbers)
+        for begin, own, number in zip(begins, middles, numbers, strict=True):
+            both, bend = self._tables[len(weights), number]
             # the speed changes by this much a sample: the angles of neighbours are no straight line
             drift = (own[-1] - own[0]) * own[len(own) // 2] / max(1, len(own) - 1)
             near = powers[:, begin : begin + length]
             sloped = near[self._degree + 1 :]
-            np.subtract(own, np.exp(number * _SPEED_STEP), out=sloped[0])
+            np.subtract(own, math.exp(number * _SPEED_STEP), out=sloped[0])
             np.multiply(near[1 : self._slope_degree + 1], sloped[0], out=sloped[1:])
             np.matmul(both + drift * bend, near, out=weights[:, begin : begin + length])
 
-    def _table(self, taps: int, number: int) -> tuple[FloatArray, FloatArray]:
-        """Polynomials of the weights, and of their slopes, at one of a row of speeds.
+    def _add_tables(self, taps: int, numbers: Sequence[int]) -> None:
+        """Tabulate polynomials of the weights, and of their slopes, at speeds that are new.
 
         Shape (taps, terms): the weights at a speed [steps a sample] and their slopes against it;
         then what their change a sample adds to both: with r' the change, a sample at the distance d
         is r d - r' d^2 / 2 steps away, and stands for r - r' d of them.
         """
-        key = (taps, number)
-        if key not in self._tables:
-            speed, step = float(np.exp(number * _SPEED_STEP)), 1e-3
-            away, fit = _nodes(taps, self._degree)
-            near, fit_slope = _nodes(taps, self._slope_degree)
-            places = [(speed, away), (speed + step, away), (speed - step, away)]
-            places += [(speed + step, near), (speed - step, near)]
-            asked = np.concatenate([steps * where for steps, where in places], axis=1)
-            cuts = np.cumsum([where.shape[1] for _, where in places[:-1]])
-            own, more, less, high, low = np.split(self._kernel.at(asked), cuts, axis=1)
-            bend = -0.25 / step * away * (more - less) - away / speed * own
-            none = np.zeros((taps, self._slope_degree + 1))
-            self._tables[key] = (
-                np.concatenate([own @ fit, (high - low) @ fit_slope / (2 * step)], axis=1),
-                np.concatenate([bend @ fit, none], axis=1),
-            )
-        return self._tables[key]
+        new = [number for number in dict.fromkeys(numbers) if (taps, number) not in self._tables]
+        if not new:
+            return
+        speed, step = np.exp(np.array(new) * _SPEED_STEP)[:, None, None], 1e-3
+        away, fit = _nodes(taps, self._degree)
+        near, fit_slope = _nodes(taps, self._slope_degree)
+        places = [(speed, away), (speed + step, away), (speed - step, away)]
+        places += [(speed + step, near), (speed - step, near)]
+        asked = np.concatenate([steps * where for steps, where in places], axis=2)
+        cuts = np.cumsum([where.shape[1] for _, where in places[:-1]])
+        own, more, less, high, low = np.split(self._kernel.at(asked), cuts, axis=2)
+        bend = (-0.25 / step * away * (more - less) - away / speed * own) @ fit
+        none = np.zeros((*bend.shape[:2], self._slope_degree + 1))
+        both = np.concatenate([own @ fit, (high - low) @ fit_slope / (2 * step)], axis=2)
+        bends = np.concatenate([bend, none], axis=2)
+        for row, number in enumerate(new):
+            self._tables[taps, number] = both[row], bends[row]
 
 
 @lru_cache(maxsize=64)

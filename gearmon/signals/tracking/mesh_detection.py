@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -170,14 +171,7 @@ def _evidence(
     others = [mesh for i, mesh in enumerate(meshes) if i != index]
     mesh = meshes[index]
     shared = judged.comb_score(combined_comb(others, shaft_orders)) if others or shaft_orders else 0
-    rival = [
-        decoy
-        for spacing in mesh.spacings
-        for decoy in _decoys(mesh, spacing)
-        if decoy.order > 2 * spacing
-        and all(abs(decoy.order - true.order) >= 1.5 * spacing for true in meshes)
-    ]
-    own, *decoys = judged.best([mesh, *rival], shared)
+    own, *decoys = judged.best(_rivals(mesh, tuple(meshes)), shared)
     decoys = [strength for strength in decoys if len(strength)]
     if len(own) == 0 or len(decoys) < 8:
         return MeshEvidence.none(len(decoys))
@@ -204,6 +198,20 @@ def _evidence(
         clear=int(np.sum(clear)),
         visible=int(np.sum(common)),
     )
+
+
+# of one machine the same for every recording
+@lru_cache(maxsize=64)
+def _rivals(mesh: MeshComb, meshes: tuple[MeshComb, ...]) -> tuple[tuple[MeshComb, Comb], ...]:
+    """Return a mesh and its decoys, each with its comb."""
+    decoys = [
+        decoy
+        for spacing in mesh.spacings
+        for decoy in _decoys(mesh, spacing)
+        if decoy.order > 2 * spacing
+        and all(abs(decoy.order - true.order) >= 1.5 * spacing for true in meshes)
+    ]
+    return tuple((one, combined_comb([one], ())) for one in (mesh, *decoys))
 
 
 def _decoys(mesh: MeshComb, spacing: float) -> list[MeshComb]:
@@ -253,7 +261,9 @@ class _JudgedSpectrum:
         orders = (1 + self.corrections)[:, None] * comb.orders[used]
         return self._at(orders) @ comb.weights[used]
 
-    def best(self, meshes: Sequence[MeshComb], shared: FloatArray | int) -> list[FloatArray]:
+    def best(
+        self, meshes: Sequence[tuple[MeshComb, Comb]], shared: FloatArray | int
+    ) -> list[FloatArray]:
         """Log strength of each harmonic's group at the speed that suits comb and mesh best.
 
         One array a mesh, of the groups within the spectrum.
@@ -261,12 +271,11 @@ class _JudgedSpectrum:
         # the groups of each that lie within the spectrum
         seen = [
             [group for group in mesh.groups if max(group) < self.top_order and min(group) > 0]
-            for mesh in meshes
+            for mesh, _ in meshes
         ]
         corrections = [
-            1
-            + self.corrections[int(np.argmax(self.comb_score(combined_comb([mesh], ())) + shared))]
-            for mesh in meshes
+            1 + self.corrections[int(np.argmax(self.comb_score(comb) + shared))]
+            for _, comb in meshes
         ]
         orders = [
             correction * order

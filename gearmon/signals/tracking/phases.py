@@ -29,6 +29,8 @@ from gearmon.signals.tracking.thresholds import LIMITS, QUARTER_HOP
 
 # Blocks that tell whether lines are phase-coherent [turns].
 _BLOCK_TURNS = 5.0
+# Half the width of a line read through a Hann window, over one by its length.
+_PARTED = 2.0
 # Errors of the speed that each pass expects: they bound the orders that it may use.
 _SPEED_ERRORS = (1e-2, 3e-3, 1e-3, 1e-4)
 # Length of the blocks: enough to part mesh lines from the sidebands of shaft 1 [turns].
@@ -122,12 +124,16 @@ def coherent_share(sums: OrderSums, track: AngleTrack) -> float:
     -------
     float
         Mean over the lines above the noise of |mean A|^2 / mean |A|^2, both less the share of
-        noise, in [0, 1]; 0 if there is none.
+        noise, in [0, 1]; 0 if there is none. Of lines that the blocks do not part, such as those
+        beside a planetary mesh that are a turn of the carrier apart, the loudest counts alone:
+        what leaks of it to the others turns with the block.
     """
     turns = float(track.turns[-1] - track.turns[0])
     lines = sums.blocks(track, min(_BLOCK_TURNS, turns / 4))
     power = np.mean(np.abs(lines.amplitude) ** 2, axis=0)
-    clear = power > LIMITS.clear_power * lines.noise
+    blended = np.abs(lines.orders[:, None] - lines.orders) < _PARTED / lines.block_turns
+    loudest = np.max(np.where(blended, power[:, None, :], 0.0), axis=2)
+    clear = (power > LIMITS.clear_power * lines.noise) & (power >= loudest)
     if not clear.any():
         return 0.0
     blocks = lines.amplitude.shape[0]

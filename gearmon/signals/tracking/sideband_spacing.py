@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from math import gcd
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from gearmon.signals.array_types import BoolArray, FloatArray
@@ -21,6 +22,7 @@ _LINES = 4
 # Spacings tried: so many times a part of the mesh order; and bins averaged before lines are sought:
 # those of a bearing that slips are smeared.
 _PARTS, _TIMES, _AVERAGED = 40, (1, 2, 3), (1, 4)
+_RATIOS = np.array([t / n for n in range(2, _PARTS + 1) for t in _TIMES if gcd(n, t) == 1])
 # Mesh harmonics looked at, and the share of the bins that is highest: a harmonic is clear.
 _HARMONICS, _CLEAREST = 12, 0.02
 
@@ -198,24 +200,31 @@ def _finer_comb(
         return None
     top = harmonics[clear[-1]] + 0.5 * mesh.order
     told_apart = [shaft for shaft in turning if shaft > 2.5 * lines.width]
-    parts = [(n, times) for n in range(2, _PARTS + 1) for times in _TIMES if gcd(n, times) == 1]
-    for spacing in (mesh.order * times / n for n, times in parts):
-        known = any(abs(spacing - one) <= lines.width for one in (*turning, *meshing))
-        if spacing < 4 * lines.width or known:
-            continue
-        orders = np.arange(1.0, int(top / spacing) + 1) * spacing
-        meshed = lines.on(orders, mesh.order)
-        between = ~meshed & ~np.any([lines.on(orders, other) for other in meshing], axis=0)
-        count = int(between.sum())
-        if count < _LINES or not meshed.any():
-            continue
-        # most spacings are out already before their neighbours are looked at
-        above = lines.at(orders) - lines.usual
-        off, own = float(np.nanmean(above[between])), float(np.nanmean(above[meshed]))
-        if off < _AS_CLEAR * own or off * np.sqrt(count) < _SURE:
-            continue
-        standing = lines.standing(orders, told_apart, (spacing, mesh.order))
-        off, own = float(np.nanmean(standing[between])), float(np.nanmean(standing[meshed]))
-        if off > _AS_CLEAR * own and off * np.sqrt(count) > _SURE:
+    tried = mesh.order * _RATIOS
+    known = np.any([np.abs(tried - one) <= lines.width for one in (*turning, *meshing)], axis=0)
+    tried = tried[(tried >= 4 * lines.width) & ~known]
+    # the lines of all spacings, one after the other
+    sizes = (top / tried).astype(np.intp)
+    of = np.repeat(np.arange(len(tried)), sizes)
+    orders = (np.arange(len(of)) - np.repeat(np.cumsum(sizes) - sizes, sizes) + 1.0) * tried[of]
+    meshed = lines.on(orders, mesh.order)
+    between = ~meshed & ~np.any([lines.on(orders, other) for other in meshing], axis=0)
+    above = lines.at(orders) - lines.usual
+
+    def mean(chosen: BoolArray) -> tuple[FloatArray, NDArray[np.intp]]:
+        kept = chosen & ~np.isnan(above)
+        count = np.bincount(of[kept], minlength=len(tried))
+        return np.bincount(of[kept], above[kept], len(tried)) / np.maximum(count, 1), count
+
+    # most spacings are out already before their neighbours are looked at
+    (off, count), (own, harmonics_on) = mean(between), mean(meshed)
+    told = (count >= _LINES) & (harmonics_on > 0)
+    told &= (off >= _AS_CLEAR * own) & (off * np.sqrt(count) >= _SURE)
+    for number in np.flatnonzero(told).tolist():
+        mine, spacing = of == number, float(tried[number])
+        standing = lines.standing(orders[mine], told_apart, (spacing, mesh.order))
+        stands = float(np.nanmean(standing[between[mine]]))
+        clear_by = float(np.nanmean(standing[meshed[mine]]))
+        if stands > _AS_CLEAR * clear_by and stands * np.sqrt(count[number]) > _SURE:
             return spacing
     return None

@@ -11,7 +11,7 @@ proportions stand in where the file says nothing of them but their number.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,6 +112,8 @@ class ToothResponse:
         return np.where(number < top, power, 0.0)
 
 
+# of one machine all recordings ask for the same gears
+@lru_cache(maxsize=64)
 def tooth_response(
     machine: Machine,
     stage: int,

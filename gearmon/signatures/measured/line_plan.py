@@ -2,7 +2,8 @@
 
 Every line is counted once. Orders of a train are ratios of tooth counts, so coincidences (the third
 mesh harmonic of one stage on the first of another) are decided exactly, in fractions; a line that
-several families claim goes to the one it is nearest to in its own harmonics.
+several families claim goes to the one it is nearest to in its own harmonics. Shaft and mesh
+harmonics also have names (`machine_marks`), for the peaks of a spectrum.
 """
 
 from __future__ import annotations
@@ -11,12 +12,14 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.gears.kinematics import Kinematics, Mesh, Wheel
+from gearmon.gears.kinematics import Kinematics, Mesh, Wheel, kinematics
+from gearmon.machine import Machine
 
 FloatArray = NDArray[np.float64]
 
@@ -25,6 +28,8 @@ NEAR_SIDEBANDS = 6
 # A slow mesh is heard where the housing rings, from about 1 kHz on, and not at its first harmonics:
 # more of them are taken, up to this frequency [Hz], but no more than so many.
 _HEARD_HZ, _MOST_HARMONICS = 2500.0, 32
+# Harmonics of each shaft that are named in a spectrum.
+_SHAFT_HARMONICS = 3
 
 
 def mesh_harmonics(mesh_hz: float) -> int:
@@ -143,6 +148,8 @@ class LinePlan:
     wheels: tuple[WheelLines, ...]
 
 
+# recordings of one machine have the same lines
+@lru_cache(maxsize=16)
 def line_plan(
     train: Kinematics, top_order: float, finest_spacing: float, shaft1_hz: float = math.inf
 ) -> LinePlan:
@@ -409,3 +416,67 @@ def distance_to(known: FloatArray, orders: FloatArray) -> FloatArray:
     above = np.abs(known[np.minimum(after, len(known) - 1)] - orders)
     below = np.abs(known[np.maximum(after - 1, 0)] - orders)
     return np.asarray(np.minimum(above, below), dtype=np.float64)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mark:
+    """A line of the machine.
+
+    Parameters
+    ----------
+    place : float
+        Frequency [Hz], or order of the shaft that the axis counts by.
+    name : str
+        "shaft 2 ×1", "mesh 1 ×3"; several names are joined by " = ".
+    kind : {"shaft", "mesh"}
+    number : int
+        Shaft, or stage.
+    """
+
+    place: float
+    name: str
+    kind: str
+    number: int
+
+
+def machine_marks(machine: Machine, per_order: float, top: float) -> tuple[Mark, ...]:
+    """Return the shaft and mesh harmonics of a machine, lowest first.
+
+    Parameters
+    ----------
+    machine : Machine
+        The machine.
+    per_order : float
+        What one order of shaft 1 is on the axis: its speed [Hz], or the reciprocal of the order of
+        the shaft that the axis counts by.
+    top : float
+        No marks above this place.
+    """
+    train = kinematics(machine)
+    found: dict[float, Mark] = {}
+
+    def add(order: float, name: str, kind: str, number: int) -> None:
+        place = order * per_order
+        if place > top:
+            return
+        key = round(order, 9)
+        known = found.get(key)
+        if known is None:
+            found[key] = Mark(place=place, name=name, kind=kind, number=number)
+        else:
+            joined = f"{known.name} = {name}"
+            found[key] = Mark(place=place, name=joined, kind=known.kind, number=known.number)
+
+    for mesh in train.meshes:
+        for k in range(1, MESH_HARMONICS + 1):
+            add(k * mesh.order, f"mesh {mesh.stage} ×{k}", "mesh", mesh.stage)
+    for shaft in train.shafts:
+        for k in range(1, _SHAFT_HARMONICS + 1):
+            add(k * shaft.order, f"shaft {shaft.number} ×{k}", "shaft", shaft.number)
+    return tuple(found[key] for key in sorted(found))
+
+
+def mark_near(marks: tuple[Mark, ...], place: float, within: float) -> str:
+    """Return the name of the mark nearest to a place, "" if none lies within a distance."""
+    near = min(marks, key=lambda mark: abs(mark.place - place), default=None)
+    return near.name if near is not None and abs(near.place - place) <= within else ""

@@ -13,7 +13,7 @@ from gearmon.errors import RecordingError
 from gearmon.gears.kinematics import Kinematics, kinematics
 from gearmon.machine import Machine
 from gearmon.signals.angle import AngleTrack
-from gearmon.signals.bad_samples import sound_part
+from gearmon.signals.bad_samples import inspected, sound_part, sound_piece
 from gearmon.signals.orders import OrderLines, order_lines
 from gearmon.signals.orders.fine_spectra import FineSpectrum, fine_order_spectrum
 from gearmon.signals.recording import Recording
@@ -27,6 +27,7 @@ from gearmon.signals.tracking.sideband_spacing import (
 from gearmon.signatures.measured.line_plan import LinePlan, line_plan, mesh_harmonics
 from gearmon.signatures.measured.nongear_lines import NonGearLines, nongear_lines
 from gearmon.signatures.measured.provenance import digests
+from gearmon.signatures.mesh_evidence import Tracking
 from gearmon.signatures.speed import (
     SPEED_TOLERANCE,
     Speed,
@@ -42,6 +43,9 @@ FloatArray = NDArray[np.float64]
 LEAKAGE = 1e-4
 #: Pieces of a long recording in which lines of other origin are looked for.
 PIECES_HEARD = 8
+# Mesh periods over which phases hold an angle alone: a speed 1 % off that on both sides slips by a
+# quarter of one.
+_HELD_PERIODS = 25.0
 # Bands of the broadband spectrum, a sixth of an octave each at most, and samples of a segment.
 _BANDS, _BAND_SAMPLES = 40, 2048
 # A mesh whose sidebands would rather stand elsewhere must be far clearer than others.
@@ -182,17 +186,28 @@ def measure_signature(recording: Recording, machine: Machine) -> MeasuredSignatu
         If the recording has no vibration channel, none that is sound (see
         `gearmon.signals.bad_samples`), or is too short for a turn of the slowest shaft.
     """
-    recording = sound_part(recording)
     train = kinematics(machine)
+    recording, tracking = _tracked(recording, machine, train)
     vibration = recording.vibration()
-    slowest = min(shaft.order for shaft in train.shafts)
-    _check_length(recording, slowest, machine)
     samples, rate = vibration.samples, vibration.sampling_rate_hz
-    tracking = track_recording(recording, machine, train)
     track, nominal_hz = tracking.track, tracking.nominal_hz
     combs = mesh_combs(train, nominal_hz)
-    plan = _plan(train, rate, track, tracking.plan_hz)
-    lines, (spectrum, foreign) = _spectra(samples, rate, track, train, plan)
+    start, stop = sound_piece(vibration)
+    # what is sound in one piece sets the length of blocks, and has the spectra
+    part = track.between(start / rate, stop / rate) if vibration.left_out else track
+    piece = samples[:, start:stop]
+    plan = _plan(train, rate, part, tracking.plan_hz)
+    block_turns = _block_turns(float(part.turns[-1] - part.turns[0]), train)
+
+    def planned() -> OrderLines:
+        gaps = vibration.left_out or ()
+        return order_lines(
+            samples, rate, track, plan.orders, block_turns, error=LEAKAGE, left_out=gaps
+        )
+
+    lines, (spectrum, foreign) = at_once(
+        planned, lambda: _others(piece, rate, part, train), samples.size
+    )
     level, scatter, heard = family_levels(lines, plan)
     peak_hz = line_peak(samples, rate, train, track, nominal_hz)
     speed = speed_of(track, nominal_hz, peak_hz, tracking.scan, recording.duration_s)
@@ -211,11 +226,45 @@ def measure_signature(recording: Recording, machine: Machine) -> MeasuredSignatu
         level_db=level,
         scatter_db=scatter,
         heard=heard,
-        band_db=broadband_levels(samples, rate),
+        band_db=broadband_levels(piece, rate),
         notes=tuple(recording.notes) + tracking.notes,
         foreign=foreign,
         digests=digests(samples),
     )
+
+
+def _tracked(
+    recording: Recording, machine: Machine, train: Kinematics
+) -> tuple[Recording, Tracking]:
+    """Find what is sound, and the angle in it.
+
+    Where the angle is not known across what is left out the longest sound piece is all.
+    """
+    slowest = min(shaft.order for shaft in train.shafts)
+    whole = inspected(recording)
+    _check_length(sound_part(whole, 0.0), slowest, machine)
+    if whole.left_out and _held(whole, machine, train, "tacho" in whole.channel_kinds):
+        found = track_recording(whole, machine, train)
+        if _held(whole, machine, train, found.track.method == "tacho"):
+            return whole, found
+    part = sound_part(whole)
+    return part, track_recording(part, machine, train)
+
+
+def _held(recording: Recording, machine: Machine, train: Kinematics, tacho: bool) -> bool:
+    """Whether the angle is known across all that is left out: by pulses, or because it is short."""
+    fastest_hz = max(point.shaft1_hz for point in machine.operating)
+    short_s = _HELD_PERIODS / fastest_hz / max(mesh.order for mesh in train.meshes)
+    long = [
+        slice(first, end)
+        for first, end in recording.left_out or ()
+        if end - first > short_s * recording.sampling_rate_hz
+    ]
+    if not tacho:
+        return not long
+    pulses = recording.samples[recording.channel_kinds.index("tacho")]
+    # a recorder that stood still did so with all channels
+    return all(np.ptp(pulses[gap]) > 0 for gap in long)
 
 
 def broadband_levels(samples: FloatArray, rate: float) -> FloatArray:
@@ -248,23 +297,14 @@ def broadband_levels(samples: FloatArray, rate: float) -> FloatArray:
     return levels
 
 
-def _spectra(
-    samples: FloatArray, rate: float, track: AngleTrack, train: Kinematics, plan: LinePlan
-) -> tuple[OrderLines, tuple[FineSpectrum, NonGearLines]]:
-    """Lines of the plan; fine spectrum and lines of other origin: both at once."""
-    turns = float(track.turns[-1] - track.turns[0])
-    block_turns = _block_turns(turns, min(shaft.order for shaft in train.shafts))
+def _others(
+    samples: FloatArray, rate: float, track: AngleTrack, train: Kinematics
+) -> tuple[FineSpectrum, NonGearLines]:
+    """Fine spectrum, and lines of other origin."""
     # at most some millions of points: the test needs the resolution of seconds, not of hours
     pieces = max(1, samples.shape[-1] >> 18)
-
-    def planned() -> OrderLines:
-        return order_lines(samples, rate, track, plan.orders, block_turns, error=LEAKAGE)
-
-    def others() -> tuple[FineSpectrum, NonGearLines]:
-        spectrum = fine_order_spectrum(samples, rate, track, pieces, PIECES_HEARD)
-        return spectrum, nongear_lines(samples, rate, track, train, spectrum)
-
-    return at_once(planned, others, samples.size)
+    spectrum = fine_order_spectrum(samples, rate, track, pieces, PIECES_HEARD)
+    return spectrum, nongear_lines(samples, rate, track, train, spectrum)
 
 
 def _check_length(recording: Recording, slowest_order: float, machine: Machine) -> None:
@@ -299,12 +339,13 @@ def _plan(train: Kinematics, rate: float, track: AngleTrack, nominal_hz: float) 
     top = 0.48 * rate / nominal_hz / (1 + SPEED_TOLERANCE)
     turns = float(track.turns[-1] - track.turns[0])
     # a Hann block tells lines apart that are two over its length away from each other
-    finest = 2.0 / _block_turns(turns, min(shaft.order for shaft in train.shafts))
+    finest = 2.0 / _block_turns(turns, train)
     return line_plan(train, top, 0.999 * finest, nominal_hz)
 
 
-def _block_turns(turns: float, slowest_order: float) -> float:
+def _block_turns(turns: float, train: Kinematics) -> float:
     """Length of the blocks: five turns of the slowest shaft where the recording has room."""
+    slowest_order = min(shaft.order for shaft in train.shafts)
     wanted = max(5.0 / slowest_order, 20.0)
     return float(min(wanted, max(turns / 2.5, min(turns, 2.0 / slowest_order))))
 

@@ -133,7 +133,7 @@ def machine_notes(machine: Machine, reference: Reference) -> list[str]:
 def _check_orders(machine: Machine, reference: Reference) -> None:
     """Refuse a reference whose gears turn otherwise than those of the machine."""
     orders = {
-        (mesh.stage, wheel.gear): float(wheel.order)
+        (mesh.stage, wheel.gear): float(wheel.relative_order)
         for mesh in kinematics(machine).meshes
         for wheel in mesh.wheels
     }

@@ -199,6 +199,27 @@ def test_noise_that_rose_beyond_the_lines_is_no_gear():
     assert flags_of(replace(rose, deviation=alike), None, [change(-10.0)])[0].gear == "pinion"
 
 
+def test_noise_that_fell_anywhere_was_not_added():
+    rose = evidence(lines=2.0, noise=3.0, noise_gain_db=6.0)
+    rest = rose.deviation.broadband.rest_db.copy()
+    rest[:, : rest.shape[1] // 4] = -9.0
+    fell = replace(rose.deviation, broadband=replace(rose.deviation.broadband, rest_db=rest))
+    flags = flags_of(replace(rose, deviation=fell), None, [change(-10.0)], common=0.7)
+    assert [flag.kind for flag in flags] == ["path changed"]
+
+
+def test_runout_is_not_blamed_for_a_bearing_or_a_moved_sensor():
+    growth = runout_growth(
+        [TurnChange(stage=1, gear="pinion", change_db=np.array([15.0, *5 * [0]]))]
+    )
+    bearing = evidence(lines=2.0, noise=3.0, noise_gain_db=6.0, runout=growth)
+    assert [f.kind for f in flags_of(bearing, None, [change(-10.0)])] == ["broadband rise"]
+    moved = evidence(lines=4.0, runout=growth)
+    assert [f.kind for f in flags_of(moved, None, [change(-10.0)], 0.7)] == ["path changed"]
+    unsure = replace(evidence(runout=growth), angle=0.3)
+    assert flags_of(unsure) == ()
+
+
 def test_the_spread_overrules_a_peak_of_the_energy():
     row = features(far_db=6.0, several_db=5.0, peak_db=16.0, peaks=1.0, teeth_involved=3.0).named(1)
     assert rule_probabilities(row)["tooth damage"] > 0.5

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gearmon.diagnosis.history import Series, find_changes, fit_trend
@@ -132,7 +132,6 @@ def test_permuted_probability_is_uniform_for_any_law():
 
 
 @given(seed=st.integers(0, 10**6), scale=st.floats(1e-6, 1e6), shift=st.floats(-1e3, 1e3))
-@settings(max_examples=20, deadline=None)
 def test_no_unit_and_no_offset_matters(seed, scale, shift):
     value = np.random.default_rng(seed).standard_normal(10)
     one = change_probability(series(value))

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gearmon.diagnosis.history import (
@@ -63,7 +63,6 @@ def test_courses_grow_from_nought_to_one_ever_faster(growth):
 
 
 @given(st.floats(1.1, 6.0), st.floats(0.5, 8.0), st.floats(0.05, 1.5))
-@settings(max_examples=25, deadline=None)
 def test_courses_bend_along_their_exponent(exponent, folds, share):
     place, step = np.array([share]), 1e-6
     power = [Growth(exponent=exponent + sign * step).at(place) for sign in (1, -1)]

@@ -94,3 +94,9 @@ def test_healthy_recordings_are_compared_with_one_another():
     assert [own[0].change_db[0] for own in told] == pytest.approx(
         [-20 * np.log10(2), 20 * np.log10(2)], abs=1e-4
     )
+
+
+def test_every_gear_and_both_distances_are_places_to_look_at():
+    sound = [turn(0, 0, 0, 0, 0, 0, gear=f"gear {i}") for i in range(3)]
+    four = runout_growth([turn(12, 0, 0, 0, 0, 0), *sound])[0].log10_probability
+    assert four - log10(12, 0, 0, 0, 0, 0) == pytest.approx(np.log10(4))

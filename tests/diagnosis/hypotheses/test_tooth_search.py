@@ -323,3 +323,11 @@ def test_a_mesh_that_stands_alone_keeps_its_power():
 def test_means_of_logarithms_do_not_overflow():
     assert log_mean(np.array([[1000.0], [1000.0]]))[0] == pytest.approx(1000.0)
     assert log_mean(np.array([[0.0], [np.log(3.0)]]))[0] == pytest.approx(np.log(2.0))
+
+
+def test_where_a_pair_carries_more_its_loss_counts_more():
+    known = response("pinion")
+    half = type(known)(**{**vars_of(known), "pair_share": np.array([1.0, 0.5])})
+    # grown by s loss/(1 - s loss): 1 and 1/3, here told per share
+    expected = np.sqrt((1.0**2 * 1.0 + (0.5 / 0.75) ** 2 * 0.25) / 1.25)
+    assert half.amplitude(np.array([0.5]))[0] == pytest.approx(expected)

@@ -83,3 +83,12 @@ def test_bands_that_move_as_one_are_told_from_sidebands_of_one_gear():
     gear[:, 1::3] = 8.0
     assert not path_change(held(gear, known), families()).likely
     assert not path_change(held(6.0 * rng.normal(size=(2, 24)), known), families()).likely
+
+
+def test_the_standard_deviation_is_that_of_a_difference_from_a_mean():
+    known = np.zeros((2, 1, 9))
+    errors = np.full((1, 9), 0.5), np.full((2, 1, 9), 0.6)
+    found = level_deviation(known[0], errors[0], known, errors[1], np.zeros((2, 2)), HERE)
+    # scatter of 0.06 Np in the recording and in the mean of two references
+    own = (20 / np.log(10) * 0.06) ** 2 * (1 + 1 / 2)
+    assert found.sigma_db**2 == pytest.approx(own + 0.5**2 + 0.6**2 / 2)

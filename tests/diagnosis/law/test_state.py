@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
-from gearmon.diagnosis.law import Kriging
+from gearmon.diagnosis.law import Kriging, operating_states
 from gearmon.diagnosis.law.state import LENGTH
 
 HERE = np.zeros(2)
@@ -48,7 +50,6 @@ def test_a_straight_course_is_followed_between_references():
     assert found.weights @ np.array([-0.3, 0.0, 0.3]) == pytest.approx(0.15, abs=0.02)
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     st.lists(st.tuples(st.floats(-1, 1), st.floats(-1, 1)), min_size=1, max_size=6),
     st.tuples(st.floats(-1, 1), st.floats(-1, 1)),
@@ -59,3 +60,23 @@ def test_one_more_reference_never_makes_it_less_sure(known, more, state):
     two = Kriging.of(np.array([*known, more]), np.array(state))
     assert one.weights.sum() == pytest.approx(1.0)
     assert two.spread <= one.spread * (1 + 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("mesh", "others", "floor", "load"),
+    [(6.0, 6.0, 6.0, 0.0), (6.0, 0.0, 0.0, 6.0), (6.0, 2.0, 3.0, 4.0), (6.0, -1.0, 2.0, 6.0)],
+)
+def test_the_load_is_what_the_mesh_lines_rose_beyond_a_gain(mesh, others, floor, load):
+    def profile(*change_db):
+        return SimpleNamespace(
+            family_names=("mesh 1 x1", "shaft 1"),
+            level_db=np.array([change_db[:2]]),
+            heard=np.ones((1, 2), dtype=bool),
+            band_db=np.array([[change_db[2]]]),
+            speed_hz=20.0,
+        )
+
+    base, new = profile(0.0, 0.0, 0.0), profile(mesh, others, floor)
+    ((found, speed),) = operating_states([new], base, [(0,)], (0,))
+    assert found == pytest.approx(load * np.log(10) / 20)
+    assert speed == 0.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gearmon.diagnosis.law.gear_lines import GearPattern, turning
@@ -45,7 +45,6 @@ def error(found, turn):
     return abs((found - turn + 0.5) % 1.0 - 0.5) * TEETH
 
 
-@settings(max_examples=15, deadline=None)
 @given(st.integers(0, 50), st.floats(0, 1))
 def test_the_angle_is_found(seed, turn):
     known, new = pair(seed, turn)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gearmon.diagnosis.nongear import harmonic_sources
@@ -62,7 +62,6 @@ def test_unrelated_lines_seldom_share_a_source():
     assert joined <= 0.01 * 15 * 200
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.lists(st.floats(0.01, 200.0), max_size=40), st.floats(1e-3, 0.1))
 def test_every_line_has_one_source(orders, width):
     found = harmonic_sources(lines(orders), {"spectrum": width, "envelope": width})

@@ -6,7 +6,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from reference.synthetic_signals import (
     band_limited,
@@ -248,7 +248,6 @@ def test_fewer_values_a_turn_leave_lines_out_and_fold_none():
     assert share == pytest.approx(31 / 91, rel=0.1)
 
 
-@settings(max_examples=15)
 @given(st.floats(-1e3, 1e3).filter(lambda v: abs(v) > 1e-3), st.integers(0, 1000))
 def test_scale_and_channels(factor, seed):
     track = constant_track(20.0, 1.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from reference.slow_orders import direct_lines, naive_average
 from reference.synthetic_signals import constant_track, lines_on, track_of, wandering_turns, white
@@ -89,7 +89,6 @@ def test_quick_resampling_follows_the_phase_as_well():
     np.testing.assert_allclose(found.amplitude, 3 * np.exp(0.7j), rtol=2e-3)
 
 
-@settings(max_examples=10)
 @given(st.floats(1e-3, 1e3), st.floats(-3.0, 3.0), st.integers(0, 1000))
 def test_lines_scale_and_turn_with_the_angle(factor, shift, seed):
     samples = white((3, 6000), seed=seed)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from reference.synthetic_signals import constant_track, lines_on, track_of, wandering_turns, white
 
@@ -96,7 +96,6 @@ def test_constant_stays_constant_to_the_ends():
         np.testing.assert_allclose(found.values, 9.81, rtol=1e-9)
 
 
-@settings(max_examples=15)
 @given(st.floats(-1e3, 1e3), st.integers(0, 1000), st.sampled_from([None, 40]))
 def test_linear_and_channels_stay_apart(factor, seed, steps):
     track = constant_track(20.0, 2.0)

@@ -9,6 +9,7 @@ import pytest
 
 from gearmon.errors import RecordingError
 from gearmon.signals.reading import describe_columns, find_defect
+from gearmon.signals.reading.fields import acceleration_factor, time_factor
 from gearmon.signals.reading.layout import Header
 from gearmon.signals.recording import read_recording
 
@@ -238,3 +239,28 @@ class TestClipping:
             match=rf"line {line}, column 2 \('b'\) is clipped: \d+ samples \(\d+ %\) are exactly 1",
         ):
             read_recording(path, 100, channels="b")
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor"),
+    [
+        ("m/s²", 1.0),
+        ("mm/s2", 1e-3),
+        ("cm/s2", 1e-2),
+        ("ft/s2", 12 * 0.0254),
+        ("in/s2", 0.0254),
+        ("g", GRAVITY),
+        ("mg", 1e-3 * GRAVITY),
+        ("mm/s", None),
+        ("V", None),
+    ],
+)
+def test_accelerations_are_told_in_metres_by_their_definitions(unit, factor):
+    assert acceleration_factor(unit) == (factor and pytest.approx(factor, rel=1e-12))
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor"), [("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9), ("h", 3600)]
+)
+def test_times_are_told_in_seconds(unit, factor):
+    assert time_factor(unit) == pytest.approx(factor, rel=1e-12)

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from reference.slow_csv import read_slowly
 
@@ -18,7 +18,6 @@ from gearmon.signals.reading.source import Block
 from gearmon.signals.reading.text import parse_rows, read_rows
 from gearmon.signals.recording import read_recording
 
-repeatable = settings(derandomize=True, deadline=None)
 ROWS = [[0.5, -1.25, 3.0], [1e-3, 2.75, -0.125], [-12.5, 0.0, 7.5], [4.25, 1.5, -2.5]] * 8
 
 
@@ -60,7 +59,6 @@ def tables(draw):
     return text + draw(st.sampled_from(["", end * 3])), fields, separator, decimal
 
 
-@repeatable
 @given(tables())
 def test_every_number_is_what_float_makes_of_its_text(case):
     text, fields, _, _ = case
@@ -70,7 +68,6 @@ def test_every_number_is_what_float_makes_of_its_text(case):
     assert np.array_equal(values, read_slowly(text.encode()))
 
 
-@repeatable
 @given(tables())
 def test_the_fast_and_the_careful_way_agree(case):
     text, fields, separator, decimal = case

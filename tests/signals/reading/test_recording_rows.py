@@ -19,10 +19,8 @@ TWO = Dialect(separator=";", decimal=",", columns=2)
 COMMA = Dialect(separator=",", decimal=".", columns=2)
 ODD = st.text("0123456789.,;+-eE dx\t\"'", max_size=12)
 PLAIN = st.floats(allow_nan=False, allow_infinity=False).map(repr)
-repeatable = settings(derandomize=True, deadline=None, max_examples=200)
 
 
-@repeatable
 @given(st.lists(ODD | PLAIN | st.from_regex(r"[+-]?[0-9]{1,25}[.,]?[0-9]{0,25}", fullmatch=True)))
 def test_one_column(fields):
     found = parse_rows("".join(f"{field}\n" for field in [*fields, "1.5"]).encode(), ONE)
@@ -30,6 +28,61 @@ def test_one_column(fields):
         bare = [field.strip().strip('"').strip() for field in fields]
         assert all(is_number(field, ".") for field in bare)
         assert found[:-1, 0].tolist() == [to_number(field, ".") for field in bare]
+
+
+def numbers_as_text(*, longest: int, exponents: bool) -> st.SearchStrategy[str]:
+    digits = f"[0-9]{{1,{longest}}}"
+    body = rf"[+-]?({digits}\.?|\.{digits}|[0-9]{{1,{longest // 2}}}\.[0-9]{{1,{longest // 2}}})"
+    exponent = "([eEdD][+-]?[0-9]{1,2})?" if exponents else ""
+    return st.from_regex(body + exponent, fullmatch=True)
+
+
+def as_python_reads(fields: list[str]) -> np.ndarray:
+    return np.array([float(field.lower().replace("d", "e")) for field in fields])
+
+
+def same_bits(found: np.ndarray, expected: np.ndarray) -> bool:
+    return np.array_equal(found.copy().view(np.uint64), expected.view(np.uint64))
+
+
+def one_column(fields: list[str]) -> np.ndarray:
+    return parse_rows("".join(f"{field}\n" for field in fields).encode(), ONE)[:, 0]
+
+
+@given(st.lists(numbers_as_text(longest=30, exponents=True), min_size=1, max_size=30))
+def test_any_number_is_read_as_float_reads_it(fields):
+    assert same_bits(one_column(fields), as_python_reads(fields))
+
+
+@given(st.lists(numbers_as_text(longest=15, exponents=False), min_size=1, max_size=30))
+def test_decimal_commas_are_read_as_float_reads_points(fields):
+    block = "".join(f"{field};1\n" for field in fields).replace(".", ",").encode()
+    found = parse_rows(block, TWO)
+    assert same_bits(found[:, 0], as_python_reads(fields))
+    assert np.all(found[:, 1] == 1.0)
+
+
+def test_any_double_comes_back():
+    bits = np.random.default_rng(14).integers(0, 2**64, 20_000, dtype=np.uint64)
+    numbers = bits.view(np.float64)
+    numbers = numbers[np.isfinite(numbers)]
+    assert same_bits(one_column([repr(number) for number in numbers.tolist()]), numbers)
+
+
+@pytest.mark.parametrize("offset", [-1, 0, 1])
+def test_halves_between_neighbouring_doubles_round_to_even(offset):
+    rng = np.random.default_rng(1)
+    odd = 2 * rng.integers(2**52, 2**53, 2000, dtype=np.uint64) + np.uint64(1)
+    fields = [f"{100 * int(digits) + offset}e-2" for digits in odd]
+    assert same_bits(one_column(fields), as_python_reads(fields))
+
+
+def test_an_empty_field_is_missing_but_an_empty_row_needs_a_closer_look():
+    three = Dialect(separator=",", decimal=".", columns=3)
+    found = parse_rows(b"1,,3\n,2,3\n1,2,\n", three)
+    assert np.array_equal(np.isnan(found), [[0, 1, 0], [1, 0, 0], [0, 0, 1]])
+    assert parse_rows(b"1,2,3\n,,\n", three) is None
+    assert parse_rows(b"1\n\n2\n", ONE) is None
 
 
 def careful(text, dialect):
@@ -70,7 +123,7 @@ DIALECTS = [
 ]  # fmt: skip
 
 
-@settings(derandomize=True, deadline=None, max_examples=1500)
+@settings(max_examples=300)  # fuzzing: few of the changes matter
 @given(
     dialect=st.sampled_from(DIALECTS),
     rows=st.lists(st.lists(st.integers(-999, 999), min_size=4, max_size=4), min_size=1, max_size=6),
@@ -108,10 +161,13 @@ def test_doubtful_blocks_are_left_to_the_careful_reader(text):
 
 @pytest.mark.parametrize(
     "line",
-    ["1.5\n", "1,2,3\n", "1,x\n", "1,1e400\n", "1,inf\n", "1,2\0\n", "#1,2\n", "1,2\x1a\n",
+    ["1..2,3\n", "1.2,.\n", "1-2,3\n", "1.2345678.,3\n", "1e,2\n", "e5,2\n", "1e+,2\n", "1e5e,2\n",
+     "1 1,2\n", "1e5.0,2\n", "1e12345,2\n", "0x1.8p1,2\n", "1'000,2\n", "1_0,2\n", "0x1,2\n",
+     "--1,2\n", "1,2;\n", "1-e5,2\n", "+-1,2\n", "١,2\n", "1.5\n", "1,2,3\n", "1,x\n",
+     "1,1e400\n", "1,inf\n", "1,2\0\n", "#1,2\n", "1,2\x1a\n",
      "1 2,3\n", "1,2,\n3\n", ",\n", "nan,nan\n", " \n", '"1"2,3\n', '"1,2"\n'],
 )  # fmt: skip
-@pytest.mark.parametrize("index", [0, 1, 150, 199])
+@pytest.mark.parametrize("index", [0, 199])
 def test_a_doubtful_line_is_never_passed_over(line, index):
     lines = [f"{first!r},{second!r}\n" for first, second in ROWS[:200].tolist()]
     lines[index] = line

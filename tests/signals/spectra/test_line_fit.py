@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gearmon.errors import ArgumentError
@@ -12,7 +12,6 @@ from gearmon.signals.spectra import line_amplitude
 from gearmon.signals.spectra.spectrum import TERMS
 
 
-@settings(max_examples=60)
 @given(
     st.sampled_from(sorted(TERMS)),
     st.sampled_from([64, 1000, 997, 1001, 16_411]),

@@ -84,6 +84,12 @@ def test_density_of_a_sine_holds_half_its_squared_amplitude():
     assert found.values.sum() * 1.0 == pytest.approx(4.5, rel=1e-3)
 
 
+def test_padding_of_an_awkward_block_resolves_nothing_more():
+    found = power_density(white((1, 20_000)), 1000.0, 16_411)
+    assert len(found.frequency_hz) > 16_411 // 2 + 1
+    assert found.resolution_hz == pytest.approx(1.5 * 1000.0 / 16_411)
+
+
 @given(
     st.floats(1e-6, 1e6),
     st.integers(0, 2**32 - 1),

@@ -27,7 +27,6 @@ from gearmon.signals.tracking import (
     scan_speed,
 )
 from gearmon.signatures.measured.measurement import measure_signature
-from gearmon.simulation import simulate
 
 RATE, DURATION = 4000.0, 10.0
 TIME = np.arange(int(DURATION * RATE)) / RATE
@@ -160,10 +159,7 @@ def check_simulated(simulated):
     assert measured.speed.estimated_hz == pytest.approx(true, rel=1e-4)
 
 
-@pytest.mark.parametrize("seed", [1, 3])
-def test_phase_of_simulated_machines_is_right_to_two_per_cent_of_a_mesh_period(seed):
-    check_simulated(simulate(two_stages(), (), 8.0, 8000.0, seed=seed, channels=2))
-
-
-def test_phase_is_right_to_the_end_of_the_recording(two_stage_recording):
+def test_phase_of_a_simulated_machine_is_right_to_two_per_cent_of_a_mesh_period(
+    two_stage_recording,
+):
     check_simulated(two_stage_recording)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from gearmon.errors import RecordingError
@@ -55,7 +55,6 @@ def spoilt_trains(draw):
 
 
 @given(spoilt_trains())
-@settings(max_examples=250, deadline=None)
 def test_any_even_or_ramped_train_is_repaired_or_refused(case):
     try:
         check_repaired(*case)
@@ -64,7 +63,6 @@ def test_any_even_or_ramped_train_is_repaired_or_refused(case):
 
 
 @given(spoilt_trains(), st.sampled_from([2, 4, 8]))
-@settings(max_examples=100, deadline=None)
 def test_so_is_one_of_several_pulses_a_turn(case, per_turn):
     # the spacing is learned from six turns
     assume(len(case[1]) > 6 * per_turn)
@@ -75,7 +73,6 @@ def test_so_is_one_of_several_pulses_a_turn(case, per_turn):
 
 
 @given(st.data(), st.lists(st.floats(0.2, 1.0), min_size=2, max_size=6), st.floats(-0.2, 0.4))
-@settings(max_examples=100, deadline=None)
 def test_so_is_one_of_uneven_pulses(data, gaps, ramp):
     spacing = np.concatenate([[0.0], np.cumsum(gaps)[:-1]]) / sum(gaps)
     turns = data.draw(st.integers(12, 80))
@@ -103,7 +100,6 @@ def test_so_is_one_of_uneven_pulses(data, gaps, ramp):
 
 
 @given(st.lists(st.floats(1e-6, 10.0), min_size=3, max_size=40))
-@settings(max_examples=200, deadline=None)
 def test_whatever_comes_is_repaired_or_refused(intervals):
     times = np.cumsum([0.0, *intervals])
     try:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from reference.speed_cases import make_case
 from reference.synthetic_signals import lines_on, wandering_turns, white
@@ -68,7 +68,6 @@ def test_the_true_angle_is_locked(wander):
     at_s=st.floats(2.0, 9.0),
     seed=st.integers(0, 5),
 )
-@settings(max_examples=20, deadline=None)
 def test_a_slip_anywhere_is_found_and_never_measured_wrong(periods, sign, lasting_s, at_s, seed):
     turns = wandering_turns(TIME, SPEED, 0.005, seed)
     slip = sign * periods / FIRST

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from reference.synthetic_signals import wandering_turns, white
 
@@ -53,7 +53,6 @@ def test_edges_are_found_between_samples():
 
 
 @given(st.floats(1e-3, 1e3), st.floats(-100.0, 100.0))
-@settings(max_examples=20)
 def test_unit_and_offset_of_the_channel_do_not_matter(factor, offset):
     plain = find_pulses(waveform(steady()), RATE).time_s
     found = find_pulses(factor * waveform(steady()) + offset, RATE).time_s

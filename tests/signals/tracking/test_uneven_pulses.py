@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from reference.synthetic_signals import wandering_turns, white
 
@@ -69,7 +69,6 @@ def test_spacing_is_learned_to_a_ten_thousandth_of_a_turn(kind):
     st.lists(st.floats(0.05, 1.0), min_size=2, max_size=12),
     st.floats(-0.3, 0.3),
 )
-@settings(max_examples=30)
 def test_any_spacing_is_learned_on_any_ramp(gaps, ramp):
     spacing = np.concatenate([[0.0], np.cumsum(gaps)[:-1]]) / sum(gaps)
     angles = (np.arange(100)[:, None] + spacing).ravel()

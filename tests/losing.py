@@ -1,0 +1,233 @@
+"""Killed, out of room, or not alone: whoever writes leaves the old file or the new one.
+
+A quick round runs with the tests; long ones by hand, the second on a file system of a few MB:
+
+    python tests/losing.py --kills 500 --rooms 100 --writers 50
+    python tests/losing.py --rooms 200 --folder /mnt/small
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import resource
+import shutil
+import signal
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from gearmon.diagnosis.history import Entry, History, Place, append, export_history, read_history
+from gearmon.errors import GearmonError
+from gearmon.files import reading_archive, write_archive, write_atomically
+
+#: Of a child that refused in one clear line, as of the command line.
+REFUSED, FAILED = 2, 70
+
+
+def entry(number: int) -> Entry:
+    places = [Place(stage=1, gear="pinion", teeth=60, tooth=tooth) for tooth in range(1, 61)]
+    return Entry(
+        machine="conveyor",
+        recording=f"r{number}.csv",
+        time_s=1.7e9 + number * 86400.0,
+        time_source="given",
+        verdict="healthy",
+        score=0.0,
+        false_alarm_probability=0.5,
+        speed_hz=24.5,
+        places=tuple(places),
+    )
+
+
+# Every way to write: (write version n, tell which versions stand there)
+
+
+def write_text(path: Path, version: int) -> None:
+    write_atomically(path, f"{version}\n" * 200_000)
+
+
+def text_version(path: Path) -> set[int]:
+    lines = path.read_text().splitlines()
+    assert len(lines) == 200_000
+    return {int(line) for line in set(lines)}
+
+
+def write_arrays(path: Path, version: int) -> None:
+    noise = np.random.default_rng(version).integers(256, size=300_000).astype(np.uint8)
+    write_archive(path, {"format": "test", "version": version}, {"a": noise})
+
+
+def arrays_version(path: Path) -> set[int]:
+    with reading_archive(path, ["test"], "file", "write it", "write one") as (header, arrays):
+        version = int(header["version"])
+        noise = np.random.default_rng(version).integers(256, size=300_000)
+        assert (arrays["a"] == noise).all()
+        return {version}
+
+
+def write_table(path: Path, version: int) -> None:
+    export_history(History(machine="conveyor", entries=(entry(version),)), path)
+
+
+def table_version(path: Path) -> set[int]:
+    rows = pd.read_csv(path)
+    assert len(rows) == 60
+    return {int(name[1:-4]) for name in set(rows["recording"])}
+
+
+def write_store(path: Path, version: int) -> None:
+    append(path, [entry(version)])
+
+
+def store_version(path: Path) -> set[int]:
+    kept = read_history(path).entries
+    assert all(len(own.places) == 60 for own in kept)
+    return {len(kept) - 1}
+
+
+WAYS: dict[str, tuple[Callable[[Path, int], Any], Callable[[Path], set[int]]]] = {
+    "a.json": (write_text, text_version),
+    "a.ref": (write_arrays, arrays_version),
+    "a.csv": (write_table, table_version),
+    "a.db": (write_store, store_version),
+}
+
+
+def child(work: Callable[[], Any]) -> int:
+    """Begin some work in a process of its own."""
+    pid = os.fork()
+    if pid:
+        return pid
+    code = FAILED
+    try:
+        work()
+        code = 0
+    except GearmonError as error:
+        code = REFUSED if str(error).isprintable() else FAILED
+    except BaseException as error:
+        print(f"{type(error).__name__}: {error}", flush=True)
+    finally:
+        os._exit(code)
+
+
+def ended(pid: int) -> int:
+    """Exit code of a child; minus the signal that ended it."""
+    return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
+
+
+def told(name: str, path: Path, allowed: set[int]) -> Iterator[str]:
+    """Tell whether neither the old nor the new file stands there."""
+    try:
+        found = WAYS[name][1](path)
+    except Exception as error:
+        yield f"{name}: {type(error).__name__}: {error}"
+        return
+    if len(found) != 1 or not found <= allowed:
+        yield f"{name}: holds versions {found}, not one of {allowed}"
+
+
+def killed(name: str, folder: Path, random: np.random.Generator) -> Iterator[str]:
+    """Kill a writer at a moment of its writing, and then write in peace."""
+    write, _ = WAYS[name]
+    path = folder / name
+    write(path, 0)
+    begin = time.perf_counter()
+    ended(child(lambda: write(folder / f"trial-{name}", 0)))
+    usual = time.perf_counter() - begin
+    pid = child(lambda: write(path, 1))
+    time.sleep(usual * random.uniform(0.0, 1.0))
+    os.kill(pid, signal.SIGKILL)
+    ended(pid)
+    yield from told(name, path, {0, 1})
+    try:
+        write(path, 2)
+    except GearmonError as error:
+        yield f"{name}: not written after a kill: {error}"
+
+
+@contextmanager
+def filled(folder: Path, room: int) -> Iterator[None]:
+    """Leave so many bytes on a small file system, or allow no larger files."""
+    if shutil.disk_usage(folder).total > 64e6:
+        yield
+        return
+    filler = folder / "filler"
+    with filler.open("wb", buffering=0) as file:
+        try:
+            while True:
+                file.write(b"\0" * 4096)
+        except OSError:
+            file.truncate(max(0, file.tell() - room))
+    yield
+    filler.unlink()
+
+
+def crowded(name: str, folder: Path, room: int) -> Iterator[str]:
+    """Write where there is no more room than so many bytes."""
+    write, _ = WAYS[name]
+    path = folder / name
+    write(path, 0)
+
+    def work() -> None:
+        if not (folder / "filler").exists():
+            resource.setrlimit(resource.RLIMIT_FSIZE, (room, room))
+        write(path, 1)
+
+    with filled(folder, room):
+        code = ended(child(work))
+    if code not in (0, REFUSED):
+        yield f"{name}: room {room}: ended with {code}"
+    yield from told(name, path, {1} if code == 0 else {0})
+    yield from (
+        f"{name}: room {room}: left {left.name}" for left in folder.iterdir() if left.name[0] == "."
+    )
+
+
+def together(count: int, folder: Path) -> Iterator[str]:
+    """Let so many write to one history at once."""
+    path = folder / "shared.db"
+    children = [child(lambda n=number: write_store(path, n)) for number in range(count)]
+    codes = [ended(pid) for pid in children]
+    kept = {own.recording for own in read_history(path).entries}
+    if codes != [0] * count or len(kept) != count:
+        yield f"{count} writers: exit codes {sorted(set(codes))}, {len(kept)} recordings kept"
+
+
+def attack(kills: int, rooms: int, writers: int, folder: Path, seed: int = 0) -> list[str]:
+    """Return what went wrong."""
+    random, wrong = np.random.default_rng(seed), []
+    for number in range(kills + rooms):
+        name = list(WAYS)[number % len(WAYS)]
+        place = Path(tempfile.mkdtemp(dir=folder))
+        if number < kills:
+            wrong += killed(name, place, random)
+        else:
+            wrong += crowded(name, place, int(10 ** random.uniform(0, 5.7)))
+        shutil.rmtree(place)
+    return [*wrong, *(together(writers, folder) if writers else ())]
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--kills", type=int, default=0)
+    parser.add_argument("--rooms", type=int, default=0)
+    parser.add_argument("--writers", type=int, default=0)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--folder", type=Path, default=None)
+    given = parser.parse_args()
+    with tempfile.TemporaryDirectory(dir=given.folder) as folder:
+        wrong = attack(given.kills, given.rooms, given.writers, Path(folder), given.seed)
+    print("\n".join(wrong))
+    return min(len(wrong), 1)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
