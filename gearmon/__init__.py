@@ -34,6 +34,7 @@ _HOMES = {
     "gear_averages": "gearmon.signatures.gear_averages",
     "Reference": "gearmon.signatures.measured.reference",
     "read_reference": "gearmon.signatures.measured.reference",
+    "check_reference": "gearmon.diagnosis.reference_check",
     "write_reference": "gearmon.signatures.measured.reference",
     "Analysis": "gearmon.diagnosis.results",
     "analyse": "gearmon.diagnosis.analysis",
@@ -51,6 +52,7 @@ if TYPE_CHECKING:
     from gearmon.diagnosis.analysis import analyse as analyse
     from gearmon.diagnosis.analysis import learn as learn
     from gearmon.diagnosis.fault_types.training import train_kinds as train_kinds
+    from gearmon.diagnosis.reference_check import check_reference as check_reference
     from gearmon.diagnosis.results import Analysis as Analysis
     from gearmon.errors import GearmonError as GearmonError
     from gearmon.harvesting.tuning import tune_harvester as tune_harvester

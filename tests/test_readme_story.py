@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import re
 from functools import cache
+from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
 from reference.synthetic_signals import as_recording
 
 from gearmon.diagnosis.analysis import analyse, learn
 from gearmon.gears.faults import parse_fault
 from gearmon.machine import Machine, OperatingPoint, ParallelStage
+from gearmon.signatures.measured.reference import write_reference
 from gearmon.simulation import simulate
+
+README = Path(__file__).resolve().parents[1] / "README.md"
 
 
 @cache
@@ -68,3 +75,37 @@ def test_evidence_does_not_shrink_with_references(gear):
     crack = recording(0.9, 11, f"crack:1:{gear}:5:20%")
     alone = analyse(crack, machine(), reference((1.0,))).score
     assert analyse(crack, machine(), reference((0.4, 0.7, 1.0))).score > 0.7 * alone
+
+
+def python_blocks():
+    """The Python blocks of README, in their order."""
+    text = README.read_text("utf-8")
+    return re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+
+
+def test_the_block_on_arrays_runs_and_finds_the_crack(tmp_path, monkeypatch, capsys):
+    block = next(own for own in python_blocks() if "np.load" in own)
+    assert len([line for line in block.splitlines() if line.strip()]) <= 15
+    imported = {line.split()[1] for line in block.splitlines() if line.startswith("import ")}
+    assert imported <= {"gearmon", "numpy", "matplotlib"}
+    monkeypatch.chdir(tmp_path)
+    known = [recording(load, seed) for seed, load in enumerate((0.4, 0.7, 1.0))]
+    new = recording(0.9, 11, "crack:1:pinion:5:20%")
+    np.save("recordings.npy", [own.samples for own in (*known, new)])
+    exec(block, {})
+    assert capsys.readouterr().out.startswith("FAULT: Damage of tooth")
+    assert (tmp_path / "orders.png").stat().st_size > 10_000
+    found = pd.read_csv("findings.csv")
+    assert list(found["gear"][:1]) == ["pinion"]
+    assert {"verdict", "stage", "tooth", "stiffness_loss_low"} <= set(found.columns)
+
+
+def test_the_block_on_files_runs(tmp_path, monkeypatch, capsys):
+    block = next(own for own in python_blocks() if '"healthy.ref"' in own)
+    monkeypatch.chdir(tmp_path)
+    write_reference(reference((1.0,)), "healthy.ref")
+    recording(0.9, 11, "crack:1:pinion:5:20%").to_frame().to_csv("new.csv", index=False)
+    toml = re.findall(r"```toml\n(.*?)```", README.read_text("utf-8"), re.DOTALL)
+    Path("machine.toml").write_text("".join(toml))
+    exec(block, {})
+    assert "verdict='fault'" in capsys.readouterr().out

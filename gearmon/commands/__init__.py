@@ -14,11 +14,13 @@ from gearmon.commands.machines import (
     STIFFNESS,
 )
 from gearmon.commands.recordings import ANALYSE, HISTORY, KINDS, LEARN
+from gearmon.commands.setup import CHECK, INIT
 from gearmon.commands.signals import INDICATORS, ORDERS, SPECTRUM
 from gearmon.commands.trials import BENCHMARK, DEMO
 
 #: All commands, in the order of a first use.
 COMMANDS = (
+    INIT,
     LINES,
     STIFFNESS,
     BASELINE,
@@ -26,6 +28,7 @@ COMMANDS = (
     STABILITY,
     SIMULATE,
     LEARN,
+    CHECK,
     ANALYSE,
     KINDS,
     HISTORY,

@@ -38,6 +38,10 @@ SHOWN_OF_FAMILY = (
 MOST_ROWS = 60
 #: What is assumed of expected lines, and known of recordings.
 ASSUMED = ("path_gain", "wander", "wander_time_s")
+_ALONG_ACTION = (
+    "levels are those of the teeth along the line of action; what reaches a sensor on the housing "
+    "differs by the path, often tenfold"
+)
 
 
 def run_lines(arguments: argparse.Namespace) -> int:
@@ -106,9 +110,11 @@ def run_baseline(arguments: argparse.Namespace) -> int:
     signature = expected_signature(
         machine, faults, tolerance=arguments.tolerance, max_hz=arguments.max_hz
     )
+    told = [f"note: {_ALONG_ACTION}"]
     if arguments.output:
         write_signature(signature, arguments.output)
-    show(arguments, signature.to_dict(), lambda: signature_lines(signature))
+        told.append(f"wrote {arguments.output}")
+    show(arguments, signature.to_dict(), lambda: [*signature_lines(signature), *told])
     return DONE
 
 

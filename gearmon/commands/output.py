@@ -13,6 +13,8 @@ from typing import Any
 
 from gearmon.errors import ArgumentError
 
+#: Version of what JSON output holds: keys may be added within it, none is renamed or goes.
+SCHEMA = "gearmon/1"
 DONE, FLAGGED, BAD_INPUT, UNJUDGED, OWN_FAULT, STOPPED = 0, 1, 2, 3, 70, 130
 
 
@@ -50,12 +52,11 @@ def complain_of(results: Sequence[Mapping[str, Any]]) -> None:
         complain(f"{bad} of {len(results)} recordings could not be used; the lines above say why")
 
 
-def show(arguments: argparse.Namespace, result: Any, lines: Callable[[], Iterable[str]]) -> None:
+def show(
+    arguments: argparse.Namespace, result: Mapping[str, Any], lines: Callable[[], Iterable[str]]
+) -> None:
     """Print a result: one JSON object with --json, else lines of text."""
-    if arguments.json:
-        text = json.dumps(result, indent=1, ensure_ascii=False, allow_nan=False)
-    else:
-        text = "\n".join(lines())
+    text = as_json(result) if arguments.json else "\n".join(lines())
     try:
         print(text)
     except OSError as error:
@@ -101,7 +102,7 @@ def finish(
     ----------
     arguments : Namespace
     result : dict
-        For JSON; gets "pictures" if any are drawn.
+        For JSON; gets "tables" and "pictures" with the names of what is written.
     lines : callable
         What the terminal shows.
     rows : callable, optional
@@ -117,6 +118,7 @@ def finish(
             listed = rows()
             whole = result | {"rows": listed} if rows_in_json else result
             write_table(arguments.output, whole, listed)
+            result["tables"] = [arguments.output]
         if figures is not None:
             from gearmon.report.plots import save_all
 
@@ -148,5 +150,10 @@ def write_json(path: str, result: Any) -> None:
 
     if Path(path).suffix.lower() != ".json":
         raise ArgumentError(f"{path}: the name must end in .json (or .csv, where there is a table)")
-    text = json.dumps(result, indent=1, ensure_ascii=False, allow_nan=False)
-    write_atomically(path, text + "\n")
+    write_atomically(path, as_json(result) + "\n")
+
+
+def as_json(result: Mapping[str, Any]) -> str:
+    """Return a result as JSON, marked with the version of its schema (see `schemas.json`)."""
+    marked = {"schema": SCHEMA, **result}
+    return json.dumps(marked, indent=1, ensure_ascii=False, allow_nan=False)

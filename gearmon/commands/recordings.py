@@ -83,6 +83,7 @@ def run_analyse(arguments: argparse.Namespace) -> int:
         result["report"] = [str(file) for file in files]
     if arguments.output:
         write_json(arguments.output, result)
+        result["tables"] = [arguments.output]
     show(arguments, result, lambda: _analysis_lines(result, [a for a, _ in kept]))
     return _exit_code(results, flagged=any(entry.get("flags") for entry in results))
 
@@ -108,7 +109,7 @@ def _analysed(
 
     try:
         recording = recording_of(path, arguments, machine)
-        options = {} if must_notice is None else {"must_notice": must_notice}
+        options: dict[str, Any] = {} if must_notice is None else {"must_notice": must_notice}
         analysis = analyse(recording, machine, reference, **options)
     except GearmonError as error:
         return {"recording": path, "error": str(error)}, None
@@ -119,12 +120,15 @@ def _analysed(
 
 def _analysis_lines(result: dict[str, Any], analyses: list[Analysis]) -> list[str]:
     from gearmon.report.text import analysis_text
+    from gearmon.report.verdict import overview_lines, worst_first
 
-    lines = [text for analysis in analyses for text in (analysis_text(analysis), "")]
+    lines = overview_lines(analyses) if len(analyses) > 1 else []
+    shown = [analyses[place] for place in worst_first(analyses)]
+    lines += [text for analysis in shown for text in (analysis_text(analysis), "")]
     lines += [f"{e['recording']}: not analysed" for e in result["recordings"] if "error" in e]
     if "report" in result:
         lines.append(f"report: {result['report'][0]} and {len(result['report']) - 1} pictures")
-    return lines
+    return lines + [f"wrote {path}" for path in result.get("tables", ())]
 
 
 def reference_of(arguments: argparse.Namespace, machine: Machine) -> Reference | None:

@@ -48,7 +48,7 @@ def run_indicators(arguments: argparse.Namespace) -> int:
         result["history"] = arguments.history
 
     def rows() -> list[dict[str, Any]]:
-        return [{"recording": t.recording, **row.brief()} for t in tables for row in t.rows]
+        return [row for table in tables for row in table.frame_rows()]
 
     def figures() -> Mapping[str, Any]:
         from gearmon.report.recording_plots import indicator_figure

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -40,9 +42,9 @@ from gearmon.diagnosis.nongear import disturbed, nongear_findings
 from gearmon.diagnosis.results import Analysis, Change, Flag, ToothProfile
 from gearmon.errors import GearmonError, check_range
 from gearmon.gears.kinematics import kinematics
-from gearmon.machine import Machine
+from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.signals.bad_samples import inspected, sound_part
-from gearmon.signals.recording import Recording
+from gearmon.signals.recording import RecordingLike, read_recording, read_recordings
 from gearmon.signatures.measured.indicators import gear_indicators, waveform_indicators
 from gearmon.signatures.measured.line_plan import Family
 from gearmon.signatures.measured.measurement import (
@@ -50,7 +52,13 @@ from gearmon.signatures.measured.measurement import (
     measure_signature,
 )
 from gearmon.signatures.measured.provenance import machine_notes, recording_notes
-from gearmon.signatures.measured.reference import Profile, Reference, make_reference
+from gearmon.signatures.measured.reference import (
+    Profile,
+    Reference,
+    is_reference,
+    make_reference,
+    read_reference,
+)
 from gearmon.signatures.signature import Signature
 
 # Without a reference: false-alarm probability below which one tooth is called damaged. Seen on
@@ -61,15 +69,23 @@ _OWN_TEETH_BELOW = 0.01
 _SILENT_DB = -20.0
 
 
-def learn(recordings: Sequence[Recording], machine: Machine) -> Reference:
+def learn(
+    recordings: RecordingLike | Sequence[RecordingLike],
+    machine: MachineLike,
+    *,
+    sampling_rate_hz: float | None = None,
+    unit: str | None = None,
+) -> Reference:
     """Build a healthy reference from recordings.
 
     Parameters
     ----------
-    recordings : sequence of Recording
+    recordings : list of str, Path, array, DataFrame or Recording, or one of them
         Healthy recordings of the same channels, at one or several loads.
-    machine : Machine
+    machine : Machine, path or dict
         The machine.
+    sampling_rate_hz, unit
+        Of an array, or where the recording does not state them: as of `gearmon.read_recording`.
 
     Returns
     -------
@@ -80,7 +96,10 @@ def learn(recordings: Sequence[Recording], machine: Machine) -> Reference:
     GearmonError
         If a recording cannot be used.
     """
-    return learned([measure_signature(r, machine) for r in recordings], machine)
+    machine = load_machine(machine)
+    known: dict[str, Any] = {"sampling_rate_hz": sampling_rate_hz, "unit": unit}
+    healthy = read_recordings(recordings, sensors=machine.sensors, **known)
+    return learned([measure_signature(r, machine) for r in healthy], machine)
 
 
 def learned(signatures: Sequence[MeasuredSignature], machine: Machine) -> Reference:
@@ -125,23 +144,27 @@ def _doubts(signatures: Sequence[MeasuredSignature], machine: Machine) -> Iterat
 
 
 def analyse(
-    recording: Recording,
-    machine: Machine,
-    reference: Reference | None = None,
+    recording: RecordingLike,
+    machine: MachineLike,
+    reference: Reference | RecordingLike | Sequence[RecordingLike] | None = None,
     *,
+    sampling_rate_hz: float | None = None,
+    unit: str | None = None,
     must_notice: float = LIMITS.must_notice,
 ) -> Analysis:
     """Say whether a machine is healthy, and why.
 
     Parameters
     ----------
-    recording : Recording
+    recording : str, Path, array, DataFrame or Recording
         The new recording.
-    machine : Machine
+    machine : Machine, path or dict
         Its machine.
-    reference : Reference, optional
+    reference : Reference, or what `learn` takes or `write_reference` wrote, optional
         Healthy recordings to compare with. Without them the gear's own teeth and the expected
         signature have to do, which rarely allows more than "cannot tell".
+    sampling_rate_hz, unit
+        Of an array, or where the recording does not state them: as of `gearmon.read_recording`.
     must_notice : float, in (0, 1]
         Loss of the stiffness of one tooth's pair that has to be noticeable on every gear before a
         machine is called healthy.
@@ -156,9 +179,15 @@ def analyse(
         If the recording cannot be used or the reference does not fit.
     """
     check_range("must_notice", must_notice, 0.0, 1.0)
+    machine = load_machine(machine)
+    known: dict[str, Any] = {"sampling_rate_hz": sampling_rate_hz, "unit": unit}
+    if isinstance(reference, str | Path) and is_reference(reference):
+        reference = read_reference(reference)
+    if not (reference is None or isinstance(reference, Reference)):
+        reference = learn(reference, machine, **known)
     if reference is not None:
         machine_notes(machine, reference)  # refuses other gears before any work
-    recording = inspected(recording)
+    recording = inspected(read_recording(recording, sensors=machine.sensors, **known))
     signature = measure_signature(recording, machine)
     vibration = sound_part(recording, 0.0).vibration()
     indicators = waveform_indicators(vibration.samples, vibration.channel_names)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.diagnosis.nongear import NonGearFinding as ForeignFinding
+from gearmon.result import Result
 from gearmon.signatures.measured.measurement import MeasuredSignature
 from gearmon.signatures.signature import Signature
 
@@ -18,7 +19,7 @@ VERDICTS = ("healthy", "fault", "no mesh found", "cannot tell")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Change:
+class Change(Result):
     """Level of one family of lines in one channel against the healthy reference.
 
     Parameters
@@ -80,7 +81,7 @@ class Change:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ToothProfile:
+class ToothProfile(Result):
     """Where in the turn of one gear the vibration departs from the reference (or from itself).
 
     Parameters
@@ -151,7 +152,7 @@ class ToothProfile:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Flag:
+class Flag(Result):
     """One finding that a person should look at.
 
     Parameters
@@ -186,23 +187,9 @@ class Flag:
     false_alarm_probability: float
     evidence: tuple[str, ...]
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return built-in types, ready for JSON."""
-        return {
-            "kind": self.kind,
-            "stage": self.stage,
-            "gear": self.gear,
-            "tooth": self.tooth,
-            "stiffness_loss": self.stiffness_loss,
-            "stiffness_loss_low": self.stiffness_loss_low,
-            "stiffness_loss_high": self.stiffness_loss_high,
-            "false_alarm_probability": self.false_alarm_probability,
-            "evidence": list(self.evidence),
-        }
-
 
 @dataclass(frozen=True, kw_only=True)
-class Analysis:
+class Analysis(Result):
     """The answer for one recording.
 
     Parameters
@@ -239,6 +226,8 @@ class Analysis:
         Lines of no gear that changed, most striking first.
     """
 
+    picture = "analysis_plots.analysis_pictures"
+
     recording: str
     machine: str
     verdict: str
@@ -254,6 +243,17 @@ class Analysis:
     expected: Signature | None
     warnings: tuple[str, ...]
     foreign: tuple[ForeignFinding, ...] = ()
+
+    def headline(self) -> str:
+        """Return the verdict and why."""
+        return f"{self.verdict.upper()}: {self.reason}"
+
+    def frame_rows(self) -> list[dict[str, Any]]:
+        """Return a row a flag, or one without any: frames of several analyses can be joined."""
+        whole = {"recording": self.recording, "verdict": self.verdict, "score": self.score}
+        none = dict.fromkeys(field.name for field in fields(Flag) if field.name != "evidence")
+        flags: list[dict[str, Any]] = [flag.to_dict() for flag in self.flags]
+        return [whole | {name: own[name] for name in none} for own in flags or [none]]
 
     def to_dict(self) -> dict[str, Any]:
         """Return built-in types, ready for JSON: the contract of `gearmon analyse --json`."""

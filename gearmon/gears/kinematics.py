@@ -22,6 +22,7 @@ from typing import Any, TypeVar
 
 from gearmon.errors import ArgumentError
 from gearmon.machine import Bearing, Machine, OperatingPoint, ParallelStage, PlanetaryStage
+from gearmon.result import Result
 
 _Item = TypeVar("_Item")
 
@@ -305,7 +306,7 @@ class LineRow:
 
 
 @dataclass(frozen=True, kw_only=True)
-class LineTable:
+class LineTable(Result):
     """The lines of a machine at its operating points.
 
     Parameters

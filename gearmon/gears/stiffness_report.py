@@ -31,6 +31,7 @@ from gearmon.gears.stiffness_forms import StiffnessForm
 from gearmon.gears.tooth_damage import largest_size
 from gearmon.gears.tooth_outline import TeethPicture, teeth_picture
 from gearmon.gears.tooth_pairs import PotentialEnergy, ToothPair, teeth_of
+from gearmon.result import Result
 
 #: The four forms, each with its variants: the duty of the rectangle is eps_a - 1, or one half.
 FOUR_FORMS: dict[str, tuple[str, ...]] = {
@@ -75,7 +76,7 @@ class FormCurve:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FormComparison:
+class FormComparison(Result):
     """Forms of the stiffness of one mesh side by side.
 
     Parameters
@@ -89,6 +90,8 @@ class FormComparison:
         [mesh periods].
     curves : tuple of FormCurve
     """
+
+    picture = "stiffness_plots.form_figure"
 
     machine: str
     stage: int
@@ -350,7 +353,7 @@ class StageStiffness:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class StiffnessReport:
+class StiffnessReport(Result):
     """Stiffness of the meshes of a machine.
 
     Parameters
@@ -359,6 +362,8 @@ class StiffnessReport:
     stages : tuple of StageStiffness
         One for each mesh: of a planetary stage sun and planet, then planet and ring.
     """
+
+    picture = "stiffness_plots.stiffness_figures"
 
     machine: str
     stages: tuple[StageStiffness, ...]

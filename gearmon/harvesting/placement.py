@@ -44,6 +44,7 @@ from gearmon.harvesting.vibration import (
     vibration_of_signature,
 )
 from gearmon.machine import Machine
+from gearmon.result import Result
 from gearmon.signals.recording import Recording
 from gearmon.signatures.expected.baseline import expected_signature
 
@@ -345,7 +346,7 @@ def _scatter(judged: Sequence[Tuned[Any]], position: Position) -> Scatter:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Survey:
+class Survey(Result):
     """Ranked positions of one machine.
 
     Attributes
@@ -361,6 +362,8 @@ class Survey:
         Best set of several harvesters at the best position, for the worst operating point; empty
         if only one was asked for.
     """
+
+    picture = "harvest_plots.harvest_figures"
 
     machine: str
     origin: str

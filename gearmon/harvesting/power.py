@@ -27,6 +27,7 @@ from gearmon.errors import ArgumentError, check_range
 from gearmon.harvesting.harvester import H, Harvester
 from gearmon.harvesting.recorded import Response, respond
 from gearmon.harvesting.vibration import OperatingShare, Shaking, Vibration, check_duty
+from gearmon.result import Result
 
 Real = npt.NDArray[np.float64]
 
@@ -121,7 +122,7 @@ def by_load(harvester: Harvester, loads: Real, vibration: Vibration) -> tuple[Re
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Tuned(Generic[H]):
+class Tuned(Result, Generic[H]):
     """A harvester at its best.
 
     Attributes

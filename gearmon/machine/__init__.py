@@ -2,13 +2,14 @@
 
 from gearmon.machine.fields import FieldError
 from gearmon.machine.parts import Bearing, Machine, OperatingPoint, Sensor, Stage
-from gearmon.machine.reading import load_machine
+from gearmon.machine.reading import MachineLike, load_machine
 from gearmon.machine.stages import ParallelStage, PlanetaryStage
 
 __all__ = [
     "Bearing",
     "FieldError",
     "Machine",
+    "MachineLike",
     "OperatingPoint",
     "ParallelStage",
     "PlanetaryStage",

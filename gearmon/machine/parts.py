@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 from gearmon.machine.fields import (
     Choice,
@@ -16,6 +17,7 @@ from gearmon.machine.fields import (
     obeys,
 )
 from gearmon.machine.stages import ParallelStage, PlanetaryStage
+from gearmon.result import Result
 
 Stage = ParallelStage | PlanetaryStage
 
@@ -186,7 +188,7 @@ class Sensor:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Machine:
+class Machine(Result):
     """A drive train, how it runs and how it is measured.
 
     Stage number i (from 1) is driven by shaft i and drives shaft i + 1.
@@ -233,6 +235,23 @@ class Machine:
         self._check_speeds()
         self._check_bearings()
         self._check_sensors()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content of a machine file, without what is as by default.
+
+        Returns
+        -------
+        dict
+            `load_machine` makes the machine of it again.
+        """
+        parts = {
+            "operating": self.operating,
+            "stage": self.stages,
+            "bearing": self.bearings,
+            "sensor": self.sensors,
+        }
+        tables = {name: [_filled(part) for part in own] for name, own in parts.items() if own}
+        return {"name": self.name, **tables}
 
     @property
     def shaft_count(self) -> int:
@@ -281,3 +300,13 @@ class Machine:
         if stage not in planetary:
             known = ", ".join(map(str, planetary)) or "none here"
             raise FieldError(key, f"must be the number of a planetary stage ({known})", stage)
+
+
+def _filled(part: Any) -> dict[str, Any]:
+    """Return what is told of a part, as the keys of its table."""
+    told = {own.name: getattr(part, own.name) for own in fields(part) if own.init}
+    defaults = {own.name: own.default for own in fields(part)}
+    kind = {"kind": part.kind} if isinstance(part, Stage) else {}
+    return kind | {
+        name: value for name, value in told.items() if value is not None and value != defaults[name]
+    }

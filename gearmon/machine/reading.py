@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
-from gearmon.errors import nearest_name
+from gearmon.errors import ArgumentError, nearest_name
 from gearmon.machine.fields import FieldError, shown_value
 from gearmon.machine.parts import Bearing, Machine, OperatingPoint, Sensor, Stage
 from gearmon.machine.source import MachineSource, read_source
@@ -32,15 +33,22 @@ MOST_KEYS_LISTED = 10
 _Part = TypeVar("_Part")
 
 
-def load_machine(path: str | Path) -> Machine:
-    """Read a machine file.
+#: What `load_machine` takes.
+MachineLike: TypeAlias = Machine | str | Path | Mapping[str, Any]
+
+
+def load_machine(source: MachineLike | None = None, **tables: Any) -> Machine:
+    """Return the machine in a file, a dictionary, or keywords of the same names.
 
     Parameters
     ----------
-    path : str or Path
+    source : str, Path, mapping or Machine, optional
         A TOML file with a table ``[operating]`` (or several ``[[operating]]``, a duty cycle with
         ``share``), one ``[[stage]]`` for each stage in the order of power flow, and optionally
-        ``name``, ``[[bearing]]`` and ``[[sensor]]``.
+        ``name``, ``[[bearing]]`` and ``[[sensor]]``; or a dictionary of the same content, with a
+        list where there are several tables. A Machine is returned as it is.
+    **tables
+        The same as keywords, in the place of a source.
 
     Returns
     -------
@@ -52,10 +60,43 @@ def load_machine(path: str | Path) -> Machine:
     MachineFileError
         If the file cannot be read, or anything in it is unknown, missing or impossible: one line
         with file, line, key, value and what is allowed.
+    ArgumentError
+        If the source is none of these.
+
+    Examples
+    --------
+    >>> stage = {"kind": "parallel", "pinion_teeth": 23, "gear_teeth": 57}
+    >>> load_machine(operating={"speed_rpm": 1480.0}, stage=stage).shaft_count
+    2
     """
-    source = read_source(path)
+    if isinstance(source, Machine) and not tables:
+        return source
+    return _machine(_source(source, tables))
+
+
+def _source(source: object, tables: dict[str, Any]) -> MachineSource:
+    given = tables if source is None else source
+    if source is not None and tables:
+        raise ArgumentError(f"machine: given twice, also as {', '.join(tables)}=; give it once")
+    if isinstance(given, str | Path):
+        return read_source(given)
+    if not isinstance(given, Mapping):
+        raise ArgumentError(
+            f"machine: a {type(given).__name__} is no machine; give the name of a machine file, a "
+            "dictionary with operating and stage, or a Machine"
+        )
+    document = dict(given)
+    for name in ("stage", "bearing", "sensor"):
+        if isinstance(given.get(name), Mapping):
+            document[name] = [given[name]]
+        elif isinstance(given.get(name), tuple):
+            document[name] = list(given[name])
+    return MachineSource(path="", document=document)
+
+
+def _machine(source: MachineSource) -> Machine:
     _refuse_unknown_keys(source, source.document, _TOP_KEYS, "")
-    name = source.document.get("name", Path(path).stem)
+    name = source.document.get("name", Path(source.path).stem or "machine")
     stages, notes = _stages(source)
     try:
         return Machine(

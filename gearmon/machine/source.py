@@ -39,7 +39,7 @@ class MachineSource:
     def error(self, key: str, message: str) -> MachineFileError:
         """Return the error that says `message` about the line of `key`."""
         line = self.lines.get(key) or self.lines.get(key.rpartition(".")[0])
-        place = f"{self.path}:{line}" if line else self.path
+        place = f"{self.path}:{line}" if line else self.path or "machine"
         return MachineFileError(f"{place}: {message}")
 
 

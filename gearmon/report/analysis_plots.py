@@ -77,6 +77,13 @@ def analysis_figures(
     yield speed_figure(analysis)
 
 
+def analysis_pictures(
+    analysis: Analysis, recording: Recording | None = None, reference: Reference | None = None
+) -> dict[str, Picture]:
+    """Return the pictures of `analysis_figures` by their names."""
+    return {own.name: own for own in analysis_figures(analysis, recording, reference)}
+
+
 @style()
 def turn_figure(analysis: Analysis, wheel: WheelLines, *, at_length: bool = True) -> Picture:
     """Draw one turn of a gear: its synchronous average by channel, and its energy by tooth.

@@ -17,6 +17,7 @@ from gearmon.files import write_atomically
 from gearmon.machine import Machine
 from gearmon.report import text
 from gearmon.report.palette import VERDICT_STYLE
+from gearmon.report.verdict import overall, summary, worst_first
 from gearmon.report.wording import gear_text, printable, probability_text
 from gearmon.signals.recording import Recording
 from gearmon.signatures.measured.reference import Reference
@@ -90,7 +91,8 @@ def write_report(
         written += files
         if progress:
             progress(number / len(analyses))
-    write_atomically(target, _rendered(analyses, sections, machine, failures))
+    shown = [sections[place] for place in worst_first(analyses)]
+    write_atomically(target, _rendered(analyses, shown, machine, failures))
     return [target, *written]
 
 
@@ -144,26 +146,36 @@ def _contents(
     number: int, analysis: Analysis, reference: Reference | None, machine: Machine
 ) -> dict[str, Any]:
     indicators, definitions = text.indicator_table(analysis)
-    background, colour, sign = VERDICT_STYLE[analysis.verdict]
-    return {
+    own = summary(analysis)
+    return _styled(analysis.verdict) | {
         "anchor": f"recording-{number}",
         "recording": printable(analysis.recording),
-        "verdict": analysis.verdict,
-        "reason": analysis.reason,
-        "background": background,
-        "colour": colour,
-        "sign": sign,
+        "what": own.what,
+        "told": own.lines(),
+        "because": own.because,
         "facts": text.facts(analysis),
         "flags": [_flag(flag) for flag in analysis.flags],
         "warnings": list(dict.fromkeys([*analysis.warnings, *analysis.signature.notes])),
         "meshes": text.mesh_table(analysis),
-        "flag_table": text.flag_table(analysis),
         "indicators": indicators,
         "definitions": definitions,
         "changes": text.change_table(analysis),
         "changes_shown": _CHANGES_SHOWN,
         "settings": text.settings_table(analysis, reference, machine),
     }
+
+
+def _styled(verdict: str) -> dict[str, Any]:
+    background, colour, sign = VERDICT_STYLE[verdict]
+    return {"verdict": verdict, "background": background, "colour": colour, "sign": sign}
+
+
+def _overall(analyses: Sequence[Analysis], failures: Sequence[Failure]) -> dict[str, Any] | None:
+    """Return the worst verdict of several recordings; None for one, whose own says it."""
+    if not analyses or len(analyses) + len(failures) < 2:
+        return None
+    verdict, counts = overall(analyses, len(failures))
+    return _styled(verdict) | {"counts": counts}
 
 
 def _flag(flag: Flag) -> dict[str, Any]:
@@ -193,7 +205,6 @@ def _rendered(
         made=datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
         version=__version__,
         sections=sections,
-        overview=text.overview_table(analyses),
+        overall=_overall(analyses, failures),
         failures=failures,
-        styles=VERDICT_STYLE,
     )

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import re
+import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -222,7 +223,10 @@ def legend(figure: Figure, axes: Sequence[Axes], columns: int = 4) -> None:
 def left_label(figure: Figure, axes: Sequence[Axes], text: str) -> None:
     """Write what all axes show along the left edge."""
     middle = 0.5 * (axes[0].get_position().y1 + axes[-1].get_position().y0)
-    figure.text(0.012, middle, text, rotation=90, ha="center", va="center", fontsize=7.5)
+    # a letter of 7.5 points is 0.06 inch wide; the middle of the axes is not that of the figure
+    wrapped = textwrap.fill(text, max(12, int(0.85 * figure.get_figheight() / 0.06)))
+    how: dict[str, Any] = {"ha": "left", "va": "center", "fontsize": 7.5, "linespacing": 0.95}
+    figure.text(0.004, middle, wrapped, rotation=90, multialignment="center", **how)
 
 
 def above(ax: Axes, x: float, text: str, up: float = 3, **how: Any) -> None:

@@ -239,7 +239,7 @@ def _closed(values: FloatArray) -> FloatArray:
 
 
 @style()
-def indicator_figure(tables: Sequence[IndicatorTable]) -> Picture:
+def indicator_figure(tables: IndicatorTable | Sequence[IndicatorTable]) -> Picture:
     """Draw a panel for every condition indicator and input.
 
     Of several recordings the values run along the horizontal axis; of one the gears stand side by
@@ -247,9 +247,10 @@ def indicator_figure(tables: Sequence[IndicatorTable]) -> Picture:
 
     Parameters
     ----------
-    tables : sequence of IndicatorTable
+    tables : IndicatorTable, or sequence of them
         In the order of the run.
     """
+    tables = [tables] if isinstance(tables, IndicatorTable) else tables
     panels: dict[tuple[str, str], dict[tuple[str, str], list[tuple[int, float]]]] = {}
     units: dict[tuple[str, str], str | None] = {}
     gears: dict[str, None] = {}

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from matplotlib.markers import TICKUP
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
@@ -68,6 +70,8 @@ _DECADES = 6.0
 _MOST_MARKS = 32
 # Marks nearer than this share of the axis cannot be told apart; width of a line of a label.
 _LEAST_GAP, _LABEL_WIDTH = 0.012, 0.014
+# Share of the page that axes usually take: on narrower ones a label takes a larger share.
+_USUAL_WIDTH = 0.86
 _GREY_SERIES = 7
 _DASHED = (0, (4, 2))
 _AXES = {
@@ -245,12 +249,14 @@ def _close_up_caption(analysis: Analysis, mesh: MeshFinding) -> str:
 
 
 @style()
-def spectrum_figure(found: RecordingSpectrum) -> Picture:
+def spectrum_figure(found: RecordingSpectrum, ax: Sequence[Axes] = ()) -> Figure:
     """Draw a spectrum of any kind, a strip a channel; of a kurtogram a map a channel.
 
     Parameters
     ----------
     found : RecordingSpectrum
+    ax : sequence of Axes
+        Where to draw the first channels, in the place of a new figure.
     """
     if found.kurtograms:
         return _kurtogram_figure(found)
@@ -264,16 +270,20 @@ def spectrum_figure(found: RecordingSpectrum) -> Picture:
         x, y = max_hold(found.place, values)
         strips.append(Strip(label=label, place=x, value=y, marks=marks, linear=linear))
     what = found.value_name[0].upper() + found.value_name[1:]
+    if ax:
+        return _on_given(strips, ax, _AXES[found.axis], what)
     return _strips_figure(strips, found.units, _AXES[found.axis], what)
 
 
 @style()
-def order_figure(found: OrderSpectra) -> Picture:
+def order_figure(found: OrderSpectra, ax: Sequence[Axes] = ()) -> Figure:
     """Draw peak amplitudes against the orders of a shaft, a strip a channel.
 
     Parameters
     ----------
     found : OrderSpectra
+    ax : sequence of Axes
+        Where to draw the first channels, in the place of a new figure.
     """
     # the mean and what leaks from it are no lines
     order = found.order[2:]
@@ -283,6 +293,8 @@ def order_figure(found: OrderSpectra) -> Picture:
         x, y = max_hold(order, values[2:])
         label = strip_label(name, unit_text(unit))
         strips.append(Strip(label=label, place=x, value=y, marks=marks))
+    if ax:
+        return _on_given(strips, ax, order_axis(found), "Peak amplitude")
     return _strips_figure(strips, found.units, order_axis(found), "Peak amplitude")
 
 
@@ -321,6 +333,16 @@ def _strips_figure(
     axes[-1].set_xlabel(axis)
     left_label(figure, axes, what)
     return figure
+
+
+def _on_given(strips: Sequence[Strip], axes: Sequence[Axes], axis: str, what: str) -> Figure:
+    """Draw strips on axes of the caller's, who has made room for their letters."""
+    for strip, ax in zip(strips, axes, strict=False):
+        _plot_strip(strip, ax)
+        ax.set_xlabel(axis)
+        size = ax.xaxis.label.get_fontsize()
+        ax.set_ylabel(f"{what}, {strip.label}".replace("\n", " "), fontsize=size)
+    return cast(Figure, axes[0].get_figure(root=True))
 
 
 def _plot_strip(strip: Strip, ax: Axes) -> None:
@@ -384,7 +406,8 @@ def label_marks(marks: Sequence[LineMark], ax: Axes) -> None:
     low, high = ax.get_xlim()
     share = [(mark.place - low) / (high - low) for mark in marks]
     widest = max((mark.label.count("\n") + 1 for mark in marks), default=1)
-    places = spread(share, widest * _LABEL_WIDTH, 0.0, 1.0)
+    narrow = min(1.0, ax.get_position().width / _USUAL_WIDTH)
+    places = spread(share, widest * _LABEL_WIDTH / narrow, 0.0, 1.0)
     up = 0.1 / (ax.get_position().height * ax.get_figure(root=True).get_figheight())  # type: ignore[union-attr]
     for mark, at, place in zip(marks, share, places, strict=True):
         ax.plot(

@@ -5,13 +5,12 @@ And what it rests on: the reference, and the lines of a machine.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from gearmon import __version__
 from gearmon.diagnosis.results import Analysis, Change, Flag
 from gearmon.gears.kinematics import LineTable
 from gearmon.machine import Machine, ParallelStage
 from gearmon.report.text_tables import Table, table_lines
+from gearmon.report.verdict import summary
 from gearmon.report.wording import (
     counted,
     gear_text,
@@ -24,7 +23,7 @@ from gearmon.report.wording import (
     with_uncertainty,
 )
 from gearmon.signatures.measured.reference import Reference
-from gearmon.signatures.speed import SPEED_TOLERANCE
+from gearmon.signatures.speed import SPEED_REACH, SPEED_TOLERANCE
 
 # Changes of more than this many standard deviations are highlighted in pictures and tables.
 BEYOND = 3.0
@@ -68,7 +67,7 @@ def is_beyond(change: Change) -> bool:
 
 
 def analysis_text(analysis: Analysis, most_changes: int = 5) -> str:
-    """Return an analysis in some lines: the verdict first, then why.
+    """Return an analysis in some lines: verdict, how sure, what to do; then the evidence.
 
     Parameters
     ----------
@@ -82,12 +81,11 @@ def analysis_text(analysis: Analysis, most_changes: int = 5) -> str:
     str
         Lines without a final line break.
     """
-    lines = [f"{printable(analysis.recording)}: {analysis.verdict.upper()}", f"  {analysis.reason}"]
-    lines.append(
-        f"  score {score_text(analysis.score)}, false-alarm probability "
-        f"{probability_text(analysis.false_alarm_probability)}, compared with "
-        f"{analysis.compared_with}"
-    )
+    own = summary(analysis)
+    lines = [f"{printable(analysis.recording)}: {analysis.verdict.upper()}", f"  {own.what}"]
+    lines += [f"  {name}: {text}" for name, text in own.lines()]
+    lines += ["  evidence:", *([f"  {own.because}"] if own.because else [])]
+    lines.append(f"  score {score_text(analysis.score)}, compared with {analysis.compared_with}")
     speed = analysis.signature.speed
     if analysis.signature.found:
         running = with_uncertainty(speed.estimated_hz, speed.uncertainty_hz, "Hz")
@@ -198,7 +196,6 @@ def facts(analysis: Analysis) -> tuple[tuple[str, str], ...]:
         ("Machine", printable(analysis.machine) or "without a name"),
         ("Recording", printable(analysis.recording)),
         ("Score", score_text(analysis.score)),
-        ("False-alarm probability", probability_text(analysis.false_alarm_probability)),
         ("Compared with", analysis.compared_with),
         ("Speed of shaft 1", running),
         ("Meshes", "; ".join(mesh_sentences(analysis))),
@@ -233,21 +230,6 @@ def mesh_table(analysis: Analysis) -> Table:
         for mesh in analysis.signature.meshes
     ]
     return Table.of(rows, "rrlrrl")
-
-
-def flag_table(analysis: Analysis) -> Table:
-    """Return the flags, strongest first."""
-    rows = [
-        {
-            "Kind": flag.kind,
-            "Place": gear_text(flag.stage, flag.gear, flag.tooth),
-            "Stiffness loss (90 %)": flag_loss(flag) or "not estimated",
-            "False-alarm probability": probability_text(flag.false_alarm_probability),
-            "Evidence": "; ".join(flag.evidence),
-        }
-        for flag in analysis.flags
-    ]
-    return Table.of(rows, "lllrl")
 
 
 def flag_loss(flag: Flag) -> str:
@@ -304,7 +286,11 @@ def settings_table(analysis: Analysis, reference: Reference | None, machine: Mac
         ("Teeth", "; ".join(_teeth(machine))),
         ("Operating points", "; ".join(_operating(machine))),
         ("Reference", printable("; ".join(reference.origins)) if reference else "none"),
-        ("Search for the speed", f"± {percent(SPEED_TOLERANCE, 0)} about each nominal speed"),
+        (
+            "Search for the speed",
+            f"± {percent(SPEED_TOLERANCE, 0)} about each nominal speed; where that shows no clear "
+            f"mesh, ± {percent(SPEED_REACH, 0)}",
+        ),
         (
             "Order analysis",
             f"{lines.amplitude.shape[0]} half-overlapped Hann blocks of {lines.block_turns:.4g} "
@@ -339,21 +325,3 @@ def _operating(machine: Machine) -> list[str]:
         name = f"{point.name}: " if point.name else ""
         parts.append(f"{name}{point.speed_rpm:g} rpm{torque}")
     return parts
-
-
-def overview_table(analyses: Sequence[Analysis]) -> Table:
-    """Return one row a recording, for reports on several."""
-    rows = [
-        {
-            "Recording": printable(own.recording),
-            "Verdict": own.verdict,
-            "Score": score_text(own.score),
-            "False-alarm probability": probability_text(own.false_alarm_probability),
-            "Shaft 1 (Hz)": f"{own.signature.speed.estimated_hz:.4f}"
-            if own.signature.found
-            else "–",
-            "Reason": own.reason,
-        }
-        for own in analyses
-    ]
-    return Table.of(rows, "llrrrl")

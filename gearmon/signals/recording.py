@@ -5,16 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import InitVar, dataclass, replace
 from pathlib import Path
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from gearmon.errors import ArgumentError, RecordingError, check_range
+from gearmon.result import Result, with_units
 from gearmon.signals.reading import (
     Content,
     Progress,
     SensorLike,
     Wanted,
+    content_of,
     find_column,
     identify,
     interpret,
@@ -32,7 +35,7 @@ Samples = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Recording:
+class Recording(Result):
     """Samples of one or more channels, taken at the same instants at an even rate.
 
     Parameters
@@ -127,6 +130,13 @@ class Recording:
             if kind not in CHANNEL_KINDS:
                 raise ArgumentError(f"kind '{kind}' is none of {', '.join(CHANNEL_KINDS)}")
 
+    def frame_rows(self) -> list[dict[str, Any]]:
+        """Return a row a sample: the time, and every channel."""
+        times = np.arange(self.samples.shape[1]) / self.sampling_rate_hz
+        heads = ["time_s", *with_units(self.channel_names, self.units)]
+        rows = np.vstack([times, self.samples]).T.tolist()
+        return [dict(zip(heads, row, strict=True)) for row in rows]
+
     @property
     def duration_s(self) -> float:
         """Duration in seconds: number of samples over sampling rate."""
@@ -176,17 +186,23 @@ class Recording:
         )
 
 
+#: What `read_recording` takes: a file, an array, a DataFrame or Series, what `gearmon.simulate`
+#: made, or a `Recording`. (Arrays and frames have no type in common.)
+RecordingLike: TypeAlias = Any
+
+
 def read_recording(
-    path: str | Path,
+    source: RecordingLike,
     sampling_rate_hz: float | None = None,
     channels: str | int | Iterable[str | int] | None = None,
     tacho: str | int | None = None,
     sensors: Iterable[SensorLike] = (),
     progress: Progress | None = None,
     *,
+    unit: str | None = None,
     on_disk: bool = False,
 ) -> Recording:
-    """Return the recording in a file.
+    """Return the recording in a file, an array or a DataFrame.
 
     Text (CSV, TSV, TXT; plain or gzip): separator, decimal character, lines above the numbers,
     names, units and the time column are found out; every number is exactly what ``float`` makes of
@@ -197,11 +213,13 @@ def read_recording(
 
     Parameters
     ----------
-    path : str or Path
-        The file.
+    source : str, Path, array, DataFrame, Series, SimulatedRecording or Recording
+        The file; or the samples themselves: an array of shape (n,), (channels, n) or (n, channels),
+        of which the longer axis is time; a frame with a channel a column, named with its unit, as
+        "a1 [m/s2]", and the time as its index or a column; a Recording is returned as it is.
     sampling_rate_hz : float > 0, optional
-        Needed if the file neither states it nor has a time column; otherwise both must agree
-        within 0.1 %.
+        Sampling rate [Hz]. Needed for an array, and where the file or frame neither states it nor
+        has the time; otherwise both must agree within 0.1 %.
     channels : str, int or iterable of these, optional
         Names, or column numbers counted from 1 (the time column counts), of the vibration channels
         to take; all by default. A named channel that is dead, clipped or incomplete is an error;
@@ -215,6 +233,8 @@ def read_recording(
         sensitivity, which is the recorded number per `unit`.
     progress : callable, optional
         Called with the share of the file that has been read, from 0 to 1.
+    unit : str, optional
+        Unit of the vibration channels, such as "m/s2", "g" or "mm/s", where nothing else states it.
     on_disk : bool
         Whether the samples are to lie in a temporary file instead of in memory; see
         `open_recording`.
@@ -229,7 +249,14 @@ def read_recording(
     RecordingError
         If the file cannot be read as a recording.
     ArgumentError
-        If an argument is out of its range.
+        If an argument is out of its range, or the source is none of these.
+
+    Examples
+    --------
+    >>> samples = np.random.default_rng(1).normal(size=(2, 1000))
+    >>> recording = read_recording(samples, 8000.0, unit="g")
+    >>> recording.duration_s, recording.units
+    (0.125, ('m/s2', 'm/s2'))
     """
     if sampling_rate_hz is not None:
         check_range("sampling_rate_hz", sampling_rate_hz, *RATES_HZ, "Hz")
@@ -238,13 +265,54 @@ def read_recording(
         channels=(channels,) if isinstance(channels, str | int) else tuple(channels or ()),
         tacho=tacho,
         sensors=tuple(sensors),
+        unit=unit,
     )
+    if isinstance(source, Recording) or hasattr(source, "channel_kinds"):
+        return _recording_of(source, wanted)
+    if not isinstance(source, str | Path):
+        return _recorded(content_of(source, sampling_rate_hz), wanted)
     room = _room_on_disk if on_disk else np.empty
-    source = open_source(path)
-    found = identify(source)
+    file = open_source(source)
+    found = identify(file)
     if found.is_text:
-        return _recorded(read_table(source, progress, room).content(), wanted)
-    return _recorded(*read_arrays(source, found, wanted, progress, room))
+        return _recorded(read_table(file, progress, room).content(), wanted)
+    return _recorded(*read_arrays(file, found, wanted, progress, room))
+
+
+def read_recordings(
+    sources: RecordingLike | Iterable[RecordingLike], **options: Any
+) -> list[Recording]:
+    """Return one or several recordings as `read_recording` does; those in memory get numbers.
+
+    Parameters
+    ----------
+    sources : one of what `read_recording` takes, or a list or tuple of them
+    **options
+        Of `read_recording`, for all.
+    """
+    several = sources if isinstance(sources, list | tuple) else [sources]
+    found = [read_recording(source, **options) for source in several]
+    named = [one.origin in ("array", "DataFrame", "simulated") for one in found]
+    return [
+        replace(one, origin=f"{one.origin} {number}", known_finite=True) if unnamed else one
+        for number, (one, unnamed) in enumerate(zip(found, named, strict=True), start=1)
+    ]
+
+
+def _recording_of(made: Any, wanted: Wanted) -> Recording:
+    """Return a recording as it is, or one that was simulated; refuse options that contradict it."""
+    rate = wanted.sampling_rate_hz
+    if rate is not None and rate != made.sampling_rate_hz:
+        raise ArgumentError(
+            f"sampling_rate_hz={rate:g} Hz, but the recording has {made.sampling_rate_hz:g} Hz; "
+            "leave it out"
+        )
+    if not isinstance(made, Recording):
+        known = ("samples", "sampling_rate_hz", "channel_names", "channel_kinds", "units")
+        taken = {name: getattr(made, name) for name in known}
+        made = Recording(**taken, origin="simulated")
+    recording: Recording = made
+    return recording.select(wanted.channels) if wanted.channels else recording
 
 
 def open_recording(

@@ -18,11 +18,12 @@ from numpy.typing import NDArray
 
 from gearmon.errors import RecordingError
 from gearmon.gears.kinematics import Kinematics, Wheel, kinematics
-from gearmon.machine import Machine
+from gearmon.machine import MachineLike, load_machine
+from gearmon.result import Result
 from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.orders import whole_turns
 from gearmon.signals.orders.averages import SynchronousAverage, time_synchronous_average
-from gearmon.signals.recording import Recording
+from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signatures.measured.gear_signals import GearSignals, gear_signals
 from gearmon.signatures.measured.line_plan import MESH_HARMONICS, WheelLines
 from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature
@@ -77,7 +78,7 @@ class GearAverage:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class GearAverages:
+class GearAverages(Result):
     """Averages of all gears of a recording.
 
     Parameters
@@ -93,6 +94,8 @@ class GearAverages:
     notes : tuple of str
         What the reader should know.
     """
+
+    picture = "recording_plots.average_figures"
 
     recording: str
     channel_names: tuple[str, ...]
@@ -196,9 +199,11 @@ class GearAverages:
 
 
 def gear_averages(
-    recording: Recording,
-    machine: Machine,
+    recording: RecordingLike,
+    machine: MachineLike,
     *,
+    sampling_rate_hz: float | None = None,
+    unit: str | None = None,
     signature: MeasuredSignature | None = None,
     per_turn: int | None = None,
 ) -> GearAverages:
@@ -206,11 +211,13 @@ def gear_averages(
 
     Parameters
     ----------
-    recording : Recording
+    recording : str, Path, array, DataFrame or Recording
         Vibration channels, and perhaps a tacho channel.
-    machine : Machine
+    machine : Machine, path or dict
         Tooth counts: they give the rotations of output shafts, planets and all between as exact
         ratios.
+    sampling_rate_hz, unit
+        Of an array, or where the recording does not state them: as of `gearmon.read_recording`.
     signature : MeasuredSignature, optional
         Of the same recording, if it is at hand: its angle track is used.
     per_turn : int, optional
@@ -225,8 +232,11 @@ def gear_averages(
     GearmonError
         If the recording cannot be used.
     """
+    machine = load_machine(machine)
     train = kinematics(machine)
-    recording = sound_part(recording)
+    recording = sound_part(
+        read_recording(recording, sampling_rate_hz, sensors=machine.sensors, unit=unit)
+    )
     found = measure_signature(recording, machine) if signature is None else signature
     vibration = recording.vibration()
     rate, track = vibration.sampling_rate_hz, found.track

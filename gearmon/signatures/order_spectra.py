@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.gears.kinematics import kinematics
-from gearmon.machine import Machine
+from gearmon.machine import MachineLike, load_machine
+from gearmon.result import Result, with_units
 from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.orders import READ_UP_TO
 from gearmon.signals.orders.maps import OrderMap, order_map
-from gearmon.signals.recording import Recording
+from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signatures.measured.line_plan import MESH_HARMONICS, Mark, machine_marks, mark_near
 from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature
 from gearmon.signatures.recording_spectrum import highest_peaks
@@ -26,7 +27,7 @@ _TURNS, _MAP_TURNS, _MAP_BLOCKS = 40.0, 8.0, {"time": 24, "speed": 72}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class OrderSpectra:
+class OrderSpectra(Result):
     """Amplitude against order, averaged and along the recording.
 
     Parameters
@@ -53,6 +54,8 @@ class OrderSpectra:
     notes : tuple of str
     """
 
+    picture = "spectrum_plots.order_figure"
+
     recording: str
     shaft: int
     channel_names: tuple[str, ...]
@@ -68,7 +71,8 @@ class OrderSpectra:
 
     def rows(self) -> list[dict[str, Any]]:
         """Return the averaged spectrum as rows, one column a channel."""
-        columns = zip(self.channel_names, self.amplitude.tolist(), strict=True)
+        heads = with_units(self.channel_names, self.units)
+        columns = zip(heads, self.amplitude.tolist(), strict=True)
         named = {"order": self.order.tolist(), **dict(columns)}
         return [dict(zip(named, row, strict=True)) for row in zip(*named.values(), strict=True)]
 
@@ -122,10 +126,12 @@ class OrderSpectra:
 
 
 def order_spectra(
-    recording: Recording,
-    machine: Machine,
+    recording: RecordingLike,
+    machine: MachineLike,
     shaft: int = 1,
     *,
+    sampling_rate_hz: float | None = None,
+    unit: str | None = None,
     top: float | None = None,
     window_name: str = "hann",
     most_peaks: int = 20,
@@ -135,10 +141,12 @@ def order_spectra(
 
     Parameters
     ----------
-    recording : Recording
-    machine : Machine
+    recording : str, Path, array, DataFrame or Recording
+    machine : Machine, path or dict
     shaft : int
         Shaft whose turns the orders count, from 1.
+    sampling_rate_hz, unit
+        Of an array, or where the recording does not state them: as of `gearmon.read_recording`.
     top : float, optional
         Highest order; by default a tenth above the last mesh harmonic looked at, as far as the
         sampling rate allows.
@@ -161,9 +169,12 @@ def order_spectra(
     GearmonError
         If there is no such shaft, or the recording cannot be used.
     """
+    machine = load_machine(machine)
     train = kinematics(machine)
     ratio = train.shaft(shaft).order
-    recording = sound_part(recording)
+    recording = sound_part(
+        read_recording(recording, sampling_rate_hz, sensors=machine.sensors, unit=unit)
+    )
     signature = measure_signature(recording, machine)
     vibration = recording.vibration()
     rate, track = vibration.sampling_rate_hz, signature.track
@@ -214,18 +225,38 @@ def _peaks(
     marks: tuple[Mark, ...],
     most: int,
 ) -> tuple[dict[str, Any], ...]:
-    within = 1.5 * float(order[1] - order[0])
+    step = float(order[1] - order[0])
     return tuple(
         {
             "channel": name,
-            "order": float(order[index]),
-            "amplitude": float(amplitude[row, index]),
+            "order": at,
+            "amplitude": height,
             "unit": vibration.units[row] or "",
-            "near": mark_near(marks, float(order[index]), within),
+            "near": mark_near(marks, at, 1.5 * step),
         }
         for row, name in enumerate(vibration.channel_names)
-        for index in highest_peaks(amplitude[row], most, 2)
+        for at, height in sorted(
+            (
+                _between_bins(order, amplitude[row], int(index))
+                for index in highest_peaks(amplitude[row], most, 2)
+            ),
+            key=lambda peak: -peak[1],
+        )
     )
+
+
+def _between_bins(order: FloatArray, amplitude: FloatArray, top: int) -> tuple[float, float]:
+    """Read a line between the bins: a parabola through the logarithms of three.
+
+    Of a Hann window it is off by 0.016 bins and 4 % in height at most; the bin itself by half a bin
+    and 15 %.
+    """
+    before, here, after = np.log(np.maximum(amplitude[top - 1 : top + 2], 1e-300))
+    bend = before - 2.0 * here + after
+    shift = 0.5 * float((before - after) / bend) if bend < 0 else 0.0
+    step = float(order[1] - order[0])
+    height = float(np.exp(here - 0.25 * (before - after) * shift))
+    return float(order[top]) + shift * step, height
 
 
 def _notes(

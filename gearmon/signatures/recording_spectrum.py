@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError, check_range
-from gearmon.machine import Machine
+from gearmon.machine import Machine, MachineLike, load_machine
+from gearmon.result import Result, with_units
 from gearmon.signals.bad_samples import sound_part
-from gearmon.signals.recording import Recording
+from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signals.spectra import amplitude_spectrum, half_lobe, line_amplitude, power_density
 from gearmon.signals.spectra.demodulation import (
     Kurtogram,
@@ -35,7 +36,7 @@ _DENSITY_BLOCKS, _DENSITY_LONGEST = 16, 1 << 16
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RecordingSpectrum:
+class RecordingSpectrum(Result):
     """A spectrum of every channel of a recording.
 
     Parameters
@@ -62,6 +63,8 @@ class RecordingSpectrum:
     notes : tuple of str
     """
 
+    picture = "spectrum_plots.spectrum_figure"
+
     recording: str
     kind: str
     channel_names: tuple[str, ...]
@@ -84,7 +87,8 @@ class RecordingSpectrum:
                 for name, own in zip(self.channel_names, self.kurtograms, strict=True)
                 for row in own.rows()
             ]
-        columns = zip(self.channel_names, self.values.tolist(), strict=True)
+        heads = with_units(self.channel_names, self.units)
+        columns = zip(heads, self.values.tolist(), strict=True)
         named = {self.axis: self.place.tolist(), **dict(columns)}
         return [dict(zip(named, row, strict=True)) for row in zip(*named.values(), strict=True)]
 
@@ -309,10 +313,12 @@ KINDS = tuple(COMPUTE)
 
 
 def recording_spectrum(
-    recording: Recording,
+    recording: RecordingLike,
     kind: str = "amplitude",
     *,
-    machine: Machine | None = None,
+    machine: MachineLike | None = None,
+    sampling_rate_hz: float | None = None,
+    unit: str | None = None,
     band: tuple[float, float] | None = None,
     window_name: str = "hann",
     most_peaks: int = 12,
@@ -321,14 +327,16 @@ def recording_spectrum(
 
     Parameters
     ----------
-    recording : Recording
+    recording : str, Path, array, DataFrame or Recording
     kind : {"amplitude", "rms", "density", "energy", "envelope", "cepstrum", "kurtogram", \
 "coherence"}
         Peak amplitude or root mean square of every line, power density, energy per line, amplitude
         of the envelope of a band, real cepstrum, kurtogram, cyclic spectral coherence averaged over
         carriers.
-    machine : Machine, optional
+    machine : Machine, path or dict, optional
         Marks its lines at the speed found in the recording.
+    sampling_rate_hz, unit
+        Of an array, or where the recording does not state them: as of `gearmon.read_recording`.
     band : (float, float), optional
         Of the axis that is shown [Hz; s for the cepstrum]; for the envelope the band that is
         demodulated, by default the most impulsive one; for the coherence the modulation
@@ -350,7 +358,9 @@ def recording_spectrum(
     if kind not in KINDS:
         raise ArgumentError(f"kind={kind!r} must be one of {', '.join(KINDS)}")
     check_range("peaks", most_peaks, 0, 1000)
-    recording = sound_part(recording)
+    machine = None if machine is None else load_machine(machine)
+    sensors = () if machine is None else machine.sensors
+    recording = sound_part(read_recording(recording, sampling_rate_hz, sensors=sensors, unit=unit))
     vibration = recording.vibration()
     _check_band(band, vibration, kind)
     result = COMPUTE[kind](vibration, band, window_name)
@@ -423,6 +433,8 @@ def _peaks(
         if exact and len(chosen):
             place, value = _read(vibration.samples[row], vibration, place, value, window_name)
             value = value / np.sqrt(2) if result.kind == "rms" else value
+            ranked = np.argsort(-value, kind="stable")
+            place, value = place[ranked], value[ranked]
         within = 3 * float(result.place[1] - result.place[0])
         rows += [
             {

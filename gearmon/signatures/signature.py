@@ -22,6 +22,7 @@ import numpy.typing as npt
 
 from gearmon.errors import ArgumentError, SignatureError, nearest_name
 from gearmon.files import replacing, write_atomically
+from gearmon.result import Result
 
 INTEGER_COLUMNS = ("stage", "mesh_harmonic", "sideband")
 TEXT_COLUMNS = ("sideband_of",)
@@ -45,7 +46,7 @@ Array = npt.NDArray[Any]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Signature:
+class Signature(Result):
     """Lines of a machine, expected or measured.
 
     Parameters

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 from gearmon.errors import ArgumentError
 from gearmon.gears.kinematics import Kinematics, Mesh
 from gearmon.machine import Machine
+from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.tracking.comb import Comb, SpeedScan, scan_speed
 from gearmon.signals.tracking.mesh_detection import MeshComb, combined_comb
@@ -19,6 +19,8 @@ from gearmon.signatures.measured.line_plan import MESH_HARMONICS, group_orders, 
 FloatArray = NDArray[np.float64]
 
 SPEED_TOLERANCE = 0.03
+#: How far it is looked for when it is not found so near to nominal.
+SPEED_REACH = 0.25
 # Blocks of the first scan [turns]: they tell the sidebands of shaft 1 from the mesh lines. High
 # harmonics of a slow mesh are smeared in long blocks by a speed that drifts; short ones still tell
 # them from sidebands of shaft 1.
@@ -26,7 +28,7 @@ _SCAN_TURNS, _SLOW_MESH_TURNS = 30.0, 8.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Speed:
+class Speed(Result):
     """Rotation frequency of shaft 1 in a recording.
 
     Parameters
@@ -53,18 +55,6 @@ class Speed:
     lowest_hz: float
     highest_hz: float
     method: str
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return built-in types, ready for JSON."""
-        return {
-            "nominal_hz": self.nominal_hz,
-            "estimated_hz": self.estimated_hz,
-            "peak_hz": self.peak_hz,
-            "uncertainty_hz": self.uncertainty_hz,
-            "lowest_hz": self.lowest_hz,
-            "highest_hz": self.highest_hz,
-            "method": self.method,
-        }
 
 
 def mesh_combs(train: Kinematics, shaft1_hz: float) -> tuple[MeshComb, ...]:

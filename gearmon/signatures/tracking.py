@@ -47,7 +47,13 @@ from gearmon.signatures.mesh_evidence import (
     speed_in_blocks,
     wander,
 )
-from gearmon.signatures.speed import SPEED_TOLERANCE, machine_comb, mesh_combs, scan_nominal_speeds
+from gearmon.signatures.speed import (
+    SPEED_REACH,
+    SPEED_TOLERANCE,
+    machine_comb,
+    mesh_combs,
+    scan_nominal_speeds,
+)
 
 # How far pulses and comb may be apart before it is asked which of them is right.
 _APART = 0.01
@@ -72,8 +78,6 @@ _FAR_BETTER = 0.2
 # Turns that are looked at for a speed elsewhere, and how far off it counts.
 _LOOK_TURNS = 60.0
 _ELSEWHERE = 0.01
-# How far the speed is looked for when it is not found about nominal.
-_REACH = 0.25
 # Sidebands that contradict or support a followed speed, in robust standard deviations.
 _CONTRADICTED = 6.0
 _SUPPORTED = 3.0
@@ -299,7 +303,11 @@ def _elsewhere(signal: GearVibration, first: Tracking) -> bool:
     begin = max(0, (signal.samples.shape[-1] - length) // 2)
     part = signal.samples[:, begin : begin + length]
     path = find_path(
-        part, signal.rate, machine_comb(signal.train, signal.nominal_hz), signal.nominal_hz, _REACH
+        part,
+        signal.rate,
+        machine_comb(signal.train, signal.nominal_hz),
+        signal.nominal_hz,
+        SPEED_REACH,
     )
     speed = path.track()
     known = first.scan.track().at(begin / signal.rate + speed.time_s)
@@ -381,7 +389,10 @@ def _follow(signal: GearVibration, machine: Machine) -> tuple[Tracking, float, O
     """
     nominal = sorted({point.shaft1_hz for point in machine.operating})
     paths = [
-        (find_path(signal.samples, signal.rate, machine_comb(signal.train, hz), hz, _REACH), hz)
+        (
+            find_path(signal.samples, signal.rate, machine_comb(signal.train, hz), hz, SPEED_REACH),
+            hz,
+        )
         for hz in nominal
     ]
     path, nominal_hz = max(paths, key=lambda pair: pair[0].best_score)
@@ -421,7 +432,7 @@ def _spacing_agrees(signal: GearVibration, judged: Tracking) -> bool:
         if not seen.stands_out or mesh.carrier != 0:
             continue
         told = [
-            sideband_spacing(spectrum.quality, spectrum.step, comb, spacing, _REACH)
+            sideband_spacing(spectrum.quality, spectrum.step, comb, spacing, SPEED_REACH)
             for spacing in comb.spacings
         ]
         excess = max((one.excess for one in told), default=0.0)

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError
 from gearmon.files import replacing, write_atomically
-from gearmon.gears.faults import Fault
+from gearmon.gears.faults import Fault, parse_fault
 from gearmon.gears.kinematics import kinematics
-from gearmon.machine import Machine, OperatingPoint
+from gearmon.machine import Machine, MachineLike, OperatingPoint, load_machine
+from gearmon.result import Result
 from gearmon.simulation import path as paths
 from gearmon.simulation.contact import Drive, Ripple, ShaftMotion, random_wander
 from gearmon.simulation.settings import Settings, check_seed, stream
@@ -35,7 +36,7 @@ ROWS_AT_A_TIME = 20_000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SimulatedRecording:
+class SimulatedRecording(Result):
     """A recording of a simulated machine, with what is true of it.
 
     Parameters
@@ -67,8 +68,8 @@ class SimulatedRecording:
 
 
 def simulate(
-    machine: Machine,
-    faults: Iterable[Fault] = (),
+    machine: MachineLike,
+    faults: Iterable[Fault | str] = (),
     duration_s: float = 10.0,
     sampling_rate_hz: float = 20_000.0,
     seed: int = 0,
@@ -94,9 +95,10 @@ def simulate(
 
     Parameters
     ----------
-    machine : Machine
+    machine : Machine, path or dict
         With module, face width and torque, or the overrides in their place.
-    faults : iterable of Fault
+    faults : iterable of Fault or str
+        As "crack:1:pinion:5:20%".
     duration_s, sampling_rate_hz : float
         Length [s], at least one turn of the slowest shaft, and rate [Hz].
     seed : int
@@ -156,7 +158,8 @@ unbalance, bearing_tones, mains_hz, tacho_shaft
         mains_hz=mains_hz,
         tacho_shaft=tacho_shaft,
     )
-    return record(machine, tuple(faults), settings, point=point, progress=progress)
+    known = tuple(parse_fault(own) if isinstance(own, str) else own for own in faults)
+    return record(load_machine(machine), known, settings, point=point, progress=progress)
 
 
 def record(

@@ -20,7 +20,7 @@ from gearmon.diagnosis.fault_types.lines import GearLines, MachineLines, machine
 from gearmon.diagnosis.hypotheses.runout import TurnChange, turn_changes
 from gearmon.diagnosis.results import Change
 from gearmon.errors import check_range
-from gearmon.machine import Machine
+from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.signatures.measured.provenance import tooth_counts
 from gearmon.signatures.measured.reference import WheelPattern
 
@@ -69,13 +69,13 @@ class Example:
 
 
 def train_kinds(
-    machine: Machine, seed: int = 0, count: int = EXAMPLES, operating: int = 0
+    machine: MachineLike, seed: int = 0, count: int = EXAMPLES, operating: int = 0
 ) -> KindClassifier:
     """Train a classifier of the kinds of fault of one machine, without fault data.
 
     Parameters
     ----------
-    machine : Machine
+    machine : Machine, path or dict
         With the data that a baseline needs.
     seed : int, >= 0
         Of the examples and of the training.
@@ -96,6 +96,7 @@ def train_kinds(
     """
     from gearmon.diagnosis.fault_types.classifier import KindClassifier
 
+    machine = load_machine(machine)
     check_range("count", count, *EXAMPLES_BETWEEN)
     rows, kinds = training_table(examples(machine, seed, count, operating))
     classifier = KindClassifier(random_state=seed).fit(rows, kinds)

@@ -20,6 +20,7 @@ from gearmon.diagnosis.history.shapes import ChangePoint, Series
 from gearmon.diagnosis.history.tooth import ToothTrend, follow_tooth
 from gearmon.diagnosis.history.trend import Crossing, Trend, fit_trend
 from gearmon.errors import check_range
+from gearmon.result import Result
 
 FloatArray = NDArray[np.float64]
 
@@ -31,7 +32,7 @@ _Key = tuple[int, str, int | None]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class HistoryTrends:
+class HistoryTrends(Result):
     """What a history shows.
 
     Parameters
@@ -53,6 +54,8 @@ class HistoryTrends:
     notes : tuple of str
         What limits the answer.
     """
+
+    picture = "history_plots.history_figure"
 
     history: History
     teeth: tuple[ToothTrend, ...]

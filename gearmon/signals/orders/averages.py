@@ -23,6 +23,7 @@ from fractions import Fraction
 import numpy as np
 
 from gearmon.errors import ArgumentError, RecordingError, check_positive
+from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.array_types import ComplexArray, FloatArray, IntArray
 from gearmon.signals.orders.lines import OrderLines
@@ -44,7 +45,7 @@ _TOGETHER = 1 << 22
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SynchronousAverage:
+class SynchronousAverage(Result):
     """What repeats with every turn of a rotation.
 
     Parameters

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearmon.errors import ArgumentError, check_positive
+from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.array_types import FloatArray, IntArray
 from gearmon.signals.orders.resampling import READ_UP_TO, AngleGrid, angle_blocks
@@ -25,7 +26,7 @@ _FINEST_SPEED, _BLOCKS_A_ROW = 1e-3, 3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class OrderMap:
+class OrderMap(Result):
     """Amplitude against order of a shaft, row by row.
 
     Parameters

@@ -16,6 +16,7 @@ from functools import lru_cache
 import numpy as np
 
 from gearmon.errors import ArgumentError, RecordingError, check_positive
+from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.array_types import FloatArray
 from gearmon.signals.transforms import fast_length
@@ -233,7 +234,7 @@ def angle_blocks(
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class AngularWaveform:
+class AngularWaveform(Result):
     """Signals at equal steps of the angle of a shaft.
 
     Parameters

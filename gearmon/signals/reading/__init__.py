@@ -11,8 +11,8 @@ True
 
 Text: `source` (bytes to whole lines), `fields` (what a number, a unit is), `layout` (separator,
 decimal character, first row, names) and `text` (lines to numbers, compiled or with care). Other
-files: `formats`. Then for all: `columns` (names, units, kinds, defects), `timebase` (the sampling
-rate) and `channels` (which columns are the recording).
+files: `formats`; arrays and frames: `data`. Then for all: `columns` (names, units, kinds, defects),
+`timebase` (the sampling rate) and `channels` (which columns are the recording).
 """
 
 from gearmon.signals.reading.channels import SensorLike, Wanted, interpret
@@ -23,6 +23,7 @@ from gearmon.signals.reading.columns import (
     find_defect,
     survey,
 )
+from gearmon.signals.reading.data import content_of
 from gearmon.signals.reading.fields import Progress
 from gearmon.signals.reading.formats import identify, read_arrays
 from gearmon.signals.reading.source import Source, open_source
@@ -35,6 +36,7 @@ __all__ = [
     "SensorLike",
     "Source",
     "Wanted",
+    "content_of",
     "counts_evenly",
     "describe_columns",
     "find_column",

@@ -19,7 +19,7 @@ from gearmon.signals.reading.columns import (
     missing_values,
     survey,
 )
-from gearmon.signals.reading.fields import Floats, acceleration_factor
+from gearmon.signals.reading.fields import Floats, acceleration_factor, plain_unit
 from gearmon.signals.reading.timebase import counts_evenly, rises_evenly, sampling_rate
 from gearmon.signals.threads import side_by_side
 
@@ -91,12 +91,15 @@ class Wanted:
         The tacho column.
     sensors : tuple of SensorLike
         What columns hold.
+    unit : str or None
+        Unit of the vibration channels of which nothing else states one.
     """
 
     sampling_rate_hz: float | None = None
     channels: tuple[str | int, ...] = ()
     tacho: str | int | None = None
     sensors: tuple[SensorLike, ...] = ()
+    unit: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,6 +141,7 @@ def interpret(content: Content, wanted: Wanted) -> Interpreted:
     """
     spoken, absent = _spoken(content, wanted)
     columns, remarks = _confirmed(content, _told(content, spoken), spoken)
+    columns = [_with_unit(content.path, column, wanted.unit) for column in columns]
     time = next((column for column in columns if column.kind == "time"), None)
     hint = "; ".join(remarks)
     rate_hz, rate_note = sampling_rate(content, time, wanted.sampling_rate_hz, hint)
@@ -234,6 +238,17 @@ def _first_column(column: DataColumn, values: Floats) -> tuple[str, str]:
     step = float(values[-1] - values[0]) / (len(values) - 1)
     remark = f"{column.label} goes up evenly by {step:.6g}; if that is the time, name it time_s"
     return "other", remark
+
+
+def _with_unit(path: str, column: DataColumn, unit: str | None) -> DataColumn:
+    """Give a vibration channel the unit that the user says, where nothing else states another."""
+    if unit is None or column.kind != "vibration":
+        return column
+    if column.unit is not None and plain_unit(column.unit) != plain_unit(unit):
+        raise RecordingError(
+            f"{path}, {column.label}: is in {column.unit}, unit={unit!r} was given; leave it out"
+        )
+    return replace(column, unit=unit)
 
 
 def _usable(

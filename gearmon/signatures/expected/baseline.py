@@ -22,7 +22,7 @@ from gearmon.dynamics.fourier import samples
 from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.gears.faults import parse_fault_or_error
 from gearmon.gears.mechanics import StageMechanics
-from gearmon.machine import Machine
+from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.signatures.expected.mesh import (
     ComplexArray,
     FloatArray,
@@ -51,7 +51,7 @@ CROSS_MARGIN = 2.0
 
 
 def expected_signature(
-    machine: Machine,
+    machine: MachineLike,
     faults: Iterable[Wrong | str] = (),
     tolerance: float = 1e-6,
     max_hz: float | None = None,
@@ -65,7 +65,7 @@ def expected_signature(
 
     Parameters
     ----------
-    machine : Machine
+    machine : Machine, path or dict
         With the data that a baseline needs; what is missing is named in the error.
     faults : iterable of Fault, GearError or str
         Damaged teeth, such as "crack:1:pinion:5:20%", and errors of gears, such as
@@ -104,6 +104,7 @@ def expected_signature(
     are not listed; where they were solved for, their share of the acceleration is given as
     `cross_lines_share`.
     """
+    machine = load_machine(machine)
     operating_point(machine, operating)
     known = _faults(machine, faults)
     if max_hz is not None:

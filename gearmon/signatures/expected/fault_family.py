@@ -18,7 +18,8 @@ import numpy.typing as npt
 from gearmon.errors import ArgumentError, check_positive, check_range, nearest_name
 from gearmon.gears.faults import ERROR_KINDS, KINDS, parse_fault_or_error
 from gearmon.gears.pairs import mesh_pairs
-from gearmon.machine import Machine
+from gearmon.machine import Machine, MachineLike, load_machine
+from gearmon.result import Result
 from gearmon.signatures.expected.faulty_teeth import faulty_lines, healthy_lines, pair_loss
 from gearmon.signatures.expected.mesh import (
     AMPLITUDES,
@@ -133,7 +134,7 @@ class FamilyMember:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FaultFamily:
+class FaultFamily(Result):
     """A machine healthy and with every fault asked for.
 
     Parameters
@@ -149,6 +150,8 @@ class FaultFamily:
     notes : tuple of str
         What was left out, and why.
     """
+
+    picture = "expected_plots.family_figure"
 
     machine: Machine
     members: tuple[FamilyMember, ...]
@@ -321,7 +324,7 @@ def _limited(
 
 
 def fault_family(
-    machine: Machine,
+    machine: MachineLike,
     kinds: Iterable[str] | None = None,
     sizes: Sizes = None,
     gears: Iterable[tuple[int, str] | str] | None = None,
@@ -335,7 +338,7 @@ def fault_family(
 
     Parameters
     ----------
-    machine : Machine
+    machine : Machine, path or dict
         With the data that a baseline needs.
     kinds : iterable of str, optional
         Kinds of `gears.faults.KINDS` and `gears.faults.ERROR_KINDS`; by default
@@ -372,6 +375,7 @@ def fault_family(
     the ring. The motion is that of `expected_signature`: linear, along the line of action, before
     any path to a sensor.
     """
+    machine = load_machine(machine)
     if max_hz is not None:
         check_positive("max_hz", max_hz, "Hz")
     check_range("tolerance", tolerance, 1e-10, 1.0)

@@ -19,7 +19,8 @@ from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.gears.excitation import FlankError
 from gearmon.gears.modulation import ModulationTrain, state_of
 from gearmon.gears.pulses import PulseTrain
-from gearmon.machine import Machine
+from gearmon.machine import MachineLike, load_machine
+from gearmon.result import Result
 from gearmon.signatures.expected.contact_motion import (
     Deviations,
     PeriodicMotion,
@@ -330,7 +331,7 @@ def _kinks(posed: PosedMesh) -> FloatArray:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LossResponse:
+class LossResponse(Result):
     """What a loss of stiffness of one tooth adds to the lines of its mesh, per unit of loss.
 
     Parameters
@@ -375,7 +376,7 @@ class LossResponse:
 
 
 def loss_response(
-    machine: Machine,
+    machine: MachineLike,
     stage: int,
     gear: str,
     operating: int = 0,
@@ -389,7 +390,7 @@ def loss_response(
 
     Parameters
     ----------
-    machine : Machine
+    machine : Machine, path or dict
         With the data that a baseline needs.
     stage : int
         From 1.
@@ -428,6 +429,7 @@ def loss_response(
         raise ArgumentError(
             f"kind={kind!r} must be one of: crack, stiffness, breakage, pitting, spall"
         )
+    machine = load_machine(machine)
     place = mesh_with(machine, stage, gear)
     check_range("loss", loss, 0.0, 0.999)
     text = f"{kind}:{stage}:{gear}:1:{float(loss) or SMALL_LOSS!r}"

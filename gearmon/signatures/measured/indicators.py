@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError, SignatureError, check_range
 from gearmon.files import write_atomically
-from gearmon.machine import Machine
+from gearmon.machine import MachineLike, load_machine
+from gearmon.result import Result
 from gearmon.signals import indicators
 from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.indicators import RunHistory, na4, na4_frozen
-from gearmon.signals.recording import Recording
+from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signals.threads import at_once
 from gearmon.signatures.measured.gear_signals import GearSignals, gear_signals
 from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature
@@ -68,7 +69,7 @@ _BRIEF = ("FM0", "FM4", "M6A", "M8A", "energy ratio", "SER")
 
 
 @dataclass(frozen=True, kw_only=True)
-class IndicatorRow:
+class IndicatorRow(Result):
     """One indicator of one channel.
 
     Parameters
@@ -101,17 +102,13 @@ class IndicatorRow:
     removed: str
     removed_orders: tuple[float, ...] = ()
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return built-in types, ready for JSON."""
-        return {**vars(self), "removed_orders": list(self.removed_orders)}
-
     def brief(self) -> dict[str, Any]:
         """Return the row without its list of orders: one line of a table."""
         return {name: value for name, value in vars(self).items() if name != "removed_orders"}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class IndicatorTable:
+class IndicatorTable(Result):
     """All indicators of a recording.
 
     Parameters
@@ -128,11 +125,17 @@ class IndicatorTable:
         What the reader should know.
     """
 
+    picture = "recording_plots.indicator_figure"
+
     recording: str
     rows: tuple[IndicatorRow, ...]
     signature: MeasuredSignature | None
     history: IndicatorHistory | None
     notes: tuple[str, ...]
+
+    def frame_rows(self) -> list[dict[str, Any]]:
+        """Return a row for every indicator of every channel."""
+        return [{"recording": self.recording, **row.brief()} for row in self.rows]
 
     def value(self, indicator: str, channel: str, stage: int | None, gear: str | None) -> float:
         """Return one value.
@@ -211,24 +214,29 @@ def gear_indicators(signature: MeasuredSignature) -> Table:
 
 
 def indicator_table(
-    recording: Recording,
-    machine: Machine | None = None,
+    recording: RecordingLike,
+    machine: MachineLike | None = None,
     history: IndicatorHistory | None = None,
     baseline: int = 1,
+    *,
+    sampling_rate_hz: float | None = None,
+    unit: str | None = None,
 ) -> IndicatorTable:
     """Compute every indicator of a recording.
 
     Parameters
     ----------
-    recording : Recording
+    recording : str, Path, array, DataFrame or Recording
         Vibration channels, and perhaps a tacho channel.
-    machine : Machine, optional
+    machine : Machine, path or dict, optional
         Without it there are the indicators of the raw vibration only: RMS, peak to peak, crest
         factor, kurtosis.
     history : IndicatorHistory, optional
         The run before this recording, for NA4 and NB4; without it a run begins here.
     baseline : int
         Records at the start of the run that were healthy: the denominator of NA4* and NB4*.
+    sampling_rate_hz, unit
+        Of an array, or where the recording does not state them: as of `gearmon.read_recording`.
 
     Returns
     -------
@@ -244,7 +252,9 @@ def indicator_table(
         If the recording cannot be used or the history is of other channels.
     """
     check_range("baseline", baseline, 1, 1_000_000)
-    recording = sound_part(recording)
+    machine = None if machine is None else load_machine(machine)
+    sensors = () if machine is None else machine.sensors
+    recording = sound_part(read_recording(recording, sampling_rate_hz, sensors=sensors, unit=unit))
     vibration = recording.vibration()
     if machine is None:
         return IndicatorTable(

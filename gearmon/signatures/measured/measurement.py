@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.errors import RecordingError
 from gearmon.gears.kinematics import Kinematics, kinematics
-from gearmon.machine import Machine
+from gearmon.machine import Machine, MachineLike, load_machine
+from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.bad_samples import inspected, sound_part, sound_piece
 from gearmon.signals.orders import OrderLines, order_lines
 from gearmon.signals.orders.fine_spectra import FineSpectrum, fine_order_spectrum
-from gearmon.signals.recording import Recording
+from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signals.spectra import power_density
 from gearmon.signals.threads import at_once
 from gearmon.signals.tracking.mesh_detection import MeshComb, MeshEvidence
@@ -59,7 +59,7 @@ _TURNING = ("shaft", "rotation", "local fault", "planet pass")
 
 
 @dataclass(frozen=True, kw_only=True)
-class MeshFinding:
+class MeshFinding(Result):
     """What a recording shows of one mesh.
 
     Parameters
@@ -86,20 +86,9 @@ class MeshFinding:
     score: float
     reason: str
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return built-in types, ready for JSON."""
-        return {
-            "stage": self.stage,
-            "frequency_hz": self.frequency_hz,
-            "found": self.found,
-            "snr_db": self.snr_db,
-            "score": self.score,
-            "reason": self.reason,
-        }
-
 
 @dataclass(frozen=True, kw_only=True)
-class MeasuredSignature:
+class MeasuredSignature(Result):
     """A recording reduced to order lines.
 
     Parameters
@@ -162,7 +151,13 @@ class MeasuredSignature:
         return any(mesh.found for mesh in self.meshes)
 
 
-def measure_signature(recording: Recording, machine: Machine) -> MeasuredSignature:
+def measure_signature(
+    recording: RecordingLike,
+    machine: MachineLike,
+    *,
+    sampling_rate_hz: float | None = None,
+    unit: str | None = None,
+) -> MeasuredSignature:
     """Reduce a recording to the order lines of its machine.
 
     The speed comes from a tacho channel if there is one, else from the comb of mesh and shaft lines
@@ -170,10 +165,12 @@ def measure_signature(recording: Recording, machine: Machine) -> MeasuredSignatu
 
     Parameters
     ----------
-    recording : Recording
+    recording : str, Path, array, DataFrame or Recording
         Vibration channels, and perhaps a tacho channel.
-    machine : Machine
+    machine : Machine, path or dict
         Tooth counts and nominal speeds.
+    sampling_rate_hz, unit
+        Of an array, or where the recording does not state them: as of `gearmon.read_recording`.
 
     Returns
     -------
@@ -186,6 +183,8 @@ def measure_signature(recording: Recording, machine: Machine) -> MeasuredSignatu
         If the recording has no vibration channel, none that is sound (see
         `gearmon.signals.bad_samples`), or is too short for a turn of the slowest shaft.
     """
+    machine = load_machine(machine)
+    recording = read_recording(recording, sampling_rate_hz, sensors=machine.sensors, unit=unit)
     train = kinematics(machine)
     recording, tracking = _tracked(recording, machine, train)
     vibration = recording.vibration()

@@ -20,6 +20,7 @@ from gearmon import __version__
 from gearmon.errors import ArgumentError
 from gearmon.files import reading_archive, write_archive
 from gearmon.machine import Machine
+from gearmon.result import Result
 from gearmon.signals.orders import OrderLines, variance_of_mean
 from gearmon.signatures.measured.line_plan import WheelLines
 from gearmon.signatures.measured.measurement import MeasuredSignature
@@ -179,7 +180,7 @@ class Profile:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Reference:
+class Reference(Result):
     """Healthy recordings of one machine.
 
     Parameters

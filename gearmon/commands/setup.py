@@ -1,0 +1,248 @@
+"""Commands that come first: a machine file from a few facts, and what a reference is good for."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+import tomllib
+from typing import TYPE_CHECKING, Any
+
+from gearmon.commands.command import Command
+from gearmon.commands.inputs import machine_of
+from gearmon.commands.output import DONE, finish, show
+from gearmon.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from gearmon.machine import Machine
+    from gearmon.signals.recording import Recording
+
+# Gears of one stage reduce by up to 8 or 10 (Niemann, Maschinenelemente II); beyond, a tooth count
+# is rather mistyped. A shaft slower than the second is rather told in Hz than in 1/min.
+_USUAL_RATIO, _SLOWEST_RPM = 10.0, 100.0
+_SPEED = re.compile(r"\s*([0-9]*[.,]?[0-9]+)\s*(rpm|1/min|hz|)\s*", re.IGNORECASE)
+_TEETH = re.compile(r"\s*(\d+)\s*/\s*(\d+)\s*(?:/\s*(\d+)\s*x\s*(\d+))?\s*", re.IGNORECASE)
+_PARALLEL = """
+[[stage]]                 # in the order of power flow
+kind = "parallel"
+pinion_teeth = {0}        # on the driving shaft
+gear_teeth = {1}
+"""
+_PLANETARY = """
+[[stage]]                 # in the order of power flow
+kind = "planetary"
+sun_teeth = {0}
+planet_teeth = {1}
+ring_teeth = {2}
+planets = {3}
+fixed = "ring"
+"""
+_MORE = """\
+# needed for what a healthy gearbox should sound like, and for sizes of damage in mm:
+{module}module_mm = {module_mm}
+{width}face_width_mm = {face_width_mm}
+"""
+
+
+def run_init(arguments: argparse.Namespace) -> int:
+    """Run `gearmon init`."""
+    from gearmon.files import write_atomically
+    from gearmon.gears.kinematics import kinematics
+    from gearmon.machine import load_machine
+
+    if not arguments.output:
+        raise ArgumentError("init: -o MACHINE is missing; name the machine file to write")
+    teeth = arguments.teeth or [_asked("teeth", "teeth of the first stage, driver/driven: ")]
+    stages = [_stage(text) for text in teeth]
+    rpm = _rpm(arguments.speed or _asked("speed", "speed of shaft 1, such as 1480rpm or 24.7hz: "))
+    text = _file(arguments, stages, rpm)
+    machine = load_machine(tomllib.loads(text))
+    meshes = [mesh.order * rpm / 60.0 for mesh in kinematics(machine).meshes]
+    notes = _doubts(machine)
+    if arguments.recording:
+        found = _recorded(arguments, machine, max(meshes))
+        text += _columns(found)
+        notes += list(found.notes)
+    write_atomically(arguments.output, text)
+    result = {"machine": arguments.output, "mesh_hz": meshes, "warnings": notes}
+    show(arguments, result, lambda: _init_lines(result))
+    return DONE
+
+
+def _asked(option: str, question: str) -> str:
+    """Ask for what no option told, if there is somebody to answer."""
+    if not sys.stdin.isatty():
+        raise ArgumentError(f"init: --{option} is missing")
+    sys.stderr.write(question)
+    return sys.stdin.readline().strip()
+
+
+def _rpm(text: str) -> float:
+    """Return a speed in 1/min; refuse a number that may be in either unit."""
+    match = _SPEED.fullmatch(text)
+    if match is None:
+        raise ArgumentError(f"--speed {text}: must be a number with its unit: 1480rpm or 24.7hz")
+    number, unit = float(match[1].replace(",", ".")), match[2].lower()
+    if not unit and number < _SLOWEST_RPM:
+        raise ArgumentError(
+            f"--speed {text}: {number:g} 1/min is slow for a shaft 1; write {number:g}hz if it is "
+            f"in Hz ({60 * number:g} 1/min), {number:g}rpm if it is not"
+        )
+    return 60.0 * number if unit == "hz" else number
+
+
+def _stage(text: str) -> str:
+    match = _TEETH.fullmatch(text)
+    if match is None:
+        raise ArgumentError(
+            f"--teeth {text}: must be driver/driven, such as 23/57, or sun/planet/ring and "
+            "planets, such as 30/35/100x3"
+        )
+    counts = [own for own in match.groups() if own is not None]
+    return (_PLANETARY if len(counts) > 2 else _PARALLEL).format(*counts)
+
+
+def _file(arguments: argparse.Namespace, stages: list[str], rpm: float) -> str:
+    """Return the text of a machine file."""
+    given = vars(arguments)
+    more = {name: given[name] for name in ("module_mm", "face_width_mm")}
+    usual = {"module_mm": 2.5, "face_width_mm": 28.0}
+    filled = _MORE.format(
+        **{name: usual[name] if value is None else value for name, value in more.items()},
+        module="" if arguments.module_mm else "# ",
+        width="" if arguments.face_width_mm else "# ",
+    )
+    torque = "# torque_nm = 120.0      # on shaft 1, if it is known\n"
+    if arguments.torque_nm is not None:
+        torque = f"torque_nm = {arguments.torque_nm}         # on shaft 1\n"
+    name = arguments.name.replace("\\", "\\\\").replace('"', '\\"')
+    return (
+        f'name = "{name}"\n\n[operating]\n'
+        f"speed_rpm = {rpm:g}         # shaft 1, 1/min; the true speed is looked for about it\n"
+        f"{torque}{''.join(stage + filled for stage in stages)}"
+    )
+
+
+def _doubts(machine: Machine) -> list[str]:
+    """Name tooth counts that are rather mistyped than meant."""
+    from gearmon.machine import ParallelStage
+
+    notes = list(machine.notes)
+    for number, stage in enumerate(machine.stages, start=1):
+        if not isinstance(stage, ParallelStage):
+            continue
+        ratio = stage.gear_teeth / stage.pinion_teeth
+        if ratio < 1.0:
+            notes.append(
+                f"stage {number}: {stage.pinion_teeth} teeth drive {stage.gear_teeth}: it speeds "
+                f"up by {1 / ratio:.3g}; if it slows down, swap them"
+            )
+        if max(ratio, 1 / ratio) > _USUAL_RATIO:
+            notes.append(
+                f"stage {number}: a ratio of {max(ratio, 1 / ratio):.3g} is more than one stage "
+                "usually has; look at the tooth counts again"
+            )
+    return notes
+
+
+def _recorded(arguments: argparse.Namespace, machine: Machine, mesh_hz: float) -> Recording:
+    """Read the recording that shows what the columns are; refuse a rate that cannot be."""
+    from gearmon.signals.recording import read_recording
+
+    found = read_recording(arguments.recording[0], arguments.sampling_rate)
+    if found.sampling_rate_hz < 2.0 * mesh_hz:
+        raise ArgumentError(
+            f"{arguments.recording[0]}: sampled at {found.sampling_rate_hz:.6g} Hz, too slow for "
+            f"{machine.name} with a mesh at {mesh_hz:.6g} Hz; is the time in ms (name the column "
+            "time_ms), or the speed in Hz?"
+        )
+    return found
+
+
+def _columns(found: Recording) -> str:
+    """Describe the columns of a recording; what their units are has to be filled in if unknown."""
+    text = ""
+    rows = zip(found.columns, found.channel_names, found.channel_kinds, found.units, strict=True)
+    for number, name, kind, unit in rows:
+        known = f'unit = "{unit}"' if unit else '# unit = "m/s2"         # not stated in the file'
+        # samples of a known unit of acceleration are read as m/s2, whatever the file has
+        mark = "# " if unit == "m/s2" else ""
+        text += f"\n[[sensor]]                # {' '.join(name.split())}\ncolumn = {number}\n"
+        text += f'kind = "{kind}"\n{mark}{known}\n'
+    return text
+
+
+def _init_lines(result: dict[str, Any]) -> list[str]:
+    listed = ", ".join(f"{own:.4g} Hz" for own in result["mesh_hz"])
+    lines = [f"meshes at nominal speed: {listed}"]
+    lines += [f"note: {note}" for note in result["warnings"]]
+    return [*lines, f"wrote {result['machine']}"]
+
+
+def run_check(arguments: argparse.Namespace) -> int:
+    """Run `gearmon check`."""
+    from gearmon.diagnosis.reference_check import check_reference
+    from gearmon.signatures.measured.reference import read_reference
+
+    machine = machine_of(arguments.machine)
+    found = check_reference(read_reference(arguments.reference), machine)
+    result = found.to_dict()
+    return finish(arguments, result, lambda: _check_lines(result, found.headline()), found.rows)
+
+
+def _check_lines(result: dict[str, Any], headline: str) -> list[str]:
+    from gearmon.report.text_tables import table_lines
+    from gearmon.report.wording import printable
+
+    lines = [headline, *(f"also: {advice}" for advice in result["advice"][1:]), ""]
+    lines += table_lines(
+        [own | {"recording": printable(own["recording"])} for own in result["recordings"]]
+    )
+    for gear in result["gears"]:
+        loss = gear["noticed_from"]
+        told = "no loss is sure to be noticed" if loss is None else f"from {100 * loss:.2g} % on"
+        lines.append(f"{gear['gear']} of stage {gear['stage']}: a weak tooth is noticed {told}")
+    return lines
+
+
+def _init_arguments(parser: argparse.ArgumentParser) -> None:
+    option = parser.add_argument
+    option("recording", metavar="RECORDING", nargs="*", help="one that tells the columns")
+    option(
+        "--teeth",
+        action="append",
+        metavar="A/B",
+        help="of a stage, driver/driven, or sun/planet/ring and planets as 30/35/100x3; repeatable",
+    )
+    option("--speed", metavar="SPEED", help="of shaft 1 with its unit: 1480rpm or 24.7hz")
+    option("--torque", dest="torque_nm", type=float, metavar="NM", help="on shaft 1")
+    option("--module", dest="module_mm", type=float, metavar="MM", help="of all stages")
+    option("--face-width", dest="face_width_mm", type=float, metavar="MM", help="of all stages")
+    option("--name", default="my gearbox", metavar="NAME", help="of the machine")
+    option("--sampling-rate", type=float, metavar="HZ", help="of the recording, if it tells none")
+
+
+def _check_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("reference", metavar="REFERENCE", help="what gearmon learn wrote")
+    parser.add_argument("--machine", metavar="MACHINE", required=True, help="machine file (TOML)")
+
+
+INIT = Command(
+    name="init",
+    help="write a machine file from tooth counts and speed, and the columns of a recording",
+    example="gearmon init new.csv --teeth 23/57 --speed 1480rpm -o mine.toml",
+    add=_init_arguments,
+    run=run_init,
+    endings=(".toml",),
+    output="write the machine file to this file; needed",
+    more="What is not given is asked for. It is said where numbers look mistaken: a speed in Hz, a "
+    "time in ms, swapped tooth counts.",
+)
+CHECK = Command(
+    name="check",
+    help="say what a reference covers, what it would find, and which recording to add",
+    example="gearmon check healthy.ref --machine machine.toml -o check.csv",
+    add=_check_arguments,
+    run=run_check,
+    endings=(".csv", ".json"),
+)

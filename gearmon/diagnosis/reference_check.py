@@ -1,0 +1,187 @@
+"""What a reference is good for: loads and speeds it covers, odd recordings, what it would find."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from gearmon.diagnosis.decision.coverage import noticed_from
+from gearmon.diagnosis.decision.evidence import Evidence
+from gearmon.diagnosis.decision.thresholds import LIMITS
+from gearmon.diagnosis.hypotheses.tooth_damage import find_tooth
+from gearmon.diagnosis.law import HealthyMachine
+from gearmon.diagnosis.law.state import LENGTH
+from gearmon.machine import MachineLike, load_machine
+from gearmon.result import Result
+from gearmon.signatures.measured.provenance import machine_notes
+from gearmon.signatures.measured.reference import Reference
+
+#: Loads less than this factor apart count as one.
+ONE_LOAD = 1.25
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckedRecording:
+    """One recording of a reference, held against the others.
+
+    Parameters
+    ----------
+    recording : str
+    duration_s : float
+        Length [s].
+    speed_hz : float
+        Speed of shaft 1 [Hz].
+    relative_load : float
+        Load as heard at the meshes, over that of the first recording.
+    strength : float or None
+        Strength of the evidence that this one is not as the others (a fault from 2); None where
+        there are fewer than two others.
+    """
+
+    recording: str
+    duration_s: float
+    speed_hz: float
+    relative_load: float
+    strength: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckedGear:
+    """What a reference would find on one gear.
+
+    Parameters
+    ----------
+    stage : int
+    gear : str
+    noticed_from : float or None
+        Loss of the stiffness of one tooth's pair that would be called a fault in the least
+        favourable of its recordings; None if even the loss of nearly all might not be.
+    """
+
+    stage: int
+    gear: str
+    noticed_from: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReferenceCheck(Result):
+    """What a reference covers, and what to add to it.
+
+    Parameters
+    ----------
+    machine : str
+    recordings : tuple of CheckedRecording
+    gears : tuple of CheckedGear
+    advice : tuple of str
+        What to do about it, most important first; empty if nothing is amiss.
+    """
+
+    machine: str
+    recordings: tuple[CheckedRecording, ...]
+    gears: tuple[CheckedGear, ...]
+    advice: tuple[str, ...]
+
+    def headline(self) -> str:
+        """Return the first advice."""
+        return self.advice[0] if self.advice else "The reference is good as it is."
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return a row a recording."""
+        return [asdict(own) for own in self.recordings]
+
+
+def check_reference(reference: Reference, machine: MachineLike) -> ReferenceCheck:
+    """Hold every recording of a reference against the others.
+
+    Parameters
+    ----------
+    reference : Reference
+    machine : Machine, path or dict
+
+    Returns
+    -------
+    ReferenceCheck
+        What the whole reference finds is at least what is said here, of one recording less.
+
+    Raises
+    ------
+    ArgumentError
+        If the reference is of a machine with other gears.
+    """
+    machine = load_machine(machine)
+    machine_notes(machine, reference)
+    rows = range(len(reference.channel_names))
+    loads = np.exp(HealthyMachine.of(reference, rows).states[:, 0])
+    recordings: list[CheckedRecording] = []
+    heard: dict[tuple[int, str], list[float | None]] = {}
+    for number, own in enumerate(reference.profiles):
+        others = (*reference.profiles[:number], *reference.profiles[number + 1 :])
+        law = HealthyMachine.of(replace(reference, profiles=others or (own,)), rows)
+        deviation = law.deviation(own, rows)
+        finding = find_tooth(own, deviation, law, machine)
+        told = {"deviation": deviation, "finding": finding, "references": max(1, len(others))}
+        evidence = Evidence(**told, runout=(), nongear=())  # type: ignore[arg-type]
+        recordings.append(
+            CheckedRecording(
+                recording=own.origin,
+                duration_s=own.duration_s,
+                speed_hz=own.speed_hz,
+                relative_load=float(loads[number]),
+                strength=float(evidence.strength) if len(others) > 1 else None,
+            )
+        )
+        for gear in finding.searched if finding is not None else ():
+            heard.setdefault(gear.key, []).append(noticed_from(gear))
+    gears = tuple(
+        CheckedGear(stage=stage, gear=gear, noticed_from=_worst(losses))
+        for (stage, gear), losses in heard.items()
+    )
+    advice = (*_odd(recordings), *_missing_loads(recordings), *_deaf(gears))
+    return ReferenceCheck(
+        machine=reference.machine, recordings=tuple(recordings), gears=gears, advice=advice
+    )
+
+
+def _worst(losses: list[float | None]) -> float | None:
+    told = [loss for loss in losses if loss is not None]
+    return max(told) if len(told) == len(losses) else None
+
+
+def _odd(recordings: list[CheckedRecording]) -> list[str]:
+    return [
+        f"{own.recording} departs from the others as a fault would (strength {own.strength:.1f}): "
+        "if the machine was not sound then, learn again without it."
+        for own in recordings
+        if own.strength is not None and own.strength >= LIMITS.fault
+    ]
+
+
+def _missing_loads(recordings: list[CheckedRecording]) -> list[str]:
+    """Say which recording would teach the most."""
+    loads = np.sort([own.relative_load for own in recordings])
+    if len(loads) == 1:
+        return [
+            "Add two healthy recordings, one at about half the load: from one recording it cannot "
+            "be known how this machine differs from one to the next."
+        ]
+    if loads[-1] < ONE_LOAD * loads[0]:
+        return ["Add a healthy recording at about half the load: all of these are at one."]
+    steps = np.log(loads[1:] / loads[:-1])
+    if steps.max() > LENGTH:
+        between = float(np.sqrt(np.prod(loads[steps.argmax() : steps.argmax() + 2])))
+        return [
+            f"Add a healthy recording at about {between:.2g} times the load of the first: none "
+            "lies near it."
+        ]
+    return []
+
+
+def _deaf(gears: tuple[CheckedGear, ...]) -> list[str]:
+    return [
+        f"Damage of one tooth of the {own.gear} of stage {own.stage} might go unnoticed: record "
+        "longer, under load, or nearer to it."
+        for own in gears
+        if own.noticed_from is None or own.noticed_from > LIMITS.must_notice
+    ]

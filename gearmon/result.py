@@ -1,0 +1,184 @@
+"""What every result can do: say itself in a line, become a frame or built-in types, and be drawn.
+
+Results know the name of their picture only; drawing stays in `gearmon.report`, and neither it nor
+pandas is loaded before it is asked for.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import html
+import sys
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from importlib import import_module
+from inspect import signature
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from gearmon.errors import ArgumentError, check_word
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+#: Longest text of a result, and of one of its fields.
+_LONGEST, _LONGEST_FIELD = 480, 72
+_ROWS_SHOWN = 10
+
+
+class Result:
+    """A frozen dataclass that people meet."""
+
+    #: Module and function of `gearmon.report` that draw it; "" if nothing does.
+    picture: ClassVar[str] = ""
+
+    def __init_subclass__(cls, **more: Any) -> None:
+        """Keep the short text: a dataclass writes its own only where the class has none."""
+        super().__init_subclass__(**more)
+        cls.__repr__ = Result.__repr__  # type: ignore[method-assign]
+
+    def __repr__(self) -> str:
+        """Return a text of one line: every field, arrays and lists by their size."""
+        fields = dataclasses.fields(self)  # type: ignore[arg-type]
+        said = [f"{field.name}={_brief(getattr(self, field.name))}" for field in fields]
+        text = f"{type(self).__name__}({', '.join(said)})"
+        return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 5]} ...)"
+
+    def _repr_html_(self) -> str:
+        """Return the first rows of the frame, for a notebook."""
+        frame = self.to_frame()
+        more = f"<p>{len(frame)} rows</p>" if len(frame) > _ROWS_SHOWN else ""
+        head = f"<p><b>{type(self).__name__}</b> {html.escape(self.headline())}</p>"
+        return f"{head}{frame.head(_ROWS_SHOWN).to_html(index=False)}{more}"
+
+    def headline(self) -> str:
+        """Return what the result says, in a sentence; "" if it is but numbers."""
+        return ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return built-in types, ready for JSON; complex numbers as their two parts."""
+        return {
+            field.name: _plain(getattr(self, field.name))
+            for field in dataclasses.fields(self)  # type: ignore[arg-type]
+        }
+
+    def frame_rows(self) -> list[dict[str, Any]]:
+        """Return the rows of the frame: `rows()`, or one of everything that is a single value."""
+        rows = getattr(self, "rows", None)
+        if rows is not None:
+            return list(rows()) if callable(rows) else [_plain(row) for row in rows]
+        plain = self.to_dict().items()
+        return [{name: own for name, own in plain if not isinstance(own, list | dict)}]
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return a tidy DataFrame: a row an observation, units in the names of columns.
+
+        Returns
+        -------
+        pandas.DataFrame
+            The rows of the file that the command of the same name writes.
+        """
+        import pandas as pd  # takes longer to load than most results to compute
+
+        return pd.DataFrame(self.frame_rows())
+
+    def plot(self, ax: Any = None, *, kind: str = "", **options: Any) -> Any:
+        """Draw the picture, or the pictures, that the command of the same name draws.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, or a sequence of them, optional
+            Where to draw, one for each of the first channels; by default a new figure.
+        kind : str
+            Which picture, of a result that has several; by default all.
+        **options
+            Of the function in `gearmon.report` that draws it.
+
+        Returns
+        -------
+        Axes, ndarray of Axes, or dict of str to these
+            Where it was drawn: one axes, or all of the picture from the top; of several pictures by
+            their kind.
+
+        Raises
+        ------
+        ArgumentError
+            If the result has no picture, or its picture cannot be drawn on given axes.
+        """
+        if not self.picture:
+            raise ArgumentError(f"plot: {type(self).__name__} has no picture; take to_frame()")
+        home, name = self.picture.split(".")
+        draw = getattr(import_module(f"gearmon.report.{home}"), name)
+        if ax is None:
+            drawn = draw(self, **options)
+            return _chosen(drawn, kind) if isinstance(drawn, dict) else _shown(drawn)
+        if "ax" not in signature(draw).parameters:
+            raise ArgumentError(
+                f"plot: the picture of {type(self).__name__} arranges its axes itself; leave ax out"
+            )
+        axes = np.ravel(np.asarray(ax, dtype=object)).tolist()
+        draw(self, ax=axes, **options)
+        return ax
+
+
+def with_units(names: Sequence[str], units: Sequence[str | None]) -> list[str]:
+    """Return the heads of columns: names with their units, as the reader of recordings takes them.
+
+    Examples
+    --------
+    >>> with_units(["a1", "ratio", "x"], ["m/s2", "1", None])
+    ['a1 [m/s2]', 'ratio', 'x']
+    """
+    pairs = zip(names, units, strict=True)
+    return [f"{name} [{unit}]" if unit and unit != "1" else name for name, unit in pairs]
+
+
+def _chosen(figures: dict[str, Any], kind: str) -> Any:
+    """Return the axes of one of several figures, or of all."""
+    named = {name.strip("-"): figure for name, figure in figures.items()}
+    if not kind:
+        return {name: _shown(figure) for name, figure in named.items()}
+    check_word("kind=", kind, named)
+    return _shown(named[kind])
+
+
+def _shown(figure: Any) -> Any:
+    """Hand a figure to pyplot, if it is in use, and return its axes."""
+    pyplot = sys.modules.get("matplotlib.pyplot")
+    if pyplot is not None:
+        with suppress(ValueError):  # before 3.11 pyplot takes none but its own
+            pyplot.figure(figure)
+    axes = np.array(figure.axes, dtype=object)
+    return axes[0] if axes.size == 1 else axes
+
+
+def _brief(value: Any) -> str:
+    """Return what a field holds, in few letters."""
+    if isinstance(value, np.ndarray):
+        return f"{value.dtype.name}{list(value.shape)}"
+    if isinstance(value, tuple | list | Mapping) and len(repr(value)) > _LONGEST_FIELD:
+        return f"<{len(value)}>"
+    if dataclasses.is_dataclass(value):
+        return f"<{type(value).__name__}>"
+    text = f"{value:.6g}" if isinstance(value, float) else repr(value)
+    return text if len(text) <= _LONGEST_FIELD else f"{text[: _LONGEST_FIELD - 4]}...{text[-1]}"
+
+
+def _plain(value: Any) -> Any:
+    """Return a value in built-in types."""
+    if hasattr(value, "to_dict"):
+        return value.to_dict()
+    if isinstance(value, np.ndarray) and np.iscomplexobj(value):
+        return {"real": value.real.tolist(), "imag": value.imag.tolist()}
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, complex):
+        return {"real": value.real, "imag": value.imag}
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {f.name: _plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+    if isinstance(value, dict):
+        return {str(name): _plain(own) for name, own in value.items()}
+    if isinstance(value, tuple | list | set | frozenset):
+        return [_plain(own) for own in value]
+    return value if isinstance(value, str | int | float | bool | None) else str(value)

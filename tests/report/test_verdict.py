@@ -1,0 +1,92 @@
+"""The answer in ten seconds: what, how sure, what to do; the worst of several first."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from gearmon.report.html import Failure, write_report
+from gearmon.report.verdict import overall, overview_lines, summary, worst_first
+
+
+def slowed(analysis, factor):
+    speed = replace(
+        analysis.signature.speed, nominal_hz=analysis.signature.speed.estimated_hz / factor
+    )
+    return replace(analysis, signature=replace(analysis.signature, speed=speed))
+
+
+def test_a_fault_says_what_how_sure_and_what_to_do(faulty):
+    own, flag = summary(faulty.analysis), faulty.analysis.flags[0]
+    assert own.what.startswith(f"Damage of tooth {flag.tooth} of the pinion of stage 1")
+    assert "a sound machine shows as much in " in own.sure
+    assert own.next.startswith(f"Inspect tooth {flag.tooth} of the pinion of stage 1")
+    assert own.because not in own.what
+    assert "σ" not in own.what + own.next
+
+
+def test_no_rarity_is_claimed_that_nobody_has_counted(faulty):
+    flag = replace(faulty.analysis.flags[0], false_alarm_probability=1e-30)
+    told = summary(replace(faulty.analysis, flags=(flag,))).sure
+    assert told.startswith("practically certain")
+    assert told.endswith("in less than 1 of 1,000,000 recordings")
+    flag = replace(flag, false_alarm_probability=0.004)
+    assert summary(replace(faulty.analysis, flags=(flag,))).sure == (
+        "sure: a sound machine shows as much in 1 of 250 recordings"
+    )
+
+
+def test_probabilities_stand_beside_faults_only(healthy, alone, gearless):
+    assert "would have been noticed" in summary(healthy.analysis).sure
+    assert summary(healthy.analysis).next == "Nothing now; record again as planned."
+    for case in (alone, gearless):
+        assert summary(case.analysis).sure == ""
+    assert "gearmon learn" in summary(alone.analysis).next
+    assert summary(gearless.analysis).next.startswith("Check the sensor and the tooth counts")
+
+
+@pytest.mark.parametrize("kind", ["wear", "bearing", "path changed", "changed mesh", "mesh lost"])
+def test_every_kind_of_fault_says_what_to_do(faulty, kind):
+    flag = replace(faulty.analysis.flags[0], kind=kind)
+    told = summary(replace(faulty.analysis, flags=(flag,))).next
+    assert told.endswith(".")
+    assert "{" not in told
+
+
+def test_a_speed_far_from_nominal_is_a_caution(healthy):
+    assert summary(healthy.analysis).caution == ""
+    told = summary(slowed(healthy.analysis, 0.8)).caution
+    assert told.startswith("the speed found, 1194 rpm, is 20 % below the 1492 rpm")
+    assert "above" in summary(slowed(healthy.analysis, 1.2)).caution
+
+
+def test_of_several_the_worst_comes_first(faulty, healthy, alone, gearless):
+    analyses = [case.analysis for case in (healthy, gearless, faulty, alone)]
+    assert worst_first(analyses) == [2, 3, 1, 0]
+    assert overall(analyses, 1) == (
+        "fault",
+        "5 recordings: 1 fault, 1 cannot tell, 1 no mesh found, 1 healthy, 1 not analysed",
+    )
+    lines = overview_lines(analyses)
+    assert lines[0].startswith("FAULT (4 recordings: 1 fault")
+    assert lines[1].split()[:2] == ["made-7.csv", "FAULT"]
+    assert lines[4].split()[:2] == ["made-8.csv", "HEALTHY"]
+
+
+def test_the_page_opens_with_the_worst_and_folds_the_evidence(tmp_path, healthy, faulty):
+    write_report(
+        [healthy.analysis, faulty.analysis],
+        [None, None],
+        healthy.reference,
+        healthy.machine,
+        tmp_path / "report.html",
+        failures=[Failure(recording="bad.csv", message="bad.csv: is empty")],
+    )
+    text = (tmp_path / "report.html").read_text("utf-8")
+    body = text[text.index("<body>") :]
+    assert body.index("3 recordings: 1 fault, 1 healthy, 1 not analysed") < body.index("Overview")
+    assert body.index('<section id="recording-2">') < body.index('<section id="recording-1">')
+    assert body.count("<details") == body.count("</details>") >= 6
+    assert "<details open" not in body
+    assert "default-src 'none'" in text

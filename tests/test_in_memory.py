@@ -1,0 +1,137 @@
+"""Recordings and machines that are in memory already: every kind is taken, and means the same."""
+
+from __future__ import annotations
+
+import tomllib
+
+import numpy as np
+import pandas as pd
+import pytest
+from reference.small_gearbox import MACHINE_FILE, simulated
+
+import gearmon
+
+RATE = float(simulated(tacho=False).sampling_rate_hz)
+MACHINE = tomllib.loads(MACHINE_FILE)
+KNOWN = {"sampling_rate_hz": RATE, "unit": "m/s2"}
+
+
+@pytest.fixture(scope="module")
+def samples():
+    return simulated(tacho=False).samples
+
+
+def frame(samples, index=None):
+    names = [f"channel {number + 1} [m/s2]" for number in range(len(samples))]
+    return pd.DataFrame(samples.T, columns=names, index=index)
+
+
+def times(samples):
+    return np.arange(samples.shape[1]) / RATE
+
+
+IN_MEMORY = {
+    "channels first": lambda x: (x, KNOWN),
+    "time first": lambda x: (x.T, KNOWN),
+    "single precision": lambda x: (x.astype(np.float32), KNOWN),
+    "frame and rate": lambda x: (frame(x), {"sampling_rate_hz": RATE}),
+    "durations": lambda x: (frame(x, pd.to_timedelta(times(x), unit="s")), {}),
+    "moments": lambda x: (
+        frame(x, pd.Timestamp("2026-03-01", tz="UTC") + pd.to_timedelta(times(x), unit="s")),
+        {},
+    ),
+    "numbers": lambda x: (frame(x, pd.Index(times(x), name="time_s")), {}),
+    "time column": lambda x: (frame(x).assign(time_s=times(x)), {}),
+}
+
+
+@pytest.mark.parametrize("kind", IN_MEMORY)
+def test_every_kind_is_the_same_recording(samples, kind):
+    source, known = IN_MEMORY[kind](samples)
+    found = gearmon.read_recording(source, **known)
+    assert found.sampling_rate_hz == pytest.approx(RATE, rel=1e-6)
+    assert found.channel_names == ("channel 1", "channel 2")
+    assert found.units == ("m/s2", "m/s2")
+    tolerance = 1e-6 if kind == "single precision" else 0.0
+    np.testing.assert_allclose(found.samples, samples, rtol=tolerance, atol=tolerance)
+    assert not np.shares_memory(found.samples, samples)
+
+
+def test_what_was_simulated_is_a_recording(samples):
+    found = gearmon.read_recording(simulated(tacho=False))
+    assert found.channel_names == simulated(tacho=False).channel_names
+    np.testing.assert_array_equal(found.samples, samples)
+    assert gearmon.read_recording(found) is found
+
+
+def test_units_are_told_or_unknown_and_never_guessed(samples):
+    assert gearmon.read_recording(samples, RATE).units == (None, None)
+    in_g = gearmon.read_recording(samples, RATE, unit="g")
+    np.testing.assert_allclose(in_g.samples, 9.80665 * samples)
+    with pytest.raises(gearmon.GearmonError, match=r"is in m/s2, unit='g' was given; leave it out"):
+        gearmon.read_recording(frame(samples), RATE, unit="g")
+
+
+@pytest.mark.parametrize(
+    ("source", "said"),
+    [
+        ({"a": 1}, "recording: a dict is no recording; give the name of a file, an array"),
+        (3, "a int is no recording"),
+        (np.zeros(9), "the sampling rate of an array of shape .9,. cannot be known"),
+        (np.zeros((5, 5)), "an array of shape .5, 5. .* more samples than channels"),
+        (np.array(["a", "b"]), "and type <U1 is none"),
+        (pd.DataFrame({"a": np.arange(9.0) % 4}), "sampling rate is not known; give sampling_rate"),
+        (pd.DataFrame({"a": ["x", "y"]}), "holds no recording; columns of numbers are channels"),
+    ],
+)
+def test_what_is_no_recording_is_refused_in_one_line(source, said):
+    with pytest.raises(gearmon.GearmonError, match=said) as refused:
+        gearmon.read_recording(source)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_frame_with_a_gap_in_its_time_is_refused(samples):
+    gap = np.delete(np.arange(samples.shape[1]), slice(100, 110))
+    with pytest.raises(gearmon.GearmonError, match=r"'time_ns'.: the time is irregular"):
+        gearmon.read_recording(frame(samples, pd.to_timedelta(times(samples), unit="s")).iloc[gap])
+
+
+def test_machines_of_a_file_a_dictionary_and_keywords_are_the_same(tmp_path):
+    (tmp_path / "machine.toml").write_text(MACHINE_FILE)
+    read = gearmon.load_machine(tmp_path / "machine.toml")
+    for made in (gearmon.load_machine(MACHINE), gearmon.load_machine(**MACHINE)):
+        assert made.stages == read.stages
+        assert made.operating == read.operating
+    assert gearmon.load_machine(read) is read
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (3, "a int is no machine; give the name of a machine file, a dictionary"),
+        ({}, "machine: lacks a stage"),
+        (MACHINE | {"stages": []}, "machine: stages is not a known key; did you mean stage"),
+        (MACHINE | {"stage": {"kind": "parallel"}}, "lacks pinion_teeth and gear_teeth"),
+    ],
+)
+def test_what_is_no_machine_is_refused_in_one_line(given, said):
+    with pytest.raises(gearmon.GearmonError, match=said) as refused:
+        gearmon.load_machine(given)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_machine_given_twice_is_refused():
+    with pytest.raises(gearmon.GearmonError, match="machine: given twice, also as name="):
+        gearmon.load_machine(MACHINE, name="x")
+
+
+def test_every_entry_takes_arrays_and_dictionaries(samples):
+    reference = gearmon.learn([samples, samples[:, ::-1]], MACHINE, **KNOWN)
+    assert reference.origins == ("array 1", "array 2")
+    analysis = gearmon.analyse(samples, MACHINE, reference, **KNOWN)
+    assert analysis.recording == "array"
+    assert gearmon.order_spectra(samples, MACHINE, **KNOWN).units == ("m/s2", "m/s2")
+    assert gearmon.gear_averages(samples, MACHINE, **KNOWN).recording == "array"
+    assert gearmon.recording_spectrum(samples, **KNOWN).channel_names == ("channel 1", "channel 2")
+    assert gearmon.indicator_table(samples[0], MACHINE, **KNOWN).rows[0].unit == "m/s2"
+    assert gearmon.measure_signature(samples, MACHINE, **KNOWN).found
