@@ -25,9 +25,8 @@ True
 
 The rooms inside: `vibration` (what shakes), `harvester` (what all harvesters are), `beam`,
 `cantilever` and `inertial` (what harvests), `recorded` (what a recording does to them), `power`
-(what they give), `tuning` (one and sets) and `sweep` (many designs at once), `budget` (what a
-sensor gets of it), `request` (the harvester's file, and published harvesters) and `placement`
-(where to put it).
+(what they give), `tuning` (one and sets), `budget` (what a sensor gets of it), `request` (the
+harvester's file) and `placement` (where to put it).
 """
 
 from gearmon.harvesting.budget import SensorBudget
@@ -48,8 +47,7 @@ from gearmon.harvesting.power import (
     response_rows,
 )
 from gearmon.harvesting.recorded import power_with_stops
-from gearmon.harvesting.request import load_harvester, published_harvesters
-from gearmon.harvesting.sweep import DesignSweep, sweep_designs
+from gearmon.harvesting.request import load_harvester
 from gearmon.harvesting.tuning import tune_harvester, tune_set
 from gearmon.harvesting.vibration import (
     OperatingShare,
@@ -63,7 +61,6 @@ __all__ = [
     "BEAM_MATERIALS",
     "PIEZO_MATERIALS",
     "CoilHarvester",
-    "DesignSweep",
     "InertialHarvester",
     "ModalDamping",
     "OperatingShare",
@@ -78,11 +75,9 @@ __all__ = [
     "half_power_band",
     "load_harvester",
     "power_with_stops",
-    "published_harvesters",
     "response_rows",
     "survey_expected",
     "survey_measured",
-    "sweep_designs",
     "tune_harvester",
     "tune_set",
     "vibration_of_lines",

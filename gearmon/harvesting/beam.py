@@ -13,6 +13,7 @@ Euler-Bernoulli: length over thickness above about 20.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -101,18 +102,17 @@ def beam_modes(
 
 
 def mass_ratio_for(
-    first_eigenvalue: float, gyration_ratio: float = 0.0, moments_of: Any = None
+    first_eigenvalue: float,
+    moments_of: Callable[[float], tuple[float, float]] = lambda _: (0.0, 0.0),
 ) -> float:
     """Return the tip mass ratio that gives a wanted first eigenvalue.
 
     Parameters
     ----------
     first_eigenvalue : float, > 0 and <= 1.8751
-    gyration_ratio : float, 0 to 1
-        Radius of gyration of the tip mass about the tip over the length of the beam.
     moments_of : callable, optional
-        Gives first and second moment ratios for a mass ratio, for a body that grows with its mass;
-        instead of `gyration_ratio`.
+        Gives first and second moment ratios of the tip mass for a mass ratio; those of a point if
+        not given.
 
     Raises
     ------
@@ -122,17 +122,15 @@ def mass_ratio_for(
     from scipy.optimize import brentq
 
     check_positive("first_eigenvalue", first_eigenvalue)
-    check_range("gyration_ratio", gyration_ratio, 0.0, 1.0)
     bare = float(beam_modes().eigenvalue[0])
     if first_eigenvalue > bare * (1 + 1e-12):
         raise ArgumentError(
             f"first_eigenvalue={first_eigenvalue:.6g} must not exceed that of the bare beam, "
             f"{bare:.6g}"
         )
-    moments = moments_of or (lambda mass: (0.0, mass * gyration_ratio**2))
 
     def above(mass: float) -> float:
-        return float(_characteristic(first_eigenvalue, mass, *moments(mass)))
+        return float(_characteristic(first_eigenvalue, mass, *moments_of(mass)))
 
     # a point of this mass has that root, so that a body of its mass has a lower one
     s, c, t = math.sin(first_eigenvalue), math.cos(first_eigenvalue), math.tanh(first_eigenvalue)

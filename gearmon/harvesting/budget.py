@@ -28,13 +28,9 @@ from gearmon.machine.fields import Choice, Count, Number, check_fields, obeys
 REFERENCE_C, FIRST_YEARS = 20.0, 1.0 / 365.0
 
 
-def _number(default: float, high: float, unit: str = "", why: str = "") -> Any:
-    """Return a field from 0 on."""
-    return field(default=default, metadata=obeys(Number(low=0, high=high, unit=unit, why=why)))
-
-
-def _above_zero(default: float, high: float, unit: str = "", why: str = "") -> Any:
-    rule = Number(low=0, high=high, unit=unit, why=why, open_low=True)
+def _number(default: float, high: float, unit: str = "", *, zero: bool = True) -> Any:
+    """Return a field from 0 on, or above it."""
+    rule = Number(low=0, high=high, unit=unit, open_low=not zero)
     return field(default=default, metadata=obeys(rule))
 
 
@@ -44,8 +40,10 @@ class SensorBudget:
 
     The defaults are round figures of a battery-free node with a low-power radio: 12 bit at 10 kHz
     for 10 s, a front end and processor of 3 mW while they record, 100 nJ for each bit sent (radio
-    and protocol), 5 uW asleep, a converter that passes 70 % at microwatts, a bridge of two Schottky
-    diodes of 0.3 V. What depends on the parts chosen counts as nothing until it is given.
+    and protocol), 5 uW asleep, a converter that passes 70 % at microwatts: replace them by those of
+    the parts chosen. Two Schottky diodes of a bridge take 0.6 V: at most 0.24 V each at 0.1 mA and
+    0.32 V at 1 mA (BAT54, data sheet). What else depends on the parts counts as nothing until it is
+    given.
 
     Parameters
     ----------
@@ -83,18 +81,18 @@ class SensorBudget:
         If a value is out of its range.
     """
 
-    duration_s: float = _above_zero(10.0, 1e6, "s")
-    sampling_rate_hz: float = _above_zero(10_000.0, 1e7, "Hz")
+    duration_s: float = _number(10.0, 1e6, "s", zero=False)
+    sampling_rate_hz: float = _number(10_000.0, 1e7, "Hz", zero=False)
     bits: int = field(default=12, metadata=obeys(Count(low=1, high=64)))
     recording_power_w: float = _number(3e-3, 1e3, "W")
     energy_per_bit_j: float = _number(100e-9, 1, "J")
     sleep_power_w: float = _number(5e-6, 1e3, "W")
-    efficiency: float = _above_zero(0.7, 1, why="of the converter")
+    efficiency: float = _number(0.7, 1, zero=False)
     rectifier_drop_v: float = _number(0.6, 100, "V")
     regulator: str = field(default="tracking", metadata=obeys(Choice(options=("tracking", "none"))))
     quiescent_power_w: float = _number(0.0, 1e3, "W")
-    store_f: float = _above_zero(1e-3, 1e4, "F")
-    store_v: float = _above_zero(3.0, 1e3, "V")
+    store_f: float = _number(1e-3, 1e4, "F", zero=False)
+    store_v: float = _number(3.0, 1e3, "V", zero=False)
     leakage_a: float = _number(0.0, 1, "A")
     cold_start_v: float = _number(0.0, 1e3, "V")
     temperature_c: float = field(

@@ -46,8 +46,9 @@ Wiring = Literal["unimorph", "series", "parallel"]
 THINNEST = 5.0
 #: Tungsten: no tip mass is made of anything denser [kg/m3].
 DENSEST_KG_M3 = 19_300.0
-#: Dynamic viscosity and density of air at 20 degrees C and 1 bar.
-AIR_PA_S, AIR_KG_M3 = 1.82e-5, 1.19
+#: Viscosity of air at 20 degrees C by Sutherland's formula; density at 1 bar by the law of ideal
+#: gases with 287 J/(kg K).
+AIR_PA_S, AIR_KG_M3 = 1.81e-5, 1.19
 
 
 @dataclass(frozen=True)
@@ -130,7 +131,6 @@ class BeamMaterial:
 
 
 _ERTURK = "Erturk and Inman, Piezoelectric Energy Harvesting, Wiley 2011, appendix E"
-_UNIMORPH = "Erturk and Inman, J. Vib. Acoust. 130 (2008) 041002"
 _STRENGTH = "dynamic tensile strength of bulk PZT, 27.6 MPa, makers' data sheets"
 _FILM = "film makers' data sheets (d31 23 pC/N, 12 eps0); half the yield strength"
 _SPUTTERED = "sputtered films: e31 about -0.6 C/m2, 10.5 eps0; a third of the film strength"
@@ -144,7 +144,6 @@ PIEZO_MATERIALS = {
         ("PZT-5H", 60.6e9, 7500.0, -274e-12, 25.55e-9, 27.6e6, f"{_ERTURK}; {_STRENGTH}"),
         ("PVDF", 3.0e9, 1780.0, 23e-12, 1.1e-10, 25e6, _FILM),
         ("AlN", 330e9, 3260.0, -1.9e-12, 9.3e-11, 300e6, _SPUTTERED),
-        ("PZT of 2008", 66e9, 7800.0, -190e-12, 15.93e-9, 27.6e6, f"{_UNIMORPH}; {_STRENGTH}"),
     )
 }
 #: Passive layers and tip masses by name.
@@ -154,14 +153,6 @@ BEAM_MATERIALS = {
         # modulus [Pa], density [kg/m3], safe stress [Pa], source
         ("steel", 200e9, 7850.0, 250e6, "spring steel; half of a fatigue limit near 500 MPa"),
         ("brass", 105e9, 8500.0, 80e6, "half-hard sheet, fatigue limit near 100 MPa"),
-        ("plate of 2008", 100e9, 7165.0, 80e6, f"{_UNIMORPH}; strength as of brass"),
-        (
-            "brass of 2011",
-            105e9,
-            9000.0,
-            80e6,
-            "Erturk and Inman 2011, chapter 4; strength as above",
-        ),
         ("aluminium", 70e9, 2700.0, 80e6, "wrought alloys at 1e8 cycles"),
     )
 }
@@ -252,18 +243,12 @@ class PiezoCantilever(OneLoad):
     load_ohm : float, > 0
     damping : ModalDamping
     in_air : bool
-        Whether the drag of air is added to the damping: Stokes' drag on oscillating spheres as wide
-        as the beam, side by side (Landau and Lifshitz, Fluid Mechanics, section 24).
-    clearance_m : float, > 0
-        Room of the tip to either side [m].
+        Whether the drag of air is added to the damping: that on oscillating spheres as wide as the
+        beam, side by side (Hosaka, Itao and Kuroda, Sensors and Actuators A 49 (1995) 87-95).
     most_tip_mass_kg : float, >= 0
         Largest tip mass there is room for: `retuned` stays below it.
-    weight_ms2 : float
-        Gravity along the motion: 9.81 m/s2 for a motion up and down.
-    restitution : float, 0 to 1
-        Speed after a blow at the end of the clearance over that before.
-    load_kept : bool
-        Whether the load is given, not tuned.
+    clearance_m, weight_ms2, restitution, load_kept
+        See `OneLoad`.
     modes : int, 1 to 12
         Modes that are taken into account as such; all others count with their stiffness, which is
         known in closed form from the beam under a static load.
@@ -287,14 +272,11 @@ class PiezoCantilever(OneLoad):
     load_ohm: float = 1e5
     damping: ModalDamping = field(default_factory=lambda: ModalDamping(constant=0.01))
     in_air: bool = False
-    clearance_m: float = math.inf
     most_tip_mass_kg: float = 0.05
-    weight_ms2: float = 0.0
-    restitution: float = 0.5
-    load_kept: bool = False
     modes: int = 4
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.wiring not in get_args(Wiring):
             raise ArgumentError(
                 f"wiring={self.wiring!r} must be one of {', '.join(get_args(Wiring))}"
@@ -311,10 +293,6 @@ class PiezoCantilever(OneLoad):
             )
         check_positive("load_ohm", self.load_ohm, "ohm")
         check_range("tip_gyration_m", self.tip_gyration_m, 0.0, self.length_m, "m")
-        check_range("restitution", self.restitution, 0.0, 1.0)
-        check_range("weight_ms2", self.weight_ms2, -1e3, 1e3, "m/s2")
-        if not self.clearance_m > 0:
-            raise ArgumentError(f"clearance_m={self.clearance_m} m must be > 0")
         if self.modes not in range(1, 13):
             raise ArgumentError(f"modes={self.modes} must be a whole number in [1, 12]")
         # of the densest common material, a cube twice as long as the beam
@@ -448,11 +426,6 @@ class PiezoCantilever(OneLoad):
         return heaviest.natural_frequency_hz, bare.natural_frequency_hz
 
     @property
-    def travel_limit_m(self) -> float:
-        """Clearance of the tip [m]."""
-        return self.clearance_m
-
-    @property
     def stress_limit_pa(self) -> float:
         """Safe stress of the piezoelectric layer [Pa]; stresses are scaled to it."""
         return self.piezo.safe_stress_pa
@@ -492,17 +465,8 @@ class PiezoCantilever(OneLoad):
         """Return the same with another load resistance [ohm]."""
         other = replace(self, load_ohm=float(load))
         # modes do not depend on the load
-        for name in (
-            "natural_rad_s",
-            "damping_ratios",
-            "coupling",
-            "forcing",
-            "_shapes",
-            "_rows",
-            "_rest",
-        ):
-            if name in self.__dict__:
-                other.__dict__[name] = self.__dict__[name]
+        known = self.__dict__.keys() - self.__dataclass_fields__
+        other.__dict__.update({name: self.__dict__[name] for name in known})
         return other
 
     def with_damping_ratio(self, ratio: float) -> PiezoCantilever:

@@ -16,7 +16,7 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.errors import check_positive
+from gearmon.errors import ArgumentError, check_positive, check_range
 
 Real = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
@@ -105,8 +105,8 @@ class Harvester(Protocol):
         """Speed after a blow at the end of the clearance over that before."""
 
     @property
-    def travel_limit_m(self) -> float:
-        """Clearance of the moving mass [m]; infinite if none is given."""
+    def clearance_m(self) -> float:
+        """Room of the moving mass to either side [m]; infinite if none is given."""
 
     @property
     def stress_limit_pa(self) -> float:
@@ -146,8 +146,33 @@ class Harvester(Protocol):
 H = TypeVar("H", bound=Harvester)
 
 
+@dataclass(frozen=True, kw_only=True)
 class OneLoad:
-    """What follows for every harvester from its `transfer`."""
+    """What all kinds share: the room about the mass, and what follows from their `transfer`.
+
+    Parameters
+    ----------
+    clearance_m : float, > 0
+        Room of the moving mass to either side [m].
+    weight_ms2 : float
+        Gravity along the motion: 9.81 m/s2 for a motion up and down.
+    restitution : float, 0 to 1
+        Speed after a blow at the end of the clearance over that before. It depends on the stop, so
+        that it has to be measured; 0.5 is no more than the middle of what is possible.
+    load_kept : bool
+        Whether the load is given, not tuned.
+    """
+
+    clearance_m: float = math.inf
+    weight_ms2: float = 0.0
+    restitution: float = 0.5
+    load_kept: bool = False
+
+    def __post_init__(self) -> None:
+        check_range("restitution", self.restitution, 0.0, 1.0)
+        check_range("weight_ms2", self.weight_ms2, -1e3, 1e3, "m/s2")
+        if not self.clearance_m > 0:
+            raise ArgumentError(f"clearance_m={self.clearance_m} m must be > 0")
 
     def power_by_load(self: Harvester, loads: Real, frequency_hz: Real) -> Real:
         """Mean power per squared acceleration amplitude, shape (loads, frequencies)."""

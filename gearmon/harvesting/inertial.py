@@ -35,13 +35,11 @@ class _MassOnSpring(OneLoad):
     mass_kg: float
     natural_frequency_hz: float
     mechanical_damping_ratio: float = 0.01
-    clearance_m: float = math.inf
     lowest_hz: float = 5.0
     highest_hz: float = 20_000.0
-    weight_ms2: float = 0.0
-    restitution: float = 0.5
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check_positive("mass_kg", self.mass_kg, "kg")
         check_positive("lowest_hz", self.lowest_hz, "Hz")
         check_positive("highest_hz", self.highest_hz, "Hz")
@@ -53,10 +51,6 @@ class _MassOnSpring(OneLoad):
             "natural_frequency_hz", self.natural_frequency_hz, self.lowest_hz, self.highest_hz, "Hz"
         )
         check_range("mechanical_damping_ratio", self.mechanical_damping_ratio, 1e-6, 0.999)
-        check_range("restitution", self.restitution, 0.0, 1.0)
-        check_range("weight_ms2", self.weight_ms2, -1e3, 1e3, "m/s2")
-        if not self.clearance_m > 0:
-            raise ArgumentError(f"clearance_m={self.clearance_m} m must be > 0")
 
     @property
     def damping_ratio(self) -> float:
@@ -67,11 +61,6 @@ class _MassOnSpring(OneLoad):
     def frequency_range_hz(self) -> tuple[float, float]:
         """Natural frequencies that the spring may be built for [Hz]."""
         return self.lowest_hz, self.highest_hz
-
-    @property
-    def travel_limit_m(self) -> float:
-        """Clearance [m]."""
-        return self.clearance_m
 
     @property
     def stress_limit_pa(self) -> float:
@@ -116,18 +105,13 @@ class _MassOnSpring(OneLoad):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the values in built-in types; no clearance is null."""
-        values = asdict(self) | {"kind": self._kind, "stiffness_n_per_m": self.stiffness_n_per_m}
-        if math.isinf(self.clearance_m):
-            values["clearance_m"] = None
-        return values
+        kind = type(self).__name__.removesuffix("Harvester").lower()
+        values = asdict(self) | {"kind": kind, "stiffness_n_per_m": self.stiffness_n_per_m}
+        return values | {"clearance_m": None if math.isinf(self.clearance_m) else self.clearance_m}
 
     @property
     def _natural(self) -> float:
         return 2 * math.pi * self.natural_frequency_hz
-
-    @property
-    def _kind(self) -> str:
-        raise NotImplementedError
 
     def _electrical(self, loads: Real, rate: Complex) -> tuple[Any, Any]:
         """Damping over mass [1/s] and root of power over velocity [W^(1/2)/(m/s)]."""
@@ -150,14 +134,10 @@ class InertialHarvester(_MassOnSpring):
         What is lost to heat.
     electrical_damping_ratio : float, >= 0 and <= 10
         What the load takes.
-    clearance_m : float, > 0
-        Room of the mass to either side [m].
     lowest_hz, highest_hz : float, > 0
         Natural frequencies that the spring may be built for.
-    weight_ms2 : float
-        Gravity along the motion: 9.81 m/s2 for a motion up and down.
-    restitution : float, 0 to 1
-        Speed after a blow at the end of the clearance over that before.
+    clearance_m, weight_ms2, restitution, load_kept
+        See `OneLoad`.
 
     Raises
     ------
@@ -211,10 +191,6 @@ class InertialHarvester(_MassOnSpring):
             worth=self.mass_kg * damper,
         )
 
-    @property
-    def _kind(self) -> str:
-        return "inertial"
-
     def _electrical(self, loads: Real, rate: Complex) -> tuple[Any, Any]:  # noqa: ARG002
         damper = 2 * loads * self._natural
         return damper, np.sqrt(self.mass_kg * damper)
@@ -228,8 +204,7 @@ class CoilHarvester(_MassOnSpring):
 
     Parameters
     ----------
-    mass_kg, natural_frequency_hz, mechanical_damping_ratio, clearance_m, lowest_hz, highest_hz, \
-weight_ms2, restitution
+    mass_kg, natural_frequency_hz, mechanical_damping_ratio, lowest_hz, highest_hz
         As of an `InertialHarvester`.
     turns : float, > 0
     field_length_tm : float, > 0
@@ -238,8 +213,8 @@ weight_ms2, restitution
     coil_ohm : float, > 0
     coil_henry : float, >= 0
     load_ohm : float, > 0
-    load_kept : bool
-        Whether the load is given, not tuned.
+    clearance_m, weight_ms2, restitution, load_kept
+        See `OneLoad`.
 
     Raises
     ------
@@ -252,7 +227,6 @@ weight_ms2, restitution
     coil_ohm: float
     coil_henry: float = 0.0
     load_ohm: float = 100.0
-    load_kept: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -296,10 +270,6 @@ weight_ms2, restitution
             leak=self.coil_ohm + self.load_ohm,
             worth=self.load_ohm,
         )
-
-    @property
-    def _kind(self) -> str:
-        return "coil"
 
     def _electrical(self, loads: Real, rate: Complex) -> tuple[Any, Any]:
         current = self.transduction_n_per_a / (loads + self.coil_ohm + self.coil_henry * rate)

@@ -266,10 +266,10 @@ def _limited(tuned: Tuned[Any] | None) -> bool:
 
 def _beyond_stops(
     harvester: Harvester, position: Position, tuned: Tuned[Any] | None
-) -> dict[str, float]:
+) -> dict[str, Any]:
     """Tell what the best tuning gives whose mass hits its stops, if they are in the way."""
     points = [p for p in position.healthy if len(p.vibration.samples_ms2)]
-    limit = harvester.travel_limit_m
+    limit = harvester.clearance_m
     if not points or not _limited(tuned) or math.isinf(limit):
         return {}
     try:
@@ -302,7 +302,7 @@ def _line_share(harvester: Harvester, duty: tuple[OperatingShare, ...]) -> float
     return power_w(clear) / whole if clear and whole > 0 else 0.0
 
 
-def _judged(harvester: Harvester, tuned: Tuned[Any], position: Position) -> dict[str, float]:
+def _judged(harvester: Harvester, tuned: Tuned[Any], position: Position) -> dict[str, Any]:
     """Judge on every part what the others would have chosen, and how well the mean is known."""
     if len(position.folds) < 2:
         return {}
@@ -464,7 +464,7 @@ def wander_of(vibration: Vibration, harvester: Harvester | None) -> float:
     variance = np.average((frequency - mean) ** 2, weights=power)
     # less what the tapers spread a line that does not wander
     spread = vibration.resolution_hz**2 / 3
-    return min(0.2, math.sqrt(max(0.0, variance - spread)) / mean)
+    return float(min(0.2, math.sqrt(max(0.0, variance - spread)) / mean))
 
 
 def survey_expected(
@@ -723,6 +723,7 @@ def _recorded(
     """
     places = {str(s.column): s.position for s in machine.sensors if s.position}
     healthy = _duty([_vibration_of(recording, name) for recording in recordings], shares)
+    folds: tuple[tuple[OperatingShare, ...], ...]
     if sampled:
         folds = tuple((replace(point, share=1.0),) for point in healthy)
     else:

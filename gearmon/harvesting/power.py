@@ -85,14 +85,14 @@ def answer(harvester: Harvester, vibration: Vibration) -> Answer:
             found = respond(harvester, vibration.samples_ms2, vibration.sampling_rate_hz)
         except ArgumentError as error:
             raise ArgumentError(f"{vibration.name or 'vibration'}: {error}") from None
-        power, (root, travel, *stress) = found.power_w, found.peaks
+        power, highest = found.power_w, found.peaks
     else:
         found = None
-        loads = np.array([harvester.load])
-        power, peaks = by_load(harvester, loads, vibration)
-        power, (root, travel, *stress) = power[0], peaks[:, 0]
+        powers, peaks = by_load(harvester, np.array([harvester.load]), vibration)
+        power, highest = float(powers[0]), peaks[:, 0]
+    root, travel, *stress = highest
     return Answer(
-        power_w=float(power),
+        power_w=power,
         travel_m=float(travel),
         stress_pa=float(max(stress)),
         voltage_v=float(np.nan_to_num(root * math.sqrt(harvester.load_ohm))),
@@ -188,7 +188,7 @@ def evaluate(harvester: H, duty: Shaking) -> Tuned[H]:
         answers=answers,
         static_travel_m=travel,
         static_stress_pa=stress,
-        travel_share=(travel + max(a.travel_m for a in answers)) / harvester.travel_limit_m,
+        travel_share=(travel + max(a.travel_m for a in answers)) / harvester.clearance_m,
         stress_share=(stress + max(a.stress_pa for a in answers)) / harvester.stress_limit_pa,
     )
 
@@ -232,7 +232,8 @@ def best_load(
     -------
     load, worth : float
     """
-    exponent = np.linspace(*np.log(harvester.load_range), LOADS)
+    low, high = harvester.load_range
+    exponent = np.linspace(math.log(low), math.log(high), LOADS)
     best = (-math.inf, math.nan)
     for _ in range(zooms + 1):
         loads = np.exp(exponent)

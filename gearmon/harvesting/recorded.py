@@ -114,7 +114,7 @@ def _lead(harvester: Harvester, count: int, rate: float) -> int:
 
 
 def _transfer(harvester: Harvester, length: int, rate: float) -> npt.NDArray[np.complex128]:
-    frequency = np.arange(length // 2 + 1) * (rate / length)
+    frequency: Real = np.asarray(np.fft.rfftfreq(length, 1 / rate), dtype=np.float64)
     found = harvester.transfer(np.array([harvester.load]), frequency)[:, 0]
     found[:, frequency < DRIFT_HZ] = 0.0
     return found
@@ -319,11 +319,7 @@ def power_with_stops(harvester: Harvester, samples_ms2: Real, sampling_rate_hz: 
 
 def _marched(harvester: Harvester, push: Real, rate: float) -> Real:
     """Power at every step; with no store what stands for the voltage follows the velocity."""
-    mode, limit, kept = (
-        harvester.single_mode(),
-        harvester.travel_limit_m,
-        harvester.restitution,
-    )
+    mode, limit, kept = harvester.single_mode(), harvester.clearance_m, harvester.restitution
     stored = mode.store > 0
     (a, b, c, p, q), (d, e, f, r, s), (g, h, i, t, w) = _step(mode, 1 / rate).tolist()
     x = v = u = 0.0

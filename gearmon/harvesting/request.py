@@ -15,7 +15,7 @@
     damping_ratio = 0.01
     air = "included"              # in the damping ratio, or "added" to it
     clearance_mm = 2.0
-    restitution = 0.5             # speed behind a blow at the stop over that before
+    restitution = 0.5             # speed behind a blow at the stop over that before: a guess
     tilt_deg = 0.0                # of the motion against the plumb line: 90 for a level motion
     load_ohm = 1e5                # only if the load is given: else it is tuned
 
@@ -30,10 +30,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, fields
-from importlib.resources import files
+from dataclasses import fields
 from pathlib import Path
-from typing import Any, cast, get_args
+from typing import Any, get_args
 
 from gearmon.errors import ArgumentError, nearest_name
 from gearmon.harvesting.budget import SensorBudget
@@ -51,97 +50,65 @@ from gearmon.machine.fields import Choice, FieldError, Number, Rule
 from gearmon.machine.source import MachineSource, read_source
 
 GRAVITY_MS2 = 9.81
-
-Convert = Callable[[Any], Any]
-
-
-@dataclass(frozen=True)
-class _Key:
-    """A key of a file: the field it sets, its default (None: not set), rule and conversion."""
-
-    name: str
-    default: Any
-    rule: Rule
-    convert: Convert = lambda value: value
+#: Units of keys that are a thousandth of those that a harvester takes.
+_THOUSANDTHS = {"mm": "m", "g": "kg", "mh": "henry"}
 
 
 def _up_to(high: float, unit: str = "", why: str = "", *, zero: bool = False) -> Number:
     return Number(low=0, high=high, unit=unit, why=why, open_low=not zero)
 
 
-def _milli(value: float) -> float:
-    return value * 1e-3
-
-
-def _weight(tilt_deg: float) -> float:
-    return GRAVITY_MS2 * math.cos(math.radians(tilt_deg))
-
-
-_DAMPING = Number(low=1e-4, high=0.5, why="mechanical damping ratio of the first mode")
-_SHARED = {
-    "clearance_mm": _Key("clearance_m", 2.0, _up_to(1000, "mm", "room to either side"), _milli),
-    "restitution": _Key("restitution", 0.5, _up_to(1, zero=True)),
-    "tilt_deg": _Key("weight_ms2", 0.0, Number(low=0, high=90, unit="degrees"), _weight),
+#: Keys of each kind with their defaults (None: not set) and rules.
+_Keys = dict[str, tuple[Any, Rule]]
+_SHARED: _Keys = {
+    "damping_ratio": (0.01, Number(low=1e-4, high=0.5, why="mechanical, of the first mode")),
+    "clearance_mm": (2.0, _up_to(1000, "mm", "room to either side")),
+    "restitution": (0.5, _up_to(1, zero=True)),
+    "tilt_deg": (0.0, Number(low=0, high=90, unit="degrees")),
 }
-_SPRING = {
-    "mass_g": _Key("mass_kg", 5.0, _up_to(1e6, "g"), _milli),
-    "damping_ratio": _Key("mechanical_damping_ratio", 0.01, _DAMPING),
-    "lowest_hz": _Key("lowest_hz", 5.0, _up_to(1e6, "Hz")),
-    "highest_hz": _Key("highest_hz", 5000.0, _up_to(1e6, "Hz")),
+_SPRING: _Keys = {
+    "mass_g": (5.0, _up_to(1e6, "g")),
+    "lowest_hz": (5.0, _up_to(1e6, "Hz")),
+    "highest_hz": (5000.0, _up_to(1e6, "Hz")),
     **_SHARED,
 }
-_LOAD = _Key("load_ohm", None, _up_to(1e12, "ohm"))
-_KEYS: dict[str, dict[str, _Key]] = {
+_LOAD: _Keys = {"load_ohm": (None, _up_to(1e12, "ohm"))}
+_KEYS: dict[str, _Keys] = {
     "cantilever": {
-        "wiring": _Key("wiring", "series", Choice(options=get_args(Wiring))),
-        "piezo": _Key(
-            "piezo", "PZT-5A", Choice(options=tuple(PIEZO_MATERIALS)), PIEZO_MATERIALS.get
-        ),
-        "passive": _Key(
-            "passive", "brass", Choice(options=tuple(BEAM_MATERIALS)), BEAM_MATERIALS.get
-        ),
-        "length_mm": _Key("length_m", 15.0, _up_to(1000, "mm", "free length"), _milli),
-        "width_mm": _Key("width_m", 10.0, _up_to(1000, "mm", "width"), _milli),
-        "passive_thickness_mm": _Key(
-            "passive_thickness_m", 0.2, _up_to(50, "mm", "of the passive layer"), _milli
-        ),
-        "piezo_thickness_mm": _Key(
-            "piezo_thickness_m", 0.2, _up_to(50, "mm", "of each piezoelectric layer"), _milli
-        ),
-        "most_tip_mass_g": _Key(
-            "most_tip_mass_kg", 20.0, _up_to(1e5, "g", "largest tip mass", zero=True), _milli
-        ),
-        "tip_gyration_mm": _Key(
-            "tip_gyration_m", 0.0, _up_to(1000, "mm", "of the tip mass", zero=True), _milli
-        ),
-        "tip_block_height_mm": _Key("height_m", None, _up_to(1000, "mm"), _milli),
-        "tip_block_material": _Key("block", "steel", Choice(options=tuple(BEAM_MATERIALS))),
-        "damping_ratio": _Key(
-            "damping", 0.01, _DAMPING, lambda ratio: ModalDamping(constant=ratio)
-        ),
-        "air": _Key("in_air", "included", Choice(options=("included", "added")), "added".__eq__),
-        "load_ohm": _LOAD,
+        "wiring": ("series", Choice(options=get_args(Wiring))),
+        "piezo": ("PZT-5A", Choice(options=tuple(PIEZO_MATERIALS))),
+        "passive": ("brass", Choice(options=tuple(BEAM_MATERIALS))),
+        "length_mm": (15.0, _up_to(1000, "mm", "free length")),
+        "width_mm": (10.0, _up_to(1000, "mm", "width")),
+        "passive_thickness_mm": (0.2, _up_to(50, "mm", "of the passive layer")),
+        "piezo_thickness_mm": (0.2, _up_to(50, "mm", "of each piezoelectric layer")),
+        "most_tip_mass_g": (20.0, _up_to(1e5, "g", "largest tip mass", zero=True)),
+        "tip_gyration_mm": (0.0, _up_to(1000, "mm", "of the tip mass", zero=True)),
+        "tip_block_height_mm": (None, _up_to(1000, "mm")),
+        "tip_block_material": ("steel", Choice(options=tuple(BEAM_MATERIALS))),
+        "air": ("included", Choice(options=("included", "added"))),
+        **_LOAD,
         **_SHARED,
     },
     "inertial": _SPRING,
     "coil": {
-        "turns": _Key("turns", 1000.0, _up_to(1e7)),
-        "field_length_tm": _Key("field_length_tm", 5e-3, _up_to(1e3, "T m")),
-        "coil_ohm": _Key("coil_ohm", 100.0, _up_to(1e9, "ohm")),
-        "coil_mh": _Key("coil_henry", 0.0, _up_to(1e6, "mH", zero=True), _milli),
-        "load_ohm": _LOAD,
+        "turns": (1000.0, _up_to(1e7)),
+        "field_length_tm": (5e-3, _up_to(1e3, "T m")),
+        "coil_ohm": (100.0, _up_to(1e9, "ohm")),
+        "coil_mh": (0.0, _up_to(1e6, "mH", zero=True)),
+        **_LOAD,
         **_SPRING,
     },
 }
 
 
-def built_in() -> tuple[PiezoCantilever, SensorBudget]:
+def built_in() -> tuple[Harvester, SensorBudget]:
     """Return the harvester and budget that are taken if no file is given.
 
     A bimorph of PZT-5A on brass, 15 x 10 x 0.6 mm, in series, its motion up and down: 70 Hz with
     20 g at the tip, 1.2 kHz bare.
     """
-    return cast("PiezoCantilever", _built("cantilever", {})), SensorBudget()
+    return _built("cantilever", {}), SensorBudget()
 
 
 def load_harvester(path: str | Path) -> tuple[Harvester, SensorBudget]:
@@ -174,47 +141,58 @@ def load_harvester(path: str | Path) -> tuple[Harvester, SensorBudget]:
     return harvester, _told(source, "budget.", known, budget, lambda: SensorBudget(**budget))
 
 
-def published_harvesters() -> list[dict[str, Any]]:
-    """Return harvesters from the literature, to compare one's own with.
-
-    Returns
-    -------
-    list of dict
-        name, source, and what was measured with it in SI units; "harvester" where its dimensions
-        are published in full, else None.
-    """
-    source = read_source(str(files("gearmon.harvesting").joinpath("published.toml")))
-    rows = []
-    for table in source.document["harvester"]:
-        row = {key: value for key, value in table.items() if key != "model"}
-        model = dict(table.get("model", {}))
-        kind = model.pop("kind", None)
-        rows.append(row | {"harvester": _built(kind, model) if kind else None})
-    return rows
-
-
 def _built(kind: str, table: dict[str, Any]) -> Harvester:
     """Build a harvester from the keys of its file; what is left out has its default."""
-    values = {}
-    for name, key in _KEYS[kind].items():
-        value = table.get(name, key.default)
-        if value is not None:
-            values[key.name] = key.convert(key.rule.checked(name, value))
-    if kind != "cantilever" and values["highest_hz"] <= values["lowest_hz"]:
-        raise FieldError("highest_hz", f"must be above lowest_hz = {values['lowest_hz']:g}")
+    values: dict[str, Any] = {}
+    for key, (default, rule) in _KEYS[kind].items():
+        if (value := table.get(key, default)) is not None:
+            name, _, unit = key.rpartition("_")
+            checked: Any = rule.checked(key, value)
+            if unit in _THOUSANDTHS:
+                values[f"{name}_{_THOUSANDTHS[unit]}"] = 1e-3 * checked
+            else:
+                values[key] = checked
+    values["weight_ms2"] = GRAVITY_MS2 * math.cos(math.radians(values.pop("tilt_deg")))
     values |= {"load_kept": True} if "load_ohm" in values else {}
+    damping = values.pop("damping_ratio")
     if kind == "cantilever":
-        density = BEAM_MATERIALS[values.pop("block")].density_kg_m3
-        if "height_m" in values:
-            height = values.pop("height_m")
-            values["tip_block"] = TipBlock(density_kg_m3=density, height_m=height)
-        return PiezoCantilever(**values)
+        return _cantilever(ModalDamping(constant=damping), **values)
+    if values["highest_hz"] <= values["lowest_hz"]:
+        raise FieldError("highest_hz", f"must be above lowest_hz = {values['lowest_hz']:g}")
     values["natural_frequency_hz"] = math.sqrt(values["lowest_hz"] * values["highest_hz"])
-    return InertialHarvester(**values) if kind == "inertial" else CoilHarvester(**values)
+    build = InertialHarvester if kind == "inertial" else CoilHarvester
+    return build(mechanical_damping_ratio=damping, **values)
+
+
+def _cantilever(
+    damping: ModalDamping,
+    piezo: str,
+    passive: str,
+    air: str,
+    tip_block_material: str,
+    tip_block_height_m: float | None = None,
+    **values: Any,
+) -> PiezoCantilever:
+    block = None
+    if tip_block_height_m is not None:
+        density = BEAM_MATERIALS[tip_block_material].density_kg_m3
+        block = TipBlock(density_kg_m3=density, height_m=tip_block_height_m)
+    return PiezoCantilever(
+        damping=damping,
+        piezo=PIEZO_MATERIALS[piezo],
+        passive=BEAM_MATERIALS[passive],
+        in_air=air == "added",
+        tip_block=block,
+        **values,
+    )
 
 
 def _told(
-    source: MachineSource, prefix: str, known: list[str], table: dict[str, Any], build: Any
+    source: MachineSource,
+    prefix: str,
+    known: list[str],
+    table: dict[str, Any],
+    build: Callable[[], Any],
 ) -> Any:
     """Build what a table says; the first wrong key is named with its line."""
     for key in table:

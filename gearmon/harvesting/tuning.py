@@ -48,8 +48,8 @@ LAST_STEP = 0.02
 LIMITED_ZOOMS, FREE_ZOOMS = 4, 3
 #: Corrections of the crest by the recordings, and the peak that they aim at.
 CORRECTIONS, AIMED = 6, 0.995
-#: Tunings that sets are made of, and sets that are tried together.
-MOST_KEPT, TOGETHER = 200, 1_000_000
+#: Tunings that sets are made of: 180,000 sets of three.
+MOST_KEPT = 100
 
 
 class OverLimitsError(ArgumentError):
@@ -137,13 +137,6 @@ def power_against_tuning(harvester: H, duty: Shaking, frequency_hz: npt.ArrayLik
     lines, load = DutyLines.over(points, harvester.damping_ratio), np.array([harvester.load])
     wanted = np.atleast_1d(np.asarray(frequency_hz, dtype=np.float64))
     return np.array([lines.power_w(harvester.retuned(float(f)), load)[0] for f in wanted])
-
-
-def stiffening(harvester: Harvester, frequency_hz: float) -> float:
-    """How far an open circuit raises the natural frequency, relative; 0 without such a circuit."""
-    tuned = harvester.retuned(frequency_hz)
-    raised = getattr(tuned, "open_circuit_hz", tuned.natural_frequency_hz)
-    return float(raised / tuned.natural_frequency_hz - 1)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -249,7 +242,7 @@ def _allowed(harvester: Harvester, points: Points, loads: Real) -> Real:
 def _powers_and_shares(harvester: Harvester, points: Points, loads: Real) -> tuple[Real, Real]:
     """Power of each point, shape (points, loads), and the largest peak over its limit, (loads,)."""
     travel, stress = static_peaks(harvester)
-    limits = harvester.travel_limit_m, harvester.stress_limit_pa, harvester.stress_limit_pa
+    limits = harvester.clearance_m, harvester.stress_limit_pa, harvester.stress_limit_pa
     static = np.array([travel, stress, stress])[:, None]
     powers, shares = [], []
     for point in points:
@@ -270,7 +263,7 @@ def _crests(tuned: Tuned[Any], points: Points) -> list[float]:
         (light,) = _lightened(tuned.harvester, (point,), FINE_BINS)
         _, peaks = by_load(tuned.harvester, loads, light.vibration)
         ratios = answer.response.peaks[1:] / np.maximum(peaks[1:, 0], np.finfo(float).tiny)
-        limits = np.array([tuned.harvester.travel_limit_m, *2 * [tuned.harvester.stress_limit_pa]])
+        limits = np.array([tuned.harvester.clearance_m, *2 * [tuned.harvester.stress_limit_pa]])
         # that of the peak which is nearest to its limit
         binding = int(np.argmax(answer.response.peaks[1:] / limits))
         found.append(light.vibration.crest * float(ratios[binding]) / AIMED)
@@ -285,7 +278,7 @@ def _refusal(nearest: Tuned[Any]) -> tuple[str, float]:
     """Name the nearest tuning, and how far it is over its limit."""
     harvester, over = nearest.harvester, _over(nearest)
     if nearest.travel_share >= nearest.stress_share:
-        limit = 1e3 * harvester.travel_limit_m
+        limit = 1e3 * harvester.clearance_m
         return (
             f"no tuning keeps the mass within its clearance of {limit:.3g} mm: the nearest, "
             f"{harvester.natural_frequency_hz:.4g} Hz, travels {over * limit:.3g} mm; allow that, "
@@ -323,7 +316,10 @@ def _grid(harvester: Harvester, points: Points) -> Real:
         p.vibration.frequency_hz[np.argsort(-p.vibration.energy_j_per_kg)[:LOUDEST]] for p in points
     ]
     lines = np.concatenate(loudest)
-    softer = lines / (1 + stiffening(harvester, math.sqrt(low * high)))
+    # an open circuit may raise the natural frequency to a line
+    middle = harvester.retuned(math.sqrt(low * high))
+    raised = getattr(middle, "open_circuit_hz", middle.natural_frequency_hz)
+    softer = lines * (middle.natural_frequency_hz / raised)
     return np.unique(np.clip(np.concatenate([even, lines, softer]), low, high))
 
 
@@ -334,15 +330,12 @@ def _tops(starts: Sequence[_Start[H]]) -> list[_Start[H]]:
     return sorted(tops, key=lambda s: s.rank, reverse=True)
 
 
-def tune_set(
-    harvester: H, duty: Shaking, count: int = 3, objective: str = "worst"
-) -> list[Tuned[H]]:
-    """Best set of harvesters of one kind, each with its own tuning and load.
+def tune_set(harvester: H, duty: Shaking, count: int = 3) -> list[Tuned[H]]:
+    """Best set of harvesters of one kind for the worst operating point, each with its own tuning.
 
     Found among tunings on a grid that no other beats at every operating point, and refined
     together. Powers add, since a harvester of a few grams does not move a gearbox and each has its
-    own rectifier. For the mean over the duty cycle, copies of the best single one cannot be beaten;
-    for the worst operating point, different tunings share the work.
+    own rectifier. For the mean over the duty cycle, copies of the best single one cannot be beaten.
 
     Parameters
     ----------
@@ -350,8 +343,6 @@ def tune_set(
         As for `tune_harvester`.
     count : int, 1 to 3
         Size of the set.
-    objective : {"worst", "mean"}
-        Power of the worst operating point, or the mean over the cycle.
 
     Raises
     ------
@@ -360,18 +351,17 @@ def tune_set(
     """
     if count not in (1, 2, 3):
         raise ArgumentError(f"count={count} must be 1, 2 or 3")
-    if objective not in ("worst", "mean"):
-        raise ArgumentError(f"objective={objective!r} must be worst or mean")
     points = check_duty(duty)
     best = tune_harvester(harvester, points)
-    if objective == "mean" or len(points) == 1:
-        return [best] * int(count)
+    if len(points) == 1:
+        return [best] * count
     light = tuple(
         replace(p, vibration=replace(p.vibration, crest=c))
         for p, c in zip(points, _crests(best, points), strict=True)
     )
     candidates, powers = _candidates(harvester, light, best)
-    chosen = [candidates[i] for i in _best_set(powers, count)]
+    sets_of = np.array(list(combinations_with_replacement(range(len(powers)), count)))
+    chosen = [candidates[i] for i in sets_of[powers[sets_of].sum(axis=1).min(axis=1).argmax()]]
     sets = [[best] * count, [evaluate(one, points) for one in _polished(chosen, light)]]
 
     def worst_w(group: list[Tuned[H]]) -> float:
@@ -403,21 +393,6 @@ def _candidates(harvester: H, points: Points, best: Tuned[H]) -> tuple[list[H], 
     even = np.linspace(0, len(kept) - 1, min(MOST_KEPT, len(kept))).astype(int)
     chosen = {kept[0], *(kept[i] for i in np.argsort(share_of_first)[even])}
     return [found[i] for i in sorted(chosen)], table[sorted(chosen)]
-
-
-def _best_set(powers: Real, count: int) -> list[int]:
-    """Rows whose sum is largest in its smallest column."""
-    sets = np.array(list(combinations_with_replacement(range(len(powers)), min(count, 2))))
-    together = powers[sets].sum(axis=1)
-    if count < 3:
-        return [int(i) for i in sets[together.min(axis=1).argmax()]]
-    best: tuple[float, list[int]] = (-1.0, [])
-    for part in np.array_split(np.arange(len(sets)), 1 + len(sets) * len(powers) // TOGETHER):
-        worst = (together[part, None] + powers).min(axis=2)
-        pair, third = np.unravel_index(int(worst.argmax()), worst.shape)
-        chosen = [*(int(i) for i in sets[part[pair]]), int(third)]
-        best = max(best, (float(worst[pair, third]), chosen))
-    return best[1]
 
 
 def _polished(members: list[H], points: Points) -> list[H]:

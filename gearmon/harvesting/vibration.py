@@ -231,18 +231,17 @@ def vibration_of_lines(
         If not exactly one amplitude is given, or a value is out of its range.
     """
     check_positive("gain", gain)
-    frequency = _row(frequency_hz)
+    frequency: Real = np.atleast_1d(np.asarray(frequency_hz, dtype=np.float64))
     if (acceleration_ms2 is None) == (displacement_m is None):
         raise ArgumentError("lines: give acceleration_ms2 or displacement_m, one of the two")
-    if acceleration_ms2 is not None:
-        amplitude = _row(acceleration_ms2)
-    else:
-        assert displacement_m is not None
-        amplitude = _row(displacement_m) * (2 * math.pi * frequency) ** 2
+    given = displacement_m if acceleration_ms2 is None else acceleration_ms2
+    amplitude: Real = np.atleast_1d(np.asarray(given, dtype=np.float64))
     if amplitude.shape != frequency.shape:
         raise ArgumentError(f"lines: {amplitude.size} amplitudes for {frequency.size} frequencies")
     if (frequency < 0).any():
         raise ArgumentError(f"lines: frequency {frequency.min():g} Hz must be >= 0")
+    if acceleration_ms2 is None:
+        amplitude = amplitude * (2 * math.pi * frequency) ** 2
     order = np.argsort(frequency, kind="stable")
     order = order[frequency[order] > 0]
     power = (gain * amplitude[order]) ** 2 / 2
@@ -253,11 +252,6 @@ def vibration_of_lines(
         wander_time_s=wander_time_s,
         name=name,
     )
-
-
-def _row(values: npt.ArrayLike) -> Real:
-    row: Real = np.atleast_1d(np.asarray(values, dtype=np.float64))
-    return row
 
 
 def vibration_of_signature(signature: Signature, *, name: str = "", **how: float) -> Vibration:
@@ -376,27 +370,30 @@ def operating_lines(vibration: Vibration, most: int = 8) -> list[dict[str, Any]]
         frequency_hz, acceleration_ms2, energy_j_per_kg, share (of the energy of all such lines)
         and relative (to the best). Empty if no line is clear.
     """
+    from scipy.ndimage import sum_labels
+
     number = line_numbers(vibration)
     if not number.any():
         return []
-    power = np.bincount(number, vibration.mean_square_m2s4)[1:]
     # by squares, for the noise beside a line to count little
     squared = vibration.mean_square_m2s4**2
-    middle = np.bincount(number, squared * vibration.frequency_hz)[1:]
-    middle = middle / np.bincount(number, squared)[1:]
-    energy = np.bincount(number, vibration.energy_j_per_kg)[1:]
-    largest = np.argsort(-energy, kind="stable")[:most]
-    total, best = float(energy.sum()), float(energy.max())
+    columns = (
+        squared,
+        squared * vibration.frequency_hz,
+        vibration.mean_square_m2s4,
+        vibration.energy_j_per_kg,
+    )
+    lines = np.unique(number[number > 0])
+    weight, moment, power, energy = (sum_labels(column, number, lines) for column in columns)
     return [
         {
-            "frequency_hz": float(middle[i]),
+            "frequency_hz": float(moment[i] / weight[i]),
             "acceleration_ms2": math.sqrt(2 * power[i]),
             "energy_j_per_kg": float(energy[i]),
-            "share": float(energy[i]) / total,
-            "relative": float(energy[i]) / best,
+            "share": float(energy[i] / energy.sum()),
+            "relative": float(energy[i] / energy.max()),
         }
-        for i in largest
-        if energy[i] > 0
+        for i in np.argsort(-energy, kind="stable")[:most]
     ]
 
 

@@ -19,6 +19,9 @@ from gearmon.machine import Machine, OperatingPoint, ParallelStage, Sensor
 from gearmon.signals.recording import Recording
 
 RATE = 4000.0
+#: Simulated days behind a coverage, which then scatters by 1 %: five times those that the bar of 86
+#: to 94 % is set for.
+DAYS = 1000
 
 
 def machine(**changes):
@@ -104,31 +107,30 @@ def power_of_a_line(rng, count, memory, detuning, swing=0.0):
 def test_interval_holds_the_true_mean_nine_times_in_ten(count, memory, detuning, swing):
     truth = power_of_a_line(np.random.default_rng(1), 2_000_000, memory, detuning, swing).mean()
     hits = []
-    for seed in range(200):
+    for seed in range(DAYS):
         rng = np.random.default_rng([5, seed])
         low, high = interval_90(scatter_of_mean(power_of_a_line(rng, count, memory, detuning)))
         hits.append(low <= truth <= high)
-    # a binomial of 200 scatters by 2 %
-    assert 0.84 <= np.mean(hits) <= 0.96
+    assert 0.86 <= np.mean(hits) <= 0.94
 
 
 def test_shares_that_are_not_known_widen_the_interval():
     hits = []
-    for seed in range(200):
+    for seed in range(DAYS):
         rng = np.random.default_rng([6, seed])
         share = 0.6 + 0.05 * rng.normal()
         parts = [scatter_of_mean(level * rng.gamma(20, 1 / 20, 1200)) for level in (1.0, 0.16)]
         low, high = interval_90(combined(parts, [share, 1 - share], 0.05))
         hits.append(low <= 0.6 + 0.4 * 0.16 <= high)
-    assert 0.84 <= np.mean(hits) <= 0.96
+    assert 0.86 <= np.mean(hits) <= 0.94
 
 
 def test_blocks_of_operation_are_a_sample_of_it():
     hits = []
-    for seed in range(200):
+    for seed in range(DAYS):
         low, high = interval_90(between(np.random.default_rng(seed).lognormal(0, 0.5, 12)))
         hits.append(low <= math.exp(0.125) <= high)
-    assert 0.84 <= np.mean(hits) <= 0.96
+    assert 0.86 <= np.mean(hits) <= 0.94
 
 
 def test_too_few_stretches_are_said():

@@ -128,7 +128,7 @@ def marched_with_stops(harvester, samples, rate, restitution, *, per_period=400)
         return v, -force * a - heat * v - natural**2 * x - back * u, drive * v - leak * u
 
     x = v = u = 0.0
-    powers, limit = [], harvester.travel_limit_m
+    powers, limit = [], harvester.clearance_m
     weight = harvester.weight_ms2
     for k in range(0, len(push) - 2, 2):
         a0, a1, a2 = push[k] + weight, push[k + 1] + weight, push[k + 2] + weight
