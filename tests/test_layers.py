@@ -44,7 +44,7 @@ OWNED = {
         (module.startswith("gearmon.report.") and "plots" in module)
         or module in ("gearmon.benchmark.plots", "gearmon.study.plots")
     ),
-    "sklearn": lambda module: module.startswith("gearmon.diagnosis"),
+    "sklearn": lambda module: module.startswith(("gearmon.diagnosis", "gearmon.benchmark")),
     "scipy.signal": lambda module: module.startswith(
         ("gearmon.benchmark", "gearmon.harvesting", "gearmon.signals")
     ),

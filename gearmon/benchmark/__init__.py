@@ -4,8 +4,8 @@ A table of cases, and one way to run each, to tell it in few rows, and to draw i
 share, taking tasks in turn, is in `timing`.
 
 >>> from gearmon.benchmark import CASES, PICTURED
->>> list(CASES)[:3], PICTURED[:2]
-(['analyse', 'memory', 'stiffness'], ('dynamics', 'stress'))
+>>> list(CASES)[:3], PICTURED
+(['analyse', 'memory', 'stiffness'], ('dynamics', 'detection'))
 """
 
 from __future__ import annotations
@@ -47,15 +47,13 @@ class _Case:
 
 _DRAWN = ("progress", "quick", "seed", "count")
 CASES = {
-    "analyse": _Case("whole_process:analysis_against_reading"),
-    "memory": _Case("whole_process:memory_of_long_recording"),
+    "analyse": _Case("signals:analysis_against_reading"),
+    "memory": _Case("signals:memory_of_long_recording"),
     "stiffness": _Case("stiffness:time_stiffness", ("ross_python",)),
     "harvesting": _Case("harvesting:time_harvesting", ("progress", "quick")),
     "dynamics": _Case("dynamics:run_dynamics", _DRAWN, "dynamics:headlines", "dynamics_figures"),
-    "stress": _Case("stress:run_stress", _DRAWN, "stress:stress_summary", "stress_figures"),
-    "signals": _Case(
-        "signals:run_signals", ("progress", "quick"), "signals:signals_summary", "signals_figures"
-    ),
+    "stress": _Case("stress:run_stress", _DRAWN, "stress:stress_summary"),
+    "signals": _Case("signals:run_signals", ("progress", "quick"), "signals:signals_summary"),
     "detection": _Case(
         "detection:run_detection", _DRAWN, "detection:detection_summary", "detection_figures"
     ),

@@ -1,27 +1,509 @@
 """Detection of damaged teeth on random machines, beside textbook indicators.
 
 Every machine, its errors, paths, noise and faults are drawn; recordings come from
-`detection_recordings`, which shares nothing with the detector. The figures: areas under ROC curves
-against loss of stiffness, false alarms against the stated probability, what was blamed, how well
-the loss was estimated, and run times.
+`detection_recordings`, which shares nothing with the detector. Of each machine one healthy
+recording is the reference. New ones are healthy (as the reference, or with load, speed or sensor
+gain changed), have one damaged tooth, or something else that is no damaged tooth. The figures:
+areas under ROC curves against loss of stiffness, false alarms against the stated probability, what
+was blamed, how well the loss was estimated, and run times.
+
+The other detectors get the same reference. Textbook indicators are taken as the logarithm of their
+value over that of the reference recording, of the gear and channel where they rose most: the best
+that a threshold can do without knowing where to look. The localised difference is the strongest of
+what needs no template: averages subtracted, whitened, mesh gains fitted, and the energy at one
+tooth held against that at the others.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gearmon.benchmark.detection_trials import RIVALS, TOOTH_WITHIN, Outcome, machine_trials
-from gearmon.errors import ArgumentError, check_range
+from gearmon.benchmark.detection_machines import GEARS, DrawnMachine, draw_machine
+from gearmon.benchmark.detection_recordings import DURATION_S, Bench, Condition, Setting, Taken
+from gearmon.benchmark.timing import task_time
+from gearmon.diagnosis.analysis import analyse, learn
+from gearmon.diagnosis.hypotheses.own_teeth import locate
+from gearmon.diagnosis.results import Analysis, Flag
+from gearmon.errors import ArgumentError, GearmonError, check_range
+from gearmon.signals import indicators
+from gearmon.signals.indicators import RunHistory, na4_frozen
+from gearmon.signals.recording import Recording
+from gearmon.signatures.measured.gear_signals import gear_signals
+from gearmon.signatures.measured.measurement import MeasuredSignature
+from gearmon.signatures.measured.reference import Profile, Reference
 from gearmon.terminal import Progress
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 FloatArray = NDArray[np.float64]
 Row = dict[str, Any]
 
+OURS, LOCALISED, LEARNING = "gearmon", "localised difference", "plain learning"
+#: Textbook detectors, by the names of their indicators in an analysis; the last two are made here.
+TEXTBOOK = {
+    "FM4": "FM4",
+    "energy ratio": "energy ratio",
+    "sideband energy ratio": "SER",
+    "kurtosis": "kurtosis",
+    "residual energy": "residual energy",
+    "NA4*": "NA4*",
+}
+#: Indicators that only the learning detector sees beside them.
+FURTHER = ("M6A", "M8A")
+RIVALS = (*TEXTBOOK, LOCALISED, LEARNING)
+LOSSES = (0.01, 0.025, 0.05, 0.1, 0.2, 0.4)
+QUICK_LOSSES = (0.4,)
+#: Load, speed and gain of healthy recordings over nominal, by the name of the variant.
+VARIANTS = ("same", "load", "speed", "gain", "all")
+OTHERS = ("eccentricity", "misalignment", "bearing", "pitting", "wear")
+#: Sizes of the other conditions, see `Condition`.
+SIZES = {
+    "eccentricity": (2.0, 8.0),
+    "misalignment": (0.05, 0.3),
+    "bearing": (0.3, 0.8),
+    "pitting": (0.05, 0.25),
+    "wear": (0.2, 1.0),
+}
+#: Two recordings at one operating point differ by so much in load and speed.
+LOAD_SPREAD, SPEED_SPREAD = 0.02, 0.002
+#: A tooth is found if it is no further away [teeth].
+TOOTH_WITHIN = 0.75
+QUICK_S = 3.0
+MACHINES, QUICK_MACHINES = 60, 2
+#: Groups of machines of which a learning detector sees all but the one that it judges.
+FOLDS = 5
+#: False-alarm probabilities at which the healthy recordings are counted.
+LEVELS = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3)
+STATED = 0.01
 RESAMPLES = 400
+# Of the learning detector
+TREES = 100
+_LEAST = 1e-12
+#: What is known of a recording that was refused.
+_TEXTS = dict.fromkeys(("verdict", "flags", "found_kind", "note"), "")
+_NUMBERS = (
+    *("score", "probability", "flag_probability", "found_stage", "found_gear", "found_tooth"),
+    *("gear_right", "tooth_error", "loss", "loss_low", "loss_high", "run_time_s", "alone_s"),
+)
+NOTHING: Row = _TEXTS | {"tooth_flag": False} | dict.fromkeys((*_NUMBERS, *RIVALS))
+
+
+def run_detection(
+    count: int = MACHINES,
+    seed: int = 0,
+    quick: bool = False,
+    progress: Progress | None = None,
+    first: int = 0,
+) -> list[Row]:
+    """Judge the detector and its rivals on random machines.
+
+    Parameters
+    ----------
+    count : int, >= 1
+        Machines.
+    seed : int, >= 0
+    quick : bool
+        Two machines, few and short recordings: figures that show only that all works.
+    progress : callable, optional
+        Called with the share done, 0 to 1.
+    first : int, >= 0
+        Number of the first machine: long runs can be made in parts.
+
+    Returns
+    -------
+    list of dict
+        One row an analysis: machine, truth, findings, run times, rivals.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of its range.
+    """
+    check_range("count", count, 1, 1_000_000)
+    check_range("seed", seed, 0, 2**63 - 1)
+    if quick:
+        count = min(count, QUICK_MACHINES)
+    outcomes: list[Outcome] = []
+    for number in range(first, first + count):
+        outcomes += machine_trials(number, seed, quick)
+        if progress is not None:
+            progress((number - first + 1) / count)
+    return with_learning(outcomes, seed)
+
+
+def with_learning(outcomes: Sequence[Outcome], seed: int = 0) -> list[Row]:
+    """Add the scores of the learning detector, trained on healthy pairs of other machines.
+
+    What many monitoring systems do: an isolation forest (Liu, Ting and Zhou, ICDM 2008) that has
+    seen how the indicators of healthy machines change from one recording to the next.
+
+    Parameters
+    ----------
+    outcomes : sequence of Outcome
+    seed : int
+
+    Returns
+    -------
+    list of dict
+        The rows of the outcomes, in their order.
+    """
+    from sklearn.ensemble import IsolationForest
+
+    rows = [dict(outcome.row) for outcome in outcomes]
+    usable = [i for i, outcome in enumerate(outcomes) if len(outcome.features)]
+    for tacho in (True, False):
+        own = [i for i in usable if rows[i]["tacho"] == tacho]
+        for fold in range(FOLDS):
+            judged = [i for i in own if rows[i]["machine"] % FOLDS == fold]
+            others = [i for i in own if rows[i]["machine"] % FOLDS != fold]
+            healthy = [i for i in others if rows[i]["condition"] == "healthy"]
+            if len(healthy) < 2 or not judged:
+                continue
+            known, new = (
+                np.array([outcomes[i].features for i in part]) for part in (healthy, judged)
+            )
+            forest = IsolationForest(n_estimators=TREES, random_state=seed).fit(known)
+            for i, score in zip(judged, forest.score_samples(new), strict=True):
+                rows[i][LEARNING] = -float(score)
+    return rows
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trial:
+    """One new recording.
+
+    Parameters
+    ----------
+    condition : Condition
+    setting : Setting
+        With tacho; where `no_tacho`, its channel is also left out.
+    variant : str
+        One of `VARIANTS`.
+    no_tacho : bool
+        Whether to analyse the recording a second time without its tacho.
+    """
+
+    condition: Condition
+    setting: Setting
+    variant: str = "same"
+    no_tacho: bool = True
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Outcome:
+    """What came of one analysis.
+
+    Parameters
+    ----------
+    row : dict
+        Truth and findings, in built-in types.
+    features : ndarray
+        Of a learning detector; empty where the recording was refused.
+    """
+
+    row: Row
+    features: FloatArray = field(default_factory=lambda: np.zeros(0))
+
+
+def machine_trials(number: int, seed: int, quick: bool = False) -> Iterator[Outcome]:
+    """Run all trials of one machine.
+
+    Parameters
+    ----------
+    number : int
+        Of the machine; with the seed it sets all that is random.
+    seed : int
+    quick : bool
+        Few and short recordings.
+    """
+    rng = np.random.default_rng([seed, number])
+    drawn = draw_machine(rng, number, channels=1 if quick else None)
+    bench = Bench(drawn=drawn)
+    duration_s = QUICK_S if quick else DURATION_S
+    first = bench.take(Condition(), _setting(rng, "same", duration_s))
+    trials = _plan(rng, drawn, quick, duration_s)
+    judges = {tacho: _Judge(drawn, first, tacho).learned() for tacho in (True, False)}
+    for trial in trials:
+        taken = bench.take(trial.condition, trial.setting)
+        for tacho in (True, False) if trial.no_tacho else (True,):
+            outcome = judges[tacho].outcome(trial, taken)
+            yield Outcome(
+                row={"machine": number, **_facts(drawn), **outcome.row}, features=outcome.features
+            )
+
+
+def _facts(drawn: DrawnMachine) -> Row:
+    teeth = (f"{s.gears[0].teeth}/{s.gears[1].teeth}" for s in drawn.stages)
+    return {
+        "teeth": ", ".join(teeth),
+        "speed_hz": round(drawn.speed_hz, 3),
+        "channels": drawn.channels,
+    }
+
+
+def _setting(rng: np.random.Generator, variant: str, duration_s: float) -> Setting:
+    load = 1 + LOAD_SPREAD * rng.uniform(-1, 1)
+    speed = 1 + SPEED_SPREAD * rng.uniform(-1, 1)
+    gain = 1.0
+    if variant in ("load", "all"):
+        load = rng.uniform(0.8, 1.2)
+    if variant in ("speed", "all"):
+        speed = rng.uniform(0.98, 1.02)
+    if variant in ("gain", "all"):
+        gain = 2.0 ** rng.uniform(-1, 1)
+    seed = int(rng.integers(1 << 31))
+    return Setting(load=load, speed=speed, gain=gain, seed=seed, duration_s=duration_s)
+
+
+def _plan(
+    rng: np.random.Generator, drawn: DrawnMachine, quick: bool, duration_s: float
+) -> list[Trial]:
+    def trial(condition: Condition, variant: str = "same", no_tacho: bool = True) -> Trial:
+        setting = _setting(rng, variant, duration_s)
+        return Trial(condition=condition, setting=setting, variant=variant, no_tacho=no_tacho)
+
+    variants = ("same", "all") if quick else ("same", *VARIANTS)
+    losses = QUICK_LOSSES if quick else LOSSES
+    others = ("pitting",) if quick else OTHERS
+    healthy = [trial(Condition(), name, name == "same") for name in variants]
+    damaged = [trial(_somewhere(rng, drawn, "tooth", loss)) for loss in losses]
+    changed = [
+        trial(_somewhere(rng, drawn, kind, rng.uniform(*SIZES[kind])), no_tacho=False)
+        for kind in others
+    ]
+    return healthy + damaged + changed
+
+
+def _somewhere(rng: np.random.Generator, drawn: DrawnMachine, kind: str, size: float) -> Condition:
+    """Draw where a condition is."""
+    seed = int(rng.integers(1 << 31))
+    if kind == "bearing":
+        return Condition(kind=kind, size=size, seed=seed)
+    stage, side = int(rng.integers(len(drawn.stages))), int(rng.integers(2))
+    teeth = drawn.stages[stage].gears[side].teeth
+    return Condition(
+        kind=kind,
+        stage=stage + 1,
+        gear=GEARS[side],
+        tooth=int(rng.integers(teeth)) + 1 if kind == "tooth" else None,
+        size=size,
+        seed=seed,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Judge:
+    """The reference of one machine, with or without tacho, and what to say of new recordings."""
+
+    drawn: DrawnMachine
+    first: Taken
+    tacho: bool
+    healthy: Analysis | None = None
+    reference: Reference | None = None
+    alone_s: float = 0.0
+    refusal: str = ""
+
+    def learned(self) -> _Judge:
+        """Analyse the first recording alone and learn from it."""
+        recording, machine = self._recording(self.first), self.drawn.machine
+        try:
+            alone_s, healthy = task_time(lambda: analyse(recording, machine))
+            reference = learn([recording], machine)
+        except GearmonError as error:
+            return replace(self, refusal=str(error))
+        return replace(self, healthy=healthy, alone_s=alone_s, reference=reference)
+
+    def _recording(self, taken: Taken) -> Recording:
+        return taken.recording if self.tacho else taken.recording.vibration()
+
+    def outcome(self, trial: Trial, taken: Taken) -> Outcome:
+        row = {**_truth(trial), "tacho": self.tacho, **NOTHING}
+        if self.reference is None or self.healthy is None:
+            return Outcome(row={**row, "verdict": "refused", "note": self.refusal})
+        known = self._recording(taken), self.drawn.machine, self.reference
+        try:
+            run_time_s, found = task_time(lambda: analyse(*known))
+        except GearmonError as error:
+            return Outcome(row={**row, "verdict": "refused", "note": str(error)})
+        row |= {"run_time_s": run_time_s, "alone_s": self.alone_s}
+        row |= {"verdict": found.verdict, "score": found.score}
+        row |= {"probability": found.false_alarm_probability}
+        row |= self._findings(trial.condition, taken, found)
+        if not (found.signature.found and self.healthy.signature.found):
+            return Outcome(row=row)
+        rises_of, features = rises(found, self.healthy)
+        return Outcome(row=row | rises_of, features=features)
+
+    def _findings(self, condition: Condition, taken: Taken, found: Analysis) -> Row:
+        row: Row = {"flags": "; ".join(flag.kind for flag in found.flags)}
+        if not found.flags:
+            return row
+        first = found.flags[0]
+        row |= {"found_kind": first.kind, "flag_probability": first.false_alarm_probability}
+        tooth = next((flag for flag in found.flags if is_tooth_flag(flag)), None)
+        row["tooth_flag"] = tooth is not None
+        if tooth is None:
+            return row
+        row |= {"found_stage": tooth.stage, "found_gear": tooth.gear, "found_tooth": tooth.tooth}
+        row |= {"loss": tooth.stiffness_loss, "loss_low": tooth.stiffness_loss_low}
+        row["loss_high"] = tooth.stiffness_loss_high
+        right = (tooth.stage, tooth.gear) == (condition.stage, condition.gear)
+        if condition.kind == "tooth":
+            row["gear_right"] = right
+            if right:
+                row["tooth_error"] = self._tooth_error(condition, taken, found, tooth)
+        return row
+
+    def _tooth_error(
+        self, condition: Condition, taken: Taken, found: Analysis, flag: Flag
+    ) -> float | None:
+        """Distance of the tooth found from the true one [teeth].
+
+        A number is one from the pulse on shaft 1 where the gear turns with it, else one from the
+        angle zero of the new recording or of the reference: either is as good.
+        """
+        stage = self.drawn.stages[condition.stage - 1]
+        teeth = stage.gears[GEARS.index(condition.gear)].teeth
+        assert self.healthy is not None
+        zero = [
+            _entered(self.drawn, condition, one.turns_at(_time_of_zero(analysis)))
+            for one, analysis in ((taken, found), (self.first, self.healthy))
+        ]
+        true = [(condition.tooth or 1) - 1 - entered for entered in zero]
+        if flag.tooth is not None:
+            return min(_around(flag.tooth - 1 - place, teeth) for place in true)
+        profile = next(
+            (p for p in found.profiles if (p.stage, p.gear) == (flag.stage, flag.gear)), None
+        )
+        if profile is None:
+            return None
+        # a place is where the contact has its middle
+        return _around(profile.position * teeth - (true[0] + 0.5 * stage.shape.reach), teeth)
+
+
+def _truth(trial: Trial) -> Row:
+    condition, setting = trial.condition, trial.setting
+    where = {"stage": condition.stage or None, "gear": condition.gear or None}
+    what = {"tooth": condition.tooth, "size": condition.size}
+    how = {"load": setting.load, "speed": setting.speed, "gain": setting.gain}
+    return {"condition": condition.kind, "variant": trial.variant, **where, **what, **how}
+
+
+def is_tooth_flag(flag: Flag) -> bool:
+    """Tell whether a flag blames one tooth."""
+    return flag.tooth is not None or "tooth" in flag.kind or flag.kind in ("crack", "breakage")
+
+
+def _time_of_zero(analysis: Analysis) -> float:
+    """Return when a recording's angle is zero [s], be it before its start."""
+    return float(analysis.signature.track.time_at(np.zeros(1))[0])
+
+
+def _entered(drawn: DrawnMachine, condition: Condition, turns: float) -> float:
+    """Return how many teeth of the damaged gear have entered contact at an angle of shaft 1."""
+    shaft = turns
+    for stage in drawn.stages[: condition.stage - 1]:
+        shaft *= stage.gears[0].teeth / stage.gears[1].teeth
+    return shaft * drawn.stages[condition.stage - 1].gears[0].teeth
+
+
+def _around(distance: float, teeth: int) -> float:
+    """Return the distance of two places on a gear [teeth], the shorter way round."""
+    away = distance % teeth
+    return min(away, teeth - away)
+
+
+def rises(new: Analysis, healthy: Analysis) -> tuple[dict[str, float], FloatArray]:
+    """Compare a recording with the reference by indicators.
+
+    Parameters
+    ----------
+    new, healthy : Analysis
+
+    Returns
+    -------
+    dict
+        Greatest rise of each indicator, as natural logarithm.
+    ndarray
+        Features for a learning detector: greatest, mean and least rise of each.
+    """
+    ours, theirs = (_by_name(one, healthy.signature) for one in (new, healthy))
+    changes = {
+        name: np.log(
+            [
+                max(value, _LEAST) / max(theirs[name][place], _LEAST)
+                for place, value in ours[name].items()
+                if place in theirs[name]
+            ]
+            or [1.0]
+        )
+        for name in (*TEXTBOOK.values(), *FURTHER)
+    }
+    features = [
+        float(of) for change in changes.values() for of in (max(change), change.mean(), min(change))
+    ]
+    found = {name: float(changes[known].max()) for name, known in TEXTBOOK.items()}
+    found[LOCALISED] = localised_difference(new.signature, healthy.signature)
+    return found, np.array(features)
+
+
+def _by_name(analysis: Analysis, healthy: MeasuredSignature) -> dict[str, dict[str, float]]:
+    """Return indicators of all gears and channels; NA4* divides by the reference's variance."""
+    found: dict[str, dict[str, float]] = {name: {} for name in (*TEXTBOOK.values(), *FURTHER)}
+    for name, values in analysis.indicators.items():
+        kind, _, gear = name.partition(", ")
+        if kind in found:
+            found[kind] |= {f"{gear} {channel}": value for channel, value in values.items()}
+    wheels = {(wheel.stage, wheel.gear): wheel for wheel in healthy.plan.wheels}
+    signature = analysis.signature
+    for wheel in signature.plan.wheels:
+        known = wheels.get((wheel.stage, wheel.gear))
+        if known is None or not len(wheel.number) or not len(known.number):
+            continue
+        own = gear_signals(signature.lines.mean, wheel).residual
+        run = RunHistory.of(len(own)).with_record(gear_signals(healthy.lines.mean, known).residual)
+        computed = {
+            "residual energy": indicators.rms(own) ** 2,
+            "NA4*": na4_frozen(own, run.with_record(own), 1),
+        }
+        for name, row in computed.items():
+            found[name] |= {f"{wheel} {n}": float(value) for n, value in enumerate(row)}
+    return found
+
+
+def localised_difference(signature: MeasuredSignature, healthy: MeasuredSignature) -> float:
+    """Search the whitened difference of two recordings for one tooth, without a template.
+
+    Parameters
+    ----------
+    signature : MeasuredSignature
+    healthy : MeasuredSignature
+        The reference recording.
+
+    Returns
+    -------
+    float
+        -log10 of the probability of the most striking tooth of all gears; 0 if none can be judged.
+    """
+    own, known = Profile.of(signature), Profile.of(healthy)
+    patterns = {(wheel.stage, wheel.gear): wheel for wheel in known.wheels}
+    channels = range(len(signature.channel_names))
+    best = 0.0
+    for wheel in own.wheels:
+        other = patterns.get((wheel.stage, wheel.gear))
+        if other is None:
+            continue
+        # a pulse on shaft 1 tells where the gears on it stand
+        same = own.tacho and known.tacho and abs(wheel.order - 1.0) < 1e-12
+        found = locate(wheel, channels, [other], channels, numbered=same, same_zero=same)
+        best = best if found is None else max(best, -found.log10_probability)
+    return best
 
 
 def roc_area(healthy: ArrayLike, faulty: ArrayLike) -> float:
@@ -99,234 +581,6 @@ def share_interval(hits: int, trials: int) -> tuple[float, float, float]:
     return hits / trials, float(interval.low), float(interval.high)
 
 
-MACHINES, QUICK_MACHINES = 60, 2
-#: Groups of machines of which a learning detector sees all but the one that it judges.
-FOLDS = 5
-#: False-alarm probabilities at which the healthy recordings are counted.
-LEVELS = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3)
-OURS = "gearmon"
-STATED = 0.01
-
-
-def run_detection(
-    count: int = MACHINES,
-    seed: int = 0,
-    quick: bool = False,
-    progress: Progress | None = None,
-    first: int = 0,
-) -> list[Row]:
-    """Judge the detector and its rivals on random machines.
-
-    Parameters
-    ----------
-    count : int, >= 1
-        Machines.
-    seed : int, >= 0
-    quick : bool
-        Two machines, few and short recordings: figures that show only that all works.
-    progress : callable, optional
-        Called with the share done, 0 to 1.
-    first : int, >= 0
-        Number of the first machine: long runs can be made in parts.
-
-    Returns
-    -------
-    list of dict
-        One row an analysis: machine, truth, findings, run times, rivals.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range.
-    """
-    check_range("count", count, 1, 1_000_000)
-    check_range("seed", seed, 0, 2**63 - 1)
-    if quick:
-        count = min(count, QUICK_MACHINES)
-    outcomes: list[Outcome] = []
-    for number in range(first, first + count):
-        outcomes += machine_trials(number, seed, quick)
-        if progress is not None:
-            progress((number - first + 1) / count)
-    return with_learning(outcomes, seed)
-
-
-def with_learning(outcomes: Sequence[Outcome], seed: int = 0) -> list[Row]:
-    """Add the scores of the learning detector, trained on healthy pairs of other machines.
-
-    Parameters
-    ----------
-    outcomes : sequence of Outcome
-    seed : int
-
-    Returns
-    -------
-    list of dict
-        The rows of the outcomes, in their order.
-    """
-    from gearmon.diagnosis.fault_types.classifier import novelty
-
-    rows = [dict(outcome.row) for outcome in outcomes]
-    usable = [i for i, outcome in enumerate(outcomes) if len(outcome.features)]
-    for tacho in (True, False):
-        own = [i for i in usable if rows[i]["tacho"] == tacho]
-        for fold in range(FOLDS):
-            judged = [i for i in own if rows[i]["machine"] % FOLDS == fold]
-            others = [i for i in own if rows[i]["machine"] % FOLDS != fold]
-            healthy = [i for i in others if rows[i]["condition"] == "healthy"]
-            if len(healthy) < 2 or not judged:
-                continue
-            known, new = (
-                np.array([outcomes[i].features for i in part]) for part in (healthy, judged)
-            )
-            scores = novelty(known, new, seed)
-            for i, score in zip(judged, scores, strict=True):
-                rows[i]["plain learning"] = float(score)
-    return rows
-
-
-def roc_rows(rows: Sequence[Row]) -> list[Row]:
-    """Areas under ROC curves, healthy at the same operating point against one damaged tooth.
-
-    Parameters
-    ----------
-    rows : sequence of dict
-        From `run_detection`.
-
-    Returns
-    -------
-    list of dict
-        One for each detector, loss, and with and without tacho.
-    """
-    machines = sorted({row["machine"] for row in rows})
-    found = []
-    for tacho in (True, False):
-        here = [row for row in rows if row["tacho"] == tacho]
-        sound = [r for r in here if r["condition"] == "healthy" and r["variant"] == "same"]
-        losses = sorted({row["size"] for row in here if row["condition"] == "tooth"})
-        for loss in losses:
-            hurt = [r for r in here if r["condition"] == "tooth" and r["size"] == loss]
-            for name in (OURS, *RIVALS):
-                low, high = (_by_machine(part, name, machines) for part in (sound, hurt))
-                if not sum(map(len, low)) or not sum(map(len, high)):
-                    continue
-                area, count = roc_area_interval(low, high), sum(map(len, high))
-                found.append(_figure("ROC area", name, f"loss {loss:.3g}", tacho, area, count))
-    return found
-
-
-def _by_machine(rows: Sequence[Row], name: str, machines: Sequence[int]) -> list[FloatArray]:
-    key = "score" if name == OURS else name
-    held: dict[int, list[float]] = {machine: [] for machine in machines}
-    for row in rows:
-        if row[key] is not None:
-            held[row["machine"]].append(row[key])
-        elif name == OURS:
-            # a recording that is refused is no evidence of a fault
-            held[row["machine"]].append(-np.inf)
-    return [np.array(values, dtype=float) for values in held.values()]
-
-
-def false_alarm_rows(rows: Sequence[Row], levels: Sequence[float] = LEVELS) -> list[Row]:
-    """Share of healthy recordings whose stated probability is at most each level.
-
-    Parameters
-    ----------
-    rows : sequence of dict
-    levels : sequence of float
-    """
-    found = []
-    for tacho in (True, False):
-        sound = [
-            row
-            for row in rows
-            if row["tacho"] == tacho and row["condition"] == "healthy" and row["probability"]
-        ]
-        for variant in ("", *dict.fromkeys(row["variant"] for row in sound)):
-            own = [row for row in sound if not variant or row["variant"] == variant]
-            for level in levels if not variant else (STATED,):
-                if own:
-                    hits = sum(row["probability"] <= level for row in own)
-                    what = f"stated {level:g}" + (f", {variant}" if variant else "")
-                    share = share_interval(hits, len(own))
-                    found.append(_figure("false alarms", OURS, what, tacho, share, len(own)))
-    return found
-
-
-def finding_rows(rows: Sequence[Row]) -> list[Row]:
-    """Shares of right gears and teeth, error and coverage of the loss, others called a tooth.
-
-    Parameters
-    ----------
-    rows : sequence of dict
-    """
-    found = []
-    for tacho in (True, False):
-        here = [row for row in rows if row["tacho"] == tacho]
-        for loss in sorted({row["size"] for row in here if row["condition"] == "tooth"}):
-            own = [r for r in here if r["condition"] == "tooth" and r["size"] == loss]
-            found += _of_loss(own, loss, tacho)
-        others = [r for r in here if r["condition"] != "tooth"]
-        for kind in dict.fromkeys(row["condition"] for row in others):
-            own = [row for row in others if row["condition"] == kind]
-            called = {
-                "called a fault": sum(row["verdict"] == "fault" for row in own),
-                "called a tooth": sum(bool(row["tooth_flag"]) for row in own),
-            }
-            for name, hits in called.items():
-                share = share_interval(hits, len(own))
-                found.append(_figure(name, OURS, kind, tacho, share, len(own)))
-    return found
-
-
-def _of_loss(rows: Sequence[Row], loss: float, tacho: bool) -> list[Row]:
-    what = f"loss {loss:.3g}"
-    counted = {
-        "called a fault": [row["verdict"] == "fault" for row in rows],
-        "gear right": [bool(row["gear_right"]) for row in rows if row["tooth_flag"]],
-        "tooth right": [
-            row["tooth_error"] is not None and row["tooth_error"] <= TOOTH_WITHIN
-            for row in rows
-            if row["tooth_flag"]
-        ],
-    }
-    sized = [row for row in rows if row["gear_right"] and row["loss"] is not None]
-    bounded = [row for row in sized if row["loss_low"] is not None]
-    counted["interval covers"] = [r["loss_low"] <= loss <= r["loss_high"] for r in bounded]
-    found = [
-        _figure(name, OURS, what, tacho, share_interval(sum(hits), len(hits)), len(hits))
-        for name, hits in counted.items()
-        if hits
-    ]
-    if sized:
-        relative = [row["loss"] / loss - 1 for row in sized]
-        quartiles = np.quantile(relative, (0.5, 0.25, 0.75)).tolist()
-        found.append(_figure("loss error, quartiles", OURS, what, tacho, quartiles, len(sized)))
-    return found
-
-
-def run_time_rows(rows: Sequence[Row]) -> list[Row]:
-    """Median run times of an analysis with and without a reference, with quartiles [s]."""
-    found = []
-    for tacho in (True, False):
-        own = [row for row in rows if row["tacho"] == tacho and row["run_time_s"]]
-        if not own:
-            continue
-        alone = list({row["machine"]: row["alone_s"] for row in own}.values())
-        timed = {"with reference": [row["run_time_s"] for row in own], "without": alone}
-        for what, values in timed.items():
-            quartiles = np.quantile(values, (0.5, 0.25, 0.75)).tolist()
-            found.append(_figure("run time in s", OURS, what, tacho, quartiles, len(values)))
-    return found
-
-
-def _figure(
-    figure: str, detector: str, what: str, tacho: bool, value: Sequence[float], count: int
-) -> Row:
-    of = {"figure": figure, "detector": detector, "of": what, "tacho": tacho}
-    return of | dict(zip(("value", "low", "high"), value, strict=True)) | {"count": count}
-
-
 def detection_summary(rows: Sequence[Row]) -> list[Row]:
     """All figures of merit, one a row, with intervals.
 
@@ -341,5 +595,85 @@ def detection_summary(rows: Sequence[Row]) -> list[Row]:
         ``figure, detector, of, tacho, value, low, high, count``; 95 % intervals, by machines for
         ROC areas, by Wilson for shares; quartiles for errors of the loss and run times.
     """
-    tables = (roc_rows, false_alarm_rows, finding_rows, run_time_rows)
-    return [row for table in tables for row in table(rows)]
+    import pandas as pd
+
+    columns = ("figure", "detector", "of", "value", "low", "high", "count")
+    found = []
+    for tacho, own in pd.DataFrame(rows).groupby("tacho", sort=False):
+        for table in (_areas, _false_alarms, _findings, _run_times):
+            figures = [dict(zip(columns, figure, strict=True)) for figure in table(own)]
+            found += [{**figure, "tacho": bool(tacho)} for figure in figures]
+    return found
+
+
+#: Figure, detector, of what; value, lower and upper limit; count.
+_Figure = tuple[str, str, str, float, float, float, int]
+
+
+def _areas(rows: pd.DataFrame) -> Iterator[_Figure]:
+    """Areas under ROC curves, healthy at the same operating point against one damaged tooth."""
+    machines = rows["machine"].unique()
+    sound = rows[(rows["condition"] == "healthy") & (rows["variant"] == "same")]
+    for loss, hurt in rows[rows["condition"] == "tooth"].groupby("size"):
+        for name in (OURS, *RIVALS):
+            low, high = (_by_machine(part, name, machines) for part in (sound, hurt))
+            count = sum(map(len, high))
+            if count and sum(map(len, low)):
+                area = roc_area_interval(low, high)
+                yield "ROC area", name, f"loss {loss:.3g}", *area, count
+
+
+def _by_machine(rows: pd.DataFrame, name: str, machines: ArrayLike) -> list[FloatArray]:
+    scores = rows["score" if name == OURS else name].astype(float)
+    # a recording that is refused is no evidence of a fault
+    scores = scores.fillna(-np.inf) if name == OURS else scores.dropna()
+    return [scores[rows["machine"] == one].to_numpy() for one in np.asarray(machines)]
+
+
+def _share(figure: str, of: str, hits: pd.Series[bool]) -> Iterator[_Figure]:
+    """Yield the share of recordings for which something holds, if there are any."""
+    if len(hits):
+        yield figure, OURS, of, *share_interval(int(hits.sum()), len(hits)), len(hits)
+
+
+def _false_alarms(rows: pd.DataFrame) -> Iterator[_Figure]:
+    """Share of healthy recordings whose stated probability is at most each level."""
+    sound = rows[(rows["condition"] == "healthy") & (rows["probability"].notna())]
+    for level in LEVELS:
+        yield from _share("false alarms", f"stated {level:g}", sound["probability"] <= level)
+    for variant, own in sound.groupby("variant", sort=False):
+        hits = own["probability"] <= STATED
+        yield from _share("false alarms", f"stated {STATED:g}, {variant}", hits)
+
+
+def _findings(rows: pd.DataFrame) -> Iterator[_Figure]:
+    """Shares of right gears and teeth, error and coverage of the loss, others called a tooth."""
+    for loss, own in rows[rows["condition"] == "tooth"].groupby("size"):
+        of, size = f"loss {loss:.3g}", float(str(loss))
+        flagged = own[own["tooth_flag"].astype(bool)]
+        sized = own[own["gear_right"].eq(True) & own["loss"].notna()]
+        bounded = sized[sized["loss_low"].notna()]
+        yield from _share("called a fault", of, own["verdict"] == "fault")
+        yield from _share("gear right", of, flagged["gear_right"].eq(True))
+        near = flagged["tooth_error"].astype(float) <= TOOTH_WITHIN
+        yield from _share("tooth right", of, near)
+        covers = bounded["loss_low"].le(size) & bounded["loss_high"].ge(size)
+        yield from _share("interval covers", of, covers)
+        yield from _quartiles("loss error, quartiles", of, sized["loss"] / size - 1)
+    for kind, own in rows[rows["condition"] != "tooth"].groupby("condition", sort=False):
+        yield from _share("called a fault", str(kind), own["verdict"] == "fault")
+        yield from _share("called a tooth", str(kind), own["tooth_flag"].astype(bool))
+
+
+def _run_times(rows: pd.DataFrame) -> Iterator[_Figure]:
+    """Median run times of an analysis with and without a reference, with quartiles [s]."""
+    own = rows[rows["run_time_s"].notna()]
+    yield from _quartiles("run time in s", "with reference", own["run_time_s"])
+    yield from _quartiles("run time in s", "without", own.groupby("machine")["alone_s"].first())
+
+
+def _quartiles(figure: str, of: str, values: pd.Series[float]) -> Iterator[_Figure]:
+    """Yield the median of numbers with their quartiles, if there are any."""
+    if len(values):
+        median, low, high = np.quantile(values.astype(float), (0.5, 0.25, 0.75)).tolist()
+        yield figure, OURS, of, median, low, high, len(values)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.benchmark.timing import machine_facts, task_time
+from gearmon.benchmark.timing import facts_of_run, task_time
 from gearmon.dynamics.hill import HillProblem
 from gearmon.dynamics.integration import settle
 from gearmon.dynamics.steady_state import steady_state
@@ -63,7 +63,7 @@ def time_harvesting(progress: Progress | None = None, quick: bool = False) -> li
     rows = [_pairs_row(1 if quick else 6, tell)]
     rows += [_optimum_row(harvester, quick) for harvester in (_inertial(), built_in()[0])]
     tell(1.0)
-    facts = machine_facts()
+    facts = facts_of_run()
     return [row | facts for row in rows]
 
 

@@ -6,7 +6,8 @@ output is off, and integration restarts where stiffness jumps; it begins at rest
 deflection and ends one period after the free vibration has decayed to the wanted error, whose time
 is told. Runge-Kutta of order four with fixed steps, compiled by numba, is what a hand-written loop
 can reach: its stiffness is read from tables at the begin, middle and end of every step, so a jump
-between two steps costs no accuracy. Harmonic balance is solved by scipy.linalg.solve_banded.
+between two steps costs no accuracy; it begins at rest or shoots, whichever is quicker. Harmonic
+balance is solved by scipy.linalg.solve_banded.
 """
 
 from __future__ import annotations
@@ -23,13 +24,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.benchmark.equations import Case, Complex
-from gearmon.benchmark.references import Lines, Real, Reference, Samples, folded
-from gearmon.benchmark.timing import task_time
+from gearmon.benchmark.equations import Case, Complex, Lines, Real, Reference, Samples, folded
+from gearmon.benchmark.timing import interleaved
 
-SOLVERS = ("RK45", "DOP853", "LSODA", "Radau")
-ODEINT = "odeint"
+SHOT, ODEINT = "DOP853", "odeint"
+SOLVERS = (SHOT, ODEINT)
 BYTES_ALLOWED = 1e9
+#: Beyond so many steps, harmonics or inverse tolerances a search ends.
+LARGEST_SETTING = 1e14
 Slope = Callable[[float, Real], list[float]]
 
 
@@ -129,31 +131,16 @@ class Oscillator:
 
         return constant
 
-    def jacobian(self, kappa: float | None) -> Callable[[float, Real], Real]:
-        """Jacobian for implicit solvers."""
-
-        def of(time: float, _state: Real) -> Real:
-            stiffness = self.stiffness(time) if kappa is None else kappa
-            return np.array([[0.0, 1.0], [-stiffness, -2 * self.zeta]])
-
-        return of
-
 
 class PlainOscillator(Oscillator):
     """The same with its stiffness as a sum in NumPy, as it is usually written."""
 
-    def slope(self, kappa: float | None) -> Slope:
-        """Right side for (z, z')."""
-        if kappa is not None:
-            return super().slope(kappa)
-        damping, doubled = 2 * self.zeta, 2 * self.case.problem.stiffness_harmonics
+    @cached_property
+    def stiffness(self) -> Callable[[float], float]:
+        """Kappa at one time."""
+        doubled = 2 * self.case.problem.stiffness_harmonics
         turns = 1j * np.arange(1, len(doubled) + 1) / self.ratio
-
-        def changing(time: float, state: Real) -> list[float]:
-            k = 1.0 + (np.exp(turns * time) @ doubled).real
-            return [state[1], 1.0 - damping * state[1] - k * state[0]]
-
-        return changing
+        return lambda time: 1.0 + float((np.exp(turns * time) @ doubled).real)
 
 
 def integrate(
@@ -169,7 +156,7 @@ def integrate(
     ----------
     oscillator : Oscillator
     solver : str
-        One of `SOLVERS`, or "odeint".
+        One of `SOLVERS`: of solve_ivp, or "odeint".
     tolerance : float
         Relative tolerance a step.
     state : array-like, shape (2,)
@@ -182,111 +169,71 @@ def integrate(
     Samples
         Of the last period, at the solver's own steps.
     """
-    times, motions, stiffnesses = [], [], []
-    for left, right, kappa in oscillator.stretches(-settling, oscillator.period):
-        span, begin = (left, right), np.asarray(state)
-        if solver == ODEINT:
-            time, motion = _with_odeint(oscillator, tolerance, begin, span, kappa)
-        else:
-            time, motion = _with_solve_ivp(oscillator, solver, tolerance, begin, span, kappa)
-        state = motion[:, -1]
-        # the end of a stretch is the begin of the next, which has another acceleration
-        kept = (time >= 0) & (time < right * (1 - 1e-12))
-        times.append(time[kept])
-        motions.append(motion[:, kept])
-        constant = None if kappa is None else np.full(int(kept.sum()), kappa)
-        stiffnesses.append(oscillator.stiffness_at(times[-1]) if constant is None else constant)
-    time, (z, v) = np.concatenate(times), np.concatenate(motions, axis=1)
-    acceleration = 1.0 - 2 * oscillator.zeta * v - np.concatenate(stiffnesses) * z
-    return Samples(time / oscillator.period, acceleration)
-
-
-def _with_solve_ivp(
-    oscillator: Oscillator,
-    solver: str,
-    tolerance: float,
-    state: Real,
-    span: tuple[float, float],
-    kappa: float | None,
-) -> tuple[Real, Real]:
-    from scipy.integrate import solve_ivp
-
-    options: dict[str, Any] = {}
-    if solver in ("Radau", "LSODA"):
-        options["jac"] = oscillator.jacobian(kappa)
-    found = solve_ivp(
-        oscillator.slope(kappa),
-        span,
-        state,
-        method=solver,
-        rtol=tolerance,
-        atol=0.1 * tolerance,
-        **options,
-    )
-    return found.t, found.y
-
-
-def _with_odeint(
-    oscillator: Oscillator,
-    tolerance: float,
-    state: Real,
-    span: tuple[float, float],
-    kappa: float | None,
-) -> tuple[Real, Real]:
-    """LSODA driven by compiled code, read at 24 points a natural period."""
-    from scipy.integrate import odeint
-
-    left, right = span
-    from_zero = max(left, 0.0)
-    points = max(2, math.ceil(24 * (right - from_zero) / (2 * math.pi))) if right > 0 else 0
-    wanted = np.linspace(from_zero, right, points + 1) if points else np.array([right])
-    before = np.array([left]) if wanted[0] > left else np.zeros(0)
-    time = np.concatenate([before, wanted])
-    motion = odeint(
-        oscillator.slope(kappa),
-        state,
-        time,
-        rtol=tolerance,
-        atol=0.1 * tolerance,
-        tfirst=True,
-        mxstep=10_000_000,
-    ).T
-    return time, motion
+    slope, begin = oscillator.slope, np.asarray(state, dtype=float)
+    time, (z, v), kappa, _ = _marched(oscillator, solver, tolerance, slope, begin, -settling)
+    return Samples(time / oscillator.period, 1.0 - 2 * oscillator.zeta * v - kappa * z)
 
 
 def shoot(oscillator: Oscillator, tolerance: float) -> Samples:
-    """Find the periodic state from one period of three motions, and superpose them.
+    """Find the periodic state from one period of three motions by DOP853, and superpose them.
 
     Parameters
     ----------
     oscillator : Oscillator
     tolerance : float
-        Of DOP853 a step.
+        Relative tolerance a step.
     """
-    from scipy.integrate import solve_ivp
-
-    times, motions, stiffnesses = [], [], []
-    state = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 0.0])
-    for left, right, kappa in oscillator.stretches(0.0, oscillator.period):
-        found = solve_ivp(
-            _three_slopes(oscillator, kappa),
-            (left, right),
-            state,
-            method="DOP853",
-            rtol=tolerance,
-            atol=0.1 * tolerance,
-        )
-        state = found.y[:, -1]
-        times.append(found.t[:-1])
-        motions.append(found.y[:, :-1])
-        constant = None if kappa is None else np.full(len(times[-1]), kappa)
-        stiffnesses.append(oscillator.stiffness_at(times[-1]) if constant is None else constant)
-    period_map = np.array([[state[0], state[2]], [state[1], state[3]]])
-    a, b = np.linalg.solve(np.eye(2) - period_map, state[4:])
-    y = np.concatenate(motions, axis=1)
+    begin, slope = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 0.0]), partial(_three_slopes, oscillator)
+    time, y, kappa, end = _marched(oscillator, SHOT, tolerance, slope, begin, 0.0)
+    period_map = np.array([[end[0], end[2]], [end[1], end[3]]])
+    a, b = np.linalg.solve(np.eye(2) - period_map, end[4:])
     z, v = a * y[0] + b * y[2] + y[4], a * y[1] + b * y[3] + y[5]
-    acceleration = 1.0 - 2 * oscillator.zeta * v - np.concatenate(stiffnesses) * z
-    return Samples(np.concatenate(times) / oscillator.period, acceleration)
+    return Samples(time / oscillator.period, 1.0 - 2 * oscillator.zeta * v - kappa * z)
+
+
+def _marched(
+    oscillator: Oscillator,
+    solver: str,
+    tolerance: float,
+    slope: Callable[[float | None], Slope],
+    state: Real,
+    begin: float,
+) -> tuple[Real, Real, Real, Real]:
+    """Return times of the period, states and kappa there, and the state at its end."""
+    times, states, stiffnesses = [], [], []
+    for left, right, kappa in oscillator.stretches(begin, oscillator.period):
+        time, found = _solved(solver, tolerance, slope(kappa), state, (left, right))
+        state = found[:, -1]
+        # the end of a stretch is the begin of the next, which has another acceleration
+        kept = (time >= 0) & (time < right * (1 - 1e-12))
+        times.append(time[kept])
+        states.append(found[:, kept])
+        constant = None if kappa is None else np.full(int(kept.sum()), kappa)
+        stiffnesses.append(oscillator.stiffness_at(times[-1]) if constant is None else constant)
+    return (
+        np.concatenate(times),
+        np.concatenate(states, axis=1),
+        np.concatenate(stiffnesses),
+        state,
+    )
+
+
+def _solved(
+    solver: str, tolerance: float, slope: Slope, state: Real, span: tuple[float, float]
+) -> tuple[Real, Real]:
+    """Return times and states by solve_ivp at its own steps; by odeint 24 times a period of w0."""
+    from scipy.integrate import odeint, solve_ivp
+
+    known: dict[str, Any] = {"rtol": tolerance, "atol": 0.1 * tolerance}
+    if solver != ODEINT:
+        found = solve_ivp(slope, span, state, method=solver, **known)
+        return found.t, found.y
+    left, right = span
+    from_zero = max(left, 0.0)
+    points = max(2, math.ceil(24 * (right - from_zero) / (2 * math.pi))) if right > 0 else 0
+    wanted = np.linspace(from_zero, right, points + 1) if points else np.array([right])
+    time = np.concatenate([np.array([left]) if wanted[0] > left else np.zeros(0), wanted])
+    return time, odeint(slope, state, time, tfirst=True, mxstep=10_000_000, **known).T
 
 
 def _three_slopes(oscillator: Oscillator, kappa: float | None) -> Slope:
@@ -377,14 +324,11 @@ def tables(case: Case, steps: int) -> Tables:
     return Tables(begin, both[1::2].copy(), np.roll(begin, -1))
 
 
-def march(
-    table: Tables,
-    ratio: float,
-    zeta: float,
-    settling: float = 0.0,
-    state: tuple[float, float] = (1.0, 0.0),
-) -> Samples:
-    """Integrate from `state` at -settling to the end of the period, and keep the period.
+def march_compiled(table: Tables, ratio: float, zeta: float, settling: float) -> Samples:
+    """Take fixed steps to the periodic motion, the quicker of the two ways, and keep the period.
+
+    Either from the static deflection until the free vibration has decayed, or from one period of
+    three motions to the periodic state.
 
     Parameters
     ----------
@@ -392,23 +336,28 @@ def march(
     ratio, zeta : float
         w0/w and damping ratio.
     settling : float
-        Time before the period begins [1/w0].
-    state : tuple of two floats
-        z and z' to begin with.
+        Time that a start from the static deflection needs [1/w0].
     """
     step = 2 * math.pi * ratio / table.steps
-    before = math.ceil(settling / step)
-    out = np.empty(table.steps)
-    _kernels()[0](table.begin, table.middle, table.end, zeta, step, before, *state, out)
+    before, out = math.ceil(settling / step), np.empty(table.steps)
+    from_rest, shooting = _kernels()
+    known = table.begin, table.middle, table.end, zeta, step
+    if 1 + before / table.steps < shooting_periods():
+        from_rest(*known, before, 1.0, 0.0, out)
+    else:
+        shooting(*known, out)
     return Samples(_shares(table.steps), out)
 
 
-def shoot_compiled(table: Tables, ratio: float, zeta: float) -> Samples:
-    """Find the periodic state from one period of three motions, then march once more."""
-    step = 2 * math.pi * ratio / table.steps
-    out = np.empty(table.steps)
-    _kernels()[1](table.begin, table.middle, table.end, zeta, step, out)
-    return Samples(_shares(table.steps), out)
+@lru_cache(maxsize=1)
+def shooting_periods() -> float:
+    """Return how many periods of one motion take as long as compiled shooting, measured here."""
+    from_rest, shooting = _kernels()
+    level, out = np.ones(20_000), np.empty(20_000)
+    known = level, level, level, 0.1, 1e-3
+    tasks = partial(from_rest, *known, 0, 1.0, 0.0, out), partial(shooting, *known, out)
+    one, shot = interleaved(tasks, 5)
+    return shot.fastest_s / one.fastest_s
 
 
 @lru_cache(maxsize=64)
@@ -466,102 +415,30 @@ def _kernels() -> tuple[Callable[..., Any], Callable[..., Any]]:
     return from_rest, shooting
 
 
-#: Share of the wanted error that may be left of the free vibration.
-SETTLED_SHARE = 0.3
-#: A trial that takes longer is not followed by a finer one [s].
-LONGEST_TRIAL_S = 1.5
-#: Beyond so many steps or harmonics the search ends.
-LARGEST_SETTING = 1e6
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ToleranceMap:
-    """Errors of one solver over its tolerances, started on the periodic motion.
-
-    Parameters
-    ----------
-    tolerances, errors, times_s : tuple of float
-        From loose to tight; run times are those of one period.
-    """
-
-    tolerances: tuple[float, ...]
-    errors: tuple[float, ...]
-    times_s: tuple[float, ...]
-
-    def tolerance(self, wanted: float) -> float:
-        """Tolerance whose error is `wanted`, by interpolation of logarithms."""
-        ordered = np.minimum.accumulate(self.errors)
-        found = np.interp(-math.log(wanted), -np.log(ordered), np.log(self.tolerances))
-        return math.exp(float(found))
-
-    def time_s(self, wanted: float) -> float:
-        """Run time of a period at that tolerance [s]; beyond the finest trial it is a guess."""
-        place = -math.log(wanted)
-        errors = -np.log(np.minimum.accumulate(self.errors))
-        beyond = max(0.0, place - float(errors[-1]))
-        return float(np.interp(place, errors, self.times_s)) * math.exp(beyond / 4)
-
-
-def tolerance_map(
-    oscillator: Oscillator, reference: Reference, solver: str, finest: float
-) -> ToleranceMap:
-    """Try tolerances from 1e-2 downwards until the error is below `finest` or a trial is long."""
-    tolerances, errors, times = [], [], []
-    for tolerance in 10.0 ** -np.arange(2, 13):
-        elapsed, motion = task_time(
-            partial(integrate, oscillator, solver, float(tolerance), reference.state)
-        )
-        tolerances.append(float(tolerance))
-        errors.append(max(reference.error(motion), 1e-15))
-        times.append(elapsed)
-        if errors[-1] < finest or elapsed > LONGEST_TRIAL_S:
-            break
-    return ToleranceMap(tolerances=tuple(tolerances), errors=tuple(errors), times_s=tuple(times))
-
-
-def tuned_tolerance(
-    first: float, wanted: float, error_at: Callable[[float], float], trials: int = 5
-) -> float:
-    """Loosest of some tolerances whose error is within `wanted`.
-
-    Parameters
-    ----------
-    first : float
-        To begin with.
-    wanted : float
-        Relative error.
-    error_at : callable
-        Error at a tolerance.
-    trials : int
-        Runs allowed.
-    """
-    tolerance, best = first, 0.0
-    for _ in range(trials):
-        elapsed, error = task_time(partial(error_at, tolerance))
-        if error <= wanted:
-            best = max(best, tolerance)
-            if error > 0.5 * wanted or elapsed > LONGEST_TRIAL_S:
-                break
-        tolerance *= (0.75 * wanted / max(error, 1e-3 * wanted)) ** 0.9
-        tolerance = max(tolerance, 3e-14)
-    return best or tolerance
-
-
 def least_within(
-    wanted: float, first: float, error_at: Callable[[float], float], whole: int = 0
+    wanted: float,
+    first: float,
+    error_at: Callable[[float], float],
+    whole: int = 0,
+    factor: float = 1.4,
+    fineness: float = 0.03,
 ) -> float:
-    """Least setting, to 3 %, whose error is within `wanted`.
+    """Least setting, to a share of it, whose error is within `wanted`.
 
     Parameters
     ----------
     wanted : float
         Relative error.
     first : float, > 0
-        Setting to begin with; from there it grows or is halved.
+        Setting to begin with.
     error_at : callable
         Error at a setting; falls as the setting grows.
     whole : int
         Settings are multiples of this; 0: any number.
+    factor : float, > 1
+        By which the setting grows or shrinks until it is bracketed.
+    fineness : float
+        Share of the setting to which it is found.
     """
 
     def allowed(setting: float) -> float:
@@ -569,10 +446,10 @@ def least_within(
 
     low, high = 0.0, allowed(first)
     while error_at(high) > wanted and high < LARGEST_SETTING:
-        low, high = high, allowed(1.4 * high)
-    while low == 0.0 and (half := allowed(high / 2)) < high:
-        low, high = (half, high) if error_at(half) > wanted else (low, half)
-    while high - low > max(whole, 0.03 * high):
+        low, high = high, allowed(factor * high)
+    while low == 0.0 and (less := allowed(high / factor)) < high:
+        low, high = (less, high) if error_at(less) > wanted else (low, less)
+    while high - low > max(whole, fineness * high):
         middle = allowed(math.sqrt(low * high))
         if middle >= high:
             break
@@ -580,17 +457,10 @@ def least_within(
     return high
 
 
-def compiled_error(
-    case: Case, reference: Reference, settling: float | None
-) -> Callable[[float], float]:
-    """Error of compiled steps over their number; by shooting where nothing settles."""
-    p = case.problem
-    ratio, zeta = p.frequency_ratio, p.damping_ratio
+def tolerance_within(wanted: float, run: Callable[[float], Samples], reference: Reference) -> float:
+    """Loosest tolerance of a solver, to a third, whose error is within `wanted`."""
 
-    def error_at(steps: float) -> float:
-        table = tables(case, int(steps))
-        if settling is None:
-            return reference.error(shoot_compiled(table, ratio, zeta))
-        return reference.error(march(table, ratio, zeta, settling))
+    def error_at(inverse: float) -> float:
+        return reference.error(run(1 / inverse))
 
-    return error_at
+    return 1 / least_within(wanted, 3 / wanted, error_at, factor=4.0, fineness=0.34)

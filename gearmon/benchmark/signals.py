@@ -1,7 +1,12 @@
-"""Spectra, kurtogram, indicators and reading beside named competitors, taken in turn."""
+"""Work on recordings beside its competitors: single steps, and whole processes.
+
+Single steps are spectra, kurtogram, indicators and reading, taken in turn with the methods they
+replace. Of whole processes the figures are what a user waits for, and what the machine must hold.
+"""
 
 from __future__ import annotations
 
+import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
@@ -14,33 +19,45 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.benchmark.timing import Timing, competitor, interleaved, machine_facts, other_python
-from gearmon.benchmark.whole_process import example_machine, long_csv
-from gearmon.gears.kinematics import kinematics
-from gearmon.machine import Machine
-from gearmon.signals.orders import fine_order_spectrum, order_lines
+from gearmon.benchmark.timing import (
+    Timing,
+    competitor,
+    facts_of_run,
+    in_turn,
+    interleaved,
+    other_python,
+)
+from gearmon.files import write_atomically
+from gearmon.gears.faults import parse_fault
+from gearmon.machine import load_machine
+from gearmon.machine.example import EXAMPLE
 from gearmon.signals.recording import Recording, read_recording
 from gearmon.signals.spectra import amplitude_spectrum, envelope_spectrum, kurtogram, power_density
 from gearmon.signals.transforms import batch
 from gearmon.signatures.measured.indicators import indicator_table
-from gearmon.signatures.measured.measurement import LEAKAGE, PIECES_HEARD, MeasuredSignature
-from gearmon.signatures.measured.nongear_lines import nongear_lines
-from gearmon.signatures.speed import scan_nominal_speeds
-from gearmon.signatures.tracking import track_recording
+from gearmon.simulation import simulate, write_simulation
 from gearmon.terminal import Progress
 
 FloatArray = NDArray[np.float64]
+Row = dict[str, Any]
+#: The first is gearmon's.
+Tasks = dict[str, Callable[[], Any]]
 
 #: Names the interpreter of an environment with PySDKit.
 VARIABLE = "GEARMON_PYSDKIT_PYTHON"
 NEEDS = "PySDKit 0.5.0"
 LEVELS = 8
-RATE_HZ = 20_000.0
-SPEED_HZ = 24.5
+RATE_HZ, SPEED_HZ = 20_000.0, 24.5
 AFTER_READING = "from samples to all indicators"
+#: Rows that are written over and over.
+BLOCK = 200_000
+#: Of the recording that is analysed as a whole.
+WHOLE_RATE_HZ, WHOLE_S = 4266.6667, 12.0
+#: Rounds of long tasks are not cut short.
+NO_LIMIT_S = 3600.0
 
 
-def run_signals(progress: Progress | None = None, *, quick: bool = False) -> list[dict[str, Any]]:
+def run_signals(progress: Progress | None = None, *, quick: bool = False) -> list[Row]:
     """Time the work on signals beside its competitors.
 
     Parameters
@@ -61,142 +78,94 @@ def run_signals(progress: Progress | None = None, *, quick: bool = False) -> lis
     ArgumentError
         If the environment variable GEARMON_PYSDKIT_PYTHON names no interpreter with PySDKit.
     """
-    count = 1 << (16 if quick else 20)
+    count, repeats = 1 << (16 if quick else 20), 3 if quick else 15
     long = 500_000 if quick else 10_000_000
-    repeats = 3 if quick else 15
-    steps: list[Callable[[], Iterator[dict[str, Any]]]] = [
-        lambda: _spectrum(count, repeats),
-        lambda: _awkward(count, repeats),
-        lambda: _welch(count, repeats),
-        lambda: _envelope(count, repeats),
+    steps: list[Callable[[], Iterator[Row]]] = [
+        lambda: _spectra(count, repeats),
         lambda: _kurtogram(count, min(repeats, 7)),
         lambda: _after_reading(long, 2 if quick else 3),
         lambda: _reading(long, 1, 2 if quick else 4),
         lambda: _reading(long, 4, 1 if quick else 3),
     ]
-    rows: list[dict[str, Any]] = []
+    rows: list[Row] = []
     for number, step in enumerate(steps, start=1):
         rows += step()
         if progress is not None:
             progress(number / len(steps))
-    facts = machine_facts()
+    facts = facts_of_run()
     return [{**row, **facts} for row in rows]
 
 
-def signals_summary(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+def signals_summary(rows: Sequence[Row]) -> list[Row]:
     """Return the columns of the rows that a terminal has room for."""
     shown = ("case", "method", "samples", "channels", "median_s", "times_own", "note")
     return [{name: row[name] for name in shown} for row in rows]
 
 
-def _noise(count: int) -> FloatArray:
-    return np.random.default_rng(0).normal(size=count)
-
-
-def _in_turn(
-    case: str,
-    tasks: dict[str, Callable[[], Any]],
-    samples: int,
-    repeats: int,
-    budget_s: float = 5.0,
-    channels: int = 1,
-) -> Iterator[dict[str, Any]]:
-    """Take methods in turn, the first gearmon's, and yield their rows."""
-    timings = interleaved(list(tasks.values()), repeats, budget_s)
-    yield from _rows(case, dict(zip(tasks, timings, strict=True)), samples, channels)
-
-
 def _rows(
-    case: str, timings: dict[str, Timing], samples: int, channels: int = 1
-) -> Iterator[dict[str, Any]]:
+    case: str, timings: dict[str, Timing], samples: int, channels: int = 1, note: str = ""
+) -> Iterator[Row]:
+    """Yield one row a method; the first is gearmon's."""
     own = next(iter(timings.values())).median_s
-    for name, timing in timings.items():
-        yield _row(case, name, samples, timing, timing.median_s / own, channels=channels)
-
-
-def _row(
-    case: str,
-    name: str,
-    samples: int,
-    timing: Timing | None,
-    times_own: float | None,
-    note: str = "",
-    channels: int = 1,
-) -> dict[str, Any]:
-    none = {"median_s": None, "fastest_s": None, "repeats": 0}
-    times = timing.columns() if timing else none
     sizes = {"samples": samples, "channels": channels}
-    return {"case": case, "method": name, **sizes, **times, "times_own": times_own, "note": note}
+    for name, timing in timings.items():
+        times = {**timing.columns(), "times_own": timing.median_s / own}
+        yield {"case": case, "method": name, **sizes, **times, "note": note}
 
 
-def _spectrum(count: int, repeats: int) -> Iterator[dict[str, Any]]:
-    samples = _noise(count)
+def _spectra(count: int, repeats: int) -> Iterator[Row]:
+    from scipy.signal import butter, hilbert, sosfiltfilt, welch
+
+    samples = np.random.default_rng(0).normal(size=count)
     bare = batch(count, 1, max(count, 1 << 20))
     bare.input[0] = samples
-    tasks = {
-        "amplitude_spectrum": lambda: amplitude_spectrum(samples, 1.0),
-        "bare FFTW, planned by estimate": bare.run,
-    }
-    yield from _in_turn("amplitude spectrum", tasks, count, repeats)
-
-
-def _awkward(count: int, repeats: int) -> Iterator[dict[str, Any]]:
     # 999,983 and 65,521 are primes
     prime = 999_983 if count > 1 << 18 else 65_521
-    samples = _noise(prime + 17)
-    tasks: dict[str, Callable[[], Any]] = {
-        "prime length": lambda: amplitude_spectrum(samples[:prime], 1.0),
-        "smooth neighbour": lambda: amplitude_spectrum(samples[: prime // 1000 * 1000], 1.0),
-        "numpy.fft.rfft, prime length": lambda: np.fft.rfft(samples[:prime]),
-    }
-    yield from _in_turn("amplitude spectrum of a prime length", tasks, prime, repeats)
-
-
-def _welch(count: int, repeats: int) -> Iterator[dict[str, Any]]:
-    from scipy.signal import welch
-
-    samples = _noise(count)
-    for block in (1024, 8192):
-        tasks: dict[str, Callable[[], Any]] = {
-            "power_density": partial(power_density, samples, 1.0, block),
-            "scipy.signal.welch": partial(welch, samples, nperseg=block),
-        }
-        yield from _in_turn(f"power density, blocks of {block}", tasks, count, repeats)
-
-
-def _envelope(count: int, repeats: int) -> Iterator[dict[str, Any]]:
-    from scipy.signal import butter, hilbert, sosfiltfilt
-
-    samples = _noise(count)
     sections = butter(4, (0.2, 0.4), btype="bandpass", output="sos")
 
-    def usual() -> FloatArray:
+    def usual_envelope() -> FloatArray:
         size = np.abs(hilbert(sosfiltfilt(sections, samples)))
         return np.abs(np.fft.rfft(size - size.mean()))
 
-    tasks: dict[str, Callable[[], Any]] = {
-        "envelope_spectrum": lambda: envelope_spectrum(samples, 1.0, 0.1, 0.2),
-        "SciPy: Butterworth, hilbert, rfft": usual,
+    cases: dict[str, Tasks] = {
+        "amplitude spectrum": {
+            "amplitude_spectrum": lambda: amplitude_spectrum(samples, 1.0),
+            "bare FFTW, planned by estimate": bare.run,
+        },
+        "amplitude spectrum of a prime length": {
+            "prime length": lambda: amplitude_spectrum(samples[:prime], 1.0),
+            "smooth neighbour": lambda: amplitude_spectrum(samples[: prime // 1000 * 1000], 1.0),
+            "numpy.fft.rfft, prime length": lambda: np.fft.rfft(samples[:prime]),
+        },
+        "envelope spectrum": {
+            "envelope_spectrum": lambda: envelope_spectrum(samples, 1.0, 0.1, 0.2),
+            "SciPy: Butterworth, hilbert, rfft": usual_envelope,
+        },
     }
-    yield from _in_turn("envelope spectrum", tasks, count, min(repeats, 7))
+    for block in (1024, 8192):
+        cases[f"power density, blocks of {block}"] = {
+            "power_density": partial(power_density, samples, 1.0, block),
+            "scipy.signal.welch": partial(welch, samples, nperseg=block),
+        }
+    for case, tasks in cases.items():
+        timings = interleaved(list(tasks.values()), repeats, 5.0)
+        yield from _rows(case, dict(zip(tasks, timings, strict=True)), count)
 
 
-def _kurtogram(count: int, repeats: int) -> Iterator[dict[str, Any]]:
-    samples = _noise(count)
+def _kurtogram(count: int, repeats: int) -> Iterator[Row]:
+    task = partial(kurtogram, np.random.default_rng(0).normal(size=count), 1.0, LEVELS)
     case = f"kurtogram, {LEVELS} levels"
-    own = sys.executable if find_spec("pysdkit") else None
-    python = other_python(VARIABLE, NEEDS) or own
+    python = other_python(VARIABLE, NEEDS) or (sys.executable if find_spec("pysdkit") else None)
     if python is None:
-        own_task = partial(kurtogram, samples, 1.0, LEVELS)
-        yield from _in_turn(case, {"kurtogram": own_task}, count, repeats)
-        note = f"not run: {VARIABLE} names no interpreter of an environment with {NEEDS}"
-        yield _row(case, "PySDKit", count, None, None, note)
+        note = f"PySDKit not run: {VARIABLE} names no interpreter of an environment with {NEEDS}"
+        (alone,) = interleaved([task], repeats, 5.0)
+        yield from _rows(case, {"kurtogram": alone}, count, note=note)
         return
     data = {"count": count, "levels": min(LEVELS, int(np.log2(count)) - 7)}
-    with competitor(python, NEEDS, "pysdkit", data) as other:
-        theirs, ours = other.in_turn(lambda: kurtogram(samples, 1.0, LEVELS), repeats)
-        timings = {"kurtogram": ours, f"PySDKit {other.known['version']}": theirs}
-        yield from _rows(case, timings, count)
+    with competitor(python, NEEDS, "pysdkit", data) as (known, run):
+        theirs, ours = in_turn(run, task, repeats)
+    timings = {"kurtogram": ours, f"PySDKit {known['version']}": theirs}
+    yield from _rows(case, timings, count)
 
 
 def gearbox_signal(count: int, seed: int = 0) -> FloatArray:
@@ -229,76 +198,174 @@ def gearbox_signal(count: int, seed: int = 0) -> FloatArray:
     return signal
 
 
-def _after_reading(count: int, repeats: int) -> Iterator[dict[str, Any]]:
+def _after_reading(count: int, repeats: int) -> Iterator[Row]:
     import pandas as pd
 
-    machine = example_machine()
-    signal = gearbox_signal(count)
-    recording = Recording(samples=signal[None, :], sampling_rate_hz=RATE_HZ, origin="memory")
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder)
+        machine = load_machine(_machine_file(place))
+        samples = gearbox_signal(count)[None, :]
+        _long_csv(place / "long.csv", samples[:, :BLOCK], count)
+        recording = Recording(samples=samples, sampling_rate_hz=RATE_HZ, origin="memory")
+        tasks: Tasks = {
+            "indicator_table of samples in memory": lambda: indicator_table(recording, machine),
+            "pandas.read_csv of the same samples": lambda: pd.read_csv(place / "long.csv"),
+        }
+        timings = interleaved(list(tasks.values()), repeats, NO_LIMIT_S)
+    yield from _rows(AFTER_READING, dict(zip(tasks, timings, strict=True)), count)
+
+
+def _reading(count: int, channels: int, repeats: int) -> Iterator[Row]:
+    """Readers of CSV that are installed; no result is kept."""
+    import pandas as pd
+
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "long.csv"
-        _write_csv(path, signal[: min(count, 200_000)], count, 1)
-        timings = interleaved(
-            [lambda: indicator_table(recording, machine), lambda: pd.read_csv(path, header=None)],
-            repeats,
-            600.0,
-        )
-    names = "indicator_table of samples in memory", "pandas.read_csv of the same samples"
-    yield from _rows(AFTER_READING, dict(zip(names, timings, strict=True)), count)
-    signature = timings[0].result.signature
-    stages = _stages(recording, machine, signature)
-    own = interleaved([task for _, task in stages], repeats, 600.0)
-    case, note = f"{AFTER_READING}, by stage", "times_own is the share of all"
-    for (name, _), timing in zip(stages, own, strict=True):
-        yield _row(case, name, count, timing, timing.median_s / timings[0].median_s, note)
+        _long_csv(path, np.tile(gearbox_signal(min(count, BLOCK)), (channels, 1)), count)
+        tasks: Tasks = {
+            "read_recording": lambda: len(read_recording(path, sampling_rate_hz=RATE_HZ).samples),
+            "pandas.read_csv": lambda: len(pd.read_csv(path)),
+        }
+        if find_spec("pyarrow"):
+            from pyarrow import csv
+
+            tasks["pyarrow"] = lambda: len(csv.read_csv(path))
+        if find_spec("polars"):
+            polars: Any = import_module("polars")
+            tasks["polars"] = lambda: len(polars.read_csv(path))
+        timings = interleaved(list(tasks.values()), repeats, 60.0)
+    yield from _rows("reading CSV", dict(zip(tasks, timings, strict=True)), count, channels)
 
 
-def _stages(
-    recording: Recording, machine: Machine, found: MeasuredSignature
-) -> list[tuple[str, Callable[[], Any]]]:
-    """Return the parts of the way from samples to indicators; the second holds the first."""
-    train, samples, rate = kinematics(machine), recording.samples, recording.sampling_rate_hz
-    pieces = max(1, samples.shape[-1] >> 18)
-    orders, block_turns = found.plan.orders, found.lines.block_turns
-    fine = partial(fine_order_spectrum, samples, rate, found.track, pieces, most=PIECES_HEARD)
-    lines = partial(order_lines, samples, rate, found.track, orders, block_turns, error=LEAKAGE)
-    others = partial(nongear_lines, samples, rate, found.track, train, fine())
+def analysis_against_reading(repeats: int = 7, progress: Progress | None = None) -> list[Row]:
+    """Time one analysis, start of process to JSON, against pandas reading the same CSV.
+
+    A recording of 12 s and four channels is simulated, a reference learned; then both processes run
+    in turn, so that a drifting machine speed hits both.
+
+    Parameters
+    ----------
+    repeats : int
+        Counted runs of each, after one warm-up.
+    progress : callable, optional
+        Called with the share done, 0 to 1.
+
+    Returns
+    -------
+    list of dict
+        One row a process, with median and least time and the ratio of the medians.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        processes = _prepared(Path(folder))
+        tasks = [
+            partial(subprocess.run, arguments, capture_output=True, check=False)
+            for arguments in processes.values()
+        ]
+        timings = interleaved(tasks, repeats, NO_LIMIT_S)
+    if progress is not None:
+        progress(1.0)
+    sizes, facts = {"rows": round(WHOLE_RATE_HZ * WHOLE_S), "channels": 4}, facts_of_run()
+    pandas_s = timings[-1].median_s
     return [
-        ("speed by the comb", lambda: scan_nominal_speeds(samples, rate, train, machine)),
-        ("speed by the comb, angle by phases", lambda: track_recording(recording, machine, train)),
-        ("order lines", lines),
-        ("spectrum against angle", fine),
-        ("lines that no gear explains", others),
-        ("indicators of the raw vibration", lambda: indicator_table(recording)),
+        {
+            "process": name,
+            **sizes,
+            **timing.columns(),
+            "ratio_to_pandas": timing.median_s / pandas_s,
+        }
+        | facts
+        for name, timing in zip(processes, timings, strict=True)
     ]
 
 
-def _write_csv(path: Path, part: FloatArray, count: int, channels: int) -> None:
-    """Write a long CSV by repeating a part: only its size matters for reading."""
-    long_csv(path, np.stack([np.roll(part, 997 * k) for k in range(channels)], axis=1), count)
-
-
-def _reading(count: int, channels: int, repeats: int) -> Iterator[dict[str, Any]]:
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "long.csv"
-        _write_csv(path, gearbox_signal(min(count, 200_000)), count, channels)
-        yield from _in_turn("reading CSV", _readers(path), count, repeats, 60.0, channels)
-
-
-def _readers(path: Path) -> dict[str, Callable[[], Any]]:
-    """Readers of CSV that are installed, gearmon's first; no result is kept."""
-    import pandas as pd
-
-    found: dict[str, Callable[[], Any]] = {
-        "read_recording": lambda: len(read_recording(path, sampling_rate_hz=RATE_HZ).samples),
-        "pandas.read_csv": lambda: len(pd.read_csv(path, header=None)),
+def _prepared(place: Path) -> dict[str, list[str]]:
+    """Write machine, recordings and reference; return the arguments of both processes."""
+    machine = load_machine(_machine_file(place))
+    for number, (name, fault) in enumerate((("healthy", ""), ("new", "crack:1:pinion:7:30%"))):
+        faults = [parse_fault(fault)] if fault else []
+        made = simulate(machine, faults, WHOLE_S, WHOLE_RATE_HZ, channels=4, recording_seed=number)
+        write_simulation(made, place / f"{name}.csv", with_time=False)
+    common = ["--machine", str(place / "machine.toml"), "--sampling-rate", str(WHOLE_RATE_HZ)]
+    start = [sys.executable, "-m", "gearmon"]
+    healthy, new = str(place / "healthy.csv"), str(place / "new.csv")
+    reference = str(place / "healthy.ref")
+    subprocess.run(
+        [*start, "learn", healthy, *common, "-o", reference], check=True, capture_output=True
+    )
+    return {
+        "analyse": [*start, "analyse", new, *common, "--reference", reference, "--json"],
+        "pandas.read_csv": [sys.executable, "-c", f"import pandas; pandas.read_csv({new!r})"],
     }
-    if find_spec("pyarrow"):
-        from pyarrow import csv
 
-        options = csv.ReadOptions(autogenerate_column_names=True)
-        found["pyarrow"] = lambda: len(csv.read_csv(path, read_options=options))
-    if find_spec("polars"):
-        polars: Any = import_module("polars")
-        found["polars"] = lambda: len(polars.read_csv(path, has_header=False))
-    return found
+
+def memory_of_long_recording(
+    rows: int = 10_000_000, columns: Sequence[int] = (1, 4), progress: Progress | None = None
+) -> list[Row]:
+    """Measure the peak memory of analysing a long CSV against the size of its numbers.
+
+    Parameters
+    ----------
+    rows : int
+        Rows of the CSV.
+    columns : sequence of int
+        Numbers of channels to try.
+    progress : callable, optional
+        Called with the share done, 0 to 1.
+
+    Returns
+    -------
+    list of dict
+        One row a number of channels.
+    """
+    results = []
+    for number, count in enumerate(columns, start=1):
+        with tempfile.TemporaryDirectory() as folder:
+            place = Path(folder)
+            known = ["--machine", str(_machine_file(place)), "--sampling-rate", str(RATE_HZ)]
+            machine = load_machine(place / "machine.toml")
+            # ten seconds, over and over: the seams do not matter for memory and time
+            made = simulate(machine, duration_s=10.0, sampling_rate_hz=RATE_HZ, channels=count)
+            _long_csv(place / "long.csv", made.samples, rows)
+            command = [sys.executable, "-m", "gearmon", "analyse", str(place / "long.csv")]
+            peak, elapsed = _peak_memory([*command, *known, "--json"])
+        numbers = 8 * rows * count
+        sizes = {"numbers_mib": numbers / 2**20, "peak_mib": peak / 2**20, "ratio": peak / numbers}
+        row = {"rows": rows, "channels": count, **sizes, "elapsed_s": elapsed}
+        results.append(row | facts_of_run())
+        if progress is not None:
+            progress(number / len(columns))
+    return results
+
+
+def _machine_file(folder: Path) -> Path:
+    """Write the file of the example gearbox into a folder."""
+    write_atomically(folder / "machine.toml", EXAMPLE)
+    return folder / "machine.toml"
+
+
+def _long_csv(path: Path, samples: FloatArray, count: int) -> None:
+    """Write so many rows of channels by writing those given over and over, as a logger would."""
+    block = "\n".join(",".join(f"{value:.6g}" for value in row) for row in samples.T) + "\n"
+    with path.open("w", encoding="ascii") as file:
+        file.write(",".join(f"a{n + 1}" for n in range(len(samples))) + "\n")
+        for _ in range(count // samples.shape[1]):
+            file.write(block)
+
+
+def _peak_memory(command: Sequence[str]) -> tuple[float, float]:
+    """Peak resident memory of a process [bytes] and its elapsed time [s].
+
+    Measured by a small process in between, whose only child it is.
+    """
+    script = (
+        "import resource, subprocess, sys, time\n"
+        "start = time.perf_counter()\n"
+        "subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)\n"
+        "usage = resource.getrusage(resource.RUSAGE_CHILDREN)\n"
+        "print(usage.ru_maxrss, time.perf_counter() - start)\n"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", script, *command], capture_output=True, text=True, check=True
+    )
+    kibibytes, elapsed = result.stdout.split()
+    return float(kibibytes) * 1024, float(elapsed)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from gearmon.benchmark.timing import Timing, competitor, interleaved, other_python
+from gearmon.benchmark.timing import Timing, competitor, in_turn, interleaved, other_python
 from gearmon.gears.faults import Fault, parse_fault
 from gearmon.gears.foundation import Foundation
 from gearmon.gears.pairs import mesh_pairs
@@ -117,15 +117,15 @@ def _beside_ross(stage: ParallelStage, python: str | None, repeats: int) -> Row:
         (own,) = interleaved([partial(_positions, stage)], max(1, repeats), NO_LIMIT_S)
         note = f"ROSS not run: {VARIABLE} names no interpreter of an environment with {NEEDS}"
         return _row(case, POSITIONS, own, note=note)
-    with competitor(python, NEEDS, "ross", _gears_for_ross(stage)) as ross:
-        known, steel = ross.known, ross.known["elastic_modulus_pa"]
+    with competitor(python, NEEDS, "ross", _gears_for_ross(stage)) as (known, ross):
+        steel = known["elastic_modulus_pa"]
         same = replace(
             stage,
             elastic_modulus_pinion_pa=steel,
             elastic_modulus_gear_pa=steel,
             poisson_ratio=known["poisson_ratio"],
         )
-        theirs, own = ross.in_turn(partial(_positions, same), min(repeats, 7))
+        theirs, own = in_turn(ross, partial(_positions, same), min(repeats, 7))
     difference, note = _compared(known, same)
     return _row(
         case,

@@ -11,7 +11,8 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -88,39 +89,18 @@ def task_time(task: Callable[[], Any]) -> tuple[float, Any]:
     return time.perf_counter() - start, result
 
 
-def machine_facts() -> dict[str, Any]:
-    """Return what the figures were measured on.
-
-    Returns
-    -------
-    dict
-        Processor kind and count, Python and library versions.
-    """
+def facts_of_run() -> dict[str, Any]:
+    """Return what the figures were measured on: processor, versions, threads of linear algebra."""
+    packages = ("numpy", "scipy", "pandas", "numba")
     return {
         "processor": platform.machine(),
-        "cores": os.cpu_count(),
-        "python": platform.python_version(),
-        **{package: version_of(package) for package in ("numpy", "scipy", "pandas")},
-    }
-
-
-def facts_of_run() -> dict[str, Any]:
-    """Return machine and versions with what matters for linear algebra."""
-    return {
-        **machine_facts(),
         "model": _processor_model(),
-        "numba": version_of("numba"),
-        "gearmon": __version__,
+        "cores": os.cpu_count(),
         "blas_threads": os.environ.get("OPENBLAS_NUM_THREADS", "default"),
+        "python": platform.python_version(),
+        "gearmon": __version__,
+        **{name: version(name) if find_spec(name) else "not installed" for name in packages},
     }
-
-
-def version_of(package: str) -> str:
-    """Return the version of a package, or that it is not installed."""
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "not installed"
 
 
 def _processor_model() -> str:
@@ -158,31 +138,10 @@ def other_python(variable: str, needs: str, given: str | None = None) -> str | N
     return name or None
 
 
-@dataclass(frozen=True, kw_only=True)
-class Competitor:
-    """A task of another environment that waits to be run.
-
-    Parameters
-    ----------
-    known : dict
-        What it tells of itself.
-    run : callable
-        Runs it once more and returns its run time there [s].
-    """
-
-    known: dict[str, Any]
-    run: Callable[[], float]
-
-    def in_turn(self, task: Callable[[], Any], rounds: int) -> tuple[Timing, Timing]:
-        """Time the other and a task here, one after the other, round after round."""
-        task()
-        pairs = [(self.run(), task_time(task)[0]) for _ in range(max(1, rounds))]
-        theirs, own = zip(*pairs, strict=True)
-        return Timing.of(theirs), Timing.of(own)
-
-
 @contextmanager
-def competitor(python: str, needs: str, what: str, data: dict[str, Any]) -> Iterator[Competitor]:
+def competitor(
+    python: str, needs: str, what: str, data: dict[str, Any]
+) -> Iterator[tuple[dict[str, Any], Callable[[], float]]]:
     """Start a competitor of `other_python.py`.
 
     Parameters
@@ -195,6 +154,13 @@ def competitor(python: str, needs: str, what: str, data: dict[str, Any]) -> Iter
         Name of the task.
     data : dict
         What the task needs, in built-in types.
+
+    Yields
+    ------
+    dict
+        What it tells of itself.
+    callable
+        Runs it once more and returns its run time there [s].
 
     Raises
     ------
@@ -222,5 +188,15 @@ def competitor(python: str, needs: str, what: str, data: dict[str, Any]) -> Iter
             print(file=requests, flush=True)
             return float(answer())
 
-        yield Competitor(known=answer(), run=run)
+        yield answer(), run
         requests.close()
+
+
+def in_turn(
+    other: Callable[[], float], task: Callable[[], Any], rounds: int
+) -> tuple[Timing, Timing]:
+    """Time a competitor and a task here, one after the other, round after round."""
+    task()
+    pairs = [(other(), task_time(task)[0]) for _ in range(max(1, rounds))]
+    theirs, own = zip(*pairs, strict=True)
+    return Timing.of(theirs), Timing.of(own)

@@ -115,7 +115,7 @@ def _told(found: HistoryTrends, losses: Sequence[float], flagged: int | None) ->
     # how the trend of the cracked tooth and the truth agree, if it is listed at all
     for trend in found.shown:
         if (trend.stage, trend.gear, trend.tooth) == (1, "pinion", TOOTH):
-            _, low, high = trend.at([entry.time_s for entry in entries])
+            _, low, high = trend.trend.at([entry.time_s for entry in entries])
             inside = sum(a <= loss <= b for a, loss, b in zip(low, losses, high, strict=True))
             yield (
                 f"The truth lies within the 90 % interval of the trend in {inside} of "

@@ -128,7 +128,7 @@ def _trend(tooth: ToothTrend, start: float, end: float, colour: str, ax: Axes) -
     """Draw the trend up to `end`, dotted after the last recording, and when it changed."""
     now = float(tooth.trend.series.time_s[-1])
     times = np.union1d(np.linspace(start, end, 300), [c.time_s for c in tooth.trend.changes])
-    value, low, high = tooth.at(times)
+    value, low, high = tooth.trend.at(times)
     behind = times <= now
     ax.plot(_days(times[behind]), 100 * value[behind], color=colour, linewidth=1.0)
     ax.plot(_days(times[~behind]), 100 * value[~behind], color=colour, linewidth=0.9, linestyle=":")

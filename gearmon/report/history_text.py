@@ -159,14 +159,15 @@ def tooth_lines(tooth: ToothTrend, *, fine: bool) -> list[str]:
         lines.append(f"  {change_text(change, fine=fine, growth=(rise, 'shrinks'))}")
     rises = [change for change in tooth.trend.changes if change.size > 0]
     if rises and unseen:
+        missed = percent(tooth.trend.missed, 1)
         lines.append(
-            f"  where none was found, a loss of up to {percent(tooth.missed, 1)} may have been "
-            "missed: it may have begun earlier"
+            f"  where none was found, a loss of up to {missed} may have been missed: it may have "
+            "begun earlier"
         )
     if not tooth.trend.changes:
         lines.append("  no change that chance would not make as well")
     if tooth.trend.grows:
-        rate = [SECONDS_PER_DAY * x for x in tooth.rate()]
+        rate = [SECONDS_PER_DAY * x for x in tooth.trend.rate()]
         lines.append(f"  rate {_interval(*rate, signed=True)} a day")
     margin, crossing = tooth.margin, tooth.crossing
     if margin is not None and crossing is not None and tooth.limit is not None:

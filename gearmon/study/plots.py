@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -123,18 +123,6 @@ def _stems(
     kept = (heights > floor) & (places > 0) & (places <= HIGHEST_KHZ)
     ax.vlines(places[kept], floor, heights[kept], color=colour, linewidth=1.0)
     ax.plot(places[kept], heights[kept], "o", color=colour, markersize=2.6, label=label)
-
-
-def _one_by_one(figure: FigureBase, sweep: Sweep) -> Iterator[tuple[Axes, Operation, str, Any]]:
-    """Yield a panel with shared axes for every value, its point, the value as shown and colour."""
-    count, columns = len(sweep.points), 3
-    grid = figure.subplots(-(-count // columns), columns, sharex=True, sharey=True, squeeze=False)
-    panels = list(grid.ravel())
-    for place in range(count, len(panels)):
-        panels[place].set_visible(False)
-        # the panel above keeps the labels that its absent neighbour would have had
-        panels[place - columns].xaxis.set_tick_params(labelbottom=True)
-    yield from zip(panels[:count], sweep.points, sweep.shown, shades(count), strict=True)
 
 
 def _amplitudes(kind: str, scale: float, point: Operation) -> FloatArray:
@@ -348,39 +336,27 @@ def _draw_stiffness_settled(results: StudyResults) -> Figure:
     return figure
 
 
-def _draw_in_time(name: str, first: int, second: int, results: StudyResults) -> Figure:
+def _draw_in_time(name: str, first: int, second: int, each: int, results: StudyResults) -> Figure:
     sweep, figure = results.sweeps[name], _sheet(6.4)
     grid = figure.add_gridspec(2, 2, width_ratios=(1, 2.2))
     left, right = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])
     _from_rest(left, sweep, DISPLACEMENT, f"Fig. {first}: displacement, first mesh period", True)
-    _from_rest(right, sweep, DISPLACEMENT, f"Fig. {first}: the next three", False)
+    _from_rest(right, sweep, DISPLACEMENT, f"Fig. {first}, Fig. {each}: the next three", False)
     title = f"Fig. {second}: displacement, one settled mesh period"
     _settled(figure.add_subplot(grid[1, :]), sweep, DISPLACEMENT, title)
     _value_legend(figure, sweep)
     return figure
 
 
-def _draw_separate_displacement(name: str, number: int, results: StudyResults) -> Figure:
-    figure = _sheet(7.6)
-    for ax, point, shown, colour in _one_by_one(figure, results.sweeps[name]):
-        motion = point.start.motion
-        ax.axhline(MICRO * point.parameters.static_deflection_m, color=GREY, linewidth=0.8)
-        ax.plot(MILLI * motion.time_s, MICRO * motion.displacement_m, color=colour, lw=1.1)
-        ax.axhline(0.0, color=BLACK, linewidth=0.6)
-        _panel(ax, f"Fig. {number}: {shown}")
-    figure.supxlabel("time in ms", fontsize=9)
-    figure.supylabel("displacement in µm (grey: F/k0)", fontsize=9)
-    return figure
-
-
 def _overlay(axes: Sequence[Axes], sweep: Sweep, panels: Sequence[Spectrum]) -> None:
-    """Draw the odd harmonics of all values, joined to guide the eye."""
+    """Draw the odd harmonics of all values joined to guide the eye, the even ones as points."""
     for ax, (heights, title, label, limits) in zip(axes, panels, strict=True):
         for point, colour in zip(sweep.points, shades(len(sweep.points)), strict=True):
-            frequency = point.response.frequency_hz[1::2] / MILLI
+            frequency, height = point.response.frequency_hz / MILLI, heights(point)
             inside = frequency <= HIGHEST_KHZ
             style: Style = {"color": colour, "markersize": 3, "linewidth": 0.8}
-            ax.plot(frequency[inside], heights(point)[1::2][inside], "o-", **style)
+            ax.plot(frequency[inside][1::2], height[inside][1::2], "o-", **style)
+            ax.plot(frequency[inside][2::2], height[inside][2::2], ".", **style)
         _panel(ax, title, FREQUENCY, label).set(xlim=(0, HIGHEST_KHZ), ylim=limits)
 
 
@@ -393,41 +369,18 @@ def _draw_spectra(
     return figure
 
 
-def _draw_lines(name: str, number: int, panel: Sequence[Any], results: StudyResults) -> Figure:
-    """Draw the lines of every value by themselves."""
-    figure, (heights, _, label, limits) = _sheet(7.6), _spectrum(*panel)
-    for ax, point, shown, colour in _one_by_one(figure, results.sweeps[name]):
-        _stems(ax, point.response.frequency_hz / MILLI, heights(point), limits[0] or 0.0, colour)
-        natural = point.response.problem.natural_frequency_hz / MILLI
-        ax.axvline(natural, color=GREY, linewidth=0.8, linestyle=":")
-        _panel(ax, f"Fig. {number}: {shown}").set(xlim=(0, HIGHEST_KHZ), ylim=limits)
-    figure.supxlabel("frequency in kHz (dotted: natural frequency)", fontsize=9)
-    figure.supylabel(label, fontsize=9)
-    return figure
-
-
-def _draw_energy_lines(name: str, together: int, results: StudyResults) -> Figure:
-    """Draw the energy lines of all values together and apart."""
-    figure, sweep = _sheet(10.2), results.sweeps[name]
-    halves = figure.add_gridspec(2, 1, height_ratios=(1, 1.9))
-    upper, lower = figure.add_subfigure(halves[0]), figure.add_subfigure(halves[1])
-    linear, level = f"Fig. {together}: energy lines, linear", f"Fig. {together}: the same as level"
+def _draw_energy_lines(name: str, number: int, results: StudyResults) -> Figure:
+    """Draw the energy lines of all values."""
+    figure, sweep = _sheet(6.4), results.sweeps[name]
+    linear = f"Fig. {number}: energy lines, linear"
+    level = f"Fig. {number + 1}: the same as level"
     panels: list[Spectrum] = [
         (_energy, linear, "energy in µJ/kg", (0, None)),
         (_energy_level, level, "dB re 1 µJ/kg", (LEVEL_FLOOR_DB, None)),
     ]
-    _overlay(upper.subplots(1, 2), sweep, panels)
-    for ax, point, shown, colour in _one_by_one(lower, sweep):
-        _stems(ax, point.response.frequency_hz / MILLI, _energy_level(point), FLOOR_DB, colour)
-        title = f"Fig. {together + 1}: {shown}, total {MICRO * point.total_energy:.3g} µJ/kg"
-        _panel(ax, title).set(xlim=(0, HIGHEST_KHZ), ylim=(FLOOR_DB, 22))
-    lower.supxlabel(FREQUENCY, fontsize=9)
-    lower.supylabel("dB re 1 µJ/kg", fontsize=9)
-    _value_legend(upper, sweep)
+    _overlay(figure.subplots(2, 1), sweep, panels)
+    _value_legend(figure, sweep)
     return figure
-
-
-# Energy of the reference case, contact, damage and speed.
 
 
 def _draw_energy_of_reference(results: StudyResults) -> Figure:

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
 from gearmon.benchmark import case_figures
-from gearmon.benchmark.detection import detection_summary
-from gearmon.benchmark.detection_trials import RIVALS
+from gearmon.benchmark.detection import RIVALS, detection_summary
 from gearmon.benchmark.plots import (
     DETECTOR_STYLES,
-    plot_gears,
+    plot_areas,
+    plot_kinds,
     plot_reliability,
-    plot_roc_areas,
     plot_sizes,
-    plot_tooth_errors,
 )
 from gearmon.report.plots import save_all
 
@@ -62,8 +61,8 @@ def rows():
 
 
 @pytest.fixture(scope="module")
-def summary(rows):
-    return detection_summary(rows)
+def table(rows):
+    return pd.DataFrame(rows)
 
 
 @pytest.fixture
@@ -75,38 +74,35 @@ def test_every_detector_has_a_style():
     assert set(DETECTOR_STYLES) == {"gearmon", *RIVALS}
 
 
-def test_areas(summary, ax):
-    plot_roc_areas([r for r in summary if r["tacho"]], ax)
+def test_areas(rows, ax):
+    summary = pd.DataFrame(detection_summary(rows))
+    plot_areas(summary[summary["tacho"]], ax)
     assert ax.get_legend_handles_labels()[1] == list(DETECTOR_STYLES)
     assert [t.get_text() for t in ax.get_xticklabels()] == ["5", "20"]
 
 
-def test_reliability_ends_at_one(rows, summary, ax):
-    plot_reliability(rows, summary, ax)
-    assert max(line.get_ydata()[-1] for line in ax.lines[:2]) == 1.0
+def test_reliability_ends_at_one(table, ax):
+    plot_reliability(table, ax, "black", "with tacho")
+    assert ax.lines[0].get_ydata()[-1] == 1.0
 
 
-def test_gears_and_teeth_are_all_counted(rows, ax):
-    own = [r for r in rows if r["condition"] == "tooth"]
-    plot_gears(own, ax)
-    assert sum(int(text.get_text()) for text in ax.texts) == len(own)
-    other = Figure().add_subplot()
-    plot_tooth_errors(own, other)
-    assert sum(patch.get_height() for patch in other.patches) == len(own)
+def test_kinds_are_all_counted(table, ax):
+    plot_kinds(table, ax)
+    assert sum(int(text.get_text()) for text in ax.texts) == len(table)
 
 
-def test_sizes_show_every_estimate(rows, ax):
-    own = [r for r in rows if r["condition"] == "tooth"]
+def test_sizes_show_every_estimate(table, ax):
+    own = table[table["condition"] == "tooth"]
     plot_sizes(own, ax)
     dots = [line for line in ax.lines if line.get_marker() == "."]
-    assert len(dots) == len(own)
-    empty = Figure().add_subplot()
-    plot_sizes([], empty)
-    assert empty.texts[0].get_text() == "no estimates"
+    assert sum(len(line.get_xdata()) for line in dots) == len(own)
+    held = own["size"].between(own["loss_low"], own["loss_high"])
+    assert len(dots[0].get_xdata()) == held.sum()
+    plot_sizes(own[:0], Figure().add_subplot())
 
 
 def test_files(rows, tmp_path):
     paths = save_all(case_figures("detection", rows), tmp_path / "d.svg")
-    names = ["roc", "false-alarms", "blame", "size", "time"]
+    names = ["roc", "false-alarms", "kinds", "size"]
     assert [path.stem for path in paths] == [f"d-{name}" for name in names]
     assert all(path.read_bytes().startswith(b"<?xml") for path in paths)

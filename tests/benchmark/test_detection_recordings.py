@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from gearmon.benchmark import detection_recordings as makers
+from gearmon.benchmark.detection import OTHERS, SIZES
 from gearmon.benchmark.detection_machines import GEARS, MESH_HZ, draw_machine
 from gearmon.benchmark.detection_recordings import Bench, Condition, Setting
-from gearmon.benchmark.detection_trials import OTHERS, SIZES
 from gearmon.errors import ArgumentError
 
 SHORT = Setting(seed=5, duration_s=1.0)

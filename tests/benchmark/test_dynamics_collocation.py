@@ -6,24 +6,26 @@ import numpy as np
 import pytest
 from reference.hill_cases import random_problem
 from reference.hill_reference import periodic_solution
+from reference.refined_balance import refined_balance
 
-from gearmon.benchmark.contenders import as_lines
-from gearmon.benchmark.equations import Case, named_case, pair, square_wave
-from gearmon.benchmark.references import (
+from gearmon.benchmark.dynamics import as_lines
+from gearmon.benchmark.equations import (
+    Case,
     Lines,
     Samples,
-    difference_to_shooting,
     folded,
-    refined_balance,
+    named_case,
+    pair,
     rule,
     solve_reference,
+    square_wave,
 )
 from gearmon.dynamics import steady_state
 from gearmon.dynamics.piecewise import solve_exactly
 
 
 def case_of(problem):
-    return Case(name="x", title="x", problem=problem)
+    return Case(name="x", problem=problem)
 
 
 def unit_acceleration(problem):
@@ -60,11 +62,6 @@ def test_against_balance_in_extended_precision(seed):
     assert exact.uncertainty < 1e-17
     found = solve_reference(case_of(problem)).error(Lines(exact.displacement.astype(complex)))
     assert found < 1e-12
-
-
-def test_balance_in_extended_precision_against_dop853():
-    problem = pair(square_wave(7), zeta=0.05)
-    assert difference_to_shooting(problem, refined_balance(problem)) < 1e-11
 
 
 def test_true_rectangle_against_exact_pieces():

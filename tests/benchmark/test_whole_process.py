@@ -6,24 +6,24 @@ import json
 
 import pytest
 
-from gearmon.benchmark import run_case, whole_process
-from gearmon.benchmark.timing import machine_facts
+from gearmon.benchmark import run_case, signals
+from gearmon.benchmark.timing import facts_of_run
 from gearmon.errors import ArgumentError
 from gearmon.simulation import simulate
 
-FACTS = {"processor", "cores", "python", "numpy", "scipy", "pandas"}
+FACTS = set(facts_of_run())
 
 
-def test_machine_facts():
-    facts = machine_facts()
-    assert set(facts) == FACTS
-    assert all(facts.values())
+def test_facts_of_run():
+    facts = facts_of_run()
+    assert set(facts) >= {"processor", "model", "cores", "python", "numpy", "scipy", "pandas"}
+    assert facts["cores"] >= 1
 
 
 def test_analysis_against_reading(monkeypatch):
-    monkeypatch.setattr(whole_process, "DURATION_S", 4.0)
+    monkeypatch.setattr(signals, "WHOLE_S", 4.0)
     seen = []
-    rows = whole_process.analysis_against_reading(repeats=1, progress=seen.append)
+    rows = signals.analysis_against_reading(repeats=1, progress=seen.append)
     assert [row["process"] for row in rows] == ["analyse", "pandas.read_csv"]
     for row in rows:
         assert set(row) == FACTS | {
@@ -31,13 +31,13 @@ def test_analysis_against_reading(monkeypatch):
             "rows",
             "channels",
             "median_s",
-            "least_s",
-            "largest_s",
+            "fastest_s",
+            "repeats",
             "ratio_to_pandas",
         }
-        assert 0 < row["least_s"] <= row["median_s"] <= row["largest_s"]
+        assert 0 < row["fastest_s"] <= row["median_s"]
     assert rows[1]["ratio_to_pandas"] == 1.0
-    assert seen == [0.5, 1.0]
+    assert seen == [1.0]
     json.dumps(rows, allow_nan=False)
 
 
@@ -45,9 +45,9 @@ def test_memory_of_a_long_recording(monkeypatch):
     def shortly(machine, **settings):
         return simulate(machine, **(settings | {"duration_s": 2.0}))
 
-    monkeypatch.setattr(whole_process, "simulate", shortly)
+    monkeypatch.setattr(signals, "simulate", shortly)
     seen = []
-    (row,) = whole_process.memory_of_long_recording(200_000, (1,), seen.append)
+    (row,) = signals.memory_of_long_recording(200_000, (1,), seen.append)
     assert set(row) == FACTS | {
         "rows",
         "channels",

@@ -236,7 +236,7 @@ def test_demos():
         "Hour of the day (UTC)",
     }
     kinds = KindView(title="t", features=("a",), names=("b",), value_db=np.ones((1, 1)))
-    assert labels(kind_figure([kinds])) == {"Change, or height above the median (dB)"}
+    assert labels(kind_figure([kinds])) == {"Change, or height above\nthe median (dB)"}
 
 
 def test_nothing_is_a_formula_when_it_is_drawn(faulty):

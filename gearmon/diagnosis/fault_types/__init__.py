@@ -15,7 +15,7 @@ from importlib import import_module
 from typing import Any
 
 _HOMES = {
-    "classifier": ("KindClassifier", "novelty", "read_kinds", "write_kinds"),
+    "classifier": ("KindClassifier", "read_kinds", "write_kinds"),
     "features": ("FEATURES", "KINDS", "NAMES", "NONE", "FeatureVector", "kind_features"),
     "judgement": ("analysis_features", "kind_of_analysis"),
     "lines": ("machine_lines",),

@@ -11,14 +11,30 @@ through it: changes that noise would not make (`find_changes`), the trend with i
         print(tooth.gear, tooth.tooth, tooth.now, tooth.crossing)
 """
 
-from gearmon.diagnosis.history.entries import Entry, History, Place, entry_of
-from gearmon.diagnosis.history.onset import find_changes
-from gearmon.diagnosis.history.recording_times import recording_times, time_text
-from gearmon.diagnosis.history.shapes import ChangePoint, Growth, Series
+from gearmon.diagnosis.history.changes import (
+    ChangePoint,
+    Growth,
+    Series,
+    change_probability,
+    find_changes,
+    permuted_probability,
+)
+from gearmon.diagnosis.history.entries import (
+    Entry,
+    History,
+    Place,
+    entry_of,
+    recording_times,
+    time_text,
+)
 from gearmon.diagnosis.history.store import append, export_history, read_history
-from gearmon.diagnosis.history.tooth import SECONDS_PER_DAY, ToothTrend
+from gearmon.diagnosis.history.teeth import (
+    SECONDS_PER_DAY,
+    HistoryTrends,
+    ToothTrend,
+    history_trends,
+)
 from gearmon.diagnosis.history.trend import Crossing, Trend, fit_trend
-from gearmon.diagnosis.history.trends import HistoryTrends, history_trends
 
 __all__ = [
     "SECONDS_PER_DAY",
@@ -33,11 +49,13 @@ __all__ = [
     "ToothTrend",
     "Trend",
     "append",
+    "change_probability",
     "entry_of",
     "export_history",
     "find_changes",
     "fit_trend",
     "history_trends",
+    "permuted_probability",
     "read_history",
     "recording_times",
     "time_text",

@@ -14,18 +14,19 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtri
 
-from gearmon.diagnosis.history.noise_bounds import kink_quantile
-from gearmon.diagnosis.history.onset import FEWEST, MOST_CHANGES, find_changes
-from gearmon.diagnosis.history.recording_times import time_text
-from gearmon.diagnosis.history.shapes import (
-    GROWTHS,
-    STEP,
+from gearmon.diagnosis.history.changes import (
+    COURSES,
+    FEWEST,
+    MOST_CHANGES,
     ChangePoint,
+    Fits,
     Series,
-    change_columns,
-    growth_rows,
+    find_changes,
+    kink_quantile,
 )
+from gearmon.diagnosis.history.entries import time_text
 from gearmon.errors import ArgumentError, check_finite, check_range
 
 FloatArray = NDArray[np.float64]
@@ -33,15 +34,11 @@ IntArray = NDArray[np.int64]
 
 #: Places of the latest growth over which intervals are profiled; fewer of long series.
 _PLACES, _LEAST_PLACES, _MOST_NUMBERS = 160, 20, 200_000
-#: Times at once, so that memory stays small.
-_AT_ONCE = 256
 #: How far a trend is followed to a limit, in lengths of the series (beyond is as good as never),
 #: and in how many steps up to the last recording and from there.
 _NEAREST, _FARTHEST, _STEPS = 1e-3, 100.0, (100, 150)
 #: Seconds since 1970 beyond the calendar, which are as good as never.
 NEVER_S = 2.5e11
-_COURSES = (STEP, *GROWTHS)
-_Times = tuple[float | None, float | None, float | None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,11 +82,18 @@ class Trend:
         In the order of time; none: the series is constant as far as can be told.
     level : float
         Of all intervals.
+    common : float, >= 0
+        Standard deviation of the logarithm of the values that all of them share: no number of
+        recordings averages it out.
+    missed : float
+        Size up to which something may have been missed wherever nothing was found.
     """
 
     series: Series
     changes: tuple[ChangePoint, ...]
     level: float
+    common: float = 0.0
+    missed: float = -math.inf
 
     @property
     def grows(self) -> bool:
@@ -107,16 +111,24 @@ class Trend:
         Returns
         -------
         value, low, high : ndarray of float, shape (k,)
+            `high` is nowhere below `missed`, however often nothing was found.
         """
-        centre, half = self._allowed(np.atleast_1d(np.asarray(time_s, dtype=float)))
-        return centre[0].copy(), (centre - half).min(axis=0), (centre + half).max(axis=0)
+        times = np.atleast_1d(np.asarray(time_s, dtype=float))
+        value, low, high = self._widened(*self._allowed(times))
+        missed = np.where(value < self.missed, self._most * self.missed, high)
+        return value, low, np.maximum(high, missed)
 
     def rate(self) -> tuple[float, float, float]:
         """Slope at the last recording with its interval [1/s]; zeros for a level series."""
         if not self.grows:
             return 0.0, 0.0, 0.0
-        centre, half = self._allowed(self.series.time_s[-1:], rates=True)
-        return float(centre[0, 0]), float((centre - half).min()), float((centre + half).max())
+        value, low, high = self._widened(*self._allowed(self.series.time_s[-1:], rates=True))
+        return float(value[0]), float(low[0]), float(high[0])
+
+    @property
+    def _rises(self) -> bool:
+        """Whether the rate at the last recording is surely above zero, whatever all share."""
+        return self.grows and bool(self._allowed(self.series.time_s[-1:], rates=True)[1][0] > 0)
 
     def crossing(self, limit: float) -> Crossing:
         """When the trend reaches a limit from below.
@@ -138,20 +150,19 @@ class Trend:
         straight or faster and faster.
         """
         check_finite("limit", limit)
-        end = self.series.time_s[-1:]
-        value, low, _ = (float(x[0]) for x in self.at(end))
-        time, early, late = self._when(limit)
+        value, low, _ = (float(x[0]) for x in self.at(self.series.time_s[-1:]))
+        times = self.series.time_s
+        time, early, late = self._when(limit, float(times[0 if value >= limit else -1]))
         if value >= limit:
-            status, reason = "reached", "the trend is at or above the limit"
+            reason = "the trend is at or above the limit"
             reason += "" if low >= limit else "; its interval reaches below the limit"
-        elif refused := self._refused(time):
+            return Crossing(status="reached", reason=reason, time_s=time, low_s=early, high_s=late)
+        if refused := self._refused(time):
             return Crossing(status="not extrapolated", reason=refused)
-        else:
-            status, reason = "ahead", "if growth goes on speeding up as it has"
-            if self._last is not None and self._last.growth.straight:
-                reason = "if the present rate lasts; cracks grow faster the larger they are"
-            early = None if early is None else max(early, float(end[0]))
-        return Crossing(status=status, reason=reason, time_s=time, low_s=early, high_s=late)
+        reason = "if growth goes on speeding up as it has"
+        if self._last is not None and self._last.growth.straight:
+            reason = "if the present rate lasts; cracks grow faster the larger they are"
+        return Crossing(status="ahead", reason=reason, time_s=time, low_s=early, high_s=late)
 
     def _refused(self, time: float | None) -> str:
         """Say why nothing is extrapolated; nothing if it is."""
@@ -159,100 +170,90 @@ class Trend:
             return f"{len(self.series)} estimates are too few for a trend, {FEWEST} needed"
         if not self.grows:
             return "no growth that noise would not make as well"
-        slope, least, _ = self.rate()
-        if slope <= 0 or least <= 0:
+        if not self._rises:
             return "the present rate is not surely above zero"
         return "the present rate does not lead to the limit" if time is None else ""
 
-    def time_at(self, limit: float) -> float | None:
-        """Time at which the trend as told is at a limit that it rises to; None where it never is.
+    def _when(self, limit: float, start: float) -> tuple[float | None, float | None, float | None]:
+        """Time from which on a rising trend is at a limit, with its interval, which has a start.
 
-        Before the first recording it is not followed.
+        Nothing before the first recording; no end where it may never get there.
         """
         if self.rate()[0] <= 0:
-            return None
-        centre, _ = self._allowed(self._followed, only=slice(1))
-        return _reached(self._followed, centre[0], limit)
-
-    def _when(self, limit: float) -> _Times:
-        """Return that time with its interval; its end None where it may never get there."""
-        time = self.time_at(limit)
-        if time is None:
             return None, None, None
-        centre, half = self._allowed(self._followed)
-        early = _reached(self._followed, (centre + half).max(axis=0), limit)
-        late = _reached(self._followed, (centre - half).min(axis=0), limit)
-        # what may not rise now may never get there
-        never = late is None or self.rate()[1] <= 0
-        low = time if early is None else min(early, time)
-        return time, low, None if never or late is None else max(late, time)
-
-    @property
-    def _followed(self) -> FloatArray:
-        """Times at which a trend is held against a limit."""
         first, last = self.series.time_s[[0, -1]]
         ahead = last + (last - first) * np.geomspace(_NEAREST, _FARTHEST, _STEPS[1])
-        return np.concatenate([np.linspace(first, last, _STEPS[0]), ahead])
+        times = np.concatenate([np.linspace(first, last, _STEPS[0]), ahead])
+        value, low, high = self._allowed(times)
+        time, early, late = (_reached(times, x, limit) for x in (value, high, low))
+        if time is None:
+            return None, None, None
+        early = max(start, time if early is None else min(early, time))
+        # what may not rise now may never get there
+        late = max(late, time) if late is not None and self._rises else None
+        # what all values share is as if the limit lay elsewhere
+        nearer, farther = (_reached(times, value, limit * x) for x in (1 / self._most, self._most))
+        if nearer is not None:
+            early = max(start, time - math.hypot(time - early, time - nearer))
+        if late is not None and farther is not None:
+            late = time + math.hypot(late - time, farther - time)
+        return time, early, late
 
     @property
     def _last(self) -> ChangePoint | None:
         """The latest growth, whose time is uncertain in all intervals."""
         growths = [change for change in self.changes if change.kind == "growth"]
-        return growths[-1] if growths else (self.changes[-1] if self.changes else None)
+        return growths[-1] if growths else self.changes[-1] if self.changes else None
+
+    @property
+    def _most(self) -> float:
+        """How many times larger all values may be, or smaller, by what they share."""
+        return math.exp(float(ndtri(0.5 + 0.5 * self.level)) * self.common)
+
+    def _widened(
+        self, value: FloatArray, low: FloatArray, high: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Add what all values share to an interval."""
+        size = np.maximum(value, 0.0)
+        below = np.hypot(value - low, (1.0 - 1.0 / self._most) * size)
+        return value, value - below, value + np.hypot(high - value, (self._most - 1.0) * size)
+
+    def _allowed(
+        self, times: FloatArray, *, rates: bool = False
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Value of the trend, or its rate, and the ends of what the data allow."""
+        fits, which, budget = self._candidates
+        value, variance = fits.at(times, which, rates=rates)
+        # where any strain is allowed, none is as well: without end
+        half = np.sqrt(np.maximum(variance, np.finfo(float).tiny) * budget[:, None])
+        return value[0], (value - half).min(axis=0), (value + half).max(axis=0)
 
     @cached_property
-    def _candidates(self) -> tuple[FloatArray, IntArray]:
-        """Places and courses of the latest growth, or places of a step; those told come first."""
+    def _candidates(self) -> tuple[Fits, IntArray, FloatArray]:
+        """Fits, which of them the data allow, that told first, and how far, squared, each strains.
+
+        They are those of the latest growth, or of a step, from all places.
+        """
         last, times = self._last, self.series.time_s
-        if last is None:  # it takes no part
-            return times[:1], np.zeros(1, dtype=np.int64)
-        told = _COURSES.index(last.growth)
-        if last.kind == "step":
-            places = np.concatenate([[last.time_s], 0.5 * (times[1:] + times[:-1])])
-            return places, np.full(len(places), told)
-        count = max(_LEAST_PLACES, min(_PLACES, _MOST_NUMBERS // len(times)))
-        spread = np.union1d(np.linspace(times[0], times[-2], count), [last.time_s])
-        courses = np.repeat(np.arange(1, len(_COURSES)), len(spread))
-        places = np.tile(spread, len(GROWTHS))
-        return np.concatenate([[last.time_s], places]), np.concatenate([[told], courses])
-
-    def _columns(self, times: FloatArray, which: IntArray, rates: bool = False) -> FloatArray:
-        """Columns of the model for some candidates, shape (candidates, times, columns)."""
-        last, end = self._last, float(self.series.time_s[-1])
         others = [change for change in self.changes if change is not last]
-        fixed = change_columns(times, others, rates=rates)
-        columns = np.repeat(fixed[None], len(which), axis=0)
-        if last is None:
-            return columns
-        places, courses = (each[which] for each in self._candidates)
-        moved = np.empty((len(which), len(times), 1))
-        for number in np.unique(courses):
-            own, course = courses == number, _COURSES[number]
-            moved[own, :, 0] = growth_rows(times, places[own], end, course, rates=rates)
-        return np.concatenate([columns, moved], axis=2)
-
-    @cached_property
-    def _fits(self) -> _Fits:
-        """Least squares for every candidate that the data allow, that which is told first."""
-        series, every = self.series, np.arange(len(self._candidates[0]))
-        matrix = self._columns(series.time_s, every) / series.sigma[:, None]
-        # columns of equal size: seconds of years stand beside ones
-        size = np.maximum(np.linalg.norm(matrix, axis=1), np.finfo(float).tiny)
-        scaled = matrix / size[:, None, :]
-        normal = scaled.transpose(0, 2, 1) @ scaled
-        inverse = np.linalg.pinv(normal, hermitian=True, rcond=1e-12)
-        inverse /= size[:, :, None] * size[:, None, :]
-        target = series.value / series.sigma
-        found = np.einsum("pij,pj->pi", inverse, matrix.transpose(0, 2, 1) @ target)
-        rest = target - np.einsum("pnj,pj->pn", matrix, found)
-        budget = self._budget(np.einsum("pn,pn->p", rest, rest))
-        which = np.flatnonzero((budget >= 0) | (every == 0))
-        return _Fits(
-            which=which,
-            coefficients=found[which],
-            inverse=inverse[which],
-            budget=np.maximum(budget[which], 0.0),
-        )
+        if last is None or last.kind == "step":
+            # a step before the first recording is none
+            places = times[:1] - 1.0 if last is None else 0.5 * (times[1:] + times[:-1])
+            fits = Fits.of_step(self.series, others, places)
+        else:
+            count = max(_LEAST_PLACES, min(_PLACES, _MOST_NUMBERS // len(times)))
+            places = np.union1d(np.linspace(times[0], times[-2], count), [last.time_s])
+            fits = Fits.of_growth(self.series, others, places)
+        told = 0
+        if last is not None:
+            away = np.abs(fits.places - last.time_s)
+            told = int(
+                np.argmin(np.where(fits.courses == COURSES.index(last.growth), away, np.inf))
+            )
+        budget = self._budget(fits.left)
+        allowed = np.flatnonzero(budget >= 0)
+        which = np.concatenate([[told], allowed[allowed != told]])
+        return fits, which, np.maximum(budget[which], 0.0)
 
     def _budget(self, left: FloatArray) -> FloatArray:
         """Return how far, squared, each fit may be strained; negative where it is excluded."""
@@ -263,29 +264,6 @@ class Trend:
         least = 1.0 if self.series.sigma_known else 0.0
         variance = max(float(left.min()) / freedom, least)
         return np.asarray(variance * kink_quantile(self.level, freedom) - (left - left.min()))
-
-    def _allowed(
-        self, times: FloatArray, *, rates: bool = False, only: slice = slice(None)
-    ) -> tuple[FloatArray, FloatArray]:
-        """Values, or rates, of the allowed fits and their half widths, shape (fits, times)."""
-        fits, found = self._fits, []
-        budget = fits.budget[only, None]
-        for part in np.split(times, range(_AT_ONCE, len(times), _AT_ONCE)):
-            rows = self._columns(part, fits.which[only], rates)
-            centre = (rows @ fits.coefficients[only, :, None])[..., 0]
-            strain = np.sum(rows @ fits.inverse[only] * rows, axis=2)
-            # where any strain is allowed, none is as well: without end
-            found.append((centre, np.sqrt(np.maximum(strain, np.finfo(float).tiny) * budget)))
-        centres, halves = zip(*found, strict=True)
-        return np.concatenate(centres, axis=1), np.concatenate(halves, axis=1)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Fits:
-    which: IntArray
-    coefficients: FloatArray
-    inverse: FloatArray
-    budget: FloatArray
 
 
 def fit_trend(

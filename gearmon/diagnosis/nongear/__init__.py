@@ -5,20 +5,21 @@ Bearings, the mains, loose parts and unknown lines are found in the lists that
 measured signature with a reference, `disturbed` tells which orders of gears the findings spoil.
 """
 
-from gearmon.diagnosis.nongear.changes import PRIOR_CHANGE_DB, PRIOR_WORTH, LineChange
-from gearmon.diagnosis.nongear.findings import (
+from gearmon.diagnosis.nongear.lines import (
+    PRIOR_CHANGE_DB,
+    PRIOR_WORTH,
     NonGearFinding,
     compare_lines,
     disturbed,
     family_gain_db,
     nongear_findings,
+    speed_scatter_db,
 )
-from gearmon.diagnosis.nongear.names import harmonic_sources, name_lines
+from gearmon.diagnosis.nongear.sources import harmonic_sources, name_lines
 
 __all__ = [
     "PRIOR_CHANGE_DB",
     "PRIOR_WORTH",
-    "LineChange",
     "NonGearFinding",
     "compare_lines",
     "disturbed",
@@ -26,4 +27,5 @@ __all__ = [
     "harmonic_sources",
     "name_lines",
     "nongear_findings",
+    "speed_scatter_db",
 ]

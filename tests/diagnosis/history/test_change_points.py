@@ -9,14 +9,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gearmon.diagnosis.history import Series, find_changes, fit_trend
-from gearmon.diagnosis.history.noise_bounds import (
+from gearmon.diagnosis.history import (
+    Series,
+    change_probability,
+    find_changes,
+    fit_trend,
+    permuted_probability,
+)
+from gearmon.diagnosis.history.changes import (
     kink_quantile,
     known_noise_bound,
     step_quantile,
     tube_bound,
 )
-from gearmon.diagnosis.history.onset import change_probability, permuted_probability
 from gearmon.errors import ArgumentError
 
 DAY = 86400.0

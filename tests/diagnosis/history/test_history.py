@@ -26,8 +26,8 @@ from gearmon.diagnosis.history import (
     recording_times,
     time_text,
 )
-from gearmon.diagnosis.history.recording_times import read_time, time_from_name
-from gearmon.diagnosis.history.trends import normal_equivalent
+from gearmon.diagnosis.history.entries import read_time, time_from_name
+from gearmon.diagnosis.history.teeth import normal_equivalent
 from gearmon.diagnosis.results import Flag, ToothProfile
 from gearmon.errors import ArgumentError, SignatureError
 from gearmon.report.history_text import history_lines
@@ -442,7 +442,7 @@ def test_what_all_recordings_share_is_not_averaged_out():
     assert high - low < 1.2 * 2 * 1.645 * sigmas[-1]
     assert found.crossing.low_s <= 1.7e9 + 26 * WEEK <= found.crossing.high_s
     rate = 0.02 / WEEK
-    assert found.rate()[1] <= rate <= found.rate()[2]
+    assert found.trend.rate()[1] <= rate <= found.trend.rate()[2]
     # more recordings of the same make the trend surer, its size not
     again = history_trends(with_loss(np.repeat(losses, 4), np.repeat(sigmas, 4)), limit=0.4).shown[
         0
@@ -457,9 +457,9 @@ def test_losses_too_small_to_be_found_are_not_taken_for_none():
     losses = np.where(true < 0.04, 0.0, true)
     sigmas = np.where(true < 0.04, 0.005, 0.2 * true)
     found = history_trends(with_loss(losses, sigmas)).shown[0]
-    assert found.missed == pytest.approx(0.04)
+    assert found.trend.missed == pytest.approx(0.04)
     times = found.trend.series.time_s
-    _, low, high = found.at(times)
+    _, low, high = found.trend.at(times)
     assert np.all((low <= true) & (true <= high))
     assert "may have begun earlier" in "\n".join(
         history_lines(history_trends(with_loss(losses, sigmas)))
@@ -470,7 +470,7 @@ def test_a_loss_that_came_at_once_was_hardly_missed_before():
     losses, sigmas = np.repeat([0.0, 0.4], 8), np.repeat([0.005, 0.1], 8)
     found = history_trends(with_loss(losses, sigmas)).shown[0]
     assert found.trend.changes[0].kind == "step"
-    _, _, high = found.at(found.trend.series.time_s)
+    _, _, high = found.trend.at(found.trend.series.time_s)
     assert np.all(high[:8] < 0.2)
     assert np.all(high[8:] > 0.4)
 

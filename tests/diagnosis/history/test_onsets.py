@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gearmon.diagnosis.history import (
+    ChangePoint,
     Entry,
     Growth,
     History,
@@ -19,9 +20,8 @@ from gearmon.diagnosis.history import (
     fit_trend,
     history_trends,
 )
-from gearmon.diagnosis.history.onset import profile
-from gearmon.diagnosis.history.shapes import CHANCES, GROWTHS, STRAIGHT, growth_rows
-from gearmon.errors import ArgumentError
+from gearmon.diagnosis.history.changes import CHANCES, GROWTHS, STRAIGHT, Fits
+from gearmon.diagnosis.history.changes import COURSES as TRIED
 from gearmon.report.history_text import change_text
 
 DAY = 86400.0
@@ -79,25 +79,35 @@ def test_courses_bend_along_their_exponent(exponent, folds, share):
     )
 
 
-def test_courses_out_of_range_are_refused():
-    with pytest.raises(ArgumentError, match="exponent"):
-        Growth(exponent=0.5)
-    with pytest.raises(ArgumentError, match="folds"):
-        Growth(folds=-1.0)
+def test_courses_that_are_tried_have_a_chance_each():
     assert CHANCES.sum() == pytest.approx(1.0)
     assert GROWTHS[0] is STRAIGHT
     assert {growth.kind for growth in GROWTHS} == {"straight", "power", "exponential"}
 
 
-def test_what_growth_leaves_is_least_squares():
+def test_fits_are_least_squares_with_their_variance():
     generator = np.random.default_rng(1)
     series, begin, _ = grown(generator, "cube", 10.0)
-    rows = growth_rows(
-        series.time_s, np.array([begin]), float(series.time_s[-1]), Growth(exponent=3.0)
+    times, end = series.time_s, float(series.time_s[-1])
+    step = ChangePoint(growth=TRIED[0], time_s=float(times[4:6].mean()), end_s=end)
+    cube = Growth(exponent=3.0)
+    fits = Fits(
+        series=series, known=[step], places=np.array([begin]), courses=np.array([TRIED.index(cube)])
     )
-    columns = np.column_stack([np.ones(20), rows[0] / DAY]) / series.sigma[:, None]
-    left = np.linalg.lstsq(columns, series.value / series.sigma, rcond=None)[1]
-    assert profile(series, rows, []) == pytest.approx(left, rel=1e-9)
+
+    def columns(at):
+        grown_by = cube.at((at - begin) / (end - begin))
+        return np.column_stack([np.ones(len(at)), at > step.time_s, grown_by])
+
+    weighted = columns(times) / series.sigma[:, None]
+    sizes, left, *_ = np.linalg.lstsq(weighted, series.value / series.sigma, rcond=None)
+    assert fits.left == pytest.approx(left, rel=1e-9)
+    asked = np.array([times[2], end, 2 * end - times[0]])
+    value, variance = fits.at(asked, np.zeros(1, dtype=int))
+    assert value[0] == pytest.approx(columns(asked) @ sizes, rel=1e-9)
+    covariance = np.linalg.inv(weighted.T @ weighted)
+    expected = np.sum(columns(asked) @ covariance * columns(asked), axis=1)
+    assert variance[0] == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize("rise", [10.0, 40.0])

@@ -123,7 +123,7 @@ def test_disturbed_orders_hold_seen_and_hidden_lines(healthy):
     found = flagged(heard(1, orders=(7.61, 40.37, ring, 2 * ring), level=0.05), healthy)
     orders = np.array([ring, 2 * ring, 3 * ring, 4 * ring, 1.0, 11.28])
     assert disturbed(orders, found, 0.02).tolist() == [True] * 4 + [False] * 2
-    assert not disturbed(orders, found, 0.02, below=0.0).any()
+    assert not disturbed(orders, (), 0.02).any()
 
 
 def listed(orders, level_db, over_db):

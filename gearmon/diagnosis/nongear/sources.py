@@ -179,17 +179,22 @@ class _Naming:
             for i in left
         }
         seen = {key: slip for key, slip in seen.items() if _SLIP_LOW <= slip <= _SLIP_HIGH}
-        best: dict[int, tuple[int, int]] = {}
-        best_slip = 0.0
-        # the slip that most lines agree on is that of one of them
-        for slip in seen.values():
+
+        def agreeing(slip: float) -> dict[int, tuple[int, int]]:
             near: dict[int, tuple[int, int]] = {}
             for (i, h, r), own in seen.items():
                 away = h * wanted.order * abs(own - slip)
                 if away <= max(self.width, _SLIP_SWING * self.lines[i].order):
                     near.setdefault(i, (h, r))
-            if (len(near), (1, 0) in near.values()) > (len(best), (1, 0) in best.values()):
-                best, best_slip = near, slip
+            return near
+
+        def rank(slip: float) -> tuple[int, bool]:
+            near = agreeing(slip)
+            return len(near), (1, 0) in near.values()
+
+        # the slip that most lines agree on is that of one of them
+        best_slip = max(seen.values(), key=rank, default=0.0)
+        best = agreeing(best_slip)
         known = self.slips.get(wanted.name.rpartition(":")[0])
         agrees = known is not None and abs(best_slip - known) <= _SLIP_ALIKE
         if len(set(best.values())) < 2 and (1, 0) not in best.values() and not agrees:

@@ -3,32 +3,247 @@
 Losses are followed tooth by tooth where recordings estimate them. The score of the recordings is
 followed as well: it tells when something began even where no loss can be estimated. The scores of
 sound machines follow no known law, so whether they changed is tested by permutation.
+
+What recordings of one machine say of the size of a loss is not independent: all pass the same path
+to the sensor and are held against the same response. That part of their uncertainty no number of
+recordings averages out. And a recording in which no loss was found does not say that there was
+none: only that it was too small to be found.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri_exp
+from scipy.special import bdtrc, ndtri_exp
 
-from gearmon.diagnosis.history.entries import History, Place
-from gearmon.diagnosis.history.onset import FEWEST, permuted_probability
-from gearmon.diagnosis.history.shapes import ChangePoint, Series
-from gearmon.diagnosis.history.tooth import ToothTrend, follow_tooth
+from gearmon.diagnosis.history.changes import (
+    FEWEST,
+    ChangePoint,
+    Series,
+    change_probability,
+    permuted_probability,
+)
+from gearmon.diagnosis.history.entries import HALF_OF_90, History, Place
 from gearmon.diagnosis.history.trend import Crossing, Trend, fit_trend
 from gearmon.errors import check_range
 from gearmon.result import Result
 
 FloatArray = NDArray[np.float64]
 
+SECONDS_PER_DAY = 86400.0
+#: Fewest recordings in which a loss has to stand clear of zero by itself to be listed.
+SEVERAL = 3
+# Probability that a sound tooth stands clear in one recording: its own interval is one of 90 %.
+_CLEAR_BY_CHANCE = 0.05
+# What differs from recording to recording besides noise, load above all, as a share of the loss.
+_OWN_SHARE = 0.05
+# Against a reference larger losses are hardly ever missed.
+_MOST_MISSED = 0.1
 #: Share of the false-alarm probability given to all losses together; the score gets the rest.
 _LOSS_SHARE = 0.5
 #: Newest recordings for which it is told what could be forecast at their time.
 FORECASTS = 20
 _Key = tuple[int, str, int | None]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ToothTrend:
+    """The loss of one tooth, or the largest of one gear, over time.
+
+    Parameters
+    ----------
+    stage : int
+    gear : str
+    tooth : int or None
+        None: the largest loss of the gear, where teeth cannot be told from one recording to
+        another.
+    trend : Trend
+        Of the loss as a fraction. What may have been missed is the smallest that was found, 10 % at
+        most; nothing if none was.
+    low, high : ndarray of float, shape (estimates,)
+        The recordings' own 90 % intervals.
+    stands : bool
+        Whether the loss stands clear of its noise and of zero, over several recordings.
+    false_alarm_probability : float
+        Bound on the probability of a change as clear on any tooth of a machine without one.
+    recordings : int
+        Recordings in the history; those beyond the trend's had no estimate.
+    limit : float or None
+        What the loss is held against.
+    """
+
+    stage: int
+    gear: str
+    tooth: int | None
+    trend: Trend
+    low: FloatArray
+    high: FloatArray
+    stands: bool
+    false_alarm_probability: float
+    recordings: int
+    limit: float | None
+
+    @property
+    def now(self) -> tuple[float, float, float]:
+        """Loss at the newest recording with its interval."""
+        value, low, high = self.trend.at(self.trend.series.time_s[-1:])
+        return float(value[0]), float(low[0]), float(high[0])
+
+    @property
+    def margin(self) -> tuple[float, float, float] | None:
+        """What is left to the limit at the newest recording, with its interval."""
+        if self.limit is None:
+            return None
+        value, low, high = self.now
+        return self.limit - value, self.limit - high, self.limit - low
+
+    @property
+    def crossing(self) -> Crossing | None:
+        """When the limit is reached."""
+        return None if self.limit is None else self.trend.crossing(self.limit)
+
+    @property
+    def risen(self) -> bool:
+        """Whether its latest change is a rise."""
+        return bool(self.trend.changes) and self.trend.changes[-1].size > 0
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return built-in types, ready for JSON."""
+        crossing, per_day = self.crossing, np.multiply(SECONDS_PER_DAY, self.trend.rate())
+        return {
+            "stage": self.stage,
+            "gear": self.gear,
+            "tooth": self.tooth,
+            "estimates": len(self.trend.series),
+            "recordings": self.recordings,
+            **_with_interval("loss", self.now),
+            **_with_interval("rate_per_day", per_day),
+            "false_alarm_probability": self.false_alarm_probability,
+            "changes": [change.to_dict() for change in self.trend.changes],
+            "limit": self.limit,
+            **_with_interval("margin", self.margin or [math.nan] * 3),
+            "limit_reached": None if crossing is None else crossing.to_dict(),
+        }
+
+
+def _with_interval(name: str, values: Iterable[float]) -> dict[str, float | None]:
+    names = (name, f"{name}_low", f"{name}_high")
+    return {n: float(x) if np.isfinite(x) else None for n, x in zip(names, values, strict=True)}
+
+
+def follow_tooth(
+    time_s: Sequence[float],
+    places: Sequence[Place],
+    *,
+    followed: int,
+    below: float,
+    level: float,
+    recordings: int,
+    limit: float | None,
+) -> ToothTrend:
+    """Follow one tooth, or one gear as a whole, through its recordings.
+
+    Parameters
+    ----------
+    time_s : sequence of float
+        Times of the recordings that estimate its loss, strictly increasing [s].
+    places : sequence of Place
+        What they say, as many.
+    followed : int, >= 1
+        Teeth followed in all, for which probabilities are corrected.
+    below : float, in (0, 0.5]
+        Probability of calling a change on any of them if there is none.
+    level : float, in (0, 1)
+        Of all intervals.
+    recordings : int
+        Recordings in the history.
+    limit : float or None
+        What the loss is held against.
+
+    Returns
+    -------
+    ToothTrend
+
+    Notes
+    -----
+    Whether the loss changed is tested with the uncertainties as stated: those of a sound tooth.
+    Once it has, the trend is fitted with `own_series`, and how it went on is no longer a question
+    of how many teeth there are.
+    """
+    stated = Series(
+        time_s=np.array(time_s, dtype=float),
+        value=np.array([place.loss for place in places], dtype=float),
+        sigma=np.array([place.loss_sigma for place in places], dtype=float),
+    )
+    own, common, missed = own_series(stated)
+    trend = fit_trend(stated, below=below / followed, level=level)
+    if trend.changes:
+        refined = fit_trend(own, below=below, level=level)
+        # a loss that came at once may hide behind what could have been missed before it
+        trend = refined if refined.changes else trend
+    trend = replace(trend, common=common, missed=missed)
+    chances = [change_probability(stated), *(c.false_alarm_probability for c in trend.changes)]
+    low, high = (
+        np.array([getattr(place, name) for place in places], dtype=float)
+        for name in ("loss_low", "loss_high")
+    )
+    reach = HALF_OF_90 * stated.sigma
+    low = np.where(np.isnan(low), stated.value - reach, low)
+    clear = low > 0
+    by_chance = float(bdtrc(np.count_nonzero(clear) - 1.0, len(stated), _CLEAR_BY_CHANCE))
+    several = int(np.count_nonzero(clear & (trend.at(stated.time_s)[1] > 0))) >= SEVERAL
+    return ToothTrend(
+        stage=places[0].stage,
+        gear=places[0].gear,
+        tooth=places[0].tooth,
+        trend=trend,
+        low=low,
+        high=np.where(np.isnan(high), stated.value + reach, high),
+        stands=several and (bool(trend.changes) or by_chance * followed < below),
+        false_alarm_probability=min(1.0, min(chances) * followed),
+        recordings=recordings,
+        limit=limit,
+    )
+
+
+def own_series(stated: Series) -> tuple[Series, float, float]:
+    """Split the uncertainty of losses into what all recordings share and what each has by itself.
+
+    Parameters
+    ----------
+    stated : Series
+        Losses with their standard deviations.
+
+    Returns
+    -------
+    own : Series
+        With standard deviations of what differs between recordings.
+    common : float
+        Standard deviation, relative to the loss, of what they share.
+    missed : float
+        Loss up to which one may have been missed where none was found; 0 if none was found at all.
+
+    Notes
+    -----
+    No recording is surer of the size than what all share, so the relative uncertainty of the surest
+    is taken for that; it errs to the safe side. Estimates that do not stand clear of zero may have
+    missed a loss as large as the smallest that was found, but hardly one of more than 10 %.
+    """
+    value, sigma = stated.value, stated.sigma
+    clear = value > HALF_OF_90 * sigma
+    if not clear.any():
+        return stated, 0.0, 0.0
+    common = float(np.min(sigma[clear] / value[clear]))
+    own = np.sqrt(np.maximum(sigma**2 - (common * value) ** 2, 0.0))
+    own = np.maximum(own, np.maximum(sigma.min(), _OWN_SHARE * np.abs(value)))
+    missed = min(_MOST_MISSED, float(value[clear].min()))
+    own[~clear] = np.maximum(own[~clear], missed / HALF_OF_90)
+    return replace(stated, sigma=own), common, missed
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

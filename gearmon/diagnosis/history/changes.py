@@ -1,0 +1,764 @@
+"""When did it begin: changes of a short, unevenly spaced, unevenly certain series.
+
+A change is either *growth* from any time after the first recording on or a *step* between two
+neighbouring recordings. Growth is found as a kink ``b max(0, t - tau)``, to which any that speeds
+up is close enough. The penalty for assuming a change is not a matter of taste: it is the bound on
+the probability that noise alone correlates as well with any kink or step.
+
+A crack grows faster the larger it is, and a straight line through such growth meets the level
+before it far too late: when it began can only be told along with how it bends. Along the courses
+(straight, powers of time, exponentials) one trades off against the other, so that the likelihood is
+flat along a ridge. The interval is the profile over all courses, joined with the credible interval
+of even chances: the first alone ends a little too soon where the courses tried lie far apart for
+the noise. The time itself is the median of what the courses and places leave possible, whose bias
+is a small part of that of a kink.
+
+References
+----------
+I. Johnstone and D. Siegmund, On Hotelling's formula for the volume of tubes and Naiman's
+inequality, Ann. Statist. 17 (1989), for the bound; M. Knowles, D. Siegmund and H. Zhang, Confidence
+regions in semilinear regression, Biometrika 78 (1991), for its use on kinks; Y.-C. Yao,
+Approximating the distribution of the maximum likelihood estimate of the change-point, Ann. Statist.
+15 (1987), for the two-sided walk about a step.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import betainc, stdtrit
+
+from gearmon.diagnosis.history.entries import time_text
+from gearmon.errors import ArgumentError, check_range
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+#: Fewest recordings on which a change is looked for, and that must bear one: one that stands out is
+#: not yet a change.
+FEWEST, BORNE_BY = 6, 2
+#: Changes that are looked for one after the other.
+MOST_CHANGES = 3
+#: A change has to be this improbable even without the recording that speaks for it most.
+WITHOUT_ONE = 0.05
+#: Share of the false-alarm probability for growth that was undone, which is looked for only where
+#: the scatter is so many times what was stated.
+_PAIR_SHARE, _UNEXPLAINED = 0.2, 1.5
+# Places of a change that are tried between two recordings, and in all: to find it (fewer of long
+# series, for the sake of time), and to time it.
+_BETWEEN, _MOST_NUMBERS, _FOUND_AT, _TIMED_AT = 16, 400_000, (200, 4000), (320, 1000)
+# Exponents beyond which an exponential is as good as without end, and its square still finite.
+_MOST_FOLDS = 200.0
+_TINY = np.finfo(float).tiny
+
+
+@dataclass(frozen=True, kw_only=True)
+class Growth:
+    """Course of a change from 0 before it began to 1 at the last recording.
+
+    Parameters
+    ----------
+    exponent : float, 0 or in [1, 10]
+        p of ``x^p``; 1 is straight, 0 a step.
+    folds : float, in [0, 50]
+        g of ``(e^(g x) - 1) / (e^g - 1)``, which is taken if it is above 0.
+
+    Examples
+    --------
+    >>> Growth(exponent=2.0).at(np.array([-1.0, 0.5, 1.0, 2.0]))
+    array([0.  , 0.25, 1.  , 4.  ])
+    """
+
+    exponent: float = 1.0
+    folds: float = 0.0
+
+    @property
+    def straight(self) -> bool:
+        """Whether it does not speed up."""
+        return self.exponent == 1.0 and self.folds == 0.0
+
+    @property
+    def kind(self) -> str:
+        """``straight``, ``power`` or ``exponential``."""
+        return "straight" if self.straight else "exponential" if self.folds else "power"
+
+    def at(self, share: FloatArray) -> FloatArray:
+        """Return values at shares of the time from its begin to the last recording; 0 before."""
+        since = np.maximum(share, 0.0)
+        if self.folds:
+            grown = np.expm1(np.minimum(self.folds * since, _MOST_FOLDS))
+            return np.asarray(grown / np.expm1(self.folds))
+        return np.where(share > 0, since**self.exponent, 0.0)
+
+    def rate(self, share: FloatArray) -> FloatArray:
+        """Return the derivative of `at`; 0 up to where it began."""
+        since = np.maximum(share, _TINY)
+        if self.folds:
+            grown = np.exp(np.minimum(self.folds * since, _MOST_FOLDS))
+            rate = self.folds * grown / np.expm1(self.folds)
+        else:
+            rate = self.exponent * since ** (self.exponent - 1.0)
+        return np.where(share > 0, rate, 0.0)
+
+    def bend(self, share: FloatArray) -> FloatArray:
+        """Return the direction in which `at` moves with the exponent; 0 up to where it began."""
+        since = np.maximum(share, _TINY)
+        if self.folds:
+            grown = since * np.exp(np.minimum(self.folds * since, _MOST_FOLDS))
+            return np.where(share > 0, grown, 0.0)
+        return np.asarray(since**self.exponent * np.log(since))
+
+
+STEP, STRAIGHT = Growth(exponent=0.0), Growth()
+#: Courses of growth that are tried, the straight one first.
+GROWTHS = (
+    STRAIGHT,
+    *(Growth(exponent=p) for p in (1.5, 2.0, 2.5, 3.0, 4.0)),
+    *(Growth(folds=g) for g in (1.5, 3.0, 4.5, 6.0)),
+)
+COURSES = (STEP, *GROWTHS)
+#: How likely each is held beforehand: that growth is straight as likely as that it is not.
+CHANCES = np.array([0.5] + [0.05] * 5 + [0.0625] * 4)
+
+
+def growth_rows(
+    time_s: FloatArray, places_s: FloatArray, end_s: float, growth: Growth, *, rates: bool = False
+) -> FloatArray:
+    """Return a course that began at some places, as rows.
+
+    Parameters
+    ----------
+    time_s : ndarray of float, shape (n,)
+        Times [s].
+    places_s : ndarray of float, shape (places,)
+        Where it began [s], before `end_s`.
+    end_s : float
+        Time of the last recording [s].
+    growth : Growth
+    rates : bool
+        Whether derivatives [1/s] are asked for.
+
+    Returns
+    -------
+    ndarray of float, shape (places, n)
+        Of growth ``L growth((t - tau) / L)`` with ``L = end_s - tau``: of mean slope 1 up to the
+        last one. A step has the height 1.
+    """
+    span = np.maximum(end_s - places_s, _TINY)[:, None]
+    share = (time_s - places_s[:, None]) / span
+    if rates:
+        return growth.rate(share)
+    return np.asarray(growth.at(share) * (span if growth.exponent else 1.0))
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChangePoint:
+    """One change of a series.
+
+    Parameters
+    ----------
+    growth : Growth
+        Its course.
+    time_s : float
+        Of growth when it began; of a step the middle between the two recordings [s].
+    end_s : float
+        Time of the last recording [s].
+    low_s, high_s : float
+        Interval of `time_s` [s], at the level asked for; see `open_before`.
+    open_before : bool
+        Whether the interval begins with the first recording: it may have begun before.
+    size : float
+        Growth: change of slope, mean up to the last recording [1/s]. Step: its height.
+    false_alarm_probability : float
+        Bound on the probability that noise gives as clear a change anywhere in the series.
+    """
+
+    growth: Growth
+    time_s: float
+    end_s: float
+    low_s: float = -math.inf
+    high_s: float = math.inf
+    open_before: bool = True
+    size: float = 0.0
+    false_alarm_probability: float = 1.0
+
+    @property
+    def kind(self) -> str:
+        """``growth`` from some time on, or a ``step`` between two recordings."""
+        return "growth" if self.growth.exponent else "step"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return built-in types, ready for JSON."""
+        return {
+            "kind": self.kind,
+            "course": self.growth.kind if self.growth.exponent else None,
+            "time": time_text(self.time_s),
+            "time_low": time_text(self.low_s),
+            "time_high": time_text(self.high_s),
+            "may_have_begun_before": self.open_before,
+            "direction": "rise" if self.size > 0 else "fall",
+            "false_alarm_probability": self.false_alarm_probability,
+        }
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Series:
+    """Values over time with their standard deviations.
+
+    Parameters
+    ----------
+    time_s : ndarray of float, shape (n,)
+        Strictly increasing [s].
+    value : ndarray of float, shape (n,)
+    sigma : ndarray of float, shape (n,)
+        Standard deviations, > 0.
+    sigma_known : bool
+        Whether they are known in size and not only relative to one another: noise is then never
+        held to be smaller, whatever the scatter.
+
+    Raises
+    ------
+    ArgumentError
+        If shapes, order or values are wrong.
+    """
+
+    time_s: FloatArray
+    value: FloatArray
+    sigma: FloatArray
+    sigma_known: bool = True
+
+    def __post_init__(self) -> None:
+        """Check and freeze the arrays."""
+        for name in ("time_s", "value", "sigma"):
+            own = np.array(getattr(self, name), dtype=float)
+            if own.ndim != 1 or len(own) != len(self.time_s) or not np.isfinite(own).all():
+                raise ArgumentError(
+                    f"{name}: must be a row of finite numbers, as many as times; shape {own.shape}"
+                )
+            own.flags.writeable = False
+            object.__setattr__(self, name, own)
+        if np.any(np.diff(self.time_s) <= 0):
+            raise ArgumentError("time_s: times must increase strictly")
+        if np.any(self.sigma <= 0):
+            raise ArgumentError("sigma: standard deviations must be > 0")
+
+    def __len__(self) -> int:
+        """Return the number of values."""
+        return len(self.time_s)
+
+
+def change_columns(
+    time_s: FloatArray,
+    changes: Sequence[ChangePoint],
+    *,
+    tangents: bool = False,
+    rates: bool = False,
+) -> FloatArray:
+    """Return a constant and the shapes of some changes as columns.
+
+    Parameters
+    ----------
+    time_s : ndarray of float, shape (n,)
+        Times [s].
+    changes : sequence of ChangePoint
+    tangents : bool
+        Whether growth brings the directions in which it would move and bend as well: what growth
+        that is a little off leaves behind must not be taken for another change.
+    rates : bool
+        Whether derivatives [1/s] are asked for.
+
+    Returns
+    -------
+    ndarray of float, shape (n, columns)
+    """
+    columns = [np.full(len(time_s), 0.0 if rates else 1.0)]
+    for change in changes:
+        place, growth = np.array([change.time_s]), change.growth
+        columns.append(growth_rows(time_s, place, change.end_s, growth, rates=rates)[0])
+        if tangents and growth.exponent:
+            share = (time_s - change.time_s) / (change.end_s - change.time_s)
+            columns += [growth.rate(share), growth.bend(share)]
+    return np.column_stack(columns)
+
+
+def find_changes(
+    series: Series, *, below: float = 0.01, level: float = 0.9, most: int = MOST_CHANGES
+) -> tuple[ChangePoint, ...]:
+    """Find the changes of a series that noise would not make.
+
+    Parameters
+    ----------
+    series : Series
+        The scatter about the trend sets the scale of the noise; where the standard deviations are
+        known in size, noise is held to be at least that.
+    below : float, in (0, 0.5]
+        Probability of calling any change in a series without one.
+    level : float, in (0, 1)
+        Of the intervals of their times.
+    most : int
+        Changes looked for; each further one is tested against those found before.
+
+    Returns
+    -------
+    tuple of ChangePoint
+        In the order of time.
+
+    Raises
+    ------
+    ArgumentError
+        If a level is out of its range.
+
+    Notes
+    -----
+    With the mean (and the changes already found) projected out, Gaussian noise points into a
+    direction that is uniform on the sphere of the remaining m dimensions. The places of a kink are
+    a curve on that sphere, of length kappa; that the noise comes within an angle arccos(c) of it
+    has a probability of at most ``kappa / 2 pi (1 - c^2)^(m/2 - 1) + P(B(1/2, (m-1)/2) >= c^2) /
+    2``, for either sign. Recordings are taken as independent. Where the standard deviations are
+    known, a change also has to be larger than noise of that size would make it: values that scatter
+    less than they are said to be sure of tell nothing below that.
+    """
+    check_range("below", below, 0.0, 0.5)
+    check_range("level", level, 0.0, 1.0)
+    enough = len(series) >= FEWEST and most > 1
+    found = _repaired(series, _PAIR_SHARE * below) if enough else []
+    while len(found) < most and len(series) >= FEWEST + 2 * len(found):
+        best = _search(series, found)
+        allowed = below if found else (1.0 - _PAIR_SHARE) * below
+        if best is None or best.false_alarm_probability >= allowed:
+            break
+        if not _borne(series, found, best):
+            break
+        found = _refined(series, [*found, _bent(series, best, found)], below)
+    placed = [_timed(series, one, _others(found, one), level) for one in found]
+    return _sized(series, sorted(placed, key=lambda change: change.time_s))
+
+
+def change_probability(series: Series) -> float:
+    """Bound on the probability that noise gives a change as clear as the clearest of a series.
+
+    Parameters
+    ----------
+    series : Series
+
+    Returns
+    -------
+    float
+        In [0, 1]; 1 for series too short to bear a change.
+    """
+    best = _search(series, []) if len(series) >= FEWEST else None
+    return 1.0 if best is None else best.false_alarm_probability
+
+
+def permuted_probability(series: Series, *, permutations: int = 4999, seed: int = 0) -> float:
+    """Probability that a series in random order shows a change as clear as this one.
+
+    Parameters
+    ----------
+    series : Series
+        Its standard deviations must be equal.
+    permutations : int, > 0
+        Random orders.
+    seed : int
+        Of these.
+
+    Returns
+    -------
+    float
+        ``(1 + orders at least as clear) / (1 + permutations)``: exact whatever the law of the
+        values, if their order has no meaning; never below ``1 / (1 + permutations)``. 1 for a
+        series too short or without any variation.
+
+    Raises
+    ------
+    ArgumentError
+        If the standard deviations differ.
+    """
+    if len(series) and np.ptp(series.sigma) > 0:
+        raise ArgumentError("sigma: must be equal, or the order has a meaning")
+    if len(series) < FEWEST or np.ptp(series.value) <= 1e-12 * np.abs(series.value).max():
+        return 1.0
+    rows = [_tried(series, growth)[1] for growth in (STRAIGHT, STEP)]
+    paths, _, rest = _beside(series, change_columns(series.time_s, []), np.concatenate(rows))
+    generator = np.random.default_rng(seed)
+    clearest, as_clear = float(np.abs(paths @ rest).max()), 0
+    for start in range(0, permutations, 500):
+        count = min(500, permutations - start)
+        orders = generator.permuted(np.tile(rest, (count, 1)), axis=1)
+        # the same order, up to rounding, is as clear
+        peaks = np.abs(paths @ orders.T).max(axis=0)
+        as_clear += int(np.sum(peaks >= clearest * (1.0 - 1e-9)))
+    return (1 + as_clear) / (1 + permutations)
+
+
+def _others(found: Sequence[ChangePoint], one: ChangePoint) -> list[ChangePoint]:
+    return [change for change in found if change is not one]
+
+
+def _repaired(series: Series, below: float) -> list[ChangePoint]:
+    """Return growth with the step that undid it, where neither shows without the other.
+
+    Each step is taken for granted in turn; what then shows is charged with the number of steps.
+    """
+    mean = np.average(series.value, weights=series.sigma**-2.0)
+    scatter = np.sqrt(np.mean(((series.value - mean) / series.sigma) ** 2))
+    if not series.sigma_known or scatter < _UNEXPLAINED or len(series) < FEWEST + 2:
+        return []
+    if change_probability(series) < below:
+        return []
+    places, end = _tried(series, STEP)[0], float(series.time_s[-1])
+    steps = [ChangePoint(growth=STEP, time_s=float(place), end_s=end) for place in places]
+    pairs = [[step, other] for step in steps if (other := _search(series, [step])) is not None]
+    best = min(pairs, key=lambda pair: pair[1].false_alarm_probability, default=None)
+    if best is None or best[1].false_alarm_probability * len(places) >= below:
+        return []
+    return _refined(series, best, below) if _borne(series, best[:1], best[1]) else []
+
+
+def _borne(series: Series, known: Sequence[ChangePoint], change: ChangePoint) -> bool:
+    """Tell whether a change stands without the recording that speaks for it most.
+
+    A single wrong estimate at one end of a series looks like growth, and no law of its noise holds.
+    """
+    base = change_columns(series.time_s, known)
+    shape = change_columns(series.time_s, [change])[:, 1]
+    (path,), _, rest = _beside(series, base, shape[None])
+    kept = np.arange(len(series)) != np.argmax(path * rest * np.sign(path @ rest))
+    parts = {name: getattr(series, name)[kept] for name in ("time_s", "value", "sigma")}
+    without = _search(replace(series, **parts), known)
+    return without is not None and without.false_alarm_probability < WITHOUT_ONE
+
+
+def _refined(series: Series, found: list[ChangePoint], below: float) -> list[ChangePoint]:
+    """Place each change anew while the others stand, and drop what noise then explains."""
+    for _ in range(3 if len(found) > 1 else 0):
+        for number, change in enumerate(found):
+            better = _search(series, _others(found, change))
+            if better is not None:
+                found[number] = _bent(series, better, _others(found, change))
+    return [change for change in found if change.false_alarm_probability < below]
+
+
+def _search(series: Series, known: Sequence[ChangePoint]) -> ChangePoint | None:
+    """Return the clearest change beside those known."""
+    base = change_columns(series.time_s, known, tangents=True)
+    left, whole = len(series) - base.shape[1], float(np.linalg.norm(series.value / series.sigma))
+    best, closest, lengths = None, 0.0, []
+    for growth in (STRAIGHT, STEP) if left >= 3 else ():
+        places, rows = _tried(series, growth)
+        paths, sizes, rest = _beside(series, base, rows)
+        size, kept = float(np.linalg.norm(rest)), sizes > 0
+        if size <= 1e-12 * whole:
+            return None
+        if series.sigma_known and 2.0 * known_noise_bound(size, 0.0) >= 1.0:
+            return None  # whatever the shape, the probability of the two families is 1
+        if not kept.any():
+            continue
+        # the length of a path through directions, which may be turned round
+        turned = np.abs(np.sum(paths[kept][1:] * paths[kept][:-1], axis=1))
+        lengths.append(float(np.arccos(np.minimum(turned, 1.0)).sum()))
+        along = np.abs(paths @ rest) / size
+        if best is None or along.max() > closest:
+            place, closest = float(places[np.argmax(along)]), float(along.max())
+            best = ChangePoint(growth=growth, time_s=place, end_s=float(series.time_s[-1]))
+    if best is None:
+        return None
+    probability = sum(tube_bound(closest, length, left) for length in lengths)
+    if series.sigma_known:
+        least = sum(known_noise_bound(closest * size, length) for length in lengths)
+        probability = max(probability, least)
+    return replace(best, false_alarm_probability=min(1.0, probability))
+
+
+def _tried(series: Series, growth: Growth) -> tuple[FloatArray, FloatArray]:
+    """Return the places at which kinks or steps are tried, and their shapes as rows."""
+    times, most = series.time_s, int(np.clip(_MOST_NUMBERS // max(1, len(series)), *_FOUND_AT))
+    if growth.exponent:
+        places = _between(times[: len(times) - BORNE_BY], most, most)
+    else:
+        places = 0.5 * (times[1:] + times[:-1])[BORNE_BY - 1 : len(times) - BORNE_BY]
+        if len(places) > most:
+            places = places[np.linspace(0, len(places) - 1, most).astype(int)]
+    return places, growth_rows(times, places, float(times[-1]), growth)
+
+
+def _between(knots: FloatArray, about: int, most: int) -> FloatArray:
+    """Return about so many places at and between recordings."""
+    between = int(np.clip(about // max(1, len(knots)), 1, _BETWEEN))
+    numbers = np.linspace(0, len(knots) - 1, min(most, between * (len(knots) - 1) + 1))
+    return np.interp(numbers, np.arange(len(knots)), knots)
+
+
+def _beside(
+    series: Series, base: FloatArray, rows: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Project known columns out of shapes and values, in standard deviations.
+
+    Returns the unit directions of the shapes, their sizes (nought of both where a shape has none),
+    and what is left of the values.
+    """
+    basis = np.linalg.qr(base / series.sigma[:, None])[0]
+    whole = np.vstack([series.value, rows]) / series.sigma
+    rest = whole - (whole @ basis) @ basis.T
+    size, before = np.linalg.norm(rest[1:], axis=1), np.linalg.norm(whole[1:], axis=1)
+    size[size <= 1e-7 * np.maximum(before, _TINY)] = 0.0
+    paths = rest[1:] * (size > 0)[:, None] / np.where(size > 0, size, 1.0)[:, None]
+    return paths, size, rest[0]
+
+
+def _solver(series: Series, changes: Sequence[ChangePoint]) -> FloatArray:
+    """Return what makes values, in standard deviations, the constant and the sizes of changes."""
+    columns = change_columns(series.time_s, changes) / series.sigma[:, None]
+    # seconds of years stand beside ones
+    scale = np.linalg.norm(columns, axis=0)
+    return np.asarray(np.linalg.pinv(columns / scale) / scale[:, None])
+
+
+def _sized(series: Series, changes: Sequence[ChangePoint]) -> tuple[ChangePoint, ...]:
+    """Fit the sizes of all changes together."""
+    sizes = _solver(series, changes) @ (series.value / series.sigma)
+    return tuple(replace(c, size=float(x)) for c, x in zip(changes, sizes[1:], strict=True))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fits:
+    """Least squares by a constant, known changes and one more, for each place and course of that.
+
+    Parameters
+    ----------
+    series : Series
+    known : sequence of ChangePoint
+    places : ndarray of float, shape (fits,)
+        Where the one more began [s]; of a step any time between two recordings.
+    courses : ndarray of int, shape (fits,)
+        Its course, by its number in `COURSES`.
+    """
+
+    series: Series
+    known: Sequence[ChangePoint]
+    places: FloatArray
+    courses: IntArray
+
+    @classmethod
+    def of_growth(cls, series: Series, known: Sequence[ChangePoint], places: FloatArray) -> Fits:
+        """Return those by growth of every course from every place, course by course."""
+        courses = np.repeat(np.arange(1, len(COURSES)), len(places))
+        every = np.tile(places, len(GROWTHS))
+        return cls(series=series, known=known, places=every, courses=courses)
+
+    @classmethod
+    def of_step(cls, series: Series, known: Sequence[ChangePoint], places: FloatArray) -> Fits:
+        """Return those by a step at every place."""
+        none = np.zeros(len(places), dtype=np.int64)
+        return cls(series=series, known=known, places=places, courses=none)
+
+    @cached_property
+    def left(self) -> FloatArray:
+        """Weighted sum of squares that each leaves, shape (fits,)."""
+        paths, _, rest = self._freed
+        return np.maximum(float(rest @ rest) - (paths @ rest) ** 2, 0.0)
+
+    def at(
+        self, time_s: FloatArray, which: IntArray, *, rates: bool = False
+    ) -> tuple[FloatArray, FloatArray]:
+        """Value, or rate, of some fits and its variance in units of that of the noise.
+
+        Parameters
+        ----------
+        time_s : ndarray of float, shape (k,)
+            Times [s].
+        which : ndarray of int, shape (some,)
+            The fits.
+        rates : bool
+            Whether derivatives [1/s] are asked for.
+
+        Returns
+        -------
+        value, variance : ndarray of float, shape (some, k)
+
+        Notes
+        -----
+        What the known columns explain of the one more is taken off it, so that its size is
+        independent of theirs and the variances add (Frisch and Waugh).
+        """
+        paths, size, rest = self._freed
+        series, solver = self.series, _solver(self.series, self.known)
+        known = change_columns(time_s, self.known, rates=rates)
+        explained = self._rows(series.time_s, which) / series.sigma @ solver.T
+        beside = self._rows(time_s, which, rates=rates) - explained @ known.T
+        beside *= np.where(size > 0, 1 / np.where(size > 0, size, 1.0), 0.0)[which, None]
+        value = known @ solver @ (series.value / series.sigma)
+        variance = np.sum((known @ solver) ** 2, axis=1)
+        return value + beside * (paths[which] @ rest)[:, None], variance + beside**2
+
+    @cached_property
+    def _freed(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        base, every = change_columns(self.series.time_s, self.known), np.arange(len(self.places))
+        return _beside(self.series, base, self._rows(self.series.time_s, every))
+
+    def _rows(self, time_s: FloatArray, which: IntArray, *, rates: bool = False) -> FloatArray:
+        """Shapes of the one more at some times, shape (some, times)."""
+        end, rows = float(self.series.time_s[-1]), np.empty((len(which), len(time_s)))
+        places, courses = self.places[which], self.courses[which]
+        for number in np.unique(courses):
+            own = courses == number
+            rows[own] = growth_rows(time_s, places[own], end, COURSES[number], rates=rates)
+        return rows
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Left:
+    """What growth of every course from every place, and every step, leave of a series."""
+
+    places: FloatArray
+    growth: FloatArray  # (courses, places)
+    middles: FloatArray
+    step: FloatArray
+    freedom: int
+    variance: float
+
+    @classmethod
+    def of(cls, series: Series, others: Sequence[ChangePoint]) -> _Left:
+        # it may have begun at any time before the last recording but one
+        places, middles = _between(series.time_s[:-1], *_TIMED_AT), _tried(series, STEP)[0]
+        growth = Fits.of_growth(series, others, places).left.reshape(len(GROWTHS), -1)
+        step = Fits.of_step(series, others, middles).left
+        freedom, least = len(series) - 3 - len(others), min(growth.min(), step.min())
+        return cls(
+            places=places,
+            growth=growth,
+            middles=middles,
+            step=step,
+            freedom=freedom,
+            variance=max(least / max(1, freedom), 1.0 if series.sigma_known else 0.0),
+        )
+
+    @property
+    def chance(self) -> FloatArray:
+        """Chance of each course from each place, shape (courses, places)."""
+        told = np.exp(-0.5 * (self.growth - self.growth.min()) / max(self.variance, _TINY))
+        # places stand closer together where recordings do
+        chance = CHANCES[:, None] * told * np.gradient(self.places)
+        return np.asarray(chance / chance.sum())
+
+
+def _bent(series: Series, change: ChangePoint, others: Sequence[ChangePoint]) -> ChangePoint:
+    """Return a change with the course and place of growth that fit best.
+
+    A step that growth explains better, by more than one fitted number is worth, becomes growth.
+    """
+    left = _Left.of(series, others)
+    worth = left.variance * math.log(len(series))
+    if change.kind == "step" and left.growth.min() + worth > left.step.min():
+        return change
+    course, place = np.unravel_index(int(np.argmin(left.growth)), left.growth.shape)
+    return replace(change, time_s=float(left.places[place]), growth=GROWTHS[course])
+
+
+def _timed(
+    series: Series, change: ChangePoint, others: Sequence[ChangePoint], level: float
+) -> ChangePoint:
+    """Return a change with its time and the interval of that.
+
+    A small change may be a step as well as growth: places of both count.
+    """
+    times, left = series.time_s, _Left.of(series, others)
+    if left.freedom < 1:
+        return replace(change, low_s=float(times[0]), high_s=float(times[-1]))
+    quantile = kink_quantile(level, left.freedom)
+    if change.kind == "step":
+        quantile = max(quantile, step_quantile(level, left.freedom))
+    most = min(left.growth.min(), left.step.min()) + left.variance * quantile + _TINY
+    # a step lies anywhere between the recordings on its two sides
+    later = np.searchsorted(times, left.middles[left.step <= most])
+    kept = [left.places[left.growth.min(axis=0) <= most], times[later - 1], times[later]]
+    if change.kind == "step":
+        change = replace(change, time_s=float(left.middles[np.argmin(left.step)]))
+    else:
+        chance = left.chance.sum(axis=0)
+        inside = [0.5 - 0.5 * level, 0.5, 0.5 + 0.5 * level]
+        low, middle, high = np.interp(inside, np.cumsum(chance) - 0.5 * chance, left.places)
+        near = int(np.argmin(np.abs(left.places - middle)))
+        course = GROWTHS[int(np.argmax(left.chance[:, near]))]
+        change = replace(change, time_s=float(left.places[near]), growth=course)
+        kept.append(np.array([low, high]))
+    first, last = (float(end(np.concatenate(kept))) for end in (np.min, np.max))
+    return replace(change, low_s=first, high_s=last, open_before=bool(first <= times[0]))
+
+
+def tube_bound(closeness: float, length: float, dimensions: int) -> float:
+    """Bound the probability that a random direction comes close to a path or its mirror image.
+
+    Parameters
+    ----------
+    closeness : float, in [0, 1]
+        Cosine of the angle.
+    length : float, >= 0
+        Length of the path on the unit sphere [rad].
+    dimensions : int, >= 2
+        Of the space that the sphere lies in.
+
+    Returns
+    -------
+    float
+        ``length / pi (1 - c^2)^(m/2 - 1) + P(B(1/2, (m - 1)/2) >= c^2)``, at most 1. Exact for a
+        single direction (length 0); an upper bound for any path, close to it where it is small.
+
+    Examples
+    --------
+    >>> tube_bound(0.0, 0.0, 5), round(tube_bound(0.5, 0.0, 3), 12)
+    (1.0, 0.5)
+    """
+    rest = max(0.0, 1.0 - closeness**2)
+    end = float(betainc(0.5 * (dimensions - 1), 0.5, rest))
+    middle = length / math.pi * math.pow(rest, 0.5 * dimensions - 1.0)
+    return min(1.0, middle + end)
+
+
+def known_noise_bound(gain: float, length: float) -> float:
+    """Bound the probability that noise of known size reaches as far along any direction of a path.
+
+    Parameters
+    ----------
+    gain : float, >= 0
+        Length of the projection, in standard deviations of the noise.
+    length : float, >= 0
+        Length of the path of directions on the unit sphere [rad].
+
+    Returns
+    -------
+    float
+        ``length / pi exp(-g^2 / 2) + erfc(g / sqrt 2)``, at most 1: the limit of `tube_bound` for
+        many dimensions.
+
+    Examples
+    --------
+    >>> known_noise_bound(0.0, 0.0), round(known_noise_bound(1.6448536, 0.0), 6)
+    (1.0, 0.1)
+    """
+    end = math.erfc(gain / math.sqrt(2.0))
+    return min(1.0, length / math.pi * math.exp(-0.5 * gain**2) + end)
+
+
+def kink_quantile(level: float, freedom: int) -> float:
+    """Return the square of Student's t that a two-sided interval at `level` takes."""
+    return float(stdtrit(freedom, 0.5 + 0.5 * level)) ** 2
+
+
+def step_quantile(level: float, freedom: int) -> float:
+    """Return how much worse, in variances, the fit of a step may be elsewhere at `level`.
+
+    Notes
+    -----
+    About a small step the gain in fit is that of two independent random walks with drift, one to
+    each side: ``P(gain <= x) = (1 - exp(-x/2))^2``, with the exponential averaged over the
+    uncertainty of the variance, ``(1 + x / nu)^(-nu/2)``. For large steps it is conservative.
+    """
+    tail = 1.0 - math.sqrt(level)
+    return float(freedom * math.expm1(-2.0 / freedom * math.log(tail)))
