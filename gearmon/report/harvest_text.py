@@ -118,8 +118,8 @@ def _harvester_lines(place: Placed) -> list[str]:
     if math.isfinite(place.power_with_stops_w):
         told.append(
             f"beyond the clearance: tuned to {place.stops_hz:.4g} Hz it would hit its stops and "
-            f"give {MICRO * place.power_with_stops_w:.3g} uW, if {place.tuned.harvester.restitution:g} "
-            "of its speed is left behind a blow: measure that"
+            f"give {MICRO * place.power_with_stops_w:.3g} uW, if a blow leaves "
+            f"{place.tuned.harvester.restitution:g} of its speed: measure that"
         )
     return [*told, *_degraded_lines(place)]
 
