@@ -177,10 +177,11 @@ def positions_figure(survey: Survey) -> Picture:
     ax.barh(rows, power, height=0.5, color=BLUE, alpha=0.85, label="gears sound")
     known = np.isfinite(low)
     if known.any():
+        # the interval is of stretches that the tuning did not know: it need not hold the bar's end
         ax.errorbar(
-            power[known],
+            (low + high)[known] / 2,
             rows[known],
-            xerr=[power[known] - low[known], high[known] - power[known]],
+            xerr=(high - low)[known] / 2,
             fmt="none",
             ecolor=BLACK,
             capsize=4,
