@@ -1,4 +1,4 @@
-"""Tuning over a design sweep beside time integration; one optimum beside brute force."""
+"""Tuning beside time integration of pair and harvester, and beside brute force."""
 
 from __future__ import annotations
 
@@ -12,16 +12,17 @@ import numpy.typing as npt
 from gearmon.benchmark.timing import facts_of_run, task_time
 from gearmon.dynamics.hill import HillProblem
 from gearmon.dynamics.integration import settle
+from gearmon.dynamics.steady_state import steady_state
 from gearmon.harvesting.beam import beam_modes
-from gearmon.harvesting.cantilever import PiezoCantilever
+from gearmon.harvesting.harvester import Harvester
 from gearmon.harvesting.inertial import InertialHarvester
 from gearmon.harvesting.request import built_in
-from gearmon.harvesting.sweep import DesignSweep, sweep_designs
 from gearmon.harvesting.tuning import tune_harvester
 from gearmon.harvesting.vibration import OperatingShare, vibration_of_lines
 from gearmon.terminal import Progress
 
 Real = npt.NDArray[np.float64]
+_Row = dict[str, Any]
 
 # Reference pair of the source study: mesh period [s], force [N], square wave of +-13 %.
 PERIOD_S, FORCE_N = 1.6e-3, 4.0e3
@@ -43,72 +44,66 @@ RING_DOWNS, STEPS = 7.0, 1024
 
 
 def time_harvesting(progress: Progress | None = None, quick: bool = False) -> list[dict[str, Any]]:
-    """Measure the tuned design sweep and the optimum of a single tuning.
+    """Measure the tuning of gear pairs' lines and the optimum of a single tuning.
 
     Parameters
     ----------
     progress : callable, optional
         Called with the share done, 0 to 1.
     quick : bool
-        One set by time integration and a coarse grid.
+        One pair and a coarse grid.
 
     Returns
     -------
     list of dict
-        ``case``, ``sets``, ``time_s``, ``rival``, ``rival_time_s`` (of all sets, from a sample),
-        ``rival_sample``, ``ratio`` of times and ``power_ratio``, ours over the rival's.
+        ``case``, ``sets``, ``time_s`` and ``rival_time_s`` of one, ``rival``, ``ratio`` of times
+        and ``power_ratio``, ours over the rival's.
     """
     tell = progress or (lambda _: None)
-    rows = [_sweep_row(1 if quick else 6, tell)]
+    rows = [_pairs_row(1 if quick else 6, tell)]
     rows += [_optimum_row(harvester, quick) for harvester in (_inertial(), built_in()[0])]
     tell(1.0)
     facts = facts_of_run()
     return [row | facts for row in rows]
 
 
-def _sweep_row(sample: int, tell: Progress) -> dict[str, Any]:
-    _swept()  # plans and caches, as in any longer run
-    runs = [task_time(_swept) for _ in range(REPEATS)]
-    seconds, found = float(np.median([taken for taken, _ in runs])), runs[0][1].tuning
+def _pairs_row(sample: int, tell: Progress) -> dict[str, Any]:
     rng = np.random.default_rng(0)
-    chosen = rng.choice(found.power_w.size, sample, replace=False)
-    spent, ratios = [], []
-    for number, index in enumerate(chosen):
-        place = tuple(int(i) for i in np.unravel_index(index, found.power_w.shape))
-        taken, power = task_time(partial(_integrated, place))
-        spent.append(taken)
-        ratios.append(float(found.power_w[place]) / power)
+    times, ratios = [], []
+    for number in range(sample):
+        mass, damping, stiffness = (float(rng.choice(v)) for v in (MASS, DAMPING, STIFFNESS))
+        known = mass, damping, stiffness, VARIATION.astype(complex)
+        problem = HillProblem(*known, PERIOD_S, FORCE_N)
+        _tuned_power(problem)  # plans and caches, as in any longer run
+        runs = [task_time(partial(_tuned_power, problem)) for _ in range(REPEATS)]
+        spent, power = task_time(partial(_integrated, problem))
+        times.append((float(np.median([taken for taken, _ in runs])), spent))
+        ratios.append(runs[0][1] / power)
         tell(0.8 * (number + 1) / sample)
-    case = "design sweep, 8 stiffnesses x 9 masses x 9 dampings, each tuned"
+    ours, rival_s = np.mean(times, axis=0).tolist()
     rival = "time integration of pair and harvester (SciPy LSODA, exact steps)"
-    sets, power = found.power_w.size, float(np.median(ratios))
-    whole = float(np.mean(spent)) * sets
-    return _row(case, sets, seconds, rival, whole, sample, whole / seconds, power)
+    power = float(np.median(ratios))
+    return _row("lines of a gear pair and their tuning", sample, ours, rival, rival_s, power)
 
 
-def _row(*values: Any) -> dict[str, Any]:
-    columns = ("case", "sets", "time_s", "rival", "rival_time_s", "rival_sample")
-    return dict(zip((*columns, "ratio", "power_ratio"), values, strict=True))
+def _row(case: str, sets: int, ours: float, rival: str, rival_s: float, power: float) -> _Row:
+    columns = ("case", "sets", "time_s", "rival", "rival_time_s", "ratio", "power_ratio")
+    values = (case, sets, ours, rival, rival_s, rival_s / ours, power)
+    return dict(zip(columns, values, strict=True))
 
 
-def _swept() -> DesignSweep:
-    return sweep_designs(
-        _inertial(),
-        mass_kg=MASS[:, None],
-        damping_ns_per_m=DAMPING,
-        stiffness_n_per_m=STIFFNESS[:, None, None],
-        stiffness_harmonics=VARIATION,
-        period_s=PERIOD_S,
-        force_n=FORCE_N,
-        highest_hz=HIGHEST_HZ,
+def _tuned_power(problem: HillProblem) -> float:
+    """Mean power [W] of the harvester that is tuned to the lines of a pair."""
+    lines = steady_state(problem, 1e-6).acceleration
+    count = min(len(lines) - 1, int(HIGHEST_HZ * PERIOD_S))
+    shaking = vibration_of_lines(
+        np.arange(1, count + 1) / PERIOD_S, acceleration_ms2=2 * np.abs(lines[1 : count + 1])
     )
+    return tune_harvester(_inertial(), shaking).power_w
 
 
-def _integrated(place: tuple[int, ...]) -> float:
-    """Best mean power [W] of one set: march the pair, then a harvester at each strong line."""
-    mass, damping, stiffness = MASS[place[1]], DAMPING[place[2]], STIFFNESS[place[0]]
-    known = float(mass), float(damping), float(stiffness), VARIATION.astype(complex)
-    problem = HillProblem(*known, PERIOD_S, FORCE_N)
+def _integrated(problem: HillProblem) -> float:
+    """Best mean power [W] of one pair: march it, then a harvester at each strong line."""
     count = int(HIGHEST_HZ * PERIOD_S)
     lines = settle(problem, count, 1e-6).acceleration
     order = np.arange(1, count + 1)
@@ -143,7 +138,7 @@ def _marched(harvester: InertialHarvester, lines: npt.NDArray[np.complex128]) ->
     return float(damper * np.mean(speed**2))
 
 
-def _optimum_row(harvester: InertialHarvester | PiezoCantilever, quick: bool) -> dict[str, Any]:
+def _optimum_row(harvester: Harvester, quick: bool) -> dict[str, Any]:
     duty = _duty()
     tune_harvester(harvester, duty)
     frequencies, loads = (200, 10) if quick else FINE_GRID
@@ -157,13 +152,11 @@ def _optimum_row(harvester: InertialHarvester | PiezoCantilever, quick: bool) ->
     seconds, rival_s = (float(np.median([t for t, _ in runs])) for runs in (ours, rivals))
     case = f"optimum of one tuning, {type(harvester).__name__}"
     rival = f"brute force, {frequencies} frequencies x {loads} loads"
-    ratio = float(np.median([b / a for (a, _), (b, _) in zip(ours, rivals, strict=True)]))
-    power = ours[0][1].power_w / rivals[0][1]
-    return _row(case, 1, seconds, rival, rival_s, 1, ratio, power)
+    return _row(case, 1, seconds, rival, rival_s, ours[0][1].power_w / rivals[0][1])
 
 
 def _brute_force(
-    harvester: InertialHarvester | PiezoCantilever,
+    harvester: Harvester,
     duty: list[OperatingShare],
     frequencies: int,
     loads: int,

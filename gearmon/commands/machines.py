@@ -36,6 +36,8 @@ SHOWN_OF_FAMILY = (
     "error",
 )
 MOST_ROWS = 60
+#: What is assumed of expected lines, and known of recordings.
+ASSUMED = ("path_gain", "wander", "wander_time_s")
 _ALONG_ACTION = (
     "levels are those of the teeth along the line of action; what reaches a sensor on the housing "
     "differs by the path, often tenfold"
@@ -251,18 +253,19 @@ def run_harvest(arguments: argparse.Namespace) -> int:
             [recording_of(path, arguments, machine) for path in arguments.recording],
             budget,
             shares=arguments.share or (),
+            share_error=arguments.share_error or 0.0,
             degraded=[recording_of(path, arguments, machine) for path in arguments.degraded],
             count=arguments.count,
         )
     else:
         _refuse_without_recordings(arguments)
+        assumed = {name: getattr(arguments, name) for name in ASSUMED}
         survey = survey_expected(
             machine,
             harvester,
             budget,
             faults=tuple(arguments.fault),
-            path_gain=arguments.path_gain,
-            wander=arguments.wander,
+            **{name: value for name, value in assumed.items() if value is not None},
             count=arguments.count,
         )
 
@@ -279,12 +282,19 @@ def _refuse_with_recordings(arguments: argparse.Namespace) -> None:
         raise ArgumentError(
             "--fault: only for expected lines; give --degraded RECORDING beside recordings"
         )
+    for name in ASSUMED:
+        if getattr(arguments, name) is not None:
+            option = name.replace("_s", "").replace("_", "-")
+            raise ArgumentError(f"--{option}: only for expected lines; recordings hold their own")
+    if arguments.share_error is not None and not arguments.share:
+        raise ArgumentError("--share-error: only beside --share")
 
 
 def _refuse_without_recordings(arguments: argparse.Namespace) -> None:
-    for name in ("share", "degraded", "channel"):
+    for name in ("share", "share_error", "degraded", "channel", "sampling_rate"):
         if getattr(arguments, name):
-            raise ArgumentError(f"--{name}: only beside recordings; name them after the machine")
+            option = name.replace("_", "-")
+            raise ArgumentError(f"--{option}: only beside recordings; name them after the machine")
 
 
 def _stiffness_arguments(parser: argparse.ArgumentParser) -> None:
@@ -400,8 +410,16 @@ def _harvest_arguments(parser: argparse.ArgumentParser) -> None:
         help="the same operating point with a damaged gear; repeatable, in the same order",
     )
     fault_option(parser)
-    option("--path-gain", type=float, default=1.0, metavar="G", help="mesh to harvester (1)")
-    option("--wander", type=float, default=0.005, metavar="F", help="of speed, relative (0.005)")
+    option("--path-gain", type=float, metavar="G", help="mesh to harvester (1)")
+    option("--wander", type=float, metavar="F", help="of speed, relative (0.005)")
+    option(
+        "--wander-time",
+        type=float,
+        dest="wander_time_s",
+        metavar="S",
+        help="over which it is forgotten, in s (long beside a ring-down)",
+    )
+    option("--share-error", type=float, metavar="F", help="standard deviation of the shares (0)")
     option("--sampling-rate", type=float, metavar="HZ", help="needed if the file does not hold it")
     option("--channel", action="append", metavar="NAME|N", help="only these channels; repeatable")
     option("--tacho", metavar="NAME|N", help=argparse.SUPPRESS)

@@ -1,11 +1,10 @@
 """Harvesting: where to put a vibration energy harvester, how to tune it, what it will power.
 
-Everything rests on one number a frequency: the mean square of the acceleration there [m2/s4], from
-lines that are expected or measured (`Vibration`). A harvester is linear, so its mean power is the
-sum over frequencies of that number times a gain:
+A harvester is linear (`InertialHarvester`, `CoilHarvester`, `PiezoCantilever`): its power and peaks
+under a recording are the recording through its filter, lines and noise alike. Before there is a
+recording, and for the search, the mean square of the acceleration by frequency stands for it:
 
-    P = sum over lines of 2 G(f_i) <a_i^2>,    G the mean power per squared amplitude, a harvester's
-                                               own (`InertialHarvester`, `PiezoCantilever`)
+    P = sum over lines of 2 G(f_i) <a_i^2>,    G the mean power per squared amplitude
 
 From the lines of a gear pair to a tuned harvester and what it powers:
 
@@ -24,19 +23,21 @@ From the lines of a gear pair to a tuned harvester and what it powers:
 >>> SensorBudget(sleep_power_w=0.1e-6).interval_s(tuned.power_w) < 86400   # a recording a day
 True
 
-The rooms inside: `vibration` (what shakes), `power` (what any harvester gives under it), `beam`,
-`cantilever` and `inertial` (what harvests), `tuning`, `sets` and `sweep` (one, several together and
-many designs at once), `request` (its file and what it is to power) and `placement` (where to put
-it).
+The rooms inside: `vibration` (what shakes), `harvester` (what all harvesters are), `beam`,
+`cantilever` and `inertial` (what harvests), `recorded` (what a recording does to them), `power`
+(what they give), `tuning` (one and sets), `budget` (what a sensor gets of it), `request` (the
+harvester's file) and `placement` (where to put it).
 """
 
+from gearmon.harvesting.budget import SensorBudget
 from gearmon.harvesting.cantilever import (
     BEAM_MATERIALS,
     PIEZO_MATERIALS,
     ModalDamping,
     PiezoCantilever,
+    TipBlock,
 )
-from gearmon.harvesting.inertial import InertialHarvester
+from gearmon.harvesting.inertial import CoilHarvester, InertialHarvester
 from gearmon.harvesting.placement import Survey, survey_expected, survey_measured
 from gearmon.harvesting.power import (
     Tuned,
@@ -45,10 +46,9 @@ from gearmon.harvesting.power import (
     half_power_band,
     response_rows,
 )
-from gearmon.harvesting.request import SensorBudget, load_harvester
-from gearmon.harvesting.sets import tune_set
-from gearmon.harvesting.sweep import DesignSweep, sweep_designs
-from gearmon.harvesting.tuning import tune_harvester
+from gearmon.harvesting.recorded import power_with_stops
+from gearmon.harvesting.request import load_harvester
+from gearmon.harvesting.tuning import tune_harvester, tune_set
 from gearmon.harvesting.vibration import (
     OperatingShare,
     Vibration,
@@ -60,23 +60,24 @@ from gearmon.harvesting.vibration import (
 __all__ = [
     "BEAM_MATERIALS",
     "PIEZO_MATERIALS",
-    "DesignSweep",
+    "CoilHarvester",
     "InertialHarvester",
     "ModalDamping",
     "OperatingShare",
     "PiezoCantilever",
     "SensorBudget",
     "Survey",
+    "TipBlock",
     "Tuned",
     "Vibration",
     "bandwidth_against_quality",
     "evaluate",
     "half_power_band",
     "load_harvester",
+    "power_with_stops",
     "response_rows",
     "survey_expected",
     "survey_measured",
-    "sweep_designs",
     "tune_harvester",
     "tune_set",
     "vibration_of_lines",

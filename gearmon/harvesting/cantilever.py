@@ -13,6 +13,10 @@ Layers are bonded along the whole length, b wide. With the modes of `beam` (mass
     v/a = -i w sum_r chi_r F_r/alpha_r / (1/R + Y),   Y = i w C + i w sum_r chi_r^2/alpha_r
     alpha_r = w_r^2 - w^2 + 2 i z_r w_r w;            mean power |v|^2/(2R), largest at R = 1/|Y(w)|
 
+The first few modes stand in these sums as they are; the sum of the others changes little with w, so
+that their static answers stand for them, the difference of the whole static answer, known in closed
+form, and that of the modes kept.
+
 Linear; thin beam (length over thickness above about 20); perfect bonds and thin electrodes. Erturk
 and Inman, J. Vib. Acoust. 130 (2008) 041002; Smart Mater. Struct. 18 (2009) 025009.
 
@@ -32,11 +36,19 @@ import numpy.typing as npt
 
 from gearmon.errors import ArgumentError, check_finite, check_positive, check_range
 from gearmon.harvesting.beam import BeamModes, beam_modes, mass_ratio_for
-from gearmon.harvesting.power import Gains, OneLoad
+from gearmon.harvesting.harvester import OneLoad, Oscillator
 
 Complex = npt.NDArray[np.complex128]
 Real = npt.NDArray[np.float64]
 Wiring = Literal["unimorph", "series", "parallel"]
+
+#: Least length over thickness that is taken; 20 and more is better.
+THINNEST = 5.0
+#: Tungsten: no tip mass is made of anything denser [kg/m3].
+DENSEST_KG_M3 = 19_300.0
+#: Viscosity of air at 20 degrees C by Sutherland's formula; density at 1 bar by the law of ideal
+#: gases with 287 J/(kg K).
+AIR_PA_S, AIR_KG_M3 = 1.81e-5, 1.19
 
 
 @dataclass(frozen=True)
@@ -76,7 +88,12 @@ class PiezoMaterial:
     def __post_init__(self) -> None:
         for name in ("youngs_modulus_pa", "density_kg_m3", "permittivity_f_per_m"):
             check_positive(name, getattr(self, name))
-        check_finite("d31_m_per_v", self.d31_m_per_v, "m/V")
+        # the most that is known, of single crystals, is some 2e-9
+        if abs(check_finite("d31_m_per_v", self.d31_m_per_v, "m/V")) > 1e-8:
+            raise ArgumentError(
+                f"d31_m_per_v={self.d31_m_per_v:g} m/V must lie in [-1e-08, 1e-08]; "
+                "is it in pC/N? 1 pC/N is 1e-12 m/V"
+            )
         check_positive("safe_stress_pa", self.safe_stress_pa, "Pa")
 
     @property
@@ -180,6 +197,29 @@ class ModalDamping:
 
 
 @dataclass(frozen=True, kw_only=True)
+class TipBlock:
+    """A block as wide as the beam that begins at its end, so that it is longer the heavier it is.
+
+    Parameters
+    ----------
+    density_kg_m3, height_m : float, > 0
+        Of its material [kg/m3]; across the beam's plane [m].
+
+    Raises
+    ------
+    ArgumentError
+        If a value is not finite and above 0.
+    """
+
+    density_kg_m3: float
+    height_m: float
+
+    def __post_init__(self) -> None:
+        check_positive("density_kg_m3", self.density_kg_m3, "kg/m3")
+        check_positive("height_m", self.height_m, "m")
+
+
+@dataclass(frozen=True, kw_only=True)
 class PiezoCantilever(OneLoad):
     """A bonded strip of passive and piezoelectric layers, clamped at one end.
 
@@ -190,22 +230,28 @@ class PiezoCantilever(OneLoad):
         with the electrodes in series or in parallel.
     piezo : PiezoMaterial
     passive : BeamMaterial
-    length_m, width_m : float, > 0
+    length_m, width_m : float, > 0 and <= 1
         Free length and width [m].
     passive_thickness_m, piezo_thickness_m : float, > 0
         Thickness of the passive layer and of each piezoelectric one [m].
-    tip_mass_kg : float, >= 0
+    tip_mass_kg : float, 0 to `most_tip_mass_kg`
     tip_gyration_m : float, >= 0
         Radius of gyration of the tip mass about the end of the beam [m]; 0 for a point. A cube of
         side s glued on with the middle of a face has s sqrt(5/12), 0.65 s.
+    tip_block : TipBlock, optional
+        Shape of the tip mass, from which its offset and gyration follow, instead.
     load_ohm : float, > 0
     damping : ModalDamping
-    clearance_m : float, > 0
-        Room of the tip to either side [m].
+    in_air : bool
+        Whether the drag of air is added to the damping: that on oscillating spheres as wide as the
+        beam, side by side (Hosaka, Itao and Kuroda, Sensors and Actuators A 49 (1995) 87-95).
     most_tip_mass_kg : float, >= 0
         Largest tip mass there is room for: `retuned` stays below it.
-    modes : int, 1 to 5
-        Modes that are taken into account.
+    clearance_m, weight_ms2, restitution, load_kept
+        See `OneLoad`.
+    modes : int, 1 to 12
+        Modes that are taken into account as such; all others count with their stiffness, which is
+        known in closed form from the beam under a static load.
 
     Raises
     ------
@@ -222,32 +268,37 @@ class PiezoCantilever(OneLoad):
     piezo_thickness_m: float
     tip_mass_kg: float = 0.0
     tip_gyration_m: float = 0.0
+    tip_block: TipBlock | None = None
     load_ohm: float = 1e5
     damping: ModalDamping = field(default_factory=lambda: ModalDamping(constant=0.01))
-    clearance_m: float = math.inf
+    in_air: bool = False
     most_tip_mass_kg: float = 0.05
-    modes: int = 3
+    modes: int = 4
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.wiring not in get_args(Wiring):
             raise ArgumentError(
                 f"wiring={self.wiring!r} must be one of {', '.join(get_args(Wiring))}"
             )
         for name in ("length_m", "width_m", "passive_thickness_m", "piezo_thickness_m"):
-            check_positive(name, getattr(self, name), "m")
-        check_range("tip_mass_kg", self.tip_mass_kg, 0.0, 1e3, "kg")
-        check_range("tip_gyration_m", self.tip_gyration_m, 0.0, self.length_m, "m")
-        check_range("load_ohm", self.load_ohm, 1e-6, 1e15, "ohm")
-        check_range("modes", self.modes, 1, 5)
-        if not self.clearance_m > 0:
-            raise ArgumentError(f"clearance_m={self.clearance_m} m must be > 0")
-        check_range("most_tip_mass_kg", self.most_tip_mass_kg, 0.0, 1e3, "kg")
-        slender = self.length_m / self.thickness_m
-        if slender < 5:
+            if check_positive(name, getattr(self, name), "m") > 1:
+                raise ArgumentError(
+                    f"{name}={getattr(self, name):g} m must not exceed 1 m; is it in millimetres?"
+                )
+        if self.length_m < THINNEST * self.thickness_m:
             raise ArgumentError(
-                f"length_m={self.length_m:g} m is only {slender:.2g} times the thickness of "
-                f"{self.thickness_m:g} m; thin-beam theory needs at least 5 (better 20)"
+                f"length_m={self.length_m:g} m must be at least {THINNEST:g} times the thickness "
+                f"of {self.thickness_m:g} m: this is thin-beam theory"
             )
+        check_positive("load_ohm", self.load_ohm, "ohm")
+        check_range("tip_gyration_m", self.tip_gyration_m, 0.0, self.length_m, "m")
+        if self.modes not in range(1, 13):
+            raise ArgumentError(f"modes={self.modes} must be a whole number in [1, 12]")
+        # of the densest common material, a cube twice as long as the beam
+        roomy = DENSEST_KG_M3 * (2 * self.length_m) ** 3
+        check_range("most_tip_mass_kg", self.most_tip_mass_kg, 0.0, roomy, "kg")
+        check_range("tip_mass_kg", self.tip_mass_kg, 0.0, self.most_tip_mass_kg * (1 + 1e-9), "kg")
 
     @property
     def thickness_m(self) -> float:
@@ -301,19 +352,20 @@ class PiezoCantilever(OneLoad):
     @cached_property
     def damping_ratios(self) -> Real:
         """Of each mode, shape (modes,)."""
-        return self.damping.ratios(self.natural_rad_s)
+        natural = self.natural_rad_s
+        ratios = self.damping.ratios(natural)
+        if not self.in_air:
+            return ratios
+        viscous = 3 * math.pi * AIR_PA_S * self.width_m
+        layer = 0.75 * math.pi * self.width_m**2 * np.sqrt(2 * AIR_KG_M3 * AIR_PA_S * natural)
+        drag = (viscous + layer) / self.width_m * self._shapes.in_beam
+        return ratios + drag / (2 * self.mass_per_length_kg_m * natural)
 
     @cached_property
     def coupling(self) -> Real:
         """chi_r [N/V / sqrt(kg)], shape (modes,)."""
-        hs, hp = self.passive_thickness_m, self.piezo_thickness_m
-        arm = {
-            "unimorph": hs + hp / 2 - self.neutral_axis_m,
-            "series": (hp + hs) / 2,
-            "parallel": hp + hs,
-        }[self.wiring]
         slope = self._shapes.tip_slope / (self.length_m * math.sqrt(self.beam_mass_kg))
-        return np.asarray(-self.piezo.e31_c_per_m2 * self.width_m * arm * slope)
+        return np.asarray(self._moment_per_volt * slope)
 
     @cached_property
     def forcing(self) -> Real:
@@ -321,21 +373,32 @@ class PiezoCantilever(OneLoad):
         return np.asarray(self._shapes.forcing * math.sqrt(self.beam_mass_kg))
 
     @property
-    def open_circuit_hz(self) -> float:
-        """First natural frequency with open electrodes, single mode [Hz]."""
-        first = float(self.natural_rad_s[0])
-        stiffening = float(self.coupling[0] ** 2) / (self.capacitance_f * first**2)
-        return first * math.sqrt(1 + stiffening) / (2 * math.pi)
+    def tip_offset_m(self) -> float:
+        """Distance of the middle of the tip mass beyond the end of the beam [m]."""
+        return self._body(self.tip_mass_kg)[0]
 
     @property
     def natural_frequency_hz(self) -> float:
-        """First natural frequency, short-circuited [Hz]."""
+        """Frequency of the first mode, short-circuited [Hz]."""
         return float(self.natural_rad_s[0]) / (2 * math.pi)
 
     @property
-    def resonances_hz(self) -> Real:
-        """Natural frequencies of all modes, short-circuited [Hz], shape (modes,)."""
-        return np.asarray(self.natural_rad_s / (2 * math.pi))
+    def open_circuit_hz(self) -> float:
+        """First natural frequency with open electrodes, all modes counted [Hz]."""
+        from scipy.optimize import brentq
+
+        first = float(self.natural_rad_s[0])
+        if not self.coupling[0]:
+            return first / (2 * math.pi)
+        higher = float(self.natural_rad_s[1]) if self.modes > 1 else 10 * first
+        capacity = self.capacitance_f + float(self._rest[0, 1])
+
+        def charge(circular: float) -> float:
+            modes = self.coupling**2 / (self.natural_rad_s**2 - circular**2)
+            return float(capacity + modes.sum())
+
+        found = brentq(charge, first * (1 + 1e-12), higher * (1 - 1e-12))
+        return float(found) / (2 * math.pi)
 
     @property
     def damping_ratio(self) -> float:
@@ -350,6 +413,8 @@ class PiezoCantilever(OneLoad):
     @property
     def load_range(self) -> tuple[float, float]:
         """Three decades to either side of 1/(w C) at the first mode [ohm]."""
+        if self.load_kept:
+            return self.load_ohm, self.load_ohm
         middle = 1 / (float(self.natural_rad_s[0]) * self.capacitance_f)
         return middle * 1e-3, middle * 1e3
 
@@ -359,11 +424,6 @@ class PiezoCantilever(OneLoad):
         heaviest = replace(self, tip_mass_kg=self.most_tip_mass_kg)
         bare = replace(self, tip_mass_kg=0.0)
         return heaviest.natural_frequency_hz, bare.natural_frequency_hz
-
-    @property
-    def travel_limit_m(self) -> float:
-        """Clearance of the tip [m]."""
-        return self.clearance_m
 
     @property
     def stress_limit_pa(self) -> float:
@@ -376,7 +436,7 @@ class PiezoCantilever(OneLoad):
         Parameters
         ----------
         frequency_hz : float, > 0
-            Short-circuited [Hz]. The radius of gyration of the tip mass stays as it is.
+            Short-circuited [Hz]. The shape of the tip mass stays as it is.
 
         Raises
         ------
@@ -391,8 +451,7 @@ class PiezoCantilever(OneLoad):
             # the ends of the range are reached to rounding
             mass = 0.0 if eigenvalue <= bare * (1 + 1e-9) else math.nan
         else:
-            gyration = self.tip_gyration_m / self.length_m
-            mass = mass_ratio_for(eigenvalue, gyration) * self.beam_mass_kg
+            mass = mass_ratio_for(eigenvalue, moments_of=self._moments) * self.beam_mass_kg
         if not mass <= self.most_tip_mass_kg * (1 + 1e-9):
             low, high = self.frequency_range_hz
             raise ArgumentError(
@@ -406,99 +465,152 @@ class PiezoCantilever(OneLoad):
         """Return the same with another load resistance [ohm]."""
         other = replace(self, load_ohm=float(load))
         # modes do not depend on the load
-        for name in ("natural_rad_s", "damping_ratios", "coupling", "forcing", "_shapes"):
-            if name in self.__dict__:
-                other.__dict__[name] = self.__dict__[name]
+        known = self.__dict__.keys() - self.__dataclass_fields__
+        other.__dict__.update({name: self.__dict__[name] for name in known})
         return other
 
     def with_damping_ratio(self, ratio: float) -> PiezoCantilever:
         """Return the same with another damping ratio, that of every mode."""
-        return replace(self, damping=ModalDamping(constant=float(ratio)))
+        return replace(self, damping=ModalDamping(constant=float(ratio)), in_air=False)
 
     def best_load_ohm(self, frequency_hz: float) -> float:
         """Load that takes the most from a single line, 1/|Y(w)| [ohm]."""
         circular = np.array([2 * math.pi * check_positive("frequency_hz", frequency_hz, "Hz")])
-        return float(1 / np.abs(self._admittance(circular, self._dynamic(circular)))[0])
+        by_volt = self._compliance(circular, 1)[1][0]
+        return float(1 / np.abs(self._admittance(circular, by_volt))[0])
 
-    def gains_by_load(self, loads: Real, frequency_hz: Real) -> Gains:
-        """Answers at several load resistances, every array but the frequencies (loads, n)."""
+    def root_power(self, loads: Real, frequency_hz: Real) -> Complex:
+        """Voltage over the root of the load [W^(1/2)/(m/s2)], shape (loads, n)."""
         circular = 2 * math.pi * frequency_hz
-        dynamic = self._dynamic(circular)
-        driven = self._driven(circular, dynamic)
-        voltage = driven / (1 / loads[:, None] + self._admittance(circular, dynamic))
-        scale = 1 / math.sqrt(self.beam_mass_kg)
-        tip = self._shapes.tip * scale
-        root = self._shapes.root_curvature * scale / self.length_m**2
-        size = np.abs(voltage)
-        stress = self._stress(self._moved(root, dynamic, voltage), size)
-        power, travel = size**2 / (2 * loads[:, None]), self._moved(tip, dynamic, voltage)
-        return Gains(frequency_hz, power, travel, stress, size)
+        by_push, by_volt = (answer[0] for answer in self._compliance(circular, 1))
+        taken = 1 / loads[:, None] + self._admittance(circular, by_volt)
+        return np.asarray(-1j * circular * by_push / (taken * np.sqrt(loads[:, None])))
 
-    def power_by_load(self, loads: Real, frequency_hz: Real) -> Real:
-        """Power gains at several load resistances, shape (loads, frequencies)."""
-        circular = 2 * math.pi * frequency_hz
-        dynamic = self._dynamic(circular)
-        squared = np.abs(self._driven(circular, dynamic)) ** 2
-        taken = np.abs(1 / loads[:, None] + self._admittance(circular, dynamic)) ** 2
-        return np.asarray(squared / taken / (2 * loads[:, None]), dtype=np.float64)
+    def transfer(self, loads: Real, frequency_hz: Real) -> Complex:
+        """Answers per unit acceleration of the base, shape (4, loads, n), see `OUTPUTS`."""
+        root_power = self.root_power(loads, frequency_hz)
+        voltage = root_power * np.sqrt(loads[:, None])
+        by_push, by_volt = self._compliance(2 * math.pi * frequency_hz, 3)
+        travel, curvature = (-by_push[row] - by_volt[row] * voltage for row in (1, 2))
+        return np.array([root_power, travel, *self._stresses(curvature, voltage)])
 
     def power_bound_w(self) -> float:
-        """F^2/(16 z w1) of the first mode: no load takes more from it [W/(m/s2)^2]."""
-        first = float(self.natural_rad_s[0])
-        return float(self.forcing[0] ** 2) / (16 * self.damping_ratio * first)
+        """Sum over modes of F^2/(16 z w): no load takes more, at no frequency [W/(m/s2)^2].
+
+        The power available to any load is |D|^2/(8 Re Y); by the inequality of Cauchy and Schwarz
+        it does not exceed the sum of what the modes would give one by one. Modes left out have
+        what is left of the mass together, and the damping of the last.
+        """
+        damped = 16 * self.damping_ratios * self.natural_rad_s
+        left = self.beam_mass_kg + self.tip_mass_kg - float((self.forcing**2).sum())
+        return float((self.forcing**2 / damped).sum() + max(0.0, left) / damped[-1])
+
+    def single_mode(self) -> Oscillator:
+        """First mode with its circuit, for what is not linear."""
+        scale = float(self._shapes.tip[0]) / math.sqrt(self.beam_mass_kg)
+        return Oscillator(
+            natural_rad_s=float(self.natural_rad_s[0]),
+            damping_ratio=self.damping_ratio,
+            push=float(self.forcing[0]) * scale,
+            back=float(self.coupling[0]) * scale,
+            drive=float(self.coupling[0]) / scale,
+            store=self.capacitance_f + float(self._rest[0, 1]),
+            leak=1 / self.load_ohm,
+            worth=1 / self.load_ohm,
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return dimensions and what follows from them in built-in types; no clearance is null."""
         sizes = ("length_m", "width_m", "passive_thickness_m", "piezo_thickness_m")
-        names = (*sizes, "tip_mass_kg", "tip_gyration_m", "load_ohm")
+        names = (*sizes, "tip_mass_kg", "tip_gyration_m", "tip_offset_m", "load_ohm")
         derived = ("natural_frequency_hz", "open_circuit_hz", "damping_ratio", "capacitance_f")
         return {
             "kind": "cantilever",
             "wiring": self.wiring,
             "piezo": self.piezo.name,
             "passive": self.passive.name,
-            **{name: getattr(self, name) for name in names},
             "clearance_m": None if math.isinf(self.clearance_m) else self.clearance_m,
-            **{name: getattr(self, name) for name in derived},
+            **{name: getattr(self, name) for name in (*names, *derived)},
         }
 
     @property
     def _layers(self) -> int:
         return 1 if self.wiring == "unimorph" else 2
 
+    @property
+    def _moment_per_volt(self) -> float:
+        """Bending moment that a volt makes [N m/V]."""
+        hs, hp = self.passive_thickness_m, self.piezo_thickness_m
+        arm = {
+            "unimorph": hs + hp / 2 - self.neutral_axis_m,
+            "series": (hp + hs) / 2,
+            "parallel": hp + hs,
+        }[self.wiring]
+        return -self.piezo.e31_c_per_m2 * self.width_m * arm
+
+    def _body(self, mass: float) -> tuple[float, float]:
+        """Offset of the middle and radius of gyration about the end of a tip mass [m]."""
+        if self.tip_block is None:
+            return 0.0, self.tip_gyration_m
+        height = self.tip_block.height_m
+        long = mass / (self.tip_block.density_kg_m3 * self.width_m * height)
+        return long / 2, math.sqrt(long**2 / 3 + height**2 / 12)
+
+    def _moments(self, ratio: float) -> tuple[float, float]:
+        """First and second moment ratios of a tip mass ratio, as `beam` has them."""
+        offset, gyration = self._body(ratio * self.beam_mass_kg)
+        return ratio * offset / self.length_m, ratio * (gyration / self.length_m) ** 2
+
     @cached_property
     def _shapes(self) -> BeamModes:
         ratio = self.tip_mass_kg / self.beam_mass_kg
-        gyration = self.tip_gyration_m / self.length_m
-        return beam_modes(ratio, ratio * gyration**2, self.modes)
+        moment, inertia = self._moments(ratio)
+        return beam_modes(ratio, inertia, self.modes, moment)
 
-    def _dynamic(self, circular: Real) -> Complex:
+    @cached_property
+    def _rows(self) -> Real:
+        """Charge per volt, tip and root curvature of the modes, shape (3, modes)."""
+        scale = 1 / math.sqrt(self.beam_mass_kg)
+        bent = scale * self._shapes.root_curvature / self.length_m**2
+        return np.array([self.coupling, scale * self._shapes.tip, bent])
+
+    @cached_property
+    def _rest(self) -> Real:
+        """What the modes left out answer: all modes at rest, less those that are kept.
+
+        Rows as in `_rows`, by an acceleration and by a volt. At rest the beam bends under its own
+        weight, that at its tip and the moment of the volt. Shape (3, 2).
+        """
+        length, tip, moment = self.length_m, self.tip_mass_kg, self._moment_per_volt
+        own, offset = self.mass_per_length_kg_m, self.tip_offset_m
+        slope = own * length**3 / 6 + tip * length**2 / 2 + tip * offset * length
+        sag = own * length**4 / 8 + tip * length**3 / 3 + tip * offset * length**2 / 2
+        root = own * length**2 / 2 + tip * (length + offset)
+        whole = np.array(
+            [[moment * slope, moment**2 * length], [sag, moment * length**2 / 2], [root, moment]]
+        )
+        kept = (self._rows / self.natural_rad_s**2) @ np.array([self.forcing, self.coupling]).T
+        return np.asarray(whole / self.flexural_stiffness_nm2 - kept)
+
+    def _compliance(self, circular: Real, rows: int) -> tuple[Complex, Complex]:
+        """First answers of the mechanics to an acceleration and to a volt, each (rows, n)."""
         natural, damping = self.natural_rad_s[:, None], self.damping_ratios[:, None]
-        return np.asarray(natural**2 - circular**2 + 2j * damping * natural * circular)
+        mode: Complex = np.asarray(
+            1 / (natural**2 - circular**2 + 2j * damping * natural * circular)
+        )
+        shapes, rest = self._rows[:rows], self._rest[:rows, :, None]
+        by_push = (shapes * self.forcing) @ mode + rest[:, 0]
+        by_volt = (shapes * self.coupling) @ mode + rest[:, 1]
+        return np.asarray(by_push), np.asarray(by_volt)
 
-    def _driven(self, circular: Real, dynamic: Complex) -> Complex:
-        """Return the current into a short circuit per unit acceleration."""
-        shares = ((self.coupling * self.forcing)[:, None] / dynamic).sum(axis=0)
-        return np.asarray(-1j * circular * shares)
+    def _admittance(self, circular: Real, by_volt: Complex) -> Complex:
+        return np.asarray(1j * circular * (self.capacitance_f + by_volt))
 
-    def _admittance(self, circular: Real, dynamic: Complex) -> Complex:
-        motional = (self.coupling[:, None] ** 2 / dynamic).sum(axis=0)
-        return np.asarray(1j * circular * (self.capacitance_f + motional))
-
-    def _moved(self, shape: Real, dynamic: Complex, voltage: Complex) -> Real:
-        """Sum the modes, weighted by a value of their shapes: by inertia and by the voltage."""
-        by_inertia = ((shape * self.forcing)[:, None] / dynamic).sum(axis=0)
-        by_voltage = ((shape * self.coupling)[:, None] / dynamic).sum(axis=0)
-        return np.asarray(np.abs(by_inertia + by_voltage * voltage), dtype=np.float64)
-
-    def _stress(self, curvature: Real, voltage: Real) -> Real:
-        """Largest stress at the clamp, of both layers, scaled to the piezoelectric limit [Pa]."""
+    def _stresses(self, curvature: Complex, voltage: Complex) -> tuple[Complex, Complex]:
+        """At the clamp, of the outer fibres of both layers, scaled to the piezoelectric limit."""
         hs, hp, axis = self.passive_thickness_m, self.piezo_thickness_m, self.neutral_axis_m
-        far = hs + hp - axis
         field_share = 0.5 if self.wiring == "series" else 1.0
-        # bending and field stresses are added by size: a bound whatever their phase
-        layer = self.piezo.youngs_modulus_pa * far * curvature
-        layer = layer + abs(self.piezo.e31_c_per_m2) * field_share * voltage / hp
-        edge = max(axis, hs - axis)
-        plate = self.passive.youngs_modulus_pa * edge * curvature
-        return np.maximum(layer, plate * self.piezo.safe_stress_pa / self.passive.safe_stress_pa)
+        layer = self.piezo.youngs_modulus_pa * (hs + hp - axis) * curvature
+        layer = layer - self.piezo.e31_c_per_m2 * field_share * voltage / hp
+        plate = self.passive.youngs_modulus_pa * max(axis, hs - axis) * curvature
+        return layer, plate * self.piezo.safe_stress_pa / self.passive.safe_stress_pa

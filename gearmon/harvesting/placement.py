@@ -7,15 +7,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from gearmon.errors import ArgumentError, check_positive, check_range
+from gearmon.harvesting.budget import SensorBudget
+from gearmon.harvesting.harvester import Harvester
 from gearmon.harvesting.power import (
-    Harvester,
+    DutyLines,
     Tuned,
     bandwidth_against_quality,
     evaluate,
@@ -23,15 +24,22 @@ from gearmon.harvesting.power import (
     response_grid,
     response_rows,
 )
-from gearmon.harvesting.request import SensorBudget
-from gearmon.harvesting.sets import tune_set
-from gearmon.harvesting.tuning import OverLimitsError, tune_harvester
+from gearmon.harvesting.recorded import (
+    FEWEST_STRETCHES,
+    Scatter,
+    between,
+    combined,
+    interval_90,
+    power_with_stops,
+    scatter_of_mean,
+)
+from gearmon.harvesting.tuning import OverLimitsError, tune_harvester, tune_set, tuned_among
 from gearmon.harvesting.vibration import (
     OperatingShare,
     Vibration,
     check_duty,
+    line_numbers,
     operating_lines,
-    standing_out,
     vibration_of_samples,
     vibration_of_signature,
 )
@@ -43,8 +51,12 @@ from gearmon.signatures.expected.baseline import expected_signature
 #: A place is good only when the gear is damaged if, tuned for that, it loses more than this share
 #: of its power when the gear is sound.
 LOST_SHARE = 0.5
-#: Stretches that a recording is cut into for the uncertainty.
-PIECES = 4
+#: Stretches that a recording is cut into: tuned on all but one, judged on that.
+FOLDS = 5
+#: Recordings without shares of time are a sample of operation from so many on.
+FEWEST_RECORDINGS = 5
+#: Peak over limit from which a tuning is one that the limits chose.
+BOUND = 0.9
 #: Quality factors of the mechanics that the bandwidth is given for.
 QUALITY_FACTORS = (10.0, 25.0, 50.0, 100.0, 200.0)
 
@@ -60,10 +72,13 @@ class Position:
         Duty cycle with sound gears.
     degraded : tuple of OperatingShare, optional
         The same with a damaged one.
-    pieces : tuple of tuples of OperatingShare, optional
-        The healthy duty cycle again from shorter stretches: their scatter gives the uncertainty.
-    refusal : str, optional
-        Why there is nothing to tune to here, where that is so.
+    folds : tuple of tuples of OperatingShare, optional
+        The healthy duty cycle in parts, on each of which a tuning from the others is judged.
+    sampled : bool
+        Whether the parts are blocks of operation, a sample of all there is, not stretches of
+        operating points whose shares of time are known.
+    share_error : float, 0 to 0.5
+        Standard deviation of the shares of time.
 
     Raises
     ------
@@ -74,10 +89,12 @@ class Position:
     name: str
     healthy: tuple[OperatingShare, ...]
     degraded: tuple[OperatingShare, ...] = ()
-    pieces: tuple[tuple[OperatingShare, ...], ...] = ()
-    refusal: str = ""
+    folds: tuple[tuple[OperatingShare, ...], ...] = ()
+    sampled: bool = False
+    share_error: float = 0.0
 
     def __post_init__(self) -> None:
+        check_range("share_error", self.share_error, 0.0, 0.5)
         object.__setattr__(self, "healthy", check_duty(self.healthy))
         if self.degraded:
             object.__setattr__(self, "degraded", check_duty(self.degraded))
@@ -92,17 +109,26 @@ class Placed:
     position : Position
     tuned : Tuned or None
         For sound gears; None where no tuning is possible, see `refusal`.
+    supply : dict
+        What the sensor gets of it, see `SensorBudget.supply`; empty where nothing.
+    power_unseen_w : float
+        Mean power on stretches that the tuning did not know; NaN without recordings.
     power_low_w, power_high_w : float
-        90 % interval of the mean power, from the scatter between pieces; NaN without pieces. It
-        holds for changes that are quicker than a piece is long, a quarter of the recording.
+        90 % interval of the long-run mean power, from these stretches and what is not known of the
+        shares of time; NaN where there are too few independent ones.
+    stretches : float
+        Independent stretches that the recordings hold; NaN without.
+    line_share : float
+        Share of the power that comes from lines which stand out of the noise.
+    power_with_stops_w, stops_hz : float
+        Where the clearance limits the tuning: mean power of the best one without that limit, its
+        mass hitting the stops, and its natural frequency; else NaN.
     degraded_power_w : float
-        Of that harvester when the gear is damaged; NaN if unknown.
+        Of the tuned harvester when the gear is damaged; NaN if unknown.
     tuned_degraded : Tuned or None
         Best for the damaged gear.
     healthy_power_of_degraded_w : float
         What that one gives while the gear is sound.
-    interval_s : float
-        Between recordings.
     refusal : str
         Why nothing can be had here, in one line.
     over_limits : float
@@ -111,12 +137,17 @@ class Placed:
 
     position: Position
     tuned: Tuned[Any] | None
+    supply: dict[str, Any] = field(default_factory=dict)
+    power_unseen_w: float = math.nan
     power_low_w: float = math.nan
     power_high_w: float = math.nan
+    stretches: float = math.nan
+    line_share: float = math.nan
+    power_with_stops_w: float = math.nan
+    stops_hz: float = math.nan
     degraded_power_w: float = math.nan
     tuned_degraded: Tuned[Any] | None = None
     healthy_power_of_degraded_w: float = math.nan
-    interval_s: float = math.inf
     refusal: str = ""
     over_limits: float = math.nan
 
@@ -126,15 +157,18 @@ class Placed:
         return self.tuned.power_w if self.tuned else 0.0
 
     @property
+    def interval_s(self) -> float:
+        """Between recordings [s]; infinite if there can be none."""
+        found = self.supply.get("interval_s")
+        return math.inf if found is None else float(found)
+
+    @property
     def good_only_when_damaged(self) -> bool:
         """Whether its best tuning for the damaged gear is a poor one for the sound gear."""
         if self.tuned_degraded is None:
             return False
-        kept = self.healthy_power_of_degraded_w
-        return (
-            kept < (1 - LOST_SHARE) * self.tuned_degraded.power_w
-            and self.power_w < (1 - LOST_SHARE) * self.tuned_degraded.power_w
-        )
+        least = (1 - LOST_SHARE) * self.tuned_degraded.power_w
+        return max(self.healthy_power_of_degraded_w, self.power_w) < least
 
     def to_dict(self) -> dict[str, Any]:
         """Return the row in built-in types; what is unknown or infinite is null."""
@@ -144,14 +178,13 @@ class Placed:
             else dict.fromkeys(("hz", "w", "load"), math.nan)
             for t in (self.tuned, self.tuned_degraded)
         )
+        names = ("power_w", "power_low_w", "power_high_w", "power_unseen_w", "line_share")
+        others = ("power_with_stops_w", "stops_hz", "interval_s", "degraded_power_w")
         row = {
             "natural_frequency_hz": best["hz"],
             "load": best["load"],
-            "power_w": self.power_w,
-            "power_low_w": self.power_low_w,
-            "power_high_w": self.power_high_w,
-            "interval_s": self.interval_s,
-            "degraded_power_w": self.degraded_power_w,
+            **{name: getattr(self, name) for name in (*names, *others)},
+            "independent_stretches": self.stretches,
             "degraded_best_hz": degraded["hz"],
             "degraded_best_power_w": degraded["w"],
             "degraded_best_power_when_healthy_w": self.healthy_power_of_degraded_w,
@@ -190,19 +223,17 @@ def rank_positions(
 
 
 def _placed(harvester: Harvester, position: Position, budget: SensorBudget) -> Placed:
-    if position.refusal:
-        return Placed(position=position, tuned=None, refusal=position.refusal)
     tuned, refusal, over = _tuned(harvester, position.healthy)
-    low, high = _interval(tuned, position)
-    found = Placed(
-        position=position,
-        tuned=tuned,
-        power_low_w=low,
-        power_high_w=high,
-        interval_s=budget.interval_s(tuned.power_w) if tuned else math.inf,
-        refusal=refusal,
-        over_limits=over,
-    )
+    found = Placed(position=position, tuned=tuned, refusal=refusal, over_limits=over)
+    found = replace(found, **_beyond_stops(harvester, position, tuned))
+    if tuned is not None:
+        shares = [point.share for point in position.healthy]
+        found = replace(
+            found,
+            supply=budget.supply(tuned, shares),
+            line_share=_line_share(tuned.harvester, position.healthy),
+            **_judged(harvester, tuned, position),
+        )
     if not position.degraded:
         return found
     degraded = _tuned(harvester, position.degraded)[0]
@@ -229,22 +260,89 @@ def _tuned(
         return None, str(error), math.nan
 
 
-def _interval(tuned: Tuned[Any] | None, position: Position) -> tuple[float, float]:
-    """90 % interval of the mean from the scatter of the pieces, by Student's t.
+def _limited(tuned: Tuned[Any] | None) -> bool:
+    return tuned is None or max(tuned.travel_share, tuned.stress_share) > BOUND
 
-    Pieces count as independent: what changes more slowly than a piece lasts is not in it.
-    """
-    from scipy.stats import t as student_t
 
-    if tuned is None or len(position.pieces) < 2:
-        return math.nan, math.nan
+def _beyond_stops(
+    harvester: Harvester, position: Position, tuned: Tuned[Any] | None
+) -> dict[str, Any]:
+    """Tell what the best tuning gives whose mass hits its stops, if they are in the way."""
+    points = [p for p in position.healthy if len(p.vibration.samples_ms2)]
+    limit = harvester.clearance_m
+    if not points or not _limited(tuned) or math.isinf(limit):
+        return {}
     try:
-        powers = np.array([evaluate(tuned.harvester, piece).power_w for piece in position.pieces])
+        free = tune_harvester(harvester, position.healthy, limited=False)
     except ArgumentError:
-        # too short a stretch resolves no resonance
-        return math.nan, math.nan
-    half = float(student_t.ppf(0.95, len(powers) - 1) * powers.std(ddof=1)) / math.sqrt(len(powers))
-    return max(0.0, tuned.power_w - half), tuned.power_w + half
+        return {}
+    if free.travel_share <= 1:
+        return {}
+    power = math.fsum(
+        p.share
+        * power_with_stops(free.harvester, p.vibration.samples_ms2, p.vibration.sampling_rate_hz)
+        for p in points
+    )
+    return {"power_with_stops_w": power, "stops_hz": free.harvester.natural_frequency_hz}
+
+
+def _line_share(harvester: Harvester, duty: tuple[OperatingShare, ...]) -> float:
+    """Share of the power that lines give."""
+
+    def power_w(points: list[OperatingShare]) -> float:
+        lines = DutyLines.over(points, harvester.damping_ratio)
+        return float(lines.power_w(harvester, np.array([harvester.load]))[0])
+
+    clear = []
+    for point in duty:
+        number = line_numbers(point.vibration)
+        if number.any():
+            clear.append(replace(point, vibration=point.vibration.only(number > 0)))
+    whole = power_w(list(duty))
+    return power_w(clear) / whole if clear and whole > 0 else 0.0
+
+
+def _judged(harvester: Harvester, tuned: Tuned[Any], position: Position) -> dict[str, Any]:
+    """Judge on every part what the others would have chosen, and how well the mean is known."""
+    if len(position.folds) < 2:
+        return {}
+    judged = []
+    try:
+        for number, part in enumerate(position.folds):
+            others = position.folds[:number] + position.folds[number + 1 :]
+            duty = tuple(
+                replace(point, share=point.share / len(others)) for o in others for point in o
+            )
+            # where the limits chose the tuning, the noise did not
+            one = (
+                tuned.harvester
+                if _limited(tuned)
+                else tuned_among(harvester, duty, tuned.rivals_hz)
+            )
+            judged.append(evaluate(one, part))
+    except ArgumentError:
+        # a part shorter than the ring-down tells nothing
+        return {"stretches": 0.0}
+    found = _scatter(judged, position)
+    fewest = FEWEST_RECORDINGS if position.sampled else FEWEST_STRETCHES
+    low, high = interval_90(found) if found.stretches >= fewest else (math.nan, math.nan)
+    return {
+        "power_unseen_w": found.mean,
+        "power_low_w": low,
+        "power_high_w": high,
+        "stretches": found.stretches,
+    }
+
+
+def _scatter(judged: Sequence[Tuned[Any]], position: Position) -> Scatter:
+    if position.sampled:
+        return between([tuned.power_w for tuned in judged])
+    parts = []
+    for number in range(len(position.healthy)):
+        steps = [tuned.answers[number].response for tuned in judged]
+        parts.append(scatter_of_mean(np.concatenate([s.power_steps_w for s in steps if s])))
+    shares = [point.share for point in position.healthy]
+    return combined(parts, shares, position.share_error)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -303,8 +401,14 @@ class Survey(Result):
         tuned = self.best.tuned
         if tuned is None:
             return []
-        wander = max(point.vibration.wander for point in self.best.position.healthy)
-        return bandwidth_against_quality(tuned.harvester, QUALITY_FACTORS, wander)
+        return bandwidth_against_quality(tuned.harvester, QUALITY_FACTORS, self.wander)
+
+    @property
+    def wander(self) -> float:
+        """Standard deviation of the line that gives most, over its frequency, at its widest."""
+        tuned = self.best.tuned
+        points = self.best.position.healthy
+        return max(wander_of(p.vibration, tuned.harvester if tuned else None) for p in points)
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything in built-in types that JSON can hold."""
@@ -342,6 +446,27 @@ def _band(harvester: Harvester) -> dict[str, float] | None:
         return None
 
 
+def wander_of(vibration: Vibration, harvester: Harvester | None) -> float:
+    """Return the relative standard deviation of the line that a harvester takes most from.
+
+    That of the mean squares over the bins that belong to it; what the model says of given lines.
+    """
+    if vibration.resolution_hz == 0 or harvester is None:
+        return vibration.wander
+    number = line_numbers(vibration)
+    if not number.any():
+        return 0.0
+    frequency, power = vibration.frequency_hz, vibration.mean_square_m2s4
+    taken = np.bincount(number, power * harvester.gains(frequency).power_w)
+    own = number == 1 + int(np.argmax(taken[1:]))
+    frequency, power = frequency[own], power[own]
+    mean = np.average(frequency, weights=power)
+    variance = np.average((frequency - mean) ** 2, weights=power)
+    # less what the tapers spread a line that does not wander
+    spread = vibration.resolution_hz**2 / 3
+    return float(min(0.2, math.sqrt(max(0.0, variance - spread)) / mean))
+
+
 def survey_expected(
     machine: Machine,
     harvester: Harvester,
@@ -350,6 +475,7 @@ def survey_expected(
     faults: Iterable[str] = (),
     path_gain: float = 1.0,
     wander: float = 0.005,
+    wander_time_s: float = math.inf,
     count: int = 1,
 ) -> Survey:
     """Tune a harvester for the lines that the gear data lead to expect.
@@ -366,6 +492,8 @@ def survey_expected(
         Acceleration at the harvester over that along the line of action.
     wander : float, 0 to 0.2
         Standard deviation of the speed over its mean.
+    wander_time_s : float, > 0
+        Correlation time of that; infinite if slow beside the ring-down.
     count : int, 1 to 3
         Harvesters of a set that serve the worst operating point, see `tune_set`.
 
@@ -375,12 +503,12 @@ def survey_expected(
         If the machine lacks data, or nothing can be tuned (with the reason).
     """
     check_positive("path_gain", path_gain)
-    check_range("count", count, 1, 3)
     damage = tuple(faults)
+    how = {"gain": path_gain, "wander": wander, "wander_time_s": wander_time_s}
     position = Position(
         name="the mesh",
-        healthy=_expected_duty(machine, (), path_gain, wander),
-        degraded=_expected_duty(machine, damage, path_gain, wander) if damage else (),
+        healthy=_expected_duty(machine, (), **how),
+        degraded=_expected_duty(machine, damage, **how) if damage else (),
     )
     notes = (
         f"lines are those of the teeth along the line of action, times a path gain of {path_gain:g}"
@@ -407,6 +535,7 @@ def survey_measured(
     budget: SensorBudget | None = None,
     *,
     shares: Sequence[float] = (),
+    share_error: float = 0.0,
     degraded: Sequence[Recording] = (),
     count: int = 1,
 ) -> Survey:
@@ -421,7 +550,10 @@ def survey_measured(
         One an operating point, with the same channels, in m/s2.
     budget : SensorBudget, optional
     shares : sequence of float, optional
-        Share of time of each recording, summing to at most 1; equal ones by default.
+        Share of time of each recording, summing to at most 1. Without, five recordings or more are
+        a sample of all operation; fewer count for an equal share.
+    share_error : float, 0 to 0.5
+        Standard deviation of these shares.
     degraded : sequence of Recording, optional
         The same operating points with a damaged gear.
     count : int, 1 to 3
@@ -432,7 +564,6 @@ def survey_measured(
     ArgumentError
         If channels or units do not fit, or no place yields anything.
     """
-    check_range("count", count, 1, 3)
     if not recordings:
         raise ArgumentError("recordings: none is given")
     parts = _shares(shares, len(recordings))
@@ -441,15 +572,15 @@ def survey_measured(
             f"{len(degraded)} degraded recordings for {len(recordings)} healthy ones; give one for "
             "each, in the same order"
         )
-    positions = [
-        _recorded(machine, name, recordings, parts, degraded) for name in _channels(recordings)
-    ]
-    notes = [
-        "only lines that stand out of the noise count: broadband shaking may add to them",
-        "intervals hold for changes that are quicker than a quarter of a recording",
-    ]
+    sampled = not shares and len(recordings) >= FEWEST_RECORDINGS
+    positions = []
+    for name in _channels(recordings):
+        heard = _recorded(machine, name, recordings, parts, degraded, sampled)
+        positions.append(replace(heard, share_error=share_error))
+    notes = []
     if not shares and len(recordings) > 1:
-        notes.append("every recording counts for an equal share of the time")
+        how = "a block of operation like any other" if sampled else "an equal share of the time"
+        notes.append(f"every recording counts for {how}")
     return _survey(machine, "measured", harvester, positions, budget, tuple(notes), count)
 
 
@@ -468,12 +599,14 @@ def _survey(
         if math.isfinite(placed[0].over_limits):
             raise OverLimitsError(placed[0].refusal, placed[0].over_limits)
         raise ArgumentError(placed[0].refusal)
+    if count not in (1, 2, 3):
+        raise ArgumentError(f"count={count} must be 1, 2 or 3")
     return Survey(
         machine=machine.name,
         origin=origin,
         placed=tuple(placed),
         budget=task,
-        notes=(*notes, *_at_the_end(placed)),
+        notes=(*notes, *_at_the_end(placed), *_doubts(placed[0])),
         together=tuple(tune_set(harvester, placed[0].position.healthy, count)) if count > 1 else (),
     )
 
@@ -500,14 +633,34 @@ def _at_the_end(placed: Sequence[Placed]) -> tuple[str, ...]:
     return tuple(notes)
 
 
+def _doubts(best: Placed) -> list[str]:
+    """Say what the best place's figures do not hold."""
+    told = []
+    if best.position.folds and not math.isfinite(best.power_low_w):
+        told.append(
+            f"the recordings hold {best.stretches:.2g} independent stretches, too few for an "
+            "interval; record longer or more often"
+        )
+    if best.line_share < 0.5:
+        told.append(
+            f"{100 * (1 - best.line_share):.0f} % of the power comes from what no line stands out "
+            "of: make sure that it is not the noise of the sensor"
+        )
+    if best.power_unseen_w < 0.9 * best.power_w:
+        told.append(
+            f"on stretches that it was not tuned on it gives {1e6 * best.power_unseen_w:.3g} uW"
+        )
+    return told
+
+
 def _expected_duty(
-    machine: Machine, faults: tuple[str, ...], gain: float, wander: float
+    machine: Machine, faults: tuple[str, ...], **how: float
 ) -> tuple[OperatingShare, ...]:
     points = []
     for number, point in enumerate(machine.operating):
         lines = expected_signature(machine, faults, operating=number)
         name = point.name or f"{point.speed_rpm:g} rpm"
-        vibration = vibration_of_signature(lines, gain=gain, wander=wander, name=name)
+        vibration = vibration_of_signature(lines, name=name, **how)
         points.append(OperatingShare(vibration=vibration, share=point.share))
     return tuple(points)
 
@@ -559,8 +712,9 @@ def _recorded(
     recordings: Sequence[Recording],
     shares: list[float],
     degraded: Sequence[Recording],
+    sampled: bool,
 ) -> Position:
-    """Gather what the recordings tell of one channel: duty cycles, sound and damaged, and pieces.
+    """Gather what the recordings tell of one channel: duty cycles, sound and damaged, and parts.
 
     Raises
     ------
@@ -568,43 +722,35 @@ def _recorded(
         If a recording lacks the channel or its unit.
     """
     places = {str(s.column): s.position for s in machine.sensors if s.position}
-    shaking = _duty([_vibration_of(recording, name) for recording in recordings], shares)
-    refusal = ""
-    if not shaking:
-        refusal = (
-            "no line stands out of the noise; there is nothing to tune to (record longer, or "
-            "nearer to the gears)"
-        )
-        shaking = tuple(
-            OperatingShare(vibration=_vibration_of(recording, name), share=share)
-            for recording, share in zip(recordings, shares, strict=True)
+    healthy = _duty([_vibration_of(recording, name) for recording in recordings], shares)
+    folds: tuple[tuple[OperatingShare, ...], ...]
+    if sampled:
+        folds = tuple((replace(point, share=1.0),) for point in healthy)
+    else:
+        cut = [np.array_split(p.vibration.samples_ms2, FOLDS) for p in healthy]
+        rates = [p.vibration.sampling_rate_hz for p in healthy]
+        folds = tuple(
+            _duty([vibration_of_samples(*two) for two in zip(part, rates, strict=True)], shares)
+            for part in zip(*cut, strict=True)
+            if min(map(len, part)) >= 16 and all(p.any() for p in part)
         )
     return Position(
         name=f"{name}: {places[name]}" if name in places else name,
-        healthy=shaking,
+        healthy=healthy,
         degraded=_duty([_vibration_of(recording, name) for recording in degraded], shares),
-        pieces=() if refusal else _pieces(recordings, name, shares),
-        refusal=refusal,
+        folds=folds,
+        sampled=sampled,
     )
 
 
 def _duty(vibrations: Sequence[Vibration], shares: list[float]) -> tuple[OperatingShare, ...]:
-    """Operating points with what stands out of the noise; one where nothing does gives no power."""
-    clear = [standing_out(vibration) for vibration in vibrations]
     return tuple(
         OperatingShare(vibration=vibration, share=share)
-        for vibration, share in zip(clear, shares, strict=False)
-        if vibration is not None
+        for vibration, share in zip(vibrations, shares, strict=False)
     )
 
 
 def _vibration_of(recording: Recording, name: str) -> Vibration:
-    return vibration_of_samples(
-        _row(recording, name), recording.sampling_rate_hz, name=recording.origin
-    )
-
-
-def _row(recording: Recording, name: str) -> npt.NDArray[np.float64]:
     if name not in recording.channel_names:
         raise ArgumentError(f"{recording.origin}: lacks channel '{name}'")
     number = recording.channel_names.index(name)
@@ -614,25 +760,5 @@ def _row(recording: Recording, name: str) -> npt.NDArray[np.float64]:
             f"{recording.origin}: channel '{name}' has the unit {unit or 'unknown'}, m/s2 is "
             'needed for a power; say unit = "m/s2" or "g" in a [[sensor]] of the machine file'
         )
-    row: npt.NDArray[np.float64] = recording.samples[number]
-    return row
-
-
-def _pieces(
-    recordings: Sequence[Recording], name: str, shares: list[float]
-) -> tuple[tuple[OperatingShare, ...], ...]:
-    """Cut every recording into equal stretches."""
-    rows = [np.array_split(_row(recording, name), PIECES) for recording in recordings]
-    if min(len(row[0]) for row in rows) < 16:
-        return ()
-    rates = [recording.sampling_rate_hz for recording in recordings]
-    pieces = []
-    for number in range(PIECES):
-        cut = [
-            vibration_of_samples(row[number], rate) for row, rate in zip(rows, rates, strict=True)
-        ]
-        duty = _duty(cut, shares)
-        if not duty:
-            return ()
-        pieces.append(duty)
-    return tuple(pieces)
+    row = recording.samples[number]
+    return vibration_of_samples(row, recording.sampling_rate_hz, name=recording.origin)

@@ -1,8 +1,9 @@
-"""What a linear harvester gives: power from a spectrum of base acceleration, peaks, bandwidth.
+"""What a linear harvester gives: power from what shakes it, peaks, bandwidth.
 
-The mean power is P = sum over lines of 2 G(f) <a^2>, G the power per squared amplitude; lines that
-wander visit their frequencies in turn. Quasi-steady: the speed changes little within a ring-down.
-Several loads are worked out at once, and one load is the first of one.
+Under a recording power and peaks come from the recording itself, through the harvester's filter.
+Under lines the mean power is the sum over lines of 2 G(f) <a^2>, G the power per squared amplitude;
+lines that wander share their power among the frequencies that they visit. Several loads are worked
+out at once.
 
 Bandwidth is that of half the largest power. For a mass on a spring with the damping ratios zm
 (heat) and ze (load) it is 2 (zm + ze) fn exactly, so that bandwidth times quality factor is fn with
@@ -14,132 +15,30 @@ than the bandwidth yields no more from a higher Q.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, Generic, Protocol, TypeVar
+from functools import partial
+from typing import Any, Generic
 
 import numpy as np
 import numpy.typing as npt
 
 from gearmon.errors import ArgumentError, check_range
+from gearmon.harvesting.harvester import H, Harvester
+from gearmon.harvesting.recorded import Response, respond
 from gearmon.harvesting.vibration import OperatingShare, Shaking, Vibration, check_duty
 from gearmon.result import Result
 
 Real = npt.NDArray[np.float64]
-Self_ = TypeVar("Self_")
 
-#: Peak over rms of many lines together, exceeded 7e-6 of the time by Gaussian motion.
-CREST = 4.5
 #: Standard deviations of speed that peaks are looked for in.
 PEAK_REACH = 3.0
-#: Loads tried at once, over the whole range of loads and then about the best of them.
-LOADS = 13
+#: Loads tried at once, over their whole range and then about the best of them, so many times.
+LOADS, ZOOMED, ZOOMS = 11, 7, 6
 #: Points of a response table, half of them about the resonance.
 POINTS = 240
-
-
-@dataclass(frozen=True, eq=False)
-class Gains:
-    """Answers of a harvester to a unit acceleration amplitude of its base, by frequency.
-
-    Attributes
-    ----------
-    frequency_hz : ndarray, shape (n,)
-    power_w : ndarray, shape (n,); this and the others (loads, n) from `gains_by_load`
-        Mean electrical power per squared acceleration amplitude [W/(m/s2)^2].
-    travel_m : ndarray, shape (n,)
-        Amplitude of the moving mass against the base [m/(m/s2)].
-    stress_pa : ndarray, shape (n,)
-        Amplitude of the largest stress, each part over its safe stress and times that of the
-        weakest: zero for harvesters whose spring is not modelled [Pa/(m/s2)].
-    voltage_v : ndarray, shape (n,)
-        Amplitude of the voltage at the load [V/(m/s2)]; zero where it is not modelled.
-    """
-
-    frequency_hz: Real
-    power_w: Real
-    travel_m: Real
-    stress_pa: Real
-    voltage_v: Real
-
-
-class Harvester(Protocol):
-    """A linear harvester on a moving base."""
-
-    @property
-    def natural_frequency_hz(self) -> float:
-        """Frequency of the first mode, short-circuited [Hz]."""
-
-    @property
-    def resonances_hz(self) -> Real:
-        """Natural frequencies of all modes, short-circuited [Hz]."""
-
-    @property
-    def damping_ratio(self) -> float:
-        """Mechanical damping ratio of the first mode."""
-
-    @property
-    def load(self) -> float:
-        """Load: resistance [ohm], or electrical damping ratio where there is no circuit."""
-
-    @property
-    def load_range(self) -> tuple[float, float]:
-        """Sensible loads, low and high."""
-
-    @property
-    def frequency_range_hz(self) -> tuple[float, float]:
-        """Natural frequencies that `retuned` can reach [Hz]."""
-
-    @property
-    def travel_limit_m(self) -> float:
-        """Clearance of the moving mass [m]; infinite if none is given."""
-
-    @property
-    def stress_limit_pa(self) -> float:
-        """Safe stress of the weakest part [Pa]; infinite where no stress is modelled."""
-
-    def retuned(self: Self_, frequency_hz: float) -> Self_:
-        """Return the same harvester with another natural frequency."""
-
-    def with_load(self: Self_, load: float) -> Self_:
-        """Return the same harvester with another load."""
-
-    def with_damping_ratio(self: Self_, ratio: float) -> Self_:
-        """Return the same harvester with another mechanical damping ratio, of every mode."""
-
-    def gains_by_load(self, loads: Real, frequency_hz: Real) -> Gains:
-        """Answers at several loads, every array but the frequencies of shape (loads, n)."""
-
-    def power_by_load(self, loads: Real, frequency_hz: Real) -> Real:
-        """Mean power per squared acceleration amplitude, shape (loads, frequencies)."""
-
-    def power_bound_w(self) -> float:
-        """Largest mean power per squared acceleration amplitude at any frequency and load."""
-
-    def to_dict(self) -> dict[str, Any]:
-        """Dimensions and values in built-in types."""
-
-    def gains(self, frequency_hz: npt.ArrayLike) -> Gains:
-        """Answers at these frequencies."""
-
-
-class OneLoad:
-    """Gains with the load as it is, as the first of one load."""
-
-    def gains(self: Harvester, frequency_hz: npt.ArrayLike) -> Gains:
-        """Answers to a unit acceleration amplitude of the base, with the load as it is.
-
-        Parameters
-        ----------
-        frequency_hz : float array, shape (n,) or a number, >= 0
-        """
-        frequency = np.atleast_1d(np.asarray(frequency_hz, dtype=np.float64))
-        one = self.gains_by_load(np.array([self.load]), frequency)
-        rows = (one.power_w[0], one.travel_m[0], one.stress_pa[0], one.voltage_v[0])
-        return Gains(frequency, *rows)
-
-
-H = TypeVar("H", bound=Harvester)
+#: Shares of the steps of a recording whose peaks stay below what is told.
+QUANTILES = (0.5, 0.99)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -151,14 +50,26 @@ class Answer:
     power_w : float
         Mean electrical power [W].
     travel_m, stress_pa, voltage_v : float
-        Peaks: the sum over lines, or 4.5 times the rms if that is less. The stress is scaled to
-        the weakest part, see `Gains`.
+        Largest sizes without gravity: in the recording; of lines their sum, or 4.5 times the rms if
+        that is less. The stress is scaled to the weakest part, see `Gains`.
+    response : Response or None
+        Of a recording.
     """
 
     power_w: float
     travel_m: float
     stress_pa: float
     voltage_v: float
+    response: Response | None = None
+
+    def quantiles(self, load_ohm: float) -> dict[str, list[float]]:
+        """Peaks that steps of a recording stay below, half of them and 99 %; empty for lines."""
+        if self.response is None:
+            return {}
+        found = np.quantile(self.response.step_peaks, QUANTILES, axis=-1)
+        rows = (found[:, 0] * math.sqrt(load_ohm), found[:, 1], found[:, 2:].max(axis=1))
+        names = ("voltage_v", "travel_m", "stress_pa")
+        return {n: row.tolist() for n, row in zip(names, rows, strict=True) if row[-1] > 0}
 
 
 def answer(harvester: Harvester, vibration: Vibration) -> Answer:
@@ -167,51 +78,47 @@ def answer(harvester: Harvester, vibration: Vibration) -> Answer:
     Raises
     ------
     ArgumentError
-        If bins are too wide for the resonance.
+        If a recording is too short for the harvester.
     """
-    width = 2 * harvester.damping_ratio * harvester.natural_frequency_hz
-    if vibration.resolution_hz > 2 * width:
-        raise ArgumentError(
-            f"{vibration.name or 'vibration'}: its resolution of {vibration.resolution_hz:.3g} Hz "
-            f"is too coarse for a resonance {width:.3g} Hz wide; record at least "
-            f"{1.5 / width:.3g} s in one piece"
-        )
-    found = _by_load(harvester, np.array([harvester.load]), vibration)
-    power, travel, stress, voltage = (float(values[0]) for values in found)
-    return Answer(power_w=power, travel_m=travel, stress_pa=stress, voltage_v=voltage)
+    if len(vibration.samples_ms2):
+        try:
+            found = respond(harvester, vibration.samples_ms2, vibration.sampling_rate_hz)
+        except ArgumentError as error:
+            raise ArgumentError(f"{vibration.name or 'vibration'}: {error}") from None
+        power, highest = found.power_w, found.peaks
+    else:
+        found = None
+        powers, peaks = by_load(harvester, np.array([harvester.load]), vibration)
+        power, highest = float(powers[0]), peaks[:, 0]
+    root, travel, *stress = highest
+    return Answer(
+        power_w=power,
+        travel_m=float(travel),
+        stress_pa=float(max(stress)),
+        voltage_v=float(np.nan_to_num(root * math.sqrt(harvester.load_ohm))),
+        response=found,
+    )
 
 
-def peaks_by_load(
-    harvester: Harvester, loads: Real, duty: Sequence[OperatingShare]
-) -> tuple[Real, Real, Real]:
-    """Mean power [W], peak travel [m] and stress [Pa], each of shape (operating points, loads)."""
-    found = [_by_load(harvester, loads, point.vibration)[:3] for point in duty]
-    power, travel, stress = np.array(found).swapaxes(0, 1)
-    return power, travel, stress
+def by_load(harvester: Harvester, loads: Real, vibration: Vibration) -> tuple[Real, Real]:
+    """Mean power [W], shape (loads,), and peaks, shape (4, loads), from lines or a spectrum.
 
-
-def _by_load(
-    harvester: Harvester, loads: Real, vibration: Vibration
-) -> tuple[Real, Real, Real, Real]:
-    """Power, travel, stress and voltage under one vibration, each of shape (loads,)."""
+    Peaks as `OUTPUTS` has them: the largest sum over lines while they wander together, or the crest
+    of the vibration times the rms if that is less, as it always is for the bins of a spectrum.
+    """
     frequency, weights = vibration.nodes(harvester.damping_ratio)
-    gains = harvester.gains_by_load(loads, frequency.ravel())
-    shape = (len(loads), *frequency.shape)
-    power = 2 * (gains.power_w.reshape(shape) @ vibration.mean_square_m2s4) @ weights
+    answers = np.abs(harvester.transfer(loads, frequency.ravel()))
+    answers = answers.reshape(4, len(loads), *frequency.shape)
+    mean_square = np.einsum(
+        "...kn,kn,n->...", answers**2, weights * np.ones_like(frequency), vibration.mean_square_m2s4
+    )
     away = np.abs(frequency[:, 0] / vibration.frequency_hz[0] - 1)
     near = away <= PEAK_REACH * vibration.wander + 1e-12
-    travel, stress, voltage = (
-        _peak(gain.reshape(shape)[:, near], vibration)
-        for gain in (gains.travel_m, gains.stress_pa, gains.voltage_v)
-    )
-    return power, travel, stress, voltage
-
-
-def _peak(gain: Real, vibration: Vibration) -> Real:
-    """Largest sum over the lines while they wander together; gain (..., nodes, lines)."""
-    together = gain @ vibration.amplitude_ms2
-    rms = np.sqrt(gain**2 @ vibration.mean_square_m2s4)
-    return np.asarray(np.minimum(together, CREST * rms).max(axis=-1))
+    rms = np.sqrt(answers[..., near, :] ** 2 @ vibration.mean_square_m2s4)
+    peak = vibration.crest * rms
+    if vibration.resolution_hz == 0:
+        peak = np.minimum(peak, answers[..., near, :] @ vibration.amplitude_ms2)
+    return mean_square[0], np.asarray(peak.max(axis=-1))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -226,15 +133,22 @@ class Tuned(Result, Generic[H]):
         Mean over the duty cycle [W].
     answers : tuple of Answer
         Of each operating point.
+    static_travel_m, static_stress_pa : float
+        From its own weight.
     travel_share, stress_share : float
-        Largest peak over its limit; 0 where there is no limit.
+        Largest peak with that of the weight over its limit; 0 where there is no limit.
+    rivals_hz : tuple of float
+        Natural frequencies that were looked at more closely.
     """
 
     harvester: H
     power_w: float
     answers: tuple[Answer, ...]
+    static_travel_m: float
+    static_stress_pa: float
     travel_share: float
     stress_share: float
+    rivals_hz: tuple[float, ...] = ()
 
     @property
     def within_limits(self) -> bool:
@@ -244,45 +158,39 @@ class Tuned(Result, Generic[H]):
     def to_dict(self) -> dict[str, Any]:
         """Return values in built-in types."""
         peaks = ("travel_m", "stress_pa", "voltage_v")
+        own = ("static_travel_m", "static_stress_pa", "travel_share", "stress_share")
+        load_ohm = self.harvester.load_ohm
         return {
             "harvester": self.harvester.to_dict(),
             "power_w": self.power_w,
             "power_by_operating_point_w": [a.power_w for a in self.answers],
             **{name: max(getattr(a, name) for a in self.answers) for name in peaks},
-            "travel_share": self.travel_share,
-            "stress_share": self.stress_share,
+            "peaks_half_and_99_percent_of_steps": [a.quantiles(load_ohm) for a in self.answers],
+            **{name: getattr(self, name) for name in own},
         }
+
+
+def static_peaks(harvester: Harvester) -> tuple[float, float]:
+    """Travel [m] and stress [Pa] from the harvester's own weight."""
+    at_rest = harvester.gains(0.0)
+    weight = abs(harvester.weight_ms2)
+    return weight * float(at_rest.travel_m[0]), weight * float(at_rest.stress_pa[0])
 
 
 def evaluate(harvester: H, duty: Shaking) -> Tuned[H]:
     """Tell what a harvester yields over a duty cycle as it stands, and how near its limits."""
     points = check_duty(duty)
     answers = tuple(answer(harvester, point.vibration) for point in points)
+    travel, stress = static_peaks(harvester)
     return Tuned(
         harvester=harvester,
         power_w=math.fsum(p.share * a.power_w for p, a in zip(points, answers, strict=True)),
         answers=answers,
-        travel_share=max(a.travel_m for a in answers) / harvester.travel_limit_m,
-        stress_share=max(a.stress_pa for a in answers) / harvester.stress_limit_pa,
+        static_travel_m=travel,
+        static_stress_pa=stress,
+        travel_share=(travel + max(a.travel_m for a in answers)) / harvester.clearance_m,
+        stress_share=(stress + max(a.stress_pa for a in answers)) / harvester.stress_limit_pa,
     )
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Start(Generic[H]):
-    """A tuned harvester with its best load.
-
-    Attributes
-    ----------
-    harvester : Harvester
-    power_w : float
-        Mean power [W]; -1 if limits are looked at and no load keeps within them.
-    share : float
-        Largest peak over its limit; 0 where limits are not looked at.
-    """
-
-    harvester: H
-    power_w: float
-    share: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -299,31 +207,43 @@ class DutyLines:
         for point in points:
             frequency, likely = point.vibration.nodes(damping_ratio)
             frequencies.append(frequency.ravel())
-            weights.append(np.outer(likely, point.share * point.vibration.mean_square_m2s4).ravel())
+            weights.append((likely * (point.share * point.vibration.mean_square_m2s4)).ravel())
         return cls(np.concatenate(frequencies), np.concatenate(weights))
 
+    def power_w(self, harvester: Harvester, loads: Real) -> Real:
+        """Mean power at several loads [W], shape (loads,)."""
+        return 2 * harvester.power_by_load(loads, self.frequency_hz) @ self.weight_m2s4
 
-def with_best_load(harvester: H, lines: DutyLines) -> Start[H]:
-    """Choose the load that takes most, by a parabola through the best of many."""
-    least, most = harvester.load_range
-    exponent = np.linspace(math.log(least), math.log(most), LOADS)
-    for _ in range(2):
+
+def best_load(
+    harvester: Harvester, worth: Callable[[Real], Real], zooms: int = ZOOMS
+) -> tuple[float, float]:
+    """Choose the load that is worth most, closing in on the best of many.
+
+    Parameters
+    ----------
+    harvester : Harvester
+    worth : callable
+        Gives the worth of each of several loads.
+    zooms : int, >= 0
+        Each divides the step between loads by three.
+
+    Returns
+    -------
+    load, worth : float
+    """
+    low, high = harvester.load_range
+    exponent = np.linspace(math.log(low), math.log(high), LOADS)
+    best = (-math.inf, math.nan)
+    for _ in range(zooms + 1):
         loads = np.exp(exponent)
-        power = 2 * harvester.power_by_load(loads, lines.frequency_hz) @ lines.weight_m2s4
-        top = int(np.argmax(power))
-        step = exponent[1] - exponent[0]
+        found = worth(loads)
+        top = int(np.argmax(found))
+        best = max(best, (float(found[top]), float(loads[top])))
         # the range is not left
-        near = exponent[max(top - 1, 0)], exponent[min(top + 1, LOADS - 1)]
-        exponent = np.linspace(*near, LOADS)
-    load, power_w = float(loads[top]), float(power[top])
-    if 0 < top < LOADS - 1:
-        left, middle, right = (float(p) for p in power[top - 1 : top + 2])
-        bend = left - 2 * middle + right
-        if bend < 0:
-            shift = 0.5 * (left - right) / bend
-            load *= math.exp(shift * step)
-            power_w = middle - 0.25 * (left - right) * shift
-    return Start(harvester=harvester.with_load(load), power_w=power_w)
+        near = exponent[max(top - 1, 0)], exponent[min(top + 1, len(exponent) - 1)]
+        exponent = np.linspace(*near, ZOOMED)
+    return best[1], best[0]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -447,16 +367,17 @@ def bandwidth_against_quality(
             wander=wander,
         )
         point = OperatingShare(vibration=line)
-        found = with_best_load(damped, DutyLines.over([point], damped.damping_ratio))
-        band = half_power_band(found.harvester)
+        lines = DutyLines.over([point], damped.damping_ratio)
+        load, power = best_load(damped, partial(lines.power_w, damped))
+        band = half_power_band(damped.with_load(load))
         rows.append(
             {
                 "quality_factor": float(quality),
                 "loaded_quality_factor": band.quality_factor,
-                "load": found.harvester.load,
+                "load": load,
                 "width_hz": band.width_hz,
                 "peak_power_w": band.power_w,
-                "power_w": found.power_w,
+                "power_w": power,
             }
         )
     return rows
@@ -480,8 +401,8 @@ def response_rows(harvester: Harvester, frequency_hz: npt.ArrayLike) -> list[dic
     gains = harvester.gains(frequency_hz)
     names = ["frequency_hz", "power_w", "voltage_v", "travel_m", "stress_pa"]
     columns = {name: getattr(gains, name).tolist() for name in names}
-    if math.isinf(harvester.stress_limit_pa):
-        columns |= dict.fromkeys(("voltage_v", "stress_pa"), [None] * len(gains.frequency_hz))
+    nothing = [None] * len(gains.frequency_hz)
+    columns |= {name: nothing for name in ("voltage_v", "stress_pa") if not any(columns[name])}
     return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 

@@ -1,65 +1,55 @@
 """The natural frequency and load that yield most over a whole spectrum and duty cycle.
 
-A Lorentzian of the matched width passed over all lines names the places worth a closer look for the
-first mode; a rough scan with the full response, and the lines that a higher mode can be brought
-onto, name the others. They are refined with the full response; the load is found for every
-frequency from the answers to many loads at once, so that only the frequency is searched. Where the
-best breaks a limit of travel or stress, the best place may be one beside a line, so that the whole
-range is scanned: the power without limits, which is cheap and never less, says in which order and
-when to stop.
+The full response, all modes and loads, is looked at over the whole range of natural frequencies;
+the best places are refined by a bounded search, the load being found anew for every frequency.
+Limits of travel and stress are held to the peaks of the recordings themselves: the search takes a
+peak for the rms times a crest, which the recordings then correct until it is theirs.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import combinations_with_replacement
+from typing import Any, Generic
 
 import numpy as np
 import numpy.typing as npt
 
 from gearmon.errors import ArgumentError
+from gearmon.harvesting.harvester import H, Harvester
 from gearmon.harvesting.power import (
+    LOADS,
     DutyLines,
-    H,
-    Harvester,
-    Start,
     Tuned,
+    best_load,
+    by_load,
     evaluate,
-    peaks_by_load,
-    with_best_load,
+    static_peaks,
 )
 from gearmon.harvesting.vibration import OperatingShare, Shaking, check_duty
 
 Real = npt.NDArray[np.float64]
 Points = tuple[OperatingShare, ...]
 
-#: Places that are refined.
-PLACES = 6
-#: A place is passed over if its power with the best load, this many times, is below the best.
-PRUNED_FROM = 1.6
-#: What peaks are multiplied by, in turn, since the search merges bins that the answer does not.
-MARGINS = (1.0, 1.01, 1.05)
-#: Natural frequencies of the rough scan for higher modes.
-BROADLY_SCANNED = 60
-#: Loud lines that a higher mode is brought onto.
-LINES_FOR_HIGHER_MODES = 12
-#: Lines more than this many bins an eighth of a resonance apart are merged for the search.
-MOST_LINES = 3000
-#: Natural frequencies about a place, in damping ratios from it.
-OFFSETS = (-2.4, -1.2, -0.6, 0.6, 1.2)
-#: Step at which the search for the natural frequency ends, in damping ratios.
-LAST_STEP = 0.05
-#: Natural frequencies tried over the whole range.
-SCANNED = 200
-#: Natural frequencies about a promising place, in damping ratios from it.
-ABOUT = np.concatenate([-np.geomspace(12, 0.2, 12), [0.0], np.geomspace(0.2, 12, 12)])
-#: Loads over the whole range where limits bind, and again between the neighbours of the best.
-LOADS, ZOOMED = 25, 9
-ZOOMS = 4
-#: Frequencies that are refined within limits, and the step at which that ends [damping ratios].
-REFINED, LAST_LIMITED_STEP = 3, 0.005
+#: Step of the first look, in damping ratios, and the most natural frequencies looked at.
+STEP, MOST_SCANNED = 0.7, 4000
+#: Loud lines that are looked at as well, where the steps would have to be larger.
+LOUDEST = 40
+#: Bins are merged over these shares of a damping ratio, for the first look and for the search.
+ROUGH_BINS, FINE_BINS = 0.5, 0.2
+#: Places that are refined; one whose first look, this many times, is below the best is not.
+PLACES, PRUNED_FROM = 6, 1.3
+#: End of the search for the natural frequency, in damping ratios.
+LAST_STEP = 0.02
+#: Zooms on the load where limits bind, since the power is not flat there, and where they do not.
+LIMITED_ZOOMS, FREE_ZOOMS = 4, 3
+#: Corrections of the crest by the recordings, and the peak that they aim at.
+CORRECTIONS, AIMED = 6, 0.995
+#: Tunings that sets are made of: 180,000 sets of three.
+MOST_KEPT = 100
 
 
 class OverLimitsError(ArgumentError):
@@ -76,16 +66,18 @@ class OverLimitsError(ArgumentError):
         self.over = over
 
 
-def tune_harvester(harvester: H, duty: Shaking) -> Tuned[H]:
+def tune_harvester(harvester: H, duty: Shaking, *, limited: bool = True) -> Tuned[H]:
     """Tune natural frequency and load for the largest mean power over a duty cycle.
 
     Parameters
     ----------
-    harvester : InertialHarvester or PiezoCantilever
+    harvester : InertialHarvester, CoilHarvester or PiezoCantilever
         What is to be tuned; of its natural frequency only the allowed range matters.
     duty : Vibration, Signature, OperatingShare or sequence of OperatingShare
         What shakes it: one vibration, the lines of a signature, or several with their shares of
         the time.
+    limited : bool
+        Whether limits of travel and stress are kept.
 
     Returns
     -------
@@ -107,23 +99,30 @@ def tune_harvester(harvester: H, duty: Shaking) -> Tuned[H]:
     (312, 10)
     """
     points = check_duty(duty)
-    light = lightened(harvester, points)
-    lines = DutyLines.over(light, harvester.damping_ratio)
-    free = _free(harvester, light, lines)
-    tuned = [evaluate(start.harvester, points) for start in free]
-    allowed = [t for t in tuned if t.within_limits]
-    # limits only take power away
-    if not tuned[0].within_limits:
-        for margin in MARGINS:
-            limited = _largest_allowed(harvester, light, lines, free, margin)
-            found = [evaluate(one.harvester, points) for one in limited]
-            tuned += found
-            allowed += [t for t in found if t.within_limits]
-            if any(t.within_limits for t in found):
-                break
+    free = _Search(harvester, points)
+    tuned = replace(evaluate(free.best().harvester, points), rivals_hz=tuple(free.places_hz))
+    if tuned.within_limits or not limited:
+        return tuned
+    crests = [point.vibration.crest for point in points]
+    allowed, nearest = [], tuned
+    for _ in range(CORRECTIONS):
+        start = _Search(harvester, points, crests).best(free.first_look)
+        tuned = evaluate(start.harvester, points)
+        nearest = min(nearest, tuned, key=_over)
+        if tuned.within_limits:
+            allowed.append(tuned)
+        wanted = _crests(tuned, points)
+        if start.power_w <= 0 or np.allclose(wanted, crests, rtol=1 - AIMED):
+            break
+        crests = wanted
     if not allowed:
-        raise OverLimitsError(*_refusal(tuned))
+        raise OverLimitsError(*_refusal(nearest))
     return max(allowed, key=lambda t: t.power_w)
+
+
+def tuned_among(harvester: H, duty: Shaking, places_hz: Sequence[float]) -> H:
+    """Return the harvester tuned near one of a few natural frequencies, whatever its limits."""
+    return _Search(harvester, check_duty(duty)).best(places_hz=places_hz).harvester
 
 
 def power_against_tuning(harvester: H, duty: Shaking, frequency_hz: npt.ArrayLike) -> Real:
@@ -134,30 +133,152 @@ def power_against_tuning(harvester: H, duty: Shaking, frequency_hz: npt.ArrayLik
     frequency_hz : array, shape (n,)
         Within the range that the harvester can reach.
     """
-    points = lightened(harvester, check_duty(duty))
+    points = _lightened(harvester, check_duty(duty), FINE_BINS)
+    lines, load = DutyLines.over(points, harvester.damping_ratio), np.array([harvester.load])
     wanted = np.atleast_1d(np.asarray(frequency_hz, dtype=np.float64))
-    return np.array([evaluate(harvester.retuned(float(f)), points).power_w for f in wanted])
+    return np.array([lines.power_w(harvester.retuned(float(f)), load)[0] for f in wanted])
 
 
-def _free(harvester: H, light: Points, lines: DutyLines) -> list[Start[H]]:
-    """Refine the promising places without regard to limits, the best first."""
-    frequencies = [*first_mode_starts(harvester, light, PLACES), *_other_starts(harvester, light)]
-    begun = sorted((_begun(harvester, lines, f) for f in frequencies), key=lambda s: -s.power_w)
-    found: list[Start[H]] = []
-    for start in begun[: PLACES + 1]:
-        best = max((f.power_w for f in found), default=0.0)
-        if PRUNED_FROM * start.power_w >= best or len(found) < 2:
-            found.append(_refined(start, lines))
-    return sorted(found, key=lambda s: -s.power_w)
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Start(Generic[H]):
+    """A harvester with its best load; power -1 where every load breaks a limit by `share`."""
+
+    harvester: H
+    power_w: float
+    share: float = 0.0
+
+    @property
+    def rank(self) -> tuple[float, float]:
+        return self.power_w, -self.share
 
 
-def _refusal(tuned: Sequence[Tuned[Any]]) -> tuple[str, float]:
+class _Search(Generic[H]):
+    """Look over all natural frequencies, and refine the best places."""
+
+    def __init__(self, harvester: H, points: Points, crests: Sequence[float] | None = None) -> None:
+        self.harvester, self.limited = harvester, crests is not None
+        if crests is not None:
+            points = tuple(
+                replace(p, vibration=replace(p.vibration, crest=c))
+                for p, c in zip(points, crests, strict=True)
+            )
+        self.rough, self.fine = (
+            _lightened(harvester, points, width) for width in (ROUGH_BINS, FINE_BINS)
+        )
+        self.first_look: list[tuple[float, float]] = []
+        self.places_hz: list[float] = []
+
+    def best(
+        self, known: Sequence[tuple[float, float]] = (), places_hz: Sequence[float] = ()
+    ) -> _Start[H]:
+        """Refine the best places of a first look, of a known one without limits, or given ones."""
+        look = partial(self._start, points=self.rough, zooms=0)
+        if self.limited:
+            starts = self._within(look, known)
+        elif places_hz:
+            starts = [look(place) for place in sorted(places_hz)]
+        else:
+            starts = [look(float(f)) for f in _grid(self.harvester, self.rough)]
+            self.first_look = [(s.power_w, s.harvester.natural_frequency_hz) for s in starts]
+        found: list[_Start[H]] = []
+        tops = sorted(starts, key=lambda s: s.rank)[::-1] if places_hz else _tops(starts)
+        self.places_hz = [s.harvester.natural_frequency_hz for s in tops[:PLACES]]
+        for start in tops[:PLACES]:
+            if not found or PRUNED_FROM * start.power_w >= found[0].power_w:
+                found.append(self._refined(start))
+                found.sort(key=lambda s: s.rank, reverse=True)
+        return found[0]
+
+    def _within(self, look: Any, known: Sequence[tuple[float, float]]) -> list[_Start[H]]:
+        """First look within limits; limits only take power away, which says when to stop."""
+        starts: list[_Start[H]] = []
+        best = 0.0
+        for free, frequency in sorted(known, reverse=True):
+            if starts and PRUNED_FROM * free < best:
+                break
+            starts.append(look(frequency))
+            best = max(best, starts[-1].power_w)
+        return sorted(starts, key=lambda s: s.harvester.natural_frequency_hz)
+
+    def _start(self, frequency: float, points: Points, zooms: int) -> _Start[H]:
+        low, high = self.harvester.frequency_range_hz
+        tuned = self.harvester.retuned(min(max(frequency, low), high))
+        if self.limited:
+            worth = partial(_allowed, tuned, points)
+            load, power = best_load(tuned, worth, zooms + 2)
+            return _Start(
+                harvester=tuned.with_load(load), power_w=max(power, -1.0), share=max(0.0, -power)
+            )
+        lines = DutyLines.over(points, tuned.damping_ratio)
+        load, power = best_load(tuned, partial(lines.power_w, tuned), zooms)
+        return _Start(harvester=tuned.with_load(load), power_w=power)
+
+    def _refined(self, start: _Start[H]) -> _Start[H]:
+        """Move the natural frequency to where the best load gives most."""
+        from scipy.optimize import minimize_scalar
+
+        middle, damping = start.harvester.natural_frequency_hz, start.harvester.damping_ratio
+        seen: list[_Start[H]] = []
+
+        def cost(offset: float) -> float:
+            frequency = middle * math.exp(damping * offset)
+            zooms = LIMITED_ZOOMS if self.limited else FREE_ZOOMS
+            seen.append(self._start(frequency, self.fine, zooms))
+            return -seen[-1].power_w if seen[-1].power_w >= 0 else seen[-1].share
+
+        for reach in ((-1.2, 0.1), (-0.1, 1.2)):
+            minimize_scalar(cost, bounds=reach, method="bounded", options={"xatol": LAST_STEP})
+        cost(0.0)
+        return max(seen, key=lambda s: s.rank)
+
+
+def _allowed(harvester: Harvester, points: Points, loads: Real) -> Real:
+    """Mean power of loads that keep the limits, less than -1 by how far the others break them."""
+    power, share = _powers_and_shares(harvester, points, loads)
+    total = np.array([point.share for point in points]) @ power
+    return np.where(share <= 1, total, -share)
+
+
+def _powers_and_shares(harvester: Harvester, points: Points, loads: Real) -> tuple[Real, Real]:
+    """Power of each point, shape (points, loads), and the largest peak over its limit, (loads,)."""
+    travel, stress = static_peaks(harvester)
+    limits = harvester.clearance_m, harvester.stress_limit_pa, harvester.stress_limit_pa
+    static = np.array([travel, stress, stress])[:, None]
+    powers, shares = [], []
+    for point in points:
+        power, peaks = by_load(harvester, loads, point.vibration)
+        powers.append(power)
+        shares.append(((peaks[1:] + static) / np.array(limits)[:, None]).max(axis=0))
+    return np.array(powers), np.max(shares, axis=0)
+
+
+def _crests(tuned: Tuned[Any], points: Points) -> list[float]:
+    """Crests with which the search would have had the peaks of the recordings."""
+    loads = np.array([tuned.harvester.load])
+    found = []
+    for point, answer in zip(points, tuned.answers, strict=True):
+        if answer.response is None:
+            found.append(point.vibration.crest)
+            continue
+        (light,) = _lightened(tuned.harvester, (point,), FINE_BINS)
+        _, peaks = by_load(tuned.harvester, loads, light.vibration)
+        ratios = answer.response.peaks[1:] / np.maximum(peaks[1:, 0], np.finfo(float).tiny)
+        limits = np.array([tuned.harvester.clearance_m, *2 * [tuned.harvester.stress_limit_pa]])
+        # that of the peak which is nearest to its limit
+        binding = int(np.argmax(answer.response.peaks[1:] / limits))
+        found.append(light.vibration.crest * float(ratios[binding]) / AIMED)
+    return found
+
+
+def _over(tuned: Tuned[Any]) -> float:
+    return max(tuned.travel_share, tuned.stress_share)
+
+
+def _refusal(nearest: Tuned[Any]) -> tuple[str, float]:
     """Name the nearest tuning, and how far it is over its limit."""
-    nearest = min(tuned, key=lambda t: max(t.travel_share, t.stress_share))
-    harvester = nearest.harvester
-    over = max(nearest.travel_share, nearest.stress_share)
+    harvester, over = nearest.harvester, _over(nearest)
     if nearest.travel_share >= nearest.stress_share:
-        limit = 1e3 * harvester.travel_limit_m
+        limit = 1e3 * harvester.clearance_m
         return (
             f"no tuning keeps the mass within its clearance of {limit:.3g} mm: the nearest, "
             f"{harvester.natural_frequency_hz:.4g} Hz, travels {over * limit:.3g} mm; allow that, "
@@ -173,231 +294,139 @@ def _refusal(tuned: Sequence[Tuned[Any]]) -> tuple[str, float]:
     )
 
 
-def lightened(harvester: Harvester, points: Points) -> Points:
-    """Merge bins that lie within an eighth of a resonance, and drop what no tuning can use."""
+def _lightened(harvester: Harvester, points: Points, bins: float) -> Points:
+    """Merge bins within a share of a resonance, and drop what no tuning can use."""
     low, high = harvester.frequency_range_hz
-    width = harvester.damping_ratio / 8
     kept = []
     for point in points:
         # far below its range a harvester only follows; its third mode lies 30 times above the first
-        v = point.vibration.cut(low / 4, high * 40)
-        if len(v.frequency_hz) > MOST_LINES:
-            group = np.floor(np.log(v.frequency_hz) / width).astype(np.int64)
-            starts = np.flatnonzero(np.diff(group, prepend=group[0] - 1))
-            power = np.add.reduceat(v.mean_square_m2s4, starts)
-            moment = np.add.reduceat(v.mean_square_m2s4 * v.frequency_hz, starts)
-            # what is cut holds no bin without power
-            v = replace(v, frequency_hz=moment / power, mean_square_m2s4=power)
-        kept.append(replace(point, vibration=v))
+        vibration = point.vibration.cut(low / 4, high * 40)
+        if vibration.resolution_hz > 0:
+            vibration = vibration.merged(harvester.damping_ratio * bins)
+        kept.append(replace(point, vibration=vibration))
     return tuple(kept)
 
 
-def first_mode_starts(harvester: Harvester, points: Points, places: int) -> list[float]:
-    """Local maxima of the power that a matched resonance would take [Hz], the best first."""
+def _grid(harvester: Harvester, points: Points) -> Real:
+    """Natural frequencies of the first look: even steps, and the loudest lines."""
     low, high = harvester.frequency_range_hz
-    damping = harvester.damping_ratio
-    count = min(20_000, max(2, math.ceil(2 * math.log(high / low) / damping)) + 1)
-    shaking = [p.vibration for p in points]
-    loudest = [v.frequency_hz[np.argsort(-v.energy_j_per_kg)[:100]] for v in shaking]
+    count = math.ceil(math.log(high / low) / (STEP * harvester.damping_ratio)) + 2
+    even = np.geomspace(low, high, min(count, MOST_SCANNED))
+    loudest = [
+        p.vibration.frequency_hz[np.argsort(-p.vibration.energy_j_per_kg)[:LOUDEST]] for p in points
+    ]
     lines = np.concatenate(loudest)
-    grid = np.geomspace(low, high, count)
-    grid = np.unique(np.concatenate([grid, lines[(lines >= low) & (lines <= high)]]))
-    worth = np.zeros(len(grid))
-    for point in points:
-        worth += point.share * _matched(grid, point, damping)
-    worth *= _bounds(harvester, grid)
-    inside = np.concatenate([[-1.0], worth, [-1.0]])
-    tops = np.flatnonzero((worth >= inside[:-2]) & (worth > inside[2:]))
-    order = tops[np.argsort(-worth[tops], kind="stable")]
-    return [float(f) for f in grid[order[:places]]]
+    # an open circuit may raise the natural frequency to a line
+    middle = harvester.retuned(math.sqrt(low * high))
+    raised = getattr(middle, "open_circuit_hz", middle.natural_frequency_hz)
+    softer = lines * (middle.natural_frequency_hz / raised)
+    return np.unique(np.clip(np.concatenate([even, lines, softer]), low, high))
 
 
-def _other_starts(harvester: Harvester, points: Points) -> list[float]:
-    """Best of a rough scan with the full response, and higher modes on loud lines [Hz]."""
-    scanned = np.geomspace(*harvester.frequency_range_hz, BROADLY_SCANNED)
-    tuned = [harvester.retuned(float(natural)) for natural in scanned]
-    power = []
-    for candidate in tuned:
-        loads = np.geomspace(*candidate.load_range, 9)[2:-2]
-        found = np.zeros(len(loads))
-        for point in points:
-            v = point.vibration
-            gains = candidate.power_by_load(loads, v.frequency_hz)
-            found += point.share * (gains @ v.mean_square_m2s4)
-        power.append(float(found.max()))
-    resonances = np.array([candidate.resonances_hz for candidate in tuned])
-    return [float(scanned[int(np.argmax(power))]), *_higher_modes(scanned, resonances, points)]
+def _tops(starts: Sequence[_Start[H]]) -> list[_Start[H]]:
+    """Return starts that are no worse than their neighbours in frequency, the best first."""
+    ranks = [(-math.inf, 0.0), *(s.rank for s in starts), (-math.inf, 0.0)]
+    tops = [s for i, s in enumerate(starts) if ranks[i] <= ranks[i + 1] >= ranks[i + 2]]
+    return sorted(tops, key=lambda s: s.rank, reverse=True)
 
 
-def _higher_modes(natural: Real, resonances: Real, points: Points) -> list[float]:
-    """Natural frequencies for which a higher resonance meets one of the loudest lines there."""
-    frequency = np.concatenate([p.vibration.frequency_hz for p in points])
-    weight = np.concatenate([p.share * p.vibration.mean_square_m2s4 for p in points])
-    found: list[float] = []
-    for mode in resonances.T[1:]:
-        within = np.flatnonzero((frequency >= mode[0]) & (frequency <= mode[-1]))
-        loudest = within[np.argsort(-weight[within] / frequency[within])][:LINES_FOR_HIGHER_MODES]
-        found += np.interp(frequency[loudest], mode, natural).tolist()
-    return found
+def tune_set(harvester: H, duty: Shaking, count: int = 3) -> list[Tuned[H]]:
+    """Best set of harvesters of one kind for the worst operating point, each with its own tuning.
 
+    Found among tunings on a grid that no other beats at every operating point, and refined
+    together. Powers add, since a harvester of a few grams does not move a gearbox and each has its
+    own rectifier. For the mean over the duty cycle, copies of the best single one cannot be beaten.
 
-def _matched(grid: Real, point: OperatingShare, damping: float) -> Real:
-    """Sum of the mean squares under a Lorentzian of twice the damping, widened by the wander."""
-    v = point.vibration
-    width = 2 * damping + 1.2 * v.wander
-    height = 2 * damping / width
-    found = np.zeros(len(grid))
-    for part in np.array_split(
-        np.arange(len(grid)), 1 + len(grid) * len(v.frequency_hz) // 4_000_000
-    ):
-        detuned = (v.frequency_hz / grid[part, None] - 1) / width
-        found[part] = (height / (1 + detuned**2)) @ v.mean_square_m2s4
-    return found
+    Parameters
+    ----------
+    harvester, duty
+        As for `tune_harvester`.
+    count : int, 1 to 3
+        Size of the set.
 
-
-def _bounds(harvester: Harvester, grid: Real) -> Real:
-    """Largest power by natural frequency, read off between a few tunings."""
-    few = np.geomspace(grid[0], grid[-1], 12)
-    few[0], few[-1] = grid[0], grid[-1]
-    known = np.log([harvester.retuned(float(f)).power_bound_w() for f in few])
-    return np.asarray(np.exp(np.interp(np.log(grid), np.log(few), known)))
-
-
-def _begun(harvester: H, lines: DutyLines, frequency_hz: float) -> Start[H]:
-    """Best of the resonance and, where it lies well apart, the antiresonance on a line."""
-    low, high = harvester.frequency_range_hz
-    stiffer = stiffening(harvester, frequency_hz)
-    places = [frequency_hz]
-    if stiffer > harvester.damping_ratio:
-        places.append(frequency_hz / (1 + stiffer))
-    tried = [
-        with_best_load(harvester.retuned(min(max(place, low), high)), lines) for place in places
-    ]
-    return max(tried, key=lambda start: start.power_w)
-
-
-def _refined(start: Start[H], lines: DutyLines) -> Start[H]:
-    """Move the natural frequency to where the power with the best load is largest nearby."""
-    low, high = start.harvester.frequency_range_hz
-    damping = start.harvester.damping_ratio
-    middle = start.harvester.natural_frequency_hz
-
-    def at(offset: float) -> Start[H]:
-        frequency = min(max(middle * math.exp(damping * offset), low), high)
-        return with_best_load(start.harvester.retuned(frequency), lines)
-
-    tried = {0.0: start} | {offset: at(offset) for offset in OFFSETS}
-    step = 0.6
-    while step > LAST_STEP:
-        best = max(tried, key=lambda offset: tried[offset].power_w)
-        if best in (min(tried), max(tried)):
-            step = 1.2
-        else:
-            step /= 2
-        for offset in (best - step, best + step):
-            if offset not in tried:
-                tried[offset] = at(offset)
-        if len(tried) > 40:
-            break
-    return max(tried.values(), key=lambda found: found.power_w)
-
-
-def stiffening(harvester: Harvester, frequency_hz: float) -> float:
-    """How far an open circuit raises the natural frequency, relative; 0 without a circuit."""
-    low, high = harvester.frequency_range_hz
-    tuned = harvester.retuned(min(max(frequency_hz, low), high))
-    raised = getattr(tuned, "open_circuit_hz", tuned.natural_frequency_hz)
-    return float(raised / tuned.natural_frequency_hz - 1)
-
-
-def _largest_allowed(
-    harvester: H,
-    points: Points,
-    lines: DutyLines,
-    places: list[Start[H]],
-    margin: float = 1.0,
-) -> list[Start[H]]:
-    """Up to three best tunings within the limits, the best first.
-
-    Where none keeps them, the one that comes nearest. Peaks are multiplied by `margin`.
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of its range, or as in `tune_harvester`.
     """
-    free = [with_best_load(harvester.retuned(float(f)), lines) for f in _grid(harvester, places)]
-    free.sort(key=lambda start: -start.power_w)
-    found: list[Start[H]] = []
-    best = -1.0
-    for start in free:
-        if start.power_w <= best:
-            break
-        found.append(_with_allowed_load(start.harvester, points, margin, 0))
-        best = max(best, found[-1].power_w)
-    allowed = sorted((f for f in found if f.power_w >= 0), key=lambda f: -f.power_w)
-    if not allowed:
-        return [min(found, key=lambda f: f.share)]
-    chosen = [_refined_within(one, points, margin) for one in _apart(allowed)]
-    return sorted(chosen, key=lambda f: -f.power_w)
+    if count not in (1, 2, 3):
+        raise ArgumentError(f"count={count} must be 1, 2 or 3")
+    points = check_duty(duty)
+    best = tune_harvester(harvester, points)
+    if len(points) == 1:
+        return [best] * count
+    light = tuple(
+        replace(p, vibration=replace(p.vibration, crest=c))
+        for p, c in zip(points, _crests(best, points), strict=True)
+    )
+    candidates, powers = _candidates(harvester, light, best)
+    sets_of = np.array(list(combinations_with_replacement(range(len(powers)), count)))
+    chosen = [candidates[i] for i in sets_of[powers[sets_of].sum(axis=1).min(axis=1).argmax()]]
+    sets = [[best] * count, [evaluate(one, points) for one in _polished(chosen, light)]]
+
+    def worst_w(group: list[Tuned[H]]) -> float:
+        if not all(tuned.within_limits for tuned in group):
+            return -1.0
+        return min(sum(t.answers[k].power_w for t in group) for k in range(len(points)))
+
+    return max(sets, key=worst_w)
 
 
-def _grid(harvester: H, places: list[Start[H]]) -> Real:
-    low, high = harvester.frequency_range_hz
-    about = [
-        place.harvester.natural_frequency_hz * (1 + place.harvester.damping_ratio * ABOUT)
-        for place in places
-    ]
-    grid = np.concatenate([np.geomspace(low, high, SCANNED), *about])
-    return np.unique(np.clip(grid, low, high))
+def _candidates(harvester: H, points: Points, best: Tuned[H]) -> tuple[list[H], Real]:
+    """Tunings within the limits that no other beats at every point, and their powers by point."""
+    light = _lightened(harvester, points, ROUGH_BINS)
+    found, powers = [best.harvester], [np.array([a.power_w for a in best.answers])]
+    for frequency in _grid(harvester, light):
+        tuned = harvester.retuned(float(frequency))
+        loads = np.geomspace(*tuned.load_range, 2 * LOADS)
+        power, share = _powers_and_shares(tuned, light, loads)
+        for index in np.flatnonzero(share <= 1):
+            found.append(tuned.with_load(float(loads[index])))
+            powers.append(power[:, index])
+    table = np.array(powers)
+    kept: list[int] = []
+    for i in np.argsort(-table.min(axis=1), kind="stable"):
+        if not kept or not (table[kept] >= table[i]).all(axis=1).any():
+            kept.append(int(i))
+    # evenly through the trade-off between the first point and the others
+    share_of_first = table[kept, 0] / table[kept].sum(axis=1)
+    even = np.linspace(0, len(kept) - 1, min(MOST_KEPT, len(kept))).astype(int)
+    chosen = {kept[0], *(kept[i] for i in np.argsort(share_of_first)[even])}
+    return [found[i] for i in sorted(chosen)], table[sorted(chosen)]
 
 
-def _apart(allowed: list[Start[H]]) -> list[Start[H]]:
-    """Best ones that lie more than a damping ratio from each other."""
-    chosen: list[Start[H]] = []
-    for one in allowed:
-        ratios = [
-            abs(math.log(one.harvester.natural_frequency_hz / c.harvester.natural_frequency_hz))
-            for c in chosen
-        ]
-        if all(ratio > one.harvester.damping_ratio for ratio in ratios):
-            chosen.append(one)
-        if len(chosen) == REFINED:
-            break
-    return chosen
+def _polished(members: list[H], points: Points) -> list[H]:
+    """Move all frequencies and loads together to where the worst point is best served."""
+    from scipy.optimize import minimize
 
+    light = _lightened(members[0], points, FINE_BINS)
+    low, high = members[0].frequency_range_hz
 
-def _refined_within(start: Start[H], points: Points, margin: float) -> Start[H]:
-    """Step the natural frequency to where the allowed power is largest, halving the step."""
-    low, high = start.harvester.frequency_range_hz
-    damping = start.harvester.damping_ratio
-    best = _with_allowed_load(start.harvester, points, margin, ZOOMS)
-    step = 0.5
-    while step > LAST_LIMITED_STEP:
-        middle = best.harvester.natural_frequency_hz
-        beside = [
-            _with_allowed_load(start.harvester.retuned(float(f)), points, margin, ZOOMS)
-            for f in np.clip(middle * np.exp(damping * step * np.array([-1.0, 1.0])), low, high)
-        ]
-        better = max(beside, key=lambda f: f.power_w)
-        if better.power_w > best.power_w * (1 + 1e-6):
-            best = better
-        else:
-            step /= 2
-    return best
+    def moved(offsets: Real) -> list[H]:
+        pairs = zip(members, offsets.reshape(-1, 2), strict=True)
+        found = []
+        for member, (shift, factor) in pairs:
+            frequency = member.natural_frequency_hz * math.exp(member.damping_ratio * shift)
+            tuned = member.retuned(min(max(frequency, low), high))
+            load = np.clip(member.load * math.exp(factor), *tuned.load_range)
+            found.append(tuned.with_load(float(load)))
+        return found
 
+    def cost(offsets: Real) -> float:
+        together: Real = np.zeros(len(points))
+        for member in moved(offsets):
+            power, share = _powers_and_shares(member, light, np.array([member.load]))
+            if share[0] > 1:
+                return 0.0
+            together = together + power[:, 0]
+        return -float(together.min()) / scale
 
-def _with_allowed_load(harvester: H, points: Points, margin: float, zooms: int) -> Start[H]:
-    """Choose the load that takes most among those that keep the limits."""
-    least, most = harvester.load_range
-    exponent = np.linspace(math.log(least), math.log(most), LOADS)
-    shares = np.array([point.share for point in points])
-    best: tuple[float, float, float] = (-1.0, math.inf, math.sqrt(least * most))
-    for _ in range(zooms + 1):
-        loads = np.exp(exponent)
-        power, travel, stress = peaks_by_load(harvester, loads, points)
-        over = np.maximum(travel / harvester.travel_limit_m, stress / harvester.stress_limit_pa)
-        share = margin * over.max(axis=0)
-        worth = np.where(share <= 1, shares @ power, -1.0)
-        # without any that fits, go where the limits are least broken
-        top = int(np.argmax(worth)) if worth.max() >= 0 else int(np.argmin(share))
-        if (worth[top], -share[top]) > (best[0], -best[1]):
-            best = float(worth[top]), float(share[top]), float(loads[top])
-        near = exponent[max(top - 1, 0)], exponent[min(top + 1, len(exponent) - 1)]
-        exponent = np.linspace(*near, ZOOMED)
-    return Start(harvester=harvester.with_load(best[2]), power_w=best[0], share=best[1])
+    scale = 1.0
+    scale = max(-cost(np.zeros(2 * len(members))), 1e-300)
+    found = minimize(
+        cost,
+        np.zeros(2 * len(members)),
+        method="Nelder-Mead",
+        options={"xatol": LAST_STEP, "fatol": 1e-5, "maxfev": 300 * len(members)},
+    )
+    return moved(found.x)

@@ -4,6 +4,9 @@ A line of acceleration amplitude A has the mean square A^2/2; a bin of a measure
 S df. Its energy is E_i = (2 pi f_i A_i)^2/2 with the displacement amplitude A_i [J/kg], which is
 half of its squared velocity amplitude.
 
+A measured vibration keeps its samples: they say what a harvester makes of it (`recorded`), while
+the mean squares serve to search for a tuning and to name the lines.
+
 A duty cycle is several vibrations with their shares of the time.
 """
 
@@ -11,7 +14,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -24,10 +28,20 @@ Real = npt.NDArray[np.float64]
 
 #: Standard deviations of speed to either side that wander is followed over.
 WANDER_REACH = 4.0
+#: Steps of the integral over the memory of a wandering line, and the shortest memory told apart.
+LAG_STEP, SHORTEST_MEMORY = 0.2, 0.02
+#: Sine tapers of a spectrum: nearly even weight over the recording, little leakage (Riedel and
+#: Sidorenko, IEEE Trans. Signal Process. 43 (1995) 188-195).
+TAPERS = 4
+#: Relative width of the bins that are kept: a fifth of the damping ratio of a very sharp harvester.
+BIN = 2e-4
 #: Chance that noise alone has a bin that is taken for a line.
 CHANCE = 0.01
-#: Bins over which the noise floor is taken.
-FLOOR_BINS = 401
+#: The noise floor is a median over so many cells of relative width `CELL`: 20 % to either side,
+#: that a line which wanders by 2 % of its frequency does not become its own floor.
+CELL, FLOOR_CELLS = 0.01, 41
+#: A line ends where it has fallen to twice the floor; two are told apart by a dip to a quarter.
+RAISED, DIP = 2.0, 4.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -42,10 +56,19 @@ class Vibration:
     resolution_hz : float, >= 0
         Width of a bin; 0 for lines.
     wander : float, 0 to 0.2
-        Standard deviation of the speed over its mean, by which all lines move together, slowly
-        beside the ring-down of a harvester. Bins of a recording hold theirs already.
+        Standard deviation of the speed over its mean, by which all lines move together. Bins of a
+        recording hold theirs already.
+    wander_time_s : float, > 0
+        Correlation time of that; infinite if it is slow beside the ring-down of a harvester.
     name : str
         Place or origin.
+    samples_ms2 : ndarray, shape (m,)
+        Of a recording, what was measured; empty otherwise.
+    sampling_rate_hz : float
+        Of these; 0 without.
+    crest : float, > 0
+        Peak over rms of the answer of a harvester; 4.5 is exceeded 7e-6 of the time by Gaussian
+        motion.
 
     Raises
     ------
@@ -57,7 +80,11 @@ class Vibration:
     mean_square_m2s4: Real
     resolution_hz: float = 0.0
     wander: float = 0.0
+    wander_time_s: float = math.inf
     name: str = ""
+    samples_ms2: Real = field(default_factory=lambda: np.empty(0))
+    sampling_rate_hz: float = 0.0
+    crest: float = 4.5
 
     def __post_init__(self) -> None:
         frequency = np.array(self.frequency_hz, dtype=np.float64)
@@ -77,6 +104,8 @@ class Vibration:
             raise ArgumentError(f"{self.name or 'vibration'}: no line at all; nothing to harvest")
         check_range("resolution_hz", self.resolution_hz, 0.0, 1e6, "Hz")
         check_range("wander", self.wander, 0.0, 0.2)
+        if not self.wander_time_s > 0:
+            raise ArgumentError(f"wander_time_s={self.wander_time_s} s must be > 0")
         for name, values in (("frequency_hz", frequency), ("mean_square_m2s4", power)):
             values.flags.writeable = False
             object.__setattr__(self, name, values)
@@ -105,17 +134,37 @@ class Vibration:
         Returns
         -------
         frequency_hz : ndarray, shape (k, n)
-        weights : ndarray, shape (k,)
+        weights : ndarray, shape (k, n) or (k, 1)
             Summing to 1.
         """
         if self.wander == 0:
-            return self.frequency_hz[None, :], np.ones(1)
+            return self.frequency_hz[None, :], np.ones((1, 1))
         reach = WANDER_REACH * self.wander
         step = min(damping_ratio / 2, self.wander / 1.5)
         count = 2 * math.ceil(reach / step) + 1
         shift = np.linspace(-reach, reach, count)
-        weights = np.exp(-0.5 * (shift / self.wander) ** 2)
-        return (1 + shift)[:, None] * self.frequency_hz, weights / weights.sum()
+        if math.isinf(self.wander_time_s):
+            weights = np.exp(-0.5 * (shift / self.wander) ** 2)[:, None]
+        else:
+            weights = self._remembered(shift)
+        return (1 + shift)[:, None] * self.frequency_hz, weights / weights.sum(axis=0)
+
+    def _remembered(self, shift: Real) -> Real:
+        """Share of each line's power about each shift, where the wander is forgotten in time.
+
+        With s = (2 pi f wander) wander_time and the lag in units of 1/(2 pi f wander), the
+        autocorrelation of a line is exp(-s t + s^2 (1 - exp(-t/s))): a Gaussian for large s, a
+        narrow Lorentzian for small (R. Kubo, 1954). Its distribution function follows from it by
+        the inversion of Gil-Pelaez.
+        """
+        memory = 2 * math.pi * self.frequency_hz * self.wander * self.wander_time_s
+        memory = np.maximum(memory, SHORTEST_MEMORY)
+        lag = np.arange(LAG_STEP / 2, 8 + 20 / memory.min(), LAG_STEP)[:, None]
+        kept = np.exp(-memory * lag - memory**2 * np.expm1(-lag / memory))
+        step = shift[1] - shift[0]
+        edges = np.append(shift - step / 2, shift[-1] + step / 2) / self.wander
+        below = 0.5 + LAG_STEP / math.pi * (np.sin(edges[:, None] * lag[:, 0]) / lag[:, 0]) @ kept
+        return np.maximum(np.diff(below, axis=0), 0.0)
 
     def cut(self, low_hz: float, high_hz: float) -> Vibration:
         """Return only what vibrates between two frequencies.
@@ -132,8 +181,25 @@ class Vibration:
                 f"{self.name or 'vibration'}: nothing vibrates between {low_hz:g} and {high_hz:g} "
                 f"Hz; it holds {self.frequency_hz[0]:g} to {self.frequency_hz[-1]:g} Hz"
             )
-        kept_power = self.mean_square_m2s4[kept]
-        return replace(self, frequency_hz=self.frequency_hz[kept], mean_square_m2s4=kept_power)
+        return self.only(kept)
+
+    def only(self, kept: npt.NDArray[np.bool_]) -> Vibration:
+        """Return these lines or bins, without samples."""
+        return replace(
+            self,
+            frequency_hz=self.frequency_hz[kept],
+            mean_square_m2s4=self.mean_square_m2s4[kept],
+            samples_ms2=np.empty(0),
+        )
+
+    def merged(self, width: float) -> Vibration:
+        """Return it with bins or lines within a relative width of each other as one."""
+        group = np.floor(np.log(self.frequency_hz) / width).astype(np.int64)
+        starts = np.flatnonzero(np.diff(group, prepend=group[0] - 1))
+        power = np.add.reduceat(self.mean_square_m2s4, starts)
+        moment = np.add.reduceat(self.mean_square_m2s4 * self.frequency_hz, starts)
+        loud = power > 0
+        return replace(self, frequency_hz=moment[loud] / power[loud], mean_square_m2s4=power[loud])
 
 
 def vibration_of_lines(
@@ -143,6 +209,7 @@ def vibration_of_lines(
     displacement_m: npt.ArrayLike | None = None,
     gain: float = 1.0,
     wander: float = 0.0,
+    wander_time_s: float = math.inf,
     name: str = "",
 ) -> Vibration:
     """Vibration of lines given by their peak amplitudes, in any order.
@@ -155,7 +222,7 @@ def vibration_of_lines(
         Peak amplitudes, one of the two.
     gain : float, > 0
         Amplitude at the harvester over the given one: the path through shaft and housing.
-    wander, name
+    wander, wander_time_s, name
         See `Vibration`.
 
     Raises
@@ -164,53 +231,49 @@ def vibration_of_lines(
         If not exactly one amplitude is given, or a value is out of its range.
     """
     check_positive("gain", gain)
-    frequency = _row(frequency_hz)
+    frequency: Real = np.atleast_1d(np.asarray(frequency_hz, dtype=np.float64))
     if (acceleration_ms2 is None) == (displacement_m is None):
         raise ArgumentError("lines: give acceleration_ms2 or displacement_m, one of the two")
-    if acceleration_ms2 is not None:
-        amplitude = _row(acceleration_ms2)
-    else:
-        assert displacement_m is not None
-        amplitude = _row(displacement_m) * (2 * math.pi * frequency) ** 2
+    given = displacement_m if acceleration_ms2 is None else acceleration_ms2
+    amplitude: Real = np.atleast_1d(np.asarray(given, dtype=np.float64))
     if amplitude.shape != frequency.shape:
         raise ArgumentError(f"lines: {amplitude.size} amplitudes for {frequency.size} frequencies")
+    if (frequency < 0).any():
+        raise ArgumentError(f"lines: frequency {frequency.min():g} Hz must be >= 0")
+    if acceleration_ms2 is None:
+        amplitude = amplitude * (2 * math.pi * frequency) ** 2
     order = np.argsort(frequency, kind="stable")
     order = order[frequency[order] > 0]
     power = (gain * amplitude[order]) ** 2 / 2
     return Vibration(
-        frequency_hz=frequency[order], mean_square_m2s4=power, wander=wander, name=name
+        frequency_hz=frequency[order],
+        mean_square_m2s4=power,
+        wander=wander,
+        wander_time_s=wander_time_s,
+        name=name,
     )
 
 
-def _row(values: npt.ArrayLike) -> Real:
-    row: Real = np.atleast_1d(np.asarray(values, dtype=np.float64))
-    return row
-
-
-def vibration_of_signature(
-    signature: Signature, *, gain: float = 1.0, wander: float = 0.0, name: str = ""
-) -> Vibration:
+def vibration_of_signature(signature: Signature, *, name: str = "", **how: float) -> Vibration:
     """Vibration of the lines of a signature, expected or measured.
 
     Parameters
     ----------
     signature : Signature
-    gain, wander, name
-        See `vibration_of_lines`; the name is that of the machine if none is given.
+    name : str
+        That of the machine if none is given.
+    **how
+        gain, wander and wander_time_s, see `vibration_of_lines`.
     """
-    return vibration_of_lines(
-        signature["frequency_hz"],
-        acceleration_ms2=signature["acceleration_ms2"],
-        gain=gain,
-        wander=wander,
-        name=name or signature.machine,
-    )
+    frequency, amplitude = signature["frequency_hz"], signature["acceleration_ms2"]
+    named = name or signature.machine
+    return vibration_of_lines(frequency, acceleration_ms2=amplitude, name=named, **how)
 
 
 def vibration_of_samples(
     acceleration_ms2: npt.ArrayLike, sampling_rate_hz: float, name: str = "", low_hz: float = 2.0
 ) -> Vibration:
-    """Vibration of a measured stretch, by its Hann-windowed periodogram (Parseval holds).
+    """Vibration of a measured stretch: its samples and their spectrum (Parseval holds).
 
     Parameters
     ----------
@@ -219,93 +282,76 @@ def vibration_of_samples(
     sampling_rate_hz : float, > 0
     name : str
     low_hz : float, >= 0
-        Lower bins are left out: drift of the sensor.
+        What is lower is left out: drift of the sensor.
 
     Raises
     ------
     ArgumentError
         If there are too few samples or the rate is not > 0.
     """
-    from scipy.signal import periodogram
+    from scipy.fft import next_fast_len, rfft
 
     check_positive("sampling_rate_hz", sampling_rate_hz, "Hz")
     check_finite("low_hz", low_hz, "Hz")
     samples = np.asarray(acceleration_ms2, dtype=np.float64)
     if samples.ndim != 1 or len(samples) < 16:
         raise ArgumentError(f"samples: shape {samples.shape}, one row of at least 16 is needed")
-    frequency, density = periodogram(samples, sampling_rate_hz, "hann", detrend="constant")
-    step = sampling_rate_hz / len(samples)
+    samples = samples - samples.mean()
+    count = len(samples)
+    length = next_fast_len(count, real=True)
+    power = np.zeros(length // 2 + 1)
+    turn = math.pi * np.arange(1, count + 1) / (count + 1)
+    for number in range(1, TAPERS + 1):
+        tapered = math.sqrt(2 / (count + 1)) * np.sin(number * turn) * samples
+        power += np.abs(rfft(tapered, length)) ** 2 * (2 / length / TAPERS)
+    power[-1] /= 1 + (length % 2 == 0)  # the bin at half the rate stands for itself
+    step = sampling_rate_hz / length
     first = max(1, math.ceil(low_hz / step))
-    return Vibration(
-        frequency_hz=frequency[first:],
-        mean_square_m2s4=step * density[first:],
-        resolution_hz=1.5 * step,
+    if not power[first:].any():
+        raise ArgumentError(f"{name or 'samples'}: nothing vibrates above {low_hz:g} Hz")
+    whole = Vibration(
+        frequency_hz=step * np.arange(first, len(power)),
+        mean_square_m2s4=power[first:],
+        resolution_hz=(TAPERS + 1) / 2 * sampling_rate_hz / count,
         name=name,
-    )
+    ).merged(BIN)
+    return replace(whole, samples_ms2=samples, sampling_rate_hz=float(sampling_rate_hz))
 
 
-def clear_lines(vibration: Vibration) -> tuple[npt.NDArray[np.intp], float]:
-    """Tell which bins are lines that stand out of the noise around them.
+def line_numbers(vibration: Vibration) -> npt.NDArray[np.int64]:
+    """Tell which line each bin belongs to: 1 and on; 0 for what does not stand out of the noise.
 
-    A bin of Gaussian noise exceeds t times its median power with the probability 2^-t, so that of
-    n bins one exceeds log2(n/p) with the probability p, here 1 %.
-
-    Parameters
-    ----------
-    vibration : Vibration
-        Of bins; of lines all that are not 0 are clear.
-
-    Returns
-    -------
-    numbers : ndarray of int
-        Of the clear bins that are higher than their neighbours.
-    highest : float
-        Largest power over what is needed to be clear.
-    """
-    power = vibration.mean_square_m2s4
-    if vibration.resolution_hz == 0:
-        return np.flatnonzero(power), math.inf
-    floor, needed = _noise(power)
-    above = power / (needed * floor)
-    inside = np.concatenate([[0.0], power, [0.0]])
-    top = (power >= inside[:-2]) & (power > inside[2:])
-    return np.flatnonzero(top & (above > 1)), float(above.max())
-
-
-def _noise(power: Real) -> tuple[Real, float]:
-    """Floor of the noise around each bin, and how many times that a clear line exceeds."""
-    from gearmon.signals.spectra import local_floor
-
-    return local_floor(power, min(len(power), FLOOR_BINS)), math.log2(len(power) / CHANCE)
-
-
-def standing_out(vibration: Vibration) -> Vibration | None:
-    """Keep only what stands out of the noise, which may be that of the sensor.
-
-    Kept are bins that are clear lines and, down to twice the floor, the bins beside them: a line
-    that wanders fills many.
+    A bin of noise under k tapers has 2k degrees of freedom, which says how far it must stand above
+    the median around it that noise alone has none in 99 of 100 spectra.
 
     Parameters
     ----------
     vibration : Vibration
-
-    Returns
-    -------
-    Vibration or None
-        None if nothing stands out.
+        Of bins; of lines each is its own, but for those of no power.
     """
-    if vibration.resolution_hz == 0:
-        return vibration
+    from scipy.ndimage import median_filter, uniform_filter1d
+    from scipy.signal import find_peaks
+    from scipy.stats import chi2
+
     power = vibration.mean_square_m2s4
-    floor, needed = _noise(power)
-    clear = power > needed * floor
-    if not clear.any():
-        return None
-    # runs of raised bins that hold a clear one
-    raised = power > 2 * floor
-    run = np.cumsum(np.diff(raised, prepend=False) & raised)
-    kept = raised & np.isin(run, run[clear])
-    return replace(vibration, mean_square_m2s4=np.where(kept, power, 0.0))
+    if vibration.resolution_hz == 0:
+        return np.where(power > 0, np.cumsum(power > 0), 0)
+    place = np.log(vibration.frequency_hz) / CELL
+    cells, starts = np.unique(np.floor(place), return_index=True)
+    medians = np.array([np.median(part) for part in np.split(power, starts[1:])])
+    floor = np.interp(place, cells + 0.5, median_filter(medians, FLOOR_CELLS, mode="nearest"))
+    above = power / np.maximum(floor, np.finfo(float).tiny)
+    freedom = 2 * TAPERS
+    needed = float(chi2.isf(CHANCE / len(power), freedom) / chi2.median(freedom))
+    smooth = np.log(uniform_filter1d(above, 5))
+    peaks, _ = find_peaks(smooth, prominence=math.log(DIP))
+    found = np.zeros(len(power), dtype=np.int64)
+    dips = [a + int(np.argmin(smooth[a:b])) for a, b in pairwise(peaks)]
+    for number, (low, high) in enumerate(zip([0, *dips], [*dips, len(power)], strict=True), 1):
+        inside = np.arange(low, high)[above[low:high] > RAISED]
+        if len(peaks) and above[low:high].max() > needed:
+            found[inside] = number
+    return found
 
 
 def operating_lines(vibration: Vibration, most: int = 8) -> list[dict[str, Any]]:
@@ -314,8 +360,8 @@ def operating_lines(vibration: Vibration, most: int = 8) -> list[dict[str, Any]]
     Parameters
     ----------
     vibration : Vibration
-        Of lines, or of bins: then of those that are clear of the noise, each with the bins beside
-        it that belong to its window.
+        Of lines, or of bins: then of those that stand out of the noise, a line and all that its
+        wander fills as one.
     most : int, >= 1
 
     Returns
@@ -324,28 +370,30 @@ def operating_lines(vibration: Vibration, most: int = 8) -> list[dict[str, Any]]
         frequency_hz, acceleration_ms2, energy_j_per_kg, share (of the energy of all such lines)
         and relative (to the best). Empty if no line is clear.
     """
-    clear, _ = clear_lines(vibration)
-    if not len(clear):
+    from scipy.ndimage import sum_labels
+
+    number = line_numbers(vibration)
+    if not number.any():
         return []
-    power = vibration.mean_square_m2s4
-    if vibration.resolution_hz > 0:
-        # a line under a Hann window fills three bins
-        power = np.convolve(power, np.ones(3), mode="same")
-    energy = np.zeros(len(power))
-    energy[clear] = power[clear] / (2 * math.pi * vibration.frequency_hz[clear]) ** 2
-    amplitude = np.sqrt(2 * power)
-    largest = np.argsort(-energy, kind="stable")[:most]
-    total, best = float(energy.sum()), float(energy.max())
+    # by squares, for the noise beside a line to count little
+    squared = vibration.mean_square_m2s4**2
+    columns = (
+        squared,
+        squared * vibration.frequency_hz,
+        vibration.mean_square_m2s4,
+        vibration.energy_j_per_kg,
+    )
+    lines = np.unique(number[number > 0])
+    weight, moment, power, energy = (sum_labels(column, number, lines) for column in columns)
     return [
         {
-            "frequency_hz": float(vibration.frequency_hz[i]),
-            "acceleration_ms2": float(amplitude[i]),
+            "frequency_hz": float(moment[i] / weight[i]),
+            "acceleration_ms2": math.sqrt(2 * power[i]),
             "energy_j_per_kg": float(energy[i]),
-            "share": float(energy[i]) / total,
-            "relative": float(energy[i]) / best,
+            "share": float(energy[i] / energy.sum()),
+            "relative": float(energy[i] / energy.max()),
         }
-        for i in largest
-        if energy[i] > 0
+        for i in np.argsort(-energy, kind="stable")[:most]
     ]
 
 

@@ -10,7 +10,8 @@ from matplotlib.ticker import FuncFormatter
 
 from gearmon.harvesting.placement import Placed, Survey
 from gearmon.harvesting.tuning import power_against_tuning
-from gearmon.harvesting.vibration import Vibration
+from gearmon.harvesting.vibration import Vibration, operating_lines
+from gearmon.report.harvest_text import spoken_time
 from gearmon.report.palette import BLACK, BLUE, GREY, VERMILLION, series_colour
 from gearmon.report.plots import Picture, sheet, sheet_style
 
@@ -176,10 +177,11 @@ def positions_figure(survey: Survey) -> Picture:
     ax.barh(rows, power, height=0.5, color=BLUE, alpha=0.85, label="gears sound")
     known = np.isfinite(low)
     if known.any():
+        # the interval is of stretches that the tuning did not know: it need not hold the bar's end
         ax.errorbar(
-            power[known],
+            (low + high)[known] / 2,
             rows[known],
-            xerr=[power[known] - low[known], high[known] - power[known]],
+            xerr=(high - low)[known] / 2,
             fmt="none",
             ecolor=BLACK,
             capsize=4,
@@ -229,7 +231,7 @@ def _between(vibration: Vibration, low: float, high: float) -> float:
 def _remark(place: Placed) -> str:
     if place.tuned is None:
         return "nothing to tune to"
-    often = f"a recording every {place.interval_s / 60:.3g} min"
+    often = f"a recording every {spoken_time(place.interval_s)}"
     text = often if np.isfinite(place.interval_s) else "too little to send a recording"
     return text + ("; better only when damaged" if place.good_only_when_damaged else "")
 
@@ -241,8 +243,13 @@ def _span(place: Placed) -> tuple[float, float]:
         vibration = point.vibration
         energy = vibration.energy_j_per_kg
         loud = vibration.frequency_hz[energy > energy.max() * 1e-5]
-        # drift of a sensor is energy too, but not worth a picture
-        ends += [float(loud.max())] if vibration.resolution_hz else [float(loud.min()), loud.max()]
+        # the lines with most of the energy are shown wherever they lie; drift of a sensor is not
+        ends += [row["frequency_hz"] for row in operating_lines(vibration, 3)]
+        ends += (
+            [float(loud.max())]
+            if vibration.resolution_hz
+            else [float(loud.min()), float(loud.max())]
+        )
     return min(ends) / 1.5, max(ends) * 1.5
 
 

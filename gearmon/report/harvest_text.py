@@ -9,6 +9,13 @@ from gearmon.harvesting.placement import Placed, Survey
 from gearmon.report.text_tables import table_lines
 
 MICRO = 1e6
+#: Units of time with their lengths [s], and how many of them are needed to be spoken of.
+_UNITS = (
+    ("years", 365.25 * 86400.0, 2.0),
+    ("days", 86400.0, 2.0),
+    ("h", 3600.0, 2.0),
+    ("min", 60.0, 1.5),
+)
 
 
 def harvest_lines(survey: Survey, most_lines: int = 8) -> list[str]:
@@ -24,7 +31,7 @@ def harvest_lines(survey: Survey, most_lines: int = 8) -> list[str]:
     text = [f"{survey.machine}: {len(survey.placed)} position(s), {survey.origin} vibration", ""]
     text += table_lines([_row(place) for place in survey.placed])
     if best.tuned is not None:
-        text += ["", *_harvester_lines(best), _budget_line(survey)]
+        text += ["", *_harvester_lines(best), *_budget_lines(survey)]
     ranked = sorted(survey.lines(), key=lambda row: -row["share_of_time"] * row["energy_j_per_kg"])
     text += ["", "lines by energy and share of time:"]
     text += table_lines([_line(row) for row in ranked[:most_lines]])
@@ -35,9 +42,24 @@ def harvest_lines(survey: Survey, most_lines: int = 8) -> list[str]:
     return [*text, "", *(f"note: {note}" for note in survey.notes)]
 
 
+def spoken_time(seconds: float) -> str:
+    """Say a time in the unit that suits it, such as "4.7 days"; "never" if infinite.
+
+    Examples
+    --------
+    >>> spoken_time(403_200.0), spoken_time(90.0)
+    ('4.7 days', '1.5 min')
+    """
+    if not math.isfinite(seconds):
+        return "never"
+    for unit, length, least in _UNITS:
+        if seconds >= least * length:
+            return f"{float(f'{seconds / length:.2g}'):g} {unit}"
+    return f"{seconds:.2g} s"
+
+
 def _row(place: Placed) -> dict[str, Any]:
     row = place.to_dict()
-    often = place.interval_s / 60
     return {
         "position": row["position"],
         "tuned_to_hz": row["natural_frequency_hz"],
@@ -46,7 +68,7 @@ def _row(place: Placed) -> dict[str, Any]:
         "damaged_uw": _micro(row["degraded_power_w"]),
         "best_damaged_hz": row["degraded_best_hz"],
         "best_damaged_uw": _micro(row["degraded_best_power_w"]),
-        "minutes_between_recordings": often if math.isfinite(often) else None,
+        "a_recording_every": spoken_time(place.interval_s),
         "remark": place.refusal
         or ("better only when damaged" if place.good_only_when_damaged else ""),
     }
@@ -54,7 +76,7 @@ def _row(place: Placed) -> dict[str, Any]:
 
 def _interval(place: Placed) -> str:
     if not math.isfinite(place.power_low_w):
-        return ""
+        return "too few stretches" if math.isfinite(place.stretches) else ""
     return f"{MICRO * place.power_low_w:.3g} to {MICRO * place.power_high_w:.3g}"
 
 
@@ -66,25 +88,40 @@ def _harvester_lines(place: Placed) -> list[str]:
     assert place.tuned is not None
     values = place.tuned.harvester.to_dict()
     answers = place.tuned.answers
+    volts = max(a.voltage_v for a in answers)
     if values["kind"] == "cantilever":
         what = (
             f"{values['piezo']} on {values['passive']}, {values['wiring']}, "
             f"{1e3 * values['length_m']:.3g} x {1e3 * values['width_m']:.3g} mm, tip mass "
             f"{1e3 * values['tip_mass_kg']:.3g} g, load {values['load_ohm']:.3g} ohm, "
-            f"{max(a.voltage_v for a in answers):.3g} V peak"
+            f"{volts:.3g} V peak"
         )
     else:
+        load = (
+            f"electrical damping ratio {values['electrical_damping_ratio']:.3g}"
+            if values["kind"] == "inertial"
+            else f"load {values['load_ohm']:.3g} ohm, {volts:.3g} V peak"
+        )
         what = (
             f"{1e3 * values['mass_kg']:.3g} g on a spring of "
-            f"{values['stiffness_n_per_m']:.4g} N/m, electrical damping ratio "
-            f"{values['electrical_damping_ratio']:.3g}"
+            f"{values['stiffness_n_per_m']:.4g} N/m, {load}"
         )
     travel = 1e3 * max(a.travel_m for a in answers)
     limits = (
-        f"travel {travel:.3g} mm ({100 * place.tuned.travel_share:.3g} % of the clearance), stress "
-        f"{100 * place.tuned.stress_share:.3g} % of what is safe"
+        f"travel {travel:.3g} mm and {1e3 * place.tuned.static_travel_m:.3g} mm of its own weight "
+        f"({100 * place.tuned.travel_share:.3g} % of the clearance), stress with that of its "
+        f"weight {100 * place.tuned.stress_share:.3g} % of what is safe"
     )
-    return [f"best at {place.position.name}: {what}", limits, *_degraded_lines(place)]
+    told = [f"best at {place.position.name}: {what}", limits]
+    if math.isfinite(place.line_share):
+        told.append(f"{100 * place.line_share:.0f} % of the power comes from lines")
+    if math.isfinite(place.power_with_stops_w):
+        told.append(
+            f"beyond the clearance: tuned to {place.stops_hz:.4g} Hz it would hit its stops and "
+            f"give {MICRO * place.power_with_stops_w:.3g} uW, if a blow leaves "
+            f"{place.tuned.harvester.restitution:g} of its speed: measure that"
+        )
+    return [*told, *_degraded_lines(place)]
 
 
 def _degraded_lines(place: Placed) -> list[str]:
@@ -133,21 +170,30 @@ def _band_lines(survey: Survey) -> list[str]:
         for row in survey.bandwidths()
     ]
     return [
-        "bandwidth against the quality factor of the mechanics, best load, one line of 1 m/s2:",
+        "bandwidth against the quality factor of the mechanics, best load, one line of 1 m/s2 that "
+        f"wanders by {100 * survey.wander:.2g} %:",
         *table_lines(rows),
     ]
 
 
-def _budget_line(survey: Survey) -> str:
-    task, interval = survey.budget, survey.best.interval_s
+def _budget_lines(survey: Survey) -> list[str]:
+    task, supply = survey.budget, survey.best.supply
     job = (
         f"{task.duration_s:g} s at {task.sampling_rate_hz:g} Hz and {task.bits} bit, "
         f"{1e3 * task.energy_j:.3g} mJ to make and send"
     )
-    if math.isfinite(interval):
-        return f"powers one recording ({job}) every {interval / 60:.3g} min"
-    needed = MICRO * task.sleep_power_w / task.efficiency
-    return f"powers no recording ({job}): sleeping alone takes {needed:.3g} uW of harvested power"
+    way = (
+        f"of {MICRO * supply['harvested_w']:.3g} uW, {MICRO * supply['rectified_w']:.3g} pass the "
+        f"rectifier and {MICRO * supply['regulated_w']:.3g} the converter; "
+        f"{MICRO * supply['constant_w']:.3g} are taken all the time"
+    )
+    if not supply["starts"]:
+        return [f"powers no recording ({job}): the voltage never reaches the cold start", way]
+    if supply["interval_s"] is None:
+        return [f"powers no recording ({job})", way]
+    start = spoken_time(supply["charging_s"])
+    often = f"powers one recording ({job}) every {spoken_time(supply['interval_s'])}"
+    return [often, f"{way}; the empty store takes {start} to charge"]
 
 
 def _line(row: dict[str, Any]) -> dict[str, Any]:

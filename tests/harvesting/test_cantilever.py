@@ -19,6 +19,7 @@ from gearmon.harvesting.cantilever import (
     ModalDamping,
     PiezoCantilever,
     PiezoMaterial,
+    TipBlock,
 )
 
 G = 9.81
@@ -65,13 +66,23 @@ def test_section_of_the_published_beam():
 
 
 def test_modes_of_the_published_beam():
-    found = PUBLISHED.natural_rad_s / (2 * np.pi)
+    found = PUBLISHED.natural_rad_s[:3] / (2 * np.pi)
     np.testing.assert_allclose(found, [47.809, 299.615, 838.93], rtol=1e-5)
-    np.testing.assert_allclose(PUBLISHED.damping_ratios, [0.0100, 0.0130, 0.0332], atol=5e-5)
+    np.testing.assert_allclose(PUBLISHED.damping_ratios[:3], [0.0100, 0.0130, 0.0332], atol=5e-5)
     assert abs(PUBLISHED.coupling[0]) == pytest.approx(0.0175627, rel=1e-5)
     gamma = PUBLISHED.forcing[0] / PUBLISHED.mass_per_length_kg_m
     assert gamma == pytest.approx(0.676276, rel=1e-5)
     assert PUBLISHED.open_circuit_hz == pytest.approx(48.82, rel=1e-3)
+
+
+def three_modes(beam, grid):
+    """Voltage per acceleration, and admittance, of three modes alone, as published."""
+    beam = replace(beam, modes=3)
+    circular, natural = 2 * np.pi * grid, beam.natural_rad_s[:, None]
+    mode = 1 / (natural**2 - circular**2 + 2j * beam.damping_ratios[:, None] * natural * circular)
+    admittance = 1j * circular * (beam.capacitance_f + beam.coupling**2 @ mode)
+    driven = 1j * circular * ((beam.coupling * beam.forcing) @ mode)
+    return np.abs(driven / (1 / beam.load_ohm + admittance)), np.abs(admittance)
 
 
 @pytest.mark.parametrize(
@@ -80,20 +91,33 @@ def test_modes_of_the_published_beam():
 )
 def test_voltage_and_power_of_the_published_beam(load_ohm, volt_per_g, peak_power_mw):
     grid = np.linspace(45, 51, 12001)
-    gains = PUBLISHED.with_load(load_ohm).gains(grid)
-    assert gains.voltage_v.max() * G == pytest.approx(volt_per_g, rel=1e-3)
-    # the published figure is the peak power, twice the mean
-    assert 2e3 * gains.power_w.max() * G**2 == pytest.approx(peak_power_mw, rel=1e-3)
+    loaded = PUBLISHED.with_load(load_ohm)
+    # the published figures are of three modes, 0.8 % above those of all near the open circuit, and
+    # the power is its peak, twice the mean
+    volt = G * three_modes(loaded, grid)[0].max()
+    assert volt == pytest.approx(volt_per_g, rel=1e-3)
+    assert 1e3 * volt**2 / load_ohm == pytest.approx(peak_power_mw, rel=1e-3)
+    gains, elements = loaded.gains(grid), answers(loaded, grid[::50])[0].max()
+    assert gains.voltage_v.max() == pytest.approx(elements, rel=1e-3)
+    assert gains.power_w.max() == pytest.approx(elements**2 / (2 * load_ohm), rel=1e-3)
 
 
 @pytest.mark.parametrize(
     ("frequency_hz", "load_ohm", "peak_power_mw"), [(47.8, 17.5e3, 31.1), (48.8, 91.8e3, 31.4)]
 )
 def test_best_load_of_the_published_beam(frequency_hz, load_ohm, peak_power_mw):
+    # published of three modes; all of them as the elements have it
+    at = np.array([frequency_hz])
+    _, admittance = three_modes(PUBLISHED, at)
+    assert 1 / admittance[0] == pytest.approx(load_ohm, rel=3e-3)
+    volt = G * three_modes(PUBLISHED.with_load(1 / admittance[0]), at)[0][0]
+    assert 1e3 * volt**2 * admittance[0] == pytest.approx(peak_power_mw, rel=2e-3)
     best = PUBLISHED.best_load_ohm(frequency_hz)
-    assert best == pytest.approx(load_ohm, rel=3e-3)
-    power = 2e3 * PUBLISHED.with_load(best).gains(frequency_hz).power_w[0] * G**2
-    assert power == pytest.approx(peak_power_mw, rel=2e-3)
+    loads = np.linspace(0.9, 1.1, 41) * best
+    powers = [answers(PUBLISHED.with_load(r), at)[0][0] ** 2 / (2 * r) for r in loads]
+    assert best == pytest.approx(loads[np.argmax(powers)], rel=6e-3)
+    power = PUBLISHED.with_load(best).gains(frequency_hz).power_w[0]
+    assert power == pytest.approx(max(powers), rel=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -101,13 +125,23 @@ def test_best_load_of_the_published_beam(frequency_hz, load_ohm, peak_power_mw):
 )
 def test_peaks_from_short_to_open_circuit(load_ohm, peaks):
     grid = np.linspace(20, 1000, 98_001)
-    volt = PUBLISHED.with_load(load_ohm).gains(grid).voltage_v
-    top = np.flatnonzero((volt[1:-1] > volt[:-2]) & (volt[1:-1] > volt[2:])) + 1
-    np.testing.assert_allclose(grid[top], peaks, rtol=1e-4)
+    loaded = PUBLISHED.with_load(load_ohm)
+
+    def tops(grid, volt):
+        return grid[np.flatnonzero((volt[1:-1] > volt[:-2]) & (volt[1:-1] > volt[2:])) + 1]
+
+    # three modes, as published; all of them as the elements have it
+    np.testing.assert_allclose(tops(grid, three_modes(loaded, grid)[0]), peaks, rtol=1e-4)
+    found = tops(grid, loaded.gains(grid).voltage_v)
+    near = np.concatenate([f + np.arange(-6, 7) * 0.05 for f in found])
+    np.testing.assert_allclose(found, tops(near, answers(loaded, near)[0]), rtol=2e-4)
 
 
 def test_bound_of_the_published_beam():
-    assert 2e3 * PUBLISHED.power_bound_w() * G**2 == pytest.approx(32.9, rel=1e-3)
+    # the published figure is that of the first mode; a bound has to hold the others as well
+    first = PUBLISHED.forcing[0] ** 2 / (16 * PUBLISHED.damping_ratio * PUBLISHED.natural_rad_s[0])
+    assert 2e3 * first * G**2 == pytest.approx(32.9, rel=1e-3)
+    assert first < PUBLISHED.power_bound_w() < 1.1 * first
 
 
 beams = st.builds(
@@ -178,14 +212,16 @@ BOOK = PiezoCantilever(
 
 
 def test_bimorph_of_the_book_peaks_where_its_model_and_the_experiment_do():
-    # model 502.5 and 524.7 Hz, printed to 0.1 Hz; measured 502.6 and 524.2 Hz
+    # model, of three modes, 502.5 and 524.7 Hz, printed to 0.1 Hz; measured 502.6 and 524.2 Hz
     grid = np.linspace(490, 540, 50_001)
-    peaks = [grid[BOOK.with_load(load).gains(grid).voltage_v.argmax()] for load in (470.0, 995e3)]
-    assert peaks == pytest.approx([502.5, 524.7], abs=0.15)
-    assert peaks == pytest.approx([502.6, 524.2], rel=2e-3)
+    beams = [BOOK.with_load(load) for load in (470.0, 995e3)]
+    printed = [grid[three_modes(beam, grid)[0].argmax()] for beam in beams]
+    assert printed == pytest.approx([502.5, 524.7], abs=0.15)
+    peaks = [grid[beam.gains(grid).voltage_v.argmax()] for beam in beams]
+    assert peaks == pytest.approx([502.6, 524.2], rel=5e-4)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(9))
 def test_beam_equals_finite_elements(seed):
     rng = np.random.default_rng(seed)
     beam = bimorph(
@@ -195,23 +231,21 @@ def test_beam_equals_finite_elements(seed):
         tip_gyration_m=rng.choice([0.0, 2e-3, 6e-3]),
         passive_thickness_m=rng.uniform(1e-4, 4e-4),
         piezo_thickness_m=rng.uniform(5e-5, 4e-4),
-        modes=5,
     )
+    if seed >= 4:
+        beam = replace(beam, tip_block=TipBlock(density_kg_m3=7850.0, height_m=4e-3))
     short, opened = natural_hz(beam)
-    np.testing.assert_allclose(beam.resonances_hz[:3], short, rtol=1e-4)
-    # the single-mode formula leaves out what other modes add
-    assert beam.open_circuit_hz == pytest.approx(opened[0], rel=3e-3)
+    np.testing.assert_allclose(beam.natural_rad_s[:3] / (2 * np.pi), short, rtol=1e-4)
+    assert beam.open_circuit_hz == pytest.approx(opened[0], rel=1e-4)
     grid = short[0] * np.array([0.5, 0.9, 0.98, 1.0, 1.02, 1.1])
     for load in (1e3, 1e5, 1e7):
         loaded = beam.with_load(load)
-        voltage, travel, curvature = answers(loaded, grid)
+        voltage, travel, stress = answers(loaded, grid)
         gains = loaded.gains(grid)
-        # five modes against all
-        np.testing.assert_allclose(gains.voltage_v, voltage, rtol=2e-2)
-        np.testing.assert_allclose(gains.travel_m, travel, rtol=2e-2)
-        hs, hp, axis = beam.passive_thickness_m, beam.piezo_thickness_m, beam.neutral_axis_m
-        bending = beam.piezo.youngs_modulus_pa * (hs + hp - axis) * curvature
-        assert (gains.stress_pa >= 0.9 * bending).all()
+        # a few modes and the static rest of the others against all
+        np.testing.assert_allclose(gains.voltage_v, voltage, rtol=1e-3)
+        np.testing.assert_allclose(gains.travel_m, travel, rtol=1e-3)
+        np.testing.assert_allclose(gains.stress_pa, stress, rtol=1e-3)
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -7,16 +7,21 @@ import math
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from gearmon.errors import ArgumentError
+from gearmon.harvesting.budget import SensorBudget
 from gearmon.harvesting.inertial import InertialHarvester
 from gearmon.harvesting.placement import Position, rank_positions, survey_expected, survey_measured
-from gearmon.harvesting.request import SensorBudget
+from gearmon.harvesting.recorded import between, combined, interval_90, scatter_of_mean
 from gearmon.harvesting.vibration import OperatingShare
 from gearmon.machine import Machine, OperatingPoint, ParallelStage, Sensor
 from gearmon.signals.recording import Recording
 
 RATE = 4000.0
+#: Simulated days behind a coverage, which then scatters by 1 %: five times those that the bar of 86
+#: to 94 % is set for.
+DAYS = 1000
 
 
 def machine(**changes):
@@ -30,6 +35,12 @@ def machine(**changes):
 
 def harvester():
     return InertialHarvester(mass_kg=5e-3, natural_frequency_hz=100.0, highest_hz=1500.0)
+
+
+def narrow():
+    return InertialHarvester(
+        mass_kg=5e-3, natural_frequency_hz=300.0, lowest_hz=270.0, highest_hz=330.0
+    )
 
 
 def recording(amplitudes, seed=0, unit="m/s2", seconds=12.0, noise=0.05):
@@ -54,7 +65,8 @@ def test_loudest_position_is_first_and_its_power_is_the_bound():
     assert "output bearing, radial" in found.best.position.name
     bound = harvester().retuned(300.0).power_bound_w()
     assert found.best.power_w == pytest.approx(bound, rel=0.01)
-    assert found.best.power_low_w <= found.best.power_w <= found.best.power_high_w
+    assert found.best.power_low_w <= found.best.power_w * (1 + 1e-3)
+    assert found.best.power_high_w >= found.best.power_w * (1 - 1e-3)
     json.dumps(found.to_dict(), allow_nan=False)
 
 
@@ -73,49 +85,72 @@ def test_position_that_is_good_only_with_damage_is_marked():
     assert [p.position.name for p in found.placed] == ["a2", "a1"]
 
 
-def test_interval_covers_the_scatter_of_a_changing_load():
-    t = np.arange(int(20 * RATE)) / RATE
-    swing = 1 + 0.5 * np.sin(2 * np.pi * t / 7.3)
-    row = swing * np.cos(2 * np.pi * 300.0 * t)
-    steady = survey_measured(machine(), harvester(), [recording([1.0], seconds=20.0)]).best
-    moving = Recording(samples=row[None], sampling_rate_hz=RATE, units=("m/s2",), origin="swing")
-    changing = survey_measured(machine(), harvester(), [moving]).best
-    width = (changing.power_high_w - changing.power_low_w) / changing.power_w
-    assert width > 5 * (steady.power_high_w - steady.power_low_w) / steady.power_w
+def slow(rng, count, memory):
+    """A Gaussian series that is forgotten over so many steps."""
+    kept = math.exp(-1 / memory)
+    steps = rng.normal(size=count) * math.sqrt(1 - kept**2)
+    steps[0] = rng.normal()
+    return lfilter([1.0], [1.0, -kept], steps)
 
 
-def test_interval_holds_the_true_mean_nine_times_in_ten():
-    # an amplitude that drifts within 0.3 s, as load does; the truth from its known mean square
-    rng = np.random.default_rng(6)
-    rate, seconds, depth, memory = 1000.0, 12.0, 0.4, 0.3
-    count = int(seconds * rate)
-    kept = math.exp(-1 / (memory * rate))
+def power_of_a_line(rng, count, memory, detuning, swing=0.0):
+    """Steps of the power of a resonance whose line wanders by so many half bandwidths."""
+    power = 1 / (1 + (detuning * slow(rng, count, memory)) ** 2)
+    power *= np.exp(swing * slow(rng, count, 3 * memory))
+    return power * rng.gamma(20, 1 / 20, count)
+
+
+@pytest.mark.parametrize(
+    ("count", "memory", "detuning", "swing"),
+    [(1200, 1, 0.0, 0.0), (1200, 6, 0.5, 0.0), (2400, 20, 1.0, 0.0), (4800, 60, 0.5, 0.0)],
+)
+def test_interval_holds_the_true_mean_nine_times_in_ten(count, memory, detuning, swing):
+    truth = power_of_a_line(np.random.default_rng(1), 2_000_000, memory, detuning, swing).mean()
     hits = []
-    for _ in range(80):
-        steps = rng.normal(size=count) * math.sqrt(1 - kept**2)
-        drift = np.empty(count)
-        value = rng.normal()
-        for k in range(count):
-            drift[k] = value = kept * value + steps[k]
-        t = np.arange(count) / rate
-        row = (1 + depth * drift) * np.cos(2 * np.pi * 200.0 * t)
-        heard = Recording(samples=row[None], sampling_rate_hz=rate, units=("m/s2",), origin="r")
-        limited = InertialHarvester(mass_kg=5e-3, natural_frequency_hz=200.0, highest_hz=400.0)
-        best = survey_measured(machine(), limited, [heard]).best
-        # modulation slower than the resonance is broad: its sidebands are passed
-        kernel = best.tuned.harvester.gains(200.0 + np.linspace(-20, 20, 4001)).power_w
-        offset = 2 * np.pi * np.linspace(-20, 20, 4001)
-        spread = 2 * memory / (1 + (offset * memory) ** 2)
-        spread /= spread.sum()
-        centre = best.tuned.harvester.gains(200.0).power_w[0]
-        truth = centre + depth**2 * float(kernel @ spread)
-        hits.append(best.power_low_w <= truth <= best.power_high_w)
-    assert 0.8 <= np.mean(hits) <= 0.99
+    for seed in range(DAYS):
+        rng = np.random.default_rng([5, seed])
+        low, high = interval_90(scatter_of_mean(power_of_a_line(rng, count, memory, detuning)))
+        hits.append(low <= truth <= high)
+    assert 0.86 <= np.mean(hits) <= 0.94
 
 
-def test_noise_alone_is_refused():
-    with pytest.raises(ArgumentError, match="no line stands out of the noise"):
-        survey_measured(machine(), harvester(), [recording([0.0])])
+def test_shares_that_are_not_known_widen_the_interval():
+    hits = []
+    for seed in range(DAYS):
+        rng = np.random.default_rng([6, seed])
+        share = 0.6 + 0.05 * rng.normal()
+        parts = [scatter_of_mean(level * rng.gamma(20, 1 / 20, 1200)) for level in (1.0, 0.16)]
+        low, high = interval_90(combined(parts, [share, 1 - share], 0.05))
+        hits.append(low <= 0.6 + 0.4 * 0.16 <= high)
+    assert 0.86 <= np.mean(hits) <= 0.94
+
+
+def test_blocks_of_operation_are_a_sample_of_it():
+    hits = []
+    for seed in range(DAYS):
+        low, high = interval_90(between(np.random.default_rng(seed).lognormal(0, 0.5, 12)))
+        hits.append(low <= math.exp(0.125) <= high)
+    assert 0.86 <= np.mean(hits) <= 0.94
+
+
+def test_too_few_stretches_are_said():
+    t = np.arange(int(12 * RATE)) / RATE
+    row = (1 + 0.5 * np.sin(2 * np.pi * t / 9.0)) * np.cos(2 * np.pi * 300.0 * t)
+    moving = Recording(samples=row[None], sampling_rate_hz=RATE, units=("m/s2",), origin="swing")
+    found = survey_measured(machine(), narrow(), [moving])
+    assert math.isnan(found.best.power_low_w)
+    assert any("too few for an interval" in note for note in found.notes)
+
+
+def test_noise_alone_gives_its_power_and_a_doubt():
+    noise = 0.5
+    found = survey_measured(machine(), narrow(), [recording([0.0], noise=noise, seconds=30.0)])
+    h = found.best.tuned.harvester
+    # of white noise of the one-sided density S a resonance takes m S/4, the load its share of that
+    share = h.load / (h.load + h.mechanical_damping_ratio)
+    expected = h.mass_kg * (noise**2 / (RATE / 2)) / 4 * share
+    assert found.best.power_w == pytest.approx(expected, rel=0.25)
+    assert any("noise of the sensor" in note for note in found.notes)
 
 
 @pytest.mark.parametrize(

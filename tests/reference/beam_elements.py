@@ -20,6 +20,16 @@ def layers(beam):
     return found
 
 
+def tip_body(beam):
+    """Offset and radius of gyration of the tip mass about the end of the beam."""
+    block = beam.tip_block
+    if block is None:
+        return 0.0, beam.tip_gyration_m
+    long = beam.tip_mass_kg / (block.density_kg_m3 * block.height_m * beam.width_m)
+    # a plane block from 0 to `long` along the beam
+    return long / 2, np.sqrt(long**2 / 3 + block.height_m**2 / 12)
+
+
 def assembled(beam, elements=40):
     """Stiffness, mass, electrical forces per volt and base forces of Hermite elements."""
     parts = layers(beam)
@@ -56,7 +66,10 @@ def assembled(beam, elements=40):
         stiffness[own, own] += bending / h**3 * k
         mass[own, own] += per_length * h / 420 * m
     mass[-2, -2] += beam.tip_mass_kg
-    mass[-1, -1] += beam.tip_mass_kg * beam.tip_gyration_m**2
+    offset, gyration = tip_body(beam)
+    mass[-1, -1] += beam.tip_mass_kg * gyration**2
+    mass[-2, -1] += beam.tip_mass_kg * offset
+    mass[-1, -2] += beam.tip_mass_kg * offset
     base = mass[:, ::2].sum(axis=1)
     electric = np.zeros(count)
     electric[-1] = moment
@@ -72,8 +85,24 @@ def natural_hz(beam, count=3):
     )
 
 
+def stress(beam, curvature, voltage):
+    """Largest stress at the clamp over the outer fibres, the passive one's scaled to its limit."""
+    parts = layers(beam)
+    axis = sum(y * (t**2 - b**2) / 2 for b, t, y, *_ in parts)
+    axis /= sum(y * (t - b) for b, t, y, *_ in parts)
+    e31, hp = beam.piezo.d31_m_per_v * beam.piezo.youngs_modulus_pa, beam.piezo_thickness_m
+    found = []
+    for low, high, modulus, _, field in parts:
+        for z in (low - axis, high - axis):
+            # strain is -z w''; the stresses of the field make the moment that `assembled` has
+            at = -modulus * z * curvature - field * e31 * voltage / hp
+            scale = 1.0 if field else beam.piezo.safe_stress_pa / beam.passive.safe_stress_pa
+            found.append(abs(at) * scale)
+    return max(found)
+
+
 def answers(beam, frequency_hz):
-    """Voltage, tip travel and root curvature per unit acceleration, damped as mode by mode."""
+    """Voltage, tip travel and largest stress per unit acceleration, damped as mode by mode."""
     stiffness, mass, electric, base = assembled(beam)
     squares, shapes = eigh(stiffness, mass)
     natural = np.sqrt(squares)
@@ -93,5 +122,7 @@ def answers(beam, frequency_hz):
         solved = np.linalg.solve(whole, np.concatenate([-base, [0.0]]))
         h = beam.length_m / (size // 2)
         curvature = 6 / h**2 * solved[0] - 2 / h * solved[1]
-        found.append(np.abs([solved[size], solved[size - 2], curvature]))
+        found.append(
+            [abs(solved[size]), abs(solved[size - 2]), stress(beam, curvature, solved[size])]
+        )
     return np.array(found).T

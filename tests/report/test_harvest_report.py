@@ -11,7 +11,7 @@ from gearmon.harvesting.placement import survey_measured
 from gearmon.harvesting.request import built_in
 from gearmon.machine import Machine, OperatingPoint, ParallelStage
 from gearmon.report.harvest_plots import harvest_figures
-from gearmon.report.harvest_text import harvest_lines
+from gearmon.report.harvest_text import harvest_lines, spoken_time
 from gearmon.report.plots import save_all
 from gearmon.signals.recording import Recording
 
@@ -92,6 +92,10 @@ def test_words_name_places_harvester_and_what_is_missing(survey):
     text = "\n".join(harvest_lines(survey))
     assert "mower: 3 position(s), measured vibration" in text
     assert "best at channel 2" in text
-    assert "no line stands out of the noise" in text  # the third channel
-    assert f"  {survey.best.interval_s / 60:.6g}" in text
-    assert "note: only lines that stand out of the noise count" in text
+    assert "of the power comes from lines" in text
+    assert "recording" in text
+
+
+def test_times_are_in_the_unit_that_suits_them():
+    spoken = [spoken_time(s) for s in (12.0, 600.0, 4.7 * 86400, 3e8, np.inf)]
+    assert spoken == ["12 s", "10 min", "4.7 days", "9.5 years", "never"]

@@ -1,0 +1,87 @@
+"""Recordings through the filter of a harvester equal marching through its coupled equations."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from reference.marching import marched_answer, marched_with_stops
+from scipy.signal import lfilter
+
+from gearmon.errors import ArgumentError
+from gearmon.harvesting.inertial import CoilHarvester, InertialHarvester
+from gearmon.harvesting.recorded import power_with_stops, respond
+from gearmon.harvesting.request import built_in
+
+RATE = 3200.0
+
+
+def heard(seed, seconds, wander, memory_s, noise):
+    """Two lines that wander together, in noise."""
+    rng = np.random.default_rng(seed)
+    count = int(seconds * RATE)
+    kept = np.exp(-1 / (memory_s * RATE))
+    drift = rng.normal(size=count) * np.sqrt(1 - kept**2)
+    drift[0] = rng.normal()
+    turn = np.cumsum(1 + wander * lfilter([1.0], [1.0, -kept], drift)) / RATE
+    lines = np.cos(2 * np.pi * 310.0 * turn) + 0.5 * np.cos(2 * np.pi * 930.0 * turn + 1)
+    samples = lines + noise * rng.normal(size=count)
+    return samples - samples.mean()
+
+
+HARVESTERS = {
+    "beam": built_in()[0].retuned(300.0),
+    "spring": InertialHarvester(mass_kg=5e-3, natural_frequency_hz=308.0),
+    "coil": CoilHarvester(
+        mass_kg=5e-3,
+        natural_frequency_hz=308.0,
+        turns=500.0,
+        field_length_tm=5e-3,
+        coil_ohm=50.0,
+        coil_henry=0.02,
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", HARVESTERS)
+@pytest.mark.parametrize(
+    ("seconds", "wander", "memory_s", "noise"),
+    [(3, 0.0, 1.0, 1e-3), (12, 0.005, 0.05, 1.0), (20, 0.02, 5.0, 0.1)],
+)
+def test_power_and_peaks_are_those_of_marching(kind, seconds, wander, memory_s, noise):
+    samples = heard(3, seconds, wander, memory_s, noise)
+    found = respond(HARVESTERS[kind], samples, RATE)
+    power, peaks = marched_answer(HARVESTERS[kind], samples, RATE, times=12)
+    assert found.power_w == pytest.approx(power, rel=0.01)
+    np.testing.assert_allclose(found.peaks[: len(peaks)], peaks, rtol=0.05)
+
+
+def test_a_longer_recording_does_not_change_the_power():
+    whole = heard(5, 120, 0.005, 0.3, 0.01)
+    long = respond(HARVESTERS["beam"], whole, RATE)
+    parts = [respond(HARVESTERS["beam"], part, RATE).power_w for part in np.split(whole, 40)]
+    assert np.mean(parts) == pytest.approx(long.power_w, rel=0.03)
+
+
+@pytest.mark.parametrize("kind", ["beam", "spring"])
+def test_power_with_stops_is_that_of_small_steps(kind):
+    samples = 5 * heard(7, 2, 0.0, 1.0, 0.1)
+    free = respond(HARVESTERS[kind], samples, RATE).peaks[1]
+    tight = replace(HARVESTERS[kind], clearance_m=0.4 * float(free), weight_ms2=9.81)
+    found = power_with_stops(tight, samples, RATE)
+    slow = marched_with_stops(tight, samples, RATE, tight.restitution)
+    assert found == pytest.approx(slow, rel=0.05)
+
+
+def test_stops_out_of_reach_change_nothing():
+    samples = heard(8, 4, 0.0, 1.0, 0.1)
+    h = HARVESTERS["spring"]
+    assert power_with_stops(h, samples, RATE) == pytest.approx(
+        respond(h, samples, RATE).power_w, rel=0.01
+    )
+
+
+def test_too_short_a_recording_says_how_long_it_should_be():
+    with pytest.raises(ArgumentError, match="record at least"):
+        respond(HARVESTERS["beam"], heard(1, 0.1, 0.0, 1.0, 0.1), RATE)
