@@ -8,12 +8,13 @@ import sys
 import tomllib
 from typing import TYPE_CHECKING, Any
 
-from gearmon.commands.command import Command
+from gearmon.commands.command import Command, repeatable
 from gearmon.commands.inputs import machine_of
-from gearmon.commands.output import DONE, finish, show
+from gearmon.commands.output import DONE, finish_with, show
 from gearmon.errors import ArgumentError
 
 if TYPE_CHECKING:
+    from gearmon.diagnosis.reference_check import ReferenceCheck
     from gearmon.machine import Machine
     from gearmon.signals.recording import Recording
 
@@ -186,15 +187,15 @@ def run_check(arguments: argparse.Namespace) -> int:
 
     machine = machine_of(arguments.machine)
     found = check_reference(read_reference(arguments.reference), machine)
-    result = found.to_dict()
-    return finish(arguments, result, lambda: _check_lines(result, found.headline()), found.rows)
+    return finish_with(arguments, found, lambda: _check_lines(found))
 
 
-def _check_lines(result: dict[str, Any], headline: str) -> list[str]:
+def _check_lines(found: ReferenceCheck) -> list[str]:
     from gearmon.report.text_tables import table_lines
     from gearmon.report.wording import printable
 
-    lines = [headline, *(f"also: {advice}" for advice in result["advice"][1:]), ""]
+    result = found.to_dict()
+    lines = [found.headline(), *(f"also: {advice}" for advice in result["advice"][1:]), ""]
     lines += table_lines(
         [own | {"recording": printable(own["recording"])} for own in result["recordings"]]
     )
@@ -208,12 +209,8 @@ def _check_lines(result: dict[str, Any], headline: str) -> list[str]:
 def _init_arguments(parser: argparse.ArgumentParser) -> None:
     option = parser.add_argument
     option("recording", metavar="RECORDING", nargs="*", help="one that tells the columns")
-    option(
-        "--teeth",
-        action="append",
-        metavar="A/B",
-        help="of a stage, driver/driven, or sun/planet/ring and planets as 30/35/100x3; repeatable",
-    )
+    teeth = "of a stage, driver/driven, or sun/planet/ring and planets as 30/35/100x3"
+    repeatable(parser, "--teeth", "A/B", teeth)
     option("--speed", metavar="SPEED", help="of shaft 1 with its unit: 1480rpm or 24.7hz")
     option("--torque", dest="torque_nm", type=float, metavar="NM", help="on shaft 1")
     option("--module", dest="module_mm", type=float, metavar="MM", help="of all stages")
