@@ -75,8 +75,8 @@ def test_units_are_told_or_unknown_and_never_guessed(samples):
 @pytest.mark.parametrize(
     ("source", "said"),
     [
-        ({"a": 1}, "recording: a dict is no recording; give the name of a file, an array"),
-        (3, "a int is no recording"),
+        ({"a": 1}, "recording: dict is no recording; give the name of a file, an array"),
+        (3, "int is no recording"),
         (np.zeros(9), "the sampling rate of an array of shape .9,. cannot be known"),
         (np.zeros((5, 5)), "an array of shape .5, 5. .* more samples than channels"),
         (np.array(["a", "b"]), "and type <U1 is none"),
@@ -108,7 +108,7 @@ def test_machines_of_a_file_a_dictionary_and_keywords_are_the_same(tmp_path):
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        (3, "a int is no machine; give the name of a machine file, a dictionary"),
+        (3, "int is no machine; give the name of a machine file, a dictionary"),
         ({}, "machine: lacks a stage"),
         (MACHINE | {"stages": []}, "machine: stages is not a known key; did you mean stage"),
         (MACHINE | {"stage": {"kind": "parallel"}}, "lacks pinion_teeth and gear_teeth"),

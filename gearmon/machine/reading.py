@@ -82,7 +82,7 @@ def _source(source: object, tables: dict[str, Any]) -> MachineSource:
         return read_source(given)
     if not isinstance(given, Mapping):
         raise ArgumentError(
-            f"machine: a {type(given).__name__} is no machine; give the name of a machine file, a "
+            f"machine: {type(given).__name__} is no machine; give the name of a machine file, a "
             "dictionary with operating and stage, or a Machine"
         )
     document = dict(given)

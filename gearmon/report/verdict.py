@@ -99,7 +99,7 @@ def _with_interval(sentence: str, flag: Flag) -> str:
     low, high = flag.stiffness_loss_low, flag.stiffness_loss_high
     if flag.stiffness_loss is None or low is None or high is None:
         return sentence
-    return f"{sentence.removesuffix('.')} ({100 * low:.0f} to {100 * high:.0f} %, 9 in 10 such)."
+    return f"{sentence.removesuffix('.')} ({100 * low:.0f} to {100 * high:.0f} %, right 9 times in 10)."
 
 
 def _sure(analysis: Analysis) -> str:

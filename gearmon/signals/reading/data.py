@@ -47,7 +47,7 @@ def content_of(data: Any, rate_hz: float | None) -> Content:
     if hasattr(data, "columns") and hasattr(data, "iloc"):
         return _of_frame(data, rate_hz)
     if not hasattr(data, "__array__"):
-        raise ArgumentError(f"recording: a {type(data).__name__} is no recording; {_ACCEPTED}")
+        raise ArgumentError(f"recording: {type(data).__name__} is no recording; {_ACCEPTED}")
     return _of_array(np.asarray(data), rate_hz)
 
 
