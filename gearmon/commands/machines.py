@@ -28,20 +28,8 @@ if TYPE_CHECKING:
 #: tongues are many and too narrow to be seen.
 MOST_RATIO_SEARCHED, MOST_RATIO_DRAWN = 50.0, 15.0
 CHART_POINTS = (120, 48)
-#: What the terminal shows of each member of a family.
-SHOWN_OF_FAMILY = (
-    "kind",
-    "stage",
-    "gear",
-    "size",
-    "loss",
-    "operating",
-    "sidebands_ms2",
-    "mesh_change_ms2",
-    "healthy_ms2",
-    "contact_lost",
-    "error",
-)
+#: What the terminal does not show of each member of a family.
+HIDDEN_OF_FAMILY = {"teeth", "lines", "method"}
 MOST_ROWS = 60
 #: Settings of a simulation: flag, default, unit and what they are.
 _SETTINGS: dict[str, tuple[str, float, str, str]] = {
@@ -145,10 +133,12 @@ def run_family(arguments: argparse.Namespace) -> int:
 def _family_lines(result: dict[str, Any]) -> list[str]:
     from gearmon.report.text_tables import table_lines
 
-    rows = [{name: row[name] for name in SHOWN_OF_FAMILY} for row in result["rows"]]
+    rows = result["rows"]
     step = max(1, -(-len(rows) // MOST_ROWS))
     shown = rows[::step]
-    lines = table_lines(shown)
+    lines = table_lines(
+        [{name: row[name] for name in row if name not in HIDDEN_OF_FAMILY} for row in shown]
+    )
     if step > 1:
         lines.append(f"({len(shown)} of {len(rows)} members; --json or -o FILE gives them all)")
     return lines + [f"note: {note}" for note in result["notes"]]

@@ -38,11 +38,7 @@ ring_teeth = {2}
 planets = {3}
 fixed = "ring"
 """
-_MORE = """\
-# needed for what a healthy gearbox should sound like, and for sizes of damage in mm:
-{module}module_mm = {module_mm}
-{width}face_width_mm = {face_width_mm}
-"""
+_MORE = "# needed for what a healthy gearbox should sound like, and for sizes of damage in mm:\n"
 
 
 def run_init(arguments: argparse.Namespace) -> int:
@@ -105,23 +101,20 @@ def _stage(text: str) -> str:
 
 def _file(arguments: argparse.Namespace, stages: list[str], rpm: float) -> str:
     """Return the text of a machine file."""
-    given = vars(arguments)
-    more = {name: given[name] for name in ("module_mm", "face_width_mm")}
-    usual = {"module_mm": 2.5, "face_width_mm": 28.0}
-    filled = _MORE.format(
-        **{name: usual[name] if value is None else value for name, value in more.items()},
-        module="" if arguments.module_mm else "# ",
-        width="" if arguments.face_width_mm else "# ",
-    )
-    torque = "# torque_nm = 120.0      # on shaft 1, if it is known\n"
-    if arguments.torque_nm is not None:
-        torque = f"torque_nm = {arguments.torque_nm}         # on shaft 1\n"
+    more = _MORE + _line(arguments, "module_mm", 2.5) + _line(arguments, "face_width_mm", 28.0)
+    torque = _line(arguments, "torque_nm", 120.0, "      # on shaft 1, if it is known")
     name = arguments.name.replace("\\", "\\\\").replace('"', '\\"')
     return (
         f'name = "{name}"\n\n[operating]\n'
         f"speed_rpm = {rpm:g}         # shaft 1, 1/min; the true speed is looked for about it\n"
-        f"{torque}{''.join(stage + filled for stage in stages)}"
+        f"{torque}{''.join(stage + more for stage in stages)}"
     )
+
+
+def _line(arguments: argparse.Namespace, name: str, usual: float, told: str = "") -> str:
+    """Return a line of a machine file; with a usual value, as a comment, if none is given."""
+    given = vars(arguments)[name]
+    return f"# {name} = {usual}{told}\n" if given is None else f"{name} = {given}{told}\n"
 
 
 def _doubts(machine: Machine) -> list[str]:

@@ -70,8 +70,8 @@ def kind_figure(changes: Mapping[str, pd.DataFrame]) -> Picture:
     figure, axes = new_figure(
         [1.0] * len(changes), top_in=0.45, bottom_in=0.45, gap_in=0.32, left_in=0.6
     )
-    low = min(0.0, *(float(frame.min(axis=None)) for frame in changes.values()))
-    high = max(float(frame.max(axis=None)) for frame in changes.values())
+    low = min(0.0, *(float(frame.to_numpy().min()) for frame in changes.values()))
+    high = max(float(frame.to_numpy().max()) for frame in changes.values())
     for (title, frame), ax in zip(changes.items(), axes, strict=True):
         place, width = np.arange(len(frame.columns), dtype=float), 0.8 / len(frame)
         for number, (name, row) in enumerate(frame.iterrows()):

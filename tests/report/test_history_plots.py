@@ -67,7 +67,7 @@ def test_losses_limit_and_scores_are_drawn():
     assert limit[0].get_ydata()[0] == pytest.approx(30.0)
     (band,) = [part for part in upper.collections if part.get_label().startswith("trend, ")]
     (drawn,) = band.get_paths()
-    _, low, high = found.teeth[0].at(86400.0 * np.unique(drawn.vertices[:, 0]))
+    _, low, high = found.teeth[0].trend.at(86400.0 * np.unique(drawn.vertices[:, 0]))
     assert drawn.vertices[:, 1].max() == pytest.approx(100 * high.max())
     assert drawn.vertices[:, 1].min() >= 100 * low.min() - 1e-9
     begin = found.teeth[0].trend.changes[0].time_s / 86400.0
