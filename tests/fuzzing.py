@@ -119,10 +119,9 @@ def hostile_array(values: np.ndarray, random: np.random.Generator) -> np.ndarray
         return np.repeat(values, 2, axis=0)
     bad = np.array(values, copy=True)
     if bad.size and bad.dtype.kind in "fc":
-        flat = bad.reshape(-1)
-        flat[int(random.integers(flat.size))] = [np.nan, np.inf, -1e200, 1e300][
-            int(random.integers(4))
-        ]
+        flat, hostile = bad.reshape(-1), [np.nan, np.inf, -1e200, 1e300]
+        with np.errstate(over="ignore"):  # single precision has infinity for the last two
+            flat[int(random.integers(flat.size))] = hostile[int(random.integers(4))]
     elif bad.size and bad.dtype.kind in "iu":
         bad.reshape(-1)[0] = np.iinfo(bad.dtype).max
     return bad

@@ -99,8 +99,8 @@ def _with_interval(sentence: str, flag: Flag) -> str:
     low, high = flag.stiffness_loss_low, flag.stiffness_loss_high
     if flag.stiffness_loss is None or low is None or high is None:
         return sentence
-    interval = f"{100 * low:.0f} to {100 * high:.0f} %, right 9 times in 10"
-    return f"{sentence.removesuffix('.')} ({interval})."
+    span = f"{100 * low:.0f} to {100 * high:.0f} %, right 9 times in 10"
+    return f"{sentence.removesuffix('.')} ({span})."
 
 
 def _sure(analysis: Analysis) -> str:

@@ -11,7 +11,7 @@ import json
 import os
 import sqlite3
 from collections.abc import Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
@@ -208,14 +208,18 @@ def _opened(path: Path, *, create: bool) -> Iterator[sqlite3.Connection]:
         # the transaction is begun by hand: one for the schema and all rows
         with closing(_connected(path, create=create)) as store:
             store.row_factory = sqlite3.Row
-            _prepare(store, path, create=create)
+            store.execute("PRAGMA foreign_keys = ON")
+            # of several that begin a history at once the others find the tables of the first
             store.execute("BEGIN IMMEDIATE" if create else "BEGIN")
             try:
+                _prepare(store, path, create=create)
                 yield store
             except BaseException:
                 store.execute("ROLLBACK")
                 raise
             store.execute("COMMIT")
+            if create:
+                _shared(store)
     except sqlite3.OperationalError as error:
         if "locked" in str(error):
             raise SignatureError(f"{path}: another program is writing to it; try again") from None
@@ -238,16 +242,14 @@ def _connected(path: Path, *, create: bool) -> sqlite3.Connection:
 
 
 def _prepare(store: sqlite3.Connection, path: Path, *, create: bool) -> None:
-    """Check whose file it is, and make its tables if it is new."""
+    """Check whose file it is, and make its tables if it is new, within the transaction."""
     mark, version, answer = (
         store.execute(f"PRAGMA {name}").fetchone()[0]
         for name in ("application_id", "user_version", "quick_check(1)")
     )
     tables = store.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]
     if not mark and not tables and create:
-        # readers are not kept waiting by a writer; where the disk does not bear it nothing changes
-        store.execute("PRAGMA journal_mode = WAL").fetchone()
-        store.executescript(f"BEGIN IMMEDIATE;{_SCHEMA}COMMIT;")
+        _executed(store, _SCHEMA)
     elif mark != APPLICATION_ID:
         raise SignatureError(f"{path}: is a database of another program, no history of gearmon")
     elif version > SCHEMA_VERSION:
@@ -256,13 +258,25 @@ def _prepare(store: sqlite3.Connection, path: Path, *, create: bool) -> None:
             "later one"
         )
     elif version == 1 and create:
-        store.executescript(
-            "BEGIN IMMEDIATE; ALTER TABLE recordings ADD COLUMN checksum TEXT;"
-            f"PRAGMA user_version = {SCHEMA_VERSION}; COMMIT;"
+        _executed(
+            store,
+            "ALTER TABLE recordings ADD COLUMN checksum TEXT;"
+            f"PRAGMA user_version = {SCHEMA_VERSION}",
         )
-    store.execute("PRAGMA foreign_keys = ON")
     if answer != "ok":
         raise _damaged(path, "is a damaged history file", answer)
+
+
+def _executed(store: sqlite3.Connection, script: str) -> None:
+    """Execute statements one by one: a whole script would end the transaction first."""
+    for statement in filter(str.strip, script.split(";")):
+        store.execute(statement)
+
+
+def _shared(store: sqlite3.Connection) -> None:
+    """Let readers and a writer work side by side, where file and disk bear it by now."""
+    with suppress(sqlite3.OperationalError):
+        store.execute("PRAGMA journal_mode = WAL").fetchone()
 
 
 def _damaged(path: Path, what: str, why: object) -> SignatureError:
