@@ -102,7 +102,7 @@ def _stage(text: str) -> str:
 def _file(arguments: argparse.Namespace, stages: list[str], rpm: float) -> str:
     """Return the text of a machine file."""
     more = _MORE + _line(arguments, "module_mm", 2.5) + _line(arguments, "face_width_mm", 28.0)
-    torque = _line(arguments, "torque_nm", 120.0, "      # on shaft 1, if it is known")
+    torque = _line(arguments, "torque_nm", 120.0, "      # on shaft 1")
     name = arguments.name.replace("\\", "\\\\").replace('"', '\\"')
     return (
         f'name = "{name}"\n\n[operating]\n'
