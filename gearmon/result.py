@@ -106,10 +106,7 @@ class Result:
         ArgumentError
             If the result has no picture, or its picture cannot be drawn on given axes.
         """
-        if not self.picture:
-            raise ArgumentError(f"plot: {type(self).__name__} has no picture; take to_frame()")
-        home, name = self.picture.split(".")
-        draw = getattr(import_module(f"gearmon.report.{home}"), name)
+        draw = self._drawing()
         if ax is None:
             drawn = draw(self, **options)
             return _chosen(drawn, kind) if isinstance(drawn, dict) else _shown(drawn)
@@ -120,6 +117,29 @@ class Result:
         axes = np.ravel(np.asarray(ax, dtype=object)).tolist()
         draw(self, ax=axes, **options)
         return ax
+
+    def figures(self) -> dict[str, Any]:
+        """Return the pictures that the command of the same name writes, as matplotlib figures.
+
+        Returns
+        -------
+        dict of str to Figure
+            By what is added to the name of the file: "-energy", or "" of a single picture.
+
+        Raises
+        ------
+        ArgumentError
+            If the result has no picture.
+        """
+        drawn = self._drawing()(self)
+        return drawn if isinstance(drawn, dict) else {"": drawn}
+
+    def _drawing(self) -> Any:
+        """Return the function that draws this result."""
+        if not self.picture:
+            raise ArgumentError(f"plot: {type(self).__name__} has no picture; take to_frame()")
+        home, name = self.picture.split(".")
+        return getattr(import_module(f"gearmon.report.{home}"), name)
 
 
 def with_units(names: Sequence[str], units: Sequence[str | None]) -> list[str]:

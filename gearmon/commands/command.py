@@ -93,13 +93,37 @@ def machine_argument(parser: argparse.ArgumentParser) -> None:
 
 def fault_option(parser: argparse.ArgumentParser, *, errors: bool = False) -> None:
     """Add --fault; `errors` tells of those that only a baseline knows."""
+    told = f"{_FAULT}; {_ERRORS}" if errors else _FAULT
+    repeatable(parser, "--fault", "KIND:STAGE:GEAR:TOOTH:SIZE", told, default=[])
+
+
+def repeatable(
+    parser: argparse.ArgumentParser, flag: str, metavar: str, told: str, **more: Any
+) -> None:
+    """Add an option that may be given several times; its values make a list."""
+    parser.add_argument(flag, action="append", metavar=metavar, help=f"{told}; repeatable", **more)
+
+
+def number(
+    parser: argparse.ArgumentParser, flag: str, default: float, metavar: str, told: str
+) -> None:
+    """Add an option that takes a number of the kind of its default, which the help names."""
+    shown = f"{default:g}".replace("e-0", "e-")
     parser.add_argument(
-        "--fault",
-        action="append",
-        default=[],
-        metavar="KIND:STAGE:GEAR:TOOTH:SIZE",
-        help=f"{_FAULT}; {_ERRORS}; repeatable" if errors else f"{_FAULT}; repeatable",
+        flag, type=type(default), default=default, metavar=metavar, help=f"{told} ({shown})"
     )
+
+
+def sampling_rate(parser: argparse.ArgumentParser) -> None:
+    """Add --sampling-rate, of recordings that are read."""
+    told = "needed if the file does not hold it"
+    parser.add_argument("--sampling-rate", type=float, metavar="HZ", help=told)
+
+
+def reference_option(parser: argparse.ArgumentParser) -> None:
+    """Add --reference."""
+    told = "what gearmon learn wrote, or one healthy recording"
+    parser.add_argument("--reference", metavar="PATH", help=told)
 
 
 def recording_options(
@@ -129,23 +153,14 @@ def recording_options(
         help="CSV, plain or gzip; also WAV, FLAC, MATLAB, HDF5, TDMS, UFF 58, Parquet, NPY",
     )
     option("--machine", metavar="MACHINE", required=machine_required, help="machine file (TOML)")
-    option("--sampling-rate", type=float, metavar="HZ", help="needed if the file does not hold it")
-    option(
-        "--channel",
-        action="append",
-        metavar="NAME|N",
-        help="vibration channel by name or column number; repeatable (all by default)",
-    )
+    sampling_rate(parser)
+    told = "vibration channel by name or column number (all by default)"
+    repeatable(parser, "--channel", "NAME|N", told)
     option("--tacho", metavar="NAME|N", help="channel with tachometer pulses")
 
 
 def window_and_peaks(parser: argparse.ArgumentParser) -> None:
     """Add --window and --peaks."""
-    option = parser.add_argument
-    option(
-        "--window",
-        default="hann",
-        metavar="NAME",
-        help="hann (default), flat-top, blackman-harris or rectangular",
-    )
-    option("--peaks", type=int, default=12, metavar="N", help="peaks listed a channel (12)")
+    told = "hann (default), flat-top, blackman-harris or rectangular"
+    parser.add_argument("--window", default="hann", metavar="NAME", help=told)
+    number(parser, "--peaks", 12, "N", "peaks listed a channel")

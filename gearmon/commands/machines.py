@@ -8,9 +8,16 @@ from collections.abc import Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from gearmon.commands.command import Command, fault_option, machine_argument
+from gearmon.commands.command import (
+    Command,
+    fault_option,
+    machine_argument,
+    number,
+    repeatable,
+    sampling_rate,
+)
 from gearmon.commands.inputs import machine_of, recording_of
-from gearmon.commands.output import DONE, finish, show
+from gearmon.commands.output import DONE, finish, finish_with, show
 from gearmon.errors import ArgumentError
 from gearmon.terminal import progress_bar
 
@@ -21,23 +28,23 @@ if TYPE_CHECKING:
 #: tongues are many and too narrow to be seen.
 MOST_RATIO_SEARCHED, MOST_RATIO_DRAWN = 50.0, 15.0
 CHART_POINTS = (120, 48)
-#: What the terminal shows of each member of a family.
-SHOWN_OF_FAMILY = (
-    "kind",
-    "stage",
-    "gear",
-    "size",
-    "loss",
-    "operating",
-    "sidebands_ms2",
-    "mesh_change_ms2",
-    "healthy_ms2",
-    "contact_lost",
-    "error",
-)
+#: What the terminal does not show of each member of a family.
+HIDDEN_OF_FAMILY = {"teeth", "lines", "method"}
 MOST_ROWS = 60
 #: What is assumed of expected lines, and known of recordings.
 ASSUMED = ("path_gain", "wander", "wander_time_s")
+#: Settings of a simulation: flag, default, unit and what they are.
+_SETTINGS: dict[str, tuple[str, float, str, str]] = {
+    "duration_s": ("--duration", 10.0, "S", "length in s"),
+    "sampling_rate_hz": ("--sampling-rate", 20000.0, "HZ", "in Hz"),
+    "channels": ("--channels", 2, "N", "vibration channels"),
+    "load": ("--load", 1.0, "F", "share of the nominal torque"),
+    "speed_drift": ("--speed-drift", 0.005, "F", "wander, relative"),
+    "load_drift": ("--load-drift", 0.03, "F", "wander, relative"),
+    "snr_db": ("--snr-db", 20.0, "DB", "vibration over noise"),
+    "recording_seed": ("--seed", 0, "N", "seed of the recording"),
+    "machine_seed": ("--machine-seed", 0, "N", "seed of the machine"),
+}
 _ALONG_ACTION = (
     "levels are those of the teeth along the line of action; what reaches a sensor on the housing "
     "differs by the path, often tenfold"
@@ -50,8 +57,7 @@ def run_lines(arguments: argparse.Namespace) -> int:
     from gearmon.report.text import line_table_text
 
     table = line_table(machine_of(arguments.machine))
-    result = table.to_dict()
-    return finish(arguments, result, lambda: [line_table_text(table)], lambda: result["rows"])
+    return finish_with(arguments, table, lambda: [line_table_text(table)])
 
 
 def run_stiffness(arguments: argparse.Namespace) -> int:
@@ -62,14 +68,7 @@ def run_stiffness(arguments: argparse.Namespace) -> int:
 
     machine, faults = machine_of(arguments.machine), tuple(arguments.fault)
     report = stiffness_report(machine, faults, form=arguments.form, stage=arguments.stage)
-
-    def figures() -> Mapping[str, Any]:
-        from gearmon.report.stiffness_plots import stiffness_figures
-
-        return stiffness_figures(report)
-
-    lines = partial(_stiffness_lines, report.rows())
-    return finish(arguments, report.to_dict(), lines, report.rows, figures)
+    return finish_with(arguments, report, lambda: _stiffness_lines(report.rows()))
 
 
 def _run_forms(arguments: argparse.Namespace) -> int:
@@ -82,14 +81,7 @@ def _run_forms(arguments: argparse.Namespace) -> int:
             "--form all: compares healthy meshes; leave out --fault, or name a form"
         )
     forms = compare_forms(machine_of(arguments.machine), stage=arguments.stage or 1)
-
-    def figures() -> Mapping[str, Any]:
-        from gearmon.report.stiffness_plots import form_figure
-
-        return {"": form_figure(forms)}
-
-    lines = partial(table_lines, forms.line_rows())
-    return finish(arguments, forms.to_dict(), lines, forms.rows, figures)
+    return finish_with(arguments, forms, lambda: table_lines(forms.line_rows()))
 
 
 def _stiffness_lines(rows: list[dict[str, Any]]) -> list[str]:
@@ -136,22 +128,19 @@ def run_family(arguments: argparse.Namespace) -> int:
     result = family.to_dict()
     if arguments.output:
         family.write(arguments.output, arguments.mesh_harmonics, arguments.sidebands)
-
-    def figures() -> Mapping[str, Any]:
-        from gearmon.report.expected_plots import family_figure
-
-        return {"": family_figure(family)}
-
-    return finish(arguments, result, lambda: _family_lines(result), figures=figures)
+        result["tables"] = [arguments.output]
+    return finish(arguments, result, lambda: _family_lines(result), figures=family.figures)
 
 
 def _family_lines(result: dict[str, Any]) -> list[str]:
     from gearmon.report.text_tables import table_lines
 
-    rows = [{name: row[name] for name in SHOWN_OF_FAMILY} for row in result["rows"]]
+    rows = result["rows"]
     step = max(1, -(-len(rows) // MOST_ROWS))
     shown = rows[::step]
-    lines = table_lines(shown)
+    lines = table_lines(
+        [{name: row[name] for name in row if name not in HIDDEN_OF_FAMILY} for row in shown]
+    )
     if step > 1:
         lines.append(f"({len(shown)} of {len(rows)} members; --json or -o FILE gives them all)")
     return lines + [f"note: {note}" for note in result["notes"]]
@@ -214,20 +203,13 @@ def run_simulate(arguments: argparse.Namespace) -> int:
     if not arguments.output:
         raise ArgumentError("simulate: -o PATH is missing; name the CSV file to write")
     machine = machine_of(arguments.machine)
-    faults = [parse_fault(text) for text in arguments.fault]
+    faults, given = [parse_fault(text) for text in arguments.fault], vars(arguments)
+    settings = {name: given[own[0][2:].replace("-", "_")] for name, own in _SETTINGS.items()}
     with progress_bar("simulating") as progress:
         recording = simulate(
             machine,
             faults,
-            duration_s=arguments.duration,
-            sampling_rate_hz=arguments.sampling_rate,
-            machine_seed=arguments.machine_seed,
-            recording_seed=arguments.seed,
-            channels=arguments.channels,
-            load=arguments.load,
-            speed_drift=arguments.speed_drift,
-            load_drift=arguments.load_drift,
-            snr_db=arguments.snr_db,
+            **settings,
             tacho_shaft=1 if arguments.tacho else None,
             progress=progress,
         )
@@ -269,12 +251,7 @@ def run_harvest(arguments: argparse.Namespace) -> int:
             count=arguments.count,
         )
 
-    def figures() -> Mapping[str, Any]:
-        from gearmon.report.harvest_plots import harvest_figures
-
-        return harvest_figures(survey)
-
-    return finish(arguments, survey.to_dict(), lambda: harvest_lines(survey), survey.rows, figures)
+    return finish_with(arguments, survey, lambda: harvest_lines(survey))
 
 
 def _refuse_with_recordings(arguments: argparse.Namespace) -> None:
@@ -305,82 +282,57 @@ def _stiffness_arguments(parser: argparse.ArgumentParser) -> None:
         default="potential-energy",
         help="stiffness form (potential-energy), or all: four forms and their spectra side by side",
     )
-    parser.add_argument("--stage", type=int, metavar="N", help="only this stage, from 1")
+    _stage_option(parser)
 
 
 def _baseline_arguments(parser: argparse.ArgumentParser) -> None:
     machine_argument(parser)
     fault_option(parser, errors=True)
-    option = parser.add_argument
-    option(
-        "--tolerance",
-        type=float,
-        default=1e-6,
-        metavar="X",
-        help="relative error of the acceleration (1e-6)",
-    )
-    option("--max-hz", type=float, metavar="F", help="no lines above this frequency")
+    _line_options(parser, "the acceleration")
+
+
+def _line_options(parser: argparse.ArgumentParser, of: str) -> None:
+    number(parser, "--tolerance", 1e-6, "X", f"relative error of {of}")
+    told = "no lines above this frequency"
+    parser.add_argument("--max-hz", type=float, metavar="F", help=told)
+
+
+def _stage_option(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--stage", type=int, metavar="N", help="only this stage, from 1")
 
 
 def _family_arguments(parser: argparse.ArgumentParser) -> None:
     machine_argument(parser)
+    kinds = (
+        "stiffness, crack, breakage, pitting, spall, wear or missing; of errors pitch, profile, "
+        "cumulative, eccentricity or misalignment (nine of these)"
+    )
+    sizes = "such as 20%% or 1.5mm, of errors 20um (2.5%% to 40%%, 5um to 40um)"
+    repeatable(parser, "--kind", "KIND", kinds)
+    repeatable(parser, "--size", "SIZE", sizes)
+    repeatable(parser, "--gear", "STAGE:GEAR", "such as 1:pinion (all)")
+    repeatable(parser, "--operating", "N", "operating point, from 0 (all)", type=int)
+    _line_options(parser, "what a fault adds")
     option = parser.add_argument
-    option(
-        "--kind",
-        action="append",
-        metavar="KIND",
-        help="stiffness, crack, breakage, pitting, spall, wear or missing; of errors pitch, "
-        "profile, cumulative, eccentricity or misalignment; repeatable (nine of these)",
-    )
-    option(
-        "--size",
-        action="append",
-        metavar="SIZE",
-        help="such as 20%% or 1.5mm, of errors 20um; repeatable (2.5%% to 40%%, 5um to 40um)",
-    )
-    option("--gear", action="append", metavar="STAGE:GEAR", help="such as 1:pinion; repeatable")
-    option(
-        "--operating",
-        action="append",
-        type=int,
-        metavar="N",
-        help="operating point, from 0; repeatable (all)",
-    )
-    option("--max-hz", type=float, metavar="F", help="no lines above this frequency")
-    option(
-        "--tolerance",
-        type=float,
-        default=1e-6,
-        metavar="X",
-        help="relative error of what a fault adds (1e-6)",
-    )
     option("--mesh-harmonics", type=int, metavar="N", help="write no lines about higher ones")
     option("--sidebands", type=int, metavar="N", help="write no sidebands farther off")
 
 
 def _stability_arguments(parser: argparse.ArgumentParser) -> None:
     machine_argument(parser)
-    option = parser.add_argument
-    option("--form", default="parabolic", help="stiffness form (parabolic)")
-    option("--stage", type=int, metavar="N", help="only this stage, from 1")
-    option("--harmonics", type=int, default=12, metavar="N", help="stiffness harmonics taken (12)")
+    parser.add_argument("--form", default="parabolic", help="stiffness form (parabolic)")
+    _stage_option(parser)
+    number(parser, "--harmonics", 12, "N", "stiffness harmonics taken")
 
 
 def _simulate_arguments(parser: argparse.ArgumentParser) -> None:
     machine_argument(parser)
     fault_option(parser)
-    option = parser.add_argument
-    option("--duration", type=float, default=10.0, metavar="S", help="length in s (10)")
-    option("--sampling-rate", type=float, default=20000.0, metavar="HZ", help="in Hz (20000)")
-    option("--channels", type=int, default=2, metavar="N", help="vibration channels (2)")
-    option("--load", type=float, default=1.0, metavar="F", help="share of the nominal torque (1)")
-    option("--speed-drift", type=float, default=0.005, metavar="F", help="wander, relative (0.005)")
-    option("--load-drift", type=float, default=0.03, metavar="F", help="wander, relative (0.03)")
-    option("--snr-db", type=float, default=20.0, metavar="DB", help="vibration over noise (20)")
-    option("--tacho", action="store_true", help="add a column with one pulse a turn of shaft 1")
-    option("--no-time", action="store_true", help="leave out the time column")
-    option("--seed", type=int, default=0, metavar="N", help="seed of the recording (0)")
-    option("--machine-seed", type=int, default=0, metavar="N", help="seed of the machine (0)")
+    for setting in _SETTINGS.values():
+        number(parser, *setting)
+    tacho = "add a column with one pulse a turn of shaft 1"
+    parser.add_argument("--tacho", action="store_true", help=tacho)
+    parser.add_argument("--no-time", action="store_true", help="leave out the time column")
 
 
 def _harvest_arguments(parser: argparse.ArgumentParser) -> None:
@@ -394,21 +346,11 @@ def _harvest_arguments(parser: argparse.ArgumentParser) -> None:
         "expected lines of the machine are used",
     )
     option("--harvester", metavar="FILE", help="harvester file (TOML); a 15 mm bimorph by default")
-    option("--count", type=int, default=1, metavar="N", help="harvesters of a set, 1 to 3 (1)")
-    option(
-        "--share",
-        action="append",
-        type=float,
-        metavar="F",
-        help="share of time of each recording, in their order; repeatable",
-    )
-    option(
-        "--degraded",
-        action="append",
-        default=[],
-        metavar="RECORDING",
-        help="the same operating point with a damaged gear; repeatable, in the same order",
-    )
+    number(parser, "--count", 1, "N", "harvesters of a set, 1 to 3")
+    share = "share of time of each recording, in their order"
+    repeatable(parser, "--share", "F", share, type=float)
+    degraded = "the same operating point with a damaged gear, in the same order"
+    repeatable(parser, "--degraded", "RECORDING", degraded, default=[])
     fault_option(parser)
     option("--path-gain", type=float, metavar="G", help="mesh to harvester (1)")
     option("--wander", type=float, metavar="F", help="of speed, relative (0.005)")
@@ -420,8 +362,8 @@ def _harvest_arguments(parser: argparse.ArgumentParser) -> None:
         help="over which it is forgotten, in s (long beside a ring-down)",
     )
     option("--share-error", type=float, metavar="F", help="standard deviation of the shares (0)")
-    option("--sampling-rate", type=float, metavar="HZ", help="needed if the file does not hold it")
-    option("--channel", action="append", metavar="NAME|N", help="only these channels; repeatable")
+    sampling_rate(parser)
+    repeatable(parser, "--channel", "NAME|N", "only these channels")
     option("--tacho", metavar="NAME|N", help=argparse.SUPPRESS)
 
 

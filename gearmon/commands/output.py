@@ -9,12 +9,16 @@ import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gearmon.errors import ArgumentError
 
+if TYPE_CHECKING:
+    from gearmon.result import Result
+
 #: Version of what JSON output holds: keys may be added within it, none is renamed or goes.
 SCHEMA = "gearmon/1"
+Rows = Callable[[], list[dict[str, Any]]]
 DONE, FLAGGED, BAD_INPUT, UNJUDGED, OWN_FAULT, STOPPED = 0, 1, 2, 3, 70, 130
 
 
@@ -91,7 +95,7 @@ def finish(
     arguments: argparse.Namespace,
     result: dict[str, Any],
     lines: Callable[[], list[str]],
-    rows: Callable[[], list[dict[str, Any]]] | None = None,
+    rows: Rows | Mapping[str, Rows] | None = None,
     figures: Callable[[], Mapping[str, Any]] | None = None,
     *,
     rows_in_json: bool = False,
@@ -105,52 +109,61 @@ def finish(
         For JSON; gets "tables" and "pictures" with the names of what is written.
     lines : callable
         What the terminal shows.
-    rows : callable, optional
-        What a CSV holds.
+    rows : callable, or mapping of str to callable, optional
+        What a CSV holds; of several tables by what is added to the name.
     figures : callable, optional
         Figures by what is added to the name.
     rows_in_json : bool
-        Whether a JSON file holds the rows beside the result.
+        Whether a JSON file holds the rows beside the result; one of a further table holds but rows.
     """
     if arguments.output:
         target = Path(arguments.output)
-        if rows is not None and target.suffix.lower() != ".png":
-            listed = rows()
-            whole = result | {"rows": listed} if rows_in_json else result
-            write_table(arguments.output, whole, listed)
-            result["tables"] = [arguments.output]
+        if rows is not None:
+            tables = rows if isinstance(rows, Mapping) else {"": rows}
+            result["tables"] = _tables_written(target, result, tables, rows_in_json)
         if figures is not None:
             from gearmon.report.plots import save_all
 
             pictures = save_all(figures(), target.with_suffix(".png"))
             result["pictures"] = [str(path) for path in pictures]
-    show(arguments, result, lambda: [*lines(), *wrote(result)])
+    files = [path for key in ("tables", "pictures") for path in result.get(key, ())]
+    show(arguments, result, lambda: [*lines(), *(f"wrote {path}" for path in files)])
     return DONE
 
 
-def wrote(result: dict[str, Any]) -> list[str]:
-    """Tell which files a result names."""
-    return [f"wrote {path}" for key in ("tables", "pictures") for path in result.get(key, ())]
+def _tables_written(
+    target: Path, result: dict[str, Any], tables: Mapping[str, Rows], rows_in_json: bool
+) -> list[str]:
+    """Write tables beside each other, unless the name is that of a picture; return their names."""
+    written = []
+    for added, rows in tables.items() if target.suffix.lower() != ".png" else ():
+        path, listed = target.with_name(f"{target.stem}{added}{target.suffix}"), rows()
+        whole = {} if added else result
+        more = {"rows": listed} if added or rows_in_json else {}
+        write_table(str(path), whole | more, listed)
+        written.append(str(path))
+    return written
 
 
-def write_table(path: str, result: Any, rows: list[dict[str, Any]]) -> None:
+def finish_with(
+    arguments: argparse.Namespace,
+    found: Result,
+    lines: Callable[[], list[str]],
+    *,
+    rows_in_json: bool = False,
+) -> int:
+    """Do the same with a result that knows its rows and pictures."""
+    figures, rows = found.figures if found.picture else None, found.frame_rows
+    return finish(arguments, found.to_dict(), lines, rows, figures, rows_in_json=rows_in_json)
+
+
+def write_table(path: str, result: Mapping[str, Any], rows: list[dict[str, Any]]) -> None:
     """Write rows as CSV or the whole result as JSON, by the ending of the name."""
-    if Path(path).suffix.lower() == ".csv":
-        from gearmon.files import write_atomically
-        from gearmon.report.text_tables import rows_as_csv
-
-        write_atomically(path, rows_as_csv(rows))
-        return
-    write_json(path, result)
-
-
-def write_json(path: str, result: Any) -> None:
-    """Write a result as JSON."""
     from gearmon.files import write_atomically
+    from gearmon.report.text_tables import rows_as_csv
 
-    if Path(path).suffix.lower() != ".json":
-        raise ArgumentError(f"{path}: the name must end in .json (or .csv, where there is a table)")
-    write_atomically(path, as_json(result) + "\n")
+    is_csv = Path(path).suffix.lower() == ".csv"
+    write_atomically(path, rows_as_csv(rows) if is_csv else as_json(result) + "\n")
 
 
 def as_json(result: Mapping[str, Any]) -> str:

@@ -8,9 +8,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gearmon.commands.command import Command, recording_options
+from gearmon.commands.command import Command, number, recording_options, reference_option
 from gearmon.commands.inputs import each_of, followed, in_turn, loss_of, machine_of, recording_of
-from gearmon.commands.output import DONE, complain, complain_of, judged, show, write_json
+from gearmon.commands.output import DONE, complain, complain_of, finish, judged, show, write_table
 from gearmon.errors import ArgumentError, GearmonError, check_range
 
 if TYPE_CHECKING:
@@ -23,6 +23,10 @@ if TYPE_CHECKING:
 
 #: Examples that a classifier is trained on; kinds less probable than this are not shown.
 EXAMPLES, LEAST_SHOWN = 1600, 0.01
+_EXIT_CODES = (
+    "Exit code: 0 if nothing is flagged, 1 if something is, 2 if a recording cannot be used, 3 if "
+    "nothing is flagged but of some recording nothing can be said."
+)
 
 
 def run_learn(arguments: argparse.Namespace) -> int:
@@ -81,10 +85,8 @@ def run_analyse(arguments: argparse.Namespace) -> int:
         written = analyses, recordings, reference, machine, arguments.report
         files = write_report(*written, failures=failures)
         result["report"] = [str(file) for file in files]
-    if arguments.output:
-        write_json(arguments.output, result)
-        result["tables"] = [arguments.output]
-    show(arguments, result, lambda: _analysis_lines(result, [a for a, _ in kept]))
+    # a list of no rows: there is no table but the JSON
+    finish(arguments, result, lambda: _analysis_lines(result, [a for a, _ in kept]), list)
     return _exit_code(results, flagged=any(entry.get("flags") for entry in results))
 
 
@@ -128,7 +130,7 @@ def _analysis_lines(result: dict[str, Any], analyses: list[Analysis]) -> list[st
     lines += [f"{e['recording']}: not analysed" for e in result["recordings"] if "error" in e]
     if "report" in result:
         lines.append(f"report: {result['report'][0]} and {len(result['report']) - 1} pictures")
-    return lines + [f"wrote {path}" for path in result.get("tables", ())]
+    return lines
 
 
 def reference_of(arguments: argparse.Namespace, machine: Machine) -> Reference | None:
@@ -177,9 +179,7 @@ def run_kinds(arguments: argparse.Namespace) -> int:
         "classifier": {"file": arguments.trained, "trained_now": trained},
         "recordings": results,
     }
-    if arguments.output:
-        write_json(arguments.output, result)
-    show(arguments, result, lambda: _kind_lines(result))
+    finish(arguments, result, lambda: _kind_lines(result), list)
     return _exit_code(results, flagged=any(entry.get("flagged") for entry in results))
 
 
@@ -247,9 +247,7 @@ def _kind_lines(result: dict[str, Any]) -> list[str]:
 
 def _analyse_arguments(parser: argparse.ArgumentParser) -> None:
     recording_options(parser)
-    parser.add_argument(
-        "--reference", metavar="PATH", help="what gearmon learn wrote, or one healthy recording"
-    )
+    reference_option(parser)
     parser.add_argument(
         "--must-notice",
         metavar="LOSS",
@@ -263,21 +261,11 @@ def _analyse_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _kinds_arguments(parser: argparse.ArgumentParser) -> None:
     recording_options(parser, least=0)
-    option = parser.add_argument
-    option("--reference", metavar="PATH", help="what gearmon learn wrote, or a healthy recording")
-    option(
-        "--trained",
-        metavar="FILE",
-        help="classifier of this machine; trained and written to this file if there is none",
-    )
-    option(
-        "--examples",
-        type=int,
-        default=EXAMPLES,
-        metavar="N",
-        help=f"simulated machines to train it on ({EXAMPLES}, about a minute)",
-    )
-    option("--seed", type=int, default=0, metavar="N", help="of what is drawn at random (0)")
+    reference_option(parser)
+    told = "classifier of this machine; trained and written to this file if there is none"
+    parser.add_argument("--trained", metavar="FILE", help=told)
+    number(parser, "--examples", EXAMPLES, "N", "simulated machines to train it on, in a minute")
+    number(parser, "--seed", 0, "N", "of what is drawn at random")
 
 
 LEARN = Command(
@@ -297,8 +285,7 @@ ANALYSE = Command(
     run=run_analyse,
     endings=(".json",),
     more="Without --reference only a gross fault of one tooth can be called, and no machine is "
-    "called healthy. Exit code: 0 if nothing is flagged, 1 if something is, 2 if a recording "
-    "cannot be used, 3 if nothing is flagged but of some recording nothing can be said.",
+    f"called healthy. {_EXIT_CODES}",
 )
 KINDS = Command(
     name="kinds",
@@ -311,8 +298,7 @@ KINDS = Command(
     more="The classifier is trained on simulated signatures of the machine file, so that no "
     "recording of a fault is needed; its probabilities hold on such machines, not surely on "
     "yours, and there it is right in two of three. A kind is judged only where gearmon analyse "
-    "calls a fault. Exit code: 0 if nothing is flagged, 1 if something is, 2 if a recording cannot "
-    "be used, 3 if nothing is flagged but of some recording nothing can be said.",
+    f"calls a fault. {_EXIT_CODES}",
 )
 
 
@@ -320,7 +306,8 @@ def run_history(arguments: argparse.Namespace) -> int:
     """Run `gearmon history`."""
     from gearmon.diagnosis.history import History, append, history_trends, read_history
 
-    _check_history(arguments)
+    if not arguments.recording and not arguments.store:
+        raise ArgumentError("history: name recordings, or with --store a history file to look at")
     limit = loss_of(arguments.limit, "--limit")
     machine = machine_of(arguments.machine)
     times = _history_times(arguments)
@@ -341,12 +328,6 @@ def run_history(arguments: argparse.Namespace) -> int:
         result["files"] = _history_written(arguments.output, found, result)
     show(arguments, result, lambda: _history_lines(found, result))
     return judged((entry.verdict for entry in entries), flagged=found.raised, bad=bool(errors))
-
-
-def _check_history(arguments: argparse.Namespace) -> None:
-    """Refuse what cannot work before any recording is analysed."""
-    if not arguments.recording and not arguments.store:
-        raise ArgumentError("history: name recordings, or with --store a history file to look at")
 
 
 def _history_times(arguments: argparse.Namespace) -> list[datetime]:
@@ -404,7 +385,7 @@ def _history_written(output: str, found: HistoryTrends, result: dict[str, Any]) 
 
     target, files = Path(output), []
     if target.suffix.lower() == ".json":
-        write_json(output, result)
+        write_table(output, result, [])
         files.append(output)
     elif target.suffix.lower() != ".png":
         files.append(str(export_history(found.history, target)))
@@ -425,8 +406,8 @@ def _history_lines(found: HistoryTrends, result: dict[str, Any]) -> list[str]:
 
 def _history_arguments(parser: argparse.ArgumentParser) -> None:
     recording_options(parser, least=0)
+    reference_option(parser)
     option = parser.add_argument
-    option("--reference", metavar="PATH", help="what gearmon learn wrote, or a healthy recording")
     option(
         "--store",
         metavar="DB",
@@ -456,7 +437,6 @@ HISTORY = Command(
     endings=(".csv", ".json", ".parquet", ".png"),
     output="write the table to this file, and a picture beside it",
     more="A tooth is listed once its loss stands clear of noise and of zero in several recordings; "
-    "changes are looked for in six or more. Exit code: 0 if nothing is flagged, 1 if something "
-    "is, 2 if a recording cannot be used, 3 if nothing is flagged but of some nothing can be said.",
+    f"changes are looked for in six or more. {_EXIT_CODES}",
     beside=("{}.png",),
 )

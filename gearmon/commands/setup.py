@@ -8,12 +8,13 @@ import sys
 import tomllib
 from typing import TYPE_CHECKING, Any
 
-from gearmon.commands.command import Command
+from gearmon.commands.command import Command, repeatable
 from gearmon.commands.inputs import machine_of
-from gearmon.commands.output import DONE, finish, show
+from gearmon.commands.output import DONE, finish_with, show
 from gearmon.errors import ArgumentError
 
 if TYPE_CHECKING:
+    from gearmon.diagnosis.reference_check import ReferenceCheck
     from gearmon.machine import Machine
     from gearmon.signals.recording import Recording
 
@@ -37,11 +38,7 @@ ring_teeth = {2}
 planets = {3}
 fixed = "ring"
 """
-_MORE = """\
-# needed for what a healthy gearbox should sound like, and for sizes of damage in mm:
-{module}module_mm = {module_mm}
-{width}face_width_mm = {face_width_mm}
-"""
+_MORE = "# needed for what a healthy gearbox should sound like, and for sizes of damage in mm:\n"
 
 
 def run_init(arguments: argparse.Namespace) -> int:
@@ -104,23 +101,20 @@ def _stage(text: str) -> str:
 
 def _file(arguments: argparse.Namespace, stages: list[str], rpm: float) -> str:
     """Return the text of a machine file."""
-    given = vars(arguments)
-    more = {name: given[name] for name in ("module_mm", "face_width_mm")}
-    usual = {"module_mm": 2.5, "face_width_mm": 28.0}
-    filled = _MORE.format(
-        **{name: usual[name] if value is None else value for name, value in more.items()},
-        module="" if arguments.module_mm else "# ",
-        width="" if arguments.face_width_mm else "# ",
-    )
-    torque = "# torque_nm = 120.0      # on shaft 1, if it is known\n"
-    if arguments.torque_nm is not None:
-        torque = f"torque_nm = {arguments.torque_nm}         # on shaft 1\n"
+    more = _MORE + _line(arguments, "module_mm", 2.5) + _line(arguments, "face_width_mm", 28.0)
+    torque = _line(arguments, "torque_nm", 120.0, "      # on shaft 1")
     name = arguments.name.replace("\\", "\\\\").replace('"', '\\"')
     return (
         f'name = "{name}"\n\n[operating]\n'
         f"speed_rpm = {rpm:g}         # shaft 1, 1/min; the true speed is looked for about it\n"
-        f"{torque}{''.join(stage + filled for stage in stages)}"
+        f"{torque}{''.join(stage + more for stage in stages)}"
     )
+
+
+def _line(arguments: argparse.Namespace, name: str, usual: float, told: str = "") -> str:
+    """Return a line of a machine file; with a usual value, as a comment, if none is given."""
+    given = vars(arguments)[name]
+    return f"# {name} = {usual}{told}\n" if given is None else f"{name} = {given}{told}\n"
 
 
 def _doubts(machine: Machine) -> list[str]:
@@ -186,15 +180,15 @@ def run_check(arguments: argparse.Namespace) -> int:
 
     machine = machine_of(arguments.machine)
     found = check_reference(read_reference(arguments.reference), machine)
-    result = found.to_dict()
-    return finish(arguments, result, lambda: _check_lines(result, found.headline()), found.rows)
+    return finish_with(arguments, found, lambda: _check_lines(found))
 
 
-def _check_lines(result: dict[str, Any], headline: str) -> list[str]:
+def _check_lines(found: ReferenceCheck) -> list[str]:
     from gearmon.report.text_tables import table_lines
     from gearmon.report.wording import printable
 
-    lines = [headline, *(f"also: {advice}" for advice in result["advice"][1:]), ""]
+    result = found.to_dict()
+    lines = [found.headline(), *(f"also: {advice}" for advice in result["advice"][1:]), ""]
     lines += table_lines(
         [own | {"recording": printable(own["recording"])} for own in result["recordings"]]
     )
@@ -208,12 +202,8 @@ def _check_lines(result: dict[str, Any], headline: str) -> list[str]:
 def _init_arguments(parser: argparse.ArgumentParser) -> None:
     option = parser.add_argument
     option("recording", metavar="RECORDING", nargs="*", help="one that tells the columns")
-    option(
-        "--teeth",
-        action="append",
-        metavar="A/B",
-        help="of a stage, driver/driven, or sun/planet/ring and planets as 30/35/100x3; repeatable",
-    )
+    teeth = "of a stage, driver/driven, or sun/planet/ring and planets as 30/35/100x3"
+    repeatable(parser, "--teeth", "A/B", teeth)
     option("--speed", metavar="SPEED", help="of shaft 1 with its unit: 1480rpm or 24.7hz")
     option("--torque", dest="torque_nm", type=float, metavar="NM", help="on shaft 1")
     option("--module", dest="module_mm", type=float, metavar="MM", help="of all stages")

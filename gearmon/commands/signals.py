@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gearmon.commands.command import Command, recording_options, window_and_peaks
+from gearmon.commands.command import Command, number, recording_options, window_and_peaks
 from gearmon.commands.inputs import in_turn, machine_of, recording_of
-from gearmon.commands.output import BAD_INPUT, DONE, finish, show, write_table, wrote
+from gearmon.commands.output import BAD_INPUT, DONE, finish, finish_with
 
 if TYPE_CHECKING:
-    from gearmon.signatures.gear_averages import GearAverages
-    from gearmon.signatures.measured.indicators import IndicatorHistory, IndicatorTable
-    from gearmon.signatures.order_spectra import OrderSpectra
+    from gearmon.signatures.measured.indicators import IndicatorTable
 
 # Columns of the table on a screen; the files hold the others too.
 _SHOWN = ("channel", "stage", "gear", "indicator", "value", "unit", "input")
@@ -26,13 +24,14 @@ _MAP_COLUMNS = 1000
 
 def run_indicators(arguments: argparse.Namespace) -> int:
     """Run `gearmon indicators`."""
+    from gearmon.signatures.measured.indicators import indicator_table, read_history, write_history
+
     machine = machine_of(arguments.machine) if arguments.machine else None
-    history = _history(arguments)
+    known = arguments.history and Path(arguments.history).exists()
+    history = read_history(arguments.history) if known else None
     tables: list[IndicatorTable] = []
 
     def table_of(path: str) -> dict[str, Any]:
-        from gearmon.signatures.measured.indicators import indicator_table
-
         recording = recording_of(path, arguments, machine)
         before = tables[-1].history if tables else history
         tables.append(indicator_table(recording, machine, before, arguments.baseline))
@@ -42,8 +41,6 @@ def run_indicators(arguments: argparse.Namespace) -> int:
     history = tables[-1].history if tables else history
     result: dict[str, Any] = {"recordings": entries}
     if arguments.history and history is not None:
-        from gearmon.signatures.measured.indicators import write_history
-
         write_history(history, arguments.history)
         result["history"] = arguments.history
 
@@ -58,14 +55,6 @@ def run_indicators(arguments: argparse.Namespace) -> int:
     lines = partial(_indicator_lines, result, tables)
     finish(arguments, result, lines, rows if tables else None, figures, rows_in_json=True)
     return BAD_INPUT if any("error" in entry for entry in entries) else DONE
-
-
-def _history(arguments: argparse.Namespace) -> IndicatorHistory | None:
-    from gearmon.signatures.measured.indicators import read_history
-
-    if not arguments.history or not Path(arguments.history).exists():
-        return None
-    return read_history(arguments.history)
 
 
 def _indicator_lines(result: dict[str, Any], tables: list[IndicatorTable]) -> list[str]:
@@ -103,16 +92,9 @@ def run_spectrum(arguments: argparse.Namespace) -> int:
         window_name=arguments.window,
         most_peaks=arguments.peaks,
     )
-    result = found.to_dict()
     title = f"{found.recording}: {found.value_name}, highest peaks"
-
-    def figures() -> Mapping[str, Any]:
-        from gearmon.report.spectrum_plots import spectrum_figure
-
-        return {"": spectrum_figure(found)}
-
-    lines = partial(_peak_lines, title, result)
-    return finish(arguments, result, lines, found.rows, figures, rows_in_json=True)
+    lines = partial(_peak_lines, title, found.to_dict())
+    return finish_with(arguments, found, lines, rows_in_json=True)
 
 
 def run_orders(arguments: argparse.Namespace) -> int:
@@ -135,56 +117,26 @@ def run_orders(arguments: argparse.Namespace) -> int:
     own = averages.to_dict()
     notes = dict.fromkeys([*found.to_dict()["warnings"], *own["warnings"]])
     result = {**found.to_dict(), "averages": own["averages"], "warnings": list(notes)}
-    if arguments.output:
-        result["tables"], result["pictures"] = _orders_written(
-            Path(arguments.output), result, found, averages, only_map=arguments.map
-        )
     title = f"{found.recording}: amplitude against order of shaft {found.shaft}, highest peaks"
-    show(arguments, result, lambda: [*_order_lines(title, result), *wrote(result)])
-    return DONE
+    rows = {
+        "": found.rows,
+        "-map": partial(found.map_rows, _MAP_COLUMNS),
+        "-averages": averages.rows,
+        "-lines": averages.line_rows,
+    }
 
+    def figures() -> Mapping[str, Any]:
+        from gearmon.report.recording_plots import order_map_figure
 
-def _orders_written(
-    target: Path,
-    result: dict[str, Any],
-    found: OrderSpectra,
-    averages: GearAverages,
-    *,
-    only_map: bool,
-) -> tuple[list[str], list[str]]:
-    """Write spectrum, map, averages and their lines, each under its own name, and pictures."""
-    from gearmon.report.plots import save, save_all
-    from gearmon.report.recording_plots import average_figures, order_map_figure
-    from gearmon.report.spectrum_plots import order_figure
+        chart = order_map_figure(found)
+        if arguments.map:
+            return {"": chart}
+        turns = {f"-average{name}": figure for name, figure in averages.figures().items()}
+        return found.figures() | {"-map": chart} | turns
 
-    picture = target.with_suffix(".png")
-    if only_map:
-        parts: list[tuple[Path, Callable[[], list[dict[str, Any]]]]] = [(target, found.map_rows)]
-        drawn = [save(order_map_figure(found), picture)]
-    else:
-        parts = [
-            (target, found.rows),
-            (_beside(target, "map"), lambda: found.map_rows(_MAP_COLUMNS)),
-            (_beside(target, "averages"), averages.rows),
-            (_beside(target, "lines"), averages.line_rows),
-        ]
-        drawn = [
-            save(order_figure(found), picture),
-            save(order_map_figure(found), _beside(picture, "map")),
-            *save_all(average_figures(averages), _beside(picture, "average")),
-        ]
-    tables = []
-    if target.suffix.lower() != ".png":
-        for path, rows in parts:
-            listed = rows()
-            whole = {**result, "rows": listed} if path == target else {"rows": listed}
-            write_table(str(path), whole, listed)
-            tables.append(str(path))
-    return tables, [str(path) for path in drawn]
-
-
-def _beside(target: Path, what: str) -> Path:
-    return target.with_name(f"{target.stem}-{what}{target.suffix}")
+    written = {"": found.map_rows} if arguments.map else rows
+    lines = partial(_order_lines, title, result)
+    return finish(arguments, result, lines, written, figures, rows_in_json=True)
 
 
 def _order_lines(title: str, result: dict[str, Any]) -> list[str]:
@@ -220,15 +172,10 @@ def _peak_lines(title: str, result: dict[str, Any], more: Sequence[str] = ()) ->
 
 def _indicator_arguments(parser: argparse.ArgumentParser) -> None:
     recording_options(parser, machine_required=False)
-    option = parser.add_argument
-    option(
-        "--baseline",
-        type=int,
-        default=1,
-        metavar="N",
-        help="records at the start of the run that were healthy, for NA4* and NB4* (1)",
-    )
-    option("--history", metavar="FILE", help="go on with the run in this file (JSON), and write it")
+    healthy = "records at the start of the run that were healthy, for NA4* and NB4*"
+    number(parser, "--baseline", 1, "N", healthy)
+    history = "go on with the run in this file (JSON), and write it"
+    parser.add_argument("--history", metavar="FILE", help=history)
 
 
 def _spectrum_arguments(parser: argparse.ArgumentParser) -> None:
@@ -254,7 +201,7 @@ def _spectrum_arguments(parser: argparse.ArgumentParser) -> None:
 def _order_arguments(parser: argparse.ArgumentParser) -> None:
     recording_options(parser, several=False)
     option = parser.add_argument
-    option("--shaft", type=int, default=1, metavar="N", help="whose turns orders count (1)")
+    number(parser, "--shaft", 1, "N", "whose turns orders count")
     option("--map", action="store_true", help="write the map only, in full resolution")
     option("--against", default="time", metavar="WHAT", help="of the map: time (default) or speed")
     option("--max-order", type=float, metavar="X", help="no orders above this one")

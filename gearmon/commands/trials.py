@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from gearmon.commands.command import Command
+from gearmon.commands.command import Command, number
 from gearmon.commands.output import DONE, finish, show
 from gearmon.terminal import progress_bar
 
@@ -62,7 +62,7 @@ def _demo_arguments(parser: argparse.ArgumentParser) -> None:
 def _benchmark_arguments(parser: argparse.ArgumentParser) -> None:
     option = parser.add_argument
     option("--quick", action="store_true", help="rough figures in seconds")
-    option("--seed", type=int, default=0, metavar="N", help="of what is drawn at random (0)")
+    number(parser, "--seed", 0, "N", "of what is drawn at random")
     option("--count", type=int, metavar="N", help="random systems, parameter sets or machines")
     option("--ross-python", metavar="PATH", help="interpreter of an environment with ROSS")
     option(

@@ -7,15 +7,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from importlib import import_module, resources
-from itertools import count
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 from gearmon.errors import ArgumentError
 from gearmon.terminal import Progress, progress_bar
+
+Item = TypeVar("Item")
 
 #: Name of a demo -> its function, as "module:function".
 DEMOS = {
@@ -103,7 +104,29 @@ def given_file(name: str, folder: Path, as_name: str) -> Path:
     return folder / as_name
 
 
-def steps(progress: Progress | None, total: int) -> Callable[[], None]:
-    """Return what is to be called after each of so many steps."""
-    number = count(1)
-    return lambda: progress(next(number) / total) if progress is not None else None
+class Steps:
+    """Goes through what a demo does, and tells the progress after each of so many steps."""
+
+    def __init__(self, progress: Progress | None, total: int) -> None:
+        self.progress, self.total, self.done = progress, total, 0
+
+    def through(self, items: Iterable[Item]) -> Iterator[Item]:
+        """Give the items one by one: each is a step."""
+        for item in items:
+            yield item
+            self.done += 1
+            if self.progress is not None:
+                self.progress(self.done / self.total)
+
+
+def told(folder: Path, name: str, figure: Any, story: Iterable[str], facts: dict[str, Any]) -> Demo:
+    """Write the picture and the story of a demo, and return it."""
+    from gearmon.files import write_atomically
+    from gearmon.report.plots import save
+
+    lines = tuple(story)
+    picture, text = save(figure, folder / f"{name}.png"), folder / f"{name}.txt"
+    write_atomically(text, "\n".join(lines) + "\n")
+    return Demo(
+        story=lines, files={"folder": folder, "picture": picture, "story": text}, facts=facts
+    )

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from gearmon.demos import given_file
+from gearmon.diagnosis.analysis import learn
 from gearmon.gears.faults import Fault
 from gearmon.machine import Machine, load_machine
-from gearmon.signals.recording import Recording
+from gearmon.signals.recording import Recording, read_recording
+from gearmon.signatures.measured.reference import Reference, write_reference
 from gearmon.simulation import simulate
 
 #: Length and rate of a recording: short, so that a demo takes less than a minute.
@@ -39,11 +42,11 @@ def conveyor_recording(
     """
     settings = {"machine_seed": 1, "channels": 2, "tacho_shaft": 1} | settings
     made = simulate(machine, faults, DURATION_S, RATE_HZ, recording_seed=seed, **settings)
-    return Recording(
-        samples=made.samples,
-        sampling_rate_hz=made.sampling_rate_hz,
-        channel_names=made.channel_names,
-        channel_kinds=made.channel_kinds,
-        units=made.units,
-        origin=name,
-    )
+    return replace(read_recording(made), origin=name)
+
+
+def learned(machine: Machine, healthy: Sequence[Recording], folder: Path) -> Reference:
+    """Learn from healthy recordings, and keep the reference in the folder."""
+    reference = learn(healthy, machine)
+    write_reference(reference, folder / "healthy.ref")
+    return reference

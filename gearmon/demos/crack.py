@@ -5,15 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from gearmon.demos import Demo, steps
-from gearmon.diagnosis.analysis import analyse, learn
+from gearmon.demos import Demo, Steps
+from gearmon.demos.conveyor import learned
+from gearmon.diagnosis.analysis import analyse
 from gearmon.files import write_atomically
-from gearmon.gears.faults import parse_fault
 from gearmon.machine import load_machine
 from gearmon.machine.example import EXAMPLE
 from gearmon.report import analysis_text, write_report
 from gearmon.signals.recording import read_recording
-from gearmon.signatures.measured.reference import write_reference
 from gearmon.simulation import simulate, write_simulation
 from gearmon.terminal import Progress
 
@@ -39,18 +38,16 @@ def crack_demo(folder: Path, progress: Progress | None = None) -> Demo:
         Called with the share done, 0 to 1.
     """
     write_atomically(folder / "machine.toml", EXAMPLE)
-    machine, follow = load_machine(folder / "machine.toml"), steps(progress, len(PLAN) + 1)
+    machine, steps = load_machine(folder / "machine.toml"), Steps(progress, len(PLAN) + 1)
     recordings = []
-    for number, (name, (load, fault)) in enumerate(PLAN.items()):
-        faults, path = [parse_fault(fault)] if fault else [], folder / f"{name}.csv"
+    for number, (name, (load, fault)) in enumerate(steps.through(PLAN.items())):
+        faults, path = [fault] if fault else [], folder / f"{name}.csv"
         kept: dict[str, Any] = {"channels": 2, "tacho_shaft": 1, "machine_seed": 1}
         made = simulate(machine, faults, 6.0, 10_240.0, recording_seed=number, load=load, **kept)
         write_simulation(made, path)
         # read back: the demo sees what a user's files would hold
         recordings.append(read_recording(path))
-        follow()
-    reference = learn(recordings[:3], machine)
-    write_reference(reference, folder / "healthy.ref")
+    reference = learned(machine, recordings[:3], folder)
     analyses = [analyse(recording, machine, reference) for recording in recordings[3:]]
     report = folder / "report.html"
     write_report(analyses, recordings[3:], reference, machine, report)

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from gearmon.demos import Demo, steps
-from gearmon.demos.conveyor import conveyor, conveyor_recording
-from gearmon.diagnosis.analysis import analyse, learn
+from gearmon.demos import Demo, Steps, told
+from gearmon.demos.conveyor import conveyor, conveyor_recording, learned
+from gearmon.diagnosis.analysis import analyse
 from gearmon.diagnosis.history import (
     History,
     HistoryTrends,
@@ -20,12 +20,9 @@ from gearmon.diagnosis.history import (
     history_trends,
     read_history,
 )
-from gearmon.files import write_atomically
 from gearmon.gears.faults import Fault
 from gearmon.report.history_plots import history_figure
 from gearmon.report.history_text import history_lines, moment_text
-from gearmon.report.plots import save
-from gearmon.signatures.measured.reference import write_reference
 from gearmon.terminal import Progress
 
 RECORDINGS, SOUND = 20, 6
@@ -54,34 +51,29 @@ def growth_demo(folder: Path, progress: Progress | None = None) -> Demo:
     progress : callable, optional
         Called with the share done, 0 to 1.
     """
-    machine, follow = conveyor(folder), steps(progress, len(HEALTHY_LOADS) + RECORDINGS)
-    healthy = []
-    for number, load in enumerate(HEALTHY_LOADS):
-        healthy.append(conveyor_recording(machine, f"healthy-{load:.2f}", 100 + number, load=load))
-        follow()
-    reference = learn(healthy, machine)
-    write_reference(reference, folder / "healthy.ref")
+    machine, steps = conveyor(folder), Steps(progress, len(HEALTHY_LOADS) + RECORDINGS)
+    healthy = [
+        conveyor_recording(machine, f"healthy-{load:.2f}", 100 + number, load=load)
+        for number, load in enumerate(steps.through(HEALTHY_LOADS))
+    ]
+    reference = learned(machine, healthy, folder)
     losses = [true_loss(number) for number in range(RECORDINGS)]
     loads = np.random.default_rng(7).uniform(0.7, 1.0, RECORDINGS).tolist()
     history = History(machine=machine.name)
-    for number, (load, loss) in enumerate(zip(loads, losses, strict=True)):
+    for number, (load, loss) in enumerate(steps.through(zip(loads, losses, strict=True))):
         crack: dict[str, Any] = {"kind": "crack", "stage": 1, "gear": "pinion", "tooth": TOOTH}
         faults, name = [Fault(**crack, size=loss)] if loss else [], f"week-{number + 1:02d}"
         recording = conveyor_recording(machine, name, number, faults, load=load)
         analysis = analyse(recording, machine, reference)
         history = history.with_entry(entry_of(analysis, START + number * STEP))
-        follow()
     store = folder / "history.db"
     append(store, history.entries, replace=True)  # a second run of the demo is the same history
     found = history_trends(read_history(store, machine.name), limit=LIMIT)
     flagged = _flagged(found)
     first = None if flagged is None else flagged + 1
-    files = {"folder": folder, "picture": folder / "growth.png", "story": folder / "growth.txt"}
     facts = {"true_loss": losses, "first_flagged": first, "history": found.to_dict()}
-    demo = Demo(story=tuple(_told(found, losses, flagged)), files=files, facts=facts)
-    save(history_figure(found, losses), files["picture"])
-    write_atomically(files["story"], "\n".join(demo.story) + "\n")
-    return demo
+    figure = history_figure(found, losses)
+    return told(folder, "growth", figure, _story(found, losses, flagged), facts)
 
 
 def _flagged(found: HistoryTrends) -> int | None:
@@ -91,7 +83,7 @@ def _flagged(found: HistoryTrends) -> int | None:
     return first if first < len(found.history.entries) else None
 
 
-def _told(found: HistoryTrends, losses: Sequence[float], flagged: int | None) -> Iterator[str]:
+def _story(found: HistoryTrends, losses: Sequence[float], flagged: int | None) -> Iterator[str]:
     """Tell the story."""
     entries = found.history.entries
     since = next(number for number, loss in enumerate(losses) if loss > 0)

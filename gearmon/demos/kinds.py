@@ -4,28 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
-from gearmon.demos import Demo, steps
-from gearmon.demos.conveyor import DURATION_S, RATE_HZ, conveyor
-from gearmon.diagnosis.analysis import analyse, learn
+from gearmon.demos import Demo, Steps, told
+from gearmon.demos.conveyor import DURATION_S, RATE_HZ, conveyor, learned
+from gearmon.diagnosis.analysis import analyse
+from gearmon.diagnosis.fault_types.classifier import KindClassifier
 from gearmon.diagnosis.fault_types.judgement import analysis_features
 from gearmon.diagnosis.fault_types.training import train_kinds
-from gearmon.diagnosis.hypotheses.fault_kinds import KindJudgement, judge_kind
+from gearmon.diagnosis.hypotheses.fault_kinds import judge_kind
 from gearmon.diagnosis.results import Analysis
-from gearmon.files import write_atomically
 from gearmon.gears.faults import Fault
 from gearmon.machine import Machine
-from gearmon.report.demo_plots import KindView, kind_figure
-from gearmon.report.plots import save
+from gearmon.report.demo_plots import kind_figure
 from gearmon.report.text_tables import table_lines
 from gearmon.report.wording import percent
 from gearmon.signals.recording import Recording
-from gearmon.signatures.measured.reference import write_reference
+from gearmon.signatures.measured.reference import Reference
 from gearmon.simulation import Settings
 from gearmon.simulation.contact import Drive, ShaftMotion, random_wander
 from gearmon.simulation.path import noise, random_path, tacho_pulses, through_path
@@ -101,48 +102,6 @@ FEATURES = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class Judged:
-    """One recording: the truth, and what was made of it.
-
-    Parameters
-    ----------
-    truth : str
-        State of the machine.
-    load : float
-        Share of the nominal torque.
-    analysis : Analysis
-    judgement : KindJudgement or None
-        Asked only where a fault was called.
-    features : dict of str to float
-        Those of `FEATURES` [dB], of the pinion.
-    """
-
-    truth: str
-    load: float
-    analysis: Analysis
-    judgement: KindJudgement | None
-    features: dict[str, float]
-
-    @property
-    def told(self) -> str:
-        """What is said of the machine, in a word or two."""
-        if self.analysis.verdict != "fault":
-            return "sound" if self.analysis.verdict == "healthy" else self.analysis.verdict
-        return self.judgement.kind if self.judgement is not None else "fault"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return built-in types, ready for JSON."""
-        return {
-            "truth": self.truth,
-            "told": self.told,
-            "load": self.load,
-            "features_db": self.features,
-            "kind": None if self.judgement is None else self.judgement.to_dict(),
-            "analysis": self.analysis.to_dict(),
-        }
-
-
 def kinds_demo(folder: Path, progress: Progress | None = None) -> Demo:
     """Record a machine sound, pitted, worn and running out, and tell these apart.
 
@@ -154,37 +113,39 @@ def kinds_demo(folder: Path, progress: Progress | None = None) -> Demo:
         Called with the share done, 0 to 1.
     """
     machine = conveyor(folder)
-    follow = steps(progress, len(HEALTHY_LOADS) + 1 + len(STATES) * len(NEW_LOADS))
-    healthy = []
-    for number, load in enumerate(HEALTHY_LOADS):
-        healthy.append(_recorded(machine, State(), load, 100 + number))
-        follow()
-    reference = learn(healthy, machine)
-    write_reference(reference, folder / "healthy.ref")
-    classifier = train_kinds(machine, count=EXAMPLES)
-    follow()
-    judged: list[Judged] = []
-    for truth, (state, _) in STATES.items():
-        for load in NEW_LOADS:
-            recording = _recorded(machine, state, load, len(judged))
-            analysis = analyse(recording, machine, reference)
-            features = analysis_features(analysis, reference)
-            row = features.named(features.row(1, "pinion"))
-            fault = analysis.verdict == "fault"
-            judgement = judge_kind(features, classifier) if fault else None
-            own = {name: float(row[name]) for name in FEATURES}
-            judged.append(Judged(truth, load, analysis, judgement, own))
-            follow()
-    files = {"folder": folder, "picture": folder / "kinds.png", "story": folder / "kinds.txt"}
-    right = sum(one.told == one.truth for one in judged)
-    facts = {"right": right, "recordings": [one.to_dict() for one in judged]}
-    demo = Demo(story=tuple(_told(judged, right)), files=files, facts=facts)
-    save(kind_figure([_view(truth, judged) for truth in STATES]), files["picture"])
-    write_atomically(files["story"], "\n".join(demo.story) + "\n")
-    return demo
+    steps = Steps(progress, len(HEALTHY_LOADS) + 1 + len(STATES) * len(NEW_LOADS))
+    healthy = [
+        _recorded(machine, State(), load, 100 + number)
+        for number, load in enumerate(steps.through(HEALTHY_LOADS))
+    ]
+    reference = learned(machine, healthy, folder)
+    (classifier,) = (train_kinds(machine, count=count) for count in steps.through([EXAMPLES]))
+    judged: list[dict[str, Any]] = []
+    for truth, load in steps.through(product(STATES, NEW_LOADS)):
+        recording = _recorded(machine, STATES[truth][0], load, len(judged))
+        own = _judged(analyse(recording, machine, reference), reference, classifier)
+        judged.append({"truth": truth, "load": load} | own)
+    right = sum(one["told"] == one["truth"] for one in judged)
+    facts = {"right": right, "recordings": judged}
+    changes = dict(_changes(truth, judged) for truth in STATES)
+    return told(folder, "kinds", kind_figure(changes), _story(judged, right), facts)
 
 
-def _told(judged: Sequence[Judged], right: int) -> Iterator[str]:
+def _judged(analysis: Analysis, reference: Reference, classifier: KindClassifier) -> dict[str, Any]:
+    """Tell what is made of a recording; the kind is asked for only where a fault is called."""
+    features = analysis_features(analysis, reference)
+    row = features.named(features.row(1, "pinion"))
+    kind = judge_kind(features, classifier) if analysis.verdict == "fault" else None
+    words = {"healthy": "sound", "fault": kind.kind if kind else ""}
+    return {
+        "told": words.get(analysis.verdict, analysis.verdict),
+        "features_db": {name: float(row[name]) for name in FEATURES},
+        "kind": None if kind is None else kind.to_dict(),
+        "analysis": analysis.to_dict(),
+    }
+
+
+def _story(judged: Sequence[dict[str, Any]], right: int) -> Iterator[str]:
     """Tell the story."""
     yield (
         f"The pinion of a conveyor drive in {len(STATES)} states, {len(NEW_LOADS)} recordings "
@@ -195,34 +156,36 @@ def _told(judged: Sequence[Judged], right: int) -> Iterator[str]:
         "signatures of this machine file: it has seen no recording."
     )
     yield from ("", *(f"{truth}: {what}" for truth, (_, what) in STATES.items()), "")
-    yield from (
-        *table_lines([_row(one) for one in judged]),
-        "",
-        f"Right: {right} of {len(judged)}.",
-    )
+    yield from table_lines([_row(one) for one in judged])
+    yield from ("", f"Right: {right} of {len(judged)}.")
     for truth in STATES:
-        own = [one for one in judged if one.truth == truth and one.judgement is not None]
-        if own and own[0].judgement is not None:
-            yield from ("", f"{truth}, at {own[0].load:.0%} load: {own[0].analysis.reason}")
-            yield from (f"  {sentence}" for sentence in own[0].judgement.evidence)
+        for one in [one for one in judged if one["truth"] == truth and one["kind"]][:1]:
+            yield from ("", f"{truth}, at {one['load']:.0%} load: {one['analysis']['reason']}")
+            yield from (f"  {sentence}" for sentence in one["kind"]["evidence"])
+
+
+def _row(one: dict[str, Any]) -> dict[str, Any]:
+    kind = one["kind"]
+    return {
+        "truth": one["truth"],
+        "load": percent(one["load"], 0),
+        "verdict": one["analysis"]["verdict"],
+        "told": one["told"],
+        "of": (kind["gear"] or "") if kind else "",
+        "share": percent(kind["probability"], 0) if kind else "",
+    }
+
+
+def _changes(truth: str, judged: Sequence[dict[str, Any]]) -> tuple[str, pd.DataFrame]:
+    """Return the title of a state and its changes, recordings by features."""
+    own = {f"{one['load']:.0%} load": one for one in judged if one["truth"] == truth}
+    said = ", ".join(dict.fromkeys(one["told"] for one in own.values()))
+    frame = pd.DataFrame({name: one["features_db"] for name, one in own.items()}).T
+    return f"Truth: {truth}. Told: {said}.", frame.rename(columns=FEATURES)
 
 
 def _recorded(machine: Machine, state: State, load: float, seed: int) -> Recording:
-    taken: dict[str, Any] = {"duration_s": DURATION_S, "sampling_rate_hz": RATE_HZ, "load": load}
-    settings = Settings(machine_seed=1, recording_seed=seed, channels=2, **taken)
-    return _state_recording(machine, settings, state, f"{load:.0%} load")
-
-
-def _state_recording(machine: Machine, settings: Settings, state: State, name: str) -> Recording:
     """Simulate a one-stage machine whose pinion has a state of its own.
-
-    Parameters
-    ----------
-    machine : Machine
-    settings : Settings
-    state : State
-    name : str
-        Of the recording.
 
     Notes
     -----
@@ -230,8 +193,10 @@ def _state_recording(machine: Machine, settings: Settings, state: State, name: s
     mesh: an error ``-wear |sin(pi x)|`` of the mesh phase x adds a force through the linear mesh
     with its mean stiffness.
     """
-    seed, point = settings.recording_seed, machine.operating[0]
-    known: dict[str, Any] = {"load": settings.load, "accuracy_grade": settings.accuracy_grade}
+    taken: dict[str, Any] = {"duration_s": DURATION_S, "sampling_rate_hz": RATE_HZ, "load": load}
+    settings = Settings(machine_seed=1, recording_seed=seed, channels=2, **taken)
+    point = machine.operating[0]
+    known: dict[str, Any] = {"load": load, "accuracy_grade": settings.accuracy_grade}
     train = build_train(machine, state.faults, seed=settings.machine_seed, **known)
     train = _running_out(train, state.eccentricity_m)
     motion = ShaftMotion(
@@ -261,7 +226,7 @@ def _state_recording(machine: Machine, settings: Settings, state: State, name: s
         channel_names=(*(f"a{channel + 1}" for channel in range(count)), "tacho"),
         channel_kinds=("vibration",) * count + ("tacho",),
         units=("m/s2",) * count + ("V",),
-        origin=name,
+        origin=f"{load:.0%} load",
     )
 
 
@@ -291,26 +256,3 @@ def _of_wear(train: Train, motion: ShaftMotion, settings: Settings, wear_m: floa
     path = random_path(settings.machine_seed, settings.channels, 1, train.gear_mass_kg)
     arrived = through_path(path, force[None, :], len(time), rate)
     return np.asarray(arrived[:, margin : margin + settings.samples])
-
-
-def _row(one: Judged) -> dict[str, Any]:
-    judgement = one.judgement
-    return {
-        "truth": one.truth,
-        "load": percent(one.load, 0),
-        "verdict": one.analysis.verdict,
-        "told": one.told,
-        "of": "" if judgement is None or judgement.gear is None else judgement.gear,
-        "share": "" if judgement is None else percent(judgement.probability, 0),
-    }
-
-
-def _view(truth: str, judged: list[Judged]) -> KindView:
-    own = [one for one in judged if one.truth == truth]
-    told = ", ".join(dict.fromkeys(one.told for one in own))
-    return KindView(
-        title=f"Truth: {truth}. Told: {told}.",
-        features=tuple(FEATURES.values()),
-        names=tuple(f"{one.load:.0%} load" for one in own),
-        value_db=np.array([list(one.features.values()) for one in own]),
-    )

@@ -160,19 +160,10 @@ def turn_waveforms(lines: OrderLines, wheel: WheelLines) -> tuple[FloatArray, Fl
     """
     # eight points a cycle of the highest line draw its crests within a tenth
     points = fast_length(8 * (int(wheel.number.max()) + 1))
-    own = _only(lines, wheel.lines)
-    rest = _only(lines, wheel.lines[~wheel.mesh])
-    order = wheel.order
-    if not len(rest.orders):
-        average = synchronous_average(own, order, points)
-        return average, np.zeros_like(average)
-    return synchronous_average(own, order, points), synchronous_average(rest, order, points)
-
-
-def _only(lines: OrderLines, index: NDArray[np.int64]) -> OrderLines:
-    return replace(
-        lines,
-        orders=lines.orders[index],
-        amplitude=lines.amplitude[:, :, index],
-        noise=lines.noise[:, index],
-    )
+    average, rest = np.zeros((2, len(lines.noise), points))
+    for turn, index in ((average, wheel.lines), (rest, wheel.lines[~wheel.mesh])):
+        if len(index):
+            amplitude, noise = lines.amplitude[:, :, index], lines.noise[:, index]
+            own = replace(lines, orders=lines.orders[index], amplitude=amplitude, noise=noise)
+            turn[:] = synchronous_average(own, wheel.order, points)
+    return average, rest

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.contour import QuadContourSet
 
@@ -123,16 +124,16 @@ def family_figure(family: FaultFamily, operating: int | None = None) -> Picture:
         Operating point, from 0; by default the first in the family.
     """
     number = family.members[0].operating if operating is None else operating
-    rows = [row for row in family.rows() if row["operating"] == number]
-    kinds = list(dict.fromkeys(row["kind"] for row in rows))
-    gears = list(dict.fromkeys(_gear(row) for row in rows))
+    members = family.to_frame().query("operating == @number")
+    members["member"] = members["stage"].astype(str) + " " + members["gear"]
+    kinds, gears = members["kind"].unique(), members["member"].unique()
     columns = min(_COLUMNS, len(kinds))
     down = math.ceil(len(kinds) / columns)
     figure = sheet(max(2, columns) * _PANEL_IN[0], 0.9 + down * _PANEL_IN[1])
     figure.set_dpi(150)
     axes = figure.subplots(down, columns, sharey=True, squeeze=False)
     for kind, ax in zip(kinds, axes.flat, strict=False):
-        _plot_kind([row for row in rows if row["kind"] == kind], gears, ax)
+        _plot_kind(members[members["kind"] == kind], gears, ax)
     for ax in axes.flat[len(kinds) :]:
         ax.set_visible(False)
     for ax in axes[:, 0]:
@@ -154,22 +155,20 @@ def family_figure(family: FaultFamily, operating: int | None = None) -> Picture:
     return figure
 
 
-def _plot_kind(rows: Sequence[dict[str, Any]], gears: Sequence[str], ax: Axes) -> None:
+def _plot_kind(rows: pd.DataFrame, gears: Sequence[str], ax: Axes) -> None:
     """Draw the levels of one kind of fault against its size, one curve for each gear."""
     # a fault of all teeth alike makes no sidebands: the change of the mesh lines is shown in place
-    alike = not any(row["sidebands_ms2"] for row in rows)
-    is_loss = any(row["loss"] for row in rows)
-    levels = [_level(row, "mesh_change_ms2" if alike else "sidebands_ms2") for row in rows]
-    sizes = [_size(row, is_loss) for row in rows]
+    alike, is_loss = not rows["sidebands_ms2"].any(), bool(rows["loss"].any())
+    share = rows["mesh_change_ms2" if alike else "sidebands_ms2"] / rows["healthy_ms2"]
+    # what is not there at all lies below every level
+    levels = 20 * np.log10(share.where(share > 0, 1e-99))
+    sizes = 100 * rows["loss"] if is_loss else rows["size"].map(_length_um)
     for number, gear in enumerate(gears):
-        points = sorted(
-            (size, level, row["contact_lost"])
-            for row, size, level in zip(rows, sizes, levels, strict=True)
-            if _gear(row) == gear and level > _LEAST_DB
-        )
-        if not points:
+        chosen = (rows["member"] == gear) & (levels > _LEAST_DB)
+        if not chosen.any():
             continue
-        x, y, lost = (np.array(values) for values in zip(*points, strict=True))
+        order = sizes[chosen].sort_values().index
+        x, y, lost = sizes[order], levels[order], rows["contact_lost"][order].astype(bool)
         colour = series_colour(number)
         ax.plot(x, y, color=colour, linewidth=1.1)
         # gears that behave alike lie upon one another: the first ones stay to be seen behind
@@ -189,23 +188,11 @@ def _plot_kind(rows: Sequence[dict[str, Any]], gears: Sequence[str], ax: Axes) -
         xlim=(0.85 * min(sizes), 1.18 * max(sizes)),
         xlabel="loss of pair stiffness in %" if is_loss else "size in um",
     )
-    ax.set_title(f"{rows[0]['kind']}: change of the mesh lines" if alike else rows[0]["kind"])
+    kind = rows["kind"].iloc[0]
+    ax.set_title(f"{kind}: change of the mesh lines" if alike else kind)
     ax.grid(True, color="#e3e5e8", linewidth=0.5)
 
 
-def _gear(row: dict[str, Any]) -> str:
-    return f"{row['stage']} {row['gear']}"
-
-
-def _size(row: dict[str, Any], is_loss: bool) -> float:
-    """Size of a fault: its loss of pair stiffness [%], or a length [um]."""
-    if is_loss:
-        return 100 * float(row["loss"])
-    text = str(row["size"])
+def _length_um(text: str) -> float:
+    """Return the size of a fault that is a length [um]."""
     return 1e3 * float(text[:-2]) if text.endswith("mm") else float(text[:-2])
-
-
-def _level(row: dict[str, Any], column: str) -> float:
-    if not row[column] or not row["healthy_ms2"]:
-        return -math.inf
-    return 20 * math.log10(row[column] / row["healthy_ms2"])

@@ -11,9 +11,9 @@ from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 
 from gearmon.diagnosis.history import SECONDS_PER_DAY, ChangePoint, HistoryTrends, ToothTrend
 from gearmon.report.history_text import told_teeth
-from gearmon.report.palette import BLACK, GREY, LIGHT_GREY, VERMILLION, series_colour, series_marker
+from gearmon.report.palette import BLACK, GREY, VERMILLION, series_colour, series_marker
 from gearmon.report.plots import Picture, legend, light_grid, new_figure, plot_verdicts, style
-from gearmon.report.wording import gear_text
+from gearmon.report.wording import counted, gear_text
 
 #: Teeth that get a colour, and others that are drawn behind them in grey.
 _MOST_TEETH, _MOST_OTHERS = 4, 200
@@ -72,10 +72,10 @@ def _losses(found: HistoryTrends, ax: Axes) -> None:
         ax.plot(
             _days(series.time_s),
             100 * series.value,
-            color=LIGHT_GREY,
+            color=GREY,
             linewidth=0.5,
             zorder=1,
-            label=f"{len(others)} {'other ' if shown else ''}teeth" if number == 0 else "_",
+            label=_others_label(others, bool(shown)) if number == 0 else "_",
         )
     for number, tooth in enumerate(shown):
         _one_loss(tooth, number, ax)
@@ -88,6 +88,13 @@ def _losses(found: HistoryTrends, ax: Axes) -> None:
     ax.set_ylim(min(low, -0.1 * _LEAST_SHOWN), max(high, _LEAST_SHOWN))
     ax.set_ylabel("Loss of pair stiffness (%)")
     light_grid(ax)
+
+
+def _others_label(others: Sequence[ToothTrend], beside_shown: bool) -> str:
+    """Say what the grey lines are: a line above the limit need not be a loss."""
+    other = "other " if beside_shown else ""
+    name = counted(len(others), f"{other}tooth", f"{other}teeth")
+    return name if any(tooth.stands for tooth in others) else f"{name}, no loss clear of noise"
 
 
 def _one_loss(tooth: ToothTrend, number: int, ax: Axes) -> None:

@@ -9,8 +9,8 @@ from __future__ import annotations
 import io
 import re
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -64,18 +64,10 @@ _STYLE: dict[str, Any] = {
 }
 
 
-@contextmanager
-def style() -> Iterator[None]:
-    """Draw in gearmon's style inside this block, and leave the caller's own style alone."""
-    with matplotlib.rc_context(_STYLE):  # type: ignore[arg-type,unused-ignore]
-        yield
-
-
-@contextmanager
-def sheet_style() -> Iterator[None]:
-    """Draw in the caller's own style, names as they are."""
-    with matplotlib.rc_context(_PLAIN):  # type: ignore[arg-type,unused-ignore]
-        yield
+#: Draws in gearmon's style inside a block or function, and leaves the caller's own style alone.
+style = partial(matplotlib.rc_context, _STYLE)  # type: ignore[arg-type,unused-ignore]
+#: Draws in the caller's own style, names as they are.
+sheet_style = partial(matplotlib.rc_context, _PLAIN)  # type: ignore[arg-type,unused-ignore]
 
 
 class Picture(Figure):

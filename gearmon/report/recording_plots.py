@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import pandas as pd
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
@@ -251,41 +252,38 @@ def indicator_figure(tables: IndicatorTable | Sequence[IndicatorTable]) -> Pictu
         In the order of the run.
     """
     tables = [tables] if isinstance(tables, IndicatorTable) else tables
-    panels: dict[tuple[str, str], dict[tuple[str, str], list[tuple[int, float]]]] = {}
-    units: dict[tuple[str, str], str | None] = {}
-    gears: dict[str, None] = {}
-    channels: dict[str, None] = {}
-    for number, table in enumerate(tables, start=1):
-        for row in table.rows:
-            gear = f"{row.gear} {row.stage}" if row.gear else "raw"
-            gears[gear] = channels[row.channel] = None
-            # the band of an envelope differs from gear to gear; its panel is one
-            key = (row.indicator, row.input.split(",")[0])
-            units.setdefault(key, row.unit)
-            own = panels.setdefault(key, {}).setdefault((gear, row.channel), [])
-            own.append((number, row.value))
+    every = pd.DataFrame(
+        vars(row)
+        # the band of an envelope differs from gear to gear; its panel is one
+        | {"record": number, "of": row.input.split(",")[0]}
+        | {"who": f"{row.gear} {row.stage}" if row.gear else "raw"}
+        for number, table in enumerate(tables, start=1)
+        for row in table.rows
+    )
+    gears, channels = every["who"].unique().tolist(), every["channel"].unique().tolist()
+    panels = every.groupby(["indicator", "of"], sort=False)
     height = 0.55 + -(-len(panels) // _PANELS) * (_PANEL_IN + 0.55)
     figure = Picture((PAGE_WIDTH_IN, height))
-    for number, ((name, of), series) in enumerate(panels.items()):
+    for number, ((name, of), panel) in enumerate(panels):
         ax = figure.add_axes(_panel_place(number, height))
-        shown = [gear for gear in gears if any(gear == own for own, _ in series)]
-        for (gear, channel), points in series.items():
+        shown = [gear for gear in gears if gear in set(panel["who"])]
+        for (gear, channel), own in panel.groupby(["who", "channel"], sort=False):
             ax.plot(
-                [n if len(tables) > 1 else shown.index(gear) for n, _ in points],
-                [value for _, value in points],
-                color=series_colour([*gears].index(gear)),
-                marker=series_marker([*channels].index(channel)),
+                own["record"] if len(tables) > 1 else [shown.index(gear)] * len(own),
+                own["value"],
+                color=series_colour(gears.index(gear)),
+                marker=series_marker(channels.index(channel)),
                 markersize=3.2,
                 linewidth=0.8 if len(tables) > 1 else 0.0,
                 markerfacecolor="none",
                 label=f"{gear}, {shortened(channel, 12)}",
             )
-        unit = units[name, of]
+        unit = panel["unit"].iloc[0]
         stated = "" if unit == "1" else f" ({unit_text(unit)})"
         ax.set_title(f"{name}{stated}\nof {of}", fontsize=6.5, pad=3)
         _finish_panel(ax, _GAUSSIAN.get(name), shown, len(tables))
     legend(figure, figure.axes, columns=5)
-    if any(name in _GAUSSIAN for name, _ in panels):
+    if not _GAUSSIAN.keys().isdisjoint(every["indicator"]):
         top = 1 - 0.06 / height
         figure.text(0.012, top, "dashed:\nGaussian noise", va="top", fontsize=6.5, color=GREY)
     return figure

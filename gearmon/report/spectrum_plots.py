@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import cast
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -72,6 +72,9 @@ _MOST_MARKS = 32
 _LEAST_GAP, _LABEL_WIDTH = 0.012, 0.014
 # Share of the page that axes usually take: on narrower ones a label takes a larger share.
 _USUAL_WIDTH = 0.86
+# Heights of strips in a report, of many and of few: two pictures of four channels, with their
+# words, fit on a page [inch].
+_REPORT_IN = (0.74, 1.2)
 _GREY_SERIES = 7
 _DASHED = (0, (4, 2))
 _AXES = {
@@ -132,6 +135,9 @@ class Strip:
     linear: bool = False
 
 
+AnyMark = TypeVar("AnyMark", LineMark, Mark)
+
+
 @style()
 def amplitude_figure(analysis: Analysis, recording: Recording) -> Picture:
     """Draw the amplitude spectrum of every channel with the mesh harmonics of all stages.
@@ -149,7 +155,7 @@ def amplitude_figure(analysis: Analysis, recording: Recording) -> Picture:
     high = min(nyquist, _BEYOND_LAST * last)
     marks = [mark for mark in mesh_marks(signature) if mark.place < 0.999 * high]
     if len(marks) > _MOST_MARKS:
-        marks = _wide_apart(marks, high / _MOST_MARKS)
+        marks = _wide_apart(marks, high / _MOST_MARKS, lambda mark: mark.series)
     strips = _channel_strips(analysis, spectrum, (2 * float(spectrum.frequency_hz[1]), high), marks)
     made = f"{blocks} Hann blocks, averaged in power" if blocks > 1 else "one Hann window"
     cut = "" if high == nyquist else f", shown up to {high:.0f} of {nyquist:.0f} Hz"
@@ -159,7 +165,8 @@ def amplitude_figure(analysis: Analysis, recording: Recording) -> Picture:
         for name, unit, strip in zip(signature.channel_names, signature.units, strips, strict=True)
         if len(strip.value)
     ]
-    return _report_figure(analysis, strips, "Frequency (Hz)").told(
+    units = signature.units
+    return _strips_figure(strips, units, "Frequency (Hz)", "Peak amplitude", _REPORT_IN).told(
         name="spectrum",
         heading="Amplitude spectrum",
         caption=f"{_what_to_look_for(analysis)} Peak amplitudes, {made}, resolution "
@@ -220,7 +227,8 @@ def close_up_figure(analysis: Analysis, recording: Recording, mesh: MeshFinding)
             f"Spectrum around harmonic {harmonic} of mesh {mesh.stage} at {frequency:.1f} Hz with "
             "the places of the sidebands of each shaft."
         )
-    return _report_figure(analysis, strips, axis).told(
+    units = analysis.signature.units
+    return _strips_figure(strips, units, axis, "Peak amplitude", _REPORT_IN).told(
         name=f"{'sidebands' if found else 'searched'}-mesh-{mesh.stage}",
         heading=f"Around mesh {mesh.stage}, harmonic {harmonic}",
         caption=_close_up_caption(analysis, mesh) + left_out_text(len(strips), MOST_STRIPS),
@@ -301,11 +309,6 @@ def order_figure(found: OrderSpectra, ax: Sequence[Axes] = ()) -> Figure:
 def order_axis(found: OrderSpectra) -> str:
     """Return what the axis of orders counts."""
     return f"Order (cycles a turn of shaft {found.shaft})"
-
-
-def _report_figure(analysis: Analysis, strips: Sequence[Strip], axis: str) -> Picture:
-    # two pictures of four channels, with their words, fit on a page
-    return _strips_figure(strips, analysis.signature.units, axis, "Peak amplitude", (0.74, 1.2))
 
 
 def _strips_figure(
@@ -437,28 +440,23 @@ def line_marks(marks: Sequence[Mark], low: float, high: float) -> tuple[LineMark
 
     Meshes have the colour of their stage, shafts are grey.
     """
-    kept: list[Mark] = []
-    for kind in ("mesh", "shaft"):
-        for mark in marks:
-            apart = all(
-                abs(mark.place - other.place) >= _LEAST_GAP * (high - low) for other in kept
-            )
-            if mark.kind == kind and low <= mark.place <= high and apart:
-                kept.append(mark)
+    inside = [mark for mark in marks if low <= mark.place <= high]
     return tuple(
         LineMark(
             place=mark.place,
             label=mark.name.replace("mesh ", "GMF").replace(" = ", "\n"),
             series=mark.number - 1 if mark.kind == "mesh" else _GREY_SERIES,
         )
-        for mark in sorted(kept, key=lambda mark: mark.place)
+        for mark in _wide_apart(inside, _LEAST_GAP * (high - low), lambda mark: mark.kind)
     )
 
 
-def _wide_apart(marks: Sequence[LineMark], gap: float) -> list[LineMark]:
-    """Return the marks that stand so far from one another, those of the first stages first."""
-    kept: list[LineMark] = []
-    for mark in sorted(marks, key=lambda mark: mark.series):
+def _wide_apart(
+    marks: Sequence[AnyMark], gap: float, rank: Callable[[AnyMark], Any]
+) -> list[AnyMark]:
+    """Return the marks that stand so far from one another, the lowest ranks before others."""
+    kept: list[AnyMark] = []
+    for mark in sorted(marks, key=rank):
         if all(abs(mark.place - other.place) >= gap for other in kept):
             kept.append(mark)
     return sorted(kept, key=lambda mark: mark.place)

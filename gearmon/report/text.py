@@ -23,7 +23,7 @@ from gearmon.report.wording import (
     with_uncertainty,
 )
 from gearmon.signatures.measured.reference import Reference
-from gearmon.signatures.speed import SPEED_REACH, SPEED_TOLERANCE
+from gearmon.signatures.speed import SPEED_REACH, SPEED_TOLERANCE, Speed
 
 # Changes of more than this many standard deviations are highlighted in pictures and tables.
 BEYOND = 3.0
@@ -86,12 +86,8 @@ def analysis_text(analysis: Analysis, most_changes: int = 5) -> str:
     lines += [f"  {name}: {text}" for name, text in own.lines()]
     lines += ["  evidence:", *([f"  {own.because}"] if own.because else [])]
     lines.append(f"  score {score_text(analysis.score)}, compared with {analysis.compared_with}")
-    speed = analysis.signature.speed
     if analysis.signature.found:
-        running = with_uncertainty(speed.estimated_hz, speed.uncertainty_hz, "Hz")
-        lines.append(
-            f"  shaft 1 at {running} ({60 * speed.estimated_hz:.1f} rpm), by {speed.method}"
-        )
+        lines.append(f"  shaft 1 at {_running(analysis.signature.speed)}")
     lines += [f"  {sentence}" for sentence in mesh_sentences(analysis)]
     for flag in analysis.flags:
         lines += _flag_lines(flag)
@@ -182,12 +178,9 @@ def line_table_text(lines: LineTable) -> str:
 
 def facts(analysis: Analysis) -> tuple[tuple[str, str], ...]:
     """Return what a reader wants to know first: names with values."""
-    signature, speed = analysis.signature, analysis.signature.speed
+    signature, running = analysis.signature, "not known: no line of the machine was found"
     if signature.found:
-        running = with_uncertainty(speed.estimated_hz, speed.uncertainty_hz, "Hz")
-        running += f" ({60 * speed.estimated_hz:.1f} rpm), by {speed.method}"
-    else:
-        running = "not known: no line of the machine was found"
+        running = _running(signature.speed)
     channels = ", ".join(
         f"{name} ({unit_text(unit)})"
         for name, unit in zip(signature.channel_names, signature.units, strict=True)
@@ -202,6 +195,11 @@ def facts(analysis: Analysis) -> tuple[tuple[str, str], ...]:
         ("Channels", printable(channels)),
         ("Length", f"{signature.duration_s:.4g} s at {signature.sampling_rate_hz:.6g} Hz"),
     )
+
+
+def _running(speed: Speed) -> str:
+    running = with_uncertainty(speed.estimated_hz, speed.uncertainty_hz, "Hz")
+    return f"{running} ({60 * speed.estimated_hz:.1f} rpm), by {speed.method}"
 
 
 def mesh_sentences(analysis: Analysis) -> list[str]:

@@ -270,7 +270,11 @@ def read_recording(
     if isinstance(source, Recording) or hasattr(source, "channel_kinds"):
         return _recording_of(source, wanted)
     if not isinstance(source, str | Path):
-        return _recorded(content_of(source, sampling_rate_hz), wanted)
+        try:
+            return _recorded(content_of(source, sampling_rate_hz), wanted)
+        except RecordingError as error:  # whoever has a frame has no command line
+            told = str(error).replace("--sampling-rate HZ", "--sampling-rate")
+            raise RecordingError(told.replace("--sampling-rate", "sampling_rate_hz")) from None
     room = _room_on_disk if on_disk else np.empty
     file = open_source(source)
     found = identify(file)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import matplotlib
 import numpy as np
+import pandas as pd
 import pytest
 from reference.small_gearbox import machine, recording
 
@@ -16,7 +17,7 @@ from gearmon.dynamics.stability_map import stability_map
 from gearmon.gears.stiffness_report import compare_forms, stiffness_report
 from gearmon.machine import load_machine
 from gearmon.report.analysis_plots import analysis_figures
-from gearmon.report.demo_plots import DayView, KindView, day_figure, kind_figure
+from gearmon.report.demo_plots import day_figure, kind_figure
 from gearmon.report.expected_plots import family_figure, stability_figure
 from gearmon.report.plots import as_png
 from gearmon.report.recording_plots import (
@@ -217,26 +218,17 @@ def test_fault_family():
 
 def test_demos():
     hour = np.arange(3.0)
-    view = DayView(
-        hour=hour,
-        load=0.5 + hour,
-        speed_hz=20 + hour,
-        level_db=hour[None],
-        reference_level_db=np.array([[1.0]]),
-        limit_db=3.0,
-        score=hour,
-        verdict=("healthy",) * 3,
-        channel_names=("a1",),
-    )
-    assert labels(day_figure(view)) == {
+    known = {"load": 0.5 + hour, "speed_hz": 20 + hour, "level of a1": hour - 1, "score": hour}
+    day = pd.DataFrame(known | {"verdict": ["healthy"] * 3}, index=hour)
+    assert labels(day_figure(day, 3.0)) == {
         "Load\n(% of nominal)",
         "Speed of\nshaft 1 (Hz)",
         "Level re mean of\nreference (dB)",
         "Score",
         "Hour of the day (UTC)",
     }
-    kinds = KindView(title="t", features=("a",), names=("b",), value_db=np.ones((1, 1)))
-    assert labels(kind_figure([kinds])) == {"Change, or height above\nthe median (dB)"}
+    kinds = {"t": pd.DataFrame({"a": [1.0]}, index=["b"])}
+    assert labels(kind_figure(kinds)) == {"Change, or height above\nthe median (dB)"}
 
 
 def test_nothing_is_a_formula_when_it_is_drawn(faulty):

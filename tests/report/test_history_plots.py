@@ -1,10 +1,11 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from gearmon.diagnosis.history import Entry, History, Place, history_trends
-from gearmon.report.demo_plots import DayView, KindView, day_figure, kind_figure
+from gearmon.report.demo_plots import day_figure, kind_figure
 from gearmon.report.history_plots import history_figure
 from gearmon.report.plots import as_png
 
@@ -94,24 +95,15 @@ def test_one_recording_can_be_drawn():
 
 def test_day_and_kinds_are_drawn():
     hour = np.arange(6.0)
-    view = DayView(
-        hour=hour,
-        load=0.5 + 0.1 * hour,
-        speed_hz=24 + 0.1 * hour,
-        level_db=np.vstack([hour, -hour]),
-        reference_level_db=np.zeros((2, 1)),
-        limit_db=3.0,
-        score=hour,
-        verdict=("healthy", "healthy", "cannot tell", "fault", "healthy", "no mesh found"),
-        channel_names=("a1", "a2"),
-    )
-    kinds = [
-        KindView(title=title, features=("mesh", "far"), names=("a", "b"), value_db=np.ones((2, 2)))
-        for title in ("one", "two")
-    ]
-    load, speed, level, score = day_figure(view).axes
-    assert np.allclose(load.lines[0].get_ydata(), 100 * view.load)
-    assert np.array_equal(speed.lines[0].get_ydata(), view.speed_hz)
+    verdicts = ["healthy", "healthy", "cannot tell", "fault", "healthy", "no mesh found"]
+    known = {"load": 0.5 + 0.1 * hour, "speed_hz": 24 + 0.1 * hour, "score": hour}
+    known |= {"level of a1": hour, "level of a2": -hour, "verdict": verdicts}
+    day = pd.DataFrame(known, index=hour)
+    changes = pd.DataFrame(np.ones((2, 2)), index=["a", "b"], columns=["mesh", "far"])
+    kinds = {"one": changes, "two": changes}
+    load, speed, level, score = day_figure(day, 3.0).axes
+    assert np.allclose(load.lines[0].get_ydata(), 100 * day["load"])
+    assert np.array_equal(speed.lines[0].get_ydata(), day["speed_hz"])
     assert np.array_equal(level.lines[1].get_ydata(), -hour)
     assert len(score.lines) == 4
     one, two = kind_figure(kinds).axes
