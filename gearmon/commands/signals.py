@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from gearmon.commands.command import Command, number, recording_options, window_and_peaks
 from gearmon.commands.inputs import in_turn, machine_of, recording_of
-from gearmon.commands.output import BAD_INPUT, DONE, finish, finish_with
+from gearmon.commands.output import BAD_INPUT, DONE, Rows, finish, finish_with
 
 if TYPE_CHECKING:
     from gearmon.signatures.measured.indicators import IndicatorTable
@@ -118,7 +118,7 @@ def run_orders(arguments: argparse.Namespace) -> int:
     notes = dict.fromkeys([*found.to_dict()["warnings"], *own["warnings"]])
     result = {**found.to_dict(), "averages": own["averages"], "warnings": list(notes)}
     title = f"{found.recording}: amplitude against order of shaft {found.shaft}, highest peaks"
-    rows = {
+    rows: dict[str, Rows] = {
         "": found.rows,
         "-map": partial(found.map_rows, _MAP_COLUMNS),
         "-averages": averages.rows,
@@ -134,7 +134,7 @@ def run_orders(arguments: argparse.Namespace) -> int:
         turns = {f"-average{name}": figure for name, figure in averages.figures().items()}
         return found.figures() | {"-map": chart} | turns
 
-    written = {"": found.map_rows} if arguments.map else rows
+    written: dict[str, Rows] = {"": found.map_rows} if arguments.map else rows
     lines = partial(_order_lines, title, result)
     return finish(arguments, result, lines, written, figures, rows_in_json=True)
 

@@ -126,7 +126,7 @@ def family_figure(family: FaultFamily, operating: int | None = None) -> Picture:
     number = family.members[0].operating if operating is None else operating
     members = family.to_frame().query("operating == @number")
     members["member"] = members["stage"].astype(str) + " " + members["gear"]
-    kinds, gears = members["kind"].unique(), members["member"].unique()
+    kinds, gears = members["kind"].unique(), members["member"].unique().tolist()
     columns = min(_COLUMNS, len(kinds))
     down = math.ceil(len(kinds) / columns)
     figure = sheet(max(2, columns) * _PANEL_IN[0], 0.9 + down * _PANEL_IN[1])

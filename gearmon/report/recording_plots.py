@@ -276,12 +276,12 @@ def indicator_figure(tables: IndicatorTable | Sequence[IndicatorTable]) -> Pictu
                 markersize=3.2,
                 linewidth=0.8 if len(tables) > 1 else 0.0,
                 markerfacecolor="none",
-                label=f"{gear}, {shortened(channel, 12)}",
+                label=f"{gear}, {shortened(str(channel), 12)}",
             )
         unit = panel["unit"].iloc[0]
         stated = "" if unit == "1" else f" ({unit_text(unit)})"
         ax.set_title(f"{name}{stated}\nof {of}", fontsize=6.5, pad=3)
-        _finish_panel(ax, _GAUSSIAN.get(name), shown, len(tables))
+        _finish_panel(ax, _GAUSSIAN.get(str(name)), shown, len(tables))
     legend(figure, figure.axes, columns=5)
     if not _GAUSSIAN.keys().isdisjoint(every["indicator"]):
         top = 1 - 0.06 / height
