@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from gearmon.demos import Demo, Steps, told
@@ -19,6 +18,9 @@ from gearmon.diagnosis.results import Analysis
 from gearmon.report.demo_plots import day_figure
 from gearmon.signals.recording import Recording
 from gearmon.terminal import Progress
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 FloatArray = NDArray[np.float64]
 
@@ -42,6 +44,8 @@ def day_demo(folder: Path, progress: Progress | None = None) -> Demo:
     progress : callable, optional
         Called with the share done, 0 to 1.
     """
+    import pandas as pd
+
     machine, steps = conveyor(folder), Steps(progress, len(LEARNED) + HOURS)
     healthy = [
         conveyor_recording(machine, f"healthy-{load:.2f}", 200 + number, load=load, slip=slip)

@@ -6,10 +6,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from gearmon.demos import Demo, Steps, told
@@ -34,6 +33,9 @@ from gearmon.simulation.settings import stream
 from gearmon.simulation.train import Train, build_train
 from gearmon.simulation.vibration import mesh_vibration
 from gearmon.terminal import Progress
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 FloatArray = NDArray[np.float64]
 
@@ -180,6 +182,8 @@ def _changes(truth: str, judged: Sequence[dict[str, Any]]) -> tuple[str, pd.Data
     """Return the title of a state and its changes, recordings by features."""
     own = {f"{one['load']:.0%} load": one for one in judged if one["truth"] == truth}
     said = ", ".join(dict.fromkeys(one["told"] for one in own.values()))
+    import pandas as pd
+
     frame = pd.DataFrame({name: one["features_db"] for name, one in own.items()}).T
     return f"Truth: {truth}. Told: {said}.", frame.rename(columns=FEATURES)
 
