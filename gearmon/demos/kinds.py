@@ -28,10 +28,15 @@ from gearmon.signals.recording import Recording
 from gearmon.signatures.measured.reference import Reference
 from gearmon.simulation import Settings
 from gearmon.simulation.contact import Drive, ShaftMotion, random_wander
-from gearmon.simulation.path import noise, random_path, tacho_pulses, through_path
 from gearmon.simulation.settings import stream
 from gearmon.simulation.train import Train, build_train
-from gearmon.simulation.vibration import mesh_vibration
+from gearmon.simulation.vibration import (
+    mesh_vibration,
+    noise,
+    random_path,
+    tacho_pulses,
+    through_path,
+)
 from gearmon.terminal import Progress
 
 if TYPE_CHECKING:

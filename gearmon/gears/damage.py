@@ -392,16 +392,35 @@ def damage_trains(pair: MeshPair, pulse: Pulse, faults: Sequence[Fault]) -> tupl
         the loss counted twice: what is left of a pair is the product of what each tooth leaves.
     """
     losses = [gear_losses(pair, member.name, faults, pulse.length) for member in pair.members]
-    trains = []
-    for member, teeth in zip(pair.members, losses, strict=True):
-        terms = tuple(
+    one, two = (
+        [
             term
             for tooth, patches in teeth.items()
             for term in _terms(pulse, patches, -1.0, tooth - 1)
+        ]
+        for teeth in losses
+    )
+    return lost_trains(pair, one, two, _meetings(pair, pulse, losses))
+
+
+def lost_trains(
+    pair: MeshPair, one: list[PulseTerm], two: list[PulseTerm], both: list[PulseTerm]
+) -> tuple[PulseTrain, ...]:
+    """Return the trains of what damage of the one gear, of the other and of both takes away."""
+    names = [member.name for member in pair.members]
+    parts = zip(
+        (*names, " and ".join(names)),
+        (*pair.teeth, math.lcm(*pair.teeth)),
+        (one, two, both),
+        strict=True,
+    )
+    return tuple(
+        PulseTrain(
+            gear=gear, period_mesh=period, overlap_ratio=pair.overlap_ratio, terms=tuple(terms)
         )
-        trains.append(_train(pair, member.name, member.teeth.teeth, terms))
-    trains += _meetings(pair, pulse, losses)
-    return tuple(train for train in trains if train.terms)
+        for gear, period, terms in parts
+        if terms
+    )
 
 
 def gear_losses(
@@ -490,17 +509,16 @@ def _measured(
 
 def _meetings(
     pair: MeshPair, pulse: Pulse, losses: Sequence[dict[int, tuple[LossPatch, ...]]]
-) -> list[PulseTrain]:
+) -> list[PulseTerm]:
     """Return what was taken away twice where damaged teeth of both gears meet."""
-    z1, z2 = (member.teeth.teeth for member in pair.members)
+    z1, z2 = pair.teeth
     terms: list[PulseTerm] = []
     for one, first in losses[0].items():
         for two, second in losses[1].items():
             offset = meeting(one - 1, z1, two - 1, z2)
             if offset is not None:
                 terms += _terms(pulse, overlap(first, second), 1.0, offset)
-    name = f"{pair.first.name} and {pair.second.name}"
-    return [_train(pair, name, math.lcm(z1, z2), tuple(terms))]
+    return terms
 
 
 def _terms(
@@ -513,7 +531,3 @@ def _terms(
             lost = lost.times(p.curve.share, p.curve.corners)
         found.append(PulseTerm(lost, sign * p.weight, offset, p.face_start, p.face_end))
     return found
-
-
-def _train(pair: MeshPair, gear: str, period: int, terms: tuple[PulseTerm, ...]) -> PulseTrain:
-    return PulseTrain(gear=gear, period_mesh=period, overlap_ratio=pair.overlap_ratio, terms=terms)

@@ -20,6 +20,7 @@ from gearmon.gears.damage import (
     acting_faults,
     damage_trains,
     gear_losses,
+    lost_trains,
     wear_curve,
     worn_patches,
 )
@@ -27,7 +28,7 @@ from gearmon.gears.faults import Fault, GearError
 from gearmon.gears.iso6336 import MethodB
 from gearmon.gears.modulation import MOVING_KINDS, ModulationTrain, modulation_trains
 from gearmon.gears.pairs import MeshPair, Stage, mesh_pairs
-from gearmon.gears.pulses import ComplexArray, FloatArray, Pulse, PulseTerm, PulseTrain
+from gearmon.gears.pulses import ComplexArray, FloatArray, Pulse, PulseTrain
 from gearmon.gears.stiffness_forms import FORMS, StiffnessForm, mesh_variation, unit_pulse
 from gearmon.gears.tooth_mesh import TeethInMesh
 from gearmon.gears.tooth_pairs import POTENTIAL_ENERGY, PotentialEnergy, ToothPair, teeth_of
@@ -232,7 +233,7 @@ def mesh_stiffness(
     geometry = pair.geometry.warnings if pair.given("contact_ratio") is None else ()
     return MeshStiffness(
         healthy=healthy,
-        pulses=tuple(train for train in parts.missing if train.terms),
+        pulses=parts.missing,
         contact_ratio=pair.contact_ratio,
         overlap_ratio=pair.overlap_ratio,
         variation=_variation(healthy) if parts.variation is None else parts.variation,
@@ -252,7 +253,7 @@ class _Parts:
     """
 
     member: Callable[[float], Pulse]
-    missing: Sequence[PulseTrain]
+    missing: tuple[PulseTrain, ...]
     variation: float | None = None
     iso: MethodB | None = None
     warnings: tuple[str, ...] = ()
@@ -311,23 +312,17 @@ def _from_teeth(
 
 def _missing_teeth(
     pair: MeshPair, teeth: ToothPair, mesh: TeethInMesh, acting: Sequence[Fault], factor: float
-) -> list[PulseTrain]:
-    names, z = [member.name for member in pair.members], pair.teeth
-    one, two = (gear_losses(pair, name, acting, teeth.contact_ratio, teeth) for name in names)
-    found: list[tuple[str, int, list[PulseTerm]]] = [
-        (names[0], z[0], mesh.terms(one, {}, z) if one else []),
-        (names[1], z[1], mesh.terms({}, two, z) if two else []),
-        (" and ".join(names), math.lcm(*z), mesh.meeting_terms(one, two, z) if one and two else []),
-    ]
-    return [
-        PulseTrain(
-            gear=gear,
-            period_mesh=period,
-            overlap_ratio=pair.overlap_ratio,
-            terms=tuple(replace(term, pulse=term.pulse.scaled(factor)) for term in terms),
-        )
-        for gear, period, terms in found
-    ]
+) -> tuple[PulseTrain, ...]:
+    z = pair.teeth
+    one, two = (
+        gear_losses(pair, member.name, acting, teeth.contact_ratio, teeth)
+        for member in pair.members
+    )
+    found = mesh.terms(one, {}, z), mesh.terms({}, two, z), mesh.meeting_terms(one, two, z)
+    first, second, both = (
+        [replace(term, pulse=term.pulse.scaled(factor)) for term in terms] for terms in found
+    )
+    return lost_trains(pair, first, second, both)
 
 
 def _worn_share(acting: Sequence[Fault]) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -73,22 +74,22 @@ class TeethPicture:
     flank_sizes_mm: dict[str, tuple[float, float, float]]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class _Frame:
-    """Where a tooth stands: centre, and direction of its thickness and of its height."""
+    """Where a tooth stands, as complex numbers: centre, and direction of its thickness.
 
-    centre: FloatArray
-    across: FloatArray
-    along: FloatArray
+    Its height points a quarter turn ahead of its thickness.
+    """
+
+    centre: complex
+    across: complex
 
     def place(self, half: FloatArray, height: FloatArray) -> FloatArray:
-        points = half[:, None] * self.across + height[:, None] * self.along
-        return np.asarray(1e3 * (self.centre + points))
+        points = 1e3 * (self.centre + (half + 1j * height) * self.across)
+        return np.stack([points.real, points.imag], axis=-1)
 
     def turned(self, angle: float) -> _Frame:
-        c, s = math.cos(angle), math.sin(angle)
-        turn = np.array([[c, -s], [s, c]])
-        return _Frame(self.centre, turn @ self.across, turn @ self.along)
+        return _Frame(self.centre, self.across * cmath.exp(1j * angle))
 
 
 def teeth_picture(
@@ -154,9 +155,7 @@ def _frames(pair: ToothPair, roll: float) -> tuple[_Frame, _Frame]:
         # the normal of the flank turns into the line of action
         angle = working - float(tooth.slope(tooth.angle(own)))
         side = 1.0 if centre == 0 else -1.0
-        across = side * np.array([math.cos(angle), math.sin(angle)])
-        along = side * np.array([-math.sin(angle), math.cos(angle)])
-        found.append(_Frame(np.array([0.0, centre]), across, along))
+        found.append(_Frame(1j * centre, side * cmath.exp(1j * angle)))
     return found[0], found[1]
 
 

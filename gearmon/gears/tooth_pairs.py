@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gearmon.errors import ArgumentError
-from gearmon.gears.foundation import Arm, Foundation, RingBody
+from gearmon.gears.foundation import Foundation, RingBody
 from gearmon.gears.geometry import PairGeometry, normal_section
 from gearmon.gears.pairs import Member, MeshPair
 from gearmon.gears.pulses import FloatArray
@@ -174,8 +174,6 @@ class ToothPair:
     base_helix_angle_rad : float
     contact : {"constant", "load-dependent"}
         Load-independent Hertz stiffness (Yang & Sun), or Weber & Banaschek's form.
-    arm : {"axis", "contact"}
-        See `Foundation`.
     has_foundation : bool
         Whether the bodies of the gears yield.
     """
@@ -187,7 +185,6 @@ class ToothPair:
     base_pitch_m: float
     base_helix_angle_rad: float = 0.0
     contact: Contact = "constant"
-    arm: Arm = "axis"
     has_foundation: bool = True
     notes: tuple[str, ...] = field(default=())
 
@@ -221,7 +218,7 @@ class ToothPair:
     def foundations(self) -> tuple[Body, Body]:
         """The bodies of both gears."""
         one, two = (
-            RingBody(tooth=tooth) if tooth.internal else Foundation(tooth=tooth, arm=self.arm)
+            RingBody(tooth=tooth) if tooth.internal else Foundation(tooth=tooth)
             for tooth in self.teeth
         )
         return one, two
@@ -402,7 +399,6 @@ def tooth_pair(
     poisson_ratio: float = 0.3,
     root: Root = "fillet",
     contact: Contact = "constant",
-    arm: Arm = "axis",
     has_foundation: bool = True,
     contact_ratio: float | None = None,
     notes: tuple[str, ...] = (),
@@ -418,7 +414,7 @@ def tooth_pair(
     moduli_pa : (float, float)
         Young's moduli [Pa].
     poisson_ratio : float
-    root, contact, arm, has_foundation
+    root, contact, has_foundation
         See `Tooth` and `ToothPair`.
     contact_ratio : float, optional
         A contact ratio known from elsewhere, at most that of the geometry: the middle of the path
@@ -463,7 +459,6 @@ def tooth_pair(
         base_pitch_m=(path[1] - path[0]) / ratio,
         base_helix_angle_rad=geometry.base_helix_angle_rad,
         contact=contact,
-        arm=arm,
         has_foundation=has_foundation,
         notes=notes,
     )

@@ -7,7 +7,8 @@ into files.
 
 The modules: `settings` and the random streams of a seed; `contact` (what every mesh sees as the
 shafts turn), `train` (the machine as masses and meshes), `integrate` (the marching of the system),
-`vibration` (blocks of it, as samples), `path` (to the sensor), `truth`, `recorder` (all together).
+`vibration` (blocks of it, as samples, on their path to the sensors), `recorder` (all together, with
+the truth).
 """
 
 from gearmon.simulation.recorder import SimulatedRecording, record, simulate, write_simulation

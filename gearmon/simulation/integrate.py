@@ -90,10 +90,8 @@ class GearedSystem:
     def decay_rate(self, mesh_stiffness: FloatArray) -> float:
         """Decay rate of the slowest transient with constant mesh stiffnesses [1/s]."""
         stiffness = np.concatenate([mesh_stiffness, self.shaft_stiffness])
-        values, vectors = np.linalg.eigh(self.coupling)
-        # only deformations in the range of W are possible; elsewhere nothing moves or decays
-        kept = values > 1e-9 * values[-1]
-        base = vectors[:, kept] * np.sqrt(values[kept])
+        vectors, roots = self._possible
+        base = vectors * roots
         size = base.shape[1]
         matrix = np.zeros((2 * size, 2 * size))
         matrix[:size, size:] = np.eye(size)
@@ -104,12 +102,18 @@ class GearedSystem:
     def static_deformation(self, forcing: FloatArray, mesh_stiffness: FloatArray) -> FloatArray:
         """Deformations at rest under constant `forcing` [m], shape (elements,)."""
         stiffness = np.concatenate([mesh_stiffness, self.shaft_stiffness])
+        vectors, roots = self._possible
+        base = vectors * roots
+        # q = base x and W = base base', so that base' k base x = base^+ g
+        load = (vectors / roots).T @ forcing
+        return np.asarray(base @ np.linalg.solve((base.T * stiffness) @ base, load))
+
+    @property
+    def _possible(self) -> tuple[FloatArray, FloatArray]:
+        """Eigenvectors of W and roots of its eigenvalues; elsewhere nothing moves or decays."""
         values, vectors = np.linalg.eigh(self.coupling)
         kept = values > 1e-9 * values[-1]
-        base = vectors[:, kept] * np.sqrt(values[kept])
-        # q = base x and W = base base', so that base' k base x = base^+ g
-        load = (vectors[:, kept] / np.sqrt(values[kept])).T @ forcing
-        return np.asarray(base @ np.linalg.solve((base.T * stiffness) @ base, load))
+        return vectors[:, kept], np.sqrt(values[kept])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

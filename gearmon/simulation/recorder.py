@@ -1,4 +1,4 @@
-"""Recordings of a simulated machine whose condition is known."""
+"""Recordings of a simulated machine, and what is true of them for those who judge findings."""
 
 from __future__ import annotations
 
@@ -12,18 +12,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gearmon import __version__
 from gearmon.errors import ArgumentError
 from gearmon.files import replacing, write_atomically
 from gearmon.gears.faults import Fault, parse_fault
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, MachineLike, OperatingPoint, load_machine
 from gearmon.result import Result
-from gearmon.simulation import path as paths
-from gearmon.simulation.contact import Drive, Ripple, ShaftMotion, random_wander
+from gearmon.simulation.contact import Drive, Ripple, ShaftMotion, ToothMesh, random_wander
 from gearmon.simulation.settings import Settings, check_seed, stream
 from gearmon.simulation.train import Train, build_train
-from gearmon.simulation.truth import make_truth
-from gearmon.simulation.vibration import Progress, mesh_vibration
+from gearmon.simulation.vibration import (
+    BEARING_SLIP,
+    Integration,
+    Progress,
+    mesh_vibration,
+    noise,
+    shaft_lines,
+    tacho_pulses,
+    tones,
+)
 
 FloatArray = NDArray[np.float64]
 
@@ -33,6 +41,16 @@ TACHO_HIGH_V, TACHO_WIDTH_TURNS = 5.0, 0.05
 
 #: Rows that are formatted at a time.
 ROWS_AT_A_TIME = 20_000
+
+MODEL = (
+    "equations of motion integrated in time: gears as discs, every tooth pair with its own "
+    "parabolic stiffness, damage and pitch deviation, meshes that cannot pull but meet their "
+    "opposite flanks beyond the backlash, runout of the gears, stages coupled by the torsion of "
+    "the shafts between them; mesh forces heard through random modes of the housing; without "
+    "friction, profile relief and yielding bearings"
+)
+#: Disagreement of chunks above which the motion is called irregular.
+IRREGULAR = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -213,7 +231,7 @@ def record(
         channel_names=names,
         channel_kinds=kinds,
         units=units,
-        truth=make_truth(machine, faults, wanted, running, train, drive, integration),
+        truth=_truth(machine, faults, wanted, running, train, drive, integration),
     )
 
 
@@ -249,22 +267,22 @@ def _additions(
     train = kinematics(machine)
     rms = np.asarray(np.sqrt(np.mean(vibration**2, axis=1)), dtype=np.float64)
     orders = [shaft.order for shaft in train.shafts]
-    extra = settings.unbalance * paths.shaft_lines(
+    extra = settings.unbalance * shaft_lines(
         settings.machine_seed, orders, turns, speed_hz, settings.channels
     )
     seed = settings.machine_seed
     if settings.bearing_tones:
-        lines = [x.order * (1 - paths.BEARING_SLIP) for x in train.lines if x.kind == "bearing"]
-        extra += paths.tones(seed, lines, turns, settings.bearing_tones * rms, 3)
+        lines = [x.order * (1 - BEARING_SLIP) for x in train.lines if x.kind == "bearing"]
+        extra += tones(seed, lines, turns, settings.bearing_tones * rms, 3)
     if settings.mains_hz is not None:
         periods = np.arange(len(turns), dtype=np.float64)
         periods *= settings.mains_hz / settings.sampling_rate_hz
-        extra += paths.tones(seed, [2.0], periods, 0.1 * rms, 1)
+        extra += tones(seed, [2.0], periods, 0.1 * rms, 1)
     if settings.snr_db is not None:
         level = np.sqrt(np.mean((vibration + extra) ** 2, axis=1)) * 10 ** (-settings.snr_db / 20)
         for channel, row in enumerate(extra):
             generator = stream(settings.recording_seed, "noise", channel)
-            row += paths.noise(generator, len(turns), float(level[channel]))
+            row += noise(generator, len(turns), float(level[channel]))
     return extra
 
 
@@ -272,13 +290,160 @@ def _tacho(
     machine: Machine, settings: Settings, turns: FloatArray, speed_hz: FloatArray
 ) -> FloatArray:
     order = kinematics(machine).shaft(settings.tacho_shaft or 1).order
-    return paths.tacho_pulses(
+    return tacho_pulses(
         order * turns,
         settings.sampling_rate_hz,
         order * speed_hz,
         TACHO_HIGH_V,
         TACHO_WIDTH_TURNS,
     )
+
+
+def _truth(
+    machine: Machine,
+    faults: tuple[Fault, ...],
+    settings: Settings,
+    point: OperatingPoint,
+    train: Train,
+    drive: Drive,
+    integration: Integration,
+) -> dict[str, Any]:
+    """Return all that is known of a simulated recording, in built-in types.
+
+    Returns
+    -------
+    dict
+        Ready for JSON. Tooth j of a gear with z teeth enters contact whenever the mesh phase is
+        j - 1 modulo z; shaft 1 passes a whole turn at each of ``speed.turn_times_s``.
+    """
+    speed = _speed(settings, point, drive)
+    return {
+        "kind": "truth of a simulated recording",
+        "gearmon_version": __version__,
+        "numpy_version": np.__version__,
+        "model": MODEL,
+        "machine": machine.name,
+        "machine_file": Path(machine.path).name,
+        "machine_seed": settings.machine_seed,
+        "recording_seed": settings.recording_seed,
+        "sampling_rate_hz": settings.sampling_rate_hz,
+        "duration_s": settings.samples / settings.sampling_rate_hz,
+        "samples": settings.samples,
+        "channels": settings.channels,
+        "tacho_shaft": settings.tacho_shaft,
+        "snr_db": settings.snr_db,
+        "accuracy_grade": settings.accuracy_grade,
+        "condition": "fault" if any(_acts(fault) for fault in faults) else "healthy",
+        "faults": [_fault(fault) for fault in faults],
+        "speed": speed,
+        "load": _load(settings, point, drive),
+        "shafts": [
+            {"shaft": s.number, "order": s.order, "mean_hz": s.order * speed["mean_hz"]}
+            for s in kinematics(machine).shafts
+        ],
+        "mesh": [
+            {
+                "stage": mesh.stage,
+                "order": mesh.order,
+                "frequency_hz": mesh.order * speed["mean_hz"],
+            }
+            for mesh in kinematics(machine).meshes
+        ],
+        "meshes": [_mesh(train, drive, number) for number in range(len(train.meshes))],
+        "natural_frequencies_hz": integration.frequencies_hz.tolist(),
+        "integration": {
+            "longest_step_s": integration.longest_step_s,
+            "steps": integration.steps,
+            "joint_mismatch": integration.joint_mismatch,
+        },
+        "notes": [*train.notes, *_remarks(integration, train)],
+    }
+
+
+def _acts(fault: Fault) -> bool:
+    """Whether a fault changes anything: one given as a loss of nothing does not."""
+    return not fault.is_loss or fault.loss > 0
+
+
+def _fault(fault: Fault) -> dict[str, Any]:
+    return {
+        "fault": str(fault),
+        "kind": fault.kind,
+        "stage": fault.stage,
+        "gear": fault.gear,
+        "tooth": fault.tooth,
+        "stiffness_loss": fault.loss if fault.is_loss else None,
+        "size": str(fault).rsplit(":", 1)[-1],
+    }
+
+
+def _speed(settings: Settings, point: OperatingPoint, drive: Drive) -> dict[str, Any]:
+    motion = drive.motion
+    times = np.linspace(0.0, settings.samples / settings.sampling_rate_hz, 4097)
+    speed = motion.speed_hz(times)
+    first, last = motion.turns(times[[0, -1]])
+    return {
+        "shaft": 1,
+        "nominal_hz": point.shaft1_hz,
+        "mean_hz": float((last - first) / times[-1]),
+        "min_hz": float(speed.min()),
+        "max_hz": float(speed.max()),
+        "start_turns": motion.start_turns,
+        "turn_times_s": np.round(
+            motion.times_s(np.arange(np.ceil(first), np.floor(last) + 1)), 9
+        ).tolist(),
+    }
+
+
+def _load(settings: Settings, point: OperatingPoint, drive: Drive) -> dict[str, Any]:
+    times = np.linspace(0.0, settings.samples / settings.sampling_rate_hz, 4097)
+    wander = settings.load * (1 + drive.load.value(times))
+    return {
+        "nominal_torque_nm": point.torque_nm,
+        "mean_share": float(wander.mean()),
+        "min_share": float(wander.min()),
+        "max_share": float(wander.max()),
+    }
+
+
+def _mesh(train: Train, drive: Drive, number: int) -> dict[str, Any]:
+    mesh, mechanics = train.meshes[number], train.mechanics[number]
+    stiffness = mechanics.stiffness
+    return {
+        "stage": mesh.stage,
+        "mesh": mesh.name,
+        "teeth": list(mesh.teeth),
+        "phase_at_start": float(mesh.phase(np.array([drive.motion.start_turns]))[0]),
+        "force_n": mechanics.force_n,
+        "mean_stiffness_n_per_m": stiffness.healthy_mean_n_per_m,
+        "equivalent_mass_kg": mechanics.equivalent_mass_kg,
+        "damping_ns_per_m": mechanics.damping_ns_per_m,
+        "contact_ratio": stiffness.contact_ratio,
+        "overlap_ratio": stiffness.overlap_ratio,
+        "backlash_m": mesh.backlash_m,
+        "errors": _errors(mesh),
+    }
+
+
+def _errors(mesh: ToothMesh) -> list[dict[str, Any]]:
+    return [
+        {
+            "eccentricity_m": errors.eccentricity_m,
+            "eccentricity_phase_rad": errors.eccentricity_phase_rad,
+            "pitch_m": np.round(errors.pitch_m, 12).tolist(),
+        }
+        for errors in mesh.errors
+    ]
+
+
+def _remarks(integration: Integration, train: Train) -> list[str]:
+    remarks = [warning for m in train.mechanics for warning in m.warnings]
+    if integration.joint_mismatch > IRREGULAR:
+        remarks.append(
+            "irregular motion with loss of contact: parts of the record are faded from one "
+            "possible motion into another"
+        )
+    return list(dict.fromkeys(remarks))
 
 
 def write_simulation(

@@ -20,7 +20,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.errors import ArgumentError
 from gearmon.gears.faults import Fault
 from gearmon.gears.kinematics import kinematics, planetary_speeds
 from gearmon.gears.mechanics import StageMechanics, stage_mechanics
@@ -376,7 +375,6 @@ def build_train(
     ArgumentError
         If the machine lacks data, or a fault does not fit it.
     """
-    _check_faults(machine, faults)
     running = machine.operating[0] if point is None else point
     if running.torque_nm is not None:
         running = replace(running, torque_nm=load * running.torque_nm)
@@ -399,15 +397,6 @@ def build_train(
         for number, after in enumerate(parts[1:], start=2)
     ]
     return _assembled(machine, parts, shafts)
-
-
-def _check_faults(machine: Machine, faults: Sequence[Fault]) -> None:
-    for fault in faults:
-        if fault.stage > len(machine.stages):
-            raise ArgumentError(
-                f"fault {fault}: stage {fault.stage} does not exist, the machine has "
-                f"{len(machine.stages)}"
-            )
 
 
 @dataclass(frozen=True, kw_only=True)

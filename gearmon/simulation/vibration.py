@@ -1,4 +1,9 @@
-"""The vibration that the meshes make: integrated, sampled and passed to the sensors."""
+"""The vibration that the meshes make: integrated, sampled and passed to the sensors.
+
+Each sensor hears each stage through modes of the housing that no one knows beforehand; they are
+drawn at random and belong to the machine. Rotating shafts, rolling bearings, the mains and noise
+are added.
+"""
 
 from __future__ import annotations
 
@@ -8,15 +13,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import next_fast_len
 
-from gearmon.simulation import path as paths
 from gearmon.simulation.contact import Drive, contact_course
 from gearmon.simulation.integrate import SUBSTEPS, MeshForces, integrate
-from gearmon.simulation.settings import Settings
+from gearmon.simulation.settings import Settings, stream
 from gearmon.simulation.train import Train
-from gearmon.simulation.truth import Integration
 
 FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 
 #: The recording's response is flat up to this share of its sampling rate and zero from a half on.
 FLAT_SHARE = 0.4
@@ -40,6 +45,46 @@ STEPS_PER_BLOCK = 5_000_000
 PLANET_PASS_DEPTH = 0.8
 # Cosine flanks that let the record begin and end without a blow [s], beyond what is kept.
 _FLANK_S = 0.02
+#: Modes of the housing, their band [Hz] and their damping ratios.
+MODES = 16
+MODE_BAND_HZ = (200.0, 10_000.0)
+MODE_DAMPING = (0.015, 0.05)
+#: Band of the frequencies of gears on their shafts and bearings [Hz], and their damping ratio.
+BEARING_BAND_HZ = (1_000.0, 3_000.0)
+BEARING_DAMPING = 0.1
+#: Mass of the housing over that of the gears.
+HOUSING_OVER_GEARS = 8.0
+#: Permissible residual unbalance, eccentricity times circular speed [m/s]: ISO 21940 grade G 6.3.
+UNBALANCE_MS = 6.3e-3
+#: Rotor over housing mass.
+ROTOR_SHARE = 0.1
+#: Shaft harmonics that unbalance and misalignment make, and their sizes.
+SHAFT_HARMONICS = ((1, 1.0), (2, 0.4))
+#: Rolling bearings slip: their lines stand this share below the kinematic ones.
+BEARING_SLIP = 0.01
+#: Corner of the coloured noise over the sampling rate.
+NOISE_CORNER = 0.02
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Integration:
+    """How the equations of motion were integrated.
+
+    Parameters
+    ----------
+    longest_step_s : float
+        [s].
+    steps : int
+    joint_mismatch : float
+        Largest disagreement where chunks join, relative to the static deformation.
+    frequencies_hz : ndarray
+        Natural frequencies of the train at the greatest mesh stiffnesses [Hz].
+    """
+
+    longest_step_s: float
+    steps: int
+    joint_mismatch: float
+    frequencies_hz: FloatArray
 
 
 def triangle_means(
@@ -169,7 +214,7 @@ def _constant_moments(
     return later, earlier
 
 
-def band_spectrum(cells: FloatArray, oversampling: int) -> NDArray[np.complex128]:
+def band_spectrum(cells: FloatArray, oversampling: int) -> ComplexArray:
     """Return the spectrum of triangle means as far as a recording with fewer samples carries it.
 
     Parameters
@@ -227,13 +272,15 @@ class _Grid:
         return (cell - self.lead * self.oversampling) * self.cell_s
 
 
-def _grid(settings: Settings, path: paths.ModalPath, fastest_hz: float) -> _Grid:
+def _grid(settings: Settings, path: ModalPath, fastest_hz: float) -> _Grid:
     rate = settings.sampling_rate_hz
     flank = math.ceil(_FLANK_S * rate) + 8
     lead = flank + math.ceil(path.decay_s() * rate)
-    samples = _smooth_even(settings.samples + lead + 2 * flank)
+    samples = 2 * next_fast_len(-(-(settings.samples + lead + 2 * flank) // 2), real=True)
     cells = max(CELLS_PER_SAMPLE, math.ceil(CELLS_PER_PERIOD * fastest_hz / rate))
-    return _Grid(samples=samples, lead=lead, oversampling=_smooth(cells), rate_hz=rate)
+    return _Grid(
+        samples=samples, lead=lead, oversampling=next_fast_len(cells, real=True), rate_hz=rate
+    )
 
 
 def mesh_vibration(
@@ -255,13 +302,13 @@ def mesh_vibration(
         Accelerations [m/s2], shape (channels, samples), and how they were computed.
     """
     stages = len(train.carrier_orders)
-    path = paths.random_path(settings.machine_seed, settings.channels, stages, train.gear_mass_kg)
+    path = random_path(settings.machine_seed, settings.channels, stages, train.gear_mass_kg)
     frequencies = train.system.natural_frequencies_hz(train.greatest_stiffness)
     grid = _grid(settings, path, frequencies[-1])
     forces, integration = _stage_forces(train, drive, grid, frequencies, progress)
     fade_ends(forces, math.ceil(_FLANK_S / grid.cell_s))
     spectra = band_spectrum(forces, grid.oversampling)
-    heard = paths.through_path(path, spectra, grid.samples, grid.rate_hz)
+    heard = through_path(path, spectra, grid.samples, grid.rate_hz)
     return heard[:, grid.lead : grid.lead + settings.samples].copy(), integration
 
 
@@ -326,19 +373,227 @@ def _add_to_stages(
         forces[mesh.stage - 1] += mean
 
 
-def _smooth_even(least: int) -> int:
-    """Return the least even number from `least` on without prime factors above 5."""
-    return 2 * _smooth(-(-least // 2))
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ModalPath:
+    """Accelerance from the stages to the sensors, as modes of the housing.
+
+    Parameters
+    ----------
+    frequencies_hz, damping_ratios : ndarray, shape (modes,)
+    sensor_shapes : ndarray, shape (channels, modes)
+    stage_shapes : ndarray, shape (stages, modes)
+        Mode shapes at the sensors and at the bearings of the stages; together the modes are as
+        heavy as the housing.
+    bearing_hz : ndarray, shape (stages,)
+        Frequency of the gears of each stage on their shafts and bearings; faster forces do not
+        reach the housing.
+    housing_mass_kg : float
+        Modal mass of every mode.
+    """
+
+    frequencies_hz: FloatArray
+    damping_ratios: FloatArray
+    sensor_shapes: FloatArray
+    stage_shapes: FloatArray
+    bearing_hz: FloatArray
+    housing_mass_kg: float
+
+    def accelerance(self, frequency_hz: FloatArray, channel: int, stage: int) -> ComplexArray:
+        """Return acceleration over mesh force [1/kg] at the given frequencies, shape (n,)."""
+        total = np.zeros(len(frequency_hz), dtype=np.complex128)
+        weights = self.sensor_shapes[channel] * self.stage_shapes[stage]
+        for own_hz, damping, weight in zip(
+            self.frequencies_hz, self.damping_ratios, weights, strict=True
+        ):
+            total -= weight / _resonance(frequency_hz, own_hz, damping)
+        total *= frequency_hz * frequency_hz / self.housing_mass_kg
+        bearing_hz = float(self.bearing_hz[stage])
+        total *= bearing_hz**2 / _resonance(frequency_hz, bearing_hz, BEARING_DAMPING)
+        return total
+
+    def decay_s(self) -> float:
+        """Time in which the slowest mode falls to 1e-5 [s]."""
+        slowest = float((self.damping_ratios * self.frequencies_hz).min())
+        return math.log(1e5) / (2 * math.pi * slowest)
 
 
-def _smooth(least: int) -> int:
-    """Return the least number from `least` on without prime factors above 5."""
-    number = max(least, 1)
-    while True:
-        rest = number
-        for prime in (2, 3, 5):
-            while rest % prime == 0:
-                rest //= prime
-        if rest == 1:
-            return number
-        number += 1
+def _resonance(frequency_hz: FloatArray, own_hz: float, damping: float) -> ComplexArray:
+    """Return f0^2 - f^2 + 2 i zeta f0 f."""
+    denominator = np.empty(len(frequency_hz), dtype=np.complex128)
+    denominator.real = own_hz * own_hz - frequency_hz * frequency_hz
+    denominator.imag = 2 * damping * own_hz * frequency_hz
+    return denominator
+
+
+def random_path(seed: int, channels: int, stages: int, gear_mass_kg: float) -> ModalPath:
+    """Draw the path of a machine.
+
+    Parameters
+    ----------
+    seed : int
+    channels, stages : int
+    gear_mass_kg : float
+        Mass of all gears; it sets that of the housing.
+    """
+    modes = stream(seed, "modes")
+    low, high = np.log(MODE_BAND_HZ)
+    place = (np.arange(MODES) + modes.random(MODES)) / MODES
+    sensors = [stream(seed, "sensor", channel) for channel in range(channels)]
+    bearings = [stream(seed, "bearing", stage) for stage in range(stages)]
+    return ModalPath(
+        frequencies_hz=np.exp(low + (high - low) * place),
+        damping_ratios=modes.uniform(*MODE_DAMPING, MODES),
+        sensor_shapes=np.array([g.normal(size=MODES) for g in sensors]) / math.sqrt(MODES),
+        stage_shapes=np.array([g.normal(size=MODES) for g in bearings]),
+        bearing_hz=np.array([np.exp(g.uniform(*np.log(BEARING_BAND_HZ))) for g in bearings]),
+        housing_mass_kg=HOUSING_OVER_GEARS * gear_mass_kg,
+    )
+
+
+def through_path(
+    path: ModalPath, spectra: ComplexArray, samples: int, rate_hz: float
+) -> FloatArray:
+    """Return the accelerations [m/s2] at the sensors for spectra of stage forces.
+
+    Parameters
+    ----------
+    path : ModalPath
+    spectra : ndarray of complex, shape (stages, samples // 2 + 1)
+        Real transforms of the stage forces [N] sampled at `rate_hz`.
+    samples : int
+    rate_hz : float
+
+    Returns
+    -------
+    ndarray, shape (channels, samples)
+    """
+    frequency = np.asarray(np.fft.rfftfreq(samples, 1 / rate_hz), dtype=np.float64)
+    rows = []
+    for channel in range(len(path.sensor_shapes)):
+        total = np.zeros(len(frequency), dtype=np.complex128)
+        for stage, spectrum in enumerate(spectra):
+            total += path.accelerance(frequency, channel, stage) * spectrum
+        rows.append(np.fft.irfft(total, samples))
+    return np.array(rows)
+
+
+def shaft_lines(
+    seed: int, orders: list[float], turns: FloatArray, speed_hz: FloatArray, channels: int
+) -> FloatArray:
+    """Return the accelerations [m/s2] that unbalance and misalignment of the shafts make.
+
+    Parameters
+    ----------
+    seed : int
+    orders : list of float
+        Turns of each shaft per turn of shaft 1.
+    turns, speed_hz : ndarray, shape (samples,)
+        Angle [turns] and speed [Hz] of shaft 1.
+    channels : int
+
+    Returns
+    -------
+    ndarray, shape (channels, samples)
+
+    Notes
+    -----
+    A rotor of mass m with the permissible unbalance e w = 6.3 mm/s pulls with m e w^2.
+    """
+    total = np.zeros((channels, len(turns)))
+    for shaft, order in enumerate(orders, start=1):
+        generators = [stream(seed, "unbalance", shaft, channel) for channel in range(channels)]
+        force = ROTOR_SHARE * UNBALANCE_MS * 2 * math.pi * order * speed_hz
+        for harmonic, size in SHAFT_HARMONICS:
+            angle = 2 * math.pi * harmonic * order * turns
+            cosine, sine = force * np.cos(angle), force * np.sin(angle)
+            for row, generator in zip(total, generators, strict=True):
+                gain = size * generator.normal(size=2)
+                row += gain[0] * cosine + gain[1] * sine
+    return total
+
+
+def tones(
+    seed: int, orders: list[float], turns: FloatArray, amplitude: FloatArray, harmonics: int
+) -> FloatArray:
+    """Return lines at orders of shaft 1 and their harmonics, of random phase.
+
+    Parameters
+    ----------
+    seed : int
+    orders : list of float
+    turns : ndarray, shape (samples,)
+        Angle of shaft 1 [turns].
+    amplitude : ndarray, shape (channels,)
+        Amplitude of the first harmonic of each line [m/s2]; the others fall as 1/n.
+    harmonics : int
+
+    Returns
+    -------
+    ndarray, shape (channels, samples)
+    """
+    total = np.zeros((len(amplitude), len(turns)))
+    for line, order in enumerate(orders):
+        for harmonic in range(1, harmonics + 1):
+            phase = stream(seed, "tone", line, harmonic).uniform(0, 2 * math.pi)
+            wave = np.cos(2 * math.pi * order * harmonic * turns + phase) / harmonic
+            total += amplitude[:, None] * wave
+    return total
+
+
+def noise(generator: np.random.Generator, samples: int, deviation: float) -> FloatArray:
+    """Return noise, half of its power white and half coloured, with the given rms.
+
+    Parameters
+    ----------
+    generator : numpy.random.Generator
+    samples : int
+    deviation : float
+        rms of the sum [same unit as the result].
+
+    Notes
+    -----
+    The coloured part is first-order low-pass noise with its corner at 2 % of the sampling rate.
+    """
+    white = generator.normal(size=samples)
+    spectrum = np.fft.rfft(generator.normal(size=samples))
+    spectrum /= 1 + 1j * np.fft.rfftfreq(samples) / NOISE_CORNER
+    spectrum[0] = 0.0
+    coloured = np.fft.irfft(spectrum, samples)
+    coloured /= max(float(np.sqrt(np.mean(coloured**2))), 1e-300)
+    return deviation * math.sqrt(0.5) * (white + coloured)
+
+
+def tacho_pulses(
+    turns: FloatArray, rate_hz: float, speed_hz: FloatArray, high: float, width: float
+) -> FloatArray:
+    """Return the voltage of a tacho with one pulse per turn.
+
+    Parameters
+    ----------
+    turns : ndarray, shape (samples,)
+        Angle of its shaft [turns]; a pulse begins at every whole turn.
+    rate_hz : float
+        Sampling rate [Hz].
+    speed_hz : ndarray, shape (samples,)
+        Speed of its shaft [Hz].
+    high : float
+        Voltage of the pulse [V]; 0 V in between.
+    width : float
+        Length of the pulse [turns].
+
+    Returns
+    -------
+    ndarray, shape (samples,)
+
+    Notes
+    -----
+    The flanks last two samples and cross half of `high` at the true angle, so that the instant can
+    be found between samples.
+    """
+    samples_away = rate_hz / speed_hz
+    place = turns - np.floor(turns)
+    # counted from the nearest pulse, so that a flank may begin before the whole turn
+    place = np.where(place > 0.5 + 0.5 * width, place - 1, place)
+    rise = np.clip(0.5 + 0.5 * place * samples_away, 0, 1)
+    fall = np.clip(0.5 + 0.5 * (place - width) * samples_away, 0, 1)
+    return high * (rise - fall)

@@ -35,8 +35,9 @@ def classical(pair, phase):
 
 def test_ross_pair():
     """Two 62-tooth gears of a test of ROSS: angles, and the sum of two pairs, u to the contact."""
-    pair = teeth(62, 62, 2, 20, (17.5, 17.5), arm="contact")
-    tooth, foundation = pair.first, pair.foundations[0]
+    pair = teeth(62, 62, 2, 20, (17.5, 17.5))
+    bodies = [Foundation(tooth=tooth, arm="contact") for tooth in pair.teeth]
+    tooth, foundation = pair.first, bodies[0]
     assert tooth.base_half_angle_rad == pytest.approx(0.04023980849, rel=1e-9)
     assert foundation.root_angle_rad == pytest.approx(0.04565847873, rel=1e-9)
     assert pair.contact_ratio == pytest.approx(1.78977987, rel=1e-8)
@@ -47,7 +48,7 @@ def test_ross_pair():
 
     def total(angles):
         found = hertz
-        for angle, beam, body in zip(angles, pair.sound, pair.foundations, strict=True):
+        for angle, beam, body in zip(angles, pair.sound, bodies, strict=True):
             t = np.array([math.tan(angle) - tooth.base_half_angle_rad])
             found += sum(part[0] for part in beam.compliances(t)) + body.compliance(t)[0]
         return 1 / found

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gearmon.simulation.path import (
+from gearmon.simulation.vibration import (
     MODE_BAND_HZ,
     ROTOR_SHARE,
     noise,
