@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from gearmon.demos import Demo, Steps, told
 from gearmon.demos.conveyor import DURATION_S, RATE_HZ, conveyor, learned
 from gearmon.diagnosis.analysis import analyse
-from gearmon.diagnosis.fault_types.classifier import KindClassifier
 from gearmon.diagnosis.fault_types.judgement import analysis_features
 from gearmon.diagnosis.fault_types.training import train_kinds
 from gearmon.diagnosis.hypotheses.fault_kinds import judge_kind
@@ -41,6 +40,8 @@ from gearmon.terminal import Progress
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from gearmon.diagnosis.fault_types.classifier import KindClassifier
 
 FloatArray = NDArray[np.float64]
 
