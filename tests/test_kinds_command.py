@@ -37,6 +37,7 @@ def test_a_classifier_is_trained_once_and_judges(shop, trained, tmp_path, capsys
     capsys.readouterr()
     assert run(*names, *known, "--trained", trained, "--json", "-o", written) == 1
     result = json.loads(capsys.readouterr().out)
+    assert result.pop("tables") == [str(written)]
     assert result == json.loads(written.read_text())
     assert not result["classifier"]["trained_now"]
     sound, cracked = result["recordings"]

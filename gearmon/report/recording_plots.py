@@ -278,7 +278,8 @@ def indicator_figure(tables: IndicatorTable | Sequence[IndicatorTable]) -> Pictu
                 markerfacecolor="none",
                 label=f"{gear}, {shortened(str(channel), 12)}",
             )
-        unit = panel["unit"].iloc[0]
+        # a unit that is not stated is no text in a frame
+        unit = next(iter(panel["unit"].dropna()), None)
         stated = "" if unit == "1" else f" ({unit_text(unit)})"
         ax.set_title(f"{name}{stated}\nof {of}", fontsize=6.5, pad=3)
         _finish_panel(ax, _GAUSSIAN.get(str(name)), shown, len(tables))
