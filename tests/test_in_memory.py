@@ -135,3 +135,17 @@ def test_every_entry_takes_arrays_and_dictionaries(samples):
     assert gearmon.recording_spectrum(samples, **KNOWN).channel_names == ("channel 1", "channel 2")
     assert gearmon.indicator_table(samples[0], MACHINE, **KNOWN).rows[0].unit == "m/s2"
     assert gearmon.measure_signature(samples, MACHINE, **KNOWN).found
+
+
+@pytest.mark.parametrize("faults", [7, [7], None])
+def test_what_is_no_fault_is_refused_in_one_line(faults):
+    with pytest.raises(gearmon.GearmonError, match="must be faults or their text, such as"):
+        gearmon.simulate(MACHINE, faults, duration_s=1.0)
+
+
+def test_one_fault_needs_no_list():
+    given = {"duration_s": 1.0, "sampling_rate_hz": 5000.0}
+    one = gearmon.simulate(MACHINE, "crack:1:pinion:5:20%", **given)
+    np.testing.assert_array_equal(
+        one.samples, gearmon.simulate(MACHINE, ["crack:1:pinion:5:20%"], **given).samples
+    )

@@ -26,6 +26,12 @@ def test_init_writes_a_machine_file_that_loads(tmp_path, capsys):
     assert (tmp_path / "mine.toml").read_text().count("#") > 2
 
 
+@pytest.mark.parametrize("name", ['a "quoted" one', "back\\slash", "Mähdrescher 😀"])
+def test_init_keeps_any_name_of_one_line(tmp_path, name):
+    assert init(tmp_path, *TOLD, "--name", name) == 0
+    assert gearmon.load_machine(tmp_path / "mine.toml").name == name
+
+
 def test_what_is_not_known_is_left_as_a_remark(tmp_path):
     assert init(tmp_path, "--teeth", "30/35/100x3", "--teeth", "20/40", "--speed", "24.5hz") == 0
     made = gearmon.load_machine(tmp_path / "mine.toml")
@@ -43,6 +49,8 @@ def test_what_is_not_known_is_left_as_a_remark(tmp_path):
         (["--teeth", "23", "--speed", "1480"], "--teeth 23: must be driver/driven, such as 23/57"),
         (["--teeth", "2/57", "--speed", "1480"], "pinion_teeth = 2 must lie in [5, 2000]"),
         (["--speed", "1480"], "init: --teeth is missing"),
+        ([*TOLD, "--name", "two\nlines"], "must be one line of text in quotes"),
+        ([*TOLD, "--name", "d\x7fel"], "must be one line of text in quotes"),
     ],
 )
 def test_init_refuses_what_cannot_be(tmp_path, capsys, words, said):

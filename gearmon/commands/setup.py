@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import re
 import sys
 import tomllib
@@ -103,9 +104,10 @@ def _file(arguments: argparse.Namespace, stages: list[str], rpm: float) -> str:
     """Return the text of a machine file."""
     more = _MORE + _line(arguments, "module_mm", 2.5) + _line(arguments, "face_width_mm", 28.0)
     torque = _line(arguments, "torque_nm", 120.0, "      # on shaft 1")
-    name = arguments.name.replace("\\", "\\\\").replace('"', '\\"')
+    # a string of JSON is one of TOML, but for DEL, which the latter wants escaped too
+    name = json.dumps(arguments.name, ensure_ascii=False).replace("\x7f", "\\u007f")
     return (
-        f'name = "{name}"\n\n[operating]\n'
+        f"name = {name}\n\n[operating]\n"
         f"speed_rpm = {rpm:g}         # shaft 1, 1/min; the true speed is looked for about it\n"
         f"{torque}{''.join(stage + more for stage in stages)}"
     )

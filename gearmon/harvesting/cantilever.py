@@ -411,10 +411,8 @@ class PiezoCantilever(OneLoad):
         return self.load_ohm
 
     @property
-    def load_range(self) -> tuple[float, float]:
+    def usual_loads(self) -> tuple[float, float]:
         """Three decades to either side of 1/(w C) at the first mode [ohm]."""
-        if self.load_kept:
-            return self.load_ohm, self.load_ohm
         middle = 1 / (float(self.natural_rad_s[0]) * self.capacitance_f)
         return middle * 1e-3, middle * 1e3
 

@@ -89,8 +89,16 @@ class Harvester(Protocol):
         """Load resistance [ohm]; NaN where there is no circuit."""
 
     @property
+    def load_kept(self) -> bool:
+        """Whether the load is given, not tuned."""
+
+    @property
     def load_range(self) -> tuple[float, float]:
-        """Sensible loads, low and high."""
+        """Loads to tune within, low and high."""
+
+    @property
+    def usual_loads(self) -> tuple[float, float]:
+        """Loads that may be worth trying, low and high."""
 
     @property
     def frequency_range_hz(self) -> tuple[float, float]:
@@ -173,6 +181,11 @@ class OneLoad:
         check_range("weight_ms2", self.weight_ms2, -1e3, 1e3, "m/s2")
         if not self.clearance_m > 0:
             raise ArgumentError(f"clearance_m={self.clearance_m} m must be > 0")
+
+    @property
+    def load_range(self: Harvester) -> tuple[float, float]:
+        """Loads to tune within: the usual ones, or the one that is kept."""
+        return (self.load, self.load) if self.load_kept else self.usual_loads
 
     def power_by_load(self: Harvester, loads: Real, frequency_hz: Real) -> Real:
         """Mean power per squared acceleration amplitude, shape (loads, frequencies)."""

@@ -15,6 +15,7 @@ Yates, Sensors and Actuators A 52 (1996) 8-11; Roundy, J. Intell. Mater. Syst. S
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import asdict, dataclass, replace
 from typing import Any, TypeVar
 
@@ -29,7 +30,7 @@ Complex = npt.NDArray[np.complex128]
 
 
 @dataclass(frozen=True, kw_only=True)
-class _MassOnSpring(OneLoad):
+class _MassOnSpring(OneLoad, ABC):
     """What harvesters with a stiff mass share; the electrical side is theirs."""
 
     mass_kg: float
@@ -113,9 +114,9 @@ class _MassOnSpring(OneLoad):
     def _natural(self) -> float:
         return 2 * math.pi * self.natural_frequency_hz
 
+    @abstractmethod
     def _electrical(self, loads: Real, rate: Complex) -> tuple[Any, Any]:
         """Damping over mass [1/s] and root of power over velocity [W^(1/2)/(m/s)]."""
-        raise NotImplementedError
 
 
 M = TypeVar("M", bound=_MassOnSpring)
@@ -169,7 +170,7 @@ class InertialHarvester(_MassOnSpring):
         return math.nan
 
     @property
-    def load_range(self) -> tuple[float, float]:
+    def usual_loads(self) -> tuple[float, float]:
         """Electrical damping ratios worth trying: from a hundredth of the mechanical one to 3."""
         return self.mechanical_damping_ratio / 100, 3.0
 
@@ -245,10 +246,8 @@ class CoilHarvester(_MassOnSpring):
         return self.load_ohm
 
     @property
-    def load_range(self) -> tuple[float, float]:
+    def usual_loads(self) -> tuple[float, float]:
         """From a hundredth of the coil to a hundred times it with what the motion stands for."""
-        if self.load_kept:
-            return self.load_ohm, self.load_ohm
         motional = self.transduction_n_per_a**2 / (
             2 * self.mass_kg * self.mechanical_damping_ratio * self._natural
         )

@@ -271,6 +271,8 @@ def _standing_still(values: FloatArray) -> Iterator[BadStretch]:
 
 def _spikes(values: FloatArray) -> Iterator[BadStretch]:
     """Find few samples far above all others, whose neighbours know nothing of them."""
+    if len(values) <= _MOST_SPIKES * _SPIKE_SAMPLES:
+        return  # of so few samples, chance puts one at four times the others
     some = values[:: max(1, len(values) // _CHUNK)]
     middle = float(np.median(some))
     if not np.median(np.abs(some - middle)):

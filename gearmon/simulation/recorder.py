@@ -87,7 +87,7 @@ class SimulatedRecording(Result):
 
 def simulate(
     machine: MachineLike,
-    faults: Iterable[Fault | str] = (),
+    faults: Fault | str | Iterable[Fault | str] = (),
     duration_s: float = 10.0,
     sampling_rate_hz: float = 20_000.0,
     seed: int = 0,
@@ -176,8 +176,19 @@ unbalance, bearing_tones, mains_hz, tacho_shaft
         mains_hz=mains_hz,
         tacho_shaft=tacho_shaft,
     )
-    known = tuple(parse_fault(own) if isinstance(own, str) else own for own in faults)
-    return record(load_machine(machine), known, settings, point=point, progress=progress)
+    return record(load_machine(machine), _faults(faults), settings, point=point, progress=progress)
+
+
+def _faults(given: Fault | str | Iterable[Fault | str]) -> tuple[Fault, ...]:
+    """Return faults, one or several, of which some may be text."""
+    several = [given] if isinstance(given, str | Fault) else given
+    if isinstance(several, Iterable):
+        faults = [parse_fault(own) if isinstance(own, str) else own for own in several]
+        if all(isinstance(own, Fault) for own in faults):
+            return tuple(faults)
+    raise ArgumentError(
+        f"faults={given!r}: must be faults or their text, such as ['crack:1:pinion:5:20%']"
+    )
 
 
 def record(

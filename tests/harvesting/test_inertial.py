@@ -22,6 +22,13 @@ harvesters = st.builds(
 )
 
 
+def test_a_load_that_is_kept_is_not_tuned():
+    free = InertialHarvester(mass_kg=5e-3, natural_frequency_hz=625.0)
+    assert free.load_range == free.usual_loads
+    kept = InertialHarvester(mass_kg=5e-3, natural_frequency_hz=625.0, load_kept=True)
+    assert kept.load_range == (kept.load, kept.load)
+
+
 def test_published_example():
     # m 5 g, total damping 0.02, 13.04 m/s2 at 625 Hz: 2.706 mW dissipated in all
     h = InertialHarvester(

@@ -217,3 +217,10 @@ def test_a_spike_beside_a_smooth_tone_is_found():
     values = np.sin(2 * np.pi * 50 * TIME)
     values[30_000] = 6.0
     assert [bad.start for bad in bad_stretches(values)] == [30_000]
+
+
+@pytest.mark.parametrize("count", [2, 3, 4, 6, 8, 20, 60, 61, 100])
+def test_a_few_samples_are_no_spikes_of_each_other(count):
+    values = np.random.default_rng(count).normal(size=(40, count))
+    for own in values:
+        assert not any("jumps" in bad.what for bad in bad_stretches(own))
