@@ -63,7 +63,7 @@ _ROWS_TO_JUDGE = 50
 # Threads pay only where a file has many blocks; more than four wait for the interpreter.
 _THREADED_BYTES = 8 * 1024 * 1024
 _MOST_THREADS = 4
-_KEPT_BYTES = 16 * 1024 * 1024
+_KEPT_BYTES = 4 * 1024 * 1024  # with 16 MB 4 % faster, and 8 MB more held
 _MARGIN = 1.1  # reserved rows over estimated ones: memory that is not touched costs nothing
 _CUT_CHECK_BYTES = 64 * 1024
 
