@@ -29,7 +29,7 @@ from gearmon.signals.tracking.phases import (
     refine_track,
 )
 from gearmon.signals.tracking.sideband_spacing import sideband_spacing
-from gearmon.signals.tracking.slips import LEAST_TURNS, SlipCheck, check_slips
+from gearmon.signals.tracking.slips import LEAST_TURNS, SlipCheck, check_slips, mend_slips
 from gearmon.signals.tracking.tacho import (
     TachoPulses,
     find_pulses,
@@ -453,6 +453,8 @@ def _with_doubt(
     if track.turns[-1] - track.turns[0] < LEAST_TURNS:
         return tracking
     check = check_slips(sums, track)
+    if share >= _LOST and not check.locked:
+        track, check = mend_slips(sums, track, check)
     doubt, notes = check.typical_turns, tracking.notes
     if share < _LOST:
         order = max(mesh.order for mesh in signal.train.meshes)

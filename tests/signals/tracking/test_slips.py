@@ -16,6 +16,7 @@ from gearmon.gears.kinematics import kinematics
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.orders import OrderSums
 from gearmon.signals.tracking import check_slips
+from gearmon.signals.tracking.slips import mend_slips
 from gearmon.signatures.tracking import track_recording
 
 RATE, DURATION, SPEED = 5000.0, 12.0, 25.0
@@ -206,3 +207,22 @@ def test_the_stated_uncertainty_covers_the_error():
     assert len(shares) >= 3
     assert np.mean(shares) > 0.8
     assert 0.15 < np.median(sizes) < 1.5
+
+
+@given(
+    st.integers(-3, 3),
+    st.floats(0.0, 11.0),
+    st.floats(0.05, 0.35),
+    st.sampled_from([(FIRST,), (FIRST, SECOND)]),
+    st.integers(0, 5),
+)
+def test_a_slip_of_a_few_turns_is_mended_wherever_it_is(periods, at_s, lasting_s, meshes, seed):
+    turns = wandering_turns(TIME, SPEED, 0.005, seed=seed)
+    sums = sums_of(machine(turns, meshes, seed=seed), meshes)
+    track = track_with(turns, periods / FIRST, at_s, lasting_s)
+    mended, check = mend_slips(sums, track, check_slips(sums, track))
+    assert check.locked
+    at = TIME[:: int(RATE / 10)]
+    error = (mended.turns_at(at) - turns[:: int(RATE / 10)]) * FIRST
+    # where an end is lost too near to the edge to show, that end alone is off
+    assert np.std(error[5:-5]) < 0.03
