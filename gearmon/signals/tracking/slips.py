@@ -94,10 +94,20 @@ class SlipCheck:
         """Whether the angle is held throughout, or comes back after each lost stretch."""
         return all(stretch.harmless for stretch in self.lost)
 
-    @property
-    def typical_turns(self) -> float:
-        """Root mean square of the uncertainty [turns]."""
-        return float(np.sqrt(np.mean(self.uncertainty_turns**2)))
+    def typical_turns(self, start_s: float = -np.inf, stop_s: float = np.inf) -> float:
+        """Root mean square of the uncertainty between two times [turns]."""
+        inside = (self.time_s >= start_s) & (self.time_s <= stop_s)
+        return float(np.sqrt(np.mean(self.uncertainty_turns[inside] ** 2)))
+
+    def held(self, track: AngleTrack) -> tuple[float, float]:
+        """Longest part in which the angle is held or comes back [s], for the track checked."""
+        ends = track.time_s[[0, -1]].tolist()
+        for stretch in self.lost:
+            if not stretch.harmless:
+                turns = track.turns_at(np.array([stretch.start_s, stretch.end_s]))
+                ends[-1:-1] = track.time_at(turns + np.array([-_WIDER, _WIDER])).tolist()
+        parts = list(zip(ends[::2], ends[1::2], strict=True))
+        return max(parts, key=lambda part: part[1] - part[0])
 
 
 def check_slips(sums: OrderSums, track: AngleTrack) -> SlipCheck:

@@ -59,7 +59,7 @@ def test_the_true_angle_is_locked(wander):
     assert check.locked
     assert check.lost == ()
     assert check.coherence.min() > 0.7
-    assert check.typical_turns * FIRST < 0.02
+    assert check.typical_turns() * FIRST < 0.02
 
 
 @given(
@@ -151,7 +151,7 @@ def test_noise_holds_no_angle():
     check = check_slips(sums_of(white((1, len(TIME)))), track_with(SPEED * TIME))
     assert not check.locked
     assert check.lost[0].turns > 0.95 * SPEED * DURATION
-    assert check.typical_turns > 1.0
+    assert check.typical_turns() > 1.0
 
 
 def test_the_scale_of_the_samples_does_not_matter():
@@ -191,7 +191,7 @@ def covered(recording, machine_, turns):
     assert check.locked
     return np.mean(np.abs(error) < 1.645 * check.uncertainty_turns), np.sqrt(
         np.mean(error**2)
-    ) / check.typical_turns
+    ) / check.typical_turns()
 
 
 def test_the_stated_uncertainty_covers_the_error():
