@@ -51,9 +51,12 @@ def heard_from(gear: GearEvidence) -> float | None:
     In a band where an event has the energy E over the noise, in m directions unknown beforehand,
     its log likelihood ratio is E - m log(1 + E/m) in the mean. One tooth has to overcome that all
     teeth and losses share the prior probability. Half of the losses of this size are heard: the
-    path about the lines of the response is known to a factor of about 1.6 only.
+    path about the lines of the response is known to a factor of about 1.6 only. Of teeth loaded too
+    little to touch as they should the loss must be larger in proportion: a simulated rig at 18 and
+    44 N/mm did not show 30 % of one tooth in 9 of 12 analyses, where 20 % would be stated; three
+    times the load showed it.
     """
-    return _first(_log_ratio(gear) - _prior(gear), LIMITS.open)
+    return _first(gear, _log_ratio(gear) - _prior(gear), LIMITS.open)
 
 
 def noticed_from(gear: GearEvidence) -> float | None:
@@ -64,24 +67,27 @@ def noticed_from(gear: GearEvidence) -> float | None:
     """
     deviation, search = gear.deviation, gear.search
     if search is None:
-        return _first(_log_ratio(gear) / max(1.0, deviation.misfit) - _prior(gear), LIMITS.fault)
+        return _first(
+            gear, _log_ratio(gear) / max(1.0, deviation.misfit) - _prior(gear), LIMITS.fault
+        )
     expected = search.match.expected - _prior(gear)
     lines = sum(band.rest.size for band in deviation.bands)
     peak = 1.0 + np.maximum(expected, 0.0) / max(1.0, 2.0 * lines / deviation.teeth)
     believed = [gear.believes(*each) for each in zip(expected.tolist(), peak.tolist(), strict=True)]
-    return _first(np.array(believed), LIMITS.fault)
+    return _first(gear, np.array(believed), LIMITS.fault)
 
 
 def _prior(gear: GearEvidence) -> float:
     return float(np.log(gear.deviation.teeth * _LOSSES_IN_FIVE))
 
 
-def _first(evidence: FloatArray, strength: float) -> float | None:
+def _first(gear: GearEvidence, evidence: FloatArray, strength: float) -> float | None:
     """Loss at which evidence, rising with it, reaches a strength."""
     told = np.maximum.accumulate([tooth_strength(value) for value in evidence.tolist()])
     if told[-1] < strength:
         return None
-    return float(np.exp(np.interp(strength, told, np.log(LOSSES))))
+    loss = float(np.exp(np.interp(strength, told, np.log(LOSSES)))) / gear.loaded
+    return loss if loss <= LOSSES[-1] else None
 
 
 def _log_ratio(gear: GearEvidence) -> FloatArray:

@@ -21,6 +21,7 @@ from gearmon.diagnosis.hypotheses.tooth_search import (
 from gearmon.diagnosis.law import GearDeviation, HealthyMachine, MachineDeviation
 from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE
 from gearmon.errors import ArgumentError
+from gearmon.gears.mechanics import low_load_share
 from gearmon.machine import Machine, PlanetaryStage
 from gearmon.signatures.expected.tooth_response import ToothResponse, tooth_response
 from gearmon.signatures.measured.reference import Profile
@@ -69,12 +70,15 @@ class GearEvidence:
         by default.
     meshes : int, >= 1
         Meshes of the gear's stage that share the load in parallel.
+    loaded : float, 0 to 1
+        How nearly the teeth are loaded as much as the response supposes (`low_load_share`).
     """
 
     deviation: GearDeviation
     search: SearchedGear | None
     heard_in: GearDeviation | None = None
     meshes: int = 1
+    loaded: float = 1.0
 
     @property
     def key(self) -> tuple[int, str]:
@@ -216,13 +220,14 @@ def _searched(
 ) -> Iterator[GearEvidence]:
     responses = [_response(gear, machine) for gear in deviation.gears]
     for gear, response in zip(deviation.gears, responses, strict=True):
+        loaded = low_load_share(machine, gear.stage)
         if response is None:
-            yield planetary_evidence(gear, deviation.gears, machine)
+            yield replace(planetary_evidence(gear, deviation.gears, machine), loaded=loaded)
             continue
         alone = replace(gear, mesh_power=own_mesh_power(gear, response, deviation.gears))
         found = search_gear(alone, response, own.speed_hz)
         if found is not None:
-            yield GearEvidence(deviation=alone, search=found)
+            yield GearEvidence(deviation=alone, search=found, loaded=loaded)
 
 
 def planetary_evidence(
