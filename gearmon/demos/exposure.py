@@ -16,7 +16,7 @@ from gearmon.signals.recording import Recording
 from gearmon.simulation import simulate, write_simulation
 from gearmon.terminal import Progress
 
-RATE_HZ, DURATION_S = 400.0, 240.0
+RATE_HZ, DURATION_S, LEVER_S = 400.0, 240.0, 12.0
 #: Wear of the pinion that is foretold.
 WEAR = "wear:1:pinion:all:20%"
 #: Where seat and cab ring upwards, forwards and sideways [Hz], with their share of the level.
@@ -45,7 +45,7 @@ def exposure_demo(folder: Path, progress: Progress | None = None) -> Demo:
     day = exposure_day(plan)
     point, lever = machine.operating[0], folder / "lever.csv"
     for _ in steps.through(["lever"]):
-        made = simulate(machine, [], 12.0, 12_800.0, point=point, channels=3, machine_seed=4)
+        made = simulate(machine, [], LEVER_S, 12_800.0, point=point, channels=3, machine_seed=4)
         write_simulation(made, lever)
     axes: dict[str, str | int] = {"x": "a1", "y": "a2", "z": "a3"}
     hand = vibration_exposure(str(lever), "hand", axes)

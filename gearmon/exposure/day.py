@@ -174,7 +174,7 @@ def _part(
     known, prefix = [own.name for own in described], f"{label}." if label else ""
     for key in table:
         if key not in known:
-            near = nearest_name(key, known)
+            near = nearest_name(key, known if label else (*known, "limits", "job"))
             hint = f"did you mean {near}?" if near else f"known are {', '.join(known)}"
             raise source.error(prefix + key, f"{prefix}{key} is no key of a day's plan; {hint}")
     for own in described:
