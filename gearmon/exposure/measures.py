@@ -17,6 +17,7 @@ import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -27,7 +28,7 @@ from gearmon.machine import FieldError, Sensor
 from gearmon.machine.fields import Number, check_fields, obeys
 from gearmon.result import Result
 from gearmon.signals.reading import find_defect
-from gearmon.signals.recording import Recording, RecordingLike, open_recording, read_recording
+from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signals.spectra import power_density
 from gearmon.signals.threads import side_by_side
 
@@ -275,11 +276,14 @@ def vibration_exposure(
     """
     check_word("position=", position, POSITIONS)
     told = _axes_told(axes, position)
-    taken = {"channels": list(told.values()) or None, "sensors": sensors}
-    if isinstance(recording, str) and unit is None:
-        found = open_recording(recording, sampling_rate_hz, **taken)  # type: ignore[arg-type]
-    else:
-        found = read_recording(recording, sampling_rate_hz, unit=unit, **taken)  # type: ignore[arg-type]
+    found = read_recording(
+        recording,
+        sampling_rate_hz,
+        list(told.values()) or None,
+        sensors=sensors,
+        unit=unit,
+        on_disk=isinstance(recording, str | Path),
+    )
     rows = _rows(found, told, position)
     weightings = [WEIGHTINGS[POSITIONS[position][axis][0]] for axis in rows]
     for weighting in weightings:
