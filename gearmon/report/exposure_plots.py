@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ _WIDTH_IN = 6.0
 # What is drawn below the highest band: more decades tell nothing.
 _DECADES = 3.0
 # Letters of a job's name that fit above the whole day.
-_LETTERS = 48
+_LETTERS = 64
 _DASHED = (0, (4, 2))
 
 
@@ -76,8 +77,10 @@ def day_exposure_figure(day: DayExposure) -> Picture:
         _draw_dose(ax, day, dose)
     ends = np.concatenate([[0.0], np.cumsum([job.hours for job in day.jobs])])
     for job, start, end in zip(day.jobs, ends[:-1], ends[1:], strict=True):
-        room = max(3, int(_LETTERS * (end - start) / day.hours))
-        above(grid[0, 0], 0.5 * (start + end), f"{shortened(job.name, room)}\n{job.hours:g} h")
+        room = max(5, int(_LETTERS * (end - start) / day.hours))
+        named = [shortened(line, room) for line in textwrap.wrap(job.name, room)[:2]]
+        told = "\n".join([*named, f"{job.hours:g} h"])
+        above(grid[0, 0], 0.5 * (start + end), told)
     grid[-1, 0].set_xlabel("hours of work")
     return figure
 
