@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,7 @@ from gearmon.gears.kinematics import Kinematics, Mesh
 from gearmon.machine import Machine
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack
-from gearmon.signals.tracking.comb import Comb, SpeedScan, scan_speed
+from gearmon.signals.tracking.comb import Comb, SpeedScan, clearest, scan_speed
 from gearmon.signals.tracking.mesh_detection import MeshComb, combined_comb
 from gearmon.signatures.measured.line_plan import MESH_HARMONICS, group_orders, mesh_harmonics
 
@@ -120,32 +119,19 @@ def scan_nominal_speeds(
     """
     duration = samples.shape[-1] / rate
 
-    @cache
     def scanned(nominal: float, turns: float) -> tuple[SpeedScan, Comb]:
         comb = machine_comb(train, nominal)
         block_s = turns / nominal if duration >= 4 * turns / nominal else duration
         return scan_speed(samples, rate, comb, nominal, SPEED_TOLERANCE, block_s), comb
 
-    def usual(nominal: float) -> SpeedScan:
-        slow = any(mesh_harmonics(m.order * nominal) > MESH_HARMONICS for m in train.meshes)
-        return scanned(nominal, _SLOW_MESH_TURNS if slow else _SCAN_TURNS)[0]
-
-    def clearer(one: float, other: float) -> bool:
-        if abs(one / other - 1) < 2 * SPEED_TOLERANCE:
-            return False  # what one finds the other does
-        mine, theirs = scanned(one, _COMPARED_TURNS), scanned(other, _COMPARED_TURNS)
-        return mine[0].unshared(mine[1], *theirs) > theirs[0].unshared(theirs[1], *mine)
-
-    nominal = sorted({point.shaft1_hz for point in machine.operating})
-    if not nominal:
+    speeds = sorted({point.shaft1_hz for point in machine.operating})
+    if not speeds:
         raise ArgumentError("machine has no operating point: add [operating] speed_rpm = ...")
-    if len(nominal) > 1:
-        nominal.sort(key=lambda own: -usual(own).best_score)
-    best = nominal[0]
-    for other in nominal[1:]:
-        if clearer(other, best):
-            best = other
-    return best, usual(best)
+    nominal = speeds[0]
+    if len(speeds) > 1:
+        nominal = speeds[clearest([scanned(own, _COMPARED_TURNS) for own in speeds])]
+    slow = any(mesh_harmonics(m.order * nominal) > MESH_HARMONICS for m in train.meshes)
+    return nominal, scanned(nominal, _SLOW_MESH_TURNS if slow else _SCAN_TURNS)[0]
 
 
 def speed_of(

@@ -20,7 +20,7 @@ from gearmon.signals.angle import AngleTrack
 from gearmon.signals.orders.fine_spectra import fine_order_spectrum
 from gearmon.signals.orders.sums import OrderSums
 from gearmon.signals.recording import Recording
-from gearmon.signals.tracking.comb import SpeedScan, find_path, scan_speed
+from gearmon.signals.tracking.comb import SpeedScan, clearest, find_path, scan_speed
 from gearmon.signals.tracking.phases import (
     coherent_share,
     follow_speed,
@@ -390,18 +390,16 @@ def _follow(signal: GearVibration, machine: Machine) -> tuple[Tracking, float, O
     Returns the track, the share of the lines that is coherent in it, and the lines.
     """
     nominal = sorted({point.shaft1_hz for point in machine.operating})
+    combs = [machine_comb(signal.train, hz) for hz in nominal]
     paths = [
-        (
-            find_path(signal.samples, signal.rate, machine_comb(signal.train, hz), hz, SPEED_REACH),
-            hz,
-        )
-        for hz in nominal
+        find_path(signal.samples, signal.rate, comb, hz, SPEED_REACH)
+        for comb, hz in zip(combs, nominal, strict=True)
     ]
-    path, nominal_hz = max(paths, key=lambda pair: pair[0].best_score)
+    meant = clearest(list(zip(paths, combs, strict=True)))
+    path, comb, nominal_hz = paths[meant], combs[meant], nominal[meant]
     speed = path.track()
     signal = replace(signal, nominal_hz=nominal_hz)
     orders = signal.orders(0.5 * nominal_hz)
-    comb = machine_comb(signal.train, nominal_hz)
     track = follow_speed(signal.samples, signal.rate, comb, orders, speed)
     judged = judge(signal, track)
     if not judged.convincing or not _spacing_agrees(signal, judged):

@@ -8,6 +8,7 @@ Logarithms keep one loud line of another origin from deciding alone.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -154,28 +155,8 @@ class SpeedScan:
         """Mean score of the best path: compares one nominal speed with another."""
         return float(self.scores[np.arange(len(self.centre_s)), self._path].mean())
 
-    def unshared(self, comb: Comb, other: SpeedScan, theirs: Comb) -> float:
-        """Return how clear the lines of a comb are that another comb at its speed does not have.
-
-        Parameters
-        ----------
-        comb, theirs : Comb
-            The combs that were looked for in this scan and the other.
-        other : SpeedScan
-            Scan of the same recording about another speed.
-
-        Returns
-        -------
-        float
-            Weighted sum of log(1 + signal-to-noise ratio); 0 if all lines are shared.
-
-        Notes
-        -----
-        Half the true speed suits every line of the true one. Block by block it suits noise better
-        too, as slower turns make longer blocks: told by their best scores, a 17-tooth pinion that
-        may run at 15.8 and 31.8 Hz was taken for the slower in 8 of 18 recordings of the faster.
-        By these sums none of 12 was, nor one of 12 of the slower for the faster.
-        """
+    def _unshared(self, comb: Comb, other: SpeedScan, theirs: Comb) -> float:
+        """Weighted sum of the quality of a comb's lines that another comb does not have."""
         track = self.track()
         place, theirs_hz = comb.orders * track.mean_hz, theirs.orders * other.track().mean_hz
         width = 3 * max(self.bin_hz, other.bin_hz) + _SAME_LINE * place
@@ -197,6 +178,30 @@ class SpeedScan:
         interval = float(np.diff(self.centre_s[rows]).mean())
         reach = _STEADY_SLOPE * interval / float(self.ratio[1] - self.ratio[0])
         return int(np.clip(round(reach), 1, len(self.ratio) - 1))
+
+
+def clearest(scans: Sequence[tuple[SpeedScan, Comb]]) -> int:
+    """Return which of several speeds is meant: that of the clearest lines of its own.
+
+    Parameters
+    ----------
+    scans : sequence of (SpeedScan, Comb)
+        Scans of one recording about different speeds, with what was looked for.
+
+    Notes
+    -----
+    Half the true speed suits every line of the true one. Block by block it suits noise better too,
+    as slower turns make longer blocks: told by their best scores, a 17-tooth pinion that may run at
+    15.8 and 31.8 Hz was taken for the slower in 8 of 18 recordings of the faster. By the sum of
+    log(1 + signal-to-noise ratio) over the lines that only one of the two has, in blocks of 12
+    turns of each, none of 12 was, nor one of 12 of the slower for the faster.
+    """
+    first, *others = sorted(range(len(scans)), key=lambda own: -scans[own][0].best_score)
+    for other in others:
+        (mine, comb), (best, its) = scans[other], scans[first]
+        if mine._unshared(comb, best, its) > best._unshared(its, mine, comb):
+            first = other
+    return first
 
 
 def scan_speed(
