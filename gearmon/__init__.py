@@ -42,6 +42,12 @@ _HOMES = {
     "train_kinds": "gearmon.diagnosis.fault_types.training",
     "simulate": "gearmon.simulation",
     "tune_harvester": "gearmon.harvesting.tuning",
+    "Exposure": "gearmon.exposure.measures",
+    "vibration_exposure": "gearmon.exposure.measures",
+    "seat_factor": "gearmon.exposure.measures",
+    "exposure_day": "gearmon.exposure.day",
+    "gear_share": "gearmon.exposure.gearbox",
+    "frequency_weighting": "gearmon.exposure.weighting",
     "write_report": "gearmon.report.html",
     "GearmonError": "gearmon.errors",
 }
@@ -55,6 +61,12 @@ if TYPE_CHECKING:
     from gearmon.diagnosis.reference_check import check_reference as check_reference
     from gearmon.diagnosis.results import Analysis as Analysis
     from gearmon.errors import GearmonError as GearmonError
+    from gearmon.exposure.day import exposure_day as exposure_day
+    from gearmon.exposure.gearbox import gear_share as gear_share
+    from gearmon.exposure.measures import Exposure as Exposure
+    from gearmon.exposure.measures import seat_factor as seat_factor
+    from gearmon.exposure.measures import vibration_exposure as vibration_exposure
+    from gearmon.exposure.weighting import frequency_weighting as frequency_weighting
     from gearmon.harvesting.tuning import tune_harvester as tune_harvester
     from gearmon.machine import Machine as Machine
     from gearmon.machine import load_machine as load_machine

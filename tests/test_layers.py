@@ -23,6 +23,7 @@ ALLOWED = {
     "diagnosis": FOUNDATIONS | {"machine", "gears", "dynamics", "signals", "signatures"},
     "simulation": FOUNDATIONS | {"machine", "gears", "dynamics"},
     "harvesting": FOUNDATIONS | {"machine", "dynamics", "signals", "signatures"},
+    "exposure": FOUNDATIONS | {"machine", "gears", "signals", "signatures"},
 }
 COMPUTING = set(ALLOWED)
 ALLOWED["report"] = COMPUTING
@@ -46,7 +47,7 @@ OWNED = {
     ),
     "sklearn": lambda module: module.startswith(("gearmon.diagnosis", "gearmon.benchmark")),
     "scipy.signal": lambda module: module.startswith(
-        ("gearmon.benchmark", "gearmon.harvesting", "gearmon.signals")
+        ("gearmon.benchmark", "gearmon.exposure", "gearmon.harvesting", "gearmon.signals")
     ),
     "scipy.stats": lambda module: module.startswith(("gearmon.benchmark", "gearmon.harvesting")),
 }

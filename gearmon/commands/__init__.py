@@ -4,6 +4,7 @@ Everything heavy is imported inside the function that needs it.
 """
 
 from gearmon.commands.command import Command
+from gearmon.commands.exposure import EXPOSURE
 from gearmon.commands.machines import (
     BASELINE,
     FAMILY,
@@ -36,6 +37,7 @@ COMMANDS = (
     SPECTRUM,
     ORDERS,
     HARVEST,
+    EXPOSURE,
     DEMO,
     BENCHMARK,
 )

@@ -29,7 +29,7 @@ _FILES_A_PROCESS = 2
 _PICTURES = ("{}-[0-9][0-9]-*.png",)
 _NEVER_EMPTY = (
     *("output", "report", "reference", "tacho", "machine", "harvester", "history", "trained"),
-    "store",
+    *("store", "day", "floor"),
 )
 
 
@@ -70,7 +70,11 @@ def outputs_claimed(arguments: argparse.Namespace) -> Iterator[None]:
     """
     given = vars(arguments)
     read = [*given.get("recording", ()), *given.get("degraded", ())]
-    read += [path for name in ("machine", "reference", "harvester") if (path := given.get(name))]
+    read += [
+        path
+        for name in ("machine", "reference", "harvester", "day", "floor")
+        if (path := given.get(name))
+    ]
     # these are gone on with: whoever reads them knows whether they are what they should be
     kept = [path for name in ("history", "store", "trained") if (path := given.get(name))]
     written = [*map(Path, kept), *output_files(arguments)]

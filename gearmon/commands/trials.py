@@ -55,7 +55,7 @@ def _demo_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="?",
         default="crack",
         help="crack (found; default), growth (of a crack), kinds (pitting, wear and eccentricity "
-        "told apart), day (of a sound machine), harvest, study",
+        "told apart), day (of a sound machine), harvest, exposure (of a driver), study",
     )
 
 

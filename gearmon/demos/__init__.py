@@ -2,7 +2,7 @@
 
 >>> from gearmon.demos import DEMOS
 >>> list(DEMOS)
-['crack', 'growth', 'kinds', 'day', 'harvest', 'study']
+['crack', 'growth', 'kinds', 'day', 'harvest', 'exposure', 'study']
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ DEMOS = {
     "kinds": "gearmon.demos.kinds:kinds_demo",
     "day": "gearmon.demos.day:day_demo",
     "harvest": "gearmon.demos.harvest:harvest_demo",
+    "exposure": "gearmon.demos.exposure:exposure_demo",
     "study": "gearmon.study.report:write_study",
 }
 
@@ -71,10 +72,10 @@ def run_demo(name: str, folder: Path) -> Told:
 
     Parameters
     ----------
-    name : {"crack", "growth", "kinds", "day", "harvest", "study"}
+    name : {"crack", "growth", "kinds", "day", "harvest", "exposure", "study"}
         A cracked tooth found; a growing crack followed; pitting, wear and eccentricity told apart;
-        a day of changing load and speed without a fault; a harvester placed and tuned; the source
-        study redrawn and judged.
+        a day of changing load and speed without a fault; a harvester placed and tuned; a driver's
+        exposure to vibration; the source study redrawn and judged.
     folder : Path
         Where to write; made if it does not exist.
 

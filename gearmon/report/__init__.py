@@ -32,6 +32,8 @@ _OFFERED = {
     "recording_plots": ("average_figures", "indicator_figure", "order_map_figure"),
     "history_plots": ("history_figure",),
     "harvest_plots": ("harvest_figures",),
+    "exposure_text": ("exposure_lines", "write_exposure_report"),
+    "exposure_plots": ("day_exposure_figure", "exposure_figure", "gear_share_figure"),
     "stiffness_plots": ("form_figure", "stiffness_figures"),
     "expected_plots": ("family_figure", "stability_figure"),
 }

@@ -1,0 +1,83 @@
+"""A tractor driver's day of three jobs, and what the gearbox does to the hand on its lever."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearmon.demos import Demo, Steps, given_file
+from gearmon.exposure import exposure_day, gear_share, vibration_exposure
+from gearmon.files import write_atomically
+from gearmon.machine import load_machine
+from gearmon.report import exposure_lines, save_all, write_exposure_report
+from gearmon.signals.recording import Recording
+from gearmon.simulation import simulate, write_simulation
+from gearmon.terminal import Progress
+
+RATE_HZ, DURATION_S, LEVER_S = 400.0, 240.0, 12.0
+#: Wear of the pinion that is foretold.
+WEAR = "wear:1:pinion:all:20%"
+#: Where seat and cab ring upwards, forwards and sideways [Hz], with their share of the level.
+_RESONANCES = {"x": (2.1, 0.5), "y": (1.6, 0.45), "z": (2.8, 1.0)}
+#: Level of a job [m/s2] and bumps in its recording.
+_JOBS = {"ploughing": (0.7, 0), "road": (0.5, 12), "loader": (0.45, 4)}
+
+
+def exposure_demo(folder: Path, progress: Progress | None = None) -> Demo:
+    """Make the recordings of a day, weigh and sum them up, and look for the gearbox in the hand.
+
+    Parameters
+    ----------
+    folder : Path
+        Where to write; it exists.
+    progress : callable, optional
+        Called with the share done, 0 to 1.
+    """
+    steps = Steps(progress, len(_JOBS) + 2)
+    for number, job in enumerate(steps.through(_JOBS)):
+        path, (level, bumps) = folder / f"{job}.csv", _JOBS[job]
+        frame = _ridden(level, bumps, np.random.default_rng(number)).to_frame()
+        write_atomically(path, frame.to_csv(index=False, float_format="%.6g"))
+    plan = given_file("exposure_day.toml", folder, "day.toml")
+    machine = load_machine(given_file("tractor.toml", folder, "machine.toml"))
+    day = exposure_day(plan)
+    point, lever = machine.operating[0], folder / "lever.csv"
+    for _ in steps.through(["lever"]):
+        made = simulate(machine, [], LEVER_S, 12_800.0, point=point, channels=3, machine_seed=4)
+        write_simulation(made, lever)
+    axes: dict[str, str | int] = {"x": "a1", "y": "a2", "z": "a3"}
+    hand = vibration_exposure(str(lever), "hand", axes)
+    gears = gear_share(lever, hand, machine, [WEAR])
+    told, named = (day, hand, gears), ("-day", "-hand", "-gearbox")
+    figures = {name: own.figures()[""] for name, own in zip(named, told, strict=True)}
+    pictures = [str(path) for path in save_all(figures, folder / "exposure.png")]
+    report = write_exposure_report(told, folder / "exposure.html")
+    return Demo(
+        story=tuple(line for own in told for line in (*exposure_lines(own), "")),
+        files={"folder": folder, "report": report},
+        facts={"pictures": pictures, "day": day.to_dict(), "gearbox": gears.to_dict()},
+    )
+
+
+def _ridden(level: float, bumps: int, generator: np.random.Generator) -> Recording:
+    """Return what a seat sensor records on rough ground, with bumps and an engine at 35 Hz."""
+    count = round(RATE_HZ * DURATION_S)
+    frequency = np.fft.rfftfreq(count, 1 / RATE_HZ)
+    rows: list[NDArray[np.float64]] = []
+    for resonance, share in _RESONANCES.values():
+        ratio = frequency / resonance
+        ringing = 1j * ratio / (1 - ratio**2 + 0.5j * ratio)
+        ground = np.fft.irfft(np.fft.rfft(generator.normal(size=count)) * ringing, count)
+        shocks = np.zeros(count)
+        for start in generator.integers(count - 60, size=bumps):
+            shocks[start : start + 60] += 4 * level * np.hanning(60)
+        engine = 0.1 * np.sin(2 * np.pi * 35.0 * np.arange(count) / RATE_HZ)
+        rows.append(share * (level * ground / ground.std() + shocks + engine))
+    return Recording(
+        samples=np.array(rows),
+        sampling_rate_hz=RATE_HZ,
+        channel_names=tuple(f"seat_{axis}" for axis in _RESONANCES),
+        units=("m/s2",) * len(rows),
+    )

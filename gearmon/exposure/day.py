@@ -1,0 +1,498 @@
+"""A working day of several jobs: A(8), dose value, how sure they are, when limits are reached.
+
+    A(8)^2 = sum of a_i^2 T_i / 8 h,     VDV^4 = sum of VDV_i^4 T_i / t_i
+
+with a_i and VDV_i of a recording of t_i, its axis counted with k, in a job of T_i. The day is
+judged by its worst axis, the hand by its vector sum.
+
+The plan is a file (TOML); recordings stand beside it:
+
+    position = "seat"                 # or "hand", "standing"
+    instrument = 0.04                 # relative standard error that all recordings share
+
+    [limits]                          # optional: those of Directive 2002/44/EC else
+    action_ms2 = 0.5
+    limit_ms2 = 1.15
+
+    [[job]]                           # in the order of the day
+    name = "ploughing"
+    recording = "plough.csv"          # or several: ["one.csv", "two.csv"]
+    hours = 4.5
+    hours_error = 0.5                 # standard error; 0 if left out
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gearmon.errors import ArgumentError, nearest_name
+from gearmon.exposure.measures import (
+    LEAST_S,
+    LIMITS,
+    AxisExposure,
+    Exposure,
+    Limits,
+    vibration_exposure,
+)
+from gearmon.exposure.weighting import FloatArray
+from gearmon.machine import FieldError
+from gearmon.machine.fields import Choice, Number, Text, check_fields, obeys
+from gearmon.machine.source import MachineSource, read_source
+from gearmon.result import Result
+
+#: Relative standard error of an instrument: all of the tolerance of ISO 8041-1, table 2, for its
+#: indication at the reference frequency.
+INSTRUMENT = 0.04
+#: Standard errors to either side that an interval holds: 95 %.
+COVERAGE = 2.0
+_POINTS_A_JOB = 60
+
+
+@dataclass(frozen=True, kw_only=True)
+class Job:
+    """A job of the day.
+
+    Parameters
+    ----------
+    name : str
+    recording : str or sequence of str
+        One or several recordings of it.
+    hours : float, above 0, up to 24
+        How long a day a person is exposed to it [h].
+    hours_error : float, 0 to 12
+        Standard error of that [h].
+
+    Raises
+    ------
+    FieldError
+        If a value is out of its range.
+    """
+
+    name: str = field(metadata=obeys(Text(example='"ploughing"')))
+    recording: str | Sequence[str]
+    hours: float = field(metadata=obeys(Number(low=0, high=24, unit="h", open_low=True)))
+    hours_error: float = field(default=0.0, metadata=obeys(Number(low=0, high=12, unit="h")))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        several = [self.recording] if isinstance(self.recording, str) else self.recording
+        right = isinstance(several, list | tuple) and several
+        if not right or not all(isinstance(own, str) and own.strip() for own in several):
+            reason = 'must be the name of a recording in quotes, or a list: ["a.csv", "b.csv"]'
+            raise FieldError("recording", reason, self.recording)
+        object.__setattr__(self, "recording", tuple(several))
+
+
+@dataclass(frozen=True, kw_only=True)
+class DayPlan:
+    """What a person does in a day.
+
+    Parameters
+    ----------
+    jobs : tuple of Job
+        In the order of the day, 24 h at most.
+    position : {"seat", "hand", "standing"}
+    instrument : float, 0 to 0.5
+        Relative standard error that all recordings share.
+    limits : Limits, optional
+        By default those of Directive 2002/44/EC.
+    path : str
+        The file it was read from, if any.
+
+    Raises
+    ------
+    FieldError
+        If a value is out of its range, or the jobs do not fit in a day.
+    """
+
+    jobs: tuple[Job, ...]
+    position: str = field(default="seat", metadata=obeys(Choice(options=tuple(LIMITS))))
+    instrument: float = field(default=INSTRUMENT, metadata=obeys(Number(low=0, high=0.5)))
+    limits: Limits | None = None
+    path: str = ""
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        object.__setattr__(self, "limits", self.limits or LIMITS[self.position])
+        if not self.jobs:
+            raise FieldError("job", "is missing: write [[job]] with name, recording and hours")
+        total = math.fsum(job.hours for job in self.jobs)
+        if total > 24:
+            raise FieldError(
+                "job.hours", f"must sum to 24 h at most over all jobs; it is {total:g}"
+            )
+
+
+def load_day(path: str | Path) -> DayPlan:
+    """Read the plan of a day; recordings are looked for beside it.
+
+    Parameters
+    ----------
+    path : str or Path
+        TOML as in the docstring of `gearmon.exposure.day`.
+
+    Raises
+    ------
+    MachineFileError
+        If the file cannot be read, or a key is unknown, missing or out of its range: with file,
+        line, key and value.
+    """
+    source = read_source(path)
+    document, folder = dict(source.document), Path(path).parent
+    limits, jobs = document.pop("limits", None), document.pop("job", [])
+    if not isinstance(jobs, list) or not all(isinstance(own, dict) for own in jobs):
+        raise source.error("job", "job must be a table: write [[job]], with double brackets")
+    if limits is not None and not isinstance(limits, dict):
+        raise source.error("limits", "limits must be a table: write [limits]")
+    made = [_part(source, Job, f"job[{n}]", own) for n, own in enumerate(jobs, start=1)]
+    placed = [
+        dataclasses.replace(job, recording=[str(folder / name) for name in job.recording])
+        for job in made
+    ]
+    told = None if limits is None else _part(source, Limits, "limits", limits)
+    more = {"jobs": tuple(placed), "limits": told, "path": str(path)}
+    return _part(source, DayPlan, "", document, more)  # type: ignore[no-any-return]
+
+
+def _part(
+    source: MachineSource,
+    part: Any,
+    label: str,
+    table: Mapping[str, Any],
+    more: Mapping[str, Any] | None = None,
+) -> Any:
+    """Build one part of the plan from its table; what is wrong is named with its line."""
+    described = [own for own in dataclasses.fields(part) if own.name not in (more or {})]
+    known, prefix = [own.name for own in described], f"{label}." if label else ""
+    for key in table:
+        if key not in known:
+            near = nearest_name(key, known if label else (*known, "limits", "job"))
+            hint = f"did you mean {near}?" if near else f"known are {', '.join(known)}"
+            raise source.error(prefix + key, f"{prefix}{key} is no key of a day's plan; {hint}")
+    for own in described:
+        if own.default is dataclasses.MISSING and own.name not in table:
+            raise source.error(label, f"{label} lacks {own.name}")
+    try:
+        return part(**table, **(more or {}))
+    except FieldError as error:
+        key = prefix + error.key
+        raise source.error(key, error.message(key)) from None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dose:
+    """A(8) or the dose value of a day.
+
+    Parameters
+    ----------
+    measure : {"A(8)", "VDV"}
+    unit : str
+    value, low, high : float
+        With its interval of 95 %.
+    axis : str
+        The worst one, or "vector sum".
+    action, limit : float or None
+    verdict : str
+        "above the limit value", "above the action value" or "below the action value"; with "may be"
+        before it where the interval holds the value in question.
+    reached_h : dict of str to float or None
+        Hours of work after which "action" and "limit" are reached in this day; None: not in it.
+    """
+
+    measure: str
+    unit: str
+    value: float
+    low: float
+    high: float
+    axis: str
+    action: float | None
+    limit: float | None
+    verdict: str
+    reached_h: Mapping[str, float | None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class JobExposure:
+    """What one job adds.
+
+    Parameters
+    ----------
+    name : str
+    recordings : int
+    hours : float
+    value_ms2 : float
+        Weighted rms times k along the day's worst axis [m/s2].
+    a8_ms2 : float
+        A(8) of a day with this job only [m/s2].
+    share : float
+        Of the day's A(8) squared.
+    action_h, limit_h : float or None
+        Hours of this job alone after which A(8) is at the action and the limit value.
+    """
+
+    name: str
+    recordings: int
+    hours: float
+    value_ms2: float
+    a8_ms2: float
+    share: float
+    action_h: float | None
+    limit_h: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class DayExposure(Result):
+    """Exposure of a person over a day.
+
+    Parameters
+    ----------
+    plan, position : str
+    hours : float
+        Of all jobs.
+    jobs : tuple of JobExposure
+    doses : tuple of Dose
+        A(8), and the dose value where it is known.
+    warnings : tuple of str
+    course_h : tuple of float
+        Hours of work for which `course` tells the doses.
+    course : dict of str to tuple of float
+        A(8) and VDV as they grow, by their names.
+    """
+
+    picture: ClassVar[str] = "exposure_plots.day_exposure_figure"
+
+    plan: str
+    position: str
+    hours: float
+    jobs: tuple[JobExposure, ...]
+    doses: tuple[Dose, ...]
+    warnings: tuple[str, ...]
+    course_h: tuple[float, ...]
+    course: Mapping[str, tuple[float, ...]]
+
+    @property
+    def flagged(self) -> bool:
+        """Whether an action value is reached, by A(8) or VDV, as far as is known."""
+        return any(dose.action is not None and dose.value >= dose.action for dose in self.doses)
+
+    def headline(self) -> str:
+        """Return A(8) with its interval, and the verdict."""
+        told = [
+            f"{d.measure} {d.value:.3g} {d.unit} ({d.low:.3g} to {d.high:.3g}), {d.verdict}"
+            for d in self.doses
+        ]
+        return "; ".join(told)
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return a row a job."""
+        return [dataclasses.asdict(job) for job in self.jobs]
+
+
+def exposure_day(
+    plan: DayPlan | str | Path,
+    axes: Mapping[str, str | int] | None = None,
+    **reading: Any,
+) -> DayExposure:
+    """Sum up the exposure of a day.
+
+    Parameters
+    ----------
+    plan : DayPlan, str or Path
+        Or the name of its file.
+    axes : mapping of str to str or int, optional
+        As of `vibration_exposure`.
+    **reading
+        sampling_rate_hz, unit, sensors and range_ms2 of `vibration_exposure`.
+
+    Raises
+    ------
+    GearmonError
+        If the plan or a recording cannot be used; the line names it.
+    """
+    plan = plan if isinstance(plan, DayPlan) else load_day(plan)
+    felt = [
+        [vibration_exposure(path, plan.position, axes, **reading) for path in job.recording]
+        for job in plan.jobs
+    ]
+    return sum_up(plan, felt)
+
+
+def sum_up(plan: DayPlan, felt: Sequence[Sequence[Exposure]]) -> DayExposure:
+    """Sum up a day whose recordings are weighed already.
+
+    Parameters
+    ----------
+    plan : DayPlan
+    felt : sequence of sequence of Exposure
+        Those of each job.
+
+    Raises
+    ------
+    ArgumentError
+        If recordings show different axes.
+    """
+    known = {tuple(axis.axis for axis in e.axes) for job in felt for e in job}
+    if len(known) > 1:
+        told = " and ".join("".join(axes) for axes in sorted(known))
+        raise ArgumentError(f"day: recordings with axes {told}; all must show the same axes")
+    grown, warnings = [_Growth.of(plan, felt, 2)], _warned(felt)
+    short = [e for job in felt for e in job if e.duration_s < LEAST_S[0.5]]
+    if plan.position != "hand" and not short:
+        grown.append(_Growth.of(plan, felt, 4))
+    elif plan.position != "hand":
+        warnings.append(
+            f"{short[0].recording}: {short[0].duration_s:.4g} s are too short for the statistics "
+            f"of VDV, {LEAST_S[0.5]:g} s are needed: none is told for the day"
+        )
+    if any(np.isnan(own.error).any() for own in grown):
+        warnings.append("a recording is too short to see its scatter: intervals leave it out")
+    hours = np.array([job.hours for job in plan.jobs])
+    ends = np.concatenate([[0.0], np.cumsum(hours)])
+    # closer behind the start of a job: a dose of nothing begins steeply
+    steps = np.linspace(0, 1, _POINTS_A_JOB) ** 3
+    at = (ends[:-1, None] + np.multiply.outer(hours, steps)).ravel()
+    return DayExposure(
+        plan=plan.path or "plan",
+        position=plan.position,
+        hours=float(hours.sum()),
+        jobs=tuple(_jobs(plan, felt, grown[0].mean)),
+        doses=tuple(_dose(plan, own) for own in grown),
+        warnings=tuple(dict.fromkeys(warnings)),
+        course_h=tuple(at.tolist()),
+        course={own.measure: tuple(own.dose_at(at, ends).tolist()) for own in grown},
+    )
+
+
+def _warned(felt: Sequence[Sequence[Exposure]]) -> list[str]:
+    return [
+        f"{e.recording}: {told}"
+        for job in felt
+        for e in job
+        for told in (*e.advice, *e.warnings)
+        if "statistics of VDV" not in told  # said once for the day
+    ]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Growth:
+    """How fast a dose grows in each job: the mean p-th power, k included, of the worst axis.
+
+    Its standard errors follow from how the recordings of a job differ, of a single one from its
+    stretches; NaN where that is not known.
+    """
+
+    measure: str
+    unit: str
+    power: int
+    span_h: float  # over which a dose is a mean; that of VDV is a sum over seconds
+    axis: str
+    mean: FloatArray
+    error: FloatArray
+
+    @classmethod
+    def of(cls, plan: DayPlan, felt: Sequence[Sequence[Exposure]], power: int) -> _Growth:
+        means, errors = [], []
+        for job in felt:
+            own = np.array([[_power(e, axis, power) for axis in e.axes] for e in job])
+            scatter = [a.square_scatter if power == 2 else a.fourth_scatter for a in job[0].axes]
+            single = own[0] * np.array([math.nan if s is None else s for s in scatter])
+            many = own.std(axis=0, ddof=1) / math.sqrt(len(job)) if len(job) > 1 else single
+            means.append(own.mean(axis=0))
+            errors.append(many)
+        mean, error, hours = np.array(means), np.array(errors), [job.hours for job in plan.jobs]
+        worst, axis = slice(None), "vector sum"
+        if plan.position != "hand":
+            most = int(np.argmax(hours @ mean))
+            worst, axis = slice(most, most + 1), felt[0][0].axes[most].axis
+        measure, unit, span = ("A(8)", "m/s2", 8.0) if power == 2 else ("VDV", "m/s^1.75", 1 / 3600)
+        return cls(
+            measure=measure,
+            unit=unit,
+            power=power,
+            span_h=span,
+            axis=axis,
+            mean=mean[:, worst].sum(axis=1),
+            error=np.sqrt((error[:, worst] ** 2).sum(axis=1)),
+        )
+
+    def dose_at(self, hour: ArrayLike, ends: FloatArray) -> FloatArray:
+        """Return the dose after hours of work, given when jobs begin and end."""
+        done = np.concatenate([[0.0], np.cumsum(self.mean * np.diff(ends))])
+        return np.asarray(
+            (np.interp(np.asarray(hour, dtype=np.float64), ends, done) / self.span_h)
+            ** (1 / self.power)
+        )
+
+    def reached_h(self, dose: float | None, ends: FloatArray) -> float | None:
+        """Return the hours of work after which a dose is reached; None if it is not."""
+        done = np.concatenate([[0.0], np.cumsum(self.mean * np.diff(ends))])
+        needed = math.inf if dose is None else dose**self.power * self.span_h
+        return None if needed > done[-1] else float(np.interp([needed], done, ends)[0])
+
+
+def _power(exposure: Exposure, axis: AxisExposure, power: int) -> float:
+    if power == 2:
+        return (axis.factor * axis.rms_ms2) ** 2
+    return (axis.factor * axis.vdv) ** 4 / exposure.duration_s
+
+
+def _jobs(
+    plan: DayPlan, felt: Sequence[Sequence[Exposure]], mean: FloatArray
+) -> Iterator[JobExposure]:
+    limits = plan.limits
+    assert limits is not None
+    total = float(mean @ [job.hours for job in plan.jobs]) or 1.0
+    for job, own, square in zip(plan.jobs, felt, mean.tolist(), strict=True):
+        yield JobExposure(
+            name=job.name,
+            recordings=len(own),
+            hours=job.hours,
+            value_ms2=math.sqrt(square),
+            a8_ms2=math.sqrt(square * job.hours / 8),
+            share=square * job.hours / total,
+            action_h=8 * limits.action_ms2**2 / square if square else None,
+            limit_h=8 * limits.limit_ms2**2 / square if square else None,
+        )
+
+
+def _dose(plan: DayPlan, grown: _Growth) -> Dose:
+    """Sum up, with the errors of what was recorded and of the hours, and compare with limits."""
+    hours = np.array([job.hours for job in plan.jobs])
+    late = np.array([job.hours_error for job in plan.jobs])
+    ends, total = np.concatenate([[0.0], np.cumsum(hours)]), float(grown.mean @ hours)
+    errors = np.concatenate([np.nan_to_num(grown.error) * hours, grown.mean * late])
+    own = float(np.linalg.norm(errors)) / total / grown.power if total else 0.0
+    value, relative = (
+        float(grown.dose_at(ends[-1], ends)),
+        COVERAGE * math.hypot(own, plan.instrument),
+    )
+    name = "ms2" if grown.power == 2 else "vdv"
+    values = {of: getattr(plan.limits, f"{of}_{name}") for of in ("action", "limit")}
+    low, high = value * max(0.0, 1 - relative), value * (1 + relative)
+    return Dose(
+        measure=grown.measure,
+        unit=grown.unit,
+        value=value,
+        low=low,
+        high=high,
+        axis=grown.axis,
+        **values,
+        verdict=_verdict(low, high, values),
+        reached_h={of: grown.reached_h(wanted, ends) for of, wanted in values.items()},
+    )
+
+
+def _verdict(low: float, high: float, values: Mapping[str, float | None]) -> str:
+    for of in ("limit", "action"):
+        wanted = values[of]
+        if wanted is not None and high >= wanted:
+            return f"above the {of} value" if low >= wanted else f"may be above the {of} value"
+    return "below the action value"

@@ -1,0 +1,335 @@
+"""What the gearbox has to do with it: its lines in what is felt, damage, and the best speed.
+
+The lines of shafts and meshes are followed through the recording at their orders and weighted like
+the rest. What a damaged tooth or a worn gear would add, and what other operating points would do,
+is foretold by the machine's expected lines, carried to the seat by the path that the recording
+shows: measured over expected amplitude of every mesh harmonic that is heard. Between them the path
+is straight on logarithmic scales, beyond them constant; all that is no mesh line stays as it is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from gearmon.errors import ArgumentError
+from gearmon.exposure.measures import Exposure, vibration_exposure
+from gearmon.exposure.weighting import WEIGHTINGS, FloatArray
+from gearmon.gears.kinematics import Kinematics, kinematics
+from gearmon.machine import Machine, MachineLike, load_machine
+from gearmon.result import Result
+from gearmon.signals.bad_samples import sound_part
+from gearmon.signals.orders import order_lines
+from gearmon.signals.recording import Recording, RecordingLike, read_recording
+from gearmon.signatures.expected.baseline import expected_signature
+from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature
+from gearmon.signatures.signature import Signature
+
+#: Harmonics of shafts, and sidebands to either side of a mesh harmonic, that are looked for.
+SHAFT_HARMONICS, SIDEBANDS = 4, 3
+#: Lines nearer than so many reciprocal block lengths are one: the main lobe of a Hann window.
+_APART = 2.0
+# Share of the sampling rate up to which order lines are measured, and their leakage.
+_TOP, _LEAKAGE = 0.48, 1e-4
+
+
+@dataclass(frozen=True, kw_only=True)
+class LineShare:
+    """Lines of one shaft or mesh in what is felt.
+
+    Parameters
+    ----------
+    name : str
+        "shaft 1", "mesh 1" or "sidebands of mesh 1".
+    frequency_hz : float
+        Of the first of them.
+    weighted_ms2 : tuple of float
+        Their weighted rms, times k, axis by axis [m/s2].
+    share : tuple of float
+        Of the weighted mean square of the axis.
+    """
+
+    name: str
+    frequency_hz: float
+    weighted_ms2: tuple[float, ...]
+    share: tuple[float, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PointExposure:
+    """What would be felt at one operating point.
+
+    Parameters
+    ----------
+    name : str
+    speed_rpm : float
+    gears_ms2 : float
+        Weighted rms of the mesh lines, over all axes, times k [m/s2].
+    value_ms2 : float
+        What is compared with limits, if all but the mesh lines stays as it was [m/s2].
+    damaged_ms2 : float or None
+        The same with the fault; None where none was named.
+    """
+
+    name: str
+    speed_rpm: float
+    gears_ms2: float
+    value_ms2: float
+    damaged_ms2: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class GearShare(Result):
+    """The gearbox in what a person feels.
+
+    Parameters
+    ----------
+    recording, machine : str
+    speed_hz : float or None
+        Of shaft 1; None where no mesh was found.
+    axes : tuple of str
+    share : tuple of float
+        Of the weighted mean square that stands on lines of shafts and meshes, axis by axis.
+    lines : tuple of LineShare
+    faults : tuple of str
+    points : tuple of PointExposure
+        Best first; empty where they cannot be foretold.
+    warnings : tuple of str
+    """
+
+    picture: ClassVar[str] = "exposure_plots.gear_share_figure"
+
+    recording: str
+    machine: str
+    speed_hz: float | None
+    axes: tuple[str, ...]
+    share: tuple[float, ...]
+    lines: tuple[LineShare, ...]
+    faults: tuple[str, ...]
+    points: tuple[PointExposure, ...]
+    warnings: tuple[str, ...]
+
+    def headline(self) -> str:
+        """Return the shares in a sentence."""
+        if self.speed_hz is None:
+            return "no mesh found: the share of the gearbox is not known"
+        told = [f"{a} {100 * s:.2g} %" for a, s in zip(self.axes, self.share, strict=True)]
+        return f"on lines of shafts and meshes: {', '.join(told)} of what is felt"
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return a row a shaft or mesh, its shares axis by axis."""
+        shown = [f"share_{axis}" for axis in self.axes]
+        return [
+            {"lines": own.name, "frequency_hz": own.frequency_hz}
+            | dict(zip(shown, own.share, strict=True))
+            for own in self.lines
+        ]
+
+
+def gear_share(
+    recording: RecordingLike, exposure: Exposure, machine: MachineLike, faults: Iterable[str] = ()
+) -> GearShare:
+    """Tell the share of a gearbox in what is felt, and what damage would add.
+
+    Parameters
+    ----------
+    recording : Recording, str or Path
+        With the channels of `exposure`, and perhaps a tacho.
+    exposure : Exposure
+        Of it.
+    machine : Machine, path or dict
+        What it takes beyond tooth counts is asked for where faults are named.
+    faults : iterable of str
+        Such as "wear:1:pinion:all:20%" or "crack:1:pinion:5:40%".
+
+    Raises
+    ------
+    GearmonError
+        If the recording is too short for the machine, or a fault cannot be.
+    """
+    machine, named = load_machine(machine), tuple(faults)
+    whole = read_recording(recording, sensors=machine.sensors)
+    part = sound_part(whole)
+    if part.samples.shape[1] < whole.samples.shape[1]:
+        channels = {axis.axis: axis.channel for axis in exposure.axes}
+        exposure = vibration_exposure(part, exposure.position, channels, limits=exposure.limits)
+    signature = measure_signature(part, machine)
+    about: dict[str, Any] = {
+        "recording": exposure.recording,
+        "machine": machine.name,
+        "axes": tuple(axis.axis for axis in exposure.axes),
+        "faults": named,
+    }
+    if not signature.found or signature.speed.estimated_hz is None:
+        nothing: dict[str, Any] = {"speed_hz": None, "share": (), "lines": (), "points": ()}
+        return GearShare(**about, **nothing, warnings=signature.notes)
+    heard = _Heard.of(part, exposure, kinematics(machine), signature)
+    points, notes = _points(machine, heard, exposure, named)
+    lines = heard.shares()
+    return GearShare(
+        **about,
+        speed_hz=heard.shaft1_hz,
+        share=tuple(np.sum([own.share for own in lines], axis=0).tolist()),
+        lines=lines,
+        points=points,
+        warnings=notes,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Heard:
+    """Lines as they were recorded.
+
+    Arrays have the shape (lines,), with axes (axes, lines); mean squares are of the acceleration
+    as recorded, without those of noise, and `felt` those of each axis, weighted.
+    """
+
+    exposure: Exposure
+    shaft1_hz: float
+    names: tuple[str, ...]
+    frequency_hz: FloatArray
+    square: FloatArray
+    above_noise: FloatArray
+    felt: FloatArray
+
+    @classmethod
+    def of(
+        cls, part: Recording, exposure: Exposure, train: Kinematics, signature: MeasuredSignature
+    ) -> _Heard:
+        shaft1_hz = float(signature.speed.estimated_hz or math.nan)
+        block_turns = signature.lines.block_turns
+        named = _orders(train, _TOP * part.sampling_rate_hz / shaft1_hz, _APART / block_turns)
+        orders = np.array(sorted(named))
+        samples = part.select([axis.channel for axis in exposure.axes]).samples
+        found = order_lines(
+            samples, part.sampling_rate_hz, signature.track, orders, block_turns, error=_LEAKAGE
+        )
+        power = np.maximum(found.cross_power(), 0.0)
+        return cls(
+            exposure=exposure,
+            shaft1_hz=shaft1_hz,
+            names=tuple(named[order] for order in orders),
+            frequency_hz=orders * shaft1_hz,
+            square=power / 2,
+            above_noise=power / found.noise,
+            felt=np.array([(axis.factor * axis.rms_ms2) ** 2 for axis in exposure.axes]),
+        )
+
+    def weight(self, frequency_hz: FloatArray) -> FloatArray:
+        """Return k^2 |W|^2 of every axis, shape (axes, lines)."""
+        own = self.exposure.axes
+        found = [a.factor * np.abs(WEIGHTINGS[a.weighting].response(frequency_hz)) for a in own]
+        return np.asarray(np.square(found))
+
+    def shares(self) -> tuple[LineShare, ...]:
+        """Return the weighted lines of each shaft and mesh."""
+        square, found = self.square * self.weight(self.frequency_hz), []
+        for name in dict.fromkeys(self.names):
+            own = [number for number, of in enumerate(self.names) if of == name]
+            total = square[:, own].sum(axis=1)
+            found.append(
+                LineShare(
+                    name=name,
+                    frequency_hz=float(self.frequency_hz[own[0]]),
+                    weighted_ms2=tuple(np.sqrt(total).tolist()),
+                    share=tuple((total / np.maximum(self.felt, np.finfo(float).tiny)).tolist()),
+                )
+            )
+        return tuple(found)
+
+
+def _orders(train: Kinematics, top: float, apart: float) -> dict[float, str]:
+    """Return orders and what each belongs to; of those too near the first in rank stays."""
+    wanted = []
+    for mesh in train.meshes:
+        for k in range(1, int(top / mesh.order) + 1):
+            centres = mesh.healthy_orders(k)
+            wanted += [(0, order, f"mesh {mesh.stage}") for order in centres]
+            for family in mesh.modulations:
+                shifts = [s * family.order for s in range(-SIDEBANDS, SIDEBANDS + 1) if s]
+                told = f"sidebands of mesh {mesh.stage}"
+                wanted += [(2, order + shift, told) for order in centres for shift in shifts]
+    for shaft in train.shafts:
+        own = [k * shaft.order for k in range(1, SHAFT_HARMONICS + 1)]
+        wanted += [(1, order, f"shaft {shaft.number}") for order in own]
+    kept: dict[float, str] = {}
+    for _, order, name in sorted(wanted):
+        if apart < order < top and all(abs(order - other) > apart for other in kept):
+            kept[order] = name
+    return kept
+
+
+def _points(
+    machine: Machine, heard: _Heard, exposure: Exposure, faults: tuple[str, ...]
+) -> tuple[tuple[PointExposure, ...], tuple[str, ...]]:
+    """Foretell every operating point, healthy and damaged."""
+    numbers = range(len(machine.operating))
+    try:
+        healthy = [expected_signature(machine, operating=number) for number in numbers]
+    except ArgumentError as error:
+        if faults:
+            raise
+        return (), (f"operating points are not foretold: {error}",)
+    speeds = [point.shaft1_hz for point in machine.operating]
+    here = min(numbers, key=lambda number: abs(speeds[number] - heard.shaft1_hz))
+    path = _path(heard, healthy[here])
+    if path is None:
+        told = "no mesh line stands clear on all axes: what damage and other speeds do is not told"
+        return (), (told,)
+    on_mesh = [name.startswith("mesh") for name in heard.names]
+    weighted = heard.square * heard.weight(heard.frequency_hz)
+    rest = np.maximum(heard.felt - weighted[:, on_mesh].sum(axis=1), 0.0)
+    points = []
+    for number, signature in zip(numbers, healthy, strict=True):
+        gears, point = _through(path, heard, signature), machine.operating[number]
+        damaged = None
+        if faults:
+            damaged = _through(path, heard, expected_signature(machine, faults, operating=number))
+        points.append(
+            PointExposure(
+                name=point.name or f"{point.speed_rpm:g} rpm",
+                speed_rpm=point.speed_rpm,
+                gears_ms2=math.sqrt(gears.sum()),
+                value_ms2=_value(exposure, rest + gears),
+                damaged_ms2=None if damaged is None else _value(exposure, rest + damaged),
+            )
+        )
+    low, high = path["frequency_hz"][[0, -1]]
+    note = f"the path is known from {low:.4g} to {high:.4g} Hz, and taken as constant beyond"
+    return tuple(sorted(points, key=lambda own: own.value_ms2)), (note,)
+
+
+def _value(exposure: Exposure, squares: FloatArray) -> float:
+    """Return what is compared with limits, of weighted mean squares axis by axis."""
+    return math.sqrt(squares.sum() if exposure.position == "hand" else squares.max())
+
+
+def _path(heard: _Heard, healthy: Signature) -> Mapping[str, FloatArray] | None:
+    """Return the gain from mesh to every axis where all of them hear a mesh harmonic."""
+    ratio = healthy["frequency_hz"] / heard.frequency_hz[:, None]
+    scale = np.median(healthy["frequency_hz"] / healthy["order"]) / heard.shaft1_hz
+    on_mesh = np.array([name.startswith("mesh") for name in heard.names])
+    clear = on_mesh & (heard.above_noise > 1).all(axis=0)
+    frequency, gain = [], []
+    for line in np.flatnonzero(clear):
+        near = np.abs(ratio[line] / scale - 1) < 1e-9
+        expected = float(np.square(healthy["acceleration_ms2"][near]).sum()) / 2
+        if expected > 0:
+            frequency.append(heard.frequency_hz[line])
+            gain.append(heard.square[:, line] / expected)
+    if not gain:
+        return None
+    return {"frequency_hz": np.array(frequency), "gain": np.array(gain).T}
+
+
+def _through(path: Mapping[str, FloatArray], heard: _Heard, lines: Signature) -> FloatArray:
+    """Return the weighted mean square that expected lines make at every axis."""
+    frequency = lines["frequency_hz"]
+    logarithm, known = np.log(frequency), np.log(path["frequency_hz"])
+    gain = np.array([np.exp(np.interp(logarithm, known, np.log(own))) for own in path["gain"]])
+    square = np.square(lines["acceleration_ms2"]) / 2
+    return np.asarray((gain * heard.weight(frequency) * square).sum(axis=1))

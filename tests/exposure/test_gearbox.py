@@ -1,0 +1,123 @@
+"""The gearbox in what is felt: shares of known lines, and damage through a known path."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from reference.small_gearbox import machine
+
+import gearmon
+from gearmon.errors import GearmonError
+from gearmon.exposure import WEIGHTINGS
+from gearmon.signals.recording import Recording
+
+RATE, SECONDS = 10_000.0, 8.0
+SHAFT_HZ = 2960.0 / 60
+#: Gain from the teeth to the hand; noise of both axes [m/s2].
+GAIN, NOISE = (0.02, 0.05), 0.05
+
+
+@cache
+def expected(*faults):
+    return gearmon.expected_signature(machine(), faults)
+
+
+@cache
+def recording(shaft=0.4):
+    """Mesh lines of the healthy machine through a gain, both shafts, and noise."""
+    time, generator = np.arange(round(RATE * SECONDS)) / RATE, np.random.default_rng(3)
+    healthy = expected()
+    kept = healthy["frequency_hz"] < 4500.0
+    rows = []
+    for gain in GAIN:
+        lines = zip(
+            healthy["frequency_hz"][kept], healthy["acceleration_ms2"][kept],
+            healthy["phase_rad"][kept], strict=True,
+        )  # fmt: skip
+        row = sum(gain * a * np.cos(2 * np.pi * f * time + p) for f, a, p in lines)
+        row += shaft * np.sin(2 * np.pi * SHAFT_HZ * time)
+        row += 0.5 * shaft * np.sin(2 * np.pi * SHAFT_HZ * 23 / 57 * time)
+        rows.append(row + NOISE * generator.normal(size=len(time)))
+    return Recording(
+        samples=np.array(rows), sampling_rate_hz=RATE, channel_names=("x", "y"),
+        units=("m/s2", "m/s2"), origin="lever.csv",
+    )  # fmt: skip
+
+
+@cache
+def found(*faults):
+    return gearmon.gear_share(recording(), exposure(), machine(), faults)
+
+
+def exposure():
+    return gearmon.vibration_exposure(recording(), "hand")
+
+
+def weight(frequency):
+    return np.abs(WEIGHTINGS["Wh"].response(frequency)) ** 2
+
+
+def of_mesh(gain, *faults, below=np.inf, lines=None):
+    """Weighted mean square of expected lines, summed by hand."""
+    lines = lines or expected(*faults)
+    kept, felt = lines["frequency_hz"] < below, weight(lines["frequency_hz"])
+    return float((gain**2 * lines["acceleration_ms2"] ** 2 / 2 * felt)[kept].sum())
+
+
+def test_shares_are_those_of_the_lines_that_were_put_in():
+    total = [axis.rms_ms2**2 for axis in exposure().axes]
+    lines = {own.name: own.share for own in found().lines}
+    shafts = {"shaft 1": (0.4, SHAFT_HZ), "shaft 2": (0.2, SHAFT_HZ * 23 / 57)}
+    for name, (amplitude, frequency) in shafts.items():
+        expected_share = amplitude**2 / 2 * weight(frequency) / np.array(total)
+        assert lines[name] == pytest.approx(expected_share, rel=0.03)
+    assert found().speed_hz == pytest.approx(SHAFT_HZ, rel=1e-4)
+    for gain, share, square in zip(GAIN, lines["mesh 1"], total, strict=True):
+        assert share == pytest.approx(of_mesh(gain, below=4500.0) / square, rel=0.03)
+    for axis in range(2):
+        assert found().share[axis] == pytest.approx(sum(own[axis] for own in lines.values()))
+        assert 0.8 < found().share[axis] < 1.005  # both are measured
+
+
+@pytest.mark.parametrize("fault", ["wear:1:pinion:all:20%", "crack:1:pinion:5:40%"])
+def test_damage_adds_what_its_lines_are_through_the_path(fault):
+    point = found(fault).points[0]
+    added = sum(of_mesh(gain, fault) - of_mesh(gain) for gain in GAIN)
+    assert point.damaged_ms2**2 - point.value_ms2**2 == pytest.approx(added, rel=0.05)
+    assert point.value_ms2 == pytest.approx(exposure().value_ms2, rel=0.01)
+
+
+def test_operating_points_are_ranked_by_what_is_felt():
+    points = [{"speed_rpm": rpm, "torque_nm": nm, "share": 0.5, "name": name} for rpm, nm, name in
+              ((2960.0, 120.0, "full"), (2960.0, 60.0, "half"))]  # fmt: skip
+    known = machine().to_dict() | {"operating": points}
+    told = gearmon.gear_share(recording(), exposure(), known)
+    assert [own.name for own in told.points] == ["half", "full"]
+    for number, point in enumerate(reversed(told.points)):
+        lines = gearmon.expected_signature(known, operating=number)
+        by_hand = sum(of_mesh(gain, lines=lines) for gain in GAIN)
+        assert point.gears_ms2**2 == pytest.approx(by_hand, rel=0.05)
+    assert all(own.damaged_ms2 is None for own in told.points)
+
+
+def test_without_gear_data_shares_are_told_and_damage_is_refused():
+    bare = {"operating": {"speed_rpm": 2960.0},
+            "stage": {"kind": "parallel", "pinion_teeth": 23, "gear_teeth": 57}}  # fmt: skip
+    told = gearmon.gear_share(recording(), exposure(), bare)
+    assert told.share == pytest.approx(found().share)
+    assert told.points == ()
+    assert any("operating points are not foretold" in own for own in told.warnings)
+    with pytest.raises(GearmonError, match=r"torque_nm of .* is missing"):
+        gearmon.gear_share(recording(), exposure(), bare, ["wear:1:pinion:all:20%"])
+
+
+def test_a_recording_without_a_mesh_has_no_share():
+    rows = np.random.default_rng(0).normal(size=(2, round(RATE * SECONDS)))
+    noise = Recording(samples=rows, sampling_rate_hz=RATE, channel_names=("x", "y"),
+                      units=("m/s2",) * 2, origin="noise.csv")  # fmt: skip
+    told = gearmon.gear_share(noise, gearmon.vibration_exposure(noise, "hand"), machine())
+    assert told.speed_hz is None
+    assert told.headline().startswith("no mesh found")
+    assert told.rows() == []

@@ -1,0 +1,186 @@
+"""`gearmon exposure`: tables, JSON by its schema, pictures, report, refusals, exit codes."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from PIL import Image
+
+from gearmon.cli import main, parsed
+from gearmon.demos import exposure as demo
+from gearmon.demos import run_demo
+from gearmon.exposure import day, gearbox, measures
+
+RATE = 400.0
+PLAN = """\
+[[job]]
+name = "ploughing"
+recording = "seat.csv"
+hours = 6
+hours_error = 0.5
+[[job]]
+name = "road"
+recording = ["seat.csv", "floor.csv"]
+hours = 1.0
+"""
+
+
+@pytest.fixture(scope="module")
+def farm(tmp_path_factory):
+    """A folder with a seat, its floor, and the plan of a day."""
+    folder, generator = tmp_path_factory.mktemp("farm"), np.random.default_rng(1)
+    rows = 3.0 * generator.normal(size=(3, round(240 * RATE)))
+    for name, scale in (("seat", 0.7), ("floor", 1.0)):
+        written(scale * rows, folder / f"{name}.csv")
+    written(np.clip(rows, -4, 4), folder / "clipped.csv")
+    written(rows / 9.80665 + [[0.0], [0.0], [1.0]], folder / "in-g.csv")
+    (folder / "plan.toml").write_text(PLAN)
+    return folder
+
+
+def written(rows, path):
+    names = [f"seat_{axis} [m/s2]" for axis in "xyz"]
+    frame = pd.DataFrame(dict(zip(names, rows, strict=True)))
+    frame.insert(0, "time [s]", np.arange(len(frame)) / RATE)
+    frame.to_csv(path, index=False, float_format="%.6g")
+
+
+def run(capsys, monkeypatch, folder, *words):
+    monkeypatch.chdir(folder)
+    capsys.readouterr()
+    code = main(["exposure", *map(str, words)])
+    return code, *capsys.readouterr()
+
+
+def test_everything_of_a_day_in_one_call(farm, tmp_path, capsys, monkeypatch):
+    jsonschema = pytest.importorskip("jsonschema")
+    words = ["seat.csv", "--floor", "floor.csv", "--day", "plan.toml", "-o", tmp_path / "out.csv",
+             "--report", tmp_path / "out.html", "--json"]  # fmt: skip
+    code, out, err = run(capsys, monkeypatch, farm, *words)
+    answer = json.loads(out)
+    assert (code, err) == (1, "")
+    schema = json.loads(resources.files("gearmon.commands").joinpath("schemas.json").read_text())
+    jsonschema.validate(answer, schema | {"$ref": "#/$defs/exposure"})
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(answer | {"day": 1}, schema | {"$ref": "#/$defs/exposure"})
+    seat = answer["recordings"][0]
+    assert seat["seat_factor"]["seat_rms"] == pytest.approx([0.7] * 3, rel=1e-3)
+    a8, vdv = answer["day"]["doses"]
+    expected = np.hypot(seat["value_ms2"] * np.sqrt(6 / 8), answer["day"]["jobs"][1]["a8_ms2"])
+    assert a8["value"] == pytest.approx(expected, rel=1e-6)
+    assert vdv["low"] < vdv["value"] < vdv["high"]
+    assert a8["verdict"] == "above the action value"
+    table = pd.read_csv(tmp_path / "out.csv")
+    assert list(table["axis"]) == ["x", "y", "z"]
+    assert {"rms_ms2", "mtvv_ms2", "vdv"} <= set(table.columns)
+    for name in ("out.png", "out-day.png"):
+        with Image.open(tmp_path / name) as picture:
+            assert picture.size[0] > 600
+    report = (tmp_path / "out.html").read_text()
+    assert report.count("data:image/png") == 2
+    assert all(own in report for own in ("SEAT factor", "ploughing", "above the action value"))
+
+
+def commands_in_readme():
+    text = (Path(__file__).resolve().parents[1] / "README.md").read_text("utf-8")
+    joined = text.replace("\\\n", " ")
+    return [shlex.split(line, comments=True)[1:] for line in joined.splitlines()
+            if line.startswith("gearmon exposure")]  # fmt: skip
+
+
+def test_the_commands_of_readme_run(farm, tmp_path, capsys, monkeypatch):
+    alone, of_a_day = commands_in_readme()
+    told = parsed(alone)
+    assert (told.recording, told.position, told.fault) == (
+        ["new.csv"], "hand", ["wear:1:pinion:all:20%"]
+    )  # fmt: skip
+    for name in ("seat.csv", "floor.csv"):
+        (tmp_path / name).symlink_to(farm / name)
+    (tmp_path / "day.toml").write_text(PLAN)
+    code, out, _ = run(capsys, monkeypatch, tmp_path, *of_a_day[1:])
+    assert code == 1
+    assert "above the action value" in out
+    assert (tmp_path / "day.html").is_file()
+
+
+def test_a_terminal_is_told_what_matters(farm, capsys, monkeypatch):
+    code, out, _ = run(capsys, monkeypatch, farm, "seat.csv")
+    assert code == 0
+    assert out.startswith("seat.csv: ")
+    assert "action value of a day after" in out
+    assert "VDV reaches the action value after" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ([], "name recordings, or with --day"),
+        (["in-g.csv"], "g were read as m/s2"),
+        (["clipped.csv", "--axes", "x=seat_x,y=seat_y,z=seat_z"], "clipped"),
+        (["clipped.csv"], "clipped"),
+        (["seat.csv", "--axes", "x=2,y=2"], "one channel for two axes"),
+        (["seat.csv", "--axes", "x=2,x=3"], "names an axis twice"),
+        (["seat.csv", "--axes", "seat_x"], "must name channels as x=NAME"),
+        (["seat.csv", "--position", "hand"], "counts vibration up to 1000 Hz"),
+        (["seat.csv", "--range", "5"], "of the sensor's range of 5"),
+        (["seat.csv", "floor.csv", "--floor", "floor.csv"], "belongs to one recording"),
+        (["seat.csv", "--fault", "wear:1:pinion:all:20%"], "only with --machine"),
+        (["--day", "none.toml"], "no such file"),
+        (["seat.csv", "-o", "seat.csv"], "is read as well"),
+    ],
+)
+def test_what_is_wrong_ends_in_one_line(farm, capsys, monkeypatch, words, told):
+    code, _, err = run(capsys, monkeypatch, farm, *words)
+    assert code == 2
+    assert told in err
+    assert err.count("\n") == 1
+
+
+def test_a_bad_recording_does_not_stop_the_others(farm, capsys, monkeypatch):
+    code, out, err = run(capsys, monkeypatch, farm, "in-g.csv", "seat.csv", "--json")
+    entries = json.loads(out)["recordings"]
+    assert code == 2
+    assert "error" in entries[0]
+    assert entries[1]["value_ms2"] > 0
+    assert err.count("\n") == 1
+
+
+def test_results_are_like_the_others(farm):
+    felt = measures.vibration_exposure(str(farm / "seat.csv"))
+    found = day.exposure_day(farm / "plan.toml")
+    lines = gearbox.LineShare(name="mesh 1", frequency_hz=500.0, weighted_ms2=(0.1, 0.2, 0.1),
+                              share=(0.1, 0.2, 0.3))  # fmt: skip
+    share = gearbox.GearShare(
+        recording="a.csv", machine="m", speed_hz=25.0, axes=("x", "y", "z"), share=(0.1, 0.2, 0.3),
+        lines=(lines,), faults=(), points=(), warnings=(),
+    )  # fmt: skip
+    for result in (felt, found, share, measures.seat_factor(felt, felt)):
+        assert len(repr(result)) < 500
+        assert len(result.to_frame()) > 0
+        assert json.loads(json.dumps(result.to_dict(), allow_nan=False))
+    for result in (felt, found, share):
+        first = np.ravel(result.plot())[0]
+        assert first.get_xlabel() or first.get_ylabel()
+    bands, course = felt.plot()
+    assert len(bands.get_lines()) == 6
+    assert len(course.get_lines()) == 4
+    assert "hours of work" in found.plot()[-1].get_xlabel()
+
+
+def test_the_demo_sums_up_a_day(tmp_path, monkeypatch):
+    monkeypatch.setattr(demo, "LEVER_S", 5.0)
+    told = run_demo("exposure", tmp_path / "demo")
+    a8, vdv = told.facts["day"]["doses"]
+    assert a8["low"] < 0.5 < a8["high"]
+    assert a8["verdict"] == vdv["verdict"] == "may be above the action value"
+    assert 0 < max(told.facts["gearbox"]["share"]) < 1
+    assert all(own["damaged_ms2"] > own["value_ms2"] for own in told.facts["gearbox"]["points"])
+    assert len(told.facts["pictures"]) == 3
+    assert told.files["report"].is_file()
+    assert any(line.startswith("day of 6.5 h") for line in told.lines())
