@@ -39,6 +39,7 @@ _HOMES = {
     "Analysis": "gearmon.diagnosis.results",
     "analyse": "gearmon.diagnosis.analysis",
     "learn": "gearmon.diagnosis.analysis",
+    "features": "gearmon.diagnosis.fault_types.judgement",
     "train_kinds": "gearmon.diagnosis.fault_types.training",
     "simulate": "gearmon.simulation",
     "tune_harvester": "gearmon.harvesting.tuning",
@@ -51,6 +52,7 @@ __all__ = ["__version__", *sorted(_HOMES)]
 if TYPE_CHECKING:
     from gearmon.diagnosis.analysis import analyse as analyse
     from gearmon.diagnosis.analysis import learn as learn
+    from gearmon.diagnosis.fault_types.judgement import features as features
     from gearmon.diagnosis.fault_types.training import train_kinds as train_kinds
     from gearmon.diagnosis.reference_check import check_reference as check_reference
     from gearmon.diagnosis.results import Analysis as Analysis

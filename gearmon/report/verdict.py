@@ -9,7 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from gearmon.diagnosis.decision.words import fault_sentence
+from gearmon.diagnosis.history import HistoryTrends
 from gearmon.diagnosis.results import Analysis, Flag
+from gearmon.report.history_text import moment_text
 from gearmon.report.wording import counted, percent, printable
 
 #: From the worst to the best.
@@ -51,6 +53,8 @@ class Summary:
         What is wrong, or that nothing is, in a sentence.
     sure : str
         How sure, in words with one number; "" where there is no number that belongs to it.
+    since : str
+        Since when, as a history tells; "" without one.
     next : str
         What to do.
     caution : str
@@ -62,23 +66,31 @@ class Summary:
     verdict: str
     what: str
     sure: str
+    since: str
     next: str
     caution: str
     because: str
 
     def lines(self) -> list[tuple[str, str]]:
         """Return the sentences after the first with their names, those that say something."""
-        named = (("how sure", self.sure), ("caution", self.caution), ("next", self.next))
+        named = (
+            ("how sure", self.sure),
+            ("since", self.since),
+            ("caution", self.caution),
+            ("next", self.next),
+        )
         return [(name, text) for name, text in named if text]
 
 
-def summary(analysis: Analysis) -> Summary:
+def summary(analysis: Analysis, history: HistoryTrends | None = None) -> Summary:
     """Return the answer of an analysis in ten seconds.
 
     Parameters
     ----------
     analysis : Analysis
         The analysis.
+    history : HistoryTrends, optional
+        Of the machine: tells since when.
     """
     first, _, rest = analysis.reason.partition(". ")
     what, because = f"{first.removesuffix('.')}.", rest
@@ -89,6 +101,7 @@ def summary(analysis: Analysis) -> Summary:
         verdict=analysis.verdict,
         what=what,
         sure=_sure(analysis),
+        since="" if history is None else _since(analysis, history),
         next=_next(analysis),
         caution=_caution(analysis),
         because=because,
@@ -119,6 +132,27 @@ def _sure(analysis: Analysis) -> str:
             most = percent(max(noticed), 0)
             return f"a tooth that had lost {most} of its pair's stiffness would have been noticed"
     return ""
+
+
+def _since(analysis: Analysis, found: HistoryTrends) -> str:
+    """Say when what is flagged now was first seen, and since when it grows."""
+    entries = found.history.entries
+    if analysis.verdict != "fault" or not entries:
+        return ""
+    run = 0
+    while run < len(entries) and entries[-1 - run].verdict == "fault":
+        run += 1
+    said = [f"new: none of the {counted(len(entries), 'recording')} of the history shows a fault"]
+    if run:
+        first = entries[-run]
+        before = "" if run < len(entries) else ", the first of the history"
+        said = [f"{moment_text(first.time_s, fine=False)}{before}; {counted(run, 'recording')} so"]
+    flag = analysis.flags[0] if analysis.flags else None
+    for tooth in found.shown:
+        if flag and (tooth.stage, tooth.gear, tooth.tooth) == (flag.stage, flag.gear, flag.tooth):
+            start, now = tooth.trend.series.value[0], tooth.now[0]
+            said.append(f"its loss went from {percent(start, 0)} to {percent(now, 0)}")
+    return "; ".join(said)
 
 
 def _next(analysis: Analysis) -> str:
