@@ -164,6 +164,7 @@
         if (lines.measured.length) said.push(...rows().map((row) => levelText(page, found, row)));
         if (found !== line) { line = found; again(); }
       } else if (isHistory) said.push(`${new Date(at * 1e3).toISOString().slice(0, 10)}, ${page.told[idx]}`, here);
+      else if (!chart.teeth) said.push(`${chart.axis} ${at.toFixed(1)}: ${here}`);
       else said.push(`Tooth ${((Math.round(at) - 1 + chart.teeth) % chart.teeth) + 1} of ${chart.teeth}: ${here}`);
       readout.replaceChildren(...said.map((text) => Object.assign(document.createElement("div"), { textContent: text })));
     }

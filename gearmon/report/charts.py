@@ -15,18 +15,23 @@ from numpy.typing import ArrayLike, NDArray
 
 from gearmon.diagnosis.history import HistoryTrends
 from gearmon.diagnosis.results import Analysis
+from gearmon.gears.kinematics import kinematics
+from gearmon.machine import Machine
 from gearmon.report.analysis_plots import flagged_place, profile_of, tooth_numbers
 from gearmon.report.curves import angle_spectrum, time_spectrum
 from gearmon.report.history_text import told_teeth
 from gearmon.report.palette import SERIES
 from gearmon.report.spectrum_plots import last_harmonic_hz, mesh_marks, track_of, vibration_of
+from gearmon.report.verdict import far_from_nominal
 from gearmon.report.wording import gear_text, printable, shaft_text, unit_text
 from gearmon.signals.orders.averages import one_turn
 from gearmon.signals.orders.maps import order_map
 from gearmon.signals.recording import Recording
+from gearmon.signals.tracking.comb import scan_speed
 from gearmon.signals.transforms import fast_length
 from gearmon.signatures.measured.line_plan import Family, WheelLines
 from gearmon.signatures.measured.reference import Reference, WheelPattern
+from gearmon.signatures.speed import SPEED_REACH, machine_comb
 
 FloatArray = NDArray[np.float64]
 
@@ -42,7 +47,11 @@ _LEAST_TURNS, _MOST_TURNS = 8.0, 40.0
 
 
 def recording_charts(
-    analysis: Analysis, recording: Recording | None, reference: Reference | None, points: int
+    analysis: Analysis,
+    recording: Recording | None,
+    reference: Reference | None,
+    machine: Machine,
+    points: int,
 ) -> dict[str, Any]:
     """Return the charts of a recording and the lines that they name.
 
@@ -54,6 +63,8 @@ def recording_charts(
         Its recording; without, there are no spectra.
     reference : Reference or None
         What it was compared with.
+    machine : Machine
+        The machine.
     points : int
         Points of a curve, at most.
 
@@ -66,6 +77,8 @@ def recording_charts(
     charts: list[dict[str, Any]] = []
     if recording is not None:
         charts.append(_spectrum(analysis, recording, points))
+        if not signature.found or far_from_nominal(signature.speed):
+            charts.append(_speed_search(analysis, recording, machine))
     if signature.found:
         if recording is not None:
             charts += _in_orders(analysis, recording, points)
@@ -133,6 +146,26 @@ def _spectrum(analysis: Analysis, recording: Recording, points: int) -> dict[str
     hertz, values = spectrum.frequency_hz[2:], spectrum.values[:, 2:]
     speed = analysis.signature.speed.estimated_hz
     return _spectrum_chart("spectrum", "Frequency (Hz)", speed, hertz, values, points)
+
+
+def _speed_search(analysis: Analysis, recording: Recording, machine: Machine) -> dict[str, Any]:
+    """Give how well the lines of the machine fit at every speed: the one found and its rivals."""
+    vibration, speed = vibration_of(analysis, recording), analysis.signature.speed
+    comb, block_s = machine_comb(kinematics(machine), speed.nominal_hz), 30.0 / speed.nominal_hz
+    rate = vibration.sampling_rate_hz
+    scan = scan_speed(vibration.samples, rate, comb, speed.nominal_hz, SPEED_REACH, block_s)
+    score = scan.scores.mean(axis=0)
+    x, held = _held(60 * speed.nominal_hz * scan.ratio, score[None] - score.min(), POINTS // 4)
+    return {
+        "name": "speed",
+        "kind": "speed",
+        "title": "Search for the speed: how well the machine's lines fit; shaded: the one found",
+        "axis": "Speed of shaft 1 (rpm)",
+        "value": "Fit of the lines",
+        "marked": 60 * speed.estimated_hz,
+        "x": _numbers(x),
+        "curves": [_curve(held[0], "fit", None)],
+    }
 
 
 def _in_orders(analysis: Analysis, recording: Recording, points: int) -> Iterator[dict[str, Any]]:

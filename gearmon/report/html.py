@@ -96,8 +96,9 @@ def write_report(
     for number, analysis in enumerate(analyses, start=1):
         recording = _next_of(supply, number)
         section = _contents(number, analysis, reference, machine, history)
-        section["pictures"], files = _pictures(number, analysis, recording, reference, target)
-        charts[section["anchor"]] = recording_charts(analysis, recording, reference, points)
+        drawn = recording, reference
+        section["pictures"], files = _pictures(number, analysis, *drawn, target)
+        charts[section["anchor"]] = recording_charts(analysis, *drawn, machine, points)
         sections.append(section)
         written += files
         if progress:

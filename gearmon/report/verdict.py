@@ -13,6 +13,7 @@ from gearmon.diagnosis.history import HistoryTrends
 from gearmon.diagnosis.results import Analysis, Flag
 from gearmon.report.history_text import moment_text
 from gearmon.report.wording import counted, percent, printable
+from gearmon.signatures.speed import Speed
 
 #: From the worst to the best.
 WORST_FIRST = ("fault", "cannot tell", "no mesh found", "healthy")
@@ -180,16 +181,19 @@ def _next(analysis: Analysis) -> str:
 
 def _caution(analysis: Analysis) -> str:
     speed = analysis.signature.speed
-    if not analysis.signature.found or speed.nominal_hz <= 0:
+    if not analysis.signature.found or not far_from_nominal(speed):
         return ""
     off = speed.estimated_hz / speed.nominal_hz - 1.0
-    if abs(off) <= _FAR_FROM_NOMINAL:
-        return ""
     return (
         f"the speed found, {60 * speed.estimated_hz:.0f} rpm, is {percent(abs(off), 0)} "
         f"{'above' if off > 0 else 'below'} the {60 * speed.nominal_hz:.0f} rpm of the machine "
-        "file. If the machine did not run so, all of this is wrong"
+        "file. If the machine did not run so, all of this is wrong: tell the speed by --speed-hint"
     )
+
+
+def far_from_nominal(speed: Speed) -> bool:
+    """Tell whether a speed is so far from that of the machine file that a reader must know."""
+    return abs(speed.estimated_hz - speed.nominal_hz) > _FAR_FROM_NOMINAL * speed.nominal_hz
 
 
 def worst_first(analyses: Sequence[Analysis]) -> list[int]:
