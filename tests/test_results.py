@@ -140,3 +140,20 @@ def test_json_is_as_its_schema_says(shop, tmp_path, monkeypatch, capsys, command
     broken = {name: own for name, own in answer.items() if name != "schema"}
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.validate(broken, schema | {"$ref": f"#/$defs/{command}"})
+
+
+def test_features_of_analyses_go_into_a_pipeline():
+    from sklearn.linear_model import LogisticRegression
+    from sklearn.pipeline import make_pipeline
+    from sklearn.preprocessing import StandardScaler
+
+    frame = gearmon.features([results()["analysis"]] * 2, results()["reference"])
+    assert frame.index.names == ["recording", "stage", "gear"]
+    assert len(frame) == 2 * len(results()["signature"].plan.wheels)
+    assert np.isfinite(frame.to_numpy()).all()
+    cracked = frame.index.get_level_values("gear") == results()["flag"].gear
+    pipeline = make_pipeline(StandardScaler(), LogisticRegression()).fit(frame, cracked)
+    assert list(pipeline.predict(frame)) == list(cracked)
+    assert pipeline.feature_names_in_[0] == "mesh_db"
+    alone = gearmon.features(results()["analysis"])
+    assert list(alone.columns) == list(frame.columns)

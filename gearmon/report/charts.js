@@ -9,6 +9,7 @@
   const floats = (text) => Array.from(new Float32Array(bytes(text).buffer), (v) => (isNaN(v) ? null : v));
   const short = (v) => (v === null ? "–" : String(Number(v.toPrecision(3))).replace("-", "−"));
   const decibel = (v) => (v < 0 ? "−" : "+") + Math.abs(v).toFixed(1) + " dB";
+  const day = (seconds) => new Date(seconds * 1e3).toISOString().slice(0, 10);
   const unique = (values) => [...new Set(values)];
 
   function make(tag, parent, text, settings) {
@@ -93,7 +94,7 @@
         x: { time: isHistory, range: (u, low, high) => (high > low ? [low, high] : [from, to]) },
         y: isMap ? { range: chart.time } : { distr: scale ? 3 : 1, range },
       },
-      axes: [axis(chart.axis, 34), axis(chart.value, 58, {
+      axes: [axis(chart.axis, 34, isHistory && { values: (u, splits) => splits.map(day), space: 90 }), axis(chart.value, 58, {
         grid: { stroke: LIGHT, filter: decades },
         ticks: { filter: decades },
         values: (u, splits) => decades(u, splits).map((v) => (v === null ? "" : short(v))),
@@ -163,7 +164,7 @@
         said.push(`Nearest line: ${lines.name[found]} (${where})`);
         if (lines.measured.length) said.push(...rows().map((row) => levelText(page, found, row)));
         if (found !== line) { line = found; again(); }
-      } else if (isHistory) said.push(`${new Date(at * 1e3).toISOString().slice(0, 10)}, ${page.told[idx]}`, here);
+      } else if (isHistory) said.push(`${day(x[idx])}, ${page.told[idx]}`, here);
       else if (!chart.teeth) said.push(`${chart.axis} ${at.toFixed(1)}: ${here}`);
       else said.push(`Tooth ${((Math.round(at) - 1 + chart.teeth) % chart.teeth) + 1} of ${chart.teeth}: ${here}`);
       readout.replaceChildren(...said.map((text) => Object.assign(document.createElement("div"), { textContent: text })));
