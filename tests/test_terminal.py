@@ -21,9 +21,8 @@ def test_a_folder_stands_for_the_recordings_in_it(tmp_path):
     assert recordings_named(["x.csv", str(tmp_path), "-"]) == ["x.csv", *inside, "-"]
 
 
-def test_a_folder_without_a_recording_and_two_inputs_are_refused(tmp_path):
-    with pytest.raises(ArgumentError, match="no recording in this folder"):
-        recordings_named([str(tmp_path)])
+def test_a_folder_without_a_recording_stays_and_two_inputs_are_refused(tmp_path):
+    assert recordings_named([str(tmp_path)]) == [str(tmp_path)]
     with pytest.raises(ArgumentError, match="named twice"):
         recordings_named(["-", "a.csv", "-"])
 

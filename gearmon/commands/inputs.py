@@ -126,21 +126,17 @@ def machine_of(path: str, speed_hint_rpm: float | None = None) -> Machine:
 def recordings_named(given: Sequence[str]) -> list[str]:
     """Return the files that recordings are named by; a folder stands for those in it.
 
+    One without any stays, to be reported in its place.
+
     Raises
     ------
     ArgumentError
-        If there is no recording in a folder, or standard input is named twice.
+        If standard input is named twice.
     """
     named: list[str] = []
     for name in given:
-        inside = Path(name)
-        found = [name]
-        if name != STANDARD_INPUT and inside.is_dir():
-            files = sorted(inside.iterdir())
-            found = [str(own) for own in files if own.suffix.lower() in _RECORDED]
-            if not found:
-                raise ArgumentError(f"{name}: no recording in this folder; name files, or another")
-        named += found
+        files = sorted(Path(name).iterdir()) if Path(name).is_dir() else []
+        named += [str(own) for own in files if own.suffix.lower() in _RECORDED] or [name]
     if named.count(STANDARD_INPUT) > 1:
         raise ArgumentError("standard input (-) is named twice; it can be read but once")
     return named
