@@ -12,7 +12,7 @@ from gearmon.gears.kinematics import Kinematics, Mesh
 from gearmon.machine import Machine
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack
-from gearmon.signals.tracking.comb import Comb, SpeedScan, scan_speed
+from gearmon.signals.tracking.comb import Comb, SpeedScan, clearest, scan_speed
 from gearmon.signals.tracking.mesh_detection import MeshComb, combined_comb
 from gearmon.signatures.measured.line_plan import MESH_HARMONICS, group_orders, mesh_harmonics
 
@@ -25,6 +25,8 @@ SPEED_REACH = 0.25
 # harmonics of a slow mesh are smeared in long blocks by a speed that drifts; short ones still tell
 # them from sidebands of shaft 1.
 _SCAN_TURNS, _SLOW_MESH_TURNS = 30.0, 8.0
+# The same where nominal speeds are told apart, by lines that a speed that wanders must not smear.
+_COMPARED_TURNS = 12.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,7 +92,7 @@ def scan_nominal_speeds(
     train: Kinematics,
     machine: Machine,
 ) -> tuple[float, SpeedScan]:
-    """Scan about every nominal speed of the machine; the one that collects the most is meant.
+    """Scan about every nominal speed of the machine; the one whose own lines are clearest is meant.
 
     Parameters
     ----------
@@ -116,18 +118,20 @@ def scan_nominal_speeds(
         If the machine has no operating point.
     """
     duration = samples.shape[-1] / rate
-    scans = []
-    for nominal in sorted({point.shaft1_hz for point in machine.operating}):
+
+    def scanned(nominal: float, turns: float) -> tuple[SpeedScan, Comb]:
         comb = machine_comb(train, nominal)
-        slow = any(mesh_harmonics(m.order * nominal) > MESH_HARMONICS for m in train.meshes)
-        block_s = (_SLOW_MESH_TURNS if slow else _SCAN_TURNS) / nominal
-        if duration < 4 * block_s:
-            block_s = duration
-        scan = scan_speed(samples, rate, comb, nominal, SPEED_TOLERANCE, block_s)
-        scans.append((nominal, scan))
-    if not scans:
+        block_s = turns / nominal if duration >= 4 * turns / nominal else duration
+        return scan_speed(samples, rate, comb, nominal, SPEED_TOLERANCE, block_s), comb
+
+    speeds = sorted({point.shaft1_hz for point in machine.operating})
+    if not speeds:
         raise ArgumentError("machine has no operating point: add [operating] speed_rpm = ...")
-    return scans[0] if len(scans) == 1 else max(scans, key=lambda pair: pair[1].best_score)
+    nominal = speeds[0]
+    if len(speeds) > 1:
+        nominal = speeds[clearest([scanned(own, _COMPARED_TURNS) for own in speeds])]
+    slow = any(mesh_harmonics(m.order * nominal) > MESH_HARMONICS for m in train.meshes)
+    return nominal, scanned(nominal, _SLOW_MESH_TURNS if slow else _SCAN_TURNS)[0]
 
 
 def speed_of(
