@@ -1,9 +1,7 @@
 """Gear condition monitoring that starts from physics.
 
 The public names load what they need when they are first used, so that `import gearmon` costs
-nothing. These pages are made from the docstrings by
-
-    pip install "gearmon[docs]" && pdoc -d numpy -o api gearmon
+nothing. Pages of them all are made from the docstrings by `python .ci/docs` (extra `docs`).
 
 Terms
 -----

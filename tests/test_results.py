@@ -126,6 +126,7 @@ COMMANDS = {
     "orders": ["new.csv", *_GIVEN],
     "init": ["--teeth", "23/57", "--speed", "1480rpm", "-o", "mine.toml"],
     "lines": ["machine.toml"],
+    "stiffness": ["machine.toml"],
     "baseline": ["machine.toml"],
     "family": ["machine.toml", "--kind", "eccentricity", "--size", "20um"],
     "stability": ["machine.toml"],
