@@ -62,6 +62,7 @@
     const from = x[0] - edge, to = Math.max(x[x.length - 1], from + 1e-9) + edge;
     const maps = (chart.maps || []).map((own) => painted(own, x.length, chart.rows));
     const off = new Set(curves.filter((c) => c.off).map((c) => c.layer)), marked = new Set();
+    const units = unique(page.channels.map((c) => c.unit)), unit = chart.vibration && units.length === 1 ? ` (${units[0]})` : "";
     let map = maps[0], healthy = true, line = null;
 
     make("h3", host, chart.title);
@@ -74,7 +75,7 @@
     const rows = () => unique(curves.filter(shown).map((c) => c.channel));
     const tint = (c) => c.colour || (c.layer === "healthy" ? GREY : c.channel === null ? BLUE : page.channels[c.channel].colour);
     const chosen = () => places.map((place, k) => k).filter((k) => !marked.size || marked.has(lines.of[k].group));
-    const decades = (u, splits) => splits.map((v) => (scale && Math.abs(Math.log10(v) % 1) > 1e-6 ? null : v));
+    const decades = (u, splits) => splits.map((v) => (scale && !isMap && Math.abs(Math.log10(v) % 1) > 1e-6 ? null : v));
     const range = (u, low, high) => {
       // whole decades: from elsewhere uPlot may never get to the end of its marks
       if (scale) return [10 ** Math.floor(Math.log10(Math.max(low, high * 1e-6))), 10 ** Math.ceil(Math.log10(high * 1.2))];
@@ -94,7 +95,7 @@
         x: { time: isHistory, range: (u, low, high) => (high > low ? [low, high] : [from, to]) },
         y: isMap ? { range: chart.time } : { distr: scale ? 3 : 1, range },
       },
-      axes: [axis(chart.axis, 34, isHistory && { values: (u, splits) => splits.map(day), space: 90 }), axis(chart.value, 58, {
+      axes: [axis(chart.axis, 34, isHistory && { values: (u, splits) => splits.map(day), space: 90 }), axis(chart.value + unit, 58, {
         grid: { stroke: LIGHT, filter: decades },
         ticks: { filter: decades },
         values: (u, splits) => decades(u, splits).map((v) => (v === null ? "" : short(v))),
@@ -192,7 +193,7 @@
     if (layers.length > 1) layers.forEach((own) => toggle(own, !off.has(own), tint(curves.find((c) => c.layer === own)), layer(own)));
     for (const group of places.length ? lines.groups : [])
       toggle(group, group.startsWith("mesh"), GREY, (on) => { marked[on ? "add" : "delete"](group); again(); });
-    if (places.length && lines.low.flat().some((v) => v !== null)) toggle("healthy", true, GREY, (on) => { healthy = on; again(); });
+    if (places.length && !isMap && lines.low.flat().some((v) => v !== null)) toggle("healthy", true, GREY, (on) => { healthy = on; again(); });
     if (maps.length > 1) choice("Channel", maps.map((own) => page.channels[own.channel].name), (k) => { map = maps[k]; again(); });
 
     const span = () => plot.scales.x.max - plot.scales.x.min;

@@ -135,6 +135,7 @@ def _spectrum_chart(
         "axis": axis,
         "scale": scale,
         "value": "Peak amplitude",
+        "vibration": True,
         "x": _numbers(x),
         "curves": curves,
     }
@@ -240,6 +241,7 @@ def _turn(
         "name": f"turn-{wheel.stage}-{wheel.gear}",
         "title": f"One turn of the {name}, averaged",
         "value": "Average over the turns",
+        "vibration": True,
         "kind": "turn",
         "x": _numbers(number[order]),
         "curves": curves,

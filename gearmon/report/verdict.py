@@ -143,11 +143,11 @@ def _since(analysis: Analysis, found: HistoryTrends) -> str:
     run = 0
     while run < len(entries) and entries[-1 - run].verdict == "fault":
         run += 1
-    said = [f"new: none of the {counted(len(entries), 'recording')} of the history shows a fault"]
+    said = ["new: the last recording of the history shows none"]
     if run:
-        first = entries[-run]
-        before = "" if run < len(entries) else ", the first of the history"
-        said = [f"{moment_text(first.time_s, fine=False)}{before}; {counted(run, 'recording')} so"]
+        every = counted(len(entries), "recording")
+        these = "all" if run == len(entries) else f"the last {run}"
+        said = [f"{moment_text(entries[-run].time_s, fine=False)}, in {these} of {every}"]
     flag = analysis.flags[0] if analysis.flags else None
     for tooth in found.shown:
         if flag and (tooth.stage, tooth.gear, tooth.tooth) == (flag.stage, flag.gear, flag.tooth):
