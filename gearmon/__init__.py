@@ -1,7 +1,40 @@
 """Gear condition monitoring that starts from physics.
 
 The public names load what they need when they are first used, so that `import gearmon` costs
-nothing.
+nothing. Pages of them all are made from the docstrings by `python .ci/docs` (extra `docs`).
+
+Terms
+-----
+shaft
+    Counted in the order of power flow; shaft 1 is the input, and its turns count all orders.
+stage
+    Two gears in mesh, or a planetary set; its driving gear is the pinion.
+order
+    Cycles a turn of shaft 1. A line that a shaft makes keeps its order whatever the speed does.
+mesh frequency
+    Teeth that pass the mesh a second; "mesh 1 harmonic 2" (GMF1 ×2) is twice that of stage 1.
+sidebands
+    Lines beside a mesh harmonic at the spacing of a shaft's rotation: what changes once a turn.
+family
+    Lines with one cause about one mesh harmonic: the harmonic itself, the sidebands up to the
+    sixth of one shaft, or the residual (what else repeats with that shaft).
+level
+    Power of a family or a line [dB re 1 unit²], of peak amplitudes.
+synchronous average
+    What repeats with every turn of a gear (TSA), all else averaged out.
+loss of stiffness
+    Share of the stiffness of one tooth pair that damage has taken; 20 % is a large crack.
+reference
+    What healthy recordings of the machine looked like, condensed; their prediction for the load and
+    speed of a new recording is the healthy machine that it is compared with.
+expected signature
+    The lines that the machine file lets expect, by the mesh stiffness and the equation of motion.
+verdict
+    `healthy`, `fault`, `cannot tell` or `no mesh found`.
+flag
+    One finding, with the place, the size and the probability of as much on a sound machine.
+score
+    -log10 of the false-alarm probability of the strongest evidence.
 """
 
 from __future__ import annotations
@@ -39,6 +72,7 @@ _HOMES = {
     "Analysis": "gearmon.diagnosis.results",
     "analyse": "gearmon.diagnosis.analysis",
     "learn": "gearmon.diagnosis.analysis",
+    "features": "gearmon.diagnosis.fault_types.judgement",
     "train_kinds": "gearmon.diagnosis.fault_types.training",
     "simulate": "gearmon.simulation",
     "tune_harvester": "gearmon.harvesting.tuning",
@@ -57,6 +91,7 @@ __all__ = ["__version__", *sorted(_HOMES)]
 if TYPE_CHECKING:
     from gearmon.diagnosis.analysis import analyse as analyse
     from gearmon.diagnosis.analysis import learn as learn
+    from gearmon.diagnosis.fault_types.judgement import features as features
     from gearmon.diagnosis.fault_types.training import train_kinds as train_kinds
     from gearmon.diagnosis.reference_check import check_reference as check_reference
     from gearmon.diagnosis.results import Analysis as Analysis

@@ -12,13 +12,15 @@ import io
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import nullcontext, suppress
 
 from gearmon import __version__
 from gearmon.commands import COMMANDS
-from gearmon.commands.inputs import check_names, outputs_claimed
+from gearmon.commands.inputs import check_names, outputs_claimed, recordings_named
 from gearmon.commands.output import BAD_INPUT, DONE, OWN_FAULT, STOPPED, complain, flushed
 from gearmon.errors import GearmonError, nearest_name
 from gearmon.signals.threads import cores
+from gearmon.terminal import working
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -70,6 +72,7 @@ def parsed(
     parser, words = _parser(), sys.argv[1:] if argv is None else argv
     names = [command.name for command in COMMANDS]
     word = words[0] if words else "-"
+    _completed(parser)
     near = None if word.startswith("-") or word in names else nearest_name(word, names)
     if near is not None:
         parser.error(f"there is no command {word!r}; did you mean {near}?")
@@ -81,11 +84,25 @@ def _run(argv: Sequence[str] | None, arguments: argparse.Namespace) -> int:
     if arguments.command is None:
         _parser().print_help()
         return DONE
+    if vars(arguments).get("recording"):
+        arguments.recording = recordings_named(arguments.recording)
     check_names(arguments)
     cores()  # refuses a wrong number of them before any work
-    with outputs_claimed(arguments):
+    # these have a bar of their own
+    bar = arguments.command in ("demo", "benchmark")
+    bar |= len(vars(arguments).get("recording") or ()) > 1
+    with outputs_claimed(arguments), nullcontext() if bar else working(arguments.command):
         code: int = arguments.run(arguments)
     return code
+
+
+def _completed(parser: argparse.ArgumentParser) -> None:
+    """Answer the shell that asks how a line may go on, where argcomplete is there to do it."""
+    if "_ARGCOMPLETE" in os.environ:
+        with suppress(ImportError):
+            import argcomplete
+
+            argcomplete.autocomplete(parser)
 
 
 def _open_streams() -> None:

@@ -115,12 +115,22 @@ def test_a_machine_is_made_again_of_its_dictionary():
     assert again.operating == machine().operating
 
 
+_GIVEN = ["--machine", "machine.toml"]
 COMMANDS = {
-    "analyse": ["new.csv", "letter.txt", "--reference", "healthy.ref"],
-    "learn": ["healthy-0.csv", "-o", "again.ref"],
-    "indicators": ["new.csv"],
-    "spectrum": ["new.csv"],
-    "orders": ["new.csv"],
+    "analyse": ["new.csv", "letter.txt", "--reference", "healthy.ref", *_GIVEN],
+    "learn": ["healthy-0.csv", "-o", "again.ref", *_GIVEN],
+    "check": ["healthy.ref", *_GIVEN],
+    "history": ["new.csv", "--times", "2026-03-01", "--reference", "healthy.ref", *_GIVEN],
+    "indicators": ["new.csv", *_GIVEN],
+    "spectrum": ["new.csv", *_GIVEN],
+    "orders": ["new.csv", *_GIVEN],
+    "init": ["--teeth", "23/57", "--speed", "1480rpm", "-o", "mine.toml"],
+    "lines": ["machine.toml"],
+    "stiffness": ["machine.toml"],
+    "baseline": ["machine.toml"],
+    "family": ["machine.toml", "--kind", "eccentricity", "--size", "20um"],
+    "stability": ["machine.toml"],
+    "simulate": ["machine.toml", "--seed", "1", "-o", "made.csv"],
 }
 
 
@@ -130,7 +140,7 @@ def test_json_is_as_its_schema_says(shop, tmp_path, monkeypatch, capsys, command
     for path in shop.iterdir():
         (tmp_path / path.name).symlink_to(path)
     monkeypatch.chdir(tmp_path)
-    main([command, *COMMANDS[command], "--machine", "machine.toml", "--json"])
+    main([command, *COMMANDS[command], "--json"])
     answer = json.loads(capsys.readouterr().out)
     shipped = resources.files("gearmon.commands").joinpath("schemas.json").read_text("utf-8")
     schema = json.loads(shipped)
@@ -140,3 +150,20 @@ def test_json_is_as_its_schema_says(shop, tmp_path, monkeypatch, capsys, command
     broken = {name: own for name, own in answer.items() if name != "schema"}
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.validate(broken, schema | {"$ref": f"#/$defs/{command}"})
+
+
+def test_features_of_analyses_go_into_a_pipeline():
+    from sklearn.linear_model import LogisticRegression
+    from sklearn.pipeline import make_pipeline
+    from sklearn.preprocessing import StandardScaler
+
+    frame = gearmon.features([results()["analysis"]] * 2, results()["reference"])
+    assert frame.index.names == ["recording", "stage", "gear"]
+    assert len(frame) == 2 * len(results()["signature"].plan.wheels)
+    assert np.isfinite(frame.to_numpy()).all()
+    cracked = frame.index.get_level_values("gear") == results()["flag"].gear
+    pipeline = make_pipeline(StandardScaler(), LogisticRegression()).fit(frame, cracked)
+    assert list(pipeline.predict(frame)) == list(cracked)
+    assert pipeline.feature_names_in_[0] == "mesh_db"
+    alone = gearmon.features(results()["analysis"])
+    assert list(alone.columns) == list(frame.columns)

@@ -150,9 +150,12 @@ def recording_options(
         "recording",
         metavar="RECORDING",
         nargs=count,
-        help="CSV, plain or gzip; also WAV, FLAC, MATLAB, HDF5, TDMS, UFF 58, Parquet, NPY",
+        help="CSV, plain or gzip; also WAV, FLAC, MATLAB, HDF5, TDMS, UFF 58, Parquet, NPY; a "
+        "folder of these; - for standard input",
     )
     option("--machine", metavar="MACHINE", required=machine_required, help="machine file (TOML)")
+    told = "speed of shaft 1, where the machine file's is far off; it is looked for about this"
+    option("--speed-hint", type=float, metavar="RPM", help=told)
     sampling_rate(parser)
     told = "vibration channel by name or column number (all by default)"
     repeatable(parser, "--channel", "NAME|N", told)

@@ -5,14 +5,18 @@ from __future__ import annotations
 import argparse
 import glob
 import os
+import shutil
 import signal
+import sys
+import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import IO, TYPE_CHECKING, Any, TypeVar
 
 from gearmon.commands.output import complain, complain_of
-from gearmon.errors import ArgumentError, GearmonError
+from gearmon.errors import ArgumentError, GearmonError, check_positive
 from gearmon.files import check_output, protecting
 from gearmon.signals.threads import THREADS, cores
 from gearmon.terminal import progress_bar
@@ -25,11 +29,18 @@ Found = TypeVar("Found")
 
 # A process takes as long to start as one file of ten seconds takes to analyse.
 _FILES_A_PROCESS = 2
+#: What names standard input in the place of a file.
+STANDARD_INPUT = "-"
+# What a recording of a folder may end in.
+_RECORDED = (
+    *(".csv", ".tsv", ".txt", ".gz", ".wav", ".flac", ".mat", ".h5", ".hdf5"),
+    *(".tdms", ".uff", ".unv", ".parquet", ".npy", ".npz"),
+)
 # Pictures beside a report.
 _PICTURES = ("{}-[0-9][0-9]-*.png",)
 _NEVER_EMPTY = (
     *("output", "report", "reference", "tacho", "machine", "harvester", "history", "trained"),
-    *("store", "day", "floor"),
+    *("store", "past", "day", "floor"),
 )
 
 
@@ -72,7 +83,7 @@ def outputs_claimed(arguments: argparse.Namespace) -> Iterator[None]:
     read = [*given.get("recording", ()), *given.get("degraded", ())]
     read += [
         path
-        for name in ("machine", "reference", "harvester", "day", "floor")
+        for name in ("machine", "reference", "harvester", "past", "day", "floor")
         if (path := given.get(name))
     ]
     # these are gone on with: whoever reads them knows whether they are what they should be
@@ -102,15 +113,53 @@ def output_files(arguments: argparse.Namespace) -> list[Path]:
     return [] if arguments.folder else found
 
 
-def machine_of(path: str) -> Machine:
-    """Read a machine file."""
+def machine_of(path: str, speed_hint_rpm: float | None = None) -> Machine:
+    """Read a machine file; a speed that is known better takes the place of its nominal ones."""
     from gearmon.machine import load_machine
 
-    return load_machine(path)
+    machine = load_machine(path)
+    if speed_hint_rpm is None:
+        return machine
+    check_positive("--speed-hint", speed_hint_rpm, "rpm")
+    nearest = min(machine.operating, key=lambda own: abs(own.speed_rpm - speed_hint_rpm))
+    return replace(machine, operating=(replace(nearest, speed_rpm=speed_hint_rpm),))
+
+
+def recordings_named(given: Sequence[str]) -> list[str]:
+    """Return the files that recordings are named by; a folder stands for those in it.
+
+    One without any stays, to be reported in its place.
+
+    Raises
+    ------
+    ArgumentError
+        If standard input is named twice.
+    """
+    named: list[str] = []
+    for name in given:
+        files = sorted(Path(name).iterdir()) if Path(name).is_dir() else []
+        named += [str(own) for own in files if own.suffix.lower() in _RECORDED] or [name]
+    if named.count(STANDARD_INPUT) > 1:
+        raise ArgumentError("standard input (-) is named twice; it can be read but once")
+    return named
+
+
+def _kept_input(file: IO[bytes]) -> str:
+    """Copy standard input to a file: readers go back and forth."""
+    shutil.copyfileobj(sys.stdin.buffer, file)
+    file.flush()
+    return file.name
 
 
 def recording_of(path: str, arguments: argparse.Namespace, machine: Machine | None) -> Recording:
     """Read a recording as the options of the command, and the sensors of the machine, say."""
+    if path == STANDARD_INPUT:
+        with tempfile.NamedTemporaryFile(suffix=".csv") as file:
+            return replace(_read(_kept_input(file), arguments, machine), origin="standard input")
+    return _read(path, arguments, machine)
+
+
+def _read(path: str, arguments: argparse.Namespace, machine: Machine | None) -> Recording:
     from gearmon.signals.recording import read_recording
 
     return read_recording(

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gearmon.errors import ArgumentError
+from gearmon.terminal import coloured
 
 if TYPE_CHECKING:
     from gearmon.result import Result
@@ -60,7 +61,7 @@ def show(
     arguments: argparse.Namespace, result: Mapping[str, Any], lines: Callable[[], Iterable[str]]
 ) -> None:
     """Print a result: one JSON object with --json, else lines of text."""
-    text = as_json(result) if arguments.json else "\n".join(lines())
+    text = as_json(result) if arguments.json else coloured("\n".join(lines()))
     try:
         print(text)
     except OSError as error:

@@ -38,7 +38,7 @@ def run_learn(arguments: argparse.Namespace) -> int:
 
     if not arguments.output:
         raise ArgumentError("learn: -o REFERENCE is missing; name the reference file to write")
-    machine = machine_of(arguments.machine)
+    machine = machine_of(arguments.machine, arguments.speed_hint)
     signatures = [
         measure_signature(recording_of(path, arguments, machine), machine)
         for path in followed(arguments.recording, "learning")
@@ -63,8 +63,8 @@ def run_learn(arguments: argparse.Namespace) -> int:
 def run_analyse(arguments: argparse.Namespace) -> int:
     """Run `gearmon analyse`."""
     must_notice = loss_of(arguments.must_notice, "--must-notice")
-    machine = machine_of(arguments.machine)
-    reference = reference_of(arguments, machine)
+    machine = machine_of(arguments.machine, arguments.speed_hint)
+    reference, past = reference_of(arguments, machine), _past(arguments, machine)
     known: dict[str, Any] = {"machine": machine, "reference": reference}
     task = partial(_analysed, arguments=arguments, must_notice=must_notice, **known)
     results: list[dict[str, Any]] = []
@@ -83,10 +83,10 @@ def run_analyse(arguments: argparse.Namespace) -> int:
         bad = [entry for entry in results if "error" in entry]
         failures = [Failure(recording=e["recording"], message=e["error"]) for e in bad]
         written = analyses, recordings, reference, machine, arguments.report
-        files = write_report(*written, failures=failures)
+        files = write_report(*written, failures=failures, history=past)
         result["report"] = [str(file) for file in files]
     # a list of no rows: there is no table but the JSON
-    finish(arguments, result, lambda: _analysis_lines(result, [a for a, _ in kept]), list)
+    finish(arguments, result, lambda: _analysis_lines(result, [a for a, _ in kept], past), list)
     return _exit_code(results, flagged=any(entry.get("flags") for entry in results))
 
 
@@ -120,13 +120,22 @@ def _analysed(
     return analysis.to_dict(), (analysis, recording if arguments.report else None)
 
 
-def _analysis_lines(result: dict[str, Any], analyses: list[Analysis]) -> list[str]:
+def _past(arguments: argparse.Namespace, machine: Machine) -> HistoryTrends | None:
+    """Read the history that is named, to be looked at only."""
+    from gearmon.diagnosis.history import history_trends, read_history
+
+    return history_trends(read_history(arguments.past, machine.name)) if arguments.past else None
+
+
+def _analysis_lines(
+    result: dict[str, Any], analyses: list[Analysis], past: HistoryTrends | None
+) -> list[str]:
     from gearmon.report.text import analysis_text
     from gearmon.report.verdict import overview_lines, worst_first
 
     lines = overview_lines(analyses) if len(analyses) > 1 else []
     shown = [analyses[place] for place in worst_first(analyses)]
-    lines += [text for analysis in shown for text in (analysis_text(analysis), "")]
+    lines += [text for analysis in shown for text in (analysis_text(analysis, past), "")]
     lines += [f"{e['recording']}: not analysed" for e in result["recordings"] if "error" in e]
     if "report" in result:
         lines.append(f"report: {result['report'][0]} and {len(result['report']) - 1} pictures")
@@ -155,7 +164,7 @@ def run_kinds(arguments: argparse.Namespace) -> int:
         )
     if not arguments.recording and not arguments.trained:
         raise ArgumentError("kinds: name recordings to judge, or with --trained a file to write")
-    machine = machine_of(arguments.machine)
+    machine = machine_of(arguments.machine, arguments.speed_hint)
     reference = reference_of(arguments, machine)
     classifier, trained = _classifier(arguments, machine)
 
@@ -254,6 +263,8 @@ def _analyse_arguments(parser: argparse.ArgumentParser) -> None:
         help="of one tooth pair's stiffness; healthy is said only where it would have been noticed "
         "on every gear (default 40%%)",
     )
+    told = "what gearmon history keeps (--store): says since when; only read"
+    parser.add_argument("--history", dest="past", metavar="DB", help=told)
     parser.add_argument(
         "--report", metavar="HTML", help="write a report (.html), and a PNG a picture beside it"
     )
@@ -309,7 +320,7 @@ def run_history(arguments: argparse.Namespace) -> int:
     if not arguments.recording and not arguments.store:
         raise ArgumentError("history: name recordings, or with --store a history file to look at")
     limit = loss_of(arguments.limit, "--limit")
-    machine = machine_of(arguments.machine)
+    machine = machine_of(arguments.machine, arguments.speed_hint)
     times = _history_times(arguments)
     _refuse_known(arguments, machine, times)
     entries, errors = _history_entries(arguments, machine, times)

@@ -26,7 +26,7 @@ def run_indicators(arguments: argparse.Namespace) -> int:
     """Run `gearmon indicators`."""
     from gearmon.signatures.measured.indicators import indicator_table, read_history, write_history
 
-    machine = machine_of(arguments.machine) if arguments.machine else None
+    machine = machine_of(arguments.machine, arguments.speed_hint) if arguments.machine else None
     known = arguments.history and Path(arguments.history).exists()
     history = read_history(arguments.history) if known else None
     tables: list[IndicatorTable] = []
@@ -83,7 +83,7 @@ def run_spectrum(arguments: argparse.Namespace) -> int:
     """Run `gearmon spectrum`."""
     from gearmon.signatures.recording_spectrum import recording_spectrum
 
-    machine = machine_of(arguments.machine) if arguments.machine else None
+    machine = machine_of(arguments.machine, arguments.speed_hint) if arguments.machine else None
     found = recording_spectrum(
         recording_of(arguments.recording[0], arguments, machine),
         arguments.kind,
@@ -102,7 +102,7 @@ def run_orders(arguments: argparse.Namespace) -> int:
     from gearmon.signatures.gear_averages import gear_averages
     from gearmon.signatures.order_spectra import order_spectra
 
-    machine = machine_of(arguments.machine)
+    machine = machine_of(arguments.machine, arguments.speed_hint)
     recording = recording_of(arguments.recording[0], arguments, machine)
     found = order_spectra(
         recording,

@@ -106,7 +106,7 @@ def turn_figure(analysis: Analysis, wheel: WheelLines, *, at_length: bool = True
     heights = [0.56 if len(channels) > 2 else 0.8] * len(channels)
     figure, axes = new_figure([*heights, *([0.85] if profile else [])], sharex=True)
     points = average.shape[1]
-    number = _wrapped(wheel.teeth * np.arange(points) / points + _first_number(profile), wheel)
+    number = tooth_numbers(wheel.teeth * np.arange(points) / points, profile, wheel.teeth)
     order = np.argsort(number, kind="stable")
     for channel, ax in zip(channels, axes, strict=False):
         _mark_flagged(flagged, ax)
@@ -183,7 +183,7 @@ def _plot_turn(number: FloatArray, average: FloatArray, rest: FloatArray, ax: Ax
 def _plot_teeth(profile: ToothProfile, flagged: bool, ax: Axes) -> None:
     """Draw the energy of the deviation by tooth as bars, the highest named."""
     teeth, place, top = profile.teeth, peak_place(profile), float(profile.energy.max())
-    number = _wrapped(np.arange(float(teeth)) + _first_number(profile), profile)
+    number = tooth_numbers(np.arange(float(teeth)), profile, teeth)
     peak = int(np.argmin(np.abs(number - place)))
     colours = [SKY] * teeth
     if flagged:
@@ -243,24 +243,30 @@ def flagged_place(analysis: Analysis, stage: int, gear: str) -> float | None:
 
 def peak_place(profile: ToothProfile) -> float:
     """Return where in the turn the energy of a profile is highest, as a tooth number."""
-    place = np.array([profile.position * profile.teeth + _first_number(profile)])
-    return float(_wrapped(place, profile)[0])
+    place = np.array([profile.position * profile.teeth])
+    return float(tooth_numbers(place, profile, profile.teeth)[0])
 
 
-def _first_number(profile: ToothProfile | None) -> float:
-    """Tooth number at the angle zero of the recording: j is in the middle of the contact.
+def tooth_numbers(place: FloatArray, profile: ToothProfile | None, teeth: int) -> FloatArray:
+    """Return tooth numbers of places in a turn, from half a tooth before tooth 1.
 
-    Teeth counted from the reference begin elsewhere than this recording does: the tooth that stands
-    out has both a place in the recording and its number, and the difference holds for all.
+    Number j is in the middle of the contact of tooth j. Teeth counted from the reference begin
+    elsewhere than the recording does: the tooth that stands out has both a place in the recording
+    and its number, and the difference holds for all.
+
+    Parameters
+    ----------
+    place : ndarray of float
+        Tooth pitches from the angle zero of the recording.
+    profile : ToothProfile or None
+        Of the gear.
+    teeth : int
+        Teeth of the gear.
     """
-    if profile is None or profile.tooth is None or profile.counted_from != "reference":
-        return 1.0 - _CONTACT_CENTRE
-    return profile.tooth - profile.position * profile.teeth
-
-
-def _wrapped(number: FloatArray, gear: WheelLines | ToothProfile) -> FloatArray:
-    """Tooth numbers brought to one turn, from half a tooth before tooth 1."""
-    return np.asarray((number - 0.5) % gear.teeth + 0.5, dtype=float)
+    first = 1.0 - _CONTACT_CENTRE
+    if profile is not None and profile.tooth is not None and profile.counted_from == "reference":
+        first = profile.tooth - profile.position * teeth
+    return np.asarray((place + first - 0.5) % teeth + 0.5, dtype=float)
 
 
 def _rpm(speed_hz: Any) -> Any:

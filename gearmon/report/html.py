@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import base64
+import hashlib
+import json
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime
@@ -11,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from gearmon import __version__
+from gearmon.diagnosis.history import HistoryTrends
 from gearmon.diagnosis.results import Analysis, Flag
 from gearmon.errors import ArgumentError
 from gearmon.files import write_atomically
@@ -50,6 +53,7 @@ def write_report(
     path: str | Path,
     *,
     failures: Sequence[Failure] = (),
+    history: HistoryTrends | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> list[Path]:
     """Write a report on one or several recordings.
@@ -69,6 +73,8 @@ def write_report(
         recording of ``report.html``.
     failures : sequence of Failure
         Recordings that could not be analysed, to be named in the report.
+    history : HistoryTrends, optional
+        Of the machine: since when something is flagged, and how it grew.
     progress : callable, optional
         Called with the share that is done, from 0 to 1.
 
@@ -82,17 +88,25 @@ def write_report(
     ArgumentError
         If there is nothing to report, a recording is missing, or a file cannot be written.
     """
+    from gearmon.report.charts import POINTS, history_charts, recording_charts
+
     target = _checked(analyses, failures, Path(path))
-    sections, written = [], []
-    supply = iter(recordings)
+    sections, written, charts = [], [], {}
+    supply, points = iter(recordings), max(POINTS // 8, POINTS // max(1, len(analyses)))
     for number, analysis in enumerate(analyses, start=1):
-        section, files = _section(number, analysis, supply, reference, machine, target)
+        recording = _next_of(supply, number)
+        section = _contents(number, analysis, reference, machine, history)
+        drawn = recording, reference
+        section["pictures"], files = _pictures(number, analysis, *drawn, target)
+        charts[section["anchor"]] = recording_charts(analysis, *drawn, machine, points)
         sections.append(section)
         written += files
         if progress:
             progress(number / len(analyses))
+    if history is not None and history.history.entries:
+        charts["history"] = history_charts(history)
     shown = [sections[place] for place in worst_first(analyses)]
-    write_atomically(target, _rendered(analyses, shown, machine, failures))
+    write_atomically(target, _rendered(analyses, shown, machine, failures, charts))
     return [target, *written]
 
 
@@ -106,25 +120,27 @@ def _checked(analyses: Sequence[Analysis], failures: Sequence[Failure], target: 
     return target
 
 
-def _section(
-    number: int,
-    analysis: Analysis,
-    supply: Iterator[Recording | None],
-    reference: Reference | None,
-    machine: Machine,
-    target: Path,
-) -> tuple[dict[str, Any], list[Path]]:
-    """Draw one recording, write its pictures, and return what the template needs of it."""
-    # drawing is slow to load, and text reports do without it
-    from gearmon.report.analysis_plots import analysis_figures
-    from gearmon.report.plots import as_png
-
+def _next_of(supply: Iterator[Recording | None], number: int) -> Recording | None:
     try:
-        recording = next(supply)
+        return next(supply)
     except StopIteration:
         raise ArgumentError(
             f"recordings: {number - 1} given, fewer than the analyses; give one each"
         ) from None
+
+
+def _pictures(
+    number: int,
+    analysis: Analysis,
+    recording: Recording | None,
+    reference: Reference | None,
+    target: Path,
+) -> tuple[list[dict[str, str]], list[Path]]:
+    """Draw one recording, write its pictures, and return what the template needs of them."""
+    # drawing is slow to load, and text reports do without it
+    from gearmon.report.analysis_plots import analysis_figures
+    from gearmon.report.plots import as_png
+
     shown, files = [], []
     for figure in analysis_figures(analysis, recording, reference):
         png = as_png(figure)
@@ -139,14 +155,18 @@ def _section(
                 "data": base64.b64encode(png).decode("ascii"),
             }
         )
-    return _contents(number, analysis, reference, machine) | {"pictures": shown}, files
+    return shown, files
 
 
 def _contents(
-    number: int, analysis: Analysis, reference: Reference | None, machine: Machine
+    number: int,
+    analysis: Analysis,
+    reference: Reference | None,
+    machine: Machine,
+    history: HistoryTrends | None,
 ) -> dict[str, Any]:
     indicators, definitions = text.indicator_table(analysis)
-    own = summary(analysis)
+    own = summary(analysis, history)
     return _styled(analysis.verdict) | {
         "anchor": f"recording-{number}",
         "recording": printable(analysis.recording),
@@ -165,9 +185,12 @@ def _contents(
     }
 
 
-def _styled(verdict: str) -> dict[str, Any]:
-    background, colour, sign = VERDICT_STYLE[verdict]
-    return {"verdict": verdict, "background": background, "colour": colour, "sign": sign}
+def _styled(verdict: str) -> dict[str, str]:
+    return {
+        "verdict": verdict,
+        "style": verdict.replace(" ", "-"),
+        "sign": VERDICT_STYLE[verdict][2],
+    }
 
 
 def _overall(analyses: Sequence[Analysis], failures: Sequence[Failure]) -> dict[str, Any] | None:
@@ -193,18 +216,43 @@ def _rendered(
     sections: Sequence[dict[str, Any]],
     machine: Machine,
     failures: Sequence[Failure],
+    charts: dict[str, Any],
 ) -> str:
     import jinja2
 
-    source = resources.files("gearmon.report").joinpath("analysis.html").read_text("utf-8")
     environment = jinja2.Environment(
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    return environment.from_string(source).render(
+    colours = [
+        f".{_styled(verdict)['style']} {{ background: {background}; color: {colour}; }}"
+        for verdict, (background, colour, _) in VERDICT_STYLE.items()
+    ]
+    styles = "\n".join([_shipped("uplot/uPlot.min.css"), _shipped("report.css"), *colours])
+    # who passes the page on passes the library on: its licence goes with it
+    licence = "/*\n" + _shipped("uplot/LICENSE").strip() + "\n*/"
+    script = "\n".join([licence, _shipped("uplot/uPlot.iife.min.js"), _shipped("charts.js")])
+    # nothing within can end the element that holds it
+    data = json.dumps(charts, ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
+    return environment.from_string(_shipped("analysis.html")).render(
         machine=printable(machine.name) or "machine without a name",
         made=datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
         version=__version__,
         sections=sections,
         overall=_overall(analyses, failures),
         failures=failures,
+        charts=charts,
+        # these three are ours, or escaped above: the template lets them through as they are
+        styles=styles,
+        script=script,
+        data=data,
+        allowed={"script": _digest(script), "style": _digest(styles)},
     )
+
+
+def _shipped(name: str) -> str:
+    return resources.files("gearmon.report").joinpath(name).read_text("utf-8")
+
+
+def _digest(text: str) -> str:
+    """Return the mark by which a content security policy lets an element through."""
+    return f"sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode('ascii')}"

@@ -40,6 +40,7 @@ from gearmon.report.wording import (
     told_apart,
     unit_text,
 )
+from gearmon.signals.angle import AngleTrack
 from gearmon.signals.bad_samples import inspected, sound_part, sound_piece
 from gearmon.signals.recording import Recording
 from gearmon.signals.spectra import Spectrum
@@ -151,8 +152,7 @@ def amplitude_figure(analysis: Analysis, recording: Recording) -> Picture:
     """
     signature = analysis.signature
     spectrum, blocks, nyquist = _time_spectrum(analysis, recording)
-    last = max(_harmonics(signature, mesh) * mesh.frequency_hz for mesh in signature.meshes)
-    high = min(nyquist, _BEYOND_LAST * last)
+    high = min(nyquist, last_harmonic_hz(signature))
     marks = [mark for mark in mesh_marks(signature) if mark.place < 0.999 * high]
     if len(marks) > _MOST_MARKS:
         marks = _wide_apart(marks, high / _MOST_MARKS, lambda mark: mark.series)
@@ -468,6 +468,12 @@ def _harmonics(signature: MeasuredSignature, mesh: MeshFinding) -> int:
     return mesh_harmonics(mesh.frequency_hz * speed.nominal_hz / speed.peak_hz)
 
 
+def last_harmonic_hz(signature: MeasuredSignature) -> float:
+    """Return where a spectrum may end: a little beyond the last mesh harmonic looked at [Hz]."""
+    last = max(_harmonics(signature, mesh) * mesh.frequency_hz for mesh in signature.meshes)
+    return _BEYOND_LAST * last
+
+
 def mesh_marks(signature: MeasuredSignature) -> list[LineMark]:
     """Return the mesh harmonics of all stages [Hz], coinciding ones as one mark with both names."""
     by_place: dict[float, LineMark] = {}
@@ -508,15 +514,26 @@ def close_up_harmonic(analysis: Analysis, stage: int) -> int:
     return max(strong)[1] if strong else 1
 
 
-def _vibration_of(analysis: Analysis, recording: Recording) -> Recording:
+def vibration_of(analysis: Analysis, recording: Recording) -> Recording:
     """Return the channels of the recording that were analysed, in the order of the analysis."""
     vibration, names = sound_part(recording, 0.0).vibration(), analysis.signature.channel_names
     return vibration if vibration.channel_names == names else vibration.select(names)
 
 
+def track_of(analysis: Analysis, recording: Recording) -> AngleTrack:
+    """Return the angle of shaft 1 over the samples of `vibration_of`."""
+    signature = analysis.signature
+    if sound_part(recording, 0.0).duration_s >= signature.duration_s:
+        return signature.track
+    start, stop = sound_piece(inspected(recording))
+    return signature.track.between(
+        start / recording.sampling_rate_hz, stop / recording.sampling_rate_hz
+    )
+
+
 def _time_spectrum(analysis: Analysis, recording: Recording) -> tuple[Spectrum, int, float]:
     """Return the spectrum of the analysed channels, its number of blocks and its end [Hz]."""
-    vibration = _vibration_of(analysis, recording)
+    vibration = vibration_of(analysis, recording)
     spectrum, blocks = time_spectrum(vibration.samples, vibration.sampling_rate_hz)
     return spectrum, blocks, 0.5 * vibration.sampling_rate_hz
 
@@ -533,10 +550,7 @@ def _sideband_strips(
 ) -> list[Strip]:
     """Return the spectrum in angle about a mesh harmonic, with the sidebands of every spacing."""
     signature = analysis.signature
-    vibration, track = _vibration_of(analysis, recording), signature.track
-    if vibration.duration_s < signature.duration_s:
-        piece = np.array(sound_piece(inspected(recording))) / vibration.sampling_rate_hz
-        track = track.between(*piece)
+    vibration, track = vibration_of(analysis, recording), track_of(analysis, recording)
     speed = signature.speed.estimated_hz
     families = [
         family

@@ -6,6 +6,7 @@ And what it rests on: the reference, and the lines of a machine.
 from __future__ import annotations
 
 from gearmon import __version__
+from gearmon.diagnosis.history import HistoryTrends
 from gearmon.diagnosis.results import Analysis, Change, Flag
 from gearmon.gears.kinematics import LineTable
 from gearmon.machine import Machine, ParallelStage
@@ -66,13 +67,17 @@ def is_beyond(change: Change) -> bool:
     return abs(change.standardised) > BEYOND
 
 
-def analysis_text(analysis: Analysis, most_changes: int = 5) -> str:
+def analysis_text(
+    analysis: Analysis, history: HistoryTrends | None = None, most_changes: int = 5
+) -> str:
     """Return an analysis in some lines: verdict, how sure, what to do; then the evidence.
 
     Parameters
     ----------
     analysis : Analysis
         The analysis.
+    history : HistoryTrends, optional
+        Of the machine: tells since when.
     most_changes : int
         Largest number of changes to list, the most significant first.
 
@@ -81,7 +86,7 @@ def analysis_text(analysis: Analysis, most_changes: int = 5) -> str:
     str
         Lines without a final line break.
     """
-    own = summary(analysis)
+    own = summary(analysis, history)
     lines = [f"{printable(analysis.recording)}: {analysis.verdict.upper()}", f"  {own.what}"]
     lines += [f"  {name}: {text}" for name, text in own.lines()]
     lines += ["  evidence:", *([f"  {own.because}"] if own.because else [])]
@@ -287,7 +292,7 @@ def settings_table(analysis: Analysis, reference: Reference | None, machine: Mac
         (
             "Search for the speed",
             f"± {percent(SPEED_TOLERANCE, 0)} about each nominal speed; where that shows no clear "
-            f"mesh, ± {percent(SPEED_REACH, 0)}",
+            f"mesh, or not all of them, ± {percent(SPEED_REACH, 0)}",
         ),
         (
             "Order analysis",

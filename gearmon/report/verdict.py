@@ -9,8 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from gearmon.diagnosis.decision.words import fault_sentence
+from gearmon.diagnosis.history import HistoryTrends
 from gearmon.diagnosis.results import Analysis, Flag
+from gearmon.report.history_text import moment_text
 from gearmon.report.wording import counted, percent, printable
+from gearmon.signatures.speed import Speed
 
 #: From the worst to the best.
 WORST_FIRST = ("fault", "cannot tell", "no mesh found", "healthy")
@@ -51,6 +54,8 @@ class Summary:
         What is wrong, or that nothing is, in a sentence.
     sure : str
         How sure, in words with one number; "" where there is no number that belongs to it.
+    since : str
+        Since when, as a history tells; "" without one.
     next : str
         What to do.
     caution : str
@@ -62,23 +67,31 @@ class Summary:
     verdict: str
     what: str
     sure: str
+    since: str
     next: str
     caution: str
     because: str
 
     def lines(self) -> list[tuple[str, str]]:
         """Return the sentences after the first with their names, those that say something."""
-        named = (("how sure", self.sure), ("caution", self.caution), ("next", self.next))
+        named = (
+            ("how sure", self.sure),
+            ("since", self.since),
+            ("caution", self.caution),
+            ("next", self.next),
+        )
         return [(name, text) for name, text in named if text]
 
 
-def summary(analysis: Analysis) -> Summary:
+def summary(analysis: Analysis, history: HistoryTrends | None = None) -> Summary:
     """Return the answer of an analysis in ten seconds.
 
     Parameters
     ----------
     analysis : Analysis
         The analysis.
+    history : HistoryTrends, optional
+        Of the machine: tells since when.
     """
     first, _, rest = analysis.reason.partition(". ")
     what, because = f"{first.removesuffix('.')}.", rest
@@ -89,6 +102,7 @@ def summary(analysis: Analysis) -> Summary:
         verdict=analysis.verdict,
         what=what,
         sure=_sure(analysis),
+        since="" if history is None else _since(analysis, history),
         next=_next(analysis),
         caution=_caution(analysis),
         because=because,
@@ -121,6 +135,27 @@ def _sure(analysis: Analysis) -> str:
     return ""
 
 
+def _since(analysis: Analysis, found: HistoryTrends) -> str:
+    """Say when what is flagged now was first seen, and since when it grows."""
+    entries = found.history.entries
+    if analysis.verdict != "fault" or not entries:
+        return ""
+    run = 0
+    while run < len(entries) and entries[-1 - run].verdict == "fault":
+        run += 1
+    said = ["new: the last recording of the history shows none"]
+    if run:
+        every = counted(len(entries), "recording")
+        these = "all" if run == len(entries) else f"the last {run}"
+        said = [f"{moment_text(entries[-run].time_s, fine=False)}, in {these} of {every}"]
+    flag = analysis.flags[0] if analysis.flags else None
+    for tooth in found.shown:
+        if flag and (tooth.stage, tooth.gear, tooth.tooth) == (flag.stage, flag.gear, flag.tooth):
+            start, now = tooth.trend.series.value[0], tooth.now[0]
+            said.append(f"its loss went from {percent(start, 0)} to {percent(now, 0)}")
+    return "; ".join(said)
+
+
 def _next(analysis: Analysis) -> str:
     if analysis.verdict == "healthy":
         return "Nothing now; record again as planned."
@@ -146,16 +181,19 @@ def _next(analysis: Analysis) -> str:
 
 def _caution(analysis: Analysis) -> str:
     speed = analysis.signature.speed
-    if not analysis.signature.found or speed.nominal_hz <= 0:
+    if not analysis.signature.found or not far_from_nominal(speed):
         return ""
     off = speed.estimated_hz / speed.nominal_hz - 1.0
-    if abs(off) <= _FAR_FROM_NOMINAL:
-        return ""
     return (
         f"the speed found, {60 * speed.estimated_hz:.0f} rpm, is {percent(abs(off), 0)} "
         f"{'above' if off > 0 else 'below'} the {60 * speed.nominal_hz:.0f} rpm of the machine "
-        "file. If the machine did not run so, all of this is wrong"
+        "file. If the machine did not run so, all of this is wrong: tell the speed by --speed-hint"
     )
+
+
+def far_from_nominal(speed: Speed) -> bool:
+    """Tell whether a speed is so far from that of the machine file that a reader must know."""
+    return abs(speed.estimated_hz - speed.nominal_hz) > _FAR_FROM_NOMINAL * speed.nominal_hz
 
 
 def worst_first(analyses: Sequence[Analysis]) -> list[int]:

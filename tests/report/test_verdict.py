@@ -90,3 +90,19 @@ def test_the_page_opens_with_the_worst_and_folds_the_evidence(tmp_path, healthy,
     assert body.count("<details") == body.count("</details>") >= 6
     assert "<details open" not in body
     assert "default-src 'none'" in text
+
+
+def test_since_when_is_what_the_history_tells(faulty, healthy):
+    from datetime import UTC, datetime
+
+    from gearmon.diagnosis.history import History, entry_of, history_trends
+
+    history = History(machine=faulty.machine.name)
+    for day, case in enumerate((healthy, healthy, faulty), start=1):
+        history = history.with_entry(
+            entry_of(case.analysis, datetime(2026, 3, day, tzinfo=UTC), "given")
+        )
+    told = dict(summary(faulty.analysis, history_trends(history)).lines())
+    assert told["since"].startswith("2026-03-03, in the last 1 of 3 recordings")
+    assert "since" not in dict(summary(faulty.analysis).lines())
+    assert "since" not in dict(summary(healthy.analysis, history_trends(history)).lines())

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from gearmon.diagnosis.fault_types.features import FeatureVector, kind_features
+from gearmon.diagnosis.fault_types.features import NAMES, FeatureVector, kind_features
 from gearmon.diagnosis.hypotheses.fault_kinds import KindJudgement, judge_kind
 from gearmon.diagnosis.hypotheses.own_teeth import locate
 from gearmon.diagnosis.hypotheses.runout import turn_changes
@@ -14,6 +14,8 @@ from gearmon.diagnosis.results import Analysis, ToothProfile
 from gearmon.signatures.measured.reference import Profile, Reference, WheelPattern
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from gearmon.diagnosis.fault_types.classifier import KindClassifier
 
 
@@ -96,3 +98,59 @@ def _shapes(
             shape = locate(wheel, rows, healthy, theirs, numbered=False, same_zero=False)
             found += [shape] if shape is not None else []
     return found
+
+
+def features(
+    analyses: Analysis | Sequence[Analysis], reference: Reference | None = None
+) -> pd.DataFrame:
+    """Return what a fault is judged by, as a frame that estimators of scikit-learn take.
+
+    Parameters
+    ----------
+    analyses : Analysis, or sequence of Analysis
+        Of one or several recordings, each compared with a reference.
+    reference : Reference, optional
+        The same reference; without it single sidebands are not compared, and mean levels of
+        sidebands stand in for them.
+
+    Returns
+    -------
+    pandas.DataFrame, shape (gears, 26)
+        A row a gear of each recording, told by the index (`recording`, `stage`, `gear`). All
+        columns are finite numbers: changes against the healthy machine [dB], shares from 0 to 1 and
+        counts; see `gearmon.diagnosis.fault_types.features.FEATURES`.
+
+    Raises
+    ------
+    ArgumentError
+        If a recording was compared with nothing.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import gearmon
+    >>> stage = {"kind": "parallel", "pinion_teeth": 23, "gear_teeth": 57}
+    >>> machine = gearmon.load_machine(operating={"speed_rpm": 1480.0}, stage=stage)
+    >>> turns = 1480 / 60 * np.arange(40_000) / 10_000
+    >>> noise = np.random.default_rng(1).standard_normal((2, 40_000))
+    >>> healthy, new = 0.1 * noise + np.cos(2 * np.pi * 23 * turns)
+    >>> known = {"sampling_rate_hz": 10_000.0, "unit": "m/s2"}
+    >>> reference = gearmon.learn(healthy, machine, **known)
+    >>> frame = gearmon.features(gearmon.analyse(new, machine, reference, **known), reference)
+    >>> [gear for _, _, gear in frame.index], frame.shape[1]
+    (['gear', 'pinion'], 26)
+    """
+    import pandas as pd  # slow to load, and no verdict needs it
+
+    several = [analyses] if isinstance(analyses, Analysis) else list(analyses)
+    frames = []
+    for analysis in several:
+        found = (
+            kind_features(analysis.changes, analysis.profiles)
+            if reference is None
+            else analysis_features(analysis, reference)
+        )
+        rows = [(analysis.recording, stage, gear) for stage, gear in found.gears]
+        index = pd.MultiIndex.from_tuples(rows, names=["recording", "stage", "gear"])
+        frames.append(pd.DataFrame(found.values, index=index, columns=list(NAMES)))
+    return pd.concat(frames)

@@ -1,0 +1,413 @@
+"""What the interactive charts of a report show, as data for `charts.js`.
+
+A page holds the numbers of a recording once: its lines, measured and healthy, and the curves of
+each chart. The same is drawn as pictures for paper and for readers without scripts.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gearmon.diagnosis.history import HistoryTrends
+from gearmon.diagnosis.results import Analysis
+from gearmon.gears.kinematics import kinematics
+from gearmon.machine import Machine
+from gearmon.report.analysis_plots import flagged_place, profile_of, tooth_numbers
+from gearmon.report.curves import angle_spectrum, time_spectrum
+from gearmon.report.history_text import told_teeth
+from gearmon.report.palette import SERIES
+from gearmon.report.spectrum_plots import last_harmonic_hz, mesh_marks, track_of, vibration_of
+from gearmon.report.verdict import far_from_nominal
+from gearmon.report.wording import gear_text, printable, shaft_text, unit_text
+from gearmon.signals.orders.averages import one_turn
+from gearmon.signals.orders.maps import order_map
+from gearmon.signals.recording import Recording
+from gearmon.signals.tracking.comb import scan_speed
+from gearmon.signals.transforms import fast_length
+from gearmon.signatures.measured.line_plan import Family, WheelLines
+from gearmon.signatures.measured.reference import Reference, WheelPattern
+from gearmon.signatures.speed import SPEED_REACH, machine_comb
+
+FloatArray = NDArray[np.float64]
+
+# Points of a curve: a screen shows a thousand, and a spectrum is zoomed into. Those of all channels
+# of a chart together, and columns and rows of a map: a report of one recording stays below 1.2 MB.
+POINTS, _ALL_POINTS, _MAP_COLUMNS, _MAP_ROWS = 4096, 12_288, 1000, 32
+# Of a map this many decades have colours.
+_MAP_DECADES = 4.0
+# Channels in a chart; all have the spectra, the strongest the rest.
+_MOST_CHANNELS, _STRONGEST = 16, 4
+# Turns of a block of the map: as many rows as it has room for, and the mesh apart from sidebands.
+_LEAST_TURNS, _MOST_TURNS = 8.0, 40.0
+
+
+def recording_charts(
+    analysis: Analysis,
+    recording: Recording | None,
+    reference: Reference | None,
+    machine: Machine,
+    points: int,
+) -> dict[str, Any]:
+    """Return the charts of a recording and the lines that they name.
+
+    Parameters
+    ----------
+    analysis : Analysis
+        The analysis.
+    recording : Recording or None
+        Its recording; without, there are no spectra.
+    reference : Reference or None
+        What it was compared with.
+    machine : Machine
+        The machine.
+    points : int
+        Points of a curve, at most.
+
+    Returns
+    -------
+    dict
+        Built-in types, ready for JSON.
+    """
+    signature = analysis.signature
+    charts: list[dict[str, Any]] = []
+    if recording is not None:
+        charts.append(_spectrum(analysis, recording, points))
+        if not signature.found or far_from_nominal(signature.speed):
+            charts.append(_speed_search(analysis, recording, machine))
+    if signature.found:
+        if recording is not None:
+            charts += _in_orders(analysis, recording, points)
+        for wheel in signature.plan.wheels:
+            if len(wheel.number):
+                charts += _turn(analysis, wheel, reference)
+    channels = zip(signature.channel_names, signature.units, strict=True)
+    return {
+        "channels": [
+            {"name": printable(name), "unit": unit_text(unit), "colour": SERIES[row % len(SERIES)]}
+            for row, (name, unit) in enumerate(channels)
+        ][:_MOST_CHANNELS],
+        "speed_hz": signature.speed.estimated_hz,
+        "lines": _lines(analysis, reference) if signature.found else _places(analysis),
+        "charts": charts,
+    }
+
+
+def _numbers(values: ArrayLike) -> str:
+    """Return numbers in the four bytes that a script reads fastest, as text."""
+    return base64.b64encode(np.asarray(values, dtype="<f4").tobytes()).decode("ascii")
+
+
+def _curve(values: FloatArray, layer: str, channel: int | None, **more: Any) -> dict[str, Any]:
+    return {"layer": layer, "channel": channel, "values": _numbers(values), **more}
+
+
+def _held(place: FloatArray, values: FloatArray, points: int) -> tuple[FloatArray, FloatArray]:
+    """Keep the largest value of every channel in each group, at the place of the clearest.
+
+    Charts of several channels share their places.
+    """
+    points = max(points // 8, min(points, _ALL_POINTS // len(values)))
+    if len(place) <= points:
+        return place, values
+    edges = np.linspace(0, len(place), points + 1).astype(int)
+    clear = (values / np.maximum(values.max(axis=1, keepdims=True), 1e-300)).max(axis=0)
+    groups = zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)
+    at = [low + int(np.argmax(clear[low:high])) for low, high in groups]
+    return place[at], np.maximum.reduceat(values, edges[:-1], axis=1)
+
+
+def _spectrum_chart(
+    name: str, axis: str, scale: float, place: FloatArray, values: FloatArray, points: int
+) -> dict[str, Any]:
+    x, held = _held(place, values[:_MOST_CHANNELS], points)
+    # a scale of logarithms has no zero
+    floor = 1e-7 * max(float(held.max(initial=0.0)), 1e-300)
+    curves = [_curve(np.maximum(own, floor), "measured", row) for row, own in enumerate(held)]
+    return {
+        "name": name,
+        "kind": "spectrum",
+        "title": {"spectrum": "Amplitude spectrum", "orders": "Order spectrum"}[name],
+        "axis": axis,
+        "scale": scale,
+        "value": "Peak amplitude",
+        "vibration": True,
+        "x": _numbers(x),
+        "curves": curves,
+    }
+
+
+def _spectrum(analysis: Analysis, recording: Recording, points: int) -> dict[str, Any]:
+    vibration = vibration_of(analysis, recording)
+    spectrum, _ = time_spectrum(vibration.samples, vibration.sampling_rate_hz)
+    hertz, values = spectrum.frequency_hz[2:], spectrum.values[:, 2:]
+    speed = analysis.signature.speed.estimated_hz
+    return _spectrum_chart("spectrum", "Frequency (Hz)", speed, hertz, values, points)
+
+
+def _speed_search(analysis: Analysis, recording: Recording, machine: Machine) -> dict[str, Any]:
+    """Give how well the lines of the machine fit at every speed: the one found and its rivals."""
+    vibration, speed = vibration_of(analysis, recording), analysis.signature.speed
+    comb, block_s = machine_comb(kinematics(machine), speed.nominal_hz), 30.0 / speed.nominal_hz
+    rate = vibration.sampling_rate_hz
+    scan = scan_speed(vibration.samples, rate, comb, speed.nominal_hz, SPEED_REACH, block_s)
+    score = scan.scores.mean(axis=0)
+    x, held = _held(60 * speed.nominal_hz * scan.ratio, score[None] - score.min(), POINTS // 4)
+    return {
+        "name": "speed",
+        "kind": "speed",
+        "title": "Search for the speed: how well the machine's lines fit; shaded: the one found",
+        "axis": "Speed of shaft 1 (rpm)",
+        "value": "Fit of the lines",
+        "marked": 60 * speed.estimated_hz,
+        "x": _numbers(x),
+        "curves": [_curve(held[0], "fit", None)],
+    }
+
+
+def _in_orders(analysis: Analysis, recording: Recording, points: int) -> Iterator[dict[str, Any]]:
+    """Give the order spectrum, where a wandering speed smears no line, and the order map."""
+    signature = analysis.signature
+    vibration, track = vibration_of(analysis, recording), track_of(analysis, recording)
+    samples, rate = vibration.samples, vibration.sampling_rate_hz
+    speed = float(track.speed_hz.max())
+    top = min(0.45 * rate / speed, last_harmonic_hz(signature) / signature.speed.estimated_hz)
+    spectrum = angle_spectrum(samples, rate, track, 2 * signature.lines.block_turns, top)
+    inside = spectrum.frequency_hz <= top
+    inside[:2] = False
+    axis = "Order (cycles a turn of shaft 1)"
+    orders, values = spectrum.frequency_hz[inside], spectrum.values[:, inside]
+    yield _spectrum_chart("orders", axis, 1.0, orders, values, points)
+    turns = float(track.turns[-1] - track.turns[0])
+    block = float(np.clip(2 * turns / _MAP_ROWS, _LEAST_TURNS, _MOST_TURNS))
+    found = order_map(samples, rate, track, top=top, block_turns=block, rows=_MAP_ROWS)
+    edges = np.linspace(2, len(found.order), min(_MAP_COLUMNS, len(found.order) - 2) + 1)
+    starts = edges[:-1].astype(int)
+    held = np.maximum.reduceat(found.amplitude, starts, axis=2)
+    yield {
+        "name": "map",
+        "title": "Order map: an upright line turns with a shaft, a slanting one does not",
+        "axis": axis,
+        "scale": 1.0,
+        "value": "Time (s)",
+        "kind": "map",
+        "x": _numbers(found.order[starts]),
+        "time": [float(found.low[0]), float(found.high[-1])],
+        "rows": len(held),
+        "maps": [_shades(held[:, row]) | {"channel": row} for row in _strongest(values)],
+    }
+
+
+def _strongest(values: FloatArray) -> list[int]:
+    power = np.mean(values**2, axis=1)[:_MOST_CHANNELS]
+    return [int(row) for row in np.argsort(-power, kind="stable")[:_STRONGEST]]
+
+
+def _shades(amplitude: FloatArray) -> dict[str, Any]:
+    """Return a map as bytes, 255 at its highest value and 0 some decades below."""
+    top = max(float(amplitude.max()), 1e-300)
+    level = 1.0 + np.log10(np.maximum(amplitude / top, 1e-9)) / _MAP_DECADES
+    shades = np.rint(255 * np.clip(level, 0.0, 1.0)).astype(np.uint8)
+    text = base64.b64encode(shades.tobytes()).decode("ascii")
+    return {"top": top, "decades": _MAP_DECADES, "shades": text}
+
+
+def _turn(
+    analysis: Analysis, wheel: WheelLines, reference: Reference | None
+) -> Iterator[dict[str, Any]]:
+    """Give one turn of a gear, with that of the healthy recording that is most like it."""
+    profile = profile_of(analysis, wheel.stage, wheel.gear)
+    own = WheelPattern.of(wheel, analysis.signature.lines)
+    points = fast_length(4 * (int(wheel.number.max()) + 1))
+    whole = _waveform(own, np.ones_like(own.mesh), points)
+    rest = _waveform(own, ~own.mesh, points)
+    number = tooth_numbers(wheel.teeth * np.arange(points) / points, profile, wheel.teeth)
+    order = np.argsort(number, kind="stable")
+    healthy = _healthy_turn(analysis, own, rest, reference)
+    curves = []
+    for channel in _strongest(rest):
+        curves.append(_curve(whole[channel, order], "with the mesh", channel, off=True))
+        if healthy is not None:
+            curves.append(_curve(healthy[channel, order], "healthy", channel))
+        curves.append(_curve(rest[channel, order], "without the mesh", channel))
+    name = f"{wheel.gear} of stage {wheel.stage}"
+    place = flagged_place(analysis, wheel.stage, wheel.gear)
+    shared = {"axis": "Tooth", "marked": place, "teeth": wheel.teeth}
+    yield shared | {
+        "name": f"turn-{wheel.stage}-{wheel.gear}",
+        "title": f"One turn of the {name}, averaged",
+        "value": "Average over the turns",
+        "vibration": True,
+        "kind": "turn",
+        "x": _numbers(number[order]),
+        "curves": curves,
+    }
+    if profile is not None:
+        teeth = tooth_numbers(np.arange(float(wheel.teeth)), profile, wheel.teeth)
+        order = np.argsort(teeth, kind="stable")
+        yield shared | {
+            "name": f"teeth-{wheel.stage}-{wheel.gear}",
+            "title": f"Energy by tooth of the {name}: sound teeth stand at about 1",
+            "value": "Energy",
+            "kind": "bars",
+            "x": _numbers(teeth[order]),
+            "curves": [_curve(profile.energy[order], "energy", None)],
+        }
+
+
+def _waveform(pattern: WheelPattern, kept: NDArray[np.bool_], points: int) -> FloatArray:
+    half = np.zeros((len(pattern.amplitude), -(-points // 2)), dtype=complex)
+    chosen = kept & (pattern.number < half.shape[1])
+    half[:, pattern.number[chosen]] = pattern.amplitude[:, chosen]
+    return one_turn(half, points)
+
+
+def _healthy_turn(
+    analysis: Analysis, own: WheelPattern, rest: FloatArray, reference: Reference | None
+) -> FloatArray | None:
+    """Turn the healthy average of the nearest loudness until it fits this one best."""
+    if reference is None or reference.channel_names != analysis.signature.channel_names:
+        return None
+    patterns = [
+        wheel
+        for profile in reference.profiles
+        for wheel in profile.wheels
+        if (wheel.stage, wheel.gear) == (own.stage, own.gear)
+    ]
+    if not patterns:
+        return None
+    loud = float(np.abs(own.amplitude).sum())
+    near = min(patterns, key=lambda one: abs(float(np.abs(one.amplitude).sum()) - loud))
+    healthy = _waveform(near, ~near.mesh, rest.shape[1])
+    fit = np.fft.irfft(np.sum(np.conj(np.fft.rfft(healthy)) * np.fft.rfft(rest), axis=0))
+    return np.roll(healthy, int(np.argmax(fit)), axis=1)
+
+
+def _lines(analysis: Analysis, reference: Reference | None) -> dict[str, Any]:
+    """Return the lines of all families, each measured and as it was in the healthy recordings."""
+    signature = analysis.signature
+    plan, families = signature.plan, signature.plan.families
+    chosen = sorted((line, number) for number, own in enumerate(families) for line in own.lines)
+    index = [line for line, _ in chosen]
+    orders = plan.orders[index]
+    low, high = _healthy_range(orders, analysis, reference)
+    centres = {
+        own.stage: own.frequency_hz / signature.speed.estimated_hz for own in signature.meshes
+    }
+    numbered = [(plan.orders[line], families[number]) for line, number in chosen]
+    size = np.abs(signature.lines.mean[:, index])
+    amplitudes = {"measured": size, "low": low, "high": high}
+    return {
+        "order": orders.tolist(),
+        "name": [_line_name(order, own, centres[own.stage]) for order, own in numbered],
+        "family": [number for _, number in chosen],
+        "families": [_family(own, analysis) for own in families],
+        "groups": _groups(families),
+    } | {name: [_numbers(row) for row in own[:_MOST_CHANNELS]] for name, own in amplitudes.items()}
+
+
+def _places(analysis: Analysis) -> dict[str, Any]:
+    """Return where mesh harmonics were looked for, and not found."""
+    marks, speed = mesh_marks(analysis.signature), analysis.signature.speed.estimated_hz
+    reach = max((mark.half_width / mark.place for mark in marks), default=0.0)
+    family = {"group": "mesh, not found", "mesh": True, "reach": reach, "changes": []}
+    return {
+        "order": [mark.place / speed for mark in marks],
+        "name": [mark.label.replace("\n", ", ") for mark in marks],
+        "family": [0] * len(marks),
+        "families": [family],
+        "groups": [family["group"]],
+        "measured": [],
+        "low": [],
+        "high": [],
+    }
+
+
+def _line_name(order: float, family: Family, mesh_order: float) -> str:
+    if not family.spacing:
+        return family.name
+    number = round((order - family.harmonic * mesh_order) / family.spacing)
+    return f"{family.name}, {number:+d}".replace("-", "−")
+
+
+def _family(family: Family, analysis: Analysis) -> dict[str, Any]:
+    changes = {own.channel: own for own in analysis.changes if own.family == family.name}
+    named = [changes.get(name) for name in analysis.signature.channel_names[:_MOST_CHANNELS]]
+    return {
+        "group": _group(family),
+        "mesh": family.kind == "mesh",
+        "reach": 0.0,
+        "changes": [own and [own.change_db, own.scatter_db] for own in named],
+    }
+
+
+def _group(family: Family) -> str:
+    if family.kind == "mesh":
+        return f"mesh {family.stage}"
+    what = "sidebands" if family.kind == "sidebands" else "other multiples"
+    return f"{what} of {shaft_text(family.shaft, family.gear)}"
+
+
+def _groups(families: Sequence[Family]) -> list[str]:
+    """Return the groups that a reader switches, meshes first, what else repeats last."""
+    rank = {"mesh": 0, "sidebands": 1, "residual": 2}
+    return list(dict.fromkeys(map(_group, sorted(families, key=lambda own: rank[own.kind]))))
+
+
+def _healthy_range(
+    orders: FloatArray, analysis: Analysis, reference: Reference | None
+) -> tuple[FloatArray, FloatArray]:
+    """Return the smallest and the largest amplitude of each line in the healthy recordings.
+
+    Not a number where no healthy recording tells; shape (channels, lines) each.
+    """
+    names = analysis.signature.channel_names
+    low = np.full((len(names), len(orders)), np.nan)
+    high, place = low.copy(), {round(own, 6): at for at, own in enumerate(orders.tolist())}
+    for profile in reference.profiles if reference is not None else ():
+        for wheel in profile.wheels:
+            own = np.round(wheel.number * wheel.order, 6).tolist()
+            known = [(k, place[order]) for k, order in enumerate(own) if order in place]
+            taken, at = ([pair[side] for pair in known] for side in (0, 1))
+            for row, name in enumerate(names):
+                if reference is not None and name in reference.channel_names:
+                    size = np.abs(wheel.amplitude[reference.channel_names.index(name), taken])
+                    low[row, at] = np.fmin(low[row, at], size)
+                    high[row, at] = np.fmax(high[row, at], size)
+    return low, high
+
+
+def history_charts(found: HistoryTrends) -> dict[str, Any]:
+    """Return the charts of a history: losses of teeth, if any stands out, and the score.
+
+    Parameters
+    ----------
+    found : HistoryTrends
+        With at least one recording.
+    """
+    entries = found.history.entries
+    times = np.array([entry.time_s for entry in entries])
+    charts, teeth = [], told_teeth(found)[:_STRONGEST]
+    shared = {"axis": "Time (UTC)", "kind": "history", "times": times.tolist()}
+    if teeth:
+        curves = []
+        for number, tooth in enumerate(teeth):
+            values = np.full(len(times), np.nan)
+            values[np.searchsorted(times, tooth.trend.series.time_s)] = tooth.trend.series.value
+            name = gear_text(tooth.stage, tooth.gear, tooth.tooth)
+            colour = SERIES[number % len(SERIES)]
+            curves.append(_curve(100 * values, name, None, colour=colour))
+        limit = None if found.limit is None else 100 * found.limit
+        value = "Loss of pair stiffness (%)"
+        title = "Loss of each tooth that stands out"
+        named = {"name": "history-loss", "title": title, "value": value}
+        charts.append(shared | named | {"curves": curves, "limit": limit})
+    scores = np.array([entry.score for entry in entries])
+    named = {"name": "history-score", "title": "Evidence of a fault", "value": "Score"}
+    charts.append(shared | named | {"curves": [_curve(scores, "score", None)]})
+    told = [f"{printable(entry.recording)}: {entry.verdict}" for entry in entries]
+    return {"channels": [], "speed_hz": 0.0, "lines": None, "told": told, "charts": charts}

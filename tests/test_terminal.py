@@ -1,0 +1,71 @@
+"""What a terminal gives and gets: files, folders and standard input; colours; the time it takes."""
+
+from __future__ import annotations
+
+import io
+import sys
+from types import SimpleNamespace
+
+import pytest
+
+from gearmon.cli import main
+from gearmon.commands.inputs import recordings_named
+from gearmon.errors import ArgumentError
+from gearmon.terminal import coloured, working
+
+
+def test_a_folder_stands_for_the_recordings_in_it(tmp_path):
+    for name in ("b.csv", "a.WAV", "b.json", "healthy.ref"):
+        (tmp_path / name).write_text("")
+    inside = [str(tmp_path / "a.WAV"), str(tmp_path / "b.csv")]
+    assert recordings_named(["x.csv", str(tmp_path), "-"]) == ["x.csv", *inside, "-"]
+
+
+def test_a_folder_without_a_recording_stays_and_two_inputs_are_refused(tmp_path):
+    assert recordings_named([str(tmp_path)]) == [str(tmp_path)]
+    with pytest.raises(ArgumentError, match="named twice"):
+        recordings_named(["-", "a.csv", "-"])
+
+
+def test_standard_input_is_read_as_a_file_is(monkeypatch, capsys):
+    rows = "\n".join(f"{0.001 * k:.3f},{(-1) ** k * (k % 7)}" for k in range(4000))
+    text = io.BytesIO(f"time [s],a1 [m/s2]\n{rows}\n".encode())
+    monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=text))
+    assert main(["spectrum", "-"]) == 0
+    assert "standard input" in capsys.readouterr().out
+
+
+def test_a_speed_hint_must_be_a_speed(tmp_path, capsys):
+    machine = tmp_path / "m.toml"
+    machine.write_text(
+        "[operating]\nspeed_rpm = 1480.0\n[[stage]]\nkind = 'parallel'\n"
+        "pinion_teeth = 23\ngear_teeth = 57\n"
+    )
+    given = ["analyse", "none.csv", "--machine", str(machine), "--speed-hint", "-3"]
+    assert main(given) == 2
+    assert "--speed-hint" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("watched", "no_colour"), [(True, ""), (True, "1"), (False, "")])
+def test_verdicts_have_colours_where_somebody_sees_them(monkeypatch, watched, no_colour):
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("NO_COLOR", no_colour)
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: watched)
+    line = "new.csv: FAULT, by default"
+    expected = "new.csv: \033[1;31mFAULT\033[0m, by default"
+    assert coloured(line) == (expected if watched and not no_colour else line)
+
+
+def test_long_work_tells_its_time_on_a_terminal_only(monkeypatch, capsys):
+    monkeypatch.setattr("gearmon.terminal._PATIENCE_S", 0.02)
+    for watched in (False, True):
+        monkeypatch.setattr(sys.stderr, "isatty", lambda seen=watched: seen)
+        with working("family"):
+            _pause(0.2)
+        assert ("family: 0 s" in capsys.readouterr().err) is watched
+
+
+def _pause(seconds):
+    from threading import Event
+
+    Event().wait(seconds)
