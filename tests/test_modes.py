@@ -223,7 +223,7 @@ def by_polynomials(machine, count=40):
     for side, rows, arm in zip((1, -1), gears, (28.75e-3, -71.25e-3), strict=True):
         spun = arm * np.array([-towards[1], towards[0]])
         closing += side * sum(push[k] * (rows[k] + spun[k] * rows[2]) for k in range(2))
-    stiffness += train.meshes[0].stiffness_n_per_m * np.outer(closing, closing)
+    stiffness += train.meshes(1)[0].stiffness[0, 0] * np.outer(closing, closing)
     squares = eigh(stiffness, mass, eigvals_only=True)
     return np.sqrt(squares.clip(0)) / (2 * math.pi)
 
@@ -254,15 +254,15 @@ def test_shear_of_a_short_shaft():
 def test_strain_shares_are_what_stiffness_does(machine):
     # d ln f^2/d ln k is the share of strain energy (Rayleigh)
     key, step = "mesh_stiffness_n_per_m", 1e-4
-    mesh = drive_train(gearmon.load_machine(machine)).meshes[0]
+    mesh = drive_train(gearmon.load_machine(machine)).meshes(1)[0]
     plain, stiffer = (
         gearmon.modes(
-            machine | {"stage": [machine["stage"][0] | {key: mesh.stiffness_n_per_m * factor}]}
+            machine | {"stage": [machine["stage"][0] | {key: mesh.stiffness[0, 0] * factor}]}
         )
         for factor in (1.0, 1 + step)
     )
     for mode, other in zip(plain.rows[1:20], stiffer.rows[1:20], strict=True):
-        share = mode.strain_energy[f"mesh 1 {mesh.name}"]
+        share = mode.strain_energy[mesh.part]
         grown = 2 * math.log(other.frequency_hz / mode.frequency_hz) / math.log1p(step)
         assert grown == pytest.approx(share, abs=2e-4)
         assert sum(mode.strain_energy.values()) == pytest.approx(1)

@@ -12,8 +12,10 @@ n = (cos b, sin b), b = g + s (90 deg - alpha_w):
 
     d = n . (q_1 - q_2) + s (r_1 theta_1 + r_2 theta_2)
 
-The mesh of planet and ring is the same with alpha_w + 90 deg and a negative radius. Phases of the
-meshes of a planetary set: z_s psi/(2 pi) and -z_r psi/(2 pi) mesh periods for the planet at psi.
+The mesh of planet and ring is the same with alpha_w + 90 deg and a negative radius. What happens to
+a planet happens to those behind it later: with psi counted as the sun turns past the carrier, the
+meshes of the planet at psi lead by -z_s psi/(2 pi) and z_r psi/(2 pi) mesh periods, and a tooth of
+the planet reaches the ring half a turn of the planet after the sun.
 
 References
 ----------
@@ -59,17 +61,21 @@ _LEFT_OUT = "tilting gears, axial motion and gyroscopic moments are left out"
 _PAIR, _SPREAD = np.array([[1.0, -1.0], [-1.0, 1.0]]), np.array([[2.0, 1.0], [1.0, 2.0]]) / 6
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Spring:
     """An elastic part of a drive train, or some of it.
 
     Parameters
     ----------
     part : str
-        What it belongs to.
+        What it belongs to; of a mesh "mesh 1 pinion-gear", "mesh 1 sun-planet" or the like.
     rows : ndarray, shape (k, n)
-        Its deflections are rows @ q.
+        Its deflections are rows @ q; of a mesh the one row is v.
     stiffness : ndarray, shape (k, k)
+    damping_ns_per_m : float
+        Of dampers beside it, one for each row.
+    phase : float
+        Of a mesh: by how much it leads the first of its kind [mesh periods].
     resolved_hz : float
         Up to which frequency it is fine enough, of a shaft with mass.
     """
@@ -77,49 +83,25 @@ class Spring:
     part: str
     rows: FloatArray
     stiffness: FloatArray
+    damping_ns_per_m: float = 0.0
+    phase: float = 0.0
     resolved_hz: float = math.inf
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class TrainMesh:
-    """One pair of gears in mesh within a drive train.
-
-    Parameters
-    ----------
-    stage : int
-    name : {"pinion-gear", "sun-planet", "planet-ring"}
-    vector : ndarray, shape (n,)
-        v: its deflection is v . q [m].
-    stiffness_n_per_m, damping_ns_per_m : float
-        Mean along the line of action.
-    phase : float
-        By how much it leads the first of its kind [mesh periods].
-    """
-
-    stage: int
-    name: str
-    vector: FloatArray
-    stiffness_n_per_m: float
-    damping_ns_per_m: float
-    phase: float = 0.0
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Planets:
     """The planets of one set.
 
     Parameters
     ----------
-    stage : int
     rows : ndarray, shape (planets, 3, n)
         Radial and tangential displacement [m] and rotation [rad] of each are rows @ q.
     inertia : ndarray, shape (3,)
         Mass twice [kg], and moment of inertia [kg m2].
     angles_rad : ndarray, shape (planets,)
-        psi, where they sit.
+        psi, where they sit, counted as the sun turns past the carrier.
     """
 
-    stage: int
     rows: FloatArray
     inertia: FloatArray
     angles_rad: FloatArray
@@ -134,11 +116,9 @@ class DriveTrain:
     coordinates : tuple of str, n of them
     turning : bool ndarray, shape (n,)
         Which are rotations of shafts and of members of planetary sets.
-    mass, damping : ndarray, shape (n, n)
-        Damping without that of the meshes.
+    mass : ndarray, shape (n, n)
     springs : tuple of Spring
-        Shafts, bearings, pins and supports.
-    meshes : tuple of TrainMesh
+        Shafts, bearings, pins, supports and meshes.
     planets : tuple of Planets
     notes : tuple of str
         What is left out, and what was taken where the machine file says nothing.
@@ -147,36 +127,25 @@ class DriveTrain:
     coordinates: tuple[str, ...]
     turning: npt.NDArray[np.bool_]
     mass: FloatArray
-    damping: FloatArray
     springs: tuple[Spring, ...]
-    meshes: tuple[TrainMesh, ...]
     planets: tuple[Planets, ...]
     notes: tuple[str, ...]
 
-    @property
-    def all_springs(self) -> tuple[Spring, ...]:
-        """`springs` and the meshes, those of a kind in a stage as one part."""
-        meshes = (
-            Spring(
-                part=f"mesh {mesh.stage} {mesh.name}",
-                rows=mesh.vector[None],
-                stiffness=np.array([[mesh.stiffness_n_per_m]]),
-            )
-            for mesh in self.meshes
-        )
-        return *self.springs, *meshes
+    def meshes(self, stage: int) -> list[Spring]:
+        """Return the meshes of a stage, counted from 1."""
+        return [own for own in self.springs if own.part.startswith(f"mesh {stage} ")]
 
     @property
     def stiffness(self) -> FloatArray:
-        """Stiffness with that of the meshes, shape (n, n)."""
-        parts = (spring.rows.T @ spring.stiffness @ spring.rows for spring in self.all_springs)
-        return np.asarray(sum(parts))
+        """K with the means of all meshes, shape (n, n)."""
+        springs = (own.rows.T @ own.stiffness @ own.rows for own in self.springs)
+        return sum(springs, np.zeros_like(self.mass))
 
     @property
-    def all_damping(self) -> FloatArray:
-        """Damping with that of the meshes, shape (n, n)."""
-        meshes = (m.damping_ns_per_m * np.outer(m.vector, m.vector) for m in self.meshes)
-        return np.asarray(self.damping + sum(meshes))
+    def damping(self) -> FloatArray:
+        """C with that of all meshes, shape (n, n)."""
+        springs = (own.damping_ns_per_m * own.rows.T @ own.rows for own in self.springs)
+        return sum(springs, np.zeros_like(self.mass))
 
 
 def drive_train(
@@ -202,7 +171,7 @@ def drive_train(
     return _Assembly(machine, point or machine.operating[0], form).finished()
 
 
-_Part, _Standing = TypeVar("_Part", TrainMesh, Planets, Spring), TypeVar("_Standing", Bearing, Disc)
+_Standing = TypeVar("_Standing", Bearing, Disc)
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,9 +195,8 @@ class _Assembly:
         width = 3 * (sum(len(self.places(i)) + 2 for i in shafts) + planets)
         self.names: list[str] = []
         self.turning: list[bool] = []
-        self.mass, self.damping = np.zeros((2, width, width))
+        self.mass = np.zeros((width, width))
         self.springs: list[Spring] = []
-        self.meshes: list[TrainMesh] = []
         self.planets: list[Planets] = []
         self.pairs = [mesh_pairs(s, i, machine.path) for i, s in enumerate(machine.stages, 1)]
         train = kinematics(machine)
@@ -254,10 +222,8 @@ class _Assembly:
             coordinates=tuple(self.names),
             turning=np.array(self.turning, dtype=bool),
             mass=self.mass[:n, :n],
-            damping=self.damping[:n, :n],
-            springs=tuple(_cut(spring, "rows", n) for spring in self.springs),
-            meshes=tuple(_cut(mesh, "vector", n) for mesh in self.meshes),
-            planets=tuple(_cut(planets, "rows", n) for planets in self.planets),
+            springs=tuple(replace(own, rows=own.rows[:, :n]) for own in self.springs),
+            planets=tuple(replace(own, rows=own.rows[..., :n]) for own in self.planets),
             notes=tuple(dict.fromkeys(self.notes)),
         )
 
@@ -274,20 +240,11 @@ class _Assembly:
         given = np.asarray(values, dtype=np.float64)
         self.mass += rows.T @ (given if given.ndim == 2 else np.diag(given)) @ rows
 
-    def spring(
-        self,
-        part: str,
-        rows: FloatArray,
-        stiffness: npt.ArrayLike,
-        damping: float = 0.0,
-        resolved_hz: float = math.inf,
-    ) -> None:
-        """Add springs of equal stiffness for all rows, or a matrix of stiffness, with dampers."""
+    def spring(self, part: str, rows: FloatArray, stiffness: npt.ArrayLike, *more: float) -> None:
+        """Add springs of equal stiffness for all rows, or a matrix; `more` as of `Spring`."""
         given = np.asarray(stiffness, dtype=np.float64)
         matrix = given if given.ndim == 2 else given * np.eye(len(rows))
-        spring = Spring(part=part, rows=rows, stiffness=matrix, resolved_hz=resolved_hz)
-        self.springs.append(spring)
-        self.damping += damping * rows.T @ rows
+        self.springs.append(Spring(part, rows, matrix, *more))
 
     # shafts
 
@@ -306,7 +263,8 @@ class _Assembly:
         if not any(own.diameter_mm for own in sections):
             return at
         pieces = np.ceil(PIECES * np.diff(at) / length - 1e-6).astype(int)
-        between = [np.linspace(*at[i : i + 2], n, endpoint=False) for i, n in enumerate(pieces)]
+        gaps = zip(at[:-1], at[1:], pieces, strict=True)
+        between = [np.linspace(a, b, n, endpoint=False) for a, b, n in gaps]
         return np.concatenate([*between, at[-1:]])
 
     def shaft(self, number: int) -> _Line:
@@ -411,7 +369,7 @@ class _Assembly:
             turns, across = line.rows[[i, i + 1], 2], slice(2 * i, 2 * i + 4)
             wave = TWIST_RESOLVED / length * math.sqrt(twist / polar) if polar else math.inf
             torsion, part = twist / length * _PAIR, f"shaft {number} torsion"
-            self.spring(part, turns, torsion, resolved_hz=wave / (2 * math.pi))
+            self.spring(part, turns, torsion, 0.0, 0.0, wave / (2 * math.pi))
             self.inertia(turns, polar * length * _SPREAD)
             if bends:
                 beam[across, across] += _beam(bend, shear, length)
@@ -427,7 +385,7 @@ class _Assembly:
             shape[::2], shape[1::2] = np.eye(len(line.at)), tilts
             bending, part = shape.T @ beam @ shape, f"shaft {number} bending"
             for rows in (line.rows[:, 0], line.rows[:, 1]):
-                self.spring(part, rows, bending, resolved_hz=waves / (2 * math.pi))
+                self.spring(part, rows, bending, 0.0, 0.0, waves / (2 * math.pi))
                 self.inertia(rows, shape.T @ mass @ shape)
 
     # gears
@@ -463,11 +421,13 @@ class _Assembly:
         self.gear(inner, 0, rows["sun"])
         self.gear(outer, 1, rows["ring"])
         self.carrier(inner, rows["carrier"])
+        speeds = planetary_speeds(stage)
+        turn = sense if speeds["sun"] > speeds["carrier"] else -sense
         # torques on sun and ring have one sense, that on the carrier the other
         sense *= -1 if stage.driving == "carrier" else 1
         teeth = stage.sun_teeth + stage.ring_teeth
         seats = np.round(np.arange(stage.planets) * teeth / stage.planets) / teeth
-        planets = self.planet_rows(i, stage, rows["carrier"], 2 * math.pi * seats)
+        planets = self.planet_rows(i, stage, rows["carrier"], 2 * math.pi * seats, turn)
         suns, rings = [], []
         for psi, planet in zip(2 * math.pi * seats, planets, strict=True):
             push, pull = sense * _push(inner), sense * (math.pi - _push(outer))
@@ -475,8 +435,8 @@ class _Assembly:
             sun, ring = (rows["sun"], psi + push), (rows["ring"], psi + pull)
             suns.append(_mesh(sun, (planet, push), (sun_r, planet_r), sense))
             rings.append(_mesh(ring, (planet, pull), (ring_r, -planet_r), sense))
-        self.mesh(inner, suns, sense * stage.sun_teeth * seats)
-        self.mesh(outer, rings, -sense * stage.ring_teeth * seats)
+        self.mesh(inner, suns, -turn * stage.sun_teeth * seats)
+        self.mesh(outer, rings, turn * stage.ring_teeth * seats - 0.5 * stage.planet_teeth)
 
     def fixed(self, number: int, stage: PlanetaryStage) -> FloatArray:
         """Return how the fixed member of a planetary set moves, and add what holds it."""
@@ -507,7 +467,7 @@ class _Assembly:
         self.inertia(rows, (mass or 0.0, mass or 0.0, inertia or 0.0))
 
     def planet_rows(
-        self, i: int, stage: PlanetaryStage, carrier: FloatArray, angles: FloatArray
+        self, i: int, stage: PlanetaryStage, carrier: FloatArray, angles: FloatArray, turn: int
     ) -> FloatArray:
         """Return how the planets of a set move, and add their inertia and pins."""
         inner = self.pairs[i][0]
@@ -539,11 +499,7 @@ class _Assembly:
         if not yields:
             self.notes.append(f"stage {i + 1}: planet pins are rigid: no bearing of them yields")
         mass, inertia = gear_disc(inner, 1)
-        self.planets.append(
-            Planets(
-                stage=i + 1, rows=rows, inertia=np.array([mass, mass, inertia]), angles_rad=angles
-            )
-        )
+        self.planets.append(Planets(rows, np.array([mass, mass, inertia]), turn * angles))
         return rows
 
     def mesh(self, pair: MeshPair, vectors: Sequence[FloatArray], phases: Iterable[float]) -> None:
@@ -554,22 +510,9 @@ class _Assembly:
         mean = mesh_stiffness(pair, (), self.form, force_n=force).healthy_mean_n_per_m
         damping = mesh_damping(pair, math.sqrt(mean * equivalent_mass(pair, notes)), notes)[1]
         self.notes += [f"stage {pair.number}: {note}" for note in notes if "ring is" not in note]
+        part = f"mesh {pair.number} {pair.name}"
         for vector, phase in zip(vectors, phases, strict=True):
-            self.meshes.append(
-                TrainMesh(
-                    stage=pair.number,
-                    name=pair.name,
-                    vector=vector,
-                    stiffness_n_per_m=mean,
-                    damping_ns_per_m=damping,
-                    phase=float(phase),
-                )
-            )
-
-
-def _cut(part: _Part, name: str, n: int) -> _Part:
-    """Leave out the room for coordinates that did not come."""
-    return replace(part, **{name: getattr(part, name)[..., :n]})
+            self.spring(part, vector[None], mean, damping, float(phase))
 
 
 def _placed(items: list[_Standing], usual_m: Sequence[float]) -> list[tuple[float, _Standing]]:

@@ -25,6 +25,8 @@ from gearmon.machine import Bearing, Machine, OperatingPoint, ParallelStage, Pla
 from gearmon.result import Result
 
 _Item = TypeVar("_Item")
+#: Part of a planet's mesh force that a sensor on the housing hears only while the planet passes.
+PLANET_PASS_DEPTH = 0.8
 
 
 @dataclass(frozen=True, kw_only=True)

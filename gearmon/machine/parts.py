@@ -405,6 +405,7 @@ class Machine(Result):
             where = f"bearing[{number}]"
             if bearing.shaft is not None:
                 self._check_shaft(f"{where}.shaft", bearing.shaft)
+                self._check_place(f"{where}.position_mm", bearing.shaft, bearing.position_mm)
             elif bearing.planet_stage is not None:
                 self._check_planet_stage(f"{where}.planet_stage", bearing.planet_stage)
 
@@ -424,10 +425,6 @@ class Machine(Result):
         for number, disc in enumerate(self.discs, start=1):
             self._check_shaft(f"disc[{number}].shaft", disc.shaft)
             self._check_place(f"disc[{number}].position_mm", disc.shaft, disc.position_mm)
-        for number, bearing in enumerate(self.bearings, start=1):
-            if bearing.shaft is not None:
-                key = f"bearing[{number}].position_mm"
-                self._check_place(key, bearing.shaft, bearing.position_mm)
         for number, stage in enumerate(self.stages, start=1):
             for shaft, member in enumerate(stage.on_shafts, start=number):
                 key = f"position_{member}_mm"

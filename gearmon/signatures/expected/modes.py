@@ -33,7 +33,7 @@ SPEED_REACH = 1.5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Mode(Result):
+class Mode:
     """A natural vibration.
 
     Parameters
@@ -71,16 +71,16 @@ class Mode(Result):
         parts = sorted(self.strain_energy.items(), key=lambda own: -own[1])[:3]
         return ", ".join(f"{part} {share:.0%}" for part, share in parts if share >= 0.05)
 
-    def frame_rows(self) -> list[dict[str, Any]]:
-        """Return one row, with a column for each part that is strained."""
-        plain = {key: value for key, value in self.to_dict().items() if key not in _NESTED}
-        return [plain | {f"strain {part}": share for part, share in self.strain_energy.items()}]
+    def row(self) -> dict[str, Any]:
+        """Return all but the shape, with a column for each part that is strained."""
+        plain = {name: own for name, own in vars(self).items() if name not in _NESTED}
+        return plain | {f"strain {part}": share for part, share in self.strain_energy.items()}
 
 
 _NESTED = ("strain_energy", "shape")
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Meeting:
     """A harmonic of a mesh at a natural frequency.
 
@@ -171,7 +171,7 @@ class Modes(Result):
 
     def frame_rows(self) -> list[dict[str, Any]]:
         """Return a row for each mode."""
-        return [row for mode in self.rows for row in mode.frame_rows()]
+        return [mode.row() for mode in self.rows]
 
     def campbell_rows(self, meetings: Iterable[Meeting] | None = None) -> list[dict[str, Any]]:
         """Return a row for each meeting, or for those given."""
@@ -255,15 +255,21 @@ def natural(train: DriveTrain) -> tuple[FloatArray, FloatArray]:
     """
     from scipy.linalg import eigh
 
+    carried, stiffness = carried_by_mass(train), train.stiffness
+    squares, shapes = eigh(carried.T @ stiffness @ carried, carried.T @ train.mass @ carried)
+    squares[squares < RIGID * squares[-1]] = 0.0
+    return np.asarray(squares), np.asarray(carried @ shapes)
+
+
+def carried_by_mass(train: DriveTrain) -> FloatArray:
+    """Return how all coordinates follow those that have mass, shape (n, m)."""
     stiffness = train.stiffness
     heavy = np.diag(train.mass) > 0
     carried = np.zeros((len(heavy), int(heavy.sum())))
     carried[heavy] = np.eye(carried.shape[1])
     light = stiffness[~heavy][:, ~heavy]
     carried[~heavy] = -np.linalg.pinv(light, hermitian=True) @ stiffness[~heavy][:, heavy]
-    squares, shapes = eigh(carried.T @ stiffness @ carried, carried.T @ train.mass @ carried)
-    squares[squares < RIGID * squares[-1]] = 0.0
-    return np.asarray(squares), np.asarray(carried @ shapes)
+    return carried
 
 
 def _modes(train: DriveTrain) -> tuple[Mode, ...]:
@@ -271,15 +277,15 @@ def _modes(train: DriveTrain) -> tuple[Mode, ...]:
     squares, shapes = natural(train)
     angular = np.sqrt(squares)
     hertz = angular / (2 * math.pi)
-    strain = {spring.part: np.zeros(len(hertz)) for spring in train.all_springs}
+    strain = {spring.part: np.zeros(len(hertz)) for spring in train.springs}
     coarse = np.zeros(len(hertz))
-    for spring in train.all_springs:
+    for spring in train.springs:
         moved = spring.rows @ shapes
         # of unit modal mass: the whole is the square of the angular frequency
         share = np.sum(moved * (spring.stiffness @ moved), axis=0) / np.where(angular, squares, 1)
         strain[spring.part] += np.where(angular, np.abs(share), 0.0)
         coarse += share * (hertz > spring.resolved_hz)
-    damped = np.sum(shapes * (train.all_damping @ shapes), axis=0).clip(0)
+    damped = np.sum(shapes * (train.damping @ shapes), axis=0).clip(0)
     damping = np.where(angular, damped / np.where(angular, 2 * angular, 1), 0.0)
     kinetic = _kinetic_shares(train, shapes)
     return tuple(
@@ -329,23 +335,15 @@ def _meetings(
     )
     if share < LEAST_SHARE:
         return []
-    meshes = [mesh for mesh in train.meshes if mesh.stage == stage]
-    forces = np.array([m.stiffness_n_per_m * (m.vector @ mode.shape) for m in meshes])
-    phases, kinds = np.array([m.phase for m in meshes]), np.array([m.name for m in meshes])
+    meshes = train.meshes(stage)
+    forces = np.array([m.stiffness[0, 0] * (m.rows[0] @ mode.shape) for m in meshes])
+    phases, kinds = np.array([m.phase for m in meshes]), np.array([m.part for m in meshes])
     found = []
     for harmonic in range(1, harmonics + 1):
         turned = forces * np.exp(2j * math.pi * harmonic * phases)
         sums = [turned[kinds == kind] for kind in set(kinds.tolist())]
         together = sum(abs(own.sum()) ** 2 / len(own) for own in sums)
-        found.append(
-            Meeting(
-                speed_rpm=60 * mode.frequency_hz / (harmonic * order),
-                mode=mode.number,
-                frequency_hz=mode.frequency_hz,
-                stage=stage,
-                harmonic=harmonic,
-                mesh_share=share,
-                in_phase=float(np.sqrt(together / np.sum(forces**2))),
-            )
-        )
+        speed, together = 60 * mode.frequency_hz / (harmonic * order), together / sum(forces**2)
+        place = (speed, mode.number, mode.frequency_hz, stage, harmonic)
+        found.append(Meeting(*place, mesh_share=share, in_phase=math.sqrt(together)))
     return found
