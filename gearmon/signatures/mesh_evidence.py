@@ -45,6 +45,8 @@ class Tracking:
         How clearly each mesh stands out.
     notes : tuple of str
         What the reader should know.
+    held_s : tuple of float, optional
+        The part of the recording in which the angle is known [s]; all of it if None.
     """
 
     track: AngleTrack
@@ -52,6 +54,7 @@ class Tracking:
     scan: SpeedScan
     evidence: tuple[MeshEvidence, ...]
     notes: tuple[str, ...] = ()
+    held_s: tuple[float, float] | None = None
 
     @property
     def plan_hz(self) -> float:
