@@ -312,7 +312,7 @@ def _kinetic_shares(train: DriveTrain, shapes: FloatArray) -> FloatArray:
     for kind, chosen in enumerate((train.turning, ~train.turning)):
         own = np.where(chosen[:, None], shapes, 0.0)
         shares[kind] += np.sum(own * (mass @ own), axis=0)
-    return np.abs(shares / shares.sum(axis=0))
+    return np.asarray(np.abs(shares / shares.sum(axis=0)))
 
 
 def _planet_shares(planets: Planets, shapes: FloatArray) -> FloatArray:
@@ -323,7 +323,7 @@ def _planet_shares(planets: Planets, shapes: FloatArray) -> FloatArray:
     once = np.column_stack([alike, round_.real, round_.imag])
     parts = [np.tensordot(basis @ np.linalg.pinv(basis), moved, 1) for basis in (alike, once)]
     energy = [np.einsum("pim,i->m", part**2, planets.inertia) for part in (*parts, moved)]
-    return np.diff(energy, axis=0, prepend=0.0)
+    return np.asarray(np.diff(energy, axis=0, prepend=0.0))
 
 
 def _meetings(

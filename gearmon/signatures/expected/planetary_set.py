@@ -26,7 +26,7 @@ from gearmon.gears.kinematics import PLANET_PASS_DEPTH, kinematics
 from gearmon.gears.mechanics import stage_mechanics
 from gearmon.machine import Machine, PlanetaryStage
 from gearmon.result import Result
-from gearmon.signatures.expected.mesh import operating_point
+from gearmon.signatures.expected.mesh import FloatArray, operating_point
 from gearmon.signatures.expected.modes import carried_by_mass, natural
 
 #: Stiffness harmonics taken, at least, and for each harmonic that is shown.
@@ -165,7 +165,7 @@ def _vibration(
     return steady_state(system, tolerance, harmonics=harmonics)
 
 
-def _torques(train: DriveTrain, mesh: Any, force_n: float, stiffness: float) -> Any:
+def _torques(train: DriveTrain, mesh: FloatArray, force_n: float, stiffness: float) -> FloatArray:
     """Return the torques on the first and the last shaft that load a mesh with its force."""
     squares, shapes = natural(train)
     if squares[0] > 0:
@@ -175,4 +175,4 @@ def _torques(train: DriveTrain, mesh: Any, force_n: float, stiffness: float) -> 
     first, last = ends[0], [i for i in ends if train.turning[i]][-1]
     load[first], load[last] = 1.0, -rigid[first] / rigid[last]
     moved = np.linalg.lstsq(train.stiffness, load, rcond=None)[0]
-    return load * force_n / (stiffness * float(mesh @ moved))
+    return np.asarray(load * force_n / (stiffness * float(mesh @ moved)))
