@@ -58,6 +58,7 @@ _HOMES = {
     "write_signature": "gearmon.signatures.signature",
     "expected_signature": "gearmon.signatures.expected.baseline",
     "fault_family": "gearmon.signatures.expected.fault_family",
+    "modes": "gearmon.signatures.expected.modes",
     "loss_response": "gearmon.signatures.expected.faulty_teeth",
     "MeasuredSignature": "gearmon.signatures.measured.measurement",
     "measure_signature": "gearmon.signatures.measured.measurement",
@@ -115,6 +116,7 @@ if TYPE_CHECKING:
     from gearmon.signatures.expected.baseline import expected_signature as expected_signature
     from gearmon.signatures.expected.fault_family import fault_family as fault_family
     from gearmon.signatures.expected.faulty_teeth import loss_response as loss_response
+    from gearmon.signatures.expected.modes import modes as modes
     from gearmon.signatures.gear_averages import gear_averages as gear_averages
     from gearmon.signatures.measured.indicators import indicator_table as indicator_table
     from gearmon.signatures.measured.measurement import MeasuredSignature as MeasuredSignature

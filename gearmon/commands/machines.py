@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +24,8 @@ from gearmon.terminal import progress_bar
 
 if TYPE_CHECKING:
     from gearmon.dynamics import HillProblem
+    from gearmon.machine import Machine
+    from gearmon.signatures.expected.modes import Modes
 
 #: Natural over mesh frequency up to which the instability is searched for, and drawn: beyond, the
 #: tongues are many and too narrow to be seen.
@@ -30,7 +33,7 @@ MOST_RATIO_SEARCHED, MOST_RATIO_DRAWN = 50.0, 15.0
 CHART_POINTS = (120, 48)
 #: What the terminal does not show of each member of a family.
 HIDDEN_OF_FAMILY = {"teeth", "lines", "method"}
-MOST_ROWS = 60
+MOST_ROWS, MOST_MEETINGS = 60, 20
 #: What is assumed of expected lines, and known of recordings.
 ASSUMED = ("path_gain", "wander", "wander_time_s")
 #: Settings of a simulation: flag, default, unit and what they are.
@@ -106,8 +109,31 @@ def run_baseline(arguments: argparse.Namespace) -> int:
     if arguments.output:
         write_signature(signature, arguments.output)
         told.append(f"wrote {arguments.output}")
-    show(arguments, signature.to_dict(), lambda: [*signature_lines(signature), *told])
+    heard = _housing_lines(machine)
+    result = signature.to_dict() | ({"housing": heard} if heard else {})
+    told += _heard_lines(heard)
+    show(arguments, result, lambda: [*signature_lines(signature), *told])
     return DONE
+
+
+def _housing_lines(machine: Machine) -> list[dict[str, Any]]:
+    """Return what the housing hears of planetary sets whose machine file says enough."""
+    from gearmon.signatures.expected.planetary_set import housing_lines
+
+    sets = [i for i, stage in enumerate(machine.stages, start=1) if stage.kind == "planetary"]
+    with suppress(ArgumentError):
+        return [housing_lines(machine, stage).to_dict() for stage in sets]
+    return []
+
+
+def _heard_lines(heard: list[dict[str, Any]]) -> list[str]:
+    from gearmon.report.text_tables import table_lines
+
+    lines = []
+    for own in heard:
+        lines.append(f"healthy planetary set, stage {own['stage']}: force on the housing")
+        lines += table_lines([row for row in own["rows"] if row["allowed"]])
+    return lines
 
 
 def run_family(arguments: argparse.Namespace) -> int:
@@ -193,6 +219,46 @@ def _stability_charts(problems: Mapping[int, HillProblem]) -> Mapping[str, Any]:
             if progress is not None:
                 progress(number / len(drawn))
     return figures
+
+
+def run_modes(arguments: argparse.Namespace) -> int:
+    """Run `gearmon modes`."""
+    from gearmon.signatures.expected.modes import modes
+
+    found = modes(
+        machine_of(arguments.machine),
+        harmonics=arguments.harmonics,
+        highest_rpm=arguments.to_rpm,
+        form=arguments.form,
+    )
+    tables = {"": found.frame_rows, "-campbell": found.campbell_rows}
+    result = found.to_dict()
+    return finish(arguments, result, lambda: _modes_lines(found), tables, found.figures)
+
+
+def _modes_lines(found: Modes) -> list[str]:
+    from gearmon.report.text_tables import table_lines
+
+    listed = [
+        {
+            "mode": mode.number,
+            "frequency_hz": mode.frequency_hz,
+            "damping_ratio": float(f"{mode.damping_ratio:.3g}"),
+            "type": mode.type,
+            "strain energy": mode.strained(),
+        }
+        for mode in found.rows[:MOST_ROWS]
+    ]
+    met = [own for own in found.campbell if own.drives]
+    near = sorted(met, key=lambda own: abs(math.log(own.speed_rpm / found.speeds_rpm[0])))
+    meetings = sorted(near[:MOST_MEETINGS], key=lambda own: own.speed_rpm)
+    told = (
+        f"{len(listed)} of {len(found.rows)} modes; {len(meetings)} of {len(met)} meetings that "
+        f"mesh forces drive, nearest to {found.speeds_rpm[0]:g} rpm (--json or -o FILE gives all)"
+    )
+    rows = found.campbell_rows(meetings)
+    notes = (f"note: {note}" for note in found.notes)
+    return [*table_lines(listed), "", *table_lines(rows), f"({told})", *notes, found.headline()]
 
 
 def run_simulate(arguments: argparse.Namespace) -> int:
@@ -325,6 +391,14 @@ def _stability_arguments(parser: argparse.ArgumentParser) -> None:
     number(parser, "--harmonics", 12, "N", "stiffness harmonics taken")
 
 
+def _modes_arguments(parser: argparse.ArgumentParser) -> None:
+    machine_argument(parser)
+    number(parser, "--harmonics", 10, "N", "mesh harmonics of the Campbell table")
+    told = "its highest speed of shaft 1 (1.5 times the nominal)"
+    parser.add_argument("--to-rpm", type=float, metavar="RPM", help=told)
+    parser.add_argument("--form", default="parabolic", help="stiffness form (parabolic)")
+
+
 def _simulate_arguments(parser: argparse.ArgumentParser) -> None:
     machine_argument(parser)
     fault_option(parser)
@@ -409,6 +483,15 @@ STABILITY = Command(
     run=run_stability,
     endings=(".csv", ".json"),
     beside=("{}-stage*.png",),
+)
+MODES = Command(
+    name="modes",
+    help="natural frequencies of the whole machine, and at which speeds mesh harmonics meet them",
+    example="gearmon modes machine.toml -o modes.csv",
+    add=_modes_arguments,
+    run=run_modes,
+    endings=(".csv", ".json"),
+    beside=("{}.png", "{}-campbell.*"),
 )
 SIMULATE = Command(
     name="simulate",

@@ -25,6 +25,8 @@ from gearmon.machine import Bearing, Machine, OperatingPoint, ParallelStage, Pla
 from gearmon.result import Result
 
 _Item = TypeVar("_Item")
+#: Part of a planet's mesh force that a sensor on the housing hears only while the planet passes.
+PLANET_PASS_DEPTH = 0.8
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -582,6 +584,8 @@ def _bearing_lines(
     f (1 - g) / 2 with the inner ring, at f (1 + g) / 2 with the outer one (on a planet: relative
     to the carrier). Slip makes real lines depart from these by 1 or 2 per cent.
     """
+    if not (bearing.balls and bearing.ball_diameter_mm and bearing.pitch_diameter_mm):
+        return
     stage = bearing.planet_stage
     if stage is None:
         turning = shafts[(bearing.shaft or 1) - 1].order

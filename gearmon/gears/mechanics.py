@@ -25,6 +25,8 @@ from gearmon.machine import Machine, OperatingPoint, PlanetaryStage
 #: Damping ratio of a mesh where none is given; 0.03 to 0.17 were measured
 #: (Kasuba & Evans 1981, Wang & Cheng 1981).
 DAMPING_RATIO = 0.07
+#: Rim of a ring where none is given [modules]: ISO 6336-3 sees no weakening from 3.5 on.
+RING_RIM = 3.5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -143,12 +145,12 @@ def stage_mechanics(
     running = machine.operating[0] if point is None else point
     train = kinematics(machine)
     notes: list[str] = []
-    force, torque = _force(pair, running, train.shaft(number).order)
+    force, torque = static_force(pair, running, train.shaft(number).order)
     own = _own_faults(machine, number, faults)
     wrong = [error for error in errors if error.stage == number]
     stiffness = mesh_stiffness(pair, own, form, force_n=force, errors=wrong)
-    mass = _equivalent_mass(pair, notes)
-    ratio, damping = _damping(pair, math.sqrt(stiffness.healthy_mean_n_per_m * mass), notes)
+    mass = equivalent_mass(pair, notes)
+    ratio, damping = mesh_damping(pair, math.sqrt(stiffness.healthy_mean_n_per_m * mass), notes)
     return StageMechanics(
         stage=number,
         mesh=pair.name,
@@ -279,7 +281,9 @@ def _own_faults(machine: Machine, number: int, faults: Iterable[Fault]) -> tuple
     return faults_of_stage(given, number)
 
 
-def _force(pair: MeshPair, point: OperatingPoint, input_order: float) -> tuple[float, float | None]:
+def static_force(
+    pair: MeshPair, point: OperatingPoint, input_order: float
+) -> tuple[float, float | None]:
     """Return static force on the line of action and torque on the first gear of the pair."""
     # the forces of sun and ring on a planet balance, so one override serves both meshes
     if pair.stage.force_n is not None:
@@ -300,51 +304,85 @@ def _force(pair: MeshPair, point: OperatingPoint, input_order: float) -> tuple[f
     return force, force * pair.base_radii_m[0]
 
 
-def _equivalent_mass(pair: MeshPair, notes: list[str]) -> float:
+def equivalent_mass(pair: MeshPair, notes: list[str]) -> float:
+    """Return the mass of both gears reduced to the line of action [kg]; note what is assumed."""
     known = pair.given("equivalent_mass_kg")
     if known is not None:
         return known
-    instead = "equivalent_mass_kg" if pair.is_main else ""
-    width = 1e-3 * pair.need("face_width_mm", "equivalent mass", instead)
-    pair.need("module_mm", "equivalent mass", instead)
     times = (pair.planets if pair.first.name == "sun" else 1, 1)
     yielding = 0.0
     for index, member in enumerate(pair.members):
         if member.internal:
             notes.append("the ring is taken as rigid and heavy: its inertia is not counted")
             continue
-        inertia = _inertia(pair, index, member, width)
+        instead = "equivalent_mass_kg" if pair.is_main else ""
+        inertia = gear_disc(pair, index, "equivalent mass", instead)[1]
         yielding += times[index] * pair.base_radii_m[index] ** 2 / inertia
-    solid = [member.name for member in pair.members if not member.bore_m and not member.internal]
+    solid = [
+        member.name
+        for member in pair.members
+        if not (member.bore_m or member.internal or _told(pair, member.name)[1])
+    ]
     if solid:
         notes.append(f"{' and '.join(solid)} taken as solid discs: no bore diameter is given")
     return 1 / yielding
 
 
-def _inertia(pair: MeshPair, index: int, member: Member, width: float) -> float:
-    """Moment of inertia of a disc of the mean diameter less bore and web [kg m2]."""
+def _told(pair: MeshPair, name: str) -> tuple[float | None, float | None]:
+    """Return mass [kg] and inertia [kg m2] of a member as the stage gives them."""
+    stage = pair.stage
+    return getattr(stage, f"mass_{name}_kg"), getattr(stage, f"inertia_{name}_kgm2")
+
+
+def gear_disc(
+    pair: MeshPair, index: int, purpose: str = "mass of a gear", instead: str = ""
+) -> tuple[float, float]:
+    """Return mass [kg] and moment of inertia [kg m2] of a gear.
+
+    As given, else of a disc of the mean diameter less bore and web; of a ring, what is left around
+    its mean diameter to the rim, or to `RING_RIM` modules behind the tooth roots.
+
+    Parameters
+    ----------
+    pair : MeshPair
+    index : {0, 1}
+    purpose, instead : str
+        For the message where data are missing, see `MeshPair.need`.
+    """
+    member = pair.members[index]
+    mass, inertia = _told(pair, member.name)
+    if mass is not None and inertia is not None:
+        return mass, inertia
+    width = 1e-3 * pair.need("face_width_mm", purpose, instead)
+    module = 1e-3 * pair.need("module_mm", purpose, instead)
     circles = pair.unchecked_geometry
-    mean = 0.5 * (circles.tip_radii_m[index] + circles.root_radii_m[index])
+    root = circles.root_radii_m[index]
+    outer = 0.5 * (circles.tip_radii_m[index] + root)
     bore = 0.5 * member.bore_m
-    if bore >= circles.root_radii_m[index]:
+    if member.internal:
+        rim = RING_RIM * module if member.rim_m is None else member.rim_m
+        outer, bore = root + rim, outer
+    elif bore >= root:
         raise ArgumentError(
             f"{pair.where}: bore_diameter_{member.name}_mm={1e3 * member.bore_m:g} must be less "
-            f"than the root diameter {2e3 * circles.root_radii_m[index]:.5g} mm"
+            f"than the root diameter {2e3 * root:.5g} mm"
         )
-    held = _web(member, circles.root_radii_m[index], bore, width)
-    disc: float = width * (mean**4 - bore**4) - held
-    return 0.5 * math.pi * pair.stage.density_kgm3 * disc
+    areas = math.pi * pair.stage.density_kgm3
+    held = {power: _web(member, root, bore, width, power) for power in (2, 4)}
+    disc_mass = areas * (width * (outer**2 - bore**2) - held[2])
+    disc_inertia = 0.5 * areas * (width * (outer**4 - bore**4) - held[4])
+    return mass or disc_mass, inertia or disc_inertia
 
 
-def _web(member: Member, root_m: float, bore_m: float, width_m: float) -> float:
-    """Return what a web lacks of a solid disc, as width times fourth power of radius [m5]."""
-    if member.web_m is None or member.rim_m is None:
+def _web(member: Member, root_m: float, bore_m: float, width_m: float, power: int) -> float:
+    """Return what a web lacks of a solid disc, as width times that power of radius."""
+    if member.web_m is None or member.rim_m is None or member.internal:
         return 0.0
     inner = root_m - member.rim_m
-    return max(width_m - member.web_m, 0.0) * (inner**4 - bore_m**4)
+    return max(width_m - member.web_m, 0.0) * (inner**power - bore_m**power)
 
 
-def _damping(pair: MeshPair, root: float, notes: list[str]) -> tuple[float, float]:
+def mesh_damping(pair: MeshPair, root: float, notes: list[str]) -> tuple[float, float]:
     """Return damping ratio and coefficient; `root` is sqrt(k m)."""
     known = pair.given("damping_ns_per_m")
     if known is not None:

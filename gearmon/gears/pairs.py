@@ -146,8 +146,9 @@ class MeshPair:
 
     def given(self, key: str) -> float | None:
         """Return an override of the stage if it is given and meant for this pair."""
-        value = getattr(self.stage, key)
-        return float(value) if value is not None and self.is_main else None
+        own = key if self.is_main else f"ring_{key}"
+        value = getattr(self.stage, own, None)
+        return None if value is None else float(value)
 
     @property
     def helix_angle_rad(self) -> float:

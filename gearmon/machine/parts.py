@@ -16,12 +16,15 @@ from gearmon.machine.fields import (
     check_fields,
     obeys,
 )
+from gearmon.machine.stage_data import INERTIA, MASS, MODULUS, PLACE, STIFFNESS, TORSION
 from gearmon.machine.stages import ParallelStage, PlanetaryStage
 from gearmon.result import Result
 
 Stage = ParallelStage | PlanetaryStage
 
 SENSOR_KINDS = ("vibration", "tacho", "torque", "speed", "other")
+#: Keys that tell the lines of a rolling bearing.
+BALLS = ("balls", "ball_diameter_mm", "pitch_diameter_mm")
 SHARE_TOLERANCE = 1e-6
 MOST_STAGES = 30
 #: Fastest over slowest operating point of one machine.
@@ -89,7 +92,7 @@ class OperatingPoint:
 
 @dataclass(frozen=True, kw_only=True)
 class Bearing:
-    """A rolling bearing: lines in the spectrum that are not gears.
+    """A bearing: what holds a shaft or planet; of balls, lines in the spectrum that are not gears.
 
     Parameters
     ----------
@@ -99,14 +102,19 @@ class Bearing:
         Shaft that the bearing carries, counted from 1 (the input) in the order of power flow.
     planet_stage : int, optional
         Instead of `shaft`: the planetary stage, counted from 1, whose planets it carries.
-    balls : int, 3 to 200
-        Rolling elements in one row.
-    ball_diameter_mm, pitch_diameter_mm : float
-        Diameter of a rolling element and of the circle of their centres [mm].
+    balls : int, 3 to 200, optional
+        Rolling elements in one row; without them the bearing has a stiffness and no lines.
+    ball_diameter_mm, pitch_diameter_mm : float, optional
+        Diameter of a rolling element and of the circle of their centres [mm]; beside `balls`.
     contact_angle_deg : float, 0 to 90
         Contact angle [deg].
     rotating : {"inner", "outer"}, optional
         The ring that turns with the shaft or planet: the inner one, on planets the outer one.
+    stiffness_n_per_m, damping_ns_per_m : float, optional
+        Radial stiffness [N/m] and damping [Ns/m], the same in all directions; of a planet bearing,
+        of each planet's pin.
+    position_mm : float, optional
+        Where it sits on its shaft [mm], see `ShaftSection`.
 
     Raises
     ------
@@ -117,17 +125,24 @@ class Bearing:
     name: str = field(metadata=obeys(Text(example='"drive end"')))
     shaft: int | None = field(default=None, metadata=obeys(Count(low=1, high=1000, example="1")))
     planet_stage: int | None = field(default=None, metadata=obeys(Count(low=1, high=1000)))
-    balls: int = field(metadata=obeys(Count(low=3, high=200, example="9")))
-    ball_diameter_mm: float = field(
-        metadata=obeys(Number(low=0, high=500, unit="mm", open_low=True, example="7.94"))
+    balls: int | None = field(default=None, metadata=obeys(Count(low=3, high=200, example="9")))
+    ball_diameter_mm: float | None = field(
+        default=None,
+        metadata=obeys(Number(low=0, high=500, unit="mm", open_low=True, example="7.94")),
     )
-    pitch_diameter_mm: float = field(
-        metadata=obeys(Number(low=0, high=10_000, unit="mm", open_low=True, example="39.04"))
+    pitch_diameter_mm: float | None = field(
+        default=None,
+        metadata=obeys(Number(low=0, high=10_000, unit="mm", open_low=True, example="39.04")),
     )
     contact_angle_deg: float = field(
         default=0.0, metadata=obeys(Number(low=0, high=90, unit="deg"))
     )
     rotating: str = field(default="", metadata=obeys(Choice(options=("inner", "outer"))))
+    stiffness_n_per_m: float | None = field(default=None, metadata=obeys(STIFFNESS))
+    damping_ns_per_m: float | None = field(
+        default=None, metadata=obeys(Number(low=0, high=1e10, unit="Ns/m"))
+    )
+    position_mm: float | None = field(default=None, metadata=obeys(PLACE))
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -135,6 +150,18 @@ class Bearing:
             raise FieldError("shaft", "or planet_stage must be given, and only one of them")
         if not self.rotating:
             object.__setattr__(self, "rotating", "inner" if self.planet_stage is None else "outer")
+        if self.planet_stage is not None and self.position_mm is not None:
+            raise FieldError("position_mm", "is for bearings of a shaft", self.position_mm)
+        self._check_balls()
+
+    def _check_balls(self) -> None:
+        sizes = {name: getattr(self, name) for name in BALLS}
+        missing = [name for name, value in sizes.items() if value is None]
+        if missing == list(BALLS) and self.stiffness_n_per_m is not None:
+            return
+        if self.balls is None or self.ball_diameter_mm is None or self.pitch_diameter_mm is None:
+            told = "is missing; give all of " + ", ".join(BALLS)
+            raise FieldError(missing[0], f"{told}, or stiffness_n_per_m and none of them")
         if self.ball_diameter_mm >= self.pitch_diameter_mm:
             reason = f"must be less than pitch_diameter_mm = {self.pitch_diameter_mm:g}"
             raise FieldError("ball_diameter_mm", reason, self.ball_diameter_mm)
@@ -142,6 +169,98 @@ class Bearing:
         if self.balls > most + 1e-9:
             reason = f"is more than fits on the pitch circle: at most {math.floor(most)}"
             raise FieldError("balls", reason, self.balls)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShaftSection:
+    """A piece of a shaft of one diameter; the sections of a shaft follow one another.
+
+    Positions on a shaft count from the beginning of its first section. What has none sits where it
+    mostly does: the first bearing at the beginning and the last at the end, a gear in the middle,
+    two gears at a third and two thirds, a disc on shaft 1 at its beginning, on the last shaft at
+    its end, else in the middle.
+
+    Parameters
+    ----------
+    shaft : int
+        Shaft, counted from 1 (the input) in the order of power flow.
+    length_mm : float
+    diameter_mm : float, optional
+        Without it the section has no mass and bends only where `bending_stiffness_nm2` is given.
+    bore_mm : float
+        Inner diameter [mm].
+    torsional_stiffness_nm_per_rad : float, optional
+        Of the whole section [Nm/rad], in the place of G I_p/length.
+    bending_stiffness_nm2 : float, optional
+        E I [N m2], in the place of that of the diameter; then no shear is counted.
+    elastic_modulus_pa, poisson_ratio, density_kgm3 : float
+        Steel by default.
+
+    Raises
+    ------
+    FieldError
+        If a value has the wrong type or cannot be.
+    """
+
+    shaft: int = field(metadata=obeys(Count(low=1, high=1000, example="1")))
+    length_mm: float = field(
+        metadata=obeys(Number(low=0, high=1e5, unit="mm", open_low=True, example="120.0"))
+    )
+    diameter_mm: float | None = field(
+        default=None, metadata=obeys(Number(low=0, high=5000, unit="mm", open_low=True))
+    )
+    bore_mm: float = field(default=0.0, metadata=obeys(Number(low=0, high=5000, unit="mm")))
+    torsional_stiffness_nm_per_rad: float | None = field(default=None, metadata=obeys(TORSION))
+    bending_stiffness_nm2: float | None = field(
+        default=None, metadata=obeys(Number(low=0, high=1e13, unit="N m2", open_low=True))
+    )
+    elastic_modulus_pa: float = field(default=206e9, metadata=obeys(MODULUS))
+    poisson_ratio: float = field(
+        default=0.3, metadata=obeys(Number(low=0, high=0.5, open_high=True, why="steel has 0.3"))
+    )
+    density_kgm3: float = field(
+        default=7850.0, metadata=obeys(Number(low=0, high=25_000, unit="kg/m3"))
+    )
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        if self.diameter_mm is None and self.torsional_stiffness_nm_per_rad is None:
+            raise FieldError("diameter_mm", "or torsional_stiffness_nm_per_rad must be given")
+        if self.diameter_mm is not None and self.bore_mm >= self.diameter_mm:
+            reason = f"must be less than diameter_mm = {self.diameter_mm:g}"
+            raise FieldError("bore_mm", reason, self.bore_mm)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Disc:
+    """A body on a shaft that is no gear: motor, load, flywheel, coupling.
+
+    Parameters
+    ----------
+    name : str
+    shaft : int
+        Counted from 1 (the input) in the order of power flow.
+    inertia_kgm2 : float
+        Moment of inertia about the shaft's axis [kg m2].
+    mass_kg : float, optional
+        Without it the disc does not count in translations [kg].
+    position_mm : float, optional
+        Where it sits on its shaft [mm], see `ShaftSection`.
+
+    Raises
+    ------
+    FieldError
+        If a value has the wrong type or cannot be.
+    """
+
+    name: str = field(metadata=obeys(Text(example='"motor"')))
+    shaft: int = field(metadata=obeys(Count(low=1, high=1000, example="1")))
+    inertia_kgm2: float = field(metadata=obeys(INERTIA))
+    mass_kg: float | None = field(default=None, metadata=obeys(MASS))
+    position_mm: float | None = field(default=None, metadata=obeys(PLACE))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -202,6 +321,9 @@ class Machine(Result):
     stages : tuple of ParallelStage or PlanetaryStage
         At least one, in the order of power flow.
     bearings : tuple of Bearing
+    sections : tuple of ShaftSection
+        Of all shafts, those of each in their order; a shaft without any is rigid.
+    discs : tuple of Disc
     sensors : tuple of Sensor
         At most one for a column.
     path : str
@@ -220,11 +342,13 @@ class Machine(Result):
     stages: tuple[Stage, ...]
     bearings: tuple[Bearing, ...] = ()
     sensors: tuple[Sensor, ...] = ()
+    sections: tuple[ShaftSection, ...] = ()
+    discs: tuple[Disc, ...] = ()
     path: str = ""
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in ("operating", "stages", "bearings", "sensors", "notes"):
+        for name in ("operating", "stages", "bearings", "sections", "discs", "sensors", "notes"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
         if not self.operating:
             raise FieldError("operating", "must hold at least one operating point")
@@ -235,6 +359,7 @@ class Machine(Result):
         self._check_speeds()
         self._check_bearings()
         self._check_sensors()
+        self._check_places()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of a machine file, without what is as by default.
@@ -247,7 +372,9 @@ class Machine(Result):
         parts = {
             "operating": self.operating,
             "stage": self.stages,
+            "shaft": self.sections,
             "bearing": self.bearings,
+            "disc": self.discs,
             "sensor": self.sensors,
         }
         tables = {name: [_filled(part) for part in own] for name, own in parts.items() if own}
@@ -278,6 +405,7 @@ class Machine(Result):
             where = f"bearing[{number}]"
             if bearing.shaft is not None:
                 self._check_shaft(f"{where}.shaft", bearing.shaft)
+                self._check_place(f"{where}.position_mm", bearing.shaft, bearing.position_mm)
             elif bearing.planet_stage is not None:
                 self._check_planet_stage(f"{where}.planet_stage", bearing.planet_stage)
 
@@ -289,6 +417,24 @@ class Machine(Result):
             if earlier != number:
                 reason = f"is also the column of sensor[{earlier}]"
                 raise FieldError(f"sensor[{number}].column", reason, sensor.column)
+
+    def _check_places(self) -> None:
+        """Refuse what sits on a shaft that is not there, or beyond its end."""
+        for number, section in enumerate(self.sections, start=1):
+            self._check_shaft(f"shaft[{number}].shaft", section.shaft)
+        for number, disc in enumerate(self.discs, start=1):
+            self._check_shaft(f"disc[{number}].shaft", disc.shaft)
+            self._check_place(f"disc[{number}].position_mm", disc.shaft, disc.position_mm)
+        for number, stage in enumerate(self.stages, start=1):
+            for shaft, member in enumerate(stage.on_shafts, start=number):
+                key = f"position_{member}_mm"
+                self._check_place(f"stage[{number}].{key}", shaft, getattr(stage, key))
+
+    def _check_place(self, key: str, shaft: int, position_mm: float | None) -> None:
+        length = sum(own.length_mm for own in self.sections if own.shaft == shaft)
+        if position_mm is not None and position_mm > length * (1 + 1e-9):
+            told = f"the length of shaft {shaft}" if length else f"shaft {shaft} has no [[shaft]]"
+            raise FieldError(key, f"must lie in [0, {length:g}] mm: {told}", position_mm)
 
     def _check_shaft(self, key: str, shaft: int) -> None:
         if shaft > self.shaft_count:

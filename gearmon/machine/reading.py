@@ -9,17 +9,27 @@ from typing import Any, TypeAlias, TypeVar
 
 from gearmon.errors import ArgumentError, nearest_name
 from gearmon.machine.fields import FieldError, shown_value
-from gearmon.machine.parts import Bearing, Machine, OperatingPoint, Sensor, Stage
+from gearmon.machine.parts import (
+    Bearing,
+    Disc,
+    Machine,
+    OperatingPoint,
+    Sensor,
+    ShaftSection,
+    Stage,
+)
 from gearmon.machine.source import MachineSource, read_source
 from gearmon.machine.stages import ParallelStage, PlanetaryStage
 
 STAGE_KINDS: dict[str, type[Stage]] = {"parallel": ParallelStage, "planetary": PlanetaryStage}
 
-_TOP_KEYS = ("name", "operating", "stage", "bearing", "sensor")
+_TOP_KEYS = ("name", "operating", "stage", "shaft", "bearing", "disc", "sensor")
 _HOMES: dict[str, type] = {
     "[operating]": OperatingPoint,
     "[[bearing]]": Bearing,
     "[[sensor]]": Sensor,
+    "[[shaft]]": ShaftSection,
+    "[[disc]]": Disc,
     '[[stage]] with kind = "parallel"': ParallelStage,
     '[[stage]] with kind = "planetary"': PlanetaryStage,
 }
@@ -45,8 +55,9 @@ def load_machine(source: MachineLike | None = None, **tables: Any) -> Machine:
     source : str, Path, mapping or Machine, optional
         A TOML file with a table ``[operating]`` (or several ``[[operating]]``, a duty cycle with
         ``share``), one ``[[stage]]`` for each stage in the order of power flow, and optionally
-        ``name``, ``[[bearing]]`` and ``[[sensor]]``; or a dictionary of the same content, with a
-        list where there are several tables. A Machine is returned as it is.
+        ``name``, ``[[shaft]]``, ``[[bearing]]``, ``[[disc]]`` and ``[[sensor]]``; or a
+        dictionary of the same content, with a list where there are several tables. A Machine is
+        returned as it is.
     **tables
         The same as keywords, in the place of a source.
 
@@ -86,7 +97,7 @@ def _source(source: object, tables: dict[str, Any]) -> MachineSource:
             "dictionary with operating and stage, or a Machine"
         )
     document = dict(given)
-    for name in ("stage", "bearing", "sensor"):
+    for name in _TOP_KEYS[2:]:
         if isinstance(given.get(name), Mapping):
             document[name] = [given[name]]
         elif isinstance(given.get(name), tuple):
@@ -104,6 +115,8 @@ def _machine(source: MachineSource) -> Machine:
             operating=_operating_points(source),
             stages=stages,
             bearings=_parts(source, "bearing", Bearing),
+            sections=_parts(source, "shaft", ShaftSection),
+            discs=_parts(source, "disc", Disc),
             sensors=_parts(source, "sensor", Sensor),
             path=source.path,
             notes=notes,

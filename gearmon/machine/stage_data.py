@@ -23,6 +23,14 @@ WEB = Number(low=0, high=5000, unit="mm", open_low=True, why="leave it out for a
 RIM = Number(
     low=0, high=5000, unit="mm", open_low=True, why="from the root circle; leave it out if unknown"
 )
+MASS = Number(low=0, high=1e6, unit="kg", open_low=True, why="leave it out to have it computed")
+INERTIA = Number(
+    low=0, high=1e9, unit="kg m2", open_low=True, why="leave it out to have it computed"
+)
+PLACE = Number(low=0, high=1e5, unit="mm", why="from the beginning of the shaft")
+STIFFNESS = Number(low=1e3, high=1e13, unit="N/m", why="leave it out where it hardly yields")
+TORSION = Number(low=1, high=1e13, unit="Nm/rad", why="leave it out where it hardly yields")
+ANGLE = Number(low=-360, high=360, unit="deg", why="0 where all axes lie in one plane")
 
 
 @dataclass(frozen=True, kw_only=True)

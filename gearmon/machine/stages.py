@@ -8,15 +8,21 @@ from typing import ClassVar
 
 from gearmon.machine.fields import Choice, Count, FieldError, obeys
 from gearmon.machine.stage_data import (
+    ANGLE,
     BORE,
+    INERTIA,
+    MASS,
     MODULUS,
+    PLACE,
     RIM,
     ROOT,
     ROOT_DIAMETER,
     SHIFT,
+    STIFFNESS,
     TEETH,
     TIP,
     TIP_DIAMETER,
+    TORSION,
     WEB,
     StageData,
 )
@@ -82,6 +88,13 @@ contact_ratio, force_n : float, optional
         swing of the stiffness over its mean, equivalent mass on the line of action [kg], mesh
         damping [Ns/m] (goes before `damping_ratio`), transverse contact ratio, static force on
         the line of action [N].
+    mass_pinion_kg, mass_gear_kg, inertia_pinion_kgm2, inertia_gear_kgm2 : float, optional
+        Mass [kg] and moment of inertia about the axis [kg m2] of each gear, in the place of those
+        of a disc of the gear's size.
+    position_pinion_mm, position_gear_mm : float, optional
+        Where the gears sit on their shafts [mm], see `ShaftSection`.
+    axis_angle_deg : float
+        Direction from the axis of the pinion to that of the gear [deg], counted as shaft 1 turns.
 
     Raises
     ------
@@ -116,12 +129,24 @@ contact_ratio, force_n : float, optional
     rim_thickness_gear_mm: float | None = field(default=None, metadata=obeys(RIM))
     elastic_modulus_pinion_pa: float = field(default=206e9, metadata=obeys(MODULUS))
     elastic_modulus_gear_pa: float = field(default=206e9, metadata=obeys(MODULUS))
+    mass_pinion_kg: float | None = field(default=None, metadata=obeys(MASS))
+    mass_gear_kg: float | None = field(default=None, metadata=obeys(MASS))
+    inertia_pinion_kgm2: float | None = field(default=None, metadata=obeys(INERTIA))
+    inertia_gear_kgm2: float | None = field(default=None, metadata=obeys(INERTIA))
+    position_pinion_mm: float | None = field(default=None, metadata=obeys(PLACE))
+    position_gear_mm: float | None = field(default=None, metadata=obeys(PLACE))
+    axis_angle_deg: float = field(default=0.0, metadata=obeys(ANGLE))
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self._check_centre_distance(self.pinion_teeth + self.gear_teeth)
         self._check_gear("pinion", self.pinion_teeth)
         self._check_gear("gear", self.gear_teeth)
+
+    @property
+    def on_shafts(self) -> tuple[str, str]:
+        """The members on the stage's input and output shafts."""
+        return "pinion", "gear"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -168,6 +193,17 @@ float, optional
     mesh_stiffness_n_per_m, stiffness_variation, equivalent_mass_kg, damping_ns_per_m, \
 contact_ratio, force_n : float, optional
         Known values that replace what is otherwise computed, each for one sun-planet mesh.
+    ring_mesh_stiffness_n_per_m : float, optional
+        Mean stiffness of one planet-ring mesh [N/m].
+    mass_sun_kg, mass_planet_kg, mass_ring_kg, mass_carrier_kg, inertia_sun_kgm2, \
+inertia_planet_kgm2, inertia_ring_kgm2, inertia_carrier_kgm2 : float, optional
+        Mass [kg] and moment of inertia about its own axis [kg m2] of each body (the carrier without
+        planets), in the place of those of discs.
+    position_sun_mm, position_ring_mm, position_carrier_mm : float, optional
+        Where the members sit on their shafts [mm], see `ShaftSection`.
+    fixed_support_n_per_m, fixed_torsion_nm_per_rad : float, optional
+        How the fixed member is held against translation [N/m] and rotation [Nm/rad]; rigidly where
+        not given.
 
     Raises
     ------
@@ -213,6 +249,20 @@ contact_ratio, force_n : float, optional
     elastic_modulus_sun_pa: float = field(default=206e9, metadata=obeys(MODULUS))
     elastic_modulus_planet_pa: float = field(default=206e9, metadata=obeys(MODULUS))
     elastic_modulus_ring_pa: float = field(default=206e9, metadata=obeys(MODULUS))
+    ring_mesh_stiffness_n_per_m: float | None = field(default=None, metadata=obeys(STIFFNESS))
+    mass_sun_kg: float | None = field(default=None, metadata=obeys(MASS))
+    mass_planet_kg: float | None = field(default=None, metadata=obeys(MASS))
+    mass_ring_kg: float | None = field(default=None, metadata=obeys(MASS))
+    mass_carrier_kg: float | None = field(default=None, metadata=obeys(MASS))
+    inertia_sun_kgm2: float | None = field(default=None, metadata=obeys(INERTIA))
+    inertia_planet_kgm2: float | None = field(default=None, metadata=obeys(INERTIA))
+    inertia_ring_kgm2: float | None = field(default=None, metadata=obeys(INERTIA))
+    inertia_carrier_kgm2: float | None = field(default=None, metadata=obeys(INERTIA))
+    position_sun_mm: float | None = field(default=None, metadata=obeys(PLACE))
+    position_ring_mm: float | None = field(default=None, metadata=obeys(PLACE))
+    position_carrier_mm: float | None = field(default=None, metadata=obeys(PLACE))
+    fixed_support_n_per_m: float | None = field(default=None, metadata=obeys(STIFFNESS))
+    fixed_torsion_nm_per_rad: float | None = field(default=None, metadata=obeys(TORSION))
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -227,6 +277,11 @@ contact_ratio, force_n : float, optional
     def driven(self) -> str:
         """The member on the stage's output shaft."""
         return next(member for member in MEMBERS if member not in (self.fixed, self.driving))
+
+    @property
+    def on_shafts(self) -> tuple[str, str]:
+        """The members on the stage's input and output shafts."""
+        return self.driving, self.driven
 
     @property
     def tooth_deviation(self) -> int:
@@ -261,6 +316,10 @@ contact_ratio, force_n : float, optional
         if self.driving == self.fixed:
             reason = "is also the fixed member; name the member on the input shaft"
             raise FieldError("driving", reason, self.driving)
+        place = f"position_{self.fixed}_mm"
+        if getattr(self, place) is not None:
+            reason = f"is for members on shafts: the {self.fixed} is fixed"
+            raise FieldError(place, reason, getattr(self, place))
 
     def _check_teeth(self) -> None:
         if abs(self.tooth_deviation) > LARGEST_TOOTH_DEVIATION:

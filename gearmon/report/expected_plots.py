@@ -24,8 +24,15 @@ from gearmon.report.palette import (
 )
 from gearmon.report.plots import Picture, named_handles, plot_marks, sheet, sheet_style, style
 from gearmon.signatures.expected.fault_family import FaultFamily
+from gearmon.signatures.expected.modes import Modes
 
 _ORDERS = {1: ("1st", GREEN, ":"), 2: ("2nd", BLUE, "--"), 3: ("3rd", GREY, "-.")}
+# Colour and dashes of natural frequencies by the type of mode.
+_TYPE_LINES: dict[str, tuple[str, str]] = {
+    "rotational": (BLACK, "-"),
+    "translational": (GREY, "--"),
+    "planet": (GREY, ":"),
+}
 # Below this growth nothing is drawn: it is rounding.
 _LEAST_GROWTH = 1e-9
 # Panels of kinds of faults side by side, and size of one [inch].
@@ -111,6 +118,53 @@ def _plot_boundary(
         if last < len(there) and dashes == "-":
             x, y = np.append(x, x[0]), np.append(y, y[0])
         ax.plot(x, y, color=colour, linestyle=dashes, linewidth=1.3, label=label)
+
+
+@sheet_style()
+def campbell_figure(found: Modes) -> Picture:
+    """Draw mesh harmonics against speed, natural frequencies, and where they meet.
+
+    Parameters
+    ----------
+    found : Modes
+        Full marks: the mesh forces drive the mode, the more of its strain energy the meshes hold
+        the larger; empty marks: they cancel.
+    """
+    figure = sheet(9.0, 5.8)
+    ax = figure.add_subplot()
+    speeds = np.array([0.0, found.highest_rpm])
+    top = max(found.mesh_orders) * found.harmonics * found.highest_rpm / 60
+    elastic = [mode for mode in found.rows if mode.frequency_hz > 0]
+    top = max(top, 1.05 * min((mode.frequency_hz for mode in elastic), default=0.0))
+    shown = [mode for mode in elastic if mode.frequency_hz <= top]
+    for mode in shown:
+        colour, dashes = _TYPE_LINES[mode.type]
+        ax.axhline(
+            mode.frequency_hz, color=colour, linestyle=dashes, linewidth=0.7, label=mode.type
+        )
+    for stage, order in enumerate(found.mesh_orders):
+        for harmonic in range(1, found.harmonics + 1):
+            label = f"harmonics of mesh {stage + 1}"
+            hertz = harmonic * order * speeds / 60
+            ax.plot(speeds, hertz, color=series_colour(stage), linewidth=1.0, label=label)
+            ax.text(speeds[1], hertz[1], f" {harmonic}", fontsize=7, color=series_colour(stage))
+    for speed in found.speeds_rpm:
+        ax.axvline(
+            speed, color=BLACK, linewidth=1.2, linestyle=(0, (6, 2)), label="operating point"
+        )
+    for meeting in found.campbell:
+        size = 2.5 + 6 * math.sqrt(meeting.mesh_share) * (meeting.in_phase if meeting.drives else 0)
+        face = series_colour(meeting.stage - 1) if meeting.drives else "white"
+        edge = {"markeredgecolor": series_colour(meeting.stage - 1), "markeredgewidth": 0.6}
+        plot_marks(ax, meeting.speed_rpm, meeting.frequency_hz, "o", size, face, zorder=4, **edge)
+    ax.set(xlim=(0, found.highest_rpm), ylim=(0, top), xlabel="speed of shaft 1 in rpm")
+    ax.set_ylabel("frequency in Hz")
+    told = "filled: driven by the mesh, larger where it holds more of the strain energy"
+    ax.set_title(f"{found.machine}: natural frequencies and mesh harmonics; {told}", fontsize=9)
+    handles = named_handles([ax])
+    place: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.1), "ncols": 5}
+    ax.legend(list(handles.values()), list(handles), fontsize=8, frameon=False, **place)
+    return figure
 
 
 @style()

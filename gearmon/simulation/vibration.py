@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 
+from gearmon.gears.kinematics import PLANET_PASS_DEPTH
 from gearmon.simulation.contact import Drive, contact_course
 from gearmon.simulation.integrate import SUBSTEPS, MeshForces, integrate
 from gearmon.simulation.settings import Settings, stream
@@ -41,8 +42,6 @@ RUN_IN_CONSTANTS = 14.0
 CELLS_PER_SAMPLE, CELLS_PER_PERIOD = 8, 6
 #: Steps of one mesh that are held in memory at a time.
 STEPS_PER_BLOCK = 5_000_000
-#: Part of a planet's mesh force that is heard only while it passes the sensor.
-PLANET_PASS_DEPTH = 0.8
 # Cosine flanks that let the record begin and end without a blow [s], beyond what is kept.
 _FLANK_S = 0.02
 #: Modes of the housing, their band [Hz] and their damping ratios.
