@@ -17,8 +17,8 @@ import numpy as np
 
 from gearmon.errors import RecordingError, nearest_name
 
-# With 256 kB reading takes 65 % more time, with 512 kB 20 %, with 1 MB 0 to 2 %, with 2 MB 10 % (2e6
-# rows of 4 columns, two cores); every MB takes some 20 MB of memory while it is parsed.
+# With 256 kB reading takes 65 % more time, with 512 kB 20 %, with 1 MB 0 to 2 %, with 2 MB 10 %
+# (2e6 rows of 4 columns, two cores); every MB takes some 20 MB of memory while it is parsed.
 BLOCK_BYTES = 768 * 1024
 # Files of a folder up to which a name is looked for that looks like a missing one.
 _NAMES_COMPARED = 200
