@@ -7,6 +7,7 @@ with the evidence of every mesh, and the speed that is reported.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -34,6 +35,8 @@ SPEED_REACH = 0.25
 # harmonics of a slow mesh are smeared in long blocks by a speed that drifts; short ones still tell
 # them from sidebands of shaft 1.
 _SCAN_TURNS, _SLOW_MESH_TURNS = 30.0, 8.0
+# The same where nominal speeds are told apart, by lines that a speed that wanders must not smear.
+_COMPARED_TURNS = 12.0
 # Scan about a followed speed, for judging whether a mesh is there [turns, reach]; and the reach
 # about the speed that a tachometer tells: elsewhere than where its pulses want them lines are no
 # mesh's (over an eighth of a second, pulses a sample off at 4 kHz put the speed off by 0.3 %).
@@ -109,7 +112,7 @@ def scan_nominal_speeds(
     train: Kinematics,
     machine: Machine,
 ) -> tuple[float, SpeedScan]:
-    """Scan about every nominal speed of the machine; the one that collects the most is meant.
+    """Scan about every nominal speed of the machine; the one whose own lines are clearest is meant.
 
     Parameters
     ----------
@@ -135,18 +138,33 @@ def scan_nominal_speeds(
         If the machine has no operating point.
     """
     duration = samples.shape[-1] / rate
-    scans = []
-    for nominal in sorted({point.shaft1_hz for point in machine.operating}):
+
+    @cache
+    def scanned(nominal: float, turns: float) -> tuple[SpeedScan, Comb]:
         comb = machine_comb(train, nominal)
+        block_s = turns / nominal if duration >= 4 * turns / nominal else duration
+        return scan_speed(samples, rate, comb, nominal, SPEED_TOLERANCE, block_s), comb
+
+    def usual(nominal: float) -> SpeedScan:
         slow = any(mesh_harmonics(m.order * nominal) > MESH_HARMONICS for m in train.meshes)
-        block_s = (_SLOW_MESH_TURNS if slow else _SCAN_TURNS) / nominal
-        if duration < 4 * block_s:
-            block_s = duration
-        scan = scan_speed(samples, rate, comb, nominal, SPEED_TOLERANCE, block_s)
-        scans.append((nominal, scan))
-    if not scans:
+        return scanned(nominal, _SLOW_MESH_TURNS if slow else _SCAN_TURNS)[0]
+
+    def clearer(one: float, other: float) -> bool:
+        if abs(one / other - 1) < 2 * SPEED_TOLERANCE:
+            return False  # what one finds the other does
+        mine, theirs = scanned(one, _COMPARED_TURNS), scanned(other, _COMPARED_TURNS)
+        return mine[0].unshared(mine[1], *theirs) > theirs[0].unshared(theirs[1], *mine)
+
+    nominal = sorted({point.shaft1_hz for point in machine.operating})
+    if not nominal:
         raise ArgumentError("machine has no operating point: add [operating] speed_rpm = ...")
-    return scans[0] if len(scans) == 1 else max(scans, key=lambda pair: pair[1].best_score)
+    if len(nominal) > 1:
+        nominal.sort(key=lambda own: -usual(own).best_score)
+    best = nominal[0]
+    for other in nominal[1:]:
+        if clearer(other, best):
+            best = other
+    return best, usual(best)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -165,6 +183,8 @@ class Tracking:
         How clearly each mesh stands out.
     notes : tuple of str
         What the reader should know.
+    held_s : tuple of float, optional
+        The part of the recording in which the angle is known [s]; all of it if None.
     """
 
     track: AngleTrack
@@ -172,6 +192,7 @@ class Tracking:
     scan: SpeedScan
     evidence: tuple[MeshEvidence, ...]
     notes: tuple[str, ...] = ()
+    held_s: tuple[float, float] | None = None
 
     @property
     def plan_hz(self) -> float:

@@ -29,7 +29,7 @@ from gearmon.signals.tracking.phases import (
     refine_track,
 )
 from gearmon.signals.tracking.sideband_spacing import sideband_spacing
-from gearmon.signals.tracking.slips import LEAST_TURNS, SlipCheck, check_slips
+from gearmon.signals.tracking.slips import LEAST_TURNS, SlipCheck, check_slips, mend_slips
 from gearmon.signals.tracking.tacho import (
     TachoPulses,
     find_pulses,
@@ -67,6 +67,8 @@ _ALL_COHERENT = 0.93
 _LOST = 0.5
 # Wander of the speed from which the ends of a recording need care, relative standard deviation.
 _WANDERS = 1e-3
+# Share of a recording in which the angle must be held for the rest to be left out.
+_HELD = 0.5
 # Stretches in which the angle may have slipped that a note names.
 _NAMED = 3
 # How much more of the lines must be phase-coherent before a speed far away is believed.
@@ -447,7 +449,9 @@ def _with_doubt(
     if track.turns[-1] - track.turns[0] < LEAST_TURNS:
         return tracking
     check = check_slips(sums, track)
-    doubt, notes = check.typical_turns, tracking.notes
+    if share >= _LOST and not check.locked:
+        track, check = mend_slips(sums, track, check)
+    doubt, notes, held_s = check.typical_turns(), tracking.notes, None
     if share < _LOST:
         order = max(mesh.order for mesh in signal.train.meshes)
         cycles = np.sqrt(-np.log(max(share, 1e-3))) / (2 * np.pi)
@@ -457,12 +461,21 @@ def _with_doubt(
             "in it; record with a tachometer",
         )
     elif not check.locked:
-        notes += (_slips_told(check),)
-    return replace(tracking, track=replace(track, uncertainty_turns=float(doubt)), notes=notes)
+        start, stop = check.held(track)
+        if stop - start >= _HELD * (track.time_s[-1] - track.time_s[0]):
+            doubt, held_s = check.typical_turns(start, stop), (start, stop)
+        notes += (_slips_told(check, held_s),)
+    track = replace(track, uncertainty_turns=float(doubt))
+    return replace(tracking, track=track, notes=notes, held_s=held_s)
 
 
-def _slips_told(check: SlipCheck) -> str:
+def _slips_told(check: SlipCheck, held_s: tuple[float, float] | None) -> str:
     """Say where an angle may have slipped."""
+    if held_s is not None:
+        return (
+            f"only {held_s[0]:.4g} to {held_s[1]:.4g} s are looked at: beyond, the mesh lines do "
+            "not hold the angle, which may have slipped by whole mesh periods"
+        )
     lost = [stretch for stretch in check.lost if not stretch.harmless]
     where = ", ".join(f"{one.start_s:.4g} to {one.end_s:.4g} s" for one in lost[:_NAMED])
     more = f" and {len(lost) - _NAMED} times more" if len(lost) > _NAMED else ""

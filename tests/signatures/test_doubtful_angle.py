@@ -27,24 +27,50 @@ def slipped(track, turns, at_s, lasting_s=0.4):
     )
 
 
-@pytest.mark.parametrize("periods", [0, 1, -3])
-def test_an_angle_that_slips_is_doubtful_and_one_that_does_not_is_not(periods):
-    case = make_case(0, amount=0.002)
+def told_of(case, periods, at_s, lasting_s):
+    """What is said of the case's angle after it is made to slip by mesh periods."""
     train = kinematics(case.machine)
     found = track_recording(case.recording, case.machine, train)
     samples, rate = case.recording.samples, case.recording.sampling_rate_hz
     signal = GearVibration(samples=samples, rate=rate, train=train, nominal_hz=found.nominal_hz)
     order = float(train.meshes[0].order)
-    track = slipped(found.track, periods / order, 5.0)
+    track = slipped(found.track, periods / order, at_s, lasting_s)
     sums = OrderSums(samples, rate, signal.orders(float(track.speed_hz.max())))
-    told = _with_doubt(signal, replace(found, track=track, notes=()), 0.9, sums)
-    if periods == 0:
-        assert told.notes == ()
-        assert told.track.uncertainty_turns * order < 0.02
-    else:
-        (note,) = told.notes
-        assert note.startswith("the angle is doubtful: the mesh lines do not hold it from ")
-        assert told.track.uncertainty_turns * order > 0.3 * abs(periods)
+    return order, _with_doubt(signal, replace(found, track=track, notes=()), 0.9, sums)
+
+
+@pytest.mark.parametrize("periods", [0, 1, -3])
+def test_an_angle_that_slips_quickly_is_mended(periods):
+    case = make_case(0, amount=0.002)
+    order, told = told_of(case, periods, 4.0, 0.3)
+    assert told.notes == ()
+    assert told.track.uncertainty_turns * order < 0.02
+    time = np.arange(0, len(case.turns), 40) / case.recording.sampling_rate_hz
+    assert np.std(told.track.turns_at(time) - case.turns[::40]) * order < 0.02
+
+
+@pytest.mark.parametrize("periods", [-5, 6])
+def test_what_lies_beyond_a_slow_slip_is_left_out(periods):
+    case = make_case(0, amount=0.002)
+    order, told = told_of(case, periods, 6.0, 3.0)
+    (note,) = told.notes
+    assert "are looked at: beyond, the mesh lines do not hold the angle" in note
+    start, stop = told.held_s
+    time = np.arange(start, stop, 0.05)
+    error = told.track.turns_at(time) - np.interp(
+        time, np.arange(len(case.turns)) / case.recording.sampling_rate_hz, case.turns
+    )
+    assert stop - start > 0.5 * case.recording.duration_s
+    assert np.std(error) * order < 0.05
+    assert told.track.uncertainty_turns * order < 0.05
+
+
+def test_an_angle_that_slips_slowly_in_the_middle_is_doubtful():
+    order, told = told_of(make_case(0, amount=0.002), -9, 3.0, 5.0)
+    (note,) = told.notes
+    assert note.startswith("the angle is doubtful: the mesh lines do not hold it from ")
+    assert told.held_s is None
+    assert told.track.uncertainty_turns * order > 0.3 * 9
 
 
 def test_the_stated_uncertainty_of_a_wandering_speed_is_that_of_its_error():

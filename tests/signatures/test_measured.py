@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -192,6 +193,18 @@ def test_wrong_nominal_speed_does_not_matter(signature, nominal):
 def test_the_operating_point_that_fits_is_taken():
     measured = measure_signature(modulated(), one_pair(23, 61, 1000.0, 1500.0, 1800.0))
     assert measured.speed.nominal_hz == 25.0
+
+
+@pytest.mark.parametrize("seed", [2, 3])
+@pytest.mark.parametrize("rpm", [1906.0, 950.0])
+def test_twice_the_speed_is_told_from_once(seed, rpm):
+    stage = ParallelStage(pinion_teeth=17, gear_teeth=60, module_mm=4.0, face_width_mm=36.0)
+    machine = replace(one_pair(17, 60, 1906.0, 950.0), stages=(stage,))
+    point = replace(machine.operating[0], speed_rpm=rpm, torque_nm=100.0)
+    made = simulate(machine, point=point, machine_seed=seed, recording_seed=seed, duration_s=6.0)
+    found = measure_signature(made, machine)
+    assert found.found
+    assert found.speed.estimated_hz == pytest.approx(rpm / 60, rel=0.03)
 
 
 def test_noise_is_a_result_and_not_an_error():

@@ -12,6 +12,7 @@ each by its own delay, and the angle by their mean. That mean is about as large 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -21,6 +22,7 @@ from gearmon.errors import ArgumentError
 from gearmon.signals.angle import AngleTrack, phasors
 from gearmon.signals.array_types import BoolArray, ComplexArray, FloatArray
 from gearmon.signals.orders.sums import OrderSums, SlidingLines
+from gearmon.signals.tracking.phases import lock_track
 from gearmon.signals.tracking.thresholds import LIMITS, QUARTER_HOP
 
 #: Turns of shaft 1 in which slips can show.
@@ -29,6 +31,13 @@ LEAST_TURNS = 8.0
 _BLOCK_TURNS = 2.0
 # Turns to either side whose mean a line is compared with, and over which its delay is followed.
 _ABOUT_TURNS, _DELAY_TURNS = 30.0, 8.0
+# A lost stretch is wider than it shows [turns]. The angle over it is a cubic through some turns to
+# either side; of 6, 8, 10 and 20 turns and degrees 3 to 7, 6 and 3 found the displacement over
+# 9 turns best: 0.3 mesh periods in nine cases of ten, where the speed wanders by 0.5 %.
+_WIDER, _BESIDE, _DEGREE = 3.0, 6.0, 3
+_KNOTS = 0.25  # distance of the knots over it
+# Displacements that are tried, nearest to the cubic's first.
+_TRIED = 5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,10 +94,20 @@ class SlipCheck:
         """Whether the angle is held throughout, or comes back after each lost stretch."""
         return all(stretch.harmless for stretch in self.lost)
 
-    @property
-    def typical_turns(self) -> float:
-        """Root mean square of the uncertainty [turns]."""
-        return float(np.sqrt(np.mean(self.uncertainty_turns**2)))
+    def typical_turns(self, start_s: float = -np.inf, stop_s: float = np.inf) -> float:
+        """Root mean square of the uncertainty between two times [turns]."""
+        inside = (self.time_s >= start_s) & (self.time_s <= stop_s)
+        return float(np.sqrt(np.mean(self.uncertainty_turns[inside] ** 2)))
+
+    def held(self, track: AngleTrack) -> tuple[float, float]:
+        """Longest part in which the angle is held or comes back [s], for the track checked."""
+        ends = track.time_s[[0, -1]].tolist()
+        for stretch in self.lost:
+            if not stretch.harmless:
+                turns = track.turns_at(np.array([stretch.start_s, stretch.end_s]))
+                ends[-1:-1] = track.time_at(turns + np.array([-_WIDER, _WIDER])).tolist()
+        parts = list(zip(ends[::2], ends[1::2], strict=True))
+        return max(parts, key=lambda part: part[1] - part[0])
 
 
 def check_slips(sums: OrderSums, track: AngleTrack) -> SlipCheck:
@@ -154,6 +173,105 @@ def check_slips(sums: OrderSums, track: AngleTrack) -> SlipCheck:
     variance += _astray(stretches, lost, sound) ** 2
     return SlipCheck(
         time_s=time_s, coherence=coherence, uncertainty_turns=np.sqrt(variance), lost=lost
+    )
+
+
+def mend_slips(
+    sums: OrderSums, track: AngleTrack, check: SlipCheck
+) -> tuple[AngleTrack, SlipCheck]:
+    """Lead an angle smoothly over stretches in which it is lost, and lock it anew.
+
+    Parameters
+    ----------
+    sums : OrderSums
+        As for `check_slips`.
+    track : AngleTrack
+        The angle.
+    check : SlipCheck
+        What was found of it.
+
+    Returns
+    -------
+    track, check
+        The angle in which less is lost, or the same.
+
+    Notes
+    -----
+    A shaft has inertia: its angle over a lost stretch is a cubic through the turns to either side,
+    displaced on one of them by what makes the lines agree. Which of the displacements that do, one
+    for each mesh period, is right is told by the lines within the stretch.
+    """
+    for stretch in check.lost:
+        if stretch.harmless or stretch.turns > LIMITS.mendable_turns:
+            continue
+        for led in _led_over(sums, track, stretch):
+            other = lock_track(sums, led)
+            found = check_slips(sums, other)
+            if _lost_turns(found) < _lost_turns(check):
+                track, check = other, found
+                break
+    return track, check
+
+
+def _lost_turns(check: SlipCheck) -> float:
+    return sum(stretch.turns for stretch in check.lost if not stretch.harmless)
+
+
+def _led_over(sums: OrderSums, track: AngleTrack, stretch: LostStretch) -> Iterator[AngleTrack]:
+    """Yield the track, led over a lost stretch in one way after the other."""
+    first, last = track.turns[[0, -1]]
+    begin, end = track.turns_at(np.array([stretch.start_s, stretch.end_s]))
+    begin, end = max(begin - _WIDER, first), min(end + _WIDER, last)
+    beside = _KNOTS * np.arange(1.0, _BESIDE / _KNOTS)
+    angle = np.concatenate([begin - beside[::-1], end + beside])
+    angle = angle[(angle > first) & (angle < last)]
+    if len(angle) < len(beside):
+        return
+    behind = angle > end
+    inside = np.linspace(begin, end, 1 + int(np.ceil((end - begin) / _KNOTS)))
+    one_sided = behind.all() or not behind.any()
+    time = track.time_at(angle)
+    middle, half = time.mean(), np.ptp(time) / 2
+    powers = np.vander((time - middle) / half, 2 if one_sided else _DEGREE + 1)
+    clock = np.vander((track.time_at(inside) - middle) / half, powers.shape[1])
+    for ahead in [0.0] if one_sided else _displacements(sums, track, powers, angle, behind):
+        curve = np.linalg.lstsq(powers, angle - ahead * behind, rcond=None)[0]
+        shift = clock @ curve - inside
+        gaps = shift[[0, -1]] + [0.0, ahead]
+        # the end of the recording may be anywhere, the turns beside the stretch may not
+        if np.abs(gaps[[begin > first, end < last]]).max(initial=0.0) < _KNOTS:
+            yield _displaced(track, inside, shift, ahead)
+
+
+def _displacements(
+    sums: OrderSums, track: AngleTrack, powers: FloatArray, angle: FloatArray, behind: BoolArray
+) -> list[float]:
+    """By how much the angle may be ahead after a stretch, the likeliest first [turns]."""
+    near = float(np.linalg.lstsq(np.column_stack([powers, behind]), angle, rcond=None)[0][-1])
+    lines = sums.sliding(track, _BLOCK_TURNS)
+    low, high = float(lines.angle[0]), float(lines.angle[-1])
+    ends = float(angle[~behind].max()), float(angle[behind].min())
+    turned, order, sure = _turned(lines, (low, *ends, high))
+    if not sure.any():
+        return [near]
+    step = 0.05 / float(order.max())
+    reach = _TRIED / 2 / float(order.min())
+    tried = near + step * np.arange(-round(reach / step), round(reach / step) + 1)
+    likely = phasors(turned + np.outer(tried, order)).real @ sure
+    tops = 1 + np.flatnonzero((likely[1:-1] > likely[:-2]) & (likely[1:-1] >= likely[2:]))
+    tops = tops[likely[tops] > likely.max() - LIMITS.told]
+    return sorted(tried[tops].tolist(), key=lambda ahead: abs(ahead - near))[:_TRIED]
+
+
+def _displaced(
+    track: AngleTrack, inside: FloatArray, shift: FloatArray, ahead: float
+) -> AngleTrack:
+    """Return the track, shifted in a stretch as given and after it by what it is ahead."""
+    before, after = track.turns < inside[0] - _KNOTS, track.turns > inside[-1] + _KNOTS
+    return replace(
+        track,
+        time_s=np.concatenate([track.time_s[before], track.time_at(inside), track.time_s[after]]),
+        turns=np.concatenate([track.turns[before], inside + shift, track.turns[after] - ahead]),
     )
 
 

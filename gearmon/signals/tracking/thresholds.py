@@ -52,6 +52,8 @@ class Thresholds:
     # for [turns]
     apart_turns: float = 6.0
     longest_turns: float = 200.0
+    # longer ones are not led over [turns]
+    mendable_turns: float = 20.0
     # largest error of the speed while the angle is lost
     astray: float = 0.06
     # group delay of a housing [s] where lines do not tell it: half a cycle for each mode, some two

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -245,9 +245,20 @@ def _tracked(
     if whole.left_out and _held(whole, machine, train, "tacho" in whole.channel_kinds):
         found = track_recording(whole, machine, train)
         if _held(whole, machine, train, found.track.method == "tacho"):
-            return whole, found
+            return _without_lost(whole, found), found
     part = sound_part(whole)
-    return part, track_recording(part, machine, train)
+    found = track_recording(part, machine, train)
+    return _without_lost(part, found), found
+
+
+def _without_lost(recording: Recording, found: Tracking) -> Recording:
+    """Leave out what lies beyond the part in which the angle is known."""
+    if found.held_s is None:
+        return recording
+    start, stop = (round(time * recording.sampling_rate_hz) for time in found.held_s)
+    ends = [(0, start), (stop, recording.samples.shape[-1])]
+    lost = [(first, end) for first, end in ends if end > first]
+    return replace(recording, left_out=tuple(sorted([*(recording.left_out or ()), *lost])))
 
 
 def _held(recording: Recording, machine: Machine, train: Kinematics, tacho: bool) -> bool:
