@@ -145,14 +145,14 @@ def inspected(recording: Recording) -> Recording:
     vibrates = [kind == "vibration" for kind in recording.channel_kinds]
     for bad in gaps:
         samples[vibrates, bad.start : bad.stop] = 0.0
-    found = replace(
+    sound = replace(
         recording,
         samples=samples,
         left_out=tuple(sorted((bad.start, bad.stop) for bad in gaps)),
         notes=(*recording.notes, *notes),
         known_finite=True,
     )
-    return found if len(kept) == len(samples) else found.part(kept)
+    return sound if len(kept) == len(samples) else sound.part(kept)
 
 
 def sound_piece(recording: Recording) -> tuple[int, int]:
