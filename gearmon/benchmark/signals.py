@@ -117,7 +117,7 @@ def _spectra(count: int, repeats: int) -> Iterator[Row]:
     from scipy.signal import butter, hilbert, sosfiltfilt, welch
 
     samples = np.random.default_rng(0).normal(size=count)
-    bare = batch(count, 1, max(count, 1 << 20))
+    bare = batch(count)
     bare.input[0] = samples
     # 999,983 and 65,521 are primes
     prime = 999_983 if count > 1 << 18 else 65_521

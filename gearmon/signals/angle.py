@@ -8,11 +8,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gearmon.errors import ArgumentError, check_positive
 from gearmon.signals.array_types import ComplexArray, FloatArray
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
 
 # Times of which so many do not come after the one before are no times.
 _WAVEFORM = 0.1
@@ -70,13 +74,22 @@ class AngleTrack:
         """Mean rotation frequency between the knots [Hz], shape (knots - 1,)."""
         return np.diff(self.turns) / np.diff(self.time_s)
 
-    @cached_property
-    def _time(self) -> _Curve:
-        return _Curve(self.turns, self.time_s)
+    @property
+    def mean_hz(self) -> float:
+        """Mean rotation frequency from the first to the last knot [Hz]."""
+        return float((self.turns[-1] - self.turns[0]) / (self.time_s[-1] - self.time_s[0]))
 
     @cached_property
-    def _angle(self) -> _Curve:
-        return _Curve(self.time_s, self.turns)
+    def _time(self) -> PPoly:
+        return _curve(self.turns, self.time_s)
+
+    @cached_property
+    def _slope(self) -> PPoly:
+        return self._time.derivative()
+
+    @cached_property
+    def _angle(self) -> PPoly:
+        return _curve(self.time_s, self.turns)
 
     def of_shaft(self, shaft_order: float) -> AngleTrack:
         """Return the angle of another shaft.
@@ -120,67 +133,36 @@ class AngleTrack:
         )
 
     def time_at(self, turns: FloatArray) -> FloatArray:
-        """Time [s] at the given angles [turns], ascending; linear beyond the ends."""
-        return self._time.at(turns)[0]
+        """Time [s] at the given angles [turns]; linear beyond the ends."""
+        return np.asarray(self._time(turns))
 
     def time_and_slope_at(self, turns: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Time [s] at the given angles [turns], ascending, and its slope there [s/turn]."""
-        return self._time.at(turns)
+        """Time [s] at the given angles [turns], and its slope there [s/turn]."""
+        return np.asarray(self._time(turns)), np.asarray(self._slope(turns))
 
     def turns_at(self, time_s: FloatArray) -> FloatArray:
-        """Angle [turns] at the given times [s], ascending; linear beyond the ends."""
-        angle = self._angle.at(time_s)[0]
+        """Angle [turns] at the given times [s]; linear beyond the ends."""
+        angle = np.asarray(self._angle(time_s))
         # Newton steps on the curve of time against angle, so that both are one and the same curve
         for _ in range(2):
-            time, slope = self._time.at(angle)
+            time, slope = self.time_and_slope_at(angle)
             angle += (time_s - time) / slope
         return angle
 
 
-class _Curve:
+def _curve(x: FloatArray, y: FloatArray) -> PPoly:
     """Cubic Hermite curve with slopes from parabolas through neighbours, linear outside."""
+    from scipy.interpolate import CubicHermiteSpline
 
-    def __init__(self, x: FloatArray, y: FloatArray) -> None:
-        width = np.diff(x)
-        secant = np.diff(y) / width
-        slope = np.empty_like(y)
-        slope[0], slope[-1] = secant[0], secant[-1]
-        slope[1:-1] = (secant[:-1] * width[1:] + secant[1:] * width[:-1]) / (width[1:] + width[:-1])
-        second = (3 * secant - 2 * slope[:-1] - slope[1:]) / width
-        third = (slope[:-1] + slope[1:] - 2 * secant) / width**2
-        self._x = x
-        # two straight pieces at the ends continue the curve
-        self._pieces = (
-            np.concatenate([x[:1], x[:-1], x[-1:]]),
-            np.concatenate([y[:1], y[:-1], y[-1:]]),
-            np.concatenate([slope[:1], slope[:-1], slope[-1:]]),
-            np.concatenate([[0.0], second, [0.0]]),
-            np.concatenate([[0.0], third, [0.0]]),
-        )
-
-    def at(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return values and slopes at ascending points: pieces are found by cutting."""
-        if len(points) == 0:
-            return np.zeros(0), np.zeros(0)
-        first, last = np.searchsorted(self._x, points[[0, -1]], side="right")
-        cuts = np.searchsorted(points, self._x[first:last])
-        sizes = np.diff(np.concatenate([[0], cuts, [len(points)]]))
-        knot, value, tangent, turn, bend = (
-            np.repeat(coefficient[first : last + 1], sizes) for coefficient in self._pieces
-        )
-        u = np.subtract(points, knot, out=knot)
-        bend *= u
-        curve = turn + bend
-        curve *= u
-        curve += tangent
-        curve *= u
-        curve += value
-        turn *= 2.0
-        bend *= 3.0
-        turn += bend
-        turn *= u
-        tangent += turn
-        return curve, tangent
+    width = np.diff(x)
+    secant = np.diff(y) / width
+    between = secant[:-1] * width[1:] + secant[1:] * width[:-1]
+    slope = np.concatenate([secant[:1], between / (width[1:] + width[:-1]), secant[-1:]])
+    curve = CubicHermiteSpline(x, y, slope)
+    flat = np.zeros(2)
+    curve.extend(np.append(flat, [slope[0], y[0] - slope[0]])[:, None], x[:1] - 1.0)
+    curve.extend(np.append(flat, [slope[-1], y[-1]])[:, None], x[-1:] + 1.0)
+    return curve
 
 
 _TABLE: ComplexArray = np.exp(2j * np.pi * np.arange(_POINTS) / _POINTS)

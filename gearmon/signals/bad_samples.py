@@ -145,17 +145,14 @@ def inspected(recording: Recording) -> Recording:
     vibrates = [kind == "vibration" for kind in recording.channel_kinds]
     for bad in gaps:
         samples[vibrates, bad.start : bad.stop] = 0.0
-    return replace(
+    sound = replace(
         recording,
-        samples=samples[kept] if len(kept) < len(samples) else samples,
+        samples=samples,
         left_out=tuple(sorted((bad.start, bad.stop) for bad in gaps)),
-        channel_names=tuple(recording.channel_names[row] for row in kept),
-        channel_kinds=tuple(recording.channel_kinds[row] for row in kept),
-        units=tuple(recording.units[row] for row in kept),
-        columns=tuple(recording.columns[row] for row in kept),
         notes=(*recording.notes, *notes),
         known_finite=True,
     )
+    return sound if len(kept) == len(samples) else sound.part(kept)
 
 
 def sound_piece(recording: Recording) -> tuple[int, int]:

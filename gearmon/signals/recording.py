@@ -157,7 +157,7 @@ class Recording(Result):
         """
         keys = [channels] if isinstance(channels, str | int) else list(channels)
         names = [(name,) for name in self.channel_names]
-        return self._part([find_column(self.origin, key, names, self.columns) for key in keys])
+        return self.part([find_column(self.origin, key, names, self.columns) for key in keys])
 
     def vibration(self) -> Recording:
         """Return the recording with its vibration channels only.
@@ -170,9 +170,10 @@ class Recording(Result):
         found = [index for index, own in enumerate(self.channel_kinds) if own == "vibration"]
         if not found:
             raise RecordingError(f"{self.origin}: no vibration channel; name one with --channel")
-        return self._part(found)
+        return self.part(found)
 
-    def _part(self, indices: Sequence[int]) -> Recording:
+    def part(self, indices: Sequence[int]) -> Recording:
+        """Return the recording with these channels only, by their rows."""
         in_a_row = list(indices) == list(range(indices[0], indices[0] + len(indices)))
         chosen = slice(indices[0], indices[0] + len(indices)) if in_a_row else list(indices)
         return replace(

@@ -140,29 +140,23 @@ class GearAverages(Result):
             "difference": own.signals.difference,
             "regular": own.signals.regular,
         }
-        for row, channel in enumerate(self.channel_names):
+        for row in range(len(self.channel_names)):
             for index, angle in enumerate(own.angle_turns.tolist()):
-                yield {
-                    "stage": own.stage,
-                    "gear": own.gear,
-                    "channel": channel,
-                    "unit": self.units[row] or "",
-                    "angle_turns": angle,
-                    "angle_teeth": angle * own.teeth,
-                } | {name: _short(values[row, index]) for name, values in columns.items()}
+                turned = {"angle_turns": angle, "angle_teeth": angle * own.teeth}
+                yield (
+                    self._place(own, row)
+                    | turned
+                    | {name: _short(values[row, index]) for name, values in columns.items()}
+                )
 
     def _line_rows(self, own: GearAverage) -> Iterator[dict[str, Any]]:
         lines, signals = own.average.lines, own.signals
         parts = dict.fromkeys(signals.shaft, "shaft") | dict.fromkeys(signals.mesh, "mesh")
         parts |= dict.fromkeys(signals.first, "first sideband")
-        for row, channel in enumerate(self.channel_names):
+        for row in range(len(self.channel_names)):
             for number in range(1, own.average.top + 1):
                 value = complex(lines[row, number])
-                yield {
-                    "stage": own.stage,
-                    "gear": own.gear,
-                    "channel": channel,
-                    "unit": self.units[row] or "",
+                yield self._place(own, row) | {
                     "multiple": number,
                     "order": number * own.average.rotation_order,
                     "amplitude": _short(abs(value)),
@@ -170,6 +164,10 @@ class GearAverages(Result):
                     "standard_error": _short(own.average.line_error[row, number]),
                     "part": parts.get(number, "difference"),
                 }
+
+    def _place(self, own: GearAverage, row: int) -> dict[str, Any]:
+        channel, unit = self.channel_names[row], self.units[row] or ""
+        return {"stage": own.stage, "gear": own.gear, "channel": channel, "unit": unit}
 
     def _brief(self, own: GearAverage) -> dict[str, Any]:
         average, signals = own.average, own.signals
@@ -323,16 +321,7 @@ def wheel_lines(stage: int, wheel: Wheel, train: Kinematics, top: int) -> WheelL
             # of a mesh elsewhere only those that are looked at: it may be slower than this gear
             harmonic &= number <= int(MESH_HARMONICS * ratio)
         mesh |= harmonic
-    return WheelLines(
-        stage=stage,
-        gear=wheel.gear,
-        teeth=wheel.teeth,
-        shaft=wheel.shaft,
-        order=wheel.relative_order,
-        number=number,
-        lines=number,
-        mesh=mesh,
-    )
+    return WheelLines.of(stage, wheel, number, number, mesh)
 
 
 def _short(value: float) -> float:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,7 @@ from gearmon.signatures.measured.line_plan import Mark, machine_marks, mark_near
 from gearmon.signatures.measured.measurement import measure_signature
 
 FloatArray = NDArray[np.float64]
+Band = tuple[float, float] | None
 
 # Modulation frequencies and pieces of a coherence, and the block of its carriers [samples].
 _CYCLIC, _PIECES, _CARRIER_BLOCK = 300, 2, 256
@@ -43,15 +44,14 @@ class RecordingSpectrum(Result):
     ----------
     recording, kind : str
     channel_names : tuple of str
-    axis : str
-        Name of the horizontal column: "frequency_hz", "quefrency_s", "cyclic_frequency_hz" or
-        "order".
     place : ndarray of float, shape (bins,)
     values : ndarray of float, shape (channels, bins)
     value_name : str
         What the values are, in words.
     units : tuple of str
         Of the values, channel by channel; "" where unknown.
+    axis : str
+        Name of the horizontal column: "frequency_hz", "quefrency_s" or "cyclic_frequency_hz".
     peaks : tuple of dict
         Highest peaks: channel, place, value, near which line of the machine.
     marks : tuple of Mark
@@ -68,16 +68,16 @@ class RecordingSpectrum(Result):
     recording: str
     kind: str
     channel_names: tuple[str, ...]
-    axis: str
     place: FloatArray
     values: FloatArray
     value_name: str
     units: tuple[str, ...]
-    peaks: tuple[dict[str, Any], ...]
+    axis: str = "frequency_hz"
+    peaks: tuple[dict[str, Any], ...] = ()
     marks: tuple[Mark, ...] = ()
     kurtograms: tuple[Kurtogram, ...] = ()
     wander: float = 0.0
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[str, ...] = ()
 
     def rows(self) -> list[dict[str, Any]]:
         """Return the whole spectrum as rows, one column a channel."""
@@ -105,20 +105,27 @@ class RecordingSpectrum(Result):
         }
 
 
-def _plain(vibration: Recording, kind: str, **given: Any) -> RecordingSpectrum:
-    usual: dict[str, Any] = {
-        "recording": vibration.origin,
-        "kind": kind,
-        "channel_names": vibration.channel_names,
-        "axis": "frequency_hz",
-        "peaks": (),
-    }
-    return RecordingSpectrum(**{**usual, **given})
+def _plain(
+    vibration: Recording,
+    kind: str,
+    course: tuple[FloatArray, FloatArray],
+    value_name: str,
+    units: tuple[str, ...],
+    **more: Any,
+) -> RecordingSpectrum:
+    return RecordingSpectrum(
+        recording=vibration.origin,
+        kind=kind,
+        channel_names=vibration.channel_names,
+        place=course[0],
+        values=course[1],
+        value_name=value_name,
+        units=units,
+        **more,
+    )
 
 
-def _cut(
-    place: FloatArray, values: FloatArray, band: tuple[float, float] | None
-) -> tuple[FloatArray, FloatArray]:
+def _cut(place: FloatArray, values: FloatArray, band: Band) -> tuple[FloatArray, FloatArray]:
     if band is None:
         return place, values
     inside = (place >= band[0]) & (place <= band[1])
@@ -130,60 +137,31 @@ def _cut(
     return place[inside], values[:, inside]
 
 
-def _amplitudes(kind: str) -> Callable[..., RecordingSpectrum]:
-    names = {"amplitude": "peak amplitude", "rms": "RMS of the line", "energy": "energy per line"}
-
-    def compute(
-        vibration: Recording, band: tuple[float, float] | None, window_name: str
-    ) -> RecordingSpectrum:
-        found = amplitude_spectrum(
-            vibration.samples,
-            vibration.sampling_rate_hz,
-            window_name=window_name,
-            quantity=kind,  # type: ignore[arg-type]
-        )
-        place, values = _cut(found.frequency_hz, found.values, band)
+def _amplitudes(
+    kind: Literal["amplitude", "rms", "energy"], value_name: str, unit: str = "{}"
+) -> Callable[[Recording, Band, str], RecordingSpectrum]:
+    def compute(vibration: Recording, band: Band, window_name: str) -> RecordingSpectrum:
+        rate = vibration.sampling_rate_hz
+        found = amplitude_spectrum(vibration.samples, rate, window_name=window_name, quantity=kind)
+        course = _cut(found.frequency_hz, found.values, band)
         note = f"{window_name} window, noise bandwidth {found.resolution_hz:.3g} Hz"
-        return _plain(
-            vibration,
-            kind,
-            place=place,
-            values=values,
-            value_name=names[kind],
-            units=_units(vibration, "squared" if kind == "energy" else ""),
-            notes=(note,),
-        )
+        return _plain(vibration, kind, course, value_name, _units(vibration, unit), notes=(note,))
 
     return compute
 
 
-def _density(
-    vibration: Recording, band: tuple[float, float] | None, window_name: str
-) -> RecordingSpectrum:
-    count = vibration.samples.shape[-1]
+def _density(vibration: Recording, band: Band, window_name: str) -> RecordingSpectrum:
+    samples, rate = vibration.samples, vibration.sampling_rate_hz
+    count = samples.shape[-1]
     wanted = fast_length(max(16, count // _DENSITY_BLOCKS))
     block = min(count, _DENSITY_LONGEST, wanted)
-    found = power_density(
-        vibration.samples, vibration.sampling_rate_hz, block, window_name=window_name
-    )
-    place, values = _cut(found.frequency_hz, found.values, band)
+    found = power_density(samples, rate, block, window_name=window_name)
+    course, units = _cut(found.frequency_hz, found.values, band), _units(vibration, "({})^2/Hz")
     note = f"Welch, blocks of {block} samples, half overlap, {window_name} window"
-    return _plain(
-        vibration,
-        "density",
-        place=place,
-        values=values,
-        value_name="power spectral density",
-        units=_units(vibration, "density"),
-        notes=(note,),
-    )
+    return _plain(vibration, "density", course, "power spectral density", units, notes=(note,))
 
 
-def _envelope(
-    vibration: Recording,
-    band: tuple[float, float] | None,
-    window_name: str,  # noqa: ARG001 (all kinds are called alike)
-) -> RecordingSpectrum:
+def _envelope(vibration: Recording, band: Band, _window_name: str) -> RecordingSpectrum:
     rate, notes = vibration.sampling_rate_hz, []
     if band is None:
         # narrow bands through which a wandering line passes now and then would look impulsive
@@ -197,64 +175,31 @@ def _envelope(
             f"{vibration.channel_names[channel]} (kurtosis {height:.3g})"
         )
     found = envelope_spectrum(vibration.samples, rate, *band)
-    return _plain(
-        vibration,
-        "envelope",
-        place=found.frequency_hz[1:],
-        values=found.values[:, 1:],
-        value_name=f"envelope of {band[0]:.6g} to {band[1]:.6g} Hz",
-        units=_units(vibration, ""),
-        notes=tuple(notes),
-    )
+    course, units = (found.frequency_hz[1:], found.values[:, 1:]), _units(vibration)
+    name = f"envelope of {band[0]:.6g} to {band[1]:.6g} Hz"
+    return _plain(vibration, "envelope", course, name, units, notes=tuple(notes))
 
 
-def _cepstrum(
-    vibration: Recording,
-    band: tuple[float, float] | None,
-    window_name: str,  # noqa: ARG001
-) -> RecordingSpectrum:
-    found = real_cepstrum(vibration.samples, vibration.sampling_rate_hz)
+def _cepstrum(vibration: Recording, band: Band, _window_name: str) -> RecordingSpectrum:
+    rate, units = vibration.sampling_rate_hz, ("1",) * len(vibration.samples)
+    found = real_cepstrum(vibration.samples, rate)
     # the first quefrencies hold the coarse shape of the spectrum, many times higher than the rest
-    chosen = band or (16 / vibration.sampling_rate_hz, min(0.5, float(found.quefrency_s[-1])))
-    place, values = _cut(found.quefrency_s, found.values, chosen)
-    return _plain(
-        vibration,
-        "cepstrum",
-        axis="quefrency_s",
-        place=place,
-        values=values,
-        value_name="real cepstrum",
-        units=("1",) * len(values),
-    )
+    chosen = band or (16 / rate, min(0.5, float(found.quefrency_s[-1])))
+    course = _cut(found.quefrency_s, found.values, chosen)
+    return _plain(vibration, "cepstrum", course, "real cepstrum", units, axis="quefrency_s")
 
 
-def _kurtogram(
-    vibration: Recording,
-    band: tuple[float, float] | None,
-    window_name: str,  # noqa: ARG001
-) -> RecordingSpectrum:
+def _kurtogram(vibration: Recording, band: Band, _window_name: str) -> RecordingSpectrum:
     if band is not None:
         raise ArgumentError("band: a kurtogram covers all frequencies; leave the band out")
-    levels = max(0, min(_MAP_LEVELS, int(np.log2(vibration.samples.shape[-1] / 64))))
-    maps = tuple(
-        kurtogram(samples, vibration.sampling_rate_hz, levels) for samples in vibration.samples
-    )
-    return _plain(
-        vibration,
-        "kurtogram",
-        place=np.zeros(0),
-        values=np.zeros((len(maps), 0)),
-        value_name="kurtosis of the envelope",
-        units=("1",) * len(maps),
-        kurtograms=maps,
-    )
+    samples, rate = vibration.samples, vibration.sampling_rate_hz
+    levels = max(0, min(_MAP_LEVELS, int(np.log2(samples.shape[-1] / 64))))
+    maps = tuple(kurtogram(channel, rate, levels) for channel in samples)
+    none, name = (np.zeros(0), np.zeros((len(maps), 0))), "kurtosis of the envelope"
+    return _plain(vibration, "kurtogram", none, name, ("1",) * len(maps), kurtograms=maps)
 
 
-def _coherence(
-    vibration: Recording,
-    band: tuple[float, float] | None,
-    window_name: str,  # noqa: ARG001
-) -> RecordingSpectrum:
+def _coherence(vibration: Recording, band: Band, _window_name: str) -> RecordingSpectrum:
     rate, count = vibration.sampling_rate_hz, vibration.samples.shape[-1]
     low, high = band or (1.0, min(200.0, rate / 8))
     # modulation is resolved to rate over length: so long a piece that no line falls between
@@ -265,44 +210,32 @@ def _coherence(
         raise ArgumentError(f"{vibration.origin}: {count} samples are too few for a coherence")
     step = rate / piece
     cyclic = np.arange(max(low, step), high, step)
-    values = [
-        np.mean(
-            [
-                cyclic_coherence(
-                    samples[k * piece : (k + 1) * piece], rate, cyclic, block
-                ).enhanced_envelope_spectrum
-                for k in range(pieces)
-            ],
-            axis=0,
-        )
-        for samples in vibration.samples
-    ]
-    return _plain(
-        vibration,
-        "coherence",
-        axis="cyclic_frequency_hz",
-        place=cyclic,
-        values=np.array(values),
-        value_name="squared cyclic coherence, mean over carriers",
-        units=("1",) * len(values),
-        notes=(
-            f"modulation resolved to {step:.3g} Hz, carriers to {1.5 * rate / block:.3g} Hz, from "
-            f"the first {pieces * piece / rate:.3g} s",
-        ),
+
+    def mean(samples: FloatArray) -> FloatArray:
+        parts = np.split(samples[: pieces * piece], pieces)
+        found = [cyclic_coherence(part, rate, cyclic, block) for part in parts]
+        return np.asarray(np.mean([one.enhanced_envelope_spectrum for one in found], axis=0))
+
+    values = np.array([mean(samples) for samples in vibration.samples])
+    note = (
+        f"modulation resolved to {step:.3g} Hz, carriers to {1.5 * rate / block:.3g} Hz, from "
+        f"the first {pieces * piece / rate:.3g} s"
     )
+    name, more = "squared cyclic coherence, mean over carriers", {"axis": "cyclic_frequency_hz"}
+    units = ("1",) * len(values)
+    return _plain(vibration, "coherence", (cyclic, values), name, units, notes=(note,), **more)
 
 
-def _units(vibration: Recording, how: str) -> tuple[str, ...]:
-    forms = {"": "{}", "squared": "({})^2", "density": "({})^2/Hz"}
-    return tuple(forms[how].format(unit) if unit else "" for unit in vibration.units)
+def _units(vibration: Recording, form: str = "{}") -> tuple[str, ...]:
+    return tuple(form.format(unit) if unit else "" for unit in vibration.units)
 
 
 # Each takes the vibration, the band or none, and the name of the window.
-COMPUTE: dict[str, Callable[..., RecordingSpectrum]] = {
-    "amplitude": _amplitudes("amplitude"),
-    "rms": _amplitudes("rms"),
+COMPUTE: dict[str, Callable[[Recording, Band, str], RecordingSpectrum]] = {
+    "amplitude": _amplitudes("amplitude", "peak amplitude"),
+    "rms": _amplitudes("rms", "RMS of the line"),
     "density": _density,
-    "energy": _amplitudes("energy"),
+    "energy": _amplitudes("energy", "energy per line", "({})^2"),
     "envelope": _envelope,
     "cepstrum": _cepstrum,
     "kurtogram": _kurtogram,
@@ -319,7 +252,7 @@ def recording_spectrum(
     machine: MachineLike | None = None,
     sampling_rate_hz: float | None = None,
     unit: str | None = None,
-    band: tuple[float, float] | None = None,
+    band: Band = None,
     window_name: str = "hann",
     most_peaks: int = 12,
 ) -> RecordingSpectrum:
@@ -370,7 +303,7 @@ def recording_spectrum(
     return replace(result, peaks=_peaks(result, vibration, window_name, most_peaks))
 
 
-def _check_band(band: tuple[float, float] | None, vibration: Recording, kind: str) -> None:
+def _check_band(band: Band, vibration: Recording, kind: str) -> None:
     if band is None:
         return
     top = vibration.duration_s / 2 if kind == "cepstrum" else vibration.sampling_rate_hz / 2
@@ -415,14 +348,12 @@ def _peaks(
     result: RecordingSpectrum, vibration: Recording, window_name: str, most: int
 ) -> tuple[dict[str, Any], ...]:
     if result.kurtograms:
+        heads, named = (
+            ("low_hz", "high_hz", "kurtosis"),
+            zip(result.channel_names, result.kurtograms, strict=True),
+        )
         return tuple(
-            {
-                "channel": name,
-                "low_hz": own.best[0],
-                "high_hz": own.best[1],
-                "kurtosis": own.best[2],
-            }
-            for name, own in zip(result.channel_names, result.kurtograms, strict=True)
+            {"channel": name, **dict(zip(heads, own.best, strict=True))} for name, own in named
         )
     reach = half_lobe(window_name) if result.kind in ("amplitude", "rms", "energy") else 2
     exact = result.kind in ("amplitude", "rms")

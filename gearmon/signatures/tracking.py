@@ -38,21 +38,19 @@ from gearmon.signals.tracking.tacho import (
     pulses_per_turn,
     track_from_pulses,
 )
-from gearmon.signatures.mesh_evidence import (
+from gearmon.signatures.speed import (
+    SPEED_REACH,
+    SPEED_TOLERANCE,
     TACHO_REACH,
     GearVibration,
     Tracking,
     evidence_of,
     judge,
-    speed_in_blocks,
-    wander,
-)
-from gearmon.signatures.speed import (
-    SPEED_REACH,
-    SPEED_TOLERANCE,
     machine_comb,
     mesh_combs,
     scan_nominal_speeds,
+    speed_in_blocks,
+    wander,
 )
 
 # How far pulses and comb may be apart before it is asked which of them is right.
@@ -190,8 +188,8 @@ def _check_believed(judged: Tracking, tacholess: _Tacholess) -> None:
     rival = tacholess.first if tacholess.first.detected or judged.detected else tacholess.alone
     if _apart(judged.track, rival.track) > _APART and _clarity(rival) > _clarity(judged):
         raise RecordingError(
-            f"the mesh lines stand out less at the {_mean_hz(judged.track):.4g} Hz that its pulses "
-            f"say than at {_mean_hz(rival.track):.4g} Hz"
+            f"the mesh lines stand out less at the {judged.track.mean_hz:.4g} Hz that its pulses "
+            f"say than at {rival.track.mean_hz:.4g} Hz"
         )
 
 
@@ -202,16 +200,12 @@ def _clarity(found: Tracking) -> tuple[int, int]:
 
 def _apart(one: AngleTrack, other: AngleTrack) -> float:
     """How far the mean speeds of two tracks are apart, as a fraction."""
-    return abs(_mean_hz(one) / _mean_hz(other) - 1)
+    return abs(one.mean_hz / other.mean_hz - 1)
 
 
 def _departs(track: AngleTrack, nominal_hz: float) -> bool:
     """Whether a track leaves the speeds that the scan about nominal covers well."""
-    return abs(_mean_hz(track) / nominal_hz - 1) > SPEED_TOLERANCE or wander(track) > 0.005
-
-
-def _mean_hz(track: AngleTrack) -> float:
-    return float((track.turns[-1] - track.turns[0]) / (track.time_s[-1] - track.time_s[0]))
+    return abs(track.mean_hz / nominal_hz - 1) > SPEED_TOLERANCE or wander(track) > 0.005
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

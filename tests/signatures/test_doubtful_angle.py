@@ -11,8 +11,7 @@ from reference.speed_cases import make_case
 from gearmon.gears.kinematics import kinematics
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.orders import OrderSums
-from gearmon.signatures.mesh_evidence import GearVibration
-from gearmon.signatures.speed import speed_of
+from gearmon.signatures.speed import GearVibration, speed_of
 from gearmon.signatures.tracking import _with_doubt, track_recording
 
 

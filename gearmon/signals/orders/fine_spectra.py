@@ -21,7 +21,12 @@ from gearmon.signals.orders.nonuniform_fft import Kernel, Spreading
 from gearmon.signals.orders.resampling import AngleGrid
 from gearmon.signals.spectra.spectrum import hann, local_floor
 from gearmon.signals.threads import side_by_side
-from gearmon.signals.transforms import batch, fast_length, window_powers
+from gearmon.signals.transforms import (
+    batch,
+    fast_length,
+    window_powers,
+    windowed_transforms,
+)
 
 # Bins of the running median that tells the noise under the lines.
 _FLOOR_BINS = 384
@@ -219,10 +224,9 @@ def fine_envelope_spectrum(
     ends = np.array([[p * block / sampling_rate_hz] for p in range(pieces)]) + middle_s[[0, -1]]
     turns = track.turns_at(ends.ravel()).reshape(pieces, 2)
     count = int(np.floor(np.diff(turns, axis=-1).min() * per_turn))
-    total = 2 * samples.size * min(pieces, most) // pieces
 
     def part(piece: int) -> FloatArray:
-        squared = _whitened_envelope(samples[:, piece * block : (piece + 1) * block], total)
+        squared = _whitened_envelope(samples[:, piece * block : (piece + 1) * block])
         slow = squared.reshape(len(samples), -1, together // 2).mean(axis=-1)
         angle = turns[piece, 0] + np.arange(count) / per_turn
         at_s = track.time_at(angle) - piece * block / sampling_rate_hz
@@ -236,7 +240,7 @@ def fine_envelope_spectrum(
     return replace(spectrum, power=spectrum.power[:, :last], floor=spectrum.floor[:, :last])
 
 
-def _whitened_envelope(samples: FloatArray, total: int) -> FloatArray:
+def _whitened_envelope(samples: FloatArray) -> FloatArray:
     """Squared envelope, at every other sample, of signals given one amplitude at all frequencies.
 
     The analytic signal has no negative frequencies: half as many values hold it. Its square is
@@ -246,12 +250,10 @@ def _whitened_envelope(samples: FloatArray, total: int) -> FloatArray:
     count = samples.shape[-1]
     length = fast_length(count)
     squared = np.empty((len(samples), count // 2))
-    forth = batch(length, 1, total)
-    back = batch(length // 2, 1, total, inverse=True)
-    for row, signal in zip(squared, samples, strict=True):
-        np.subtract(signal, signal.mean(), out=forth.input[0, :count])
-        forth.input[0, count:] = 0.0
-        lines = forth.run()[0, : length // 2]
+    back = batch(length // 2, inverse=True)
+    centred = (signal - signal.mean() for signal in samples)
+    for row, whole in zip(squared, windowed_transforms(centred, 1.0, length), strict=True):
+        lines = whole[: length // 2]
         size = np.maximum(np.abs(lines), np.finfo(float).tiny)
         np.divide(lines, size, out=back.input[0])
         back.input[0, 0] = 0.0
@@ -280,7 +282,7 @@ def _of_pieces(
         values = part(piece)
         # an offset as large as the signal must not hide it behind its own side lobes
         centred = values - values.mean(axis=-1, keepdims=True)
-        return window_powers(centred, weights, length, len(sampled) * length)
+        return window_powers(centred, weights, length)
 
     powers = side_by_side(power_of, [int(piece) for piece in sampled], 2 * len(sampled) * block)
     power = np.asarray(sum(powers)) * ((2.0 / weights.sum()) ** 2 / len(sampled))

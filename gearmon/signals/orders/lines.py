@@ -26,7 +26,7 @@ from gearmon.signals.orders.nonuniform_fft import Kernel, Spreading
 from gearmon.signals.orders.resampling import AngleGrid
 from gearmon.signals.spectra.spectrum import hann, local_floor
 from gearmon.signals.threads import side_by_side
-from gearmon.signals.transforms import batch, fast_length, window_powers
+from gearmon.signals.transforms import fast_length, window_powers, windowed_transforms
 
 # What a line may add elsewhere where only the phase of strong ones is followed.
 _QUICK_ERROR = 1e-3
@@ -271,8 +271,7 @@ class _Halves:
         kept : dict
             Number of a half whose block tells the noise -> the half, shape (channels, steps).
         """
-        total = 2 * self.count * self.steps * self.channels
-        plan = GriddedPlan(self.steps, 0.5 * self.orders * self.block_turns, self.beside, total)
+        plan = GriddedPlan(self.steps, 0.5 * self.orders * self.block_turns, self.beside)
         together = max(1, _TOGETHER // self.steps)
 
         def part(first: int) -> tuple[ComplexArray, ComplexArray, dict[int, FloatArray]]:
@@ -284,7 +283,9 @@ class _Halves:
             )
             return rising, falling, kept
 
-        found = side_by_side(part, range(0, self.count, together), total // 2)
+        found = side_by_side(
+            part, range(0, self.count, together), self.count * self.steps * self.channels
+        )
         rising, falling = (np.concatenate([one[k] for one in found]) for k in (0, 1))
         return rising, falling, {k: half for one in found for k, half in one[2].items()}
 
@@ -306,7 +307,7 @@ class _Halves:
         def power(number: int) -> FloatArray:
             block = np.concatenate([kept[number], kept[number + 1]], axis=-1)
             block -= block.mean(axis=-1, keepdims=True)
-            return window_powers(block, window, length, work)
+            return window_powers(block, window, length)
 
         powers = side_by_side(power, self.sampled, work)
         mean: FloatArray = sum(powers, np.zeros(1)) / len(powers)
@@ -335,8 +336,8 @@ class GriddedPlan:
 
     _KERNEL = Kernel(width=8, beta=2.30 * 8)
 
-    def __init__(self, steps: int, bins: FloatArray, beside: FloatArray, total: int = 0) -> None:
-        self.length, self.steps, self._total = 2 * steps, steps, total
+    def __init__(self, steps: int, bins: FloatArray, beside: FloatArray) -> None:
+        self.length, self.steps = 2 * steps, steps
         width = self._KERNEL.width
         self._flat = 1 / self._KERNEL.transform((np.arange(steps) - steps / 2) / self.length)
         ascending = np.argsort(bins, kind="stable")
@@ -360,11 +361,10 @@ class GriddedPlan:
     def lines(self, halves: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Return the transforms under the rising and the falling half of the window."""
         bins = np.empty((len(halves), len(self._taken)), dtype=np.complex128)
-        one = batch(self.length, 1, max(self._total, len(halves) * self.length))
-        one.input[0, self.steps :] = 0.0
-        for row, half in zip(bins, halves, strict=True):
-            np.multiply(half, self._flat, out=one.input[0, : self.steps])
-            one.run()[0].take(self._taken, out=row, mode="clip")
+        for row, own in zip(
+            bins, windowed_transforms(halves, self._flat, self.length), strict=True
+        ):
+            own.take(self._taken, out=row, mode="clip")
         bins[:, self._mirrored] = np.conj(bins[:, self._mirrored])
         found = np.empty((len(halves), 2 * len(self._place)), dtype=np.complex128)
         for begin, first, weights in self._groups:

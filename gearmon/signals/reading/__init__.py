@@ -11,7 +11,7 @@ True
 
 Text: `source` (bytes to whole lines), `fields` (what a number, a unit is), `layout` (separator,
 decimal character, first row, names) and `text` (lines to numbers, compiled or with care). Other
-files: `formats`; arrays and frames: `data`. Then for all: `columns` (names, units, kinds, defects),
+files, arrays and frames: `formats`. Then for all: `columns` (names, units, kinds, defects),
 `timebase` (the sampling rate) and `channels` (which columns are the recording).
 """
 
@@ -23,9 +23,9 @@ from gearmon.signals.reading.columns import (
     find_defect,
     survey,
 )
-from gearmon.signals.reading.data import content_of
 from gearmon.signals.reading.fields import Progress
 from gearmon.signals.reading.formats import identify, read_arrays
+from gearmon.signals.reading.formats.named_arrays import content_of
 from gearmon.signals.reading.source import Source, open_source
 from gearmon.signals.reading.text import read_table
 from gearmon.signals.reading.timebase import counts_evenly, rises_evenly, spacing

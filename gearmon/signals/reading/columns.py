@@ -12,7 +12,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gearmon.errors import RecordingError, nearest_name
-from gearmon.signals.reading.fields import Floats, is_trusted_unit, is_unit, kind_of_unit, shortened
+from gearmon.signals.reading.fields import (
+    Floats,
+    Room,
+    is_trusted_unit,
+    is_unit,
+    kind_of_unit,
+    shortened,
+)
 from gearmon.signals.reading.layout import Header
 
 _SQUARE = re.compile(r"(.*?)\s*\[\s*([^\]]*?)\s*\]")
@@ -47,7 +54,6 @@ _FEWEST_SAMPLES = 10
 _HARMLESS_SHARE = 1e-3
 _NEIGHBOURHOOD = 0.05  # of the range
 _SAMPLES_TO_COMPARE = 2**17  # from the first at the extreme on
-_CHUNK = 2**16
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,6 +129,17 @@ class Content:
     is_text: bool = False
     place: Callable[[int], str] = field(default=lambda row: f"sample {row + 1}")
     shown: Callable[[int, int], str] = field(default=lambda _row, _index: "a value")
+
+
+def reserved(path: str, room: Room, shape: tuple[int, int]) -> Floats:
+    """Return an array for the numbers of a file, or say that they do not fit into memory."""
+    try:
+        return room(shape)
+    except MemoryError:
+        raise RecordingError(
+            f"{path}: its numbers need {8e-9 * shape[0] * shape[1]:.3g} GB of memory; cut the "
+            "recording, or take open_recording"
+        ) from None
 
 
 def describe_columns(header: Header, count: int) -> tuple[DataColumn, ...]:
@@ -294,39 +311,25 @@ class Extremes:
 
 
 def survey(values: Floats) -> Extremes:
-    """Return the extremes of a channel and how often they occur, in one pass through memory.
+    """Return the extremes of a channel and how often they occur.
 
     Parameters
     ----------
     values : ndarray of float64, shape (n,)
     """
-    low, high, at_low, at_high = np.inf, -np.inf, 0, 0
-    first_low = first_high = 0
-    for start in range(0, len(values), _CHUNK):
-        part = values[start : start + _CHUNK]
-        least, most = part.min(), part.max()
-        if not (np.isfinite(least) and np.isfinite(most)):
-            return Extremes(finite=False)
-        if least <= low:
-            count = int(np.count_nonzero(part == least))
-            if least < low:
-                low, at_low, first_low = least, 0, start
-            at_low += count
-        if most >= high:
-            count = int(np.count_nonzero(part == most))
-            if most > high:
-                high, at_high, first_high = most, 0, start
-            at_high += count
     if not len(values):
-        return Extremes(finite=True, low=float(low), high=float(high))
+        return Extremes(finite=True, low=np.inf, high=-np.inf)
+    low, high = float(values.min()), float(values.max())
+    if not (np.isfinite(low) and np.isfinite(high)):
+        return Extremes(finite=False)
     return Extremes(
         finite=True,
-        low=float(low),
-        high=float(high),
-        at_low=at_low,
-        at_high=at_high,
-        first_low=first_low + int(values[first_low : first_low + _CHUNK].argmin()),
-        first_high=first_high + int(values[first_high : first_high + _CHUNK].argmax()),
+        low=low,
+        high=high,
+        at_low=int(np.count_nonzero(values == low)),
+        at_high=int(np.count_nonzero(values == high)),
+        first_low=int(values.argmin()),
+        first_high=int(values.argmax()),
     )
 
 
@@ -341,12 +344,8 @@ def missing_values(values: Floats, found: Extremes | None = None) -> tuple[int, 
     """
     if (found or survey(values)).finite:
         return 0, -1
-    count, first = 0, -1
-    for start in range(0, len(values), _CHUNK):
-        bad = np.flatnonzero(~np.isfinite(values[start : start + _CHUNK]))
-        first = start + int(bad[0]) if count == 0 and bad.size else first
-        count += bad.size
-    return count, first
+    bad = np.flatnonzero(~np.isfinite(values))
+    return len(bad), int(bad[0])
 
 
 def find_defect(values: Floats, found: Extremes | None = None) -> Defect | None:

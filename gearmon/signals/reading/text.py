@@ -20,7 +20,7 @@ from typing import Literal
 import numpy as np
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.columns import Content, describe_columns
+from gearmon.signals.reading.columns import Content, describe_columns, reserved
 from gearmon.signals.reading.fields import (
     MISSING,
     Floats,
@@ -391,7 +391,7 @@ def read_table(
         if count + len(rows) > values.shape[1]:
             estimate = int(_MARGIN * len(rows) * max(1.0, size / len(block.text))) + 1000
             grown = count + len(rows) + values.shape[1] // 2 if count else estimate
-            values, old = _made(source.path, room, (len(values), grown)), values
+            values, old = reserved(source.path, room, (len(values), grown)), values
             values[:, :count] = old[:, :count]
         values[:, count : count + len(rows)] = rows.T
         count += len(rows)
@@ -400,16 +400,6 @@ def read_table(
     if progress is not None:
         progress(1.0)
     return TextTable(source=source, layout=layout, values=values[:, :count])
-
-
-def _made(path: str, room: Room, shape: tuple[int, int]) -> Floats:
-    try:
-        return room(shape)
-    except MemoryError:
-        raise RecordingError(
-            f"{path}: its numbers need {8e-9 * shape[0] * shape[1]:.3g} GB of memory; cut the "
-            "recording, or take open_recording"
-        ) from None
 
 
 def _parsed_blocks(source: Source, layout: Layout) -> Iterator[tuple[Block, Floats]]:

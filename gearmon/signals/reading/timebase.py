@@ -185,24 +185,20 @@ def _first(stamps: Floats, wrong: Callable[[Floats], Flags]) -> int:
 
 def _slope(stamps: Floats) -> float:
     """Return the mean step as the slope of the best straight line: rounding averages out."""
-    middle, mean = 0.5 * (len(stamps) - 1), float(stamps.mean())
-    moment = 0.0
-    for start in range(0, len(stamps), _CHUNK):
-        part = stamps[start : start + _CHUNK] - mean
-        moment += float(part @ (np.arange(start, start + len(part)) - middle))
-    return moment * 12.0 / (len(stamps) * (len(stamps) ** 2 - 1.0))
+    count = len(stamps)
+    moment = float((stamps - stamps.mean()) @ _from_middle(count))
+    return moment * 12.0 / (count * (count**2 - 1.0))
+
+
+def _from_middle(count: int) -> Floats:
+    return np.asarray(np.arange(count) - 0.5 * (count - 1), dtype=np.float64)
 
 
 def _off_line(stamps: Floats, step: float, tolerance: float) -> tuple[str, int]:
     """Say which stamp is farthest from their straight line, if too far, and its index."""
-    middle, mean, slope = 0.5 * (len(stamps) - 1), float(stamps.mean()), _slope(stamps)
-    worst, row = tolerance, -1
-    for start in range(0, len(stamps), _CHUNK):
-        part = stamps[start : start + _CHUNK] - mean
-        off = np.abs(part - slope * (np.arange(start, start + len(part)) - middle))
-        if off.max() > worst:
-            worst, row = float(off.max()), start + int(off.argmax())
-    if row < 0:
+    off = np.abs(stamps - stamps.mean() - _slope(stamps) * _from_middle(len(stamps)))
+    row = int(off.argmax())
+    if off[row] <= tolerance:
         return "", 0
     return f"{stamps[row]:.9g} is off the even spacing of {step:.6g}", row
 

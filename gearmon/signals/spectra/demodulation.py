@@ -124,7 +124,7 @@ def band_envelope(samples: FloatArray, rate: float, low: float, high: float) -> 
         lines[:, 0] *= 0.5  # the mean has no conjugate to be folded in
     middle = (first + last) // 2  # what is shifted to zero
     length = fast_length(2 * (last - middle) + 2)
-    work = batch(length, 1, signals.size, inverse=True)
+    work = batch(length, inverse=True)
     # of a record that was padded the padding is left out again
     values = np.empty((len(signals), -(-length * samples_in // count)), dtype=np.complex128)
     work.input[:] = 0.0
@@ -289,7 +289,7 @@ def _band_kurtosis(lines: ComplexArray, count: int, share: float) -> FloatArray:
     # mean square is exact wherever the impacts fall between the points
     length = 2 * width if is_smooth(width) else fast_length(2 * width)
     rows = min(count, rows_in_cache(length))
-    work = batch(length, rows, 2 * len(lines), inverse=True)
+    work = batch(length, rows, inverse=True)
     work.input[:, width:] = 0.0
     kept = max(2, int(length * share))
     bands = lines[: width * count].reshape(count, width)
@@ -400,24 +400,14 @@ def _coherence(blocks: FloatArray, hop: int, alpha: float) -> FloatArray:
     count, block = blocks.shape
     half = block // 2 + 1
     shift = hann(block) * np.exp(-1j * np.pi * alpha * np.arange(block))
-    rows = min(count, rows_in_cache(block))
     # the conjugate of an inverse transform is the forward one of the conjugate
-    work = batch(block, rows, count * block, inverse=True)
-    conjugate = shift.conj()
-    mirrored = -np.arange(half) % block
-    cross = np.zeros(half, dtype=np.complex128)
-    first, second = np.zeros(half), np.zeros(half)
-    for start in range(0, count, rows):
-        group = blocks[start : start + rows]
-        np.multiply(group, conjugate, out=work.input[: len(group)])
-        lines = work.run()[: len(group)].conj()
-        # f - alpha/2 of a real signal is the conjugate of the same shift at -f
-        upper, lower = lines[:, :half], lines[:, mirrored]
-        turn = np.exp(-2j * np.pi * alpha * hop * np.arange(start, start + len(group)))
-        cross += turn @ (upper * lower)
-        for power, own in ((first, upper), (second, lower)):
-            power += np.einsum("ij,ij->j", own.real, own.real)
-            power += np.einsum("ij,ij->j", own.imag, own.imag)
+    work = batch(block, count, inverse=True)
+    np.multiply(blocks, shift.conj(), out=work.input)
+    lines = work.run().conj()
+    # f - alpha/2 of a real signal is the conjugate of the same shift at -f
+    upper, lower = lines[:, :half], lines[:, -np.arange(half) % block]
+    cross = np.exp(-2j * np.pi * alpha * hop * np.arange(count)) @ (upper * lower)
+    first, second = ((np.abs(own) ** 2).sum(axis=0) for own in (upper, lower))
     size = first * second
     squared = cross.real**2 + cross.imag**2
     return np.asarray(np.divide(squared, size, out=np.zeros(half), where=size > 0))

@@ -29,7 +29,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from gearmon.errors import ArgumentError, check_positive, check_range, nearest_name
 from gearmon.signals.array_types import ComplexArray, FloatArray
-from gearmon.signals.transforms import batch, fill, quick_length, rows_in_cache, transform
+from gearmon.signals.transforms import (
+    batch,
+    quick_length,
+    rows_in_cache,
+    transform,
+    windowed_transforms,
+)
 
 #: Coefficients a_0, a_1, ... of each window.
 TERMS = {
@@ -225,10 +231,8 @@ def amplitude_spectrum(
         raise ArgumentError(f"length={length} must be at least the {count} samples")
     weights = window(window_name, count)
     values = np.empty((len(signals), length // 2 + 1))
-    one = batch(length, 1, signals.size)
-    for row, signal in zip(values, signals, strict=True):
-        fill(one, signal, count, weights)
-        np.abs(one.run()[0], out=row)
+    for row, lines in zip(values, windowed_transforms(signals, weights, length), strict=True):
+        np.abs(lines, out=row)
     total, squared = window_sums(window_name, count)
     folded = 2.0  # the lines of negative frequency count with their mirror images
     if quantity == "energy":
@@ -303,7 +307,7 @@ def _mean_power(signal: FloatArray, weights: FloatArray, length: int) -> FloatAr
     block = len(weights)
     blocks = np.lib.stride_tricks.sliding_window_view(signal, block)[:: max(1, block // 2)]
     rows = min(rows_in_cache(length), len(blocks))
-    work = batch(length, rows, len(blocks) * length)
+    work = batch(length, rows)
     parts = work.output.view(np.float64)
     work.input[:, block:] = 0.0
     power = np.zeros(parts.shape[-1])
@@ -335,47 +339,15 @@ def local_floor(power: FloatArray, width: int) -> FloatArray:
     """
     bins = power.shape[-1]
     width = min(max(2, width), bins)
-    step = max(1, width // 2)
-    count = (bins - width) // step + 1
-    if width == 2 * step:  # windows share their halves, which copies in half the time
-        halves = power[..., : (count + 1) * step].reshape(*power.shape[:-1], count + 1, step)
-        windows = np.concatenate([halves[..., :-1, :], halves[..., 1:, :]], axis=-1)
-    else:
-        strided = np.lib.stride_tricks.sliding_window_view(power, width, axis=-1)
-        windows = strided[..., : (count - 1) * step + 1 : step, :].copy()
-    medians = _medians(windows)
-    floor = np.empty(power.shape)
-    # the medians stand at the middles of the windows: before the first, between them, behind
-    first = width // 2
-    middle = floor[..., first : first + (count - 1) * step].reshape(*power.shape[:-1], -1, step)
-    share = (np.arange(step) + (0.5 if width % 2 == 0 else 0.0)) / step
-    np.multiply(np.diff(medians, axis=-1)[..., None], share, out=middle)
-    middle += medians[..., :-1, None]
-    floor[..., :first] = medians[..., :1]
-    floor[..., first + (count - 1) * step :] = _floor_behind(power, medians, width, step)
-    return np.asarray(np.maximum(floor, np.finfo(float).tiny))
-
-
-def _medians(windows: FloatArray) -> FloatArray:
-    """Medians along the last axis, by sorting in place: quicker than a search in some hundred."""
-    width = windows.shape[-1]
+    last = bins - width
+    starts = np.append(np.arange(0, last, max(1, width // 2)), last)
+    windows = np.lib.stride_tricks.sliding_window_view(power, width, axis=-1)[..., starts, :]
+    # by sorting in place: quicker than a search in some hundred
     windows.sort(axis=-1)
-    return np.asarray(0.5 * (windows[..., (width - 1) // 2] + windows[..., width // 2]))
-
-
-def _floor_behind(power: FloatArray, medians: FloatArray, width: int, step: int) -> FloatArray:
-    """Floor behind the middle of the last regular window: a window at the end makes it whole."""
-    bins, last = power.shape[-1], (medians.shape[-1] - 1) * step
-    first = last + width // 2
-    final = _medians(power[..., bins - width :].copy())
-    gap = bins - width - last
-    if gap == 0:
-        return np.broadcast_to(final[..., None], (*final.shape, bins - first))
-    away = np.arange(first, bins) - (last + 0.5 * (width - 1))
-    found: FloatArray = medians[..., -1:] + (final - medians[..., -1])[..., None] * np.minimum(
-        away / gap, 1.0
-    )
-    return found
+    medians = 0.5 * (windows[..., (width - 1) // 2] + windows[..., width // 2])
+    places, middles = np.arange(bins), starts + 0.5 * (width - 1)
+    rows = [np.interp(places, middles, row) for row in medians.reshape(-1, len(starts))]
+    return np.maximum(np.reshape(rows, power.shape), np.finfo(float).tiny)
 
 
 def _checked(samples: FloatArray, sampling_rate_hz: float) -> FloatArray:

@@ -373,7 +373,7 @@ class _Blocks:
             own = np.zeros((bins + 1, len(rows)))
             for column, row in enumerate(rows):
                 part = self.samples[:, starts[row] : starts[row] + self.size]
-                own[:-1, column] = line_quality(part, self.length, bins, total)
+                own[:-1, column] = line_quality(part, self.length, bins)
             if same is not None:
                 scores[rows] = weighted_sum(own, same, comb.weights).T
             else:
@@ -421,7 +421,7 @@ def weighted_sum(values: FloatArray, index: IntArray, weights: FloatArray) -> Fl
     return total
 
 
-def line_quality(block: FloatArray, length: int, bins: int, total: int) -> FloatArray:
+def line_quality(block: FloatArray, length: int, bins: int) -> FloatArray:
     """Mean over channels of log(1 + power over its local floor) of one block.
 
     Parameters
@@ -432,15 +432,13 @@ def line_quality(block: FloatArray, length: int, bins: int, total: int) -> Float
         Length of the transform, at least n.
     bins : int
         Bins wanted.
-    total : int
-        Samples that transforms of this length will be taken of, as `windowed_transforms` asks for.
 
     Returns
     -------
     ndarray of float, shape (bins,)
     """
     quality = np.zeros(bins)
-    for transform in windowed_transforms(block, hann(block.shape[-1]), length, total):
+    for transform in windowed_transforms(block, hann(block.shape[-1]), length):
         own = transform[:bins]
         power = own.real**2
         power += own.imag**2

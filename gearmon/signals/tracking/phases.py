@@ -201,17 +201,27 @@ def _smoothed(
 
     Returns the smoothed increments, the error left per increment, and the degrees of freedom.
     """
+    # a weak pull to the first track settles recordings in which no line is clear at all
+    smooth, diagonal = smoothed_under_walk(increment, weight, step, 1, 1e-3)
+    # the diagonal of the inverse, by the pivots of elimination from either end
+    ahead, behind = (_pivots(diagonal[::way], step**-4)[::way] for way in (1, -1))
+    variance = 1.0 / (ahead + behind - diagonal)
+    return smooth, float(np.sqrt(np.mean(variance))), float(np.sum(weight * variance))
+
+
+def smoothed_under_walk(
+    vote: FloatArray, weight: FloatArray, step: float, order: int, pull: float
+) -> tuple[FloatArray, FloatArray]:
+    """Minimise sum w (e - vote)^2 + (sum (difference of e)^2 + pull sum e^2) / step^2.
+
+    Returns the solution and the diagonal of its equations.
+    """
     from scipy.linalg import solveh_banded
 
     prior = 1.0 / step**2
-    band = prior * roughness(np.arange(float(len(weight))), 1)
-    # a weak pull to the first track settles recordings in which no line is clear at all
-    band[0] += weight + 1e-3 * prior
-    smooth = solveh_banded(band, weight * increment, lower=True)
-    # the diagonal of the inverse, by the pivots of elimination from either end
-    ahead, behind = _pivots(band[0], prior**2), _pivots(band[0][::-1], prior**2)[::-1]
-    variance = 1.0 / (ahead + behind - band[0])
-    return smooth, float(np.sqrt(np.mean(variance))), float(np.sum(weight * variance))
+    band = prior * roughness(np.arange(float(len(vote))), order)
+    band[0] += weight + pull * prior
+    return np.asarray(solveh_banded(band, weight * vote, lower=True)), band[0]
 
 
 def _pivots(diagonal: FloatArray, off_squared: float) -> FloatArray:
@@ -383,7 +393,8 @@ def _locked(track: AngleTrack, lines: SlidingLines) -> AngleTrack:
         total = weight.sum(axis=1)
         departure = rest / order
         vote = error + (weight * departure).sum(axis=1) / np.maximum(total, 1e-300)
-        error = _smoothed_angle(vote, total, step)
+        # a weak pull to no error settles what no line tells
+        error = smoothed_under_walk(vote, total, step, 2, 1e-6)[0]
     if not clear.any():
         return shifted_track(track, lines.angle, np.zeros(len(error)), float("inf"))
     quick = float(np.mean(((weight * departure) ** 2).sum(axis=1)) / np.mean(total) ** 2)
@@ -401,17 +412,6 @@ def _speed_classes(track: AngleTrack, angle: FloatArray) -> FloatArray:
     place = place * (count / max(float(place.max()), 1e-12)) if count > 1 else 0.0 * place
     classes = np.arange(count + 1 if count > 1 else 1)
     return np.asarray(np.maximum(0.0, 1.0 - np.abs(place[:, None] - classes)))
-
-
-def _smoothed_angle(vote: FloatArray, weight: FloatArray, step: float) -> FloatArray:
-    """Minimise sum w (e - vote)^2 + sum (second difference of e)^2 / step^2."""
-    from scipy.linalg import solveh_banded
-
-    prior = 1.0 / step**2
-    band = prior * roughness(np.arange(float(len(vote))), 2)
-    # a weak pull to no error settles what no line tells
-    band[0] += weight + 1e-6 * prior
-    return np.asarray(solveh_banded(band, weight * vote, lower=True))
 
 
 def unwarp(

@@ -183,10 +183,8 @@ def waveform_indicators(samples: FloatArray, channel_names: tuple[str, ...]) -> 
         for name, channel in zip(channel_names, samples, strict=True)
     }
     return {
-        "rms": {name: row.rms for name, row in rows.items()},
-        "peak to peak": {name: row.peak_to_peak for name, row in rows.items()},
-        "crest factor": {name: row.crest_factor for name, row in rows.items()},
-        "kurtosis": {name: row.kurtosis for name, row in rows.items()},
+        label: {name: getattr(row, label.replace(" ", "_")) for name, row in rows.items()}
+        for label in ("rms", "peak to peak", "crest factor", "kurtosis")
     }
 
 

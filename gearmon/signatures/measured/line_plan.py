@@ -16,12 +16,10 @@ from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gearmon.gears.kinematics import Kinematics, Mesh, Wheel, kinematics
 from gearmon.machine import Machine
-
-FloatArray = NDArray[np.float64]
+from gearmon.signals.array_types import BoolArray, FloatArray, IntArray
 
 MESH_HARMONICS = 8
 NEAR_SIDEBANDS = 6
@@ -124,9 +122,25 @@ class WheelLines:
     teeth: int
     shaft: int | None
     order: float
-    number: NDArray[np.int64]
-    lines: NDArray[np.int64]
-    mesh: NDArray[np.bool_]
+    number: IntArray
+    lines: IntArray
+    mesh: BoolArray
+
+    @classmethod
+    def of(
+        cls, stage: int, wheel: Wheel, number: IntArray, lines: IntArray, mesh: BoolArray
+    ) -> WheelLines:
+        """Return the lines of a gear."""
+        return cls(
+            stage=stage,
+            gear=wheel.gear,
+            teeth=wheel.teeth,
+            shaft=wheel.shaft,
+            order=wheel.relative_order,
+            number=number,
+            lines=lines,
+            mesh=mesh,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -351,16 +365,9 @@ def _wheel_lines(
     last = int(claims.top / wheel.exact_relative)
     multiples = ((n, n * turning) for n in range(1, last + 1))
     held = [(n, order, position[order]) for n, order in multiples if order in position]
-    return WheelLines(
-        stage=stage,
-        gear=wheel.gear,
-        teeth=wheel.teeth,
-        shaft=wheel.shaft,
-        order=wheel.relative_order,
-        number=np.array([n for n, _, _ in held], dtype=np.int64),
-        lines=np.array([line for _, _, line in held], dtype=np.int64),
-        mesh=np.array([order in meshes for _, order, _ in held], dtype=bool),
-    )
+    number, lines = (np.array([one[k] for one in held], dtype=np.int64) for k in (0, 2))
+    mesh = np.array([order in meshes for _, order, _ in held], dtype=bool)
+    return WheelLines.of(stage, wheel, number, lines, mesh)
 
 
 def known_orders(train: Kinematics, top: float, width: float) -> FloatArray:

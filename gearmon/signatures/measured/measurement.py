@@ -27,10 +27,10 @@ from gearmon.signals.tracking.sideband_spacing import (
 from gearmon.signatures.measured.line_plan import LinePlan, line_plan, mesh_harmonics
 from gearmon.signatures.measured.nongear_lines import NonGearLines, nongear_lines
 from gearmon.signatures.measured.provenance import digests
-from gearmon.signatures.mesh_evidence import Tracking
 from gearmon.signatures.speed import (
     SPEED_TOLERANCE,
     Speed,
+    Tracking,
     line_peak,
     mesh_combs,
     speed_of,

@@ -411,7 +411,7 @@ class _Course:
         known = track.uncertainty_turns
         return cls(
             low=float(0.999 * track.speed_hz.min()),
-            mean=float((track.turns[-1] - track.turns[0]) / (track.time_s[-1] - track.time_s[0])),
+            mean=track.mean_hz,
             high=float(1.001 * track.speed_hz.max()),
             angle=float(known) if np.isfinite(known) else _UNKNOWN_ANGLE,
         )

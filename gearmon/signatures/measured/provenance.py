@@ -237,10 +237,7 @@ def recording_notes(own: MeasuredSignature, reference: Reference) -> list[str]:
             f"the unit of {', '.join(unknown)} is known of the recording or of the reference only; "
             "taken as the same"
         )
-    healthy = [
-        p for p in reference.profiles if p.band_db.shape == reference.profiles[0].band_db.shape
-    ]
-    bands = [profile.band_db[theirs] for profile in healthy]
+    bands = [profile.band_db[theirs] for profile in reference.profiles]
     if own.band_db.shape[1] and bands[0].shape[1] == own.band_db.shape[1]:
         change = own.band_db[rows][:, None] - np.mean(bands, axis=0)[None]
         _refuse_exchanged(own.origin, shared, change)

@@ -54,6 +54,8 @@ _OF_PROFILE, _PROFILE_ARRAYS = (
 _OF_REFERENCE = ("machine", "teeth", "channel_names", "units", "family_names")
 # What older formats do not tell.
 _PROVENANCE, _OF_SAMPLES = ("version", "machine_facts", "notes"), ("sampling_rate_hz", "digests")
+# What a profile takes over from a measured signature.
+_OF_SIGNATURE = ("origin", "duration_s", "foreign", *_PROFILE_ARRAYS, *_OF_SAMPLES)
 # More than any recording gives: what claims to be larger is damaged, or made to do harm.
 _MOST_DB, _MOST_LINES, _MOST_AMPLITUDE = 7000.0, 10_000_000, 1e150
 
@@ -99,12 +101,7 @@ class WheelPattern:
         floor = lines.noise[:, wheel.lines] / max(1.0, lines.independent_blocks)
         least = _LEAST_OF_FEW if len(blocks) < _FEW_BLOCKS else _LEAST
         return cls(
-            stage=wheel.stage,
-            gear=wheel.gear,
-            teeth=wheel.teeth,
-            order=wheel.order,
-            number=wheel.number,
-            mesh=wheel.mesh,
+            **_named(wheel, (*_OF_WHEEL, "number", "mesh")),
             amplitude=blocks.mean(axis=0),
             variance=np.maximum(variance_of_mean(blocks), least * floor),
         )
@@ -161,21 +158,13 @@ class Profile:
     def of(cls, signature: MeasuredSignature) -> Profile:
         """Condense a measured signature."""
         return cls(
-            origin=signature.origin,
+            **_named(signature, _OF_SIGNATURE),
             speed_hz=signature.speed.estimated_hz,
-            duration_s=signature.duration_s,
             tacho=signature.track.indexed,
             family_names=tuple(family.name for family in signature.plan.families),
-            level_db=signature.level_db,
-            scatter_db=signature.scatter_db,
-            heard=signature.heard,
             wheels=tuple(
                 WheelPattern.of(wheel, signature.lines) for wheel in signature.plan.wheels
             ),
-            band_db=signature.band_db,
-            foreign=signature.foreign,
-            sampling_rate_hz=signature.sampling_rate_hz,
-            digests=signature.digests,
         )
 
 

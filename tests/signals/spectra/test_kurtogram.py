@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import sys
+import threading
+
 import numpy as np
 import pytest
 
 from gearmon.errors import ArgumentError
+from gearmon.signals import transforms
 from gearmon.signals.spectra import kurtogram
 
 RATE = 20_000.0
@@ -103,12 +107,10 @@ def test_awkward_lengths_give_the_same_map(count):
         np.testing.assert_allclose(a, b, rtol=0.1, atol=20 / np.sqrt(count / bands))
 
 
-@pytest.mark.parametrize("pays_from", [0, 1 << 40])
-def test_either_library_gives_the_same_map(monkeypatch, pays_from):
-    from gearmon.signals import transforms
-
+def test_either_library_gives_the_same_map(monkeypatch):
     signal = impacts(4096)
     expected = kurtogram(signal, RATE, 3)
-    monkeypatch.setattr(transforms, "_PLANS_PAY_FROM", pays_from)
+    monkeypatch.setitem(sys.modules, "pyfftw", None)
+    monkeypatch.setattr(transforms, "_HELD", threading.local())
     for a, b in zip(kurtogram(signal, RATE, 3).kurtosis, expected.kurtosis, strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import threading
 
 import numpy as np
 import pytest
@@ -117,9 +118,11 @@ def direct_transform(block, length, bins):
     return np.array([block @ np.exp(-2j * np.pi * k * number / length) for k in bins])
 
 
-@pytest.mark.parametrize("pays_from", [0, 1 << 40])
-def test_transform_equals_the_direct_sum_in_either_library(monkeypatch, pays_from):
-    monkeypatch.setattr(transforms, "_PLANS_PAY_FROM", pays_from)
+@pytest.mark.parametrize("with_fftw", [True, False])
+def test_transform_equals_the_direct_sum_in_either_library(monkeypatch, with_fftw):
+    if not with_fftw:
+        monkeypatch.setitem(sys.modules, "pyfftw", None)
+    monkeypatch.setattr(transforms, "_HELD", threading.local())
     blocks = white((2, 3000), seed=4)
     bins = [0, 1, 77, 2047, 2048]
     found = transform(blocks, 4096)[:, bins]
@@ -127,8 +130,7 @@ def test_transform_equals_the_direct_sum_in_either_library(monkeypatch, pays_fro
     np.testing.assert_allclose(found, expected, atol=1e-9)
 
 
-def test_transform_leaves_its_input_alone(monkeypatch):
-    monkeypatch.setattr(transforms, "_PLANS_PAY_FROM", 0)
+def test_transform_leaves_its_input_alone():
     blocks = white((2, 4096), seed=5)
     kept = blocks.copy()
     transform(blocks, 4096)
@@ -137,7 +139,7 @@ def test_transform_leaves_its_input_alone(monkeypatch):
 
 def test_without_fftw_the_product_is_complete(monkeypatch):
     monkeypatch.setitem(sys.modules, "pyfftw", None)
-    monkeypatch.setattr(transforms, "_PLANS_PAY_FROM", 0)
+    monkeypatch.setattr(transforms, "_HELD", threading.local())
     blocks = white((1, 4100), seed=6)
     np.testing.assert_allclose(transform(blocks, 4100), np.fft.rfft(blocks), atol=1e-9)
 
@@ -246,9 +248,11 @@ def test_smooth_numbers_have_no_large_prime_factor(number):
     assert is_smooth(number) == (rest == 1)
 
 
-@pytest.mark.parametrize("pays_from", [0, 1 << 40])
-def test_spectra_are_the_same_in_either_library(monkeypatch, pays_from):
-    monkeypatch.setattr(transforms, "_PLANS_PAY_FROM", pays_from)
+@pytest.mark.parametrize("with_fftw", [True, False])
+def test_spectra_are_the_same_in_either_library(monkeypatch, with_fftw):
+    if not with_fftw:
+        monkeypatch.setitem(sys.modules, "pyfftw", None)
+    monkeypatch.setattr(transforms, "_HELD", threading.local())
     samples = white((2, 3000), seed=9)
     expected = np.abs(np.fft.rfft(samples * hann(3000))) * 2 / 1500
     expected[:, [0, -1]] *= 0.5

@@ -16,7 +16,13 @@ import numpy as np
 
 from gearmon.errors import GearmonError, RecordingError
 from gearmon.signals.reading.channels import Wanted
-from gearmon.signals.reading.columns import Content, DataColumn, describe_columns, find_column
+from gearmon.signals.reading.columns import (
+    Content,
+    DataColumn,
+    describe_columns,
+    find_column,
+    reserved,
+)
 from gearmon.signals.reading.fields import Floats, Progress, Room, shortened
 from gearmon.signals.reading.layout import Header
 
@@ -407,14 +413,7 @@ def _filled(
 ) -> Floats:
     """Read arrays of one length into one, block by block."""
     rows, total = sum(len(array.names) for array in arrays), arrays[0].count
-    try:
-        values = room((rows, total))
-    except MemoryError:
-        raise RecordingError(
-            f"{holding.path}: {total} samples of {rows} channels need {8e-9 * total * rows:.3g} GB "
-            "of memory; cut the recording, or take open_recording"
-        ) from None
-    row = 0
+    values, row = reserved(holding.path, room, (rows, total)), 0
     for array in arrays:
         end = row + len(array.names)
         for start in range(0, total, _BLOCK):

@@ -102,8 +102,7 @@ def _walk(group: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
 def _gather(
     name: str, item: Any, arrays: list[Array], facts: dict[str, float], others: list[str]
 ) -> None:
-    kind = item.attrs.get("MATLAB_class", b"")
-    text = kind.decode(errors="replace") if isinstance(kind, bytes) else str(kind)
+    text = _text(item.attrs.get("MATLAB_class", b""))
     if item.shape is None or item.dtype.kind not in "fiub" or text in _NO_SIGNALS:
         others.append(f"{name} ({text or item.dtype})")
         return
@@ -128,12 +127,13 @@ def _attributes(attributes: Any, prefix: str) -> dict[str, float]:
 
 
 def _unit_of_array(attributes: Any) -> str | None:
-    for key in _UNIT_NAMES:
-        value = attributes.get(key)
-        text = value.decode(errors="replace") if isinstance(value, bytes) else value
-        if isinstance(text, str) and text.strip():
-            return text.strip()
-    return None
+    values = (attributes.get(key) for key in _UNIT_NAMES)
+    texts = (_text(value).strip() for value in values if isinstance(value, str | bytes))
+    return next(filter(None, texts), None)
+
+
+def _text(value: Any) -> str:
+    return value.decode(errors="replace") if isinstance(value, bytes) else str(value)
 
 
 def _names(attributes: Any, usual: tuple[str, ...]) -> tuple[str, ...]:
@@ -141,10 +141,7 @@ def _names(attributes: Any, usual: tuple[str, ...]) -> tuple[str, ...]:
     for key in ("channel_names", "channels", "names"):
         value = np.asarray(attributes.get(key, ()))
         if value.shape == (len(usual),) and value.dtype.kind in "OSU":
-            return tuple(
-                one.decode(errors="replace") if isinstance(one, bytes) else str(one)
-                for one in value.tolist()
-            )
+            return tuple(map(_text, value.tolist()))
     return usual
 
 
