@@ -24,7 +24,7 @@ from gearmon.signals.reading.columns import (
     survey,
 )
 from gearmon.signals.reading.data import content_of
-from gearmon.signals.reading.fields import Progress
+from gearmon.signals.reading.fields import Progress, is_unit
 from gearmon.signals.reading.formats import identify, read_arrays
 from gearmon.signals.reading.source import Source, open_source
 from gearmon.signals.reading.text import read_table
@@ -43,6 +43,7 @@ __all__ = [
     "find_defect",
     "identify",
     "interpret",
+    "is_unit",
     "open_source",
     "read_arrays",
     "read_table",

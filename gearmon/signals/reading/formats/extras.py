@@ -301,7 +301,8 @@ def _tdms_channels(path: str, what: str, file: Any, close: Callable[[], object])
 
 def _tdms_array(name: str, channel: Any) -> Array:
     def read(start: int, stop: int) -> Floats:
-        part = channel.read_data(offset=start, length=stop - start)
+        with _quiet():
+            part = channel.read_data(offset=start, length=stop - start)
         return np.asarray(part, dtype=np.float64).reshape(1, -1)
 
     step = _number(channel.properties.get("wf_increment"))
