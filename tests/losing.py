@@ -239,7 +239,8 @@ def contents(folder: Path) -> dict[str, str]:
     for path in sorted(own for own in folder.rglob("*") if own.is_file() and own.name[0] != "."):
         name = str(path.relative_to(folder))
         if path.suffix == ".db":
-            found[name] = repr(read_history(path).rows()) if path.stat().st_size else "nothing"
+            rows = read_history(path).rows() if path.stat().st_size else []
+            found |= {name: repr(rows)} if rows else {}
         elif not name.endswith(("-journal", "-wal", "-shm")):
             found[name] = hashlib.sha256(path.read_bytes()).hexdigest()
     return found
