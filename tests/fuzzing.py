@@ -286,8 +286,6 @@ def uff(path: Path, arrays: Arrays, rate: Any, unit: str) -> None:
 
 
 FORMATS = (wav, wav_of_floats, npy, npz, mat, packed_mat, flac, hdf5, tdms, parquet, uff)
-# Those whose content carries a checksum.
-SURE = (npz, packed_mat, flac)
 
 
 def near_ends(data: bytes, random: np.random.Generator) -> bytes:
