@@ -309,7 +309,8 @@ def most_unpacked(packed: int) -> int:
 def archive_swells(archive: Any) -> bool:
     """Tell whether a NumPy archive unpacks to more than it may."""
     parts = archive.zip.infolist()
-    return sum(own.file_size for own in parts) > most_unpacked(sum(p.compress_size for p in parts))
+    packed: int = sum(own.compress_size for own in parts)
+    return bool(sum(own.file_size for own in parts) > most_unpacked(packed))
 
 
 def table_cell(value: Any) -> Any:
