@@ -13,6 +13,7 @@ import os
 import sys
 from collections.abc import Sequence
 from contextlib import nullcontext, suppress
+from typing import NoReturn
 
 from gearmon import __version__
 from gearmon.commands import COMMANDS
@@ -138,8 +139,16 @@ def _own_fault(error: Exception) -> str:
     return f"{told}; details are in {file.name}, please report them"
 
 
+class _Parser(argparse.ArgumentParser):
+    """A parser, and those of its commands, whose errors are one line."""
+
+    def error(self, message: str) -> NoReturn:
+        complain(f"{message}; see {self.prog} --help")
+        sys.exit(BAD_INPUT)
+
+
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="gearmon",
         description="Gear condition monitoring that starts from physics.",
         epilog="Every command explains itself: gearmon COMMAND --help. First steps, without any "

@@ -4,29 +4,35 @@ A quick round runs with the tests; long ones by hand, the second on a file syste
 
     python tests/losing.py --kills 500 --rooms 100 --writers 50
     python tests/losing.py --rooms 200 --folder /mnt/small
+    python tests/losing.py --commands 5
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
+import io
 import os
 import resource
 import shutil
 import signal
+import sqlite3
 import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from reference.small_gearbox import MACHINE_FILE
 
+from gearmon import cli
 from gearmon.diagnosis.history import Entry, History, Place, append, export_history, read_history
 from gearmon.errors import GearmonError
-from gearmon.files import reading_archive, write_archive, write_atomically
+from gearmon.files import protecting, reading_archive, write_archive, write_atomically
 
 #: Of a child that refused in one clear line, as of the command line.
 REFUSED, FAILED = 2, 70
@@ -201,6 +207,109 @@ def together(count: int, folder: Path) -> Iterator[str]:
         yield f"{count} writers: exit codes {sorted(set(codes))}, {len(kept)} recordings kept"
 
 
+# Every command that writes, killed about every file that it writes
+
+LEARNED = "--machine m.toml --reference r.ref"
+COMMAND_LINES = (
+    "simulate m.toml --duration 4 --sampling-rate 10000 --seed 1 --load 0.7 -o a.csv",
+    "simulate m.toml --duration 4 --sampling-rate 10000 --seed 2 -o b_2026-03-01.csv",
+    "init a.csv --teeth 23/57 --speed 2960rpm -o n.toml",
+    "lines m.toml -o lines.csv",
+    "stiffness m.toml -o stiffness.csv",
+    "baseline m.toml -o baseline.csv",
+    "family m.toml --kind crack --size 20% -o family.csv",
+    "stability m.toml -o stability.csv",
+    "learn a.csv --machine m.toml -o r.ref",
+    "check r.ref --machine m.toml -o check.csv",
+    f"analyse b_2026-03-01.csv {LEARNED} --report p.html -o analysis.json",
+    f"kinds b_2026-03-01.csv {LEARNED} --trained t.kinds --examples 80 -o kinds.json",
+    f"history b_2026-03-01.csv {LEARNED} --time-from name --store h.db -o history.csv",
+    "indicators b_2026-03-01.csv --machine m.toml --history i.json -o indicators.csv",
+    "spectrum b_2026-03-01.csv --machine m.toml -o spectrum.csv",
+    "orders b_2026-03-01.csv --machine m.toml -o orders.csv",
+    "harvest m.toml b_2026-03-01.csv -o harvest.json",
+    "demo harvest -o d",
+    "benchmark stiffness --quick -o benchmark.csv",
+)
+
+
+def contents(folder: Path) -> dict[str, str]:
+    """Return what stands in each file, but for what a killed writer left under no name of ours."""
+    found = {}
+    for path in sorted(own for own in folder.rglob("*") if own.is_file() and own.name[0] != "."):
+        name = str(path.relative_to(folder))
+        if path.suffix == ".db":
+            rows = read_history(path).rows() if path.stat().st_size else []
+            found |= {name: repr(rows)} if rows else {}
+        elif not name.endswith(("-journal", "-wal", "-shm")):
+            found[name] = hashlib.sha256(path.read_bytes()).hexdigest()
+    return found
+
+
+def killed_command(line: str, folder: Path, often: int, random: np.random.Generator) -> Any:
+    """Run a command, of which a copy is killed so many times about every file that it writes.
+
+    Returns how many were killed, and what stood there then that the command did not write.
+    """
+    words, kept = line.split(), folder.with_name("kept")
+    seen: list[tuple[str, str]] = []
+    kills = [0]
+    complete: set[tuple[str, str]] = set()
+    real = tempfile.mkstemp, sqlite3.connect
+
+    def told() -> None:
+        tempfile.mkstemp, sqlite3.connect = real
+        complete.update(contents(folder).items())
+
+    def hooked(call: Callable[..., Any]) -> Callable[..., Any]:
+        def begin(*given: Any, **named: Any) -> Any:
+            told()
+            shutil.copytree(folder, kept)
+            for _ in range(often):
+                pid = os.fork()
+                if not pid:
+                    return call(*given, **named)
+                time.sleep(10 ** random.uniform(-3.5, -0.5))
+                os.kill(pid, signal.SIGKILL)
+                ended(pid)
+                kills[0] += 1
+                seen.extend(contents(folder).items())
+                shutil.rmtree(folder)
+                shutil.copytree(kept, folder)
+                os.chdir(folder)
+            shutil.rmtree(kept)
+            tempfile.mkstemp, sqlite3.connect = map(hooked, real)
+            return call(*given, **named)
+
+        return begin
+
+    parent = os.getpid()
+    with protecting(words[0], ()):
+        if "d" not in words:
+            write_atomically(words[-1], "old")
+    tempfile.mkstemp, sqlite3.connect = map(hooked, real)
+    with redirect_stdout(io.StringIO()):
+        code = cli.main(words)
+    if os.getpid() != parent:
+        os._exit(code)
+    told()
+    wrong = [f"{line}: {name}: neither old nor new" for name, _ in set(seen) - complete]
+    return kills[0], wrong + ([f"{line}: ended with {code}"] if code not in (0, 1, 3) else [])
+
+
+def kill_commands(often: int, folder: Path, seed: int) -> list[str]:
+    """Kill every command about every file that it writes; say how often."""
+    random, place, all_wrong = np.random.default_rng(seed), folder / "place", []
+    place.mkdir()
+    os.chdir(place)
+    Path("m.toml").write_text(MACHINE_FILE)
+    for line in COMMAND_LINES:
+        count, wrong = killed_command(line, place, often, random)
+        print(f"{line.split()[0]}: {count} kills, {len(wrong)} wrong", file=sys.stderr, flush=True)
+        all_wrong += wrong
+    return all_wrong
+
+
 def attack(kills: int, rooms: int, writers: int, folder: Path, seed: int = 0) -> list[str]:
     """Return what went wrong."""
     random, wrong = np.random.default_rng(seed), []
@@ -220,11 +329,15 @@ def main() -> int:
     parser.add_argument("--kills", type=int, default=0)
     parser.add_argument("--rooms", type=int, default=0)
     parser.add_argument("--writers", type=int, default=0)
+    parser.add_argument("--commands", type=int, default=0, help="kills a file that is written")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--folder", type=Path, default=None)
     given = parser.parse_args()
     with tempfile.TemporaryDirectory(dir=given.folder) as folder:
         wrong = attack(given.kills, given.rooms, given.writers, Path(folder), given.seed)
+        if given.commands:
+            wrong += kill_commands(given.commands, Path(folder), given.seed)
+            os.chdir("/")
     print("\n".join(wrong))
     return min(len(wrong), 1)
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import pytest
-from fuzzing import attack, targets
+from fuzzing import FORMATS, attack, targets
 
 # Every file of a reference that is read whole is also used.
-TRIALS = {"csv": 80, "npz": 80, "reference": 60, "kinds": 100, "history": 100}
-NAMES = ("csv", "npz", "reference", "kinds", "history", "indicators", "machine")
+TRIALS = {"csv": 80, "reference": 60, "kinds": 100, "history": 100}
+NAMES = ("tables", "csv", "reference", "kinds", "history", "indicators", "machine")
 
 
 @pytest.fixture(scope="module")
@@ -16,6 +16,6 @@ def known(tmp_path_factory):
 
 
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [*NAMES, *(write.__name__ for write in FORMATS)])
 def test_damaged_files_are_read_as_they_were_or_refused_in_one_line(known, tmp_path, name):
     assert attack(known[name], TRIALS.get(name, 150), 0, tmp_path) == []

@@ -70,6 +70,8 @@ def test_units_are_told_or_unknown_and_never_guessed(samples):
     np.testing.assert_allclose(in_g.samples, 9.80665 * samples)
     with pytest.raises(gearmon.GearmonError, match=r"is in m/s2, unit='g' was given; leave it out"):
         gearmon.read_recording(frame(samples), RATE, unit="g")
+    with pytest.raises(gearmon.GearmonError, match=r"'parsec': is no known unit; give m/s2, g"):
+        gearmon.read_recording(samples, RATE, unit="parsec")
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import os
 import re
 import shlex
@@ -10,8 +11,15 @@ import sys
 import time
 from pathlib import Path
 
+import h5py
+import numpy as np
+import pyarrow
+import pyarrow.parquet
 import pytest
+import soundfile
+from scipy.io import savemat
 
+import gearmon.signals.recording
 from gearmon import cli
 from gearmon.cli import main
 from gearmon.commands import COMMANDS
@@ -19,6 +27,7 @@ from gearmon.commands.output import judged
 from gearmon.errors import GearmonError
 from gearmon.files import protecting, table_cell, write_atomically
 from gearmon.report.text_tables import rows_as_csv
+from gearmon.signals.recording import open_recording, read_recording
 
 WRITING = [c for c in COMMANDS if "-o" in shlex.split(c.example) and not c.folder]
 
@@ -243,7 +252,87 @@ def test_other_cells_stay_as_they_are(cell):
     assert table_cell(cell) is cell
 
 
+def packed_csv(path):
+    path.write_bytes(gzip.compress(b"0.125,0.25\n" * 5_000_000))
+
+
+def in_many_parts(path):
+    path.write_bytes(gzip.compress(b"0,0\n" * 500_000) * 20)
+
+
+def packed_npz(path):
+    with path.open("wb") as file:
+        np.savez_compressed(file, a=np.zeros(6_000_000))
+
+
+def packed_mat(path):
+    savemat(path, {f"a{k}": np.zeros(2_000_000) for k in range(3)}, do_compression=True)
+
+
+def unwritten_hdf5(path):
+    with h5py.File(path, "w") as file:
+        file.create_dataset("a", shape=(10**12,), dtype="f8", chunks=(1 << 16,))
+
+
+def constant_parquet(path):
+    pyarrow.parquet.write_table(pyarrow.table({"a": np.zeros(6_000_000)}), path)
+
+
+def silent_flac(path):
+    soundfile.write(path, np.zeros(20_000_000, dtype="i2"), 48_000, format="FLAC")
+
+
+SWELLING = (
+    packed_csv,
+    in_many_parts,
+    packed_npz,
+    packed_mat,
+    unwritten_hdf5,
+    constant_parquet,
+    silent_flac,
+)
+
+
+@pytest.mark.parametrize("write", SWELLING)
+def test_a_file_that_swells_is_refused_before_it_does(tmp_path, write):
+    path = tmp_path / "bomb"
+    write(path)
+    begin = time.process_time()
+    with pytest.raises(GearmonError, match=r"as no recording does|unpacks to more than any"):
+        read_recording(path, 1000.0)
+    assert time.process_time() - begin < 2.0
+
+
+def test_packed_recordings_are_read_however_quiet(tmp_path):
+    # noise of one step of the last digit, in one column of three
+    steps = np.random.default_rng(0).integers(-1, 2, 600_000)
+    text = "\n".join(f"{0.000001 * step:.6f},0.000000,0.000000" for step in steps)
+    (tmp_path / "a.csv.gz").write_bytes(gzip.compress(text.encode() + b"\n"))
+    assert read_recording(tmp_path / "a.csv.gz", 1000.0).samples.shape == (1, 600_000)
+
+
+def test_more_samples_than_there_is_memory_for_are_refused_with_the_number(tmp_path, monkeypatch):
+    rows = np.random.default_rng(0).normal(size=(1000, 2)).tolist()
+    (tmp_path / "a.csv").write_text("".join(f"{first},{second}\n" for first, second in rows))
+    monkeypatch.setattr(gearmon.signals.recording, "_free_bytes", lambda: 1000.0)
+    with pytest.raises(GearmonError, match=r"need .* GB of memory; .* open_recording"):
+        read_recording(tmp_path / "a.csv", 1000.0)
+    assert open_recording(tmp_path / "a.csv", 1000.0).samples.shape == (2, 1000)
+
+
 # Likely cures
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda c: c.name)
+def test_wrong_usage_is_one_line(capsys, command):
+    for words in ([], ["--no-such-option"], ["--json=3"]):
+        if command.name in ("demo", "benchmark", "init") and not words:
+            continue
+        with pytest.raises(SystemExit) as stop:
+            main([command.name, *words])
+        assert stop.value.code == 2
+        (line,) = lines_of_error(capsys)
+        assert re.search(r"; see gearmon( \w+)? --help$", line)
 
 
 def test_a_command_that_is_spelt_otherwise_is_named(capsys):

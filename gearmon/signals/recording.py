@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import InitVar, dataclass, replace
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -21,6 +23,7 @@ from gearmon.signals.reading import (
     find_column,
     identify,
     interpret,
+    is_unit,
     open_source,
     read_arrays,
     read_table,
@@ -261,6 +264,11 @@ def read_recording(
     """
     if sampling_rate_hz is not None:
         check_range("sampling_rate_hz", sampling_rate_hz, *RATES_HZ, "Hz")
+    if unit is not None and not is_unit(str(unit)):
+        raise ArgumentError(
+            f"unit={unit!r}: is no known unit; give m/s2, g, mm/s, um, V or the like, or leave it "
+            "out: then levels are in the numbers of the recording"
+        )
     wanted = Wanted(
         sampling_rate_hz=sampling_rate_hz,
         channels=(channels,) if isinstance(channels, str | int) else tuple(channels or ()),
@@ -276,7 +284,7 @@ def read_recording(
         except RecordingError as error:  # whoever has a frame has no command line
             told = str(error).replace("--sampling-rate HZ", "--sampling-rate")
             raise RecordingError(told.replace("--sampling-rate", "sampling_rate_hz")) from None
-    room = _room_on_disk if on_disk else np.empty
+    room = _room_on_disk if on_disk else _room_in_memory
     file = open_source(source)
     found = identify(file)
     if found.is_text:
@@ -346,6 +354,24 @@ def open_recording(
         As `read_recording`.
     """
     return read_recording(path, sampling_rate_hz, channels, tacho, sensors, on_disk=True)
+
+
+def _room_in_memory(shape: tuple[int, int]) -> Samples:
+    """Return an array of this shape if there is memory for it: the system would give it anyway."""
+    if 8 * math.prod(shape) > _free_bytes():
+        raise MemoryError
+    return np.empty(shape)
+
+
+def _free_bytes() -> float:
+    """Return the memory that is free, or given to this group of processes, if Linux tells."""
+    free = math.inf
+    with suppress(OSError, StopIteration):
+        lines = Path("/proc/meminfo").read_text().splitlines()
+        free = 1024.0 * next(int(own.split()[1]) for own in lines if own.startswith("MemAvail"))
+    with suppress(OSError, ValueError):  # "max" where it is not limited
+        free = min(free, int(Path("/sys/fs/cgroup/memory.max").read_text()))
+    return free
 
 
 def _room_on_disk(shape: tuple[int, int]) -> Samples:

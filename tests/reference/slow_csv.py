@@ -279,6 +279,9 @@ def refuse_damaged_row(texts: list[str], separator: str, decimal: str, columns: 
     if all(is_number(field, decimal) or is_missing(field) for field in last[:columns]):
         return  # a row behind a comment sign
     numbers = [is_number(field, decimal) for field in last[:columns]]
+    named = [field for field in last[:columns] if field not in ("", "-", "--", "1")]
+    if named and all(re.fullmatch(r"\[.*\]|\(.*\)|<.*>", field) for field in named):
+        return  # units in brackets, some of them none
     counted = [field for field in last[1:columns] if field.isdigit()]
     if any(numbers) and not (len(counted) == columns - 1 >= 2):
         begins_like_a_row = bool(re.match(r"[0-9+\-.,]", last[0])) or is_missing(last[0])

@@ -23,7 +23,7 @@ from gearmon.signals.reading.columns import (
     find_defect,
     survey,
 )
-from gearmon.signals.reading.fields import Progress
+from gearmon.signals.reading.fields import Progress, is_unit
 from gearmon.signals.reading.formats import identify, read_arrays
 from gearmon.signals.reading.formats.named_arrays import content_of
 from gearmon.signals.reading.source import Source, open_source
@@ -43,6 +43,7 @@ __all__ = [
     "find_defect",
     "identify",
     "interpret",
+    "is_unit",
     "open_source",
     "read_arrays",
     "read_table",

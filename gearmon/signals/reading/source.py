@@ -11,11 +11,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import BinaryIO, cast
+from typing import Any, BinaryIO, cast
 
 import numpy as np
 
 from gearmon.errors import RecordingError, nearest_name
+from gearmon.files import most_unpacked
 
 # With 256 kB reading takes 65 % more time, with 512 kB 20 %, with 1 MB 0 to 2 %, with 2 MB 10 %
 # (2e6 rows of 4 columns, two cores); every MB takes some 20 MB of memory while it is parsed.
@@ -130,12 +131,25 @@ class Source:
     def _decoded(self, stream: BinaryIO, size: int) -> Iterator[bytes]:
         if self.encoding in ("", "utf-8-sig"):
             stream.read(len(codecs.BOM_UTF8) if self.encoding else 0)
-            yield from iter(lambda: stream.read(size), b"")
+            yield from self._unpacked(stream, size)
             return
         decoder = codecs.getincrementaldecoder(self.encoding)(errors="replace")
-        for raw in iter(lambda: stream.read(size), b""):
+        for raw in self._unpacked(stream, size):
             yield decoder.decode(raw).encode()
         yield decoder.decode(b"", final=True).encode()
+
+    def _unpacked(self, stream: BinaryIO, size: int) -> Iterator[bytes]:
+        """Yield the bytes; refuse a compressed file as soon as it swells as no recording does."""
+        while raw := stream.read(size):
+            if self.zipped:
+                packed = cast(Any, stream).fileobj.tell()
+                if stream.tell() > most_unpacked(packed):
+                    raise RecordingError(
+                        f"{self.path}: {packed / 1e6:.2g} MB of it unpack to "
+                        f"{stream.tell() / 1e6:.2g} MB, as no recording does; unpack it and look "
+                        "at it"
+                    )
+            yield raw
 
     @contextmanager
     def _opened(self) -> Iterator[BinaryIO]:

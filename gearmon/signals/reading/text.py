@@ -42,6 +42,8 @@ from gearmon.signals.threads import cores
 
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 _FORTRAN_EXPONENTS = bytes.maketrans(b"dD", b"ee")
+# pandas 3.1 misses the nearest float in one of seven numbers of 17 digits with " +" before them.
+_BLANK_AND_PLUS = re.compile(rb"[ \t\v\f]\+")
 _BLANK_LINES = re.compile(rb"\n{2,}")
 # QUOTE_MINIMAL and QUOTE_NONE of the csv module.
 _QUOTES: Literal[0] = 0
@@ -114,6 +116,8 @@ def _is_doubtful(text: bytes, dialect: Dialect) -> bool:
         return True
     if text.startswith(_BYTE_ORDER_MARK):
         return True
+    if b'"' in text and _BLANK_AND_PLUS.search(text):
+        return True
     # a quote with characters on either side: pandas joins "1"2 to one number
     edges = {" ": rb"\n \t", "": rb"\n"}.get(dialect.separator)
     edges = edges or rb"\n" + re.escape(dialect.separator.encode())
@@ -121,9 +125,17 @@ def _is_doubtful(text: bytes, dialect: Dialect) -> bool:
 
 
 def _bare(text: bytes, dialect: Dialect) -> bytes | None:
-    """Return the text without blank lines, separators at line ends and exponents with a d."""
+    """Return the text as pandas reads it well.
+
+    That is without blank lines, separators at line ends, exponents with a d, and blanks before a
+    plus.
+    """
     if b"d" in text or b"D" in text:
         text = text.translate(_FORTRAN_EXPONENTS)
+    if dialect.separator != " " and _BLANK_AND_PLUS.search(text):
+        separator = re.escape(dialect.separator.encode() or b"\n")
+        blanks = rb"[ \v\f]+" if dialect.separator == "\t" else rb"[ \t\v\f]+"
+        text = re.sub(rb"(?m)(^|%b)%b(?=\+)" % (separator, blanks), rb"\1", text)
     # in a single column a blank line may stand for a missing number
     if dialect.columns > 1 and (b"\n\n" in text or text.startswith(b"\n")):
         text = _BLANK_LINES.sub(b"\n", text).lstrip(b"\n")

@@ -79,8 +79,13 @@ class TestWav:
     def test_parts_of_no_interest_are_passed_over(self, tmp_path):
         path = tmp_path / "a.wav"
         body = np.arange(50, dtype="<i2").tobytes()
-        path.write_bytes(wav(body=body, before=b"LIST\x03\0\0\0abc\0") + b"junk")
+        path.write_bytes(
+            wav(body=body, before=b"LIST\x03\0\0\0abc\0") + b"id3 \x02\0\0\0ok" + bytes(3)
+        )
         assert read_recording(path).samples.shape == (1, 50)
+        path.write_bytes(path.read_bytes() + b"junk")
+        with pytest.raises(RecordingError, match="behind its samples belong to nothing"):
+            read_recording(path)
 
     @pytest.mark.parametrize(
         ("content", "said"),
@@ -349,3 +354,24 @@ def test_progress_goes_to_one(tmp_path):
     assert shares == sorted(shares)
     assert len(shares) == 3
     assert shares[-1] == 1.0
+
+
+def test_nothing_at_all_behind_the_first_bytes(tmp_path):
+    path = tmp_path / "recording.bin"
+    stored = io.BytesIO()
+    np.save(stored, np.zeros((2, 300)))
+    for length in range(1, 130):
+        path.write_bytes(stored.getvalue()[:length])
+        with pytest.raises(RecordingError):
+            read_recording(path, 5000.0)
+
+
+def test_a_rate_that_a_wav_header_tells_in_two_ways_is_asked_for(tmp_path):
+    path = tmp_path / "a.wav"
+    wavfile.write(path, 5000, (X.T * 2**15).astype("i2"))
+    data = bytearray(path.read_bytes())
+    data[24] ^= 1
+    path.write_bytes(data)
+    with pytest.raises(RecordingError, match=r"header\.sampling rate = 5001, bytes a second"):
+        read_recording(path)
+    assert read_recording(path, 5000.0).sampling_rate_hz == 5000.0

@@ -244,3 +244,13 @@ class TestParquet:
         values[7] = None
         parquet.write_table(pyarrow.table({"a1": values}), path)
         assert ", sample 8, column 1 ('a1'): a value is no number" in refused(path, 5000.0)
+
+
+def test_remarks_of_a_library_on_damage_stay_inside(tmp_path, capfd):
+    nptdms = pytest.importorskip("nptdms")
+    path = tmp_path / "a.tdms"
+    with nptdms.TdmsWriter(path) as writer:
+        writer.write_segment([nptdms.ChannelObject("g", "a", X[0], {"wf_increment": 1e-3})])
+    path.write_bytes(path.read_bytes()[:-300])
+    refused(path)
+    assert capfd.readouterr().err == ""

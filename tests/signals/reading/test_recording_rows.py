@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gearmon.errors import RecordingError
+from gearmon.signals.reading import open_source, read_table
 from gearmon.signals.reading.fields import is_number, to_number
 from gearmon.signals.reading.layout import Dialect
 from gearmon.signals.reading.source import Block
@@ -121,6 +122,15 @@ DIALECTS = [
         (" ", ".", 2, False), (" ", ",", 3, False), (",", ".", 3, True), (",", ",", 2, False),
     )
 ]  # fmt: skip
+
+
+@pytest.mark.parametrize("form", ["{},{}", '"{}","{}"', "{};{}", "{}\t{}", "{} {}", "{}"])
+def test_numbers_with_a_sign_behind_a_blank_are_the_nearest_floats(tmp_path, form):
+    values = np.abs(np.random.default_rng(3).normal(size=(2, 300)))
+    columns = values[: form.count("{}")].T.tolist()
+    rows = [form.format(*(f" +{value:.17g}" for value in row)) for row in columns]
+    (tmp_path / "a.txt").write_text("\n".join(rows) + "\n")
+    assert np.array_equal(read_table(open_source(tmp_path / "a.txt")).values.T, columns)
 
 
 @settings(max_examples=300)  # fuzzing: few of the changes matter

@@ -6,6 +6,7 @@ Taken are the arrays that the user names, or the only ones that can be the recor
 from __future__ import annotations
 
 import math
+import os
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -15,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from gearmon.errors import GearmonError, RecordingError
+from gearmon.files import most_unpacked
 from gearmon.signals.reading.channels import Wanted
 from gearmon.signals.reading.columns import (
     Content,
@@ -413,6 +415,12 @@ def _filled(
 ) -> Floats:
     """Read arrays of one length into one, block by block."""
     rows, total = sum(len(array.names) for array in arrays), arrays[0].count
+    size = os.path.getsize(holding.path)
+    if 8 * total * rows > most_unpacked(size):
+        raise RecordingError(
+            f"{holding.path}: announces {total} samples of {rows} channels in {size / 1e6:.2g} MB, "
+            "as no recording does; is it damaged, or are its samples in another file?"
+        )
     values, row = reserved(holding.path, room, (rows, total)), 0
     for array in arrays:
         end = row + len(array.names)

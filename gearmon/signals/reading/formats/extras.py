@@ -6,11 +6,15 @@ HDF5 (MATLAB 7.3 among them), Parquet, TDMS (LabVIEW), UFF 58 and FLAC.
 from __future__ import annotations
 
 import logging
+import os
+import re
+import struct
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -29,6 +33,8 @@ _FUNCTION_SETS = (58,)
 _GENERAL, _TIME_RESPONSE = 0, 1
 _TIME_AXIS = 17
 _COMPLEX = (5, 6)
+_BIG_ENDIAN = 1 << 6  # of a segment of TDMS
+_SET_MARK = re.compile(rb"(?m)^ {4}-1[ \r]*$")  # begins a data set, and ends it
 _DIRECTIONS = {
     0: "", 1: "+X", -1: "-X", 2: "+Y", -2: "-Y", 3: "+Z", -3: "-Z",
     4: "+RX", -4: "-RX", 5: "+RY", -5: "-RY", 6: "+RZ", -6: "-RZ",
@@ -249,19 +255,34 @@ def read_tdms(path: str, what: str) -> Holding:
             return _tdms_channels(path, what, nptdms.TdmsFile.open(stream), stream.close)
 
     # opened here, as the library leaves a damaged file open
+    with reading(path, what):
+        _check_segments(path)
     return _opened(path, what, lambda: open(path, "rb"), channels)
+
+
+def _check_segments(path: str) -> None:
+    """Raise if a file goes on behind its last segment: bytes were put in."""
+    size, end = os.path.getsize(path), 0
+    with open(path, "rb") as stream:
+        while end < size:
+            stream.seek(end)
+            tag, flags, rest = struct.unpack("<4sI20s", stream.read(28).ljust(28, b"\0"))
+            if tag != b"TDSm":
+                raise ValueError(f"{size - end} bytes belong to no segment")
+            end += 28 + int(struct.unpack(">IQQ" if flags & _BIG_ENDIAN else "<IQQ", rest)[1])
 
 
 @contextmanager
 def _quiet() -> Iterator[None]:
     """Keep the library from writing its remarks on damaged files to the terminal."""
-    logger = logging.getLogger("nptdms")
-    before = logger.level
-    logger.setLevel(logging.CRITICAL)
+    from nptdms.log import log_manager
+
+    before = log_manager.log_level
+    log_manager.set_level(logging.CRITICAL)
     try:
         yield
     finally:
-        logger.setLevel(before)
+        log_manager.set_level(before)
 
 
 def _tdms_channels(path: str, what: str, file: Any, close: Callable[[], object]) -> Holding:
@@ -298,7 +319,8 @@ def _tdms_channels(path: str, what: str, file: Any, close: Callable[[], object])
 
 def _tdms_array(name: str, channel: Any) -> Array:
     def read(start: int, stop: int) -> Floats:
-        part = channel.read_data(offset=start, length=stop - start)
+        with _quiet():
+            part = channel.read_data(offset=start, length=stop - start)
         return np.asarray(part, dtype=np.float64).reshape(1, -1)
 
     step = _number(channel.properties.get("wf_increment"))
@@ -338,6 +360,10 @@ def read_universal(path: str, what: str) -> Holding:
     """
     import pyuff
 
+    if len(_SET_MARK.findall(Path(path).read_bytes())) % 2:
+        raise RecordingError(
+            f"{path}: is cut off: its last data set does not end; copy the file again"
+        )
     with reading(path, what):
         file = pyuff.UFF(path)
         types = [int(kind) for kind in file.get_set_types()]

@@ -11,6 +11,7 @@ MathWorks, "MAT-File Format", 2023, chapter 1.
 from __future__ import annotations
 
 import math
+import os
 import struct
 import zlib
 from collections.abc import Iterator
@@ -21,6 +22,7 @@ from typing import Any
 import numpy as np
 
 from gearmon.errors import ArgumentError, RecordingError
+from gearmon.files import archive_swells, most_unpacked
 from gearmon.signals.reading.columns import Content, DataColumn, describe_columns
 from gearmon.signals.reading.fields import Floats
 from gearmon.signals.reading.formats.arrays import Array, Holding, as_array, reading, stated_rate
@@ -76,16 +78,28 @@ def read_mat(path: str, what: str) -> Holding:
     order = {b"IM": "<", b"MI": ">"}.get(content[126:128])
     if order is None:
         raise RecordingError(f"{path}: {what} whose header is damaged; copy it again")
-    found = _Found()
+    found, most = _Found(), most_unpacked(len(content))
     with reading(path, what):
         for kind, body in _elements(memoryview(content)[_HEADER_BYTES:], order):
             inner = [(kind, body)]
             if kind == _COMPRESSED:
-                inner = list(_elements(memoryview(zlib.decompress(body)), order))
+                unpacked = _unpacked(body, most)
+                most -= len(unpacked)
+                inner = list(_elements(memoryview(unpacked), order))
             for own_kind, own in inner:
                 if own_kind == _MATRIX:
                     _gather(own, order, "", found, _DEEPEST)
     return _with_rate(hold(path, what, found.items, tuple(found.others)))
+
+
+def _unpacked(body: memoryview, most: int) -> bytes:
+    packer = zlib.decompressobj()
+    data = packer.decompress(body, most + 1)
+    if len(data) > most:
+        raise _DamagedError("it unpacks to more than any")
+    if not packer.eof:
+        raise _DamagedError("a part is cut off")
+    return data
 
 
 def _with_rate(holding: Holding) -> Holding:
@@ -197,6 +211,8 @@ def read_npy(path: str, what: str) -> Holding:
     """
     with reading(path, what):
         stored = np.load(path, mmap_mode="r", allow_pickle=False)
+        if stored.offset + stored.nbytes != os.path.getsize(path):
+            raise _DamagedError("bytes behind its numbers")
     if stored.dtype.names:
         arrays: tuple[Array | None, ...] = _record_fields(stored)
     else:
@@ -233,6 +249,8 @@ def read_npz(path: str, what: str) -> Holding:
         open(path, "rb") as stream,
         np.load(stream, allow_pickle=False) as archive,
     ):
+        if archive_swells(archive):
+            raise _DamagedError("it unpacks to more than any")
         items = {name: archive[name] for name in archive.files if _is_plain(archive, name)}
         others = tuple(name for name in archive.files if name not in items)
     return hold(path, what, items, others)

@@ -27,6 +27,7 @@ from gearmon.signals.reading.formats.arrays import Array, Holding
 _INTEGERS, _FLOATS, _EXTENSIBLE = 0x0001, 0x0003, 0xFFFE
 _UNKNOWN_SIZE = 0xFFFFFFFF
 _BIAS_8_BITS = 128
+_LONGEST_REST = 1 << 24
 _DTYPES = {
     (_INTEGERS, 8): "u1",
     (_INTEGERS, 16): "<i2",
@@ -45,6 +46,7 @@ class _Layout:
     tag: int
     channels: int
     rate: int
+    bytes_a_second: int
     bits: int
     begin: int = 0
     frames: int = 0
@@ -52,6 +54,12 @@ class _Layout:
     @property
     def frame_bytes(self) -> int:
         return self.channels * self.bits // 8
+
+    @property
+    def rates_hz(self) -> dict[str, float]:
+        """What the header says of the rate, which it does twice; some writers leave one out."""
+        other = self.bytes_a_second / self.frame_bytes or self.rate
+        return {"header.sampling rate": self.rate, "bytes a second.sampling rate": other}
 
 
 def read_wav(path: str, what: str) -> Holding:
@@ -73,14 +81,14 @@ def read_wav(path: str, what: str) -> Holding:
         names=("",) * layout.channels,
         count=layout.frames,
         read=read,
-        rate_hz=float(layout.rate),
     )
     how = "float" if layout.tag == _FLOATS else "integer, full scale is taken as 1"
     note = (
         f"{layout.bits}-bit {how}; a WAV file tells no unit: state unit and sensitivity in a "
         "[[sensor]] of the machine file"
     )
-    return Holding(path=path, what=what, arrays=(array,), together=True, notes=(note,))
+    rates = layout.rates_hz
+    return Holding(path=path, what=what, arrays=(array,), together=True, facts=rates, notes=(note,))
 
 
 def _samples(layout: _Layout, start: int, stop: int) -> Floats:
@@ -125,7 +133,9 @@ def _layout(path: str, stream: BinaryIO) -> _Layout:
                 raise RecordingError(f"{path}: a WAV file whose samples come before their format")
             if magic in (b"RF64", b"BW64") and length == _UNKNOWN_SIZE:
                 length = long_size
-            return _with_samples(layout, stream.tell(), length, size)
+            complete = _with_samples(layout, stream.tell(), length, size)
+            _check_rest(path, stream, stream.tell() + length + length % 2)
+            return complete
         if length > size - stream.tell():
             raise RecordingError(
                 f"{path}: its WAV header is damaged (a part of {length} bytes in a file of {size})"
@@ -138,10 +148,24 @@ def _layout(path: str, stream: BinaryIO) -> _Layout:
         stream.seek(length - len(body) + length % 2, os.SEEK_CUR)
 
 
+def _check_rest(path: str, stream: BinaryIO, begin: int) -> None:
+    """Raise if what follows the samples is neither whole chunks nor zeros: samples are shifted."""
+    stream.seek(begin)
+    rest = stream.read(_LONGEST_REST)
+    while any(rest):
+        length = int.from_bytes(rest[4:8], "little")
+        if len(rest) < 8 or not rest[:4].isascii() or 8 + length > len(rest):
+            raise RecordingError(
+                f"{path}: {len(rest)} bytes behind its samples belong to nothing, so its header or "
+                "its samples are damaged; copy it again"
+            )
+        rest = rest[8 + length + length % 2 :]
+
+
 def _format(path: str, body: bytes) -> _Layout:
     if len(body) < 16:
         raise RecordingError(f"{path}: its WAV header is damaged (a format of {len(body)} bytes)")
-    tag, channels, rate, _, frame_bytes, bits = struct.unpack("<HHIIHH", body[:16])
+    tag, channels, rate, a_second, frame_bytes, bits = struct.unpack("<HHIIHH", body[:16])
     if tag == _EXTENSIBLE and len(body) >= 26:
         tag = struct.unpack("<H", body[24:26])[0]
     if (tag, bits) not in _DTYPES:
@@ -156,7 +180,9 @@ def _format(path: str, body: bytes) -> _Layout:
             f"{path}: its WAV header is damaged ({channels} channels of {bits} bits in "
             f"{frame_bytes} bytes at {rate} Hz)"
         )
-    return _Layout(path=path, tag=tag, channels=channels, rate=rate, bits=bits)
+    return _Layout(
+        path=path, tag=tag, channels=channels, rate=rate, bytes_a_second=a_second, bits=bits
+    )
 
 
 def _with_samples(layout: _Layout, begin: int, length: int, size: int) -> _Layout:
