@@ -114,7 +114,8 @@ def test_wrong_usage_exits_with_2(run, arguments):
     code, out, err = run(*arguments)
     assert code == 2
     assert out == ""
-    assert "error:" in err
+    assert err.startswith("gearmon: ")
+    assert err.count("\n") == 1
 
 
 # What the commands do
