@@ -28,7 +28,7 @@ _OFFERED = {
     "plots": ("Picture", "save", "save_all"),
     "analysis_plots": ("analysis_figures", "speed_figure", "turn_figure"),
     "spectrum_plots": ("amplitude_figure", "close_up_figure", "order_figure", "spectrum_figure"),
-    "level_plots": ("changes_figure", "levels_figure", "pattern_figure"),
+    "level_plots": ("changes_figure", "pattern_figure"),
     "recording_plots": ("average_figures", "indicator_figure", "order_map_figure"),
     "history_plots": ("history_figure",),
     "harvest_plots": ("harvest_figures",),

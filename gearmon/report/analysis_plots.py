@@ -12,14 +12,13 @@ from numpy.typing import NDArray
 
 from gearmon.diagnosis.results import Analysis, ToothProfile
 from gearmon.report.curves import extremes, turn_waveforms
-from gearmon.report.level_plots import changes_figure, levels_figure, pattern_figure
+from gearmon.report.level_plots import changes_figure, pattern_figure
 from gearmon.report.palette import BLACK, BLUE, GREY, LIGHT_GREY, SKY, VERMILLION
 from gearmon.report.plots import Picture, legend, light_grid, new_figure, style
 from gearmon.report.spectrum_plots import amplitude_figure, close_up_figure
 from gearmon.report.wording import percent, probability_text, strip_label, unit_text
 from gearmon.signals.recording import Recording
 from gearmon.signatures.measured.line_plan import WheelLines
-from gearmon.signatures.measured.reference import Reference
 
 FloatArray = NDArray[np.float64]
 
@@ -37,9 +36,7 @@ _COUNTED = {
 }
 
 
-def analysis_figures(
-    analysis: Analysis, recording: Recording | None, reference: Reference | None
-) -> Iterator[Picture]:
+def analysis_figures(analysis: Analysis, recording: Recording | None = None) -> Iterator[Picture]:
     """Draw all pictures that an analysis bears, one at a time, in the order of a report.
 
     Parameters
@@ -48,8 +45,6 @@ def analysis_figures(
         The analysis.
     recording : Recording or None
         Its recording; without, the spectra are left out.
-    reference : Reference or None
-        What it was compared with.
 
     Yields
     ------
@@ -67,7 +62,6 @@ def analysis_figures(
         return
     if analysis.changes:
         yield changes_figure(analysis)
-    yield levels_figure(analysis, reference)
     pattern = pattern_figure(analysis)
     if pattern is not None:
         yield pattern
@@ -77,11 +71,9 @@ def analysis_figures(
     yield speed_figure(analysis)
 
 
-def analysis_pictures(
-    analysis: Analysis, recording: Recording | None = None, reference: Reference | None = None
-) -> dict[str, Picture]:
+def analysis_pictures(analysis: Analysis, recording: Recording | None = None) -> dict[str, Picture]:
     """Return the pictures of `analysis_figures` by their names."""
-    return {own.name: own for own in analysis_figures(analysis, recording, reference)}
+    return {own.name: own for own in analysis_figures(analysis, recording)}
 
 
 @style()

@@ -302,7 +302,7 @@ def _lines(analysis: Analysis, reference: Reference | None) -> dict[str, Any]:
     size = np.abs(signature.lines.mean[:, index])
     amplitudes = {"measured": size, "low": low, "high": high}
     return {
-        "order": orders.tolist(),
+        "order": np.round(orders, 6).tolist(),
         "name": [_line_name(order, own, centres[own.stage]) for order, own in numbered],
         "family": [number for _, number in chosen],
         "families": [_family(own, analysis) for own in families],

@@ -96,9 +96,10 @@ def write_report(
     for number, analysis in enumerate(analyses, start=1):
         recording = _next_of(supply, number)
         section = _contents(number, analysis, reference, machine, history)
-        drawn = recording, reference
-        section["pictures"], files = _pictures(number, analysis, *drawn, target)
-        charts[section["anchor"]] = recording_charts(analysis, *drawn, machine, points)
+        section["pictures"], files = _pictures(number, analysis, recording, target)
+        charts[section["anchor"]] = recording_charts(
+            analysis, recording, reference, machine, points
+        )
         sections.append(section)
         written += files
         if progress:
@@ -130,11 +131,7 @@ def _next_of(supply: Iterator[Recording | None], number: int) -> Recording | Non
 
 
 def _pictures(
-    number: int,
-    analysis: Analysis,
-    recording: Recording | None,
-    reference: Reference | None,
-    target: Path,
+    number: int, analysis: Analysis, recording: Recording | None, target: Path
 ) -> tuple[list[dict[str, str]], list[Path]]:
     """Draw one recording, write its pictures, and return what the template needs of them."""
     # drawing is slow to load, and text reports do without it
@@ -142,7 +139,7 @@ def _pictures(
     from gearmon.report.plots import as_png
 
     shown, files = [], []
-    for figure in analysis_figures(analysis, recording, reference):
+    for figure in analysis_figures(analysis, recording):
         png = as_png(figure)
         file = target.with_name(f"{target.stem}-{number:02d}-{figure.name}.png")
         write_atomically(file, png)

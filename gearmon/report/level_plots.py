@@ -1,4 +1,4 @@
-"""Pictures of levels: against the reference, against the expected pattern, and their changes."""
+"""Pictures of levels: their changes against the reference, and beside the expected pattern."""
 
 from __future__ import annotations
 
@@ -10,16 +10,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.image import AxesImage
 from matplotlib.patches import Rectangle
-from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from gearmon.diagnosis.results import Analysis, Change
+from gearmon.diagnosis.results import Analysis
 from gearmon.report.palette import (
     BLACK,
-    BLUE,
     GREY,
     LIGHT_GREY,
-    VERMILLION,
     series_colour,
     series_marker,
 )
@@ -27,41 +24,27 @@ from gearmon.report.plots import (
     PAGE_WIDTH_IN,
     Picture,
     above,
-    left_label,
     legend,
     light_grid,
     new_figure,
     plot_marks,
     style,
 )
-from gearmon.report.spectrum_plots import MOST_STRIPS
 from gearmon.report.text import BEYOND, is_beyond
 from gearmon.report.wording import (
-    counted,
-    left_out_text,
     shaft_text,
     shortened,
-    strip_label,
     told_apart,
-    unit_text,
 )
-from gearmon.signatures.measured.line_plan import NEAR_SIDEBANDS, Family
-from gearmon.signatures.measured.measurement import MeasuredSignature
-from gearmon.signatures.measured.reference import Reference
+from gearmon.signatures.measured.line_plan import Family
 
 FloatArray = NDArray[np.float64]
 
 _KINDS = ("mesh", "sidebands", "residual")
 # The colour scale of changes spans at least this and at most that [dB].
 _LEAST_LIMIT_DB, _MOST_LIMIT_DB = 6.0, 20.0
-# A bar of one healthy recording would have no height: it gets one that can be seen [dB].
-_LEAST_BAR_DB = 0.8
 # Cells narrower than this share of the page cannot hold a number.
 _NARROWEST_NUMBERED = 1 / 44
-# A name of two lines takes about this share of the width.
-_NAME_SHARE = 1 / 13
-# Height that a letter of 6.5 points takes where names are written at 45 degrees [inch].
-_LETTER_IN = 0.037
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,184 +90,6 @@ def family_groups(families: Sequence[Family]) -> tuple[FamilyGroup, ...]:
                 FamilyGroup(stage=stage, label=name, harmonics=harmonics, columns=columns)
             )
     return tuple(result)
-
-
-@style()
-def levels_figure(analysis: Analysis, reference: Reference | None = None) -> Picture:
-    """Draw the level of every family of lines in every channel, over those of healthy recordings.
-
-    Parameters
-    ----------
-    analysis : Analysis
-        The analysis.
-    reference : Reference, optional
-        What it was compared with.
-    """
-    signature = analysis.signature
-    groups = family_groups(signature.plan.families)
-    changes = {(change.channel, change.family): change for change in analysis.changes}
-    shown = signature.channel_names[:MOST_STRIPS]
-    sideways = _sideways(groups)
-    height = 0.74 if len(shown) > 3 else 1.2
-    longest = max((len(group.label) for group in groups), default=0)
-    bottom = max(0.85, 0.3 + _LETTER_IN * longest) if sideways else 0.5
-    figure, axes = new_figure([height] * len(shown), top_in=0.62, bottom_in=bottom, sharex=True)
-    for row, (name, ax) in enumerate(zip(shown, axes, strict=True)):
-        own = [changes.get((name, family.name)) for family in signature.plan.families]
-        _plot_healthy_range(signature, reference, name, _places(groups), ax)
-        _plot_levels(signature.level_db[row], own, _places(groups), ax)
-        _group_lines(groups, ax)
-        ax.set_ylabel(strip_label(name, unit_text(signature.units[row])), fontsize=7)
-    _label_groups(groups, sideways, axes[0], axes[-1])
-    legend(figure, axes, columns=2)
-    left_label(figure, axes, "Level (dB re 1 unit², peak amplitudes)")
-    beyond = sum(is_beyond(change) for change in analysis.changes)
-    families = counted(len(signature.plan.families), "family", "families")
-    channels = len(signature.channel_names)
-    return figure.told(
-        name="levels",
-        heading="Levels against the healthy recordings" if reference else "Levels of the lines",
-        caption=_levels_caption(reference) + left_out_text(channels, MOST_STRIPS),
-        alt=f"Levels of {families} of lines in {counted(channels, 'channel')}; {beyond} changed by "
-        f"more than {BEYOND:g} standard deviations.",
-    )
-
-
-def _levels_caption(reference: Reference | None) -> str:
-    meaning = (
-        "Each place is a family of lines, numbered by its mesh harmonic: the mesh harmonic itself, "
-        f"its sidebands up to the {NEAR_SIDEBANDS}th at the spacing of one shaft, and the residual "
-        "(what else repeats with that shaft)."
-    )
-    if reference is None:
-        return f"{meaning} No reference was given: no level can be called high or low by itself."
-    many = len(reference.origins)
-    return (
-        f"{meaning} Grey: range of the {counted(many, 'healthy recording')}. Dash: what the "
-        "reference makes expect at this load and sensor gain; a measured level can thus leave the "
-        f"grey range and still be as expected. Look for diamonds: changes beyond {BEYOND:g} "
-        "standard deviations. One alone among many is chance; a row of them at one shaft is not."
-    )
-
-
-def _plot_levels(
-    level_db: FloatArray, changes: Sequence[Change | None], place: FloatArray, ax: Axes
-) -> None:
-    """Draw the levels of one channel, and what the reference makes expect as far as it tells."""
-    if any(changes):
-        ax.errorbar(
-            place,
-            [np.nan if change is None else change.reference_db for change in changes],
-            yerr=[np.nan if change is None else change.scatter_db for change in changes],
-            fmt="_",
-            color=BLACK,
-            markersize=5,
-            markeredgewidth=1.0,
-            elinewidth=0.6,
-            label="healthy at this load and gain, ± standard deviation",
-        )
-    beyond = np.array([change is not None and is_beyond(change) for change in changes], dtype=bool)
-    far = f"measured, changed by more than {BEYOND:g} standard deviations"
-    for chosen, colour, marker, size, label in (
-        (~beyond, BLUE, "o", 3.2, "measured"),
-        (beyond, VERMILLION, "D", 4.2, far),
-    ):
-        x, y = place[chosen], level_db[chosen]
-        plot_marks(ax, x, y, marker, size, colour, label=label, zorder=5)
-    light_grid(ax)
-    ax.yaxis.set_major_locator(MaxNLocator(5))
-
-
-def _plot_healthy_range(
-    signature: MeasuredSignature,
-    reference: Reference | None,
-    channel: str,
-    place: FloatArray,
-    ax: Axes,
-) -> None:
-    """Draw the range of the healthy recordings as bars."""
-    if reference is None or channel not in reference.channel_names:
-        return
-    levels = reference.level_db[:, reference.channel_names.index(channel), :]
-    known = {name: column for column, name in enumerate(reference.family_names)}
-    drawn = [
-        (at, levels[:, known[family.name]])
-        for at, family in zip(place, signature.plan.families, strict=True)
-        if family.name in known
-    ]
-    if not drawn:
-        return
-    low = np.array([own.min() for _, own in drawn])
-    height = np.array([np.ptp(own) for _, own in drawn])
-    shown = np.maximum(height, _LEAST_BAR_DB)
-    ax.bar(
-        [at for at, _ in drawn],
-        shown,
-        bottom=low - (shown - height) / 2,
-        width=0.86,
-        color=LIGHT_GREY,
-        edgecolor=GREY,
-        linewidth=0.4,
-        label="range of the healthy recordings",
-    )
-
-
-def _places(groups: Sequence[FamilyGroup]) -> FloatArray:
-    """Place of every family on the horizontal axis: groups in a row, one place between them."""
-    place = np.full(sum(len(group.columns) for group in groups), np.nan)
-    start = 0.0
-    for group in groups:
-        place[list(group.columns)] = start + np.arange(len(group.columns))
-        start += len(group.columns) + 1.0
-    return place
-
-
-def _group_lines(groups: Sequence[FamilyGroup], ax: Axes) -> None:
-    end = 0.0
-    for before, group in zip(groups, [*groups[1:], None], strict=True):
-        end += len(before.columns) + 1.0
-        if group is not None:
-            new_stage = group.stage != before.stage
-            ax.axvline(
-                end - 1.0,
-                color=BLACK if new_stage else LIGHT_GREY,
-                linewidth=0.9 if new_stage else 0.6,
-            )
-    ax.set_xlim(-1.0, end - 1.0)
-    ax.set_xticks([])
-
-
-def _sideways(groups: Sequence[FamilyGroup]) -> bool:
-    """Tell whether the names of the groups are too long to stand upright below them."""
-    widths = [len(group.columns) + 1 for group in groups]
-    return min(widths) / sum(widths) < _NAME_SHARE
-
-
-def _label_groups(groups: Sequence[FamilyGroup], sideways: bool, top: Axes, bottom: Axes) -> None:
-    """Write the stages above the axes, mesh harmonics and names of the groups below."""
-    place = _places(groups)
-    for group in groups:
-        bottom.annotate(
-            group.label.replace("\n", " ") if sideways else group.label,
-            xy=(float(place[list(group.columns)].mean()), 0.0),
-            xycoords=("data", "axes fraction"),
-            xytext=(4 if sideways else 0, -13),
-            textcoords="offset points",
-            ha="right" if sideways else "center",
-            va="top",
-            fontsize=6.5,
-            rotation=45 if sideways else 0,
-            rotation_mode="anchor" if sideways else "default",
-        )
-    for stage in sorted({group.stage for group in groups}):
-        own = place[[c for group in groups if group.stage == stage for c in group.columns]]
-        middle = 0.5 * float(own.min() + own.max())
-        above(top, middle, f"about the harmonics of mesh {stage}", fontsize=7)
-    ticks = [float(place[column]) for group in groups for column in group.columns]
-    numbers = [str(harmonic) for group in groups for harmonic in group.harmonics]
-    few = len(ticks) <= 64
-    bottom.set_xticks(ticks, numbers if few else [""] * len(ticks), fontsize=6)
-    bottom.tick_params(axis="x", length=2, pad=1.5, labelbottom=True)
 
 
 @style()

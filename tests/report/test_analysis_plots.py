@@ -17,7 +17,6 @@ from gearmon.report.analysis_plots import (
 from gearmon.report.level_plots import (
     changes_figure,
     family_groups,
-    levels_figure,
     pattern_figure,
 )
 from gearmon.report.spectrum_plots import (
@@ -43,21 +42,20 @@ def curve(ax):
 
 
 def test_every_case_has_its_pictures(faulty, alone, gearless):
-    def names(case, reference):
-        return [p.name for p in analysis_figures(case.analysis, case.recording, reference)]
+    def names(case):
+        return [p.name for p in analysis_figures(case.analysis, case.recording)]
 
-    assert names(faulty, faulty.reference) == [
+    assert names(faulty) == [
         "spectrum",
         "sidebands-mesh-1",
         "changes",
-        "levels",
         "turn-1-pinion",
         "turn-1-gear",
         "speed",
     ]
-    assert "pattern" in names(alone, None)
-    assert "changes" not in names(alone, None)
-    shown = list(analysis_figures(gearless.analysis, gearless.recording, None))
+    assert "pattern" in names(alone)
+    assert "changes" not in names(alone)
+    shown = list(analysis_figures(gearless.analysis, gearless.recording))
     assert [p.name for p in shown] == ["spectrum", "searched-mesh-1"]
     assert "none was found" in shown[0].caption
     assert all(picture.alt and picture.caption and picture.heading for picture in shown)
@@ -158,40 +156,6 @@ def test_groups_hold_every_family_once(healthy):
     assert groups[0].label == "mesh 1"
     for group in groups:
         assert [families[c].harmonic for c in group.columns] == list(group.harmonics)
-
-
-def test_levels_beyond_scatter_have_their_own_marker(faulty):
-    ax = levels_figure(faulty.analysis, faulty.reference).axes[1]
-    changed = named(ax)["measured, changed by more than 3 standard deviations"]
-    beyond = [
-        c.level_db
-        for c in faulty.analysis.changes
-        if c.channel == "rear" and abs(c.standardised) > BEYOND
-    ]
-    assert beyond
-    assert np.allclose(np.sort(changed.get_ydata()), np.sort(beyond))
-    assert changed.get_marker() != named(ax)["measured"].get_marker()
-    assert "mesh 1" in texts(ax)
-
-
-def test_levels_stand_over_the_range_of_the_reference(faulty):
-    ax = levels_figure(faulty.analysis, faulty.reference).axes[1]
-    level = faulty.reference.level_db[:, 1, :]
-    known = [
-        faulty.reference.family_names.index(family.name)
-        for family in faulty.analysis.signature.plan.families
-    ]
-    middle = 0.5 * (level.min(axis=0) + level.max(axis=0))[known]
-    height = np.maximum(np.ptp(level, axis=0)[known], 0.8)
-    bars = [(bar.get_y() + 0.5 * bar.get_height(), bar.get_height()) for bar in ax.patches]
-    assert np.allclose(bars, np.transpose([middle, height]))
-
-
-def test_without_a_reference_levels_have_no_range(alone):
-    figure = levels_figure(alone.analysis)
-    assert not figure.axes[0].patches
-    assert not figure.axes[0].collections
-    assert "no level can be called high or low" in figure.caption
 
 
 def test_changes_are_coloured_symmetrically_and_framed_beyond_scatter(faulty):

@@ -53,7 +53,6 @@ OF_AN_ANALYSIS = {
     "spectrum": {"Frequency (Hz)", "Peak amplitude", *STRIPS},
     "sidebands-mesh-1": {"Frequency at the mean speed (Hz)", "Peak amplitude", *STRIPS},
     "changes": {"Harmonic of mesh 1", "Change (dB)"},
-    "levels": {"Level (dB re 1 unit², peak amplitudes)", *STRIPS},
     "turn-1-pinion": {
         "Tooth (tooth 1 at the tachometer pulse)",
         "Energy by tooth\n(elsewhere 1)",
@@ -69,7 +68,7 @@ OF_AN_ANALYSIS = {
 
 
 def test_pictures_of_an_analysis(faulty, alone, gearless):
-    drawn = analysis_figures(faulty.analysis, faulty.recording, faulty.reference)
+    drawn = analysis_figures(faulty.analysis, faulty.recording)
     found = {figure.name: labels(figure) for figure in drawn}
     # the wheel does not carry the pulse: its teeth count from the first healthy recording
     gear = found["turn-1-gear"]
@@ -81,16 +80,16 @@ def test_pictures_of_an_analysis(faulty, alone, gearless):
         for label in gear
     }
     assert found == OF_AN_ANALYSIS
-    for figure in analysis_figures(alone.analysis, None, None):
+    for figure in analysis_figures(alone.analysis, None):
         if figure.name == "pattern":
             expected = {"Harmonic of the mesh frequency", "Level re strongest\nharmonic (dB)"}
             assert labels(figure) == expected
-    searched = list(analysis_figures(gearless.analysis, gearless.recording, None))[1]
+    searched = list(analysis_figures(gearless.analysis, gearless.recording))[1]
     assert labels(searched) == {"Frequency (Hz)", "Peak amplitude", *STRIPS}
 
 
 def test_the_speed_is_the_same_in_both_units(healthy):
-    *_, figure = analysis_figures(healthy.analysis, None, healthy.reference)
+    *_, figure = analysis_figures(healthy.analysis, None)
     as_png(figure)
     (ax,) = figure.axes
     (rpm,) = ax.child_axes
@@ -233,7 +232,7 @@ def test_demos():
 
 def test_nothing_is_a_formula_when_it_is_drawn(faulty):
     drawn = [
-        *analysis_figures(faulty.analysis, faulty.recording, faulty.reference),
+        *analysis_figures(faulty.analysis, faulty.recording),
         order_map_figure(order_spectra(recording(), machine())),
     ]
     for figure in drawn:

@@ -107,14 +107,14 @@ def test_a_report_without_a_reference_says_what_that_means(tmp_path, alone):
     path = tmp_path / "report.htm"
     write_report([alone.analysis], [alone.recording], None, alone.machine, path)
     text = " ".join(path.read_text("utf-8").split())
-    assert "no level can be called high or low" in text
+    assert "There is no healthy reference" in text
     assert "colours what arrives" in text
 
 
 def test_without_a_recording_the_spectra_are_left_out(tmp_path, healthy):
     path = tmp_path / "report.html"
     files = write_report([healthy.analysis], [None], healthy.reference, healthy.machine, path)
-    assert "report-01-levels.png" in [f.name for f in files]
+    assert "report-01-changes.png" in [f.name for f in files]
     assert "report-01-spectrum.png" not in [f.name for f in files]
 
 
