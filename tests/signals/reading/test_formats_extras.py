@@ -207,6 +207,14 @@ class TestUniversalFile:
         path.write_text("".join([*lines[:60], *lines[61:]]))
         assert "function 1 has 396 samples where its header announces 400" in refused(path)
 
+    @pytest.mark.parametrize("put_in", [b"nan", b"\0\0\0", b"x\n"])
+    @pytest.mark.filterwarnings("ignore")
+    def test_a_data_set_whose_type_is_damaged_is_not_passed_over(self, written, put_in):
+        path = written({}, {"rsp_node": 13})
+        before, mark, after = path.read_bytes().rpartition(b"    58")
+        path.write_bytes(before + put_in + mark + after)
+        assert "data set 2 does not begin with its type, so it is damaged" in refused(path)
+
 
 class TestParquet:
     def test_columns_with_their_units(self, tmp_path):

@@ -35,6 +35,7 @@ _TIME_AXIS = 17
 _COMPLEX = (5, 6)
 _BIG_ENDIAN = 1 << 6  # of a segment of TDMS
 _SET_MARK = re.compile(rb"(?m)^ {4}-1[ \r]*$")  # begins a data set, and ends it
+_SET_TYPE = re.compile(rb"\n *[0-9]{1,4}b?[ \r\n]")  # stands in the line below the first mark
 _DIRECTIONS = {
     0: "", 1: "+X", -1: "-X", 2: "+Y", -2: "-Y", 3: "+Z", -3: "-Z",
     4: "+RX", -4: "-RX", 5: "+RY", -5: "-RY", 6: "+RZ", -6: "-RZ",
@@ -360,10 +361,18 @@ def read_universal(path: str, what: str) -> Holding:
     """
     import pyuff
 
-    if len(_SET_MARK.findall(Path(path).read_bytes())) % 2:
+    text = Path(path).read_bytes()
+    marks = [mark.end() for mark in _SET_MARK.finditer(text)]
+    if len(marks) % 2:
         raise RecordingError(
             f"{path}: is cut off: its last data set does not end; copy the file again"
         )
+    for number, begin in enumerate(marks[::2], 1):
+        if not _SET_TYPE.match(text, begin):
+            raise RecordingError(
+                f"{path}: data set {number} does not begin with its type, so it is damaged; copy "
+                "the file again"
+            )
     with reading(path, what):
         file = pyuff.UFF(path)
         types = [int(kind) for kind in file.get_set_types()]
