@@ -305,3 +305,10 @@ def test_a_file_is_weighed_from_disk_as_from_memory(tmp_path):
         rows / 9.80665, axes={"x": 1, "y": 2, "z": 3}, sampling_rate_hz=RATE, unit="g"
     )
     assert g.value_ms2 == pytest.approx(other.value_ms2, rel=1e-9)
+
+
+@pytest.mark.parametrize("frequency_hz", [1.0, 2.5, 8.0, 20.0, 31.5, 63.0])
+def test_an_exact_sine_is_not_clipped(frequency_hz):
+    sine = np.sqrt(2) * np.sin(2 * np.pi * frequency_hz * np.arange(120_000) / RATE)
+    expected = abs(WEIGHTINGS["Wk"].response(frequency_hz))
+    assert felt(sine, names=("z",)).axes[0].rms_ms2 == pytest.approx(expected, rel=0.01)

@@ -52,7 +52,7 @@ _KINDS = (
 _PILED_UP = 5.0
 _FEWEST_SAMPLES = 10
 _HARMLESS_SHARE = 1e-3
-_NEIGHBOURHOOD = 0.05  # of the range
+_NEIGHBOURHOOD, _ALIKE = 0.05, 1e-9  # of the range
 _SAMPLES_TO_COMPARE = 2**17  # from the first at the extreme on
 
 
@@ -393,5 +393,6 @@ def _is_piled_up(values: Floats, range_: float) -> bool:
     if beside.size == 0:
         return False
     near = beside[beside <= max(float(beside.min()), _NEIGHBOURHOOD * range_)]
-    _, counts = np.unique(near, return_counts=True)
+    # of an exact sine only the flat top is alike to the last digit
+    _, counts = np.unique(np.round(near / (_ALIKE * range_)), return_counts=True)
     return bool(distance.size - beside.size >= _PILED_UP * counts.max())
