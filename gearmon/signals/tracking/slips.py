@@ -205,7 +205,10 @@ def mend_slips(
         if stretch.harmless or stretch.turns > LIMITS.mendable_turns:
             continue
         for led in _led_over(sums, track, stretch):
-            other = lock_track(sums, led)
+            try:
+                other = lock_track(sums, led)
+            except ArgumentError:  # the wrong way can lead to one that turns back
+                continue
             found = check_slips(sums, other)
             if _lost_turns(found) < _lost_turns(check):
                 track, check = other, found
@@ -239,7 +242,8 @@ def _led_over(sums: OrderSums, track: AngleTrack, stretch: LostStretch) -> Itera
         shift = clock @ curve - inside
         gaps = shift[[0, -1]] + [0.0, ahead]
         # the end of the recording may be anywhere, the turns beside the stretch may not
-        if np.abs(gaps[[begin > first, end < last]]).max(initial=0.0) < _KNOTS:
+        fits = np.abs(gaps[[begin > first, end < last]]).max(initial=0.0) < _KNOTS
+        if fits and np.all(np.diff(inside + shift) > 0):
             yield _displaced(track, inside, shift, ahead)
 
 
