@@ -32,7 +32,7 @@ _Floats = Sequence[float] | NDArray[np.float64]
 
 # Width of the text on an A4 page with 15 mm margins [inch].
 PAGE_WIDTH_IN = 7.1
-PNG_DOTS_PER_INCH, SHEET_DOTS_PER_INCH = 190, 130
+PNG_DOTS_PER_INCH, SHEET_DOTS_PER_INCH = 150, 130
 # Every verdict has a shape as well as a colour.
 VERDICT_MARKERS = {"healthy": "o", "cannot tell": "^", "fault": "s", "no mesh found": "x"}
 
