@@ -173,12 +173,15 @@ def _plot_turn(number: FloatArray, average: FloatArray, rest: FloatArray, ax: Ax
 
 
 def _plot_teeth(profile: ToothProfile, flagged: bool, ax: Axes) -> None:
-    """Draw the energy of the deviation by tooth as bars, the highest named."""
-    teeth, place, top = profile.teeth, peak_place(profile), float(profile.energy.max())
+    """Draw the energy of the deviation by tooth as bars; name the flagged tooth, or the highest."""
+    teeth, top = profile.teeth, float(profile.energy.max())
     number = tooth_numbers(np.arange(float(teeth)), profile, teeth)
-    peak = int(np.argmin(np.abs(number - place)))
+    peak = int(np.argmax(profile.energy))
+    place, ratio = number[peak], top
     colours = [SKY] * teeth
-    if flagged:
+    if flagged:  # found by its form, which may be clearest beside the highest bar
+        place, ratio = peak_place(profile), profile.ratio
+        peak = int(np.argmin(np.abs(number - place)))
         colours[peak] = VERMILLION
     ax.bar(number, profile.energy, width=0.8, color=colours, edgecolor=BLACK, linewidth=0.3)
     ax.axhline(1.0, color=BLACK, linewidth=0.7, linestyle=_DASHED)
@@ -186,7 +189,7 @@ def _plot_teeth(profile: ToothProfile, flagged: bool, ax: Axes) -> None:
     left = place > 0.6 * teeth
     state = "flagged" if flagged else "highest, not flagged"
     ax.annotate(
-        f"{name}{profile.ratio:.1f} × elsewhere ({state})",
+        f"{name}{ratio:.1f} × elsewhere ({state})",
         # above the bars beside it, which may be higher
         xy=(number[peak], top),
         xytext=(-6 if left else 6, 2),

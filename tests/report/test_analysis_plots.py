@@ -259,3 +259,11 @@ def test_speed_is_within_the_range_that_the_analysis_states(healthy):
     drawn = named(ax)["speed, by tacho"].get_ydata()
     assert (drawn.min(), drawn.max()) == (speed.lowest_hz, speed.highest_hz)
     assert "nominal 20 Hz" in named(ax)
+
+
+def test_the_tooth_that_is_named_without_a_flag_is_the_highest_bar(healthy):
+    ax = turn_figure(healthy.analysis, pinion(healthy)).axes[-1]
+    (said,) = [text.get_text() for text in ax.texts]
+    highest = max(ax.patches, key=lambda bar: bar.get_height())
+    number = round(highest.get_x() + 0.5 * highest.get_width())
+    assert said == f"tooth {number}: {highest.get_height():.1f} × elsewhere (highest, not flagged)"
