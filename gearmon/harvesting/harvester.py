@@ -1,30 +1,71 @@
-"""What a harvester is to the rest of the room: its answers to a shaken base, and what bounds them.
+"""What a harvester is: modes that a shaken base drives, a circuit that they drive, answers to both.
 
-For a motion of the base with the acceleration amplitude A at one frequency, everything follows from
-complex answers per unit acceleration. The first is the root of the power, a time function whose
-square is the power at every instant: the voltage over the root of the load, or its like where there
-is no circuit. So the mean power is half its squared size times A^2 at one frequency, and the mean
-square of the filtered recording in general.
+Every harvester here is linear. With the modes eta normalised by mass, the acceleration a of the
+base and u for what the circuit knows (the voltage of a piezoelectric layer, the current of a coil,
+the force of a damper over the root of the mass):
+
+    eta_r'' + 2 z_r w_r eta_r' + w_r^2 eta_r + chi_r u = -F_r a
+    C u' + g u = sum_r chi_r eta_r',                         power = (k u)^2
+
+g and k follow from the load. At one frequency all answers are
+
+    u/a = -i w sum_r chi_r F_r/alpha_r / (g + i w (C + sum_r chi_r^2/alpha_r))
+    alpha_r = w_r^2 - w^2 + 2 i z_r w_r w
+
+k u is the root of the power: its square is the power at every instant, so that the mean power is
+half its squared size times A^2 at one frequency, and the mean square of the filtered recording in
+general. Erturk and Inman, J. Vib. Acoust. 130 (2008) 041002, have this form for a beam.
+
+A single mass on a spring whose motion is damped by a generator:
+
+    m z'' + 2 m (zm + ze) wn z' + m wn^2 z = -m a(t),   P = 2 m ze wn <z'^2>
+
+with zm the mechanical and ze the electrical damping ratio. For a = A cos(wt), r = w/wn:
+
+    P = m ze A^2 r^2 / (wn [(1 - r^2)^2 + (2 (zm + ze) r)^2])   (electrical, mean)
+
+At r = 1, ze = zm this is m A^2/(16 zm wn), the most that any load takes. Valid for a generator
+that acts as a viscous damper, as a coil does below the corner of its inductance. Williams and
+Yates, Sensors and Actuators A 52 (1996) 8-11; Roundy, J. Intell. Mater. Syst. Struct. 16 (2005)
+809-823.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any, Protocol, TypeVar
+from abc import ABC, abstractmethod
+from dataclasses import MISSING, asdict, dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.errors import ArgumentError, check_positive, check_range
+from gearmon.errors import ArgumentError, check_positive
+from gearmon.machine.fields import Number, check_fields, obeys
 
 Real = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
-Self_ = TypeVar("Self_")
 
 #: Rows of `transfer`: root of the power [W^(1/2)], travel [m], and the stresses of both layers,
 #: each over its safe stress and times that of the first [Pa]; zero where they are not modelled.
 OUTPUTS = ("root_power", "travel_m", "stress_pa", "other_stress_pa")
+#: Points of a response table, half of them about the resonance.
+POINTS = 240
+
+
+def number(
+    low: float,
+    high: float,
+    unit: str = "",
+    *,
+    default: Any = MISSING,
+    zero: bool = True,
+    why: str = "",
+) -> Any:
+    """Return a field of a dataclass that is held to a range, above its lower end if not `zero`."""
+    rule = Number(low=low, high=high, unit=unit, open_low=not zero, why=why)
+    return field(default=default, metadata=obeys(rule))
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,117 +93,46 @@ class Gains:
     voltage_v: Real
 
 
-@dataclass(frozen=True, kw_only=True)
-class Oscillator:
-    """One mode and its circuit, with x the travel [m] and the power worth v^2 [W].
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Modes:
+    """Modes of a harvester, as the docstring of this module has them.
 
-    x'' + 2 z w x' + w^2 x + back v = -push a,   store v' + leak v = drive x'.
+    Attributes
+    ----------
+    natural_rad_s, damping_ratio, forcing : ndarray, shape (modes,)
+        w_r [rad/s], z_r, F_r [sqrt(kg)].
+    rows : ndarray, shape (4, modes)
+        chi_r, then travel and the two stresses per eta_r, see `OUTPUTS`.
+    direct : ndarray, shape (4,)
+        What u adds to each of these by itself; the first is not used.
+    store : float
+        C.
     """
 
-    natural_rad_s: float
-    damping_ratio: float
-    push: float
-    back: float
-    drive: float
+    natural_rad_s: Real
+    damping_ratio: Real
+    forcing: Real
+    rows: Real
+    direct: Real
     store: float
-    leak: float
-    worth: float
 
-
-class Harvester(Protocol):
-    """A linear harvester on a moving base."""
-
-    @property
-    def natural_frequency_hz(self) -> float:
-        """Frequency of the first mode, short-circuited [Hz]."""
-
-    @property
-    def damping_ratio(self) -> float:
-        """Mechanical damping ratio of the first mode."""
-
-    @property
-    def load(self) -> float:
-        """Load: resistance [ohm], or electrical damping ratio where there is no circuit."""
-
-    @property
-    def load_ohm(self) -> float:
-        """Load resistance [ohm]; NaN where there is no circuit."""
-
-    @property
-    def load_kept(self) -> bool:
-        """Whether the load is given, not tuned."""
-
-    @property
-    def load_range(self) -> tuple[float, float]:
-        """Loads to tune within, low and high."""
-
-    @property
-    def usual_loads(self) -> tuple[float, float]:
-        """Loads that may be worth trying, low and high."""
-
-    @property
-    def frequency_range_hz(self) -> tuple[float, float]:
-        """Natural frequencies that `retuned` can reach [Hz]."""
-
-    @property
-    def weight_ms2(self) -> float:
-        """Gravity along the motion [m/s2]."""
-
-    @property
-    def restitution(self) -> float:
-        """Speed after a blow at the end of the clearance over that before."""
-
-    @property
-    def clearance_m(self) -> float:
-        """Room of the moving mass to either side [m]; infinite if none is given."""
-
-    @property
-    def stress_limit_pa(self) -> float:
-        """Safe stress of the weakest part [Pa]; infinite where no stress is modelled."""
-
-    def retuned(self: Self_, frequency_hz: float) -> Self_:
-        """Return the same harvester with another natural frequency."""
-
-    def with_load(self: Self_, load: float) -> Self_:
-        """Return the same harvester with another load."""
-
-    def with_damping_ratio(self: Self_, ratio: float) -> Self_:
-        """Return the same harvester with another mechanical damping ratio, of every mode."""
-
-    def root_power(self, loads: Real, frequency_hz: Real) -> Complex:
-        """Root of the power per unit acceleration, shape (loads, n)."""
-
-    def transfer(self, loads: Real, frequency_hz: Real) -> Complex:
-        """Answers per unit acceleration, shape (4, loads, n), see `OUTPUTS`."""
-
-    def power_bound_w(self) -> float:
-        """Mean power per squared acceleration amplitude that nothing exceeds."""
-
-    def single_mode(self) -> Oscillator:
-        """First mode with its circuit."""
-
-    def to_dict(self) -> dict[str, Any]:
-        """Dimensions and values in built-in types."""
-
-    def power_by_load(self, loads: Real, frequency_hz: Real) -> Real:
-        """Mean power per squared acceleration amplitude, shape (loads, frequencies)."""
-
-    def gains(self, frequency_hz: npt.ArrayLike) -> Gains:
-        """Answers at these frequencies."""
-
-
-H = TypeVar("H", bound=Harvester)
+    def compliance(self, circular: Real, rows: int) -> tuple[Complex, Complex]:
+        """First rows of the answers to an acceleration and to u, each (rows, n)."""
+        natural, damping = self.natural_rad_s[:, None], self.damping_ratio[:, None]
+        mode: Complex = 1 / (natural**2 - circular**2 + 2j * damping * natural * circular)
+        shapes = self.rows[:rows]
+        return (shapes * self.forcing) @ mode, (shapes * self.rows[0]) @ mode
 
 
 @dataclass(frozen=True, kw_only=True)
-class OneLoad:
-    """What all kinds share: the room about the mass, and what follows from their `transfer`.
+class Harvester(ABC):
+    """A linear harvester on a moving base.
 
     Parameters
     ----------
     clearance_m : float, > 0
-        Room of the moving mass to either side [m].
-    weight_ms2 : float
+        Room of the moving mass to either side [m]; infinite if none is given.
+    weight_ms2 : float, -1000 to 1000
         Gravity along the motion: 9.81 m/s2 for a motion up and down.
     restitution : float, 0 to 1
         Speed after a blow at the end of the clearance over that before. It depends on the stop, so
@@ -171,27 +141,117 @@ class OneLoad:
         Whether the load is given, not tuned.
     """
 
+    #: Field that holds the load: a resistance [ohm], or a ratio where there is no circuit.
+    load_name: ClassVar[str] = "load_ohm"
     clearance_m: float = math.inf
-    weight_ms2: float = 0.0
-    restitution: float = 0.5
+    weight_ms2: float = number(-1e3, 1e3, "m/s2", default=0.0)
+    restitution: float = number(0, 1, default=0.5)
     load_kept: bool = False
 
     def __post_init__(self) -> None:
-        check_range("restitution", self.restitution, 0.0, 1.0)
-        check_range("weight_ms2", self.weight_ms2, -1e3, 1e3, "m/s2")
-        if not self.clearance_m > 0:
-            raise ArgumentError(f"clearance_m={self.clearance_m} m must be > 0")
+        check_fields(self)
+        if self.clearance_m != math.inf:
+            check_positive("clearance_m", self.clearance_m, "m")
+
+    if TYPE_CHECKING:
+        # a field of some, a property of others
+
+        @property
+        def natural_frequency_hz(self) -> float:
+            """Frequency of the first mode, short-circuited [Hz]."""
 
     @property
-    def load_range(self: Harvester) -> tuple[float, float]:
+    @abstractmethod
+    def usual_loads(self) -> tuple[float, float]:
+        """Loads that may be worth trying, low and high."""
+
+    @property
+    @abstractmethod
+    def frequency_range_hz(self) -> tuple[float, float]:
+        """Natural frequencies that `retuned` can reach [Hz]."""
+
+    @property
+    def stress_limit_pa(self) -> float:
+        """Safe stress of the weakest part [Pa]; infinite where no stress is modelled."""
+        return math.inf
+
+    @cached_property
+    @abstractmethod
+    def modes(self) -> Modes:
+        """Modes, which do not depend on the load."""
+
+    @abstractmethod
+    def circuit(self, loads: Any) -> tuple[Any, Any]:
+        """G and k of several loads."""
+
+    @abstractmethod
+    def retuned(self, frequency_hz: float) -> Self:
+        """Return the same harvester with another natural frequency [Hz]."""
+
+    @abstractmethod
+    def with_damping_ratio(self, ratio: float) -> Self:
+        """Return the same harvester with another mechanical damping ratio, of every mode."""
+
+    @abstractmethod
+    def to_dict(self) -> dict[str, Any]:
+        """Return dimensions and values in built-in types; no clearance is null."""
+
+    @property
+    def load(self) -> float:
+        """Load: resistance [ohm], or electrical damping ratio where there is no circuit."""
+        return float(getattr(self, self.load_name))
+
+    @property
+    def resistance_ohm(self) -> float:
+        """Load resistance [ohm]; NaN where there is no circuit."""
+        return self.load if self.load_name == "load_ohm" else math.nan
+
+    @property
+    def load_range(self) -> tuple[float, float]:
         """Loads to tune within: the usual ones, or the one that is kept."""
         return (self.load, self.load) if self.load_kept else self.usual_loads
 
-    def power_by_load(self: Harvester, loads: Real, frequency_hz: Real) -> Real:
-        """Mean power per squared acceleration amplitude, shape (loads, frequencies)."""
-        return np.asarray(np.abs(self.root_power(loads, frequency_hz)) ** 2 / 2)
+    @property
+    def damping_ratio(self) -> float:
+        """Mechanical damping ratio of the first mode."""
+        return float(self.modes.damping_ratio[0])
 
-    def gains(self: Harvester, frequency_hz: npt.ArrayLike) -> Gains:
+    @property
+    def settling_s(self) -> float:
+        """Time constant of the ring-down of the first mode, open or short [s]."""
+        return 1 / (self.damping_ratio * float(self.modes.natural_rad_s[0]))
+
+    def with_load(self, load: float) -> Self:
+        """Return the same harvester with another load."""
+        changed: dict[str, Any] = {self.load_name: float(load)}
+        other = replace(self, **changed)
+        if "modes" in self.__dict__:
+            other.__dict__["modes"] = self.modes
+        return other
+
+    def transfer(self, loads: Real, frequency_hz: Real, rows: int = len(OUTPUTS)) -> Complex:
+        """First answers per unit acceleration of the base, shape (rows, loads, n).
+
+        Parameters
+        ----------
+        loads : ndarray, shape (loads,)
+        frequency_hz : ndarray, shape (n,), >= 0
+        rows : int, 1 to 4
+            See `OUTPUTS`.
+        """
+        circular, modes = 2 * math.pi * frequency_hz, self.modes
+        by_push, by_circuit = modes.compliance(circular, rows)
+        leak, worth = self.circuit(loads[:, None])
+        driven = -1j * circular * by_push[0]
+        driven = driven / (leak + 1j * circular * (modes.store + by_circuit[0]))
+        others = [(modes.direct[k] - by_circuit[k]) * driven - by_push[k] for k in range(1, rows)]
+        return np.array([worth * driven, *others])
+
+    def power_by_load(self, loads: Real, frequency_hz: Real) -> Real:
+        """Mean power per squared acceleration amplitude, shape (loads, frequencies)."""
+        return np.asarray(np.abs(self.transfer(loads, frequency_hz, 1)[0]) ** 2 / 2)
+
+    def gains(self, frequency_hz: npt.ArrayLike) -> Gains:
         """Answers to a unit acceleration amplitude of the base, with the load as it is.
 
         Parameters
@@ -200,11 +260,268 @@ class OneLoad:
         """
         frequency = np.atleast_1d(np.asarray(frequency_hz, dtype=np.float64))
         root_power, travel, *stress = np.abs(self.transfer(np.array([self.load]), frequency)[:, 0])
-        voltage = np.nan_to_num(root_power * math.sqrt(self.load_ohm))
+        voltage = np.nan_to_num(root_power * math.sqrt(self.resistance_ohm))
         return Gains(frequency, root_power**2 / 2, travel, np.maximum(*stress), voltage)
 
+    def power_bound_w(self) -> float:
+        """Sum over modes of F^2/(16 z w): no load takes more, at no frequency [W/(m/s2)^2].
 
-def settling_s(harvester: Harvester) -> float:
-    """Time constant of the ring-down of the first mode, open or short [s]."""
-    rate = harvester.damping_ratio * 2 * math.pi * harvester.natural_frequency_hz
-    return 1 / check_positive("damping", rate)
+        The power available to any load is |D|^2/(8 Re Y); by the inequality of Cauchy and Schwarz
+        it does not exceed the sum of what the modes would give one by one.
+        """
+        modes = self.modes
+        return float((modes.forcing**2 / (16 * modes.damping_ratio * modes.natural_rad_s)).sum())
+
+
+H = TypeVar("H", bound=Harvester)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _MassOnSpring(Harvester):
+    """What harvesters with a stiff mass share; the electrical side is theirs."""
+
+    mass_kg: float = number(0, 1e6, "kg", zero=False)
+    natural_frequency_hz: float = number(0, 1e6, "Hz", zero=False)
+    mechanical_damping_ratio: float = number(1e-6, 0.999, default=0.01)
+    lowest_hz: float = number(0, 1e6, "Hz", zero=False, default=5.0)
+    highest_hz: float = number(0, 1e6, "Hz", zero=False, default=20_000.0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.lowest_hz <= self.natural_frequency_hz <= self.highest_hz:
+            raise ArgumentError(
+                f"natural_frequency_hz={self.natural_frequency_hz:g} Hz must lie between "
+                f"lowest_hz={self.lowest_hz:g} Hz and highest_hz={self.highest_hz:g} Hz"
+            )
+
+    @property
+    def frequency_range_hz(self) -> tuple[float, float]:
+        """Natural frequencies that the spring may be built for [Hz]."""
+        return self.lowest_hz, self.highest_hz
+
+    @property
+    def stiffness_n_per_m(self) -> float:
+        """Spring stiffness m wn^2 [N/m]."""
+        return self.mass_kg * self._natural**2
+
+    def retuned(self, frequency_hz: float) -> Self:
+        """Return the same mass on a spring for another natural frequency [Hz].
+
+        Raises
+        ------
+        ArgumentError
+            If it lies outside `frequency_range_hz`.
+        """
+        return replace(self, natural_frequency_hz=float(frequency_hz))
+
+    def with_damping_ratio(self, ratio: float) -> Self:
+        """Return the same with another mechanical damping ratio."""
+        return replace(self, mechanical_damping_ratio=float(ratio))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the values in built-in types; no clearance is null."""
+        kind = type(self).__name__.removesuffix("Harvester").lower()
+        values = asdict(self) | {"kind": kind, "stiffness_n_per_m": self.stiffness_n_per_m}
+        return values | {"clearance_m": None if math.isinf(self.clearance_m) else self.clearance_m}
+
+    @property
+    def _natural(self) -> float:
+        return 2 * math.pi * self.natural_frequency_hz
+
+    def _modes(self, coupling: float, store: float) -> Modes:
+        root = math.sqrt(self.mass_kg)
+        return Modes(
+            natural_rad_s=np.array([self._natural]),
+            damping_ratio=np.array([self.mechanical_damping_ratio]),
+            forcing=np.array([root]),
+            rows=np.array([[coupling / root], [1 / root], [0.0], [0.0]]),
+            direct=np.zeros(4),
+            store=store,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class InertialHarvester(_MassOnSpring):
+    """A mass on a spring with mechanical and electrical damping.
+
+    Parameters
+    ----------
+    mass_kg : float, > 0
+    natural_frequency_hz : float, > 0
+        Of mass and spring.
+    mechanical_damping_ratio : float, 1e-6 to 0.999
+        What is lost to heat.
+    electrical_damping_ratio : float, > 0 and <= 10
+        What the load takes.
+    lowest_hz, highest_hz : float, > 0
+        Natural frequencies that the spring may be built for.
+    clearance_m, weight_ms2, restitution, load_kept
+        See `Harvester`.
+
+    Raises
+    ------
+    ArgumentError
+        If a value is out of its range.
+
+    Examples
+    --------
+    >>> h = InertialHarvester(mass_kg=5e-3, natural_frequency_hz=625.0)
+    >>> h = h.with_load(h.mechanical_damping_ratio)   # matched
+    >>> round(float(h.gains(625.0).power_w[0]) / h.power_bound_w(), 12)
+    1.0
+    """
+
+    load_name: ClassVar[str] = "electrical_damping_ratio"
+    electrical_damping_ratio: float = number(0, 10, zero=False, default=0.01)
+
+    @property
+    def usual_loads(self) -> tuple[float, float]:
+        """Electrical damping ratios worth trying: from a hundredth of the mechanical one to 3."""
+        return self.mechanical_damping_ratio / 100, 3.0
+
+    @cached_property
+    def modes(self) -> Modes:
+        """The one mode; u is the force of the damper over the root of the mass."""
+        return self._modes(math.sqrt(self.mass_kg), 0.0)
+
+    def circuit(self, loads: Any) -> tuple[Any, Any]:
+        """G and k of several loads, by u = 2 ze wn eta'."""
+        damper = 2 * loads * self._natural
+        return 1 / damper, 1 / np.sqrt(damper)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CoilHarvester(_MassOnSpring):
+    """A magnet on a spring that moves through a coil.
+
+        m z'' + c z' + k z + theta i = -m a(t),     L i' + (R_coil + R) i = theta z'
+
+    Parameters
+    ----------
+    mass_kg, natural_frequency_hz, mechanical_damping_ratio, lowest_hz, highest_hz
+        As of an `InertialHarvester`.
+    turns : float, > 0
+    field_length_tm : float, > 0
+        Flux density across the wire times the length of a turn in it, B l [T m]; theta is this
+        times the turns [N/A = V s/m].
+    coil_ohm : float, > 0
+    coil_henry : float, >= 0
+    load_ohm : float, > 0
+    clearance_m, weight_ms2, restitution, load_kept
+        See `Harvester`.
+
+    Raises
+    ------
+    ArgumentError
+        If a value is out of its range.
+    """
+
+    turns: float = number(0, 1e7, zero=False)
+    field_length_tm: float = number(0, 1e3, "T m", zero=False)
+    coil_ohm: float = number(0, 1e9, "ohm", zero=False)
+    coil_henry: float = number(0, 1e3, "H", default=0.0)
+    load_ohm: float = number(0, 1e12, "ohm", zero=False, default=100.0)
+
+    @property
+    def transduction_n_per_a(self) -> float:
+        """Turns times B l, theta [N/A]."""
+        return self.turns * self.field_length_tm
+
+    @property
+    def usual_loads(self) -> tuple[float, float]:
+        """From a hundredth of the coil to a hundred times it with what the motion stands for."""
+        motional = self.transduction_n_per_a**2 / (
+            2 * self.mass_kg * self.mechanical_damping_ratio * self._natural
+        )
+        return self.coil_ohm / 100, 100 * (self.coil_ohm + motional)
+
+    @cached_property
+    def modes(self) -> Modes:
+        """The one mode; u is the current."""
+        return self._modes(self.transduction_n_per_a, self.coil_henry)
+
+    def circuit(self, loads: Any) -> tuple[Any, Any]:
+        """G and k of several loads: the resistance around, and the root of that outside."""
+        return loads + self.coil_ohm, np.sqrt(loads)
+
+
+def half_power_band(harvester: Harvester) -> dict[str, float]:
+    """Find the half-power band of the first mode with the load as it is.
+
+    For a mass on a spring with the damping ratios zm (heat) and ze (load) it is 2 (zm + ze) fn
+    exactly. The largest power rises with Q and the bandwidth falls as 1/Q: their product stays, so
+    that a line which wanders further than the bandwidth yields no more from a higher Q.
+
+    Parameters
+    ----------
+    harvester : InertialHarvester, CoilHarvester or PiezoCantilever
+
+    Returns
+    -------
+    dict
+        peak_hz, low_hz and high_hz (where the power is largest, and the ends of the band around
+        it), power_w (largest mean power per squared acceleration amplitude [W/(m/s2)^2]), width_hz
+        and quality_factor (peak frequency over it, with the load).
+
+    Raises
+    ------
+    ArgumentError
+        If the power does not fall to a half on both sides, as with a very large load damping.
+
+    Examples
+    --------
+    >>> from gearmon.harvesting import InertialHarvester
+    >>> h = InertialHarvester(mass_kg=5e-3, natural_frequency_hz=100.0)   # zm = ze = 0.01
+    >>> round(half_power_band(h)["width_hz"], 9)
+    4.0
+    """
+    from scipy.optimize import brentq, minimize_scalar
+
+    def power(frequency: float) -> float:
+        return float(harvester.gains(frequency).power_w[0])
+
+    natural = harvester.natural_frequency_hz
+    grid = natural * np.exp(np.linspace(-1.2, 1.2, 24_001))
+    found = harvester.gains(grid).power_w
+    # higher modes have bands of their own
+    top = int(np.argmax(np.where(np.abs(np.log(grid / natural)) < 0.7, found, 0.0)))
+    near, fine = (grid[max(top - 1, 0)], grid[top + 1]), {"xatol": 1e-9 * natural}
+    peak = float(minimize_scalar(lambda f: -power(f), bounds=near, options=fine).x)
+    half = power(peak) / 2
+    below = np.flatnonzero(found < half)
+    left, right = below[below < top], below[below > top]
+    if not (len(left) and len(right)):
+        raise ArgumentError(
+            f"load={harvester.load:g}: the power does not fall to a half within a factor of 3 of "
+            f"{natural:.4g} Hz; there is no band"
+        )
+    low, high = (
+        float(brentq(lambda f: power(f) - half, grid[i], grid[i + 1], xtol=1e-12 * natural))
+        for i in (left[-1], right[0] - 1)
+    )
+    ends = {"peak_hz": peak, "low_hz": low, "high_hz": high, "power_w": 2 * half}
+    return ends | {"width_hz": high - low, "quality_factor": peak / (high - low)}
+
+
+def response_rows(harvester: Harvester) -> list[dict[str, Any]]:
+    """Power, voltage, travel and peak stress at 1 m/s2, from a third to three times the first mode.
+
+    Parameters
+    ----------
+    harvester : InertialHarvester, CoilHarvester or PiezoCantilever
+
+    Returns
+    -------
+    list of dict
+        frequency_hz (dense about the mode), power_w, voltage_v, travel_m and stress_pa for an
+        amplitude of 1 m/s2: the power goes with its square, the others with it. Voltage and stress
+        are None where they are not modelled.
+    """
+    wide = np.linspace(-1, 1, POINTS // 2)
+    factors = np.concatenate([np.exp(20 * harvester.damping_ratio * wide**3), 3**wide])
+    gains = harvester.gains(np.unique(harvester.natural_frequency_hz * factors))
+    names = ("frequency_hz", "power_w", "voltage_v", "travel_m", "stress_pa")
+    columns = {name: getattr(gains, name).tolist() for name in names}
+    nothing = [None] * len(gains.frequency_hz)
+    columns |= {name: nothing for name in ("voltage_v", "stress_pa") if not any(columns[name])}
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]

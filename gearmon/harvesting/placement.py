@@ -6,47 +6,26 @@ Positions are ranked by the power of a harvester that is tuned for each.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from gearmon.errors import ArgumentError, check_positive, check_range
-from gearmon.harvesting.budget import SensorBudget
-from gearmon.harvesting.harvester import Harvester
-from gearmon.harvesting.power import (
-    DutyLines,
-    Tuned,
-    bandwidth_against_quality,
-    evaluate,
-    half_power_band,
-    response_grid,
-    response_rows,
-)
-from gearmon.harvesting.recorded import (
-    FEWEST_STRETCHES,
-    Scatter,
-    between,
-    combined,
-    interval_90,
-    power_with_stops,
-    scatter_of_mean,
-)
-from gearmon.harvesting.tuning import OverLimitsError, tune_harvester, tune_set, tuned_among
-from gearmon.harvesting.vibration import (
-    OperatingShare,
-    Vibration,
-    check_duty,
-    line_numbers,
-    operating_lines,
-    vibration_of_samples,
-    vibration_of_signature,
-)
+from gearmon.harvesting import response, tuning, vibration
+from gearmon.harvesting.harvester import Harvester, half_power_band, response_rows
+from gearmon.harvesting.request import SensorBudget
+from gearmon.harvesting.response import Tuned, evaluate
+from gearmon.harvesting.tuning import OverLimitsError, tune_harvester
+from gearmon.harvesting.vibration import OperatingShare, Vibration, vibration_of_samples
 from gearmon.machine import Machine
 from gearmon.result import Result
 from gearmon.signals.recording import Recording
 from gearmon.signatures.expected.baseline import expected_signature
+
+Points = tuple[OperatingShare, ...]
 
 #: A place is good only when the gear is damaged if, tuned for that, it loses more than this share
 #: of its power when the gear is sound.
@@ -61,7 +40,7 @@ BOUND = 0.9
 QUALITY_FACTORS = (10.0, 25.0, 50.0, 100.0, 200.0)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Position:
     """A place and direction, and what shakes there.
 
@@ -77,27 +56,16 @@ class Position:
     sampled : bool
         Whether the parts are blocks of operation, a sample of all there is, not stretches of
         operating points whose shares of time are known.
-    share_error : float, 0 to 0.5
+    share_error : float
         Standard deviation of the shares of time.
-
-    Raises
-    ------
-    ArgumentError
-        If a duty cycle cannot be.
     """
 
     name: str
-    healthy: tuple[OperatingShare, ...]
-    degraded: tuple[OperatingShare, ...] = ()
-    folds: tuple[tuple[OperatingShare, ...], ...] = ()
+    healthy: Points
+    degraded: Points = ()
+    folds: tuple[Points, ...] = ()
     sampled: bool = False
     share_error: float = 0.0
-
-    def __post_init__(self) -> None:
-        check_range("share_error", self.share_error, 0.0, 0.5)
-        object.__setattr__(self, "healthy", check_duty(self.healthy))
-        if self.degraded:
-            object.__setattr__(self, "degraded", check_duty(self.degraded))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -109,15 +77,21 @@ class Placed:
     position : Position
     tuned : Tuned or None
         For sound gears; None where no tuning is possible, see `refusal`.
+    tuned_degraded : Tuned or None
+        Best for the damaged gear.
     supply : dict
         What the sensor gets of it, see `SensorBudget.supply`; empty where nothing.
+    refusal : str
+        Why nothing can be had here, in one line.
+    over_limits : float
+        Where a limit of travel or stress is why: peak over limit of the nearest tuning; else NaN.
     power_unseen_w : float
         Mean power on stretches that the tuning did not know; NaN without recordings.
     power_low_w, power_high_w : float
         90 % interval of the long-run mean power, from these stretches and what is not known of the
         shares of time; NaN where there are too few independent ones.
-    stretches : float
-        Independent stretches that the recordings hold; NaN without.
+    independent_stretches : float
+        Those that the recordings hold; NaN without.
     line_share : float
         Share of the power that comes from lines which stand out of the noise.
     power_with_stops_w, stops_hz : float
@@ -125,31 +99,25 @@ class Placed:
         mass hitting the stops, and its natural frequency; else NaN.
     degraded_power_w : float
         Of the tuned harvester when the gear is damaged; NaN if unknown.
-    tuned_degraded : Tuned or None
-        Best for the damaged gear.
-    healthy_power_of_degraded_w : float
-        What that one gives while the gear is sound.
-    refusal : str
-        Why nothing can be had here, in one line.
-    over_limits : float
-        Where a limit of travel or stress is why: peak over limit of the nearest tuning; else NaN.
+    degraded_best_power_when_healthy_w : float
+        What the best one for the damaged gear gives while the gear is sound.
     """
 
     position: Position
-    tuned: Tuned[Any] | None
+    tuned: Tuned[Any] | None = None
+    tuned_degraded: Tuned[Any] | None = None
     supply: dict[str, Any] = field(default_factory=dict)
+    refusal: str = ""
+    over_limits: float = math.nan
     power_unseen_w: float = math.nan
     power_low_w: float = math.nan
     power_high_w: float = math.nan
-    stretches: float = math.nan
+    independent_stretches: float = math.nan
     line_share: float = math.nan
     power_with_stops_w: float = math.nan
     stops_hz: float = math.nan
     degraded_power_w: float = math.nan
-    tuned_degraded: Tuned[Any] | None = None
-    healthy_power_of_degraded_w: float = math.nan
-    refusal: str = ""
-    over_limits: float = math.nan
+    degraded_best_power_when_healthy_w: float = math.nan
 
     @property
     def power_w(self) -> float:
@@ -168,100 +136,52 @@ class Placed:
         if self.tuned_degraded is None:
             return False
         least = (1 - LOST_SHARE) * self.tuned_degraded.power_w
-        return max(self.healthy_power_of_degraded_w, self.power_w) < least
+        return max(self.degraded_best_power_when_healthy_w, self.power_w) < least
 
     def to_dict(self) -> dict[str, Any]:
         """Return the row in built-in types; what is unknown or infinite is null."""
+        names = ("power_w", "power_low_w", "power_high_w", "power_unseen_w", "line_share")
+        others = ("power_with_stops_w", "stops_hz", "interval_s", "independent_stretches")
+        damaged = ("degraded_power_w", "degraded_best_power_when_healthy_w")
+        row = {name: getattr(self, name) for name in (*names, *others, *damaged)}
+        unknown = (math.nan, math.nan, math.nan)
         best, degraded = (
-            {"hz": t.harvester.natural_frequency_hz, "w": t.power_w, "load": t.harvester.load}
-            if t
-            else dict.fromkeys(("hz", "w", "load"), math.nan)
+            (t.harvester.natural_frequency_hz, t.harvester.load, t.power_w) if t else unknown
             for t in (self.tuned, self.tuned_degraded)
         )
-        names = ("power_w", "power_low_w", "power_high_w", "power_unseen_w", "line_share")
-        others = ("power_with_stops_w", "stops_hz", "interval_s", "degraded_power_w")
-        row = {
-            "natural_frequency_hz": best["hz"],
-            "load": best["load"],
-            **{name: getattr(self, name) for name in (*names, *others)},
-            "independent_stretches": self.stretches,
-            "degraded_best_hz": degraded["hz"],
-            "degraded_best_power_w": degraded["w"],
-            "degraded_best_power_when_healthy_w": self.healthy_power_of_degraded_w,
-        }
+        row |= {"natural_frequency_hz": best[0], "load": best[1]}
+        row |= {"degraded_best_hz": degraded[0], "degraded_best_power_w": degraded[2]}
         known = {name: x if math.isfinite(x) else None for name, x in row.items()}
         told = {"good_only_when_damaged": self.good_only_when_damaged, "refusal": self.refusal}
         return {"position": self.position.name} | known | told
 
 
-def rank_positions(
-    harvester: Harvester, positions: Sequence[Position], budget: SensorBudget | None = None
-) -> list[Placed]:
-    """Rank positions by the mean power of a harvester that is tuned for each.
-
-    Parameters
-    ----------
-    harvester : InertialHarvester or PiezoCantilever
-    positions : sequence of Position
-    budget : SensorBudget, optional
-        What is to be powered; the default one if not given.
-
-    Returns
-    -------
-    list of Placed
-        The best first. Positions where nothing can be had stand last, with the reason.
-
-    Raises
-    ------
-    ArgumentError
-        If there is no position.
-    """
-    if not positions:
-        raise ArgumentError("positions: none is given")
-    task = budget or SensorBudget()
-    return sorted((_placed(harvester, p, task) for p in positions), key=lambda p: -p.power_w)
-
-
 def _placed(harvester: Harvester, position: Position, budget: SensorBudget) -> Placed:
-    tuned, refusal, over = _tuned(harvester, position.healthy)
-    found = Placed(position=position, tuned=tuned, refusal=refusal, over_limits=over)
-    found = replace(found, **_beyond_stops(harvester, position, tuned))
-    if tuned is not None:
-        shares = [point.share for point in position.healthy]
-        found = replace(
-            found,
-            supply=budget.supply(tuned, shares),
-            line_share=_line_share(tuned.harvester, position.healthy),
-            **_judged(harvester, tuned, position),
-        )
-    if not position.degraded:
-        return found
-    degraded = _tuned(harvester, position.degraded)[0]
-
-    def power_w(of: Tuned[Any] | None, duty: tuple[OperatingShare, ...]) -> float:
-        return evaluate(of.harvester, duty).power_w if of else math.nan
-
-    return replace(
-        found,
-        tuned_degraded=degraded,
-        degraded_power_w=power_w(tuned, position.degraded),
-        healthy_power_of_degraded_w=power_w(degraded, position.healthy),
-    )
-
-
-def _tuned(
-    harvester: Harvester, duty: tuple[OperatingShare, ...]
-) -> tuple[Tuned[Any] | None, str, float]:
+    found: dict[str, Any] = {}
     try:
-        return tune_harvester(harvester, duty), "", math.nan
-    except OverLimitsError as error:
-        return None, str(error), error.over
+        tuned = tune_harvester(harvester, position.healthy)
+        shares = [point.share for point in position.healthy]
+        found |= {"tuned": tuned, "supply": budget.supply(tuned, shares)}
+        found |= {"line_share": _line_share(tuned.harvester, position.healthy)}
+        found |= _judged(harvester, tuned, position)
     except ArgumentError as error:
-        return None, str(error), math.nan
+        found = {"refusal": str(error), "over_limits": getattr(error, "over", math.nan)}
+    with suppress(ArgumentError):
+        found |= _beyond_stops(harvester, position, found.get("tuned"))
+    with suppress(ArgumentError):
+        if position.degraded and "tuned" in found:
+            worse = evaluate(found["tuned"].harvester, position.degraded)
+            found["degraded_power_w"] = worse.power_w
+    with suppress(ArgumentError):
+        if position.degraded:
+            found["tuned_degraded"] = best = tune_harvester(harvester, position.degraded)
+            sound = evaluate(best.harvester, position.healthy)
+            found["degraded_best_power_when_healthy_w"] = sound.power_w
+    return Placed(position=position, **found)
 
 
 def _limited(tuned: Tuned[Any] | None) -> bool:
-    return tuned is None or max(tuned.travel_share, tuned.stress_share) > BOUND
+    return tuned is None or tuned.over > BOUND
 
 
 def _beyond_stops(
@@ -269,37 +189,28 @@ def _beyond_stops(
 ) -> dict[str, Any]:
     """Tell what the best tuning gives whose mass hits its stops, if they are in the way."""
     points = [p for p in position.healthy if len(p.vibration.samples_ms2)]
-    limit = harvester.clearance_m
-    if not points or not _limited(tuned) or math.isinf(limit):
+    if not points or not _limited(tuned) or math.isinf(harvester.clearance_m):
         return {}
-    try:
-        free = tune_harvester(harvester, position.healthy, limited=False)
-    except ArgumentError:
-        return {}
+    free = tune_harvester(harvester, position.healthy, limited=False)
     if free.travel_share <= 1:
         return {}
-    power = math.fsum(
-        p.share
-        * power_with_stops(free.harvester, p.vibration.samples_ms2, p.vibration.sampling_rate_hz)
-        for p in points
-    )
+    heard = [(p.vibration.samples_ms2, p.vibration.sampling_rate_hz) for p in points]
+    powers = [response.power_with_stops(free.harvester, *samples) for samples in heard]
+    power = math.fsum(p.share * power for p, power in zip(points, powers, strict=True))
     return {"power_with_stops_w": power, "stops_hz": free.harvester.natural_frequency_hz}
 
 
-def _line_share(harvester: Harvester, duty: tuple[OperatingShare, ...]) -> float:
+def _line_share(harvester: Harvester, duty: Points) -> float:
     """Share of the power that lines give."""
-
-    def power_w(points: list[OperatingShare]) -> float:
-        lines = DutyLines.over(points, harvester.damping_ratio)
-        return float(lines.power_w(harvester, np.array([harvester.load]))[0])
-
-    clear = []
-    for point in duty:
-        number = line_numbers(point.vibration)
-        if number.any():
-            clear.append(replace(point, vibration=point.vibration.only(number > 0)))
-    whole = power_w(list(duty))
-    return power_w(clear) / whole if clear and whole > 0 else 0.0
+    load = np.array([harvester.load])
+    whole = float(response.mean_power_w(harvester, duty, load)[0])
+    numbers = [vibration.line_numbers(point.vibration) > 0 for point in duty]
+    clear = [
+        replace(point, vibration=point.vibration.only(own))
+        for point, own in zip(duty, numbers, strict=True)
+        if own.any()
+    ]
+    return float(response.mean_power_w(harvester, clear, load)[0]) / whole if whole > 0 else 0.0
 
 
 def _judged(harvester: Harvester, tuned: Tuned[Any], position: Position) -> dict[str, Any]:
@@ -310,39 +221,33 @@ def _judged(harvester: Harvester, tuned: Tuned[Any], position: Position) -> dict
     try:
         for number, part in enumerate(position.folds):
             others = position.folds[:number] + position.folds[number + 1 :]
-            duty = tuple(
-                replace(point, share=point.share / len(others)) for o in others for point in o
-            )
+            duty = [replace(point, share=point.share / len(others)) for o in others for point in o]
             # where the limits chose the tuning, the noise did not
-            one = (
-                tuned.harvester
-                if _limited(tuned)
-                else tuned_among(harvester, duty, tuned.rivals_hz)
-            )
+            kept = _limited(tuned)
+            one = tuned.harvester if kept else tuning.tuned_among(harvester, duty, tuned.rivals_hz)
             judged.append(evaluate(one, part))
     except ArgumentError:
         # a part shorter than the ring-down tells nothing
-        return {"stretches": 0.0}
+        return {"independent_stretches": 0.0}
     found = _scatter(judged, position)
-    fewest = FEWEST_RECORDINGS if position.sampled else FEWEST_STRETCHES
-    low, high = interval_90(found) if found.stretches >= fewest else (math.nan, math.nan)
+    fewest = FEWEST_RECORDINGS if position.sampled else response.FEWEST_STRETCHES
+    low, high = response.interval_90(found) if found.stretches >= fewest else (math.nan, math.nan)
     return {
         "power_unseen_w": found.mean,
         "power_low_w": low,
         "power_high_w": high,
-        "stretches": found.stretches,
+        "independent_stretches": found.stretches,
     }
 
 
-def _scatter(judged: Sequence[Tuned[Any]], position: Position) -> Scatter:
+def _scatter(judged: Sequence[Tuned[Any]], position: Position) -> response.Scatter:
     if position.sampled:
-        return between([tuned.power_w for tuned in judged])
-    parts = []
-    for number in range(len(position.healthy)):
-        steps = [tuned.answers[number].response for tuned in judged]
-        parts.append(scatter_of_mean(np.concatenate([s.power_steps_w for s in steps if s])))
+        return response.between([tuned.power_w for tuned in judged])
+    answers = zip(*(tuned.answers for tuned in judged), strict=True)
+    steps = (np.concatenate([answer.power_steps_w for answer in own]) for own in answers)
     shares = [point.share for point in position.healthy]
-    return combined(parts, shares, position.share_error)
+    known = [response.scatter_of_mean(own) for own in steps]
+    return response.combined(known, shares, position.share_error)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -386,29 +291,28 @@ class Survey(Result):
         return [
             {"operating_point": point.vibration.name, "share_of_time": point.share} | row
             for point in self.best.position.healthy
-            for row in operating_lines(point.vibration)
+            for row in vibration.operating_lines(point.vibration)
         ]
 
     def response(self) -> list[dict[str, Any]]:
         """Return power, voltage, travel and stress of the best harvester against frequency."""
-        tuned = self.best.tuned
-        if tuned is None:
-            return []
-        return response_rows(tuned.harvester, response_grid(tuned.harvester))
+        return response_rows(self.best.tuned.harvester) if self.best.tuned else []
 
     def bandwidths(self) -> list[dict[str, float]]:
         """Return bandwidth and power of the best harvester against its quality factor."""
-        tuned = self.best.tuned
-        if tuned is None:
+        if self.best.tuned is None:
             return []
-        return bandwidth_against_quality(tuned.harvester, QUALITY_FACTORS, self.wander)
+        best = self.best.tuned.harvester
+        return tuning.bandwidth_against_quality(best, QUALITY_FACTORS, self.wander)
 
     @property
     def wander(self) -> float:
-        """Standard deviation of the line that gives most, over its frequency, at its widest."""
-        tuned = self.best.tuned
-        points = self.best.position.healthy
-        return max(wander_of(p.vibration, tuned.harvester if tuned else None) for p in points)
+        """Standard deviation over its frequency of the line that gives most, where that is most."""
+        tuned, points = self.best.tuned, self.best.position.healthy
+        if tuned is None:
+            return 0.0
+        powers = [p.share * a.power_w for p, a in zip(points, tuned.answers, strict=True)]
+        return wander_of(points[int(np.argmax(powers))].vibration, tuned.harvester)
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything in built-in types that JSON can hold."""
@@ -432,39 +336,31 @@ def _described(tuned: Tuned[Any] | None, duty: Sequence[OperatingShare]) -> dict
     """Return a tuning with its operating points and its band; null if there is none."""
     if tuned is None:
         return None
-    return tuned.to_dict() | {
-        "operating_points": [point.vibration.name for point in duty],
-        "half_power_band": _band(tuned.harvester),
-    }
+    band = None
+    with suppress(ArgumentError):  # so heavily loaded that there is none
+        band = half_power_band(tuned.harvester)
+    names = [point.vibration.name for point in duty]
+    return tuned.to_dict() | {"operating_points": names, "half_power_band": band}
 
 
-def _band(harvester: Harvester) -> dict[str, float] | None:
-    try:
-        return half_power_band(harvester).to_dict()
-    except ArgumentError:
-        # so heavily loaded that there is none
-        return None
-
-
-def wander_of(vibration: Vibration, harvester: Harvester | None) -> float:
+def wander_of(shaking: Vibration, harvester: Harvester) -> float:
     """Return the relative standard deviation of the line that a harvester takes most from.
 
-    That of the mean squares over the bins that belong to it; what the model says of given lines.
+    That of its bins weighted by their squared power, for sidebands and noise beside it to count
+    little: of a Gaussian it is smaller by the root of 2. What the model says of given lines.
     """
-    if vibration.resolution_hz == 0 or harvester is None:
-        return vibration.wander
-    number = line_numbers(vibration)
-    if not number.any():
-        return 0.0
-    frequency, power = vibration.frequency_hz, vibration.mean_square_m2s4
-    taken = np.bincount(number, power * harvester.gains(frequency).power_w)
-    own = number == 1 + int(np.argmax(taken[1:]))
-    frequency, power = frequency[own], power[own]
-    mean = np.average(frequency, weights=power)
-    variance = np.average((frequency - mean) ** 2, weights=power)
+    numbers = vibration.line_numbers(shaking)
+    if shaking.resolution_hz == 0 or not numbers.any():
+        return shaking.wander
+    frequency, power = shaking.frequency_hz, shaking.mean_square_m2s4
+    taken = np.bincount(numbers, power * harvester.gains(frequency).power_w)
+    own = numbers == 1 + int(np.argmax(taken[1:]))
+    frequency, weights = frequency[own], power[own] ** 2
+    mean = np.average(frequency, weights=weights)
+    variance = np.average((frequency - mean) ** 2, weights=weights)
     # less what the tapers spread a line that does not wander
-    spread = vibration.resolution_hz**2 / 3
-    return float(min(0.2, math.sqrt(max(0.0, variance - spread)) / mean))
+    spread = shaking.resolution_hz**2 / 3
+    return float(min(0.2, math.sqrt(2 * max(0.0, variance - spread)) / mean))
 
 
 def survey_expected(
@@ -484,7 +380,7 @@ def survey_expected(
     ----------
     machine : Machine
         With what a baseline needs; its operating points are the duty cycle.
-    harvester : InertialHarvester or PiezoCantilever
+    harvester : InertialHarvester, CoilHarvester or PiezoCantilever
     budget : SensorBudget, optional
     faults : iterable of str
         Damage for the degraded state, such as "crack:1:pinion:5:20%".
@@ -504,12 +400,17 @@ def survey_expected(
     """
     check_positive("path_gain", path_gain)
     damage = tuple(faults)
-    how = {"gain": path_gain, "wander": wander, "wander_time_s": wander_time_s}
-    position = Position(
-        name="the mesh",
-        healthy=_expected_duty(machine, (), **how),
-        degraded=_expected_duty(machine, damage, **how) if damage else (),
-    )
+
+    def expected(broken: tuple[str, ...]) -> Iterator[OperatingShare]:
+        about = {"gain": path_gain, "wander": wander, "wander_time_s": wander_time_s}
+        for number, point in enumerate(machine.operating):
+            lines = expected_signature(machine, broken, operating=number)
+            name = point.name or f"{point.speed_rpm:g} rpm"
+            shaking = vibration.vibration_of_signature(lines, name=name, **about)
+            yield OperatingShare(vibration=shaking, share=point.share)
+
+    degraded = tuple(expected(damage)) if damage else ()
+    position = Position(name="the mesh", healthy=tuple(expected(())), degraded=degraded)
     notes = (
         f"lines are those of the teeth along the line of action, times a path gain of {path_gain:g}"
         "; only recordings tell what reaches a place on the housing",
@@ -518,11 +419,13 @@ def survey_expected(
     try:
         return _survey(machine, "expected", harvester, [position], budget, notes, count)
     except ArgumentError as error:
-        hint = (
-            f"a path gain of {_rounded_down(path_gain / error.over)} would be within"
-            if isinstance(error, OverLimitsError)
-            else "less reaches the housing"
-        )
+        hint = "less reaches the housing"
+        if isinstance(error, OverLimitsError):
+            # two digits, never more than the value
+            within = path_gain / error.over
+            step = 10.0 ** (math.floor(math.log10(within)) - 1)
+            within = math.floor(0.999 * within / step) * step
+            hint = f"a path gain of {within:.2g} would be within"
         raise ArgumentError(
             f"{error}; these are the lines at the teeth times a path gain of {path_gain:g}; {hint}"
         ) from None
@@ -545,7 +448,7 @@ def survey_measured(
     ----------
     machine : Machine
         Names its sensors' positions.
-    harvester : InertialHarvester or PiezoCantilever
+    harvester : InertialHarvester, CoilHarvester or PiezoCantilever
     recordings : sequence of Recording
         One an operating point, with the same channels, in m/s2.
     budget : SensorBudget, optional
@@ -564,24 +467,31 @@ def survey_measured(
     ArgumentError
         If channels or units do not fit, or no place yields anything.
     """
-    if not recordings:
+    check_range("share_error", share_error, 0.0, 0.5)
+    number = len(recordings)
+    if not number:
         raise ArgumentError("recordings: none is given")
-    parts = _shares(shares, len(recordings))
-    if degraded and len(degraded) != len(recordings):
+    if len(shares or recordings) != number:
+        raise ArgumentError(f"{len(shares)} shares for {number} recordings; give one for each")
+    if degraded and len(degraded) != number:
         raise ArgumentError(
-            f"{len(degraded)} degraded recordings for {len(recordings)} healthy ones; give one for "
-            "each, in the same order"
+            f"{len(degraded)} degraded recordings for {number} healthy ones; give one for each, in "
+            "the same order"
         )
-    sampled = not shares and len(recordings) >= FEWEST_RECORDINGS
+    parts = [float(share) for share in shares] or [1 / number] * number
+    sampled = not shares and number >= FEWEST_RECORDINGS
+    places = {str(s.column): f": {s.position}" for s in machine.sensors if s.position}
     positions = []
     for name in _channels(recordings):
-        heard = _recorded(machine, name, recordings, parts, degraded, sampled)
-        positions.append(replace(heard, share_error=share_error))
-    notes = []
-    if not shares and len(recordings) > 1:
+        healthy, damaged = (_duty(name, given, parts) for given in (recordings, degraded))
+        folds = tuple((replace(p, share=1.0),) for p in healthy) if sampled else _cut(healthy)
+        title = name + places.get(name, "")
+        positions.append(Position(title, healthy, damaged, folds, sampled, share_error))
+    notes: tuple[str, ...] = ()
+    if not shares and number > 1:
         how = "a block of operation like any other" if sampled else "an equal share of the time"
-        notes.append(f"every recording counts for {how}")
-    return _survey(machine, "measured", harvester, positions, budget, tuple(notes), count)
+        notes = (f"every recording counts for {how}",)
+    return _survey(machine, "measured", harvester, positions, budget, notes, count)
 
 
 def _survey(
@@ -593,91 +503,53 @@ def _survey(
     notes: tuple[str, ...],
     count: int,
 ) -> Survey:
-    task = budget or SensorBudget()
-    placed = rank_positions(harvester, positions, task)
-    if placed[0].tuned is None:
-        if math.isfinite(placed[0].over_limits):
-            raise OverLimitsError(placed[0].refusal, placed[0].over_limits)
-        raise ArgumentError(placed[0].refusal)
     if count not in (1, 2, 3):
         raise ArgumentError(f"count={count} must be 1, 2 or 3")
+    task = budget or SensorBudget()
+    placed = sorted((_placed(harvester, p, task) for p in positions), key=lambda p: -p.power_w)
+    best = placed[0]
+    if best.tuned is None:
+        if math.isfinite(best.over_limits):
+            raise OverLimitsError(best.refusal, best.over_limits)
+        raise ArgumentError(best.refusal)
+    sets = tuning.tune_set(harvester, best.position.healthy, count) if count > 1 else ()
     return Survey(
         machine=machine.name,
         origin=origin,
         placed=tuple(placed),
         budget=task,
-        notes=(*notes, *_at_the_end(placed), *_doubts(placed[0])),
-        together=tuple(tune_set(harvester, placed[0].position.healthy, count)) if count > 1 else (),
+        notes=(*notes, *_at_the_end(placed), *_doubts(best)),
+        together=tuple(sets),
     )
 
 
-def _rounded_down(value: float) -> str:
-    """Two digits, never more than the value."""
-    step = 10.0 ** (math.floor(math.log10(value)) - 1)
-    return f"{math.floor(0.999 * value / step) * step:.2g}"
-
-
-def _at_the_end(placed: Sequence[Placed]) -> tuple[str, ...]:
+def _at_the_end(placed: Sequence[Placed]) -> Iterator[str]:
     """Say where the best tuning is only the last one that the harvester reaches."""
-    notes = []
     for place in placed:
-        if place.tuned is None:
-            continue
-        best = place.tuned.harvester
-        for end, which in zip(best.frequency_range_hz, ("lower", "upper"), strict=True):
+        best: Any = place.tuned.harvester if place.tuned else None
+        for number, which in enumerate(("lower", "upper") if best else ()):
+            end = best.frequency_range_hz[number]
             if abs(best.natural_frequency_hz / end - 1) < best.damping_ratio / 5:
-                notes.append(
+                yield (
                     f"{place.position.name}: {end:.4g} Hz is the {which} end of what this "
                     "harvester can be tuned to; another size might yield more"
                 )
-    return tuple(notes)
 
 
-def _doubts(best: Placed) -> list[str]:
+def _doubts(best: Placed) -> Iterator[str]:
     """Say what the best place's figures do not hold."""
-    told = []
     if best.position.folds and not math.isfinite(best.power_low_w):
-        told.append(
-            f"the recordings hold {best.stretches:.2g} independent stretches, too few for an "
-            "interval; record longer or more often"
+        yield (
+            f"the recordings hold {best.independent_stretches:.2g} independent stretches, too few "
+            "for an interval; record longer or more often"
         )
     if best.line_share < 0.5:
-        told.append(
+        yield (
             f"{100 * (1 - best.line_share):.0f} % of the power comes from what no line stands out "
             "of: make sure that it is not the noise of the sensor"
         )
     if best.power_unseen_w < 0.9 * best.power_w:
-        told.append(
-            f"on stretches that it was not tuned on it gives {1e6 * best.power_unseen_w:.3g} uW"
-        )
-    return told
-
-
-def _expected_duty(
-    machine: Machine, faults: tuple[str, ...], **how: float
-) -> tuple[OperatingShare, ...]:
-    points = []
-    for number, point in enumerate(machine.operating):
-        lines = expected_signature(machine, faults, operating=number)
-        name = point.name or f"{point.speed_rpm:g} rpm"
-        vibration = vibration_of_signature(lines, name=name, **how)
-        points.append(OperatingShare(vibration=vibration, share=point.share))
-    return tuple(points)
-
-
-def _shares(shares: Sequence[float], count: int) -> list[float]:
-    """Return the share of time of each recording, equal ones if none are given.
-
-    Raises
-    ------
-    ArgumentError
-        If there is not one for each recording.
-    """
-    if not shares:
-        return [1 / count] * count
-    if len(shares) != count:
-        raise ArgumentError(f"{len(shares)} shares for {count} recordings; give one for each")
-    return [float(share) for share in shares]
+        yield f"on stretches that it was not tuned on it gives {1e6 * best.power_unseen_w:.3g} uW"
 
 
 def _channels(recordings: Sequence[Recording]) -> list[str]:
@@ -688,77 +560,55 @@ def _channels(recordings: Sequence[Recording]) -> list[str]:
     ArgumentError
         If there is none, or a recording lacks one.
     """
-    wanted = _vibration(recordings[0])
+    first, *others = recordings
+    pairs = zip(first.channel_names, first.channel_kinds, strict=True)
+    wanted = [name for name, kind in pairs if kind == "vibration"]
     if not wanted:
-        raise ArgumentError(f"{recordings[0].origin}: holds no vibration channel")
-    for recording in recordings:
-        missing = [name for name in wanted if name not in _vibration(recording)]
+        raise ArgumentError(f"{first.origin}: holds no vibration channel")
+    for recording in others:
+        missing = [name for name in wanted if name not in recording.channel_names]
         if missing:
             raise ArgumentError(
-                f"{recording.origin}: lacks channel '{missing[0]}', which "
-                f"{recordings[0].origin} has"
+                f"{recording.origin}: lacks channel '{missing[0]}', which {first.origin} has"
             )
     return wanted
 
 
-def _vibration(recording: Recording) -> list[str]:
-    pairs = zip(recording.channel_names, recording.channel_kinds, strict=True)
-    return [name for name, kind in pairs if kind == "vibration"]
-
-
-def _recorded(
-    machine: Machine,
-    name: str,
-    recordings: Sequence[Recording],
-    shares: list[float],
-    degraded: Sequence[Recording],
-    sampled: bool,
-) -> Position:
-    """Gather what the recordings tell of one channel: duty cycles, sound and damaged, and parts.
+def _duty(name: str, recordings: Sequence[Recording], shares: list[float]) -> Points:
+    """Gather what recordings tell of one channel.
 
     Raises
     ------
     ArgumentError
         If a recording lacks the channel or its unit.
     """
-    places = {str(s.column): s.position for s in machine.sensors if s.position}
-    healthy = _duty([_vibration_of(recording, name) for recording in recordings], shares)
-    folds: tuple[tuple[OperatingShare, ...], ...]
-    if sampled:
-        folds = tuple((replace(point, share=1.0),) for point in healthy)
-    else:
-        cut = [np.array_split(p.vibration.samples_ms2, FOLDS) for p in healthy]
-        rates = [p.vibration.sampling_rate_hz for p in healthy]
-        folds = tuple(
-            _duty([vibration_of_samples(*two) for two in zip(part, rates, strict=True)], shares)
-            for part in zip(*cut, strict=True)
-            if min(map(len, part)) >= 16 and all(p.any() for p in part)
-        )
-    return Position(
-        name=f"{name}: {places[name]}" if name in places else name,
-        healthy=healthy,
-        degraded=_duty([_vibration_of(recording, name) for recording in degraded], shares),
-        folds=folds,
-        sampled=sampled,
-    )
+    points = []
+    for recording, share in zip(recordings, shares, strict=False):
+        if name not in recording.channel_names:
+            raise ArgumentError(f"{recording.origin}: lacks channel '{name}'")
+        number = recording.channel_names.index(name)
+        unit = recording.units[number]
+        if unit != "m/s2":
+            raise ArgumentError(
+                f"{recording.origin}: channel '{name}' has the unit {unit or 'unknown'}, m/s2 is "
+                'needed for a power; say unit = "m/s2" or "g" in a [[sensor]] of the machine file'
+            )
+        row, rate = recording.samples[number], recording.sampling_rate_hz
+        heard = vibration_of_samples(row, rate, name=recording.origin)
+        points.append(OperatingShare(vibration=heard, share=share))
+    return tuple(points)
 
 
-def _duty(vibrations: Sequence[Vibration], shares: list[float]) -> tuple[OperatingShare, ...]:
-    return tuple(
-        OperatingShare(vibration=vibration, share=share)
-        for vibration, share in zip(vibrations, shares, strict=False)
-    )
+def _cut(points: Points) -> tuple[Points, ...]:
+    """Cut a duty cycle into stretches; those in which a recording is silent are left out."""
+    found = []
+    cut = [np.array_split(point.vibration.samples_ms2, FOLDS) for point in points]
+    for parts in zip(*cut, strict=True):
+        if all(len(part) >= 16 and part.any() for part in parts):
+            own = zip(points, parts, strict=True)
+            found.append(tuple(replace(p, vibration=_part(p.vibration, x)) for p, x in own))
+    return tuple(found)
 
 
-def _vibration_of(recording: Recording, name: str) -> Vibration:
-    if name not in recording.channel_names:
-        raise ArgumentError(f"{recording.origin}: lacks channel '{name}'")
-    number = recording.channel_names.index(name)
-    unit = recording.units[number]
-    if unit != "m/s2":
-        raise ArgumentError(
-            f"{recording.origin}: channel '{name}' has the unit {unit or 'unknown'}, m/s2 is "
-            'needed for a power; say unit = "m/s2" or "g" in a [[sensor]] of the machine file'
-        )
-    row = recording.samples[number]
-    return vibration_of_samples(row, recording.sampling_rate_hz, name=recording.origin)
+def _part(whole: Vibration, samples: Any) -> Vibration:
+    return vibration_of_samples(samples, whole.sampling_rate_hz, whole.name)

@@ -24,82 +24,229 @@
 
 An inertial one has mass_g, damping_ratio, clearance_mm, restitution, tilt_deg, lowest_hz and
 highest_hz; one with a coil also turns, field_length_tm (B l of a turn), coil_ohm and coil_mh.
+
+From the harvester to the sensor (`SensorBudget`):
+
+rectifier   a bridge passes current only while the voltage at the load exceeds its drop D: of the
+            power under a sine of amplitude V it passes 1 - 2/pi (asin k + k sqrt(1 - k^2)) with
+            k = D/V, none below (the mean of |v| (|v| - D) over that of v^2)
+regulator   one that tracks the maximum power point presents the best load and takes what it
+            needs itself; without one the store holds the voltage, and a source whose open
+            voltage is twice that at its best gives 4 x (1 - x) of its best at the share x
+store       leaks at its voltage, and must once be charged from nothing: only when the rectified
+            voltage reaches what the regulator starts at
+part        loses with temperature, and with every tenfold of its age
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import fields
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
-from gearmon.errors import ArgumentError, nearest_name
-from gearmon.harvesting.budget import SensorBudget
-from gearmon.harvesting.cantilever import (
-    BEAM_MATERIALS,
-    PIEZO_MATERIALS,
-    ModalDamping,
-    PiezoCantilever,
-    TipBlock,
-    Wiring,
-)
-from gearmon.harvesting.harvester import Harvester
-from gearmon.harvesting.inertial import CoilHarvester, InertialHarvester
-from gearmon.machine.fields import Choice, FieldError, Number, Rule
+import numpy as np
+import numpy.typing as npt
+
+from gearmon.errors import ArgumentError, check_positive, nearest_name
+from gearmon.harvesting.cantilever import BEAM_MATERIALS, PIEZO_MATERIALS, PiezoCantilever
+from gearmon.harvesting.harvester import CoilHarvester, Harvester, InertialHarvester, number
+from gearmon.harvesting.response import Tuned
+from gearmon.machine.fields import Choice, Count, FieldError, Number, check_fields, obeys
 from gearmon.machine.source import MachineSource, read_source
 
 GRAVITY_MS2 = 9.81
+#: Degrees Celsius at which parts are measured, and the age from which tenfolds count [years].
+REFERENCE_C, FIRST_YEARS = 20.0, 1.0 / 365.0
 #: Units of keys that are a thousandth of those that a harvester takes.
 _THOUSANDTHS = {"mm": "m", "g": "kg", "mh": "henry"}
-
-
-def _up_to(high: float, unit: str = "", why: str = "", *, zero: bool = False) -> Number:
-    return Number(low=0, high=high, unit=unit, why=why, open_low=not zero)
-
-
-#: Keys of each kind with their defaults (None: not set) and rules.
-_Keys = dict[str, tuple[Any, Rule]]
-_SHARED: _Keys = {
-    "damping_ratio": (0.01, Number(low=1e-4, high=0.5, why="mechanical, of the first mode")),
-    "clearance_mm": (2.0, _up_to(1000, "mm", "room to either side")),
-    "restitution": (0.5, _up_to(1, zero=True)),
-    "tilt_deg": (0.0, Number(low=0, high=90, unit="degrees")),
-}
-_SPRING: _Keys = {
-    "mass_g": (5.0, _up_to(1e6, "g")),
-    "lowest_hz": (5.0, _up_to(1e6, "Hz")),
-    "highest_hz": (5000.0, _up_to(1e6, "Hz")),
-    **_SHARED,
-}
-_LOAD: _Keys = {"load_ohm": (None, _up_to(1e12, "ohm"))}
-_KEYS: dict[str, _Keys] = {
+#: Keys of each kind with what they are if left out; None is not set at all.
+_SHARED = {"damping_ratio": 0.01, "clearance_mm": 2.0, "restitution": 0.5, "tilt_deg": 0.0}
+_SPRING = {"mass_g": 5.0, "lowest_hz": 5.0, "highest_hz": 5000.0, **_SHARED}
+_COIL = {"turns": 1000.0, "field_length_tm": 5e-3, "coil_ohm": 100.0, "coil_mh": 0.0}
+_LAYERS = {"length_mm": 15.0, "width_mm": 10.0} | dict.fromkeys(
+    ("passive_thickness_mm", "piezo_thickness_mm"), 0.2
+)
+_TIP = {"most_tip_mass_g": 20.0, "tip_gyration_mm": 0.0, "tip_block_height_mm": 0.0}
+_NAMED = {"wiring": "series", "piezo": "PZT-5A", "passive": "brass", "air": "included"}
+_KEYS: dict[str, dict[str, Any]] = {
     "cantilever": {
-        "wiring": ("series", Choice(options=get_args(Wiring))),
-        "piezo": ("PZT-5A", Choice(options=tuple(PIEZO_MATERIALS))),
-        "passive": ("brass", Choice(options=tuple(BEAM_MATERIALS))),
-        "length_mm": (15.0, _up_to(1000, "mm", "free length")),
-        "width_mm": (10.0, _up_to(1000, "mm", "width")),
-        "passive_thickness_mm": (0.2, _up_to(50, "mm", "of the passive layer")),
-        "piezo_thickness_mm": (0.2, _up_to(50, "mm", "of each piezoelectric layer")),
-        "most_tip_mass_g": (20.0, _up_to(1e5, "g", "largest tip mass", zero=True)),
-        "tip_gyration_mm": (0.0, _up_to(1000, "mm", "of the tip mass", zero=True)),
-        "tip_block_height_mm": (None, _up_to(1000, "mm")),
-        "tip_block_material": ("steel", Choice(options=tuple(BEAM_MATERIALS))),
-        "air": ("included", Choice(options=("included", "added"))),
-        **_LOAD,
+        **_NAMED,
+        **_LAYERS,
+        **_TIP,
+        "tip_block_material": "steel",
+        "load_ohm": None,
         **_SHARED,
     },
     "inertial": _SPRING,
-    "coil": {
-        "turns": (1000.0, _up_to(1e7)),
-        "field_length_tm": (5e-3, _up_to(1e3, "T m")),
-        "coil_ohm": (100.0, _up_to(1e9, "ohm")),
-        "coil_mh": (0.0, _up_to(1e6, "mH", zero=True)),
-        **_LOAD,
-        **_SPRING,
-    },
+    "coil": {**_COIL, "load_ohm": None, **_SPRING},
 }
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorBudget:
+    """Energy that one recording takes, from sampling to sending it, and what is lost on the way.
+
+    The defaults are round figures of a battery-free node with a low-power radio: 12 bit at 10 kHz
+    for 10 s, a front end and processor of 3 mW while they record, 100 nJ for each bit sent (radio
+    and protocol), 5 uW asleep, a converter that passes 70 % at microwatts: replace them by those of
+    the parts chosen. Two Schottky diodes of a bridge take 0.6 V: at most 0.24 V each at 0.1 mA and
+    0.32 V at 1 mA (BAT54, data sheet). What else depends on the parts counts as nothing until it is
+    given.
+
+    Parameters
+    ----------
+    duration_s, sampling_rate_hz : float, > 0
+        Of one recording.
+    bits : int, 1 to 64
+        Of a sample.
+    recording_power_w, sleep_power_w : float, >= 0
+        While it records; all the time [W].
+    energy_per_bit_j : float, >= 0
+        To send a bit [J].
+    efficiency : float, > 0 and <= 1
+        Of the converter.
+    rectifier_drop_v : float, >= 0
+        Of all diodes in series [V].
+    regulator : {"tracking", "none"}
+        Whether the maximum power point is tracked.
+    quiescent_power_w : float, >= 0
+        What the regulator takes [W].
+    store_f, store_v : float, > 0
+        Capacitance and voltage of the store [F], [V].
+    leakage_a : float, >= 0
+        Of the store [A].
+    cold_start_v : float, >= 0
+        Rectified voltage at which the regulator starts from nothing [V].
+    temperature_c : float, -60 to 200
+    loss_per_k : float, 0 to 0.05
+        Share of the power that is lost for each degree from 20 degrees C.
+    years, loss_per_decade : float, >= 0
+        Age, and share of the power that is lost with each tenfold of it from the first day on.
+
+    Raises
+    ------
+    ArgumentError
+        If a value is out of its range.
+    """
+
+    duration_s: float = number(0, 1e6, "s", zero=False, default=10.0)
+    sampling_rate_hz: float = number(0, 1e7, "Hz", zero=False, default=10_000.0)
+    bits: int = field(default=12, metadata=obeys(Count(low=1, high=64)))
+    recording_power_w: float = number(0, 1e3, "W", default=3e-3)
+    energy_per_bit_j: float = number(0, 1, "J", default=100e-9)
+    sleep_power_w: float = number(0, 1e3, "W", default=5e-6)
+    efficiency: float = number(0, 1, zero=False, default=0.7)
+    rectifier_drop_v: float = number(0, 100, "V", default=0.6)
+    regulator: str = field(default="tracking", metadata=obeys(Choice(options=("tracking", "none"))))
+    quiescent_power_w: float = number(0, 1e3, "W", default=0.0)
+    store_f: float = number(0, 1e4, "F", zero=False, default=1e-3)
+    store_v: float = number(0, 1e3, "V", zero=False, default=3.0)
+    leakage_a: float = number(0, 1, "A", default=0.0)
+    cold_start_v: float = number(0, 1e3, "V", default=0.0)
+    temperature_c: float = number(-60, 200, "degrees C", default=REFERENCE_C)
+    loss_per_k: float = number(0, 0.05, "1/K", default=0.0)
+    years: float = number(0, 100, "years", default=0.0)
+    loss_per_decade: float = number(0, 0.5, default=0.0)
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+    @property
+    def energy_j(self) -> float:
+        """Of one recording, made and sent [J]."""
+        sent = self.duration_s * self.sampling_rate_hz * self.bits * self.energy_per_bit_j
+        return self.duration_s * self.recording_power_w + sent
+
+    @property
+    def constant_power_w(self) -> float:
+        """What is taken all the time: sleep, regulator and leakage [W]."""
+        return self.sleep_power_w + self.quiescent_power_w + self.leakage_a * self.store_v
+
+    @property
+    def kept_share(self) -> float:
+        """What temperature and age leave of the power."""
+        decades = math.log10(max(self.years / FIRST_YEARS, 1.0))
+        warm = 1 - self.loss_per_k * abs(self.temperature_c - REFERENCE_C)
+        return max(0.0, warm * (1 - self.loss_per_decade * decades))
+
+    def interval_s(self, power_w: float) -> float:
+        """Time between recordings that a mean rectified power allows [s]; infinite if none.
+
+        Parameters
+        ----------
+        power_w : float, >= 0
+            Electrical, behind the rectifier.
+        """
+        left = self.efficiency * power_w - self.constant_power_w
+        return max(self.duration_s, self.energy_j / left) if left > 0 else math.inf
+
+    def rectified_w(self, power_w: npt.ArrayLike, load_ohm: float) -> npt.NDArray[np.float64]:
+        """Power behind rectifier (and store, without a regulator) of sines of several powers [W].
+
+        Parameters
+        ----------
+        power_w : array, >= 0
+            In the load.
+        load_ohm : float
+            NaN where there is no circuit: then nothing is lost here.
+        """
+        power = self.kept_share * np.asarray(power_w, dtype=np.float64)
+        if math.isnan(load_ohm):
+            return power
+        amplitude = np.maximum(np.sqrt(2 * power * load_ohm), 1e-300)
+        if self.regulator == "none":
+            held = self.store_v + self.rectifier_drop_v
+            share = np.minimum(held / (2 * amplitude), 1.0)
+            return np.asarray(power * 4 * share * (1 - share) * self.store_v / held)
+        dead = np.minimum(self.rectifier_drop_v / amplitude, 1.0)
+        lost = np.arcsin(dead) + dead * np.sqrt(1 - dead**2)
+        return np.asarray(power * (1 - 2 / math.pi * lost))
+
+    def supply(self, tuned: Tuned[Any], shares: Sequence[float]) -> dict[str, Any]:
+        """Follow the power of a tuned harvester over a duty cycle to the sensor.
+
+        Parameters
+        ----------
+        tuned : Tuned
+        shares : sequence of float
+            Share of time of each operating point.
+
+        Returns
+        -------
+        dict
+            harvested_w, rectified_w, regulated_w, constant_w, left_w, interval_s (None if
+            infinite), starts (whether the cold start is reached) and charging_s (of the empty
+            store; None if never).
+        """
+        load, answers = tuned.harvester.resistance_ohm, tuned.answers
+        rectified = math.fsum(
+            share * float(self.rectified_w(a.power_steps_w, load).mean())
+            for share, a in zip(shares, answers, strict=True)
+        )
+        most = max(float(a.power_steps_w.max()) for a in answers)
+        volts = math.sqrt(2 * self.kept_share * most * load)
+        starts = not volts - self.rectifier_drop_v < self.cold_start_v
+        interval = self.interval_s(rectified) if starts else math.inf
+        regulated = self.efficiency * rectified
+        left = regulated - self.constant_power_w
+        spare = left + self.sleep_power_w
+        charging = 0.5 * self.store_f * self.store_v**2 / spare if starts and spare > 0 else None
+        return {
+            "harvested_w": tuned.power_w,
+            "rectified_w": rectified,
+            "regulated_w": regulated,
+            "constant_w": self.constant_power_w,
+            "left_w": left,
+            "interval_s": interval if math.isfinite(interval) else None,
+            "starts": starts,
+            "charging_s": charging,
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all values, and the energy of a recording, in built-in types."""
+        return asdict(self) | {"energy_per_recording_j": self.energy_j}
 
 
 def built_in() -> tuple[Harvester, SensorBudget]:
@@ -136,61 +283,57 @@ def load_harvester(path: str | Path) -> tuple[Harvester, SensorBudget]:
     budget = document.pop("budget", {})
     if not isinstance(budget, dict):
         raise source.error("budget", "budget must be a table, written [budget]")
-    harvester = _told(source, "", list(_KEYS[kind]), document, lambda: _built(kind, document))
+    harvester = _told(source, "", _KEYS[kind], document, lambda: _built(kind, document))
     known = [f.name for f in fields(SensorBudget)]
     return harvester, _told(source, "budget.", known, budget, lambda: SensorBudget(**budget))
 
 
-def _built(kind: str, table: dict[str, Any]) -> Harvester:
+def _built(kind: str, given: dict[str, Any]) -> Harvester:
     """Build a harvester from the keys of its file; what is left out has its default."""
-    values: dict[str, Any] = {}
-    for key, (default, rule) in _KEYS[kind].items():
-        if (value := table.get(key, default)) is not None:
-            name, _, unit = key.rpartition("_")
-            checked: Any = rule.checked(key, value)
-            if unit in _THOUSANDTHS:
-                values[f"{name}_{_THOUSANDTHS[unit]}"] = 1e-3 * checked
-            else:
-                values[key] = checked
-    values["weight_ms2"] = GRAVITY_MS2 * math.cos(math.radians(values.pop("tilt_deg")))
-    values |= {"load_kept": True} if "load_ohm" in values else {}
-    damping = values.pop("damping_ratio")
+    table = {key: value for key, value in (_KEYS[kind] | given).items() if value is not None}
+    tilt = Number(low=0, high=90, unit="degrees").checked("tilt_deg", table.pop("tilt_deg"))
+    values = {_name(key): _in_si(key, value) for key, value in table.items()}
+    values["weight_ms2"] = GRAVITY_MS2 * math.cos(math.radians(tilt))
+    values["load_kept"] = "load_ohm" in values
     if kind == "cantilever":
-        return _cantilever(ModalDamping(constant=damping), **values)
-    if values["highest_hz"] <= values["lowest_hz"]:
-        raise FieldError("highest_hz", f"must be above lowest_hz = {values['lowest_hz']:g}")
-    values["natural_frequency_hz"] = math.sqrt(values["lowest_hz"] * values["highest_hz"])
+        block = _one_of(BEAM_MATERIALS, "tip_block_material", values.pop("tip_block_material"))
+        air = {"included": False, "added": True}
+        return PiezoCantilever(
+            piezo=_one_of(PIEZO_MATERIALS, "piezo", values.pop("piezo")),
+            passive=_one_of(BEAM_MATERIALS, "passive", values.pop("passive")),
+            in_air=_one_of(air, "air", values.pop("air")),
+            tip_block_density_kg_m3=block.density_kg_m3,
+            **values,
+        )
+    ends = [check_positive(key, values[key], "Hz") for key in ("lowest_hz", "highest_hz")]
+    values["natural_frequency_hz"] = math.sqrt(math.prod(ends))
     build = InertialHarvester if kind == "inertial" else CoilHarvester
-    return build(mechanical_damping_ratio=damping, **values)
+    return build(**values)
 
 
-def _cantilever(
-    damping: ModalDamping,
-    piezo: str,
-    passive: str,
-    air: str,
-    tip_block_material: str,
-    tip_block_height_m: float | None = None,
-    **values: Any,
-) -> PiezoCantilever:
-    block = None
-    if tip_block_height_m is not None:
-        density = BEAM_MATERIALS[tip_block_material].density_kg_m3
-        block = TipBlock(density_kg_m3=density, height_m=tip_block_height_m)
-    return PiezoCantilever(
-        damping=damping,
-        piezo=PIEZO_MATERIALS[piezo],
-        passive=BEAM_MATERIALS[passive],
-        in_air=air == "added",
-        tip_block=block,
-        **values,
-    )
+def _name(key: str) -> str:
+    """Return the field of a harvester that a key stands for."""
+    name, _, unit = key.rpartition("_")
+    if unit in _THOUSANDTHS:
+        return f"{name}_{_THOUSANDTHS[unit]}"
+    return {"damping_ratio": "mechanical_damping_ratio"}.get(key, key)
+
+
+def _in_si(key: str, value: Any) -> Any:
+    if key.rpartition("_")[2] not in _THOUSANDTHS:
+        return value
+    # the range is that of the field itself
+    return 1e-3 * Number(low=-math.inf, high=math.inf).checked(key, value)
+
+
+def _one_of(options: dict[str, Any], key: str, value: object) -> Any:
+    return options[Choice(options=tuple(options)).checked(key, value)]
 
 
 def _told(
     source: MachineSource,
     prefix: str,
-    known: list[str],
+    known: Iterable[str],
     table: dict[str, Any],
     build: Callable[[], Any],
 ) -> Any:
@@ -203,6 +346,8 @@ def _told(
     try:
         return build()
     except FieldError as error:
-        raise source.error(prefix + error.key, error.message(prefix + error.key)) from None
+        key = next((k for k in known if _name(k) == error.key), error.key)
+        said = FieldError(key, error.reason, table.get(key, error.value)).message(prefix + key)
+        raise source.error(prefix + key, said) from None
     except ArgumentError as error:
         raise source.error("kind", str(error)) from None

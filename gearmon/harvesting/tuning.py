@@ -1,55 +1,46 @@
 """The natural frequency and load that yield most over a whole spectrum and duty cycle.
 
 The full response, all modes and loads, is looked at over the whole range of natural frequencies;
-the best places are refined by a bounded search, the load being found anew for every frequency.
-Limits of travel and stress are held to the peaks of the recordings themselves: the search takes a
-peak for the rms times a crest, which the recordings then correct until it is theirs.
+the best places are refined in frequency and load together (COBYLA of `scipy.optimize`, which keeps
+limits). Limits of travel and stress are held to the peaks of the recordings themselves: the search
+guesses them from the spectrum, and the recordings then correct how high a guess may be.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import replace
 from itertools import combinations_with_replacement
-from typing import Any, Generic
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.errors import ArgumentError
-from gearmon.harvesting.harvester import H, Harvester
-from gearmon.harvesting.power import (
-    LOADS,
-    DutyLines,
-    Tuned,
-    best_load,
-    by_load,
-    evaluate,
-    static_peaks,
-)
-from gearmon.harvesting.vibration import OperatingShare, Shaking, check_duty
+from gearmon.errors import ArgumentError, check_range
+from gearmon.harvesting.harvester import H, Harvester, half_power_band
+from gearmon.harvesting.response import Tuned, evaluate, mean_power_w, powers_and_shares
+from gearmon.harvesting.vibration import OperatingShare, Shaking, Vibration, check_duty
 
 Real = npt.NDArray[np.float64]
 Points = tuple[OperatingShare, ...]
+#: A harvester at one natural frequency, loads, their power, and their largest peak over its limit.
+Row = tuple[Any, Real, Real, Real]
 
-#: Step of the first look, in damping ratios, and the most natural frequencies looked at.
-STEP, MOST_SCANNED = 0.7, 4000
+#: Step of the first look, in damping ratios, and the most natural frequencies looked at; loads.
+STEP, MOST_SCANNED, LOADS = 0.7, 4000, 22
 #: Loud lines that are looked at as well, where the steps would have to be larger.
 LOUDEST = 40
 #: Bins are merged over these shares of a damping ratio, for the first look and for the search.
 ROUGH_BINS, FINE_BINS = 0.5, 0.2
 #: Places that are refined; one whose first look, this many times, is below the best is not.
 PLACES, PRUNED_FROM = 6, 1.3
-#: End of the search for the natural frequency, in damping ratios.
-LAST_STEP = 0.02
-#: Zooms on the load where limits bind, since the power is not flat there, and where they do not.
-LIMITED_ZOOMS, FREE_ZOOMS = 4, 3
-#: Corrections of the crest by the recordings, and the peak that they aim at.
+#: First and last step of the search, in damping ratios and logarithms of the load, and its length.
+FIRST_STEP, LAST_STEP, MOST_STEPS = 0.3, 2e-3, 200
+#: Corrections of the peaks by the recordings, and the peak over limit that they aim at.
 CORRECTIONS, AIMED = 6, 0.995
-#: Tunings that sets are made of: 180,000 sets of three.
-MOST_KEPT = 100
+#: Mixtures of the operating points whose best tunings the sets are made of.
+MIXTURES = 100
 
 
 class OverLimitsError(ArgumentError):
@@ -98,31 +89,135 @@ def tune_harvester(harvester: H, duty: Shaking, *, limited: bool = True) -> Tune
     >>> round(found.harvester.natural_frequency_hz), round(1e6 * found.power_w)
     (312, 10)
     """
-    points = check_duty(duty)
-    free = _Search(harvester, points)
-    tuned = replace(evaluate(free.best().harvester, points), rivals_hz=tuple(free.places_hz))
+    return _tuned(harvester, check_duty(duty), limited)[0]
+
+
+def _tuned(harvester: H, points: Points, limited: bool) -> tuple[Tuned[H], float]:
+    """Tune, and tell how high a guessed peak over its limit may be."""
+    light = _lightened(harvester, points, ROUGH_BINS)
+    grid = _grid(harvester, light)
+    best, places = _best([_row(harvester, light, f, False) for f in grid], points, math.inf)
+    tuned = replace(evaluate(best, points), rivals_hz=places)
     if tuned.within_limits or not limited:
-        return tuned
-    crests = [point.vibration.crest for point in points]
-    allowed, nearest = [], tuned
+        return tuned, 1.0
+    rows = [_row(harvester, light, f, True) for f in grid]
+    fine = _lightened(harvester, points, FINE_BINS)
+    allowed, nearest, most = [], tuned, 1.0
     for _ in range(CORRECTIONS):
-        start = _Search(harvester, points, crests).best(free.first_look)
-        tuned = evaluate(start.harvester, points)
-        nearest = min(nearest, tuned, key=_over)
+        best, _ = _best(rows, points, most)
+        tuned = replace(evaluate(best, points), rivals_hz=places)
+        nearest = min(nearest, tuned, key=lambda t: t.over)
         if tuned.within_limits:
-            allowed.append(tuned)
-        wanted = _crests(tuned, points)
-        if start.power_w <= 0 or np.allclose(wanted, crests, rtol=1 - AIMED):
+            allowed.append((tuned, most))
+        guessed = float(powers_and_shares(best, fine, np.array([best.load]))[1][0])
+        measured = any(answer.quantiles for answer in tuned.answers)
+        wanted = guessed / tuned.over * (AIMED if measured else 1.0)
+        if abs(wanted / most - 1) < 1 - AIMED:
             break
-        crests = wanted
+        most = wanted
     if not allowed:
-        raise OverLimitsError(*_refusal(nearest))
-    return max(allowed, key=lambda t: t.power_w)
+        raise OverLimitsError(_refusal(nearest), nearest.over)
+    return max(allowed, key=lambda pair: pair[0].power_w)
 
 
 def tuned_among(harvester: H, duty: Shaking, places_hz: Sequence[float]) -> H:
     """Return the harvester tuned near one of a few natural frequencies, whatever its limits."""
-    return _Search(harvester, check_duty(duty)).best(places_hz=places_hz).harvester
+    points = check_duty(duty)
+    light = _lightened(harvester, points, ROUGH_BINS)
+    rows = [_row(harvester, light, place, False) for place in places_hz]
+    return _best(rows, points, math.inf, everywhere=True)[0]  # type: ignore[no-any-return]
+
+
+def _row(harvester: Harvester, light: Points, frequency: float, limited: bool) -> Row:
+    """Look at one natural frequency with many loads."""
+    low, high = harvester.frequency_range_hz
+    tuned = harvester.retuned(min(max(float(frequency), low), high))
+    loads = np.geomspace(*tuned.load_range, LOADS)
+    if not limited:
+        return tuned, loads, mean_power_w(tuned, light, loads), np.zeros(LOADS)
+    power, over = powers_and_shares(tuned, light, loads)
+    return tuned, loads, np.array([point.share for point in light]) @ power, over
+
+
+def _best(
+    rows: Sequence[Row], points: Points, most: float, *, everywhere: bool = False
+) -> tuple[Any, tuple[float, ...]]:
+    """Refine the best places of a first look; return the best, and where they are."""
+    starts, worths = [], [-math.inf]
+    for tuned, loads, power, over in rows:
+        worth = np.where(over <= most, power, -over)
+        top = int(np.argmax(worth))
+        starts.append(tuned.with_load(loads[top]))
+        worths.append(float(worth[top]))
+    worths.append(-math.inf)
+    tops = [
+        i for i in range(len(starts)) if everywhere or worths[i] <= worths[i + 1] >= worths[i + 2]
+    ]
+    tops = sorted(tops, key=lambda i: -worths[i + 1])[:PLACES]
+    light = _lightened(starts[0], points, FINE_BINS)
+    best, reached = starts[tops[0]], -math.inf
+    for i in tops:
+        if PRUNED_FROM * worths[i + 1] < reached:
+            break
+        (found,), power_w = _polished([starts[i]], light, most)
+        if power_w > reached:
+            best, reached = found, power_w
+    return best, tuple(starts[i].natural_frequency_hz for i in tops)
+
+
+def _polished(
+    members: Sequence[H], light: Points, most: float, *, worst: bool = False
+) -> tuple[list[H], float]:
+    """Move frequencies and loads together to where their power is largest.
+
+    That is the mean over the operating points, or of several harvesters that of the worst one.
+    Returned with it; below 0 by the largest peak over its limit where that cannot be kept.
+    """
+    from scipy.optimize import minimize
+
+    low, high = members[0].frequency_range_hz
+    shares = np.eye(len(light)) if worst else np.array([[point.share for point in light]])
+    known: dict[bytes, tuple[Real, float]] = {}
+
+    def moved(x: Real) -> list[H]:
+        found = []
+        for member, (shift, factor) in zip(members, x.reshape(-1, 2), strict=True):
+            wanted = member.natural_frequency_hz * math.exp(member.damping_ratio * shift)
+            tuned = member.retuned(min(max(wanted, low), high))
+            load = np.clip(member.load * math.exp(factor), *tuned.load_range)
+            found.append(tuned.with_load(load))
+        return found
+
+    def told(x: Real) -> tuple[Real, float]:
+        """Power of what counts, and the largest peak over its limit."""
+        x = x[: 2 * len(members)]
+        if x.tobytes() not in known:
+            total, over = np.zeros(len(shares)), 0.0
+            for one in moved(x):
+                load = np.array([one.load])
+                if math.isinf(most):
+                    total += mean_power_w(one, light, load)
+                else:
+                    power, peak = powers_and_shares(one, light, load)
+                    total, over = total + shares @ power[:, 0], max(over, float(peak[0]))
+            known[x.tobytes()] = np.maximum(total, 1e-300), over
+        return known[x.tobytes()]
+
+    start = np.zeros(2 * len(members))
+    # the last variable stays below the power of every point
+    rules = [lambda x: np.log(told(x)[0]) - x[-1]] if worst else []
+    rules += [] if math.isinf(most) else [lambda x: math.log(most / max(told(x)[1], 1e-300))]
+    minimize(
+        (lambda x: -x[-1]) if worst else (lambda x: -math.log(told(x)[0][0])),
+        np.append(start, np.log(told(start)[0]).min()) if worst else start,
+        method="COBYLA",
+        tol=LAST_STEP,
+        constraints=[{"type": "ineq", "fun": rule} for rule in rules],
+        options={"rhobeg": FIRST_STEP, "maxiter": MOST_STEPS * len(members)},
+    )
+    ranks = {x: float(p.min()) if over <= most else -over for x, (p, over) in known.items()}
+    top = max(ranks, key=ranks.__getitem__)
+    return moved(np.frombuffer(top)), ranks[top]
 
 
 def power_against_tuning(harvester: H, duty: Shaking, frequency_hz: npt.ArrayLike) -> Real:
@@ -133,174 +228,99 @@ def power_against_tuning(harvester: H, duty: Shaking, frequency_hz: npt.ArrayLik
     frequency_hz : array, shape (n,)
         Within the range that the harvester can reach.
     """
-    points = _lightened(harvester, check_duty(duty), FINE_BINS)
-    lines, load = DutyLines.over(points, harvester.damping_ratio), np.array([harvester.load])
+    points, load = _lightened(harvester, check_duty(duty), FINE_BINS), np.array([harvester.load])
     wanted = np.atleast_1d(np.asarray(frequency_hz, dtype=np.float64))
-    return np.array([lines.power_w(harvester.retuned(float(f)), load)[0] for f in wanted])
+    return np.array([mean_power_w(harvester.retuned(float(f)), points, load)[0] for f in wanted])
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Start(Generic[H]):
-    """A harvester with its best load; power -1 where every load breaks a limit by `share`."""
+def bandwidth_against_quality(
+    harvester: Harvester, quality_factors: Sequence[float], wander: float = 0.0
+) -> list[dict[str, float]]:
+    """Bandwidth and power of a harvester against the quality factor of its mechanics.
 
-    harvester: H
-    power_w: float
-    share: float = 0.0
+    Parameters
+    ----------
+    harvester : InertialHarvester, CoilHarvester or PiezoCantilever
+        As tuned; its load is chosen anew for every quality factor.
+    quality_factors : sequence of float, 0.51 to 10,000
+        Of the mechanics alone, 1/(2 zm).
+    wander : float, 0 to 0.2
+        Standard deviation of the frequency of the one line of 1 m/s2 that drives it, over its mean.
 
-    @property
-    def rank(self) -> tuple[float, float]:
-        return self.power_w, -self.share
+    Returns
+    -------
+    list of dict
+        quality_factor, loaded_quality_factor, load, width_hz, peak_power_w (1 m/s2 at the best
+        frequency) and power_w (1 m/s2 about the natural frequency, wandering).
 
-
-class _Search(Generic[H]):
-    """Look over all natural frequencies, and refine the best places."""
-
-    def __init__(self, harvester: H, points: Points, crests: Sequence[float] | None = None) -> None:
-        self.harvester, self.limited = harvester, crests is not None
-        if crests is not None:
-            points = tuple(
-                replace(p, vibration=replace(p.vibration, crest=c))
-                for p, c in zip(points, crests, strict=True)
-            )
-        self.rough, self.fine = (
-            _lightened(harvester, points, width) for width in (ROUGH_BINS, FINE_BINS)
+    Raises
+    ------
+    ArgumentError
+        If a value is out of its range.
+    """
+    points = check_duty(
+        Vibration(
+            frequency_hz=np.array([harvester.natural_frequency_hz]),
+            mean_square_m2s4=np.array([0.5]),
+            wander=wander,
         )
-        self.first_look: list[tuple[float, float]] = []
-        self.places_hz: list[float] = []
-
-    def best(
-        self, known: Sequence[tuple[float, float]] = (), places_hz: Sequence[float] = ()
-    ) -> _Start[H]:
-        """Refine the best places of a first look, of a known one without limits, or given ones."""
-        look = partial(self._start, points=self.rough, zooms=0)
-        if self.limited:
-            starts = self._within(look, known)
-        elif places_hz:
-            starts = [look(place) for place in sorted(places_hz)]
-        else:
-            starts = [look(float(f)) for f in _grid(self.harvester, self.rough)]
-            self.first_look = [(s.power_w, s.harvester.natural_frequency_hz) for s in starts]
-        found: list[_Start[H]] = []
-        tops = sorted(starts, key=lambda s: s.rank)[::-1] if places_hz else _tops(starts)
-        self.places_hz = [s.harvester.natural_frequency_hz for s in tops[:PLACES]]
-        for start in tops[:PLACES]:
-            if not found or PRUNED_FROM * start.power_w >= found[0].power_w:
-                found.append(self._refined(start))
-                found.sort(key=lambda s: s.rank, reverse=True)
-        return found[0]
-
-    def _within(self, look: Any, known: Sequence[tuple[float, float]]) -> list[_Start[H]]:
-        """First look within limits; limits only take power away, which says when to stop."""
-        starts: list[_Start[H]] = []
-        best = 0.0
-        for free, frequency in sorted(known, reverse=True):
-            if starts and PRUNED_FROM * free < best:
-                break
-            starts.append(look(frequency))
-            best = max(best, starts[-1].power_w)
-        return sorted(starts, key=lambda s: s.harvester.natural_frequency_hz)
-
-    def _start(self, frequency: float, points: Points, zooms: int) -> _Start[H]:
-        low, high = self.harvester.frequency_range_hz
-        tuned = self.harvester.retuned(min(max(frequency, low), high))
-        if self.limited:
-            worth = partial(_allowed, tuned, points)
-            load, power = best_load(tuned, worth, zooms + 2)
-            return _Start(
-                harvester=tuned.with_load(load), power_w=max(power, -1.0), share=max(0.0, -power)
-            )
-        lines = DutyLines.over(points, tuned.damping_ratio)
-        load, power = best_load(tuned, partial(lines.power_w, tuned), zooms)
-        return _Start(harvester=tuned.with_load(load), power_w=power)
-
-    def _refined(self, start: _Start[H]) -> _Start[H]:
-        """Move the natural frequency to where the best load gives most."""
-        from scipy.optimize import minimize_scalar
-
-        middle, damping = start.harvester.natural_frequency_hz, start.harvester.damping_ratio
-        seen: list[_Start[H]] = []
-
-        def cost(offset: float) -> float:
-            frequency = middle * math.exp(damping * offset)
-            zooms = LIMITED_ZOOMS if self.limited else FREE_ZOOMS
-            seen.append(self._start(frequency, self.fine, zooms))
-            return -seen[-1].power_w if seen[-1].power_w >= 0 else seen[-1].share
-
-        for reach in ((-1.2, 0.1), (-0.1, 1.2)):
-            minimize_scalar(cost, bounds=reach, method="bounded", options={"xatol": LAST_STEP})
-        cost(0.0)
-        return max(seen, key=lambda s: s.rank)
+    )
+    rows = []
+    for quality in quality_factors:
+        check_range("quality_factor", quality, 0.51, 1e4)
+        damped = harvester.with_damping_ratio(1 / (2 * quality))
+        load, power = _best_load(damped, points)
+        band = half_power_band(damped.with_load(load))
+        row = {"quality_factor": float(quality), "loaded_quality_factor": band["quality_factor"]}
+        row |= {"load": load, "width_hz": band["width_hz"]}
+        rows.append(row | {"peak_power_w": band["power_w"], "power_w": power})
+    return rows
 
 
-def _allowed(harvester: Harvester, points: Points, loads: Real) -> Real:
-    """Mean power of loads that keep the limits, less than -1 by how far the others break them."""
-    power, share = _powers_and_shares(harvester, points, loads)
-    total = np.array([point.share for point in points]) @ power
-    return np.where(share <= 1, total, -share)
+def _best_load(harvester: Harvester, points: Points) -> tuple[float, float]:
+    """Load that gives most as the harvester is tuned, and that power [W]."""
+    from scipy.optimize import minimize_scalar
+
+    def power_w(loads: Real) -> Real:
+        return mean_power_w(harvester, points, loads)
+
+    grid = np.geomspace(*harvester.load_range, LOADS)
+    top = int(np.argmax(power_w(grid)))
+    near = np.log([grid[max(top - 1, 0)], grid[min(top + 1, LOADS - 1)]])
+    found = minimize_scalar(lambda x: -power_w(np.exp([x]))[0], bounds=near, method="bounded")
+    return math.exp(found.x), -float(found.fun)
 
 
-def _powers_and_shares(harvester: Harvester, points: Points, loads: Real) -> tuple[Real, Real]:
-    """Power of each point, shape (points, loads), and the largest peak over its limit, (loads,)."""
-    travel, stress = static_peaks(harvester)
-    limits = harvester.clearance_m, harvester.stress_limit_pa, harvester.stress_limit_pa
-    static = np.array([travel, stress, stress])[:, None]
-    powers, shares = [], []
-    for point in points:
-        power, peaks = by_load(harvester, loads, point.vibration)
-        powers.append(power)
-        shares.append(((peaks[1:] + static) / np.array(limits)[:, None]).max(axis=0))
-    return np.array(powers), np.max(shares, axis=0)
-
-
-def _crests(tuned: Tuned[Any], points: Points) -> list[float]:
-    """Crests with which the search would have had the peaks of the recordings."""
-    loads = np.array([tuned.harvester.load])
-    found = []
-    for point, answer in zip(points, tuned.answers, strict=True):
-        if answer.response is None:
-            found.append(point.vibration.crest)
-            continue
-        (light,) = _lightened(tuned.harvester, (point,), FINE_BINS)
-        _, peaks = by_load(tuned.harvester, loads, light.vibration)
-        ratios = answer.response.peaks[1:] / np.maximum(peaks[1:, 0], np.finfo(float).tiny)
-        limits = np.array([tuned.harvester.clearance_m, *2 * [tuned.harvester.stress_limit_pa]])
-        # that of the peak which is nearest to its limit
-        binding = int(np.argmax(answer.response.peaks[1:] / limits))
-        found.append(light.vibration.crest * float(ratios[binding]) / AIMED)
-    return found
-
-
-def _over(tuned: Tuned[Any]) -> float:
-    return max(tuned.travel_share, tuned.stress_share)
-
-
-def _refusal(nearest: Tuned[Any]) -> tuple[str, float]:
+def _refusal(nearest: Tuned[Any]) -> str:
     """Name the nearest tuning, and how far it is over its limit."""
-    harvester, over = nearest.harvester, _over(nearest)
-    if nearest.travel_share >= nearest.stress_share:
-        limit = 1e3 * harvester.clearance_m
-        return (
-            f"no tuning keeps the mass within its clearance of {limit:.3g} mm: the nearest, "
-            f"{harvester.natural_frequency_hz:.4g} Hz, travels {over * limit:.3g} mm; allow that, "
-            "or a smaller mass",
-            over,
-        )
-    limit = harvester.stress_limit_pa / 1e6
+    one, travels = nearest.harvester, nearest.travel_share >= nearest.stress_share
+    limit = 1e3 * one.clearance_m if travels else one.stress_limit_pa / 1e6
+    what, unit, does, cure = (
+        ("mass within its clearance of", "mm", "travels", "allow that, or a smaller mass")
+        if travels
+        else ("stress within", "MPa", "reaches", "use a thicker beam, or a lighter tip mass")
+    )
     return (
-        f"no tuning keeps the stress within {limit:.3g} MPa: the nearest, "
-        f"{harvester.natural_frequency_hz:.4g} Hz, reaches {over * limit:.3g} MPa; use a thicker "
-        "or shorter beam, or a lighter tip mass",
-        over,
+        f"no tuning keeps the {what} {limit:.3g} {unit}: the nearest, "
+        f"{one.natural_frequency_hz:.4g} Hz, {does} {nearest.over * limit:.3g} {unit}; {cure}"
     )
 
 
 def _lightened(harvester: Harvester, points: Points, bins: float) -> Points:
     """Merge bins within a share of a resonance, and drop what no tuning can use."""
-    low, high = harvester.frequency_range_hz
+    # far below its range a harvester only follows; its third mode lies 30 times above the first
+    low, high = np.array(harvester.frequency_range_hz) * (0.25, 40)
     kept = []
     for point in points:
-        # far below its range a harvester only follows; its third mode lies 30 times above the first
-        vibration = point.vibration.cut(low / 4, high * 40)
+        vibration = point.vibration
+        heard = (vibration.frequency_hz >= low) & (vibration.frequency_hz <= high)
+        heard &= vibration.mean_square_m2s4 > 0
+        if not heard.any():
+            raise ArgumentError(
+                f"{vibration.name or 'vibration'}: nothing vibrates between {low:g} and {high:g} "
+                f"Hz; it holds {vibration.frequency_hz[0]:g} to {vibration.frequency_hz[-1]:g} Hz"
+            )
+        vibration = vibration.only(heard)
         if vibration.resolution_hz > 0:
             vibration = vibration.merged(harvester.damping_ratio * bins)
         kept.append(replace(point, vibration=vibration))
@@ -321,13 +341,6 @@ def _grid(harvester: Harvester, points: Points) -> Real:
     raised = getattr(middle, "open_circuit_hz", middle.natural_frequency_hz)
     softer = lines * (middle.natural_frequency_hz / raised)
     return np.unique(np.clip(np.concatenate([even, lines, softer]), low, high))
-
-
-def _tops(starts: Sequence[_Start[H]]) -> list[_Start[H]]:
-    """Return starts that are no worse than their neighbours in frequency, the best first."""
-    ranks = [(-math.inf, 0.0), *(s.rank for s in starts), (-math.inf, 0.0)]
-    tops = [s for i, s in enumerate(starts) if ranks[i] <= ranks[i + 1] >= ranks[i + 2]]
-    return sorted(tops, key=lambda s: s.rank, reverse=True)
 
 
 def tune_set(harvester: H, duty: Shaking, count: int = 3) -> list[Tuned[H]]:
@@ -352,81 +365,39 @@ def tune_set(harvester: H, duty: Shaking, count: int = 3) -> list[Tuned[H]]:
     if count not in (1, 2, 3):
         raise ArgumentError(f"count={count} must be 1, 2 or 3")
     points = check_duty(duty)
-    best = tune_harvester(harvester, points)
+    best, most = _tuned(harvester, points, True)
     if len(points) == 1:
         return [best] * count
-    light = tuple(
-        replace(p, vibration=replace(p.vibration, crest=c))
-        for p, c in zip(points, _crests(best, points), strict=True)
-    )
-    candidates, powers = _candidates(harvester, light, best)
+    candidates, powers = _candidates(harvester, points, most)
     sets_of = np.array(list(combinations_with_replacement(range(len(powers)), count)))
-    chosen = [candidates[i] for i in sets_of[powers[sets_of].sum(axis=1).min(axis=1).argmax()]]
-    sets = [[best] * count, [evaluate(one, points) for one in _polished(chosen, light)]]
+    chosen = sets_of[powers[sets_of].sum(axis=1).min(axis=1).argmax()]
+    light = _lightened(harvester, points, FINE_BINS)
+    refined, _ = _polished([candidates[i] for i in chosen], light, most, worst=True)
 
     def worst_w(group: list[Tuned[H]]) -> float:
         if not all(tuned.within_limits for tuned in group):
             return -1.0
         return min(sum(t.answers[k].power_w for t in group) for k in range(len(points)))
 
-    return max(sets, key=worst_w)
+    return max([best] * count, [evaluate(one, points) for one in refined], key=worst_w)
 
 
-def _candidates(harvester: H, points: Points, best: Tuned[H]) -> tuple[list[H], Real]:
-    """Tunings within the limits that no other beats at every point, and their powers by point."""
+def _candidates(harvester: H, points: Points, most: float) -> tuple[list[H], Real]:
+    """Tunings that no other beats at every point, and their powers, shape (tunings, points).
+
+    Each is the best for the worst point when the points' powers are wanted in some mixture.
+    """
     light = _lightened(harvester, points, ROUGH_BINS)
-    found, powers = [best.harvester], [np.array([a.power_w for a in best.answers])]
+    found, powers = [], []
     for frequency in _grid(harvester, light):
         tuned = harvester.retuned(float(frequency))
-        loads = np.geomspace(*tuned.load_range, 2 * LOADS)
-        power, share = _powers_and_shares(tuned, light, loads)
-        for index in np.flatnonzero(share <= 1):
-            found.append(tuned.with_load(float(loads[index])))
-            powers.append(power[:, index])
-    table = np.array(powers)
-    kept: list[int] = []
-    for i in np.argsort(-table.min(axis=1), kind="stable"):
-        if not kept or not (table[kept] >= table[i]).all(axis=1).any():
-            kept.append(int(i))
-    # evenly through the trade-off between the first point and the others
-    share_of_first = table[kept, 0] / table[kept].sum(axis=1)
-    even = np.linspace(0, len(kept) - 1, min(MOST_KEPT, len(kept))).astype(int)
-    chosen = {kept[0], *(kept[i] for i in np.argsort(share_of_first)[even])}
-    return [found[i] for i in sorted(chosen)], table[sorted(chosen)]
-
-
-def _polished(members: list[H], points: Points) -> list[H]:
-    """Move all frequencies and loads together to where the worst point is best served."""
-    from scipy.optimize import minimize
-
-    light = _lightened(members[0], points, FINE_BINS)
-    low, high = members[0].frequency_range_hz
-
-    def moved(offsets: Real) -> list[H]:
-        pairs = zip(members, offsets.reshape(-1, 2), strict=True)
-        found = []
-        for member, (shift, factor) in pairs:
-            frequency = member.natural_frequency_hz * math.exp(member.damping_ratio * shift)
-            tuned = member.retuned(min(max(frequency, low), high))
-            load = np.clip(member.load * math.exp(factor), *tuned.load_range)
-            found.append(tuned.with_load(float(load)))
-        return found
-
-    def cost(offsets: Real) -> float:
-        together: Real = np.zeros(len(points))
-        for member in moved(offsets):
-            power, share = _powers_and_shares(member, light, np.array([member.load]))
-            if share[0] > 1:
-                return 0.0
-            together = together + power[:, 0]
-        return -float(together.min()) / scale
-
-    scale = 1.0
-    scale = max(-cost(np.zeros(2 * len(members))), 1e-300)
-    found = minimize(
-        cost,
-        np.zeros(2 * len(members)),
-        method="Nelder-Mead",
-        options={"xatol": LAST_STEP, "fatol": 1e-5, "maxfev": 300 * len(members)},
-    )
-    return moved(found.x)
+        loads = np.geomspace(*tuned.load_range, LOADS)
+        power, over = powers_and_shares(tuned, light, loads)
+        within = over <= most
+        found += [tuned.with_load(load) for load in loads[within]]
+        powers.append(power[:, within])
+    table = np.concatenate(powers, axis=1).T
+    mixtures = np.random.default_rng(0).dirichlet(np.ones(len(points)), MIXTURES)
+    mixtures = np.maximum(mixtures * table.max(axis=0), 1e-300)
+    chosen = np.unique([np.argmax((table / mixture).min(axis=1)) for mixture in mixtures])
+    return [found[i] for i in chosen], table[chosen]

@@ -4,7 +4,7 @@ A line of acceleration amplitude A has the mean square A^2/2; a bin of a measure
 S df. Its energy is E_i = (2 pi f_i A_i)^2/2 with the displacement amplitude A_i [J/kg], which is
 half of its squared velocity amplitude.
 
-A measured vibration keeps its samples: they say what a harvester makes of it (`recorded`), while
+A measured vibration keeps its samples: they say what a harvester makes of it (`response`), while
 the mean squares serve to search for a tuning and to name the lines.
 
 A duty cycle is several vibrations with their shares of the time.
@@ -15,13 +15,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.errors import ArgumentError, check_finite, check_positive, check_range
+from gearmon.errors import ArgumentError, check_positive, check_range
+from gearmon.harvesting.harvester import number
+from gearmon.machine.fields import check_fields
 from gearmon.signatures.signature import Signature
 
 Real = npt.NDArray[np.float64]
@@ -30,6 +33,8 @@ Real = npt.NDArray[np.float64]
 WANDER_REACH = 4.0
 #: Steps of the integral over the memory of a wandering line, and the shortest memory told apart.
 LAG_STEP, SHORTEST_MEMORY = 0.2, 0.02
+#: What is lower than this in a recording is drift of the sensor [Hz].
+DRIFT_HZ = 2.0
 #: Sine tapers of a spectrum: nearly even weight over the recording, little leakage (Riedel and
 #: Sidorenko, IEEE Trans. Signal Process. 43 (1995) 188-195).
 TAPERS = 4
@@ -89,26 +94,27 @@ class Vibration:
     def __post_init__(self) -> None:
         frequency = np.array(self.frequency_hz, dtype=np.float64)
         power = np.array(self.mean_square_m2s4, dtype=np.float64)
+        name = self.name or "vibration"
         if frequency.ndim != 1 or frequency.shape != power.shape:
-            raise ArgumentError(
-                f"vibration: {frequency.shape} frequencies for {power.shape} mean squares; "
-                "both must be rows of one length"
-            )
-        if not (np.isfinite(frequency).all() and np.isfinite(power).all()):
-            raise ArgumentError("vibration: frequencies and mean squares must be finite numbers")
-        if (frequency <= 0).any() or (np.diff(frequency) < 0).any():
-            raise ArgumentError("vibration: frequencies must be above 0 and rising")
-        if (power < 0).any():
-            raise ArgumentError("vibration: a mean square is negative")
-        if not power.any():
-            raise ArgumentError(f"{self.name or 'vibration'}: no line at all; nothing to harvest")
-        check_range("resolution_hz", self.resolution_hz, 0.0, 1e6, "Hz")
+            raise ArgumentError(f"{name}: frequencies and mean squares must be rows of one length")
+        wrong = {
+            "frequencies and mean squares must be finite": not np.isfinite(
+                [frequency, power]
+            ).all(),
+            "frequencies must be above 0 and rising": (np.diff(frequency, prepend=0.0) < 0).any()
+            or not frequency.all(),
+            "a mean square is negative": (power < 0).any(),
+            "no line at all; nothing to harvest": not power.any(),
+        }
+        for why, found in wrong.items():
+            if found:
+                raise ArgumentError(f"{name}: {why}")
         check_range("wander", self.wander, 0.0, 0.2)
         if not self.wander_time_s > 0:
             raise ArgumentError(f"wander_time_s={self.wander_time_s} s must be > 0")
-        for name, values in (("frequency_hz", frequency), ("mean_square_m2s4", power)):
+        for field_name, values in (("frequency_hz", frequency), ("mean_square_m2s4", power)):
             values.flags.writeable = False
-            object.__setattr__(self, name, values)
+            object.__setattr__(self, field_name, values)
 
     @property
     def amplitude_ms2(self) -> Real:
@@ -120,6 +126,7 @@ class Vibration:
         """E_i = (2 pi f_i A_i)^2/2 of each line [J/kg], A_i its displacement amplitude."""
         return np.asarray(self.mean_square_m2s4 / (2 * math.pi * self.frequency_hz) ** 2)
 
+    @lru_cache(maxsize=256)  # noqa: B019 - a search asks for them thousands of times
     def nodes(self, damping_ratio: float) -> tuple[Real, Real]:
         """Frequencies that each line visits, and how likely.
 
@@ -166,31 +173,11 @@ class Vibration:
         below = 0.5 + LAG_STEP / math.pi * (np.sin(edges[:, None] * lag[:, 0]) / lag[:, 0]) @ kept
         return np.maximum(np.diff(below, axis=0), 0.0)
 
-    def cut(self, low_hz: float, high_hz: float) -> Vibration:
-        """Return only what vibrates between two frequencies.
-
-        Raises
-        ------
-        ArgumentError
-            If nothing does.
-        """
-        kept = (self.frequency_hz >= low_hz) & (self.frequency_hz <= high_hz)
-        kept &= self.mean_square_m2s4 > 0
-        if not kept.any():
-            raise ArgumentError(
-                f"{self.name or 'vibration'}: nothing vibrates between {low_hz:g} and {high_hz:g} "
-                f"Hz; it holds {self.frequency_hz[0]:g} to {self.frequency_hz[-1]:g} Hz"
-            )
-        return self.only(kept)
-
     def only(self, kept: npt.NDArray[np.bool_]) -> Vibration:
         """Return these lines or bins, without samples."""
-        return replace(
-            self,
-            frequency_hz=self.frequency_hz[kept],
-            mean_square_m2s4=self.mean_square_m2s4[kept],
-            samples_ms2=np.empty(0),
-        )
+        lines = (x[kept] for x in (self.frequency_hz, self.mean_square_m2s4))
+        pair = dict(zip(("frequency_hz", "mean_square_m2s4"), lines, strict=True))
+        return replace(self, samples_ms2=np.empty(0), **pair)
 
     def merged(self, width: float) -> Vibration:
         """Return it with bins or lines within a relative width of each other as one."""
@@ -208,9 +195,7 @@ def vibration_of_lines(
     acceleration_ms2: npt.ArrayLike | None = None,
     displacement_m: npt.ArrayLike | None = None,
     gain: float = 1.0,
-    wander: float = 0.0,
-    wander_time_s: float = math.inf,
-    name: str = "",
+    **about: Any,
 ) -> Vibration:
     """Vibration of lines given by their peak amplitudes, in any order.
 
@@ -222,8 +207,8 @@ def vibration_of_lines(
         Peak amplitudes, one of the two.
     gain : float, > 0
         Amplitude at the harvester over the given one: the path through shaft and housing.
-    wander, wander_time_s, name
-        See `Vibration`.
+    **about
+        wander, wander_time_s and name, see `Vibration`.
 
     Raises
     ------
@@ -245,44 +230,35 @@ def vibration_of_lines(
     order = np.argsort(frequency, kind="stable")
     order = order[frequency[order] > 0]
     power = (gain * amplitude[order]) ** 2 / 2
-    return Vibration(
-        frequency_hz=frequency[order],
-        mean_square_m2s4=power,
-        wander=wander,
-        wander_time_s=wander_time_s,
-        name=name,
-    )
+    return Vibration(frequency_hz=frequency[order], mean_square_m2s4=power, **about)
 
 
-def vibration_of_signature(signature: Signature, *, name: str = "", **how: float) -> Vibration:
+def vibration_of_signature(signature: Signature, **about: Any) -> Vibration:
     """Vibration of the lines of a signature, expected or measured.
 
     Parameters
     ----------
     signature : Signature
-    name : str
-        That of the machine if none is given.
-    **how
-        gain, wander and wander_time_s, see `vibration_of_lines`.
+    **about
+        name (that of the machine if none is given), gain, wander and wander_time_s, see
+        `vibration_of_lines`.
     """
     frequency, amplitude = signature["frequency_hz"], signature["acceleration_ms2"]
-    named = name or signature.machine
-    return vibration_of_lines(frequency, acceleration_ms2=amplitude, name=named, **how)
+    about = {"name": signature.machine} | about
+    return vibration_of_lines(frequency, acceleration_ms2=amplitude, **about)
 
 
 def vibration_of_samples(
-    acceleration_ms2: npt.ArrayLike, sampling_rate_hz: float, name: str = "", low_hz: float = 2.0
+    acceleration_ms2: npt.ArrayLike, sampling_rate_hz: float, name: str = ""
 ) -> Vibration:
     """Vibration of a measured stretch: its samples and their spectrum (Parseval holds).
 
     Parameters
     ----------
     acceleration_ms2 : array, shape (n,), n >= 16
-        Samples [m/s2]; the mean is taken off.
+        Samples [m/s2]; the mean is taken off, and what lies below 2 Hz left out.
     sampling_rate_hz : float, > 0
     name : str
-    low_hz : float, >= 0
-        What is lower is left out: drift of the sensor.
 
     Raises
     ------
@@ -291,8 +267,7 @@ def vibration_of_samples(
     """
     from scipy.fft import next_fast_len, rfft
 
-    check_positive("sampling_rate_hz", sampling_rate_hz, "Hz")
-    check_finite("low_hz", low_hz, "Hz")
+    rate = check_positive("sampling_rate_hz", sampling_rate_hz, "Hz")
     samples = np.asarray(acceleration_ms2, dtype=np.float64)
     if samples.ndim != 1 or len(samples) < 16:
         raise ArgumentError(f"samples: shape {samples.shape}, one row of at least 16 is needed")
@@ -301,21 +276,21 @@ def vibration_of_samples(
     length = next_fast_len(count, real=True)
     power = np.zeros(length // 2 + 1)
     turn = math.pi * np.arange(1, count + 1) / (count + 1)
-    for number in range(1, TAPERS + 1):
-        tapered = math.sqrt(2 / (count + 1)) * np.sin(number * turn) * samples
+    for order in range(1, TAPERS + 1):
+        tapered = math.sqrt(2 / (count + 1)) * np.sin(order * turn) * samples
         power += np.abs(rfft(tapered, length)) ** 2 * (2 / length / TAPERS)
     power[-1] /= 1 + (length % 2 == 0)  # the bin at half the rate stands for itself
-    step = sampling_rate_hz / length
-    first = max(1, math.ceil(low_hz / step))
+    step = rate / length
+    first = max(1, math.ceil(DRIFT_HZ / step))
     if not power[first:].any():
-        raise ArgumentError(f"{name or 'samples'}: nothing vibrates above {low_hz:g} Hz")
+        raise ArgumentError(f"{name or 'samples'}: nothing vibrates above {DRIFT_HZ:g} Hz")
     whole = Vibration(
         frequency_hz=step * np.arange(first, len(power)),
         mean_square_m2s4=power[first:],
-        resolution_hz=(TAPERS + 1) / 2 * sampling_rate_hz / count,
+        resolution_hz=(TAPERS + 1) / 2 * rate / count,
         name=name,
     ).merged(BIN)
-    return replace(whole, samples_ms2=samples, sampling_rate_hz=float(sampling_rate_hz))
+    return replace(whole, samples_ms2=samples, sampling_rate_hz=rate)
 
 
 def line_numbers(vibration: Vibration) -> npt.NDArray[np.int64]:
@@ -347,10 +322,9 @@ def line_numbers(vibration: Vibration) -> npt.NDArray[np.int64]:
     peaks, _ = find_peaks(smooth, prominence=math.log(DIP))
     found = np.zeros(len(power), dtype=np.int64)
     dips = [a + int(np.argmin(smooth[a:b])) for a, b in pairwise(peaks)]
-    for number, (low, high) in enumerate(zip([0, *dips], [*dips, len(power)], strict=True), 1):
-        inside = np.arange(low, high)[above[low:high] > RAISED]
+    for line, (low, high) in enumerate(pairwise([0, *dips, len(power)]), 1):
         if len(peaks) and above[low:high].max() > needed:
-            found[inside] = number
+            found[low:high][above[low:high] > RAISED] = line
     return found
 
 
@@ -370,31 +344,20 @@ def operating_lines(vibration: Vibration, most: int = 8) -> list[dict[str, Any]]
         frequency_hz, acceleration_ms2, energy_j_per_kg, share (of the energy of all such lines)
         and relative (to the best). Empty if no line is clear.
     """
-    from scipy.ndimage import sum_labels
-
-    number = line_numbers(vibration)
-    if not number.any():
-        return []
+    numbers, heard = line_numbers(vibration), vibration.mean_square_m2s4
+    lines = np.unique(numbers[numbers > 0])
     # by squares, for the noise beside a line to count little
-    squared = vibration.mean_square_m2s4**2
-    columns = (
-        squared,
-        squared * vibration.frequency_hz,
-        vibration.mean_square_m2s4,
-        vibration.energy_j_per_kg,
-    )
-    lines = np.unique(number[number > 0])
-    weight, moment, power, energy = (sum_labels(column, number, lines) for column in columns)
-    return [
-        {
-            "frequency_hz": float(moment[i] / weight[i]),
-            "acceleration_ms2": math.sqrt(2 * power[i]),
-            "energy_j_per_kg": float(energy[i]),
-            "share": float(energy[i] / energy.sum()),
-            "relative": float(energy[i] / energy.max()),
-        }
-        for i in np.argsort(-energy, kind="stable")[:most]
-    ]
+    weights = (heard**2, heard**2 * vibration.frequency_hz, heard, vibration.energy_j_per_kg)
+    weight, moment, power, energy = (np.bincount(numbers, column)[lines] for column in weights)
+    columns = {
+        "frequency_hz": moment / weight,
+        "acceleration_ms2": np.sqrt(2 * power),
+        "energy_j_per_kg": energy,
+        "share": energy / energy.sum(),
+        "relative": energy / energy.max(initial=0.0),
+    }
+    order = np.argsort(-energy, kind="stable")[:most]
+    return [{name: float(column[i]) for name, column in columns.items()} for i in order]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -414,11 +377,10 @@ class OperatingShare:
     """
 
     vibration: Vibration
-    share: float = 1.0
+    share: float = number(0, 1, zero=False, default=1.0)
 
     def __post_init__(self) -> None:
-        if not 0 < self.share <= 1:
-            raise ArgumentError(f"share={self.share} must lie in (0, 1]")
+        check_fields(self)
 
 
 #: What may shake a harvester: one vibration, the lines of a signature, or several with their share.
@@ -442,10 +404,8 @@ def check_duty(duty: Shaking) -> tuple[OperatingShare, ...]:
         raise ArgumentError("duty cycle: no operating point is given")
     for point in points:
         if not isinstance(point, OperatingShare):
-            raise ArgumentError(
-                f"duty cycle: {type(point).__name__} must be an OperatingShare, which gives a "
-                "vibration its share of the time"
-            )
+            kind = type(point).__name__
+            raise ArgumentError(f"duty cycle: {kind} must be an OperatingShare, with its share")
     total = math.fsum(point.share for point in points)
     if total > 1 + 1e-6:
         raise ArgumentError(f"duty cycle: the shares sum to {total:.6g}, at most 1 is possible")

@@ -76,7 +76,7 @@ def _row(place: Placed) -> dict[str, Any]:
 
 def _interval(place: Placed) -> str:
     if not math.isfinite(place.power_low_w):
-        return "too few stretches" if math.isfinite(place.stretches) else ""
+        return "too few stretches" if math.isfinite(place.independent_stretches) else ""
     return f"{MICRO * place.power_low_w:.3g} to {MICRO * place.power_high_w:.3g}"
 
 
@@ -129,10 +129,11 @@ def _degraded_lines(place: Placed) -> list[str]:
     found, tuned = place.tuned_degraded, place.tuned
     if found is None or tuned is None:
         return []
+    sound = place.degraded_best_power_when_healthy_w
     return [
         f"best once damaged: {found.harvester.natural_frequency_hz:.6g} Hz, "
-        f"{MICRO * found.power_w:.4g} uW then and {MICRO * place.healthy_power_of_degraded_w:.4g} "
-        f"uW while sound; the tuning above gives {MICRO * place.degraded_power_w:.4g} uW then"
+        f"{MICRO * found.power_w:.4g} uW then and {MICRO * sound:.4g} uW while sound; the "
+        f"tuning above gives {MICRO * place.degraded_power_w:.4g} uW then"
     ]
 
 

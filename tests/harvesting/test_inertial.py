@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from reference.harvester_simulation import integrated_inertial_power
 
 from gearmon.errors import ArgumentError
-from gearmon.harvesting.inertial import InertialHarvester
+from gearmon.harvesting.harvester import InertialHarvester
 
 harvesters = st.builds(
     InertialHarvester,

@@ -10,9 +10,9 @@ from reference.marching import marched_answer, marched_with_stops
 from scipy.signal import lfilter
 
 from gearmon.errors import ArgumentError
-from gearmon.harvesting.inertial import CoilHarvester, InertialHarvester
-from gearmon.harvesting.recorded import power_with_stops, respond
+from gearmon.harvesting.harvester import CoilHarvester, InertialHarvester
 from gearmon.harvesting.request import built_in
+from gearmon.harvesting.response import power_with_stops, respond
 
 RATE = 3200.0
 

@@ -6,7 +6,7 @@ import pytest
 
 from gearmon.errors import GearmonError
 from gearmon.harvesting.cantilever import PiezoCantilever
-from gearmon.harvesting.inertial import InertialHarvester
+from gearmon.harvesting.harvester import InertialHarvester
 from gearmon.harvesting.request import built_in, load_harvester
 
 

@@ -6,14 +6,9 @@ import numpy as np
 import pytest
 
 from gearmon.errors import ArgumentError
-from gearmon.harvesting.cantilever import (
-    BEAM_MATERIALS,
-    PIEZO_MATERIALS,
-    ModalDamping,
-    PiezoCantilever,
-)
-from gearmon.harvesting.inertial import InertialHarvester
-from gearmon.harvesting.power import answer, evaluate
+from gearmon.harvesting.cantilever import BEAM_MATERIALS, PIEZO_MATERIALS, PiezoCantilever
+from gearmon.harvesting.harvester import InertialHarvester
+from gearmon.harvesting.response import answer, evaluate
 from gearmon.harvesting.tuning import (
     OverLimitsError,
     power_against_tuning,
@@ -103,7 +98,7 @@ def random_case(seed):
             piezo=list(PIEZO_MATERIALS.values())[rng.integers(4)],
             length_m=rng.uniform(0.015, 0.05),
             piezo_thickness_m=rng.uniform(5e-5, 3e-4),
-            damping=ModalDamping(constant=damping),
+            mechanical_damping_ratio=damping,
             tip_gyration_m=rng.choice([0.0, 3e-3]),
             clearance_m=rng.choice([np.inf, 1e-3]),
             most_tip_mass_kg=5e-3,

@@ -7,8 +7,8 @@ import pytest
 
 from gearmon.dynamics import HillProblem, steady_state
 from gearmon.errors import ArgumentError
-from gearmon.harvesting.inertial import InertialHarvester
-from gearmon.harvesting.power import answer
+from gearmon.harvesting.harvester import InertialHarvester
+from gearmon.harvesting.response import answer
 from gearmon.harvesting.vibration import (
     Vibration,
     line_numbers,
@@ -36,7 +36,7 @@ def test_acceleration_and_displacement_say_the_same():
 def test_mean_square_of_noise_is_kept(count):
     rng = np.random.default_rng(count)
     samples = rng.normal(size=(200, count))
-    total = [vibration_of_samples(row, 1000.0, low_hz=0).mean_square_m2s4.sum() for row in samples]
+    total = [vibration_of_samples(row, 1000.0).mean_square_m2s4.sum() for row in samples]
     assert np.mean(total) == pytest.approx(1.0, rel=0.02)
 
 
@@ -130,5 +130,3 @@ def test_amplitudes_must_be_of_one_kind():
         vibration_of_lines([1.0], acceleration_ms2=[1.0], displacement_m=[1.0])
     with pytest.raises(ArgumentError, match="amplitudes for"):
         vibration_of_lines([1.0, 2.0], acceleration_ms2=[1.0])
-    with pytest.raises(ArgumentError, match="nothing vibrates between"):
-        vibration_of_lines([10.0], acceleration_ms2=[1.0]).cut(20, 30)

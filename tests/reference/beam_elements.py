@@ -22,12 +22,12 @@ def layers(beam):
 
 def tip_body(beam):
     """Offset and radius of gyration of the tip mass about the end of the beam."""
-    block = beam.tip_block
-    if block is None:
+    height = beam.tip_block_height_m
+    if height == 0:
         return 0.0, beam.tip_gyration_m
-    long = beam.tip_mass_kg / (block.density_kg_m3 * block.height_m * beam.width_m)
+    long = beam.tip_mass_kg / (beam.tip_block_density_kg_m3 * height * beam.width_m)
     # a plane block from 0 to `long` along the beam
-    return long / 2, np.sqrt(long**2 / 3 + block.height_m**2 / 12)
+    return long / 2, np.sqrt(long**2 / 3 + height**2 / 12)
 
 
 def assembled(beam, elements=40):
@@ -101,12 +101,34 @@ def stress(beam, curvature, voltage):
     return max(found)
 
 
+def ratios(beam, natural):
+    """Damping ratios of modes, without air."""
+    rates = beam.mass_rate_per_s / natural + beam.stiffness_time_s * natural
+    return beam.mechanical_damping_ratio + rates / 2
+
+
+def modal(beam, kept=4):
+    """First modes, and what all others answer at rest.
+
+    Natural frequencies, damping ratios, forcing, and rows of charge per volt, tip travel and root
+    curvature; then these rows for the rest, by an acceleration and by a volt.
+    """
+    stiffness, mass, electric, base = assembled(beam)
+    squares, shapes = eigh(stiffness, mass)
+    h = beam.length_m / (len(base) // 2)
+    rows = np.array([electric @ shapes, shapes[-2], 6 / h**2 * shapes[0] - 2 / h * shapes[1]])
+    inputs = np.array([base @ shapes, electric @ shapes])
+    rest = (rows[:, kept:] / squares[kept:]) @ inputs[:, kept:].T
+    natural = np.sqrt(squares[:kept])
+    return natural, ratios(beam, natural), inputs[0, :kept], rows[:, :kept], rest
+
+
 def answers(beam, frequency_hz):
     """Voltage, tip travel and largest stress per unit acceleration, damped as mode by mode."""
     stiffness, mass, electric, base = assembled(beam)
     squares, shapes = eigh(stiffness, mass)
     natural = np.sqrt(squares)
-    damping = mass @ shapes @ np.diag(2 * beam.damping.ratios(natural) * natural)
+    damping = mass @ shapes @ np.diag(2 * ratios(beam, natural) * natural)
     damping = damping @ shapes.T @ mass
     found = []
     for frequency in frequency_hz:

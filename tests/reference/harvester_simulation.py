@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from reference.beam_elements import modal
 from scipy.integrate import solve_ivp
 
 
@@ -13,8 +14,8 @@ def marched_power(beam, lines, base_hz, *, steps=8192, settled=1e-3):
     """
     from scipy.linalg import expm
 
-    natural, ratios = beam.natural_rad_s, beam.damping_ratios
-    chi, force, capacitance = beam.coupling, beam.forcing, beam.capacitance_f
+    natural, ratios, force, (chi, _, _), _ = modal(beam)
+    capacitance = beam.capacitance_f
     count = len(natural)
     size = 2 * count + 1
     rates = np.zeros((size, size))

@@ -7,8 +7,12 @@ instants, and every step is an exact exponential of the whole state.
 from __future__ import annotations
 
 import numpy as np
+from reference.beam_elements import modal
 from scipy.linalg import expm
 from scipy.signal import lfilter
+
+#: Instants that are marched at once.
+STRETCH = 200_000
 
 
 def denser(samples, times):
@@ -18,7 +22,7 @@ def denser(samples, times):
 
 
 def matrices(harvester):
-    """State rates, push and the rows of power root, travel, and both stresses."""
+    """State rates, push, rows of power root, travel, and both stresses, and what the push adds."""
     if hasattr(harvester, "piezo"):
         return _beam(harvester)
     natural = 2 * np.pi * harvester.natural_frequency_hz
@@ -30,7 +34,7 @@ def matrices(harvester):
             damper = theta**2 / around / harvester.mass_kg
             root = np.sqrt(harvester.load_ohm) * theta / around
             rates = np.array([[0, 1], [-(natural**2), -heat - damper]])
-            return rates, np.array([0.0, -1.0]), np.array([[0, root], [1, 0]])
+            return rates, np.array([0.0, -1.0]), np.array([[0, root], [1, 0]]), np.zeros(2)
         coil = harvester.coil_henry
         rates = np.array(
             [
@@ -40,70 +44,87 @@ def matrices(harvester):
             ]
         )
         rows = np.array([[0, 0, np.sqrt(harvester.load_ohm)], [1, 0, 0]])
-        return rates, np.array([0.0, -1.0, 0.0]), rows
+        return rates, np.array([0.0, -1.0, 0.0]), rows, np.zeros(2)
     damper = 2 * harvester.electrical_damping_ratio * natural
     rates = np.array([[0, 1], [-(natural**2), -heat - damper]])
     rows = np.array([[0, np.sqrt(harvester.mass_kg * damper)], [1, 0]])
-    return rates, np.array([0.0, -1.0]), rows
+    return rates, np.array([0.0, -1.0]), rows, np.zeros(2)
 
 
 def _beam(beam):
-    natural, ratios, chi = beam.natural_rad_s, beam.damping_ratios, beam.coupling
+    """Modes of finite elements, which owe nothing to the package but dimensions.
+
+    The last state is the charge s = C v + q a, with C the capacitance and q the charge per
+    acceleration of the modes left out: s' = sum chi eta' - v/R.
+    """
+    natural, ratios, forcing, shapes, rest = modal(beam)
+    chi, tip, bent = shapes
+    capacitance, charge = beam.capacitance_f + rest[0, 1], rest[0, 0]
     count = len(natural)
     size = 2 * count + 1
     rates, push = np.zeros((size, size)), np.zeros(size)
     rates[:count, count:-1] = np.eye(count)
     rates[count:-1, :count] = -np.diag(natural**2)
     rates[count:-1, count:-1] = -np.diag(2 * ratios * natural)
-    rates[count:-1, -1] = -chi
-    rates[-1, count:-1] = chi / beam.capacitance_f
-    rates[-1, -1] = -1 / (beam.load_ohm * beam.capacitance_f)
-    push[count:-1] = -beam.forcing
-    shapes = beam._shapes
-    tip = shapes.tip / np.sqrt(beam.beam_mass_kg)
-    curved = shapes.root_curvature / np.sqrt(beam.beam_mass_kg) / beam.length_m**2
+    rates[count:-1, -1] = -chi / capacitance
+    push[count:-1] = -forcing + chi * charge / capacitance
+    rates[-1, count:-1] = chi
+    rates[-1, -1] = -1 / (beam.load_ohm * capacitance)
+    push[-1] = charge / (beam.load_ohm * capacitance)
+    nothing = np.zeros(count)
+    volts, by_push = np.append(np.zeros(2 * count), 1 / capacitance), -charge / capacitance
+    travel, curvature = (
+        (np.concatenate([row, nothing, [0]]) - more[1] * volts, -more[0] - more[1] * by_push)
+        for row, more in ((tip, rest[1]), (bent, rest[2]))
+    )
     hs, hp, axis = beam.passive_thickness_m, beam.piezo_thickness_m, beam.neutral_axis_m
-    layer = beam.piezo.youngs_modulus_pa * (hs + hp - axis) * curved
     e31 = beam.piezo.d31_m_per_v * beam.piezo.youngs_modulus_pa
     field = -e31 / hp * (0.5 if beam.wiring == "series" else 1.0)
-    plate = beam.passive.youngs_modulus_pa * max(axis, hs - axis) * curved
+    layer = beam.piezo.youngs_modulus_pa * (hs + hp - axis)
+    plate = beam.passive.youngs_modulus_pa * max(axis, hs - axis)
     plate = plate * beam.piezo.safe_stress_pa / beam.passive.safe_stress_pa
-    nothing = np.zeros(count)
-    rows = [
-        np.concatenate([nothing, nothing, [1 / np.sqrt(beam.load_ohm)]]),
-        np.concatenate([tip, nothing, [0.0]]),
-        np.concatenate([layer, nothing, [field]]),
-        np.concatenate([plate, nothing, [0.0]]),
-    ]
-    return rates, push, np.array(rows)
+    root = 1 / np.sqrt(beam.load_ohm)
+    rows = [root * volts, travel[0], layer * curvature[0] + field * volts, plate * curvature[0]]
+    direct = [root * by_push, travel[1], layer * curvature[1] + field * by_push]
+    return rates, push, np.array(rows), np.array([*direct, plate * curvature[1]])
 
 
 def marched(harvester, samples, rate, *, times=16):
-    """Outputs (power root, travel, stresses) at dense instants, and their rate; from rest."""
+    """Yield outputs (power root, travel, stresses) at dense instants, stretch by stretch."""
     push = denser(samples, times)
-    rates, force, rows = matrices(harvester)
+    rates, force, rows, direct = matrices(harvester)
     step, size = 1 / (rate * times), len(force)
     whole = np.zeros((size + 2, size + 2))
     whole[:size, :size], whole[:size, size] = rates * step, force * step
     whole[size, size + 1] = 1.0
     exact = expm(whole)
-    driven = np.outer(exact[:size, size] - exact[:size, size + 1], push[:-1])
-    driven += np.outer(exact[:size, size + 1], push[1:])
     # one recursion for every eigenvector of the exact step
     values, vectors = np.linalg.eig(exact[:size, :size])
-    inputs = np.linalg.solve(vectors, driven.astype(complex))
-    states = np.array(
-        [lfilter([1.0], [1.0, -v], row) for v, row in zip(values, inputs, strict=True)]
-    )
-    return np.real((rows @ vectors) @ states), rate * times
+    now, then = np.linalg.solve(
+        vectors,
+        np.column_stack([exact[:size, size] - exact[:size, size + 1], exact[:size, size + 1]]),
+    ).T
+    seen, kept = rows @ vectors, np.zeros((size, 1), dtype=complex)
+    for start in range(0, len(push) - 1, STRETCH):
+        own = push[start : start + STRETCH + 1]
+        states = np.empty((size, len(own) - 1), dtype=complex)
+        for i, value in enumerate(values):
+            driven = now[i] * own[:-1] + then[i] * own[1:]
+            states[i], kept[i] = lfilter([1.0], [1.0, -value], driven, zi=kept[i])
+        yield np.real(seen @ states) + direct[:, None] * own[1:]
 
 
 def marched_answer(harvester, samples, rate, *, times=16, settled=5.0):
-    """Mean power and peaks after the start has been forgotten."""
-    outputs, dense = marched(harvester, samples, rate, times=times)
+    """Mean power and peaks after the start, from rest, has been forgotten."""
     fade = settled / (harvester.damping_ratio * 2 * np.pi * harvester.natural_frequency_hz)
-    kept = outputs[:, min(int(fade * dense), outputs.shape[1] // 2) :]
-    return float(np.mean(kept[0] ** 2)), np.abs(kept).max(axis=1)
+    skipped = min(int(fade * rate * times), len(samples) * times // 2)
+    total, count, peaks = 0.0, 0, 0.0
+    for outputs in marched(harvester, samples, rate, times=times):
+        own, skipped = outputs[:, skipped:], max(0, skipped - outputs.shape[1])
+        if own.size:
+            total, count = total + float(np.sum(own[0] ** 2)), count + own.shape[1]
+            peaks = np.maximum(peaks, np.abs(own).max(axis=1))
+    return total / count, peaks
 
 
 def marched_with_stops(harvester, samples, rate, restitution, *, per_period=400):
@@ -114,10 +135,10 @@ def marched_with_stops(harvester, samples, rate, restitution, *, per_period=400)
     step = 1 / (rate * times)
     heat = 2 * harvester.damping_ratio * natural
     if hasattr(harvester, "piezo"):
-        tip = float(harvester._shapes.tip[0]) / np.sqrt(harvester.beam_mass_kg)
-        force, chi = float(harvester.forcing[0]) * tip, float(harvester.coupling[0])
-        back, drive, leak = chi * tip, chi / tip / harvester.capacitance_f, 0.0
-        leak = 1 / (harvester.load_ohm * harvester.capacitance_f)
+        _, _, forcing, (chi, tip, _), rest = modal(harvester, 1)
+        capacitance = harvester.capacitance_f + rest[0, 1]
+        force, back, drive = forcing[0] * tip[0], chi[0] * tip[0], chi[0] / tip[0] / capacitance
+        leak = 1 / (harvester.load_ohm * capacitance)
         worth = 1 / harvester.load_ohm
     else:
         force, back, drive, leak = 1.0, 0.0, 0.0, 0.0

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from gearmon.harvesting.inertial import InertialHarvester
+from gearmon.harvesting.harvester import InertialHarvester
 from gearmon.harvesting.placement import survey_measured
 from gearmon.harvesting.request import built_in
 from gearmon.machine import Machine, OperatingPoint, ParallelStage

@@ -1,0 +1,506 @@
+"""What a harvester makes of what shakes it: power, peaks, scatter of the mean, blows at its stops.
+
+A harvester is linear, so that its answers to a recording are the recording through its filter,
+block by block in the frequency domain: exact for what the recording holds, lines and noise alike,
+steady or not. The power needs no spectrum, no line and no window; its mean over the recording is
+the mean over time.
+
+Under lines the mean power is the sum over lines of 2 G(f) <a^2>, G the power per squared amplitude;
+lines that wander share their power among the frequencies that they visit. Several loads are worked
+out at once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Generic
+
+import numpy as np
+import numpy.typing as npt
+
+from gearmon.errors import ArgumentError, check_positive
+from gearmon.harvesting.harvester import H, Harvester, Modes
+from gearmon.harvesting.vibration import (
+    DRIFT_HZ,
+    OperatingShare,
+    Shaking,
+    Vibration,
+    check_duty,
+)
+from gearmon.result import Result
+
+Real = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
+
+#: Time constants of the ring-down that are let pass before anything counts: what the unknown past
+#: left has fallen to 1/150 then.
+SETTLED = 5.0
+#: A recording shorter than so many time constants tells nothing.
+SHORTEST = 4.0
+#: Length of a block of samples.
+BLOCK = 1 << 16
+#: The power is kept as means over this time [s], at least so many of them.
+STEP_S, FEWEST_STEPS = 0.05, 64
+#: Samples are set so many times denser where a peak is looked for.
+DENSER = 8
+#: Cosine weights of the long-run variance for each independent stretch: the spectrum of a power
+#: that is forgotten exponentially has then fallen by less than a twentieth over them.
+WEIGHTS_A_STRETCH, MOST_WEIGHTS = 0.2, 40
+#: Fewer independent stretches give no interval.
+FEWEST_STRETCHES = 8.0
+#: Steps of a natural period while the mass may hit its stops, and the most that are taken.
+STRIKE_STEPS, MOST_STRIKE_STEPS = 60, 2_000_000
+#: Standard deviations of speed that peaks are looked for in.
+PEAK_REACH = 3.0
+#: Shares of the steps of a recording whose peaks stay below what is told.
+QUANTILES = (0.5, 0.99)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Answer:
+    """Of one harvester under one vibration.
+
+    Attributes
+    ----------
+    power_w : float
+        Mean electrical power [W]; of a recording the settling time is left out.
+    travel_m, stress_pa, voltage_v : float
+        Largest sizes without gravity: in the recording; of lines their sum, or 4.5 times the rms if
+        that is less. The stress is scaled to the weakest part, see `Gains`.
+    peaks : ndarray, shape (4,)
+        The same as `harvester.OUTPUTS` has them.
+    power_steps_w : ndarray, shape (n,)
+        Means over steps of some 0.05 s of a recording; of lines their mean alone.
+    quantiles : dict of str to list of float
+        Peaks that steps of a recording stay below, half of them and 99 %; empty for lines.
+    """
+
+    power_w: float
+    travel_m: float
+    stress_pa: float
+    voltage_v: float
+    peaks: Real
+    power_steps_w: Real
+    quantiles: dict[str, list[float]]
+
+
+def answer(harvester: Harvester, vibration: Vibration) -> Answer:
+    """Mean power and peaks of a harvester under a vibration.
+
+    Raises
+    ------
+    ArgumentError
+        If a recording is too short for the harvester.
+    """
+    if len(vibration.samples_ms2):
+        try:
+            return respond(harvester, vibration.samples_ms2, vibration.sampling_rate_hz)
+        except ArgumentError as error:
+            raise ArgumentError(f"{vibration.name or 'vibration'}: {error}") from None
+    power, peaks = by_load(harvester, np.array([harvester.load]), vibration)
+    return _answer(harvester, power, peaks[:, 0], np.empty((4, 0)))
+
+
+def respond(harvester: Harvester, samples_ms2: Real, sampling_rate_hz: float) -> Answer:
+    """Send a recording through a harvester.
+
+    Parameters
+    ----------
+    harvester : Harvester
+    samples_ms2 : ndarray, shape (n,)
+        Acceleration of the base without its mean [m/s2].
+    sampling_rate_hz : float, > 0
+
+    Raises
+    ------
+    ArgumentError
+        If the recording is too short for the ring-down.
+    """
+    rate, settling, count = sampling_rate_hz, harvester.settling_s, len(samples_ms2)
+    if count / rate < SHORTEST * settling:
+        raise ArgumentError(
+            f"a recording of {count / rate:.3g} s is too short for a ring-down of {settling:.3g} "
+            f"s; record at least {2 * SETTLED * settling:.3g} s in one piece"
+        )
+    lead = min(math.ceil(SETTLED * settling * rate), count // 2)
+    step = max(1, min(round(STEP_S * rate), (count - lead) // FEWEST_STEPS))
+    power, peaks = [], []
+    for rows in _blocks(harvester, samples_ms2, rate, lead, step):
+        steps = np.abs(rows).reshape(len(rows), -1, step)
+        power.append(np.mean(steps[0] ** 2, axis=-1))
+        peaks.append(steps.max(axis=-1))
+    highest, between = np.concatenate(peaks, axis=1), []
+    for row, number in enumerate(np.argmax(highest, axis=1).tolist()):
+        # room behind: the transform takes the block for periodic
+        block = samples_ms2[step * number : lead + step * (number + 1) + min(lead, 64)]
+        dense = _filtered(_transfer(harvester, len(block), rate)[row], block, DENSER)
+        between.append(np.abs(dense[DENSER * lead : DENSER * (lead + step)]).max())
+    found = np.maximum(between, highest.max(axis=1))
+    return _answer(harvester, np.concatenate(power), found, highest)
+
+
+def _answer(harvester: Harvester, power_steps_w: Real, peaks: Real, steps: Real) -> Answer:
+    quantiles = np.quantile(steps, QUANTILES, axis=-1).T if steps.size else steps
+    root, travel, *stress = np.column_stack([peaks, quantiles])
+    volts = np.nan_to_num(root * math.sqrt(harvester.resistance_ohm))
+    rows = {"voltage_v": volts, "travel_m": travel, "stress_pa": np.maximum(*stress)}
+    told = {name: row[1:].tolist() for name, row in rows.items() if steps.size and row[-1] > 0}
+    return Answer(
+        power_w=float(power_steps_w.mean()),
+        peaks=peaks,
+        power_steps_w=power_steps_w,
+        quantiles=told,
+        **{name: float(row[0]) for name, row in rows.items()},
+    )
+
+
+def _blocks(
+    harvester: Harvester, samples: Real, rate: float, lead: int, step: int
+) -> Iterator[Real]:
+    """Yield the answers in whole steps after the lead; each block is led in by the samples before.
+
+    The transform takes a block for periodic: that is forgotten within the lead.
+    """
+    whole = (len(samples) - lead) // step * step
+    taken = min(whole, max(1, max(BLOCK, 3 * lead) // step) * step)
+    filtering = _transfer(harvester, lead + taken, rate)
+    for start in range(0, whole, taken):
+        # the last block reaches back, for its length to be that of the others
+        begin = min(start, whole - taken)
+        block = samples[begin : begin + lead + taken]
+        yield _filtered(filtering, block)[:, lead + start - begin :]
+
+
+def _transfer(harvester: Harvester, length: int, rate: float) -> Complex:
+    frequency: Real = np.asarray(np.fft.rfftfreq(length, 1 / rate), dtype=np.float64)
+    found = harvester.transfer(np.array([harvester.load]), frequency)[:, 0]
+    found[:, frequency < DRIFT_HZ] = 0.0
+    return found
+
+
+def _filtered(filtering: Complex, block: Real, denser: int = 1) -> Real:
+    """Answers to a block, at so many times as many instants."""
+    from scipy.fft import irfft, rfft
+
+    return np.asarray(irfft(filtering * rfft(block), denser * len(block)) * denser)
+
+
+def by_load(harvester: Harvester, loads: Real, vibration: Vibration) -> tuple[Real, Real]:
+    """Mean power [W], shape (loads,), and peaks, shape (4, loads), from lines or a spectrum.
+
+    Peaks as `OUTPUTS` has them: the largest sum over lines while they wander together, or the crest
+    of the vibration times the rms if that is less, as it always is for the bins of a spectrum.
+    """
+    frequency, weights = vibration.nodes(harvester.damping_ratio)
+    answers = np.abs(harvester.transfer(loads, frequency.ravel()))
+    answers = answers.reshape(4, len(loads), *frequency.shape)
+    shares = weights * np.ones_like(frequency) * vibration.mean_square_m2s4
+    power = np.einsum("lkn,kn->l", answers[0] ** 2, shares)
+    away = np.abs(frequency[:, 0] / vibration.frequency_hz[0] - 1)
+    near = answers[..., away <= PEAK_REACH * vibration.wander + 1e-12, :]
+    peak = vibration.crest * np.sqrt(near**2 @ vibration.mean_square_m2s4)
+    if vibration.resolution_hz == 0:
+        peak = np.minimum(peak, near @ vibration.amplitude_ms2)
+    return power, np.asarray(peak.max(axis=-1))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Tuned(Result, Generic[H]):
+    """A harvester at its best.
+
+    Attributes
+    ----------
+    harvester : Harvester
+        Tuned, with its load.
+    power_w : float
+        Mean over the duty cycle [W].
+    answers : tuple of Answer
+        Of each operating point.
+    static_travel_m, static_stress_pa : float
+        From its own weight.
+    travel_share, stress_share : float
+        Largest peak with that of the weight over its limit; 0 where there is no limit.
+    rivals_hz : tuple of float
+        Natural frequencies that were looked at more closely.
+    """
+
+    harvester: H
+    power_w: float
+    answers: tuple[Answer, ...]
+    static_travel_m: float
+    static_stress_pa: float
+    travel_share: float
+    stress_share: float
+    rivals_hz: tuple[float, ...] = ()
+
+    @property
+    def over(self) -> float:
+        """Largest peak over its limit."""
+        return max(self.travel_share, self.stress_share)
+
+    @property
+    def within_limits(self) -> bool:
+        """Whether travel and stress stay within their limits."""
+        return self.over <= 1 + 1e-9
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return values in built-in types."""
+        peaks = ("travel_m", "stress_pa", "voltage_v")
+        own = ("static_travel_m", "static_stress_pa", "travel_share", "stress_share")
+        return {
+            "harvester": self.harvester.to_dict(),
+            "power_w": self.power_w,
+            "power_by_operating_point_w": [a.power_w for a in self.answers],
+            **{name: max(getattr(a, name) for a in self.answers) for name in peaks},
+            "peaks_half_and_99_percent_of_steps": [a.quantiles for a in self.answers],
+            **{name: getattr(self, name) for name in own},
+        }
+
+
+def _limits(harvester: Harvester) -> tuple[Real, Real]:
+    """Travel and both stresses from the harvester's own weight, and what they may be."""
+    at_rest = harvester.transfer(np.array([harvester.load]), np.zeros(1))[1:, 0, 0]
+    limits = (harvester.clearance_m, harvester.stress_limit_pa, harvester.stress_limit_pa)
+    return abs(harvester.weight_ms2) * np.abs(at_rest), np.array(limits)
+
+
+def evaluate(harvester: H, duty: Shaking) -> Tuned[H]:
+    """Tell what a harvester yields over a duty cycle as it stands, and how near its limits."""
+    points = check_duty(duty)
+    answers = tuple(answer(harvester, point.vibration) for point in points)
+    static, limits = _limits(harvester)
+    travel, *stress = (static + np.max([a.peaks[1:] for a in answers], axis=0)) / limits
+    return Tuned(
+        harvester=harvester,
+        power_w=math.fsum(p.share * a.power_w for p, a in zip(points, answers, strict=True)),
+        answers=answers,
+        static_travel_m=float(static[0]),
+        static_stress_pa=float(static[1:].max()),
+        travel_share=float(travel),
+        stress_share=float(max(stress)),
+    )
+
+
+def powers_and_shares(
+    harvester: Harvester, points: Sequence[OperatingShare], loads: Real
+) -> tuple[Real, Real]:
+    """Power of each point, shape (points, loads), and the largest peak over its limit, (loads,)."""
+    static, limits = _limits(harvester)
+    powers, peaks = zip(*(by_load(harvester, loads, p.vibration) for p in points), strict=True)
+    over = (np.max(peaks, axis=0)[1:] + static[:, None]) / limits[:, None]
+    return np.array(powers), over.max(axis=0)
+
+
+def mean_power_w(harvester: Harvester, points: Sequence[OperatingShare], loads: Real) -> Real:
+    """Mean power over a duty cycle from lines or spectra [W], shape (loads,)."""
+    total: Real = np.zeros(len(loads))
+    for point in points:
+        frequency, likely = point.vibration.nodes(harvester.damping_ratio)
+        weight = 2 * point.share * likely * point.vibration.mean_square_m2s4
+        total += harvester.power_by_load(loads, frequency.ravel()) @ weight.ravel()
+    return total
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scatter:
+    """How well a mean over time is known.
+
+    Attributes
+    ----------
+    mean, variance : float
+        Of the steps, and of their mean as an estimate of the long-run one.
+    freedom : float
+        Degrees of freedom of that variance.
+    stretches : float
+        Independent stretches that the time holds.
+    """
+
+    mean: float
+    variance: float
+    freedom: float
+    stretches: float
+
+
+def scatter_of_mean(steps: Real) -> Scatter:
+    """Scatter of the mean of a stationary series, whose steps hang together.
+
+    The long-run variance is the mean square of the lowest cosine sums of the series, each nearly
+    independent of the others, so that the mean over its root follows Student's t (U. K. Mueller,
+    J. Econometrics 141 (2007) 1331-1352). How many may be taken follows from the time over which
+    the series is forgotten, by the first autocorrelations that are positive in pairs (C. J. Geyer,
+    Statist. Sci. 7 (1992) 473-483).
+
+    Parameters
+    ----------
+    steps : array, shape (n,)
+    """
+    from scipy.fft import dct
+
+    count = len(steps)
+    stretches = count / _memory(steps)
+    weights = int(min(WEIGHTS_A_STRETCH * stretches, MOST_WEIGHTS, count / 4))
+    weights = max(weights, 2)
+    sums = dct(steps - steps.mean())[1 : weights + 1] / math.sqrt(2 * count)
+    variance = float(np.mean(sums**2)) / count
+    return Scatter(
+        mean=float(steps.mean()), variance=variance, freedom=float(weights), stretches=stretches
+    )
+
+
+def _memory(steps: Real) -> float:
+    """Time over which the slow part of a series is forgotten [steps], >= 1.
+
+    Twice the sum of its autocorrelation, over that at the first lag: what changes from step to step
+    by chance is no part of it, and would make it look shorter.
+    """
+    from scipy.fft import irfft, next_fast_len, rfft
+
+    count = len(steps)
+    length = next_fast_len(2 * count, real=True)
+    spectrum = np.abs(rfft(steps - steps.mean(), length)) ** 2
+    correlation = irfft(spectrum, length)[: count // 2 * 2 + 1]
+    first = correlation[1]
+    # two standard deviations of the first one without any memory
+    if first <= 2 / math.sqrt(count) * correlation[0]:
+        return 1.0
+    pairs = correlation[1:-1:2] + correlation[2::2]
+    negative = np.flatnonzero(pairs <= 0)
+    kept = pairs[: negative[0]] if len(negative) else pairs
+    return max(1.0, 1 + 2 * float(np.minimum.accumulate(kept).sum() / first))
+
+
+def combined(parts: Sequence[Scatter], shares: Sequence[float], share_error: float) -> Scatter:
+    """Scatter of a mean over operating points that have shares of the time.
+
+    Parameters
+    ----------
+    parts : sequence of Scatter
+    shares : sequence of float
+    share_error : float, >= 0
+        Standard deviation of every share, that of standing still included.
+    """
+    weights = np.asarray(shares, dtype=np.float64)
+    means, variances, freedoms, stretches = np.array(
+        [(p.mean, p.variance, p.freedom, p.stretches) for p in parts]
+    ).T
+    own = weights**2 * variances
+    # shares err so that their sum stays 1, that of standing still included
+    powers = np.append(means, 0.0) if 1 - weights.sum() > 1e-6 else means
+    many = len(powers)
+    by_share = share_error**2 * float(powers.var()) * many**2 / max(many - 1, 1)
+    variance, spread = float(own.sum()) + by_share, float((own**2 / freedoms).sum())
+    return Scatter(
+        mean=float(weights @ means),
+        variance=variance,
+        # Welch and Satterthwaite; the shares' own error counts as known
+        freedom=variance**2 / spread if spread > 0 else math.inf,
+        stretches=float(stretches.min()),
+    )
+
+
+def between(means: Sequence[float]) -> Scatter:
+    """Scatter of a mean over blocks of operation that are a sample of all operation.
+
+    Parameters
+    ----------
+    means : sequence of float, two or more
+        Of each block.
+    """
+    known = np.asarray(means, dtype=np.float64)
+    return Scatter(
+        mean=float(known.mean()),
+        variance=float(known.var(ddof=1)) / len(known),
+        freedom=len(known) - 1.0,
+        stretches=float(len(known)),
+    )
+
+
+def interval_90(scatter: Scatter) -> tuple[float, float]:
+    """90 % interval of a mean that is above 0, by Student's t on its logarithm.
+
+    Parameters
+    ----------
+    scatter : Scatter
+    """
+    from scipy.stats import t as student_t
+
+    if scatter.mean <= 0:
+        return math.nan, math.nan
+    quantile = float(student_t.ppf(0.95, scatter.freedom))
+    # the logarithm of a mean of few, skewed powers is nearer to normal than the mean
+    half = quantile * math.sqrt(math.log1p(scatter.variance / scatter.mean**2))
+    return scatter.mean * math.exp(-half), scatter.mean * math.exp(half)
+
+
+def power_with_stops(harvester: Harvester, samples_ms2: Real, sampling_rate_hz: float) -> float:
+    """Mean power [W] of the first mode of a harvester whose mass hits a stop on either side.
+
+    Marched step by step, exactly between two steps for an acceleration that is straight there; at
+    the end of its clearance the mass turns with a share of its speed, `harvester.restitution`,
+    which should be measured. Where the mass stays within the clearance this is the linear answer.
+
+    Parameters
+    ----------
+    harvester : Harvester
+        Its clearance, restitution and weight count.
+    samples_ms2 : array, shape (n,)
+        Acceleration of the base; of a long recording only the start is marched.
+    sampling_rate_hz : float, > 0
+
+    Raises
+    ------
+    ArgumentError
+        If a value is out of its range.
+    """
+    from scipy.signal import resample
+
+    rate = check_positive("sampling_rate_hz", sampling_rate_hz, "Hz")
+    denser = math.ceil(STRIKE_STEPS * harvester.natural_frequency_hz / rate)
+    kept = np.asarray(samples_ms2)[: MOST_STRIKE_STEPS // denser]
+    push = resample(kept, denser * len(kept)) + harvester.weight_ms2
+    power = _marched(harvester, push, denser * rate)
+    settled = round(SETTLED * harvester.settling_s * denser * rate)
+    return float(power[min(settled, len(power) // 2) :].mean())
+
+
+def _marched(harvester: Harvester, push: Real, rate: float) -> Real:
+    """Power at every step of the first mode; with no store u follows the velocity."""
+    limit, kept, modes = harvester.clearance_m, harvester.restitution, harvester.modes
+    leak, worth = harvester.circuit(harvester.load)
+    drive = float(modes.rows[0, 0] / modes.rows[1, 0])
+    # the modes above follow at once
+    store = modes.store + float(np.sum((modes.rows[0] / modes.natural_rad_s)[1:] ** 2))
+    (a, b, c, p, q), (d, e, f, r, s), (g, h, i, t, w) = _step(
+        modes, drive, store, leak, 1 / rate
+    ).tolist()
+    x = v = u = 0.0
+    out = np.empty(len(push) - 1)
+    for number, (now, then) in enumerate(zip(push.tolist(), push[1:].tolist(), strict=False)):
+        x, v, u = (
+            a * x + b * v + c * u + p * now + q * then,
+            d * x + e * v + f * u + r * now + s * then,
+            g * x + h * v + i * u + t * now + w * then,
+        )
+        if (x > limit and v > 0) or (x < -limit and v < 0):
+            x, v = math.copysign(limit, x), -kept * v
+        out[number] = u if store > 0 else v * drive / leak
+    return np.asarray((worth * out) ** 2)
+
+
+def _step(modes: Modes, drive: float, store: float, leak: float, step_s: float) -> Real:
+    """Map of travel, velocity, u and two accelerations to the next three, shape (3, 5)."""
+    from scipy.linalg import expm
+
+    natural, heat = modes.natural_rad_s[0], 2 * modes.damping_ratio[0] * modes.natural_rad_s[0]
+    back, rates = modes.rows[0, 0] * modes.rows[1, 0], np.zeros((5, 5))
+    rates[0, 1], rates[1, :3] = 1.0, (-(natural**2), -heat, -back)
+    if store > 0:
+        rates[2, 1:3] = drive / store, -leak / store
+    else:
+        rates[1, 1:3] = -heat - back * drive / leak, 0.0
+    # the acceleration and its change over the step
+    rates[1, 3], rates[3, 4] = -modes.forcing[0] * modes.rows[1, 0], 1 / step_s
+    whole = expm(rates * step_s)[:3]
+    return np.column_stack([whole[:, :3], whole[:, 3] - whole[:, 4], whole[:, 4]])

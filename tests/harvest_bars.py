@@ -1,0 +1,191 @@
+"""How near harvesting comes to marching, and how often its interval holds: long, by hand.
+
+    python tests/harvest_bars.py marching --count 60
+    python tests/harvest_bars.py ranking --count 60
+    python tests/harvest_bars.py days --count 200
+
+Quick rounds run with the tests. Marching is that of `reference.marching`: finite elements or the
+equations of the spring, step by step under the same recording, knowing nothing of filters.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from dataclasses import replace
+
+import numpy as np
+from reference.marching import marched_answer
+from scipy.signal import lfilter
+
+from gearmon.harvesting import CoilHarvester, InertialHarvester, survey_measured
+from gearmon.harvesting.placement import Survey
+from gearmon.harvesting.request import built_in
+from gearmon.harvesting.response import mean_power_w, respond
+from gearmon.harvesting.vibration import OperatingShare, vibration_of_samples
+from gearmon.machine import Machine, OperatingPoint, ParallelStage
+from gearmon.signals.recording import Recording
+
+MACHINE = Machine(
+    name="rig",
+    operating=(OperatingPoint(speed_rpm=900.0),),
+    stages=(ParallelStage(pinion_teeth=20, gear_teeth=41),),
+)
+SPRING = InertialHarvester(
+    mass_kg=5e-3, natural_frequency_hz=90.0, lowest_hz=81.0, highest_hz=99.0
+)
+HARVESTERS = {
+    "beam": built_in()[0],
+    "spring": replace(SPRING, lowest_hz=5.0, highest_hz=2000.0),
+    "coil": CoilHarvester(
+        mass_kg=5e-3,
+        natural_frequency_hz=308.0,
+        turns=500.0,
+        field_length_tm=5e-3,
+        coil_ohm=50.0,
+        coil_henry=0.02,
+    ),
+}
+#: Settings of simulated days: seconds, wander, its memory [s], noise.
+SETTINGS = {
+    "steady line": (60, 0.0, 1.0, 0.5),
+    "fast wander": (60, 0.005, 0.05, 0.3),
+    "slow wander": (120, 0.005, 1.0, 0.3),
+    "slow and wide": (300, 0.01, 3.0, 0.3),
+    "two operating points": (60, 0.005, 0.3, 0.3),
+    "eight blocks": (20, 0.005, 0.3, 0.3),
+}
+SHARE, SHARE_ERROR, SWING = 0.6, 0.05, 0.3
+
+
+def heard(rng, seconds, wander, memory_s, noise, *, line_hz=310.0, rate=2000.0):
+    """Two lines that wander together, in noise."""
+    count = int(seconds * rate)
+    kept = math.exp(-1 / (memory_s * rate))
+    drift = rng.normal(size=count) * math.sqrt(1 - kept**2)
+    drift[0] = rng.normal()
+    turn = np.cumsum(1 + wander * lfilter([1.0], [1.0, -kept], drift)) / rate
+    first, second = 2 * math.pi * line_hz * turn, 4.2 * math.pi * line_hz * turn
+    return np.cos(first) + 0.5 * np.cos(second + 1) + noise * rng.normal(size=count)
+
+
+def recorded(rows, rate, name="day"):
+    rows = np.atleast_2d(rows)
+    units = ("m/s2",) * len(rows)
+    return Recording(samples=rows, sampling_rate_hz=rate, units=units, origin=name)
+
+
+def against_marching(seed, longest=600.0):
+    """One random recording through one random harvester: what was drawn, power and peak ratios."""
+    rng = np.random.default_rng([18, seed])
+    kind = list(HARVESTERS)[seed % 3]
+    seconds = math.exp(rng.uniform(math.log(3.0), math.log(longest)))
+    wander = rng.uniform(0.0, 0.02)
+    memory_s, noise = 0.05 * 100 ** rng.uniform(), 10 ** rng.uniform(-3, 0)
+    samples = heard(rng, seconds, wander, memory_s, noise)
+    samples -= samples.mean()
+    harvester = HARVESTERS[kind].retuned(310.0 * rng.uniform(0.97, 1.03))
+    low, high = harvester.load_range
+    harvester = harvester.with_load(math.sqrt(low * high) * 10 ** rng.uniform(-0.7, 0.7))
+    found = respond(harvester, samples, 2000.0)
+    power, peaks = marched_answer(harvester, samples, 2000.0, times=12)
+    drawn = (kind, seconds, wander, memory_s, noise)
+    return drawn, found.power_w / power, found.peaks[: len(peaks)] / peaks
+
+
+def ranked_as_marched(seed, places=3):
+    """Whether a survey ranks places as marching ranks them, each with its own harvester."""
+    rng = np.random.default_rng([19, seed])
+    wander, memory_s = rng.uniform(0.0, 0.02), 0.05 * 100 ** rng.uniform()
+    rows = [
+        heard(rng, 12.0, wander, memory_s, 10 ** rng.uniform(-2, 0), line_hz=90.0, rate=500.0)
+        * rng.uniform(0.8, 1.25)
+        for _ in range(places)
+    ]
+    survey = survey_measured(MACHINE, SPRING, [recorded(rows, 500.0)])
+    marched = {}
+    for place in survey.placed:
+        row = place.position.healthy[0].vibration.samples_ms2
+        marched[place.position.name] = marched_answer(place.tuned.harvester, row, 500.0)[0]
+    names = [place.position.name for place in survey.placed]
+    return names == sorted(marched, key=lambda name: -marched[name])
+
+
+class Days:
+    """Surveys of simulated days in one setting, and whether their interval holds the truth."""
+
+    def __init__(self, setting, rate=500.0):
+        self.setting, self.rate = setting, rate
+        self.seconds, *self.how = SETTINGS[setting]
+        self.lines = (90.0, 86.0) if setting == "two operating points" else (90.0,)
+        # what each operating point is in the long run
+        self.long = []
+        for number, line_hz in enumerate(self.lines):
+            rng = np.random.default_rng([20, number])
+            samples = heard(rng, 4000.0, *self.how, line_hz=line_hz, rate=rate)
+            shaking = vibration_of_samples(samples, rate)
+            kept = (shaking.frequency_hz > 20.0) & (shaking.frequency_hz < 240.0)
+            self.long.append(OperatingShare(vibration=shaking.only(kept)))
+
+    def survey(self, seed) -> tuple[Survey, list[float]]:
+        """Survey one day, and say what share of all time each operating point really has."""
+        rng = np.random.default_rng([21, seed])
+        if self.setting == "eight blocks":
+            levels = np.exp(SWING * rng.normal(size=8))
+            blocks = [recorded(level * self.day(rng), self.rate) for level in levels]
+            # the mean square of a level
+            return survey_measured(MACHINE, SPRING, blocks), [math.exp(2 * SWING**2)]
+        heard_of = [recorded(self.day(rng, line_hz), self.rate) for line_hz in self.lines]
+        if len(self.lines) == 1:
+            return survey_measured(MACHINE, SPRING, heard_of), [1.0]
+        stated = SHARE + SHARE_ERROR * rng.normal()
+        shares = {"shares": [stated, 1 - stated], "share_error": SHARE_ERROR}
+        return survey_measured(MACHINE, SPRING, heard_of, **shares), [SHARE, 1 - SHARE]
+
+    def day(self, rng, line_hz=90.0):
+        return heard(rng, self.seconds, *self.how, line_hz=line_hz, rate=self.rate)
+
+    def held(self, seed) -> bool | None:
+        """Tell whether the interval holds what that harvester gives in the long run."""
+        survey, weights = self.survey(seed)
+        place = survey.best
+        if not math.isfinite(place.power_low_w):
+            return None
+        harvester = place.tuned.harvester
+        load = np.array([harvester.load])
+        powers = [mean_power_w(harvester, [point], load)[0] for point in self.long]
+        return bool(place.power_low_w <= np.dot(weights, powers) <= place.power_high_w)
+
+
+def main(arguments=None):
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("what", choices=("marching", "ranking", "days"))
+    parser.add_argument("--count", type=int, default=60)
+    parser.add_argument("--setting", choices=tuple(SETTINGS), action="append")
+    given = parser.parse_args(arguments)
+    seeds = range(given.count)
+    if given.what == "marching":
+        rows = []
+        for seed in seeds:
+            drawn, power, peaks = against_marching(seed)
+            rows.append((math.log(drawn[1]), math.log(power), np.abs(np.log(peaks)).max()))
+            kind, *values = drawn
+            told = " ".join(f"{value:8.4g}" for value in values)
+            print(f"{kind:8} {told}  power {power:.5f}  peaks {peaks.round(4)}", flush=True)
+        length, power, peak = np.array(rows).T
+        print(f"worst power {np.abs(power).max():.2%}, worst peak {peak.max():.2%}")
+        print(f"trend of the power {np.polyfit(length, power, 1)[0]:.2%} for each e-fold of length")
+    elif given.what == "ranking":
+        same = [ranked_as_marched(seed) for seed in seeds]
+        print(f"ranked as marching ranks: {np.mean(same):.1%} of {len(same)}")
+    else:
+        for setting in given.setting or SETTINGS:
+            days = Days(setting)
+            found = [days.held(seed) for seed in seeds]
+            known = [one for one in found if one is not None]
+            share = f"{np.mean(known):.1%}" if known else "-"
+            print(f"{setting}: {share} of {len(known)}; {len(found) - len(known)} told none")
+
+
+if __name__ == "__main__":
+    main()
