@@ -31,9 +31,7 @@ MACHINE = Machine(
     operating=(OperatingPoint(speed_rpm=900.0),),
     stages=(ParallelStage(pinion_teeth=20, gear_teeth=41),),
 )
-SPRING = InertialHarvester(
-    mass_kg=5e-3, natural_frequency_hz=90.0, lowest_hz=81.0, highest_hz=99.0
-)
+SPRING = InertialHarvester(mass_kg=5e-3, natural_frequency_hz=90.0, lowest_hz=81.0, highest_hz=99.0)
 HARVESTERS = {
     "beam": built_in()[0],
     "spring": replace(SPRING, lowest_hz=5.0, highest_hz=2000.0),

@@ -67,9 +67,9 @@ class BeamMaterial:
     """
 
     name: str
-    youngs_modulus_pa: float = number(0, 1e13, "Pa", zero=False)
-    density_kg_m3: float = number(0, 1e5, "kg/m3", zero=False)
-    safe_stress_pa: float = number(0, 1e11, "Pa", zero=False)
+    youngs_modulus_pa: float = number(0, 1e13, "Pa", open_low=True)
+    density_kg_m3: float = number(0, 1e5, "kg/m3", open_low=True)
+    safe_stress_pa: float = number(0, 1e11, "Pa", open_low=True)
     source: str = ""
 
     def __post_init__(self) -> None:
@@ -92,7 +92,7 @@ class PiezoMaterial(BeamMaterial):
 
     # the most that is known, of single crystals, is some 2e-9
     d31_m_per_v: float = number(-1e-8, 1e-8, "m/V", why="1 pC/N is 1e-12 m/V; is it in pC/N?")
-    permittivity_f_per_m: float = number(0, 1e-6, "F/m", zero=False)
+    permittivity_f_per_m: float = number(0, 1e-6, "F/m", open_low=True)
 
     @property
     def e31_c_per_m2(self) -> float:
@@ -192,15 +192,15 @@ class PiezoCantilever(Harvester):
     wiring: Wiring = field(metadata=obeys(Choice(options=get_args(Wiring))))
     piezo: PiezoMaterial
     passive: BeamMaterial
-    length_m: float = number(0, 1, "m", zero=False, why="is it in mm?")
-    width_m: float = number(0, 1, "m", zero=False, why="is it in mm?")
-    passive_thickness_m: float = number(0, 1, "m", zero=False, why="is it in mm?")
-    piezo_thickness_m: float = number(0, 1, "m", zero=False, why="is it in mm?")
+    length_m: float = number(0, 1, "m", open_low=True, why="is it in mm?")
+    width_m: float = number(0, 1, "m", open_low=True, why="is it in mm?")
+    passive_thickness_m: float = number(0, 1, "m", open_low=True, why="is it in mm?")
+    piezo_thickness_m: float = number(0, 1, "m", open_low=True, why="is it in mm?")
     tip_mass_kg: float = 0.0
     tip_gyration_m: float = 0.0
     tip_block_height_m: float = number(0, 1, "m", default=0.0)
-    tip_block_density_kg_m3: float = number(0, 1e5, "kg/m3", zero=False, default=7850.0)
-    load_ohm: float = number(0, 1e12, "ohm", zero=False, default=1e5)
+    tip_block_density_kg_m3: float = number(0, 1e5, "kg/m3", open_low=True, default=7850.0)
+    load_ohm: float = number(0, 1e12, "ohm", open_low=True, default=1e5)
     mechanical_damping_ratio: float = number(0, 1, default=0.01)
     mass_rate_per_s: float = number(0, 1e6, "1/s", default=0.0)
     stiffness_time_s: float = number(0, 1, "s", default=0.0)

@@ -54,18 +54,9 @@ OUTPUTS = ("root_power", "travel_m", "stress_pa", "other_stress_pa")
 POINTS = 240
 
 
-def number(
-    low: float,
-    high: float,
-    unit: str = "",
-    *,
-    default: Any = MISSING,
-    zero: bool = True,
-    why: str = "",
-) -> Any:
-    """Return a field of a dataclass that is held to a range, above its lower end if not `zero`."""
-    rule = Number(low=low, high=high, unit=unit, open_low=not zero, why=why)
-    return field(default=default, metadata=obeys(rule))
+def number(low: float, high: float, unit: str = "", default: Any = MISSING, **rule: Any) -> Any:
+    """Return a field of a dataclass that is held to a range; `rule` as for a `Number`."""
+    return field(default=default, metadata=obeys(Number(low=low, high=high, unit=unit, **rule)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +110,7 @@ class Modes:
     def compliance(self, circular: Real, rows: int) -> tuple[Complex, Complex]:
         """First rows of the answers to an acceleration and to u, each (rows, n)."""
         natural, damping = self.natural_rad_s[:, None], self.damping_ratio[:, None]
-        mode: Complex = 1 / (natural**2 - circular**2 + 2j * damping * natural * circular)
+        mode = 1 / np.asarray(natural**2 - circular**2 + 2j * damping * natural * circular)
         shapes = self.rows[:rows]
         return (shapes * self.forcing) @ mode, (shapes * self.rows[0]) @ mode
 
@@ -280,11 +271,11 @@ H = TypeVar("H", bound=Harvester)
 class _MassOnSpring(Harvester):
     """What harvesters with a stiff mass share; the electrical side is theirs."""
 
-    mass_kg: float = number(0, 1e6, "kg", zero=False)
-    natural_frequency_hz: float = number(0, 1e6, "Hz", zero=False)
+    mass_kg: float = number(0, 1e6, "kg", open_low=True)
+    natural_frequency_hz: float = number(0, 1e6, "Hz", open_low=True)
     mechanical_damping_ratio: float = number(1e-6, 0.999, default=0.01)
-    lowest_hz: float = number(0, 1e6, "Hz", zero=False, default=5.0)
-    highest_hz: float = number(0, 1e6, "Hz", zero=False, default=20_000.0)
+    lowest_hz: float = number(0, 1e6, "Hz", open_low=True, default=5.0)
+    highest_hz: float = number(0, 1e6, "Hz", open_low=True, default=20_000.0)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -372,7 +363,7 @@ class InertialHarvester(_MassOnSpring):
     """
 
     load_name: ClassVar[str] = "electrical_damping_ratio"
-    electrical_damping_ratio: float = number(0, 10, zero=False, default=0.01)
+    electrical_damping_ratio: float = number(0, 10, open_low=True, default=0.01)
 
     @property
     def usual_loads(self) -> tuple[float, float]:
@@ -416,11 +407,11 @@ class CoilHarvester(_MassOnSpring):
         If a value is out of its range.
     """
 
-    turns: float = number(0, 1e7, zero=False)
-    field_length_tm: float = number(0, 1e3, "T m", zero=False)
-    coil_ohm: float = number(0, 1e9, "ohm", zero=False)
+    turns: float = number(0, 1e7, open_low=True)
+    field_length_tm: float = number(0, 1e3, "T m", open_low=True)
+    coil_ohm: float = number(0, 1e9, "ohm", open_low=True)
     coil_henry: float = number(0, 1e3, "H", default=0.0)
-    load_ohm: float = number(0, 1e12, "ohm", zero=False, default=100.0)
+    load_ohm: float = number(0, 1e12, "ohm", open_low=True, default=100.0)
 
     @property
     def transduction_n_per_a(self) -> float:

@@ -421,11 +421,8 @@ def survey_expected(
     except ArgumentError as error:
         hint = "less reaches the housing"
         if isinstance(error, OverLimitsError):
-            # two digits, never more than the value
-            within = path_gain / error.over
-            step = 10.0 ** (math.floor(math.log10(within)) - 1)
-            within = math.floor(0.999 * within / step) * step
-            hint = f"a path gain of {within:.2g} would be within"
+            # rounded to two digits it stays within
+            hint = f"a path gain of {0.9 * path_gain / error.over:.2g} would be within"
         raise ArgumentError(
             f"{error}; these are the lines at the teeth times a path gain of {path_gain:g}; {hint}"
         ) from None

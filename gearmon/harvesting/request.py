@@ -65,20 +65,12 @@ _THOUSANDTHS = {"mm": "m", "g": "kg", "mh": "henry"}
 _SHARED = {"damping_ratio": 0.01, "clearance_mm": 2.0, "restitution": 0.5, "tilt_deg": 0.0}
 _SPRING = {"mass_g": 5.0, "lowest_hz": 5.0, "highest_hz": 5000.0, **_SHARED}
 _COIL = {"turns": 1000.0, "field_length_tm": 5e-3, "coil_ohm": 100.0, "coil_mh": 0.0}
-_LAYERS = {"length_mm": 15.0, "width_mm": 10.0} | dict.fromkeys(
-    ("passive_thickness_mm", "piezo_thickness_mm"), 0.2
-)
-_TIP = {"most_tip_mass_g": 20.0, "tip_gyration_mm": 0.0, "tip_block_height_mm": 0.0}
+_LENGTHS = {"length_mm": 15.0, "width_mm": 10.0, "tip_gyration_mm": 0.0, "tip_block_height_mm": 0.0}
+_LAYERS = {"passive_thickness_mm": 0.2, "piezo_thickness_mm": 0.2, "most_tip_mass_g": 20.0}
 _NAMED = {"wiring": "series", "piezo": "PZT-5A", "passive": "brass", "air": "included"}
+_NAMED |= {"tip_block_material": "steel"}
 _KEYS: dict[str, dict[str, Any]] = {
-    "cantilever": {
-        **_NAMED,
-        **_LAYERS,
-        **_TIP,
-        "tip_block_material": "steel",
-        "load_ohm": None,
-        **_SHARED,
-    },
+    "cantilever": {**_NAMED, **_LENGTHS, **_LAYERS, "load_ohm": None, **_SHARED},
     "inertial": _SPRING,
     "coil": {**_COIL, "load_ohm": None, **_SPRING},
 }
@@ -92,8 +84,8 @@ class SensorBudget:
     for 10 s, a front end and processor of 3 mW while they record, 100 nJ for each bit sent (radio
     and protocol), 5 uW asleep, a converter that passes 70 % at microwatts: replace them by those of
     the parts chosen. Two Schottky diodes of a bridge take 0.6 V: at most 0.24 V each at 0.1 mA and
-    0.32 V at 1 mA (BAT54, data sheet). What else depends on the parts counts as nothing until it is
-    given.
+    0.32 V at 1 mA (BAT54, alike in the data sheets of its makers). What else depends on the parts
+    counts as nothing until it is given.
 
     Parameters
     ----------
@@ -131,18 +123,18 @@ class SensorBudget:
         If a value is out of its range.
     """
 
-    duration_s: float = number(0, 1e6, "s", zero=False, default=10.0)
-    sampling_rate_hz: float = number(0, 1e7, "Hz", zero=False, default=10_000.0)
+    duration_s: float = number(0, 1e6, "s", open_low=True, default=10.0)
+    sampling_rate_hz: float = number(0, 1e7, "Hz", open_low=True, default=10_000.0)
     bits: int = field(default=12, metadata=obeys(Count(low=1, high=64)))
     recording_power_w: float = number(0, 1e3, "W", default=3e-3)
     energy_per_bit_j: float = number(0, 1, "J", default=100e-9)
     sleep_power_w: float = number(0, 1e3, "W", default=5e-6)
-    efficiency: float = number(0, 1, zero=False, default=0.7)
+    efficiency: float = number(0, 1, open_low=True, default=0.7)
     rectifier_drop_v: float = number(0, 100, "V", default=0.6)
     regulator: str = field(default="tracking", metadata=obeys(Choice(options=("tracking", "none"))))
     quiescent_power_w: float = number(0, 1e3, "W", default=0.0)
-    store_f: float = number(0, 1e4, "F", zero=False, default=1e-3)
-    store_v: float = number(0, 1e3, "V", zero=False, default=3.0)
+    store_f: float = number(0, 1e4, "F", open_low=True, default=1e-3)
+    store_v: float = number(0, 1e3, "V", open_low=True, default=3.0)
     leakage_a: float = number(0, 1, "A", default=0.0)
     cold_start_v: float = number(0, 1e3, "V", default=0.0)
     temperature_c: float = number(-60, 200, "degrees C", default=REFERENCE_C)

@@ -175,9 +175,9 @@ class Vibration:
 
     def only(self, kept: npt.NDArray[np.bool_]) -> Vibration:
         """Return these lines or bins, without samples."""
-        lines = (x[kept] for x in (self.frequency_hz, self.mean_square_m2s4))
-        pair = dict(zip(("frequency_hz", "mean_square_m2s4"), lines, strict=True))
-        return replace(self, samples_ms2=np.empty(0), **pair)
+        frequency, power = self.frequency_hz[kept], self.mean_square_m2s4[kept]
+        heard = replace(self, frequency_hz=frequency, mean_square_m2s4=power)
+        return replace(heard, samples_ms2=np.empty(0))
 
     def merged(self, width: float) -> Vibration:
         """Return it with bins or lines within a relative width of each other as one."""
@@ -377,7 +377,7 @@ class OperatingShare:
     """
 
     vibration: Vibration
-    share: float = number(0, 1, zero=False, default=1.0)
+    share: float = number(0, 1, open_low=True, default=1.0)
 
     def __post_init__(self) -> None:
         check_fields(self)

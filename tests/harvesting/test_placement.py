@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -235,9 +236,9 @@ def test_impossible_budgets_are_refused():
 
 
 def test_position_without_anything_stands_last_with_its_reason():
-    loud = recording([1.0, 1.0], noise=0.0)
-    t = np.arange(loud.samples.shape[1]) / RATE
-    loud.samples[0] = np.cos(2 * np.pi * 20.0 * t)
-    found = survey_measured(machine(), narrow(), [loud])
+    heard = recording([1.0, 1.0], noise=0.0)
+    low = np.cos(2 * np.pi * 20.0 * np.arange(heard.samples.shape[1]) / RATE)
+    heard = replace(heard, samples=np.array([low, heard.samples[1]]))
+    found = survey_measured(machine(), narrow(), [heard])
     assert [p.position.name for p in found.placed] == ["a2", "a1"]
     json.dumps(found.to_dict(), allow_nan=False)
