@@ -110,7 +110,8 @@ class Modes:
     def compliance(self, circular: Real, rows: int) -> tuple[Complex, Complex]:
         """First rows of the answers to an acceleration and to u, each (rows, n)."""
         natural, damping = self.natural_rad_s[:, None], self.damping_ratio[:, None]
-        mode = 1 / np.asarray(natural**2 - circular**2 + 2j * damping * natural * circular)
+        below = natural**2 - circular**2 + 2j * damping * natural * circular
+        mode: Complex = np.asarray(1 / below, dtype=np.complex128)
         shapes = self.rows[:rows]
         return (shapes * self.forcing) @ mode, (shapes * self.rows[0]) @ mode
 

@@ -79,7 +79,8 @@ def _beam(beam):
     )
     hs, hp, axis = beam.passive_thickness_m, beam.piezo_thickness_m, beam.neutral_axis_m
     e31 = beam.piezo.d31_m_per_v * beam.piezo.youngs_modulus_pa
-    field = -e31 / hp * (0.5 if beam.wiring == "series" else 1.0)
+    # the elements count the voltage the other way round, see `beam_elements.stress`
+    field = e31 / hp * (0.5 if beam.wiring == "series" else 1.0)
     layer = beam.piezo.youngs_modulus_pa * (hs + hp - axis)
     plate = beam.passive.youngs_modulus_pa * max(axis, hs - axis)
     plate = plate * beam.piezo.safe_stress_pa / beam.passive.safe_stress_pa
