@@ -111,8 +111,8 @@ class PairCompliance:
         return np.abs(half)
 
     def most_from(self, line: int) -> tuple[float, float]:
-        """Largest 1/|D| and (n/R)^2/|D| of all lines from one on."""
-        return largest_responses(float(self.ratio[0]), float(self.zeta[0]), 0.0, line)
+        """Largest 1/|D| and (n/R)^2/|D| of all lines from one on; of many, above all resonances."""
+        return largest_responses(float(self.ratio.max()), float(self.zeta.min()), 0.0, line)
 
     def quiet_above(self, level: float) -> int:
         """Line above which 1/|D| <= level for certain, in all sets."""
