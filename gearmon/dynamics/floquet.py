@@ -88,8 +88,8 @@ def multipliers(
     angle = math.pi if value < 0 else 0.0
     if growth == 0:
         angle = math.acos(min(1.0, max(-1.0, float(value) * math.exp(min(float(log), 30.0)))))
-    one = complex(growth, angle)
-    return _exponential(one - decay), _exponential(-one - decay)
+    exponent = complex(growth, angle)
+    return _exponential(exponent - decay), _exponential(-exponent - decay)
 
 
 def _exponential(exponent: complex) -> complex:

@@ -395,7 +395,7 @@ class LeastResidual:
 
 
 def _lengths(rows: Real) -> Real:
-    return np.sqrt(np.einsum("sn,sn->s", rows, rows))
+    return np.asarray(np.sqrt(np.einsum("sn,sn->s", rows, rows)))
 
 
 def recombine(equations: MeshEquations, x: Complex, tolerance: float, most: int) -> Approximation:

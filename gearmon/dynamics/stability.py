@@ -175,7 +175,9 @@ def growth_of(
     tolerance: float = 1e-12,
 ) -> Real:
     """Natural logarithm of the largest multiplier's modulus per period; arguments broadcast."""
-    value, log = period_trace.of_fourier(ratio, variation, zeta, shape.harmonics, tolerance)
+    value, log = period_trace.of_fourier(
+        ratio, variation, np.asarray(zeta), shape.harmonics, tolerance
+    )
     return period_trace.growth(value, log) - 2 * math.pi * zeta * ratio
 
 
@@ -194,7 +196,9 @@ def excess(
         e^{-u} (+-H - cosh u), u = 2 pi R zeta: above zero where a multiplier lies beyond +1, or
         beyond -1.
     """
-    value, log = period_trace.of_fourier(ratio, variation, zeta, shape.harmonics, tolerance)
+    value, log = period_trace.of_fourier(
+        ratio, variation, np.asarray(zeta), shape.harmonics, tolerance
+    )
     decay = 2 * math.pi * zeta * ratio
     with np.errstate(over="ignore"):
         scaled = value * np.exp(np.minimum(log - decay, 700.0))
