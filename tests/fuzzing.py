@@ -455,8 +455,10 @@ def memory(name: str) -> float:
     raise KeyError(name)
 
 
-def attack(target: Target, count: int, seed: int, folder: Path) -> list[str]:
-    """Return what went wrong in so many trials."""
+def attack(
+    target: Target, count: int, seed: int, folder: Path, most_used: list[float] | None = None
+) -> list[str]:
+    """Return what went wrong in so many trials; `most_used` gets the most seconds and bytes."""
     random = np.random.default_rng(seed)
     path = folder / f"damaged.{target.name}"
     path.write_bytes(target.original)
@@ -485,10 +487,13 @@ def attack(target: Target, count: int, seed: int, folder: Path) -> list[str]:
                 wrong.append(what + f"not one line: {error!r}")
         except Exception as error:
             wrong.append(what + f"{type(error).__name__}: {error}")
-        if time.process_time() - begin > most:
-            wrong.append(what + f"took {time.process_time() - begin:.1f} s")
-        if memory("VmHWM") - held > MOST_BYTES:
-            wrong.append(what + f"took {(memory('VmHWM') - held) / 1e6:.0f} MB")
+        costs = [time.process_time() - begin, memory("VmHWM") - held]
+        if costs[0] > most:
+            wrong.append(what + f"took {costs[0]:.1f} s")
+        if costs[1] > MOST_BYTES:
+            wrong.append(what + f"took {costs[1] / 1e6:.0f} MB")
+        if most_used is not None:
+            most_used[:] = map(max, most_used, costs)
         if wrong and wrong[-1].startswith(what):
             (folder / f"wrong-{target.name}-{number}").write_bytes(path.read_bytes())
     return wrong
@@ -504,10 +509,11 @@ def main() -> int:
     known, bad = targets(folder), 0
     for name in given.target or known:
         begin = time.perf_counter()
-        wrong = attack(known[name], given.count, given.seed, folder)
+        most = [0.0, 0.0]
+        wrong = attack(known[name], given.count, given.seed, folder, most)
         bad += len(wrong)
-        took = time.perf_counter() - begin
-        print(f"{name}: {given.count} files, {len(wrong)} wrong, {took:.0f} s", flush=True)
+        took = f"{time.perf_counter() - begin:.0f} s, at most {most[0]:.2f} s, {most[1] / 1e6:.0f} MB"
+        print(f"{name}: {given.count} files, {len(wrong)} wrong, {took}", flush=True)
         print("\n".join(wrong[:20]), flush=True)
     print(f"files that went wrong are in {folder}" if bad else "nothing went wrong")
     return min(bad, 1)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -11,6 +10,7 @@ import numpy as np
 
 from gearmon.errors import RecordingError
 from gearmon.signals.reading.columns import (
+    MOST_SAMPLE,
     Content,
     DataColumn,
     Extremes,
@@ -161,7 +161,7 @@ def interpret(content: Content, wanted: Wanted) -> Interpreted:
         columns=tuple(column for column, _ in parted),
         rate_hz=rate_hz,
         notes=tuple(note for note in notes if note),
-        finite=all(map(math.isfinite, sizes)),
+        finite=all(size < MOST_SAMPLE for size in sizes),
         tacho_told=spoken.tells_tacho(columns),
     )
 
@@ -297,10 +297,11 @@ def _judged(
         text = f"lacks a finite number in {share}"
         if count == len(values):
             text = f"has no numbers at all in {count} rows"
+        why = "more than any sensor gives" if np.isfinite(values[first]) else "no number"
         if wanted.asks_for(index) or (column.kind == "vibration" and count < len(values)):
             raise RecordingError(
                 f"{content.path}, {content.place(first)}, {column.label}: "
-                f"{content.shown(first, index)} is no number; the column {text}; {_REMEDY_ALONE}"
+                f"{content.shown(first, index)} is {why}; the column {text}; {_REMEDY_ALONE}"
             )
         return True, f"{column.label} {text}"
     if column.kind != "vibration" or len(values) < 2:

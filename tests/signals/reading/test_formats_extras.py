@@ -253,6 +253,16 @@ class TestParquet:
         parquet.write_table(pyarrow.table({"a1": values}), path)
         assert ", sample 8, column 1 ('a1'): a value is no number" in refused(path, 5000.0)
 
+    def test_bytes_put_into_its_pages(self, tmp_path):
+        pyarrow = pytest.importorskip("pyarrow")
+        parquet = pytest.importorskip("pyarrow.parquet")
+        path = tmp_path / "a.parquet"
+        parquet.write_table(pyarrow.table({"a1": X[0]}), path)
+        whole = path.read_bytes()
+        place = parquet.ParquetFile(path).metadata.row_group(0).column(0).data_page_offset + 200
+        path.write_bytes(whole[:place] + bytes(9) + whole[place:])
+        assert "is damaged: the pages of" in refused(path, 5000.0)
+
 
 def test_remarks_of_a_library_on_damage_stay_inside(tmp_path, capfd):
     nptdms = pytest.importorskip("nptdms")

@@ -165,12 +165,35 @@ def read_parquet(path: str, what: str) -> Holding:
     """
     from pyarrow import parquet
 
-    return _opened(path, what, lambda: parquet.ParquetFile(path), _parquet_columns)
+    def opened() -> Any:
+        return parquet.ParquetFile(path, page_checksum_verification=True)
+
+    return _opened(path, what, opened, _parquet_columns)
+
+
+def _check_pages(path: str, what: str, told: Any) -> None:
+    """Refuse pages that do not end where what stands behind them begins: later values are moved."""
+    chunks = [
+        told.row_group(group).column(column)
+        for group in range(told.num_row_groups)
+        for column in range(told.num_columns)
+    ]
+    ends = [
+        (own.dictionary_page_offset or own.data_page_offset) + own.total_compressed_size
+        for own in chunks
+    ]
+    indexed = any(own.has_offset_index or own.has_column_index for own in chunks)
+    end = os.path.getsize(path) - 8 - told.serialized_size
+    if ends and not indexed and max(ends) != end:
+        raise RecordingError(
+            f"{path}: is damaged: the pages of {what} end at byte {max(ends)}, not {end}"
+        )
 
 
 def _parquet_columns(path: str, what: str, file: Any) -> Holding:
     import pyarrow
 
+    _check_pages(path, what, file.metadata)
     schema, rows = file.schema_arrow, file.metadata.num_rows
     kept = [field for field in schema if _is_numeric(pyarrow, field.type)]
     dropped = [field for field in schema if field not in kept]
