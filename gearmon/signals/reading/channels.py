@@ -294,7 +294,7 @@ def _judged(
     count, first = missing_values(values, found)
     if count:
         share = f"{count} of {len(values)} rows ({100 * count / len(values):.2g} %)"
-        text = f"lacks a finite number in {share}"
+        text = f"lacks a usable number in {share}"
         if count == len(values):
             text = f"has no numbers at all in {count} rows"
         why = "more than any sensor gives" if np.isfinite(values[first]) else "no number"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import sys
 
 import numpy as np
@@ -117,6 +119,18 @@ class TestHdf5:
         said = refused(path, 5000.0)
         assert "holds 2 arrays that may be the recording; name one with --channel" in said
         assert np.array_equal(read_recording(path, 5000.0, channels="b").samples, X[1:2])
+
+    def test_damage_that_crashes_the_library_is_refused(self, tmp_path, monkeypatch):
+        h5py = pytest.importorskip("h5py")
+
+        def crash(*_):
+            os.kill(os.getpid(), signal.SIGSEGV)
+
+        path = tmp_path / "a.h5"
+        with h5py.File(path, "w") as file:
+            file["acc"] = X
+        monkeypatch.setattr(h5py, "File", crash)
+        assert "so damaged that reading it crashes" in refused(path, 5000.0)
 
 
 class TestTdms:
