@@ -160,10 +160,15 @@ def interpret(content: Content, wanted: Wanted) -> Interpreted:
         samples=samples,
         columns=tuple(column for column, _ in parted),
         rate_hz=rate_hz,
-        notes=tuple(note for note in notes if note),
+        notes=tuple(_one_line(note) for note in notes if note),
         finite=all(size < MOST_SAMPLE for size in sizes),
         tacho_told=spoken.tells_tacho(columns),
     )
+
+
+def _one_line(note: str) -> str:
+    """Leave out what names of channels may do to a terminal."""
+    return "".join(sign if sign.isprintable() else " " for sign in note)
 
 
 def _spoken(content: Content, wanted: Wanted) -> tuple[_Spoken, list[str]]:

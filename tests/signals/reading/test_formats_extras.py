@@ -174,6 +174,33 @@ class TestTdms:
         path.write_bytes(path.read_bytes()[:-100])
         assert "is cut off" in refused(path)
 
+    @pytest.mark.parametrize(
+        ("place", "value", "said"),
+        [
+            (180, 87, "its last part is incomplete"),  # how many samples the second channel has
+            (21, 2, "its last part is incomplete"),  # where they begin
+            (73, 255, "its channels take 3200 bytes, and it holds 6400"),  # the name of the first
+        ],
+    )
+    def test_damage_that_moves_samples(self, tmp_path, place, value, said):
+        nptdms = pytest.importorskip("nptdms")
+        path, wave = tmp_path / "a.tdms", {"wf_increment": 2e-4, "unit_string": "m/s2"}
+        with nptdms.TdmsWriter(path) as writer:
+            channels = [nptdms.ChannelObject("g", f"a{k}", X[k], wave) for k in (1, 2)]
+            writer.write_segment(channels)
+        bad = bytearray(path.read_bytes())
+        bad[place] = value
+        path.write_bytes(bad)
+        assert said in refused(path)
+
+    def test_a_channel_without_samples_is_left_out_with_a_word(self, tmp_path):
+        nptdms = pytest.importorskip("nptdms")
+        path, wave = tmp_path / "a.tdms", {"wf_increment": 2e-4, "unit_string": "m/s2"}
+        with nptdms.TdmsWriter(path) as writer:
+            channels = [nptdms.ChannelObject("g", "a", X[0], wave)]
+            writer.write_segment([*channels, nptdms.ChannelObject("g", "b\n", X[1][:0], wave)])
+        assert "channel 'b ' holds no numbers: left out" in read_recording(path).notes
+
 
 class TestUniversalFile:
     USUAL = {  # noqa: RUF012

@@ -313,24 +313,33 @@ def read_tdms(path: str, what: str) -> Holding:
 
     def channels(path: str, what: str, stream: Any) -> Holding:
         with _quiet():
-            return _tdms_channels(path, what, nptdms.TdmsFile.open(stream), stream.close)
+            file = nptdms.TdmsFile.open(stream)
+            found = _tdms_channels(path, what, file, stream.close)
+        told = [own for group in file.groups() for own in group.channels() if len(own)]
+        sizes = [own.data_type.size and own.data_type.size * len(own) for own in told]
+        # of text, and of what a driver packs, the size is not known
+        if None not in sizes and sum(sizes) != stored:
+            raise ValueError(f"its channels take {sum(sizes)} bytes, and it holds {stored}")
+        return found
 
     # opened here, as the library leaves a damaged file open
     with reading(path, what):
-        _check_segments(path)
+        stored = _bytes_of_segments(path)
     return _opened(path, what, lambda: open(path, "rb"), channels)
 
 
-def _check_segments(path: str) -> None:
-    """Raise if a file goes on behind its last segment: bytes were put in."""
-    size, end = os.path.getsize(path), 0
+def _bytes_of_segments(path: str) -> int:
+    """Return how many bytes are samples; raise if the file goes on behind its last segment."""
+    size, end, stored = os.path.getsize(path), 0, 0
     with open(path, "rb") as stream:
         while end < size:
             stream.seek(end)
             tag, flags, rest = struct.unpack("<4sI20s", stream.read(28).ljust(28, b"\0"))
             if tag != b"TDSm":
                 raise ValueError(f"{size - end} bytes belong to no segment")
-            end += 28 + int(struct.unpack(">IQQ" if flags & _BIG_ENDIAN else "<IQQ", rest)[1])
+            _, own, begin = struct.unpack(">IQQ" if flags & _BIG_ENDIAN else "<IQQ", rest)
+            end, stored = end + 28 + own, stored + own - begin
+    return stored
 
 
 @contextmanager
@@ -348,7 +357,7 @@ def _quiet() -> Iterator[None]:
 
 def _tdms_channels(path: str, what: str, file: Any, close: Callable[[], object]) -> Holding:
     status = file.file_status
-    if status.incomplete_final_segment:
+    if status.incomplete_final_segment or status.channel_statuses:
         raise RecordingError(
             f"{path}: is cut off: its last part is incomplete (was the recorder switched off while "
             "it wrote?); copy it again, or open and save it in its own program"
@@ -374,6 +383,7 @@ def _tdms_channels(path: str, what: str, file: Any, close: Callable[[], object])
         together=True,
         facts=facts,
         left_out=tuple(others),
+        notes=tuple(f"channel '{name}' holds no numbers: left out" for name in others),
         close=close,
     )
 
