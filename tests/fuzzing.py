@@ -461,7 +461,10 @@ def moved(name: str, change: Change, found: Any, whole: Any) -> bool:
         return False
     if name == "uff" and change is cut:  # nothing in it says how many channels follow
         whole = whole[: len(found)]
-    return bool(found.shape != whole.shape or (found != whole).sum() > FEW_SAMPLES)
+    if found.shape != whole.shape:
+        return True
+    # a name that was damaged may change their order
+    return min((found != whole).sum(), (found != whole[::-1]).sum()) > FEW_SAMPLES
 
 
 def attack(

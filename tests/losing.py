@@ -310,7 +310,7 @@ def troubled_command(
     with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()) as said:
         code = cli.main(words)
     if os.getpid() != parent:
-        plain = code != REFUSED or "cannot write" in said.getvalue()
+        plain = code != REFUSED or any(why in said.getvalue() for why in ("cannot write", "disk"))
         print("" if plain else said.getvalue(), end="", file=sys.stderr, flush=True)
         os._exit(code if plain else FAILED)
     told()
