@@ -162,7 +162,7 @@ def killed(name: str, folder: Path, random: np.random.Generator) -> Iterator[str
 
 def leave(folder: Path, room: int) -> None:
     """Leave so many bytes on a small file system; elsewhere let no file of ours become larger."""
-    if shutil.disk_usage(folder).total > 64e6:
+    if shutil.disk_usage(folder).total > 256e6:
         resource.setrlimit(resource.RLIMIT_FSIZE, (room, room))
         return
     with (folder / FILLER).open("wb", buffering=0) as file, suppress(OSError):

@@ -28,7 +28,7 @@ FloatArray = NDArray[np.float64]
 
 # Rates that are told by time stamps differ by less, and so little moves no level.
 _SAME_RATE = 1e-2
-# Of the speeds of the reference: beyond it lines lie elsewhere on resonances. Of four sound machines,
+# Of the speeds of the reference: beyond it lines lie elsewhere on resonances. Of 4 sound machines,
 # simulated, none was called faulty within 9 %, and 10 of 24 recordings 12 to 20 % off were.
 _OTHER_SPEED = 0.1
 # A change of all bands alike that no load makes [dB], and how much alike [dB].
