@@ -1,6 +1,6 @@
 """Killed, out of room, or not alone: whoever writes leaves the old file or the new one.
 
-A quick round runs with the tests; long ones by hand, the second on a file system of a few MB:
+A quick round runs with the tests; long ones by hand, the second on a file system below 256 MB:
 
     python tests/losing.py --kills 500 --rooms 100 --writers 50
     python tests/losing.py --rooms 200 --full 3 --folder /mnt/small
