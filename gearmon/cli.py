@@ -74,7 +74,7 @@ def parsed(
     names = [command.name for command in COMMANDS]
     word = words[0] if words else "-"
     _completed(parser)
-    near = None if word.startswith("-") or word in names else nearest_name(word, names)
+    near = None if word.startswith("-") or word in names else nearest_name(word.lower(), names)
     if near is not None:
         parser.error(f"there is no command {word!r}; did you mean {near}?")
     return parser.parse_args(argv, arguments)

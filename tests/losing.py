@@ -1,10 +1,10 @@
 """Killed, out of room, or not alone: whoever writes leaves the old file or the new one.
 
-A quick round runs with the tests; long ones by hand, the second on a file system of a few MB:
+A quick round runs with the tests; long ones by hand, the second on a file system below 256 MB:
 
     python tests/losing.py --kills 500 --rooms 100 --writers 50
-    python tests/losing.py --rooms 200 --folder /mnt/small
-    python tests/losing.py --commands 5
+    python tests/losing.py --rooms 200 --full 3 --folder /mnt/small
+    python tests/losing.py --commands 5 --full 3
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, redirect_stdout
+from contextlib import redirect_stderr, redirect_stdout, suppress
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +36,7 @@ from gearmon.files import protecting, reading_archive, write_archive, write_atom
 
 #: Of a child that refused in one clear line, as of the command line.
 REFUSED, FAILED = 2, 70
+FILLER = ".filler"
 
 
 def entry(number: int) -> Entry:
@@ -159,21 +160,15 @@ def killed(name: str, folder: Path, random: np.random.Generator) -> Iterator[str
         yield f"{name}: not written after a kill: {error}"
 
 
-@contextmanager
-def filled(folder: Path, room: int) -> Iterator[None]:
-    """Leave so many bytes on a small file system, or allow no larger files."""
-    if shutil.disk_usage(folder).total > 64e6:
-        yield
+def leave(folder: Path, room: int) -> None:
+    """Leave so many bytes on a small file system; elsewhere let no file of ours become larger."""
+    if shutil.disk_usage(folder).total > 256e6:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (room, room))
         return
-    filler = folder / "filler"
-    with filler.open("wb", buffering=0) as file:
-        try:
-            while True:
-                file.write(b"\0" * 4096)
-        except OSError:
-            file.truncate(max(0, file.tell() - room))
-    yield
-    filler.unlink()
+    with (folder / FILLER).open("wb", buffering=0) as file, suppress(OSError):
+        while True:
+            file.write(b"\0" * 4096)
+    os.truncate(folder / FILLER, max(0, (folder / FILLER).stat().st_size - room))
 
 
 def crowded(name: str, folder: Path, room: int) -> Iterator[str]:
@@ -183,12 +178,11 @@ def crowded(name: str, folder: Path, room: int) -> Iterator[str]:
     write(path, 0)
 
     def work() -> None:
-        if not (folder / "filler").exists():
-            resource.setrlimit(resource.RLIMIT_FSIZE, (room, room))
+        leave(folder, room)
         write(path, 1)
 
-    with filled(folder, room):
-        code = ended(child(work))
+    code = ended(child(work))
+    (folder / FILLER).unlink(missing_ok=True)
     if code not in (0, REFUSED):
         yield f"{name}: room {room}: ended with {code}"
     yield from told(name, path, {1} if code == 0 else {0})
@@ -228,6 +222,8 @@ COMMAND_LINES = (
     "spectrum b_2026-03-01.csv --machine m.toml -o spectrum.csv",
     "orders b_2026-03-01.csv --machine m.toml -o orders.csv",
     "harvest m.toml b_2026-03-01.csv -o harvest.json",
+    "modes m.toml -o modes.csv",
+    "exposure a.csv --position hand --axes x=a1,y=a2 --machine m.toml --report e.html -o e.csv",
     "demo harvest -o d",
     "benchmark stiffness --quick -o benchmark.csv",
 )
@@ -246,14 +242,37 @@ def contents(folder: Path) -> dict[str, str]:
     return found
 
 
-def killed_command(line: str, folder: Path, often: int, random: np.random.Generator) -> Any:
-    """Run a command, of which a copy is killed so many times about every file that it writes.
+def killed_within(_: Path, random: np.random.Generator, pid: int) -> str:
+    """Kill a writer within the time that writing may take; 0 for the one that is killed."""
+    if pid:
+        time.sleep(10 ** random.uniform(-3.5, -0.5))
+        os.kill(pid, signal.SIGKILL)
+        ended(pid)
+    return ""
 
-    Returns how many were killed, and what stood there then that the command did not write.
+
+def without_room(folder: Path, random: np.random.Generator, pid: int) -> str:
+    """Leave a writer little room or none; say how it ended if it neither wrote nor refused."""
+    room = int(random.integers(2)) * int(10 ** random.uniform(2, 6.5))
+    if not pid:
+        leave(folder, room)
+        return ""
+    code = ended(pid)
+    (folder / FILLER).unlink(missing_ok=True)
+    return "" if code in (0, 1, REFUSED, 3) else f"room {room}: ended with {code}"
+
+
+def troubled_command(
+    line: str, folder: Path, often: int, random: np.random.Generator, trouble: Callable[..., str]
+) -> tuple[int, list[str]]:
+    """Run a command, of which copies meet trouble from each file on that it writes.
+
+    Returns how many did, and what stood there then that the command did not write.
     """
     words, kept = line.split(), folder.with_name("kept")
     seen: list[tuple[str, str]] = []
-    kills = [0]
+    wrong: list[str] = []
+    count = [0]
     complete: set[tuple[str, str]] = set()
     real = tempfile.mkstemp, sqlite3.connect
 
@@ -267,15 +286,15 @@ def killed_command(line: str, folder: Path, often: int, random: np.random.Genera
             shutil.copytree(folder, kept)
             for _ in range(often):
                 pid = os.fork()
+                report = trouble(folder, random, pid)
                 if not pid:
                     return call(*given, **named)
-                time.sleep(10 ** random.uniform(-3.5, -0.5))
-                os.kill(pid, signal.SIGKILL)
-                ended(pid)
-                kills[0] += 1
+                random.random()  # another number for the next one
+                count[0] += 1
+                wrong.extend([f"{line}: {report}"] if report else [])
                 seen.extend(contents(folder).items())
-                shutil.rmtree(folder)
-                shutil.copytree(kept, folder)
+                shutil.rmtree(folder, ignore_errors=True)  # it may be a mount
+                shutil.copytree(kept, folder, dirs_exist_ok=True)
                 os.chdir(folder)
             shutil.rmtree(kept)
             tempfile.mkstemp, sqlite3.connect = map(hooked, real)
@@ -288,24 +307,26 @@ def killed_command(line: str, folder: Path, often: int, random: np.random.Genera
         if "d" not in words:
             write_atomically(words[-1], "old")
     tempfile.mkstemp, sqlite3.connect = map(hooked, real)
-    with redirect_stdout(io.StringIO()):
+    with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()) as said:
         code = cli.main(words)
     if os.getpid() != parent:
-        os._exit(code)
+        plain = code != REFUSED or any(why in said.getvalue() for why in ("cannot write", "disk"))
+        print("" if plain else said.getvalue(), end="", file=sys.stderr, flush=True)
+        os._exit(code if plain else FAILED)
     told()
-    wrong = [f"{line}: {name}: neither old nor new" for name, _ in set(seen) - complete]
-    return kills[0], wrong + ([f"{line}: ended with {code}"] if code not in (0, 1, 3) else [])
+    wrong += [f"{line}: {name}: neither old nor new" for name, _ in set(seen) - complete]
+    return count[0], wrong + ([f"{line}: ended with {code}"] if code not in (0, 1, 3) else [])
 
 
-def kill_commands(often: int, folder: Path, seed: int) -> list[str]:
-    """Kill every command about every file that it writes; say how often."""
+def trouble_commands(often: int, folder: Path, seed: int, trouble: Callable[..., str]) -> list[str]:
+    """Trouble every command about every file that it writes; say how often."""
     random, place, all_wrong = np.random.default_rng(seed), folder / "place", []
     place.mkdir()
     os.chdir(place)
     Path("m.toml").write_text(MACHINE_FILE)
     for line in COMMAND_LINES:
-        count, wrong = killed_command(line, place, often, random)
-        print(f"{line.split()[0]}: {count} kills, {len(wrong)} wrong", file=sys.stderr, flush=True)
+        count, wrong = troubled_command(line, place, often, random, trouble)
+        print(f"{line.split()[0]}: {count} trials, {len(wrong)} wrong", file=sys.stderr, flush=True)
         all_wrong += wrong
     return all_wrong
 
@@ -330,14 +351,18 @@ def main() -> int:
     parser.add_argument("--rooms", type=int, default=0)
     parser.add_argument("--writers", type=int, default=0)
     parser.add_argument("--commands", type=int, default=0, help="kills a file that is written")
+    parser.add_argument("--full", type=int, default=0, help="full disks a file that is written")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--folder", type=Path, default=None)
     given = parser.parse_args()
     with tempfile.TemporaryDirectory(dir=given.folder) as folder:
         wrong = attack(given.kills, given.rooms, given.writers, Path(folder), given.seed)
-        if given.commands:
-            wrong += kill_commands(given.commands, Path(folder), given.seed)
-            os.chdir("/")
+        for often, trouble in ((given.commands, killed_within), (given.full, without_room)):
+            if often:
+                place = tempfile.mkdtemp(dir=folder)
+                wrong += trouble_commands(often, Path(place), given.seed, trouble)
+                os.chdir("/")
+                shutil.rmtree(place)
     print("\n".join(wrong))
     return min(len(wrong), 1)
 

@@ -8,11 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from reference.small_gearbox import CRACK, HEALTHY_LOADS, machine, recording, reference
+from reference.synthetic_signals import as_recording
 
 from gearmon.diagnosis.analysis import analyse, learn
 from gearmon.errors import ArgumentError, GearmonError
 from gearmon.machine import OperatingPoint
 from gearmon.signatures.measured.reference import read_reference, write_reference
+from gearmon.simulation import simulate
 
 
 def changed(known, **fields):
@@ -35,6 +37,11 @@ def louder(samples):
     return samples
 
 
+def quieter(samples):
+    samples[0] *= 0.1
+    return samples
+
+
 def integrated(samples):
     """Velocities in mm/s where the file does not tell."""
     velocity = np.fft.rfft(samples[:2])
@@ -47,6 +54,13 @@ def integrated(samples):
 
 def every_other(samples):
     return samples[:, ::2]
+
+
+def running_at(share):
+    """A healthy recording of the machine at another speed."""
+    point = OperatingPoint(speed_rpm=share * 2960.0, torque_nm=120.0)
+    other = replace(machine(), operating=(point,))
+    return as_recording(simulate(other, [], 4.0, 10_000.0, machine_seed=1, channels=2))
 
 
 UNIT = ("mm/s", "mm/s", "V")
@@ -68,6 +82,7 @@ MISMATCHES = {
         "face_width_mm 28.0, now 20.0",
     ),
     "channel order": (lambda r: sampled(r, exchanged), None, "look exchanged: a1 is like a2"),
+    "gain 0.1": (lambda r: sampled(r, quieter), None, "channel a1 is about (19|20) dB quieter"),
     "gain 10": (lambda r: sampled(r, louder), None, "channel a1 is about 2[01] dB louder"),
     "other sensor": (
         lambda r: sampled(r, integrated, units=NO_UNIT),
@@ -80,6 +95,11 @@ MISMATCHES = {
         None,
         lambda m: replace(m, operating=(OperatingPoint(speed_rpm=2900.0, torque_nm=120.0),)),
         "speed_rpm 2960.0, now 2900.0",
+    ),
+    "other speed": (
+        lambda _: running_at(0.85),
+        lambda m: replace(m, operating=(OperatingPoint(speed_rpm=2516.0, torque_nm=120.0),)),
+        r"turns at 4\d.* Hz, in the reference at 4\d",
     ),
     "own file": (lambda _: recording(load=0.85, seed=1), None, "this recording is the same as"),
 }

@@ -244,7 +244,8 @@ def test_operating_points_too_far_apart_are_refused_with_the_numbers(here, shop,
 @pytest.mark.parametrize("text", ["=1+1", "@x", "+cmd|' /C calc'!A0", "-2+3", "-x", "\tx", "--"])
 def test_text_that_a_spreadsheet_would_run_is_quoted(text):
     assert table_cell(text) == "'" + text
-    assert rows_as_csv([{"name": text}]).splitlines()[1].lstrip('"').startswith("'")
+    for line in rows_as_csv([{text: text}]).splitlines():
+        assert line.lstrip('"').startswith("'")
 
 
 @pytest.mark.parametrize("cell", ["mesh", "-5", "+1.5e-3", "a=b", "", None, -5.0, 3, "é"])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import re
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -61,12 +62,17 @@ def show(
     arguments: argparse.Namespace, result: Mapping[str, Any], lines: Callable[[], Iterable[str]]
 ) -> None:
     """Print a result: one JSON object with --json, else lines of text."""
-    text = as_json(result) if arguments.json else coloured("\n".join(lines()))
+    text = as_json(result) if arguments.json else coloured(_plain("\n".join(lines())))
     try:
         print(text)
     except OSError as error:
         _no_more(error)
     flushed()
+
+
+def _plain(text: str) -> str:
+    """Leave out what names of files and channels may do to a terminal."""
+    return re.sub(r"[\x00-\x09\x0b-\x1f\x7f-\x9f]", " ", text)
 
 
 def flushed() -> None:

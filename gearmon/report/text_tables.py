@@ -99,9 +99,9 @@ def rows_as_csv(rows: Sequence[dict[str, Any]]) -> str:
     """
     text = io.StringIO()
     if rows:
-        writer = csv.DictWriter(text, fieldnames=list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows({name: table_cell(cell) for name, cell in row.items()} for row in rows)
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(map(table_cell, rows[0]))
+        writer.writerows([table_cell(row.get(name)) for name in rows[0]] for row in rows)
     return text.getvalue()
 
 

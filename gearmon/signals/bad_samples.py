@@ -328,7 +328,14 @@ def _level_changes(values: FloatArray, still: Sequence[BadStretch]) -> Iterator[
         return
     frames = values[: count * length].reshape(count, length)
     # the spread of half of the samples: a spike changes nothing
-    high, low = np.percentile(frames[:, :: 1 + length // 4096], [84, 16], axis=1)
+    some = frames[:, :: 1 + length // 4096]
+    high, middle, low = np.percentile(some, [84, 50, 16], axis=1)
+    for begin, end in _offset_steps(middle, high - low):
+        yield BadStretch(
+            start=begin * length,
+            stop=min(end * length, len(values)),
+            what="goes over to another mean value at once, as by a connector or an amplifier",
+        )
     level = 20 * np.log10(np.maximum(high - low, _finest_step(values)))
     sound = np.ones(count, dtype=bool)
     for bad in still:
@@ -355,6 +362,16 @@ def _level_changes(values: FloatArray, still: Sequence[BadStretch]) -> Iterator[
             stop=min(len(values), (last + 2) * length),
             what="drops out: there is next to no signal",
         )
+
+
+def _offset_steps(middle: FloatArray, spread: FloatArray) -> list[tuple[int, int]]:
+    """First frame and end of where the middle steps by more than the samples spread."""
+    middles = np.median(sliding_window_view(middle, 3), axis=1)
+    at_once = middles[4:] - middles[:-4]
+    least = max(float(np.median(spread)), _STEP_TIMES * _scatter(at_once))
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], np.abs(at_once) > least, [False]])))
+    # windows of three frames with one between them, of which it is a bit of both
+    return [(int(a) + 2, int(b) + 4) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def _finest_step(values: FloatArray) -> float:

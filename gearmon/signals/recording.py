@@ -112,7 +112,7 @@ class Recording(Result):
         for name, channel in zip(self.channel_names, samples, strict=True):
             if not (known_finite or survey(channel).finite):
                 raise RecordingError(
-                    f"{where}channel '{name}' has values that are no finite numbers"
+                    f"{where}channel '{name}' has values that are no finite numbers, or above 1e30"
                 )
 
     def _fill(self, samples: Samples, count: int) -> None:

@@ -62,6 +62,10 @@ def long_frozen(a):
     frozen(a, 10_000, 15_000)
 
 
+def another_mean(a):
+    a[:, 12_000:] += 50 * a.std()
+
+
 def spoilt(damage, fault="", **changes):
     own = recording(fault, **changes)
     samples = own.samples.copy()
@@ -74,6 +78,7 @@ SHORT = {
     empty: "channel a2 from 3 to 3.04 s stands still at 0 ",
     noise_only: "channel a1 from 3.277 to 3.533 s drops out",
     spike: "channel a1 at 1.2345 s jumps to",
+    another_mean: "channel a1 from 1.126 to 1.28 s goes over to another mean",
     spikes: "channel a2 at 0.0500 s jumps to",
 }
 ONE_CHANNEL = {

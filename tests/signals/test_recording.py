@@ -67,7 +67,7 @@ class TestRecording:
         with pytest.raises(ArgumentError, match=message):
             recording(**changes)
 
-    @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+    @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e30])
     def test_samples_must_be_finite(self, value):
         samples = np.zeros((3, 4))
         samples[1, 2] = value

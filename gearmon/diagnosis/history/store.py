@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import shutil
 import sqlite3
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
@@ -26,6 +27,8 @@ APPLICATION_ID = 0x474D6869
 SCHEMA_VERSION = 2
 #: Seconds that a writer waits for another one to finish.
 _PATIENCE_S = 10.0
+# SQLite's index of what is not yet in the file takes 32 kB, and its rest little.
+_SHARED_BYTES = 1 << 17
 
 # annotation of a field -> column in SQL and in a table
 _TYPES = {
@@ -215,7 +218,8 @@ def _opened(path: Path, *, create: bool) -> Iterator[sqlite3.Connection]:
                 _prepare(store, path, create=create)
                 yield store
             except BaseException:
-                store.execute("ROLLBACK")
+                if store.in_transaction:  # a full disk ends it by itself
+                    store.execute("ROLLBACK")
                 raise
             store.execute("COMMIT")
             if create:
@@ -223,8 +227,8 @@ def _opened(path: Path, *, create: bool) -> Iterator[sqlite3.Connection]:
     except sqlite3.OperationalError as error:
         if "locked" in str(error):
             raise SignatureError(f"{path}: another program is writing to it; try again") from None
-        why = _line(error)
-        raise SignatureError(f"{path}: cannot be used as a history ({why})") from None
+        what = "cannot write to it" if create else "cannot be used as a history"
+        raise SignatureError(f"{path}: {what} ({_line(error)})") from None
     except GearmonError:
         raise
     except (sqlite3.DatabaseError, LookupError, ValueError) as error:
@@ -234,9 +238,15 @@ def _opened(path: Path, *, create: bool) -> Iterator[sqlite3.Connection]:
 def _connected(path: Path, *, create: bool) -> sqlite3.Connection:
     target = path.resolve()
     writable = os.access(target.parent, os.W_OK) and os.access(target, os.W_OK)
-    if create or writable:
+    if create or (writable and shutil.disk_usage(target.parent).free > _SHARED_BYTES):
         return sqlite3.connect(path, timeout=_PATIENCE_S, isolation_level=None)
-    # who may only read cannot make the files that writers and readers share
+    # who may only read, or has no room, cannot make the files that writers and readers share
+    journal = Path(f"{target}-wal")
+    if journal.exists() and journal.stat().st_size:
+        raise SignatureError(
+            f"{path}: its last changes are still in {journal.name}; copy both files to a folder "
+            "that can be written to, and read them there"
+        )
     name = f"{target.as_uri()}?immutable=1"
     return sqlite3.connect(name, uri=True, timeout=_PATIENCE_S, isolation_level=None)
 

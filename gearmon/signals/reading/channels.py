@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -11,6 +10,7 @@ import numpy as np
 
 from gearmon.errors import RecordingError
 from gearmon.signals.reading.columns import (
+    MOST_SAMPLE,
     Content,
     DataColumn,
     Extremes,
@@ -19,7 +19,13 @@ from gearmon.signals.reading.columns import (
     missing_values,
     survey,
 )
-from gearmon.signals.reading.fields import Floats, acceleration_factor, plain_unit
+from gearmon.signals.reading.fields import (
+    Floats,
+    acceleration_factor,
+    is_unit,
+    plain_unit,
+    shortened,
+)
 from gearmon.signals.reading.timebase import counts_evenly, rises_evenly, sampling_rate
 from gearmon.signals.threads import side_by_side
 
@@ -160,10 +166,15 @@ def interpret(content: Content, wanted: Wanted) -> Interpreted:
         samples=samples,
         columns=tuple(column for column, _ in parted),
         rate_hz=rate_hz,
-        notes=tuple(note for note in notes if note),
-        finite=all(map(math.isfinite, sizes)),
+        notes=tuple(_one_line(note) for note in notes if note),
+        finite=all(size < MOST_SAMPLE for size in sizes),
         tacho_told=spoken.tells_tacho(columns),
     )
+
+
+def _one_line(note: str) -> str:
+    """Leave out what names of channels may do to a terminal."""
+    return "".join(sign if sign.isprintable() else " " for sign in note)
 
 
 def _spoken(content: Content, wanted: Wanted) -> tuple[_Spoken, list[str]]:
@@ -192,6 +203,12 @@ def _told(content: Content, wanted: _Spoken) -> list[DataColumn]:
     if content.stamp is not None:
         told[content.stamp] = replace(told[content.stamp], kind="time")
     for index, sensor in wanted.sensors.items():
+        if sensor.unit and not is_unit(sensor.unit):
+            raise RecordingError(
+                f"{content.path}: the [[sensor]] of column '{sensor.column}' is said to be in "
+                f"'{shortened(sensor.unit)}', which is no known unit; give m/s2, g, mm/s, um, V or "
+                "the like, or leave it out"
+            )
         recorded = told[index].unit if sensor.sensitivity == 1.0 else None
         told[index] = replace(told[index], kind=sensor.kind, unit=sensor.unit or recorded)
     for index in wanted.channels or ():
@@ -294,13 +311,14 @@ def _judged(
     count, first = missing_values(values, found)
     if count:
         share = f"{count} of {len(values)} rows ({100 * count / len(values):.2g} %)"
-        text = f"lacks a finite number in {share}"
+        text = f"lacks a usable number in {share}"
         if count == len(values):
             text = f"has no numbers at all in {count} rows"
+        why = "more than any sensor gives" if np.isfinite(values[first]) else "no number"
         if wanted.asks_for(index) or (column.kind == "vibration" and count < len(values)):
             raise RecordingError(
                 f"{content.path}, {content.place(first)}, {column.label}: "
-                f"{content.shown(first, index)} is no number; the column {text}; {_REMEDY_ALONE}"
+                f"{content.shown(first, index)} is {why}; the column {text}; {_REMEDY_ALONE}"
             )
         return True, f"{column.label} {text}"
     if column.kind != "vibration" or len(values) < 2:

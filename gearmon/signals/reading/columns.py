@@ -52,6 +52,8 @@ _KINDS = (
 _PILED_UP = 5.0
 _FEWEST_SAMPLES = 10
 _HARMLESS_SHARE = 1e-3
+# No sensor gives more, in whatever unit; bytes read in another order do.
+MOST_SAMPLE = 1e30
 _NEIGHBOURHOOD, _ALIKE = 0.05, 1e-9  # of the range
 _SAMPLES_TO_COMPARE = 2**17  # from the first at the extreme on
 
@@ -320,7 +322,7 @@ def survey(values: Floats) -> Extremes:
     if not len(values):
         return Extremes(finite=True, low=np.inf, high=-np.inf)
     low, high = float(values.min()), float(values.max())
-    if not (np.isfinite(low) and np.isfinite(high)):
+    if not (low > -MOST_SAMPLE and high < MOST_SAMPLE):  # also if they are no numbers
         return Extremes(finite=False)
     return Extremes(
         finite=True,
@@ -334,7 +336,7 @@ def survey(values: Floats) -> Extremes:
 
 
 def missing_values(values: Floats, found: Extremes | None = None) -> tuple[int, int]:
-    """Return how many values are not finite, and the index of the first of them (-1: none).
+    """Return how many values cannot be samples, and the index of the first of them (-1: none).
 
     Parameters
     ----------
@@ -344,7 +346,7 @@ def missing_values(values: Floats, found: Extremes | None = None) -> tuple[int, 
     """
     if (found or survey(values)).finite:
         return 0, -1
-    bad = np.flatnonzero(~np.isfinite(values))
+    bad = np.flatnonzero(~(np.abs(values) < MOST_SAMPLE))
     return len(bad), int(bad[0])
 
 

@@ -160,11 +160,14 @@ def find_layout(path: str, lines: Sequence[str]) -> Layout | None:
         )
     first, above = _first_row(path, lines, dialect)
     joined = _joined_lines(above)
-    for number, text in joined:
-        if (number, text) not in above and dialect.row(text) is not None:
+    begun = {number for number, _ in joined}
+    whole = [own for own in joined if own not in above]
+    for number, text in [*whole, *(own for own in above if own[0] not in begun)]:
+        # a row that was joined, or one whose quote is not closed and that closes one above it
+        if any(dialect.row(own) for own in (text, f'{text}"', text.replace('"', ""))):
             raise RecordingError(
-                f"{path}, line {number}: a line break within quotes parts this row of numbers; "
-                "take it out"
+                f"{path}, line {number}: a line break within quotes parts this row of numbers, or "
+                "a quote in it or above it is not closed; take it out"
             )
     dialect = _clear_decimals(path, dialect, sample, joined)
     dialect = _widened(dialect, sample, joined)

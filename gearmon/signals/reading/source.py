@@ -22,7 +22,7 @@ from gearmon.files import most_unpacked
 # (2e6 rows of 4 columns, two cores); every MB takes some 20 MB of memory while it is parsed.
 BLOCK_BYTES = 768 * 1024
 # Files of a folder up to which a name is looked for that looks like a missing one.
-_NAMES_COMPARED = 200
+_NAMES_COMPARED = 50
 _LONGEST_LINE = 16 * 1024 * 1024
 _FEWEST_UNMARKED = 16  # bytes from which on a pattern of zeros tells UTF-16
 _GZIP_MAGIC = b"\x1f\x8b"

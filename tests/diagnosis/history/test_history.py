@@ -261,6 +261,18 @@ def test_what_is_written_is_read_back(tmp_path):
     store.close()
 
 
+def test_where_nothing_can_be_written_it_is_read_unless_changes_are_still_beside(
+    tmp_path, monkeypatch
+):
+    path = tmp_path / "history.db"
+    append(path, cracked(3).entries)
+    monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=0))
+    assert len(read_history(path).entries) == 3
+    (tmp_path / "history.db-wal").write_text("not yet in the file")
+    with pytest.raises(SignatureError, match=r"changes are still in history\.db-wal"):
+        read_history(path)
+
+
 def test_duplicates_are_refused_or_replaced_and_nothing_is_half_written(tmp_path):
     path = tmp_path / "history.db"
     append(path, [entry(0), entry(1)])

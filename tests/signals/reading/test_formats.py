@@ -193,6 +193,12 @@ class TestNpy:
         path.write_bytes(path.read_bytes()[:-1])
         assert "cannot be read as such (mmap length is greater" in refused(path, 5000.0)
 
+    def test_bytes_in_another_order_than_told(self, tmp_path):
+        path = tmp_path / "a.npy"
+        np.save(path, X)
+        path.write_bytes(path.read_bytes().replace(b"<f8", b">f8"))
+        assert "is more than any sensor gives" in refused(path, 5000.0)
+
 
 class TestSeveralArrays:
     def saved(self, path, **arrays):

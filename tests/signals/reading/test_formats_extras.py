@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import sys
 
 import numpy as np
@@ -118,6 +120,18 @@ class TestHdf5:
         assert "holds 2 arrays that may be the recording; name one with --channel" in said
         assert np.array_equal(read_recording(path, 5000.0, channels="b").samples, X[1:2])
 
+    def test_damage_that_crashes_the_library_is_refused(self, tmp_path, monkeypatch):
+        h5py = pytest.importorskip("h5py")
+
+        def crash(*_):
+            os.kill(os.getpid(), signal.SIGSEGV)
+
+        path = tmp_path / "a.h5"
+        with h5py.File(path, "w") as file:
+            file["acc"] = X
+        monkeypatch.setattr(h5py, "File", crash)
+        assert "so damaged that reading it crashes" in refused(path, 5000.0)
+
 
 class TestTdms:
     def written(self, path, channels, **properties):
@@ -159,6 +173,33 @@ class TestTdms:
         path = self.written(tmp_path / "a.tdms", [("g", "a", X[0], {"wf_increment": 1e-3})])
         path.write_bytes(path.read_bytes()[:-100])
         assert "is cut off" in refused(path)
+
+    @pytest.mark.parametrize(
+        ("place", "value", "said"),
+        [
+            (180, 87, "its last part is incomplete"),  # how many samples the second channel has
+            (21, 2, "its last part is incomplete"),  # where they begin
+            (73, 255, "its channels take 3200 bytes, and it holds 6400"),  # the name of the first
+        ],
+    )
+    def test_damage_that_moves_samples(self, tmp_path, place, value, said):
+        nptdms = pytest.importorskip("nptdms")
+        path, wave = tmp_path / "a.tdms", {"wf_increment": 2e-4, "unit_string": "m/s2"}
+        with nptdms.TdmsWriter(path) as writer:
+            channels = [nptdms.ChannelObject("g", f"a{k}", X[k], wave) for k in (1, 2)]
+            writer.write_segment(channels)
+        bad = bytearray(path.read_bytes())
+        bad[place] = value
+        path.write_bytes(bad)
+        assert said in refused(path)
+
+    def test_a_channel_without_samples_is_left_out_with_a_word(self, tmp_path):
+        nptdms = pytest.importorskip("nptdms")
+        path, wave = tmp_path / "a.tdms", {"wf_increment": 2e-4, "unit_string": "m/s2"}
+        with nptdms.TdmsWriter(path) as writer:
+            channels = [nptdms.ChannelObject("g", "a", X[0], wave)]
+            writer.write_segment([*channels, nptdms.ChannelObject("g", "b\n", X[1][:0], wave)])
+        assert "channel 'b ' holds no numbers: left out" in read_recording(path).notes
 
 
 class TestUniversalFile:
@@ -252,6 +293,16 @@ class TestParquet:
         values[7] = None
         parquet.write_table(pyarrow.table({"a1": values}), path)
         assert ", sample 8, column 1 ('a1'): a value is no number" in refused(path, 5000.0)
+
+    def test_bytes_put_into_its_pages(self, tmp_path):
+        pyarrow = pytest.importorskip("pyarrow")
+        parquet = pytest.importorskip("pyarrow.parquet")
+        path = tmp_path / "a.parquet"
+        parquet.write_table(pyarrow.table({"a1": X[0]}), path)
+        whole = path.read_bytes()
+        place = parquet.ParquetFile(path).metadata.row_group(0).column(0).data_page_offset + 200
+        path.write_bytes(whole[:place] + bytes(9) + whole[place:])
+        assert "is damaged: the pages of" in refused(path, 5000.0)
 
 
 def test_remarks_of_a_library_on_damage_stay_inside(tmp_path, capfd):

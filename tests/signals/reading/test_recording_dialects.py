@@ -247,6 +247,11 @@ class TestLineBreaksWithinQuotes:
         with pytest.raises(RecordingError, match=f"line {line}: a line break within quotes parts"):
             table(head + row + "\n" + written())
 
+    @pytest.mark.parametrize("row", ['0.5,1.5,"2', '"0.5,1.5,2', '0.5,"1.5",2"'])
+    def test_a_first_row_that_closes_a_quote_of_the_header_is_not_lost(self, row):
+        with pytest.raises(RecordingError, match="line 3: "):
+            table(f'"[g],[g],[g]\na,b,c\n{row}\n' + written())
+
     def test_in_a_later_row_too(self):
         with pytest.raises(RecordingError, match="line 34"):
             table("a,b,c\n" + written() + '1,"2\n",3\n' + written())

@@ -63,7 +63,7 @@ def path(tmp_path):
         (HEAD + BODY + "Mean,0,0\n", "line 302, column 1 ('a'): 'Mean' is not a number"),
         (HEAD + BODY + "End of file\n", "line 302: 'End of file' is not a number"),
         (with_line(150, "1,nan,3\n"), "line 152, column 2 ('b'): 'nan' is no number; the column "
-         "lacks a finite number in 1 of 300 rows"),
+         "lacks a usable number in 1 of 300 rows"),
         (with_line(150, "1,-inf,3\n"), "line 152, column 2 ('b'): '-inf' is no number"),
         (with_line(150, "1,1e999,3\n"), "line 152, column 2 ('b'): '1e999' is no number"),
         (with_line(150, "1,,3\n"), "line 152, column 2 ('b'): an empty field is no number"),
@@ -181,7 +181,7 @@ def test_a_slow_channel_with_gaps_is_left_out(path):
     path.write_text("a,b,c,torque\n" + "".join(rows))
     recording = read_recording(path, 1000.0)
     assert recording.channel_names == ("a", "b", "c")
-    assert "column 4 ('torque') lacks a finite number in 270 of 300 rows" in recording.notes[0]
+    assert "column 4 ('torque') lacks a usable number in 270 of 300 rows" in recording.notes[0]
 
 
 def test_a_gap_is_refused_where_that_channel_is_wanted_only(path):

@@ -5,10 +5,13 @@ HDF5 (MATLAB 7.3 among them), Parquet, TDMS (LabVIEW), UFF 58 and FLAC.
 
 from __future__ import annotations
 
+import faulthandler
 import logging
 import os
 import re
+import resource
 import struct
+import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -25,6 +28,7 @@ from gearmon.signals.reading.formats.arrays import Array, Holding, as_array, rea
 
 _UNIT_KEYS = (b"unit", b"units")
 _UNIT_NAMES = ("unit", "units", "Unit", "Units")
+_MOST_TRIAL_S = 10  # of processor time, to look through what an HDF5 file holds
 # MATLAB stores text as numbers, and cells as references to what lies in #refs#.
 _NO_SIGNALS = ("char", "cell", "struct", "function_handle")
 _FEWEST_SAMPLES = 2
@@ -70,7 +74,40 @@ def read_hdf5(path: str, what: str) -> Holding:
     """
     import h5py
 
+    def trial() -> None:
+        with h5py.File(path, "r") as file:
+            _hdf5_arrays(path, what, file)
+            for _, item in _walk(file):
+                # the index of its chunks; what they hold is unpacked by zlib
+                if getattr(item, "chunks", None) and item.id.get_num_chunks():
+                    item.id.get_chunk_info(item.id.get_num_chunks() - 1)
+
+    if not _outlived(trial):
+        raise RecordingError(
+            f"{path}: looks like {what} and is so damaged that reading it crashes; copy it again"
+        )
     return _opened(path, what, lambda: h5py.File(path, "r"), _hdf5_arrays)
+
+
+def _outlived(task: Callable[[], None]) -> bool:
+    """Tell whether a process of its own outlives a task; what it raises does not matter.
+
+    Of 1,000 damaged files three crash the HDF5 library, and gearmon with all that was
+    still to be analysed.
+    """
+    with warnings.catch_warnings():
+        # threads that draw a progress bar hold nothing that is needed here
+        warnings.simplefilter("ignore", DeprecationWarning)
+        pid = os.fork()
+    if not pid:
+        try:
+            faulthandler.disable()
+            resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+            resource.setrlimit(resource.RLIMIT_CPU, (_MOST_TRIAL_S, _MOST_TRIAL_S))
+            task()
+        finally:
+            os._exit(0)
+    return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 0
 
 
 def _hdf5_arrays(path: str, what: str, file: Any) -> Holding:
@@ -165,12 +202,35 @@ def read_parquet(path: str, what: str) -> Holding:
     """
     from pyarrow import parquet
 
-    return _opened(path, what, lambda: parquet.ParquetFile(path), _parquet_columns)
+    def opened() -> Any:
+        return parquet.ParquetFile(path, page_checksum_verification=True)
+
+    return _opened(path, what, opened, _parquet_columns)
+
+
+def _check_pages(path: str, what: str, told: Any) -> None:
+    """Refuse pages that do not end where what stands behind them begins: later values are moved."""
+    chunks = [
+        told.row_group(group).column(column)
+        for group in range(told.num_row_groups)
+        for column in range(told.num_columns)
+    ]
+    ends = [
+        (own.dictionary_page_offset or own.data_page_offset) + own.total_compressed_size
+        for own in chunks
+    ]
+    indexed = any(own.has_offset_index or own.has_column_index for own in chunks)
+    end = os.path.getsize(path) - 8 - told.serialized_size
+    if ends and not indexed and max(ends) != end:
+        raise RecordingError(
+            f"{path}: is damaged: the pages of {what} end at byte {max(ends)}, not {end}"
+        )
 
 
 def _parquet_columns(path: str, what: str, file: Any) -> Holding:
     import pyarrow
 
+    _check_pages(path, what, file.metadata)
     schema, rows = file.schema_arrow, file.metadata.num_rows
     kept = [field for field in schema if _is_numeric(pyarrow, field.type)]
     dropped = [field for field in schema if field not in kept]
@@ -253,24 +313,33 @@ def read_tdms(path: str, what: str) -> Holding:
 
     def channels(path: str, what: str, stream: Any) -> Holding:
         with _quiet():
-            return _tdms_channels(path, what, nptdms.TdmsFile.open(stream), stream.close)
+            file = nptdms.TdmsFile.open(stream)
+            found = _tdms_channels(path, what, file, stream.close)
+        told = [own for group in file.groups() for own in group.channels() if len(own)]
+        sizes = [own.data_type.size and own.data_type.size * len(own) for own in told]
+        # of text, and of what a driver packs, the size is not known
+        if None not in sizes and sum(sizes) != stored:
+            raise ValueError(f"its channels take {sum(sizes)} bytes, and it holds {stored}")
+        return found
 
     # opened here, as the library leaves a damaged file open
     with reading(path, what):
-        _check_segments(path)
+        stored = _bytes_of_segments(path)
     return _opened(path, what, lambda: open(path, "rb"), channels)
 
 
-def _check_segments(path: str) -> None:
-    """Raise if a file goes on behind its last segment: bytes were put in."""
-    size, end = os.path.getsize(path), 0
+def _bytes_of_segments(path: str) -> int:
+    """Return how many bytes are samples; raise if the file goes on behind its last segment."""
+    size, end, stored = os.path.getsize(path), 0, 0
     with open(path, "rb") as stream:
         while end < size:
             stream.seek(end)
             tag, flags, rest = struct.unpack("<4sI20s", stream.read(28).ljust(28, b"\0"))
             if tag != b"TDSm":
                 raise ValueError(f"{size - end} bytes belong to no segment")
-            end += 28 + int(struct.unpack(">IQQ" if flags & _BIG_ENDIAN else "<IQQ", rest)[1])
+            _, own, begin = struct.unpack(">IQQ" if flags & _BIG_ENDIAN else "<IQQ", rest)
+            end, stored = end + 28 + own, stored + own - begin
+    return stored
 
 
 @contextmanager
@@ -288,7 +357,7 @@ def _quiet() -> Iterator[None]:
 
 def _tdms_channels(path: str, what: str, file: Any, close: Callable[[], object]) -> Holding:
     status = file.file_status
-    if status.incomplete_final_segment:
+    if status.incomplete_final_segment or status.channel_statuses:
         raise RecordingError(
             f"{path}: is cut off: its last part is incomplete (was the recorder switched off while "
             "it wrote?); copy it again, or open and save it in its own program"
@@ -314,6 +383,7 @@ def _tdms_channels(path: str, what: str, file: Any, close: Callable[[], object])
         together=True,
         facts=facts,
         left_out=tuple(others),
+        notes=tuple(f"channel '{name}' holds no numbers: left out" for name in others),
         close=close,
     )
 
@@ -353,6 +423,9 @@ def _number(value: Any) -> float | None:
 
 def read_universal(path: str, what: str) -> Holding:
     """Return what a universal file holds: its functions of time, with unit and spacing.
+
+    One that was cut off exactly between two data sets holds fewer channels: nothing in it says how
+    many there were. A reference that was learned from more of them says which are missing.
 
     Raises
     ------
