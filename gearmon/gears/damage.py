@@ -269,7 +269,7 @@ def _without_flank(hole: Hole, pair: ToothPair, index: int) -> Losses:
     Of a spall across the whole face `LARGEST_WIDTH` is lost, and its edges carry the rest.
     """
     tooth = pair.teeth[index]
-    ends = [pair.phase_of(index, tooth.angle_at_height(h)) for h in (hole.low_m, hole.high_m)]
+    ends = [pair.phase_of(index, angle) for angle in hole.angles(tooth)]
     start, end = np.clip(sorted(ends), 0.0, pair.contact_ratio).tolist()
     return _gone(start, end, hole.start, min(hole.width_m / tooth.face_width_m, LARGEST_WIDTH))
 
@@ -367,32 +367,27 @@ def acting_faults(pair: MeshPair, faults: Iterable[Fault]) -> tuple[list[Fault],
     for fault in faults:
         if fault.gear not in stage_gears:
             pair.member(fault.gear)
-        elif fault.gear not in own or _far_flank(pair, fault):
-            shut = ": there it is pressed shut" if fault.kind == "crack" else ""
-            why = shut if fault.gear in own else ""
+            continue
+        teeth = pair.member(fault.gear).teeth.teeth if fault.gear in own else math.inf
+        # the flank of a planet that meets the ring is not the one that is hurt
+        far = fault.gear == "planet" and pair.second.internal
+        if fault.gear not in own or (far and fault.kind in ("crack", *BANDS)):
+            why = (
+                ": there it is pressed shut" if fault.gear in own and fault.kind == "crack" else ""
+            )
             notes.append(f"fault {fault} does not act in the {pair.name} mesh{why}")
+        elif fault.tooth is not None and fault.tooth > teeth:
+            raise ArgumentError(
+                f"fault {fault}: tooth {fault.tooth} does not exist, the {fault.gear} of "
+                f"{pair.where} has {teeth} teeth"
+            )
         else:
-            _check_tooth(pair, fault)
             acting.append(fault)
     if pair.given("contact_ratio") is not None and _needs_pitch(acting):
         notes.append(
             "the pitch point is taken in the middle of the contact: contact_ratio is given"
         )
     return acting, notes
-
-
-def _far_flank(pair: MeshPair, fault: Fault) -> bool:
-    one_sided = fault.kind == "crack" or fault.kind in BANDS
-    return one_sided and pair.second.internal and fault.gear == "planet"
-
-
-def _check_tooth(pair: MeshPair, fault: Fault) -> None:
-    teeth = pair.member(fault.gear).teeth.teeth
-    if fault.tooth is not None and fault.tooth > teeth:
-        raise ArgumentError(
-            f"fault {fault}: tooth {fault.tooth} does not exist, the {fault.gear} of {pair.where} "
-            f"has {teeth} teeth"
-        )
 
 
 def gear_losses(

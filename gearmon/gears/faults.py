@@ -19,7 +19,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.errors import ArgumentError, check_finite, check_word, nearest_name
+from gearmon.errors import ArgumentError, check_finite, check_range, check_word, nearest_name
 
 FloatArray = NDArray[np.float64]
 #: What material a crack leaves without load, by name.
@@ -122,16 +122,15 @@ class FaultShape:
             value = getattr(self, item.name)
             if value is None:
                 continue
-            if item.name == "limit":
+            name = _key(item.name)
+            if name == "limit":
                 check_word("crack limit=", value, LIMITS)
-                continue
-            check_finite(_key(item.name), value, "deg" if item.name == "angle" else "mm")
-            if item.name == "angle" and not 5 <= value <= 90:
-                raise ArgumentError(f"angle={value:g} deg of a crack must lie in [5, 90] deg")
-            if item.name in ("width", "length", "depth", "radius", "height") and value <= 0:
-                raise ArgumentError(f"{item.name}={value:g} mm must be > 0")
-            if item.name in ("start", "far") and value < 0:
-                raise ArgumentError(f"{_key(item.name)}={value:g} mm must be >= 0")
+            elif name == "angle":
+                check_range("crack angle", value, 5, 90, "deg")
+            elif check_finite(name, value, "mm") < 0 and name in ("from", "far"):
+                raise ArgumentError(f"{name}={value:g} mm must be >= 0")
+            elif name in ("width", "length", "depth", "radius", "height") and value <= 0:
+                raise ArgumentError(f"{name}={value:g} mm must be > 0")
 
     def options(self, kind: str) -> str:
         """Return the dimensions as they are written after a size."""
@@ -497,8 +496,7 @@ class GearError:
 
     def __post_init__(self) -> None:
         check_finite("size_m", self.size_m, "m")
-        if self.kind not in ERROR_KINDS:
-            raise ArgumentError(f"error kind {self.kind!r} is not one of {', '.join(ERROR_KINDS)}")
+        check_word("error kind ", self.kind, ERROR_KINDS)
         if self.stage < 1:
             raise ArgumentError(f"error stage={self.stage} must be >= 1")
         if self.tooth is not None and self.tooth < 1:

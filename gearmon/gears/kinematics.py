@@ -384,8 +384,8 @@ def kinematics(machine: Machine) -> Kinematics:
     lines = [
         _line("shaft", f"{shaft.name} shaft", shaft.exact, shaft=shaft.number) for shaft in shafts
     ]
-    for mesh, stage in zip(meshes, machine.stages, strict=True):
-        lines += _parallel_lines(mesh) if stage.kind == "parallel" else _planetary_lines(mesh)
+    for mesh in meshes:
+        lines += _mesh_lines(mesh)
     for bearing in machine.bearings:
         lines += _bearing_lines(bearing, shafts, meshes)
     return Kinematics(shafts=shafts, meshes=tuple(meshes), lines=tuple(lines))
@@ -536,29 +536,22 @@ def _mesh_name(stage_name: str, *teeth: int) -> str:
     return f"{stage_name}, {pair}" if stage_name else pair
 
 
-def _parallel_lines(mesh: Mesh) -> list[Line]:
-    pair = _pair_lines(mesh, mesh.name, *mesh.teeth)
-    return [_line("mesh", mesh.name, mesh.exact, stage=mesh.stage), *pair]
-
-
-def _planetary_lines(mesh: Mesh) -> list[Line]:
+def _mesh_lines(mesh: Mesh) -> list[Line]:
+    lines = [_line("mesh", mesh.name, mesh.exact, stage=mesh.stage)]
+    if not mesh.planets:
+        return [*lines, *_pair_lines(mesh, mesh.name, *mesh.teeth)]
     sun, planet, ring = mesh.teeth
     turning = mesh.wheel("planet").exact
-    lines = [_line("mesh", mesh.name, mesh.exact, stage=mesh.stage)]
     lines += _pair_lines(mesh, f"sun-planet, {sun}/{planet}", sun, planet)
     lines += _pair_lines(mesh, f"planet-ring, {planet}/{ring}", planet, ring)
     if turning:
         lines.append(_line("rotation", "planet, seen from the housing", turning, stage=mesh.stage))
     for family in mesh.modulations:
         if family.shaft is None:  # the others are shafts and stand among them
-            lines.append(_line(_kind(family.name), family.name, family.exact, stage=mesh.stage))
+            kind = "local fault" if family.name.endswith("fault") else "rotation"
+            kind = "planet pass" if family.name == "planet pass" else kind
+            lines.append(_line(kind, family.name, family.exact, stage=mesh.stage))
     return lines
-
-
-def _kind(family: str) -> str:
-    if family == "planet pass":
-        return family
-    return "local fault" if family.endswith("fault") else "rotation"
 
 
 def _pair_lines(mesh: Mesh, name: str, teeth: int, other_teeth: int) -> list[Line]:

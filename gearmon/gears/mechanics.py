@@ -255,12 +255,6 @@ def _inner_diameter(pair: MeshPair, index: int) -> float:
     return 2 * (pair.unchecked_geometry.root_radii_m[index] - member.rim_m)
 
 
-def _member_weights(stage: PlanetaryStage) -> dict[str, float]:
-    """Weights of the speeds in z_s w_s + z_r w_r = (z_s + z_r) w_c, and of the torques."""
-    sun, ring = stage.sun_teeth, stage.ring_teeth
-    return {"sun": sun, "ring": ring, "carrier": sun + ring}
-
-
 def _pair(machine: Machine, number: int, mesh: int) -> MeshPair:
     check_range("stage", number, 1, len(machine.stages))
     pairs = mesh_pairs(machine.stages[number - 1], number, machine.path)
@@ -297,8 +291,9 @@ def static_force(
     torque = point.torque_nm / input_order
     main = pair if pair.inner is None else pair.inner
     if isinstance(pair.stage, PlanetaryStage):
-        # loads on the members of a planetary set balance in the proportion of these weights
-        weights = _member_weights(pair.stage)
+        # loads on the members balance in the proportion of the weights of their speeds
+        sun, ring = pair.stage.sun_teeth, pair.stage.ring_teeth
+        weights = {"sun": sun, "ring": ring, "carrier": sun + ring}
         torque *= weights["sun"] / weights[pair.stage.driving] / pair.planets
     force = torque / main.base_radii_m[0]
     return force, force * pair.base_radii_m[0]

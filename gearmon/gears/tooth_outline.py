@@ -186,8 +186,7 @@ def _cracks(damage: ToothDamage, tooth: Tooth, frame: _Frame) -> list[FloatArray
 def _holes(damage: ToothDamage, tooth: Tooth, frame: _Frame) -> list[FloatArray]:
     found = []
     for hole in damage.holes:
-        ends = [tooth.angle_at_height(h) for h in (hole.low_m, hole.high_m)]
-        t = np.linspace(ends[0], ends[1], POINTS)
+        t = np.linspace(*hole.angles(tooth), POINTS)
         half, height = tooth.half_thickness(t), tooth.height(t)
         depth: FloatArray | float = hole.depth_m
         if hole.round:

@@ -105,7 +105,7 @@ def test_levels_by_number_and_name():
     ("text", "match"),
     [
         ("crack:1:pinion:5:1.5mm,angel=70", "dimension 'angel=70' .*; did you mean angle"),
-        ("crack:1:pinion:5:1.5mm,angle=95", r"angle=95 deg of a crack must lie in \[5, 90\]"),
+        ("crack:1:pinion:5:1.5mm,angle=95", r"crack angle=95.0 deg must lie in \[5, 90\]"),
         ("crack:1:pinion:5:1.5mm,angle=steep", "'angle=steep' of a crack is not a number"),
         ("crack:1:pinion:5:1x2x3mm", "must be one number"),
         ("crack:1:pinion:5:-1mm", "size=-1mm must be >= 0"),
