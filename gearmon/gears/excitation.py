@@ -293,7 +293,7 @@ class FlankExcitation:
         v = np.arange(count + 1) / self.period_mesh
         total = np.zeros(count + 1, dtype=np.complex128)
         for windows in self._windows.values():
-            pulse = self._quotient(windows[0])
+            pulse = Pulse.of(self._edges, lambda phase, first=windows[0]: self.at(first + phase))
             places = [np.exp(-2j * np.pi * v * n) for n in windows]
             total += pulse.transform(v) * np.sum(places, axis=0)
         return total / self.period_mesh
@@ -316,8 +316,7 @@ class FlankExcitation:
 
     @property
     def _entries(self) -> range:
-        error = self.error
-        found = range((error.tooth or 1) - 1, self.period_mesh, error.period_mesh)
+        found = range((self.error.tooth or 1) - 1, self.period_mesh, self.error.period_mesh)
         if len(found) > MOST_CONTACTS:
             raise ArgumentError(
                 f"the errors repeat after {self.period_mesh} mesh periods only, in which their "
@@ -354,10 +353,6 @@ class FlankExcitation:
                         key.append((t, i, ago))
             grouped.setdefault(tuple(key), []).append(window)
         return grouped
-
-    def _quotient(self, window: int) -> Pulse:
-        """Return e within one mesh period, as a pulse that begins at phase 0."""
-        return Pulse.of(self._edges, lambda phase: self.at(window + phase))
 
     @cached_property
     def _edges(self) -> FloatArray:
@@ -398,11 +393,10 @@ class Excitation:
     @cached_property
     def parts(self) -> tuple[TurningError | FlankExcitation, ...]:
         """What adds up to e, each with a period of its own."""
+        even = replace(self.stiffness, modulations=())
         return tuple(
-            FlankExcitation(stiffness=self.stiffness.unmodulated, error=error)
-            if isinstance(error, FlankError)
-            else error
-            for error in self.errors
+            FlankExcitation(stiffness=even, error=e) if isinstance(e, FlankError) else e
+            for e in self.errors
         )
 
     @property

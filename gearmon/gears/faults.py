@@ -176,7 +176,7 @@ def parse_size(kind: str, text: str) -> tuple[float, str, FaultShape]:
     for option in options:
         key, value = _option(kind, option)
         shape[_field(key)] = value
-    names = [name for _, (name, _, _) in sorted(LEVELS.items())]
+    names = [name for name, _, _ in LEVELS.values()]
     if kind == "pitting" and head in names:
         return float(names.index(head) + 1), "level", FaultShape(**shape)
     numbers, unit = _numbers(head)

@@ -23,7 +23,7 @@ LEAST_RIM = 1.0
 N_PER_MM_UM = 1e9
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class ToothData:
     """What Method B asks of one gear.
 

@@ -332,11 +332,8 @@ class LineTable(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return built-in types only, ready for JSON."""
-        return {
-            "machine": self.machine,
-            "rows": [asdict(row) for row in self.rows],
-            "notes": list(self.notes),
-        }
+        rows = [asdict(row) for row in self.rows]
+        return {"machine": self.machine, "rows": rows, "notes": list(self.notes)}
 
 
 def _numbered(what: str, items: tuple[_Item, ...], number: int) -> _Item:
@@ -607,13 +604,6 @@ def _row(line: Line, point: OperatingPoint) -> LineRow:
     exact, hertz = line.exact, line.order * point.shaft1_hz
     if exact is not None:  # one rounding only: 500 Hz reads 500.0
         hertz = float(exact * Fraction(point.speed_rpm) / 60)
-    return LineRow(
-        operating=point.name or f"{point.speed_rpm:g} rpm",
-        speed_rpm=point.speed_rpm,
-        stage=line.stage,
-        kind=line.kind,
-        name=line.name,
-        shaft=line.shaft,
-        order=line.order,
-        frequency_hz=hertz,
-    )
+    known = {name: getattr(line, name) for name in ("stage", "kind", "name", "shaft", "order")}
+    name = point.name or f"{point.speed_rpm:g} rpm"
+    return LineRow(operating=name, speed_rpm=point.speed_rpm, frequency_hz=hertz, **known)

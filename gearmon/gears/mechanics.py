@@ -265,12 +265,11 @@ def _pair(machine: Machine, number: int, mesh: int) -> MeshPair:
 
 
 def _own_faults(machine: Machine, number: int, faults: Iterable[Fault]) -> tuple[Fault, ...]:
-    given = tuple(faults)
+    given, last = tuple(faults), len(machine.stages)
     for fault in given:
-        if fault.stage > len(machine.stages):
+        if fault.stage > last:
             raise ArgumentError(
-                f"fault {fault}: stage {fault.stage} does not exist, the machine has "
-                f"{len(machine.stages)}"
+                f"fault {fault}: stage {fault.stage} does not exist, the machine has {last}"
             )
     return faults_of_stage(given, number)
 
@@ -313,11 +312,8 @@ def equivalent_mass(pair: MeshPair, notes: list[str]) -> float:
         instead = "equivalent_mass_kg" if pair.is_main else ""
         inertia = gear_disc(pair, index, "equivalent mass", instead)[1]
         yielding += times[index] * pair.base_radii_m[index] ** 2 / inertia
-    solid = [
-        member.name
-        for member in pair.members
-        if not (member.bore_m or member.internal or _told(pair, member.name)[1])
-    ]
+    discs = [m.name for m in pair.members if not (m.bore_m or m.internal)]
+    solid = [name for name in discs if not _told(pair, name)[1]]
     if solid:
         notes.append(f"{' and '.join(solid)} taken as solid discs: no bore diameter is given")
     return 1 / yielding

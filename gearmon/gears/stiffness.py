@@ -87,11 +87,6 @@ class MeshStiffness:
         """What makes the mesh differ from one mesh period to the next."""
         return *self.pulses, *self.modulations
 
-    @property
-    def unmodulated(self) -> MeshStiffness:
-        """The same without errors of turning gears."""
-        return replace(self, modulations=()) if self.modulations else self
-
     def only(self, gears: Sequence[str]) -> MeshStiffness:
         """Return the same with no gear marked but these."""
         return replace(

@@ -138,7 +138,7 @@ class RootCrack:
         """Return the limit line [m] of a crack so deep."""
         cut = tooth.crack_start[1] - np.asarray(depth) * math.sin(self.angle_rad)
         if self.limit == "flat":
-            return np.broadcast_to(cut, height.shape)
+            return np.asarray(cut + np.zeros_like(height))
         low, tip = self._below_tip(tooth, height)
         # past the middle of the tooth the parabola hangs from the crack itself
         base = np.minimum(cut, 0.0)
@@ -356,13 +356,12 @@ def _varying(
     full = half + loaded
     nodes, weights = np.polynomial.legendre.leggauss(WIDTH_POINTS)
     uncut = (depth**2 - low**2) / spread
-    first, third = uncut * full, uncut * full**3
-    for node, weight in zip(nodes, weights, strict=True):
-        q = 0.5 * (depth + high) + 0.5 * (high - depth) * node
-        thickness = half + crack.carrying(tooth, height, half, q)
-        share = weight * (high - depth) * q / spread
-        first, third = first + share * thickness, third + share * thickness**3
-    return first, third
+    # one more axis: across the cracked part of the face
+    q = 0.5 * (depth + high) + np.multiply.outer(nodes, 0.5 * (high - depth))
+    thickness = half + crack.carrying(tooth, height, half, q)
+    share = weights.reshape(-1, *[1] * depth.ndim) * (high - depth) * q / spread
+    third = uncut * full**3 + (share * thickness**3).sum(axis=0)
+    return uncut * full + (share * thickness).sum(axis=0), third
 
 
 def _holed(
