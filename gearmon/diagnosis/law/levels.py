@@ -97,8 +97,8 @@ def level_deviation(
         kriging = Kriging.of(states[rows], at, scatter, slope)
         mean = np.tensordot(kriging.weights, known_db[rows], 1)
         variance = error**2 + np.tensordot(kriging.weights**2, known_error_db[rows] ** 2, 1)
-        gain = np.nanmedian(level - mean, axis=1, keepdims=True)
-        return gain[:, 0], level - mean - gain, variance + _DB**2 * kriging.spread
+        gain = _median(level - mean)
+        return gain, level - mean - gain[:, None], variance + _DB**2 * kriging.spread
 
     every = list(range(len(known_db)))
     scale = _scale(known_db, known_error_db, states, departure)
@@ -109,6 +109,13 @@ def level_deviation(
     return LevelDeviation(
         expected_db=expected, rest_db=rest, sigma_db=np.sqrt(scale * variance), gain_db=gain
     )
+
+
+def _median(rows: FloatArray) -> FloatArray:
+    """Median of the numbers of each row: NumPy's `nanmedian` takes ten times as long."""
+    ordered, count = np.sort(rows, axis=1), np.count_nonzero(~np.isnan(rows), axis=1)
+    middle = np.stack([(count - 1) // 2, count // 2], axis=1)
+    return np.asarray(np.take_along_axis(ordered, middle, axis=1).mean(axis=1))
 
 
 _Departure = Callable[
@@ -127,5 +134,5 @@ def _scale(
     for row in range(count):
         rest = [n for n in range(count) if n != row]
         _, left, variance = departure(known_db[row], known_error_db[row], rest, states[row])
-        seen.append(float(np.nanmedian(left**2 / variance)) / _MEDIAN)
+        seen.append(float(_median((left**2 / variance).reshape(1, -1))[0]) / _MEDIAN)
     return max((_WORTH + sum(seen)) / (_WORTH + count), _LEAST_SCALE)
