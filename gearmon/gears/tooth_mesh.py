@@ -350,17 +350,19 @@ class TeethInMesh(PairsInMesh):
         if len(total) == 1 or not self.is_coupled:
             return np.asarray(1 / total)
         own = [phase - (int(place) - self.reach) for place in who]
-        matrix = np.zeros((*total.shape[1:], len(who), len(who)))
-        for i, j in product(range(len(who)), repeat=2):
-            if i == j:
-                matrix[..., i, i] = total[i]
-            elif i < j:
-                bodies = [(first[i], first[j]), (second[i], second[j])]
-                shared = self.pair.coupling(int(who[j] - who[i]), bodies, (own[i], own[j]))
-                matrix[..., i, j] = matrix[..., j, i] = shared
+
+        def shared(i: int, j: int) -> FloatArray:
+            bodies = [(first[i], first[j]), (second[i], second[j])]
+            return self.pair.coupling(int(who[j] - who[i]), bodies, (own[i], own[j]))
+
         if len(total) == 2:
-            a, b, c = matrix[..., 0, 0], matrix[..., 1, 1], matrix[..., 0, 1]
+            (a, b), c = total, shared(0, 1)
             return np.asarray(np.stack([b - c, a - c]) / (a * b - c * c))
+        matrix = np.zeros((*total.shape[1:], len(who), len(who)))
+        for i in range(len(who)):
+            matrix[..., i, i] = total[i]
+            for j in range(i):
+                matrix[..., i, j] = matrix[..., j, i] = shared(j, i)
         ones = np.ones((*total.shape[1:], len(who), 1))
         return np.moveaxis(np.linalg.solve(matrix, ones)[..., 0], -1, 0)
 
