@@ -293,7 +293,7 @@ class FlankExcitation:
         v = np.arange(count + 1) / self.period_mesh
         total = np.zeros(count + 1, dtype=np.complex128)
         for windows in self._windows.values():
-            pulse = Pulse.of(self._edges, lambda phase, first=windows[0]: self.at(first + phase))
+            pulse = self._quotient(windows[0])
             places = [np.exp(-2j * np.pi * v * n) for n in windows]
             total += pulse.transform(v) * np.sum(places, axis=0)
         return total / self.period_mesh
@@ -353,6 +353,10 @@ class FlankExcitation:
                         key.append((t, i, ago))
             grouped.setdefault(tuple(key), []).append(window)
         return grouped
+
+    def _quotient(self, window: int) -> Pulse:
+        """Return e within one mesh period, as a pulse that begins at phase 0."""
+        return Pulse.of(self._edges, lambda phase: self.at(window + phase))
 
     @cached_property
     def _edges(self) -> FloatArray:

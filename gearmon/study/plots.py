@@ -305,8 +305,8 @@ def _draw_over_time(
     for number, row in enumerate(rows):
         widths = [1.0 if when == "first" else 2.2 for _, when, *_ in row]
         cells = grid[number].subgridspec(1, len(row), width_ratios=widths)
-        for cell, (quantity, when, title, *limits) in zip(cells, row, strict=True):
-            ax = figure.add_subplot(cell)
+        for column, (quantity, when, title, *limits) in enumerate(row):
+            ax = figure.add_subplot(cells[column])
             _over_time(ax, sweep, QUANTITIES[quantity], when, title)
             if limits:
                 ax.set_xlim(*limits)
