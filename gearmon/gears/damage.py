@@ -1,12 +1,13 @@
 """What damaged teeth take: from what is measured on a tooth to the loss of its pair, and back.
 
-The losses of single teeth become trains of pulses that are missing from the mesh.
+A loss is a few pulses: along the contact of the pair, on a part of its face width, the share of the
+stiffness that is gone.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
@@ -15,16 +16,18 @@ import numpy as np
 from scipy.optimize import brentq
 
 from gearmon.errors import ArgumentError
-from gearmon.gears.faults import BANDS, Fault, LossCurve, LossPatch, loss_patches, overlap, union
+from gearmon.gears.faults import BANDS, Fault
 from gearmon.gears.pairs import MeshPair, mesh_pairs
 from gearmon.gears.pulses import (
     FloatArray,
+    Losses,
     Pulse,
     PulseTerm,
-    PulseTrain,
     distinct,
     gauss,
+    lost_share,
     panel_nodes,
+    union,
 )
 from gearmon.gears.tooth_damage import (
     LARGEST_WIDTH,
@@ -34,11 +37,14 @@ from gearmon.gears.tooth_damage import (
     largest_size,
     tooth_damage,
 )
-from gearmon.gears.tooth_mesh import meeting
 from gearmon.gears.tooth_pairs import ToothPair, teeth_of
 
 #: Slices of the cracked part of a helical face.
 SLICES = 8
+#: Sizes between which one is looked for: nearly straight pieces of the curve of losses.
+SIZES = 9
+#: Gauss points of a loss between its corners: it is that of a beam, taken once for all meshes.
+LOSS_POINTS = 32
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,17 +66,44 @@ class PairLoss:
     at_middle: float
 
 
-# Sizes between which one is looked for: nearly straight pieces of the curve of losses.
-_SIZES = 9
+def loss_in_contact(fault: Fault, length: float, pitch_phase: float) -> Losses:
+    """Return where in the contact of its pair a fault given as a loss takes it.
+
+    Parameters
+    ----------
+    fault : Fault
+    length : float
+        Length of the contact of a pair (of one transverse section) [mesh periods].
+    pitch_phase : float
+        Mesh periods from the entry to the pitch point.
+
+    Returns
+    -------
+    tuple of PulseTerm
+        Empty for a fault of size 0.
+
+    Raises
+    ------
+    ArgumentError
+        If the size is no loss of stiffness.
+    """
+    if fault.loss == 0:
+        return ()
+    if fault.kind == "breakage":
+        return (PulseTerm(Pulse.constant(0.0, length), face_end=fault.loss),)
+    # a pitch point near an end of the path leaves less of the band in contact
+    half = 0.5 * BANDS[fault.kind] * length if fault.kind in BANDS else math.inf
+    start, end = max(0.0, pitch_phase - half), min(length, pitch_phase + half)
+    return (PulseTerm(Pulse.constant(start, end), fault.loss),) if end > start else ()
 
 
-def measured_patches(
+def measured_losses(
     faults: Sequence[Fault],
     pair: ToothPair,
     index: int,
     is_helical: bool = False,
     length: float | None = None,
-) -> tuple[LossPatch, ...]:
+) -> Losses:
     """Return the loss that measured faults of one tooth cause along the contact of its pair.
 
     Load that finds no flank, over a spall or where the tooth is broken off, is not carried there:
@@ -93,24 +126,23 @@ def measured_patches(
     length : float, optional
         Nominal length of the contact on which the true one is laid [mesh periods].
     """
-    patches: tuple[LossPatch, ...] = ()
+    tooth, losses = pair.teeth[index], Losses()
     for fault in faults:
         if fault.kind == "breakage":
-            patches = union(patches, _broken(fault, pair, index))
-    for hole in tooth_damage(faults, pair.teeth[index]).holes:
+            losses = union(losses, _broken(fault, pair, index))
+    damage = tooth_damage(faults, tooth)
+    for hole in damage.holes:
         if not hole.round:
-            patches = union(patches, _without_flank(hole, pair, index))
-    damage = tooth_damage(faults, pair.teeth[index])
+            losses = union(losses, _without_flank(hole, pair, index))
     if not damage.is_none:
-        patches = union(patches, _section_patches(damage, pair, index, is_helical))
+        losses = union(losses, _weaker_sections(damage, pair, index, is_helical))
     nominal = pair.contact_ratio if length is None else length
     factor = nominal / pair.contact_ratio
     if abs(factor - 1) > 1e-9:
-        patches = tuple(patch.stretched(factor) for patch in patches)
+        losses = tuple(replace(p, pulse=p.pulse.stretched(factor)) for p in losses)
     if any(fault.kind == "missing" for fault in faults):
-        gone = LossPatch(1.0, 0.0, nominal, curve=_bridged(pair, nominal))
-        patches = union(patches, (gone,))
-    return patches
+        losses = union(losses, (PulseTerm(_bridged(pair, nominal)),))
+    return losses
 
 
 def stiffness_loss(fault: Fault, pair: ToothPair, index: int) -> PairLoss:
@@ -125,21 +157,21 @@ def stiffness_loss(fault: Fault, pair: ToothPair, index: int) -> PairLoss:
         Gear of the tooth.
     """
     if fault.is_loss:
-        pitch = 0.5 * pair.contact_ratio
-        patches = loss_patches(fault, pair.contact_ratio, pitch)
+        losses = loss_in_contact(fault, pair.contact_ratio, 0.5 * pair.contact_ratio)
     else:
-        patches = measured_patches([fault], pair, index)
-    mean, greatest = _mean_loss(patches, pair)
-    middle = patch_loss(patches, np.array([0.5 * pair.contact_ratio]))
+        losses = measured_losses([fault], pair, index)
+    mean, greatest = _mean_loss(losses, pair)
+    middle = lost_share(losses, np.array([0.5 * pair.contact_ratio]))
     return PairLoss(mean=mean, greatest=greatest, at_middle=float(middle[0]))
 
 
-def _mean_loss(patches: Sequence[LossPatch], pair: ToothPair) -> tuple[float, float]:
+def _mean_loss(losses: Losses, pair: ToothPair) -> tuple[float, float]:
     """Mean loss over the contact, weighted with the stiffness, and the greatest."""
-    edges = _edges(patches, pair)
+    corners = [np.array([0.0, pair.contact_ratio]), *(p.pulse.edges for p in losses)]
+    edges = distinct(np.clip(np.concatenate(corners), 0.0, pair.contact_ratio), 1e-12)
     phase = panel_nodes(edges)
     stiffness = pair.compliances(pair.roll(phase)).stiffness
-    lost = patch_loss(patches, phase)
+    lost = lost_share(losses, phase)
     weights = gauss(phase.shape[1])[1] * np.diff(edges)[:, None] * stiffness
     return float((weights * lost).sum() / weights.sum()), float(lost.max())
 
@@ -188,25 +220,17 @@ def size_for_loss(fault: Fault, loss: float, pair: ToothPair, index: int) -> Fau
 
 @lru_cache(maxsize=64)
 def _loss_of_size(fault: Fault, size: float, pair: ToothPair, index: int) -> float:
-    return _mean_loss(measured_patches([replace(fault, size=size)], pair, index), pair)[0]
+    return _mean_loss(measured_losses([replace(fault, size=size)], pair, index), pair)[0]
 
 
 @lru_cache(maxsize=64)
 def _losses_of_sizes(fault: Fault, pair: ToothPair, index: int) -> tuple[FloatArray, FloatArray]:
     """Return sizes up to the largest and their losses, between which a size is looked for."""
-    sizes = np.linspace(0.0, largest_size(fault, pair.teeth[index]), _SIZES)
+    sizes = np.linspace(0.0, largest_size(fault, pair.teeth[index]), SIZES)
     return sizes, np.array([_loss_of_size(fault, float(s), pair, index) for s in sizes])
 
 
-def patch_loss(patches: Sequence[LossPatch], phase: FloatArray) -> FloatArray:
-    """Return the loss at phases of the contact, of the whole face width."""
-    total = np.zeros(phase.shape)
-    for patch in patches:
-        total += (patch.face_end - patch.face_start) * patch.at(phase)
-    return total
-
-
-def _broken(fault: Fault, pair: ToothPair, index: int) -> tuple[LossPatch, ...]:
+def _broken(fault: Fault, pair: ToothPair, index: int) -> Losses:
     """Return the loss of a broken-off part of the tooth."""
     tooth, end = pair.teeth[index], pair.contact_ratio
     width = 1e3 * tooth.face_width_m
@@ -229,26 +253,28 @@ def _broken(fault: Fault, pair: ToothPair, index: int) -> tuple[LossPatch, ...]:
         edge = pair.phase_of(index, angle)
         # the tip of the first gear leaves last, that of the second enters first
         start, end = (max(0.0, edge), end) if index == 0 else (0.0, min(end, edge))
+    return _gone(start, end, begin, share)
+
+
+def _gone(start: float, end: float, begin: float, share: float) -> Losses:
+    """Return the loss of a part of the face, from `begin` on, while the contact passes it."""
     if share == 0 or end <= start:
         return ()
-    return (LossPatch(1.0, start, end, begin, min(1.0, begin + share)),)
+    return (PulseTerm(Pulse.constant(start, end), 1.0, 0.0, begin, min(1.0, begin + share)),)
 
 
-def _without_flank(hole: Hole, pair: ToothPair, index: int) -> tuple[LossPatch, ...]:
+def _without_flank(hole: Hole, pair: ToothPair, index: int) -> Losses:
     """Return the loss of the face on which a spall leaves no flank, while the contact passes it.
 
     Of a spall across the whole face `LARGEST_WIDTH` is lost, and its edges carry the rest.
     """
     tooth = pair.teeth[index]
-    ends = [pair.phase_of(index, tooth.angle_at_height(h)) for h in (hole.low_m, hole.high_m)]
+    ends = [pair.phase_of(index, angle) for angle in hole.angles(tooth)]
     start, end = np.clip(sorted(ends), 0.0, pair.contact_ratio).tolist()
-    share = min(hole.width_m / tooth.face_width_m, LARGEST_WIDTH)
-    if share == 0 or end <= start:
-        return ()
-    return (LossPatch(1.0, start, end, hole.start, min(1.0, hole.start + share)),)
+    return _gone(start, end, hole.start, min(hole.width_m / tooth.face_width_m, LARGEST_WIDTH))
 
 
-def _bridged(pair: ToothPair, length: float) -> LossCurve:
+def _bridged(pair: ToothPair, length: float) -> Pulse:
     """Return the loss of a pair that is gone while the ends of its neighbours bridge the gap.
 
     Where no other pair is in its regular contact, the corner of a neighbour's tip still carries,
@@ -263,33 +289,33 @@ def _bridged(pair: ToothPair, length: float) -> LossCurve:
         alone = (few == 1) & (phase >= part) & (phase < 1)
         return np.where(alone, 1 - np.minimum(ends / own, 1.0), 1.0)
 
-    return LossCurve(share, (part, 1.0))
+    return _loss(share, [0.0, *(x for x in (part, 1.0) if 0 < x < length), length])
 
 
-def _section_patches(
-    damage: ToothDamage, pair: ToothPair, index: int, is_helical: bool
-) -> tuple[LossPatch, ...]:
+def _loss(share: Callable[[FloatArray], FloatArray], edges: Sequence[float]) -> Pulse:
+    return Pulse.of(distinct(edges, 1e-12), share, LOSS_POINTS)
+
+
+def _weaker_sections(damage: ToothDamage, pair: ToothPair, index: int, is_helical: bool) -> Losses:
     """Return the loss by weaker sections: over the whole face, or slice by slice."""
     if not is_helical:
-        return (_patch(damage, pair, index, 0.0, 1.0),)
-    edges = _face_edges(damage, pair)
-    patches = []
-    for low, high in pairwise(edges):
+        return (PulseTerm(_weaker(damage, pair, index)),)
+    found = []
+    for low, high in pairwise(_face_edges(damage, pair)):
         local = _slice(damage, low, high, pair.teeth[index].face_width_m)
         if not local.is_none:
-            patches.append(_patch(local, pair, index, low, high))
-    return tuple(patches)
+            found.append(PulseTerm(_weaker(local, pair, index), 1.0, 0.0, low, high))
+    return tuple(found)
 
 
-def _patch(damage: ToothDamage, pair: ToothPair, index: int, low: float, high: float) -> LossPatch:
+def _weaker(damage: ToothDamage, pair: ToothPair, index: int) -> Pulse:
     beams = pair.beams(*((damage, SOUND) if index == 0 else (SOUND, damage)))
 
     def share(phase: FloatArray) -> FloatArray:
         roll = pair.roll(phase)
         return 1 - pair.compliances(roll).total / pair.compliances(roll, beams).total
 
-    curve = LossCurve(share, tuple(pair.corners(beams).tolist()))
-    return LossPatch(1.0, 0.0, pair.contact_ratio, low, high, curve)
+    return _loss(share, [0.0, *pair.corners(beams).tolist(), pair.contact_ratio])
 
 
 def _face_edges(damage: ToothDamage, pair: ToothPair) -> list[float]:
@@ -323,11 +349,6 @@ def _slice(damage: ToothDamage, low: float, high: float, width: float) -> ToothD
     return replace(damage, crack=crack, holes=tuple(holes))
 
 
-def _edges(patches: Sequence[LossPatch], pair: ToothPair) -> FloatArray:
-    corners = [0.0, pair.contact_ratio, *(corner for p in patches for corner in p.corners)]
-    return distinct(np.clip(corners, 0.0, pair.contact_ratio), 1e-12)
-
-
 def acting_faults(pair: MeshPair, faults: Iterable[Fault]) -> tuple[list[Fault], list[str]]:
     """Return the faults that act in this mesh, and notes on those that do not.
 
@@ -346,12 +367,21 @@ def acting_faults(pair: MeshPair, faults: Iterable[Fault]) -> tuple[list[Fault],
     for fault in faults:
         if fault.gear not in stage_gears:
             pair.member(fault.gear)
-        elif fault.gear not in own or _far_flank(pair, fault):
-            shut = ": there it is pressed shut" if fault.kind == "crack" else ""
-            why = shut if fault.gear in own else ""
+            continue
+        teeth = pair.member(fault.gear).teeth.teeth if fault.gear in own else math.inf
+        # the flank of a planet that meets the ring is not the one that is hurt
+        far = fault.gear == "planet" and pair.second.internal
+        if fault.gear not in own or (far and fault.kind in ("crack", *BANDS)):
+            why = (
+                ": there it is pressed shut" if fault.gear in own and fault.kind == "crack" else ""
+            )
             notes.append(f"fault {fault} does not act in the {pair.name} mesh{why}")
+        elif fault.tooth is not None and fault.tooth > teeth:
+            raise ArgumentError(
+                f"fault {fault}: tooth {fault.tooth} does not exist, the {fault.gear} of "
+                f"{pair.where} has {teeth} teeth"
+            )
         else:
-            _check_tooth(pair, fault)
             acting.append(fault)
     if pair.given("contact_ratio") is not None and _needs_pitch(acting):
         notes.append(
@@ -360,82 +390,17 @@ def acting_faults(pair: MeshPair, faults: Iterable[Fault]) -> tuple[list[Fault],
     return acting, notes
 
 
-def _far_flank(pair: MeshPair, fault: Fault) -> bool:
-    one_sided = fault.kind == "crack" or fault.kind in BANDS
-    return one_sided and pair.second.internal and fault.gear == "planet"
-
-
-def _check_tooth(pair: MeshPair, fault: Fault) -> None:
-    teeth = pair.member(fault.gear).teeth.teeth
-    if fault.tooth is not None and fault.tooth > teeth:
-        raise ArgumentError(
-            f"fault {fault}: tooth {fault.tooth} does not exist, the {fault.gear} of {pair.where} "
-            f"has {teeth} teeth"
-        )
-
-
-def damage_trains(pair: MeshPair, pulse: Pulse, faults: Sequence[Fault]) -> tuple[PulseTrain, ...]:
-    """Return what the damaged teeth take away.
-
-    Parameters
-    ----------
-    pair : MeshPair
-    pulse : Pulse
-        Stiffness [N/m] of a pair of sound teeth.
-    faults : sequence of Fault
-        Of this mesh; wear of all teeth is left aside.
-
-    Returns
-    -------
-    tuple of PulseTrain
-        One for each gear with damaged teeth and, where damaged teeth of both gears meet, one for
-        the loss counted twice: what is left of a pair is the product of what each tooth leaves.
-    """
-    losses = [gear_losses(pair, member.name, faults, pulse.length) for member in pair.members]
-    one, two = (
-        [
-            term
-            for tooth, patches in teeth.items()
-            for term in _terms(pulse, patches, -1.0, tooth - 1)
-        ]
-        for teeth in losses
-    )
-    return lost_trains(pair, one, two, _meetings(pair, pulse, losses))
-
-
-def lost_trains(
-    pair: MeshPair, one: list[PulseTerm], two: list[PulseTerm], both: list[PulseTerm]
-) -> tuple[PulseTrain, ...]:
-    """Return the trains of what damage of the one gear, of the other and of both takes away."""
-    names = [member.name for member in pair.members]
-    parts = zip(
-        (*names, " and ".join(names)),
-        (*pair.teeth, math.lcm(*pair.teeth)),
-        (one, two, both),
-        strict=True,
-    )
-    return tuple(
-        PulseTrain(
-            gear=gear, period_mesh=period, overlap_ratio=pair.overlap_ratio, terms=tuple(terms)
-        )
-        for gear, period, terms in parts
-        if terms
-    )
-
-
 def gear_losses(
     pair: MeshPair,
-    gear: str,
     faults: Sequence[Fault],
     length: float,
     teeth: ToothPair | None = None,
-) -> dict[int, tuple[LossPatch, ...]]:
-    """Return the loss of each damaged tooth of a gear.
+) -> tuple[dict[int, Losses], dict[int, Losses]]:
+    """Return the loss of each damaged tooth of each gear, by its number.
 
     Parameters
     ----------
     pair : MeshPair
-    gear : str
     faults : sequence of Fault
         Of this mesh; wear is left aside.
     length : float
@@ -450,44 +415,36 @@ def gear_losses(
     """
     # the contact of the half-duty forms is a nominal one, on which the true one is laid
     pitch = pair.pitch_phase * length / pair.contact_ratio if _needs_pitch(faults) else 0.0
-    own = [f for f in faults if f.gear == gear and f.tooth is not None]
-    losses: dict[int, tuple[LossPatch, ...]] = {}
-    for fault in own:
-        if fault.is_loss and fault.loss > 0:
+    found: tuple[dict[int, Losses], dict[int, Losses]] = {}, {}
+    for index, (member, losses) in enumerate(zip(pair.members, found, strict=True)):
+        own = [f for f in faults if f.gear == member.name and f.tooth is not None]
+        together: dict[int, list[Fault]] = {}
+        for fault in own:
             tooth = int(fault.tooth or 0)
-            losses[tooth] = union(losses.get(tooth, ()), loss_patches(fault, length, pitch))
-    measured = [fault for fault in own if not fault.is_loss]
-    for tooth in sorted({int(fault.tooth or 0) for fault in measured}):
-        together = [fault for fault in measured if fault.tooth == tooth]
-        patches = _measured(pair, gear, together, length, teeth)
-        if patches:
-            losses[tooth] = union(losses.get(tooth, ()), patches)
-    return losses
+            if not fault.is_loss:
+                together.setdefault(tooth, []).append(fault)
+            elif fault.loss:
+                alone = loss_in_contact(fault, length, pitch)
+                losses[tooth] = union(losses.get(tooth, ()), alone)
+        for tooth, measured in sorted(together.items()):
+            lost = _measured(pair, index, measured, length, teeth)
+            if lost:
+                losses[tooth] = union(losses.get(tooth, ()), lost)
+    return found
 
 
-def worn_patches(
+def worn_losses(
     pair: MeshPair,
     faults: Sequence[Fault],
     length: float | None = None,
     teeth: ToothPair | None = None,
-) -> tuple[tuple[LossPatch, ...], tuple[LossPatch, ...]]:
+) -> tuple[Losses, Losses]:
     """Return the loss by wear in mm of all teeth of each gear; see `gear_losses`."""
     found = []
-    for member in pair.members:
+    for index, member in enumerate(pair.members):
         worn = [f for f in faults if f.kind == "wear" and f.gear == member.name and not f.is_loss]
-        found.append(_measured(pair, member.name, worn, length, teeth) if worn else ())
+        found.append(_measured(pair, index, worn, length, teeth) if worn else ())
     return found[0], found[1]
-
-
-def wear_curve(pair: MeshPair, faults: Sequence[Fault], length: float) -> LossCurve | None:
-    """Return what wear in mm leaves of every pair, or None without such wear."""
-    patches = union(*worn_patches(pair, faults, length))
-    if not patches:
-        return None
-    return LossCurve(
-        lambda phase: 1 - np.asarray(sum(patch.at(phase) for patch in patches)),
-        tuple(sorted({corner for patch in patches for corner in patch.corners})),
-    )
 
 
 def _needs_pitch(faults: Sequence[Fault]) -> bool:
@@ -496,38 +453,11 @@ def _needs_pitch(faults: Sequence[Fault]) -> bool:
 
 def _measured(
     pair: MeshPair,
-    gear: str,
+    index: int,
     faults: Sequence[Fault],
     length: float | None,
     teeth: ToothPair | None,
-) -> tuple[LossPatch, ...]:
+) -> Losses:
     """Return the loss that sizes in mm or shares of the flank mean, in a contact of this length."""
     known = teeth_of(pair) if teeth is None else teeth
-    index = [member.name for member in pair.members].index(gear)
-    return measured_patches(faults, known, index, pair.overlap_ratio > 0, length)
-
-
-def _meetings(
-    pair: MeshPair, pulse: Pulse, losses: Sequence[dict[int, tuple[LossPatch, ...]]]
-) -> list[PulseTerm]:
-    """Return what was taken away twice where damaged teeth of both gears meet."""
-    z1, z2 = pair.teeth
-    terms: list[PulseTerm] = []
-    for one, first in losses[0].items():
-        for two, second in losses[1].items():
-            offset = meeting(one - 1, z1, two - 1, z2)
-            if offset is not None:
-                terms += _terms(pulse, overlap(first, second), 1.0, offset)
-    return terms
-
-
-def _terms(
-    pulse: Pulse, patches: Sequence[LossPatch], sign: float, offset: float
-) -> list[PulseTerm]:
-    found = []
-    for p in patches:
-        lost = pulse.window(p.start, p.end)
-        if p.curve is not None:
-            lost = lost.times(p.curve.share, p.curve.corners)
-        found.append(PulseTerm(lost, sign * p.weight, offset, p.face_start, p.face_end))
-    return found
+    return measured_losses(faults, known, index, pair.overlap_ratio > 0, length)

@@ -14,13 +14,14 @@ between known corners, and its Fourier integrals are exact.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.optimize import brentq
 
 from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.faults import WHOLE_KINDS, Fault, GearError
@@ -33,6 +34,8 @@ from gearmon.gears.tooth_pairs import ToothPair, teeth_of
 
 #: Lines of the turn of a misaligned gear under load; they fall with their square at least.
 GAP_LINES = 2048
+#: Gauss points on either side of where the neighbours of a missing tooth change over.
+GAP_POINTS = 32
 #: Most contacts of faulty teeth, each computed by itself, in a true period.
 MOST_CONTACTS = 5_000
 Windows = dict[tuple[tuple[int, int, int], ...], list[int]]
@@ -162,17 +165,14 @@ class FlankError:
         Teeth of the gear.
     tooth : int or None
         The only tooth that it concerns; None for all.
-    curve : callable
-        Maps contact phase [mesh periods] to missing material [m].
-    corners : tuple of float
-        Contact phases at which it is not smooth.
+    gap : Pulse
+        Missing material [m] over the contact of a pair.
     """
 
     gear: str
     teeth: int
     tooth: int | None
-    curve: Callable[[FloatArray], FloatArray]
-    corners: tuple[float, ...] = ()
+    gap: Pulse
 
     @property
     def period_mesh(self) -> int:
@@ -209,10 +209,11 @@ def error_of(
     if error.kind in WHOLE_KINDS:
         return TurningError(error.gear, teeth, error.kind, size, error.phase_rad, free_gap_m)
 
-    def curve(phase: FloatArray) -> FloatArray:
-        return np.asarray(size * (2 * phase / length - 1) ** (0 if error.kind == "pitch" else 2))
-
-    return FlankError(error.gear, teeth, error.tooth, curve)
+    power = 0 if error.kind == "pitch" else 2
+    # a contact that is nominal, as that of the half-duty forms, may be longer
+    edges = [0.0, math.ceil(length) + 1.0]
+    gap = Pulse.of(edges, lambda phase: size * (2 * phase / length - 1) ** power, 3)
+    return FlankError(error.gear, teeth, error.tooth, gap)
 
 
 def profile_lost_by(fault: Fault, pair: MeshPair, index: int) -> list[TurningError | FlankError]:
@@ -229,36 +230,38 @@ def profile_lost_by(fault: Fault, pair: MeshPair, index: int) -> list[TurningErr
         return []
     teeth = teeth_of(pair)
     if fault.kind == "missing":
-        curve, corners = _bridge(teeth), (teeth.contact_ratio - 1, 1.0)
-        return [FlankError(gear, number, fault.tooth, curve, corners)]
-    (hole,) = tooth_damage([fault], teeth.teeth[index]).holes
-    if hole.width_m < teeth.first.face_width_m * (1 - 1e-9):
-        return []
+        gap = _bridge(teeth)
+        return [FlankError(gear, number, fault.tooth, gap)] if gap else []
     tooth = teeth.teeth[index]
-    low, high = sorted(
-        teeth.phase_of(index, tooth.angle_at_height(at)) for at in (hole.low_m, hole.high_m)
-    )
-
-    def spalled(phase: FloatArray) -> FloatArray:
-        return np.where((phase >= low) & (phase < high), hole.depth_m, 0.0)
-
-    return [FlankError(gear, number, fault.tooth, spalled, (low, high))]
+    (hole,) = tooth_damage([fault], tooth).holes
+    low, high = sorted(teeth.phase_of(index, angle) for angle in hole.angles(tooth))
+    if hole.width_m < tooth.face_width_m * (1 - 1e-9) or low == high:
+        return []
+    return [FlankError(gear, number, fault.tooth, Pulse.constant(low, high, hole.depth_m))]
 
 
-def _bridge(pair: ToothPair) -> Callable[[FloatArray], FloatArray]:
+def _bridge(pair: ToothPair) -> Pulse | None:
     """Return how far the neighbours of a missing tooth must approach to touch."""
     part = pair.contact_ratio - 1
+    if part >= 1:
+        return None
 
-    def curve(phase: FloatArray) -> FloatArray:
-        alone = (phase > part) & (phase < 1) & (part < 1)
-        before = np.clip(phase - part, 0.0, None) * pair.base_pitch_m
-        after = np.clip(1 - phase, 0.0, None) * pair.base_pitch_m
-        leaving = tip_corner_gap(pair, before, leaving=True)
-        entering = tip_corner_gap(pair, after, leaving=False)
+    def apart(phase: FloatArray, leaving: bool) -> FloatArray:
+        beyond = phase - part if leaving else 1 - phase
+        return tip_corner_gap(pair, beyond * pair.base_pitch_m, leaving=leaving)
+
+    def gap(phase: FloatArray) -> FloatArray:
         # a gap between the flanks of helical teeth is closed by more along the line of action
-        return np.where(alone, pair.oblique * np.minimum(leaving, entering), 0.0)
+        return np.asarray(pair.oblique * np.minimum(apart(phase, True), apart(phase, False)))
 
-    return curve
+    def difference(phase: float) -> float:
+        return float(apart(np.array(phase), True) - apart(np.array(phase), False))
+
+    edges = [max(part, 0.0), 1.0]
+    if difference(edges[0]) * difference(1.0) < 0:
+        # here the neighbour behind takes over from the one ahead
+        edges.insert(1, brentq(difference, *edges, xtol=1e-14))
+    return Pulse.of(edges, gap, GAP_POINTS)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -304,7 +307,7 @@ class FlankExcitation:
             for term in self._terms_of(entry):
                 key = id(term.pulse)
                 if key not in gaps:
-                    gaps[key] = term.pulse.times(self.error.curve, self.error.corners)
+                    gaps[key] = term.pulse.times(self.error.gap.value, self.error.gap.edges)
                 terms.append(replace(term, pulse=gaps[key], offset=float(entry)))
         healthy = self.stiffness.healthy
         return replace(
@@ -313,8 +316,7 @@ class FlankExcitation:
 
     @property
     def _entries(self) -> range:
-        error = self.error
-        found = range((error.tooth or 1) - 1, self.period_mesh, error.period_mesh)
+        found = range((self.error.tooth or 1) - 1, self.period_mesh, self.error.period_mesh)
         if len(found) > MOST_CONTACTS:
             raise ArgumentError(
                 f"the errors repeat after {self.period_mesh} mesh periods only, in which their "
@@ -395,11 +397,10 @@ class Excitation:
     @cached_property
     def parts(self) -> tuple[TurningError | FlankExcitation, ...]:
         """What adds up to e, each with a period of its own."""
+        even = replace(self.stiffness, modulations=())
         return tuple(
-            FlankExcitation(stiffness=self.stiffness.unmodulated, error=error)
-            if isinstance(error, FlankError)
-            else error
-            for error in self.errors
+            FlankExcitation(stiffness=even, error=e) if isinstance(e, FlankError) else e
+            for e in self.errors
         )
 
     @property

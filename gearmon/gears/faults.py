@@ -1,9 +1,7 @@
 """Faults of single teeth or of all teeth, and the stiffness that they take from a pair.
 
 The size of a fault is the loss of stiffness of the pair whose tooth it is, or what can be measured
-on the tooth, from which the loss follows. A fault is turned into `LossPatch`
-objects: where, along the contact of the pair and across its face width, which share of the
-stiffness is gone.
+on the tooth, from which the loss follows; see `damage`.
 
 A size is written as a number and its unit, and further dimensions after commas:
 ``1.5mm,angle=70``, ``1.5mm,limit=parabolic``, ``4x1.5x0.5mm,at=0.2``, ``12%flank,radius=0.3``,
@@ -14,15 +12,14 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, fields, replace
-from itertools import product
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.errors import ArgumentError, check_finite, check_word, nearest_name
+from gearmon.errors import ArgumentError, check_finite, check_range, check_word, nearest_name
 
 FloatArray = NDArray[np.float64]
 #: What material a crack leaves without load, by name.
@@ -125,16 +122,15 @@ class FaultShape:
             value = getattr(self, item.name)
             if value is None:
                 continue
-            if item.name == "limit":
+            name = _key(item.name)
+            if name == "limit":
                 check_word("crack limit=", value, LIMITS)
-                continue
-            check_finite(_key(item.name), value, "deg" if item.name == "angle" else "mm")
-            if item.name == "angle" and not 5 <= value <= 90:
-                raise ArgumentError(f"angle={value:g} deg of a crack must lie in [5, 90] deg")
-            if item.name in ("width", "length", "depth", "radius", "height") and value <= 0:
-                raise ArgumentError(f"{item.name}={value:g} mm must be > 0")
-            if item.name in ("start", "far") and value < 0:
-                raise ArgumentError(f"{_key(item.name)}={value:g} mm must be >= 0")
+            elif name == "angle":
+                check_range("crack angle", value, 5, 90, "deg")
+            elif check_finite(name, value, "mm") < 0 and name in ("from", "far"):
+                raise ArgumentError(f"{name}={value:g} mm must be >= 0")
+            elif name in ("width", "length", "depth", "radius", "height") and value <= 0:
+                raise ArgumentError(f"{name}={value:g} mm must be > 0")
 
     def options(self, kind: str) -> str:
         """Return the dimensions as they are written after a size."""
@@ -180,7 +176,7 @@ def parse_size(kind: str, text: str) -> tuple[float, str, FaultShape]:
     for option in options:
         key, value = _option(kind, option)
         shape[_field(key)] = value
-    names = [name for _, (name, _, _) in sorted(LEVELS.items())]
+    names = [name for name, _, _ in LEVELS.values()]
     if kind == "pitting" and head in names:
         return float(names.index(head) + 1), "level", FaultShape(**shape)
     numbers, unit = _numbers(head)
@@ -312,34 +308,6 @@ def _field(key: str) -> str:
 
 def _key(name: str) -> str:
     return "from" if name == "start" else name
-
-
-@dataclass(frozen=True, eq=False)
-class LossCurve:
-    """A share of the stiffness along the contact.
-
-    Parameters
-    ----------
-    share : callable
-        Maps phases [mesh periods from the entry of the pair], any shape, to shares.
-    corners : tuple of float
-        Phases at which the share is not smooth.
-    """
-
-    share: Callable[[FloatArray], FloatArray]
-    corners: tuple[float, ...] = ()
-
-    def times(self, other: LossCurve | None) -> LossCurve:
-        """Return the product of two curves."""
-        if other is None:
-            return self
-        corners = tuple(sorted({*self.corners, *other.corners}))
-        return LossCurve(lambda phase: self.share(phase) * other.share(phase), corners)
-
-    def stretched(self, factor: float) -> LossCurve:
-        """Return the same curve over a contact that is `factor` times as long."""
-        corners = tuple(factor * corner for corner in self.corners)
-        return LossCurve(lambda phase: self.share(phase / factor), corners)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -495,97 +463,6 @@ def faults_of_stage(faults: Iterable[Fault], stage: int) -> tuple[Fault, ...]:
     return tuple(fault for fault in faults if fault.stage == stage)
 
 
-def loss_patches(fault: Fault, contact_ratio: float, pitch_phase: float) -> tuple[LossPatch, ...]:
-    """Return where in the contact of its pair a fault takes which share of the stiffness.
-
-    Parameters
-    ----------
-    fault : Fault
-    contact_ratio : float
-        Length of the contact of a pair (of one transverse section) [mesh periods].
-    pitch_phase : float
-        Mesh periods from the entry to the pitch point.
-
-    Returns
-    -------
-    tuple of LossPatch
-        Empty for a fault of size 0.
-
-    Raises
-    ------
-    ArgumentError
-        If the size is no loss of stiffness.
-    """
-    if fault.loss == 0:
-        return ()
-    if fault.kind == "breakage":
-        return (LossPatch(1.0, 0.0, contact_ratio, face_end=fault.loss),)
-    if fault.kind not in BANDS:
-        return (LossPatch(fault.loss, 0.0, contact_ratio),)
-    half = 0.5 * BANDS[fault.kind] * contact_ratio
-    # a pitch point near an end of the path leaves less of the band in contact
-    start, end = max(0.0, pitch_phase - half), min(contact_ratio, pitch_phase + half)
-    return (LossPatch(fault.loss, start, end),) if end > start else ()
-
-
-@dataclass(frozen=True)
-class LossPatch:
-    """A share of the stiffness lost in a part of the contact and of the face width.
-
-    Parameters
-    ----------
-    weight : float
-        Share lost there; negative in the overlap of two faults, which do not add up.
-    start, end : float
-        Part of the contact, in mesh periods from the entry of the pair.
-    face_start, face_end : float, in [0, 1]
-        Part of the face width, from the side that enters contact first.
-    curve : LossCurve, optional
-        By what the weight is multiplied along the contact; by default 1.
-    """
-
-    weight: float
-    start: float
-    end: float
-    face_start: float = 0.0
-    face_end: float = 1.0
-    curve: LossCurve | None = None
-
-    def at(self, phase: FloatArray) -> FloatArray:
-        """Return the share lost at phases of the contact, where the patch lies on the face."""
-        inside = (phase >= self.start) & (phase < self.end)
-        curve = 1.0 if self.curve is None else self.curve.share(phase)
-        return np.where(inside, self.weight * curve, 0.0)
-
-    @property
-    def corners(self) -> tuple[float, ...]:
-        """Phases at which the loss is not smooth."""
-        return self.start, self.end, *(self.curve.corners if self.curve else ())
-
-    def stretched(self, factor: float) -> LossPatch:
-        """Return the same loss over a contact that is `factor` times as long."""
-        curve = self.curve.stretched(factor) if self.curve else None
-        start, end = factor * self.start, factor * self.end
-        return replace(self, start=start, end=end, curve=curve)
-
-
-def union(one: Sequence[LossPatch], other: Sequence[LossPatch]) -> tuple[LossPatch, ...]:
-    """Return the loss of two faults of one pair: what is left after both is multiplied."""
-    return (*one, *other, *(replace(p, weight=-p.weight) for p in overlap(one, other)))
-
-
-def overlap(one: Sequence[LossPatch], other: Sequence[LossPatch]) -> tuple[LossPatch, ...]:
-    """Return the product of two losses, patch by patch."""
-    patches = []
-    for a, b in product(one, other):
-        start, end = max(a.start, b.start), min(a.end, b.end)
-        low, high = max(a.face_start, b.face_start), min(a.face_end, b.face_end)
-        if start < end and low < high:
-            curve = b.curve if a.curve is None else a.curve.times(b.curve)
-            patches.append(LossPatch(a.weight * b.weight, start, end, low, high, curve))
-    return tuple(patches)
-
-
 @dataclass(frozen=True, kw_only=True)
 class GearError:
     """An error of manufacture or mounting of one gear.
@@ -619,8 +496,7 @@ class GearError:
 
     def __post_init__(self) -> None:
         check_finite("size_m", self.size_m, "m")
-        if self.kind not in ERROR_KINDS:
-            raise ArgumentError(f"error kind {self.kind!r} is not one of {', '.join(ERROR_KINDS)}")
+        check_word("error kind ", self.kind, ERROR_KINDS)
         if self.stage < 1:
             raise ArgumentError(f"error stage={self.stage} must be >= 1")
         if self.tooth is not None and self.tooth < 1:

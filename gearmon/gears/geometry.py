@@ -375,43 +375,39 @@ class PairGeometry:
     @cached_property
     def reference_radii_m(self) -> Two:
         """Radii of the reference circles [m]."""
-        return _both(lambda gear, _: 0.5 * self.transverse_module_m * gear.teeth, self)
+        return _both(lambda i: 0.5 * self.transverse_module_m * self.gears[i].teeth)
 
     @cached_property
     def base_radii_m(self) -> Two:
         """Radii of the base circles [m]."""
-        one, two = self.reference_radii_m
         cosine = math.cos(self.transverse_pressure_angle_rad)
-        return one * cosine, two * cosine
+        return _both(lambda i: self.reference_radii_m[i] * cosine)
 
     @property
     def working_radii_m(self) -> Two:
         """Radii of the working pitch circles [m]."""
-        one, two = self.base_radii_m
         cosine = math.cos(self.working_pressure_angle_rad)
-        return one / cosine, two / cosine
+        return _both(lambda i: self.base_radii_m[i] / cosine)
 
     @cached_property
     def root_radii_m(self) -> Two:
         """Radii of the root circles [m]."""
-        return _both(
-            lambda gear, i: (
-                self.reference_radii_m[i]
-                - self.sign(i) * self.normal_module_m * (gear.root_factor - gear.profile_shift)
-            ),
-            self,
-        )
+
+        def depth(i: int) -> float:
+            gear = self.gears[i]
+            return self.sign(i) * self.normal_module_m * (gear.root_factor - gear.profile_shift)
+
+        return _both(lambda i: self.reference_radii_m[i] - depth(i))
 
     @cached_property
     def form_rolls_m(self) -> Two:
         """Roll lengths [m] at which the involute begins above the fillet; for a ring, ends."""
 
-        def roll(gear: GearTeeth, i: int) -> float:
-            rack, internal = self.rack(i), self.sign(i) < 0
-            found = rack.form_roll(gear.teeth, gear.profile_shift, internal=internal)
-            return found * self.normal_module_m
+        def roll(i: int) -> float:
+            gear, internal = self.gears[i], self.sign(i) < 0
+            return self.rack(i).form_roll(gear.teeth, gear.profile_shift, internal=internal)
 
-        return _both(roll, self)
+        return _both(lambda i: roll(i) * self.normal_module_m)
 
     @property
     def line_m(self) -> float:
@@ -457,7 +453,7 @@ class PairGeometry:
     @property
     def tip_thicknesses_m(self) -> Two:
         """Tooth thickness along the tip circle, in the transverse section [m]."""
-        return self.thickness_m(0, self.tip_radii_m[0]), self.thickness_m(1, self.tip_radii_m[1])
+        return _both(lambda i: self.thickness_m(i, self.tip_radii_m[i]))
 
     def thickness_m(self, index: int, radius_m: float) -> float:
         """Return the transverse tooth thickness of a gear on a circle outside its base circle [m].
@@ -592,8 +588,9 @@ def pair_geometry(
     return check_pair(trim_ring(pair)) if check else pair
 
 
-def _both(value: Callable[[GearTeeth, int], float], pair: PairGeometry) -> Two:
-    return value(pair.gears[0], 0), value(pair.gears[1], 1)
+def _both(value: Callable[[int], float]) -> Two:
+    """Return a value of each gear."""
+    return value(0), value(1)
 
 
 def _total(pair: PairGeometry) -> int:
@@ -628,15 +625,13 @@ def _working(pair: PairGeometry, centre_distance_m: float | None) -> Two:
 
 def _with_tips(pair: PairGeometry) -> PairGeometry:
     """Return the pair with its tip circles, and the path of contact that they make."""
-    tips = _both(
-        lambda gear, i: (
-            pair.reference_radii_m[i]
-            + pair.sign(i)
-            * pair.normal_module_m
-            * (gear.tip_factor + gear.profile_shift + pair.tip_shortening[i])
-        ),
-        pair,
-    )
+
+    def height(i: int) -> float:
+        gear = pair.gears[i]
+        modules = gear.tip_factor + gear.profile_shift + pair.tip_shortening[i]
+        return pair.sign(i) * pair.normal_module_m * modules
+
+    tips = _both(lambda i: pair.reference_radii_m[i] + height(i))
     return replace(pair, tip_radii_m=tips, path_m=_path(pair, tips))
 
 
@@ -674,8 +669,7 @@ def normal_section(pair: PairGeometry) -> PairGeometry:
     )
     one, two = section.working_radii_m
     tips = _both(
-        lambda _, i: section.reference_radii_m[i] + pair.tip_radii_m[i] - pair.reference_radii_m[i],
-        pair,
+        lambda i: section.reference_radii_m[i] + pair.tip_radii_m[i] - pair.reference_radii_m[i]
     )
     return replace(
         section,
@@ -694,14 +688,12 @@ def check_pair(pair: PairGeometry) -> PairGeometry:
         If the pair cannot run, with the number that offends and what would cure it.
     """
     warnings = [*pair.warnings, *_check_backlash(pair)]
-    for index in (0, 1):
-        warnings += _check_tip(pair, index)
+    warnings += [note for index in (0, 1) for note in _check_tip(pair, index)]
     _check_contact_ratio(pair)
     for index in (0, 1):
         _check_clearance(pair, index)
-    for index in (0, 1):
-        if pair.sign(index) > 0:
-            warnings += _check_root(pair, index)
+    for index in (0,) if pair.internal else (0, 1):
+        warnings += _check_root(pair, index)
     if pair.internal:
         warnings += _check_ring(pair)
     return replace(pair, warnings=tuple(warnings))
@@ -890,13 +882,17 @@ def _tip_passage(pair: PairGeometry) -> float:
         return math.inf
     at_inner = math.acos(reach)
     at_outer = math.acos((a**2 + outer**2 - inner**2) / (2 * a * outer))
-    tips = [
-        involute(math.acos(min(1.0, base / tip)))
-        for base, tip in zip(pair.base_radii_m, pair.tip_radii_m, strict=True)
-    ]
+    tips = _tip_angles(pair)
     working = involute(pair.working_pressure_angle_rad)
     teeth = pair.gears[0].teeth / pair.gears[1].teeth
     return (at_inner + tips[0] - working) * teeth + working - tips[1] - at_outer
+
+
+def _tip_angles(pair: PairGeometry) -> Two:
+    """Return the involute functions of the pressure angles at the tips."""
+    return _both(
+        lambda i: involute(math.acos(min(1.0, pair.base_radii_m[i] / pair.tip_radii_m[i])))
+    )
 
 
 def _radial_passage(pair: PairGeometry) -> float:
@@ -905,10 +901,7 @@ def _radial_passage(pair: PairGeometry) -> float:
     Where a tip of the one passes a tip of the other at the same distance from the line of
     centres, at the angle at which that is tightest.
     """
-    tips = [
-        math.acos(min(1.0, base / tip))
-        for base, tip in zip(pair.base_radii_m, pair.tip_radii_m, strict=True)
-    ]
+    tips = _tip_angles(pair)
     ratio = pair.gears[1].teeth / pair.gears[0].teeth
     inner, outer = pair.tip_radii_m
     # y of both tips is equal, and so is its rate as the gears roll: sin^2 of both angles follows
@@ -919,5 +912,4 @@ def _radial_passage(pair: PairGeometry) -> float:
     at_inner = math.asin(math.sqrt(min(1.0, square)))
     at_outer = math.asin(min(1.0, math.sin(at_inner) / radii))
     working = involute(pair.working_pressure_angle_rad)
-    own = at_inner + involute(tips[0]) - working
-    return own - ratio * (at_outer + involute(tips[1]) - working)
+    return at_inner + tips[0] - working - ratio * (at_outer + tips[1] - working)

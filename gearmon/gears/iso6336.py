@@ -23,7 +23,7 @@ LEAST_RIM = 1.0
 N_PER_MM_UM = 1e9
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class ToothData:
     """What Method B asks of one gear.
 
@@ -218,7 +218,9 @@ def method_b(
     """
     first, second = _ordered(one, other)
     check_positive("contact_ratio", contact_ratio)
-    virtual = _virtual_teeth(first, second, helix_angle_rad, pressure_angle_rad)
+    base = base_helix_angle(helix_angle_rad, pressure_angle_rad)
+    share = math.cos(base) ** 2 * math.cos(helix_angle_rad)
+    virtual = first.teeth / share, math.inf if second.internal else second.teeth / share
     theoretical = _theoretical(first, second, virtual)
     rack = _rack_factor(first, second, pressure_angle_rad)
     blank = 1.0 if web is None else web.factor
@@ -328,13 +330,6 @@ def _ordered(one: ToothData, other: ToothData) -> tuple[ToothData, ToothData]:
 
 def _rank(gear: ToothData) -> tuple[float, ...]:
     return gear.teeth, -gear.profile_shift, gear.root_factor, gear.elastic_modulus_pa
-
-
-def _virtual_teeth(
-    first: ToothData, second: ToothData, beta: float, alpha: float
-) -> tuple[float, float]:
-    factor = math.cos(base_helix_angle(beta, alpha)) ** 2 * math.cos(beta)
-    return first.teeth / factor, math.inf if second.internal else second.teeth / factor
 
 
 def _theoretical(first: ToothData, second: ToothData, virtual: tuple[float, float]) -> float:

@@ -332,11 +332,8 @@ class LineTable(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return built-in types only, ready for JSON."""
-        return {
-            "machine": self.machine,
-            "rows": [asdict(row) for row in self.rows],
-            "notes": list(self.notes),
-        }
+        rows = [asdict(row) for row in self.rows]
+        return {"machine": self.machine, "rows": rows, "notes": list(self.notes)}
 
 
 def _numbered(what: str, items: tuple[_Item, ...], number: int) -> _Item:
@@ -384,8 +381,8 @@ def kinematics(machine: Machine) -> Kinematics:
     lines = [
         _line("shaft", f"{shaft.name} shaft", shaft.exact, shaft=shaft.number) for shaft in shafts
     ]
-    for mesh, stage in zip(meshes, machine.stages, strict=True):
-        lines += _parallel_lines(mesh) if stage.kind == "parallel" else _planetary_lines(mesh)
+    for mesh in meshes:
+        lines += _mesh_lines(mesh)
     for bearing in machine.bearings:
         lines += _bearing_lines(bearing, shafts, meshes)
     return Kinematics(shafts=shafts, meshes=tuple(meshes), lines=tuple(lines))
@@ -536,29 +533,22 @@ def _mesh_name(stage_name: str, *teeth: int) -> str:
     return f"{stage_name}, {pair}" if stage_name else pair
 
 
-def _parallel_lines(mesh: Mesh) -> list[Line]:
-    pair = _pair_lines(mesh, mesh.name, *mesh.teeth)
-    return [_line("mesh", mesh.name, mesh.exact, stage=mesh.stage), *pair]
-
-
-def _planetary_lines(mesh: Mesh) -> list[Line]:
+def _mesh_lines(mesh: Mesh) -> list[Line]:
+    lines = [_line("mesh", mesh.name, mesh.exact, stage=mesh.stage)]
+    if not mesh.planets:
+        return [*lines, *_pair_lines(mesh, mesh.name, *mesh.teeth)]
     sun, planet, ring = mesh.teeth
     turning = mesh.wheel("planet").exact
-    lines = [_line("mesh", mesh.name, mesh.exact, stage=mesh.stage)]
     lines += _pair_lines(mesh, f"sun-planet, {sun}/{planet}", sun, planet)
     lines += _pair_lines(mesh, f"planet-ring, {planet}/{ring}", planet, ring)
     if turning:
         lines.append(_line("rotation", "planet, seen from the housing", turning, stage=mesh.stage))
     for family in mesh.modulations:
         if family.shaft is None:  # the others are shafts and stand among them
-            lines.append(_line(_kind(family.name), family.name, family.exact, stage=mesh.stage))
+            kind = "local fault" if family.name.endswith("fault") else "rotation"
+            kind = "planet pass" if family.name == "planet pass" else kind
+            lines.append(_line(kind, family.name, family.exact, stage=mesh.stage))
     return lines
-
-
-def _kind(family: str) -> str:
-    if family == "planet pass":
-        return family
-    return "local fault" if family.endswith("fault") else "rotation"
 
 
 def _pair_lines(mesh: Mesh, name: str, teeth: int, other_teeth: int) -> list[Line]:
@@ -614,13 +604,6 @@ def _row(line: Line, point: OperatingPoint) -> LineRow:
     exact, hertz = line.exact, line.order * point.shaft1_hz
     if exact is not None:  # one rounding only: 500 Hz reads 500.0
         hertz = float(exact * Fraction(point.speed_rpm) / 60)
-    return LineRow(
-        operating=point.name or f"{point.speed_rpm:g} rpm",
-        speed_rpm=point.speed_rpm,
-        stage=line.stage,
-        kind=line.kind,
-        name=line.name,
-        shaft=line.shaft,
-        order=line.order,
-        frequency_hz=hertz,
-    )
+    known = {name: getattr(line, name) for name in ("stage", "kind", "name", "shaft", "order")}
+    name = point.name or f"{point.speed_rpm:g} rpm"
+    return LineRow(operating=name, speed_rpm=point.speed_rpm, frequency_hz=hertz, **known)

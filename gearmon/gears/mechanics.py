@@ -255,12 +255,6 @@ def _inner_diameter(pair: MeshPair, index: int) -> float:
     return 2 * (pair.unchecked_geometry.root_radii_m[index] - member.rim_m)
 
 
-def _member_weights(stage: PlanetaryStage) -> dict[str, float]:
-    """Weights of the speeds in z_s w_s + z_r w_r = (z_s + z_r) w_c, and of the torques."""
-    sun, ring = stage.sun_teeth, stage.ring_teeth
-    return {"sun": sun, "ring": ring, "carrier": sun + ring}
-
-
 def _pair(machine: Machine, number: int, mesh: int) -> MeshPair:
     check_range("stage", number, 1, len(machine.stages))
     pairs = mesh_pairs(machine.stages[number - 1], number, machine.path)
@@ -271,12 +265,11 @@ def _pair(machine: Machine, number: int, mesh: int) -> MeshPair:
 
 
 def _own_faults(machine: Machine, number: int, faults: Iterable[Fault]) -> tuple[Fault, ...]:
-    given = tuple(faults)
+    given, last = tuple(faults), len(machine.stages)
     for fault in given:
-        if fault.stage > len(machine.stages):
+        if fault.stage > last:
             raise ArgumentError(
-                f"fault {fault}: stage {fault.stage} does not exist, the machine has "
-                f"{len(machine.stages)}"
+                f"fault {fault}: stage {fault.stage} does not exist, the machine has {last}"
             )
     return faults_of_stage(given, number)
 
@@ -297,8 +290,9 @@ def static_force(
     torque = point.torque_nm / input_order
     main = pair if pair.inner is None else pair.inner
     if isinstance(pair.stage, PlanetaryStage):
-        # loads on the members of a planetary set balance in the proportion of these weights
-        weights = _member_weights(pair.stage)
+        # loads on the members balance in the proportion of the weights of their speeds
+        sun, ring = pair.stage.sun_teeth, pair.stage.ring_teeth
+        weights = {"sun": sun, "ring": ring, "carrier": sun + ring}
         torque *= weights["sun"] / weights[pair.stage.driving] / pair.planets
     force = torque / main.base_radii_m[0]
     return force, force * pair.base_radii_m[0]
@@ -318,11 +312,8 @@ def equivalent_mass(pair: MeshPair, notes: list[str]) -> float:
         instead = "equivalent_mass_kg" if pair.is_main else ""
         inertia = gear_disc(pair, index, "equivalent mass", instead)[1]
         yielding += times[index] * pair.base_radii_m[index] ** 2 / inertia
-    solid = [
-        member.name
-        for member in pair.members
-        if not (member.bore_m or member.internal or _told(pair, member.name)[1])
-    ]
+    discs = [m.name for m in pair.members if not (m.bore_m or m.internal)]
+    solid = [name for name in discs if not _told(pair, name)[1]]
     if solid:
         notes.append(f"{' and '.join(solid)} taken as solid discs: no bore diameter is given")
     return 1 / yielding

@@ -31,7 +31,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 
@@ -62,6 +62,8 @@ NODES = (3, 5, 9, 17)
 CONVERGED = 1e-10
 #: Phases evaluated together; bounds the memory.
 PHASES_PER_BLOCK = 16_384
+#: Of what does not move.
+NONE = 0j, 0j, 0j
 #: Errors that move the contact of all teeth of a gear as it turns.
 MOVING_KINDS = ("eccentricity", "cumulative", "misalignment")
 
@@ -86,11 +88,6 @@ class ContactOffset:
     leaving: complex = 0j
     entering: complex = 0j
     lead_m: complex = 0j
-
-    @property
-    def is_none(self) -> bool:
-        """Whether nothing moves."""
-        return not (self.leaving or self.entering or self.lead_m)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,15 +126,10 @@ def contact_offsets(pair: MeshPair, errors: Iterable[GearError]) -> tuple[Contac
     for index, member in enumerate(pair.members):
         own = [e for e in errors if e.gear == member.name and e.kind in MOVING_KINDS and e.size_m]
         parts = [_moved(error, pair, index) for error in own]
-        offset = ContactOffset(
-            gear=member.name,
-            teeth=member.teeth.teeth,
-            leaving=sum((part[0] for part in parts), 0j),
-            entering=sum((part[1] for part in parts), 0j),
-            lead_m=sum((part[2] for part in parts), 0j),
-        )
-        if not offset.is_none:
-            found.append(offset)
+        leaving, entering, lead = (sum(part) for part in zip(*parts, strict=True)) if own else NONE
+        if leaving or entering or lead:
+            offset = ContactOffset(gear=member.name, teeth=pair.teeth[index], lead_m=lead)
+            found.append(replace(offset, leaving=leaving, entering=entering))
     return tuple(found)
 
 
@@ -166,10 +158,8 @@ def state_of(
 
 def first_gear_share(pair: MeshPair) -> float:
     """Return s, the share of a transmission error by which the first gear moves."""
-    if pair.second.internal:
-        return 1.0
-    one, two = (float(member.teeth.teeth) ** 2 for member in pair.members)
-    return two / (one + two)
+    one, two = (float(teeth) ** 2 for teeth in pair.teeth)
+    return 1.0 if pair.second.internal else two / (one + two)
 
 
 def _moved(error: GearError, pair: MeshPair, index: int) -> tuple[complex, complex, complex]:
@@ -250,10 +240,8 @@ class ContactFamily:
             if any(len(pulse.series) != pieces for pulse in pulses):
                 return None
             width = max(pulse.series.shape[1] for pulse in pulses)
-            padded = [
-                np.pad(pulse.series, ((0, 0), (0, width - pulse.series.shape[1])))
-                for pulse in pulses
-            ]
+            wide = [(0, width - pulse.series.shape[1]) for pulse in pulses]
+            padded = [np.pad(p.series, ((0, 0), w)) for p, w in zip(pulses, wide, strict=True)]
             analysis = np.linalg.inv(chebyshev.chebvander(x, count - 1))
             edges = analysis @ np.array([pulse.edges for pulse in pulses])
             series = np.tensordot(analysis, np.array(padded), 1)
@@ -422,14 +410,9 @@ class ModulationTrain:
     @cached_property
     def _signed(self) -> list[tuple[int, tuple[ContactOffset, ...]]]:
         """What moves, with one gear or both standing still, and the sign with which it enters."""
-        found = []
-        for stands in product((False, True), repeat=len(self.offsets)):
-            moving = tuple(
-                ContactOffset(gear=o.gear, teeth=o.teeth) if still else o
-                for o, still in zip(self.offsets, stands, strict=True)
-            )
-            found.append(((-1) ** sum(stands), moving))
-        return found
+        choices = product(*((o, ContactOffset(gear=o.gear, teeth=o.teeth)) for o in self.offsets))
+        signs = (math.prod(s) for s in product((1, -1), repeat=len(self.offsets)))
+        return list(zip(signs, choices, strict=True))
 
     def _sidebands(self, order: int, gears: int) -> int:
         """Return up to which gear order lines about a mesh order are to be had."""
@@ -440,12 +423,9 @@ class ModulationTrain:
 
     def _shifted(self, order: int) -> int:
         """Return the same without misalignment, whose corners reach farther."""
-        if not any(offset.leaving or offset.entering for offset in self.offsets):
-            return 0
-        index = max(
-            2 * math.pi * order * max(abs(o.leaving), abs(o.entering)) for o in self.offsets
-        )
-        return math.ceil(index + 3 * math.cbrt(index)) + SPARE_ORDERS
+        largest = max(max(abs(o.leaving), abs(o.entering)) for o in self.offsets)
+        index = 2 * math.pi * order * largest
+        return math.ceil(index + 3 * math.cbrt(index)) + SPARE_ORDERS if largest else 0
 
     def _add(self, wanted: ComplexArray, meshes: IntArray) -> None:
         """Add the lines about some mesh orders to the half spectrum `wanted`."""

@@ -59,6 +59,12 @@ class Member:
         """Name of the gear: pinion, gear, sun, planet or ring."""
         return self.teeth.name
 
+    @property
+    def iso(self) -> iso6336.ToothData:
+        """What ISO 6336-1 asks of it."""
+        known = self.teeth.teeth, self.teeth.profile_shift, self.teeth.root_factor
+        return iso6336.ToothData(*known, self.elastic_modulus_pa, self.internal)
+
 
 @dataclass(frozen=True, kw_only=True)
 class MeshPair:
@@ -122,11 +128,11 @@ class MeshPair:
         ArgumentError
             If the pair has no such gear.
         """
-        for member in self.members:
-            if member.name == name:
-                return member
-        names = " and ".join(member.name for member in self.members)
-        raise ArgumentError(f"{self.where} has no {name}: the gears of this mesh are {names}")
+        known = {member.name: member for member in self.members}
+        if name not in known:
+            names = " and ".join(known)
+            raise ArgumentError(f"{self.where} has no {name}: the gears of this mesh are {names}")
+        return known[name]
 
     def need(self, key: str, purpose: str, instead: str = "") -> float:
         """Return a value of the stage that must have been given.
@@ -210,10 +216,8 @@ class MeshPair:
         force_n : float, optional
             Static force on the line of action [N]; below 100 N/mm the stiffness falls.
         """
-        one, two = (_tooth_data(member) for member in self.members)
         return iso6336.method_b(
-            one,
-            two,
+            *(member.iso for member in self.members),
             contact_ratio=self.contact_ratio,
             pressure_angle_rad=self.pressure_angle_rad,
             helix_angle_rad=self.helix_angle_rad,
@@ -360,13 +364,3 @@ def _root_factor(stage: Stage, name: str) -> float:
     reference /= math.cos(math.radians(stage.helix_angle_deg))
     depth = (reference - diameter) / (2 * stage.module_mm) * (-1 if name == "ring" else 1)
     return float(depth + getattr(stage, f"profile_shift_{name}"))
-
-
-def _tooth_data(member: Member) -> iso6336.ToothData:
-    return iso6336.ToothData(
-        teeth=member.teeth.teeth,
-        profile_shift=member.teeth.profile_shift,
-        root_factor=member.teeth.root_factor,
-        elastic_modulus_pa=member.elastic_modulus_pa,
-        internal=member.internal,
-    )

@@ -1,4 +1,4 @@
-"""Pulses: the stiffness of one tooth pair over its contact, and the trains that they make.
+"""Pulses: what one tooth pair has or loses over its contact, and the trains that they make.
 
 A smooth curve is taken at a few Gauss points between its corners; as a Legendre series it is then
 known everywhere to nearly all digits, with its running and its Fourier integrals. Every curve of
@@ -10,9 +10,10 @@ for one tooth of z that differs. Phases are in mesh periods throughout.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
+from itertools import product
 
 import numpy as np
 from numpy.polynomial.legendre import legint, legvander
@@ -185,10 +186,20 @@ class Pulse:
         return cls.through(limits, curve(panel_nodes(limits, points)))
 
     @classmethod
-    def through(cls, edges: FloatArray, values: FloatArray) -> Pulse:
+    def through(cls, edges: FloatArray, values: FloatArray, fastest: float = 0.0) -> Pulse:
         """Return the pulse with these values, shape (pieces, points), at `panel_nodes(edges)`."""
         series = np.asarray(values @ gauss(values.shape[1])[2].T)
-        return cls(edges, series[:, : _used(series, np.abs(series).max(initial=0.0))])
+        return cls(edges, series[:, : _used(series, np.abs(series).max(initial=0.0))], fastest)
+
+    @classmethod
+    def constant(cls, start: float, end: float, value: float = 1.0) -> Pulse:
+        """Return one level from `start` to `end` [mesh periods]."""
+        return cls(np.array([start, end]), np.array([[value]]))
+
+    @property
+    def points(self) -> int:
+        """Gauss points on a piece that follow the curve times another smooth one."""
+        return POINTS + (self.series.shape[1] if self.fastest else 0)
 
     @property
     def starts(self) -> FloatArray:
@@ -275,6 +286,10 @@ class Pulse:
         """Return the same pulse times `factor`."""
         return replace(self, series=factor * self.series)
 
+    def stretched(self, factor: float) -> Pulse:
+        """Return the same pulse over a contact that is `factor` times as long."""
+        return replace(self, edges=factor * self.edges, fastest=self.fastest / factor)
+
     def window(self, start: float, end: float) -> Pulse:
         """Return the part of the pulse with start <= phase < end."""
         low, high = max(start, float(self.edges[0])), min(end, float(self.edges[-1]))
@@ -297,9 +312,8 @@ class Pulse:
         corners : array_like
             Phases at which the factor is not smooth [mesh periods].
         """
-        points = POINTS + (self.series.shape[1] if self.fastest else 0)
         edges = self._edges_with(corners)
-        return Pulse.of(edges, lambda phase: self.value(phase) * factor(phase), points)
+        return Pulse.of(edges, lambda phase: self.value(phase) * factor(phase), self.points)
 
     def _edges_with(self, corners: ArrayLike) -> FloatArray:
         inner = np.asarray(corners, dtype=np.float64)
@@ -327,13 +341,15 @@ class PulseTerm:
     Parameters
     ----------
     pulse : Pulse
-        Stiffness [N/m] of one transverse section, times the face width.
+        Stiffness [N/m] of one transverse section, times the face width; or the share of the
+        stiffness of a pair that is lost.
     weight : float
-        Factor; negative where stiffness is lost.
+        Factor; negative where stiffness is lost, and in the overlap of two losses, which do not
+        add up.
     offset : float
         Mesh phase at which the pair enters contact.
     face_start, face_end : float, in [0, 1]
-        Part of the face width.
+        Part of the face width, from the side that enters contact first.
     """
 
     pulse: Pulse
@@ -341,6 +357,35 @@ class PulseTerm:
     offset: float = 0.0
     face_start: float = 0.0
     face_end: float = 1.0
+
+
+#: Shares of its stiffness that a pair loses, each over a part of its contact and of its face.
+Losses = tuple[PulseTerm, ...]
+
+
+def overlap(one: Sequence[PulseTerm], other: Sequence[PulseTerm]) -> Losses:
+    """Return the product of two losses of one pair, part by part."""
+    found = []
+    for a, b in product(one, other):
+        low, high = max(a.face_start, b.face_start), min(a.face_end, b.face_end)
+        pulse = a.pulse.window(*b.pulse.edges[[0, -1]].tolist())
+        if len(pulse.series) and low < high:
+            both = pulse.times(b.pulse.value, b.pulse.edges)
+            found.append(PulseTerm(both, a.weight * b.weight, 0.0, low, high))
+    return tuple(found)
+
+
+def union(one: Sequence[PulseTerm], other: Sequence[PulseTerm]) -> Losses:
+    """Return the loss of two faults of one pair: what is left after both is multiplied."""
+    return (*one, *other, *(replace(p, weight=-p.weight) for p in overlap(one, other)))
+
+
+def lost_share(losses: Sequence[PulseTerm], phase: FloatArray) -> FloatArray:
+    """Return the share of the stiffness lost at phases of the contact, of the whole face width."""
+    total = np.zeros(phase.shape)
+    for p in losses:
+        total += (p.face_end - p.face_start) * p.weight * p.pulse.value(phase)
+    return total
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -369,6 +414,11 @@ class PulseTrain:
         """Return the train of a pair that meets again after every mesh period."""
         terms = (PulseTerm(pulse),)
         return cls(gear="all teeth", period_mesh=1, overlap_ratio=overlap_ratio, terms=terms)
+
+    def scaled(self, factor: float) -> PulseTrain:
+        """Return the same train times `factor`."""
+        terms = (replace(term, pulse=term.pulse.scaled(factor)) for term in self.terms)
+        return replace(self, terms=tuple(terms))
 
     def at(self, phase: ArrayLike) -> FloatArray:
         """Return this part of the stiffness [N/m] at `phase` [mesh periods], any shape."""

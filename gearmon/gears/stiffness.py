@@ -16,21 +16,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gearmon.errors import ArgumentError, check_word
-from gearmon.gears.damage import (
-    acting_faults,
-    damage_trains,
-    gear_losses,
-    lost_trains,
-    wear_curve,
-    worn_patches,
-)
+from gearmon.gears.damage import acting_faults, gear_losses, worn_losses
 from gearmon.gears.faults import Fault, GearError
 from gearmon.gears.iso6336 import MethodB
 from gearmon.gears.modulation import MOVING_KINDS, ModulationTrain, modulation_trains
 from gearmon.gears.pairs import MeshPair, Stage, mesh_pairs
 from gearmon.gears.pulses import ComplexArray, FloatArray, Pulse, PulseTrain
 from gearmon.gears.stiffness_forms import FORMS, StiffnessForm, mesh_variation, unit_pulse
-from gearmon.gears.tooth_mesh import TeethInMesh
+from gearmon.gears.tooth_mesh import CurvePairs, PairsInMesh, TeethInMesh
 from gearmon.gears.tooth_pairs import POTENTIAL_ENERGY, PotentialEnergy, ToothPair, teeth_of
 
 #: Names of all forms: curves over a mesh period, and the one computed from the teeth.
@@ -93,11 +86,6 @@ class MeshStiffness:
     def marks(self) -> tuple[PulseTrain | ModulationTrain, ...]:
         """What makes the mesh differ from one mesh period to the next."""
         return *self.pulses, *self.modulations
-
-    @property
-    def unmodulated(self) -> MeshStiffness:
-        """The same without errors of turning gears."""
-        return replace(self, modulations=()) if self.modulations else self
 
     def only(self, gears: Sequence[str]) -> MeshStiffness:
         """Return the same with no gear marked but these."""
@@ -225,15 +213,15 @@ def mesh_stiffness(
         parts = _from_teeth(pair, acting, chosen, force_n)
     else:
         parts = _from_form(pair, acting, chosen, force_n)
-    healthy = PulseTrain.healthy(parts.member(0.0), pair.overlap_ratio)
+    healthy = PulseTrain.healthy(parts.pulse(0.0), pair.overlap_ratio)
     mean = float(healthy.coefficients([0])[0].real)
     gap = 0.0 if force_n is None else 2 * abs(force_n) / mean
     moving, still = _moving(pair, errors, force_n)
-    modulations, more = modulation_trains(pair, moving, parts.member, gap)
+    modulations, more = modulation_trains(pair, moving, parts.pulse, gap)
     geometry = pair.geometry.warnings if pair.given("contact_ratio") is None else ()
     return MeshStiffness(
         healthy=healthy,
-        pulses=parts.missing,
+        pulses=parts.missing(pair, acting),
         contact_ratio=pair.contact_ratio,
         overlap_ratio=pair.overlap_ratio,
         variation=_variation(healthy) if parts.variation is None else parts.variation,
@@ -249,14 +237,26 @@ def mesh_stiffness(
 class _Parts:
     """What a form says of a mesh.
 
-    `member` gives the pulse [N/m] of a sound or worn pair whose contact ratio is so much smaller.
+    `member` gives the pairs, sound or worn, of a contact ratio that is so much smaller, and `teeth`
+    the teeth behind them if the form has any; `factor` scales what they carry.
     """
 
-    member: Callable[[float], Pulse]
-    missing: tuple[PulseTrain, ...]
+    member: Callable[[float], PairsInMesh]
+    factor: float = 1.0
+    teeth: ToothPair | None = None
     variation: float | None = None
     iso: MethodB | None = None
     warnings: tuple[str, ...] = ()
+
+    def pulse(self, lost: float) -> Pulse:
+        """Return the pulse [N/m] of a pair whose contact ratio is so much smaller."""
+        return self.member(lost).healthy.scaled(self.factor)
+
+    def missing(self, pair: MeshPair, acting: Sequence[Fault]) -> tuple[PulseTrain, ...]:
+        """Return what damaged teeth take away."""
+        pairs = self.member(0.0)
+        trains = pairs.trains(pair, gear_losses(pair, acting, pairs.length, self.teeth))
+        return tuple(train.scaled(self.factor) for train in trains)
 
 
 def _from_form(
@@ -264,20 +264,12 @@ def _from_form(
 ) -> _Parts:
     variation = mesh_variation(pair, form)
     mean, iso = _mean(pair, form, force_n)
-    worn = _worn_share(acting)
 
-    def member(lost: float) -> Pulse:
-        pulse = unit_pulse(pair, form, lost).scaled(mean * worn)
-        left = wear_curve(pair, acting, pulse.length)
-        return pulse if left is None else pulse.times(left.share, left.corners)
+    def member(lost: float) -> CurvePairs:
+        pulse = unit_pulse(pair, form, lost).scaled(mean * _worn_share(acting))
+        return CurvePairs(pulse=pulse, worn=worn_losses(pair, acting, pulse.length))
 
-    return _Parts(
-        member=member,
-        missing=damage_trains(pair, member(0.0), acting),
-        variation=variation,
-        iso=iso,
-        warnings=iso.warnings if iso else (),
-    )
+    return _Parts(member=member, variation=variation, iso=iso, warnings=iso.warnings if iso else ())
 
 
 def _from_teeth(
@@ -295,34 +287,15 @@ def _from_teeth(
         )
     teeth = teeth_of(pair, form)
 
-    def mesh(lost: float = 0.0, wear: Sequence[Fault] = acting) -> TeethInMesh:
+    def member(lost: float = 0.0, wear: Sequence[Fault] = acting) -> TeethInMesh:
         moved = teeth.parted(lost)
-        worn = worn_patches(pair, wear, teeth=moved)
+        worn = worn_losses(pair, wear, teeth=moved)
         return TeethInMesh(pair=moved, worn=worn, is_coupled=form.is_coupled, force_n=force_n)
 
     factor, imposed = _worn_share(acting), pair.given("mesh_stiffness_n_per_m")
     if imposed is not None:
-        factor *= imposed / mesh(wear=()).healthy.area
-    return _Parts(
-        member=lambda lost: mesh(lost).healthy.scaled(factor),
-        missing=_missing_teeth(pair, teeth, mesh(), acting, factor),
-        warnings=teeth.warnings,
-    )
-
-
-def _missing_teeth(
-    pair: MeshPair, teeth: ToothPair, mesh: TeethInMesh, acting: Sequence[Fault], factor: float
-) -> tuple[PulseTrain, ...]:
-    z = pair.teeth
-    one, two = (
-        gear_losses(pair, member.name, acting, teeth.contact_ratio, teeth)
-        for member in pair.members
-    )
-    found = mesh.terms(one, {}, z), mesh.terms({}, two, z), mesh.meeting_terms(one, two, z)
-    first, second, both = (
-        [replace(term, pulse=term.pulse.scaled(factor)) for term in terms] for terms in found
-    )
-    return lost_trains(pair, first, second, both)
+        factor *= imposed / member(wear=()).healthy.area
+    return _Parts(member=member, factor=factor, teeth=teeth, warnings=teeth.warnings)
 
 
 def _worn_share(acting: Sequence[Fault]) -> float:

@@ -15,7 +15,7 @@ from typing import Literal
 
 import numpy as np
 
-from gearmon.errors import ArgumentError, check_range
+from gearmon.errors import ArgumentError, check_range, check_word
 from gearmon.gears.geometry import contact_zones
 from gearmon.gears.pairs import MeshPair
 from gearmon.gears.pulses import POINTS, FloatArray, Pulse, PulseTrain
@@ -49,7 +49,7 @@ class Parabolic:
         q = self.curvature
         if not 0 <= q < 1:
             raise ArgumentError(f"curvature={q} must lie in [0, 1); usual values 0.45 and 0.391")
-        _check_choice("normalisation", self.normalisation, ("mean", "maximum"))
+        check_word("normalisation=", self.normalisation, ("mean", "maximum"))
 
     @property
     def name(self) -> str:
@@ -127,7 +127,7 @@ class Rectangular(Parabolic):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _check_choice("duty", self.duty, ("true", "half"))
+        check_word("duty=", self.duty, ("true", "half"))
 
     @property
     def name(self) -> str:
@@ -313,11 +313,6 @@ def _zones(contact_ratio: float) -> tuple[FloatArray, FloatArray]:
         np.array(part) for part in zip(*contact_zones(contact_ratio), strict=True)
     )
     return np.append(starts, ends[-1]), pairs
-
-
-def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
-    if value not in choices:
-        raise ArgumentError(f"{name}={value!r} must be one of {', '.join(choices)}")
 
 
 #: Forms by name.

@@ -189,19 +189,19 @@ def compare_forms(
     pair = mesh_pairs(machine.stages[stage - 1], stage, machine.path)[0]
     force, hertz = _running(machine, stage)
     phase = np.arange(mesh_periods * points_per_mesh + 1) / points_per_mesh
-    curves = []
-    for group, form in wanted:
+
+    def curve(group: str, form: str | StiffnessForm | PotentialEnergy) -> FormCurve:
         found = mesh_stiffness(pair, (), form, force_n=force)
         name = form if isinstance(form, str) else form.name
-        lines = found.mesh_harmonics(harmonics)
-        curves.append(FormCurve(group, name, found, found.at(phase), lines))
+        return FormCurve(group, name, found, found.at(phase), found.mesh_harmonics(harmonics))
+
     return FormComparison(
         machine=machine.name,
         stage=stage,
         mesh=pair.name,
         mesh_frequency_hz=hertz,
         phase=phase,
-        curves=tuple(curves),
+        curves=tuple(curve(*one) for one in wanted),
     )
 
 
@@ -249,16 +249,13 @@ class FaultLoss:
         if self.fault.kind == "pitting" and self.sized is not None:
             level = flank_level(flank_share(self.sized.size, self.sized.unit))
             found |= {} if level is None else {"level": f"{level} ({LEVELS[level][0]})"}
-        if self.loss is not None:
-            found |= {
-                "mean_loss": self.loss.mean,
-                "greatest_loss": self.loss.greatest,
-                "loss_at_middle": self.loss.at_middle,
-            }
-        return found
+        if self.loss is None:
+            return found
+        losses = {"mean_loss": self.loss.mean, "greatest_loss": self.loss.greatest}
+        return found | losses | {"loss_at_middle": self.loss.at_middle}
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class SizeCurve:
     """Loss of pair stiffness against the size of a damage.
 
@@ -417,18 +414,15 @@ def stiffness_report(
     if stage is not None:
         check_range("stage", stage, 1, last)
     numbers = range(1, last + 1) if stage is None else [stage]
-    return StiffnessReport(
-        machine=machine.name,
-        stages=tuple(
-            _mesh(machine, pair, mesh, faults_of_stage(known, number), form, points_per_mesh)
-            for number in numbers
-            for mesh, pair in enumerate(
-                mesh_pairs(machine.stages[number - 1], number, machine.path)
-            )
+    stages = []
+    for number in numbers:
+        pairs = mesh_pairs(machine.stages[number - 1], number, machine.path)
+        own = faults_of_stage(known, number)
+        for mesh, pair in enumerate(pairs):
             # overrides of a planetary stage are meant for sun and planet
-            if pair.is_main or pair.stage.module_mm is not None
-        ),
-    )
+            if pair.is_main or pair.stage.module_mm is not None:
+                stages.append(_mesh(machine, pair, mesh, own, form, points_per_mesh))
+    return StiffnessReport(machine=machine.name, stages=tuple(stages))
 
 
 def size_curve(fault: Fault, pair: ToothPair, index: int, points: int = CURVE_POINTS) -> SizeCurve:
@@ -448,15 +442,8 @@ def size_curve(fault: Fault, pair: ToothPair, index: int, points: int = CURVE_PO
         raise ArgumentError(f"fault {fault}: a level is no size to draw; give a share of the flank")
     sizes = np.linspace(0.0, most, points)
     losses = [stiffness_loss(replace(fault, size=size), pair, index) for size in sizes.tolist()]
-    return SizeCurve(
-        kind=fault.kind,
-        gear=fault.gear,
-        unit=fault.unit,
-        sizes=sizes,
-        mean_loss=np.array([loss.mean for loss in losses]),
-        greatest_loss=np.array([loss.greatest for loss in losses]),
-        marked=fault.size,
-    )
+    mean, greatest = np.array([(loss.mean, loss.greatest) for loss in losses]).T
+    return SizeCurve(fault.kind, fault.gear, fault.unit, sizes, mean, greatest, fault.size)
 
 
 def _mesh(

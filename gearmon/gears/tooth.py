@@ -276,8 +276,6 @@ class Tooth:
     internal: bool = False
 
     def __post_init__(self) -> None:
-        if self.root not in ROOTS:
-            raise ArgumentError(f"root={self.root!r} must be one of {', '.join(ROOTS)}")
         if self.internal:
             self._check_ring()
         elif not 0 < self.bore_radius_m < self.root_radius_m:

@@ -1,13 +1,15 @@
 """Pairs of teeth that carry together: what each of them carries, and the pulses that follow.
 
-Neighbouring teeth feel each other through the bodies of their gears, so a pair carries less than
-it would alone while another is in contact, and a damaged tooth changes the load of its neighbours
-too. Every pair keeps a pulse of its own; the mesh stiffness is their sum.
+Every pair keeps a pulse of its own; the mesh stiffness is their sum. Pairs whose stiffness is a
+given curve know nothing of one another. Teeth on elastic bodies do: neighbours feel each other
+through the bodies of their gears, so a pair carries less than it would alone while another is in
+contact, and a damaged tooth changes the load of its neighbours too.
 """
 
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,15 +18,24 @@ from itertools import chain, pairwise, product
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.gears.faults import LossPatch
 from gearmon.gears.geometry import contact_zones
-from gearmon.gears.pulses import FloatArray, Pulse, PulseTerm, distinct, panel_nodes
-from gearmon.gears.tooth_pairs import PairCompliance, ToothPair
+from gearmon.gears.pairs import MeshPair
+from gearmon.gears.pulses import (
+    POINTS,
+    FloatArray,
+    Losses,
+    Pulse,
+    PulseTerm,
+    PulseTrain,
+    distinct,
+    panel_nodes,
+)
+from gearmon.gears.tooth_pairs import ToothPair
 
 #: Losses of the teeth of a gear, by tooth number.
-Losses = dict[int, tuple[LossPatch, ...]]
+GearLosses = dict[int, Losses]
 #: What is lost at the two teeth of a pair.
-PairState = tuple[tuple[LossPatch, ...], tuple[LossPatch, ...]]
+PairState = tuple[Losses, Losses]
 #: A pair keeps at least this share of its stiffness: a number for "nothing" that can be inverted.
 LEAST_LEFT = 1e-12
 #: Rounds of sharing a load that the contact depends on.
@@ -33,47 +44,28 @@ SOUND_PAIR: PairState = ((), ())
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class TeethInMesh:
+class PairsInMesh(ABC):
     """Pairs of teeth in mesh, one mesh period apart.
 
     Parameters
     ----------
-    pair : ToothPair
-        Sound teeth.
     worn : PairState
         Loss that all teeth of each gear have.
-    is_coupled : bool
-        Whether neighbouring teeth share the yielding of the bodies.
-    force_n : float or None
-        Static force that the pairs carry together; only load-dependent contacts need it.
     """
 
-    pair: ToothPair
     worn: PairState = SOUND_PAIR
-    is_coupled: bool = True
-    force_n: float | None = None
 
-    @cached_property
-    def reach(self) -> int:
-        """How many pairs before and after one may be in contact with it."""
-        return max(0, math.ceil(self.pair.contact_ratio - 1e-12) - 1)
+    @property
+    @abstractmethod
+    def length(self) -> float:
+        """Length of the contact of a pair [mesh periods]."""
 
-    @cached_property
-    def healthy(self) -> Pulse:
-        """What a pair carries among sound neighbours, per unit of deflection [N/m]."""
-        return self.pulse([SOUND_PAIR] * (2 * self.reach + 1))
+    @property
+    @abstractmethod
+    def corners(self) -> FloatArray:
+        """Phases of the contact at which what a sound pair carries is not smooth."""
 
-    def pulse(self, states: Sequence[PairState]) -> Pulse:
-        """Return what a pair carries over its contact [N/m].
-
-        Parameters
-        ----------
-        states : sequence of PairState
-            Of the pairs from `reach` before it to `reach` after it, itself in the middle.
-        """
-        edges = self._edges(states)
-        return Pulse.through(edges, self.loads(panel_nodes(edges), states)[self.reach])
-
+    @abstractmethod
     def loads(self, phase: FloatArray, states: Sequence[PairState] | None = None) -> FloatArray:
         """Return what each pair carries per unit of deflection [N/m].
 
@@ -82,69 +74,98 @@ class TeethInMesh:
         phase : ndarray, shape (pieces, points)
             Phase of the middle pair; within a row the same pairs are in contact.
         states : sequence of PairState, optional
-            As in `pulse`; sound by default.
+            Of the pairs from `reach` before it to `reach` after it, itself in the middle; sound
+            by default.
 
         Returns
         -------
         ndarray, shape (2 reach + 1, pieces, points)
         """
-        known = [SOUND_PAIR] * (2 * self.reach + 1) if states is None else states
-        if self.pair.contact == "constant" or self.force_n is None:
-            return self._share(phase, known, None)
-        force = np.full((len(known), *phase.shape), self.force_n / self.pair.contact_ratio)
-        for _ in range(LOAD_ROUNDS):
-            loads = self._share(phase, known, force)
-            # a pair that carries nothing flattens nothing, and its logarithm needs some load
-            force = self.force_n * np.maximum(loads / loads.sum(axis=0), 1e-6)
-        return loads
 
-    def terms(self, losses: Losses, other: Losses, teeth: tuple[int, int]) -> list[PulseTerm]:
-        """Return what damaged teeth of one gear take from the pairs near them.
+    @property
+    def reach(self) -> int:
+        """How many pairs before and after one feel what it carries."""
+        return 0
+
+    @property
+    def points(self) -> int:
+        """Gauss points between corners."""
+        return POINTS
+
+    @cached_property
+    def healthy(self) -> Pulse:
+        """What a pair carries among sound neighbours, per unit of deflection [N/m]."""
+        edges = self._edges(self._sound)
+        return Pulse.through(edges, self.loads(panel_nodes(edges, self.points))[self.reach])
+
+    def trains(self, pair: MeshPair, losses: tuple[GearLosses, GearLosses]) -> list[PulseTrain]:
+        """Return what damaged teeth take away, with a period each.
 
         Parameters
         ----------
-        losses, other : dict
-            Of the first and of the second gear; one of them is empty.
-        teeth : (int, int)
+        pair : MeshPair
+        losses : (dict, dict)
+            Of the first and of the second gear.
+
+        Returns
+        -------
+        list of PulseTrain
+            One for each gear with damaged teeth and, where damaged teeth of both gears meet, one
+            for what the two miss there.
         """
-        period = teeth[0] if losses else teeth[1]
+        one, two = losses
+        names, z = [member.name for member in pair.members], pair.teeth
+        parts = (
+            (names[0], z[0], self._terms(one, {}, z)),
+            (names[1], z[1], self._terms({}, two, z)),
+            (" and ".join(names), math.lcm(*z), self._meeting_terms(one, two, z)),
+        )
+        return [
+            PulseTrain(gear=gear, period_mesh=period, overlap_ratio=pair.overlap_ratio, terms=terms)
+            for gear, period, terms in parts
+            if terms
+        ]
+
+    def _terms(self, one: GearLosses, two: GearLosses, teeth: tuple[int, int]) -> Losses:
+        """Return what damaged teeth of one gear take from the pairs near them."""
+        period = teeth[0] if one else teeth[1]
         found: list[PulseTerm] = []
         # teeth that are damaged alike, with neighbours alike, lose the same
         known: dict[tuple[PairState, ...], Pulse] = {}
-        for low, high in _face_parts(losses, other):
-            one, two = _inside(losses, low, high), _inside(other, low, high)
-            for entry in sorted(self._near(one or two, period)):
-                states = self._states(entry, one, two, teeth)
+        for low, high in _face_parts(one, two):
+            first, second = _inside(one, low, high), _inside(two, low, high)
+            for entry in sorted(self._near(first or second, period)):
+                states = self._states(entry, first, second, teeth)
                 if states not in known:
                     known[states] = self._lost(states)
                 found += _term(known[states], entry, low, high)
-        return found
+        return tuple(found)
 
-    def meeting_terms(
-        self, losses: Losses, other: Losses, teeth: tuple[int, int]
-    ) -> list[PulseTerm]:
-        """Return what `terms` of each gear alone misses where damaged teeth of both meet."""
-        found = []
-        for low, high in _face_parts(losses, other):
-            one, two = _inside(losses, low, high), _inside(other, low, high)
-            if not (one and two):
-                continue
-            for entry in self._both(one, two, teeth):
-                lost = self._difference(entry, one, two, teeth)
+    def _meeting_terms(self, one: GearLosses, two: GearLosses, teeth: tuple[int, int]) -> Losses:
+        """Return what the terms of each gear alone miss where damaged teeth of both meet."""
+        found: list[PulseTerm] = []
+        for low, high in _face_parts(one, two):
+            first, second = _inside(one, low, high), _inside(two, low, high)
+            near = (self._near(first, teeth[0]), self._near(second, teeth[1]))
+            met = {meeting(a, teeth[0], b, teeth[1]) for a, b in product(*near)}
+            for entry in sorted(place for place in met if place is not None):
+                lost = self._difference(entry, first, second, teeth)
                 found += _term(lost, entry, low, high)
-        return found
+        return tuple(found)
 
-    def _difference(self, entry: int, one: Losses, two: Losses, teeth: tuple[int, int]) -> Pulse:
+    def _difference(
+        self, entry: int, one: GearLosses, two: GearLosses, teeth: tuple[int, int]
+    ) -> Pulse:
         """Return the loss near damage of both gears, less that near either."""
-        joint = self._states(entry, one, two, teeth)
-        first = self._states(entry, one, {}, teeth)
-        second = self._states(entry, {}, two, teeth)
+        joint, first, second = (
+            self._states(entry, *losses, teeth) for losses in ((one, two), (one, {}), ({}, two))
+        )
         edges = self._edges(joint)
-        phase = panel_nodes(edges)
-        sound = self.loads(phase)[self.reach]
-        total = self.loads(phase, first)[self.reach] + self.loads(phase, second)[self.reach]
-        lost = total - sound - self.loads(phase, joint)[self.reach]
-        return _trimmed(edges, lost, float(sound.max()))
+        phase = panel_nodes(edges, self.points)
+        sound, *hurt = (
+            self.loads(phase, states)[self.reach] for states in (None, first, second, joint)
+        )
+        return self._trimmed(edges, hurt[0] + hurt[1] - sound - hurt[2], float(sound.max()))
 
     def _lost(self, states: Sequence[PairState]) -> Pulse:
         edges = self._edges(states)
@@ -152,27 +173,149 @@ class TeethInMesh:
         middle = 0.5 * (edges[:-1] + edges[1:])
         here = np.zeros(len(middle), dtype=bool)
         for n, state in zip(range(-self.reach, self.reach + 1), states, strict=True):
-            here |= any(state) & (middle > n) & (middle < n + self.pair.contact_ratio)
-        phase = panel_nodes(edges)
+            here |= any(state) & (middle > n) & (middle < n + self.length)
+        phase = panel_nodes(edges, self.points)
         lost = np.zeros(phase.shape)
         sound = self.healthy.value(phase[here])
         lost[here] = sound - self.loads(phase[here], states)[self.reach]
-        return _trimmed(edges, lost, float(sound.max()))
+        return self._trimmed(edges, lost, float(sound.max(initial=0.0)))
+
+    def _trimmed(self, edges: FloatArray, values: FloatArray, scale: float) -> Pulse:
+        """Return the pulse without the pieces at its ends where nothing is lost."""
+        used = np.flatnonzero(np.abs(values).max(axis=1) > 1e-12 * scale)
+        first, last = (int(used[0]), int(used[-1]) + 1) if len(used) else (0, 0)
+        return Pulse.through(edges[first : last + 1], values[first:last], self.healthy.fastest)
+
+    def _edges(self, states: Sequence[PairState]) -> FloatArray:
+        edges = [self.corners]
+        for n, state in zip(range(-self.reach, self.reach + 1), states, strict=True):
+            edges += [part.pulse.edges + n for part in chain(*self.worn, *state)]
+        limits = distinct(np.clip(np.concatenate(edges), 0.0, self.length), 1e-10)
+        limits[-1] = self.length
+        return limits
+
+    @property
+    def _sound(self) -> list[PairState]:
+        return [SOUND_PAIR] * (2 * self.reach + 1)
+
+    def _states(
+        self, entry: int, one: GearLosses, two: GearLosses, teeth: tuple[int, int]
+    ) -> tuple[PairState, ...]:
+        return tuple(
+            (one.get((entry + n) % teeth[0] + 1, ()), two.get((entry + n) % teeth[1] + 1, ()))
+            for n in range(-self.reach, self.reach + 1)
+        )
+
+    def _near(self, losses: GearLosses, period: int) -> set[int]:
+        """Return the mesh phases at which pairs enter that damage affects."""
+        places = range(-self.reach, self.reach + 1)
+        return {(tooth - 1 + n) % period for tooth in losses for n in places}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CurvePairs(PairsInMesh):
+    """Pairs whose stiffness is a given curve; what is left of one is what each loss leaves of it.
+
+    Parameters
+    ----------
+    pulse : Pulse
+        Stiffness [N/m] of a pair of new teeth.
+    """
+
+    pulse: Pulse
+
+    @property
+    def length(self) -> float:
+        """Length of the contact of a pair [mesh periods]."""
+        return self.pulse.length
+
+    @property
+    def corners(self) -> FloatArray:
+        """Limits of the pieces of the curve."""
+        return self.pulse.edges
+
+    @property
+    def points(self) -> int:
+        """Gauss points between corners."""
+        return self.pulse.points
+
+    @cached_property
+    def healthy(self) -> Pulse:
+        """What a pair carries [N/m]; without wear the curve as it is."""
+        return super().healthy if any(self.worn) else self.pulse
+
+    def loads(self, phase: FloatArray, states: Sequence[PairState] | None = None) -> FloatArray:
+        """Return what the pair carries per unit of deflection [N/m], shape (1, pieces, points)."""
+        left = self.pulse.value(phase)
+        for losses in (*self.worn, *(SOUND_PAIR if states is None else states[0])):
+            left = left * (1 - _lost_here(losses, phase))
+        return left[None]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TeethInMesh(PairsInMesh):
+    """Pairs of elastic teeth.
+
+    Parameters
+    ----------
+    pair : ToothPair
+        Sound teeth.
+    is_coupled : bool
+        Whether neighbouring teeth share the yielding of the bodies.
+    force_n : float or None
+        Static force that the pairs carry together; only load-dependent contacts need it.
+    """
+
+    pair: ToothPair
+    is_coupled: bool = True
+    force_n: float | None = None
+
+    @property
+    def length(self) -> float:
+        """Length of the contact of a pair [mesh periods]."""
+        return self.pair.contact_ratio
+
+    @cached_property
+    def corners(self) -> FloatArray:
+        """Where another pair enters or leaves."""
+        return np.array([limit for zone in contact_zones(self.length) for limit in zone[:2]])
+
+    @cached_property
+    def reach(self) -> int:
+        """How many pairs before and after one may be in contact with it."""
+        return max(0, math.ceil(self.length - 1e-12) - 1)
+
+    def loads(self, phase: FloatArray, states: Sequence[PairState] | None = None) -> FloatArray:
+        """Return what each pair carries per unit of deflection [N/m]."""
+        known = self._sound if states is None else states
+        if self.pair.contact == "constant" or self.force_n is None:
+            return self._share(phase, known, None)
+        force = np.full((len(known), *phase.shape), self.force_n / self.length)
+        for _ in range(LOAD_ROUNDS):
+            loads = self._share(phase, known, force)
+            # a pair that carries nothing flattens nothing, and its logarithm needs some load
+            force = self.force_n * np.maximum(loads / loads.sum(axis=0), 1e-6)
+        return loads
+
+    def _near(self, losses: GearLosses, period: int) -> set[int]:
+        if self.is_coupled:
+            return super()._near(losses, period)
+        return {tooth - 1 for tooth in losses}
 
     def _share(
         self, phase: FloatArray, states: Sequence[PairState], force: FloatArray | None
     ) -> FloatArray:
-        eps = self.pair.contact_ratio
-        places = range(-self.reach, self.reach + 1)
         middle = phase.mean(axis=-1)
-        present = np.array([(middle - n > 0) & (middle - n < eps) for n in places])
+        places = range(-self.reach, self.reach + 1)
+        present = np.array([(middle - n > 0) & (middle - n < self.length) for n in places])
         total = np.full((len(states), *phase.shape), np.inf)
         bodies = np.zeros((2, *total.shape))
         for i, (n, here) in enumerate(zip(places, present, strict=True)):
             if not here.any():
                 continue
             own = phase[here] - n
-            parts = self._compliances(own, None if force is None else force[i][here])
+            own_force = None if force is None else force[i][here]
+            parts = self.pair.compliances(self.pair.roll(own), force_n=own_force)
             total[i][here] = parts.total * self._ratio(states[i], own)
             bodies[0][i][here], bodies[1][i][here] = parts.foundation
         loads = np.zeros(total.shape)
@@ -185,19 +328,14 @@ class TeethInMesh:
             )
         return loads
 
-    def _compliances(self, phase: FloatArray, force: FloatArray | None) -> PairCompliance:
-        return self.pair.compliances(self.pair.roll(phase), force_n=force)
-
     def _ratio(self, state: PairState, phase: FloatArray) -> FloatArray:
         """Return how many times more compliant a pair is than a sound one.
 
         The compliances that the teeth of a pair have added add up.
         """
         total = np.ones(phase.shape)
-        for patches in (*self.worn, *state):
-            if patches:
-                lost = sum(patch.at(phase) for patch in patches)
-                total += 1 / np.maximum(1 - lost, LEAST_LEFT) - 1
+        for losses in filter(None, (*self.worn, *state)):
+            total += 1 / np.maximum(1 - _lost_here(losses, phase), LEAST_LEFT) - 1
         return total
 
     def _solve(
@@ -212,55 +350,21 @@ class TeethInMesh:
         if len(total) == 1 or not self.is_coupled:
             return np.asarray(1 / total)
         own = [phase - (int(place) - self.reach) for place in who]
-        shared = {
-            (i, j): self.pair.coupling(
-                int(who[j] - who[i]),
-                [(first[i], first[j]), (second[i], second[j])],
-                (own[i], own[j]),
-            )
-            for i, j in product(range(len(who)), repeat=2)
-            if i < j
-        }
+
+        def shared(i: int, j: int) -> FloatArray:
+            bodies = [(first[i], first[j]), (second[i], second[j])]
+            return self.pair.coupling(int(who[j] - who[i]), bodies, (own[i], own[j]))
+
         if len(total) == 2:
-            c = shared[0, 1]
-            rest = total[0] * total[1] - c * c
-            return np.stack([(total[1] - c) / rest, (total[0] - c) / rest])
+            (a, b), c = total, shared(0, 1)
+            return np.asarray(np.stack([b - c, a - c]) / (a * b - c * c))
         matrix = np.zeros((*total.shape[1:], len(who), len(who)))
         for i in range(len(who)):
             matrix[..., i, i] = total[i]
-        for (i, j), c in shared.items():
-            matrix[..., i, j] = matrix[..., j, i] = c
+            for j in range(i):
+                matrix[..., i, j] = matrix[..., j, i] = shared(j, i)
         ones = np.ones((*total.shape[1:], len(who), 1))
         return np.moveaxis(np.linalg.solve(matrix, ones)[..., 0], -1, 0)
-
-    def _edges(self, states: Sequence[PairState]) -> FloatArray:
-        eps = self.pair.contact_ratio
-        edges = [limit for zone in contact_zones(eps) for limit in zone[:2]]
-        for n, state in zip(range(-self.reach, self.reach + 1), states, strict=True):
-            for patch in chain(*self.worn, *state):
-                edges += [corner + n for corner in patch.corners]
-        limits = distinct(np.clip(edges, 0.0, eps), 1e-10)
-        limits[-1] = eps
-        return limits
-
-    def _states(
-        self, entry: int, one: Losses, two: Losses, teeth: tuple[int, int]
-    ) -> tuple[PairState, ...]:
-        return tuple(
-            (one.get((entry + n) % teeth[0] + 1, ()), two.get((entry + n) % teeth[1] + 1, ()))
-            for n in range(-self.reach, self.reach + 1)
-        )
-
-    def _near(self, losses: Losses, period: int) -> set[int]:
-        """Return the mesh phases at which pairs enter that damage affects."""
-        reach = self.reach if self.is_coupled else 0
-        return {(tooth - 1 + n) % period for tooth in losses for n in range(-reach, reach + 1)}
-
-    def _both(self, one: Losses, two: Losses, teeth: tuple[int, int]) -> list[int]:
-        """Return the mesh phases of the hunting period near damage of both gears."""
-        near = (self._near(one, teeth[0]), self._near(two, teeth[1]))
-        found = (meeting(a, teeth[0], b, teeth[1]) for a, b in product(*near))
-        return sorted({entry for entry in found if entry is not None})
 
 
 def meeting(one: int, z1: int, two: int, z2: int) -> int | None:
@@ -272,32 +376,26 @@ def meeting(one: int, z1: int, two: int, z2: int) -> int | None:
     return one + z1 * turns
 
 
-def _face_parts(one: Losses, two: Losses) -> list[tuple[float, float]]:
+def _lost_here(losses: Losses, phase: FloatArray) -> FloatArray:
+    """Return the share lost where all of them lie on the face."""
+    return np.asarray(sum(p.weight * p.pulse.value(phase) for p in losses), dtype=np.float64)
+
+
+def _face_parts(one: GearLosses, two: GearLosses) -> list[tuple[float, float]]:
     """Return the parts of the face width in which all damage is uniform along the face."""
-    patches = chain(*one.values(), *two.values())
-    edges = {0.0, 1.0}.union(*({patch.face_start, patch.face_end} for patch in patches))
+    parts = chain(*one.values(), *two.values())
+    edges = {0.0, 1.0}.union(*({part.face_start, part.face_end} for part in parts))
     return list(pairwise(sorted(edges)))
 
 
-def _inside(losses: Losses, low: float, high: float) -> Losses:
+def _inside(losses: GearLosses, low: float, high: float) -> GearLosses:
     found = {}
-    for tooth, patches in losses.items():
-        own = tuple(p for p in patches if p.face_start <= low and p.face_end >= high)
+    for tooth, parts in losses.items():
+        own = tuple(p for p in parts if p.face_start <= low and p.face_end >= high)
         if own:
             found[tooth] = own
     return found
 
 
-def _trimmed(edges: FloatArray, values: FloatArray, scale: float) -> Pulse:
-    """Return the pulse without the pieces at its ends where nothing is lost."""
-    used = np.flatnonzero(np.abs(values).max(axis=1) > 1e-12 * scale)
-    if not len(used):
-        return Pulse.through(edges[:1], values[:0])
-    first, last = int(used[0]), int(used[-1])
-    return Pulse.through(edges[first : last + 2], values[first : last + 1])
-
-
 def _term(pulse: Pulse, offset: int, low: float, high: float) -> list[PulseTerm]:
-    if not len(pulse.starts):
-        return []
-    return [PulseTerm(pulse, -1.0, float(offset), low, high)]
+    return [PulseTerm(pulse, -1.0, float(offset), low, high)] if len(pulse.series) else []

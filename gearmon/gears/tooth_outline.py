@@ -119,11 +119,12 @@ def teeth_picture(
         holes += _holes(damage, tooth, frame)
         gone += [_gone(fault, tooth, frame) for fault in own if fault.kind in _GONE]
         marks[tooth.name] = tuple(_marks(damage, own, tooth))
-    contact = _contact(pair, frames[0], roll)
+    angle = np.array([pair.first.angle(roll)])
+    touching = frames[0].place(pair.first.half_thickness(angle), pair.first.height(angle))
     return TeethPicture(
         names=(pair.first.name, pair.second.name),
         outlines=(_outline(pair.first, frames[0]), _outline(pair.second, frames[1])),
-        contact=contact,
+        contact=touching[0],
         cracks=tuple(cracks),
         holes=tuple(holes),
         gone=tuple(gone),
@@ -159,12 +160,6 @@ def _frames(pair: ToothPair, roll: float) -> tuple[_Frame, _Frame]:
     return found[0], found[1]
 
 
-def _contact(pair: ToothPair, frame: _Frame, roll: float) -> FloatArray:
-    angle = np.array([pair.first.angle(roll)])
-    placed = frame.place(pair.first.half_thickness(angle), pair.first.height(angle))
-    return np.asarray(placed[0])
-
-
 def _outline(tooth: Tooth, frame: _Frame) -> FloatArray:
     half, height = half_profile(tooth)
     halves = np.concatenate([-half, half[::-1]])
@@ -186,8 +181,7 @@ def _cracks(damage: ToothDamage, tooth: Tooth, frame: _Frame) -> list[FloatArray
 def _holes(damage: ToothDamage, tooth: Tooth, frame: _Frame) -> list[FloatArray]:
     found = []
     for hole in damage.holes:
-        ends = [tooth.angle_at_height(h) for h in (hole.low_m, hole.high_m)]
-        t = np.linspace(ends[0], ends[1], POINTS)
+        t = np.linspace(*hole.angles(tooth), POINTS)
         half, height = tooth.half_thickness(t), tooth.height(t)
         depth: FloatArray | float = hole.depth_m
         if hole.round:

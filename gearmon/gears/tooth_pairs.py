@@ -19,7 +19,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gearmon.errors import ArgumentError
+from gearmon.errors import ArgumentError, check_word
 from gearmon.gears.foundation import Foundation, RingBody
 from gearmon.gears.geometry import PairGeometry, normal_section
 from gearmon.gears.pairs import Member, MeshPair
@@ -188,10 +188,6 @@ class ToothPair:
     has_foundation: bool = True
     notes: tuple[str, ...] = field(default=())
 
-    def __post_init__(self) -> None:
-        if self.contact not in CONTACTS:
-            raise ArgumentError(f"contact={self.contact!r} must be one of {', '.join(CONTACTS)}")
-
     @property
     def oblique(self) -> float:
         """1/cos(beta_b): by how much helical teeth are more compliant, see above."""
@@ -276,13 +272,9 @@ class ToothPair:
 
     def corners(self, beams: Beams) -> FloatArray:
         """Return the contact phases at which the compliance is not smooth, on the whole path."""
-        found = [
-            self.phase_of(index, angle)
-            for index, beam in enumerate(beams)
-            for angle in beam.corners.tolist()
-        ]
-        inside = np.unique(found)
-        return np.asarray(inside[(inside > 0) & (inside < self.contact_ratio)], dtype=np.float64)
+        angles = [(i, angle) for i, beam in enumerate(beams) for angle in beam.corners.tolist()]
+        found = np.unique([self.phase_of(index, angle) for index, angle in angles])
+        return np.asarray(found[(found > 0) & (found < self.contact_ratio)], dtype=np.float64)
 
     def compliances(
         self, roll_m: ArrayLike, beams: Beams | None = None, force_n: ArrayLike | None = None
@@ -302,12 +294,9 @@ class ToothPair:
         rolls = self.rolls(roll)
         both = self.sound if beams is None else beams
         angles = [tooth.angle(own) for tooth, own in zip(self.teeth, rolls, strict=True)]
-        bending, shear, axial = zip(
-            *(
-                [part * self.oblique for part in beam.compliances(angle)]
-                for beam, angle in zip(both, angles, strict=True)
-            ),
-            strict=True,
+        parts = [beam.compliances(angle) for beam, angle in zip(both, angles, strict=True)]
+        bending, shear, axial = (
+            (one * self.oblique, two * self.oblique) for one, two in zip(*parts, strict=True)
         )
         return PairCompliance(
             bending=bending,
@@ -355,8 +344,8 @@ class ToothPair:
     def _foundation(self, angles: list[FloatArray]) -> tuple[FloatArray, FloatArray]:
         if not self.has_foundation:
             return np.zeros_like(angles[0]), np.zeros_like(angles[1])
-        one, two = (f.compliance(a) for f, a in zip(self.foundations, angles, strict=True))
-        return one * self.oblique, two * self.oblique
+        one, two = self.foundations
+        return one.compliance(angles[0]) * self.oblique, two.compliance(angles[1]) * self.oblique
 
     def _hertz(
         self,
@@ -384,10 +373,11 @@ class ToothPair:
     def _touching(self, beams: Beams, angles: list[FloatArray]) -> FloatArray | float:
         """Return the length of the line of contact: the face width less pits [m]."""
         width = self.first.face_width_m
-        missing: FloatArray | float = 0.0
-        for beam, angle in zip(beams, angles, strict=True):
-            if beam.damage.holes:
-                missing = missing + beam.damage.missing_width_m(beam.tooth.height(angle))
+        missing = sum(
+            beam.damage.missing_width_m(beam.tooth.height(angle))
+            for beam, angle in zip(beams, angles, strict=True)
+            if beam.damage.holes
+        )
         return width - np.minimum(missing, LARGEST_WIDTH * width)
 
 
@@ -513,11 +503,8 @@ class PotentialEnergy:
     is_coupled: bool = True
 
     def __post_init__(self) -> None:
-        for name, choices in (("root", ROOTS), ("contact", CONTACTS)):
-            if getattr(self, name) not in choices:
-                raise ArgumentError(
-                    f"{name}={getattr(self, name)!r} must be one of {', '.join(choices)}"
-                )
+        check_word("root=", self.root, ROOTS)
+        check_word("contact=", self.contact, CONTACTS)
 
     @property
     def name(self) -> str:

@@ -237,14 +237,14 @@ def verdict_of(*parts: bool) -> Verdict:
     return "partly" if any(parts) else "not reproduced"
 
 
-def rising(values: Sequence[float] | FloatArray, slack: float = 0.0) -> bool:
-    """Whether no value falls by more than the share `slack` of the one before."""
-    return all(b >= a * (1 - slack) for a, b in itertools.pairwise(values))
+def rising(values: Sequence[float] | FloatArray) -> bool:
+    """Whether no value is below the one before."""
+    return bool((np.diff(values) >= 0).all())
 
 
-def falling(values: Sequence[float] | FloatArray, slack: float = 0.0) -> bool:
-    """Whether no value rises by more than the share `slack` of the one before."""
-    return all(b <= a * (1 + slack) for a, b in itertools.pairwise(values))
+def falling(values: Sequence[float] | FloatArray) -> bool:
+    """Whether no value is above the one before."""
+    return bool((np.diff(values) <= 0).all())
 
 
 def _slowest_decay(point: Operation) -> float:

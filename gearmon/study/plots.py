@@ -51,16 +51,15 @@ LINE = 1.3
 #: Highest frequency of the spectra shown [kHz]; every line above is weaker than those shown.
 HIGHEST_KHZ = 25.0
 HARMONICS_SHOWN = 50
-FLOOR_DB, LEVEL_FLOOR_DB = -40.0, -35.0
+FLOOR_DB = -40.0
 FORMS = ("parabolic", "wave", "rectangular", "fourier", "fourier-half")
 COLOURS = {key: series_colour(i) for i, key in enumerate(FORMS)}
 #: Quantity: field of a trajectory, factor to the shown unit, label.
 DISPLACEMENT = ("displacement_m", MICRO, "displacement in µm")
 VELOCITY = ("velocity_ms", MILLI, "velocity in mm/s")
 ACCELERATION = ("acceleration_ms2", 1.0, "acceleration in m/s²")
+QUANTITIES = {"displacement": DISPLACEMENT, "velocity": VELOCITY, "acceleration": ACCELERATION}
 Quantity = tuple[str, float, str]
-#: Heights of the lines of one point, title, label of the axis and its limits.
-Spectrum = tuple[Callable[[Operation], FloatArray], str, str, tuple[float | None, float | None]]
 FREQUENCY = "frequency in kHz"
 Style = dict[str, Any]
 
@@ -125,20 +124,9 @@ def _stems(
     ax.plot(places[kept], heights[kept], "o", color=colour, markersize=2.6, label=label)
 
 
-def _amplitudes(kind: str, scale: float, point: Operation) -> FloatArray:
-    return np.asarray(scale * 2 * np.abs(getattr(point.response, kind)))
-
-
-def _level(kind: str, reference: float, point: Operation) -> FloatArray:
-    return decibels(_amplitudes(kind, 1.0, point), reference)
-
-
-def _energy(point: Operation) -> FloatArray:
-    return MICRO * point.energy
-
-
-def _energy_level(point: Operation) -> FloatArray:
-    return np.asarray(10 * np.log10(np.maximum(_energy(point), 1e-12)))
+def _lines(kind: str, point: Operation) -> FloatArray:
+    """Return the energy lines [J/kg], or amplitudes of what a response has by this name."""
+    return point.energy if kind == "energy" else 2 * np.abs(getattr(point.response, kind))
 
 
 # Forms of stiffness, the responses to them, and the orders.
@@ -293,92 +281,57 @@ def _draw_orders(results: StudyResults) -> Figure:
 # Sweeps.
 
 
-def _from_rest(ax: Axes, sweep: Sweep, quantity: Quantity, title: str, first: bool) -> None:
-    """Draw the first mesh period or the next three: the start dwarfs what follows."""
+def _over_time(ax: Axes, sweep: Sweep, quantity: Quantity, when: str, title: str) -> None:
+    """Draw the first mesh period from rest, the later ones that it dwarfs, or a settled one."""
     name, scale, label = quantity
-    part = slice(0, POINTS_PER_PERIOD + 1) if first else slice(POINTS_PER_PERIOD, None)
+    settled, first = when == "settled", when == "first"
+    part = (
+        slice(POINTS_PER_PERIOD + 1) if first else slice(0 if settled else POINTS_PER_PERIOD, None)
+    )
     for point, colour in zip(sweep.points, shades(len(sweep.points)), strict=True):
-        motion = point.start.motion
-        time = MILLI * motion.time_s[part]
+        motion = point.waveform if settled else point.start.motion
+        time = motion.time_s[part] * (1 / point.parameters.period_s if settled else MILLI)
         ax.plot(time, scale * getattr(motion, name)[part], color=colour, lw=1.0)
-    _panel(ax, title, "time in ms", label).set_xlim(time[0], time[-1])
+    x = "mesh phase in mesh periods" if settled else "time in ms"
+    _panel(ax, title, x, label).set_xlim(0.0 if settled else time[0], 1.0 if settled else time[-1])
 
 
-def _settled(ax: Axes, sweep: Sweep, quantity: Quantity, title: str) -> None:
-    name, scale, label = quantity
-    for point, colour in zip(sweep.points, shades(len(sweep.points)), strict=True):
-        phase = point.waveform.time_s / point.parameters.period_s
-        ax.plot(phase, scale * getattr(point.waveform, name), color=colour, lw=1.0)
-    _panel(ax, title, "mesh phase in mesh periods", label).set_xlim(0, 1)
-
-
-def _draw_stiffness_from_rest(results: StudyResults) -> Figure:
-    sweep, figure = results.sweeps["stiffness_n_per_m"], _sheet(8.5)
-    axes = figure.subplots(3, 2, width_ratios=(1, 2.2))
-    quantities = (DISPLACEMENT, VELOCITY, ACCELERATION)
-    for number, (row, quantity) in enumerate(zip(axes, quantities, strict=True), 8):
-        what = f"Fig. {number}: {quantity[2].split(' in ')[0]}"
-        _from_rest(row[0], sweep, quantity, f"{what}, first period", True)
-        _from_rest(row[1], sweep, quantity, f"{what}, the next three", False)
+def _draw_over_time(
+    name: str, height: float, rows: Sequence[Sequence[Sequence[Any]]], results: StudyResults
+) -> Figure:
+    """Draw rows of panels: quantity, part of the time, title, and limits of the time if any."""
+    sweep, figure = results.sweeps[name], _sheet(height)
+    grid = figure.add_gridspec(len(rows), 1)
+    for number, row in enumerate(rows):
+        widths = [1.0 if when == "first" else 2.2 for _, when, *_ in row]
+        cells = grid[number].subgridspec(1, len(row), width_ratios=widths)
+        for column, (quantity, when, title, *limits) in enumerate(row):
+            ax = figure.add_subplot(cells[column])
+            _over_time(ax, sweep, QUANTITIES[quantity], when, title)
+            if limits:
+                ax.set_xlim(*limits)
     _value_legend(figure, sweep)
     return figure
-
-
-def _draw_stiffness_settled(results: StudyResults) -> Figure:
-    sweep, figure = results.sweeps["stiffness_n_per_m"], _sheet(6.8)
-    axes = figure.subplots(2, 2).ravel()
-    _settled(axes[0], sweep, DISPLACEMENT, "Fig. 11: displacement, one settled mesh period")
-    _settled(axes[1], sweep, VELOCITY, "Fig. 12: velocity")
-    _settled(axes[2], sweep, ACCELERATION, "Fig. 13: acceleration")
-    _settled(axes[3], sweep, ACCELERATION, "Fig. 14: acceleration as one pair is left")
-    axes[3].set_xlim(0.46, 0.66)
-    _value_legend(figure, sweep)
-    return figure
-
-
-def _draw_in_time(name: str, first: int, second: int, each: int, results: StudyResults) -> Figure:
-    sweep, figure = results.sweeps[name], _sheet(6.4)
-    grid = figure.add_gridspec(2, 2, width_ratios=(1, 2.2))
-    left, right = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])
-    _from_rest(left, sweep, DISPLACEMENT, f"Fig. {first}: displacement, first mesh period", True)
-    _from_rest(right, sweep, DISPLACEMENT, f"Fig. {first}, Fig. {each}: the next three", False)
-    title = f"Fig. {second}: displacement, one settled mesh period"
-    _settled(figure.add_subplot(grid[1, :]), sweep, DISPLACEMENT, title)
-    _value_legend(figure, sweep)
-    return figure
-
-
-def _overlay(axes: Sequence[Axes], sweep: Sweep, panels: Sequence[Spectrum]) -> None:
-    """Draw the odd harmonics of all values joined to guide the eye, the even ones as points."""
-    for ax, (heights, title, label, limits) in zip(axes, panels, strict=True):
-        for point, colour in zip(sweep.points, shades(len(sweep.points)), strict=True):
-            frequency, height = point.response.frequency_hz / MILLI, heights(point)
-            inside = frequency <= HIGHEST_KHZ
-            style: Style = {"color": colour, "markersize": 3, "linewidth": 0.8}
-            ax.plot(frequency[inside][1::2], height[inside][1::2], "o-", **style)
-            ax.plot(frequency[inside][2::2], height[inside][2::2], ".", **style)
-        _panel(ax, title, FREQUENCY, label).set(xlim=(0, HIGHEST_KHZ), ylim=limits)
 
 
 def _draw_spectra(
     name: str, height: float, panels: Sequence[Sequence[Any]], results: StudyResults
 ) -> Figure:
+    """Draw the odd harmonics of all values joined to guide the eye, the even ones as points."""
     figure, sweep = _sheet(height), results.sweeps[name]
-    _overlay(figure.subplots(len(panels), 1), sweep, [_spectrum(*panel) for panel in panels])
-    _value_legend(figure, sweep)
-    return figure
-
-
-def _draw_energy_lines(name: str, number: int, results: StudyResults) -> Figure:
-    """Draw the energy lines of all values."""
-    figure, sweep = _sheet(6.4), results.sweeps[name]
-    linear = f"Fig. {number}: energy lines, linear"
-    level = f"Fig. {number + 1}: the same as level"
-    panels: list[Spectrum] = [
-        (_energy, linear, "energy in µJ/kg", (0, None)),
-        (_energy_level, level, "dB re 1 µJ/kg", (LEVEL_FLOOR_DB, None)),
-    ]
-    _overlay(figure.subplots(2, 1), sweep, panels)
+    axes = figure.subplots(len(panels), 1)
+    for ax, (kind, mode, scale, title, label, *limits) in zip(axes, panels, strict=True):
+        for point, colour in zip(sweep.points, shades(len(sweep.points)), strict=True):
+            frequency, lines = point.response.frequency_hz / MILLI, _lines(kind, point)
+            shown = decibels(lines, scale) if mode == "level" else scale * lines
+            if kind == "energy" and mode == "level":
+                shown = 0.5 * shown
+            inside = frequency <= HIGHEST_KHZ
+            style: Style = {"color": colour, "markersize": 3, "linewidth": 0.8}
+            ax.plot(frequency[inside][1::2], shown[inside][1::2], "o-", **style)
+            ax.plot(frequency[inside][2::2], shown[inside][2::2], ".", **style)
+        low, high = (*limits, None, None)[:2]
+        _panel(ax, title, FREQUENCY, label).set(xlim=(0, HIGHEST_KHZ), ylim=(low, high))
     _value_legend(figure, sweep)
     return figure
 
@@ -387,7 +340,7 @@ def _draw_energy_of_reference(results: StudyResults) -> Figure:
     """Draw the energy lines of the reference case, and what a harvester takes from each."""
     figure, point, harvest = _sheet(6.6), results.reference, results.harvest
     upper, lower = figure.subplots(2, 1, sharex=True)
-    frequency, energy = point.response.frequency_hz / MILLI, _energy(point)
+    frequency, energy = point.response.frequency_hz / MILLI, MICRO * point.energy
     third, best = COMPARABLE * energy.max(), int(energy.argmax())
     _stems(upper, frequency, energy, 0.0, BLUE)
     upper.axhline(third, color=GREY, lw=0.8, ls="--")
@@ -492,13 +445,6 @@ def _draw_speed(results: StudyResults) -> Figure:
         ax, f"one set of parameters, {title}", "relative L2 error of the acceleration", "time in ms"
     )
     return figure
-
-
-def _spectrum(kind: str, mode: str, scale: float, title: str, label: str, *limits: Any) -> Spectrum:
-    """Return what a panel of study.toml draws: lines of a kind, times a scale or as level re it."""
-    heights = partial(_level if mode == "level" else _amplitudes, kind, scale)
-    low, high = (*limits, None, None)[:2]
-    return heights, title, label, (low, high)
 
 
 def _drawing(picture: dict[str, Any]) -> Callable[[StudyResults], Figure]:

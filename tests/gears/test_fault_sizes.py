@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from reference.tooth_cases import PAPER
 
 from gearmon.errors import ArgumentError
-from gearmon.gears.damage import measured_patches, patch_loss, size_for_loss, stiffness_loss
+from gearmon.gears.damage import measured_losses, size_for_loss, stiffness_loss
 from gearmon.gears.faults import Fault, FaultShape, flank_level, flank_share, parse_fault
+from gearmon.gears.pulses import lost_share
 from gearmon.gears.tooth_damage import tooth_damage
 
 #: Sizes of every kind, as written.
@@ -104,7 +105,7 @@ def test_levels_by_number_and_name():
     ("text", "match"),
     [
         ("crack:1:pinion:5:1.5mm,angel=70", "dimension 'angel=70' .*; did you mean angle"),
-        ("crack:1:pinion:5:1.5mm,angle=95", r"angle=95 deg of a crack must lie in \[5, 90\]"),
+        ("crack:1:pinion:5:1.5mm,angle=95", r"crack angle=95.0 deg must lie in \[5, 90\]"),
         ("crack:1:pinion:5:1.5mm,angle=steep", "'angle=steep' of a crack is not a number"),
         ("crack:1:pinion:5:1x2x3mm", "must be one number"),
         ("crack:1:pinion:5:-1mm", "size=-1mm must be >= 0"),
@@ -165,14 +166,14 @@ def test_pits_cover_the_share_asked_for(share):
 )
 def test_sizes_that_do_not_fit_the_tooth_are_refused(text, index, match):
     with pytest.raises(ArgumentError, match=match):
-        measured_patches([parse_fault(text)], PAPER, index)
+        measured_losses([parse_fault(text)], PAPER, index)
 
 
 def test_breakage_near_the_tip_acts_when_the_tip_is_in_contact():
-    (first,) = measured_patches([parse_fault("breakage:1:pinion:3:5mm,height=1")], PAPER, 0)
-    (second,) = measured_patches([parse_fault("breakage:1:gear:3:5mm,height=1")], PAPER, 1)
-    assert 0 < first.start < first.end == PAPER.contact_ratio
-    assert 0.0 == second.start < second.end < PAPER.contact_ratio
+    (first,) = measured_losses([parse_fault("breakage:1:pinion:3:5mm,height=1")], PAPER, 0)
+    (second,) = measured_losses([parse_fault("breakage:1:gear:3:5mm,height=1")], PAPER, 1)
+    assert 0 < first.pulse.edges[0] < first.pulse.edges[1] == PAPER.contact_ratio
+    assert 0.0 == second.pulse.edges[0] < second.pulse.edges[1] < PAPER.contact_ratio
     assert (first.face_start, first.face_end) == (0.0, 0.25)
 
 
@@ -184,9 +185,9 @@ def test_loss_of_a_crack():
     fault = parse_fault("crack:1:pinion:5:1.5mm")
     loss = stiffness_loss(fault, PAPER, 0)
     phase = (np.arange(4000) + 0.5) / 4000 * PAPER.contact_ratio
-    patches = measured_patches([fault], PAPER, 0)
+    losses = measured_losses([fault], PAPER, 0)
     stiffness = PAPER.compliances(PAPER.roll(phase)).stiffness
-    lost = patch_loss(patches, phase)
+    lost = lost_share(losses, phase)
     assert loss.mean == pytest.approx((stiffness * lost).sum() / stiffness.sum(), rel=1e-5)
     assert loss.greatest == pytest.approx(lost.max(), rel=1e-2)
     assert loss.mean < loss.greatest < 1

@@ -7,16 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gearmon.errors import ArgumentError
-from gearmon.gears.faults import (
-    KINDS,
-    Fault,
-    LossPatch,
-    faults_of_stage,
-    loss_patches,
-    overlap,
-    parse_fault,
-    union,
-)
+from gearmon.gears.damage import loss_in_contact
+from gearmon.gears.faults import KINDS, Fault, faults_of_stage, parse_fault
+from gearmon.gears.pulses import Pulse, PulseTerm, overlap, union
 
 
 def fault(kind="crack", tooth=1, size=0.2, **data):
@@ -91,65 +84,69 @@ def test_faults_of_one_stage():
     assert faults_of_stage([one, two], 2) == (two,)
 
 
-# --- patches -------------------------------------------------------------------------------------
+# --- losses --------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("kind", sorted(set(KINDS) - {"wear"}))
 def test_size_zero_takes_nothing(kind):
-    assert loss_patches(fault(kind, size=0.0), 1.6, 0.8) == ()
+    assert loss_in_contact(fault(kind, size=0.0), 1.6, 0.8) == ()
 
 
 @pytest.mark.parametrize("kind", ["stiffness", "crack"])
 def test_root_damage_acts_over_the_whole_contact(kind):
-    expected = (LossPatch(weight=0.2, start=0.0, end=1.6),)
-    assert loss_patches(fault(kind), 1.6, 0.5) == expected
+    (loss,) = loss_in_contact(fault(kind), 1.6, 0.5)
+    assert (loss.weight, *loss.pulse.edges) == (0.2, 0.0, 1.6)
+    assert (loss.face_start, loss.face_end) == (0.0, 1.0)
 
 
 def test_breakage_takes_a_part_of_the_face_width_fully():
-    (patch,) = loss_patches(fault("breakage", size=0.3), 1.6, 0.5)
-    assert (patch.weight, patch.face_start, patch.face_end) == (1.0, 0.0, 0.3)
+    (loss,) = loss_in_contact(fault("breakage", size=0.3), 1.6, 0.5)
+    assert (loss.weight, loss.face_start, loss.face_end) == (1.0, 0.0, 0.3)
 
 
 def test_pitting_acts_about_the_pitch_point_only():
-    (pitting,) = loss_patches(fault("pitting"), 1.6, 0.7)
-    (spall,) = loss_patches(fault("spall"), 1.6, 0.7)
-    assert pitting.start < spall.start < 0.7 < spall.end < pitting.end
-    assert 0.5 * (pitting.start + pitting.end) == pytest.approx(0.7)
+    (pitting,), (spall,) = (loss_in_contact(fault(kind), 1.6, 0.7) for kind in ("pitting", "spall"))
+    (low, high), (start, end) = pitting.pulse.edges, spall.pulse.edges
+    assert low < start < 0.7 < end < high
+    assert 0.5 * (low + high) == pytest.approx(0.7)
 
 
 def test_a_pitch_point_at_the_edge_leaves_a_part_of_the_band():
-    (edge,) = loss_patches(fault("pitting"), 1.6, 0.05)
-    assert edge.start == 0.0
-    assert loss_patches(fault("pitting"), 1.6, -2.0) == ()
+    (edge,) = loss_in_contact(fault("pitting"), 1.6, 0.05)
+    assert edge.pulse.edges[0] == 0.0
+    assert loss_in_contact(fault("pitting"), 1.6, -2.0) == ()
 
 
-PATCHES = st.builds(
-    lambda w, a, b, c, d: LossPatch(
-        weight=w, start=min(a, b), end=max(a, b), face_start=min(c, d), face_end=max(c, d)
+PLACES = st.integers(0, 16)
+LOSSES = st.builds(
+    lambda w, a, b, c, d: PulseTerm(
+        Pulse.constant(min(a, b) / 10, (max(a, b) + 1) / 10),
+        w,
+        face_start=min(c, d) / 16,
+        face_end=max(c, d) / 16,
     ),
     st.floats(0.01, 0.99),
-    *[st.floats(0, 1.6)] * 2,
-    *[st.floats(0, 1)] * 2,
+    *[PLACES] * 4,
 )
 
 
-def loss_at(patches, phase, face):
+def loss_at(losses, phase, face):
     return sum(
-        p.weight for p in patches if p.start <= phase < p.end and p.face_start <= face < p.face_end
+        p.weight * float(p.pulse.value(phase)) for p in losses if p.face_start <= face < p.face_end
     )
 
 
-@given(st.lists(PATCHES, max_size=3), PATCHES, st.floats(0, 1.6), st.floats(0, 1))
+@given(st.lists(LOSSES, max_size=3), LOSSES, st.floats(0, 1.8), st.floats(0, 1))
 def test_what_two_faults_leave_is_the_product_of_what_each_leaves(many, other, phase, face):
     total = ()
     left = 1.0
-    for patch in [*many, other]:
-        total = union(total, [patch])
-        left *= 1 - loss_at([patch], phase, face)
+    for loss in [*many, other]:
+        total = union(total, [loss])
+        left *= 1 - loss_at([loss], phase, face)
     assert 1 - loss_at(total, phase, face) == pytest.approx(left, abs=1e-12)
 
 
-@given(PATCHES, PATCHES, st.floats(0, 1.6), st.floats(0, 1))
+@given(LOSSES, LOSSES, st.floats(0, 1.6), st.floats(0, 1))
 def test_overlap_is_the_product(one, two, phase, face):
     product = loss_at([one], phase, face) * loss_at([two], phase, face)
     assert loss_at(overlap([one], [two]), phase, face) == pytest.approx(product, abs=1e-12)

@@ -16,7 +16,12 @@ from gearmon.errors import ArgumentError
 from gearmon.gears.foundation import Foundation, sainsot
 from gearmon.gears.geometry import GearTeeth, pair_geometry
 from gearmon.gears.tooth import ToothBeam
-from gearmon.gears.tooth_pairs import hertz_compliance, tooth_pair, weber_banaschek_compliance
+from gearmon.gears.tooth_pairs import (
+    PotentialEnergy,
+    hertz_compliance,
+    tooth_pair,
+    weber_banaschek_compliance,
+)
 
 
 def stiffness(pair, *fractions):
@@ -398,10 +403,10 @@ def test_bores_that_do_not_fit_are_refused(bore):
 
 
 def test_unknown_choices_are_refused():
-    with pytest.raises(ArgumentError, match="root='round' must be one of fillet, straight, base"):
-        teeth(26, 53, 2, 20, (10, 21), root="round")
-    with pytest.raises(ArgumentError, match="contact='hard' must be one of"):
-        teeth(26, 53, 2, 20, (10, 21), contact="hard")
+    with pytest.raises(ArgumentError, match="root='round' is not one of fillet, straight, base"):
+        PotentialEnergy(root="round")
+    with pytest.raises(ArgumentError, match="contact='hard' is not one of"):
+        PotentialEnergy(contact="hard")
 
 
 def test_range_of_the_foundation_fit_is_reported():

@@ -389,8 +389,3 @@ def test_deeper_wear_is_softer():
 def test_damage_that_leaves_nothing_is_refused(damage, match):
     with pytest.raises(ArgumentError, match=match):
         PAPER.beams(damage, SOUND)
-
-
-def test_cracks_outside_the_face_are_refused():
-    with pytest.raises(ArgumentError, match="must lie in"):
-        RootCrack(depth_m=1e-3, extent=0.7, start=0.5)

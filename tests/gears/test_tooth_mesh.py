@@ -14,7 +14,7 @@ from reference.mesh_curves import fft_coefficients
 from reference.tooth_reference import coupled_mesh
 
 from gearmon.errors import ArgumentError
-from gearmon.gears.damage import measured_patches
+from gearmon.gears.damage import measured_losses
 from gearmon.gears.faults import parse_fault
 from gearmon.gears.geometry import normal_section
 from gearmon.gears.pairs import mesh_pairs
@@ -265,13 +265,13 @@ def _loss(fault, pair, index, place):
     """Loss over the contact phase at a share of the face width."""
     if fault.is_loss:
         return lambda _: fault.loss
-    patches = measured_patches([fault], pair, index)
+    losses = measured_losses([fault], pair, index)
 
     def loss(phase):
         total = sum(
-            p.weight * (1 if p.curve is None else float(p.curve.share(np.array([phase]))[0]))
-            for p in patches
-            if p.start <= phase < p.end and p.face_start <= place < p.face_end
+            p.weight * float(p.pulse.value(phase))
+            for p in losses
+            if p.face_start <= place < p.face_end
         )
         return min(total, 1 - 1e-12)
 
@@ -335,11 +335,11 @@ def test_measured_sizes_work_with_every_form(form):
     """The pair loses along its contact what its teeth lose."""
     healthy, hurt = k(PAPER, form=form), k(PAPER, "crack:1:pinion:3:1.5mm", form=form)
     pair = teeth_of(mesh_pairs(PAPER)[0])
-    (patch,) = measured_patches([parse_fault("crack:1:pinion:3:1.5mm")], pair, 0)
+    (lost,) = measured_losses([parse_fault("crack:1:pinion:3:1.5mm")], pair, 0)
     length = healthy.healthy.terms[0].pulse.length
     x = np.array([0.45, 0.5, 0.55]) * length
     alone = x[(x > length - 1) & (x < 1)]
-    share = patch.curve.share(alone * pair.contact_ratio / length)
+    share = lost.pulse.value(alone * pair.contact_ratio / length)
     np.testing.assert_allclose(hurt.at(2 + alone), healthy.at(alone) * (1 - share), rtol=1e-6)
     missing = k(PAPER, "missing:1:pinion:3", form=form)
     assert missing.at(np.linspace(0, 26, 999)).min() > 0.2 * healthy.at(np.linspace(0, 1, 99)).min()

@@ -252,8 +252,8 @@ def _corners(posed: PosedMesh) -> FloatArray:
     stiffness = posed.mechanics.stiffness
     found = [np.zeros(1), *(_pulse_corners(train) for train in stiffness.trains)]
     for error in () if posed.excitation is None else posed.excitation.errors:
-        if isinstance(error, FlankError) and error.corners:
-            limits = np.asarray(error.corners, dtype=np.float64)
+        if isinstance(error, FlankError):
+            limits = error.gap.edges
             found += [limits, limits + stiffness.overlap_ratio]
     return np.concatenate(found)
 
