@@ -7,6 +7,20 @@ stands in the modules: `sweep`, `free_vibration`, `resonance`, `stability`, `sup
 >>> p = HillProblem(0.28, 9e3, 8e8, [0.065], 1.6e-3, 4e3)
 >>> steady_state(p, tolerance=1e-6).error_bound < 1e-6
 True
+
+Examples
+--------
+>>> p = HillProblem(0.28, 9e3, 8e8, [0.065], 1.6e-3, 4e3)
+>>> found = steady_state(p, tolerance=1e-6)
+>>> isinstance(found, Response), found.error_bound < 1e-6, found.contact_lost
+(True, True, False)
+>>> from gearmon.dynamics import settle
+>>> integrated = settle(p, harmonics=4, tolerance=1e-8)
+>>> bool(np.allclose(integrated.displacement, found.displacement[:5], rtol=1e-5))
+True
+>>> free = HillSystem([[0.28]], [[9e3]], [[0.0]], [[1.0]], [8e8], [[0.065]], 1.6e-3, [4e3])
+>>> isinstance(steady_state(free), SystemResponse)
+True
 """
 
 from __future__ import annotations

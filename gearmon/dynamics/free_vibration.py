@@ -322,7 +322,7 @@ def transient(
     problem : HillProblem
         What to expand.
     displacement_m, velocity_ms : float
-        z(0) and z'(0).
+        z(0) [m] and z'(0) [m/s].
     order : int
         N >= 0: the error is of order N+1 in the variation of stiffness, up to times of the order
         of its inverse squared; rates are taken to order N+2.

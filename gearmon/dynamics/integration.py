@@ -112,6 +112,10 @@ def settle(
     most_periods : int
         After so many the search ends, and `stable` says None.
 
+    Returns
+    -------
+    IntegratedResponse
+
     Raises
     ------
     ArgumentError

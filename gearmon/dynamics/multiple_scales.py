@@ -133,6 +133,10 @@ def expand(
     small_damping : bool
         Damping of order one (h = eps mu) instead of zero.
 
+    Returns
+    -------
+    Expansion
+
     Raises
     ------
     ArgumentError

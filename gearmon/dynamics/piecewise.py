@@ -110,7 +110,7 @@ class PiecewiseProblem:
         mass_kg, damping_ns_per_m, mean_stiffness_n_per_m, period_s, force_n : float
             As of `HillProblem`.
         variation : float
-            eps > -1; both levels must be above zero.
+            Relative, eps > -1; both levels must be above zero.
         duty : float
             D in (0, 1): contact ratio less one for spur gears below two pairs.
 
@@ -191,7 +191,15 @@ class PiecewiseProblem:
         return float(self.force_pieces_n @ self.shares)
 
     def harmonics_of(self, values: npt.ArrayLike, highest: int) -> Complex:
-        """Fourier coefficients 0..highest of what has one value in each piece."""
+        """Fourier coefficients 0..highest of what has one value in each piece.
+
+        Parameters
+        ----------
+        values : float array, shape (pieces,)
+            In any unit.
+        highest : int, >= 0
+            Number of the last.
+        """
         pieces = np.broadcast_to(np.asarray(values, dtype=np.float64), self.durations_s.shape)
         ends = np.concatenate([[0.0], np.cumsum(self.shares)]) + self.start_s / self.period_s
         orders = np.arange(1, highest + 1)

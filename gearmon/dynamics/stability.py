@@ -221,9 +221,9 @@ def stability_chart(
     shape : FourierShape or PiecewiseShape
         f(t) of k0 [1 + eps f(t)].
     speeds : float array, shape (X,)
-        w/w0, 0.001 to 1000.
+        Ratios w/w0, 0.001 to 1000.
     variations : float array, shape (E,)
-        eps, -100 to 100.
+        Relative eps, -100 to 100.
     damping_ratio : float
         zeta, 0 to 100.
     tolerance : float

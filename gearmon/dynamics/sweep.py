@@ -232,7 +232,17 @@ class ManySets:
         force_n: npt.ArrayLike,
         scale: npt.ArrayLike = 1.0,
     ) -> Sweep:
-        """Steady vibrations for new values; parameters, limits and errors as in `sweep`."""
+        """Steady vibrations for new values; parameters, limits and errors as in `sweep`.
+
+        Parameters
+        ----------
+        mass_kg, damping_ns_per_m, stiffness_n_per_m, period_s, force_n, scale
+            As in `sweep`, with its limits.
+
+        Returns
+        -------
+        Sweep
+        """
         *lead, width = self.stiffness_harmonics.shape
         values = {
             "mass_kg": mass_kg,

@@ -232,10 +232,20 @@ def frequency_weighting(name: str) -> Weighting:
         Whole body: seat surface upwards, seat surface level, backrest, rotation, head of a person
         who lies, buildings; hand and arm; motion sickness.
 
+    Returns
+    -------
+    Weighting
+
     Raises
     ------
     ArgumentError
         If there is no such weighting.
+
+    Examples
+    --------
+    >>> vertical = gearmon.frequency_weighting("Wk")
+    >>> np.abs(vertical.response(np.array([1.0, 6.3, 100.0]))).round(2)
+    array([0.48, 1.05, 0.09])
     """
     check_word("weighting=", name, WEIGHTINGS)
     return WEIGHTINGS[name]

@@ -165,6 +165,7 @@ class ModalDamping:
     Parameters
     ----------
     constant : float, 0 to 1
+        Damping ratio that all modes have.
     mass_rate_per_s : float, >= 0
         Of drag in proportion to mass [1/s].
     stiffness_time_s : float, >= 0
@@ -478,14 +479,30 @@ class PiezoCantilever(OneLoad):
         return float(1 / np.abs(self._admittance(circular, by_volt))[0])
 
     def root_power(self, loads: Real, frequency_hz: Real) -> Complex:
-        """Voltage over the root of the load [W^(1/2)/(m/s2)], shape (loads, n)."""
+        """Voltage over the root of the load [W^(1/2)/(m/s2)], shape (loads, n).
+
+        Parameters
+        ----------
+        loads : ndarray of float, shape (loads,)
+            Load resistances [ohm].
+        frequency_hz : ndarray of float, shape (n,)
+            Of the base [Hz].
+        """
         circular = 2 * math.pi * frequency_hz
         by_push, by_volt = (answer[0] for answer in self._compliance(circular, 1))
         taken = 1 / loads[:, None] + self._admittance(circular, by_volt)
         return np.asarray(-1j * circular * by_push / (taken * np.sqrt(loads[:, None])))
 
     def transfer(self, loads: Real, frequency_hz: Real) -> Complex:
-        """Answers per unit acceleration of the base, shape (4, loads, n), see `OUTPUTS`."""
+        """Answers per unit acceleration of the base, shape (4, loads, n), see `OUTPUTS`.
+
+        Parameters
+        ----------
+        loads : ndarray of float, shape (loads,)
+            Load resistances [ohm].
+        frequency_hz : ndarray of float, shape (n,)
+            Of the base [Hz].
+        """
         root_power = self.root_power(loads, frequency_hz)
         voltage = root_power * np.sqrt(loads[:, None])
         by_push, by_volt = self._compliance(2 * math.pi * frequency_hz, 3)

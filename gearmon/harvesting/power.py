@@ -178,7 +178,18 @@ def static_peaks(harvester: Harvester) -> tuple[float, float]:
 
 
 def evaluate(harvester: H, duty: Shaking) -> Tuned[H]:
-    """Tell what a harvester yields over a duty cycle as it stands, and how near its limits."""
+    """Tell what a harvester yields over a duty cycle as it stands, and how near its limits.
+
+    Parameters
+    ----------
+    harvester, duty
+        As for `tune_harvester`.
+
+    Returns
+    -------
+    Tuned
+        With the harvester as it was given.
+    """
     points = check_duty(duty)
     answers = tuple(answer(harvester, point.vibration) for point in points)
     travel, stress = static_peaks(harvester)
@@ -285,6 +296,10 @@ def half_power_band(harvester: Harvester) -> HalfPowerBand:
     ----------
     harvester : InertialHarvester or PiezoCantilever
 
+    Returns
+    -------
+    HalfPowerBand
+
     Raises
     ------
     ArgumentError
@@ -342,7 +357,7 @@ def bandwidth_against_quality(
     harvester : InertialHarvester or PiezoCantilever
         As tuned; its load is chosen anew for every quality factor.
     quality_factors : sequence of float, 0.51 to 10,000
-        Of the mechanics alone, 1/(2 zm).
+        Of the mechanics alone, dimensionless, 1/(2 zm).
     wander : float, 0 to 0.2
         Standard deviation of the frequency of the one line of 1 m/s2 that drives it, over its mean.
 

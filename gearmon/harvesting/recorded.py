@@ -301,6 +301,11 @@ def power_with_stops(harvester: Harvester, samples_ms2: Real, sampling_rate_hz: 
         Acceleration of the base; of a long recording only the start is marched.
     sampling_rate_hz : float, > 0
 
+    Returns
+    -------
+    float
+        [W].
+
     Raises
     ------
     ArgumentError

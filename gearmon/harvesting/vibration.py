@@ -67,8 +67,8 @@ class Vibration:
     sampling_rate_hz : float
         Of these; 0 without.
     crest : float, > 0
-        Peak over rms of the answer of a harvester; 4.5 is exceeded 7e-6 of the time by Gaussian
-        motion.
+        Ratio of peak to rms of the answer of a harvester; 4.5 is exceeded 7e-6 of the time by
+        Gaussian motion.
 
     Raises
     ------
@@ -169,6 +169,11 @@ class Vibration:
     def cut(self, low_hz: float, high_hz: float) -> Vibration:
         """Return only what vibrates between two frequencies.
 
+        Parameters
+        ----------
+        low_hz, high_hz : float
+            Both belong to what is kept [Hz].
+
         Raises
         ------
         ArgumentError
@@ -225,6 +230,10 @@ def vibration_of_lines(
     wander, wander_time_s, name
         See `Vibration`.
 
+    Returns
+    -------
+    Vibration
+
     Raises
     ------
     ArgumentError
@@ -262,8 +271,12 @@ def vibration_of_signature(signature: Signature, *, name: str = "", **how: float
     signature : Signature
     name : str
         That of the machine if none is given.
-    **how
+    **how : float
         gain, wander and wander_time_s, see `vibration_of_lines`.
+
+    Returns
+    -------
+    Vibration
     """
     frequency, amplitude = signature["frequency_hz"], signature["acceleration_ms2"]
     named = name or signature.machine
@@ -283,6 +296,10 @@ def vibration_of_samples(
     name : str
     low_hz : float, >= 0
         What is lower is left out: drift of the sensor.
+
+    Returns
+    -------
+    Vibration
 
     Raises
     ------

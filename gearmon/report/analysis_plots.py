@@ -88,6 +88,10 @@ def turn_figure(analysis: Analysis, wheel: WheelLines, *, at_length: bool = True
         The gear, of the plan of its signature.
     at_length : bool
         Whether the caption explains everything, as that of the first gear does.
+
+    Returns
+    -------
+    Picture
     """
     signature = analysis.signature
     average, rest = turn_waveforms(signature.lines, wheel)
@@ -280,6 +284,10 @@ def speed_figure(analysis: Analysis) -> Picture:
     ----------
     analysis : Analysis
         The analysis.
+
+    Returns
+    -------
+    Picture
     """
     track, speed = analysis.signature.track, analysis.signature.speed
     time_s, speed_hz = extremes(0.5 * (track.time_s[:-1] + track.time_s[1:]), track.speed_hz)

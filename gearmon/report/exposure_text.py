@@ -37,6 +37,11 @@ def exposure_lines(found: Told) -> list[str]:
     Parameters
     ----------
     found : Exposure, SeatFactor, GearShare or DayExposure
+
+    Returns
+    -------
+    list of str
+        Without line ends.
     """
     title, table, notes = _told(found)
     return [title, *table_lines(table), *notes]
@@ -122,6 +127,11 @@ def write_exposure_report(found: Sequence[Told], path: str | Path) -> Path:
     ----------
     found : sequence of Exposure, SeatFactor, GearShare or DayExposure
     path : str or Path
+
+    Returns
+    -------
+    Path
+        What was written.
 
     Raises
     ------

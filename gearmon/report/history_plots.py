@@ -34,7 +34,11 @@ def history_figure(found: HistoryTrends, known_loss: Sequence[float] | None = No
     found : HistoryTrends
         With at least one recording.
     known_loss : sequence of float, optional
-        What the loss is known to have been in each recording, where it is simulated.
+        The share that is known to have been lost in each recording, where it is simulated.
+
+    Returns
+    -------
+    Picture
     """
     losses = bool(found.teeth) or known_loss is not None
     heights = [2.3, 1.15] if losses else [1.8]

@@ -100,6 +100,10 @@ def changes_figure(analysis: Analysis) -> Picture:
     ----------
     analysis : Analysis
         With changes.
+
+    Returns
+    -------
+    Picture
     """
     sizes = [abs(change.change_db) for change in analysis.changes]
     limit = float(np.clip(np.percentile(sizes, 98), _LEAST_LIMIT_DB, _MOST_LIMIT_DB))

@@ -67,6 +67,10 @@ def order_map_figure(found: OrderSpectra) -> Picture:
     ----------
     found : OrderSpectra
         Along time the speed of the shaft is drawn beside each map.
+
+    Returns
+    -------
+    Picture
     """
     names = found.channel_names[:MOST_STRIPS]
     over_time = found.map.against == "time"
@@ -165,6 +169,11 @@ def average_figures(found: GearAverages) -> dict[str, Picture]:
     Parameters
     ----------
     found : GearAverages
+
+    Returns
+    -------
+    dict of str to Picture
+        By what is added to the name of a file.
     """
     return {f"-{own.stage}-{own.gear}": average_figure(found, own) for own in found.gears}
 
@@ -250,6 +259,10 @@ def indicator_figure(tables: IndicatorTable | Sequence[IndicatorTable]) -> Pictu
     ----------
     tables : IndicatorTable, or sequence of them
         In the order of the run.
+
+    Returns
+    -------
+    Picture
     """
     tables = [tables] if isinstance(tables, IndicatorTable) else tables
     every = pd.DataFrame(

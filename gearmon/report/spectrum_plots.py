@@ -149,6 +149,10 @@ def amplitude_figure(analysis: Analysis, recording: Recording) -> Picture:
         The analysis.
     recording : Recording
         Its recording.
+
+    Returns
+    -------
+    Picture
     """
     signature = analysis.signature
     spectrum, blocks, nyquist = _time_spectrum(analysis, recording)
@@ -265,6 +269,11 @@ def spectrum_figure(found: RecordingSpectrum, ax: Sequence[Axes] = ()) -> Figure
     found : RecordingSpectrum
     ax : sequence of Axes
         Where to draw the first channels, in the place of a new figure.
+
+    Returns
+    -------
+    Figure
+        A new one, or that of the axes given.
     """
     if found.kurtograms:
         return _kurtogram_figure(found)
@@ -292,6 +301,11 @@ def order_figure(found: OrderSpectra, ax: Sequence[Axes] = ()) -> Figure:
     found : OrderSpectra
     ax : sequence of Axes
         Where to draw the first channels, in the place of a new figure.
+
+    Returns
+    -------
+    Figure
+        A new one, or that of the axes given.
     """
     # the mean and what leaks from it are no lines
     order = found.order[2:]

@@ -93,6 +93,12 @@ def train_kinds(
     ------
     ArgumentError
         If the machine lacks data.
+
+    Examples
+    --------
+    >>> kinds = gearmon.train_kinds(machine, count=80)
+    >>> [str(kind) for kind in kinds.classes_][:3]
+    ['distributed pitting', 'eccentricity', 'looseness']
     """
     from gearmon.diagnosis.fault_types.classifier import KindClassifier
 

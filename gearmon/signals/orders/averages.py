@@ -110,7 +110,7 @@ def time_synchronous_average(
     Parameters
     ----------
     samples : ndarray of float, shape (channels, n)
-        The signals.
+        The signals, in any unit.
     sampling_rate_hz : float
         Sampling rate [Hz].
     track : AngleTrack
@@ -150,6 +150,14 @@ def time_synchronous_average(
     Lines of another rotation, d turns off the next multiple, leak into the average: of equal turns
     by up to 1/(N sin(pi d)), with a Hann window by the cube of that. Those that fall on a multiple
     cannot be told from it.
+
+    Examples
+    --------
+    >>> vibration = gearmon.read_recording(new).vibration()
+    >>> track = analysis.signature.track
+    >>> average = gearmon.time_synchronous_average(vibration.samples, 8000.0, track)
+    >>> average.turns, average.waveform.shape == (2, average.per_turn)
+    (73, True)
     """
     check_positive("sampling_rate_hz", sampling_rate_hz, "Hz")
     shaft = track.of_shaft(float(rotation_order))
