@@ -204,5 +204,12 @@ def test_examples_run(room, tmp_path, monkeypatch):
             continue
         module = importlib.import_module(name)
         for test in finder.find(module, globs=vars(module) | prologue()):
-            runner.run(test)
+            runner.run(test, clear_globs=False)
+            made = {
+                word: own
+                for word, own in test.globs.items()
+                if type(own).__module__.startswith("gearmon.")
+            }
+            long = [word for word, own in made.items() if len(repr(own)) >= 500]
+            assert not long, f"{test.name}: the text of {long} is long"
     assert runner.failures == 0

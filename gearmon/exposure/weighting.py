@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gearmon.errors import ArgumentError, check_range, check_word
+from gearmon.result import Result
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -39,7 +40,7 @@ _INNER, _OUTER = (0.12, -0.11), (0.26, -0.21)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Weighting:
+class Weighting(Result):
     """A frequency weighting.
 
     Parameters

@@ -76,6 +76,8 @@ class Signature(Result):
     (1, 'i')
     >>> [row["order"] for row in gearmon.expected_signature(machine, max_hz=1500.0).rows()]
     [23.0, 46.0]
+    >>> gearmon.expected_signature(machine, max_hz=1500.0).save("healthy.csv")[0].name
+    'healthy.csv'
     >>> gearmon.expected_signature(machine, max_hz=1500.0).to_dict()["machine"]
     'drive'
     """
@@ -108,6 +110,11 @@ class Signature(Result):
 
     def __getitem__(self, name: str) -> Array:
         return self.columns[name]
+
+    def save(self, path: str | Path) -> list[Path]:
+        """Write it as `write_signature` does, for `read_signature`."""
+        write_signature(self, path)
+        return [Path(path)]
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """Yield the lines as mappings of column name to Python number or text."""

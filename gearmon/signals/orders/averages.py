@@ -26,7 +26,6 @@ from gearmon.errors import ArgumentError, RecordingError, check_positive
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.array_types import ComplexArray, FloatArray, IntArray
-from gearmon.signals.orders.lines import OrderLines
 from gearmon.signals.orders.resampling import (
     READ_UP_TO,
     resample_to_angle,
@@ -214,32 +213,6 @@ def one_turn(lines: ComplexArray, per_turn: int) -> FloatArray:
     half[..., : lines.shape[-1]] = 0.5 * lines
     half[..., 0] = lines[..., 0].real
     return np.asarray(np.fft.irfft(half, n=per_turn, axis=-1, norm="forward"))
-
-
-def synchronous_average(lines: OrderLines, rotation_order: float, per_turn: int) -> FloatArray:
-    """Waveform of one turn of a shaft from its order lines.
-
-    Parameters
-    ----------
-    lines : OrderLines
-        Lines that contain all multiples of `rotation_order`.
-    rotation_order : float
-        Turns of the shaft a turn of shaft 1.
-    per_turn : int
-        Samples wanted a turn of this shaft.
-
-    Returns
-    -------
-    ndarray of float, shape (channels, per_turn)
-        The time-synchronous average (TSA), without its mean.
-    """
-    ratio = lines.orders / rotation_order
-    number = np.rint(ratio).astype(int)
-    chosen = (np.abs(ratio - number) < 1e-9 * np.maximum(1, ratio)) & (number > 0)
-    chosen &= number < per_turn / 2
-    own = np.zeros((lines.amplitude.shape[1], -(-per_turn // 2)), dtype=complex)
-    own[:, number[chosen]] = lines.mean[:, chosen]
-    return one_turn(own, per_turn)
 
 
 def _of_record(

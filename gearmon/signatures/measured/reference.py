@@ -199,6 +199,8 @@ class Reference(Result):
     (('simulated 1', 'simulated 2'), ('a1', 'a2'))
     >>> reference.level_db.shape == reference.scatter_db.shape
     True
+    >>> reference.save("healthy.ref")[0].name
+    'healthy.ref'
     """
 
     machine: str
@@ -210,6 +212,11 @@ class Reference(Result):
     version: str = ""
     machine_facts: dict[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+
+    def save(self, path: str | Path) -> list[Path]:
+        """Write it as `write_reference` does, for `read_reference`."""
+        write_reference(self, path)
+        return [Path(path)]
 
     @property
     def origins(self) -> tuple[str, ...]:
