@@ -143,9 +143,8 @@ class Result:
         """
         target = Path(path)
         if target.suffix in (".png", ".svg", ".pdf"):
-            written: list[Path] = import_module("gearmon.report.plots").save_all(
-                self.figures(), target
-            )
+            plots = import_module(f"{__package__}.report.plots")
+            written: list[Path] = plots.save_all(self.figures(), target)
             return written
         check_word("ending of path=", target.suffix, (".csv", ".json", ".png", ".svg", ".pdf"))
         if target.suffix == ".csv":

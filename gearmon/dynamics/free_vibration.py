@@ -50,12 +50,13 @@ from gearmon.dynamics.fourier import Complex, Real
 from gearmon.dynamics.hill import KINDS, HillProblem, check_kind
 from gearmon.dynamics.slow_states import answer_forces, reduce
 from gearmon.errors import ArgumentError, check_finite
+from gearmon.result import Result
 
 VALUES_AT_ONCE = 1 << 20
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Motion:
+class Motion(Result):
     """Transient and steady vibration that starts at t = 0.
 
     Parameters

@@ -24,6 +24,7 @@ from gearmon.dynamics.fourier import Complex, Real, fast_length, samples, with_z
 from gearmon.dynamics.hill import HillProblem, frozen_vector
 from gearmon.dynamics.piecewise import PiecewiseProblem
 from gearmon.errors import ArgumentError, check_range
+from gearmon.result import Result
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,7 +175,7 @@ def variation_of(problem: HillProblem | PiecewiseProblem) -> FourierShape | Piec
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class StabilityChart:
+class StabilityChart(Result):
     """Growth of free vibrations over a grid.
 
     Attributes

@@ -25,6 +25,7 @@ from gearmon.dynamics.mesh_equations import MeshEquations
 from gearmon.dynamics.steady_state import MOST_RATIO, steady_state
 from gearmon.dynamics.sweep_orders import INDICES, STRAGGLERS, SharedOrders
 from gearmon.errors import ArgumentError, check_range
+from gearmon.result import Result
 
 #: Fewer sets of one pattern are solved faster by themselves.
 FEWEST_TOGETHER = 16
@@ -34,7 +35,7 @@ MSM, RESONANT, ONE_BY_ONE, REFUSED = "msm", "msm resonant", "one by one", "refus
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Sweep:
+class Sweep(Result):
     """Steady vibrations over a grid of values; `...` is the shape that all values broadcast to.
 
     Attributes

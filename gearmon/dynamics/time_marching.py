@@ -22,6 +22,7 @@ from gearmon.dynamics.fourier import Complex, Real, fast_length
 from gearmon.dynamics.hill import HillProblem
 from gearmon.dynamics.piecewise import PiecewiseProblem
 from gearmon.errors import ArgumentError, check_range
+from gearmon.result import Result
 
 Solver = Literal["RK23", "RK45", "DOP853", "LSODA", "Radau", "BDF"]
 Contact = Literal["tied", "one-sided"]
@@ -354,7 +355,7 @@ class TimeHistory:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class IntegratedResponse:
+class IntegratedResponse(Result):
     """Periodic vibration found by time integration.
 
     Attributes

@@ -192,8 +192,8 @@ const behind = (own) => {
 return [...document.querySelectorAll("body *")].filter((own) => own.checkVisibility()
     && [...own.childNodes].some((node) => node.nodeType === 3 && node.textContent.trim()))
   .map((own) => {
-    const pair = [light(shade(getComputedStyle(own).color)), light(behind(own))].sort((a, b) => a - b);
-    const ratio = (pair[1] + 0.05) / (pair[0] + 0.05);
+    const one = light(shade(getComputedStyle(own).color)), other = light(behind(own));
+    const ratio = (Math.max(one, other) + 0.05) / (Math.min(one, other) + 0.05);
     return [own.tagName + ": " + own.textContent.trim().slice(0, 40), ratio];
   }).filter(([, ratio]) => ratio < 4.5);
 """
