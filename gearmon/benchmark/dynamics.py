@@ -42,7 +42,6 @@ from gearmon.benchmark.equations import (
 )
 from gearmon.benchmark.timing import Timing, facts_of_run, interleaved, task_time
 from gearmon.dynamics import HillProblem, Response, steady_state
-from gearmon.dynamics.piecewise import PiecewiseProblem, solve_exactly
 from gearmon.dynamics.sweep import sweep as solve_sets
 from gearmon.terminal import Progress
 
@@ -51,7 +50,7 @@ Row = dict[str, Any]
 #: Relative error of acceleration at which methods are set side by side.
 TARGET = 1e-6
 WANTED = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10)
-OURS, SETS_AT_ONCE, PIECES = "steady_state", "sweep", "exact pieces"
+OURS, SETS_AT_ONCE = "steady_state", "sweep"
 AS_USUAL, FROM_REST, SHOOTING = "SciPy {}, as usually written", "SciPy {}", "SciPy {}, shooting"
 COMPILED, BANDED = "compiled RK4", "solve_banded"
 #: Every rival by the column of its factor in the headlines.
@@ -64,7 +63,7 @@ RIVALS = {
     "solve_banded": BANDED,
 }
 #: What others are compared with: the first of these that a case has.
-BASES = (SETS_AT_ONCE, PIECES, OURS)
+BASES = (SETS_AT_ONCE, OURS)
 SWEEP, GROWTH = "parameter sets", "cost growth"
 CUT_OFF = "the error is that against the true jumps; a bound would be that of the sum"
 NOT_INSTALLED = "numba is not installed"
@@ -150,7 +149,7 @@ def run_dynamics(
     list of dict
         One row a method and setting, with machine and versions in each. `median_s` is the run time
         [s] of one solution, of a sweep that of one set; `times_ours` is it over ours at 1e-6 in the
-        same case (of the true rectangle the exact pieces, of parameter sets `sweep`), and
+        same case (of parameter sets `sweep`), and
         `times_ours_fastest` the same of the fastest runs, which a busy machine disturbs less;
         `at_target` marks each method's cheapest row with an error within 1e-6. `exponent` is, of
         the growing sizes, that of a power of the unknowns fitted to the run times of a method.
@@ -219,20 +218,13 @@ def as_lines(response: Response) -> Lines:
 
 
 def _for_rectangle(case: Case) -> Iterator[Contender]:
-    """Fourier sums of growing length against the true rectangle, and the exact pieces."""
+    """Fourier sums of growing length against the true rectangle."""
     assert case.rectangle is not None
     for count in (10, 30, 100, 300, 1000):
         kept = case.problem.stiffness_harmonics[:count]
         p, setting = replace(case.problem, stiffness_harmonics=kept), f"{count} stiffness harmonics"
         run, of_sum = partial(steady_state, p, TARGET), "steady_state of the Fourier sum"
         yield Contender(of_sum, setting, None, run, as_lines, CUT_OFF)
-    yield Contender(PIECES, "256 points", TARGET, partial(_exactly, case.rectangle))
-
-
-def _exactly(true: PiecewiseProblem, points: int = 256) -> Samples:
-    share = np.arange(points) / points
-    acceleration = solve_exactly(true, 1).at(share * true.period_s, "acceleration")
-    return Samples(share, acceleration * (true.mass_kg / true.mean_force_n))
 
 
 def _of_scipy(case: Case, reference: Reference, wanted: tuple[float, ...]) -> Iterator[Contender]:

@@ -34,7 +34,6 @@ STYLES: dict[str, Style] = {
     "harmonic balance": (SKY, "s", "-"),
     "multiple scales, plain sum": (GREEN, "^", "--"),
     "multiple scales, least residual": (GREEN, "v", "-"),
-    "exact pieces": (GREEN, "*", "-"),
     "SciPy DOP853": (ORANGE, "s", "-"),
     "SciPy odeint": (VERMILLION, "D", "-"),
     "SciPy DOP853, as usually written": (BLACK, "s", ":"),

@@ -1,12 +1,8 @@
 """Hill's equation of one gear mesh, or of several in one machine; knows numbers, not gears.
 
-`steady_state` solves one problem, `ManySets` thousands; `expand` shows the orders of the expansion
-and `transient` what happens before the steady state. Names load their module when first used. More
-stands in the modules: `sweep`, `free_vibration`, `resonance`, `stability`, `superposition`, ...
-
->>> p = HillProblem(0.28, 9e3, 8e8, [0.065], 1.6e-3, 4e3)
->>> steady_state(p, tolerance=1e-6).error_bound < 1e-6
-True
+`steady_state` solves one problem, `sweep.sweep` thousands; `expand` shows the orders of the
+expansion, `transient` and `integrate` what happens before the steady state. Names load their module
+when first used. More stands in the modules: `stability`, `tongues`, `terms`, ...
 
 Examples
 --------
@@ -14,10 +10,6 @@ Examples
 >>> found = steady_state(p, tolerance=1e-6)
 >>> isinstance(found, Response), found.error_bound < 1e-6, found.contact_lost
 (True, True, False)
->>> from gearmon.dynamics import settle
->>> integrated = settle(p, harmonics=4, tolerance=1e-8)
->>> bool(np.allclose(integrated.displacement, found.displacement[:5], rtol=1e-5))
-True
 >>> free = HillSystem([[0.28]], [[9e3]], [[0.0]], [[1.0]], [8e8], [[0.065]], 1.6e-3, [4e3])
 >>> isinstance(steady_state(free), SystemResponse)
 True
@@ -36,29 +28,17 @@ if TYPE_CHECKING:
     from gearmon.dynamics.amplitude_equations import forced_resonance as forced_resonance
     from gearmon.dynamics.amplitude_equations import parametric_resonance as parametric_resonance
     from gearmon.dynamics.free_vibration import transient as transient
-    from gearmon.dynamics.integration import settle as settle
-    from gearmon.dynamics.integration import shoot as shoot
     from gearmon.dynamics.multiple_scales import expand as expand
-    from gearmon.dynamics.piecewise import PiecewiseProblem as PiecewiseProblem
-    from gearmon.dynamics.piecewise import solve_exactly as solve_exactly
-    from gearmon.dynamics.planetary import Body as Body
-    from gearmon.dynamics.planetary import PlanetarySet as PlanetarySet
     from gearmon.dynamics.stability import stability_chart as stability_chart
-    from gearmon.dynamics.sweep import ManySets as ManySets
+    from gearmon.dynamics.time_domain import integrate as integrate
     from gearmon.dynamics.tongues import combination_tongues as combination_tongues
 
 _HOMES = {
-    "Body": "planetary",
-    "ManySets": "sweep",
-    "PiecewiseProblem": "piecewise",
-    "PlanetarySet": "planetary",
     "combination_tongues": "tongues",
     "expand": "multiple_scales",
     "forced_resonance": "amplitude_equations",
+    "integrate": "time_domain",
     "parametric_resonance": "amplitude_equations",
-    "settle": "integration",
-    "shoot": "integration",
-    "solve_exactly": "piecewise",
     "stability_chart": "stability",
     "transient": "free_vibration",
 }

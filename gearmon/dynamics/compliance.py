@@ -47,6 +47,8 @@ from gearmon.errors import ArgumentError
 BYTES_ALLOWED = 1e9
 #: Unknowns of a matrix that is inverted or solved: 3000 take 70 MB and some seconds.
 MOST_UNKNOWNS = 3000
+#: Rounds of Schur's test for the norm of a matrix.
+POWERS = 4
 #: Lines of the compliance of a machine that are computed at most.
 MOST_LINES = 20_000
 
@@ -111,8 +113,8 @@ class PairCompliance:
         return np.abs(half)
 
     def most_from(self, line: int) -> tuple[float, float]:
-        """Largest 1/|D| and (n/R)^2/|D| of all lines from one on."""
-        return largest_responses(float(self.ratio[0]), float(self.zeta[0]), 0.0, line)
+        """Largest 1/|D| and (n/R)^2/|D| of all lines from one on; of many, above all resonances."""
+        return largest_responses(float(self.ratio.max()), float(self.zeta.min()), 0.0, line)
 
     def quiet_above(self, level: float) -> int:
         """Line above which 1/|D| <= level for certain, in all sets."""
@@ -371,41 +373,51 @@ def inverse_norm(compliance: PairCompliance | SystemCompliance, pattern: Pattern
     most = swing * compliance.most_from(0)[0]
     if most < 0.5:
         return 1 / (1 - most)
-    core = compliance.quiet_above(0.25 / swing) + c.shape[1] // 2 + 1
+    core, best = compliance.quiet_above(0.25 / swing) + c.shape[1] // 2 + 1, math.inf
     while len(c) * (2 * core + 1) <= MOST_UNKNOWNS:
-        found = _norm_from_core(compliance, swing, c, core)
-        if found is not None:
-            return found
+        found, loop = _norm_from_core(compliance, swing, c, core)
+        best = min(best, found)
+        if loop <= 0.5:
+            break
         core = math.ceil(1.4 * core) + 1
-    return math.inf
+    return best
 
 
 def _norm_from_core(
     compliance: PairCompliance | SystemCompliance, swing: float, c: Complex, core: int
-) -> float | None:
-    """Bound with lines up to `core` inverted, or None if the others are too strong."""
+) -> tuple[float, float]:
+    """Bound with lines up to `core` inverted, and the loop through the others, bounded below 1."""
     tail = swing * compliance.most_from(core + 1)[0]
     if tail >= 0.5:
-        return None
+        return math.inf, math.inf
     edge = swing * compliance.most_from(max(0, core + 1 - c.shape[1]))[0]
     matrix = coupling_matrix(compliance.matrices(core + 1), c)
     try:
         inverse = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
     except np.linalg.LinAlgError:
-        return None
+        return math.inf, math.inf
     inner = _crude_norm(inverse)
     rounding = inner * _crude_norm(matrix) * len(matrix) * 2.0**-52
     rest = 1 / (1 - tail)
     loop = inner * tail * rest * edge
-    if rounding > 0.5 or loop > 0.5:
-        return None
+    if rounding > 0.5 or loop > 0.98:
+        return math.inf, loop
     inner /= 1 - rounding
     coupled = np.array([[inner, inner * tail * rest], [rest * edge * inner, 0.0]]) / (1 - loop)
     coupled[1, 1] = rest + rest * edge * coupled[0, 1]
-    return float(np.linalg.norm(coupled, 2))
+    return float(np.linalg.norm(coupled, 2)), loop
 
 
 def _crude_norm(matrix: Real) -> float:
-    """Bound of the spectral norm that needs no singular values."""
-    sizes = np.abs(matrix)
-    return math.sqrt(float(sizes.sum(axis=0).max()) * float(sizes.sum(axis=1).max()))
+    """Bound of the spectral norm that needs no singular values.
+
+    By Schur's test it is at most the root of max (A^T A w)/w, A of the moduli, for any w > 0; a few
+    powers bring w near to the best.
+    """
+    sizes, weights, least = np.abs(matrix), np.ones(matrix.shape[1]), math.inf
+    for _ in range(POWERS):
+        image = sizes.T @ (sizes @ weights)
+        least = min(least, float((image / weights).max()))
+        # no weight so small that its quotient is rounding
+        weights = np.maximum(image / image.max(), 1e-6)
+    return math.sqrt(least) * (1 + 1e-9)

@@ -149,8 +149,7 @@ def best_gain(ratio: Real, zeta: Real, scale: Real, pattern: Pattern) -> Gain:
         gain[loose] = np.minimum(gain[loose], energy)
         loose = loose[gain[loose] > allowed[loose]]
     if len(loose):
-        shape = floquet.Shape(pattern.harmonics, pattern.highest, pattern.slope)
-        better, growth[loose] = floquet.gain(ratio[loose], zeta[loose], scale[loose], shape)
+        better, growth[loose] = floquet.gain(ratio[loose], zeta[loose], scale[loose], pattern)
         gain[loose] = np.minimum(gain[loose], better)
     gain = np.where(damped & np.isnan(growth), gain, np.inf)
     left = np.flatnonzero(np.isinf(gain) & np.isnan(growth))
@@ -182,6 +181,14 @@ def small_gain(ratio: Real, zeta: Real, scale: Real, pattern: Pattern) -> tuple[
     >>> bool(np.isfinite(small_gain(13.6 * one, 0.3 * one, one, Pattern(np.array([0.08])))[0]))
     True
     """
+    loop, response = loop_at_lines(ratio, zeta, scale, pattern)
+    proven = (loop < 1) & (convergence(zeta, scale, pattern) < 1)
+    gain = np.where(proven, response / np.where(proven, 1 - loop, 1.0), np.inf)
+    return gain, response
+
+
+def loop_at_lines(ratio: Real, zeta: Real, scale: Real, pattern: Pattern) -> tuple[Real, Real]:
+    """Return max|phi - b| max 1/|D_n + b| and max (n/R)^2/|D_n + b| over the lines, shape (B,)."""
     middle, swing = (scale * size for size in pattern.middle_and_swing)
     # (1 + b) times the operator of this stiffness and of the R and zeta that go with it
     rest = np.where(middle > -1, 1 + middle, 1.0)
@@ -196,9 +203,7 @@ def small_gain(ratio: Real, zeta: Real, scale: Real, pattern: Pattern) -> tuple[
             x = side(ratio / np.sqrt(np.where(bend > 0, bend, 1.0))) / ratio
             response = np.maximum(response, np.where(bend > 0, x**2 / _stiffness(x, zeta), 1.0))
         loop = np.where(swing > 0, swing * softest, 0.0)
-        proven = (middle > -1) & (loop < 1) & (np.where(swing > 0, swing * peak(zeta), 0.0) < 1)
-    gain = np.where(proven, response / np.where(proven, 1 - loop, 1.0), np.inf)
-    return gain, response
+    return np.where(middle > -1, loop, np.inf), response
 
 
 def convergence(zeta: Real, scale: Real, pattern: Pattern) -> Real:

@@ -29,7 +29,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -39,6 +39,7 @@ from gearmon.errors import ArgumentError
 
 if TYPE_CHECKING:
     from gearmon.dynamics.compliance import SystemCompliance
+    from gearmon.dynamics.error_bound import Pattern
 
 MOST_STEPS = 1 << 21
 #: Steps times sets that are followed together.
@@ -49,17 +50,6 @@ FEWEST_TOGETHER = 16
 IN_A_ROW = 16
 #: e to this is the largest number.
 LARGEST_EXPONENT = 709.0
-
-
-def exponents(product: Real, log: float) -> tuple[complex, complex]:
-    """Logarithms of the two eigenvalues of a unit-determinant matrix e^log * product, sum zero."""
-    half_trace = float(product[0, 0] + product[1, 1]) / 2
-    turn = math.pi if half_trace < 0 else 0.0
-    growth = float(period_trace.growth(np.array(half_trace), np.array(log)))
-    if growth == 0:
-        angle = math.acos(min(1.0, max(-1.0, half_trace * math.exp(min(log, 30.0)))))
-        return complex(0, angle), complex(0, -angle)
-    return complex(growth, turn), complex(-growth, -turn)
 
 
 def multipliers(
@@ -94,8 +84,12 @@ def multipliers(
     one = np.ones(())
     value, log = period_trace.of_fourier(ratio * one, one, zeta * one, harmonics, tolerance)
     decay = 2 * math.pi * ratio * zeta
-    first, second = exponents(np.diag([float(value)] * 2), float(log))
-    return _exponential(first - decay), _exponential(second - decay)
+    growth = float(period_trace.growth(value, log))
+    angle = math.pi if value < 0 else 0.0
+    if growth == 0:
+        angle = math.acos(min(1.0, max(-1.0, float(value) * math.exp(min(float(log), 30.0)))))
+    exponent = complex(growth, angle)
+    return _exponential(exponent - decay), _exponential(-exponent - decay)
 
 
 def _exponential(exponent: complex) -> complex:
@@ -105,30 +99,14 @@ def _exponential(exponent: complex) -> complex:
     return cmath.exp(exponent)
 
 
-class Shape(NamedTuple):
-    """What the Floquet form needs of phi at scale 1.
-
-    Attributes
-    ----------
-    harmonics : complex ndarray, shape (J,)
-        c_1..c_J.
-    highest, slope : float
-        Bounds of max|phi| and of max |dphi/dx| over the angle x = w t.
-    """
-
-    harmonics: Complex
-    highest: float
-    slope: float
-
-
-def gain(ratio: Real, zeta: Real, scale: Real, shape: Shape) -> tuple[Real, Real]:
+def gain(ratio: Real, zeta: Real, scale: Real, shape: Pattern) -> tuple[Real, Real]:
     """Gains of many sets that share phi; all arrays have the shape (B,).
 
     Parameters
     ----------
     ratio, zeta, scale : float ndarray
         R, damping ratio > 0, and the factor of phi.
-    shape : Shape
+    shape : Pattern
         Of phi.
 
     Returns
@@ -161,7 +139,7 @@ def gain(ratio: Real, zeta: Real, scale: Real, shape: Shape) -> tuple[Real, Real
     return found, growth
 
 
-def _step_counts(ratio: Real, zeta: Real, scale: Real, shape: Shape) -> Real:
+def _step_counts(ratio: Real, zeta: Real, scale: Real, shape: Pattern) -> Real:
     """Count steps short enough for the rest to be small beside a resonance at this damping."""
     for_rest = np.sqrt(scale * shape.slope / ratio * (1 + zeta) / np.maximum(zeta, 1e-6))
     # most of many sets need no more; for a few, a sharp bound spares harmonics
@@ -175,7 +153,7 @@ def _in_rows(counts: Real) -> Real:
 
 
 def _gain_of_steps(
-    ratio: Real, zeta: Real, scale: Real, shape: Shape, count: int
+    ratio: Real, zeta: Real, scale: Real, shape: Pattern, count: int
 ) -> tuple[Real, Real, Real]:
     """Gains, certain growths, and twice the Neumann loop of sets cut into `count` steps."""
     period = 2 * math.pi * ratio
@@ -206,7 +184,7 @@ def _gain_of_steps(
 
 
 def _steps(
-    ratio: Real, zeta: Real, scale: Real, shape: Shape, count: int
+    ratio: Real, zeta: Real, scale: Real, shape: Pattern, count: int
 ) -> tuple[Real, Real, Real]:
     """Products up to each step and ln of their scale, and the step matrices themselves."""
     mean, offset = _step_averages(shape.harmonics, count)

@@ -203,31 +203,18 @@ class Motion(Result):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FreeVibration:
-    """The two free vibrations, and the steady one that they die out to.
+class FreeVibration(AmplitudeEquations):
+    """The two free vibrations, A' = lambda A each, and the steady one that they die out to.
 
-    Attributes
-    ----------
-    equations : AmplitudeEquations
-        A' = lambda A of both, uncoupled, on line 0: A holds the fast e^{lambda t}.
+    Both are states of line 0: A holds the fast e^{lambda t}. As a start for `Motion` the error at a
+    fixed time is of order N+1 in the variation of stiffness; up to times of the order of 1/eps that
+    takes rate_order >= order + 1.
     """
-
-    equations: AmplitudeEquations
-
-    @property
-    def exponent_terms(self) -> Complex:
-        """Orders of lambda [1/s], shape (K+1,): order zero first, then D_k A/A."""
-        return np.asarray(self.equations.rate_terms[:, 0, 0])
 
     @property
     def exponent(self) -> complex:
         """Sum of all orders of lambda [1/s], of the vibration with Im lambda > 0 (or slower)."""
-        return complex(self.exponent_terms.sum())
-
-    @property
-    def frequency_rad_s(self) -> float:
-        """Shifted natural frequency Im lambda [rad/s]; 0 if overdamped."""
-        return self.exponent.imag
+        return complex(self.rate[0, 0])
 
     @property
     def frequency_hz(self) -> float:
@@ -238,16 +225,6 @@ class FreeVibration:
     def decay_per_s(self) -> float:
         """Decay rate -Re lambda [1/s]."""
         return -self.exponent.real
-
-    def motion(self, displacement_m: float = 0.0, velocity_ms: float = 0.0) -> Motion:
-        """Vibration from z(0) [m] and z'(0) [m/s] under the forces of the problem.
-
-        The error at a fixed time is of order N+1 in the variation of stiffness; up to times of
-        the order of 1/eps that takes rate_order >= order + 1.
-        """
-        return Motion(
-            equations=self.equations, displacement_m=displacement_m, velocity_ms=velocity_ms
-        )
 
 
 def free_vibration(
@@ -279,7 +256,7 @@ def free_vibration(
     Examples
     --------
     >>> p = HillProblem(1.0, 0.0, 3.3**2, [0.1], 2 * math.pi, 0.0)    # w0 = 3.3 w, eps = 0.2
-    >>> round(free_vibration(p, 2).frequency_rad_s, 8)
+    >>> round(free_vibration(p, 2).exponent.imag, 8)
     3.29155616
     """
     rate_order = order if rate_order is None else rate_order
@@ -294,18 +271,16 @@ def free_vibration(
     steady = answer_forces(coupling, problem, [], up, order)
     w0 = 2 * math.pi * problem.natural_frequency_hz
     return FreeVibration(
-        equations=AmplitudeEquations(
-            problem=problem,
-            slow=((1, 0.0), (-1, 0.0)),
-            small_damping=small_damping,
-            rate_terms=np.asarray(w0 * rates),
-            forcing_terms=np.zeros((rate_order + 1, 2), dtype=complex),
-            lines=up.lines,
-            shape_terms=shapes,
-            forced_lines=steady.lines,
-            forced_terms=steady.terms,
-            smallest_divisor=min(one.smallest_divisor for one in (up, down, steady)),
-        )
+        problem=problem,
+        slow=((1, 0.0), (-1, 0.0)),
+        small_damping=small_damping,
+        rate_terms=np.asarray(w0 * rates),
+        forcing_terms=np.zeros((rate_order + 1, 2), dtype=complex),
+        lines=up.lines,
+        shape_terms=shapes,
+        forced_lines=steady.lines,
+        forced_terms=steady.terms,
+        smallest_divisor=min(one.smallest_divisor for one in (up, down, steady)),
     )
 
 

@@ -43,7 +43,7 @@ import numpy as np
 from gearmon.dynamics.compliance import PairCompliance, SystemCompliance, inverse_norm
 from gearmon.dynamics.error_bound import Gain, Pattern, best_gain, convergence
 from gearmon.dynamics.floquet import SETTLED, system_multipliers
-from gearmon.dynamics.fourier import FEWEST_FOR_A_MATRIX, Complex, Modulation, Real, rms
+from gearmon.dynamics.fourier import FEWEST_FOR_A_MATRIX, Complex, Modulation, Real, rms_of_each
 from gearmon.dynamics.hill import HillProblem
 from gearmon.dynamics.system import HillSystem
 
@@ -57,6 +57,9 @@ SMALLEST = 1e-200
 #: Factor an order up to which the plain sum is worth it, and share of the tolerance it may leave.
 SLOWEST, AIM = 0.7, 0.3
 MOST_SUMMED = 120
+#: Share of the tolerance that harmonics of many sets are guessed for: their short bound answers
+#: lines above with the gain of a resonance.
+SPARE = 0.03
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,8 +161,10 @@ class MeshEquations:
         """Bound of the inverse operator, and stability."""
         c = self.compliance
         if isinstance(c, SystemCompliance):
-            radius = float(np.abs(self.multipliers[:1]).max(initial=0.0))
-            return Gain(acceleration=self.gain_by_inverse, stable=np.array(radius < 1 - SETTLED))
+            stable = bool(np.abs(self.multipliers[:1]).max(initial=0.0) < 1 - SETTLED)
+            # what never dies out has no steady state, and no bound worth an inverse
+            known = self.gain_by_inverse if stable else np.array(math.inf)
+            return Gain(acceleration=known, stable=np.array(stable))
         found = best_gain(c.ratio, c.zeta, np.ones(1), self.pattern)
         return Gain(acceleration=found.acceleration[0], stable=found.stable[0])
 
@@ -293,7 +298,7 @@ def equations_of(problem: HillProblem | HillSystem, shown: int | None = None) ->
 
 
 class LeastResidual:
-    """Grow a basis of orders for (1 + K) x = right side, and recombine them.
+    """Grow a basis of orders for (1 + K) x = right side, and recombine them; many sets at once.
 
     The images of the directions are kept orthonormal (generalised conjugate residuals, GMRES in
     exact arithmetic).
@@ -303,83 +308,94 @@ class LeastResidual:
     coupling : callable
         Half spectra x -> K x, real-linear, same shape.
     right_side : complex ndarray, shape (..., N+1)
-        Half spectrum, or one of every mesh; not zero.
+        Half spectrum, or one of every mesh or set; not zero.
     most : int
         Largest number of orders.
+    sets : int
+        Sets that stand on the first axis, each with a combination of its own.
     """
 
     def __init__(
-        self, coupling: Callable[[Complex], Complex], right_side: Complex, most: int
+        self, coupling: Callable[[Complex], Complex], right_side: Complex, most: int, sets: int = 1
     ) -> None:
-        self.coupling, self.shape = coupling, right_side.shape
+        self.coupling, self.shape, self.sets = coupling, right_side.shape, sets
         # scaled so that the dot product of real views is the mean product over the period
         self.weights = np.full(right_side.shape[-1], math.sqrt(2.0))
         self.weights[0] = 1.0
         self.rest = self._flat(right_side)
-        size = len(self.rest)
-        self.most = max(1, min(most, size - 1, int(BYTES_FOR_BASIS / (16 * size))))
-        #: orthonormal images (1 + K) p, and the directions p
-        self.images = np.empty((min(self.most, 15), size))
+        size = self.rest.shape[1]
+        self.most = max(1, min(most, size - 1, int(BYTES_FOR_BASIS / (16 * sets * size))))
+        #: orthonormal images (1 + K) p, and the directions p, shape (sets, orders, size)
+        self.images = np.empty((sets, min(self.most, 15), size))
         self.directions = np.empty_like(self.images)
-        self.sum = np.zeros(size)
+        self.sum = np.zeros_like(self.rest)
         self.orders = 0
-        self.residual = _length(self.rest)
+        #: rms of each set, shape (sets,)
+        self.residual = _lengths(self.rest)
         self._least = UNIT_ROUNDOFF * self.residual
-        self._stalled = False
+        self._stalled = np.zeros(sets, dtype=bool)
 
-    def extend(self, target: float) -> bool:
-        """Add orders until the rms residual is <= `target`; True if it was reached."""
-        while self.residual > max(target, self._least):
+    def extend(self, target: Real | float) -> bool:
+        """Add orders until the rms residuals are <= `target`; True if it was reached."""
+        while (self.residual > np.maximum(target, self._least)).any():
             if self.orders >= self.most or not self._add():
                 break
-        return self.residual <= target
+        return bool((self.residual <= target).all())
 
     def solution(self) -> Complex:
         """Least-residual x."""
         return self._half(self.sum)
 
     def _flat(self, half: Complex) -> Real:
-        return np.ascontiguousarray(self.weights * half).view(float).ravel()
+        scaled: Complex = np.ascontiguousarray(self.weights * half)
+        return scaled.view(float).reshape(self.sets, -1)
 
-    def _half(self, row: Real) -> Complex:
-        return np.asarray(row.view(complex).reshape(self.shape) / self.weights)
+    def _half(self, rows: Real) -> Complex:
+        return np.asarray(rows.view(complex).reshape(self.shape) / self.weights)
 
     def _add(self) -> bool:
         """One more order; False when the space is exhausted."""
-        direction = (self.images[self.orders - 1] if self._stalled else self.rest).copy()
+        n = self.orders
+        last = self.images[:, n - 1]
+        direction = np.where(self._stalled[:, None], last, self.rest) if n else self.rest.copy()
         image = direction + self._flat(self.coupling(self._half(direction)))
-        whole = _length(image)
+        whole = _lengths(image)
         length = self._orthogonalise(image, direction)
-        if length < 0.5 * whole:
+        if (length < 0.5 * whole).any():
             # where much cancelled, a second pass keeps the basis orthogonal to rounding
             length = self._orthogonalise(image, direction)
-        if not length > max(1e-14 * whole, SMALLEST):
+        usable = length > np.maximum(1e-14 * whole, SMALLEST)
+        if not usable.any():
             return False
-        image, direction = image / length, direction / length
-        if self.orders == len(self.images):
-            empty = np.empty((min(self.most, 2 * self.orders) - self.orders, len(image)))
-            self.images = np.concatenate([self.images, empty])
-            self.directions = np.concatenate([self.directions, empty])
-        self.images[self.orders], self.directions[self.orders] = image, direction
-        self.orders += 1
-        share = float(image @ self.rest)
+        # a set whose space is exhausted has nothing to add
+        scale = np.where(usable, 1 / np.where(usable, length, 1.0), 0.0)[:, None]
+        image, direction = image * scale, direction * scale
+        if n == self.images.shape[1]:
+            more = min(self.most, 2 * n) - n
+            empty = np.empty((self.sets, more, image.shape[1]))
+            self.images = np.concatenate([self.images, empty], axis=1)
+            self.directions = np.concatenate([self.directions, empty], axis=1)
+        self.images[:, n], self.directions[:, n] = image, direction
+        self.orders = n + 1
+        share = np.einsum("sn,sn->s", image, self.rest)[:, None]
         self.sum += share * direction
         self.rest -= share * image
-        before, self.residual = self.residual, _length(self.rest)
-        self._stalled = self.residual > STALLED * before
+        before, self.residual = self.residual, _lengths(self.rest)
+        self._stalled = (self.residual > STALLED * before) & usable
         return True
 
-    def _orthogonalise(self, image: Real, direction: Real) -> float:
-        """Take the known images out of one, and its direction along; length that is left."""
-        known = self.images[: self.orders]
-        shares = known @ image
-        image -= shares @ known
-        direction -= shares @ self.directions[: self.orders]
-        return _length(image)
+    def _orthogonalise(self, image: Real, direction: Real) -> Real:
+        """Take the known images out of one, and its direction along; lengths that are left."""
+        known = self.images[:, : self.orders]
+        shares = known @ image[:, :, None]
+        back = shares.transpose(0, 2, 1)
+        image -= (back @ known)[:, 0]
+        direction -= (back @ self.directions[:, : self.orders])[:, 0]
+        return _lengths(image)
 
 
-def _length(row: Real) -> float:
-    return math.sqrt(float(row @ row))
+def _lengths(rows: Real) -> Real:
+    return np.asarray(np.sqrt(np.einsum("sn,sn->s", rows, rows)))
 
 
 def recombine(equations: MeshEquations, x: Complex, tolerance: float, most: int) -> Approximation:
@@ -402,7 +418,9 @@ def recombine(equations: MeshEquations, x: Complex, tolerance: float, most: int)
     and one is taken before.
     """
     known = equations.judge(x)
-    core, count = min(equations.core, known.highest), x.shape[-1]
+    core, count = known.highest, x.shape[-1]
+    if not equations.many:
+        core = min(equations.core, core)
     if most < 1:
         return known
     orders = 0
@@ -418,7 +436,7 @@ def recombine(equations: MeshEquations, x: Complex, tolerance: float, most: int)
     def coupling(swing: Complex) -> Complex:
         return equations.modulate(equations.compliance.answer(swing), core)
 
-    space = LeastResidual(coupling, right_side, most - orders)
+    space = LeastResidual(coupling, right_side, most - orders, equations.sets)
     space.extend(_target(equations, known, right_side, tolerance))
     x = known.swing.copy()
     x[..., : core + 1] += space.solution()
@@ -427,14 +445,14 @@ def recombine(equations: MeshEquations, x: Complex, tolerance: float, most: int)
 
 def _target(
     equations: MeshEquations, known: Approximation, right_side: Complex, tolerance: float
-) -> float:
-    """Rms residual of the core that leaves 0.4 of the tolerance."""
-    gain = float(equations.gain.acceleration)
-    if gain == math.inf:
-        return 1e-3 * tolerance * float(equations.compliance.size(right_side))
+) -> Real:
+    """Rms residuals of the core that leave 0.4 of the tolerance."""
+    gain, size = equations.gain.acceleration, equations.compliance.size(right_side)
     motion = known.motion.copy()
     motion[..., : right_side.shape[-1]] += equations.compliance.motion(right_side)
-    return 0.4 * tolerance * max(float(known.bound.size), float(equations.size(motion))) / gain
+    swing = np.maximum(known.bound.size, equations.size(motion))
+    known_gain = np.where(np.isinf(gain), 1.0, gain)
+    return np.where(np.isinf(gain), 1e-3 * size, 0.4 * swing / known_gain) * tolerance
 
 
 def plain_sum(
@@ -449,9 +467,9 @@ def plain_sum(
         total = total + term
         used += 1
         if order is None:
-            size = float(equations.size(compliance.motion(term)))
-            smallest = min(smallest, size)
-            whole = float(equations.size(compliance.state(total)[1]))
+            size = equations.size(compliance.motion(term))
+            whole = equations.size(compliance.state(total)[1])
+            smallest = min(smallest, float(size))
             if size <= 0.1 * tolerance * whole and (
                 size <= 1e-3 * tolerance * whole
                 or equations.judge(total).bound.relative <= tolerance
@@ -464,7 +482,7 @@ def plain_sum(
 
 
 def sum_orders(equations: MeshEquations, x: Complex, tolerance: float) -> Approximation:
-    """Improve x of a pair by orders about the middle of its stiffness.
+    """Improve x of a pair, or of many sets, by orders about the middle of its stiffness.
 
     The expansion about a constant stiffness 1 + b midway between the extremes of 1 + phi,
 
@@ -484,26 +502,25 @@ def sum_orders(equations: MeshEquations, x: Complex, tolerance: float) -> Approx
         As in `recombine`.
     """
     compliance = equations.pairs
-    highest, middle = len(x) - 1, equations.pattern.middle_and_swing[0]
-    stiffness = compliance.stiffness(highest)
-    force = equations.judge(x).residual[: highest + 1]
+    highest, middle = x.shape[-1] - 1, equations.pattern.middle_and_swing[0]
+    stiffness, scale = compliance.stiffness(highest), equations.scale
+    force = equations.judge(x).residual[..., : highest + 1]
     total = compliance.answer(x)
-    product, answer = equations.product(highest, highest, middle), 1 / (stiffness + middle)
+    product, answer = equations.product(highest, highest, middle), 1 / (stiffness + middle * scale)
     step = force * answer
-    gain = float(equations.gain.acceleration)
-    size, orders = math.inf, 0
+    answer *= -scale
+    gain, size, orders = equations.gain.acceleration * scale[..., 0], np.array(math.inf), 0
     while orders < MOST_SUMMED:
         total += step
         orders += 1
         step = product(step)
-        left = gain * rms(step)
-        if left <= 2 * AIM * tolerance * size:
+        left = gain * rms_of_each(step)
+        if (left <= 2 * AIM * tolerance * size).all():
             # the size hardly changes after the first orders: it is taken again only to decide
-            size = float(equations.size(compliance.state(x, total)[1]))
-            if left <= AIM * tolerance * size:
+            size = equations.size(compliance.state(x, total)[1])
+            if (left <= AIM * tolerance * size).all():
                 break
         step *= answer
-        np.negative(step, out=step)
     return equations.judge(stiffness * total, orders, total)
 
 
@@ -530,9 +547,11 @@ def first_highest(equations: MeshEquations, tolerance: float) -> int:
     max|phi| |G|.
     """
     compliance, shown, swing = equations.compliance, equations.shown, float(equations.swing.max())
+    if equations.many:
+        tolerance *= SPARE
     sizes = np.atleast_2d(np.abs(equations.pattern.harmonics)).sum(axis=0)
     given = max(2, len(compliance.forces) - 1, shown or 1)
-    if not sizes.any():
+    if not (swing and sizes.any()):
         return max(given, compliance.quiet_above(2.3))
     # shares, so that squares of tiny ones do not vanish
     sizes = sizes / sizes.max()
@@ -576,33 +595,34 @@ def widen(
     found = improve(equations.zeros(first_highest(equations, tolerance)))
     orders = found.orders
     for _ in range(MOST_ROUNDS if repeat else 0):
-        if found.bound.relative <= tolerance:
+        if (found.bound.relative <= tolerance).all():
             break
         highest = _larger(equations, found, tolerance)
         padding = equations.zeros(highest - found.highest - 1)
         better = improve(np.concatenate([found.swing, padding], axis=-1))
         orders = better.orders + counts_add * orders
         old, found = found, replace(better, orders=orders)
-        size = equations.compliance.size
-        if highest == old.highest and size(found.residual) > 0.5 * size(old.residual):
+        left, before = (equations.compliance.size(one.residual) for one in (found, old))
+        if highest == old.highest and (left > 0.5 * before).all():
             break
     return found
 
 
 def _larger(equations: MeshEquations, found: Approximation, tolerance: float) -> int:
     """Find the harmonic beyond which the residual asks for too little to matter."""
-    compliance, gain = equations.compliance, float(equations.gain.acceleration)
+    compliance, gain = equations.compliance, equations.gain.acceleration
     left, first = found.residual, found.highest + 1
     weights = compliance.weights(left.shape[-1] - 1) * (equations.shown is None)
     worth = weights * compliance.per_line(compliance.motion(left, first))
-    if gain < math.inf:
+    if (gain < math.inf).all():
         answer = compliance.answer(left, first)
-        worth = worth + gain * equations.swing * compliance.per_line(answer)
+        worth = worth + (gain * equations.swing)[..., None] * compliance.per_line(answer)
+    # of many sets the one that asks for most
+    worth = np.atleast_2d(worth / (tolerance * found.bound.size)[..., None]).max(axis=0)
     beyond = np.sqrt(2 * np.cumsum((worth**2)[::-1]))[::-1]
-    allowed = tolerance * found.bound.size
-    if beyond[0] <= 0.4 * allowed:
+    if beyond[0] <= 0.4:
         return found.highest
-    needed = int((beyond > 0.1 * allowed).sum())
+    needed = int((beyond > 0.1).sum())
     return max(needed, found.highest + max(8, found.highest // 4))
 
 

@@ -78,18 +78,6 @@ class Expansion(Result):
         total: Complex = self.terms.sum(axis=0)
         return total
 
-    def scaled(self, factor: float) -> Complex:
-        """Displacement [m] if the stiffness varied `factor` times as much: no new solve.
-
-        Parameters
-        ----------
-        factor : float
-            Multiplies every c_j, and c where damping is small; order k scales with its k-th power.
-        """
-        powers = factor ** np.arange(self.order + 1)
-        total: Complex = powers @ self.terms
-        return total
-
     @cached_property
     def formula(self) -> Formula:
         """The same orders and harmonics as a function of the parameters."""
@@ -98,24 +86,6 @@ class Expansion(Result):
     def substitute(self, **values: npt.ArrayLike) -> Complex:
         """Displacement [m] for other parameter values, many at once: see `Formula.at`."""
         return self.formula.at(**values)
-
-    def rows(self, most: int = 12) -> list[dict[str, float]]:
-        """Lines by size: harmonic, frequency_hz and the amplitude 2|Z^(k)_n| [m] of every order.
-
-        `terms.paths` tells which stiffness harmonics make them.
-
-        Parameters
-        ----------
-        most : int
-            Number of lines.
-        """
-        sizes = 2 * np.abs(self.displacement[1:])
-        largest = np.argsort(-sizes)[:most] + 1
-        return [
-            {"harmonic": int(n), "frequency_hz": n / self.problem.period_s}
-            | {f"order_{k}_m": float(2 * abs(term[n])) for k, term in enumerate(self.terms)}
-            for n in largest
-        ]
 
 
 def expand(
@@ -224,7 +194,7 @@ class Formula:
     """Sum of orders 0..order as a function of the parameters, evaluated for arrays of them.
 
     What is planned once is the product by k(t). Accurate where the series converges (max|phi| max
-    1/|D_n| below about 0.5 for order 10 and 1e-3); no error bound: `ManySets` bounds the errors.
+    1/|D_n| below about 0.5 for order 10 and 1e-3); no error bound: `sweep` bounds the errors.
 
     Parameters
     ----------

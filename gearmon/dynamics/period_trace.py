@@ -10,8 +10,7 @@ the unit circle for |H| <= 1 and are +-e^{+-arcosh|H|} beyond. H is returned as 
 
 For a Fourier stiffness the period is cut into steps of a Magnus expansion of sixth order (Gauss
 points; Blanes, Casas and Ros, BIT 40, 2000, 434), whose matrices are exponentials and so exact for
-constant q however fast the vibration; halving the step removes the next term of the error. For a
-piecewise constant stiffness the steps are exact.
+constant q however fast the vibration; halving the step removes the next term of the error.
 """
 
 from __future__ import annotations
@@ -21,7 +20,6 @@ import math
 import numpy as np
 
 from gearmon.dynamics.fourier import Complex, Real
-from gearmon.dynamics.piecewise_motion import unit_integral
 
 Integers = np.ndarray[tuple[int, ...], np.dtype[np.int_]]
 
@@ -160,33 +158,6 @@ def magnus_steps(left: Real, middle: Real, right: Real, length: Real) -> tuple[R
     return np.array([[even + odd * d, odd * e], [odd * f, even - odd * d]]), logs
 
 
-def of_pieces(
-    ratio: Real, variation: Real, zeta: Real, levels: Real, shares: Real
-) -> tuple[Real, Real]:
-    """Half traces for k(t) = k0 [1 + eps f(t)] with f piecewise constant; exact.
-
-    Parameters
-    ----------
-    ratio, variation, zeta : float ndarray, broadcasting to (...)
-        As in `of_fourier`.
-    levels, shares : float ndarray, shape (P,)
-        f_i, and the share of the period each lasts.
-
-    Returns
-    -------
-    value, log : float ndarray, shape (...)
-    """
-    ratio, variation, zeta = (
-        np.asarray(x, dtype=np.float64) for x in np.broadcast_arrays(ratio, variation, zeta)
-    )
-    shape, pieces = ratio.shape, (len(levels), *(1,) * ratio.ndim)
-    squares = 1 - zeta**2 + variation * levels.reshape(pieces)
-    times = 2 * math.pi * ratio * shares.reshape(pieces)
-    matrices, logs = unit_matrices(np.zeros(1), squares, times)
-    product, log = scaled_product(matrices, logs)
-    return ((product[0, 0] + product[1, 1]) / 2).reshape(shape), log.reshape(shape)
-
-
 def growth(value: Real, log: Real) -> Real:
     """Logarithm >= 0 of the larger eigenvalue of the map whose half trace is value * e^log."""
     size = np.abs(value)
@@ -195,25 +166,6 @@ def growth(value: Real, log: Real) -> Real:
     with np.errstate(over="ignore"):
         small = np.arccosh(np.maximum(1.0, size * np.exp(np.minimum(log, 30.0))))
     return np.asarray(np.where(large & (size > 0), np.log(2 * safe) + log, small))
-
-
-def unit_matrices(h: Real, s: Real, tau: Real) -> tuple[Real, Real]:
-    """Step matrices with determinant one and size about one: e^{h tau} (I + N) = e^log matrix.
-
-    Returns
-    -------
-    matrices : float ndarray, shape (2, 2, ...)
-    logs : float ndarray, shape (...,)
-    """
-    h, s, tau = (np.asarray(x, dtype=np.float64) for x in np.broadcast_arrays(h, s, tau))
-    square = s - h**2
-    root = np.sqrt(np.abs(square)) * tau
-    swings = square >= 0
-    twice = np.where(swings, 0.0, -2 * root)
-    even = np.where(swings, np.cos(root), (1 + np.exp(twice)) / 2)
-    odd = tau * np.where(swings, np.sinc(root / math.pi), unit_integral(twice))
-    logs = np.where(swings, 0.0, root)
-    return np.array([[even + h * odd, odd], [-s * odd, even - h * odd]]), logs
 
 
 def scaled_product(matrices: Real, logs: Real) -> tuple[Real, Real]:

@@ -10,7 +10,6 @@ Source: Magnus and Winkler, Hill's Equation, 1966, chapters 1 and 2.
 
 from __future__ import annotations
 
-import cmath
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -22,7 +21,6 @@ import numpy.typing as npt
 from gearmon.dynamics import floquet, period_trace
 from gearmon.dynamics.fourier import Complex, Real, fast_length, samples, with_zero_mean
 from gearmon.dynamics.hill import HillProblem, frozen_vector
-from gearmon.dynamics.piecewise import PiecewiseProblem
 from gearmon.errors import ArgumentError, check_range
 from gearmon.result import Result
 
@@ -45,107 +43,21 @@ class FourierShape:
             raise ArgumentError("harmonics: give at least one coefficient")
         object.__setattr__(self, "harmonics", vector)
 
-    def half_trace(
-        self, ratio: Real, variation: Real, zeta: Real, tolerance: float = 1e-12
-    ) -> tuple[Real, Real]:
-        """Half the trace of the undamped period map as value * e^log; see `period_trace`."""
-        return period_trace.of_fourier(ratio, variation, zeta, self.harmonics, tolerance)
-
-    def first_harmonics(self, count: int) -> Complex:
-        """f_1..f_count, without the zeros beyond the last."""
-        return self.harmonics[:count]
-
-    def over_a_period(self) -> tuple[Real, Real]:
-        """Values of f on equal steps, and the share of the period of each."""
+    @cached_property
+    def values(self) -> Real:
+        """F on equal steps of the period, 512 or more."""
         half = with_zero_mean(self.harmonics)
-        values = samples(half, fast_length(max(512, 16 * len(half))))
-        return values, np.full(len(values), 1 / len(values))
+        return samples(half, fast_length(max(512, 16 * len(half))))
 
     @cached_property
     def extremes(self) -> tuple[float, float]:
         """Smallest and largest f."""
-        values, _ = self.over_a_period()
-        return float(values.min()), float(values.max())
-
-    def times(self, factor: float) -> FourierShape:
-        """Return factor * f(t)."""
-        return FourierShape(factor * self.harmonics)
-
-
-@dataclass(frozen=True, eq=False)
-class PiecewiseShape:
-    """Shape f(t) of a stiffness k0 [1 + eps f(t)] that is constant piece by piece.
-
-    Parameters
-    ----------
-    levels, shares : float array, shape (P,)
-        f_i, and the share of the period that each lasts, > 0 and together 1. The mean of f must
-        be 0.
-    """
-
-    levels: Real
-    shares: Real
-
-    def __post_init__(self) -> None:
-        levels, shares = (np.array(x, dtype=np.float64) for x in (self.levels, self.shares))
-        if levels.ndim != 1 or levels.shape != shares.shape or not len(levels):
-            raise ArgumentError(
-                f"levels and shares: shapes {levels.shape} and {shares.shape} must be one row "
-                "each, of the same length"
-            )
-        if not np.isfinite(levels).all() or not (shares > 0).all():
-            raise ArgumentError("levels must be finite and shares > 0")
-        if abs(shares.sum() - 1) > 1e-9 or abs(levels @ shares) > 1e-9 * np.abs(levels).max():
-            raise ArgumentError(
-                f"shares add up to {shares.sum():.9g} and the mean level is {levels @ shares:.3g}; "
-                "they must be 1 and 0"
-            )
-        for name, values in (("levels", levels), ("shares", shares)):
-            values.flags.writeable = False
-            object.__setattr__(self, name, values)
-
-    @classmethod
-    def rectangle(cls, duty: float) -> PiecewiseShape:
-        """+1 for a share D = `duty` of the period, -D/(1-D) for the rest."""
-        if not 0 < duty < 1:
-            raise ArgumentError(f"duty={duty} must lie between 0 and 1")
-        return cls(np.array([1.0, -duty / (1 - duty)]), np.array([duty, 1 - duty]))
-
-    def half_trace(
-        self,
-        ratio: Real,
-        variation: Real,
-        zeta: Real,
-        tolerance: float = 0.0,  # noqa: ARG002
-    ) -> tuple[Real, Real]:
-        """Half the trace of the undamped period map as value * e^log, exact at any tolerance."""
-        return period_trace.of_pieces(ratio, variation, zeta, self.levels, self.shares)
-
-    def first_harmonics(self, count: int) -> Complex:
-        """f_1..f_count, counted from the middle of the first piece: a rectangle's are real."""
-        orders = np.arange(1, count + 1)
-        begins = np.cumsum(self.shares) - self.shares - self.shares[0] / 2
-        jumps = self.levels - np.roll(self.levels, 1)
-        turns = np.exp(-2j * math.pi * np.outer(orders, begins))
-        return np.asarray(turns @ jumps / (2j * math.pi * orders))
-
-    def over_a_period(self) -> tuple[Real, Real]:
-        """Values of f, and the share of the period of each."""
-        return self.levels, self.shares
-
-    @property
-    def extremes(self) -> tuple[float, float]:
-        """Smallest and largest f."""
-        return float(self.levels.min()), float(self.levels.max())
-
-    def times(self, factor: float) -> PiecewiseShape:
-        """Return factor * f(t)."""
-        return PiecewiseShape(factor * self.levels, self.shares)
+        return float(self.values.min()), float(self.values.max())
 
 
 def shape_of(
-    problem: HillProblem | PiecewiseProblem,
-) -> tuple[FourierShape | PiecewiseShape, float]:
+    problem: HillProblem,
+) -> tuple[FourierShape, float]:
     """Shape f(t) of a problem's stiffness with max f = 1, and the variation eps that belongs to it.
 
     Returns
@@ -158,18 +70,15 @@ def shape_of(
     ArgumentError
         If the stiffness does not vary.
     """
-    shape = variation_of(problem)
-    top = shape.extremes[1]
+    c = problem.stiffness_harmonics
+    top = _variation_of(problem).extremes[1]
     if not top > 0:
         raise ArgumentError("the stiffness does not vary: there is no shape to speak of")
-    return shape.times(1 / top), top
+    return FourierShape(c / top), top
 
 
-def variation_of(problem: HillProblem | PiecewiseProblem) -> FourierShape | PiecewiseShape:
+def _variation_of(problem: HillProblem) -> FourierShape:
     """k(t)/k0 - 1 itself."""
-    if isinstance(problem, PiecewiseProblem):
-        levels = problem.relative_levels - 1
-        return PiecewiseShape(levels - levels @ problem.shares, problem.shares)
     c = problem.stiffness_harmonics
     return FourierShape(c if len(c) else np.zeros(1, dtype=complex))
 
@@ -180,7 +89,7 @@ class StabilityChart(Result):
 
     Attributes
     ----------
-    shape : FourierShape or PiecewiseShape
+    shape : FourierShape
         f(t).
     speeds : float ndarray, shape (X,)
         w/w0: mesh frequency over natural frequency.
@@ -191,7 +100,7 @@ class StabilityChart(Result):
         ln of the larger modulus of the two multipliers, per period; > 0 is unstable.
     """
 
-    shape: FourierShape | PiecewiseShape
+    shape: FourierShape
     speeds: Real
     variations: Real
     damping_ratio: float
@@ -209,7 +118,7 @@ class StabilityChart(Result):
 
 
 def stability_chart(
-    shape: FourierShape | PiecewiseShape,
+    shape: FourierShape,
     speeds: npt.ArrayLike,
     variations: npt.ArrayLike,
     damping_ratio: float = 0.0,
@@ -219,7 +128,7 @@ def stability_chart(
 
     Parameters
     ----------
-    shape : FourierShape or PiecewiseShape
+    shape : FourierShape
         f(t) of k0 [1 + eps f(t)].
     speeds : float array, shape (X,)
         Ratios w/w0, 0.001 to 1000.
@@ -228,7 +137,7 @@ def stability_chart(
     damping_ratio : float
         zeta, 0 to 100.
     tolerance : float
-        Of half the trace, for a Fourier shape, 1e-15 to 0.1; a piecewise one is exact.
+        Of half the trace, 1e-15 to 0.1.
 
     Returns
     -------
@@ -260,19 +169,21 @@ def stability_chart(
 
 
 def growth_of(
-    shape: FourierShape | PiecewiseShape,
+    shape: FourierShape,
     ratio: Real,
     variation: Real,
     zeta: Real | float,
     tolerance: float = 1e-12,
 ) -> Real:
     """Natural logarithm of the largest multiplier's modulus per period; arguments broadcast."""
-    value, log = shape.half_trace(ratio, variation, np.asarray(zeta), tolerance)
+    value, log = period_trace.of_fourier(
+        ratio, variation, np.asarray(zeta), shape.harmonics, tolerance
+    )
     return period_trace.growth(value, log) - 2 * math.pi * zeta * ratio
 
 
 def excess(
-    shape: FourierShape | PiecewiseShape,
+    shape: FourierShape,
     ratio: Real,
     variation: Real,
     zeta: Real | float,
@@ -286,7 +197,9 @@ def excess(
         e^{-u} (+-H - cosh u), u = 2 pi R zeta: above zero where a multiplier lies beyond +1, or
         beyond -1.
     """
-    value, log = shape.half_trace(ratio, variation, np.asarray(zeta), tolerance)
+    value, log = period_trace.of_fourier(
+        ratio, variation, np.asarray(zeta), shape.harmonics, tolerance
+    )
     decay = 2 * math.pi * zeta * ratio
     with np.errstate(over="ignore"):
         scaled = value * np.exp(np.minimum(log - decay, 700.0))
@@ -335,15 +248,12 @@ class StabilityMargin:
     message: str
 
 
-def stability_margin(
-    problem: HillProblem | PiecewiseProblem, search: bool = True
-) -> StabilityMargin:
+def stability_margin(problem: HillProblem, search: bool = True) -> StabilityMargin:
     """Multipliers of a problem, and the factor on its stiffness variation that makes it unstable.
 
     Parameters
     ----------
-    problem : HillProblem or PiecewiseProblem
-        Of a piecewise problem all is exact; of the other to about 1e-12.
+    problem : HillProblem
     search : bool
         Whether to look for `variation_factor`; where damping does not settle it at once, its cost
         grows as (w0/w)^2, and above w0/w = 200 it is not looked for.
@@ -361,12 +271,10 @@ def stability_margin(
     >>> m.stable, m.variation_factor, round(m.positive_factor, 3)
     (True, inf, 7.692)
     """
-    shape = variation_of(problem)
+    shape = _variation_of(problem)
     ratio, zeta = problem.frequency_ratio, problem.damping_ratio
-    value, log = shape.half_trace(np.array(ratio), np.array(1.0), np.array(zeta))
-    pair = floquet.exponents(np.diag([float(value)] * 2), float(log))
-    decay = 2 * math.pi * ratio * zeta
-    growth = pair[0].real - decay
+    pair = floquet.multipliers(ratio, zeta, shape.harmonics, 1e-12)
+    growth = float(growth_of(shape, np.array(ratio), np.array(1.0), zeta))
     low = -shape.extremes[0]
     positive = 1 / low if low > 0 else math.inf
     factor, doubles = math.nan, None
@@ -374,7 +282,7 @@ def stability_margin(
         factor, doubles = _first_unstable(shape, ratio, zeta, positive)
     stable = growth < 0
     return StabilityMargin(
-        multipliers=(cmath.exp(pair[0] - decay), cmath.exp(pair[1] - decay)),
+        multipliers=pair,
         growth_per_period=growth,
         growth_rate_per_s=growth / problem.period_s,
         variation_factor=factor,
@@ -399,7 +307,7 @@ def _margin_message(growth: float, zeta: float, factor: float, positive: float) 
 
 
 def _first_unstable(
-    shape: FourierShape | PiecewiseShape, ratio: float, zeta: float, most: float
+    shape: FourierShape, ratio: float, zeta: float, most: float
 ) -> tuple[float, bool | None]:
     """Smallest factor in (0, most) with a multiplier beyond the unit circle, and which."""
     if not math.isfinite(most):
@@ -422,9 +330,7 @@ def _first_unstable(
     return first, None if math.isinf(first) else minus < plus
 
 
-def certainly_stable_up_to(
-    shape: FourierShape | PiecewiseShape, ratio: float, zeta: float, most: float
-) -> float:
+def certainly_stable_up_to(shape: FourierShape, ratio: float, zeta: float, most: float) -> float:
     """Return a factor on f(t) below which damping outdoes any growth, at most `most`.
 
     With q = 1 - zeta^2 + s f, y'' + q y = 0 cannot grow by more than ln: int s|f| dt/(2 sqrt(1 -
@@ -433,9 +339,8 @@ def certainly_stable_up_to(
     """
     if not 0 < zeta < 1:
         return 0.0
-    values, shares = shape.over_a_period()
-    rest = 1 - zeta**2
-    by_size = 2 * zeta * math.sqrt(rest) / float(np.abs(values) @ shares)
+    values, rest = shape.values, 1 - zeta**2
+    by_size = 2 * zeta * math.sqrt(rest) / float(np.abs(values).mean())
     low, high = 0.0, min(most, 0.999 * rest / max(1e-300, -float(values.min())))
     for _ in range(40):
         middle = (low + high) / 2

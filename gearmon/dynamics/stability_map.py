@@ -9,10 +9,8 @@ import numpy as np
 
 from gearmon.dynamics.fourier import Real
 from gearmon.dynamics.hill import HillProblem
-from gearmon.dynamics.piecewise import PiecewiseProblem
 from gearmon.dynamics.stability import (
     FourierShape,
-    PiecewiseShape,
     StabilityChart,
     shape_of,
     stability_chart,
@@ -24,7 +22,7 @@ from gearmon.errors import ArgumentError, check_range
 HIGHEST_SHARE = 0.98
 MOST_TONGUES = 14
 TIP_HALVINGS = 8
-#: Harmonics of a piecewise stiffness, beyond the tongue's number, that multiple scales gets.
+#: Harmonics of the stiffness, beyond the tongue's number, that multiple scales gets.
 HARMONICS = 24
 #: n max|phi| beyond which neighbouring tongues mix and multiple scales is no boundary at all.
 MOST_COUPLED = 3.0
@@ -70,7 +68,7 @@ class StabilityMap:
 
 
 def stability_map(
-    shape: FourierShape | PiecewiseShape,
+    shape: FourierShape,
     damping_ratio: float = 0.0,
     speeds: tuple[float, float] = (0.45, 2.6),
     highest_variation: float | None = None,
@@ -82,7 +80,7 @@ def stability_map(
 
     Parameters
     ----------
-    shape : FourierShape or PiecewiseShape
+    shape : FourierShape
         f(t) of k0 [1 + eps f(t)].
     damping_ratio : float
         zeta, 0 to below 1.
@@ -125,7 +123,7 @@ def stability_map(
 
 
 def _tongue(
-    shape: FourierShape | PiecewiseShape,
+    shape: FourierShape,
     number: int,
     highest: float,
     zeta: float,
@@ -142,11 +140,9 @@ def _tongue(
     )
 
 
-def _expanded(
-    shape: FourierShape | PiecewiseShape, number: int, eps: Real, zeta: float, order: int
-) -> Real:
+def _expanded(shape: FourierShape, number: int, eps: Real, zeta: float, order: int) -> Real:
     """Edges by multiple scales, shape (E, 2); NaN where they find none, or mean nothing."""
-    harmonics = shape.first_harmonics(number + HARMONICS)
+    harmonics = shape.harmonics[: number + HARMONICS]
     largest = max(shape.extremes[1], -shape.extremes[0])
     edges = np.full((len(eps), 2), np.nan)
     for row, variation in enumerate(eps):
@@ -162,9 +158,7 @@ def _expanded(
     return edges
 
 
-def _near_tips(
-    shape: FourierShape | PiecewiseShape, number: int, coarse: Real, zeta: float
-) -> Real:
+def _near_tips(shape: FourierShape, number: int, coarse: Real, zeta: float) -> Real:
     """Variations that crowd towards where the tongue opens or closes."""
     grid = np.concatenate([[0.0], coarse])
     wide_open = is_open(shape, number, grid, zeta)
@@ -186,7 +180,7 @@ def _near_tips(
 
 
 def stability_map_of(
-    problem: HillProblem | PiecewiseProblem,
+    problem: HillProblem,
     orders: tuple[int, ...] = (1, 2),
     points: tuple[int, int] = (320, 120),
 ) -> StabilityMap:
@@ -194,7 +188,7 @@ def stability_map_of(
 
     Parameters
     ----------
-    problem : HillProblem or PiecewiseProblem
+    problem : HillProblem
         Damping ratio below 1 and w/w0 from 0.01; eps is max k(t)/k0 - 1.
     orders, points
         As of `stability_map`.

@@ -3,8 +3,8 @@
 Sets that share a pattern of stiffness differ in D and in a factor of phi only. For every set
 
 1. the gain of the inverse operator is bounded, which settles stability (`error_bound`);
-2. sets with the same harmonics near their natural frequency are expanded together
-   (`sweep_orders`), and judged as one problem is, by the same `MeshEquations`;
+2. sets whose orders surely converge fast are summed together, the others recombined together by
+   least residual, all by the code of one problem (`mesh_equations`);
 3. what still misses the tolerance goes through `steady_state` by itself, and so do sets whose
    pattern of stiffness few others share.
 """
@@ -18,20 +18,29 @@ import numpy as np
 import numpy.typing as npt
 
 from gearmon.dynamics.compliance import PairCompliance
-from gearmon.dynamics.error_bound import Gain, Pattern, best_gain
+from gearmon.dynamics.error_bound import Gain, Pattern, best_gain, loop_at_lines
 from gearmon.dynamics.fourier import Complex, Real
 from gearmon.dynamics.hill import LARGEST, MOST_SWING, HillProblem, Response, broadcast_values
-from gearmon.dynamics.mesh_equations import MeshEquations
+from gearmon.dynamics.mesh_equations import (
+    MOST_ORDERS,
+    Approximation,
+    MeshEquations,
+    recombine,
+    sum_orders,
+    widen,
+)
 from gearmon.dynamics.steady_state import MOST_RATIO, steady_state
-from gearmon.dynamics.sweep_orders import INDICES, STRAGGLERS, SharedOrders
 from gearmon.errors import ArgumentError, check_range
 from gearmon.result import Result
 
 #: Fewer sets of one pattern are solved faster by themselves.
 FEWEST_TOGETHER = 16
-#: Sets whose arrays stay in the cache.
-JUDGED_TOGETHER = 96
-MSM, RESONANT, ONE_BY_ONE, REFUSED = "msm", "msm resonant", "one by one", "refused"
+#: Sets whose arrays stay in the cache, and w0/w up to which they are solved together.
+MOST_TOGETHER, MOST_RATIO_TOGETHER = 256, 100.0
+#: Factor an order up to which orders are summed as they come.
+SLOWEST_TOGETHER = 0.6
+MSM, RECOMBINED, ONE_BY_ONE, REFUSED = "msm", "msm least residual", "one by one", "refused"
+INDICES = npt.NDArray[np.int_]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -53,8 +62,8 @@ class Sweep(Result):
     stable : bool ndarray, shape (...)
         Whether free vibrations die out for certain.
     method : str ndarray, shape (...)
-        "msm": orders alone. "msm resonant": with the harmonics near the natural frequency solved
-        together. "one by one": `steady_state`. "refused".
+        "msm": orders as they come. "msm least residual": recombined. "one by one":
+        `steady_state`. "refused".
     reason : object ndarray of str, shape (...)
         Empty where the tolerance is met, else one line that says why it is not.
     """
@@ -181,99 +190,44 @@ def sweep(
     >>> found.displacement.shape[:2], bool(found.met.all()), bool(found.stable.all())
     ((2, 3), True, True)
     """
-    return ManySets(stiffness_harmonics, tolerance, harmonics).substitute(
-        mass_kg, damping_ns_per_m, stiffness_n_per_m, period_s, force_n, scale
+    check_range("tolerance", tolerance, 1e-13, 1.0)
+    if harmonics is not None:
+        check_range("harmonics", harmonics, 1, 10_000_000)
+    pattern: Complex = np.array(stiffness_harmonics, dtype=complex)
+    if pattern.ndim == 0:
+        raise ArgumentError("stiffness_harmonics: a number, must be one row of coefficients")
+    if not np.isfinite(pattern).all():
+        where = ", ".join(str(int(i)) for i in np.argwhere(~np.isfinite(pattern))[0])
+        raise ArgumentError(f"stiffness_harmonics: entry [{where}] must be finite")
+    *lead, width = pattern.shape
+    values = {
+        "mass_kg": mass_kg,
+        "damping_ns_per_m": damping_ns_per_m,
+        "stiffness_n_per_m": stiffness_n_per_m,
+        "period_s": period_s,
+        "force_n": force_n,
+        "scale": scale,
+    }
+    full = broadcast_values(values, tuple(lead))
+    shape = full["scale"].shape
+    work = _Work({name: v.ravel() for name, v in full.items()}, tolerance, harmonics)
+    rows = pattern.reshape(math.prod(lead), width)
+    which = np.broadcast_to(np.arange(len(rows)).reshape(lead), shape).ravel()
+    ends = np.cumsum(np.bincount(which, minlength=len(rows)))[:-1]
+    parts = np.split(np.argsort(which, kind="stable"), ends)
+    for row, sets in zip(rows, parts, strict=True):
+        work.solve(row, sets)
+    displacement = work.displacement()
+    return Sweep(
+        **full,
+        stiffness_harmonics=np.broadcast_to(pattern, (*shape, width)) if lead else pattern,
+        tolerance=tolerance,
+        displacement=displacement.reshape(*shape, displacement.shape[-1]),
+        error_bound=work.bound.reshape(shape),
+        stable=work.stable.reshape(shape),
+        method=work.method.reshape(shape),
+        reason=work.reason.reshape(shape),
     )
-
-
-class ManySets:
-    """One pattern of stiffness to substitute any number of values in.
-
-    Parameters
-    ----------
-    stiffness_harmonics : complex array, shape (J,) or (..., J)
-        As in `sweep`.
-    tolerance, harmonics
-        As in `sweep`.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> pair = ManySets([0.065])
-    >>> stiff = pair.substitute(0.28, 9e3, np.linspace(2e8, 1.2e9, 50), 1.6e-3, 4e3)
-    >>> light = pair.substitute(np.linspace(0.2, 3.0, 50), 9e3, 8e8, 1.6e-3, 4e3)
-    >>> bool(stiff.met.all() and light.met.all())
-    True
-    """
-
-    def __init__(
-        self,
-        stiffness_harmonics: npt.ArrayLike,
-        tolerance: float = 1e-6,
-        harmonics: int | None = None,
-    ) -> None:
-        self.tolerance = check_range("tolerance", tolerance, 1e-13, 1.0)
-        self.shown = harmonics
-        if harmonics is not None:
-            self.shown = int(check_range("harmonics", harmonics, 1, 10_000_000))
-        values = np.array(stiffness_harmonics, dtype=complex)
-        if values.ndim == 0:
-            raise ArgumentError("stiffness_harmonics: a number, must be one row of coefficients")
-        if not np.isfinite(values).all():
-            where = ", ".join(str(int(i)) for i in np.argwhere(~np.isfinite(values))[0])
-            raise ArgumentError(f"stiffness_harmonics: entry [{where}] must be finite")
-        self.stiffness_harmonics: Complex = values
-
-    def substitute(
-        self,
-        mass_kg: npt.ArrayLike,
-        damping_ns_per_m: npt.ArrayLike,
-        stiffness_n_per_m: npt.ArrayLike,
-        period_s: npt.ArrayLike,
-        force_n: npt.ArrayLike,
-        scale: npt.ArrayLike = 1.0,
-    ) -> Sweep:
-        """Steady vibrations for new values; parameters, limits and errors as in `sweep`.
-
-        Parameters
-        ----------
-        mass_kg, damping_ns_per_m, stiffness_n_per_m, period_s, force_n, scale
-            As in `sweep`, with its limits.
-
-        Returns
-        -------
-        Sweep
-        """
-        *lead, width = self.stiffness_harmonics.shape
-        values = {
-            "mass_kg": mass_kg,
-            "damping_ns_per_m": damping_ns_per_m,
-            "stiffness_n_per_m": stiffness_n_per_m,
-            "period_s": period_s,
-            "force_n": force_n,
-            "scale": scale,
-        }
-        full = broadcast_values(values, tuple(lead))
-        shape = full["scale"].shape
-        work = _Work({name: v.ravel() for name, v in full.items()}, self.tolerance, self.shown)
-        rows = self.stiffness_harmonics.reshape(math.prod(lead), width)
-        which = np.broadcast_to(np.arange(len(rows)).reshape(lead), shape).ravel()
-        ends = np.cumsum(np.bincount(which, minlength=len(rows)))[:-1]
-        parts = np.split(np.argsort(which, kind="stable"), ends)
-        for harmonics, sets in zip(rows, parts, strict=True):
-            work.solve(harmonics, sets)
-        displacement = work.displacement()
-        harmonics = self.stiffness_harmonics
-        return Sweep(
-            **full,
-            stiffness_harmonics=np.broadcast_to(harmonics, (*shape, width)) if lead else harmonics,
-            tolerance=self.tolerance,
-            displacement=displacement.reshape(*shape, displacement.shape[-1]),
-            error_bound=work.bound.reshape(shape),
-            stable=work.stable.reshape(shape),
-            method=work.method.reshape(shape),
-            reason=work.reason.reshape(shape),
-        )
 
 
 class _Work:
@@ -327,16 +281,16 @@ class _Work:
         known = np.flatnonzero(gain.stable & np.isfinite(gain.acceleration))
         if not len(known):
             return at[gain.stable]
-        orders = SharedOrders(self._equations(pattern, at, known, gain), self.tolerance)
-        left = np.arange(len(known))
-        for sharper, stragglers in ((1.0, STRAGGLERS), (0.03, 0.0)):
-            for group, y, near in orders.attempt(left, sharper, stragglers):
-                for first in range(0, len(group), JUDGED_TOGETHER):
-                    some = slice(first, first + JUDGED_TOGETHER)
-                    part = known[group[some]]
+        ratio, zeta = self.ratio[at[known]], self.zeta[at[known]]
+        fast = loop_at_lines(ratio, zeta, scale[known], pattern)[0] < SLOWEST_TOGETHER
+        for repeat in (False, True):
+            for method, chosen in ((MSM, fast), (RECOMBINED, ~fast)):
+                left = np.flatnonzero(chosen & ~(self.bound[at[known]] <= self.tolerance))
+                left = left[np.argsort(ratio[left])]
+                for first in range(0, len(left), MOST_TOGETHER):
+                    part = known[left[first : first + MOST_TOGETHER]]
                     equations = self._equations(pattern, at, part, gain)
-                    self._take(equations, at[part], y[some], RESONANT if near else MSM)
-            left = left[~(self.bound[at[known[left]]] <= self.tolerance)]
+                    self._expand(equations, at[part], method, repeat)
         return at[gain.stable & ~(self.bound[at] <= self.tolerance)]
 
     def _equations(self, pattern: Pattern, at: INDICES, part: INDICES, gain: Gain) -> MeshEquations:
@@ -348,12 +302,17 @@ class _Work:
         pairs = PairCompliance(ratio, zeta, np.ones(1, dtype=complex))
         return MeshEquations(pairs, pattern, self.shown, scale, own)
 
-    def _take(self, equations: MeshEquations, sets: INDICES, y: Complex, method: str) -> None:
-        """Judge deflections less the mean, of sets solved together, and keep what is good."""
-        # y is all that exceeds the static deflection, the answer to the mean force
-        pairs, highest = equations.pairs, y.shape[1] - 1
-        stiffness = pairs.stiffness(highest + len(equations.pattern.harmonics))
-        found = equations.judge(stiffness[:, : highest + 1] * y, answered=y)
+    def _expand(self, equations: MeshEquations, sets: INDICES, method: str, repeat: bool) -> None:
+        """Solve sets together, and keep what is good."""
+
+        def improve(x: Complex) -> Approximation:
+            if method == MSM:
+                return sum_orders(equations, x, self.tolerance)
+            return recombine(equations, x, self.tolerance, MOST_ORDERS)
+
+        if equations.pairs.ratio.max() > MOST_RATIO_TOGETHER:
+            return
+        found = widen(equations, self.tolerance, improve, repeat)
         good = found.bound.relative <= self.tolerance
         half = found.motion[good]
         self._parts.append((sets[good], half if self.shown is None else half[:, : self.shown + 1]))

@@ -16,20 +16,17 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
-from gearmon.dynamics.hill import HillProblem
 from gearmon.dynamics.multiple_scales import Expansion, zeroth_stiffness
 from gearmon.errors import ArgumentError, check_range
 
 MOST_PATHS = 200_000
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Path:
     """One term of one order of one line.
 
@@ -66,19 +63,19 @@ class Path:
         """
         sign = "-" if self.order % 2 else ""
         start = self.lines[0]
-        factors = ["(F/k0)" if start == 0 else f"({_force(start)}/k0/D_{start})"]
-        factors += [f"({_step(j)}/D_{n})" for j, n in zip(self.steps, self.lines[1:], strict=True)]
+        factors = ["(F/k0)" if start == 0 else f"({_named('f', start)}/k0/D_{start})"]
+        for j, n in zip(self.steps, self.lines[1:], strict=True):
+            factors.append(f"({_named('c', j) if j else '2i zeta n/R'}/D_{n})")
         return sign + " ".join(factors)
 
+    def extended(self, line: int, step: int, factor: complex, gain: complex) -> Path:
+        """Return the path with one more step, whose weight is -factor."""
+        made = -factor * self.contribution
+        return Path((*self.lines, line), (*self.steps, step), (*self.gains, gain), made)
 
-def _force(line: int) -> str:
-    return f"f_{line}" if line > 0 else f"conj f_{-line}"
 
-
-def _step(j: int) -> str:
-    if j == 0:
-        return "2i zeta n/R"
-    return f"c_{j}" if j > 0 else f"conj c_{-j}"
+def _named(letter: str, number: int) -> str:
+    return f"{letter}_{number}" if number > 0 else f"conj {letter}_{-number}"
 
 
 def paths(expansion: Expansion, line: int, order: int, most: int | None = None) -> list[Path]:
@@ -105,10 +102,11 @@ def paths(expansion: Expansion, line: int, order: int, most: int | None = None) 
     ------
     ArgumentError
         If line or order lies outside the expansion, or all terms are asked for and there are more
-        than 200,000.
+        than 200,000 on the way.
 
     Examples
     --------
+    >>> from gearmon.dynamics import HillProblem
     >>> from gearmon.dynamics.multiple_scales import expand
     >>> p = HillProblem(0.28, 9e3, 8e8, [0.065, 0.02], 1.6e-3, 4e3)
     >>> for path in paths(expand(p, 2), 3, 2):
@@ -116,19 +114,47 @@ def paths(expansion: Expansion, line: int, order: int, most: int | None = None) 
     (F/k0) (c_2/D_2) (c_1/D_3)
     (F/k0) (c_1/D_1) (c_2/D_3)
     """
+    highest = expansion.terms.shape[1] - 1
     check_range("order", order, 0, expansion.order)
-    check_range("line", line, 0, expansion.terms.shape[1] - 1)
-    network = _Network(expansion)
-    if most is None:
-        count = network.count(line, order)
-        if count > MOST_PATHS:
-            raise ArgumentError(
-                f"line {line} has {count} terms at order {order}, more than {MOST_PATHS}: ask for "
-                "the largest with most=20"
-            )
-    else:
+    check_range("line", line, 0, highest)
+    if most is not None:
         check_range("most", most, 1, MOST_PATHS)
-    return network.largest(line, order, most)
+    p = expansion.problem
+    stiffness, damping = zeroth_stiffness(p, highest, expansion.small_damping)
+    half, gains = p.static_forcing(highest), 1 / stiffness
+    both = np.arange(-highest, highest + 1)
+    gain = {int(n): complex(gains[n] if n >= 0 else gains[-n].conj()) for n in both}
+    force = {int(n): complex(half[n] if n >= 0 else half[-n].conj()) for n in both}
+    c = {j: complex(x) for j, x in enumerate(p.stiffness_harmonics, start=1) if x != 0}
+    steps = c | {-j: x.conjugate() for j, x in c.items()} | ({0: 0j} if damping.any() else {})
+    widest = max(map(abs, steps), default=0)
+    # the best paths to every line after every step: the rest of a path has the same factor
+    kept = {n: [Path((n,), (), (gain[n],), f * gain[n])] for n, f in force.items() if f != 0}
+    for k in range(1, order + 1):
+        reach = widest * (order - k)
+        found: dict[int, list[Path]] = {}
+        for n in range(max(-highest, line - reach), min(highest, line + reach) + 1):
+            own = 1j * math.copysign(damping[abs(n)], n)
+            longer = [
+                path.extended(n, j, (own if j == 0 else x) * gain[n], gain[n])
+                for j, x in steps.items()
+                for path in kept.get(n - j, ())
+                if j or own
+            ]
+            if most is None and len(longer) > MOST_PATHS:
+                raise ArgumentError(
+                    f"line {line} has more than {MOST_PATHS} terms at order {order}: ask for the "
+                    "largest with most=20"
+                )
+            if longer:
+                found[n] = longer if most is None else heapq.nsmallest(most, longer, key=_order)
+        kept = found
+    return sorted(kept.get(line, []), key=_order)[:most]
+
+
+def _order(path: Path) -> tuple[float, tuple[int, ...]]:
+    """Largest first; equal ones by their steps, so that the order is always the same."""
+    return -abs(path.contribution), path.steps
 
 
 def rows(
@@ -149,126 +175,14 @@ def rows(
         order vanishes: then 0), weakest_stiffness (smallest |D| on the way: how near a resonance).
     """
     whole = complex(expansion.terms[order, line])
-    twice = 2 if line else 1
     return [
         {
             "term": path.text,
-            "path": " > ".join(str(n) for n in path.lines),
-            "amplitude_m": twice * abs(path.contribution),
+            "path": " > ".join(map(str, path.lines)),
+            "amplitude_m": (2 if line else 1) * abs(path.contribution),
             "phase_rad": float(np.angle(path.contribution)),
             "share": (path.contribution / whole).real if whole != 0 else 0.0,
-            "weakest_stiffness": 1 / max(abs(gain) for gain in path.gains),
+            "weakest_stiffness": 1 / max(map(abs, path.gains)),
         }
         for path in paths(expansion, line, order, most)
     ]
-
-
-_Partial = tuple[float, complex, tuple[int, ...], tuple[int, ...]]
-
-
-class _Network:
-    """Lines, and the steps between them with their weights."""
-
-    def __init__(self, expansion: Expansion) -> None:
-        self.expansion = expansion
-        self.highest = expansion.terms.shape[1] - 1
-
-    @property
-    def problem(self) -> HillProblem:
-        return self.expansion.problem
-
-    @cached_property
-    def _diagonal(self) -> tuple[list[complex], list[float]]:
-        stiffness, damping = zeroth_stiffness(
-            self.problem, self.highest, self.expansion.small_damping
-        )
-        return [complex(d) for d in 1 / stiffness], [float(d) for d in damping]
-
-    def gain(self, line: int) -> complex:
-        """1/D of a line of either sign."""
-        value = self._diagonal[0][abs(line)]
-        return value if line >= 0 else value.conjugate()
-
-    @cached_property
-    def sources(self) -> dict[int, complex]:
-        """Lines that forces drive, and their Z^(0)."""
-        forcing = self.problem.static_forcing(self.highest)
-        found = {0: complex(forcing[0]) * self.gain(0)}
-        for n in np.flatnonzero(forcing[1:]) + 1:
-            found[int(n)] = complex(forcing[n]) * self.gain(int(n))
-            found[-int(n)] = found[int(n)].conjugate()
-        return {n: value for n, value in found.items() if value != 0}
-
-    @cached_property
-    def steps(self) -> dict[int, complex]:
-        """Stiffness harmonics of either sign that are not zero."""
-        found = {}
-        for j, c in enumerate(self.problem.stiffness_harmonics, start=1):
-            if c != 0:
-                found[j], found[-j] = complex(c), complex(c).conjugate()
-        return found
-
-    def steps_into(self, line: int) -> Iterator[tuple[int, int, complex]]:
-        """Each (step, line before, factor) that leads to a line."""
-        gain = self.gain(line)
-        for j, c in self.steps.items():
-            if abs(line - j) <= self.highest:
-                yield j, line - j, -c * gain
-        damping = self._diagonal[1][abs(line)]
-        if damping:
-            yield 0, line, -1j * math.copysign(damping, line) * gain
-
-    def _reachable(self, line: int, left: int) -> range:
-        """Lines from which `line` can still be reached in `left` steps."""
-        widest = max((abs(j) for j in self.steps), default=0) * left
-        return range(max(-self.highest, line - widest), min(self.highest, line + widest) + 1)
-
-    def count(self, line: int, order: int) -> int:
-        """Count the paths without listing them."""
-        numbers = dict.fromkeys(self.sources, 1)
-        for k in range(1, order + 1):
-            numbers = {
-                n: found
-                for n in self._reachable(line, order - k)
-                if (found := sum(numbers.get(m, 0) for _, m, _ in self.steps_into(n)))
-            }
-        return numbers.get(line, 0)
-
-    def largest(self, line: int, order: int, most: int | None) -> list[Path]:
-        """Best paths to every line after every step: the rest of a path has the same factor."""
-        kept: dict[int, list[_Partial]] = {
-            n: [(abs(value), value, (n,), ())] for n, value in self.sources.items()
-        }
-        for k in range(1, order + 1):
-            kept = {
-                n: found
-                for n in self._reachable(line, order - k)
-                if (found := self._best(self._extended(kept, n), most))
-            }
-        return [self._path(partial) for partial in self._best(iter(kept.get(line, [])), most)]
-
-    def _extended(self, kept: dict[int, list[_Partial]], line: int) -> Iterator[_Partial]:
-        for j, before, factor in self.steps_into(line):
-            for _, value, lines, steps in kept.get(before, ()):
-                made = value * factor
-                yield abs(made), made, (*lines, line), (*steps, j)
-
-    @staticmethod
-    def _best(partials: Iterator[_Partial], most: int | None) -> list[_Partial]:
-        if most is None:
-            return sorted(partials, key=_order)
-        return heapq.nsmallest(most, partials, key=_order)
-
-    def _path(self, partial: _Partial) -> Path:
-        _, value, lines, steps = partial
-        return Path(
-            lines=lines,
-            steps=steps,
-            gains=tuple(self.gain(n) for n in lines),
-            contribution=value,
-        )
-
-
-def _order(partial: _Partial) -> tuple[float, tuple[int, ...]]:
-    """Largest first; equal ones by their steps, so that the order is always the same."""
-    return -partial[0], partial[3]

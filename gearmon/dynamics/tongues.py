@@ -61,10 +61,10 @@ import numpy.typing as npt
 from gearmon.dynamics.amplitude_equations import MOST_ORDERS
 from gearmon.dynamics.fourier import Complex, Real
 from gearmon.dynamics.hill import frozen_vector
-from gearmon.dynamics.slow_states import Coupling, reduce
-from gearmon.dynamics.stability import FourierShape, PiecewiseShape, excess
+from gearmon.dynamics.slow_states import Coupling, State, reduce
+from gearmon.dynamics.stability import FourierShape, excess
 from gearmon.dynamics.system import HillSystem
-from gearmon.errors import ArgumentError, check_positive, check_range
+from gearmon.errors import ArgumentError, check_range
 
 MOST_HARMONICS = 600
 MOST_TONGUE = 200
@@ -74,7 +74,7 @@ PEAK_ROUNDS = 7
 
 
 def tongue_edges(
-    shape: FourierShape | PiecewiseShape,
+    shape: FourierShape,
     tongue: int,
     variations: npt.ArrayLike,
     damping_ratio: float = 0.0,
@@ -83,7 +83,7 @@ def tongue_edges(
 
     Parameters
     ----------
-    shape : FourierShape or PiecewiseShape
+    shape : FourierShape
         f(t) of k0 [1 + eps f(t)].
     tongue : int
         n, 1 to 200: the tongue that starts from w/w0 = 2/n.
@@ -95,9 +95,9 @@ def tongue_edges(
     Returns
     -------
     float ndarray, shape (E, 2)
-        NaN where damping, or a coincidence, closes the tongue. Of an undamped Fourier shape both
-        edges are given even if they coincide. Exact but for rounding: about 1e-14, or 1e-15
-        divided by the tongue's width where it is narrow and not of that kind.
+        NaN where damping closes the tongue; undamped, both edges are given even if they coincide.
+        Exact but for rounding: about 1e-14, or 1e-15 divided by the tongue's width where it is
+        narrow and damped.
 
     Raises
     ------
@@ -120,16 +120,15 @@ def tongue_edges(
             "it must stay > 0"
         )
     around = _around(shape, tongue, eps, damping_ratio)
-    if isinstance(shape, FourierShape) and damping_ratio == 0:
+    if damping_ratio == 0:
         return around
     return _inside(shape, tongue, eps, damping_ratio, around)
 
 
-def _undamped(shape: FourierShape | PiecewiseShape, tongue: int, eps: Real) -> Real:
+def _undamped(shape: FourierShape, tongue: int, eps: Real) -> Real:
     """Edges by the Hermitian eigenvalues, shape (E, 2)."""
-    given = len(shape.harmonics) if isinstance(shape, FourierShape) else 6
-    highest = min(MOST_HARMONICS, tongue + 2 * given + 24)
-    f = shape.first_harmonics(2 * highest)
+    highest = min(MOST_HARMONICS, tongue + 2 * len(shape.harmonics) + 24)
+    f = shape.harmonics[: 2 * highest]
     matrices = _matrices(f, tongue, eps, highest)
     values = np.linalg.eigvalsh(matrices)[:, ::-1]
     first = 2 * ((tongue - 1) // 2)
@@ -158,26 +157,21 @@ def _matrices(f: Complex, tongue: int, eps: Real, highest: int) -> Complex | Rea
 
 
 def is_open(
-    shape: FourierShape | PiecewiseShape, tongue: int, variations: Real, damping_ratio: float
+    shape: FourierShape, tongue: int, variations: Real, damping_ratio: float
 ) -> npt.NDArray[np.bool_]:
     """Whether a tongue is open at each eps; arguments as of `tongue_edges`, unchecked."""
     around = _around(shape, tongue, variations, damping_ratio)
     return _opened(shape, tongue, variations, damping_ratio, around)[1]
 
 
-def _around(shape: FourierShape | PiecewiseShape, tongue: int, eps: Real, zeta: float) -> Real:
+def _around(shape: FourierShape, tongue: int, eps: Real, zeta: float) -> Real:
     """Interval of w/w0 that holds the damped tongue, shape (E, 2)."""
     rest = 1 - zeta**2
-    around = math.sqrt(rest) * _undamped(shape, tongue, eps / rest)
-    if isinstance(shape, PiecewiseShape):
-        # its series was cut; the neighbouring tongues lie far beyond this margin
-        margin = 0.15 / tongue * around.mean(axis=1) / (tongue + 1)
-        around = around + margin[:, None] * np.array([-1, 1])
-    return around
+    return math.sqrt(rest) * _undamped(shape, tongue, eps / rest)
 
 
 def _opened(
-    shape: FourierShape | PiecewiseShape, tongue: int, eps: Real, zeta: float, around: Real
+    shape: FourierShape, tongue: int, eps: Real, zeta: float, around: Real
 ) -> tuple[Real, npt.NDArray[np.bool_]]:
     """Where in the interval growth is largest, and whether there is any."""
     rows, side = np.arange(len(eps)), tongue % 2
@@ -190,9 +184,7 @@ def _opened(
     return x[rows, best], values[rows, best] > CLOSED
 
 
-def _inside(
-    shape: FourierShape | PiecewiseShape, tongue: int, eps: Real, zeta: float, around: Real
-) -> Real:
+def _inside(shape: FourierShape, tongue: int, eps: Real, zeta: float, around: Real) -> Real:
     """Edges within an interval of w/w0 for each eps."""
     from scipy.optimize.elementwise import find_root
 
@@ -261,17 +253,18 @@ def expanded_tongue(
 
 
 def _edge(c: Complex, number: int, zeta: float, order: int, side: int) -> float | None:
-    centre = 2 / number
-    found = _next_edge(c, number, zeta, order, centre, side)
-    if order <= 2 or found is None:
-        return found
-    change = math.inf
+    """Edge by the coefficients at w/w0 = nu, from nu = 2/n on; above order two iterated."""
+    found, change, centre = 2 / number, math.inf, 2 / number
     for _ in range(MOST_ITERATIONS):
-        better = _next_edge(c, number, zeta, order, found, side)
-        if better is None:
+        coupling = Coupling(ratio=1 / found, zeta=zeta, harmonics=c, small_damping=True)
+        slow: list[State] = [(1, number / 2), (-1, -number / 2)]
+        total = np.asarray(reduce(coupling, slow, 0, order).rates[1:].sum(axis=0))
+        square = abs(total[0, 1]) ** 2 - total[0, 0].real ** 2
+        if square < 0:
             return None
+        better = centre * (1 + float(total[0, 0].imag) + side * math.sqrt(square))
         change, found = abs(better - found), better
-        if change <= 1e-14 * centre:
+        if order <= 2 or change <= 1e-14 * centre:
             return found
         if not 0.5 * centre < found < 2 * centre:
             break
@@ -281,40 +274,6 @@ def _edge(c: Complex, number: int, zeta: float, order: int, side: int) -> float 
         f"number={number}: order {order} of multiple scales gives no edge at this variation of "
         "stiffness (the iteration does not settle); use order=2 or Floquet multipliers"
     )
-
-
-def _next_edge(
-    c: Complex, number: int, zeta: float, order: int, nu: float, side: int
-) -> float | None:
-    """Edge by the coefficients at w/w0 = nu."""
-    shift, coupling, decay = tongue_coefficients(c, number, zeta, order, nu)
-    square = abs(coupling) ** 2 - decay**2
-    if square < 0:
-        return None
-    return (2 / number) * (1 + shift + side * math.sqrt(square))
-
-
-def tongue_coefficients(
-    harmonics: npt.ArrayLike, number: int, zeta: float, order: int, nu: float
-) -> tuple[float, complex, float]:
-    """Coefficients (a, i B, decay) of the amplitude equation at w/w0 = nu, in s = w0 t.
-
-    Parameters
-    ----------
-    harmonics, number, zeta, order
-        As in `expanded_tongue`.
-    nu : float
-        w/w0 > 0.
-    """
-    coupling = Coupling(
-        ratio=1 / check_positive("nu", nu),
-        zeta=zeta,
-        harmonics=frozen_vector("harmonics", harmonics),
-        small_damping=True,
-    )
-    rates = reduce(coupling, [(1, number / 2), (-1, -number / 2)], 0, order).rates[1:]
-    total = np.asarray(rates.sum(axis=0))
-    return float(total[0, 0].imag), complex(total[0, 1]), float(-total[0, 0].real)
 
 
 #: Frequencies that agree so closely are one: rounding of eigenvalues is far below.

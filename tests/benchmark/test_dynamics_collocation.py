@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from reference.exact_pieces import PiecewiseProblem, solve_exactly
 from reference.hill_cases import random_problem
 from reference.hill_reference import periodic_solution
 from reference.refined_balance import refined_balance
@@ -21,7 +22,6 @@ from gearmon.benchmark.equations import (
     square_wave,
 )
 from gearmon.dynamics import steady_state
-from gearmon.dynamics.piecewise import solve_exactly
 
 
 def case_of(problem):
@@ -67,7 +67,10 @@ def test_against_balance_in_extended_precision(seed):
 def test_true_rectangle_against_exact_pieces():
     case = named_case("rectangle")
     share = np.arange(400) / 400  # with samples on the jumps
-    acceleration = solve_exactly(case.rectangle).at(share * case.problem.period_s, "acceleration")
+    p = case.problem
+    known = p.mass_kg, p.damping_ns_per_m, p.stiffness_n_per_m, case.rectangle, 0.5
+    true = PiecewiseProblem.rectangular(*known, p.period_s, p.force_n)
+    acceleration = solve_exactly(true).at(share * p.period_s, "acceleration")
     samples = Samples(share, acceleration / unit_acceleration(case.problem))
     assert solve_reference(case).error(samples) < 1e-12
 

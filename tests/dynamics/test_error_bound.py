@@ -30,11 +30,10 @@ def best(problem):
 def gains(problem):
     """Of every kind, infinite where it proves nothing."""
     values, pattern = numbers(problem), Pattern(problem.stiffness_harmonics)
-    shape = floquet.Shape(pattern.harmonics, pattern.highest, pattern.slope)
     return [
         small_gain(*values, pattern)[0][0],
         energy_gain(*values, pattern)[0],
-        floquet.gain(*values, shape)[0][0],
+        floquet.gain(*values, pattern)[0][0],
         best(problem).acceleration[0],
     ]
 

@@ -14,6 +14,10 @@ W0 = math.sqrt(8e8 / 0.28)
 SHAPE = np.array([0.5, 0.2j, -0.15])
 
 
+def moving(equations, displacement, velocity):
+    return Motion(equations=equations, displacement_m=displacement, velocity_ms=velocity)
+
+
 def integrated(problem, start, times):
     """z and z' by time integration."""
 
@@ -33,7 +37,7 @@ def integrated(problem, start, times):
 
 
 def unforced_start(problem, order):
-    return free_vibration(problem, order).motion(1e-6, 0.01)
+    return moving(free_vibration(problem, order), 1e-6, 0.01)
 
 
 # problem and times as functions of the small parameter, and the motion of some order
@@ -56,7 +60,7 @@ CASES = {
     "long times": (
         lambda e: scaled_problem(1.37, 0.1 * e, e * SHAPE),
         lambda e: 1 / e / W0,
-        lambda p, order: free_vibration(p, order, order + 1, True).motion(1e-6, 0.01),
+        lambda p, order: moving(free_vibration(p, order, order + 1, True), 1e-6, 0.01),
     ),
     "principal parametric": (
         lambda e: scaled_problem(0.5 + 0.1 * e, 0.1 * e, e * SHAPE),
@@ -104,7 +108,7 @@ def test_mesh_force_obeys_newton():
 
 def test_start_is_met_exactly():
     p = scaled_problem(2.3, 0.05, [0.05, 0.02j], [200.0])
-    for motion in (free_vibration(p, 3).motion(2e-6, -0.03), transient(p, 2e-6, -0.03, 2)):
+    for motion in (moving(free_vibration(p, 3), 2e-6, -0.03), transient(p, 2e-6, -0.03, 2)):
         assert float(motion.at(0.0)) == pytest.approx(2e-6, rel=1e-12)
         assert float(motion.at(0.0, "velocity")) == pytest.approx(-0.03, rel=1e-12)
 

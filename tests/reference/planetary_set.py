@@ -1,17 +1,7 @@
-"""A planetary set as a system: every gear with two translations and a rotation.
+"""A planetary set written out as in Lin and Parker, J. Vib. Acoust. 121 (1999) 316.
 
-Rotational-translational model (Lin and Parker, J. Vib. Acoust. 121 (1999) 316) in the frame of the
-carrier, gyroscopic terms left out. Coordinates [m]: x, y, u = r theta of carrier, ring and sun,
-then radial z, tangential e and u of every planet n at the angle psi = psi_n. Deflections:
-
-    sun mesh    y_s cos(psi - a_s) - x_s sin(psi - a_s) - z sin a_s - e cos a_s + u_s + u_n
-    ring mesh   y_r cos(psi + a_r) - x_r sin(psi + a_r) + z sin a_r - e cos a_r + u_r - u_n
-    planet pin  radial     x_c cos psi + y_c sin psi - z
-                tangential -x_c sin psi + y_c cos psi + u_c - e
-
-Mesh phases (Parker and Lin, J. Mech. Des. 126 (2004) 68): the sun mesh of planet n leads by
-z_s psi_n/(2 pi) mesh periods, its ring mesh by -z_r psi_n/(2 pi), and the ring meshes lead all
-sun meshes by a constant.
+In the frame of the carrier, gyroscopic terms left out: x, y, u = r theta of carrier, ring and sun,
+then radial z, tangential e and u of every planet n at the angle psi_n.
 """
 
 from __future__ import annotations
@@ -22,9 +12,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from gearmon.dynamics import HillSystem
 from gearmon.dynamics.fourier import Complex, Real
-from gearmon.dynamics.system import HillSystem
-from gearmon.errors import ArgumentError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,15 +53,6 @@ class PlanetarySet:
         Working pressure angles.
     angles_rad : float array, shape (planets,), optional
         psi_n.
-
-    Examples
-    --------
-    >>> body = Body(mass_kg=1.0, inertia_kg=1.0, bearing_n_per_m=1e8)
-    >>> gears = PlanetarySet(carrier=body, ring=body, sun=body, planet=body, planets=3,
-    ...                      sun_mesh_n_per_m=5e8, ring_mesh_n_per_m=5e8,
-    ...                      sun_pressure_angle_rad=0.43, ring_pressure_angle_rad=0.43)
-    >>> gears.mesh_vectors.shape
-    (6, 18)
     """
 
     carrier: Body
@@ -85,12 +65,6 @@ class PlanetarySet:
     sun_pressure_angle_rad: float
     ring_pressure_angle_rad: float
     angles_rad: Real | None = field(default=None)
-
-    def __post_init__(self) -> None:
-        if self.planets < 1:
-            raise ArgumentError(f"planets={self.planets} must be >= 1")
-        if self.angles_rad is not None and len(self.angles_rad) != self.planets:
-            raise ArgumentError(f"angles_rad: {len(self.angles_rad)} values for {self.planets}")
 
     @property
     def bodies(self) -> tuple[Body, ...]:
