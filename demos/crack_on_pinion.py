@@ -53,7 +53,7 @@ def main():
         print(analysis_text(analysis), end="\n\n")
 
     # The pictures of an analysis, one after the other; the last verdict is that of the crack.
-    for number, figure in enumerate(analysis_figures(analysis, cracked, reference)):
+    for number, figure in enumerate(analysis_figures(analysis, cracked)):
         print("picture:", save(figure, FOLDER / f"crack-{number}.png"))
 
 

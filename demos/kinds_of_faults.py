@@ -10,7 +10,6 @@ Run it as it stands: python demos/kinds_of_faults.py
 from pathlib import Path
 
 import gearmon
-from gearmon.report import family_figure, save
 
 MACHINE = Path(__file__).resolve().parents[1] / "signatures" / "reference_pair.toml"
 
@@ -41,7 +40,7 @@ def main():
 
     # The same for many sizes and both gears at once: a family, and its picture.
     family = gearmon.fault_family(machine, kinds=["crack", "pitting", "eccentricity"])
-    print("picture:", save(family_figure(family), Path("gearmon-kinds.png")))
+    print("picture:", *family.save("gearmon-kinds.png"))
 
 
 if __name__ == "__main__":

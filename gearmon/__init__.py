@@ -35,6 +35,28 @@ flag
     One finding, with the place, the size and the probability of as much on a sound machine.
 score
     -log10 of the false-alarm probability of the strongest evidence.
+
+Examples
+--------
+Those of all other names go on from here.
+
+>>> import numpy as np
+>>> import gearmon
+>>> stage = {"kind": "parallel", "pinion_teeth": 23, "gear_teeth": 57}
+>>> stage |= {"module_mm": 2.5, "face_width_mm": 28.0}
+>>> operating = {"speed_rpm": 1480.0, "torque_nm": 120.0}
+>>> machine = gearmon.load_machine(name="drive", operating=operating, stage=stage)
+>>> made = {"duration_s": 3.0, "sampling_rate_hz": 8000.0, "machine_seed": 1, "tacho_shaft": 1}
+>>> half, full = (
+...     gearmon.simulate(machine, load=load, recording_seed=n, channels=2, **made)
+...     for n, load in enumerate([0.7, 1.0])
+... )
+>>> crack = "crack:1:pinion:7:20%"
+>>> new = gearmon.simulate(machine, crack, load=0.9, recording_seed=5, channels=2, **made)
+>>> reference = gearmon.learn([half, full], machine)
+>>> analysis = gearmon.analyse(new, machine, reference)
+>>> analysis.verdict, analysis.flags[0].gear, analysis.flags[0].tooth
+('fault', 'pinion', 7)
 """
 
 from __future__ import annotations

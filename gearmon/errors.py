@@ -12,7 +12,16 @@ from collections.abc import Iterable
 
 
 class GearmonError(ValueError):
-    """Bad input; the message is one clear line."""
+    """Bad input; the message is one clear line.
+
+    Examples
+    --------
+    >>> try:
+    ...     gearmon.load_machine(operating={"speed_rpm": 1480.0}, stage={"kind": "belt"})
+    ... except gearmon.GearmonError as error:
+    ...     print(error)
+    machine: stage[1].kind = "belt" must be "parallel" or "planetary"
+    """
 
 
 class MachineFileError(GearmonError):

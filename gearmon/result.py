@@ -8,16 +8,20 @@ from __future__ import annotations
 
 import dataclasses
 import html
+import json
+import math
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from importlib import import_module
 from inspect import signature
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from gearmon.errors import ArgumentError, check_word
+from gearmon.files import write_atomically
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -118,6 +122,38 @@ class Result:
         draw(self, ax=axes, **options)
         return ax
 
+    def save(self, path: str | Path) -> list[Path]:
+        """Write it as the command of the same name does.
+
+        Parameters
+        ----------
+        path : str or Path
+            Ending in .csv for the rows of the frame, .json for all of it, or .png, .svg or .pdf for
+            its pictures.
+
+        Returns
+        -------
+        list of Path
+            What was written.
+
+        Raises
+        ------
+        ArgumentError
+            If the ending is none of these, or there is no picture.
+        """
+        target = Path(path)
+        if target.suffix in (".png", ".svg", ".pdf"):
+            plots = import_module(f"{__package__}.report.plots")
+            written: list[Path] = plots.save_all(self.figures(), target)
+            return written
+        check_word("ending of path=", target.suffix, (".csv", ".json", ".png", ".svg", ".pdf"))
+        if target.suffix == ".csv":
+            text = self.to_frame().to_csv(index=False)
+        else:
+            text = json.dumps(_finite(self.to_dict()), indent=1, ensure_ascii=False) + "\n"
+        write_atomically(target, text)
+        return [target]
+
     def figures(self) -> dict[str, Any]:
         """Return the pictures that the command of the same name writes, as matplotlib figures.
 
@@ -183,6 +219,15 @@ def _brief(value: Any) -> str:
         return f"<{type(value).__name__}>"
     text = f"{value:.6g}" if isinstance(value, float) else repr(value)
     return text if len(text) <= _LONGEST_FIELD else f"{text[: _LONGEST_FIELD - 4]}...{text[-1]}"
+
+
+def _finite(value: Any) -> Any:
+    """Return built-in types with None for what JSON has no number for."""
+    if isinstance(value, dict):
+        return {name: _finite(own) for name, own in value.items()}
+    if isinstance(value, list):
+        return [_finite(own) for own in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _plain(value: Any) -> Any:

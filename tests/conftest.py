@@ -9,8 +9,12 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"
 os.environ["OMP_NUM_THREADS"] = "1"
 
 import gzip
+import json
 import re
+from collections.abc import Callable
+from importlib import resources
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -69,6 +73,23 @@ def two_stage_recording() -> SimulatedRecording:
 def planetary_recording() -> SimulatedRecording:
     """A healthy planetary set with three planets that do not divide the ring's teeth."""
     return simulate(planetary(), (), 4.0, 8000.0, seed=3, channels=2)
+
+
+@pytest.fixture(scope="session")
+def fits_schema() -> Callable[[str, dict[str, Any]], None]:
+    """Hold what a command prints with --json against its schema, which must say something."""
+    jsonschema = pytest.importorskip("jsonschema")
+    schema = json.loads(resources.files("gearmon.commands").joinpath("schemas.json").read_text())
+    jsonschema.Draft202012Validator.check_schema(schema)
+
+    def fits(command: str, answer: dict[str, Any]) -> None:
+        own = schema | {"$ref": f"#/$defs/{command}"}
+        jsonschema.validate(answer, own)
+        for name in schema["$defs"][command]["required"]:
+            with pytest.raises(jsonschema.ValidationError):
+                jsonschema.validate({key: answer[key] for key in answer if key != name}, own)
+
+    return fits
 
 
 @pytest.fixture(scope="session")

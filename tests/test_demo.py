@@ -8,6 +8,7 @@ import pytest
 from reference.small_gearbox import as_json
 
 from gearmon.cli import main
+from gearmon.commands.output import as_json as written_as_json
 from gearmon.demos import run_demo
 from gearmon.demos.crack import FAULT
 from gearmon.errors import ArgumentError
@@ -39,12 +40,13 @@ def test_its_files_are_those_of_a_user(ran):
     assert (folder / "new-cracked.csv").is_file()
 
 
-def test_it_tells_what_it_did(ran):
+def test_it_tells_what_it_did(ran, fits_schema):
     told = "\n".join(ran.lines())
     assert "HEALTHY" in told
     assert "FAULT" in told
     assert str(ran.files["report"]) in told
     assert as_json(ran.to_dict()) == ran.to_dict()
+    fits_schema("demo", json.loads(written_as_json(ran.to_dict())))
     assert set(ran.to_dict()) == {"folder", "report", "recordings"}
 
 

@@ -30,13 +30,14 @@ def trained(shop, tmp_path_factory):
     return path
 
 
-def test_a_classifier_is_trained_once_and_judges(shop, trained, tmp_path, capsys):
+def test_a_classifier_is_trained_once_and_judges(shop, trained, tmp_path, capsys, fits_schema):
     known = ("--machine", shop / "machine.toml", "--reference", shop / "healthy.ref")
     written = tmp_path / "kinds.json"
     names = (shop / "new.csv", shop / "cracked.csv")
     capsys.readouterr()
     assert run(*names, *known, "--trained", trained, "--json", "-o", written) == 1
     result = json.loads(capsys.readouterr().out)
+    fits_schema("kinds", result)
     assert result.pop("tables") == [str(written)]
     assert result == json.loads(written.read_text())
     assert not result["classifier"]["trained_now"]

@@ -14,10 +14,10 @@ FOUNDATIONS = {"errors", "files", "result"}
 ALLOWED = {
     "errors": set(),
     "files": {"errors"},
-    "result": {"errors"},
+    "result": {"errors", "files"},
     "machine": FOUNDATIONS,
     "gears": FOUNDATIONS | {"machine"},
-    "dynamics": {"errors"},
+    "dynamics": FOUNDATIONS,
     "signals": FOUNDATIONS,
     "signatures": FOUNDATIONS | {"machine", "gears", "dynamics", "signals"},
     "diagnosis": FOUNDATIONS | {"machine", "gears", "dynamics", "signals", "signatures"},

@@ -371,16 +371,12 @@ def test_new_keys_survive_a_dictionary():
     )
 
 
-def test_the_command_writes_tables_and_picture(tmp_path, monkeypatch, capsys):
-    from importlib import resources
-
-    jsonschema = pytest.importorskip("jsonschema")
+def test_the_command_writes_tables_and_picture(tmp_path, monkeypatch, capsys, fits_schema):
     monkeypatch.chdir(tmp_path)
     path = written(tmp_path, SHAFT)
     assert main(["modes", path, "-o", "modes.csv", "--to-rpm", "9000", "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
-    shipped = resources.files("gearmon.commands").joinpath("schemas.json").read_text("utf-8")
-    jsonschema.validate(answer, json.loads(shipped) | {"$ref": "#/$defs/modes"})
+    fits_schema("modes", answer)
     assert answer["tables"] == ["modes.csv", "modes-campbell.csv"]
     assert {path.name for path in tmp_path.iterdir()} >= {"modes.csv", "modes.png"}
     rows = (tmp_path / "modes.csv").read_text().splitlines()

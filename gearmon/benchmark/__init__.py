@@ -118,6 +118,10 @@ def summary_rows(case: str, rows: Sequence[Row]) -> list[Row]:
         As given to `run_case`.
     rows : sequence of dict
         What it returned.
+
+    Returns
+    -------
+    list of dict
     """
     place = CASES[case].summary
     return list(_function(place)(rows) if place else rows)
@@ -132,6 +136,10 @@ def case_figures(case: str, rows: Sequence[Row]) -> dict[str, Any]:
         As given to `run_case`.
     rows : sequence of dict
         What it returned.
+
+    Returns
+    -------
+    dict of str to Figure
 
     Raises
     ------

@@ -1,6 +1,12 @@
 """One function a command: arguments -> one call -> output and exit code.
 
 Everything heavy is imported inside the function that needs it.
+
+Examples
+--------
+>>> from gearmon.commands import COMMANDS, Command
+>>> isinstance(COMMANDS[0], Command), [command.name for command in COMMANDS[:4]]
+(True, ['init', 'lines', 'stiffness', 'baseline'])
 """
 
 from gearmon.commands.command import Command

@@ -12,6 +12,7 @@ from gearmon.commands.command import Command, number, recording_options, referen
 from gearmon.commands.inputs import each_of, followed, in_turn, loss_of, machine_of, recording_of
 from gearmon.commands.output import DONE, complain, complain_of, finish, judged, show, write_table
 from gearmon.errors import ArgumentError, GearmonError, check_range
+from gearmon.terminal import progress_bar
 
 if TYPE_CHECKING:
     from gearmon.diagnosis.fault_types.classifier import KindClassifier
@@ -215,7 +216,8 @@ def _classifier(arguments: argparse.Namespace, machine: Machine) -> tuple[KindCl
         return classifier, False
     check_range("--examples", arguments.examples, *EXAMPLES_BETWEEN)
     check_range("--seed", arguments.seed, 0, 2**63 - 1)
-    classifier = train_kinds(machine, seed=arguments.seed, count=arguments.examples)
+    with progress_bar("training") as progress:
+        classifier = train_kinds(machine, arguments.seed, arguments.examples, progress=progress)
     if path:
         write_kinds(classifier, path)
     return classifier, True

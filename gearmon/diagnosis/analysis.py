@@ -95,6 +95,11 @@ def learn(
     ------
     GearmonError
         If a recording cannot be used.
+
+    Examples
+    --------
+    >>> gearmon.learn([half, full], machine).origins
+    ('simulated 1', 'simulated 2')
     """
     machine = load_machine(machine)
     known: dict[str, Any] = {"sampling_rate_hz": sampling_rate_hz, "unit": unit}
@@ -166,8 +171,8 @@ def analyse(
     sampling_rate_hz, unit
         Of an array, or where the recording does not state them: as of `gearmon.read_recording`.
     must_notice : float, in (0, 1]
-        Loss of the stiffness of one tooth's pair that has to be noticeable on every gear before a
-        machine is called healthy.
+        Share of its stiffness whose loss on one tooth's pair has to be noticeable on every gear
+        before a machine is called healthy.
 
     Returns
     -------
@@ -177,6 +182,12 @@ def analyse(
     ------
     GearmonError
         If the recording cannot be used or the reference does not fit.
+
+    Examples
+    --------
+    >>> found = gearmon.analyse(half, machine, [half, full])
+    >>> found.verdict, found.flags
+    ('healthy', ())
     """
     check_range("must_notice", must_notice, 0.0, 1.0)
     machine = load_machine(machine)

@@ -109,6 +109,12 @@ def check_reference(reference: Reference, machine: MachineLike) -> ReferenceChec
     ------
     ArgumentError
         If the reference is of a machine with other gears.
+
+    Examples
+    --------
+    >>> check = gearmon.check_reference(reference, machine)
+    >>> len(check.recordings), [own.gear for own in check.gears]
+    (2, ['pinion', 'gear'])
     """
     machine = load_machine(machine)
     machine_notes(machine, reference)

@@ -224,6 +224,15 @@ class Analysis(Result):
         What limits the answer.
     foreign : tuple of ForeignFinding
         Lines of no gear that changed, most striking first.
+
+    Examples
+    --------
+    >>> analysis.headline()[:40]
+    'FAULT: Damage of tooth 7 of the pinion o'
+    >>> analysis.to_frame()[["verdict", "kind", "stage", "gear", "tooth"]].values.tolist()
+    [['fault', 'tooth damage', 1, 'pinion', 7]]
+    >>> analysis.to_dict()["flags"][0]["kind"], len(analysis.frame_rows())
+    ('tooth damage', 1)
     """
 
     picture = "analysis_plots.analysis_pictures"

@@ -4,8 +4,14 @@
 expansion, `transient` and `integrate` what happens before the steady state. Names load their module
 when first used. More stands in the modules: `stability`, `tongues`, `terms`, ...
 
+Examples
+--------
 >>> p = HillProblem(0.28, 9e3, 8e8, [0.065], 1.6e-3, 4e3)
->>> steady_state(p, tolerance=1e-6).error_bound < 1e-6
+>>> found = steady_state(p, tolerance=1e-6)
+>>> isinstance(found, Response), found.error_bound < 1e-6, found.contact_lost
+(True, True, False)
+>>> free = HillSystem([[0.28]], [[9e3]], [[0.0]], [[1.0]], [8e8], [[0.065]], 1.6e-3, [4e3])
+>>> isinstance(steady_state(free), SystemResponse)
 True
 """
 

@@ -53,12 +53,13 @@ from gearmon.dynamics.fourier import Complex, Real
 from gearmon.dynamics.hill import HillProblem
 from gearmon.dynamics.slow_states import Coupling, State, answer_forces, reduce
 from gearmon.errors import ArgumentError, check_range
+from gearmon.result import Result
 
 MOST_ORDERS = 60
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class AmplitudeEquations:
+class AmplitudeEquations(Result):
     """A' = L A + b for the amplitudes of a few slow states, and the vibration that they carry.
 
     z(t) = sum_n [sum_p U_np A_p(t) + q_n] e^{i n w t}. State p is (sign, n): A_p is the complex

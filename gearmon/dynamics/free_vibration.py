@@ -50,12 +50,13 @@ from gearmon.dynamics.fourier import Complex, Real
 from gearmon.dynamics.hill import KINDS, HillProblem, check_kind
 from gearmon.dynamics.slow_states import answer_forces, reduce
 from gearmon.errors import ArgumentError, check_finite
+from gearmon.result import Result
 
 VALUES_AT_ONCE = 1 << 20
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Motion:
+class Motion(Result):
     """Transient and steady vibration that starts at t = 0.
 
     Parameters
@@ -297,7 +298,7 @@ def transient(
     problem : HillProblem
         What to expand.
     displacement_m, velocity_ms : float
-        z(0) and z'(0).
+        z(0) [m] and z'(0) [m/s].
     order : int
         N >= 0: the error is of order N+1 in the variation of stiffness, up to times of the order
         of its inverse squared; rates are taken to order N+2.

@@ -20,6 +20,7 @@ import numpy.typing as npt
 from gearmon.dynamics import floquet
 from gearmon.dynamics.fourier import Complex, Curve, Modulation, Real
 from gearmon.errors import ArgumentError, check_finite, check_positive, check_range
+from gearmon.result import Result
 
 LARGEST = 1e9
 # Sum of |c_j|: no spring swings by so many times its mean. That one of 100 is unstable takes 0.4 s
@@ -276,7 +277,7 @@ def _checked_array(name: str, values: npt.ArrayLike) -> Real:
     return numbers
 
 
-class PeriodicVibration(ABC):
+class PeriodicVibration(Result, ABC):
     """What lines 0..N, on the first axis, tell of a steady vibration."""
 
     displacement: Complex

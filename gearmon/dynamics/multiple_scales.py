@@ -41,6 +41,7 @@ import numpy.typing as npt
 from gearmon.dynamics.fourier import FEWEST_FOR_A_MATRIX, Complex, Modulation, Real
 from gearmon.dynamics.hill import HillProblem, broadcast_values
 from gearmon.errors import ArgumentError, check_range
+from gearmon.result import Result
 
 #: |D_n| that is rounding only
 NO_STIFFNESS = 1e-13
@@ -49,7 +50,7 @@ VALUES_AT_ONCE = 1 << 17
 
 
 @dataclass(frozen=True, kw_only=True)
-class Expansion:
+class Expansion(Result):
     """The orders of one steady state.
 
     Attributes
@@ -102,6 +103,10 @@ def expand(
         Highest harmonic kept, >= 1; by default every harmonic that these orders reach.
     small_damping : bool
         Damping of order one (h = eps mu) instead of zero.
+
+    Returns
+    -------
+    Expansion
 
     Raises
     ------

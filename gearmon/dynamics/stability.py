@@ -22,6 +22,7 @@ from gearmon.dynamics import floquet, period_trace
 from gearmon.dynamics.fourier import Complex, Real, fast_length, samples, with_zero_mean
 from gearmon.dynamics.hill import HillProblem, frozen_vector
 from gearmon.errors import ArgumentError, check_range
+from gearmon.result import Result
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +84,7 @@ def _variation_of(problem: HillProblem) -> FourierShape:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class StabilityChart:
+class StabilityChart(Result):
     """Growth of free vibrations over a grid.
 
     Attributes
@@ -130,9 +131,9 @@ def stability_chart(
     shape : FourierShape
         f(t) of k0 [1 + eps f(t)].
     speeds : float array, shape (X,)
-        w/w0, 0.001 to 1000.
+        Ratios w/w0, 0.001 to 1000.
     variations : float array, shape (E,)
-        eps, -100 to 100.
+        Relative eps, -100 to 100.
     damping_ratio : float
         zeta, 0 to 100.
     tolerance : float

@@ -31,6 +31,7 @@ from gearmon.dynamics.mesh_equations import (
 )
 from gearmon.dynamics.steady_state import MOST_RATIO, steady_state
 from gearmon.errors import ArgumentError, check_range
+from gearmon.result import Result
 
 #: Fewer sets of one pattern are solved faster by themselves.
 FEWEST_TOGETHER = 16
@@ -43,7 +44,7 @@ INDICES = npt.NDArray[np.int_]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Sweep:
+class Sweep(Result):
     """Steady vibrations over a grid of values; `...` is the shape that all values broadcast to.
 
     Attributes

@@ -36,7 +36,7 @@ class HillSystem:
     ----------
     mass, damping, stiffness : float array, shape (n, n)
         M, C, K without the meshes, all symmetric. With lengths as coordinates (u = r theta for a
-        rotation) in kg, N s/m, N/m.
+        rotation) [kg, N s/m, N/m].
     mesh_vectors : float array, shape (meshes, n)
         v_j, one row each.
     mesh_stiffness_n_per_m : float array, shape (meshes,)
@@ -161,6 +161,11 @@ class HillSystem:
         """Squares of the angular natural frequencies [1/s2], ascending, and modes of unit mass.
 
         Undamped, with mean stiffnesses and without gyroscopic terms; one mode to a column.
+
+        Raises
+        ------
+        ArgumentError
+            If the mass matrix is not positive definite.
         """
         from scipy.linalg import LinAlgError, eigh
 
@@ -236,7 +241,7 @@ class SystemResponse(PeriodicVibration):
         "msm", "msm least residual" or "harmonic balance".
     order : int
         Number of orders of the expansion used; 0 for harmonic balance.
-    floquet_multipliers : complex ndarray
+    floquet_multipliers : complex ndarray, shape (modes,)
         Factors by which free vibrations change over a period, the largest modulus first; free
         rigid-body motions left out.
     stable : bool
@@ -270,7 +275,7 @@ class SystemResponse(PeriodicVibration):
         Parameters
         ----------
         vectors : float array, shape (springs, n)
-            Their deflections are vectors @ q.
+            Their deflections are vectors @ q; dimensionless.
         stiffness_n_per_m : float array, shape (springs,)
 
         Returns

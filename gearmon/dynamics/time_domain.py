@@ -21,10 +21,11 @@ from gearmon.dynamics.fourier import Complex, Real
 from gearmon.dynamics.hill import HillProblem
 from gearmon.dynamics.system import HillSystem
 from gearmon.errors import ArgumentError, check_range
+from gearmon.result import Result
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class TimeHistory:
+class TimeHistory(Result):
     """A vibration as a time series.
 
     Attributes
@@ -87,7 +88,11 @@ def integrate(
         b >= 0 of all meshes, `math.inf` for teeth that only part. By default the teeth stay
         together: the linear equation, also where it pulls.
     relative_tolerance : float
-        Of every step, 2.3e-14 to 0.1, by DOP853.
+        Relative, of every step, 2.3e-14 to 0.1, by DOP853.
+
+    Returns
+    -------
+    TimeHistory
 
     Raises
     ------

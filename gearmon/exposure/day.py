@@ -139,6 +139,10 @@ def load_day(path: str | Path) -> DayPlan:
     path : str or Path
         TOML as in the docstring of `gearmon.exposure.day`.
 
+    Returns
+    -------
+    DayPlan
+
     Raises
     ------
     MachineFileError
@@ -256,7 +260,7 @@ class DayExposure(Result):
     ----------
     plan, position : str
     hours : float
-        Of all jobs.
+        Of all jobs [h].
     jobs : tuple of JobExposure
     doses : tuple of Dose
         A(8), and the dose value where it is known.
@@ -264,7 +268,7 @@ class DayExposure(Result):
     course_h : tuple of float
         Hours of work for which `course` tells the doses.
     course : dict of str to tuple of float
-        A(8) and VDV as they grow, by their names.
+        A(8) and VDV as they grow [m/s2, m/s^1.75], by their names.
     """
 
     picture: ClassVar[str] = "exposure_plots.day_exposure_figure"
@@ -309,13 +313,27 @@ def exposure_day(
         Or the name of its file.
     axes : mapping of str to str or int, optional
         As of `vibration_exposure`.
-    **reading
+    **reading : float, str or list of Sensor
         sampling_rate_hz, unit, sensors and range_ms2 of `vibration_exposure`.
+
+    Returns
+    -------
+    DayExposure
 
     Raises
     ------
     GearmonError
         If the plan or a recording cannot be used; the line names it.
+
+    Examples
+    --------
+    >>> from gearmon.exposure import DayPlan, Job
+    >>> from gearmon.simulation import write_simulation
+    >>> _ = write_simulation(new, "mowing.csv")
+    >>> jobs = (Job(name="mowing", recording="mowing.csv", hours=4.0),)
+    >>> plan = DayPlan(jobs=jobs, position="hand")
+    >>> gearmon.exposure_day(plan, {"x": "a1", "y": "a2"}).hours
+    4.0
     """
     plan = plan if isinstance(plan, DayPlan) else load_day(plan)
     felt = [
@@ -333,6 +351,10 @@ def sum_up(plan: DayPlan, felt: Sequence[Sequence[Exposure]]) -> DayExposure:
     plan : DayPlan
     felt : sequence of sequence of Exposure
         Those of each job.
+
+    Returns
+    -------
+    DayExposure
 
     Raises
     ------

@@ -146,10 +146,21 @@ def gear_share(
     faults : iterable of str
         Such as "wear:1:pinion:all:20%" or "crack:1:pinion:5:40%".
 
+    Returns
+    -------
+    GearShare
+
     Raises
     ------
     GearmonError
         If the recording is too short for the machine, or a fault cannot be.
+
+    Examples
+    --------
+    >>> felt = gearmon.vibration_exposure(new, "hand", {"x": "a1", "y": "a2"})
+    >>> found = gearmon.gear_share(new, felt, machine, ["wear:1:pinion:all:20%"])
+    >>> found.axes, [0.0 < own <= 1.0 for own in found.share]
+    (('x', 'y'), [True, True])
     """
     machine, named = load_machine(machine), tuple(faults)
     whole = read_recording(recording, sensors=machine.sensors)

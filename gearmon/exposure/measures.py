@@ -170,6 +170,16 @@ class Exposure(Result):
         Centres of third octaves.
     band_ms2 : ndarray of float, shape (axes, bands)
         Rms of the acceleration as recorded, in third octaves [m/s2].
+
+    Examples
+    --------
+    >>> felt = gearmon.vibration_exposure(new, "hand", {"x": "a1", "y": "a2"})
+    >>> felt.times_s()["action_ms2"] == felt.time_to(felt.limits.action_ms2)
+    True
+    >>> [row["axis"] for row in felt.rows()], felt.weighted_band_ms2.shape == felt.band_ms2.shape
+    (['x', 'y'], True)
+    >>> felt.headline()[:5], felt.to_dict()["position"]
+    ('0.194', 'hand')
     """
 
     picture: ClassVar[str] = "exposure_plots.exposure_figure"
@@ -273,6 +283,12 @@ def vibration_exposure(
         looks wrong, or the recording is too short.
     ArgumentError
         If an argument is out of its range, or the rate lower than the weighting needs.
+
+    Examples
+    --------
+    >>> felt = gearmon.vibration_exposure(new, "hand", {"x": "a1", "y": "a2"})
+    >>> felt.value_axis, felt.duration_s
+    ('vector sum', 3.0)
     """
     check_word("position=", position, POSITIONS)
     told = _axes_told(axes, position)
@@ -572,10 +588,21 @@ def seat_factor(seat: Exposure, floor: Exposure) -> SeatFactor:
     seat, floor : Exposure
         Of one position, "seat": the weighting of the seat counts for both.
 
+    Returns
+    -------
+    SeatFactor
+
     Raises
     ------
     ArgumentError
         If they were weighted differently, have no axis in common, or the floor does not move.
+
+    Examples
+    --------
+    >>> floor, seat = ({"x": "a1", "y": "a2"}, {"x": "a2", "y": "a1"})
+    >>> felt = [gearmon.vibration_exposure(new, "seat", axes) for axes in (seat, floor)]
+    >>> gearmon.seat_factor(*felt).axes
+    ('x', 'y')
     """
     pairs = [(s, f) for s in seat.axes for f in floor.axes if s.axis == f.axis]
     if not pairs or any(s.weighting != f.weighting for s, f in pairs):

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gearmon.errors import ArgumentError, check_range, check_word
+from gearmon.result import Result
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -39,7 +40,7 @@ _INNER, _OUTER = (0.12, -0.11), (0.26, -0.21)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Weighting:
+class Weighting(Result):
     """A frequency weighting.
 
     Parameters
@@ -232,10 +233,20 @@ def frequency_weighting(name: str) -> Weighting:
         Whole body: seat surface upwards, seat surface level, backrest, rotation, head of a person
         who lies, buildings; hand and arm; motion sickness.
 
+    Returns
+    -------
+    Weighting
+
     Raises
     ------
     ArgumentError
         If there is no such weighting.
+
+    Examples
+    --------
+    >>> vertical = gearmon.frequency_weighting("Wk")
+    >>> np.abs(vertical.response(np.array([1.0, 6.3, 100.0]))).round(2)
+    array([0.48, 1.05, 0.09])
     """
     check_word("weighting=", name, WEIGHTINGS)
     return WEIGHTINGS[name]

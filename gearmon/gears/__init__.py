@@ -27,6 +27,41 @@ a tooth and from its pair); `tooth`, `foundation` and `tooth_pairs` (potential e
 `tooth_mesh` (pairs that carry together, sound and damaged, by a given curve or by their teeth);
 `stiffness` with `modulation` by turning gears; `excitation`; `mechanics`; `stiffness_report` and
 `tooth_outline` (what pictures need).
+
+Examples
+--------
+>>> from gearmon.gears import FORM_NAMES, Excitation, GearError, GearTeeth, Kinematics, MeshPair
+>>> from gearmon.gears import MeshStiffness, MethodB, PairGeometry, PotentialEnergy, StageMechanics
+>>> from gearmon.gears import StiffnessReport, compare_forms, displacement_excitation, line_table
+>>> from gearmon.gears import mesh_pairs, pair_resonance, parse_error, stage_mechanics, teeth_of
+>>> from gearmon.gears.kinematics import kinematics
+>>> from gearmon.gears.stiffness_report import stiffness_report
+>>> turning = kinematics(machine)
+>>> isinstance(turning, Kinematics), turning.mesh(1).order, turning.coincidences()
+(True, 23.0, ())
+>>> line_table(machine).rows[0].name
+'input shaft'
+>>> (pair,) = mesh_pairs(machine.stages[0])
+>>> isinstance(pair, MeshPair), pair.teeth, round(pair.contact_ratio, 2)
+(True, (23, 57), 1.68)
+>>> isinstance(pair.geometry, PairGeometry), isinstance(pair.geometry.gears[0], GearTeeth)
+(True, True)
+>>> isinstance(pair.method_b(), MethodB), round(pair_resonance(pair).speed_rpm, -3)
+(True, 19000.0)
+>>> found = mesh_stiffness(pair, form="potential-energy")
+>>> isinstance(found, MeshStiffness), isinstance(found.form, PotentialEnergy)
+(True, True)
+>>> runout = parse_error("eccentricity:1:pinion:all:20um")
+>>> moved = displacement_excitation(pair, found, [runout])
+>>> isinstance(runout, GearError), isinstance(moved, Excitation), moved.period_mesh
+(True, True, 23)
+>>> mechanics = stage_mechanics(machine, 1)
+>>> isinstance(mechanics, StageMechanics), round(mechanics.mesh_frequency_hz)
+(True, 567)
+>>> compare_forms(machine).contact_ratio > 1.6, FORM_NAMES[:2]
+(True, ('parabolic', 'parabolic-maximum'))
+>>> isinstance(stiffness_report(machine), StiffnessReport), teeth_of(pair) is not None
+(True, True)
 """
 
 from gearmon.gears.excitation import Excitation, displacement_excitation

@@ -426,6 +426,11 @@ class Excitation:
         -------
         ndarray of complex, shape (count + 1,)
             Exact, none aliased.
+
+        Raises
+        ------
+        ArgumentError
+            If an argument is out of its range.
         """
         check_range("count", count, 0, 10_000_000)
         period = self.period_mesh if period_mesh is None else period_mesh
@@ -458,6 +463,10 @@ def displacement_excitation(
         Of this stage; those of gears of other meshes are left aside. An error of 0 moves nothing.
     faults : iterable of Fault
         Wear, missing teeth and spalls across the whole face move the flanks too.
+
+    Returns
+    -------
+    Excitation
 
     Raises
     ------

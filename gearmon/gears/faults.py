@@ -520,6 +520,10 @@ def parse_fault_or_error(text: str) -> Fault | GearError:
     text : str
         See `faults.parse_fault` and `parse_error`.
 
+    Returns
+    -------
+    Fault or GearError
+
     Raises
     ------
     ArgumentError
@@ -545,6 +549,10 @@ def parse_error(text: str) -> GearError:
     text : str
         SIZE in um or mm; TOOTH is a number or ``all``: ``eccentricity:1:pinion:all:20um``,
         ``pitch:1:gear:7:8um``.
+
+    Returns
+    -------
+    GearError
 
     Raises
     ------

@@ -298,7 +298,7 @@ class GearTeeth:
     tip_factor : float
         Addendum of the gear h_a*, before any tip shortening.
     root_factor : float
-        Dedendum of the basic rack h_fP*.
+        Dedendum of the basic rack h_fP*, in modules.
     name : str
         What messages call the gear; the ending of its keys in a machine file.
     virtual : bool

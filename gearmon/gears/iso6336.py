@@ -120,19 +120,19 @@ class MethodB:
     Parameters
     ----------
     theoretical : float
-        c'_th, of one pair, from the polynomial.
+        c'_th, of one pair, from the polynomial [N/(mm um)].
     correction, blank, rack : float
         Factors C_M, C_R, C_B.
     load : float
         Factor of the low-load branch; 1 from 100 N/mm on.
     single : float
-        c': greatest stiffness of one pair.
+        c': greatest stiffness of one pair [N/(mm um)].
     contact_ratio : float
         eps_alpha with which the next was made.
     mesh_alpha : float
-        c_gamma_alpha: mean stiffness of the mesh.
+        c_gamma_alpha: mean stiffness of the mesh [N/(mm um)].
     mesh_beta : float
-        c_gamma_beta = 0.85 c_gamma_alpha.
+        c_gamma_beta = 0.85 c_gamma_alpha [N/(mm um)].
     virtual_teeth : (float, float)
         z_n of the gear with fewer teeth and of its mate (infinite for a ring).
     warnings : tuple of str

@@ -212,6 +212,10 @@ def pair_resonance(pair: MeshPair, force_n: float | None = None) -> Resonance:
     force_n : float, optional
         Static force on the line of action [N], for the low-load branches.
 
+    Returns
+    -------
+    Resonance
+
     Raises
     ------
     ArgumentError

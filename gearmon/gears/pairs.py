@@ -137,6 +137,13 @@ class MeshPair:
     def need(self, key: str, purpose: str, instead: str = "") -> float:
         """Return a value of the stage that must have been given.
 
+        Parameters
+        ----------
+        key : str
+            Of the stage.
+        purpose, instead : str
+            For the message: what needs the value, and the override that would do.
+
         Raises
         ------
         ArgumentError
@@ -320,6 +327,10 @@ def mesh_pairs(stage: Stage, number: int | None = None, path: str = "") -> tuple
         Number of the stage for messages, counted from 1.
     path : str
         Machine file for messages.
+
+    Returns
+    -------
+    tuple of MeshPair
     """
     if isinstance(stage, ParallelStage):
         first, second = _member(stage, "pinion"), _member(stage, "gear")

@@ -49,8 +49,8 @@ class MeshStiffness:
     contact_ratio, overlap_ratio : float
         Transverse contact ratio and overlap ratio.
     variation : float
-        eps of ``k = k_mean (1 + eps f)`` for the healthy mesh: half the peak to peak of k over its
-        mean, so that f spans 2; with a symmetric square wave, f = +-1.
+        Relative: eps of ``k = k_mean (1 + eps f)`` for the healthy mesh: half the peak to peak of
+        k over its mean, so that f spans 2; with a symmetric square wave, f = +-1.
     form : StiffnessForm or PotentialEnergy
     iso : MethodB or None
         ISO 6336 stiffness behind the mean; None where the mean was given or follows from the
@@ -130,6 +130,11 @@ class MeshStiffness:
         Returns
         -------
         ndarray, shape (period_mesh * points_per_mesh,)
+
+        Raises
+        ------
+        ArgumentError
+            If there is not one point at least.
         """
         count = int(points_per_mesh)
         if count < 1:

@@ -385,13 +385,17 @@ def survey_expected(
     faults : iterable of str
         Damage for the degraded state, such as "crack:1:pinion:5:20%".
     path_gain : float, > 0
-        Acceleration at the harvester over that along the line of action.
+        Ratio of the acceleration at the harvester over that along the line of action.
     wander : float, 0 to 0.2
         Standard deviation of the speed over its mean.
     wander_time_s : float, > 0
         Correlation time of that; infinite if slow beside the ring-down.
     count : int, 1 to 3
         Harvesters of a set that serve the worst operating point, see `tune_set`.
+
+    Returns
+    -------
+    Survey
 
     Raises
     ------
@@ -458,6 +462,10 @@ def survey_measured(
         The same operating points with a damaged gear.
     count : int, 1 to 3
         Harvesters of a set that serve the worst operating point, see `tune_set`.
+
+    Returns
+    -------
+    Survey
 
     Raises
     ------

@@ -357,6 +357,10 @@ def tune_set(harvester: H, duty: Shaking, count: int = 3) -> list[Tuned[H]]:
     count : int, 1 to 3
         Size of the set.
 
+    Returns
+    -------
+    list of Tuned
+
     Raises
     ------
     ArgumentError

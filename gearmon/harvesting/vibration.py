@@ -72,8 +72,8 @@ class Vibration:
     sampling_rate_hz : float
         Of these; 0 without.
     crest : float, > 0
-        Peak over rms of the answer of a harvester; 4.5 is exceeded 7e-6 of the time by Gaussian
-        motion.
+        Ratio of peak to rms of the answer of a harvester; 4.5 is exceeded 7e-6 of the time by
+        Gaussian motion.
 
     Raises
     ------
@@ -210,6 +210,10 @@ def vibration_of_lines(
     **about
         wander, wander_time_s and name, see `Vibration`.
 
+    Returns
+    -------
+    Vibration
+
     Raises
     ------
     ArgumentError
@@ -242,6 +246,10 @@ def vibration_of_signature(signature: Signature, **about: Any) -> Vibration:
     **about
         name (that of the machine if none is given), gain, wander and wander_time_s, see
         `vibration_of_lines`.
+
+    Returns
+    -------
+    Vibration
     """
     frequency, amplitude = signature["frequency_hz"], signature["acceleration_ms2"]
     about = {"name": signature.machine} | about
@@ -259,6 +267,10 @@ def vibration_of_samples(
         Samples [m/s2]; the mean is taken off, and what lies below 2 Hz left out.
     sampling_rate_hz : float, > 0
     name : str
+
+    Returns
+    -------
+    Vibration
 
     Raises
     ------

@@ -194,7 +194,7 @@ class ShaftSection:
     bending_stiffness_nm2 : float, optional
         E I [N m2], in the place of that of the diameter; then no shear is counted.
     elastic_modulus_pa, poisson_ratio, density_kgm3 : float
-        Steel by default.
+        Steel by default [Pa, -, kg/m3].
 
     Raises
     ------
@@ -274,7 +274,7 @@ class Sensor:
     unit : str, optional
         Unit of the physical quantity, such as "m/s2", "g", "mm/s" or "Nm".
     sensitivity : float, above 0
-        Recorded number per `unit`: the physical value is the recorded number divided by it. A
+        Recorded number [per `unit`]: the physical value is the recorded number divided by it. A
         sensor of 100 mV/g recorded in volts has ``unit = "g"`` and ``sensitivity = 0.1``.
     position : str
         Where the sensor sits, in words.
@@ -335,6 +335,13 @@ class Machine(Result):
     ------
     FieldError
         If the parts do not fit together.
+
+    Examples
+    --------
+    >>> machine.shaft_count, machine.stages[0].gear_teeth
+    (2, 57)
+    >>> machine.to_dict()["operating"]
+    [{'speed_rpm': 1480.0, 'torque_nm': 120.0}]
     """
 
     name: str = ""

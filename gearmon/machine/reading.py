@@ -58,7 +58,7 @@ def load_machine(source: MachineLike | None = None, **tables: Any) -> Machine:
         ``name``, ``[[shaft]]``, ``[[bearing]]``, ``[[disc]]`` and ``[[sensor]]``; or a
         dictionary of the same content, with a list where there are several tables. A Machine is
         returned as it is.
-    **tables
+    **tables : mapping, or list of them
         The same as keywords, in the place of a source.
 
     Returns

@@ -165,7 +165,7 @@ class PlanetaryStage(StageData):
     driving : {"sun", "ring", "carrier"}, optional
         The member on the stage's input shaft: the sun, or the carrier if the sun is fixed.
     name, module_mm, pressure_angle_deg, helix_angle_deg, face_width_mm, poisson_ratio, \
-density_kgm3, damping_ratio, application_factor
+    density_kgm3, damping_ratio, application_factor
         As for `ParallelStage`.
     profile_shift_sun, profile_shift_planet, profile_shift_ring : float
         Profile shift coefficients x, in modules.
@@ -184,19 +184,20 @@ density_kgm3, damping_ratio, application_factor
     bore_diameter_sun_mm, bore_diameter_planet_mm : float, optional
         Bores [mm].
     web_width_sun_mm, web_width_planet_mm, rim_thickness_sun_mm, rim_thickness_planet_mm : \
-float, optional
+    float, optional
         Width of the web and thickness of the rim [mm], both or neither.
     rim_thickness_ring_mm : float, optional
         Thickness of the ring outside its tooth roots [mm]; the ring is held round that circle.
     elastic_modulus_sun_pa, elastic_modulus_planet_pa, elastic_modulus_ring_pa : float
         Young's moduli [Pa].
     mesh_stiffness_n_per_m, stiffness_variation, equivalent_mass_kg, damping_ns_per_m, \
-contact_ratio, force_n : float, optional
-        Known values that replace what is otherwise computed, each for one sun-planet mesh.
+    contact_ratio, force_n : float, optional
+        Known values that replace what is otherwise computed [N/m, -, kg, N s/m, -, N], each for
+        one sun-planet mesh.
     ring_mesh_stiffness_n_per_m : float, optional
         Mean stiffness of one planet-ring mesh [N/m].
     mass_sun_kg, mass_planet_kg, mass_ring_kg, mass_carrier_kg, inertia_sun_kgm2, \
-inertia_planet_kgm2, inertia_ring_kgm2, inertia_carrier_kgm2 : float, optional
+    inertia_planet_kgm2, inertia_ring_kgm2, inertia_carrier_kgm2 : float, optional
         Mass [kg] and moment of inertia about its own axis [kg m2] of each body (the carrier without
         planets), in the place of those of discs.
     position_sun_mm, position_ring_mm, position_carrier_mm : float, optional

@@ -11,14 +11,16 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from gearmon.diagnosis.results import Analysis, ToothProfile
-from gearmon.report.curves import extremes, turn_waveforms
-from gearmon.report.level_plots import changes_figure, pattern_figure
+from gearmon.report.curves import extremes, turn_waveform
+from gearmon.report.level_plots import changes_figure
 from gearmon.report.palette import BLACK, BLUE, GREY, LIGHT_GREY, SKY, VERMILLION
 from gearmon.report.plots import Picture, legend, light_grid, new_figure, style
 from gearmon.report.spectrum_plots import amplitude_figure, close_up_figure
 from gearmon.report.wording import percent, probability_text, strip_label, unit_text
 from gearmon.signals.recording import Recording
+from gearmon.signals.transforms import fast_length
 from gearmon.signatures.measured.line_plan import WheelLines
+from gearmon.signatures.measured.reference import WheelPattern
 
 FloatArray = NDArray[np.float64]
 
@@ -62,9 +64,6 @@ def analysis_figures(analysis: Analysis, recording: Recording | None = None) -> 
         return
     if analysis.changes:
         yield changes_figure(analysis)
-    pattern = pattern_figure(analysis)
-    if pattern is not None:
-        yield pattern
     wheels = [wheel for wheel in signature.plan.wheels if len(wheel.number)]
     for row, wheel in enumerate(wheels):
         yield turn_figure(analysis, wheel, at_length=row == 0)
@@ -88,16 +87,22 @@ def turn_figure(analysis: Analysis, wheel: WheelLines, *, at_length: bool = True
         The gear, of the plan of its signature.
     at_length : bool
         Whether the caption explains everything, as that of the first gear does.
+
+    Returns
+    -------
+    Picture
     """
     signature = analysis.signature
-    average, rest = turn_waveforms(signature.lines, wheel)
+    pattern = WheelPattern.of(wheel, signature.lines)
+    # eight points a cycle of the highest line draw its crests within a tenth
+    points = fast_length(8 * (int(wheel.number.max()) + 1))
+    average, rest = (turn_waveform(pattern, points, mesh=mesh) for mesh in (True, False))
     power = np.mean(average**2, axis=1)
     channels = sorted(np.argsort(-power, kind="stable")[:_MOST_CHANNELS].tolist())
     profile = profile_of(analysis, wheel.stage, wheel.gear)
     flagged = flagged_place(analysis, wheel.stage, wheel.gear)
     heights = [0.56 if len(channels) > 2 else 0.8] * len(channels)
     figure, axes = new_figure([*heights, *([0.85] if profile else [])], sharex=True)
-    points = average.shape[1]
     number = tooth_numbers(wheel.teeth * np.arange(points) / points, profile, wheel.teeth)
     order = np.argsort(number, kind="stable")
     for channel, ax in zip(channels, axes, strict=False):
@@ -280,6 +285,10 @@ def speed_figure(analysis: Analysis) -> Picture:
     ----------
     analysis : Analysis
         The analysis.
+
+    Returns
+    -------
+    Picture
     """
     track, speed = analysis.signature.track, analysis.signature.speed
     time_s, speed_hz = extremes(0.5 * (track.time_s[:-1] + track.time_s[1:]), track.speed_hz)

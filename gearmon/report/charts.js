@@ -7,6 +7,7 @@
   const pages = JSON.parse(document.getElementById("chart-data").textContent);
   const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
   const floats = (text) => Array.from(new Float32Array(bytes(text).buffer), (v) => (isNaN(v) ? null : v));
+  const wave = (text, top) => Array.from(new Int16Array(bytes(text).buffer), (v) => (v * top) / 32767);
   const short = (v) => (v === null ? "–" : String(Number(v.toPrecision(3))).replace("-", "−"));
   const decibel = (v) => (v < 0 ? "−" : "+") + Math.abs(v).toFixed(1) + " dB";
   const day = (seconds) => new Date(seconds * 1e3).toISOString().slice(0, 10);
@@ -29,6 +30,8 @@
     if (page.lines && !page.lines.of) {
       for (const key of ["measured", "low", "high"]) page.lines[key] = page.lines[key].map(floats);
       page.lines.of = page.lines.family.map((number) => page.lines.families[number]);
+      page.lines.name = page.lines.number.map((own, k) =>
+        page.lines.of[k].name + (own ? `, ${own < 0 ? "−" : "+"}${Math.abs(own)}` : ""));
     }
     return page.lines;
   }
@@ -57,8 +60,9 @@
   function draw(host, page, chart) {
     const { kind, scale } = chart, isMap = kind === "map", isHistory = kind === "history";
     const lines = unpack(page), places = scale && lines ? lines.order.map((order) => order * scale) : [];
-    const curves = chart.curves || [], values = curves.map((c) => floats(c.values));
-    const x = chart.times || floats(chart.x), edge = kind === "bars" ? 0.5 : 0;
+    const curves = chart.curves || [], values = curves.map((c) => (c.top ? wave(c.values, c.top) : floats(c.values)));
+    const [first, step, count] = chart.even || [], even = () => Array.from({ length: count }, (_, k) => first + k * step);
+    const x = chart.times || (count ? even() : floats(chart.x)), edge = kind === "bars" ? 0.5 : 0;
     const from = x[0] - edge, to = Math.max(x[x.length - 1], from + 1e-9) + edge;
     const maps = (chart.maps || []).map((own) => painted(own, x.length, chart.rows));
     const off = new Set(curves.filter((c) => c.off).map((c) => c.layer)), marked = new Set();
@@ -202,7 +206,7 @@
       const wide = Math.min(width, to - from), min = Math.min(Math.max(centre - wide / 2, from), to - wide);
       plot.setScale("x", { min, max: min + wide });
     };
-    const step = (way) => {
+    const walk = (way) => {
       const stops = places.length ? chosen().map((k) => places[k]) : x;
       const place = stops[Math.min(stops.length - 1, Math.max(0, nearest(stops, focus()) + way))];
       if (place < plot.scales.x.min || place > plot.scales.x.max) view(place, span());
@@ -210,7 +214,7 @@
     };
     const keys = {
       "+": [() => view(focus(), span() / 2), "Zoom in"], "-": [() => view(focus(), span() * 2), "Zoom out"], 0: [() => view(0, to), "Show all"],
-      ArrowLeft: [() => step(-1), "Line before"], ArrowRight: [() => step(1), "Next line"],
+      ArrowLeft: [() => walk(-1), "Line before"], ArrowRight: [() => walk(1), "Next line"],
     };
     for (const [sign, key] of [["+", "+"], ["−", "-"], ["all", "0"], ["‹", "ArrowLeft"], ["›", "ArrowRight"]])
       make("button", bar, sign, { type: "button", title: keys[key][1], ariaLabel: keys[key][1] }).addEventListener("click", keys[key][0]);

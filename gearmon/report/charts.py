@@ -18,13 +18,12 @@ from gearmon.diagnosis.results import Analysis
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine
 from gearmon.report.analysis_plots import flagged_place, profile_of, tooth_numbers
-from gearmon.report.curves import angle_spectrum, time_spectrum
+from gearmon.report.curves import angle_spectrum, time_spectrum, turn_waveform
 from gearmon.report.history_text import told_teeth
 from gearmon.report.palette import SERIES
 from gearmon.report.spectrum_plots import last_harmonic_hz, mesh_marks, track_of, vibration_of
 from gearmon.report.verdict import far_from_nominal
 from gearmon.report.wording import gear_text, printable, shaft_text, unit_text
-from gearmon.signals.orders.averages import one_turn
 from gearmon.signals.orders.maps import order_map
 from gearmon.signals.recording import Recording
 from gearmon.signals.tracking.comb import scan_speed
@@ -104,6 +103,14 @@ def _numbers(values: ArrayLike) -> str:
 
 def _curve(values: FloatArray, layer: str, channel: int | None, **more: Any) -> dict[str, Any]:
     return {"layer": layer, "channel": channel, "values": _numbers(values), **more}
+
+
+def _wave(values: FloatArray, layer: str, channel: int, **more: Any) -> dict[str, Any]:
+    """Give a waveform in steps of its height over 32767, which no screen shows."""
+    top = max(float(np.abs(values).max()), 1e-300)
+    steps = np.rint(32_767 * values / top).astype("<i2").tobytes()
+    text = base64.b64encode(steps).decode("ascii")
+    return {"layer": layer, "channel": channel, "top": top, "values": text, **more}
 
 
 def _held(place: FloatArray, values: FloatArray, points: int) -> tuple[FloatArray, FloatArray]:
@@ -222,18 +229,18 @@ def _turn(
     """Give one turn of a gear, with that of the healthy recording that is most like it."""
     profile = profile_of(analysis, wheel.stage, wheel.gear)
     own = WheelPattern.of(wheel, analysis.signature.lines)
-    points = fast_length(4 * (int(wheel.number.max()) + 1))
-    whole = _waveform(own, np.ones_like(own.mesh), points)
-    rest = _waveform(own, ~own.mesh, points)
+    channels = min(len(own.amplitude), _STRONGEST)
+    points = fast_length(min(4 * (int(wheel.number.max()) + 1), _ALL_POINTS // channels))
+    whole, rest = (turn_waveform(own, points, mesh=mesh) for mesh in (True, False))
     number = tooth_numbers(wheel.teeth * np.arange(points) / points, profile, wheel.teeth)
     order = np.argsort(number, kind="stable")
     healthy = _healthy_turn(analysis, own, rest, reference)
     curves = []
     for channel in _strongest(rest):
-        curves.append(_curve(whole[channel, order], "with the mesh", channel, off=True))
+        curves.append(_wave(whole[channel, order], "with the mesh", channel, off=True))
         if healthy is not None:
-            curves.append(_curve(healthy[channel, order], "healthy", channel))
-        curves.append(_curve(rest[channel, order], "without the mesh", channel))
+            curves.append(_wave(healthy[channel, order], "healthy", channel))
+        curves.append(_wave(rest[channel, order], "without the mesh", channel))
     name = f"{wheel.gear} of stage {wheel.stage}"
     place = flagged_place(analysis, wheel.stage, wheel.gear)
     shared = {"axis": "Tooth", "marked": place, "teeth": wheel.teeth}
@@ -243,7 +250,7 @@ def _turn(
         "value": "Average over the turns",
         "vibration": True,
         "kind": "turn",
-        "x": _numbers(number[order]),
+        "even": [number[order[0]], wheel.teeth / points, points],
         "curves": curves,
     }
     if profile is not None:
@@ -257,13 +264,6 @@ def _turn(
             "x": _numbers(teeth[order]),
             "curves": [_curve(profile.energy[order], "energy", None)],
         }
-
-
-def _waveform(pattern: WheelPattern, kept: NDArray[np.bool_], points: int) -> FloatArray:
-    half = np.zeros((len(pattern.amplitude), -(-points // 2)), dtype=complex)
-    chosen = kept & (pattern.number < half.shape[1])
-    half[:, pattern.number[chosen]] = pattern.amplitude[:, chosen]
-    return one_turn(half, points)
 
 
 def _healthy_turn(
@@ -282,7 +282,7 @@ def _healthy_turn(
         return None
     loud = float(np.abs(own.amplitude).sum())
     near = min(patterns, key=lambda one: abs(float(np.abs(one.amplitude).sum()) - loud))
-    healthy = _waveform(near, ~near.mesh, rest.shape[1])
+    healthy = turn_waveform(near, rest.shape[1], mesh=False)
     fit = np.fft.irfft(np.sum(np.conj(np.fft.rfft(healthy)) * np.fft.rfft(rest), axis=0))
     return np.roll(healthy, int(np.argmax(fit)), axis=1)
 
@@ -298,12 +298,15 @@ def _lines(analysis: Analysis, reference: Reference | None) -> dict[str, Any]:
     centres = {
         own.stage: own.frequency_hz / signature.speed.estimated_hz for own in signature.meshes
     }
-    numbered = [(plan.orders[line], families[number]) for line, number in chosen]
+    numbers = [
+        _number(plan.orders[line], families[number], centres[families[number].stage])
+        for line, number in chosen
+    ]
     size = np.abs(signature.lines.mean[:, index])
     amplitudes = {"measured": size, "low": low, "high": high}
     return {
         "order": np.round(orders, 6).tolist(),
-        "name": [_line_name(order, own, centres[own.stage]) for order, own in numbered],
+        "number": numbers,
         "family": [number for _, number in chosen],
         "families": [_family(own, analysis) for own in families],
         "groups": _groups(families),
@@ -314,30 +317,31 @@ def _places(analysis: Analysis) -> dict[str, Any]:
     """Return where mesh harmonics were looked for, and not found."""
     marks, speed = mesh_marks(analysis.signature), analysis.signature.speed.estimated_hz
     reach = max((mark.half_width / mark.place for mark in marks), default=0.0)
-    family = {"group": "mesh, not found", "mesh": True, "reach": reach, "changes": []}
+    shared = {"group": "mesh, not found", "mesh": True, "reach": reach, "changes": []}
     return {
         "order": [mark.place / speed for mark in marks],
-        "name": [mark.label.replace("\n", ", ") for mark in marks],
-        "family": [0] * len(marks),
-        "families": [family],
-        "groups": [family["group"]],
+        "number": [0] * len(marks),
+        "family": [*range(len(marks))],
+        "families": [shared | {"name": mark.label.replace("\n", ", ")} for mark in marks],
+        "groups": [shared["group"]],
         "measured": [],
         "low": [],
         "high": [],
     }
 
 
-def _line_name(order: float, family: Family, mesh_order: float) -> str:
+def _number(order: float, family: Family, mesh_order: float) -> int:
+    """Return how many spacings of its family a line is off the mesh harmonic."""
     if not family.spacing:
-        return family.name
-    number = round((order - family.harmonic * mesh_order) / family.spacing)
-    return f"{family.name}, {number:+d}".replace("-", "−")
+        return 0
+    return round((order - family.harmonic * mesh_order) / family.spacing)
 
 
 def _family(family: Family, analysis: Analysis) -> dict[str, Any]:
     changes = {own.channel: own for own in analysis.changes if own.family == family.name}
     named = [changes.get(name) for name in analysis.signature.channel_names[:_MOST_CHANNELS]]
     return {
+        "name": family.name,
         "group": _group(family),
         "mesh": family.kind == "mesh",
         "reach": 0.0,

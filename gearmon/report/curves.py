@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.signals.angle import AngleTrack
-from gearmon.signals.orders import AngleGrid, OrderLines, angle_blocks, synchronous_average
+from gearmon.signals.orders import AngleGrid, angle_blocks, one_turn
 from gearmon.signals.spectra import Spectrum, amplitude_spectrum
 from gearmon.signals.transforms import fast_length
-from gearmon.signatures.measured.line_plan import WheelLines
+from gearmon.signatures.measured.reference import WheelPattern
 
 FloatArray = NDArray[np.float64]
 
@@ -143,27 +143,24 @@ def angle_spectrum(
     return replace(spectrum, values=np.sqrt(power / count))
 
 
-def turn_waveforms(lines: OrderLines, wheel: WheelLines) -> tuple[FloatArray, FloatArray]:
-    """Return the synchronous average of one gear, whole and without the mesh harmonics.
+def turn_waveform(pattern: WheelPattern, points: int, *, mesh: bool = True) -> FloatArray:
+    """Return one turn of a gear by its lines, with or without the mesh harmonics.
 
     Parameters
     ----------
-    lines : OrderLines
-        Measured lines.
-    wheel : WheelLines
-        Which of them are multiples of the gear's rotation.
+    pattern : WheelPattern
+        The lines; those that so few points cannot hold are left out.
+    points : int
+        Equal steps over the turn, from the angle zero of the recording.
+    mesh : bool
+        Whether with the mesh harmonics.
 
     Returns
     -------
-    average, rest : ndarray of float, shape (channels, points)
-        Equal steps over one turn, from the angle zero of the recording.
+    ndarray of float, shape (channels, points)
+        In the units of the channels.
     """
-    # eight points a cycle of the highest line draw its crests within a tenth
-    points = fast_length(8 * (int(wheel.number.max()) + 1))
-    average, rest = np.zeros((2, len(lines.noise), points))
-    for turn, index in ((average, wheel.lines), (rest, wheel.lines[~wheel.mesh])):
-        if len(index):
-            amplitude, noise = lines.amplitude[:, :, index], lines.noise[:, index]
-            own = replace(lines, orders=lines.orders[index], amplitude=amplitude, noise=noise)
-            turn[:] = synchronous_average(own, wheel.order, points)
-    return average, rest
+    half = np.zeros((len(pattern.amplitude), -(-points // 2)), dtype=complex)
+    chosen = (pattern.number < half.shape[1]) & (mesh | ~pattern.mesh)
+    half[:, pattern.number[chosen]] = pattern.amplitude[:, chosen]
+    return one_turn(half, points)

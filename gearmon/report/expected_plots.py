@@ -49,6 +49,10 @@ def stability_figure(stability: StabilityMap) -> Picture:
     ----------
     stability : StabilityMap
         Boundaries are drawn exact and, as far as it has them, by multiple scales.
+
+    Returns
+    -------
+    Picture
     """
     figure = sheet(9.0, 5.6)
     ax = figure.add_subplot()
@@ -176,6 +180,10 @@ def family_figure(family: FaultFamily, operating: int | None = None) -> Picture:
     family : FaultFamily
     operating : int, optional
         Operating point, from 0; by default the first in the family.
+
+    Returns
+    -------
+    Picture
     """
     number = family.members[0].operating if operating is None else operating
     members = family.to_frame().query("operating == @number")

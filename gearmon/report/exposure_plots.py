@@ -34,6 +34,10 @@ def exposure_figure(exposure: Exposure) -> Picture:
     Parameters
     ----------
     exposure : Exposure
+
+    Returns
+    -------
+    Picture
     """
     figure = sheet(_WIDTH_IN, 5.6)
     bands, course = figure.subplots(2, 1, height_ratios=[3, 2])
@@ -70,6 +74,10 @@ def day_exposure_figure(day: DayExposure) -> Picture:
     Parameters
     ----------
     day : DayExposure
+
+    Returns
+    -------
+    Picture
     """
     figure = sheet(_WIDTH_IN, 0.8 + 2.3 * len(day.doses))
     grid = figure.subplots(len(day.doses), 1, sharex=True, squeeze=False)
@@ -115,6 +123,10 @@ def gear_share_figure(found: GearShare) -> Picture:
     Parameters
     ----------
     found : GearShare
+
+    Returns
+    -------
+    Picture
     """
     figure = sheet(_WIDTH_IN, 1.6 + 0.45 * len(found.axes))
     ax = figure.add_subplot()

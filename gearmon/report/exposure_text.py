@@ -37,30 +37,32 @@ def exposure_lines(found: Told) -> list[str]:
     Parameters
     ----------
     found : Exposure, SeatFactor, GearShare or DayExposure
+
+    Returns
+    -------
+    list of str
+        Without line ends.
     """
-    title, table, notes = _told(found)
-    return [title, *table_lines(table), *notes]
+    title, rows, notes = _told(found)
+    return [title, *table_lines(rows), *notes]
 
 
-def _told(found: Told) -> tuple[str, Table, list[str]]:
-    """Return title, table and sentences of a result."""
+def _told(found: Told) -> tuple[str, list[dict[str, Any]], list[str]]:
+    """Return title, rows of a table and sentences of a result."""
+    rows = [{key: _short(value) for key, value in row.items()} for row in found.rows()]
     if isinstance(found, Exposure):
-        rows = [{_AXIS_COLUMNS[key]: _short(row[key]) for key in _AXIS_COLUMNS}
-                for row in found.rows()]  # fmt: skip
+        rows = [{name: row[key] for key, name in _AXIS_COLUMNS.items()} for row in rows]
         notes = [*_times(found.times_s()), *found.advice, *_noted(found.warnings)]
         title = f"{printable(found.recording)}: {found.headline()}"
     elif isinstance(found, SeatFactor):
-        rows = [{key: _short(value) for key, value in row.items()} for row in found.rows()]
         title = f"SEAT factor: {printable(found.seat)} over {printable(found.floor)}"
         notes = ["below 1 the seat helps"]
     elif isinstance(found, GearShare):
-        rows = [{key: _short(value) for key, value in row.items()} for row in found.rows()]
         title, notes = f"{found.machine}: {found.headline()}", _point_lines(found)
     else:
-        rows = [{key: _short(value) for key, value in row.items()} for row in found.rows()]
         title = f"day of {found.hours:g} h ({found.position}): {found.headline()}"
         notes = [*_reached(found), *_noted(found.warnings)]
-    return title, Table.of(rows), notes
+    return title, rows, notes
 
 
 def _short(value: Any) -> Any:
@@ -123,6 +125,11 @@ def write_exposure_report(found: Sequence[Told], path: str | Path) -> Path:
     found : sequence of Exposure, SeatFactor, GearShare or DayExposure
     path : str or Path
 
+    Returns
+    -------
+    Path
+        What was written.
+
     Raises
     ------
     ArgumentError
@@ -134,10 +141,12 @@ def write_exposure_report(found: Sequence[Told], path: str | Path) -> Path:
 
     sections = []
     for own in found:
-        title, table, notes = _told(own)
+        title, rows, notes = _told(own)
         pictures = [as_png(figure) for figure in own.figures().values()] if own.picture else []
         encoded = [base64.b64encode(png).decode("ascii") for png in pictures]
-        sections.append({"title": title, "table": table, "notes": notes, "pictures": encoded})
+        sections.append(
+            {"title": title, "table": Table.of(rows), "notes": notes, "pictures": encoded}
+        )
     source = resources.files("gearmon.report").joinpath("exposure.html").read_text("utf-8")
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
     page = environment.from_string(source).render(sections=sections, version=__version__)

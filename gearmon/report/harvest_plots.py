@@ -37,6 +37,11 @@ def harvest_figures(survey: Survey) -> dict[str, Picture]:
     Parameters
     ----------
     survey : Survey
+
+    Returns
+    -------
+    dict of str to Picture
+        By what is added to the name of a file.
     """
     return {
         "-energy": energy_figure(survey),

@@ -26,6 +26,11 @@ def harvest_lines(survey: Survey, most_lines: int = 8) -> list[str]:
     survey : Survey
     most_lines : int, >= 1
         Energy lines shown.
+
+    Returns
+    -------
+    list of str
+        Without line ends.
     """
     best = survey.best
     text = [f"{survey.machine}: {len(survey.placed)} position(s), {survey.origin} vibration", ""]

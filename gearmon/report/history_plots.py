@@ -34,7 +34,11 @@ def history_figure(found: HistoryTrends, known_loss: Sequence[float] | None = No
     found : HistoryTrends
         With at least one recording.
     known_loss : sequence of float, optional
-        What the loss is known to have been in each recording, where it is simulated.
+        The share that is known to have been lost in each recording, where it is simulated.
+
+    Returns
+    -------
+    Picture
     """
     losses = bool(found.teeth) or known_loss is not None
     heights = [2.3, 1.15] if losses else [1.8]
@@ -66,7 +70,8 @@ def _days(time_s: Any) -> Any:
 
 def _losses(found: HistoryTrends, ax: Axes) -> None:
     shown = told_teeth(found)[:_MOST_TEETH]
-    others = [tooth for tooth in found.teeth if tooth not in shown]
+    new = [tooth for tooth in _newly_lost(found) if tooth not in shown][: _MOST_TEETH - len(shown)]
+    others = [tooth for tooth in found.teeth if tooth not in (*shown, *new)]
     for number, tooth in enumerate(others[:_MOST_OTHERS]):
         series = tooth.trend.series
         ax.plot(
@@ -75,10 +80,12 @@ def _losses(found: HistoryTrends, ax: Axes) -> None:
             color=GREY,
             linewidth=0.5,
             zorder=1,
-            label=_others_label(others, bool(shown)) if number == 0 else "_",
+            label=_others_label(others, bool(shown or new)) if number == 0 else "_",
         )
     for number, tooth in enumerate(shown):
         _one_loss(tooth, number, ax)
+    for number, tooth in enumerate(new, start=len(shown)):
+        _estimates(tooth, number, ", not yet over several recordings", ax)
     if found.limit is not None:
         ax.axhline(
             100 * found.limit, color=VERMILLION, linewidth=0.9, linestyle=(0, (5, 2)), label="limit"
@@ -97,7 +104,16 @@ def _others_label(others: Sequence[ToothTrend], beside_shown: bool) -> str:
     return name if any(tooth.stands for tooth in others) else f"{name}, no loss clear of noise"
 
 
-def _one_loss(tooth: ToothTrend, number: int, ax: Axes) -> None:
+def _newly_lost(found: HistoryTrends) -> list[ToothTrend]:
+    """Return what the newest recording calls lost, however few recordings do."""
+    newest = found.history.entries[-1]
+    if newest.verdict != "fault":
+        return []
+    seen = [own for own in found.teeth if own.trend.series.time_s[-1] == newest.time_s]
+    return sorted((own for own in seen if own.low[-1] > 0), key=lambda own: -own.low[-1])
+
+
+def _estimates(tooth: ToothTrend, number: int, more: str, ax: Axes) -> None:
     series, colour = tooth.trend.series, series_colour(number)
     # the recordings' own 90 % intervals
     reach = np.maximum([series.value - tooth.low, tooth.high - series.value], 0.0)
@@ -109,8 +125,13 @@ def _one_loss(tooth: ToothTrend, number: int, ax: Axes) -> None:
         markersize=3.2,
         color=colour,
         elinewidth=0.6,
-        label=gear_text(tooth.stage, tooth.gear, tooth.tooth),
+        label=gear_text(tooth.stage, tooth.gear, tooth.tooth) + more,
     )
+
+
+def _one_loss(tooth: ToothTrend, number: int, ax: Axes) -> None:
+    _estimates(tooth, number, "", ax)
+    series, colour = tooth.trend.series, series_colour(number)
     start, now = float(series.time_s[0]), float(series.time_s[-1])
     crossing, end = tooth.crossing, now
     if crossing is not None and crossing.status == "ahead" and crossing.time_s is not None:

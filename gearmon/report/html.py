@@ -87,6 +87,16 @@ def write_report(
     ------
     ArgumentError
         If there is nothing to report, a recording is missing, or a file cannot be written.
+
+    Examples
+    --------
+    >>> from gearmon.report import Failure
+    >>> failed = [Failure(recording="old.csv", message="old.csv: no such file")]
+    >>> files = gearmon.write_report(
+    ...     [analysis], [None], reference, machine, "report.html", failures=failed
+    ... )
+    >>> files[0].name
+    'report.html'
     """
     from gearmon.report.charts import POINTS, history_charts, recording_charts
 

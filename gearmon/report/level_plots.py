@@ -1,4 +1,4 @@
-"""Pictures of levels: their changes against the reference, and beside the expected pattern."""
+"""The picture of changes of level against the reference."""
 
 from __future__ import annotations
 
@@ -13,29 +13,10 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from gearmon.diagnosis.results import Analysis
-from gearmon.report.palette import (
-    BLACK,
-    GREY,
-    LIGHT_GREY,
-    series_colour,
-    series_marker,
-)
-from gearmon.report.plots import (
-    PAGE_WIDTH_IN,
-    Picture,
-    above,
-    legend,
-    light_grid,
-    new_figure,
-    plot_marks,
-    style,
-)
+from gearmon.report.palette import BLACK
+from gearmon.report.plots import PAGE_WIDTH_IN, Picture, above, new_figure, style
 from gearmon.report.text import BEYOND, is_beyond
-from gearmon.report.wording import (
-    shaft_text,
-    shortened,
-    told_apart,
-)
+from gearmon.report.wording import shaft_text, shortened, told_apart
 from gearmon.signatures.measured.line_plan import Family
 
 FloatArray = NDArray[np.float64]
@@ -100,6 +81,10 @@ def changes_figure(analysis: Analysis) -> Picture:
     ----------
     analysis : Analysis
         With changes.
+
+    Returns
+    -------
+    Picture
     """
     sizes = [abs(change.change_db) for change in analysis.changes]
     limit = float(np.clip(np.percentile(sizes, 98), _LEAST_LIMIT_DB, _MOST_LIMIT_DB))
@@ -203,94 +188,3 @@ def _cell(ax: Axes, place: tuple[int, int], number: str, colour: str, beyond: bo
     if beyond:
         corner = (column - 0.44, row - 0.44)
         ax.add_patch(Rectangle(corner, 0.88, 0.88, fill=False, edgecolor=BLACK, linewidth=0.9))
-
-
-@style()
-def pattern_figure(analysis: Analysis) -> Picture | None:
-    """Draw the mesh harmonics of each stage relative to the strongest, expected and measured.
-
-    Parameters
-    ----------
-    analysis : Analysis
-        The analysis.
-
-    Returns
-    -------
-    Picture or None
-        None without an expected signature, or where no two mesh harmonics of a stage are known.
-    """
-    stages = [mesh.stage for mesh in analysis.signature.meshes]
-    known = {stage: harmonics for stage in stages if len(harmonics := _known(analysis, stage)) > 1}
-    if not known:
-        return None
-    figure, axes = new_figure([1.45] * len(known), bottom_in=0.52, gap_in=0.45)
-    strongest = []
-    for (stage, harmonics), ax in zip(known.items(), axes, strict=True):
-        top = _plot_pattern(analysis, stage, harmonics, ax)
-        strongest.append(f"of mesh {stage} harmonic {top} is expected strongest")
-    legend(figure, axes, columns=5)
-    axes[-1].set_xlabel("Harmonic of the mesh frequency")
-    return figure.told(
-        name="pattern",
-        heading="Mesh harmonics against the expected signature",
-        caption="Bars: acceleration expected at the mesh from the gear data. Symbols: measured at "
-        "the sensors. Each is relative to its own strongest harmonic. The path from the mesh to "
-        "the sensor, with its resonances, colours what arrives: differences of 10 to 20 dB are "
-        "usual and no sign of damage. The picture tells whether the same harmonics carry the "
-        "vibration; only the healthy reference tells whether something changed.",
-        alt=f"Relative levels of mesh harmonics, expected and measured; {', '.join(strongest)}.",
-    )
-
-
-def _known(analysis: Analysis, stage: int) -> dict[int, tuple[int, float]]:
-    """Mesh harmonics of a stage: the column of the measured level and the expected level [dB]."""
-    expected = analysis.expected
-    if expected is None:
-        return {}
-    chosen = (expected["stage"] == stage) & (expected["sideband"] == 0)
-    numbers = expected["mesh_harmonic"][chosen].tolist()
-    size = dict(zip(numbers, expected["acceleration_ms2"][chosen].tolist(), strict=True))
-    return {
-        family.harmonic: (column, 20 * float(np.log10(size[family.harmonic])))
-        for column, family in enumerate(analysis.signature.plan.families)
-        if family.kind == "mesh" and family.stage == stage and size.get(family.harmonic, 0) > 0
-    }
-
-
-def _plot_pattern(
-    analysis: Analysis, stage: int, known: dict[int, tuple[int, float]], ax: Axes
-) -> int:
-    """Draw one stage; return the harmonic that is expected strongest."""
-    signature = analysis.signature
-    harmonics = np.array(sorted(known))
-    columns = [known[k][0] for k in harmonics.tolist()]
-    expected = np.array([known[k][1] for k in harmonics.tolist()])
-    expected -= expected.max()
-    level = np.where(signature.heard[:, columns], signature.level_db[:, columns], np.nan)
-    top = np.max(level, axis=1, keepdims=True, initial=-np.inf, where=np.isfinite(level))
-    level -= np.where(np.isfinite(top), top, 0.0)
-    lowest = min([float(expected.min()), *level[np.isfinite(level)].tolist()])
-    floor = 10.0 * float(np.floor(lowest / 10.0 - 0.3))
-    ax.bar(
-        harmonics,
-        expected - floor,
-        bottom=floor,
-        width=0.62,
-        color=LIGHT_GREY,
-        edgecolor=GREY,
-        linewidth=0.6,
-        label="expected at the mesh",
-    )
-    for row, (channel, own) in enumerate(zip(signature.channel_names, level, strict=True)):
-        offset = 0.5 * ((row + 0.5) / len(level) - 0.5)
-        marker, colour = series_marker(row), series_colour(row)
-        label = f"measured, {channel}"
-        plot_marks(ax, harmonics + offset, own, marker, 4.5, colour, label=label)
-    mesh = next(mesh for mesh in signature.meshes if mesh.stage == stage)
-    labels = [f"×{k}\n{k * mesh.frequency_hz:.4g} Hz" for k in harmonics.tolist()]
-    ax.set_xticks(harmonics, labels)
-    ax.set_ylim(floor, 4)
-    light_grid(ax)
-    ax.set_ylabel("Level re strongest\nharmonic (dB)")
-    ax.set_title(f"Mesh {stage}", fontweight="bold", pad=3)
-    return int(harmonics[np.argmax(expected)])

@@ -80,7 +80,7 @@ class Picture(Figure):
     size_in : tuple of float
         Width and height [inch].
     dpi : float
-        Dots per inch of a PNG.
+        Dots of a PNG [per inch].
     many_colours : bool
         Whether it has areas in shades of colour. Lines and letters do with a palette: the same to
         the eye at a third of the size.
@@ -111,7 +111,13 @@ class Picture(Figure):
         self._style: Any = {name: settings[name] for name in _STYLE}
 
     def told(self, *, name: str, heading: str, caption: str, alt: str) -> Picture:
-        """Give the figure its words, and return it."""
+        """Give the figure its words, and return it.
+
+        Parameters
+        ----------
+        name, heading, caption, alt : str
+            See the attributes.
+        """
         self.name, self.heading, self.caption, self.alt = name, heading, caption, alt
         return self
 
@@ -276,7 +282,20 @@ def as_png(figure: Figure) -> bytes:
 
 
 def save(figure: Figure, path: str | Path) -> Path:
-    """Write a figure in one step, in the format of the suffix; return the path."""
+    """Write a figure in one step, in the format of the suffix; return the path.
+
+    Parameters
+    ----------
+    figure : Figure
+        What to write.
+    path : str or Path
+        Its suffix tells the format, as .png, .svg or .pdf.
+
+    Returns
+    -------
+    Path
+        What was written.
+    """
     target = Path(path)
     if target.suffix.lower() == ".png":
         write_atomically(target, as_png(figure))
@@ -295,6 +314,11 @@ def save_all(figures: Mapping[str, Figure], path: str | Path) -> list[Path]:
         By what is added to the name: "-energy" for ``harvest-energy.png``; "" for nothing.
     path : str or Path
         The name that is added to.
+
+    Returns
+    -------
+    list of Path
+        What was written.
     """
     target = Path(path)
     return [

@@ -67,6 +67,10 @@ def order_map_figure(found: OrderSpectra) -> Picture:
     ----------
     found : OrderSpectra
         Along time the speed of the shaft is drawn beside each map.
+
+    Returns
+    -------
+    Picture
     """
     names = found.channel_names[:MOST_STRIPS]
     over_time = found.map.against == "time"
@@ -142,7 +146,8 @@ def _plot_speed(found: OrderSpectra, ax: Axes, lowest: bool) -> float:
     """Draw the speed along time at the right of a map; return where that ends."""
     own, place = found.map, ax.get_position()
     width = _SPEED_IN / PAGE_WIDTH_IN
-    beside = ax.figure.add_axes((place.x1 + 0.01, place.y0, width - 0.02, place.height))
+    # the numbers at the ends of both scales need room beside each other
+    beside = ax.figure.add_axes((place.x1 + 0.03, place.y0, width - 0.045, place.height))
     beside.plot(own.speed_hz, own.time_s, color=BLUE, linewidth=1.0)
     low, high = float(own.speed_hz.min()), float(own.speed_hz.max())
     # a steady speed must not be blown up until its last digit looks like trouble
@@ -156,7 +161,7 @@ def _plot_speed(found: OrderSpectra, ax: Axes, lowest: bool) -> float:
     if lowest:
         beside.set_xlabel(f"Shaft {found.shaft} (Hz)", fontsize=6.5)
         beside.ticklabel_format(useOffset=False, axis="x")
-    return float(place.x1 + width - 0.01)
+    return float(place.x1 + width - 0.015)
 
 
 def average_figures(found: GearAverages) -> dict[str, Picture]:
@@ -165,6 +170,11 @@ def average_figures(found: GearAverages) -> dict[str, Picture]:
     Parameters
     ----------
     found : GearAverages
+
+    Returns
+    -------
+    dict of str to Picture
+        By what is added to the name of a file.
     """
     return {f"-{own.stage}-{own.gear}": average_figure(found, own) for own in found.gears}
 
@@ -250,6 +260,10 @@ def indicator_figure(tables: IndicatorTable | Sequence[IndicatorTable]) -> Pictu
     ----------
     tables : IndicatorTable, or sequence of them
         In the order of the run.
+
+    Returns
+    -------
+    Picture
     """
     tables = [tables] if isinstance(tables, IndicatorTable) else tables
     every = pd.DataFrame(

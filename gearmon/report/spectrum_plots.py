@@ -149,6 +149,10 @@ def amplitude_figure(analysis: Analysis, recording: Recording) -> Picture:
         The analysis.
     recording : Recording
         Its recording.
+
+    Returns
+    -------
+    Picture
     """
     signature = analysis.signature
     spectrum, blocks, nyquist = _time_spectrum(analysis, recording)
@@ -265,6 +269,11 @@ def spectrum_figure(found: RecordingSpectrum, ax: Sequence[Axes] = ()) -> Figure
     found : RecordingSpectrum
     ax : sequence of Axes
         Where to draw the first channels, in the place of a new figure.
+
+    Returns
+    -------
+    Figure
+        A new one, or that of the axes given.
     """
     if found.kurtograms:
         return _kurtogram_figure(found)
@@ -292,15 +301,16 @@ def order_figure(found: OrderSpectra, ax: Sequence[Axes] = ()) -> Figure:
     found : OrderSpectra
     ax : sequence of Axes
         Where to draw the first channels, in the place of a new figure.
+
+    Returns
+    -------
+    Figure
+        A new one, or that of the axes given.
     """
     # the mean and what leaks from it are no lines
     order = found.order[2:]
     marks = line_marks(found.marks, float(order[0]), float(order[-1]))
-    strips = []
-    for name, unit, values in zip(found.channel_names, found.units, found.amplitude, strict=True):
-        x, y = max_hold(order, values[2:])
-        label = strip_label(name, unit_text(unit))
-        strips.append(Strip(label=label, place=x, value=y, marks=marks))
+    strips = _strips(found.channel_names, found.units, order, found.amplitude[:, 2:], marks)
     if ax:
         return _on_given(strips, ax, order_axis(found), "Peak amplitude")
     return _strips_figure(strips, found.units, order_axis(found), "Peak amplitude")
@@ -610,13 +620,22 @@ def _sidebands(
 def _channel_strips(
     analysis: Analysis, spectrum: Spectrum, band: tuple[float, float], marks: Sequence[LineMark]
 ) -> list[Strip]:
-    signature = analysis.signature
-    inside = (spectrum.frequency_hz >= band[0]) & (spectrum.frequency_hz <= band[1])
+    signature, place = analysis.signature, spectrum.frequency_hz
+    inside = (place >= band[0]) & (place <= band[1])
+    values = spectrum.values[:, inside]
+    return _strips(signature.channel_names, signature.units, place[inside], values, marks)
+
+
+def _strips(
+    names: Sequence[str],
+    units: Sequence[str | None],
+    place: FloatArray,
+    values: FloatArray,
+    marks: Sequence[LineMark],
+) -> list[Strip]:
     strips = []
-    for name, unit, values in zip(
-        signature.channel_names, signature.units, spectrum.values, strict=True
-    ):
-        x, y = max_hold(spectrum.frequency_hz[inside], values[inside])
+    for name, unit, own in zip(names, units, values, strict=True):
+        x, y = max_hold(place, own)
         label = strip_label(name, unit_text(unit))
         strips.append(Strip(label=label, place=x, value=y, marks=tuple(marks)))
     return strips

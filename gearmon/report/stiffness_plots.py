@@ -52,6 +52,11 @@ def stiffness_figures(report: StiffnessReport) -> dict[str, Picture]:
     Parameters
     ----------
     report : StiffnessReport
+
+    Returns
+    -------
+    dict of str to Picture
+        By what is added to the name of a file.
     """
     numbers = [stage.stage for stage in report.stages]
     figures = {}
@@ -227,6 +232,10 @@ def form_figure(comparison: FormComparison) -> Picture:
     Parameters
     ----------
     comparison : FormComparison
+
+    Returns
+    -------
+    Picture
     """
     groups = list(dict.fromkeys(curve.group for curve in comparison.curves))
     figure = sheet(11.5, 0.9 + 2.0 * len(groups))

@@ -139,6 +139,11 @@ def reference_text(reference: Reference) -> str:
     ----------
     reference : Reference
         The reference.
+
+    Returns
+    -------
+    str
+        Of several lines.
     """
     lines = [
         f"{reference.machine or 'machine'} ({reference.teeth}): reference of "
@@ -162,6 +167,11 @@ def line_table_text(lines: LineTable) -> str:
     ----------
     lines : LineTable
         The lines.
+
+    Returns
+    -------
+    str
+        Of several lines.
     """
     several = len({row.operating for row in lines}) > 1
     rows = [

@@ -65,6 +65,11 @@ def table_lines(table: Table | Sequence[dict[str, Any]]) -> list[str]:
     table : Table or sequence of dict
         A table, or rows with the same keys.
 
+    Returns
+    -------
+    list of str
+        Without line ends.
+
     Examples
     --------
     >>> table_lines([{"name": "mesh", "Hz": 4.25}])

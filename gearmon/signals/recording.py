@@ -83,6 +83,11 @@ class Recording(Result):
     >>> recording = Recording(samples=samples, sampling_rate_hz=8.0, channel_names=("a1",))
     >>> recording.duration_s
     0.5
+    >>> recording = gearmon.read_recording(new)
+    >>> recording.vibration().channel_names, recording.select("a2").channel_names
+    (('a1', 'a2'), ('a2',))
+    >>> recording.part([2]).channel_kinds, len(recording.frame_rows()) == recording.samples.shape[1]
+    (('tacho',), True)
     """
 
     samples: Samples
@@ -352,6 +357,13 @@ def open_recording(
     ------
     RecordingError, ArgumentError
         As `read_recording`.
+
+    Examples
+    --------
+    >>> from gearmon.simulation import write_simulation
+    >>> _ = write_simulation(half, "half.csv")
+    >>> gearmon.open_recording("half.csv").channel_names
+    ('a1', 'a2', 'tacho')
     """
     return read_recording(path, sampling_rate_hz, channels, tacho, sensors, on_disk=True)
 

@@ -4,14 +4,19 @@
 `measured` what recordings show of the same lines, and the healthy reference that they make;
 `signature` the table of lines that is written and read. Names load their module when first used.
 
->>> from gearmon.machine import Machine, OperatingPoint, ParallelStage
->>> stage = ParallelStage(pinion_teeth=26, gear_teeth=53, module_mm=2.0, face_width_mm=20.0)
->>> point = OperatingPoint(speed_rpm=1460.0, torque_nm=98.0)
->>> machine = Machine(name="pair", stages=(stage,), operating=(point,))
->>> from gearmon.signatures import expected_signature
+Examples
+--------
+>>> from gearmon.signatures import expected_signature, make_reference, measure_signature
+>>> from gearmon.signatures import mesh_problem, tooth_response
 >>> cracked = expected_signature(machine, ["crack:1:pinion:5:20%"], max_hz=2000.0)
 >>> sorted(set(cracked["sideband_of"].tolist()))
 ['', 'pinion']
+>>> make_reference([measure_signature(own, machine) for own in (half, full)], machine).origins
+('simulated', 'simulated')
+>>> round(1 / mesh_problem(machine).period_s)
+567
+>>> tooth_response(machine, 1, "pinion", max_order=50.0).teeth
+23
 """
 
 from __future__ import annotations

@@ -229,6 +229,12 @@ def gear_averages(
     ------
     GearmonError
         If the recording cannot be used.
+
+    Examples
+    --------
+    >>> averages = gearmon.gear_averages(new, machine)
+    >>> [(own.gear, own.teeth) for own in averages.gears]
+    [('pinion', 23), ('gear', 57)]
     """
     machine = load_machine(machine)
     train = kinematics(machine)

@@ -168,6 +168,12 @@ def order_spectra(
     ------
     GearmonError
         If there is no such shaft, or the recording cannot be used.
+
+    Examples
+    --------
+    >>> orders = gearmon.order_spectra(new, machine)
+    >>> orders.to_frame().columns.tolist()
+    ['order', 'a1 [m/s2]', 'a2 [m/s2]']
     """
     machine = load_machine(machine)
     train = kinematics(machine)

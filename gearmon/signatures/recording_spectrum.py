@@ -262,7 +262,7 @@ def recording_spectrum(
     ----------
     recording : str, Path, array, DataFrame or Recording
     kind : {"amplitude", "rms", "density", "energy", "envelope", "cepstrum", "kurtogram", \
-"coherence"}
+    "coherence"}
         Peak amplitude or root mean square of every line, power density, energy per line, amplitude
         of the envelope of a band, real cepstrum, kurtogram, cyclic spectral coherence averaged over
         carriers.
@@ -287,6 +287,12 @@ def recording_spectrum(
     ------
     GearmonError
         If the kind is unknown, the band is empty or out of range, or the recording too short.
+
+    Examples
+    --------
+    >>> spectrum = gearmon.recording_spectrum(new, "envelope")
+    >>> spectrum.to_frame().columns.tolist()
+    ['frequency_hz', 'a1 [m/s2]', 'a2 [m/s2]']
     """
     if kind not in KINDS:
         raise ArgumentError(f"kind={kind!r} must be one of {', '.join(KINDS)}")

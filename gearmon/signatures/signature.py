@@ -74,6 +74,12 @@ class Signature(Result):
     >>> signature = Signature(machine="pump", origin="expected", header={}, columns=line)
     >>> len(signature), signature["stage"].dtype.kind
     (1, 'i')
+    >>> [row["order"] for row in gearmon.expected_signature(machine, max_hz=1500.0).rows()]
+    [23.0, 46.0]
+    >>> gearmon.expected_signature(machine, max_hz=1500.0).save("healthy.csv")[0].name
+    'healthy.csv'
+    >>> gearmon.expected_signature(machine, max_hz=1500.0).to_dict()["machine"]
+    'drive'
     """
 
     machine: str
@@ -104,6 +110,11 @@ class Signature(Result):
 
     def __getitem__(self, name: str) -> Array:
         return self.columns[name]
+
+    def save(self, path: str | Path) -> list[Path]:
+        """Write it as `write_signature` does, for `read_signature`."""
+        write_signature(self, path)
+        return [Path(path)]
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """Yield the lines as mappings of column name to Python number or text."""
@@ -183,6 +194,10 @@ def write_signature(signature: Signature, path: str | Path) -> None:
     ------
     ArgumentError
         If the suffix is unknown, the file cannot be written, or Parquet support is not installed.
+
+    Examples
+    --------
+    >>> gearmon.write_signature(gearmon.expected_signature(machine, max_hz=2000.0), "healthy.csv")
     """
     target = Path(path)
     suffix = _suffix(target)
@@ -195,12 +210,27 @@ def write_signature(signature: Signature, path: str | Path) -> None:
 def read_signature(path: str | Path) -> Signature:
     """Read a signature written by `write_signature`.
 
+    Parameters
+    ----------
+    path : str or Path
+        A .csv, .parquet or .json file.
+
+    Returns
+    -------
+    Signature
+
     Raises
     ------
     SignatureError
         If the file is not there, is not a signature, or is damaged; with the line if there is one.
     ArgumentError
         If the suffix is unknown, or Parquet support is not installed.
+
+    Examples
+    --------
+    >>> gearmon.write_signature(gearmon.expected_signature(machine, max_hz=2000.0), "healthy.csv")
+    >>> gearmon.read_signature("healthy.csv").machine == machine.name
+    True
     """
     source = Path(path)
     suffix = _suffix(source)

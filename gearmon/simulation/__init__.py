@@ -9,6 +9,16 @@ The modules: `settings` and the random streams of a seed; `contact` (what every 
 shafts turn), `train` (the machine as masses and meshes), `integrate` (the marching of the system),
 `vibration` (blocks of it, as samples, on their path to the sensors), `recorder` (all together, with
 the truth).
+
+Examples
+--------
+>>> from gearmon.simulation import Settings, SimulatedRecording, record, write_simulation
+>>> settings = Settings(duration_s=1.0, sampling_rate_hz=4000.0, channels=1)
+>>> made = record(machine, settings=settings)
+>>> isinstance(made, SimulatedRecording), made.duration_s
+(True, 1.0)
+>>> [path.name for path in write_simulation(made, "healthy.csv")]
+['healthy.csv', 'healthy.json']
 """
 
 from gearmon.simulation.recorder import SimulatedRecording, record, simulate, write_simulation

@@ -127,7 +127,7 @@ def simulate(
     recording_seed : int, optional
         Of what differs between recordings: wander of speed and load, start angle, noise.
     channels, load, slip, speed_drift, load_drift, torque_ripple, snr_db, accuracy_grade, \
-unbalance, bearing_tones, mains_hz, tacho_shaft
+    unbalance, bearing_tones, mains_hz, tacho_shaft
         See `Settings`.
     point : OperatingPoint, optional
         By default the machine's first.
@@ -156,6 +156,12 @@ unbalance, bearing_tones, mains_hz, tacho_shaft
     through random modes of the housing to the sensors, those of planets louder when they pass. Left
     out are friction, lubrication, profile relief, contact beyond the line of action and the
     yielding of bearings.
+
+    Examples
+    --------
+    >>> recording = gearmon.simulate(machine, crack, 1.0, 4000.0, seed=1, channels=1)
+    >>> recording.samples.shape, recording.truth["faults"][0]["tooth"]
+    ((1, 4000), 7)
     """
     check_seed("seed", seed)
     settings = Settings(

@@ -152,6 +152,13 @@ class Settings:
     def check_against(self, machine: Machine, point: OperatingPoint) -> None:
         """Refuse what this machine cannot be recorded with.
 
+        Parameters
+        ----------
+        machine : Machine
+            What is to be recorded.
+        point : OperatingPoint
+            How it runs.
+
         Raises
         ------
         ArgumentError

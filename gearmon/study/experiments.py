@@ -629,6 +629,10 @@ def run_study(progress: Callable[[float], None] | None = None, quick: bool = Fal
         Called with the share done, 0 to 1.
     quick : bool
         Scan contact more coarsely and time fewer simulations, once each; all else is the same.
+
+    Returns
+    -------
+    StudyResults
     """
     done = progress or (lambda _: None)
     forms = form_responses()

@@ -128,7 +128,7 @@ class PlanetarySet:
         ----------
         sun_teeth, ring_teeth : int
         ring_lead : float
-            By how much the ring mesh of a planet leads its sun mesh.
+            By how much the ring mesh of a planet leads its sun mesh [mesh periods].
         """
         turns = self.angles / (2 * math.pi)
         return np.concatenate([sun_teeth * turns, ring_lead - ring_teeth * turns])
@@ -149,7 +149,7 @@ class PlanetarySet:
         sun_harmonics, ring_harmonics : complex array, shape (J,)
             c_1..c_J of one sun and one ring mesh, relative to the mean.
         phases : float array, shape (2 planets,)
-            Lead of every mesh in mesh periods, as of `mesh_phases`.
+            Lead of every mesh [mesh periods], as of `mesh_phases`.
         period_s : float
             Of the mesh.
         force_n : float array, shape (n,)

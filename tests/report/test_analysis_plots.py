@@ -17,7 +17,6 @@ from gearmon.report.analysis_plots import (
 from gearmon.report.level_plots import (
     changes_figure,
     family_groups,
-    pattern_figure,
 )
 from gearmon.report.spectrum_plots import (
     amplitude_figure,
@@ -53,7 +52,6 @@ def test_every_case_has_its_pictures(faulty, alone, gearless):
         "turn-1-gear",
         "speed",
     ]
-    assert "pattern" in names(alone)
     assert "changes" not in names(alone)
     shown = list(analysis_figures(gearless.analysis, gearless.recording))
     assert [p.name for p in shown] == ["spectrum", "searched-mesh-1"]
@@ -175,18 +173,6 @@ def test_changes_are_coloured_symmetrically_and_framed_beyond_scatter(faulty):
     harmonics = image.get_array().shape[1] // 2
     column = harmonics + change.harmonic - 1
     assert image.get_array()[groups.index("mesh 1"), column] == pytest.approx(change.change_db)
-
-
-def test_patterns_are_relative_to_their_strongest_harmonic(alone):
-    (ax,) = pattern_figure(alone.analysis).axes
-    tops = [bar.get_y() + bar.get_height() for bar in ax.patches]
-    lines = alone.analysis.expected
-    size = lines["acceleration_ms2"][lines["sideband"] == 0][: len(tops)]
-    assert tops == pytest.approx(20 * np.log10(size / size.max()))
-    assert [line.get_label() for line in ax.lines] == ["measured, front", "measured, rear"]
-    assert all(np.nanmax(line.get_ydata()) == pytest.approx(0.0) for line in ax.lines)
-    mesh_hz = alone.analysis.signature.meshes[0].frequency_hz
-    assert ax.get_xticklabels()[0].get_text() == f"×1\n{mesh_hz:.4g} Hz"
 
 
 # --- the turn of a gear, and the speed -------------------------------------------------------

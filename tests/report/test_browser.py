@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from base64 import b64decode
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 from report.conftest import SPEED_HZ, TEETH, gear_machine, made
@@ -174,6 +175,64 @@ def test_the_charts_take_a_browser_less_than_a_second(opened):
     metrics = opened.execute_cdp_cmd("Performance.getMetrics", {})["metrics"]
     # what the page costs, not what else the machine does
     assert {own["name"]: own["value"] for own in metrics}["TaskDuration"] < 1.0
+
+
+CONTRAST = """
+const shade = (text) => text.match(/[\\d.]+/g).map(Number);
+const light = ([r, g, b]) => [r, g, b].map((v) => v / 255)
+  .map((v) => (v <= 0.03928 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4))
+  .reduce((sum, v, k) => sum + v * [0.2126, 0.7152, 0.0722][k], 0);
+const behind = (own) => {
+  for (; own; own = own.parentElement) {
+    const found = shade(getComputedStyle(own).backgroundColor);
+    if (found.length < 4 || found[3] > 0) return found;
+  }
+  return [255, 255, 255];
+};
+return [...document.querySelectorAll("body *")].filter((own) => own.checkVisibility()
+    && [...own.childNodes].some((node) => node.nodeType === 3 && node.textContent.trim()))
+  .map((own) => {
+    const one = light(shade(getComputedStyle(own).color)), other = light(behind(own));
+    const ratio = (Math.max(one, other) + 0.05) / (Math.min(one, other) + 0.05);
+    return [own.tagName + ": " + own.textContent.trim().slice(0, 40), ratio];
+  }).filter(([, ratio]) => ratio < 4.5);
+"""
+
+
+def opened_wide(browser):
+    for details in browser.find_elements("css selector", "details"):
+        browser.execute_script("arguments[0].open = true", details)
+
+
+def test_letters_stand_out_and_pictures_have_words(opened):
+    chart(opened, "spectrum")
+    opened_wide(opened)
+    assert opened.execute_script(CONTRAST) == []  # 4.5 to 1, as WCAG 2.1 asks (AA)
+    pictures = opened.find_elements("css selector", "img")
+    assert len(pictures) > 5
+    assert all(len(own.get_attribute("alt")) > 20 for own in pictures)
+
+
+def test_the_tab_key_goes_down_the_page_and_everything_it_reaches_has_a_name(opened):
+    from selenium.webdriver import ActionChains, Keys
+
+    chart(opened, "spectrum")
+    opened_wide(opened)
+    focus = "return document.activeElement"
+    reached = []
+    for _ in range(25):
+        ActionChains(opened).send_keys(Keys.TAB).perform()
+        own = opened.execute_script(focus)
+        assert own.accessible_name, own.get_attribute("outerHTML")[:200]
+        assert (
+            opened.execute_script("return getComputedStyle(arguments[0]).outlineStyle", own)
+            != "none"
+        )
+        reached.append(own)
+    after = "return Boolean(arguments[0].compareDocumentPosition(arguments[1]) & 4)"
+    pairs = pairwise(reached)
+    assert all(opened.execute_script(after, one, other) for one, other in pairs)
+    assert opened.find_elements("css selector", "[tabindex]:not([tabindex='0'])") == []
 
 
 def test_paper_shows_the_pictures_and_no_charts(opened):

@@ -5,8 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gearmon.report.curves import angle_spectrum, extremes, max_hold, time_spectrum, turn_waveforms
+from gearmon.report.curves import angle_spectrum, extremes, max_hold, time_spectrum, turn_waveform
 from gearmon.signals.angle import AngleTrack
+from gearmon.signatures.measured.reference import WheelPattern
 
 
 @given(st.integers(1, 500), st.integers(1, 60), st.integers(0, 2**31))
@@ -60,8 +61,9 @@ def test_the_angle_spectrum_gathers_what_a_wandering_speed_smears():
 def test_the_turn_without_mesh_harmonics_plus_the_mesh_harmonics_is_the_turn(faulty):
     signature = faulty.analysis.signature
     wheel = signature.plan.wheels[0]
-    average, rest = turn_waveforms(signature.lines, wheel)
-    angle = np.arange(average.shape[1]) / average.shape[1]
+    pattern, points = WheelPattern.of(wheel, signature.lines), 4 * int(wheel.number.max())
+    average, rest = (turn_waveform(pattern, points, mesh=mesh) for mesh in (True, False))
+    angle = np.arange(points) / points
     mesh = wheel.lines[wheel.mesh]
     number = wheel.number[wheel.mesh]
     waves = np.exp(2j * np.pi * np.outer(number, angle))

@@ -127,16 +127,7 @@ def features(
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import gearmon
-    >>> stage = {"kind": "parallel", "pinion_teeth": 23, "gear_teeth": 57}
-    >>> machine = gearmon.load_machine(operating={"speed_rpm": 1480.0}, stage=stage)
-    >>> turns = 1480 / 60 * np.arange(40_000) / 10_000
-    >>> noise = np.random.default_rng(1).standard_normal((2, 40_000))
-    >>> healthy, new = 0.1 * noise + np.cos(2 * np.pi * 23 * turns)
-    >>> known = {"sampling_rate_hz": 10_000.0, "unit": "m/s2"}
-    >>> reference = gearmon.learn(healthy, machine, **known)
-    >>> frame = gearmon.features(gearmon.analyse(new, machine, reference, **known), reference)
+    >>> frame = gearmon.features(analysis, reference)
     >>> [gear for _, _, gear in frame.index], frame.shape[1]
     (['gear', 'pinion'], 26)
     """

@@ -256,7 +256,11 @@ class Example:
 
 
 def train_kinds(
-    machine: MachineLike, seed: int = 0, count: int = EXAMPLES, operating: int = 0
+    machine: MachineLike,
+    seed: int = 0,
+    count: int = EXAMPLES,
+    operating: int = 0,
+    progress: Callable[[float], None] | None = None,
 ) -> KindClassifier:
     """Train a classifier of the kinds of fault of one machine, without fault data.
 
@@ -270,6 +274,8 @@ def train_kinds(
         Examples, as many of each kind.
     operating : int
         Operating point, from 0.
+    progress : callable, optional
+        Called now and then with the share done, 0 to 1.
 
     Returns
     -------
@@ -280,12 +286,18 @@ def train_kinds(
     ------
     ArgumentError
         If the machine lacks data.
+
+    Examples
+    --------
+    >>> kinds = gearmon.train_kinds(machine, count=80)
+    >>> [str(kind) for kind in kinds.classes_][:3]
+    ['distributed pitting', 'eccentricity', 'looseness']
     """
     from gearmon.diagnosis.fault_types.classifier import KindClassifier
 
     machine = load_machine(machine)
     check_range("count", count, *EXAMPLES_BETWEEN)
-    rows, kinds = training_table(examples(machine, seed, count, operating))
+    rows, kinds = training_table(examples(machine, seed, count, operating, progress))
     classifier = KindClassifier(random_state=seed).fit(rows, kinds)
     classifier.machine_ = tooth_counts(machine)
     return classifier
@@ -297,12 +309,18 @@ def training_table(made: list[Example]) -> tuple[FloatArray, NDArray[np.str_]]:
     return rows.reshape(len(made), len(NAMES)), np.array([one.kind for one in made])
 
 
-def examples(machine: Machine, seed: int, count: int, operating: int = 0) -> list[Example]:
+def examples(
+    machine: Machine,
+    seed: int,
+    count: int,
+    operating: int = 0,
+    progress: Callable[[float], None] | None = None,
+) -> list[Example]:
     """Draw examples, of every kind in turn.
 
     Parameters
     ----------
-    machine, seed, count, operating
+    machine, seed, count, operating, progress
         See `train_kinds`.
 
     Returns
@@ -311,7 +329,12 @@ def examples(machine: Machine, seed: int, count: int, operating: int = 0) -> lis
     """
     generator = np.random.default_rng([seed, 6])
     lines = machine_lines(machine, operating)
-    return [draw_example(lines, KINDS[i % len(KINDS)], generator) for i in range(count)]
+    made = []
+    for number in range(count):
+        made.append(draw_example(lines, KINDS[number % len(KINDS)], generator))
+        if progress is not None:
+            progress((number + 1) / count)
+    return made
 
 
 def draw_example(lines: MachineLines, kind: str, generator: np.random.Generator) -> Example:

@@ -23,7 +23,6 @@ array([[3.]])
 from gearmon.signals.orders.averages import (
     SynchronousAverage,
     one_turn,
-    synchronous_average,
     time_synchronous_average,
 )
 from gearmon.signals.orders.fine_spectra import (
@@ -64,7 +63,6 @@ __all__ = [
     "order_lines",
     "order_map",
     "resample_to_angle",
-    "synchronous_average",
     "time_synchronous_average",
     "variance_of_mean",
     "whole_turns",

@@ -26,7 +26,6 @@ from gearmon.errors import ArgumentError, RecordingError, check_positive
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.array_types import ComplexArray, FloatArray, IntArray
-from gearmon.signals.orders.lines import OrderLines
 from gearmon.signals.orders.resampling import (
     READ_UP_TO,
     resample_to_angle,
@@ -110,7 +109,7 @@ def time_synchronous_average(
     Parameters
     ----------
     samples : ndarray of float, shape (channels, n)
-        The signals.
+        The signals, in any unit.
     sampling_rate_hz : float
         Sampling rate [Hz].
     track : AngleTrack
@@ -150,6 +149,14 @@ def time_synchronous_average(
     Lines of another rotation, d turns off the next multiple, leak into the average: of equal turns
     by up to 1/(N sin(pi d)), with a Hann window by the cube of that. Those that fall on a multiple
     cannot be told from it.
+
+    Examples
+    --------
+    >>> vibration = gearmon.read_recording(new).vibration()
+    >>> track = analysis.signature.track
+    >>> average = gearmon.time_synchronous_average(vibration.samples, 8000.0, track)
+    >>> average.turns, average.waveform.shape == (2, average.per_turn)
+    (73, True)
     """
     check_positive("sampling_rate_hz", sampling_rate_hz, "Hz")
     shaft = track.of_shaft(float(rotation_order))
@@ -206,32 +213,6 @@ def one_turn(lines: ComplexArray, per_turn: int) -> FloatArray:
     half[..., : lines.shape[-1]] = 0.5 * lines
     half[..., 0] = lines[..., 0].real
     return np.asarray(np.fft.irfft(half, n=per_turn, axis=-1, norm="forward"))
-
-
-def synchronous_average(lines: OrderLines, rotation_order: float, per_turn: int) -> FloatArray:
-    """Waveform of one turn of a shaft from its order lines.
-
-    Parameters
-    ----------
-    lines : OrderLines
-        Lines that contain all multiples of `rotation_order`.
-    rotation_order : float
-        Turns of the shaft a turn of shaft 1.
-    per_turn : int
-        Samples wanted a turn of this shaft.
-
-    Returns
-    -------
-    ndarray of float, shape (channels, per_turn)
-        The time-synchronous average (TSA), without its mean.
-    """
-    ratio = lines.orders / rotation_order
-    number = np.rint(ratio).astype(int)
-    chosen = (np.abs(ratio - number) < 1e-9 * np.maximum(1, ratio)) & (number > 0)
-    chosen &= number < per_turn / 2
-    own = np.zeros((lines.amplitude.shape[1], -(-per_turn // 2)), dtype=complex)
-    own[:, number[chosen]] = lines.mean[:, chosen]
-    return one_turn(own, per_turn)
 
 
 def _of_record(

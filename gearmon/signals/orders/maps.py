@@ -88,7 +88,7 @@ def order_map(
     Parameters
     ----------
     samples : ndarray of float, shape (channels, n)
-        The signals.
+        The signals, in any unit.
     sampling_rate_hz : float
         Sampling rate [Hz].
     track : AngleTrack
@@ -115,6 +115,13 @@ def order_map(
     ------
     ArgumentError
         If an argument is out of its range or the recording is too short.
+
+    Examples
+    --------
+    >>> vibration = gearmon.read_recording(new).vibration()
+    >>> found = gearmon.order_map(vibration.samples, 8000.0, analysis.signature.track, top=100.0)
+    >>> found.amplitude.shape, found.order[:3]
+    ((6, 2, 1874), array([0.        , 0.05338542, 0.10677083]))
     """
     if against not in ("time", "speed"):
         raise ArgumentError(f"against={against!r} must be one of time, speed")

@@ -286,7 +286,7 @@ def angular_waveform(
     Parameters
     ----------
     samples : ndarray of float, shape (channels, n)
-        The signals.
+        The signals, in any unit.
     sampling_rate_hz : float
         Sampling rate [Hz].
     track : AngleTrack
@@ -311,6 +311,14 @@ def angular_waveform(
         If an argument is out of its range.
     RecordingError
         If the recording holds no whole turn of the shaft.
+
+    Examples
+    --------
+    >>> vibration = gearmon.read_recording(new).vibration()
+    >>> track = analysis.signature.track
+    >>> wave = gearmon.angular_waveform(vibration.samples, 8000.0, track, per_turn=512)
+    >>> wave.turns, wave.values.shape == (2, 512 * wave.turns)
+    (73, True)
     """
     from scipy.signal import firwin, kaiser_beta, upfirdn
 

@@ -103,6 +103,12 @@ def expected_signature(
     fraction. Lines are attributed to the nearest mesh harmonic. Lines that belong to neither shaft
     are not listed; where they were solved for, their share of the acceleration is given as
     `cross_lines_share`.
+
+    Examples
+    --------
+    >>> healthy = gearmon.expected_signature(machine, max_hz=2000.0)
+    >>> healthy.header["mesh_frequency_hz"], healthy["mesh_harmonic"].tolist()
+    (567.3333333333334, [1, 2, 3])
     """
     machine = load_machine(machine)
     operating_point(machine, operating)

@@ -374,6 +374,12 @@ def fault_family(
     One fault at a time, in one mesh of its stage: a planet meets the sun, unless the fault is of
     the ring. The motion is that of `expected_signature`: linear, along the line of action, before
     any path to a sensor.
+
+    Examples
+    --------
+    >>> family = gearmon.fault_family(machine, kinds=["crack"], sizes=["20%"], max_hz=2000.0)
+    >>> sorted({row["gear"] for row in family.rows()})
+    ['gear', 'pinion']
     """
     machine = load_machine(machine)
     if max_hz is not None:

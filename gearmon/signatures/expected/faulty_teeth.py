@@ -424,6 +424,12 @@ def loss_response(
     the sidebands by 1 to 3 % of them at a loss of 1 %, 20 to 30 % at 20 %. A corner that breaks off
     a helical tooth moves on along the face as it grows: its derivative holds for slivers only, so
     give a `loss` there.
+
+    Examples
+    --------
+    >>> response = gearmon.loss_response(machine, 1, "pinion", max_order=50.0)
+    >>> response.teeth, response.acceleration.shape == response.order.shape
+    (23, True)
     """
     if kind not in ("crack", "stiffness", "breakage", "pitting", "spall"):
         raise ArgumentError(

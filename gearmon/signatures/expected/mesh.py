@@ -170,6 +170,10 @@ def mesh_problem(
     harmonics : int, 1 to 10,000
         Stiffness harmonics taken.
 
+    Returns
+    -------
+    HillProblem
+
     Raises
     ------
     ArgumentError

@@ -217,7 +217,7 @@ def modes(
     ...          "face_width_mm": 28.0}
     >>> found = modes({"operating": {"speed_rpm": 1480.0}, "stage": stage})
     >>> [(mode.type, round(mode.frequency_hz)) for mode in found.rows]
-    [('rigid body', 0), ('rotational', 3985)]
+    [('rigid body', 0), ('rotational', 7319)]
     """
     known = load_machine(machine)
     check_range("harmonics", harmonics, 1, 100)

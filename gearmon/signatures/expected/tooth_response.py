@@ -21,6 +21,7 @@ from gearmon.gears.faults import Fault
 from gearmon.gears.kinematics import kinematics
 from gearmon.gears.stiffness import MeshStiffness, mesh_stiffness
 from gearmon.machine import Machine, ParallelStage
+from gearmon.result import Result
 from gearmon.signatures.expected.faulty_teeth import loss_response
 
 FloatArray = NDArray[np.float64]
@@ -34,7 +35,7 @@ _UNIT_STIFFNESS = 1e8
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ToothResponse:
+class ToothResponse(Result):
     """Lines that a small loss of stiffness on tooth 1 adds, beside the mesh harmonics.
 
     Parameters

@@ -248,6 +248,12 @@ def indicator_table(
     ------
     GearmonError
         If the recording cannot be used or the history is of other channels.
+
+    Examples
+    --------
+    >>> table = gearmon.indicator_table(new, machine)
+    >>> sorted({row.indicator for row in table.rows})[:3]
+    ['FM0', 'FM4', 'M6A']
     """
     check_range("baseline", baseline, 1, 1_000_000)
     machine = None if machine is None else load_machine(machine)

@@ -125,6 +125,12 @@ class MeasuredSignature(Result):
         Lines that no gear explains.
     digests : tuple of str
         Mark of the samples of each channel.
+
+    Examples
+    --------
+    >>> signature = analysis.signature
+    >>> signature.found, round(signature.speed.estimated_hz, 1)
+    (True, 24.5)
     """
 
     origin: str
@@ -182,6 +188,12 @@ def measure_signature(
     RecordingError
         If the recording has no vibration channel, none that is sound (see
         `gearmon.signals.bad_samples`), or is too short for a turn of the slowest shaft.
+
+    Examples
+    --------
+    >>> signature = gearmon.measure_signature(half, machine)
+    >>> signature.found, signature.level_db.shape, len(signature.plan.families)
+    (True, (2, 30), 30)
     """
     machine = load_machine(machine)
     recording = read_recording(recording, sampling_rate_hz, sensors=machine.sensors, unit=unit)

@@ -192,6 +192,15 @@ class Reference(Result):
         What the machine file said.
     notes : tuple of str
         What was doubtful about the recordings.
+
+    Examples
+    --------
+    >>> reference.origins, reference.channel_names
+    (('simulated 1', 'simulated 2'), ('a1', 'a2'))
+    >>> reference.level_db.shape == reference.scatter_db.shape
+    True
+    >>> reference.save("healthy.ref")[0].name
+    'healthy.ref'
     """
 
     machine: str
@@ -203,6 +212,11 @@ class Reference(Result):
     version: str = ""
     machine_facts: dict[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+
+    def save(self, path: str | Path) -> list[Path]:
+        """Write it as `write_reference` does, for `read_reference`."""
+        write_reference(self, path)
+        return [Path(path)]
 
     @property
     def origins(self) -> tuple[str, ...]:
@@ -302,6 +316,10 @@ def write_reference(reference: Reference, path: str | Path) -> None:
     ------
     ArgumentError
         If the file cannot be written.
+
+    Examples
+    --------
+    >>> gearmon.write_reference(reference, "healthy.ref")
     """
     named = _named(reference, (*_OF_REFERENCE, *_PROVENANCE))
     header: dict[str, Any] = {"format": FORMAT, **named, "profiles": []}
@@ -350,6 +368,12 @@ def read_reference(path: str | Path) -> Reference:
     ------
     SignatureError
         If the file is missing, is no reference, or is damaged.
+
+    Examples
+    --------
+    >>> gearmon.write_reference(reference, "healthy.ref")
+    >>> gearmon.read_reference("healthy.ref").origins == reference.origins
+    True
     """
     formats = (FORMAT, *_OLDER_FORMATS)
     told_of = "gearmon reference", "learn it", "make one with gearmon learn"

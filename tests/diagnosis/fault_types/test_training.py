@@ -101,7 +101,9 @@ def test_unit_effects_have_the_rms_of_the_sound_mesh():
 
 
 def test_the_same_seed_draws_the_same_examples():
-    one, two = examples(machine(), 5, 8), examples(machine(), 5, 8)
+    seen = []
+    one, two = examples(machine(), 5, 8), examples(machine(), 5, 8, progress=seen.append)
+    assert seen == [share / 8 for share in range(1, 9)]
     assert all(
         np.array_equal(a.features.values, b.features.values) and a.kind == b.kind
         for a, b in zip(one, two, strict=True)

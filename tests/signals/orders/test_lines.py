@@ -14,8 +14,8 @@ from gearmon.signals.angle import AngleTrack
 from gearmon.signals.orders import (
     AngleGrid,
     OrderLines,
+    one_turn,
     order_lines,
-    synchronous_average,
 )
 from gearmon.signals.orders import lines as lines_module
 
@@ -197,7 +197,7 @@ def test_average_equals_cutting_turns_and_averaging_them(order, per_turn):
     # up to the eleventh multiple: what the pattern holds
     orders = order * np.arange(1.0, 12.0)
     lines = order_lines(samples, RATE, curve, orders, 40.0 / order)
-    average = synchronous_average(lines, order, per_turn)
+    average = one_turn(np.pad(lines.mean, ((0, 0), (1, 0))), per_turn)
     number = np.arange(per_turn) / per_turn
     truth = lines_on(number, numbers, levels, phases)
     assert average.shape == (1, per_turn)
@@ -207,20 +207,6 @@ def test_average_equals_cutting_turns_and_averaging_them(order, per_turn):
     slow = naive_average(samples[0], RATE, starts, per_turn)
     assert np.corrcoef(average[0], slow)[0, 1] > 0.99
     assert average.mean() == pytest.approx(0.0, abs=1e-12)
-
-
-def test_average_leaves_out_lines_of_others_and_those_too_high():
-    amplitude = np.ones((1, 1, 4), dtype=complex)
-    lines = OrderLines(
-        orders=np.array([1.0, 1.5, 2.0, 8.0]),
-        amplitude=amplitude,
-        block_turns=10.0,
-        first_turn=0.0,
-        noise=np.zeros((1, 4)),
-    )
-    angles = 2 * np.pi * np.arange(16) / 16
-    expected = np.cos(angles) + np.cos(2 * angles)
-    np.testing.assert_allclose(synchronous_average(lines, 1.0, 16)[0], expected, atol=1e-12)
 
 
 @pytest.mark.parametrize("count", [30, 400])
