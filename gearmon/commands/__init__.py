@@ -5,6 +5,7 @@ Everything heavy is imported inside the function that needs it.
 
 from gearmon.commands.command import Command
 from gearmon.commands.exposure import EXPOSURE
+from gearmon.commands.fleet import FLEET
 from gearmon.commands.machines import (
     BASELINE,
     FAMILY,
@@ -35,6 +36,7 @@ COMMANDS = (
     ANALYSE,
     KINDS,
     HISTORY,
+    FLEET,
     INDICATORS,
     SPECTRUM,
     ORDERS,
