@@ -76,7 +76,7 @@ def application(fleet: Fleet, *, token: str = "", hosts: Sequence[str] = LOOPBAC
         answer: Response = _refused(request, token) or await call_next(request)
         answer.headers.setdefault("Content-Security-Policy", _POLICY)
         answer.headers.update(
-            {"X-Content-Type-Options": "nosniff", "Referrer-Policy": "no-referrer"}
+            {"X-Content-Type-Options": "nosniff", "Referrer-Policy": "same-origin"}
         )
         return answer
 
