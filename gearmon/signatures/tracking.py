@@ -27,6 +27,7 @@ from gearmon.signals.tracking.phases import (
     integrate_speed,
     lock_track,
     refine_track,
+    unwarp,
 )
 from gearmon.signals.tracking.sideband_spacing import sideband_spacing
 from gearmon.signals.tracking.slips import LEAST_TURNS, SlipCheck, check_slips, mend_slips
@@ -65,6 +66,8 @@ _NEARLY = 0.6
 _ALL_COHERENT = 0.93
 # Below this share the angle of a mesh line is not known to a tenth of its period.
 _LOST = 0.5
+# Times that a speed which wanders is followed about the comb's track.
+_UNWARPED = 2
 # Wander of the speed from which the ends of a recording need care, relative standard deviation.
 _WANDERS = 1e-3
 # Share of a recording in which the angle must be held for the rest to be left out.
@@ -276,6 +279,9 @@ def track_tacholess(
     -------
     Tracking
     """
+    quick = _wandering(signal, sums, first)
+    if quick is not None:
+        return _with_doubt(signal, *quick)
     steady, share = _steady(signal, sums, first)
     calm = share > (_NEARLY if wander(steady) < _WANDERS else _COHERENT)
     if not calm or _elsewhere(signal, first):
@@ -286,6 +292,28 @@ def track_tacholess(
             steady, share = _finer(signal, sums, first, (steady, share))
     found = replace(first, track=steady)
     return _with_doubt(signal, found, share, sums) if first.detected else found
+
+
+def _wandering(
+    signal: GearVibration, sums: OrderSums, first: Tracking
+) -> tuple[Tracking, float, OrderSums] | None:
+    """Follow a speed that wanders about the comb's track; None unless that leaves nothing to gain.
+
+    Where every mesh shows already neither another speed nor a steadier one has to be tried.
+    """
+    if first.detected < len(first.evidence) or wander(first.track) < _WANDERS:
+        return None
+    comb = machine_comb(signal.train, signal.nominal_hz)
+    track = first.track
+    for _ in range(_UNWARPED):
+        track = unwarp(signal.samples, signal.rate, track, comb)
+        locked = lock_track(sums, track)
+        share = coherent_share(sums, locked)
+        if share > _ALL_COHERENT:
+            return replace(first, track=locked), share, sums
+        if share < _NEARLY:
+            break
+    return None
 
 
 def _elsewhere(signal: GearVibration, first: Tracking) -> bool:

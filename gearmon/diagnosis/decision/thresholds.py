@@ -53,6 +53,9 @@ class Limits:
         0.02, where lines hold the angle, and 0.1, where they turn in it. Beyond the second it is
         the angle after a slip that is unsure, by whole mesh periods; the parts before and after
         still tell.
+    lightly_loaded : float
+        Share of 100 N/mm (`gears.mechanics.low_load_share`) below which teeth depart by themselves
+        as damage would: 50 N/mm press them together by 3.6 um, half a pitch deviation of class 6.
     must_notice : float
         Loss of a pair's stiffness that a healthy verdict has to exclude on every gear.
     about : float
@@ -76,6 +79,7 @@ class Limits:
     angle_unsure: float = 0.1
     angle_slipped: float = 0.5
     unsure_share: float = 0.5
+    lightly_loaded: float = 0.5
     must_notice: float = 0.4
     about: float = 1.1
 

@@ -16,8 +16,12 @@ gear around its turn, `levels` for families of lines and the spectrum between th
 """
 
 from gearmon.diagnosis.law.gear_lines import GearDeviation, GearLaw, turned_alike
-from gearmon.diagnosis.law.levels import LevelDeviation, level_deviation
-from gearmon.diagnosis.law.machine import HealthyMachine, MachineDeviation
+from gearmon.diagnosis.law.machine import (
+    HealthyMachine,
+    LevelDeviation,
+    MachineDeviation,
+    level_deviation,
+)
 from gearmon.diagnosis.law.state import Kriging, operating_states
 
 __all__ = [

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -171,14 +171,20 @@ def nongear_findings(
         Most striking first; none if the reference is of a format that holds no lines of no gear.
     """
     shared = [name for name in signature.channel_names if name in reference.channel_names]
-    known = [p.foreign for p in reference.profiles if p.foreign is not None]
-    if not shared or not known or signature.foreign is None:
-        return ()
     rows = [signature.channel_names.index(name) for name in shared]
-    theirs = [reference.channel_names.index(name) for name in shared]
+    theirs = tuple(reference.channel_names.index(name) for name in shared)
+    healthy = _healthy_lines(reference, theirs)
+    if not shared or not healthy or signature.foreign is None:
+        return ()
     gain_db = family_gain_db(signature, reference, rows, theirs)
-    healthy = [taken(lines, theirs) for lines in known]
     return compare_lines(taken(signature.foreign, rows), healthy, train, gain_db, shared)
+
+
+# several recordings are held against one reference
+@lru_cache(maxsize=4)
+def _healthy_lines(reference: Reference, rows: tuple[int, ...]) -> tuple[NonGearLines, ...]:
+    known = (profile.foreign for profile in reference.profiles)
+    return tuple(taken(lines, rows) for lines in known if lines is not None)
 
 
 def family_gain_db(
@@ -424,20 +430,27 @@ def _healthy_law(
     own = squares / max(1, count - 1)
     # a mean over several healthy recordings moves less than one of them
     sigma = np.sqrt(0.5 * (1 + 1 / count) * np.maximum(variance, own) + noise)
-    # as many sources stand so far below what is listed as stand above it; those that only other
-    # channels heard do stand below
-    hidden = [
-        abs(
-            max(max(other.lines[i].over_noise_db) for i in group)
-            - other.grid(other.lines[group[0]].kind).least_db
-        )
-        for other in healthy
-        for group in _sources(other.lines, other)
-    ]
+    hidden = [below for other in healthy for below in _hidden(other)]
     seen = (_LEAST_HIDDEN + share[listed.any(axis=1)].sum()) * stdtr(worth, -change / sigma)
     # a hidden source has to come out of the noise first
     out = stdtr(worth, -(change[:, None] + np.array(hidden)) / sigma[:, None])
     return sigma, np.asarray(seen + out.sum(axis=1) / count)
+
+
+@lru_cache(maxsize=64)
+def _hidden(lines: NonGearLines) -> tuple[float, ...]:
+    """How far sources are hidden below what is listed [dB].
+
+    As many stand so far below it as stand above; those that only other channels heard do stand
+    below.
+    """
+    return tuple(
+        abs(
+            max(max(lines.lines[i].over_noise_db) for i in group)
+            - lines.grid(lines.lines[group[0]].kind).least_db
+        )
+        for group in _sources(lines.lines, lines)
+    )
 
 
 def _sources(lines: Sequence[NonGearLine], whole: NonGearLines) -> list[list[int]]:

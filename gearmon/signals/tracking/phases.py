@@ -419,8 +419,8 @@ def unwarp(
     sampling_rate_hz: float,
     track: AngleTrack,
     comb: Comb,
-    block_turns: float,
-    tolerance: float,
+    block_turns: float = _UNWARPED[0][0],
+    tolerance: float = _UNWARPED[0][1],
 ) -> AngleTrack:
     """Follow a comb again in the angle of a first track, where its lines are nearly steady.
 

@@ -8,18 +8,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from reference.gear_departures import TEETH, complex_noise, gear, weights
 
-from gearmon.diagnosis.hypotheses.event_likelihood import (
+from gearmon.diagnosis.hypotheses.several_teeth import (
     SHARES,
     Band,
+    departure_spread,
     energies,
     event,
     log_likelihood,
-    weighted,
-)
-from gearmon.diagnosis.hypotheses.several_teeth import (
-    departure_spread,
     repetition,
     second_tooth,
+    weighted,
 )
 
 
