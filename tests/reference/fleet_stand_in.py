@@ -10,13 +10,12 @@ import hashlib
 import os
 import signal
 import sqlite3
-import sys
 import time
 from contextlib import closing
 from pathlib import Path
 
 from gearmon.diagnosis.history import Entry, Place
-from gearmon.fleet import in_processes, read_fleet, run_fleet
+from gearmon.fleet import in_processes, read_fleet
 from gearmon.fleet.ledger import Outcome
 
 MACHINE_FILE = """
@@ -112,8 +111,3 @@ def content(fleet):
         )
         told["places"] = [(*row[:2], *row[3:]) for row in told["places"]]
         return told
-
-
-if __name__ == "__main__":  # a runner that can be killed
-    own = read_fleet(sys.argv[1])
-    run_fleet(own, standing_in)
