@@ -9,7 +9,7 @@ everything is kept in one store, which `gearmon history` reads too. ::
         print(alarm["machine"], alarm["finding"], alarm["since"])
 """
 
-from gearmon.fleet.alarms import acknowledge, alarms, deliver
+from gearmon.fleet.alarm import acknowledge, alarms, deliver
 from gearmon.fleet.engines import in_processes, on_dask
 from gearmon.fleet.plan import Fleet, FleetMachine, Hook, Job, read_fleet
 from gearmon.fleet.run import Run, run_fleet, watch_fleet

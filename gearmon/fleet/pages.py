@@ -22,7 +22,7 @@ from gearmon import __version__
 from gearmon.diagnosis.history import HistoryTrends, history_trends, read_history, read_latest
 from gearmon.diagnosis.history.store import opened
 from gearmon.errors import ArgumentError, GearmonError
-from gearmon.fleet.alarms import acknowledge, alarms
+from gearmon.fleet.alarm import acknowledge, alarms
 from gearmon.fleet.engines import at_hand, equipment
 from gearmon.fleet.ledger import flat, writing
 from gearmon.fleet.plan import Fleet, FleetMachine

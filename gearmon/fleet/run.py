@@ -14,7 +14,7 @@ from typing import Any
 
 from gearmon import __version__
 from gearmon.errors import ArgumentError
-from gearmon.fleet.alarms import alarms, deliver, renew
+from gearmon.fleet.alarm import alarms, deliver, renew
 from gearmon.fleet.engines import in_processes
 from gearmon.fleet.ledger import Outcome, counts, keep, keep_growing, known, write_results
 from gearmon.fleet.plan import Fleet, Job, arrived

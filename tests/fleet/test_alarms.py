@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 from reference.fleet_stand_in import arrive, at_once, made_fleet
 
 from gearmon.fleet import acknowledge, alarms, deliver, run_fleet
-from gearmon.fleet.alarms import episodes
+from gearmon.fleet.alarm import episodes
 
 
 @pytest.fixture(autouse=True)
 def impatient(monkeypatch):
-    monkeypatch.setattr("gearmon.fleet.alarms._AGAIN_S", (0.0, 0.0, 0.0))
+    monkeypatch.setattr("gearmon.fleet.alarm._AGAIN_S", (0.0, 0.0, 0.0))
 
 
 def worn(folder, hooks):
@@ -72,7 +72,7 @@ def test_mail_goes_through_sendmail(tmp_path, monkeypatch):
     mailer, letter = tmp_path / "bin" / "sendmail", tmp_path / "letter"
     mailer.write_text(f"#!/bin/sh\ncat > {letter}\n")
     mailer.chmod(0o755)
-    monkeypatch.setenv("PATH", str(tmp_path / "bin"), prepend=":")
+    monkeypatch.setenv("PATH", f"{tmp_path}/bin:/usr/bin:/bin")
     fleet = worn(tmp_path / "fleet", '[[alarm]]\nmail = ["farm@example.org"]')
     assert deliver(fleet) == []
     assert "To: farm@example.org" in letter.read_text()
