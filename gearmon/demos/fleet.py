@@ -15,6 +15,7 @@ from datetime import datetime, timedelta
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +41,7 @@ SIMULATED_S, LOADS = 8.0, {"grass": 0.8, "maize": 1.0}
 NOISE_DB = -20.0
 START = datetime(2026, 6, 1, 6)
 #: Teeth of pinion and gear, and speed [rpm].
-KINDS = {"baler": (23, 57, 1480.0), "mower": (19, 47, 1470.0), "mixer": (27, 64, 1490.0)}
+KINDS = {"baler": (23, 57, 1480.0), "mower": (19, 47, 1470.0), "mixer": (17, 52, 1450.0)}
 #: What is wrong with which machine, a fault that grows or a sensor; and from which recording on.
 WRONG = {
     "baler-2": ("crack:1:pinion:5:35%", 20),
@@ -167,8 +168,15 @@ def _heard(machine: Path, seed: int, fault: str) -> _Heard:
     """Simulate a machine sound and, if it is to be, damaged, in the same wandering of speed."""
 
     def made(faults: list[str], load: float) -> FloatArray:
-        own = {"machine_seed": seed, "recording_seed": seed, "channels": 2, "tacho_shaft": 1}
-        found = simulate(machine, faults, SIMULATED_S, RATE_HZ, load=load, snr_db=None, **own)
+        own: dict[str, Any] = {
+            "machine_seed": seed,
+            "recording_seed": seed,
+            "channels": 2,
+            "tacho_shaft": 1,
+        }
+        found = simulate(
+            machine, faults, SIMULATED_S, RATE_HZ, load=load, snr_db=None, tacho_shaft=1, **own
+        )
         return np.asarray(found.samples, dtype=float)
 
     sound = {name: made([], load) for name, load in LOADS.items()}

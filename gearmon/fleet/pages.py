@@ -132,7 +132,7 @@ class _Site:
         environment = jinja2.Environment(
             autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
         )
-        links = {"query": lambda **parts: urlencode(parts), "moment": moment_text}
+        links: dict[str, Any] = {"query": lambda **parts: urlencode(parts), "moment": moment_text}
         links |= {"printable": printable, "score": score_text, "version": __version__}
         environment.globals |= links | {"signs": {v: s[2] for v, s in VERDICT_STYLE.items()}}
         self.template = environment.from_string(_shipped("fleet.html"))
