@@ -172,7 +172,6 @@ def _heard(machine: Path, seed: int, fault: str) -> _Heard:
             "machine_seed": seed,
             "recording_seed": seed,
             "channels": 2,
-            "tacho_shaft": 1,
         }
         found = simulate(
             machine, faults, SIMULATED_S, RATE_HZ, load=load, snr_db=None, tacho_shaft=1, **own
