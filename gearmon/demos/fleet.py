@@ -45,7 +45,7 @@ KINDS = {"baler": (23, 57, 1480.0), "mower": (19, 47, 1470.0), "mixer": (17, 52,
 #: What is wrong with which machine, a fault that grows or a sensor; and from which recording on.
 WRONG = {
     "baler-2": ("crack:1:pinion:5:35%", 20),
-    "mower-3": ("wear:1:gear:all:30%", 20),
+    "mower-3": ("wear:1:gear:all:60%", 20),
     "mixer-1": ("dead sensor", 45),
     "mixer-4": ("moved sensor", 40),
 }
