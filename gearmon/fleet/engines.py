@@ -206,7 +206,7 @@ def on_dask(
     except ImportError:
         raise ArgumentError("--engine dask needs pip install 'gearmon[cluster]'") from None
     try:
-        with Client(scheduler, timeout=_CONNECT_S, set_as_default=False) as client:
+        with Client(scheduler, timeout=_CONNECT_S) as client:
             workers = len(client.scheduler_info(n_workers=-1)["workers"])
             share = -(-len(jobs) // (4 * max(1, workers)))
             size = min(max(share, _BATCH[0]), _BATCH[1])

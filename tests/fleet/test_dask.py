@@ -46,5 +46,5 @@ def test_a_scheduler_that_does_not_answer_is_said(tmp_path, monkeypatch):
     fleet = made_fleet(tmp_path)
     arrive(tmp_path, "a_{}.txt", "0.1")
     monkeypatch.setattr("gearmon.fleet.engines._CONNECT_S", 0.5)
-    with pytest.raises(ArgumentError, match="does not answer"):
+    with pytest.raises(ArgumentError, match="run again to go on"):
         run_fleet(fleet, partial(on_dask, scheduler="tcp://127.0.0.1:9"))
