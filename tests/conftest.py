@@ -11,6 +11,7 @@ os.environ["OMP_NUM_THREADS"] = "1"
 import gzip
 import json
 import re
+import shutil
 from collections.abc import Callable
 from importlib import resources
 from pathlib import Path
@@ -75,6 +76,25 @@ def planetary_recording() -> SimulatedRecording:
     return simulate(planetary(), (), 4.0, 8000.0, seed=3, channels=2)
 
 
+@pytest.fixture(scope="module")
+def browser():
+    """Chromium without a window; the test is skipped where there is none."""
+    webdriver = pytest.importorskip("selenium.webdriver")
+    found = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("chrome")
+    driver = shutil.which("chromedriver")
+    if not found or not driver:
+        pytest.skip("no Chromium with its driver on this machine")
+    options = webdriver.ChromeOptions()
+    options.binary_location = found
+    for option in ("headless=new", "no-sandbox", "disable-gpu", "disable-dev-shm-usage"):
+        options.add_argument(f"--{option}")
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    own = webdriver.Chrome(options=options, service=webdriver.ChromeService(driver))
+    own.set_page_load_timeout(60)
+    yield own
+    own.quit()
+
+
 @pytest.fixture(scope="session")
 def fits_schema() -> Callable[[str, dict[str, Any]], None]:
     """Hold what a command prints with --json against its schema, which must say something."""
@@ -115,6 +135,10 @@ def shop(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "bytes.bin").write_bytes(np.random.default_rng(0).bytes(4000))
     (folder / "cut.csv.gz").write_bytes(gzip.compress(b"a1\n" + b"1.5\n" * 4000)[:-20])
     (folder / "broken.toml").write_text("name = \n")
+    keys = {"file": "machine.toml", "reference": "healthy.ref", "recordings": "."}
+    listed = "".join(f'{key} = "{name}"\n' for key, name in keys.items())
+    listed += "name = 'drive'\npattern = 'drive-(?P<time>.*)\\.csv'\n"
+    (folder / "fleet.toml").write_text(f"[[machine]]\n{listed}")
     (folder / "other.toml").write_text(MACHINE_FILE.replace("= 57", "= 61"))
     (folder / "bare.toml").write_text(re.sub(r"(module|face|torque).*\n", "", MACHINE_FILE))
     (folder / "folder").mkdir()

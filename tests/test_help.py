@@ -21,6 +21,7 @@ NAMES = [command.name for command in COMMANDS]
 FILES = {
     "machine.toml": "machine.toml",
     "healthy.ref": "healthy.ref",
+    "fleet.toml": "fleet.toml",
     "idle.csv": "healthy-0.csv",
     "half.csv": "healthy-1.csv",
     "full.csv": "healthy-2.csv",
@@ -76,6 +77,8 @@ def test_the_example_runs(shop, tmp_path, monkeypatch, capsys, name):
     assert main(words) == (1 if flags else 0)
     # what a command writes it has named before it began to work
     named = set(output_files(parsed(words))) | {Path(word) for word in words}
+    if name == "fleet":  # its file names them
+        named |= set(tmp_path.glob("fleet.db*")) | {tmp_path / "fleet-results"}
     assert set(tmp_path.iterdir()) - before <= {tmp_path / path for path in named}
     if "-o" in words:
         assert (tmp_path / words[words.index("-o") + 1]).stat().st_size > 0

@@ -28,12 +28,13 @@ ALLOWED = {
 COMPUTING = set(ALLOWED)
 ALLOWED["report"] = COMPUTING
 ALLOWED["terminal"] = {"errors"}
+ALLOWED["fleet"] = COMPUTING | {"report"}
 ALLOWED["benchmark"] = COMPUTING | {"report", "terminal"}
 ALLOWED["study"] = FOUNDATIONS | {"gears", "dynamics", "harvesting", "report"}
 # the front door hands out public names; the commands may use everything
 ALLOWED["gearmon"] = COMPUTING | {"report"}
 ALLOWED["__main__"] = {"cli"}
-EVERYTHING = COMPUTING | {"report", "benchmark", "study", "terminal"}
+EVERYTHING = COMPUTING | {"report", "fleet", "benchmark", "study", "terminal"}
 FRONT = {"cli", "demos", "commands"}
 for front in FRONT:
     ALLOWED[front] = EVERYTHING | FRONT

@@ -182,6 +182,7 @@ COMMANDS = {
     "indicators": ["new.csv", *_GIVEN],
     "spectrum": ["new.csv", *_GIVEN],
     "orders": ["new.csv", *_GIVEN],
+    "fleet": ["run", "fleet.toml"],
     "init": ["--teeth", "23/57", "--speed", "1480rpm", "-o", "mine.toml"],
     "lines": ["machine.toml"],
     "stiffness": ["machine.toml"],

@@ -11,6 +11,7 @@ Examples
 
 from gearmon.commands.command import Command
 from gearmon.commands.exposure import EXPOSURE
+from gearmon.commands.fleet import FLEET
 from gearmon.commands.machines import (
     BASELINE,
     FAMILY,
@@ -41,6 +42,7 @@ COMMANDS = (
     ANALYSE,
     KINDS,
     HISTORY,
+    FLEET,
     INDICATORS,
     SPECTRUM,
     ORDERS,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from datetime import datetime
 from functools import partial
 from pathlib import Path
@@ -323,6 +324,7 @@ def run_history(arguments: argparse.Namespace) -> int:
         raise ArgumentError("history: name recordings, or with --store a history file to look at")
     limit = loss_of(arguments.limit, "--limit")
     machine = machine_of(arguments.machine, arguments.speed_hint)
+    machine = replace(machine, name=arguments.name or machine.name)
     times = _history_times(arguments)
     _refuse_known(arguments, machine, times)
     entries, errors = _history_entries(arguments, machine, times)
@@ -426,6 +428,7 @@ def _history_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DB",
         help="keep the history in this file; next time name the new recordings only, or none",
     )
+    option("--name", help="of the machine in the store, where it is not that of the machine file")
     option(
         "--times",
         metavar="ISO8601,...",

@@ -55,7 +55,8 @@ def _demo_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="?",
         default="crack",
         help="crack (found; default), growth (of a crack), kinds (pitting, wear and eccentricity "
-        "told apart), day (of a sound machine), harvest, exposure (of a driver), study",
+        "told apart), day (of a sound machine), harvest, exposure (of a driver), fleet (of twelve "
+        "machines), study",
     )
 
 

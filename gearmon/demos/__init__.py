@@ -2,7 +2,7 @@
 
 >>> from gearmon.demos import DEMOS
 >>> list(DEMOS)
-['crack', 'growth', 'kinds', 'day', 'harvest', 'exposure', 'study']
+['crack', 'growth', 'kinds', 'day', 'harvest', 'exposure', 'fleet', 'study']
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ DEMOS = {
     "day": "gearmon.demos.day:day_demo",
     "harvest": "gearmon.demos.harvest:harvest_demo",
     "exposure": "gearmon.demos.exposure:exposure_demo",
+    "fleet": "gearmon.demos.fleet:fleet_demo",
     "study": "gearmon.study.report:write_study",
 }
 
@@ -72,10 +73,10 @@ def run_demo(name: str, folder: Path) -> Told:
 
     Parameters
     ----------
-    name : {"crack", "growth", "kinds", "day", "harvest", "exposure", "study"}
+    name : {"crack", "growth", "kinds", "day", "harvest", "exposure", "fleet", "study"}
         A cracked tooth found; a growing crack followed; pitting, wear and eccentricity told apart;
         a day of changing load and speed without a fault; a harvester placed and tuned; a driver's
-        exposure to vibration; the source study redrawn and judged.
+        exposure to vibration; a fleet of twelve machines; the source study redrawn and judged.
     folder : Path
         Where to write; made if it does not exist.
 

@@ -154,7 +154,21 @@ class Column:
         raise FieldError(key, "must be a column name in quotes or a column number from 1 on", value)
 
 
-Rule = Count | Number | Text | Choice | Column
+@dataclass(frozen=True, kw_only=True)
+class Several:
+    """A list of values that obey a rule each."""
+
+    rule: Text | Choice | Column
+    example: str = '["a1", "a2"]'
+
+    def checked(self, key: str, value: object) -> tuple[Any, ...]:
+        """Return the values as a tuple, or raise `FieldError`."""
+        if not isinstance(value, list | tuple):
+            raise FieldError(key, f"must be a list, such as {self.example}", value)
+        return tuple(self.rule.checked(key, one) for one in value)
+
+
+Rule = Count | Number | Text | Choice | Column | Several
 
 
 def obeys(rule: Rule) -> Mapping[str, Any]:

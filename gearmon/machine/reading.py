@@ -106,7 +106,7 @@ def _source(source: object, tables: dict[str, Any]) -> MachineSource:
 
 
 def _machine(source: MachineSource) -> Machine:
-    _refuse_unknown_keys(source, source.document, _TOP_KEYS, "")
+    refuse_unknown_keys(source, source.document, _TOP_KEYS, "")
     name = source.document.get("name", Path(source.path).stem or "machine")
     stages, notes = _stages(source)
     try:
@@ -132,7 +132,7 @@ def _checked_name(name: object) -> str:
 
 
 def _operating_points(source: MachineSource) -> tuple[OperatingPoint, ...]:
-    tables = _tables(source, "operating", single=True)
+    tables = read_tables(source, "operating", single=True)
     if not tables:
         raise source.error("", f"lacks an operating point; write {_EXAMPLES['operating']}")
     with_share = [label for label, table in tables if "share" in table]
@@ -140,11 +140,11 @@ def _operating_points(source: MachineSource) -> tuple[OperatingPoint, ...]:
         without = next(label for label, table in tables if "share" not in table)
         raise source.error(without, f"{without} lacks share; give it to every point or to none")
     equal = {} if with_share else {"share": 1 / len(tables)}
-    return tuple(_part(source, OperatingPoint, label, equal | table) for label, table in tables)
+    return tuple(read_part(source, OperatingPoint, label, equal | table) for label, table in tables)
 
 
 def _stages(source: MachineSource) -> tuple[tuple[Stage, ...], tuple[str, ...]]:
-    tables = _tables(source, "stage")
+    tables = read_tables(source, "stage")
     if not tables:
         raise source.error("", f"lacks a stage; write {_EXAMPLES['stage']}")
     stages: list[Stage] = []
@@ -166,7 +166,7 @@ def _stage(source: MachineSource, label: str, table: dict[str, Any]) -> tuple[St
     remarks: list[str] = []
     if kind == "planetary" and "planet_teeth" not in table:
         remarks = _derive_planet_teeth(source, label, table)
-    stage = _part(source, STAGE_KINDS[kind], label, table)
+    stage = read_part(source, STAGE_KINDS[kind], label, table)
     if isinstance(stage, PlanetaryStage):
         remarks += stage.notes
     return stage, remarks
@@ -186,13 +186,21 @@ def _derive_planet_teeth(source: MachineSource, label: str, table: dict[str, Any
 
 
 def _parts(source: MachineSource, table: str, part: type[_Part]) -> tuple[_Part, ...]:
-    return tuple(_part(source, part, label, keys) for label, keys in _tables(source, table))
+    return tuple(read_part(source, part, label, keys) for label, keys in read_tables(source, table))
 
 
-def _tables(
+def read_tables(
     source: MachineSource, name: str, single: bool = False
 ) -> list[tuple[str, dict[str, Any]]]:
-    """Return the tables called `name` with their labels, such as ``stage[2]``."""
+    """Return the tables called `name` with their labels, such as ``stage[2]``.
+
+    Parameters
+    ----------
+    source : MachineSource
+    name : str
+    single : bool
+        Whether it may be one table, without a number.
+    """
     content = source.document.get(name, [])
     if single and isinstance(content, dict):
         return [(name, content)]
@@ -202,10 +210,16 @@ def _tables(
     return [(f"{name}[{number}]", table) for number, table in enumerate(content, start=1)]
 
 
-def _part(source: MachineSource, part: type[_Part], label: str, table: dict[str, Any]) -> _Part:
-    """Build one part of the machine from its table."""
+def read_part(source: MachineSource, part: type[_Part], label: str, table: dict[str, Any]) -> _Part:
+    """Build a dataclass, whose fields have rules, from a table with this label.
+
+    Raises
+    ------
+    MachineFileError
+        If a key is unknown, missing or breaks its rule; the line names file, key and value.
+    """
     described = {field.name: field for field in dataclasses.fields(part)}  # type: ignore[arg-type]
-    _refuse_unknown_keys(source, table, tuple(described), label)
+    refuse_unknown_keys(source, table, tuple(described), label)
     missing = [
         name
         for name, field in described.items()
@@ -222,9 +236,10 @@ def _part(source: MachineSource, part: type[_Part], label: str, table: dict[str,
         raise source.error(key, error.message(key)) from None
 
 
-def _refuse_unknown_keys(
+def refuse_unknown_keys(
     source: MachineSource, table: dict[str, Any], known: tuple[str, ...], label: str
 ) -> None:
+    """Refuse keys of a table that are not known, with the nearest one that is."""
     allowed = (*known, "kind") if label.startswith("stage") else known
     for key in table:
         if key not in allowed:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from base64 import b64decode
 from dataclasses import replace
 from itertools import pairwise
@@ -16,24 +15,6 @@ from gearmon.report.html import Failure, write_report
 pytestmark = pytest.mark.browser
 
 HOSTILE = "</script><script>window.hurt=1</script><img src=x onerror='window.hurt=1'>"
-
-
-@pytest.fixture(scope="module")
-def browser():
-    webdriver = pytest.importorskip("selenium.webdriver")
-    found = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("chrome")
-    driver = shutil.which("chromedriver")
-    if not found or not driver:
-        pytest.skip("no Chromium with its driver on this machine")
-    options = webdriver.ChromeOptions()
-    options.binary_location = found
-    for option in ("headless=new", "no-sandbox", "disable-gpu", "disable-dev-shm-usage"):
-        options.add_argument(f"--{option}")
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    own = webdriver.Chrome(options=options, service=webdriver.ChromeService(driver))
-    own.set_page_load_timeout(60)
-    yield own
-    own.quit()
 
 
 @pytest.fixture(scope="module")

@@ -27,7 +27,7 @@ from gearmon.diagnosis.history.entries import (
     recording_times,
     time_text,
 )
-from gearmon.diagnosis.history.store import append, export_history, read_history
+from gearmon.diagnosis.history.store import append, export_history, read_history, read_latest
 from gearmon.diagnosis.history.teeth import (
     SECONDS_PER_DAY,
     HistoryTrends,
@@ -57,6 +57,7 @@ __all__ = [
     "history_trends",
     "permuted_probability",
     "read_history",
+    "read_latest",
     "recording_times",
     "time_text",
 ]

@@ -1,7 +1,8 @@
 """Histories in an SQLite file: append, read, export. A file may hold several machines.
 
-Its two tables, `recordings` and `places` (gears and teeth), have the fields of `Entry` and `Place`
-as columns.
+Its tables `recordings` and `places` (gears and teeth) have the fields of `Entry` and `Place` as
+columns; `latest` sums up each machine, so that thousands are overlooked without reading them all.
+A fleet keeps its ledger and its alarms in the same file.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import json
 import os
 import shutil
 import sqlite3
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import asdict, fields
 from pathlib import Path
@@ -23,10 +24,15 @@ from gearmon.files import replacing, table_cell, write_atomically
 
 #: "GMhi": SQLite files of other programs have another mark.
 APPLICATION_ID = 0x474D6869
-#: Version 1 had no checksums; it is read, and made version 2 when it is added to.
-SCHEMA_VERSION = 2
-#: Seconds that a writer waits for another one to finish.
-_PATIENCE_S = 10.0
+#: Version 1 had no checksums, version 2 no summaries; they are read, and renewed when added to.
+SCHEMA_VERSION = 3
+#: Seconds that a writer waits for others to finish: 20 at once were seen to take turns unevenly.
+_PATIENCE_S = 60.0
+#: Up to here the whole file is looked through when it is opened; the checksums of what is read
+#: guard larger ones, whose every page would take seconds [bytes].
+_LOOKED_THROUGH = 1 << 24
+#: Newest scores of a machine that its summary holds.
+_SCORES = 30
 # SQLite's index of what is not yet in the file takes 32 kB, and its rest little.
 _SHARED_BYTES = 1 << 17
 
@@ -44,6 +50,10 @@ _COLUMNS = {
 _SQL_ENTRY, _SQL_PLACE = (
     ", ".join(f"{name} {_COLUMNS[name][0]}" for name in names) for names in (ENTRY, PLACE)
 )
+_LATEST = """CREATE TABLE IF NOT EXISTS latest
+    (machine TEXT PRIMARY KEY, recordings INTEGER NOT NULL, time_s REAL NOT NULL,
+     verdict TEXT NOT NULL, since_s REAL NOT NULL, score REAL NOT NULL, findings TEXT NOT NULL,
+     loss REAL, loss_low REAL, loss_high REAL, scores TEXT NOT NULL)"""
 _SCHEMA = f"""
 CREATE TABLE IF NOT EXISTS recordings
     (id INTEGER PRIMARY KEY, {_SQL_ENTRY}, findings TEXT NOT NULL, checksum TEXT,
@@ -51,6 +61,7 @@ CREATE TABLE IF NOT EXISTS recordings
 CREATE TABLE IF NOT EXISTS places
     (recording_id INTEGER NOT NULL REFERENCES recordings (id) ON DELETE CASCADE, {_SQL_PLACE});
 CREATE INDEX IF NOT EXISTS places_by_recording ON places (recording_id);
+{_LATEST};
 PRAGMA application_id = {APPLICATION_ID};
 PRAGMA user_version = {SCHEMA_VERSION};
 """
@@ -80,29 +91,85 @@ def append(path: str | Path, entries: Sequence[Entry], *, replace: bool = False)
     SignatureError
         If the file is damaged, of another program or of a later version.
     """
-    replaced = 0
-    with _opened(Path(path), create=True) as store:
-        for entry in entries:
-            _check_teeth(store, entry)
-            known = store.execute(
-                "SELECT id, recording FROM recordings WHERE machine = ? AND time_s = ?",
-                (entry.machine, entry.time_s),
-            ).fetchone()
-            if known is not None:
-                if not replace:
-                    raise duplicate_time(entry, known["recording"])
-                store.execute("DELETE FROM recordings WHERE id = ?", (known["id"],))
-                replaced += 1
-            findings = json.dumps(list(entry.findings), ensure_ascii=False)
-            own = {name: getattr(entry, name) for name in ENTRY} | {"findings": findings}
-            number = _insert(store, "recordings", own)
-            for place in entry.places:
-                _insert(store, "places", {"recording_id": number} | asdict(place))
-            store.execute(
-                "UPDATE recordings SET checksum = ? WHERE id = ?",
-                (_checksum(store, number), number),
-            )
-    return replaced
+    with opened(Path(path), create=True) as store:
+        replaced = [append_to(store, entry, replace=replace) for entry in entries]
+        summarise(store, {entry.machine for entry in entries})
+    return sum(replaced)
+
+
+def append_to(store: sqlite3.Connection, entry: Entry, *, replace: bool = False) -> bool:
+    """Add one recording to an `opened` file; `summarise` its machine afterwards."""
+    _check_teeth(store, entry)
+    known = store.execute(
+        "SELECT id, recording FROM recordings WHERE machine = ? AND time_s = ?",
+        (as_text(entry.machine), entry.time_s),
+    ).fetchone()
+    if known is not None:
+        if not replace:
+            raise duplicate_time(entry, known["recording"])
+        store.execute("DELETE FROM recordings WHERE id = ?", (known["id"],))
+    findings = json.dumps(list(entry.findings), ensure_ascii=False)
+    own = {name: getattr(entry, name) for name in ENTRY} | {"findings": findings}
+    number = insert(store, "recordings", own)
+    for place in entry.places:
+        insert(store, "places", {"recording_id": number} | asdict(place))
+    told = _checksum(store, number)
+    store.execute("UPDATE recordings SET checksum = ? WHERE id = ?", (told, number))
+    return known is not None
+
+
+def summarise(store: sqlite3.Connection, machines: Iterable[str]) -> None:
+    """Renew what `latest` says of machines, from their recordings."""
+    for machine in map(as_text, machines):
+        newest = store.execute(
+            "SELECT * FROM recordings WHERE machine = ? ORDER BY time_s DESC LIMIT ?",
+            (machine, _SCORES),
+        ).fetchall()
+        if not newest:
+            continue
+        last = newest[0]
+        count, since_s = store.execute(
+            "SELECT count(*), min(CASE WHEN time_s > coalesce((SELECT max(time_s) FROM recordings "
+            "WHERE machine = ?1 AND verdict != ?2), -1e300) THEN time_s END) "
+            "FROM recordings WHERE machine = ?1",
+            (machine, last["verdict"]),
+        ).fetchone()
+        # only where it stands clear of zero is the loss of a whole gear more than noise
+        loss = store.execute(
+            "SELECT loss, loss_low, loss_high FROM places WHERE recording_id = ? AND tooth IS NULL "
+            "AND loss_low > 0 AND ? = 'fault' ORDER BY loss DESC LIMIT 1",
+            (last["id"], last["verdict"]),
+        ).fetchone()
+        kept = {name: last[name] for name in ("machine", "time_s", "verdict", "score", "findings")}
+        scores = json.dumps([round(row["score"], 3) for row in reversed(newest)])
+        kept |= {"recordings": count, "since_s": since_s, "scores": scores, **dict(loss or {})}
+        insert(store, "latest", kept, "INSERT OR REPLACE")
+
+
+def read_latest(path: str | Path) -> list[dict[str, Any]]:
+    """Return what every machine of a file was last said to be.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+
+    Returns
+    -------
+    list of dict
+        machine, recordings (number), time_s, verdict, since_s (of this verdict), score, findings
+        (list of str), loss, loss_low, loss_high (of the newest fault, or None), scores (the
+        newest, oldest of them first).
+
+    Raises
+    ------
+    SignatureError
+        If there is no such file, or it is damaged, of another program or of another version.
+    """
+    with opened(Path(path), create=False) as store:
+        rows = store.execute("SELECT * FROM latest ORDER BY machine").fetchall()
+        listed = ("findings", "scores")
+        return [dict(row) | {name: json.loads(row[name]) for name in listed} for row in rows]
 
 
 def _checksum(store: sqlite3.Connection, number: int | None) -> str:
@@ -135,15 +202,19 @@ def _check_teeth(store: sqlite3.Connection, entry: Entry) -> None:
             )
 
 
-def _insert(store: sqlite3.Connection, table: str, row: dict[str, Any]) -> int | None:
-    # names of files need not be text in UTF-8, and SQLite takes nothing else
-    values = [
-        v.encode("utf-8", "backslashreplace").decode() if isinstance(v, str) else v
-        for v in row.values()
-    ]
+def as_text(name: str) -> str:
+    """Return a name as it is stored: those of files need not be text in UTF-8."""
+    return name.encode("utf-8", "backslashreplace").decode()
+
+
+def insert(
+    store: sqlite3.Connection, table: str, row: dict[str, Any], how: str = "INSERT"
+) -> int | None:
+    """Add a row, a value a column, to a table of an `opened` file; return its number."""
+    values = [as_text(v) if isinstance(v, str) else v for v in row.values()]
     marks = ", ".join("?" * len(row))
     # the names of the columns are ours
-    words = f"INSERT INTO {table} ({', '.join(row)}) VALUES ({marks})"  # noqa: S608
+    words = f"{how} INTO {table} ({', '.join(row)}) VALUES ({marks})"
     return store.execute(words, values).lastrowid
 
 
@@ -169,10 +240,9 @@ def read_history(path: str | Path, machine: str | None = None) -> History:
     ArgumentError
         If the file holds several machines and none was named.
     """
-    with _opened(Path(path), create=False) as store:
-        rows = store.execute("SELECT * FROM recordings ORDER BY time_s").fetchall()
+    with opened(Path(path), create=False) as store:
+        rows = _rows(store, Path(path), machine)
         try:
-            # all of them: of a damaged name nobody knows whose it was
             entries = [_entry(store, row) for row in rows]
         except (ArgumentError, LookupError, TypeError, ValueError, OverflowError) as error:
             raise _damaged(Path(path), "is a damaged history file", error) from None
@@ -183,6 +253,19 @@ def read_history(path: str | Path, machine: str | None = None) -> History:
             raise ArgumentError(f"{path}: name one of its machines: {listed}")
         machine = names[0]
     return History(machine=machine, entries=tuple(e for e in entries if e.machine == machine))
+
+
+def _rows(store: sqlite3.Connection, path: Path, machine: str | None) -> list[sqlite3.Row]:
+    """Give the recordings of a machine; all of them where a damaged name could hide some."""
+    every = "SELECT * FROM recordings"
+    if machine is None or store.execute("PRAGMA user_version").fetchone()[0] < SCHEMA_VERSION:
+        return store.execute(f"{every} ORDER BY time_s").fetchall()
+    named = (as_text(machine),)
+    rows = store.execute(f"{every} WHERE machine = ? ORDER BY time_s", named).fetchall()
+    told = store.execute("SELECT recordings FROM latest WHERE machine = ?", named).fetchone()
+    if len(rows) != (told[0] if told else 0):
+        raise _damaged(path, "is a damaged history file", f"recordings of {machine!r} are missing")
+    return rows
 
 
 def _entry(store: sqlite3.Connection, row: sqlite3.Row) -> Entry:
@@ -198,8 +281,18 @@ def _entry(store: sqlite3.Connection, row: sqlite3.Row) -> Entry:
 
 
 @contextmanager
-def _opened(path: Path, *, create: bool) -> Iterator[sqlite3.Connection]:
-    """Give a connection whose changes are kept together or not at all."""
+def opened(path: Path, *, create: bool, more: str = "") -> Iterator[sqlite3.Connection]:
+    """Give a connection whose changes are kept together or not at all.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    create : bool
+        Whether it is to be written, and made if need be.
+    more : str
+        Statements that make further tables, where it is written.
+    """
     if path.is_dir():
         raise ArgumentError(f"{path}: is a folder; give the name of a history file")
     if not path.exists():
@@ -216,6 +309,7 @@ def _opened(path: Path, *, create: bool) -> Iterator[sqlite3.Connection]:
             store.execute("BEGIN IMMEDIATE" if create else "BEGIN")
             try:
                 _prepare(store, path, create=create)
+                _executed(store, more if create else "")
                 yield store
             except BaseException:
                 if store.in_transaction:  # a full disk ends it by itself
@@ -253,9 +347,10 @@ def _connected(path: Path, *, create: bool) -> sqlite3.Connection:
 
 def _prepare(store: sqlite3.Connection, path: Path, *, create: bool) -> None:
     """Check whose file it is, and make its tables if it is new, within the transaction."""
+    look = "quick_check(1)" if path.stat().st_size <= _LOOKED_THROUGH else "application_id"
     mark, version, answer = (
         store.execute(f"PRAGMA {name}").fetchone()[0]
-        for name in ("application_id", "user_version", "quick_check(1)")
+        for name in ("application_id", "user_version", look)
     )
     tables = store.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]
     if not mark and not tables and create:
@@ -267,13 +362,12 @@ def _prepare(store: sqlite3.Connection, path: Path, *, create: bool) -> None:
             f"{path}: has schema {version}, this version of gearmon knows {SCHEMA_VERSION}; use a "
             "later one"
         )
-    elif version == 1 and create:
-        _executed(
-            store,
-            "ALTER TABLE recordings ADD COLUMN checksum TEXT;"
-            f"PRAGMA user_version = {SCHEMA_VERSION}",
-        )
-    if answer != "ok":
+    elif version < SCHEMA_VERSION and create:
+        if version == 1:
+            _executed(store, "ALTER TABLE recordings ADD COLUMN checksum TEXT")
+        _executed(store, f"{_LATEST}; PRAGMA user_version = {SCHEMA_VERSION}")
+        summarise(store, [row[0] for row in store.execute("SELECT machine FROM recordings")])
+    if answer not in ("ok", mark):
         raise _damaged(path, "is a damaged history file", answer)
 
 

@@ -1,0 +1,139 @@
+"""The command that looks after many machines: fleet."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from gearmon.commands.command import Command, number
+from gearmon.commands.output import BAD_INPUT, DONE, FLAGGED, complain, finish
+from gearmon.errors import ArgumentError, check_range, check_word
+from gearmon.terminal import progress_bar
+
+if TYPE_CHECKING:
+    from gearmon.fleet import Fleet, Run
+
+#: What `--rows` shows of a ranking, and seconds between two looks.
+_SHOWN, _EVERY_S = 20, 60.0
+
+
+def run_fleet_command(arguments: argparse.Namespace) -> int:
+    """Run `gearmon fleet`."""
+    from gearmon.fleet import read_fleet
+
+    check_word("fleet ", arguments.action, _ACTIONS)
+    code: int = _ACTIONS[arguments.action](arguments, read_fleet(arguments.fleet))
+    return code
+
+
+def _run(arguments: argparse.Namespace, fleet: Fleet) -> int:
+    from gearmon.fleet import deliver, run_fleet
+
+    with progress_bar("analysing") as progress:
+        run = run_fleet(fleet, _engine(arguments), again=arguments.again, progress=progress)
+    for path, why in run.failed.items():
+        complain(f"{path}: {why}")
+    for trouble in deliver(fleet):
+        complain(trouble)
+    result = run.to_dict(fleet)
+    finish(arguments, result, lambda: list(_lines(result)), list)
+    return BAD_INPUT if run.failed else FLAGGED if result["alarms"] else DONE
+
+
+def _engine(arguments: argparse.Namespace) -> Any:
+    from gearmon.fleet import in_processes, on_dask
+
+    check_word("--engine ", arguments.engine, ("processes", "dask"))
+    if arguments.engine == "processes":
+        return in_processes
+    if not arguments.scheduler:
+        raise ArgumentError("--engine dask needs --scheduler ADDRESS, such as tcp://10.0.0.1:8786")
+    return partial(on_dask, scheduler=arguments.scheduler, patience_s=arguments.patience)
+
+
+def _lines(result: dict[str, Any]) -> Iterator[str]:
+    from gearmon.report.wording import counted, printable
+
+    yield f"{printable(result['fleet'])}: {counted(result['analysed'], 'recording')} analysed"
+    for key, what in (("failed", "not analysed"), ("not_taken", "not taken")):
+        told = result[key]
+        yield from (f"{printable(one['recording'])}: {what}: {one['why']}" for one in told[:_SHOWN])
+        if len(told) > _SHOWN:
+            yield f"{len(told) - _SHOWN} more {what}; --json has them all"
+    if result["being_written"]:
+        yield f"{counted(len(result['being_written']), 'recording')} still being written"
+    yield "ledger: " + ", ".join(f"{n} {state}" for state, n in sorted(result["ledger"].items()))
+    for alarm in result["alarms"]:
+        told = ", acknowledged" if alarm["acknowledged"] else ""
+        place = printable(f"{alarm['machine']} {alarm['class']}".strip())
+        yield f"ALARM {place}: {alarm['finding']}, since {alarm['since']}{told}"
+    yield from (f"wrote {path}" for path in result["results"])
+
+
+def _watch(arguments: argparse.Namespace, fleet: Fleet) -> int:
+    from gearmon.fleet import watch_fleet
+
+    check_range("--every", arguments.every, 0.1, 86400.0, "s")
+
+    def told(what: Run | str) -> None:
+        if isinstance(what, str):
+            complain(what)
+        else:
+            print("\n".join(_lines(what.to_dict(fleet))), flush=True)
+
+    watch_fleet(fleet, _engine(arguments), every_s=arguments.every, told=told)
+    return DONE
+
+
+def _serve(arguments: argparse.Namespace, fleet: Fleet) -> int:
+    from gearmon.fleet.pages import serve
+
+    check_range("--port", arguments.port, 1, 65535)
+    serve(fleet, arguments.host, arguments.port, arguments.token or "")
+    return DONE
+
+
+def _rank(arguments: argparse.Namespace, fleet: Fleet) -> int:
+    from gearmon.fleet.rank import rank
+    from gearmon.report.text_tables import table_lines
+
+    rows = rank(fleet)
+    result = {"fleet": fleet.name, "rows": rows}
+    return finish(arguments, result, lambda: table_lines(rows[:_SHOWN]), lambda: rows)
+
+
+_ACTIONS = {"run": _run, "watch": _watch, "serve": _serve, "rank": _rank}
+
+
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    option = parser.add_argument
+    told = "run (analyse what is new), watch (what arrives), serve (web pages), or rank "
+    option("action", metavar="ACTION", help=told + "(indicators by how clearly they change)")
+    option("fleet", metavar="FLEET", help="fleet file (TOML)")
+    option("--engine", default="processes", metavar="NAME", help="processes (default) or dask")
+    option("--scheduler", metavar="ADDRESS", help="of dask, such as tcp://10.0.0.1:8786")
+    number(parser, "--patience", 3600.0, "S", "until dask is given up, with no batch done")
+    option("--again", action="store_true", help="also what failed, or another version analysed")
+    number(parser, "--every", _EVERY_S, "S", "of watch: time between two looks")
+    option(
+        "--host", default="127.0.0.1", help="of serve; others are asked for a token (%(default)s)"
+    )
+    number(parser, "--port", 8765, "N", "of serve")
+    option("--token", help="of serve; made up where one is needed and none is given")
+
+
+FLEET = Command(
+    name="fleet",
+    help="look after many machines: analyse what arrives, raise alarms, show who needs somebody",
+    example="gearmon fleet run fleet.toml",
+    add=_arguments,
+    run=run_fleet_command,
+    endings=(".csv", ".json"),
+    more="The fleet file names the machines: [[machine]] with name, file, reference, recordings (a "
+    "folder) and pattern, a regular expression with the groups time and, if need be, machine and "
+    "class; what several share stands in [defaults]. [[alarm]] with command, webhook or mail says "
+    "who is told. All results are kept in one store, which gearmon history --name MACHINE reads. "
+    "Exit code: 0 if no alarm stands, 1 if one does, 2 if a recording cannot be used.",
+)

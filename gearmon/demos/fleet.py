@@ -1,0 +1,203 @@
+"""A fleet: twelve machines of three kinds, sixty recordings each, of which four need somebody.
+
+Every machine is simulated at two loads; its recordings are stretches of these with noise of their
+own. A fault that grows is the sound machine and a growing share of its difference from the
+damaged one: to first order in the loss of stiffness the difference is proportional to it. A moved
+sensor hears the same through another resonance, and a dead one nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from datetime import datetime, timedelta
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearmon.demos import Demo
+from gearmon.diagnosis.analysis import learn
+from gearmon.diagnosis.history import read_latest
+from gearmon.files import write_atomically
+from gearmon.fleet import Fleet, alarms, read_fleet, run_fleet
+from gearmon.machine import load_machine
+from gearmon.report.text_tables import table_lines
+from gearmon.signals.recording import read_recording
+from gearmon.signals.threads import cores
+from gearmon.signatures.measured.reference import write_reference
+from gearmon.simulation import simulate
+from gearmon.terminal import Progress
+
+FloatArray = NDArray[np.float64]
+
+RECORDINGS, LEARNED, DURATION_S, RATE_HZ = 60, 4, 2.0, 5120.0
+#: Length of what is simulated at each load, and the loads by operating class.
+SIMULATED_S, LOADS = 8.0, {"grass": 0.8, "maize": 1.0}
+NOISE_DB = -20.0
+START = datetime(2026, 6, 1, 6)
+#: Teeth of pinion and gear, and speed [rpm].
+KINDS = {"baler": (23, 57, 1480.0), "mower": (19, 47, 1470.0), "mixer": (17, 52, 1450.0)}
+#: What is wrong with which machine, a fault that grows or a sensor; and from which recording on.
+WRONG = {
+    "baler-2": ("crack:1:pinion:5:35%", 20),
+    "mower-3": ("wear:1:gear:all:60%", 20),
+    "mixer-1": ("dead sensor", 45),
+    "mixer-4": ("moved sensor", 40),
+}
+#: Share of the whole difference at which a fault begins to grow.
+_FIRST = 0.1
+_MACHINE = """\
+name = "{kind}"
+[operating]
+speed_rpm = {speed}
+torque_nm = 120.0
+[[stage]]
+kind = "parallel"
+pinion_teeth = {pinion}
+gear_teeth = {gear}
+module_mm = 2.5
+face_width_mm = 28.0
+[[sensor]]
+column = 1
+unit = "m/s2"
+[[sensor]]
+column = 2
+unit = "m/s2"
+[[sensor]]
+column = 3
+kind = "tacho"
+"""
+_FLEET = """\
+name = "Contractor's fleet (simulated)"
+[defaults]
+recordings = "inbox"
+pattern = '(?P<machine>[a-z]+-\\d)_(?P<time>[\\dT-]+)_(?P<class>[a-z]+)\\.npy'
+sampling_rate_hz = {rate}
+limit = 0.3
+"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Heard:
+    """What the sensors of a machine would hear without noise, by operating class."""
+
+    sound: dict[str, FloatArray]
+    damaged: dict[str, FloatArray]
+
+
+def fleet_demo(folder: Path, progress: Progress | None = None) -> Demo:
+    """Make the recordings of a fleet, analyse them, and say how its page is looked at.
+
+    Parameters
+    ----------
+    folder : Path
+        Where to write; it exists.
+    progress : callable, optional
+        Called with the share done, 0 to 1.
+    """
+    names = [f"{kind}-{number}" for kind in KINDS for number in range(1, 5)]
+    (folder / "inbox").mkdir(exist_ok=True)
+    with ProcessPoolExecutor(cores(), get_context("spawn")) as pool:
+        list(pool.map(partial(_made, folder), names))
+    listed = [_FLEET.format(rate=RATE_HZ)]
+    listed += [
+        f'[[machine]]\nname = "{name}"\nfile = "{name}.toml"\nreference = "{name}.ref"\n'
+        for name in names
+    ]
+    path = folder / "fleet.toml"
+    write_atomically(path, "".join(listed))
+    fleet = read_fleet(path)
+    run = run_fleet(fleet, progress=progress)
+    story = tuple(_story(fleet, path))
+    write_atomically(folder / "fleet.txt", "\n".join(story) + "\n")
+    files = {"folder": folder, "fleet file": path, "store": fleet.store}
+    facts = {"truth": {name: what for name, (what, _) in WRONG.items()}, "run": run.to_dict(fleet)}
+    return Demo(story=story, files=files, facts=facts | {"latest": read_latest(fleet.store)})
+
+
+def _story(fleet: Fleet, path: Path) -> Iterator[str]:
+    """Tell the story."""
+    yield f"{len(fleet.machines)} machines, {RECORDINGS} recordings of each. The truth:"
+    yield from (f"  {name}: {what}, from recording {n} on" for name, (what, n) in WRONG.items())
+    rows = []
+    for own in read_latest(fleet.store):
+        stands = [a["finding"] for a in alarms(fleet, own["machine"]) if not a["over"]]
+        told = {"machine": own["machine"], "verdict": own["verdict"], "score": own["score"]}
+        rows.append(told | {"alarms": "; ".join(stands)})
+    yield from ("", *table_lines(rows), "")
+    yield f"The page, http://127.0.0.1:8765/, is shown by: gearmon fleet serve {path}"
+
+
+def _made(folder: Path, name: str) -> None:
+    """Write machine file, reference and recordings of one machine."""
+    kind, number = name.split("-")
+    seed = 10 * list(KINDS).index(kind) + int(number)
+    pinion, gear, speed = KINDS[kind]
+    known = {"kind": kind, "pinion": pinion, "gear": gear, "speed": speed}
+    write_atomically(folder / f"{name}.toml", _MACHINE.format(**known))
+    machine = load_machine(folder / f"{name}.toml")
+    what, first = WRONG.get(name, ("", RECORDINGS))
+    heard = _heard(folder / f"{name}.toml", seed, what if ":" in what else "")
+    generator = np.random.default_rng(seed)
+    classes = list(LOADS)
+    healthy = []
+    for count in range(LEARNED):
+        samples = _stretch(heard, classes[count % 2], 0.0, generator)
+        own = read_recording(samples, RATE_HZ, sensors=machine.sensors)
+        healthy.append(replace(own, origin=f"{name}, sound {count + 1}"))
+    write_reference(learn(healthy, machine), folder / f"{name}.ref")
+    for count in range(RECORDINGS):
+        grown = _FIRST + (1 - _FIRST) * (count - first) / (RECORDINGS - 1 - first or 1)
+        share = max(0.0, grown) if count >= first else 0.0
+        samples = _stretch(heard, classes[count % 2], share, generator)
+        if count >= first and what == "dead sensor":
+            samples[0] = 0.0
+        if count >= first and what == "moved sensor":
+            samples[0] = _elsewhere(samples[0])
+        moment = START + timedelta(days=count, minutes=seed)
+        file = folder / "inbox" / f"{name}_{moment:%Y-%m-%dT%H-%M-%S}_{classes[count % 2]}.npy"
+        np.save(file, samples.astype(np.float32))
+
+
+def _heard(machine: Path, seed: int, fault: str) -> _Heard:
+    """Simulate a machine sound and, if it is to be, damaged, in the same wandering of speed."""
+
+    def made(faults: list[str], load: float) -> FloatArray:
+        own: dict[str, Any] = {
+            "machine_seed": seed,
+            "recording_seed": seed,
+            "channels": 2,
+        }
+        found = simulate(
+            machine, faults, SIMULATED_S, RATE_HZ, load=load, snr_db=None, tacho_shaft=1, **own
+        )
+        return np.asarray(found.samples, dtype=float)
+
+    sound = {name: made([], load) for name, load in LOADS.items()}
+    damaged = {name: made([fault], load) for name, load in LOADS.items()} if fault else sound
+    return _Heard(sound=sound, damaged=damaged)
+
+
+def _stretch(heard: _Heard, name: str, share: float, generator: np.random.Generator) -> FloatArray:
+    """Take a stretch at random, with noise of its own; the tacho goes without."""
+    sound, damaged = heard.sound[name], heard.damaged[name]
+    samples = round(DURATION_S * RATE_HZ)
+    start = int(generator.integers(sound.shape[1] - samples))
+    part = slice(start, start + samples)
+    taken = sound[:, part].copy()
+    taken[:-1] += share * (damaged - sound)[:-1, part]
+    level = 10 ** (NOISE_DB / 20) * sound[:-1].std(axis=1, keepdims=True)
+    taken[:-1] += level * generator.normal(size=taken[:-1].shape)
+    return taken
+
+
+def _elsewhere(samples: FloatArray) -> FloatArray:
+    """Hear it from another place: half as loud, and through a resonance at 900 Hz."""
+    ratio = np.fft.rfftfreq(len(samples), 1 / RATE_HZ) / 900.0
+    path = 0.5 / (1 - ratio**2 + 0.1j * ratio)
+    return np.fft.irfft(path * np.fft.rfft(samples), len(samples))

@@ -1,0 +1,372 @@
+"""The fleet as local web pages, made on the server: who needs somebody today, and why.
+
+No page holds a script but the interactive report of a recording, which brings its own policy.
+"""
+
+from __future__ import annotations
+
+import hmac
+import json
+import secrets
+import tempfile
+import threading
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from urllib.parse import urlencode
+
+from gearmon import __version__
+from gearmon.diagnosis.history import HistoryTrends, history_trends, read_history, read_latest
+from gearmon.diagnosis.history.store import opened
+from gearmon.errors import ArgumentError, GearmonError
+from gearmon.fleet.alarm import acknowledge, alarms
+from gearmon.fleet.engines import at_hand, equipment
+from gearmon.fleet.ledger import flat, writing
+from gearmon.fleet.plan import Fleet, FleetMachine
+from gearmon.report.history_text import history_lines, moment_text
+from gearmon.report.palette import VERDICT_STYLE
+from gearmon.report.verdict import WORST_FIRST
+from gearmon.report.wording import loss_text, printable, score_text
+
+if TYPE_CHECKING:
+    from starlette.applications import Starlette
+    from starlette.requests import Request
+    from starlette.responses import Response
+
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
+#: Machines and recordings that a page shows unless it is asked for all.
+_SHOWN, _RECORDINGS = 200, 60
+_POLICY = (
+    "default-src 'none'; style-src 'self'; img-src 'self'; form-action 'self'; base-uri 'none'; "
+    "frame-ancestors 'none'"
+)
+_COOKIE = "gearmon"
+# Highest score of a sparkline: beyond, a fault is a fault.
+_HIGHEST_SCORE = 8.0
+# pictures are drawn one at a time: matplotlib knows no threads
+_DRAWING = threading.Lock()
+
+
+def application(fleet: Fleet, *, token: str = "", hosts: Sequence[str] = LOOPBACK) -> Starlette:
+    """Return the pages of a fleet as an ASGI application.
+
+    Parameters
+    ----------
+    fleet : Fleet
+    token : str
+        Whoever asks has to know it; "": nobody is asked.
+    hosts : sequence of str
+        Names under which the pages may be asked for.
+    """
+    from starlette.applications import Starlette
+    from starlette.middleware import Middleware
+    from starlette.middleware.base import BaseHTTPMiddleware
+    from starlette.middleware.trustedhost import TrustedHostMiddleware
+    from starlette.responses import PlainTextResponse
+    from starlette.routing import Route
+
+    with writing(fleet):
+        pass  # from here on there is a store, if an empty one
+    site = _Site(fleet)
+
+    async def guarded(request: Request, call_next: Any) -> Response:
+        answer: Response = _refused(request, token) or await call_next(request)
+        answer.headers.setdefault("Content-Security-Policy", _POLICY)
+        answer.headers.update(
+            {"X-Content-Type-Options": "nosniff", "Referrer-Policy": "same-origin"}
+        )
+        return answer
+
+    def told(_: Request, error: Exception) -> Response:
+        return PlainTextResponse(f"{error}\n", 404)
+
+    pages: dict[str, Any] = {
+        "/": site.overview,
+        "/machine": site.machine,
+        "/history.png": site.picture,
+        "/recording": site.recording,
+        "/table.csv": site.table,
+        "/fleet.css": site.style,
+    }
+    routes = [Route(path, page) for path, page in pages.items()]
+    return Starlette(
+        routes=[*routes, Route("/acknowledge", site.acknowledge, methods=["POST"])],
+        middleware=[
+            Middleware(TrustedHostMiddleware, allowed_hosts=list(hosts)),
+            Middleware(BaseHTTPMiddleware, dispatch=guarded),
+        ],
+        exception_handlers={GearmonError: told},
+    )
+
+
+def _refused(request: Request, token: str) -> Response | None:
+    """Refuse those who do not know the token, and forms that another site has sent."""
+    from starlette.responses import PlainTextResponse, RedirectResponse
+
+    origin = request.headers.get("origin")
+    if request.method == "POST" and origin != str(request.base_url).rstrip("/"):
+        return PlainTextResponse("this form is not of this page\n", 403)
+    if not token:
+        return None
+    given = request.query_params.get("token", "")
+    if hmac.compare_digest(given.encode(), token.encode()):
+        answer = RedirectResponse(request.url.remove_query_params("token"), 303)
+        answer.set_cookie(_COOKIE, token, httponly=True, samesite="strict")
+        return answer
+    known = request.cookies.get(_COOKIE, "")
+    if hmac.compare_digest(known.encode(), token.encode()):
+        return None
+    return PlainTextResponse("add ?token=... to the address, as gearmon fleet serve says\n", 403)
+
+
+class _Site:
+    """The pages; each is a method that answers a request."""
+
+    def __init__(self, fleet: Fleet) -> None:
+        import jinja2
+
+        self.fleet = fleet
+        environment = jinja2.Environment(
+            autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+        )
+        links: dict[str, Any] = {"query": lambda **parts: urlencode(parts), "moment": moment_text}
+        links |= {"printable": printable, "score": score_text, "version": __version__}
+        environment.globals |= links | {"signs": {v: s[2] for v, s in VERDICT_STYLE.items()}}
+        self.template = environment.from_string(_shipped("fleet.html"))
+
+    def _page(self, kind: str, **content: Any) -> Response:
+        from starlette.responses import HTMLResponse
+
+        return HTMLResponse(self.template.render(kind=kind, fleet=self.fleet, **content))
+
+    def overview(self, request: Request) -> Response:
+        rows = self.rows()
+        shown = rows if "all" in request.query_params else rows[:_SHOWN]
+        words = ("not heard yet", *WORST_FIRST)
+        count = {word: n for word in words if (n := sum(r["verdict"] == word for r in rows))}
+        current = [own for own in alarms(self.fleet) if not own["over"]]
+        content = {"rows": shown, "total": len(rows), "counts": count, "alarms": current}
+        return self._page("overview", **content, points=_points)
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return a row a machine, the worst first."""
+        latest = {own["machine"]: own for own in read_latest(self.fleet.store)}
+        waiting = {own["machine"] for own in alarms(self.fleet) if not own["over"]}
+        rows = [_row(own, latest.get(own.name)) for own in self.fleet.machines]
+        order = {verdict: place for place, verdict in enumerate(WORST_FIRST)}
+        return sorted(
+            (row | {"alarm": row["machine"] in waiting} for row in rows),
+            key=lambda r: (order.get(r["verdict"], 9), not r["alarm"], -r["loss_now"], -r["score"]),
+        )
+
+    def machine(self, request: Request) -> Response:
+        machine = self._named(request)
+        rows = self._ledger(machine.name)
+        found = _trends(self.fleet, machine, len(rows)) if rows else None
+        classes = sorted({row["class"] for row in rows})
+        shown = rows if "all" in request.query_params else rows[:_RECORDINGS]
+        return self._page(
+            "machine",
+            machine=machine,
+            row=next(row for row in self.rows() if row["machine"] == machine.name),
+            # the recordings themselves stand in a table of their own, with links
+            lines=_without_table(found),
+            drawn=found is not None and bool(found.history.entries),
+            rows=shown,
+            total=len(rows),
+            classes=[name for name in classes if name],
+            alarms=alarms(self.fleet, machine.name),
+        )
+
+    def picture(self, request: Request) -> Response:
+        from starlette.responses import Response
+
+        machine = self._named(request)
+        found = _trends(self.fleet, machine, len(self._ledger(machine.name)))
+        return Response(_drawn(found), media_type="image/png")
+
+    def recording(self, request: Request) -> Response:
+        from starlette.responses import HTMLResponse
+
+        number = request.query_params.get("id", "")
+        rows = self._ledger(None, int(number) if number.isdecimal() else 0)
+        machine = self.fleet.machine(rows[0]["machine"]) if rows else None
+        if machine is None:
+            raise ArgumentError("there is no such recording")
+        text = _report(self.fleet, machine, rows[0]["path"], rows[0]["hash"])
+        # the policy of the report stands in its head: its own script, and nothing else
+        policy = {"Content-Security-Policy": "frame-ancestors 'none'"}
+        return HTMLResponse(text, headers=policy)
+
+    def table(self, request: Request) -> Response:
+        from starlette.responses import Response
+
+        from gearmon.report.text_tables import rows_as_csv
+
+        if "machine" in request.query_params:
+            rows = [self._tabled(row) for row in self._ledger(self._named(request).name)]
+            names = dict.fromkeys(name for row in rows for name in row)
+            text = rows_as_csv([{name: row.get(name) for name in names} for row in rows])
+        else:
+            kept = ("machine", "verdict", "since", "heard", "finding", "loss", "margin", "alarm")
+            text = rows_as_csv([{name: row[name] for name in kept} for row in self.rows()])
+        headers = {"Content-Disposition": 'attachment; filename="fleet.csv"'}
+        return Response(text, media_type="text/csv; charset=utf-8", headers=headers)
+
+    @staticmethod
+    def _tabled(row: dict[str, Any]) -> dict[str, Any]:
+        kept = ("path", "class", "time_s", "state", "why", "verdict", "score", "findings")
+        return {name: row[name] for name in kept} | flat(row["indicators"])
+
+    def style(self, _: Request) -> Response:
+        from starlette.responses import Response
+
+        colours = [
+            f".{verdict.replace(' ', '-')} {{ background: {back}; color: {colour}; }}"
+            for verdict, (back, colour, _) in VERDICT_STYLE.items()
+        ]
+        report = resources.files("gearmon.report").joinpath("report.css").read_text("utf-8")
+        text = "\n".join([report, *colours, _shipped("fleet.css")])
+        return Response(text, media_type="text/css")
+
+    def acknowledge(self, request: Request) -> Response:
+        from starlette.responses import RedirectResponse
+
+        number = request.query_params.get("id", "")
+        if number.isdecimal():
+            acknowledge(self.fleet, int(number))
+        machine = request.query_params.get("machine")
+        back = f"/machine?{urlencode({'name': machine})}" if machine else "/"
+        return RedirectResponse(back, 303)
+
+    def _named(self, request: Request) -> FleetMachine:
+        name = request.query_params.get("name", request.query_params.get("machine", ""))
+        machine = self.fleet.machine(name)
+        if machine is None:
+            raise ArgumentError(f"there is no machine {name!r} in this fleet")
+        return machine
+
+    def _ledger(self, machine: str | None, number: int = 0) -> list[dict[str, Any]]:
+        """Return the recordings of a machine, the newest first, or the one of this number."""
+        with opened(self.fleet.store, create=False) as store:
+            rows = store.execute(
+                "SELECT l.*, r.verdict, r.score, r.findings FROM ledger l LEFT JOIN recordings r "
+                "ON r.machine = l.machine AND r.time_s = l.time_s AND l.state = 'done' "
+                "WHERE l.machine = ? OR l.id = ? ORDER BY l.time_s DESC",
+                (machine, number),
+            ).fetchall()
+        listed = [dict(row) for row in rows]
+        return [r | {"findings": "; ".join(json.loads(r["findings"] or "[]"))} for r in listed]
+
+
+def _row(machine: FleetMachine, latest: dict[str, Any] | None) -> dict[str, Any]:
+    """Return what the overview says of a machine."""
+    row: dict[str, Any] = {"machine": machine.name, "tags": machine.tags, "limit": machine.limit}
+    if latest is None:
+        nothing = dict.fromkeys(("since", "heard", "finding", "loss", "margin"), "")
+        return (
+            row
+            | nothing
+            | {"verdict": "not heard yet", "score": 0.0, "loss_now": 0.0}
+            | {"scores": [], "recordings": 0}
+        )
+    loss, low, high = (latest[name] for name in ("loss", "loss_low", "loss_high"))
+    left = None if loss is None or machine.limit is None else machine.limit - loss
+    margin = "" if left is None else loss_text(left, machine.limit - high, machine.limit - low)
+    return row | {
+        "verdict": latest["verdict"],
+        "since": moment_text(latest["since_s"]),
+        "heard": moment_text(latest["time_s"]),
+        "finding": "; ".join(latest["findings"][:1]),
+        "loss": loss_text(loss, low, high),
+        "loss_now": loss or 0.0,
+        "margin": margin,
+        "score": latest["score"],
+        "scores": latest["scores"],
+        "recordings": latest["recordings"],
+    }
+
+
+def _points(scores: Sequence[float]) -> str:
+    """Return a sparkline of 90 by 20 units as the points of an SVG polyline."""
+    step = 88.0 / max(1, len(scores) - 1)
+    heights = (19 - 18 * min(max(score, 0.0), _HIGHEST_SCORE) / _HIGHEST_SCORE for score in scores)
+    return " ".join(f"{1 + step * n:.1f},{y:.1f}" for n, y in enumerate(heights))
+
+
+@lru_cache(maxsize=32)
+def _trends(fleet: Fleet, machine: FleetMachine, recordings: int) -> HistoryTrends:
+    """Follow a machine through its history; anew once there are other recordings."""
+    assert recordings >= 0
+    return history_trends(read_history(fleet.store, machine.name), limit=machine.limit)
+
+
+def _without_table(found: HistoryTrends | None) -> list[str]:
+    """Return what the history says in words, without a line a recording."""
+    lines = history_lines(found) if found is not None else []
+    return [line for line in lines[lines.index("") + 1 :] if line] if "" in lines else lines
+
+
+@lru_cache(maxsize=16)
+def _drawn(found: HistoryTrends) -> bytes:
+    from gearmon.report.history_plots import history_figure
+    from gearmon.report.plots import as_png
+
+    with _DRAWING:
+        return as_png(history_figure(found))
+
+
+@lru_cache(maxsize=16)
+def _report(fleet: Fleet, machine: FleetMachine, path: str, content: str) -> str:
+    """Make the interactive report of a recording, anew once its content is another."""
+    from gearmon.diagnosis.analysis import analyse
+    from gearmon.report.html import write_report
+    from gearmon.signals.recording import read_recording
+
+    assert content is not None
+    own, reference = equipment(machine)
+    history = history_trends(read_history(fleet.store, machine.name), limit=machine.limit)
+    known: dict[str, Any] = {"sampling_rate_hz": machine.sampling_rate_hz, "sensors": own.sensors}
+    with at_hand(path) as file, tempfile.TemporaryDirectory() as folder, _DRAWING:
+        recording = read_recording(file, channels=machine.sensors or None, **known)
+        recording = replace(recording, origin=path)
+        analysis = analyse(recording, own, reference)
+        target = Path(folder) / "report.html"
+        write_report([analysis], [recording], reference, own, target, history=history)
+        return target.read_text("utf-8")
+
+
+def _shipped(name: str) -> str:
+    return resources.files("gearmon.fleet").joinpath(name).read_text("utf-8")
+
+
+def serve(fleet: Fleet, host: str = "127.0.0.1", port: int = 8765, token: str = "") -> None:
+    """Serve the pages until stopped.
+
+    Parameters
+    ----------
+    fleet : Fleet
+    host : str
+        Address to listen at; on others than those of this computer a token is asked for.
+    port : int, 1 to 65535
+    token : str
+        By default one is made up, if need be; the address that is printed holds it.
+
+    Raises
+    ------
+    ArgumentError
+        If the extra is not installed.
+    """
+    try:
+        import uvicorn
+    except ImportError:
+        raise ArgumentError("fleet serve needs pip install 'gearmon[web]'") from None
+    own = host in LOOPBACK
+    token = token or ("" if own else secrets.token_urlsafe(16))
+    app = application(fleet, token=token, hosts=LOOPBACK if own else ["*"])
+    query = f"?{urlencode({'token': token})}" if token else ""
+    print(f"{fleet.name}: http://{host}:{port}/{query} (Ctrl-C stops)", flush=True)
+    uvicorn.run(app, host=host, port=port, log_level="warning", access_log=False)

@@ -1,0 +1,305 @@
+"""The fleet file: machines, where their recordings arrive, who is told; and what lies there now.
+
+A name of a recording is taken apart by the machine's own pattern, a regular expression with the
+groups `time`, and, as far as there are any, `machine` and `class` (of operation). A name that does
+not fit is reported: nothing is made up for it.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any
+
+from gearmon.diagnosis.history.entries import time_from_name
+from gearmon.diagnosis.results import VERDICTS
+from gearmon.errors import ArgumentError
+from gearmon.machine.fields import (
+    Choice,
+    Column,
+    Count,
+    FieldError,
+    Number,
+    Several,
+    Text,
+    check_fields,
+    obeys,
+)
+from gearmon.machine.reading import load_machine, read_part, read_tables, refuse_unknown_keys
+from gearmon.machine.source import MachineSource, read_source
+
+_GROUPS = ("machine", "time", "class")
+_TEXTS = Several(rule=Text(), example='["maize", "rented"]')
+
+
+@dataclass(frozen=True, kw_only=True)
+class FleetMachine:
+    r"""A machine of a fleet; keys that several share may stand in `[defaults]`.
+
+    Parameters
+    ----------
+    name : str
+        Its own, under which its history is kept.
+    file, reference : str
+        Machine file, and what `gearmon learn` wrote ("": none).
+    recordings : str
+        Folder they arrive in; a URL where fsspec knows its kind ("s3://bucket/tractor").
+    pattern : str
+        Their names, as in ``(?P<machine>\w+)_(?P<time>[\dT-]+)_(?P<class>\w+)\.wav``; where
+        several machines share a folder, `machine` has to be the name.
+    sensors : tuple of str or int
+        Columns that are analysed; all by default.
+    sampling_rate_hz : float, optional
+        Where the files do not hold it.
+    limit : float, in (0, 1], optional
+        Loss of a tooth pair's stiffness at which to act.
+    tags : tuple of str
+    alarm_on : tuple of str
+        Verdicts that are alarms.
+    alarm_after, alarm_clear : int
+        Recordings in a row, of one class, with a finding before it is an alarm, and without it
+        before the alarm is over.
+    """
+
+    name: str = field(metadata=obeys(Text(example='"tractor 7"')))
+    file: str = field(metadata=obeys(Text(example='"tractor.toml"')))
+    recordings: str = field(metadata=obeys(Text(example='"inbox/tractor-7"')))
+    pattern: str = field(metadata=obeys(Text(example=r"'.*_(?P<time>[\dT-]+)\.wav'")))
+    reference: str = field(default="", metadata=obeys(Text(example='"tractor-7.ref"')))
+    sensors: tuple[str | int, ...] = field(default=(), metadata=obeys(Several(rule=Column())))
+    sampling_rate_hz: float | None = field(
+        default=None, metadata=obeys(Number(low=0, high=1e8, unit="Hz", open_low=True))
+    )
+    limit: float | None = field(default=None, metadata=obeys(Number(low=0, high=1, open_low=True)))
+    tags: tuple[str, ...] = field(default=(), metadata=obeys(_TEXTS))
+    alarm_on: tuple[str, ...] = field(
+        default=("fault", "no mesh found", "cannot tell"),
+        metadata=obeys(Several(rule=Choice(options=VERDICTS), example='["fault"]')),
+    )
+    alarm_after: int = field(default=2, metadata=obeys(Count(low=1, high=1000)))
+    alarm_clear: int = field(default=3, metadata=obeys(Count(low=1, high=1000)))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        try:
+            groups = set(re.compile(self.pattern).groupindex)
+        except re.error as error:
+            reason = f"is no regular expression ({error})"
+            raise FieldError("pattern", reason, self.pattern) from None
+        if "time" not in groups or not groups <= set(_GROUPS):
+            reason = "must have the group (?P<time>...), and may have machine and class, no others"
+            raise FieldError("pattern", reason, self.pattern)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hook:
+    """Who is told of alarms.
+
+    Parameters
+    ----------
+    command : tuple of str
+        A program and its arguments; it gets the alarm as JSON on its standard input.
+    webhook : str
+        A URL; it gets the same by POST.
+    mail : tuple of str
+        Addresses, through the system's sendmail.
+    tags, classes : tuple of str
+        Only of machines with one of these tags, only in these operating classes; empty: all.
+    """
+
+    command: tuple[str, ...] = field(default=(), metadata=obeys(_TEXTS))
+    webhook: str = field(default="", metadata=obeys(Text(example='"https://example.org/alarm"')))
+    mail: tuple[str, ...] = field(default=(), metadata=obeys(_TEXTS))
+    tags: tuple[str, ...] = field(default=(), metadata=obeys(_TEXTS))
+    classes: tuple[str, ...] = field(default=(), metadata=obeys(_TEXTS))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        if self.webhook and not self.webhook.startswith(("http://", "https://")):
+            raise FieldError("webhook", "must begin with https:// or http://", self.webhook)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fleet:
+    """Machines that are looked after together, and where what is found of them is kept.
+
+    Parameters
+    ----------
+    name : str
+    machines : tuple of FleetMachine
+    hooks : tuple of Hook
+    store : Path
+        History, ledger and alarms: what `gearmon history --store` reads.
+    results : Path
+        Folder of the Parquet files.
+    """
+
+    name: str
+    machines: tuple[FleetMachine, ...]
+    hooks: tuple[Hook, ...]
+    store: Path
+    results: Path
+
+    def machine(self, name: str) -> FleetMachine | None:
+        """Return the machine of this name."""
+        return next((own for own in self.machines if own.name == name), None)
+
+
+def read_fleet(path: str | Path) -> Fleet:
+    """Read a fleet file, and look whether the files that it names are there.
+
+    Raises
+    ------
+    MachineFileError
+        If anything in it is unknown, missing or impossible: one line with file, key and value.
+    """
+    source, folder = read_source(path), Path(path).parent
+    known = ("name", "store", "results", "defaults", "machine", "alarm")
+    refuse_unknown_keys(source, source.document, known, "")
+    shared = read_tables(source, "defaults", single=True) if "defaults" in source.document else []
+    defaults = shared[0][1] if shared else {}
+    own = tuple(one.name for one in fields(FleetMachine) if one.name != "name")
+    refuse_unknown_keys(source, defaults, own, "defaults")
+    machines: list[FleetMachine] = []
+    for label, table in read_tables(source, "machine"):
+        machine = _placed(read_part(source, FleetMachine, label, defaults | table), folder)
+        if machine.name in {other.name for other in machines}:
+            message = f'{label}.name = "{machine.name}" is the name of another machine too'
+            raise source.error(f"{label}.name", message)
+        machines.append(_checked(source, label, machine))
+    for file in dict.fromkeys(machine.file for machine in machines):
+        load_machine(file)  # says itself what is wrong with it
+    if not machines:
+        example = "[[machine]] with name, file, reference, recordings and pattern"
+        raise source.error("", f"lacks a machine; write {example}")
+    hooks = tuple(read_part(source, Hook, label, t) for label, t in read_tables(source, "alarm"))
+    texts = {key: source.document.get(key, usual) for key, usual in _usual(Path(path)).items()}
+    for key, text in texts.items():
+        if not isinstance(text, str) or not text:
+            raise source.error(key, f"{key} must be text in quotes")
+    return Fleet(
+        name=texts["name"],
+        machines=tuple(machines),
+        hooks=hooks,
+        store=folder / texts["store"],
+        results=folder / texts["results"],
+    )
+
+
+def _usual(path: Path) -> dict[str, str]:
+    return {"name": path.stem, "store": f"{path.stem}.db", "results": f"{path.stem}-results"}
+
+
+def _placed(machine: FleetMachine, folder: Path) -> FleetMachine:
+    """Return it with the places of its files as seen from here, not from the fleet file."""
+    given = {name: getattr(machine, name) for name in ("file", "reference", "recordings")}
+    placed: dict[str, Any] = {
+        k: str(folder / v) for k, v in given.items() if v and not is_remote(v)
+    }
+    return replace(machine, **placed)
+
+
+def _checked(source: MachineSource, label: str, machine: FleetMachine) -> FleetMachine:
+    if machine.reference and not Path(machine.reference).is_file():
+        key = f"{label}.reference"
+        raise source.error(key, f'{key} = "{machine.reference}" is no file; gearmon learn makes it')
+    if not is_remote(machine.recordings) and not Path(machine.recordings).is_dir():
+        key = f"{label}.recordings"
+        raise source.error(key, f'{key} = "{machine.recordings}" is no folder; make it first')
+    return machine
+
+
+def is_remote(place: str) -> bool:
+    """Whether a folder or file is one that fsspec has to reach."""
+    return "://" in place
+
+
+@dataclass(frozen=True, kw_only=True)
+class Job:
+    """A recording that lies in the folder of its machine.
+
+    Parameters
+    ----------
+    path : str
+    machine : FleetMachine
+    operating_class : str
+        "" if its name tells none.
+    time_s : float
+        From its name, since 1970-01-01 UTC [s].
+    size : int
+        [bytes]
+    changed : str
+        When it was last written, as its file system says.
+    """
+
+    path: str
+    machine: FleetMachine
+    operating_class: str
+    time_s: float
+    size: int
+    changed: str
+
+    @property
+    def state(self) -> tuple[int, str]:
+        """What changes when it is written to."""
+        return self.size, self.changed
+
+
+def arrived(fleet: Fleet) -> tuple[list[Job], dict[str, str]]:
+    """List the recordings that lie in the folders of a fleet.
+
+    Returns
+    -------
+    jobs : list of Job
+        In the order of their names.
+    refused : dict of str to str
+        Files that are not taken, and why: their names do not fit, or another one is of the same
+        machine and time.
+    """
+    jobs: dict[tuple[str, float], Job] = {}
+    refused: dict[str, str] = {}
+    for folder in dict.fromkeys(machine.recordings for machine in fleet.machines):
+        owners = [machine for machine in fleet.machines if machine.recordings == folder]
+        for path, size, changed in sorted(_files(folder)):
+            try:
+                job = _job(owners, path, size, changed)
+                first = jobs.setdefault((job.machine.name, job.time_s), job)
+                if first is not job:
+                    refused[path] = f"is of the same machine and time as {first.path}"
+            except ArgumentError as error:
+                refused[path] = str(error)
+    return list(jobs.values()), refused
+
+
+def _job(owners: Sequence[FleetMachine], path: str, size: int, changed: str) -> Job:
+    name = path.rpartition("/")[2]
+    for machine in owners:
+        match = re.fullmatch(machine.pattern, name)
+        parts = match.groupdict() if match else {}
+        if match and parts.get("machine") in (None, machine.name):
+            time_s = time_from_name(f"{parts['time']}.").timestamp()
+            operating_class = parts.get("class") or ""
+            known: dict[str, Any] = {"path": path, "size": size, "changed": changed}
+            return Job(machine=machine, operating_class=operating_class, time_s=time_s, **known)
+    raise ArgumentError("its name does not fit the pattern of a machine of this folder")
+
+
+def _files(folder: str) -> Iterator[tuple[str, int, str]]:
+    """Give path, size and time of change of the files in a folder; hidden ones are left out."""
+    if not is_remote(folder):
+        with os.scandir(folder) as found:
+            for entry in found:
+                if entry.is_file() and not entry.name.startswith("."):
+                    told = entry.stat()
+                    yield entry.path, told.st_size, str(told.st_mtime_ns)
+        return
+    import fsspec
+
+    system, root = fsspec.core.url_to_fs(folder)
+    for own in system.ls(root, detail=True):
+        if own["type"] == "file" and not own["name"].rpartition("/")[2].startswith("."):
+            changed = next((str(own[k]) for k in ("mtime", "LastModified", "ETag") if k in own), "")
+            yield system.unstrip_protocol(own["name"]), int(own["size"]), changed

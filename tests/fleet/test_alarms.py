@@ -1,0 +1,121 @@
+"""Who is told of an alarm: once, whatever stands in the way."""
+
+from __future__ import annotations
+
+import json
+import threading
+from http.server import BaseHTTPRequestHandler, HTTPServer
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from reference.fleet_stand_in import arrive, at_once, made_fleet
+
+from gearmon.fleet import acknowledge, alarms, deliver, run_fleet
+from gearmon.fleet.alarm import episodes
+
+
+@pytest.fixture(autouse=True)
+def impatient(monkeypatch):
+    monkeypatch.setattr("gearmon.fleet.alarm._AGAIN_S", (0.0, 0.0, 0.0))
+
+
+def worn(folder, hooks):
+    """A fleet whose machine a is worn when it works in maize."""
+    fleet = made_fleet(folder, ("a", "b"), hooks, per_machine='tags = ["old"]')
+    for day in range(2):
+        arrive(folder, "a_{}_maize.txt", "fault 0.1", days=day)
+        arrive(folder, "b_{}_maize.txt", "0.1", days=day)
+    run_fleet(fleet, at_once)
+    return fleet
+
+
+def test_a_command_gets_the_alarm_once(tmp_path):
+    told = tmp_path / "told.json"
+    fleet = worn(tmp_path, f'[[alarm]]\ncommand = ["tee", "-a", "{told}"]')
+    assert deliver(fleet) == []
+    assert deliver(fleet) == []
+    alarm = json.loads(told.read_text())
+    assert alarm["machine"] == "a"
+    assert alarm["class"] == "maize"
+    assert alarm["tags"] == ["old"]
+
+
+def test_a_webhook_is_tried_again(tmp_path):
+    bodies = []
+
+    class Receiver(BaseHTTPRequestHandler):
+        def do_POST(self):
+            bodies.append(self.rfile.read(int(self.headers["Content-Length"])))
+            self.send_response(500 if len(bodies) < 3 else 204)
+            self.end_headers()
+
+        def log_message(self, *_):
+            pass
+
+    with HTTPServer(("127.0.0.1", 0), Receiver) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        url = f"http://127.0.0.1:{server.server_port}/"
+        fleet = worn(tmp_path, f'[[alarm]]\nwebhook = "{url}"')
+        try:
+            assert deliver(fleet) == []
+        finally:
+            server.shutdown()
+            thread.join()
+    assert len(bodies) == 3
+    assert json.loads(bodies[2])["finding"] == "wear, stage 1, pinion"
+
+
+def test_mail_goes_through_sendmail(tmp_path, monkeypatch):
+    (tmp_path / "bin").mkdir()
+    mailer, letter = tmp_path / "bin" / "sendmail", tmp_path / "letter"
+    mailer.write_text(f"#!/bin/sh\ncat > {letter}\n")
+    mailer.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}/bin:/usr/bin:/bin")
+    fleet = worn(tmp_path / "fleet", '[[alarm]]\nmail = ["farm@example.org"]')
+    assert deliver(fleet) == []
+    assert "To: farm@example.org" in letter.read_text()
+    assert "wear, stage 1, pinion" in letter.read_text()
+
+
+def test_what_cannot_be_told_is_said_and_tried_at_the_next_look(tmp_path):
+    fleet = worn(tmp_path, '[[alarm]]\ncommand = ["false"]')
+    assert "could not be told" in deliver(fleet)[0]
+    assert len(deliver(fleet)) == 1
+    acknowledge(fleet, alarms(fleet)[0]["id"])
+    assert deliver(fleet) == []
+
+
+@pytest.mark.parametrize("rule", ['tags = ["new"]', 'classes = ["grass"]'])
+def test_hooks_are_told_of_their_own_machines_and_classes(tmp_path, rule):
+    fleet = worn(tmp_path, f'[[alarm]]\ncommand = ["false"]\n{rule}')
+    assert deliver(fleet) == []
+
+
+def test_one_that_begins_earlier_after_a_late_recording_is_the_same_alarm(tmp_path):
+    fleet = worn(tmp_path, '[[alarm]]\ncommand = ["true"]')
+    deliver(fleet)
+    path = tmp_path / "inbox" / "a_2026-02-20_maize.txt"
+    path.write_text("fault 0.1")
+    run_fleet(fleet, at_once)
+    (alarm,) = alarms(fleet)
+    assert alarm["since"] == "2026-02-20T00:00:00Z"
+    assert alarm["told"] == ["command true"]
+
+
+@given(st.lists(st.booleans(), max_size=30), st.integers(1, 4), st.integers(1, 4))
+def test_alarms_begin_and_end_where_streaks_do(found, after, clear):
+    rows = [(float(t), {"wear"} if there else set()) for t, there in enumerate(found)]
+    told = list(episodes(rows, after, clear))
+    # told apart by a slow and obvious automaton
+    expected, since, streak = [], None, 0
+    for t, there in enumerate(found):
+        streak = streak + 1 if there == (since is None) else 0
+        if since is None and streak == after:
+            since, streak = t - after + 1, 0
+        elif since is not None and streak == clear:
+            expected.append(("wear", since, t - clear + 1))
+            since, streak = None, 0
+    expected += [("wear", since, None)] if since is not None else []
+    assert told == expected

@@ -1,0 +1,145 @@
+"""The web pages: what they say, who may see them, and in a real browser."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from contextlib import closing, contextmanager
+from http.client import HTTPConnection
+from urllib.parse import urlencode
+
+import pytest
+from reference.fleet_stand_in import arrive, at_once, made_fleet
+
+from gearmon.fleet import alarms, run_fleet
+
+pytest.importorskip("starlette")
+TOKEN, HOSTILE = "known-to-few", "<script>window.hurt=1</script>"
+
+
+@pytest.fixture(scope="module")
+def fleet(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("pages")
+    names = ("a", "b", "c", HOSTILE)
+    fleet = made_fleet(folder, names, per_machine='limit = 0.3\ntags = ["maize"]')
+    for day in range(12):
+        arrive(folder, "a_{}_hay.txt", f"0.{day:02d}", days=day)
+        arrive(folder, "b_{}.txt", f"fault 0.{day:02d}" if day > 6 else "0.1", days=day)
+        arrive(folder, "c_{}.txt", "bad", days=day)
+    run_fleet(fleet, at_once)
+    return fleet
+
+
+class Answer:
+    """What a server answers, with redirections left to whoever asks."""
+
+    def __init__(self, address, path, method="GET", **headers):
+        connection = HTTPConnection(address)
+        connection.request(method, path, headers=headers)
+        with closing(connection):
+            answer = connection.getresponse()
+            self.status, self.headers = answer.status, answer.headers
+            self.content = answer.read()
+            self.text = self.content.decode("utf-8", "replace")
+
+
+@contextmanager
+def served(fleet, **how):
+    """The pages under an address of this computer."""
+    uvicorn = pytest.importorskip("uvicorn")
+    from gearmon.fleet.pages import application
+
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    config = uvicorn.Config(application(fleet, **how), port=port, log_level="warning", ws="none")
+    server = uvicorn.Server(config)
+    thread = threading.Thread(target=server.run)
+    thread.start()
+    while not server.started:
+        time.sleep(0.05)
+    yield f"127.0.0.1:{port}"
+    server.should_exit = True
+    thread.join()
+
+
+@pytest.fixture(scope="module")
+def address(fleet):
+    with served(fleet) as own:
+        yield own
+
+
+def test_the_overview_is_worst_first_and_holds_no_script(address):
+    page = Answer(address, "/")
+    assert page.status == 200
+    text = page.text
+    assert text.index("/machine?name=b") < text.index("/machine?name=a")
+    assert text.index("/machine?name=a") < text.index("not heard yet</span>")
+    assert "<script" not in text
+    assert "11 % (9 to 13 %)" in text
+    assert "19 % (17 to 21 %)" in text
+    assert "script" not in page.headers["content-security-policy"]
+    assert "style-src 'self'" in page.headers["content-security-policy"]
+
+
+def test_a_machine_has_a_page_with_its_history(address):
+    page = Answer(address, "/machine?name=b")
+    assert "wear, stage 1, pinion" in page.text
+    assert "since 2026-03-08" in page.text
+    assert Answer(address, "/history.png?name=b").content.startswith(b"\x89PNG")
+    table = Answer(address, "/table.csv?machine=b").text
+    assert "rms, a1" in table.splitlines()[0]
+    assert len(table.splitlines()) == 13
+    assert Answer(address, "/table.csv").text.startswith("machine,verdict")
+    assert Answer(address, "/machine?name=z").status == 404
+    assert Answer(address, "/recording?id=x").status == 404
+    assert HOSTILE not in Answer(address, f"/machine?{urlencode({'name': HOSTILE})}").text
+
+
+def test_an_alarm_is_acknowledged_by_its_own_page_only(address, fleet):
+    (number,) = (own["id"] for own in alarms(fleet, "b"))
+    path = f"/acknowledge?id={number}&machine=b"
+    assert Answer(address, path, "POST").status == 403
+    assert Answer(address, path, "POST", Origin="http://evil.example").status == 403
+    answer = Answer(address, path, "POST", Origin=f"http://{address}")
+    assert answer.status == 303
+    assert answer.headers["location"] == "/machine?name=b"
+    assert alarms(fleet, "b")[0]["acknowledged"]
+    assert "acknowledged" in Answer(address, "/").text
+
+
+def test_other_names_and_those_without_the_token_are_refused(address, fleet):
+    assert Answer(address, "/", Host="evil.example").status == 400
+    with served(fleet, token=TOKEN, hosts=["*"]) as guarded:
+        assert Answer(guarded, "/").status == 403
+        assert Answer(guarded, "/?token=wrong").status == 403
+        known = Answer(guarded, f"/?token={TOKEN}&all=1")
+        assert (known.status, known.headers["location"]) == (303, f"http://{guarded}/?all=1")
+        cookie = known.headers["set-cookie"]
+        assert "HttpOnly" in cookie
+        assert Answer(guarded, "/", Cookie=cookie.partition(";")[0]).status == 200
+        assert Answer(guarded, "/", Cookie="gearmon=wrong").status == 403
+
+
+@pytest.mark.browser
+@pytest.mark.parametrize("width", [400, 1280])
+@pytest.mark.parametrize("place", ["/", "/machine?name=b"])
+def test_pages_fit_the_window_and_the_console_is_silent(browser, address, width, place):
+    size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    browser.get(f"http://{address}{place}")
+    root = "document.documentElement"
+    assert browser.execute_script(f"return {root}.scrollWidth <= {root}.clientWidth")
+    assert browser.execute_script("return window.hurt") is None
+    assert "rgb" in browser.find_element("css selector", ".fault").value_of_css_property("color")
+    assert [own for own in browser.get_log("browser") if "favicon" not in own["message"]] == []
+
+
+@pytest.mark.browser
+def test_a_click_acknowledges(browser, address, fleet):
+    browser.get(f"http://{address}/machine?name=c")
+    assert [own["finding"] for own in alarms(fleet, "c")] == ["not analysed"]
+    browser.find_element("css selector", "form button").click()
+    assert "acknowledged" in browser.find_element("css selector", ".flag").text
+    assert alarms(fleet, "c")[0]["acknowledged"]
