@@ -99,7 +99,7 @@ MISMATCHES = {
     "other speed": (
         lambda _: running_at(0.85),
         lambda m: replace(m, operating=(OperatingPoint(speed_rpm=2516.0, torque_nm=120.0),)),
-        r"turns at 4\d.* Hz, in the reference at 4\d",
+        r"turns at 4\d.* Hz, in the reference at 4\d.*: add healthy recordings at this speed",
     ),
     "own file": (lambda _: recording(load=0.85, seed=1), None, "this recording is the same as"),
 }
@@ -117,7 +117,7 @@ def test_every_mismatch_is_said_in_words_and_none_is_a_fault(mismatch):
         told = str(refused)
     else:
         assert answer.verdict != "fault"
-        told = " / ".join(answer.warnings)
+        told = " / ".join((answer.reason, *answer.warnings))
     assert "\n" not in told
     assert re.search(words, told)
 

@@ -51,7 +51,7 @@ from gearmon.signatures.measured.measurement import (
     MeasuredSignature,
     measure_signature,
 )
-from gearmon.signatures.measured.provenance import machine_notes, recording_notes
+from gearmon.signatures.measured.provenance import machine_notes, other_speed, recording_notes
 from gearmon.signatures.measured.reference import (
     Profile,
     Reference,
@@ -214,6 +214,8 @@ def analyse(
     compared = _Compared.of(signature, machine, reference)
     if not told:
         return compared.without_mesh(indicators)
+    if elsewhere := other_speed(signature, reference):
+        return _alone(signature, machine, indicators, elsewhere)
     return compared.judged(indicators, must_notice)
 
 
@@ -531,7 +533,12 @@ def _with(
     )
 
 
-def _alone(signature: MeasuredSignature, machine: Machine, indicators: _Indicators) -> Analysis:
+def _alone(
+    signature: MeasuredSignature,
+    machine: Machine,
+    indicators: _Indicators,
+    why: str = "There is no healthy reference",
+) -> Analysis:
     """Judge a recording by itself: every tooth against the others of its gear."""
     own = Profile.of(signature)
     rows = tuple(range(len(signature.channel_names)))
@@ -544,7 +551,7 @@ def _alone(signature: MeasuredSignature, machine: Machine, indicators: _Indicato
         recording=signature.origin,
         machine=machine.name,
         verdict="fault" if flags else "cannot tell",
-        reason=own_teeth_reason(profiles),
+        reason=own_teeth_reason(profiles, why),
         score=-log10,
         false_alarm_probability=float(10.0**log10),
         compared_with="expected signature" if expected else "nothing",

@@ -129,10 +129,10 @@ def _tooth(profiles: Sequence[ToothProfile]) -> str:
     )
 
 
-def own_teeth_reason(profiles: Sequence[ToothProfile]) -> str:
-    """Give the reason of a verdict without a reference."""
+def own_teeth_reason(profiles: Sequence[ToothProfile], why: str) -> str:
+    """Give the reason of a verdict without a reference, which begins with why there is none."""
     return (
-        "There is no healthy reference: teeth were compared with the others of their gear. "
+        f"{why}. Teeth were compared with the others of their gear. "
         "Pitch errors and eccentricity of a sound gear look like weak damage, so only gross "
         "damage of one tooth can be found: on simulated machines two of three losses of 40 % "
         f"of a pair's stiffness, one of four of 20 %. {_tooth(profiles)} {UNKNOWABLE}"

@@ -195,17 +195,30 @@ def check_alike(own: MeasuredSignature, reference: Reference) -> None:
         )
 
 
-def _check_speed(own: MeasuredSignature, reference: Reference) -> None:
-    """Refuse a recording at a speed at which nobody knows how the healthy machine sounds."""
+def other_speed(own: MeasuredSignature, reference: Reference) -> str | None:
+    """Say that a recording is at a speed at which nobody knows how the healthy machine sounds.
+
+    Parameters
+    ----------
+    own : MeasuredSignature
+        The recording.
+    reference : Reference
+        Healthy recordings.
+
+    Returns
+    -------
+    str or None
+        None where the reference covers the speed.
+    """
     speed = own.speed.estimated_hz
     speeds = [profile.speed_hz for profile in reference.profiles]
-    low, high = (1 - _OTHER_SPEED) * min(speeds), (1 + _OTHER_SPEED) * max(speeds)
-    if not low <= speed <= high:
-        raise ArgumentError(
-            f"{own.origin}: shaft 1 turns at {speed:.4g} Hz, in the reference at {min(speeds):.4g} "
-            f"to {max(speeds):.4g} Hz, and levels change with speed; learn a reference from "
-            "healthy recordings at this speed, or correct the speed in the machine file"
-        )
+    low, high = min(speeds), max(speeds)
+    if (1 - _OTHER_SPEED) * low <= speed <= (1 + _OTHER_SPEED) * high:
+        return None
+    return (
+        f"Shaft 1 turns at {speed:.4g} Hz, in the reference at {low:.4g} to {high:.4g} Hz, and "
+        "levels change with speed: add healthy recordings at this speed to the reference"
+    )
 
 
 def recording_notes(own: MeasuredSignature, reference: Reference) -> list[str]:
@@ -235,7 +248,6 @@ def recording_notes(own: MeasuredSignature, reference: Reference) -> list[str]:
             "their old names"
         )
     check_alike(own, reference)
-    _check_speed(own, reference)
     rows = [own.channel_names.index(name) for name in shared]
     theirs = [reference.channel_names.index(name) for name in shared]
     notes = [

@@ -279,7 +279,7 @@ def test_gears_on_one_shaft_that_cannot_be_told_apart_are_both_named():
 
 
 def test_what_no_recording_tells_by_itself_is_said():
-    told = own_teeth_reason([])
+    told = own_teeth_reason([], "There is no healthy reference")
     for unknown in ("no healthy reference", "always so", "how much stiffness", "eccentricity"):
         assert unknown in told
 
