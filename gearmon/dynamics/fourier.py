@@ -42,11 +42,7 @@ def rms(half: Complex | Real) -> float:
 
 def rms_of_each(half: Complex | Real) -> Real:
     """Root mean squares of functions with coefficients `half`, shape (..., N+1)."""
-    # parts of rows are viewed as they are: copying them costs as much as their squares
-    rows = half if half.strides[-1] == half.itemsize else np.ascontiguousarray(half)
-    parts = rows.view(float) if np.iscomplexobj(rows) else rows
-    total: Real = np.einsum("...n,...n->...", parts, parts)
-    first = rows[..., 0]
+    total, first = np.vecdot(half, half).real, half[..., 0]
     return np.asarray(np.sqrt(2.0 * total - (first.real**2 + first.imag**2)))
 
 
@@ -88,12 +84,15 @@ class Modulation:
         if sets >= FEWEST_FOR_A_MATRIX and inputs <= LARGEST_MATRIX:
             unit = self(np.eye(2 * inputs + 2).view(complex))
             self.matrix = np.ascontiguousarray(unit).view(float)
+            self._single = self.matrix.astype(np.float32)
 
     def __call__(self, half: Complex) -> Complex:
         """Return harmonics 0..outputs of phi y, shape (..., outputs+1)."""
         if self.matrix is not None:
-            rows: Complex = (np.ascontiguousarray(half).view(float) @ self.matrix).view(complex)
-            return rows
+            single = half.dtype == np.complex64
+            matrix = self._single if single else self.matrix
+            rows = np.ascontiguousarray(half).view(matrix.dtype) @ matrix
+            return np.asarray(rows.view(half.dtype))
         y = np.fft.irfft(half, self.length, norm="forward")
         y *= self.values
         product: Complex = np.fft.rfft(y, norm="forward")[..., : self.outputs + 1]

@@ -57,9 +57,8 @@ SMALLEST = 1e-200
 #: Factor an order up to which the plain sum is worth it, and share of the tolerance it may leave.
 SLOWEST, AIM = 0.7, 0.3
 MOST_SUMMED = 120
-#: Share of the tolerance that harmonics of many sets are guessed for: their short bound answers
-#: lines above with the gain of a resonance.
-SPARE = 0.03
+#: What sums of many sets in single precision leave of a residual, with room for their rounding.
+SINGLE = 1e-5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -217,19 +216,28 @@ class MeshEquations:
         """Harmonic above which |G| max|phi| <= 1/10 and |G| <= 1/10: each order gains a digit."""
         return self.compliance.quiet_above(0.1 / max(1.0, float(self.swing.max())))
 
-    def judge(self, x: Complex, orders: int = 0, answered: Complex | None = None) -> Approximation:
-        """Compute residual and bound of x, shape (..., N+1); `answered` is G x if that is known."""
+    def residual(self, x: Complex, answered: Complex | None = None) -> tuple[Complex, ...]:
+        """Deflections, motion and residual of x, shape (..., N+1); `answered` is G x if known."""
         c = self.pattern.harmonics
         u, motion = self.compliance.state(x, answered)
         # phi times the large mean deflection is known without a transform and its rounding
         mean = u[..., :1].real.copy()
         u[..., 0] = 0
-        residual = self.modulate(u, x.shape[-1] - 1 + c.shape[-1])
-        swinging = self.compliance.size(u)
-        residual[..., 1 : c.shape[-1] + 1] += mean * self.scale * c
+        highest = x.shape[-1] - 1 + c.shape[-1]
+        left = self.modulate(u, highest) if u.any() else self.zeros(highest)
+        left[..., 1 : c.shape[-1] + 1] += mean * self.scale * c
         u[..., :1] = mean
-        residual[..., : x.shape[-1]] += x
-        np.negative(residual, out=residual)
+        left[..., : x.shape[-1]] += x
+        return u, motion, np.negative(left, out=left)
+
+    def judge(self, x: Complex, orders: int = 0, answered: Complex | None = None) -> Approximation:
+        """Compute residual and bound of x, with the parameters of `residual`."""
+        c = self.pattern.harmonics
+        u, motion, residual = self.residual(x, answered)
+        mean = u[..., :1].real.copy()
+        u[..., :1] = 0
+        swinging = self.compliance.size(u)
+        u[..., :1] = mean
         # rounding of x, of the forces and of a product, by transforms or by a matrix
         length = 4 * x.shape[-1] + 2 * c.shape[-1]
         depth = self.compliance.depth + (math.log2(length) if not self.many else length)
@@ -377,7 +385,7 @@ class LeastResidual:
             self.directions = np.concatenate([self.directions, empty], axis=1)
         self.images[:, n], self.directions[:, n] = image, direction
         self.orders = n + 1
-        share = np.einsum("sn,sn->s", image, self.rest)[:, None]
+        share = np.vecdot(image, self.rest)[:, None]
         self.sum += share * direction
         self.rest -= share * image
         before, self.residual = self.residual, _lengths(self.rest)
@@ -395,7 +403,7 @@ class LeastResidual:
 
 
 def _lengths(rows: Real) -> Real:
-    return np.asarray(np.sqrt(np.einsum("sn,sn->s", rows, rows)))
+    return np.asarray(np.sqrt(np.vecdot(rows, rows)))
 
 
 def recombine(equations: MeshEquations, x: Complex, tolerance: float, most: int) -> Approximation:
@@ -501,26 +509,33 @@ def sum_orders(equations: MeshEquations, x: Complex, tolerance: float) -> Approx
     x, tolerance
         As in `recombine`.
     """
-    compliance = equations.pairs
+    compliance, scale = equations.pairs, equations.scale
     highest, middle = x.shape[-1] - 1, equations.pattern.middle_and_swing[0]
-    stiffness, scale = compliance.stiffness(highest), equations.scale
-    force = equations.judge(x).residual[..., : highest + 1]
-    total = compliance.answer(x)
-    product, answer = equations.product(highest, highest, middle), 1 / (stiffness + middle * scale)
-    step = force * answer
-    answer *= -scale
-    gain, size, orders = equations.gain.acceleration * scale[..., 0], np.array(math.inf), 0
-    while orders < MOST_SUMMED:
-        total += step
-        orders += 1
-        step = product(step)
-        left = gain * rms_of_each(step)
-        if (left <= 2 * AIM * tolerance * size).all():
-            # the size hardly changes after the first orders: it is taken again only to decide
-            size = equations.size(compliance.state(x, total)[1])
-            if (left <= AIM * tolerance * size).all():
-                break
-        step *= answer
+    stiffness = compliance.stiffness(highest)
+    product, inverse = equations.product(highest, highest, middle), 1 / (stiffness + middle * scale)
+    total, least = compliance.answer(x), np.array(0.0)
+    answer = (-scale * inverse).astype(np.complex64 if equations.many else complex)
+    gain, size, orders = equations.gain.acceleration, np.array(math.inf), 0
+    left = aim = np.array(math.inf)
+    while orders < MOST_SUMMED and not (orders and (left <= aim).all()):
+        force = equations.residual(stiffness * total, total)[2][..., : highest + 1]
+        if equations.many:
+            least = SINGLE * gain * rms_of_each(force)
+        step = (force * inverse).astype(answer.dtype)
+        added = np.zeros_like(step)
+        while orders < MOST_SUMMED:
+            added += step
+            orders += 1
+            step = product(step)
+            left = gain * scale[..., 0] * rms_of_each(step)
+            if (left <= np.maximum(least, 2 * AIM * tolerance * size)).all():
+                # the size hardly changes after the first orders: it is taken again only to decide
+                size = equations.size(compliance.state(x, total + added)[1])
+                aim = AIM * tolerance * size
+                if (left <= np.maximum(least, aim)).all():
+                    break
+            step *= answer
+        total += added
     return equations.judge(stiffness * total, orders, total)
 
 
@@ -547,8 +562,6 @@ def first_highest(equations: MeshEquations, tolerance: float) -> int:
     max|phi| |G|.
     """
     compliance, shown, swing = equations.compliance, equations.shown, float(equations.swing.max())
-    if equations.many:
-        tolerance *= SPARE
     sizes = np.atleast_2d(np.abs(equations.pattern.harmonics)).sum(axis=0)
     given = max(2, len(compliance.forces) - 1, shown or 1)
     if not (swing and sizes.any()):
@@ -565,13 +578,16 @@ def first_highest(equations: MeshEquations, tolerance: float) -> int:
     above = np.sqrt(np.cumsum((sizes**2)[::-1]))[::-1]
     top = max(top, int(np.flatnonzero(above > 0.1 * tolerance * above[0])[-1]) + 1)
     jump = max(1, round(float(orders @ sizes / sizes.sum())))
-    share = 1.0
+    share, gained = 1.0, 0.5
     for _ in range(400):
         if share < 3e-3 * tolerance:
             break
         top += jump
-        share *= min(0.8, swing * compliance.most_from(top)[0])
-    return top
+        gained = max(SMALLEST, min(0.8, swing * compliance.most_from(top)[0]))
+        share *= gained
+    # no more of the last jump than it takes; of many sets a multiple, so that few products are kept
+    top -= int(jump * math.log(3e-3 * tolerance / share) / -math.log(gained))
+    return top + -top % 3 if equations.many else top
 
 
 def widen(
@@ -580,6 +596,7 @@ def widen(
     improve: Callable[[Complex], Approximation],
     repeat: bool = True,
     counts_add: bool = True,
+    spare: float = 1.0,
 ) -> Approximation:
     """Improve and add harmonics in turn, until the tolerance is met or neither helps.
 
@@ -591,8 +608,10 @@ def widen(
         x, zeros to begin with -> a better approximation.
     repeat, counts_add : bool
         Whether to try more than once, and whether orders of all rounds count.
+    spare : float
+        Share of the tolerance that the first number of harmonics is guessed for.
     """
-    found = improve(equations.zeros(first_highest(equations, tolerance)))
+    found = improve(equations.zeros(first_highest(equations, spare * tolerance)))
     orders = found.orders
     for _ in range(MOST_ROUNDS if repeat else 0):
         if (found.bound.relative <= tolerance).all():

@@ -23,6 +23,7 @@ from gearmon.dynamics.fourier import Complex, Real
 from gearmon.dynamics.hill import LARGEST, MOST_SWING, HillProblem, Response, broadcast_values
 from gearmon.dynamics.mesh_equations import (
     MOST_ORDERS,
+    SMALLEST,
     Approximation,
     MeshEquations,
     recombine,
@@ -36,9 +37,12 @@ from gearmon.result import Result
 #: Fewer sets of one pattern are solved faster by themselves.
 FEWEST_TOGETHER = 16
 #: Sets whose arrays stay in the cache, and w0/w up to which they are solved together.
-MOST_TOGETHER, MOST_RATIO_TOGETHER = 256, 100.0
+MOST_TOGETHER, MOST_RATIO_TOGETHER = 160, 100.0
 #: Factor an order up to which orders are summed as they come.
-SLOWEST_TOGETHER = 0.6
+SLOWEST_TOGETHER = 0.8
+#: Shares of the tolerance that harmonics are guessed for: that of the first sets, which those
+#: before correct for the next, and the least, since rounding asks for no more harmonics.
+FIRST_SPARE, LEAST_SPARE = 1e-3, 1e-8
 MSM, RECOMBINED, ONE_BY_ONE, REFUSED = "msm", "msm least residual", "one by one", "refused"
 INDICES = npt.NDArray[np.int_]
 
@@ -282,15 +286,19 @@ class _Work:
         if not len(known):
             return at[gain.stable]
         ratio, zeta = self.ratio[at[known]], self.zeta[at[known]]
-        fast = loop_at_lines(ratio, zeta, scale[known], pattern)[0] < SLOWEST_TOGETHER
+        loop = loop_at_lines(ratio, zeta, scale[known], pattern)[0]
+        fast = loop < SLOWEST_TOGETHER
+        spare = FIRST_SPARE
         for repeat in (False, True):
             for method, chosen in ((MSM, fast), (RECOMBINED, ~fast)):
                 left = np.flatnonzero(chosen & ~(self.bound[at[known]] <= self.tolerance))
-                left = left[np.argsort(ratio[left])]
+                # sets of like w0/w take like harmonics, those of like convergence like orders
+                alike = np.argsort(np.argsort(ratio[left])) // (4 * MOST_TOGETHER)
+                left = left[np.lexsort((loop[left], alike))]
                 for first in range(0, len(left), MOST_TOGETHER):
                     part = known[left[first : first + MOST_TOGETHER]]
                     equations = self._equations(pattern, at, part, gain)
-                    self._expand(equations, at[part], method, repeat)
+                    spare = self._expand(equations, at[part], method, repeat, spare)
         return at[gain.stable & ~(self.bound[at] <= self.tolerance)]
 
     def _equations(self, pattern: Pattern, at: INDICES, part: INDICES, gain: Gain) -> MeshEquations:
@@ -302,8 +310,10 @@ class _Work:
         pairs = PairCompliance(ratio, zeta, np.ones(1, dtype=complex))
         return MeshEquations(pairs, pattern, self.shown, scale, own)
 
-    def _expand(self, equations: MeshEquations, sets: INDICES, method: str, repeat: bool) -> None:
-        """Solve sets together, and keep what is good."""
+    def _expand(
+        self, equations: MeshEquations, sets: INDICES, method: str, repeat: bool, spare: float
+    ) -> float:
+        """Solve sets together and keep what is good; the share to spare for the next ones."""
 
         def improve(x: Complex) -> Approximation:
             if method == MSM:
@@ -311,12 +321,16 @@ class _Work:
             return recombine(equations, x, self.tolerance, MOST_ORDERS)
 
         if equations.pairs.ratio.max() > MOST_RATIO_TOGETHER:
-            return
-        found = widen(equations, self.tolerance, improve, repeat)
+            return spare
+        found = widen(equations, self.tolerance, improve, repeat, spare=spare)
         good = found.bound.relative <= self.tolerance
         half = found.motion[good]
         self._parts.append((sets[good], half if self.shown is None else half[:, : self.shown + 1]))
         self.bound[sets[good]], self.method[sets[good]] = found.bound.relative[good], method
+        # almost all sets should spare a good part of the tolerance for lines above the highest
+        above = found.bound.above / np.maximum(found.bound.size, SMALLEST)
+        spare *= 0.3 * self.tolerance / max(SMALLEST, float(np.quantile(above, 0.98)))
+        return min(1.0, max(LEAST_SPARE, spare))
 
     def _alone(self, i: int, harmonics: Complex) -> None:
         """One set by `steady_state`."""
