@@ -487,7 +487,7 @@ def survey_measured(
     sampled = not shares and number >= FEWEST_RECORDINGS
     places = {str(s.column): f": {s.position}" for s in machine.sensors if s.position}
     positions = []
-    for name in _channels(recordings):
+    for name in _channels(recordings[0]):
         healthy, damaged = (_duty(name, given, parts) for given in (recordings, degraded))
         folds = tuple((replace(p, share=1.0),) for p in healthy) if sampled else _cut(healthy)
         title = name + places.get(name, "")
@@ -508,8 +508,6 @@ def _survey(
     notes: tuple[str, ...],
     count: int,
 ) -> Survey:
-    if count not in (1, 2, 3):
-        raise ArgumentError(f"count={count} must be 1, 2 or 3")
     task = budget or SensorBudget()
     placed = sorted((_placed(harvester, p, task) for p in positions), key=lambda p: -p.power_w)
     best = placed[0]
@@ -517,7 +515,7 @@ def _survey(
         if math.isfinite(best.over_limits):
             raise OverLimitsError(best.refusal, best.over_limits)
         raise ArgumentError(best.refusal)
-    sets = tuning.tune_set(harvester, best.position.healthy, count) if count > 1 else ()
+    sets = tuning.tune_set(harvester, best.position.healthy, count) if count != 1 else ()
     return Survey(
         machine=machine.name,
         origin=origin,
@@ -557,25 +555,18 @@ def _doubts(best: Placed) -> Iterator[str]:
         yield f"on stretches that it was not tuned on it gives {1e6 * best.power_unseen_w:.3g} uW"
 
 
-def _channels(recordings: Sequence[Recording]) -> list[str]:
-    """Return the names of the vibration channels, the same in all recordings.
+def _channels(first: Recording) -> list[str]:
+    """Return the names of the vibration channels.
 
     Raises
     ------
     ArgumentError
-        If there is none, or a recording lacks one.
+        If there is none.
     """
-    first, *others = recordings
     pairs = zip(first.channel_names, first.channel_kinds, strict=True)
     wanted = [name for name, kind in pairs if kind == "vibration"]
     if not wanted:
         raise ArgumentError(f"{first.origin}: holds no vibration channel")
-    for recording in others:
-        missing = [name for name in wanted if name not in recording.channel_names]
-        if missing:
-            raise ArgumentError(
-                f"{recording.origin}: lacks channel '{missing[0]}', which {first.origin} has"
-            )
     return wanted
 
 
