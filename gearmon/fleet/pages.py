@@ -7,7 +7,11 @@ from __future__ import annotations
 
 import hmac
 import json
+import os
 import secrets
+import shutil
+import socket
+import subprocess
 import tempfile
 import threading
 from collections import Counter
@@ -15,6 +19,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from importlib import resources
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import urlencode
@@ -47,6 +52,9 @@ _POLICY = (
 _COOKIE = "gearmon"
 #: The verdict on a machine that has no recording yet.
 _UNHEARD = "not heard yet"
+#: Browsers that show a page without a window, and how long one may take [s].
+_BROWSERS, _SHOT_S = ("chromium", "chromium-browser", "google-chrome", "chrome"), 60.0
+_HEADLESS = ("--headless", "--disable-gpu", "--hide-scrollbars", "--window-size=1100,1400")
 # Highest score of a sparkline: beyond, a fault is a fault.
 _HIGHEST_SCORE = 8.0
 # pictures are drawn one at a time: matplotlib knows no threads
@@ -216,7 +224,9 @@ class _Site:
             text = rows_as_csv([{name: row.get(name) for name in names} for row in rows])
         else:
             kept = ("machine", "verdict", "since", "heard", "finding", "loss", "margin", "alarm")
-            text = rows_as_csv([{name: row[name] for name in kept} for row in map(_row, self._heard())])
+            text = rows_as_csv(
+                [{name: row[name] for name in kept} for row in map(_row, self._heard())]
+            )
         headers = {"Content-Disposition": 'attachment; filename="fleet.csv"'}
         return Response(text, media_type="text/csv; charset=utf-8", headers=headers)
 
@@ -352,6 +362,33 @@ def _report(fleet: Fleet, machine: FleetMachine, path: str, content: str) -> str
 
 def _shipped(name: str) -> str:
     return resources.files("gearmon.fleet").joinpath(name).read_text("utf-8")
+
+
+def screenshot(fleet: Fleet, target: Path) -> bool:
+    """Write the overview as a PNG; return whether there was a browser that could show it."""
+    browser = next(filter(None, map(shutil.which, _BROWSERS)), None)
+    if browser is None or not find_spec("uvicorn"):
+        return False
+    import uvicorn
+
+    server = uvicorn.Server(uvicorn.Config(application(fleet), log_level="warning", ws="none"))
+    # who asks before the pages are there waits at the socket
+    with tempfile.TemporaryDirectory() as folder, socket.create_server((LOOPBACK[0], 0)) as own:
+        thread = threading.Thread(target=server.run, args=([own],))
+        thread.start()
+        # a browser does not lock itself in for the superuser
+        free = ["--no-sandbox"] if getattr(os, "geteuid", int)() == 0 else []
+        command = [browser, *_HEADLESS, *free, f"--user-data-dir={folder}"]
+        command += [f"--screenshot={target.resolve()}", f"http://127.0.0.1:{own.getsockname()[1]}/"]
+        quiet: dict[str, Any] = {"capture_output": True, "timeout": _SHOT_S}
+        try:
+            subprocess.run(command, **quiet)  # noqa: S603 - ours, but for the folders
+        except (OSError, subprocess.SubprocessError):
+            return False
+        finally:
+            server.should_exit = True
+            thread.join()
+    return target.is_file()
 
 
 def serve(fleet: Fleet, host: str = "127.0.0.1", port: int = 8765, token: str = "") -> None:
