@@ -25,6 +25,7 @@ from gearmon.diagnosis.analysis import learn
 from gearmon.diagnosis.history import read_latest
 from gearmon.files import write_atomically
 from gearmon.fleet import Fleet, alarms, read_fleet, run_fleet
+from gearmon.fleet.pages import screenshot
 from gearmon.machine import load_machine
 from gearmon.report.text_tables import table_lines
 from gearmon.signals.recording import read_recording
@@ -113,23 +114,41 @@ def fleet_demo(folder: Path, progress: Progress | None = None) -> Demo:
     write_atomically(path, "".join(listed))
     fleet = read_fleet(path)
     run = run_fleet(fleet, progress=progress)
-    story = tuple(_story(fleet, path))
+    picture = folder / "fleet.png"
+    shown = screenshot(fleet, picture)
+    story = (*_story(fleet), *_ending(path, picture if shown else None))
     write_atomically(folder / "fleet.txt", "\n".join(story) + "\n")
     files = {"folder": folder, "fleet file": path, "store": fleet.store}
+    files |= {"screenshot": picture} if shown else {}
     facts = {"truth": {name: what for name, (what, _) in WRONG.items()}, "run": run.to_dict(fleet)}
     return Demo(story=story, files=files, facts=facts | {"latest": read_latest(fleet.store)})
 
 
-def _story(fleet: Fleet, path: Path) -> Iterator[str]:
-    """Tell the story."""
-    yield f"{len(fleet.machines)} machines, {RECORDINGS} recordings of each. The truth:"
-    yield from (f"  {name}: {what}, from recording {n} on" for name, (what, n) in WRONG.items())
+def _story(fleet: Fleet) -> Iterator[str]:
+    """Put the truth beside what was found."""
+    yield f"{len(fleet.machines)} machines, {RECORDINGS} recordings of each, one a day."
     rows = []
     for own in read_latest(fleet.store):
-        stands = [a["finding"] for a in alarms(fleet, own["machine"]) if not a["over"]]
-        told = {"machine": own["machine"], "verdict": own["verdict"], "score": own["score"]}
-        rows.append(told | {"alarms": "; ".join(stands)})
+        what, first = WRONG.get(own["machine"], ("", 0))
+        truth = {"machine": own["machine"], "truth": what}
+        stands = [a for a in alarms(fleet, own["machine"]) if not a["over"]]
+        found = {
+            "verdict": own["verdict"],
+            "alarms": "; ".join(dict.fromkeys(a["finding"] for a in stands)),
+            "alarm since": min((a["since"][:10] for a in stands), default=""),
+        }
+        since = f"{START + timedelta(days=first):%Y-%m-%d}" if what else ""
+        rows.append(truth | {"true since": since} | found)
     yield from ("", *table_lines(rows), "")
+    yield (
+        "Wear of all teeth alike raises a mesh line and its first sidebands together; where noise "
+        "hides the others, it is called eccentricity."
+    )
+
+
+def _ending(path: Path, picture: Path | None) -> Iterator[str]:
+    if picture is not None:
+        yield f"A browser's picture of the page: {picture}"
     yield f"The page, http://127.0.0.1:8765/, is shown by: gearmon fleet serve {path}"
 
 

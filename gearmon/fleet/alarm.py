@@ -7,6 +7,7 @@ kept beside them is who was told, and who has acknowledged.
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import time
 import urllib.request
@@ -78,7 +79,7 @@ def _findings(row: Row, machine: FleetMachine) -> set[str]:
     if row["verdict"] not in machine.alarm_on:
         return set()
     findings = [text.partition(":")[0] for text in json.loads(row["findings"])]
-    kinds = {", ".join(p for p in f.split(", ") if not p.startswith("tooth ")) for f in findings}
+    kinds = {re.sub(r", tooth \d+", "", finding) for finding in findings}
     return kinds if row["verdict"] == "fault" and kinds else {row["verdict"]}
 
 

@@ -68,9 +68,9 @@ class Outcome:
     indicators: dict[str, dict[str, float]] = field(default_factory=dict)
 
 
-def writing(fleet: Fleet) -> AbstractContextManager[Connection]:
+def writing(fleet: Fleet, *, known: bool = False) -> AbstractContextManager[Connection]:
     """Open the store of a fleet to write: one transaction."""
-    return opened(fleet.store, create=True, more=_TABLES)
+    return opened(fleet.store, create=True, more=_TABLES, known=known)
 
 
 def known(fleet: Fleet) -> dict[str, tuple[int, str, str, str]]:
@@ -81,8 +81,8 @@ def known(fleet: Fleet) -> dict[str, tuple[int, str, str, str]]:
 
 
 def keep(fleet: Fleet, outcome: Outcome) -> str:
-    """Write what became of a recording; return "done", or why not."""
-    with writing(fleet) as store:
+    """Write what became of a recording, after `known`; return "done", or why not."""
+    with writing(fleet, known=True) as store:
         why = outcome.why
         if outcome.entry is not None:
             try:

@@ -7,15 +7,21 @@ from __future__ import annotations
 
 import hmac
 import json
+import os
 import secrets
+import shutil
+import socket
+import subprocess
 import tempfile
 import threading
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from importlib import resources
+from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import urlencode
 
 from gearmon import __version__
@@ -44,6 +50,11 @@ _POLICY = (
     "frame-ancestors 'none'"
 )
 _COOKIE = "gearmon"
+#: The verdict on a machine that has no recording yet.
+_UNHEARD = "not heard yet"
+#: Browsers that show a page without a window, and how long one may take [s].
+_BROWSERS, _SHOT_S = ("chromium", "chromium-browser", "google-chrome", "chrome"), 60.0
+_HEADLESS = ("--headless", "--disable-gpu", "--hide-scrollbars", "--window-size=1100,1400")
 # Highest score of a sparkline: beyond, a fault is a fault.
 _HIGHEST_SCORE = 8.0
 # pictures are drawn one at a time: matplotlib knows no threads
@@ -143,24 +154,25 @@ class _Site:
         return HTMLResponse(self.template.render(kind=kind, fleet=self.fleet, **content))
 
     def overview(self, request: Request) -> Response:
-        rows = self.rows()
-        shown = rows if "all" in request.query_params else rows[:_SHOWN]
-        words = ("not heard yet", *WORST_FIRST)
-        count = {word: n for word in words if (n := sum(r["verdict"] == word for r in rows))}
+        heard = self._heard()
+        number = len(heard) if "all" in request.query_params else _SHOWN
+        verdicts = Counter(own.latest["verdict"] for own in heard)
+        counts = {word: verdicts[word] for word in (_UNHEARD, *WORST_FIRST) if verdicts[word]}
+        content = {"rows": map(_row, heard[:number]), "left": number < len(heard)}
+        content |= {"total": len(heard), "counts": counts, "points": _points}
         current = [own for own in alarms(self.fleet) if not own["over"]]
-        content = {"rows": shown, "total": len(rows), "counts": count, "alarms": current}
-        return self._page("overview", **content, points=_points)
+        return self._page("overview", **content, alarms=current)
 
-    def rows(self) -> list[dict[str, Any]]:
-        """Return a row a machine, the worst first."""
+    def _heard(self) -> list[_Heard]:
+        """Return what was last heard of every machine, the worst first."""
         latest = {own["machine"]: own for own in read_latest(self.fleet.store)}
         waiting = {own["machine"] for own in alarms(self.fleet) if not own["over"]}
-        rows = [_row(own, latest.get(own.name)) for own in self.fleet.machines]
-        order = {verdict: place for place, verdict in enumerate(WORST_FIRST)}
-        return sorted(
-            (row | {"alarm": row["machine"] in waiting} for row in rows),
-            key=lambda r: (order.get(r["verdict"], 9), not r["alarm"], -r["loss_now"], -r["score"]),
-        )
+        nothing = {"verdict": _UNHEARD, "score": 0.0, "loss": None}
+        heard = [
+            _Heard(own, latest.get(own.name, nothing), own.name in waiting)
+            for own in self.fleet.machines
+        ]
+        return sorted(heard, key=_urgency)
 
     def machine(self, request: Request) -> Response:
         machine = self._named(request)
@@ -171,7 +183,7 @@ class _Site:
         return self._page(
             "machine",
             machine=machine,
-            row=next(row for row in self.rows() if row["machine"] == machine.name),
+            row=next(_row(own) for own in self._heard() if own.machine == machine),
             # the recordings themselves stand in a table of their own, with links
             lines=_without_table(found),
             drawn=found is not None and bool(found.history.entries),
@@ -212,7 +224,9 @@ class _Site:
             text = rows_as_csv([{name: row.get(name) for name in names} for row in rows])
         else:
             kept = ("machine", "verdict", "since", "heard", "finding", "loss", "margin", "alarm")
-            text = rows_as_csv([{name: row[name] for name in kept} for row in self.rows()])
+            text = rows_as_csv(
+                [{name: row[name] for name in kept} for row in map(_row, self._heard())]
+            )
         headers = {"Content-Disposition": 'attachment; filename="fleet.csv"'}
         return Response(text, media_type="text/csv; charset=utf-8", headers=headers)
 
@@ -262,31 +276,38 @@ class _Site:
         return [r | {"findings": "; ".join(json.loads(r["findings"] or "[]"))} for r in listed]
 
 
-def _row(machine: FleetMachine, latest: dict[str, Any] | None) -> dict[str, Any]:
+class _Heard(NamedTuple):
+    """What was last heard of a machine, and whether an alarm stands."""
+
+    machine: FleetMachine
+    latest: dict[str, Any]
+    alarm: bool
+
+
+def _urgency(heard: _Heard) -> tuple[Any, ...]:
+    latest = heard.latest
+    place = [*WORST_FIRST, _UNHEARD].index(latest["verdict"])
+    return place, not heard.alarm, -(latest["loss"] or 0.0), -latest["score"]
+
+
+def _row(heard: _Heard) -> dict[str, Any]:
     """Return what the overview says of a machine."""
-    row: dict[str, Any] = {"machine": machine.name, "tags": machine.tags, "limit": machine.limit}
-    if latest is None:
-        nothing = dict.fromkeys(("since", "heard", "finding", "loss", "margin"), "")
-        return (
-            row
-            | nothing
-            | {"verdict": "not heard yet", "score": 0.0, "loss_now": 0.0}
-            | {"scores": [], "recordings": 0}
-        )
+    machine, latest, alarm = heard
+    row = {"machine": machine.name, "alarm": alarm, "verdict": latest["verdict"]}
+    if latest["verdict"] == _UNHEARD:
+        words = ("since", "heard", "finding", "loss", "margin")
+        return row | dict.fromkeys(words, "") | {"score": 0.0, "scores": []}
     loss, low, high = (latest[name] for name in ("loss", "loss_low", "loss_high"))
     left = None if loss is None or machine.limit is None else machine.limit - loss
     margin = "" if left is None else loss_text(left, machine.limit - high, machine.limit - low)
     return row | {
-        "verdict": latest["verdict"],
         "since": moment_text(latest["since_s"]),
         "heard": moment_text(latest["time_s"]),
         "finding": "; ".join(latest["findings"][:1]),
         "loss": loss_text(loss, low, high),
-        "loss_now": loss or 0.0,
         "margin": margin,
         "score": latest["score"],
         "scores": latest["scores"],
-        "recordings": latest["recordings"],
     }
 
 
@@ -341,6 +362,33 @@ def _report(fleet: Fleet, machine: FleetMachine, path: str, content: str) -> str
 
 def _shipped(name: str) -> str:
     return resources.files("gearmon.fleet").joinpath(name).read_text("utf-8")
+
+
+def screenshot(fleet: Fleet, target: Path) -> bool:
+    """Write the overview as a PNG; return whether there was a browser that could show it."""
+    browser = next(filter(None, map(shutil.which, _BROWSERS)), None)
+    if browser is None or not find_spec("uvicorn"):
+        return False
+    import uvicorn
+
+    server = uvicorn.Server(uvicorn.Config(application(fleet), log_level="warning", ws="none"))
+    # who asks before the pages are there waits at the socket
+    with tempfile.TemporaryDirectory() as folder, socket.create_server((LOOPBACK[0], 0)) as own:
+        thread = threading.Thread(target=server.run, args=([own],))
+        thread.start()
+        # a browser does not lock itself in for the superuser
+        free = ["--no-sandbox"] if getattr(os, "geteuid", int)() == 0 else []
+        command = [browser, *_HEADLESS, *free, f"--user-data-dir={folder}"]
+        command += [f"--screenshot={target.resolve()}", f"http://127.0.0.1:{own.getsockname()[1]}/"]
+        quiet: dict[str, Any] = {"capture_output": True, "timeout": _SHOT_S}
+        try:
+            subprocess.run(command, **quiet)  # noqa: S603 - ours, but for the folders
+        except (OSError, subprocess.SubprocessError):
+            return False
+        finally:
+            server.should_exit = True
+            thread.join()
+    return target.is_file()
 
 
 def serve(fleet: Fleet, host: str = "127.0.0.1", port: int = 8765, token: str = "") -> None:

@@ -83,6 +83,19 @@ def test_the_overview_is_worst_first_and_holds_no_script(address):
     assert "style-src 'self'" in page.headers["content-security-policy"]
 
 
+def test_of_many_machines_the_worst_are_shown_and_all_on_demand(tmp_path):
+    many = made_fleet(tmp_path, [f"m{number}" for number in range(230)])
+    for day in range(2):
+        arrive(tmp_path, "m229_{}.txt", "fault 0.1", days=day)
+    run_fleet(many, at_once)
+    with served(many) as own:
+        text = Answer(own, "/").text
+        assert text.index("/machine?name=m229") < text.index("/machine?name=m0")
+        assert text.count("<tr>") == 201
+        assert "230 machines: 229 not heard yet, 1 fault" in text
+        assert Answer(own, "/?all=1").text.count("<tr>") == 231
+
+
 def test_a_machine_has_a_page_with_its_history(address):
     page = Answer(address, "/machine?name=b")
     assert "wear, stage 1, pinion" in page.text

@@ -236,6 +236,14 @@ def test_alarms_are_raised_and_cleared_by_class(tmp_path):
     assert alarm["until"] == "2026-03-08T00:00:00Z"
 
 
+def test_an_alarm_does_not_hang_on_the_tooth(tmp_path):
+    fleet = made_fleet(tmp_path, ("a",))
+    for day, tooth in enumerate((5, 6, 5)):
+        arrive(tmp_path, "a_{}.txt", f"tooth {tooth} 0.1", days=day)
+    run_fleet(fleet, at_once)
+    assert [own["finding"] for own in alarms(fleet)] == ["tooth damage, stage 1, pinion"]
+
+
 def test_an_old_history_is_made_new_when_it_is_added_to(tmp_path):
     from gearmon.diagnosis.history import append
 

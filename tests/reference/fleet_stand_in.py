@@ -1,7 +1,8 @@
 """A fleet whose analysis takes no time: what a recording says stands in its file.
 
-"0.2" is a healthy recording with that score, "fault 0.1" one with that loss on the pinion, "bad"
-one that cannot be analysed, "kill" one that kills its process, "slow" one that takes 50 ms.
+"0.2" is a healthy recording with that score, "fault 0.1" one with that loss on the pinion,
+"tooth 5 0.1" one with it on that tooth, "bad" one that cannot be analysed, "kill" one that kills
+its process, "slow" one that takes 50 ms.
 """
 
 from __future__ import annotations
@@ -43,7 +44,8 @@ def said(job):
         return Outcome(job=job, hash=digest, why="cannot be used")
     number = float(words[-1])
     places = {"stage": 1, "gear": "pinion", "loss": number, "loss_sigma": 0.01}
-    bad = words[0] == "fault"
+    bad = words[0] in ("fault", "tooth")
+    kind = f"tooth damage, stage 1, pinion, tooth {words[1]}" if words[0] == "tooth" else ""
     entry = Entry(
         time_s=job.time_s,
         time_source="name",
@@ -53,7 +55,7 @@ def said(job):
         score=4.0 if bad else number,
         false_alarm_probability=1e-4 if bad else 0.5,
         speed_hz=25.0,
-        findings=(f"wear, stage 1, pinion: loss {100 * number} %",) if bad else (),
+        findings=(f"{kind or 'wear, stage 1, pinion'}: loss {100 * number} %",) if bad else (),
         places=(Place(loss_low=number - 0.02, loss_high=number + 0.02, **places),) if bad else (),
     )
     return Outcome(job=job, hash=digest, entry=entry, indicators={"rms": {"a1": 1.0 + number}})

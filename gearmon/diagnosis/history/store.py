@@ -14,7 +14,7 @@ import shutil
 import sqlite3
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
-from dataclasses import asdict, fields
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -112,7 +112,7 @@ def append_to(store: sqlite3.Connection, entry: Entry, *, replace: bool = False)
     own = {name: getattr(entry, name) for name in ENTRY} | {"findings": findings}
     number = insert(store, "recordings", own)
     for place in entry.places:
-        insert(store, "places", {"recording_id": number} | asdict(place))
+        insert(store, "places", {"recording_id": number} | vars(place))
     told = _checksum(store, number)
     store.execute("UPDATE recordings SET checksum = ? WHERE id = ?", (told, number))
     return known is not None
@@ -189,12 +189,13 @@ def _places(store: sqlite3.Connection, number: int | None) -> list[sqlite3.Row]:
 def _check_teeth(store: sqlite3.Connection, entry: Entry) -> None:
     """Refuse gears whose teeth have changed: it is another machine under the same name."""
     for place in {(p.stage, p.gear, p.teeth) for p in entry.places if p.teeth is not None}:
+        # one tells for all, which were held against each other when they came
         other = store.execute(
-            "SELECT p.teeth FROM places p JOIN recordings r ON r.id = p.recording_id WHERE "
-            "r.machine = ? AND p.stage = ? AND p.gear = ? AND p.teeth != ? LIMIT 1",
-            (entry.machine, *place),
+            "SELECT p.teeth FROM recordings r CROSS JOIN places p ON p.recording_id = r.id WHERE "
+            "r.machine = ? AND p.stage = ? AND p.gear = ? AND p.teeth IS NOT NULL LIMIT 1",
+            (as_text(entry.machine), *place[:2]),
         ).fetchone()
-        if other is not None:
+        if other is not None and other[0] != place[2]:
             raise ArgumentError(
                 f"{entry.recording}: the {place[1]} of stage {place[0]} has {place[2]} teeth, and "
                 f"{other[0]} in the history of {entry.machine!r}; another machine needs another "
@@ -281,7 +282,9 @@ def _entry(store: sqlite3.Connection, row: sqlite3.Row) -> Entry:
 
 
 @contextmanager
-def opened(path: Path, *, create: bool, more: str = "") -> Iterator[sqlite3.Connection]:
+def opened(
+    path: Path, *, create: bool, more: str = "", known: bool = False
+) -> Iterator[sqlite3.Connection]:
     """Give a connection whose changes are kept together or not at all.
 
     Parameters
@@ -292,6 +295,8 @@ def opened(path: Path, *, create: bool, more: str = "") -> Iterator[sqlite3.Conn
         Whether it is to be written, and made if need be.
     more : str
         Statements that make further tables, where it is written.
+    known : bool
+        Whether it was looked through, and its tables made, a moment ago.
     """
     if path.is_dir():
         raise ArgumentError(f"{path}: is a folder; give the name of a history file")
@@ -308,15 +313,16 @@ def opened(path: Path, *, create: bool, more: str = "") -> Iterator[sqlite3.Conn
             # of several that begin a history at once the others find the tables of the first
             store.execute("BEGIN IMMEDIATE" if create else "BEGIN")
             try:
-                _prepare(store, path, create=create)
-                _executed(store, more if create else "")
+                if not known:
+                    _prepare(store, path, create=create)
+                    _executed(store, more if create else "")
                 yield store
             except BaseException:
                 if store.in_transaction:  # a full disk ends it by itself
                     store.execute("ROLLBACK")
                 raise
             store.execute("COMMIT")
-            if create:
+            if create and not known:
                 _shared(store)
     except sqlite3.OperationalError as error:
         if "locked" in str(error):
