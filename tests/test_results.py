@@ -189,7 +189,7 @@ COMMANDS = {
     "baseline": ["machine.toml"],
     "family": ["machine.toml", "--kind", "eccentricity", "--size", "20um"],
     "stability": ["machine.toml"],
-    "harvest": ["machine.toml"],
+    "harvest": ["machine.toml", "--path-gain", "0.1"],
     "benchmark": ["stress", "--quick", "--count", "3"],
     "simulate": ["machine.toml", "--seed", "1", "-o", "made.csv"],
 }

@@ -17,6 +17,7 @@ from gearmon.dynamics.stability import (
 )
 from gearmon.dynamics.tongues import MOST_TONGUE, expanded_tongue, is_open, tongue_edges
 from gearmon.errors import ArgumentError, check_range
+from gearmon.result import Result
 
 #: Part of the variation that brings k(t) to zero up to which a map is drawn.
 HIGHEST_SHARE = 0.98
@@ -29,7 +30,7 @@ MOST_COUPLED = 3.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Tongue:
+class Tongue(Result):
     """Boundaries of one unstable tongue.
 
     Attributes
@@ -51,7 +52,7 @@ class Tongue:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class StabilityMap:
+class StabilityMap(Result):
     """All that a picture of stability shows.
 
     Attributes

@@ -117,7 +117,20 @@ def episodes(
 
 
 def alarms(fleet: Fleet, machine: str | None = None) -> list[dict[str, Any]]:
-    """Return the alarms of a fleet, or of one machine, the newest first, in built-in types."""
+    """Return the alarms of a fleet, or of one machine, the newest first, in built-in types.
+
+    Parameters
+    ----------
+    fleet : Fleet
+    machine : str, optional
+        Name of the one machine; by default all.
+
+    Returns
+    -------
+    list of dict
+        id, machine, class, finding, since and until (times in words; None while it lasts), over,
+        acknowledged and told (targets that know of it), among others.
+    """
     with opened(fleet.store, create=False) as store:
         rows = store.execute(
             "SELECT rowid AS id, * FROM alarms WHERE machine = coalesce(?, machine) "
@@ -135,13 +148,29 @@ def _alarm(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def acknowledge(fleet: Fleet, number: int) -> None:
-    """Note that a person knows of an alarm."""
+    """Note that a person knows of an alarm.
+
+    Parameters
+    ----------
+    fleet : Fleet
+    number : int
+        The alarm's `id`, as `alarms` gives it.
+    """
     with writing(fleet) as store:
         store.execute("UPDATE alarms SET acknowledged = 1 WHERE rowid = ?", (number,))
 
 
 def deliver(fleet: Fleet) -> list[str]:
     """Tell the hooks of every alarm that they do not know of; return what went wrong.
+
+    Parameters
+    ----------
+    fleet : Fleet
+
+    Returns
+    -------
+    list of str
+        A line for each hook that could not be told, with the reason.
 
     Notes
     -----

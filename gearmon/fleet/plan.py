@@ -55,7 +55,7 @@ class FleetMachine:
     sampling_rate_hz : float, optional
         Where the files do not hold it.
     limit : float, in (0, 1], optional
-        Loss of a tooth pair's stiffness at which to act.
+        Share of a tooth pair's stiffness lost at which to act.
     tags : tuple of str
     alarm_on : tuple of str
         Verdicts that are alarms.
@@ -150,6 +150,15 @@ class Fleet:
 
 def read_fleet(path: str | Path) -> Fleet:
     """Read a fleet file, and look whether the files that it names are there.
+
+    Parameters
+    ----------
+    path : str or Path
+        TOML with a `[[machine]]` for each machine, and an `[[alarm]]` for each who is told.
+
+    Returns
+    -------
+    Fleet
 
     Raises
     ------

@@ -88,6 +88,11 @@ def run_fleet(
     progress : callable, optional
         Called with the share done, 0 to 1.
 
+    Returns
+    -------
+    Run
+        What was analysed, what failed and was not taken, with reasons, and the files written.
+
     Raises
     ------
     ArgumentError
@@ -173,7 +178,7 @@ def watch_fleet(
     told : callable
         Gets what every look did, if it did anything, and what hooks could not do.
     rounds : float
-        Looks after which to stop.
+        Looks after which to stop, dimensionless; without end by default.
     """
     before: dict[str, Any] = {}
     delivery: Future[list[str]] | None = None

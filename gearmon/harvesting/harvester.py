@@ -398,6 +398,7 @@ class CoilHarvester(_MassOnSpring):
         times the turns [N/A = V s/m].
     coil_ohm : float, > 0
     coil_henry : float, >= 0
+        Inductance of the coil [H].
     load_ohm : float, > 0
     clearance_m, weight_ms2, restitution, load_kept
         See `Harvester`.

@@ -98,7 +98,7 @@ class SensorBudget:
     energy_per_bit_j : float, >= 0
         To send a bit [J].
     efficiency : float, > 0 and <= 1
-        Of the converter.
+        Share of the power that the converter passes.
     rectifier_drop_v : float, >= 0
         Of all diodes in series [V].
     regulator : {"tracking", "none"}

@@ -267,7 +267,24 @@ def _limits(harvester: Harvester) -> tuple[Real, Real]:
 
 
 def evaluate(harvester: H, duty: Shaking) -> Tuned[H]:
-    """Tell what a harvester yields over a duty cycle as it stands, and how near its limits."""
+    """Tell what a harvester yields over a duty cycle as it stands, and how near its limits.
+
+    Parameters
+    ----------
+    harvester : InertialHarvester, CoilHarvester or PiezoCantilever
+    duty : Vibration, Signature, OperatingShare, or sequence of OperatingShare
+        What shakes it.
+
+    Returns
+    -------
+    Tuned
+        The harvester unchanged, its mean power [W], and its peaks over their limits.
+
+    Raises
+    ------
+    ArgumentError
+        If the duty cycle is empty, or its shares sum to more than 1.
+    """
     points = check_duty(duty)
     answers = tuple(answer(harvester, point.vibration) for point in points)
     static, limits = _limits(harvester)
@@ -448,6 +465,11 @@ def power_with_stops(harvester: Harvester, samples_ms2: Real, sampling_rate_hz: 
     samples_ms2 : array, shape (n,)
         Acceleration of the base; of a long recording only the start is marched.
     sampling_rate_hz : float, > 0
+
+    Returns
+    -------
+    float
+        Mean power [W], once what the unknown past left has died away.
 
     Raises
     ------

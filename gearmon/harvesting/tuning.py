@@ -243,7 +243,7 @@ def bandwidth_against_quality(
     harvester : InertialHarvester, CoilHarvester or PiezoCantilever
         As tuned; its load is chosen anew for every quality factor.
     quality_factors : sequence of float, 0.51 to 10,000
-        Of the mechanics alone, 1/(2 zm).
+        Of the mechanics alone, 1/(2 zm), dimensionless.
     wander : float, 0 to 0.2
         Standard deviation of the frequency of the one line of 1 m/s2 that drives it, over its mean.
 

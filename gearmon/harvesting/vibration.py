@@ -207,8 +207,8 @@ def vibration_of_lines(
         Peak amplitudes, one of the two.
     gain : float, > 0
         Amplitude at the harvester over the given one: the path through shaft and housing.
-    **about
-        wander, wander_time_s and name, see `Vibration`.
+    **about : float or str
+        wander (relative), wander_time_s and name, see `Vibration`.
 
     Returns
     -------
@@ -243,8 +243,8 @@ def vibration_of_signature(signature: Signature, **about: Any) -> Vibration:
     Parameters
     ----------
     signature : Signature
-    **about
-        name (that of the machine if none is given), gain, wander and wander_time_s, see
+    **about : float or str
+        name (that of the machine if none is given), gain (a ratio), wander and wander_time_s, see
         `vibration_of_lines`.
 
     Returns

@@ -96,7 +96,7 @@
       cursor: { drag: { x: true, y: false }, points: { show: !isMap } },
       tzDate: (seconds) => uPlot.tzDate(new Date(seconds * 1e3), "Etc/UTC"),
       scales: {
-        x: { time: isHistory, range: (u, low, high) => (high > low ? [low, high] : [from, to]) },
+        x: { time: isHistory, range: (u, low, high) => (high - low < x[x.length - 1] - x[0] ? [low, high] : [from, to]) },
         y: isMap ? { range: chart.time } : { distr: scale ? 3 : 1, range },
       },
       axes: [axis(chart.axis, 34, isHistory && { values: (u, splits) => splits.map(day), space: 90 }), axis(chart.value + unit, 58, {

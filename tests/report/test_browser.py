@@ -24,6 +24,10 @@ def page(tmp_path_factory, faulty):
     return path
 
 
+def test_the_file_is_small_enough_to_mail(page):
+    assert page.stat().st_size < 1.2e6
+
+
 @pytest.fixture
 def opened(browser, page):
     return at_width(browser, page, 1280)
@@ -120,7 +124,10 @@ def test_channels_are_switched(opened):
 
 def test_the_flagged_tooth_stands_out_in_its_chart(opened, faulty):
     tooth = faulty.analysis.flags[0].tooth
-    said = pointed(opened, chart(opened, "teeth-1-pinion"), tooth)
+    host = chart(opened, "teeth-1-pinion")
+    low, high = shown(opened, host)
+    assert high - low == pytest.approx(TEETH[0])  # whole bars at both ends
+    said = pointed(opened, host, tooth)
     assert f"Tooth {tooth} of {TEETH[0]}: energy" in said
     said = pointed(opened, chart(opened, "map"), TEETH[0])
     assert "mesh 1 harmonic 1" in said
