@@ -194,11 +194,20 @@ def _is_result(own):
     return isinstance(own, Result) or type(own).__module__.startswith("gearmon.dynamics.")
 
 
+def _long(made):
+    """Names of results whose short text is none."""
+    return [word for word, own in made.items() if _is_result(own) and len(repr(own)) >= 500]
+
+
 MODULES = [
     own.name
     for own in pkgutil.walk_packages(gearmon.__path__, "gearmon.")
     if not own.name.endswith("__main__")
 ]
+
+
+def test_what_the_package_shows_first_has_short_texts():
+    assert not _long(prologue())
 
 
 @pytest.mark.parametrize("room", sorted({name.split(".")[1] for name in MODULES}))
@@ -211,7 +220,7 @@ def test_examples_run(room, tmp_path, monkeypatch):
         module = importlib.import_module(name)
         for test in finder.find(module, globs=vars(module) | prologue()):
             runner.run(test, clear_globs=False)
-            made = {word: own for word, own in test.globs.items() if _is_result(own)}
-            long = [word for word, own in made.items() if len(repr(own)) >= 500]
-            assert not long, f"{test.name}: the text of {long} is long"
+            known = prologue()
+            made = {word: own for word, own in test.globs.items() if known.get(word) is not own}
+            assert not _long(made), f"{test.name}: these have long texts"
     assert runner.failures == 0
