@@ -219,15 +219,16 @@ def _judged(harvester: Harvester, tuned: Tuned[Any], position: Position) -> dict
         return {}
     judged = []
     try:
-        for number, part in enumerate(position.folds):
+        for number in range(len(position.folds)):
             others = position.folds[:number] + position.folds[number + 1 :]
-            duty = [replace(point, share=point.share / len(others)) for o in others for point in o]
+            duty = [replace(p, share=p.share / len(others)) for own in others for p in own]
             # where the limits chose the tuning, the noise did not
-            kept = _limited(tuned)
+            kept = _limited(tuned) or not duty
             one = tuned.harvester if kept else tuning.tuned_among(harvester, duty, tuned.rivals_hz)
-            judged.append(evaluate(one, part))
+            heard = position.folds[number] if position.sampled else position.healthy
+            judged.append(evaluate(one, heard))
     except ArgumentError:
-        # a part shorter than the ring-down tells nothing
+        # shorter than the ring-down: that tells nothing
         return {"independent_stretches": 0.0}
     found = _scatter(judged, position)
     fewest = FEWEST_RECORDINGS if position.sampled else response.FEWEST_STRETCHES
@@ -243,10 +244,12 @@ def _judged(harvester: Harvester, tuned: Tuned[Any], position: Position) -> dict
 def _scatter(judged: Sequence[Tuned[Any]], position: Position) -> response.Scatter:
     if position.sampled:
         return response.between([tuned.power_w for tuned in judged])
-    answers = zip(*(tuned.answers for tuned in judged), strict=True)
-    steps = (np.concatenate([answer.power_steps_w for answer in own]) for own in answers)
+    known = []
+    for own in zip(*(tuned.answers for tuned in judged), strict=True):
+        # of each only the stretch that it did not know
+        steps = [np.array_split(a.power_steps_w, len(own))[k] for k, a in enumerate(own)]
+        known.append(response.scatter_of_mean(np.concatenate(steps)))
     shares = [point.share for point in position.healthy]
-    known = [response.scatter_of_mean(own) for own in steps]
     return response.combined(known, shares, position.share_error)
 
 
@@ -596,13 +599,13 @@ def _duty(name: str, recordings: Sequence[Recording], shares: list[float]) -> Po
 
 
 def _cut(points: Points) -> tuple[Points, ...]:
-    """Cut a duty cycle into stretches; those in which a recording is silent are left out."""
+    """Cut a duty cycle into stretches; what is silent in one is left out of it."""
     found = []
     cut = [np.array_split(point.vibration.samples_ms2, FOLDS) for point in points]
     for parts in zip(*cut, strict=True):
-        if all(len(part) >= 16 and part.any() for part in parts):
-            own = zip(points, parts, strict=True)
-            found.append(tuple(replace(p, vibration=_part(p.vibration, x)) for p, x in own))
+        own = zip(points, parts, strict=True)
+        heard = [(p, x) for p, x in own if len(x) >= 16 and x.any()]
+        found.append(tuple(replace(p, vibration=_part(p.vibration, x)) for p, x in heard))
     return tuple(found)
 
 
