@@ -23,8 +23,10 @@ replace them by the data sheet where there is one.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields, replace
+import tomllib
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
+from importlib import resources
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -100,34 +102,17 @@ class PiezoMaterial(BeamMaterial):
         return self.d31_m_per_v * self.youngs_modulus_pa
 
 
-_ERTURK = "Erturk and Inman, Piezoelectric Energy Harvesting, Wiley 2011, appendix E"
-_STRENGTH = "dynamic tensile strength of bulk PZT, 27.6 MPa, makers' data sheets"
-_FILM = "film makers' data sheets (d31 23 pC/N, 12 eps0); half the yield strength"
-_SPUTTERED = "sputtered films: e31 about -0.6 C/m2, 10.5 eps0; a third of the film strength"
-
-
-def _by_name(build: Any, *rows: tuple[Any, ...]) -> dict[str, Any]:
-    names = [f.name for f in fields(build)]
-    return {row[0]: build(**dict(zip(names, row, strict=True))) for row in rows}
+@lru_cache(maxsize=1)
+def known() -> dict[str, Any]:
+    """Return what harvesting knows by name, its file known.toml."""
+    text = resources.files("gearmon.harvesting").joinpath("known.toml").read_text("utf-8")
+    return tomllib.loads(text)
 
 
 #: Piezoelectric layers by name.
-PIEZO_MATERIALS: dict[str, PiezoMaterial] = _by_name(
-    PiezoMaterial,
-    # modulus [Pa], density [kg/m3], safe stress [Pa], source, d31 [m/V], permittivity [F/m]
-    ("PZT-5A", 61.0e9, 7750.0, 27.6e6, f"{_ERTURK}; {_STRENGTH}", -171e-12, 13.3e-9),
-    ("PZT-5H", 60.6e9, 7500.0, 27.6e6, f"{_ERTURK}; {_STRENGTH}", -274e-12, 25.55e-9),
-    ("PVDF", 3.0e9, 1780.0, 25e6, _FILM, 23e-12, 1.1e-10),
-    ("AlN", 330e9, 3260.0, 300e6, _SPUTTERED, -1.9e-12, 9.3e-11),
-)
+PIEZO_MATERIALS = {n: PiezoMaterial(name=n, **own) for n, own in known()["piezo"].items()}
 #: Passive layers and tip masses by name.
-BEAM_MATERIALS: dict[str, BeamMaterial] = _by_name(
-    BeamMaterial,
-    # modulus [Pa], density [kg/m3], safe stress [Pa], source
-    ("steel", 200e9, 7850.0, 250e6, "spring steel; half of a fatigue limit near 500 MPa"),
-    ("brass", 105e9, 8500.0, 80e6, "half-hard sheet, fatigue limit near 100 MPa"),
-    ("aluminium", 70e9, 2700.0, 80e6, "wrought alloys at 1e8 cycles"),
-)
+BEAM_MATERIALS = {n: BeamMaterial(name=n, **own) for n, own in known()["passive"].items()}
 
 
 @lru_cache(maxsize=1)
@@ -265,6 +250,12 @@ class PiezoCantilever(Harvester):
         one = self.piezo.permittivity_f_per_m * self.length_m * self.width_m
         one /= self.piezo_thickness_m
         return one * {"unimorph": 1.0, "series": 0.5, "parallel": 2.0}[self.wiring]
+
+    @property
+    def volume_m3(self) -> float:
+        """Of the beam and its tip mass, without room to move [m3]."""
+        beam = self.length_m * self.width_m * self.thickness_m
+        return beam + self.tip_mass_kg / self.tip_block_density_kg_m3
 
     @property
     def tip_offset_m(self) -> float:
@@ -447,3 +438,11 @@ class PiezoCantilever(Harvester):
         layer = 0.75 * math.pi * self.width_m**2 * np.sqrt(2 * AIR_KG_M3 * AIR_PA_S * natural)
         drag = (viscous + layer) / self.width_m * in_beam
         return np.asarray(found + drag / (2 * self.mass_per_length_kg_m * natural))
+
+
+def published_beam(told: dict[str, Any], load_ohm: float) -> PiezoCantilever:
+    """Build a beam from the dimensions and materials that somebody published, see known.toml."""
+    piezo = PiezoMaterial(name="published", **told["piezo"])
+    passive = BeamMaterial(name="published", **told["passive"])
+    values = told | {"piezo": piezo, "passive": passive, "load_ohm": load_ohm}
+    return PiezoCantilever(**values)

@@ -199,6 +199,11 @@ class Harvester(ABC):
         return self.load if self.load_name == "load_ohm" else math.nan
 
     @property
+    def volume_m3(self) -> float:
+        """Of what moves and bends [m3]; NaN where it is not known."""
+        return math.nan
+
+    @property
     def load_range(self) -> tuple[float, float]:
         """Loads to tune within: the usual ones, or the one that is kept."""
         return (self.load, self.load) if self.load_kept else self.usual_loads

@@ -308,6 +308,10 @@ class Survey(Result):
         best = self.best.tuned.harvester
         return tuning.bandwidth_against_quality(best, QUALITY_FACTORS, self.wander)
 
+    def published(self) -> list[dict[str, Any]]:
+        """Return published harvesters with the best one here beside them."""
+        return tuning.beside_published(self.best.tuned.harvester) if self.best.tuned else []
+
     @property
     def wander(self) -> float:
         """Standard deviation over its frequency of the line that gives most, where that is most."""
@@ -330,6 +334,7 @@ class Survey(Result):
             "response": self.response(),
             "bandwidth_against_quality": self.bandwidths(),
             "energy_lines": self.lines(),
+            "published": self.published(),
             "budget": self.budget.to_dict(),
             "notes": list(self.notes),
         }

@@ -18,7 +18,7 @@ _UNITS = (
 )
 
 
-def harvest_lines(survey: Survey, most_lines: int = 8) -> list[str]:
+def harvest_lines(survey: Survey, most_lines: int = 8, published: bool = False) -> list[str]:
     """Return a survey as lines of text: positions, the harvester, the energy lines, assumptions.
 
     Parameters
@@ -26,6 +26,8 @@ def harvest_lines(survey: Survey, most_lines: int = 8) -> list[str]:
     survey : Survey
     most_lines : int, >= 1
         Energy lines shown.
+    published : bool
+        Whether published harvesters are shown beside the best one.
 
     Returns
     -------
@@ -44,6 +46,8 @@ def harvest_lines(survey: Survey, most_lines: int = 8) -> list[str]:
         text += ["", *_set_lines(survey)]
     if best.tuned is not None:
         text += ["", *_band_lines(survey)]
+    if published:
+        text += ["", *_published_lines(survey)]
     return [*text, "", *(f"note: {note}" for note in survey.notes)]
 
 
@@ -179,6 +183,20 @@ def _band_lines(survey: Survey) -> list[str]:
         "bandwidth against the quality factor of the mechanics, best load, one line of 1 m/s2 that "
         f"wanders by {100 * survey.wander:.2g} %:",
         *table_lines(rows),
+    ]
+
+
+def _published_lines(survey: Survey) -> list[str]:
+    """Published harvesters, and the best one here at the frequency and acceleration of each."""
+    rows = survey.published()
+    names = ("name", "frequency_hz", "acceleration_ms2", "power_uw", "uw_per_cm3", "model_uw")
+    shown = [{k: row[k] for k in (*names, "own_uw", "own_uw_per_cm3")} for row in rows]
+    told = (f"{row['name']}: {row['source']}" + f"; {row['remark'] or ''}" for row in rows)
+    return [
+        "published harvesters, by model where all dimensions are known, and this one in their "
+        "place (per cm3 at 1 m/s2):",
+        *table_lines(shown),
+        *(line.removesuffix("; ") for line in told),
     ]
 
 
