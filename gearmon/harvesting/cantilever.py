@@ -34,7 +34,7 @@ import numpy.typing as npt
 
 from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.harvesting.harvester import Harvester, Modes, number
-from gearmon.machine.fields import Choice, check_fields, obeys
+from gearmon.machine.fields import Choice, FieldError, Number, check_fields, obeys
 
 Real = npt.NDArray[np.float64]
 Wiring = Literal["unimorph", "series", "parallel"]
@@ -195,16 +195,19 @@ class PiezoCantilever(Harvester):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.length_m < THINNEST * self.thickness_m:
-            raise ArgumentError(
-                f"length_m={self.length_m:g} m must be at least {THINNEST:g} times the thickness "
-                f"of {self.thickness_m:g} m: this is thin-beam theory"
+            reason = (
+                f"is {self.length_m:g} m, and must be at least {THINNEST:g} times the thickness"
             )
+            told = f"of {self.thickness_m:g} m: this is thin-beam theory"
+            raise FieldError("length_m", f"{reason} {told}", self.length_m)
         if self.mechanical_damping_ratio + self.mass_rate_per_s + self.stiffness_time_s == 0:
             raise ArgumentError("damping: all parts are 0, at least one must be > 0")
         check_range("tip_gyration_m", self.tip_gyration_m, 0.0, self.length_m, "m")
-        # of the densest common material, a cube twice as long as the beam
         roomy = DENSEST_KG_M3 * (2 * self.length_m) ** 3
-        check_range("most_tip_mass_kg", self.most_tip_mass_kg, 0.0, roomy, "kg")
+        room = Number(
+            low=0, high=roomy, unit="kg", why="a cube of tungsten twice as long as the beam"
+        )
+        room.checked("most_tip_mass_kg", self.most_tip_mass_kg)
         check_range("tip_mass_kg", self.tip_mass_kg, 0.0, self.most_tip_mass_kg * (1 + 1e-9), "kg")
 
     @property

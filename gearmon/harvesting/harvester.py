@@ -41,7 +41,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.errors import ArgumentError, check_positive
+from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.machine.fields import Number, check_fields, obeys
 
 Real = npt.NDArray[np.float64]
@@ -220,7 +220,7 @@ class Harvester(ABC):
 
     def with_load(self, load: float) -> Self:
         """Return the same harvester with another load."""
-        changed: dict[str, Any] = {self.load_name: float(load)}
+        changed: dict[str, Any] = {self.load_name: load}
         other = replace(self, **changed)
         if "modes" in self.__dict__:
             other.__dict__["modes"] = self.modes
@@ -285,11 +285,8 @@ class _MassOnSpring(Harvester):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not self.lowest_hz <= self.natural_frequency_hz <= self.highest_hz:
-            raise ArgumentError(
-                f"natural_frequency_hz={self.natural_frequency_hz:g} Hz must lie between "
-                f"lowest_hz={self.lowest_hz:g} Hz and highest_hz={self.highest_hz:g} Hz"
-            )
+        name = "lowest_hz to highest_hz: natural_frequency_hz"
+        check_range(name, self.natural_frequency_hz, self.lowest_hz, self.highest_hz, "Hz")
 
     @property
     def frequency_range_hz(self) -> tuple[float, float]:

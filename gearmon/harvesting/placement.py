@@ -319,7 +319,11 @@ class Survey(Result):
         if tuned is None:
             return 0.0
         powers = [p.share * a.power_w for p, a in zip(points, tuned.answers, strict=True)]
-        return wander_of(points[int(np.argmax(powers))].vibration, tuned.harvester)
+        shaking = points[int(np.argmax(powers))].vibration
+        lines = vibration.operating_lines(shaking, len(shaking.frequency_hz))
+        gains = tuned.harvester.gains([line["frequency_hz"] for line in lines]).power_w
+        taken = [g * line["acceleration_ms2"] ** 2 for g, line in zip(gains, lines, strict=True)]
+        return float(lines[int(np.argmax(taken))]["wander"]) if lines else shaking.wander
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything in built-in types that JSON can hold."""
@@ -349,26 +353,6 @@ def _described(tuned: Tuned[Any] | None, duty: Sequence[OperatingShare]) -> dict
         band = half_power_band(tuned.harvester)
     names = [point.vibration.name for point in duty]
     return tuned.to_dict() | {"operating_points": names, "half_power_band": band}
-
-
-def wander_of(shaking: Vibration, harvester: Harvester) -> float:
-    """Return the relative standard deviation of the line that a harvester takes most from.
-
-    That of its bins weighted by their squared power, for sidebands and noise beside it to count
-    little: of a Gaussian it is smaller by the root of 2. What the model says of given lines.
-    """
-    numbers = vibration.line_numbers(shaking)
-    if shaking.resolution_hz == 0 or not numbers.any():
-        return shaking.wander
-    frequency, power = shaking.frequency_hz, shaking.mean_square_m2s4
-    taken = np.bincount(numbers, power * harvester.gains(frequency).power_w)
-    own = numbers == 1 + int(np.argmax(taken[1:]))
-    frequency, weights = frequency[own], power[own] ** 2
-    mean = np.average(frequency, weights=weights)
-    variance = np.average((frequency - mean) ** 2, weights=weights)
-    # less what the tapers spread a line that does not wander
-    spread = shaking.resolution_hz**2 / 3
-    return float(min(0.2, math.sqrt(2 * max(0.0, variance - spread)) / mean))
 
 
 def survey_expected(

@@ -187,7 +187,7 @@ def _band_lines(survey: Survey) -> list[str]:
 
 
 def _published_lines(survey: Survey) -> list[str]:
-    """Published harvesters, and the best one here at the frequency and acceleration of each."""
+    """List published harvesters, and the best one here in the place of each."""
     rows = survey.published()
     names = ("name", "frequency_hz", "acceleration_ms2", "power_uw", "uw_per_cm3", "model_uw")
     shown = [{k: row[k] for k in (*names, "own_uw", "own_uw_per_cm3")} for row in rows]
@@ -212,7 +212,11 @@ def _budget_lines(survey: Survey) -> list[str]:
         f"{MICRO * supply['constant_w']:.3g} are taken all the time"
     )
     if not supply["starts"]:
-        return [f"powers no recording ({job}): the voltage never reaches the cold start", way]
+        return [
+            f"powers no recording ({job}): the voltage never gets past the rectifier "
+            "and the cold start",
+            way,
+        ]
     if supply["interval_s"] is None:
         return [f"powers no recording ({job})", way]
     start = spoken_time(supply["charging_s"])
