@@ -195,11 +195,9 @@ class PiezoCantilever(Harvester):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.length_m < THINNEST * self.thickness_m:
-            reason = (
-                f"is {self.length_m:g} m, and must be at least {THINNEST:g} times the thickness"
-            )
-            told = f"of {self.thickness_m:g} m: this is thin-beam theory"
-            raise FieldError("length_m", f"{reason} {told}", self.length_m)
+            least = f"{THINNEST:g} times the thickness of {self.thickness_m:g} m"
+            reason = f"must be at least {least}: this is thin-beam theory"
+            raise FieldError("length_m", reason, self.length_m)
         if self.mechanical_damping_ratio + self.mass_rate_per_s + self.stiffness_time_s == 0:
             raise ArgumentError("damping: all parts are 0, at least one must be > 0")
         check_range("tip_gyration_m", self.tip_gyration_m, 0.0, self.length_m, "m")

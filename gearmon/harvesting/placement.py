@@ -543,7 +543,7 @@ def _doubts(best: Placed) -> Iterator[str]:
             f"{100 * (1 - best.line_share):.0f} % of the power comes from what no line stands out "
             "of: make sure that it is not the noise of the sensor"
         )
-    if best.power_unseen_w < 0.9 * best.power_w:
+    if best.power_w > best.power_high_w or best.power_unseen_w < 0.9 * best.power_w:
         yield f"on stretches that it was not tuned on it gives {1e6 * best.power_unseen_w:.3g} uW"
 
 
