@@ -7,13 +7,14 @@ kills the process it is read by: it is reported, and the others go on.
 from __future__ import annotations
 
 import hashlib
+import logging
 import os
 import signal
 import sys
 import tempfile
 from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import replace
@@ -36,6 +37,8 @@ Task = Callable[[Job], Outcome]
 #: Deaths of its process that a recording is forgiven: whoever kills processes at random (the
 #: kernel, short of memory) hits the same one rarely as often, alone in its process.
 _FORGIVEN = 3
+#: Processes in a row that may be killed as they begin.
+_BARREN = 20
 _KILLED = "its process was killed each time it was read, by lack of memory most likely"
 #: Recordings that go to a worker of a cluster at once: fewer cost more messages than work, more
 #: are lost with a worker.
@@ -132,10 +135,16 @@ def in_processes(jobs: Sequence[Job], task: Task = analysed) -> Iterator[Outcome
     # read when NumPy is first loaded, which the processes do
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     waiting, suspects, deaths = deque(jobs), deque[Job](), Counter[str]()
+    barren = 0
     while waiting or suspects:
         # who was at work when a process died is given one to itself, to see which it was
         queue, width = (suspects, 1) if suspects else (waiting, cores())
-        for job in (yield from _until_broken(queue, task, width)):
+        died = yield from _until_broken(queue, task, width)
+        barren = 0 if died else barren + 1
+        if barren > _BARREN:
+            told = f"{barren} processes were killed before they could begin; free memory"
+            raise ArgumentError(f"{told}, and run again to go on")
+        for job in died:
             deaths[job.path] += 1
             if deaths[job.path] > _FORGIVEN:
                 yield Outcome(job=job, why=_KILLED)
@@ -149,6 +158,9 @@ def _until_broken(queue: deque[Job], task: Task, width: int) -> Generator[Outcom
     # not forked: threads that deliver alarms may run
     pool = ProcessPoolExecutor(width, get_context("spawn"), _alone_on_a_core, (os.getpid(),))
     try:
+        if width == 1:
+            # a process that is killed as it begins says nothing of the recording
+            pool.submit(os.getpid).result()
         while queue or running:
             # one more than there are processes: none waits, and memory stays flat
             while queue and len(running) < width + (width > 1):
@@ -205,6 +217,8 @@ def on_dask(
         from distributed import wait as wait_for
     except ImportError:
         raise ArgumentError("--engine dask needs pip install 'gearmon[cluster]'") from None
+    # what is lost is said in one line below
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
     try:
         with Client(scheduler, timeout=_CONNECT_S) as client:
             workers = len(client.scheduler_info(n_workers=-1)["workers"])
@@ -230,8 +244,9 @@ def on_dask(
     except TimeoutError:
         told = f"--scheduler {scheduler}: does not answer, or did nothing for {patience_s:g} s"
         raise ArgumentError(f"{told}; run again to go on") from None
-    except OSError as error:
-        raise ArgumentError(f"--scheduler {scheduler}: {error}; run again to go on") from None
+    except (OSError, CancelledError) as error:
+        told = f"--scheduler {scheduler}: was lost ({' '.join(str(error).split())[:80]})"
+        raise ArgumentError(f"{told}; run again to go on") from None
 
 
 def _batch(jobs: Sequence[Job], task: Task) -> list[Outcome]:

@@ -30,7 +30,7 @@ from gearmon.fleet import on_dask, read_fleet, run_fleet
 
 TARGETS = ("runner", "worker", "dask worker", "dask scheduler")
 #: Longest time between two kills [s]: a run takes a few seconds. And for a run in all.
-WITHIN_S, PATIENCE_S = 3.0, 120.0
+WITHIN_S, PATIENCE_S = 4.0, 300.0
 GAVE_UP = 3
 
 
@@ -68,9 +68,15 @@ class Cluster:
         begun = partial(subprocess.Popen, stderr=subprocess.DEVNULL, start_new_session=True)
         words = [sys.executable, "-m", "dask"]
         place = ["--host", "127.0.0.1", "--port", str(self.port), "--no-dashboard"]
-        self.scheduler = begun([*words, "scheduler", *place])
+        if self.scheduler is None or self.scheduler.poll() is not None:
+            self.scheduler = begun([*words, "scheduler", *place])
         known = ["--nworkers", "2", "--nthreads", "1", "--no-dashboard"]
         self.workers = begun([*words, "worker", self.address, *known])
+
+    def tend(self) -> None:
+        """Begin again what has ended, as a service would: a nanny whose worker dies early goes."""
+        if self.workers.poll() is not None:
+            self.begin()
 
     def end(self) -> None:
         for process in (self.workers, self.scheduler):
@@ -116,8 +122,9 @@ def attack(target: str, kills: int, folder: Path, chance: random.Random) -> list
         while done < kills:
             emptied(fleet)
             done += disturbed(target, kills - done, folder / "fleet.toml", cluster, chance)
-            if content(fleet) != undisturbed:
-                wrong.append(f"{target}: another store after {done} kills")
+            if (found := content(fleet)) != undisturbed:
+                rows = {key: set(own) ^ set(undisturbed[key]) for key, own in found.items()}
+                wrong.append(f"{target}: another store after {done} kills: {rows}"[:2000])
             if run_fleet(fleet, at_once).done:
                 wrong.append(f"{target}: something was left to do")
     finally:
@@ -134,14 +141,16 @@ def disturbed(
     address = cluster.address if cluster else ""
     at_work = runner(fleet, address)
     while True:
-        left = None if done == kills else chance.uniform(0.0, WITHIN_S)
         try:
-            ended = at_work.wait(PATIENCE_S if left is None else left)
+            ended = at_work.wait(chance.uniform(0.0, WITHIN_S))
         except subprocess.TimeoutExpired:
             if time.monotonic() - began > PATIENCE_S:
                 at_work.kill()
                 return done
-            done += killed(target, at_work, cluster, chance)
+            if done < kills:
+                done += killed(target, at_work, cluster, chance)
+            if cluster:
+                cluster.tend()
             continue
         if ended == GAVE_UP:
             return done

@@ -7,12 +7,12 @@ the probability that noise alone correlates as well with any kink or step.
 
 A crack grows faster the larger it is, and a straight line through such growth meets the level
 before it far too late; a tooth that chips loses some at once, what is worn in wears slower, and a
-straight line through these meets it far too early: when it began can only be told along with how
-it bends. Along the courses (straight, powers of time, exponentials, with a jump) one trades off against the other, so that the likelihood is
-flat along a ridge. The interval is the profile over all courses, joined with the credible interval
-of even chances: the first alone ends a little too soon where the courses tried lie far apart for
-the noise. The time itself is the median of what the courses and places leave possible, whose bias
-is a small part of that of a kink.
+straight line through these meets it far too early: when it began can only be told along with how it
+bends. Along the courses (straight, powers of time, exponentials, with a jump) one trades off
+against the other, so that the likelihood is flat along a ridge. The interval is the profile over
+all courses, joined with the credible interval of even chances: the first alone ends a little too
+soon where the courses tried lie far apart for the noise. The time itself is the median of what the
+courses and places leave possible, whose bias is a small part of that of a kink.
 
 References
 ----------
@@ -28,7 +28,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -68,7 +68,8 @@ class Growth:
     exponent : float, in [0, 10]
         p of ``x^p``; 1 is straight, 0 a step, what lies between slows down.
     folds : float, in [-50, 50]
-        g of ``(e^(g x) - 1) / (e^g - 1)``, which is taken if it is not 0; below 0 it comes to a halt.
+        g of ``(e^(g x) - 1) / (e^g - 1)``, which is taken if it is not 0; below 0 growth
+        comes to a halt.
     jump : float, in [0, 1)
         Share that came at once when it began.
 
@@ -121,13 +122,14 @@ class Growth:
         return np.asarray(since**self.exponent * np.log(since))
 
 
+_JUMPS = (0.1, 0.25, 0.5)
 STEP, STRAIGHT = Growth(exponent=0.0), Growth()
 #: Courses of growth that are tried, the straight one first.
 GROWTHS = (
     STRAIGHT,
     *(Growth(exponent=p) for p in (1.5, 2.0, 2.5, 3.0, 4.0)),
     *(Growth(folds=g) for g in (1.5, 3.0, 4.5, 6.0)),
-    *(Growth(jump=h) for h in (0.1, 0.25, 0.5)),
+    *(Growth(jump=h) for h in _JUMPS),
     *(Growth(exponent=2.0, jump=h) for h in (0.1, 0.25)),
     *(Growth(exponent=p) for p in (0.25, 0.5, 0.75)),
     *(Growth(folds=g) for g in (-2.0, -4.0)),
@@ -135,7 +137,7 @@ GROWTHS = (
 COURSES = (STEP, *GROWTHS)
 #: How likely each is held beforehand: that growth speeds up as likely as that it does not.
 CHANCES = np.repeat([0.3, 0.05, 0.0625, 0.02], [1, 5, 4, 10])
-# Factors of what bends a course, or of its jump, that fill the gaps to its neighbours; and how many
+# Factors of what bends a course, and of its jump, that fill the gaps beside it; how many
 # of the best are given such company.
 _BETWEEN_COURSES, _BEST_COURSES = (0.7, 0.85, 1.2, 1.4), 3
 
@@ -646,7 +648,8 @@ class _Left:
     courses: Sequence[Growth] = GROWTHS
 
     @classmethod
-    def of(cls, series: Series, others: Sequence[ChangePoint]) -> _Left:
+    @lru_cache(maxsize=4)  # a change is bent, and timed a moment later
+    def of(cls, series: Series, others: tuple[ChangePoint, ...]) -> _Left:
         # it may have begun at any time before the last recording but one
         places, middles = _between(series.time_s[:-1], *_TIMED_AT), _tried(series, STEP)[0]
         growth = Fits.of_growth(series, others, places).left.reshape(len(GROWTHS), -1)
@@ -675,7 +678,10 @@ class _Left:
     @property
     def chance(self) -> FloatArray:
         """Chance of each course from each place, shape (courses, places)."""
-        told = np.exp(-0.5 * (self.growth - self.growth.min()) / max(self.variance, _TINY))
+        least, most = self.growth.min(), self.growth.max()
+        # of what fits to the last digit nothing is left to divide by
+        variance = max(self.variance, 1e-12 * most, _TINY)
+        told = np.exp(-0.5 * (self.growth - least) / variance)
         # places stand closer together where recordings do
         chance = CHANCES[:, None] * told * np.gradient(self.places)
         return np.asarray(chance / chance.sum())
@@ -683,9 +689,10 @@ class _Left:
 
 def _near(growth: Growth) -> list[Growth]:
     """Return courses between one and its neighbours."""
-    name = "jump" if growth.jump else "folds" if growth.folds else "exponent"
-    own = getattr(growth, name)
-    return [replace(growth, **{name: factor * own}) for factor in _BETWEEN_COURSES]
+    name = "folds" if growth.folds else "exponent"
+    bent = [replace(growth, **{name: by * getattr(growth, name)}) for by in _BETWEEN_COURSES]
+    jumps = [by * growth.jump for by in _BETWEEN_COURSES] if growth.jump else _JUMPS
+    return [*bent, *(replace(growth, jump=jump) for jump in jumps)]
 
 
 def _bent(series: Series, change: ChangePoint, others: Sequence[ChangePoint]) -> ChangePoint:
@@ -693,7 +700,7 @@ def _bent(series: Series, change: ChangePoint, others: Sequence[ChangePoint]) ->
 
     A step that growth explains better, by more than one fitted number is worth, becomes growth.
     """
-    left = _Left.of(series, others)
+    left = _Left.of(series, tuple(others))
     worth = left.variance * math.log(len(series))
     if change.kind == "step" and left.growth.min() + worth > left.step.min():
         return change
@@ -708,13 +715,13 @@ def _timed(
 
     A small change may be a step as well as growth: places of both count.
     """
-    times, left = series.time_s, _Left.of(series, others)
+    times, left = series.time_s, _Left.of(series, tuple(others))
     if left.freedom < 1:
         return replace(change, low_s=float(times[0]), high_s=float(times[-1]))
     quantile = kink_quantile(level, left.freedom)
     if change.kind == "step":
         quantile = max(quantile, step_quantile(level, left.freedom))
-    chance, left = left.chance, left.closer(series, others)
+    known, left = left, left.closer(series, others)
     most = min(left.growth.min(), left.step.min()) + left.variance * quantile + _TINY
     # what comes at once does so anywhere between the recordings on its two sides
     jumps = [number for number, growth in enumerate(left.courses) if growth.jump]
@@ -725,6 +732,7 @@ def _timed(
     if change.kind == "step":
         change = replace(change, time_s=float(left.middles[np.argmin(left.step)]))
     else:
+        chance = known.chance
         every = chance.sum(axis=0)
         inside = [0.5 - 0.5 * level, 0.5, 0.5 + 0.5 * level]
         low, middle, high = np.interp(inside, np.cumsum(every) - 0.5 * every, left.places)
