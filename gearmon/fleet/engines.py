@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import logging
+import math
 import os
 import signal
 import sys
@@ -43,6 +44,9 @@ _KILLED = "its process was killed each time it was read, by lack of memory most 
 #: Recordings that go to a worker of a cluster at once: fewer cost more messages than work, more
 #: are lost with a worker.
 _BATCH = (20, 100)
+# Memory that a recording takes while it is analysed, in sizes of its file: 5.4 GB of float32 took
+# 15.7 GB.
+_GROWS = 3.0
 # Seconds until a scheduler that does not answer is given up.
 _CONNECT_S = 20.0
 
@@ -53,6 +57,10 @@ def analysed(job: Job) -> Outcome:
     from gearmon.diagnosis.history import entry_of
     from gearmon.signals.recording import read_recording
 
+    if job.size * _GROWS > (free := _free_memory()) / (os.cpu_count() or 1):
+        told = f"{job.size / 1e9:.1f} GB of recording take more memory than there is"
+        told += f" ({free / 1e9:.1f} GB free for {os.cpu_count()} processes)"
+        return Outcome(job=job, why=f"{told}; make shorter recordings")
     try:
         with at_hand(job.path) as file:
             digest = _hash(file)
@@ -75,6 +83,15 @@ def analysed(job: Job) -> Outcome:
     if growing:
         return Outcome(job=job, growing=True)
     return Outcome(job=job, hash=digest, entry=entry, indicators=analysis.indicators)
+
+
+def _free_memory() -> float:
+    """Return how much memory may be taken [bytes]; without end where that is not told."""
+    try:
+        lines = Path("/proc/meminfo").read_text().splitlines()
+    except OSError:
+        return math.inf
+    return next((1024.0 * int(own.split()[1]) for own in lines if "Available" in own), math.inf)
 
 
 @contextmanager
@@ -226,7 +243,12 @@ def on_dask(
             size = min(max(share, _BATCH[0]), _BATCH[1])
             batches = deque(jobs[n : n + size] for n in range(0, len(jobs), size))
             running: dict[Any, Sequence[Job]] = {}
-            while batches or running:
+            suspects, alone = deque[Sequence[Job]](), None
+            while batches or running or suspects:
+                if not batches and not running:
+                    # with nothing else at work, nobody dies for another's fault
+                    alone = suspects.popleft()
+                    batches.append(alone)
                 while batches:
                     batch = batches.popleft()
                     running[client.submit(_batch, batch, task, pure=False)] = batch
@@ -237,8 +259,10 @@ def on_dask(
                         yield from future.result()
                     elif not isinstance(error, KilledWorker):
                         raise error
-                    elif len(batch) == 1:
+                    elif batch is alone:
                         yield Outcome(job=batch[0], why=_KILLED)
+                    elif len(batch) == 1:
+                        suspects.append(batch)
                     else:  # the scheduler has tried it on several workers: which one is it?
                         batches.extend([one] for one in batch)
     except TimeoutError:

@@ -430,8 +430,8 @@ def history_charts(
     named = {"name": "history-score", "title": "Evidence of a fault", "value": "Score"}
     rose = _changes(found.evidence.changes if found.evidence else ())
     charts.append(shared | named | {"curves": scored, "changes": rose})
-    told = [f"{printable(entry.recording)}: {entry.verdict}" for entry in entries]
-    return {"channels": [], "speed_hz": 0.0, "lines": None, "told": told, "charts": charts}
+    words = [f"{printable(entry.recording)}: {entry.verdict}" for entry in entries]
+    return {"channels": [], "speed_hz": 0.0, "lines": None, "told": words, "charts": charts}
 
 
 def _changes(changes: Sequence[ChangePoint]) -> list[list[float]]:
