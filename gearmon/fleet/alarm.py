@@ -21,6 +21,7 @@ from gearmon.diagnosis.history import time_text
 from gearmon.diagnosis.history.store import opened
 from gearmon.fleet.ledger import writing
 from gearmon.fleet.plan import Fleet, FleetMachine, Hook
+from gearmon.report.wording import printable
 
 # Seconds until a hook is given up, and until it is tried again.
 _PATIENCE_S, _AGAIN_S = 20.0, (1.0, 4.0, 16.0)
@@ -215,7 +216,8 @@ def _targets(hook: Hook, machine: FleetMachine, alarm: dict[str, Any]) -> Iterat
     for address in hook.mail:
         message = EmailMessage()
         message["To"] = address
-        message["Subject"] = f"{alarm['machine']}: {alarm['finding']}"
+        # no line of its own may end that of the subject
+        message["Subject"] = printable(f"{alarm['machine']}: {alarm['finding']}")
         said = "".join(f"{name}: {value}\n" for name, value in body.items() if value)
         message.set_content(said)
         letter = message.as_bytes()

@@ -61,6 +61,7 @@ def analysed(job: Job) -> Outcome:
         told = f"{job.size / 1e9:.1f} GB of recording take more memory than there is"
         told += f" ({free / 1e9:.1f} GB free for {os.cpu_count()} processes)"
         return Outcome(job=job, why=f"{told}; make shorter recordings")
+    file = job.path
     try:
         with at_hand(job.path) as file:
             digest = _hash(file)
@@ -77,7 +78,7 @@ def analysed(job: Job) -> Outcome:
     except MemoryError:
         return Outcome(job=job, why="takes more memory than there is; make shorter recordings")
     except (GearmonError, OSError) as error:
-        return Outcome(job=job, why=str(error))
+        return Outcome(job=job, why=str(error).removeprefix(f"{file}: "))
     except Exception as error:  # one recording must not stop the night
         return Outcome(job=job, why=f"an error of gearmon's own ({type(error).__name__}: {error})")
     if growing:

@@ -29,12 +29,12 @@ from urllib.parse import urlencode
 
 from gearmon import __version__
 from gearmon.diagnosis.history import HistoryTrends, history_trends, read_history, read_latest
-from gearmon.diagnosis.history.store import opened
+from gearmon.diagnosis.history.store import as_text, opened
 from gearmon.errors import ArgumentError, GearmonError
 from gearmon.fleet.alarm import acknowledge, alarms
 from gearmon.fleet.engines import at_hand, equipment
 from gearmon.fleet.ledger import flat, writing
-from gearmon.fleet.plan import Fleet, FleetMachine
+from gearmon.fleet.plan import Fleet, FleetMachine, arrived
 from gearmon.report.charts import history_charts
 from gearmon.report.history_text import history_lines, moment_text
 from gearmon.report.html import as_data, chart_script, shipped
@@ -97,7 +97,7 @@ def application(fleet: Fleet, *, token: str = "", hosts: Sequence[str] = LOOPBAC
         return answer
 
     def told(_: Request, error: Exception) -> Response:
-        return PlainTextResponse(f"{error}\n", 404)
+        return PlainTextResponse(f"{printable(str(error))}\n", 404)
 
     pages: dict[str, Any] = {
         "/": site.overview,
@@ -220,7 +220,10 @@ class _Site:
         machine = self.fleet.machine(rows[0]["machine"]) if rows else None
         if machine is None:
             raise ArgumentError("there is no such recording")
-        text = _report(self.fleet, machine, rows[0]["path"], rows[0]["hash"])
+        path = rows[0]["path"]
+        # names of files that are no text are kept in another form
+        there = next((j.path for j in arrived(self.fleet)[0] if as_text(j.path) == path), path)
+        text = _report(self.fleet, machine, there, rows[0]["hash"])
         # the policy of the report stands in its head: its own script, and nothing else
         policy = {"Content-Security-Policy": "frame-ancestors 'none'"}
         return HTMLResponse(text, headers=policy)
