@@ -178,22 +178,22 @@ def deliver(fleet: Fleet) -> list[str]:
     Who is killed between telling and noting so tells again. One that is over or acknowledged
     before anybody was told is not told any more.
     """
-    trouble: list[str] = []
+    trouble: dict[str, str] = {}
     for alarm in alarms(fleet):
         machine = fleet.machine(alarm["machine"])
         if alarm["over"] or alarm["acknowledged"] or machine is None:
             continue
         for hook in fleet.hooks:
             for target, send in _targets(hook, machine, alarm):
-                if target in alarm["told"]:
+                # who cannot be told of one alarm does not hold up the others
+                if target in alarm["told"] or target in trouble:
                     continue
-                why = _tried(send)
-                if why:
-                    trouble.append(f"{target}: could not be told of an alarm ({why})")
+                if why := _tried(send):
+                    trouble[target] = f"{target}: could not be told of an alarm ({why})"
                     continue
                 alarm["told"].append(target)
                 _note(fleet, alarm)
-    return trouble
+    return list(trouble.values())
 
 
 def _note(fleet: Fleet, alarm: dict[str, Any]) -> None:

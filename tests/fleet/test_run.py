@@ -178,6 +178,15 @@ def test_files_being_written_are_waited_for(tmp_path, monkeypatch):
     assert run_fleet(fleet, at_once).done == 1
 
 
+def test_a_folder_that_cannot_be_reached_is_said(tmp_path):
+    pytest.importorskip("fsspec")
+    made_fleet(tmp_path)
+    text = (tmp_path / "fleet.toml").read_text().replace("'inbox'", "'nowhere://inbox'")
+    (tmp_path / "fleet.toml").write_text(text)
+    with pytest.raises(ArgumentError, match=r'"nowhere://inbox": cannot be reached \(Protocol'):
+        run_fleet(read_fleet(tmp_path / "fleet.toml"), at_once)
+
+
 def test_watching_takes_what_is_the_same_in_two_looks(tmp_path, monkeypatch):
     fleet = made_fleet(tmp_path)
     arrive(tmp_path, "a_{}.txt", "0.1")
@@ -216,6 +225,7 @@ def test_a_recording_that_kills_its_process_is_isolated(tmp_path, monkeypatch):
         ("recordings = 'inbox'", "recordings = 'outbox'", "is no folder"),
         ("file = 'machine.toml'", "file = 'none.toml'", "no such file"),
         ("file = 'machine.toml'", "file = 3", "must be text in quotes"),
+        ("[defaults]", "store = 's3://b/fleet.db'\n[defaults]", "must be on this computer"),
         (PATTERN, "(?P<day>.*)", "must have the group"),
         (PATTERN, "(?P<time>", "no regular expression"),
         ('name = "b"', 'name = "a"', "another machine"),
