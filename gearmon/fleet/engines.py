@@ -149,6 +149,11 @@ def in_processes(jobs: Sequence[Job], task: Task = analysed) -> Iterator[Outcome
     ------
     Outcome
         In the order in which they are done.
+
+    Raises
+    ------
+    ArgumentError
+        If processes are killed again and again before they begin.
     """
     # read when NumPy is first loaded, which the processes do
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
