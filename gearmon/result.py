@@ -111,14 +111,20 @@ class Result:
             If the result has no picture, or its picture cannot be drawn on given axes.
         """
         draw = self._drawing()
+        known = signature(draw).parameters
+        for name in options:
+            check_word("plot option ", name, {"ax": 0, "kind": 0} | dict(list(known.items())[1:]))
         if ax is None:
             drawn = draw(self, **options)
             return _chosen(drawn, kind) if isinstance(drawn, dict) else _shown(drawn)
-        if "ax" not in signature(draw).parameters:
+        if "ax" not in known:
             raise ArgumentError(
                 f"plot: the picture of {type(self).__name__} arranges its axes itself; leave ax out"
             )
         axes = np.ravel(np.asarray(ax, dtype=object)).tolist()
+        if not all(hasattr(own, "axvline") for own in axes):
+            kinds = ", ".join(dict.fromkeys(type(own).__name__ for own in axes))
+            raise ArgumentError(f"plot: ax={kinds} is not taken; give matplotlib Axes, one or more")
         draw(self, ax=axes, **options)
         return ax
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from gearmon import __version__
 from gearmon.errors import ArgumentError
 from gearmon.files import replacing, write_atomically
-from gearmon.gears.faults import Fault, parse_fault
+from gearmon.gears.faults import Fault, faults_of
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, MachineLike, OperatingPoint, load_machine
 from gearmon.result import Result
@@ -182,19 +182,8 @@ def simulate(
         mains_hz=mains_hz,
         tacho_shaft=tacho_shaft,
     )
-    return record(load_machine(machine), _faults(faults), settings, point=point, progress=progress)
-
-
-def _faults(given: Fault | str | Iterable[Fault | str]) -> tuple[Fault, ...]:
-    """Return faults, one or several, of which some may be text."""
-    several = [given] if isinstance(given, str | Fault) else given
-    if isinstance(several, Iterable):
-        faults = [parse_fault(own) if isinstance(own, str) else own for own in several]
-        if all(isinstance(own, Fault) for own in faults):
-            return tuple(faults)
-    raise ArgumentError(
-        f"faults={given!r}: must be faults or their text, such as ['crack:1:pinion:5:20%']"
-    )
+    known = faults_of(faults, errors=False)
+    return record(load_machine(machine), known, settings, point=point, progress=progress)
 
 
 def record(
