@@ -196,6 +196,15 @@ def with_units(names: Sequence[str], units: Sequence[str | None]) -> list[str]:
     return [f"{name} [{unit}]" if unit and unit != "1" else name for name, unit in pairs]
 
 
+def sample_rows(
+    samples: Any, sampling_rate_hz: float, heads: Sequence[str]
+) -> list[dict[str, Any]]:
+    """Return a row a sample: the time, and every channel under its head."""
+    times = np.arange(samples.shape[1]) / sampling_rate_hz
+    rows = np.vstack([times, samples]).T.tolist()
+    return [dict(zip(["time_s", *heads], row, strict=True)) for row in rows]
+
+
 def _chosen(figures: dict[str, Any], kind: str) -> Any:
     """Return the axes of one of several figures, or of all."""
     named = {name.strip("-"): figure for name, figure in figures.items()}

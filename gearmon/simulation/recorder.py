@@ -18,7 +18,7 @@ from gearmon.files import replacing, write_atomically
 from gearmon.gears.faults import Fault, faults_of
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, MachineLike, OperatingPoint, load_machine
-from gearmon.result import Result
+from gearmon.result import Result, sample_rows, with_units
 from gearmon.simulation.contact import Drive, Ripple, ShaftMotion, ToothMesh, random_wander
 from gearmon.simulation.settings import Settings, check_seed, stream
 from gearmon.simulation.train import Train, build_train
@@ -83,6 +83,11 @@ class SimulatedRecording(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return the truth: built-in types only, ready for JSON."""
         return self.truth
+
+    def frame_rows(self) -> list[dict[str, Any]]:
+        """Return a row a sample, as a recording has them."""
+        heads = with_units(self.channel_names, self.units)
+        return sample_rows(self.samples, self.sampling_rate_hz, heads)
 
 
 def simulate(
