@@ -153,9 +153,13 @@ def test_one_fault_needs_no_list():
     )
 
 
+SOUND = np.sin(np.arange(4000.0))
 TRACKED = np.zeros((2, 4000)), 8000.0, 24.7
 MISTAKES = [
-    (lambda: gearmon.recording_spectrum(TRACKED[0][0], band=500, **KNOWN), "band=500 must be two"),
+    (
+        lambda: gearmon.recording_spectrum(np.sin(np.arange(4000.0)), band=500, **KNOWN),
+        "band=500 must be two",
+    ),
     (lambda: gearmon.read_recording(TRACKED[0], "8000"), r"sampling_rate_hz='8000' \(a text\)"),
     (lambda: gearmon.time_synchronous_average(*TRACKED), "track: float is not taken; give"),
     (lambda: gearmon.angular_waveform(*TRACKED), "track: float is not taken; give"),
