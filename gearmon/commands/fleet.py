@@ -59,7 +59,10 @@ def _lines(result: dict[str, Any]) -> Iterator[str]:
     yield f"{printable(result['fleet'])}: {counted(result['analysed'], 'recording')} analysed"
     for key, what in (("failed", "not analysed"), ("not_taken", "not taken")):
         told = result[key]
-        yield from (f"{printable(one['recording'])}: {what}: {one['why']}" for one in told[:_SHOWN])
+        yield from (
+            f"{printable(one['recording'])}: {what}: {printable(one['why'])}"
+            for one in told[:_SHOWN]
+        )
         if len(told) > _SHOWN:
             yield f"{len(told) - _SHOWN} more {what}; --json has them all"
     if result["being_written"]:
