@@ -46,8 +46,8 @@ class Failure:
 
 
 def write_report(
-    analyses: Sequence[Analysis],
-    recordings: Iterable[Recording | None],
+    analyses: Analysis | Sequence[Analysis],
+    recordings: Recording | Iterable[Recording | None] | None,
     reference: Reference | None,
     machine: Machine,
     path: str | Path,
@@ -100,6 +100,8 @@ def write_report(
     """
     from gearmon.report.charts import POINTS, history_charts, recording_charts
 
+    analyses = [analyses] if isinstance(analyses, Analysis) else analyses
+    recordings = [recordings] if isinstance(recordings, Recording | None) else recordings
     target = _checked(analyses, failures, Path(path))
     sections, written, charts = [], [], {}
     supply, points = iter(recordings), max(POINTS // 8, POINTS // max(1, len(analyses)))
