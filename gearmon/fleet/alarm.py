@@ -21,6 +21,7 @@ from gearmon.diagnosis.history import time_text
 from gearmon.diagnosis.history.store import opened
 from gearmon.fleet.ledger import writing
 from gearmon.fleet.plan import Fleet, FleetMachine, Hook
+from gearmon.report.wording import printable
 
 # Seconds until a hook is given up, and until it is tried again.
 _PATIENCE_S, _AGAIN_S = 20.0, (1.0, 4.0, 16.0)
@@ -177,22 +178,22 @@ def deliver(fleet: Fleet) -> list[str]:
     Who is killed between telling and noting so tells again. One that is over or acknowledged
     before anybody was told is not told any more.
     """
-    trouble: list[str] = []
+    trouble: dict[str, str] = {}
     for alarm in alarms(fleet):
         machine = fleet.machine(alarm["machine"])
         if alarm["over"] or alarm["acknowledged"] or machine is None:
             continue
         for hook in fleet.hooks:
             for target, send in _targets(hook, machine, alarm):
-                if target in alarm["told"]:
+                # who cannot be told of one alarm does not hold up the others
+                if target in alarm["told"] or target in trouble:
                     continue
-                why = _tried(send)
-                if why:
-                    trouble.append(f"{target}: could not be told of an alarm ({why})")
+                if why := _tried(send):
+                    trouble[target] = f"{target}: could not be told of an alarm ({why})"
                     continue
                 alarm["told"].append(target)
                 _note(fleet, alarm)
-    return trouble
+    return list(trouble.values())
 
 
 def _note(fleet: Fleet, alarm: dict[str, Any]) -> None:
@@ -215,7 +216,8 @@ def _targets(hook: Hook, machine: FleetMachine, alarm: dict[str, Any]) -> Iterat
     for address in hook.mail:
         message = EmailMessage()
         message["To"] = address
-        message["Subject"] = f"{alarm['machine']}: {alarm['finding']}"
+        # no line of its own may end that of the subject
+        message["Subject"] = printable(f"{alarm['machine']}: {alarm['finding']}")
         said = "".join(f"{name}: {value}\n" for name, value in body.items() if value)
         message.set_content(said)
         letter = message.as_bytes()

@@ -189,6 +189,9 @@ def read_fleet(path: str | Path) -> Fleet:
     for key, text in texts.items():
         if not isinstance(text, str) or not text:
             raise source.error(key, f"{key} must be text in quotes")
+        if is_remote(text):
+            told = f'{key} = "{text}" must be on this computer; only recordings may be elsewhere'
+            raise source.error(key, told)
     return Fleet(
         name=texts["name"],
         machines=tuple(machines),
@@ -305,10 +308,19 @@ def _files(folder: str) -> Iterator[tuple[str, int, str]]:
                     told = entry.stat()
                     yield entry.path, told.st_size, str(told.st_mtime_ns)
         return
-    import fsspec
-
-    system, root = fsspec.core.url_to_fs(folder)
-    for own in system.ls(root, detail=True):
+    for system, own in _listed(folder):
         if own["type"] == "file" and not own["name"].rpartition("/")[2].startswith("."):
             changed = next((str(own[k]) for k in ("mtime", "LastModified", "ETag") if k in own), "")
             yield system.unstrip_protocol(own["name"]), int(own["size"]), changed
+
+
+def _listed(folder: str) -> list[tuple[Any, dict[str, Any]]]:
+    """List a folder that fsspec has to reach, whatever the program for its kind may raise."""
+    try:
+        import fsspec
+
+        system, root = fsspec.core.url_to_fs(folder)
+        return [(system, own) for own in system.ls(root, detail=True)]
+    except Exception as error:
+        why = " ".join(str(error).split()) or type(error).__name__
+        raise ArgumentError(f'recordings = "{folder}": cannot be reached ({why})') from None

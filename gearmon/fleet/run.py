@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from gearmon import __version__
+from gearmon.diagnosis.history.store import as_text
 from gearmon.errors import ArgumentError
 from gearmon.fleet.alarm import alarms, deliver, renew
 from gearmon.fleet.engines import in_processes
@@ -141,7 +142,7 @@ def _fresh(job: Job) -> bool:
 def _new(jobs: Sequence[Job], ledger: dict[str, Any], again: bool) -> Iterator[Job]:
     """Give the recordings that the ledger does not know as they are now."""
     for job in jobs:
-        *state, what, version = ledger.get(job.path, (0, "", "", ""))
+        *state, what, version = ledger.get(as_text(job.path), (0, "", "", ""))
         old = again and (what == "failed" or version != __version__)
         if tuple(state) != job.state or what == "being written" or old:
             yield job
