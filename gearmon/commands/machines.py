@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Mapping
-from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +23,6 @@ from gearmon.terminal import Progress
 
 if TYPE_CHECKING:
     from gearmon.dynamics import HillProblem
-    from gearmon.machine import Machine
     from gearmon.signatures.expected.modes import Modes
 
 #: Natural over mesh frequency up to which the instability is searched for, and drawn: beyond, the
@@ -109,31 +107,8 @@ def run_baseline(arguments: argparse.Namespace) -> int:
     if arguments.output:
         write_signature(signature, arguments.output)
         told.append(f"wrote {arguments.output}")
-    heard = _housing_lines(machine)
-    result = signature.to_dict() | ({"housing": heard} if heard else {})
-    told += _heard_lines(heard)
-    show(arguments, result, lambda: [*signature_lines(signature), *told])
+    show(arguments, signature.to_dict(), lambda: [*signature_lines(signature), *told])
     return DONE
-
-
-def _housing_lines(machine: Machine) -> list[dict[str, Any]]:
-    """Return what the housing hears of planetary sets whose machine file says enough."""
-    from gearmon.signatures.expected.planetary_set import housing_lines
-
-    sets = [i for i, stage in enumerate(machine.stages, start=1) if stage.kind == "planetary"]
-    with suppress(ArgumentError):
-        return [housing_lines(machine, stage).to_dict() for stage in sets]
-    return []
-
-
-def _heard_lines(heard: list[dict[str, Any]]) -> list[str]:
-    from gearmon.report.text_tables import table_lines
-
-    lines = []
-    for own in heard:
-        lines.append(f"healthy planetary set, stage {own['stage']}: force on the housing")
-        lines += table_lines([row for row in own["rows"] if row["allowed"]])
-    return lines
 
 
 def run_family(arguments: argparse.Namespace) -> int:

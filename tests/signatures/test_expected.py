@@ -235,17 +235,18 @@ def test_planetary_stages_show_one_of_their_meshes():
     np.testing.assert_allclose(found["order"], found["mesh_harmonic"] * 100 / 6, rtol=1e-12)
 
 
-def test_an_error_that_does_not_act_in_the_mesh_taken_is_told():
+def test_gears_of_both_meshes_of_a_set_are_wrong_at_once():
     stage = PlanetaryStage(
         sun_teeth=20, planet_teeth=40, ring_teeth=100, planets=4, module_mm=2.0, face_width_mm=25.0
     )
     faults = ["wear:1:ring:all:5%", "pitch:1:sun:1:10um"]
     found = expected_signature(machine(stage), faults, 1e-2, max_hz=2000.0)
-    assert found.header["mesh"] == "planet-ring"
-    assert any(
-        "pitch:1:sun:1:10um does not act in the planet-ring mesh" in words
-        for words in found.header["stages"][0]["warnings"]
-    )
+    assert set(found["sideband_of"]) <= {"", "sun", "carrier"}
+    assert not any("does not act" in words for words in found.header["stages"][0]["warnings"])
+    worn = expected_signature(machine(stage), faults[:1], 1e-2, max_hz=2000.0)
+    sound = expected_signature(machine(stage), [], 1e-2, max_hz=2000.0)
+    assert set(worn["sideband_of"]) == set(sound["sideband_of"]) == {""}
+    assert not np.allclose(worn["acceleration_ms2"], sound["acceleration_ms2"], rtol=1e-3)
 
 
 def test_plain_expansion_to_second_order_reports_its_error():

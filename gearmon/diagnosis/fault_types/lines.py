@@ -234,7 +234,7 @@ class _Mesh:
             posed_mesh(self.machine, self.stage, self.operating, own, mesh=mesh)
             for own in ([], asked)
         )
-        (solved,) = faulty_lines(healthy, [faulty], gear, self.max_hz, _TOLERANCE)
+        (solved,) = faulty_lines(healthy, [faulty], self.max_hz, _TOLERANCE)
         number = solved.number * (teeth // solved.period)
         lines = np.zeros(int(number.max(initial=0)) + 1, dtype=np.complex128)
         lines[number] = 2 * solved.acceleration

@@ -23,6 +23,7 @@ from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.gears.faults import faults_of
 from gearmon.gears.mechanics import StageMechanics
 from gearmon.machine import Machine, MachineLike, load_machine
+from gearmon.signatures.expected.faulty_teeth import faulty_lines
 from gearmon.signatures.expected.mesh import (
     ComplexArray,
     FloatArray,
@@ -32,10 +33,10 @@ from gearmon.signatures.expected.mesh import (
     joined,
     machine_header,
     operating_point,
-    posed_mesh,
     refuse_no_lines,
     rms,
 )
+from gearmon.signatures.expected.planetary_set import PosedSet, posed_stage
 from gearmon.signatures.signature import Signature
 
 #: Most stiffness harmonics of one problem.
@@ -119,9 +120,13 @@ def expected_signature(
     tables, stages, mechanics = [], [], []
     for number in range(1, len(machine.stages) + 1):
         ring = any(fault.stage == number and fault.gear == "ring" for fault in known)
-        posed = posed_mesh(machine, number, operating, known, form=form, mesh=int(ring))
+        posed = posed_stage(machine, number, operating, known, form=form, mesh=int(ring))
         limit = posed.limit_hz(max_hz)
-        lines = steady_lines(posed, limit, tolerance, method, order)
+        lines: SteadyLines | SetLines
+        if isinstance(posed, PosedSet):
+            lines = _set_lines(posed, limit, tolerance)
+        else:
+            lines = steady_lines(posed, limit, tolerance, method, order)
         columns, share = _listed(lines, limit)
         warnings = [*posed.mechanics.warnings, *posed.warnings, *lines.warnings(tolerance)]
         added = {"max_hz": limit, "cross_lines_share": share, "warnings": warnings}
@@ -144,14 +149,49 @@ def _faults(machine: Machine, faults: Iterable[Wrong | str]) -> tuple[Wrong, ...
     return known
 
 
-def _listed(lines: SteadyLines, max_hz: float) -> tuple[dict[str, npt.NDArray[Any]], float]:
+def _listed(lines: MeshLines, max_hz: float) -> tuple[dict[str, npt.NDArray[Any]], float]:
     """Columns of the lines to list, and the share of acceleration in lines of no gear."""
     columns = lines.columns()
     strange = columns["sideband_of"] == "?"
-    known = ~strange & (lines.frequency_hz <= max_hz * (1 + 1e-12))
-    energy = np.abs(lines.acceleration) ** 2
+    known = ~strange & (columns["frequency_hz"] <= max_hz * (1 + 1e-12))
+    energy = columns["acceleration_ms2"] ** 2
     share = math.sqrt(float(energy[strange].sum() / energy.sum())) if energy.any() else 0.0
     return {name: column[known] for name, column in columns.items()}, share
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SetLines(MeshLines):
+    """Lines of a planetary set, solved from corner to corner of its stiffnesses."""
+
+    def header(self) -> dict[str, Any]:
+        """Return what holds for all of its lines, with how they were solved."""
+        added = " of what the faults add" if self.period > 1 else ""
+        return super().header() | {
+            "mean_deflection_m": self.mechanics.static_deflection_m,
+            "order_used": 0,
+            "error_bound": self.error,
+            "stiffness_harmonics": 0,
+            "stiffness_cut": 0.0,
+            "stable": True,
+            "contact_loss_angle_rad": None,
+            "superposition_error": None,
+            "message": f"the whole set, as the housing hears it: error estimated as "
+            f"{self.error:.2g}{added}",
+        }
+
+    def warnings(self, tolerance: float) -> list[str]:
+        """Say where the linear model ends or the accuracy asked for was not reached."""
+        found = []
+        if self.error > tolerance:
+            found.append(f"error {self.error:.2g} misses the tolerance {tolerance:.2g}")
+        if self.contact_lost:
+            found.append("teeth lose contact: the linear model ends there")
+        return found
+
+
+def _set_lines(posed: PosedSet, max_hz: float, tolerance: float) -> SetLines:
+    (found,) = faulty_lines(posed.sound, [posed], max_hz, tolerance)
+    return SetLines(**vars(found))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -181,11 +221,8 @@ class SteadyLines(MeshLines):
 
     def header(self) -> dict[str, Any]:
         """Return what holds for all of its lines, with how they were solved."""
-        own, response, loss = self.mechanics, self.response, self.contact_loss
+        response, loss = self.response, self.contact_loss
         return super().header() | {
-            "overlap_ratio": own.stiffness.overlap_ratio,
-            "equivalent_mass_kg": own.equivalent_mass_kg,
-            "damping_ns_per_m": own.damping_ns_per_m,
             "mean_deflection_m": self.mean_m,
             "order_used": response.order,
             "error_bound": self.error,
@@ -358,6 +395,7 @@ def _alone(part: _Part) -> SteadyLines:
         mesh_order=posed.order,
         period=part.period,
         number=np.arange(1, len(part.displacement)),
+        carrier=np.zeros(len(part.displacement) - 1, dtype=int),
         displacement=part.displacement[1:],
         marked=posed.marked,
         method=response.method,
@@ -392,6 +430,7 @@ def _added(posed: PosedMesh, base: _Part, parts: Sequence[_Part]) -> SteadyLines
         mesh_order=posed.order,
         period=period,
         number=number[1:],
+        carrier=0 * number[1:],
         displacement=total[1:],
         marked=posed.marked,
         method=parts[0].response.method,

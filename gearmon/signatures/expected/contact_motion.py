@@ -1,22 +1,23 @@
-"""Motion of one mass on a varying spring: over a period, and with a few mesh periods of it changed.
+"""Motion of masses on varying springs: over a period, and with a few mesh periods of it changed.
 
-In mesh phase s = t/T the equation ``m z'' + c (z - e)' + k (z - e) = F`` reads, with
-gamma = c T/m, kappa = k T^2/m and phi = F T^2/m,
+In mesh phase s = t/T and coordinates of unit mass a machine and its meshes obey
 
-    z' = u + gamma e,    u' = -gamma u - kappa z + phi + (kappa - gamma^2) e
+    q'' + C q' + K0 q + sum_j v_j [kappa_j (d_j - e_j) - c_j e_j'] = f,    d_j = v_j . q
 
-in which e may jump. Between the corners of k and e the motion is smooth, and a polynomial through
+with kappa = k T^2, and C with the dampers c_j of the meshes. With q' = u + sum_j c_j e_j v_j the
+excitation e may jump. Between the corners of k and e the motion is smooth, and a polynomial through
 16 Gauss points of each panel follows it to nearly all digits (Hairer, Norsett and Wanner, Solving
-Ordinary Differential Equations I, section II.7).
+Ordinary Differential Equations I, section II.7). A single pair is one coordinate with K0 = 0.
 
-With a damaged tooth the stiffness is that of the healthy mesh but for the one to three mesh periods
-in which the tooth is in contact. Only these are solved anew; through the rest of the turn what the
-tooth has set off dies away as free vibration of the healthy mesh, ``y_{p+1} = M y_p``, so that its
-sum over all mesh periods of the turn is a geometric series of 2 x 2 matrices. Every size of damage
-is exact, without an expansion in it, and costs the contact of one tooth whatever the gear.
+With a damaged tooth the stiffness is that of the healthy meshes but for the mesh periods in which
+the tooth is in contact, one to three each time that it meets a mate. What it changes there is a
+force in its own mesh, -delta k d + k e, which the panel answers: 16 unknowns a panel and mesh,
+whatever the machine. Through the rest of the turn what the tooth has set off dies away as free
+vibration of the healthy machine, ``y_{p+1} = M y_p``. Every size of damage is exact, without an
+expansion in it.
 
-Lines are those of the speed z', which has no jumps that displacement excitation could make
-infinite: ``z_r = speed_r / (2 pi i r/P)``.
+Lines of a deflection are those of its speed, which has no jumps that displacement excitation could
+make infinite: ``d_r = speed_r / (2 pi i r/P)``.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ from gearmon.gears.pulses import PanelCurves, gauss, panel_nodes
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
+IntArray = npt.NDArray[np.int_]
 
 #: Collocation points of a panel, and the largest turn [rad] of the fastest part over half of it:
 #: together they integrate that part to about 1e-12.
@@ -92,16 +94,43 @@ class PhaseGrid:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Surroundings:
+    """A machine without its varying meshes: n coordinates of unit mass, time in mesh periods.
+
+    Parameters
+    ----------
+    stiffness, damping : ndarray, shape (n, n)
+        K0, and C with the dampers of the meshes.
+    vectors : ndarray, shape (meshes, n)
+        v_j.
+    dampers : ndarray, shape (meshes,)
+        c_j.
+    force : ndarray, shape (n,)
+    """
+
+    stiffness: FloatArray
+    damping: FloatArray
+    vectors: FloatArray
+    dampers: FloatArray
+    force: FloatArray
+
+    @classmethod
+    def of_pair(cls, damping: float, force: float) -> Surroundings:
+        """Return what is around a single mesh."""
+        one, c = np.ones((1, 1)), np.array([damping])
+        return cls(stiffness=0 * one, damping=c * one, vectors=one, dampers=c, force=force * one[0])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class PeriodicMotion:
     """The motion of which all periods of a grid are alike.
 
     Parameters
     ----------
     grid : PhaseGrid
-    gamma, phi : float
-        c T/m, F T^2/m [m].
-    kappa : ndarray, shape (panels, points)
-        k T^2/m.
+    around : Surroundings
+    kappa : ndarray, shape (meshes, panels, points)
+        k T^2.
     excitation : ndarray, same shape, optional
         e [m].
 
@@ -112,8 +141,7 @@ class PeriodicMotion:
     """
 
     grid: PhaseGrid
-    gamma: float
-    phi: float
+    around: Surroundings
     kappa: FloatArray
     excitation: FloatArray | None = None
 
@@ -125,295 +153,471 @@ class PeriodicMotion:
                 f"no steady state; raise damping_ratio or change speed_rpm"
             )
 
-    def forced(self, kappa: FloatArray, excitation: FloatArray | None) -> _PanelMaps:
-        """Return the motion on the panels of mesh periods with other stiffness or excitation."""
-        push = np.full(kappa.shape, self.phi)
-        shift = None
-        if excitation is not None:
-            push += (kappa - self.gamma**2) * excitation
-            shift = self.gamma * excitation
-        periods = kappa.shape[-2] // len(self.grid.widths)
-        return _panel_maps(np.tile(self.grid.widths, periods), self.gamma, kappa, push, shift)
+    @cached_property
+    def panels(self) -> _Panels:
+        """The panels, ready to be solved."""
+        return _Panels(self.around, self.grid.widths, self.kappa)
 
     @cached_property
     def maps(self) -> _PanelMaps:
-        """Motion on the panels."""
-        return self.forced(self.kappa, self.excitation)
+        """Motion on the panels by the state at the start of each, and by the forcing."""
+        around, size = self.around, len(self.around.force)
+        shape = (*self.kappa.shape[1:], size, 2 * size + 1)
+        push, shift = np.zeros(shape), None
+        push[..., -1] = around.force
+        if self.excitation is not None:
+            shift = np.zeros(shape)
+            pressed = self.kappa * self.excitation
+            push[..., -1] += np.einsum("mpi,ma->pia", pressed, around.vectors)
+            moved = around.dampers[:, None] * around.vectors
+            shift[..., -1] = np.einsum("mpi,ma->pia", self.excitation, moved)
+        return self.panels.answer(push, shift, np.eye(2 * size, 2 * size + 1))
+
+    @cached_property
+    def answers(self) -> tuple[_PanelMaps, _PanelMaps]:
+        """Motion on the panels from rest, by forces in the meshes and by e of their dampers.
+
+        One column for each mesh and point, in this order.
+        """
+        vectors, dampers = self.around.vectors, self.around.dampers
+        each = np.einsum("ma,il->iaml", vectors, np.eye(POINTS)).reshape(POINTS, len(vectors.T), -1)
+        push = np.broadcast_to(each, (self.kappa.shape[1], *each.shape))
+        shift = push * np.repeat(dampers, POINTS)
+        none = np.zeros((2 * len(vectors.T), each.shape[-1]))
+        still = np.zeros_like(shift)
+        return self.panels.answer(push, None, none), self.panels.answer(still, shift, none)
 
     @cached_property
     def monodromy(self) -> FloatArray:
-        """M, free vibration over a period of the grid, shape (2, 2)."""
-        return np.asarray(self.maps.whole[:, :2])
+        """M, free vibration over a period of the grid, shape (2n, 2n)."""
+        return np.asarray(self.maps.whole[:, :-1])
 
     @cached_property
     def start(self) -> FloatArray:
-        """State (z, u) [m] when the period begins."""
-        return np.asarray(np.linalg.solve(np.eye(2) - self.monodromy, self.maps.whole[:, 2]))
+        """State (q, u) when the period begins."""
+        free = self.monodromy
+        return np.asarray(np.linalg.solve(np.eye(len(free)) - free, self.maps.whole[:, -1]))
 
     @cached_property
     def motion(self) -> tuple[FloatArray, FloatArray]:
-        """Motion z and speed z' [m] at the collocation points, shape (panels, points)."""
-        z, u = self.maps.at(self.maps.states(self.start))
-        return z, u if self.excitation is None else u + self.gamma * self.excitation
+        """Deflections and their speeds at the points, shape (meshes, panels, points)."""
+        states = self.maps.states(self.start)
+        return self.maps.deflections(states), self.maps.speeds(states)
+
+    @cached_property
+    def load(self) -> FloatArray:
+        """Kappa (d - e) at the points, shape (meshes, panels, points)."""
+        moved = 0.0 if self.excitation is None else self.excitation
+        return np.asarray(self.kappa * (self.motion[0] - moved))
+
+    @cached_property
+    def mean_load(self) -> FloatArray:
+        """Mean force of each mesh."""
+        weights = self.grid.weights
+        return np.asarray((self.load * weights).sum(axis=(1, 2)) / weights.sum())
 
     @property
     def least_force(self) -> float:
         """Least mesh force over its mean; at or below 0 teeth part."""
-        z, speed = self.motion
-        moved = 0.0 if self.excitation is None else self.excitation
-        return float((self.kappa * (z - moved) + self.gamma * speed).min() / self.phi)
+        force = self.load + self.around.dampers[:, None, None] * self.motion[1]
+        return float((force.min(axis=(1, 2)) / self.mean_load).min())
 
     @property
     def unresolved(self) -> float:
-        """Share of z' in the last two Legendre terms of the panels; see `Deviations`."""
+        """Share of the speeds in the last two Legendre terms of the panels; see `Deviations`."""
         return float(_unresolved(self.motion[1][None], self.grid.widths)[0])
 
-    def lines(self, highest: int, period: int = 1) -> ComplexArray:
-        """Return the harmonics 1..highest of the period of z [m], with P mesh periods in it."""
+    @property
+    def period(self) -> int:
+        """P, mesh periods of the grid."""
+        return round(float(self.grid.edges[-1]))
+
+    def lines(self, highest: int, mesh: int = 0) -> ComplexArray:
+        """Return the harmonics 1..highest of the period of a deflection [m]."""
+        found = self._transform(self.motion[1][mesh], highest)
+        return np.asarray(found / (2j * np.pi * np.arange(1, highest + 1)))
+
+    def force_lines(self, highest: int) -> ComplexArray:
+        """Return the harmonics 1..highest of all mesh forces, shape (meshes, highest)."""
+        rates = 2j * np.pi / self.period * np.arange(1, highest + 1)
+        found = []
+        for number, c in enumerate(self.around.dampers):
+            own = self._transform(self.load[number] + c * self.motion[1][number], highest)
+            if self.excitation is not None:
+                own = own - c * rates * self._transform(self.excitation[number], highest)
+            found.append(own)
+        return np.array(found) / self.period
+
+    def _transform(self, values: FloatArray, highest: int) -> ComplexArray:
+        """Return the integrals of values times exp(-2 pi i r s/P), r = 1..highest."""
+        period = self.period
         phase, weights = self.grid.phase.ravel(), self.grid.weights.ravel()
-        speed = weights * self.motion[1].ravel()
+        own = weights * values.ravel()
         meshes = highest // period + 1
         table = np.zeros((meshes, period), dtype=np.complex128)
         for low in range(0, len(phase), POINTS_PER_BLOCK):
             block = slice(low, low + POINTS_PER_BLOCK)
             turned = np.exp(-2j * np.pi * phase[block])
             slowly = np.exp(-2j * np.pi / period * phase[block])
-            fast = _powers(turned, speed[block].astype(np.complex128), meshes)
+            fast = _powers(turned, own[block].astype(np.complex128), meshes)
             table += fast @ _powers(slowly, np.ones_like(slowly), period).T
-        found = table.ravel()[1 : highest + 1]
-        return np.asarray(found / (2j * np.pi * np.arange(1, highest + 1)))
-
-    @cached_property
-    def free(self) -> FloatArray:
-        """Speed z' at the points per unit of z and u at the start, shape (panels * points, 2)."""
-        z, u, step = (part.copy() for part in (self.maps.z, self.maps.u, self.maps.step))
-        for part in (z, u, step):
-            part[..., 2] = 0.0
-        bare = _PanelMaps(z=z, u=u, step=step)
-        return np.stack([bare.at(bare.states(unit))[1].ravel() for unit in np.eye(2)], axis=-1)
+        return table.ravel()[1 : highest + 1]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Deviations:
-    """How turns with a few changed mesh periods differ from an even mesh.
+    """How turns with a few changed mesh periods differ from an even motion.
 
     Parameters
     ----------
     mesh : PeriodicMotion
         Of one mesh period.
-    period : int
-        P, mesh periods of a turn.
-    speed : ndarray of float, shape (turns, W panels, points)
-        Change of z' [m] in the mesh periods 0..W-1 that differ.
-    after : ndarray of float, shape (turns, 2)
-        Deviation of the state when they end.
-    least_force : ndarray of float, shape (turns,)
-        Least mesh force over its mean, up to one mesh period after; at or below 0 teeth part.
+    where : tuple of int
+        Mesh periods of the turn that differ.
+    speed, load : ndarray of float, shape (turns, P, meshes, panels, points)
+        Change of the speeds of the deflections, and of kappa (d - e), in all P mesh periods.
+    excitation : ndarray, same shape, optional
+        e [m].
     """
 
     mesh: PeriodicMotion
-    period: int
+    where: tuple[int, ...]
     speed: FloatArray
-    after: FloatArray
-    least_force: FloatArray
+    load: FloatArray
+    excitation: FloatArray | None = None
 
     @property
-    def _window(self) -> int:
-        return int(self.speed.shape[1] // len(self.mesh.grid.widths))
+    def least_force(self) -> FloatArray:
+        """Least mesh force over its mean, shape (turns,); at or below 0 teeth part."""
+        dampers, mean = self.mesh.around.dampers[:, None, None], self.mesh.mean_load
+        force = self.load + dampers * self.speed + self.mesh.load + dampers * self.mesh.motion[1]
+        return np.asarray((force.min(axis=(1, 3, 4)) / mean).min(axis=1))
 
     @property
     def unresolved(self) -> FloatArray:
-        """Share of the change of z' in the last two Legendre terms of the panels, (turns,).
+        """Share of the change of the speeds in the last two Legendre terms of the panels, (turns,).
 
         An estimate of the relative error: where the panels suffice the terms fall fast, and what
         is left out is less than what is still seen.
         """
-        return _unresolved(self.speed, np.tile(self.mesh.grid.widths, self._window))
+        return _unresolved(self.speed[:, list(self.where)], self.mesh.grid.widths)
 
-    def lines(self, highest: int) -> ComplexArray:
-        """Return the harmonics 1..highest of the turn of the change of z [m], (turns, highest)."""
-        period, window = self.period, self._window
-        speed = self.speed.reshape(len(self.after), window, -1)
-        phase, weights = self.mesh.grid.phase.ravel(), self.mesh.grid.weights.ravel()
-        meshes = np.arange(highest // period + 1)
-        turned = np.exp(-2j * np.pi * np.outer(meshes, phase)) * weights
-        found = np.zeros((len(speed), highest + 1), dtype=np.complex128)
-        for r in range(min(period, highest + 1)):
-            slow = np.exp(-2j * np.pi * r / period * np.arange(window))
-            sums = np.tensordot(speed, slow, axes=(1, 0)) + (self._rest(r) @ self.mesh.free.T)
-            sums *= np.exp(-2j * np.pi * r / period * phase)
-            count = (highest - r) // period + 1
-            found[:, r::period] = sums @ turned[:count].T
-        return np.asarray(found[:, 1:] / (2j * np.pi * np.arange(1, highest + 1)))
+    def lines(self, highest: int, mesh: int = 0) -> ComplexArray:
+        """Return harmonics 1..highest of the turn of the change of a deflection [m], by turn."""
+        found = self._transform(self.speed[:, :, mesh : mesh + 1], highest)[:, 0]
+        return np.asarray(found / (2j * np.pi * np.arange(1, highest + 1)))
 
-    def _rest(self, r: int) -> ComplexArray:
-        """Sum over the mesh periods W..P-1 of state and turning factor, shape (turns, 2)."""
-        left = self.period - self._window
-        if not left:
-            return np.zeros((len(self.after), 2), dtype=np.complex128)
-        unit = np.exp(-2j * np.pi * r / self.period)
-        free = self.mesh.monodromy
-        series = np.linalg.solve(
-            np.eye(2) - unit * free,
-            np.eye(2) - unit**left * np.linalg.matrix_power(free, left),
-        )
-        # unit^W is the place of the first of them
-        return np.asarray(unit**self._window * (self.after @ series.T))
+    def force_lines(self, highest: int) -> ComplexArray:
+        """Return harmonics 1..highest of the change of the forces, (turns, meshes, highest)."""
+        dampers, period = self.mesh.around.dampers[:, None, None], self.speed.shape[1]
+        found = self._transform(self.load + dampers * self.speed, highest) / period
+        if self.excitation is not None:
+            rates = 2j * np.pi / period**2 * np.arange(1, highest + 1)
+            found -= dampers[..., 0] * rates * self._transform(self.excitation, highest)
+        return np.asarray(found)
+
+    def _transform(self, values: FloatArray, highest: int) -> ComplexArray:
+        """Return the integrals over the turn of values times exp(-2 pi i r s/P), r = 1..highest."""
+        grid, (turns, period, meshes) = self.mesh.grid, values.shape[:3]
+        phase, numbers = grid.phase.ravel(), np.arange(period)
+        # r = a + P b: over the mesh periods by a transform, within one by the points
+        slow = np.fft.fft(values.reshape(turns, period, meshes, -1), axis=1)
+        slow *= np.exp(-2j * np.pi / period * np.outer(numbers, phase))[:, None]
+        fast = np.exp(-2j * np.pi * np.outer(phase, np.arange(highest // period + 1)))
+        found = slow @ (grid.weights.ravel()[:, None] * fast)
+        lines = found.transpose(0, 2, 3, 1).reshape(turns, meshes, -1)
+        return np.asarray(lines[..., 1 : highest + 1])
 
 
 def deviations(
-    mesh: PeriodicMotion, period: int, kappa: FloatArray, excitation: FloatArray | None = None
+    mesh: PeriodicMotion,
+    period: int,
+    where: tuple[int, ...],
+    kappa: FloatArray,
+    excitation: FloatArray | None = None,
 ) -> Deviations:
-    """Solve turns in which the first W mesh periods differ.
+    """Solve turns in which some mesh periods differ.
 
     Parameters
     ----------
     mesh : PeriodicMotion
         Of one mesh period, without excitation.
     period : int
-        P >= W.
-    kappa : ndarray, shape (turns, W panels, points)
-        k T^2/m in these periods.
+        P, mesh periods of the turn.
+    where : tuple of int, increasing
+        Those that differ, 0 to P - 1.
+    kappa : ndarray, shape (turns, W, meshes, panels, points)
+        k T^2 in these periods.
     excitation : ndarray, same shape, optional
         e [m] in these periods; zero in the others.
     """
-    window = kappa.shape[1] // len(mesh.grid.widths)
-    maps = mesh.forced(kappa, excitation)
-    # how the deviation from the even motion passes through the changed periods, then the others
-    changed = maps.whole.copy()
-    between = np.linalg.matrix_power(mesh.monodromy, period - window)
-    changed[..., 2] = (maps.whole @ np.append(mesh.start, 1.0)) - mesh.start
-    total = between @ changed
-    first = np.linalg.solve(np.eye(2) - total[..., :2], total[..., 2:])
-    state = np.asarray(first[..., 0], dtype=np.float64)
-    z, speed = maps.at(maps.states(mesh.start + state))
-    state = _applied(changed, state)
-    if excitation is not None:
-        z, speed = z - excitation, speed + mesh.gamma * excitation
-    force = kappa * z + mesh.gamma * speed
-    z, later = mesh.maps.at(mesh.maps.states(mesh.start + state))
-    least = [part.min(axis=(1, 2)) for part in (force, mesh.kappa * z + mesh.gamma * later)]
-    return Deviations(
-        mesh=mesh,
-        period=period,
-        speed=speed - np.tile(mesh.motion[1], (window, 1)),
-        after=state,
-        least_force=np.minimum(*least) / mesh.phi,
-    )
+    still = [None] * len(where) if excitation is None else list(excitation.swapaxes(0, 1))
+    changed = [
+        _Changed.of(mesh, own, e) for own, e in zip(kappa.swapaxes(0, 1), still, strict=True)
+    ]
+    free, turns = mesh.monodromy, len(kappa)
+    size = len(free)
+    total = np.broadcast_to(np.eye(size, size + 1), (turns, size, size + 1)).copy()
+    # from the first changed period on; those before it come last
+    ends = (*where, period + where[0])
+    for own, here, after in zip(changed, ends[:-1], ends[1:], strict=True):
+        total = _after(own.maps.whole, total)
+        total = np.linalg.matrix_power(free, after - here - 1) @ total
+    found = np.linalg.solve(np.eye(size) - total[..., :-1], total[..., -1:])
+    state = np.asarray(found[..., 0], dtype=np.float64)
+    states = np.empty((turns, period, size))
+    places = dict(zip(where, changed, strict=True))
+    for here in range(period):
+        number = (here + where[0]) % period
+        states[:, number] = state
+        met = places.get(number)
+        state = np.asarray(state @ free.T if met is None else _applied(met.maps.whole, state))
+    shape = (turns, period, *mesh.kappa.shape)
+    speed = (states @ mesh.maps.free[0].T).reshape(shape)
+    load = (states @ mesh.maps.free[1].T).reshape(shape) * mesh.kappa
+    e = None if excitation is None else np.zeros(shape)
+    for i, (here, own) in enumerate(places.items()):
+        speed[:, here], deflected = own.motion(mesh, states[:, here])
+        moved = deflected + mesh.motion[0]
+        if e is not None and excitation is not None:
+            e[:, here] = excitation[:, i]
+            moved = moved - e[:, here]
+        load[:, here] = kappa[:, i] * moved - mesh.load
+    return Deviations(mesh=mesh, where=where, speed=speed, load=load, excitation=e)
 
 
-def lines_per_unit(
-    mesh: PeriodicMotion, period: int, kappa: FloatArray, highest: int
-) -> ComplexArray:
-    """Return the lines that the first part of a change of stiffness makes, per whole change.
+@dataclass(frozen=True, eq=False)
+class _Changed:
+    """A mesh period that differs: the forces that the difference makes in its meshes.
+
+    With d the deflection in the even motion and x the deviation, mesh and point (j, i) bring
+    ``f = -delta kappa (d + x) + kappa e``.
 
     Parameters
     ----------
-    mesh, period
+    columns : ndarray of int, shape (acting * points,)
+        Meshes that differ, among the columns of `PeriodicMotion.answers`.
+    force : ndarray, shape (turns, panels, acting * points, 2n + 1)
+        f by the state of the deviation when its panel begins, and what is there anyway.
+    excitation : ndarray, shape (turns, panels, acting * points), optional
+        e.
+    maps : _PanelMaps
+        Of the deviation.
+    """
+
+    columns: IntArray
+    force: FloatArray
+    excitation: FloatArray | None
+    maps: _PanelMaps
+
+    @classmethod
+    def of(cls, mesh: PeriodicMotion, kappa: FloatArray, excitation: FloatArray | None) -> _Changed:
+        """Pose a mesh period by kappa and e, shape (turns, meshes, panels, points)."""
+        delta = kappa - mesh.kappa
+        marked = delta if excitation is None else (delta != 0) | (excitation != 0)
+        acting = np.flatnonzero(marked.any(axis=(0, 2, 3)))
+        columns = (acting[:, None] * POINTS + np.arange(POINTS)).ravel()
+
+        def rows(values: FloatArray) -> FloatArray:
+            """By panel, then acting mesh and point."""
+            chosen = np.moveaxis(values[..., acting, :, :], -3, -2)
+            return np.asarray(chosen.reshape(*chosen.shape[:-2], -1))
+
+        forced, shifted = mesh.answers
+        free = np.asarray(mesh.maps.rows(acting))
+        free[..., -1] = rows(mesh.motion[0])
+        own = rows(delta)
+        right = -own[..., None] * free
+        if excitation is not None:
+            moved = rows(excitation)
+            by_e = (shifted.rows(acting)[..., columns] @ moved[..., None])[..., 0]
+            right[..., -1] += rows(kappa) * moved - own * by_e
+        matrix = own[..., None] * forced.rows(acting)[..., columns]
+        matrix += np.eye(len(columns))
+        force = np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
+        step = forced.step[..., columns] @ force
+        step[..., :-1] += mesh.maps.step[..., :-1]
+        if excitation is not None:
+            step[..., -1] += (shifted.step[..., columns] @ moved[..., None])[..., 0]
+        maps = _PanelMaps(step=step, speed=mesh.maps.speed, deflection=mesh.maps.deflection)
+        return cls(columns, force, None if excitation is None else moved, maps)
+
+    def motion(self, mesh: PeriodicMotion, start: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return deviations of speeds and deflections, (turns, meshes, panels, points)."""
+        states = self.maps.states(start)
+        force = _applied(self.force, states)[..., None]
+        forced, shifted = mesh.answers
+        found = []
+        for name in ("speed", "deflection"):
+            own, by_force, by_e = (getattr(m, name) for m in (mesh.maps, forced, shifted))
+            flat = own.shape[0], -1
+            moved = own[..., :-1].reshape(*flat, own.shape[-1] - 1) @ states[..., None]
+            moved = moved + by_force[..., self.columns].reshape(*flat, len(self.columns)) @ force
+            if self.excitation is not None:
+                e = self.excitation[..., None]
+                moved = moved + by_e[..., self.columns].reshape(*flat, len(self.columns)) @ e
+            shape = (*moved.shape[:-2], *own.shape[1:-1])
+            found.append(np.moveaxis(moved.reshape(shape), -1, -3))
+        return found[0], found[1]
+
+
+def lines_per_unit(
+    mesh: PeriodicMotion, period: int, where: tuple[int, ...], kappa: FloatArray
+) -> Deviations:
+    """Return what the first part of a change of stiffness makes, per whole change.
+
+    Parameters
+    ----------
+    mesh, period, where
         As in `deviations`.
-    kappa : ndarray, shape (W panels, points)
-        k T^2/m with the whole change.
-    highest : int
+    kappa : ndarray, shape (W, meshes, panels, points)
+        k T^2 with the whole change.
 
     Returns
     -------
-    ndarray of complex, shape (highest,)
-        As `Deviations.lines`.
+    Deviations
+        Of one turn; only what is linear in the motion holds: speeds, loads and their lines.
     """
-    even = np.tile(mesh.kappa, (len(kappa) // len(mesh.kappa), 1))
-    small = SMALL_SHARE * (kappa - even)
-    more, less = deviations(mesh, period, np.stack([even + small, even - small])).lines(highest)
-    return np.asarray((more - less) / (2 * SMALL_SHARE))
+    small = SMALL_SHARE * (kappa - mesh.kappa)
+    found = deviations(mesh, period, where, np.stack([mesh.kappa + small, mesh.kappa - small]))
+    speed, load = ((part[:1] - part[1:]) / (2 * SMALL_SHARE) for part in (found.speed, found.load))
+    return Deviations(mesh=mesh, where=where, speed=speed, load=load)
+
+
+class _Panels:
+    """The collocation equations of u' on each panel.
+
+    Parameters
+    ----------
+    around : Surroundings
+    widths : ndarray, shape (panels,)
+    kappa : ndarray, shape (meshes, panels, points)
+    """
+
+    def __init__(self, around: Surroundings, widths: FloatArray, kappa: FloatArray) -> None:
+        self.around, self.widths = around, widths[:, None, None, None]
+        vectors, integrals = around.vectors, _integrals()
+        self.stiffness = around.stiffness + np.einsum("mpi,ma,mb->piab", kappa, vectors, vectors)
+        h = self.widths[..., None]
+        matrix = h * integrals[:, None, :, None] * around.damping[:, None, :]
+        twice = (integrals @ integrals)[:, None, :, None]
+        matrix = matrix + h**2 * twice * self.stiffness[:, :, :, None, :]
+        size = POINTS * len(around.force)
+        self.matrix = matrix.reshape(len(widths), size, size) + np.eye(size)
+
+    def answer(self, push: FloatArray, shift: FloatArray | None, start: FloatArray) -> _PanelMaps:
+        """Return the motions, a column each.
+
+        Parameters
+        ----------
+        push : ndarray, shape (panels, points, n, columns)
+            What is added to u'.
+        shift : ndarray, same shape, optional
+            What is added to q'.
+        start : ndarray, shape (2n, columns)
+            State when the panel begins.
+        """
+        around, h, size = self.around, self.widths, push.shape[2]
+        q0, u0 = start[:size], start[size:]
+        weights = 0.5 * gauss(POINTS)[1]
+        reach = _integrals().sum(axis=1)[:, None, None]
+        speed, place = u0, q0 + h * reach * u0
+        if shift is not None:
+            speed, place = speed + shift, place + h * _integrated(shift)
+        right = push - around.damping @ speed - self.stiffness @ place
+        solved = np.linalg.solve(self.matrix, right.reshape(*self.matrix.shape[:2], -1))
+        slope = solved.reshape(right.shape)
+        u = u0 + h * _integrated(slope)
+        rate = u if shift is None else u + shift
+        q = q0 + h * _integrated(rate)
+        h = h[:, 0]
+        ends = q0 + h * np.einsum("i,piac->pac", weights, rate)
+        step = np.concatenate([ends, u0 + h * np.einsum("i,piac->pac", weights, slope)], axis=1)
+        vectors = around.vectors
+        return _PanelMaps(step=step, speed=vectors @ rate, deflection=vectors @ q)
+
+
+def _integrated(values: FloatArray) -> FloatArray:
+    """Integrate along the points of [0, 1], of (panels, points, n, columns)."""
+    flat = values.reshape(*values.shape[:2], -1)
+    return np.asarray((_integrals() @ flat).reshape(values.shape))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _PanelMaps:
-    """Motion on each panel as an affine function of the state (z, u) at its start.
+    """Motions on each panel, mostly as an affine function of the state (q, u) at its start.
 
     Parameters
     ----------
-    z, u : ndarray of float, shape (..., panels, points, 3)
-        At the collocation points, per unit of z and of u at the start, and by the forcing.
-    step : ndarray of float, shape (..., panels, 2, 3)
+    step : ndarray of float, shape (..., panels, 2n, columns)
         The state at the end.
+    speed, deflection : ndarray of float, shape (panels, points, meshes, columns)
+        At the collocation points.
     """
 
-    z: FloatArray
-    u: FloatArray
     step: FloatArray
+    speed: FloatArray
+    deflection: FloatArray
 
     @cached_property
     def _ends(self) -> FloatArray:
-        """Maps from the start of the first panel to the end of each, shape (..., panels, 2, 3)."""
+        """Maps from the start of the first panel to the end of each, shape of `step`."""
         ends, reach = self.step, 1
         while reach < ends.shape[-3]:
             # each covers the `reach` panels before it: so do twice as many
             later, earlier = ends[..., reach:, :, :], ends[..., :-reach, :, :]
-            total = later[..., :2] @ earlier
-            total[..., 2] += later[..., 2]
-            ends = np.concatenate([ends[..., :reach, :, :], total], axis=-3)
+            ends = np.concatenate([ends[..., :reach, :, :], _after(later, earlier)], axis=-3)
             reach *= 2
         return ends
 
     @property
     def whole(self) -> FloatArray:
-        """Affine map of the state over all panels, shape (..., 2, 3)."""
+        """Affine map of the state over all panels, shape (..., 2n, 2n + 1)."""
         return np.asarray(self._ends[..., -1, :, :])
 
+    @cached_property
+    def free(self) -> tuple[FloatArray, FloatArray]:
+        """Speeds and deflections of free vibration, by the state at the start of all panels.
+
+        Shape (meshes * panels * points, 2n).
+        """
+        before = self._ends[:-1, :, :-1]
+        size = before.shape[-1]
+        before = np.concatenate([np.eye(size)[None], before])
+        own = (part[..., :-1] @ before[:, None] for part in (self.speed, self.deflection))
+        speed, deflection = (np.moveaxis(part, 2, 0).reshape(-1, size) for part in own)
+        return speed, deflection
+
     def states(self, start: FloatArray) -> FloatArray:
-        """Return the states at the starts of all panels, shape (..., panels, 2)."""
+        """Return the states at the starts of all panels, shape (..., panels, 2n)."""
         ends = _applied(self._ends[..., :-1, :, :], start[..., None, :])
-        first = np.broadcast_to(start[..., None, :], (*ends.shape[:-2], 1, 2))
+        first = np.broadcast_to(start[..., None, :], (*ends.shape[:-2], 1, start.shape[-1]))
         return np.concatenate([first, ends], axis=-2)
 
-    def at(self, states: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return z and u at the collocation points, shape (..., panels, points)."""
-        return _applied(self.z, states), _applied(self.u, states)
+    def speeds(self, states: FloatArray) -> FloatArray:
+        """Return the speeds at the points, shape (meshes, panels, points)."""
+        return np.asarray(np.moveaxis(_applied(self.speed, states[:, None]), -1, 0))
+
+    def deflections(self, states: FloatArray) -> FloatArray:
+        """Return the deflections at the points, shape (meshes, panels, points)."""
+        return np.asarray(np.moveaxis(_applied(self.deflection, states[:, None]), -1, 0))
+
+    def rows(self, meshes: IntArray) -> FloatArray:
+        """Deflections of some meshes, shape (panels, meshes * points, columns)."""
+        own = self.deflection[:, :, meshes].swapaxes(1, 2)
+        return np.asarray(own.reshape(len(own), -1, own.shape[-1]))
 
 
 def _applied(maps: FloatArray, state: FloatArray) -> FloatArray:
     """Return what an affine map makes of a state."""
-    return np.asarray((maps[..., :2] @ state[..., :, None])[..., 0] + maps[..., 2])
+    return np.asarray((maps[..., :-1] @ state[..., :, None])[..., 0] + maps[..., -1])
 
 
-def _panel_maps(
-    widths: FloatArray, gamma: float, kappa: FloatArray, push: FloatArray, shift: FloatArray | None
-) -> _PanelMaps:
-    """Return the motion on each panel.
-
-    Parameters
-    ----------
-    widths : ndarray, shape (panels,)
-    gamma : float
-        c T/m.
-    kappa : ndarray, shape (..., panels, points)
-        k T^2/m.
-    push : ndarray, same shape
-        What is added to u'.
-    shift : ndarray, same shape, optional
-        What is added to z'.
-    """
-    integrals, weights = _integrals(), 0.5 * gauss(POINTS)[1]
-    points = integrals.sum(axis=1)
-    h = widths[:, None]
-    matrix = kappa[..., None] * (h[..., None] ** 2 * (integrals @ integrals))
-    matrix += np.eye(POINTS) + gamma * h[..., None] * integrals
-    moved = np.zeros(push.shape) if shift is None else h * (shift @ integrals.T)
-    sides = np.stack([-kappa, -gamma - kappa * h * points, push - kappa * moved], axis=-1)
-    slope = np.linalg.solve(matrix, sides)
-    u = h[..., None] * (integrals @ slope)
-    u[..., 1] += 1.0
-    z = h[..., None] * (integrals @ u)
-    z[..., 0] += 1.0
-    z[..., 2] += moved
-    step = np.empty((*kappa.shape[:-1], 2, 3))
-    step[..., 0, :] = h * np.einsum("i,...ij->...j", weights, u)
-    step[..., 1, :] = h * np.einsum("i,...ij->...j", weights, slope)
-    if shift is not None:
-        step[..., 0, 2] += widths * (shift @ weights)
-    step[..., 0, 0] += 1.0
-    step[..., 1, 1] += 1.0
-    return _PanelMaps(z=z, u=u, step=step)
+def _after(later: FloatArray, earlier: FloatArray) -> FloatArray:
+    """Return the affine map of one after another."""
+    total = later[..., :-1] @ earlier
+    total[..., -1] += later[..., -1]
+    return np.asarray(total)
 
 
 @lru_cache(maxsize=1)
@@ -425,9 +629,10 @@ def _integrals() -> FloatArray:
 
 
 def _unresolved(speed: FloatArray, widths: FloatArray) -> FloatArray:
-    """Return the share of the last two Legendre terms, of (turns, panels, points) by turn."""
+    """Return the share of the last two Legendre terms, of (turns, ..., panels, points) by turn."""
     series = speed @ gauss(POINTS)[2].T
     power = series**2 / (2 * np.arange(POINTS) + 1) * widths[:, None]
+    power = power.reshape(len(power), -1, POINTS)
     last, whole = (part.sum(axis=(1, 2)) for part in (power[..., -2:], power))
     return np.asarray(np.sqrt(last / np.where(whole > 0, whole, 1.0)))
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,12 @@ from gearmon.gears.faults import ERROR_KINDS, KINDS, parse_fault_or_error
 from gearmon.gears.pairs import mesh_pairs
 from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.result import Result
-from gearmon.signatures.expected.faulty_teeth import faulty_lines, healthy_lines, pair_loss
+from gearmon.signatures.expected.faulty_teeth import (
+    Posed,
+    faulty_lines,
+    healthy_lines,
+    pair_loss,
+)
 from gearmon.signatures.expected.mesh import (
     AMPLITUDES,
     ComplexArray,
@@ -36,6 +42,7 @@ from gearmon.signatures.expected.mesh import (
     refuse_no_lines,
     rms,
 )
+from gearmon.signatures.expected.planetary_set import PosedSet, posed_stage
 from gearmon.signatures.signature import Signature, write_signature
 
 #: What a family holds unless told otherwise. A crack in % is a uniform loss of stiffness.
@@ -77,6 +84,8 @@ class FamilyMember:
         Operating point, from 0.
     lines : MeshLines
         Of its mesh, with tooth 1 faulty.
+    sound : MeshLines
+        Of the same without the fault.
     """
 
     kind: str
@@ -86,6 +95,7 @@ class FamilyMember:
     loss: float
     operating: int
     lines: MeshLines
+    sound: MeshLines
 
     @property
     def teeth(self) -> int:
@@ -121,7 +131,8 @@ class FamilyMember:
             If the gear has no such tooth.
         """
         self.check_tooth(tooth)
-        return self.lines.order, self.lines.acceleration * self.lines.turned(tooth)
+        lines = self.lines.of_tooth(tooth)
+        return lines.order, lines.acceleration
 
     def check_tooth(self, tooth: int) -> None:
         """Refuse teeth that the gear does not have."""
@@ -280,16 +291,20 @@ class FaultFamily(Result):
         write_signature(self.table(mesh_harmonics, sidebands), path)
 
     def _row(self, member: FamilyMember) -> dict[str, Any]:
-        lines = member.lines
-        even = self.healthy[(member.operating, member.stage, int(member.gear == "ring"))]
+        lines, even = member.lines.of_tooth(), member.sound
         mine, is_mesh = lines.acceleration, lines.number % lines.period == 0
-        meshes = mine[is_mesh]
+        # a mesh line that the healthy set has not is new
+        sound = dict(
+            zip(zip(even.number, even.carrier, strict=True), even.acceleration, strict=True)
+        )
+        places = zip(lines.number[is_mesh] // lines.period, lines.carrier[is_mesh], strict=True)
+        meshes = mine[is_mesh] - np.array([sound.get(place, 0.0) for place in places])
         names = ("kind", "stage", "gear", "size", "loss", "operating", "teeth")
         return {name: getattr(member, name) for name in names} | {
             "lines": len(mine),
             "healthy_ms2": even.rms,
             "sidebands_ms2": rms(mine[~is_mesh]),
-            "mesh_change_ms2": rms(meshes - even.acceleration[: len(meshes)]),
+            "mesh_change_ms2": rms(meshes),
             "contact_lost": lines.contact_lost,
             "method": lines.method,
             "error": lines.error,
@@ -386,18 +401,27 @@ def fault_family(
         check_positive("max_hz", max_hz, "Hz")
     check_range("tolerance", tolerance, 1e-10, 1.0)
     texts = _size_texts(kinds, sizes)
-    places = {place: mesh_with(machine, *place) for place in _places(machine, gears)}
     points = _points(machine, operating)
+    places = {place: mesh_with(machine, *place) for place in _places(machine, gears)}
     for name, part in (("kinds", texts), ("gears", places), ("operating", points)):
         if not part:
             raise ArgumentError(f"{name}: none given, at least one is needed")
     job = _Job(machine=machine, max_hz=max_hz, tolerance=tolerance, form=form)
-    posed = {
-        (number, stage, mesh): posed_mesh(machine, stage, number, form=form, mesh=mesh)
-        for number in points
-        for stage in range(1, len(machine.stages) + 1)
-        for mesh in sorted({0, *(mesh for (own, _), mesh in places.items() if own == stage)})
-    }
+    posed: dict[tuple[int, int, int], Posed] = {}
+    for number, stage in product(points, range(1, len(machine.stages) + 1)):
+        for mesh in sorted({0, *(mesh for (own, _), mesh in places.items() if own == stage)}):
+            even = posed_stage(machine, stage, number, form=form, mesh=mesh)
+            # a set that is taken as a whole has all of its gears in one
+            whole = isinstance(even, PosedSet)
+            posed[number, stage, 0 if whole else mesh] = even
+    meshes = (
+        {
+            place: mesh if (points[0], place[0], mesh) in posed else 0
+            for place, mesh in places.items()
+        }
+        if points
+        else {}
+    )
     healthy = {
         key: healthy_lines(mesh, mesh.limit_hz(max_hz), tolerance) for key, mesh in posed.items()
     }
@@ -406,11 +430,14 @@ def fault_family(
     members: list[FamilyMember] = []
     notes: dict[str, None] = {}
     for number in points:
-        for (stage, gear), mesh in places.items():
+        for (stage, gear), mesh in meshes.items():
             even = posed[number, stage, mesh]
             for kind, own in texts.items():
                 try:
-                    members += job.members(even, number, stage, gear, mesh, kind, own)
+                    sound = healthy[number, stage, mesh]
+                    members += job.members(
+                        even, sound, number, gear, places[stage, gear], kind, own
+                    )
                 except ArgumentError as error:
                     if kinds is not None:
                         raise
@@ -436,22 +463,27 @@ class _Job:
 
     def members(
         self,
-        healthy: PosedMesh,
+        healthy: Posed,
+        sound: MeshLines,
         operating: int,
-        stage: int,
         gear: str,
         mesh: int,
         kind: str,
         sizes: Sequence[str],
     ) -> list[FamilyMember]:
         """Solve one kind of fault of one gear at several sizes."""
+        stage = sound.mechanics.stage
         faults = [parse_fault_or_error(_words(kind, stage, gear, size)) for size in sizes]
         faulty = [
-            posed_mesh(self.machine, stage, operating, [fault], form=self.form, mesh=mesh)
+            posed_stage(self.machine, stage, operating, [fault], form=self.form, mesh=mesh)
             for fault in faults
         ]
         limit = healthy.limit_hz(self.max_hz)
-        found = faulty_lines(healthy, faulty, gear, limit, self.tolerance)
+        if isinstance(healthy, PosedSet) and not all(isinstance(own, PosedSet) for own in faulty):
+            # what the set cannot be solved with is taken against the same mesh alone
+            healthy = posed_mesh(self.machine, stage, operating, form=self.form, mesh=mesh)
+            sound = healthy_lines(healthy, limit, self.tolerance)
+        found = faulty_lines(healthy, faulty, limit, self.tolerance)
         return [
             FamilyMember(
                 kind=kind,
@@ -461,12 +493,18 @@ class _Job:
                 loss=_loss(own, healthy),
                 operating=operating,
                 lines=lines,
+                sound=sound,
             )
             for size, own, lines in zip(sizes, faulty, found, strict=True)
         ]
 
 
-def _loss(faulty: PosedMesh, healthy: PosedMesh) -> float:
+def _loss(faulty: Posed, healthy: Posed) -> float:
+    meshes = zip(faulty.members, healthy.members, strict=True)
+    return max(_mesh_loss(own, even) for (own, _), (even, _) in meshes)
+
+
+def _mesh_loss(faulty: PosedMesh, healthy: PosedMesh) -> float:
     own, even = faulty.mechanics.stiffness, healthy.mechanics.stiffness
     takes = bool(own.pulses) or own.healthy_mean_n_per_m != even.healthy_mean_n_per_m
     # modulated stiffness loses nothing: its mean wanders a little

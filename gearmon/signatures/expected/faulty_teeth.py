@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
 
 from gearmon.errors import ArgumentError, check_positive, check_range
-from gearmon.gears.excitation import FlankError
+from gearmon.gears.excitation import FlankError, TurningError
 from gearmon.gears.modulation import ModulationTrain, state_of
 from gearmon.gears.pulses import PulseTrain
 from gearmon.machine import MachineLike, load_machine
@@ -31,13 +31,15 @@ from gearmon.signatures.expected.contact_motion import (
 from gearmon.signatures.expected.mesh import (
     ComplexArray,
     FloatArray,
+    Heard,
     IntArray,
     MeshLines,
     PosedMesh,
     mesh_with,
-    posed_mesh,
 )
+from gearmon.signatures.expected.planetary_set import PosedSet, posed_stage
 
+Posed = PosedMesh | PosedSet
 _Motion = TypeVar("_Motion", PeriodicMotion, Deviations)
 
 #: How often panels are halved at most.
@@ -48,32 +50,30 @@ ROUNDS = 4
 SMALL_LOSS = 1e-3
 
 
-def healthy_lines(posed: PosedMesh, max_hz: float, tolerance: float) -> MeshLines:
-    """Solve a mesh whose mesh periods are all alike.
+def healthy_lines(posed: Posed, max_hz: float, tolerance: float) -> MeshLines:
+    """Solve a mesh, or a planetary set, whose mesh periods are all alike.
 
     Parameters
     ----------
-    posed : PosedMesh
+    posed : PosedMesh or PosedSet
     max_hz : float
         Highest frequency [Hz].
     tolerance : float
         Relative error of the acceleration (an estimate).
     """
-    return _periodic(posed, max_hz, tolerance, "")
+    return _periodic(posed, max_hz, tolerance)
 
 
 def faulty_lines(
-    healthy: PosedMesh, faulty: Sequence[PosedMesh], gear: str, max_hz: float, tolerance: float
+    healthy: Posed, faulty: Sequence[Posed], max_hz: float, tolerance: float
 ) -> list[MeshLines]:
-    """Solve a mesh with one fault of tooth 1 or of the whole of one gear, of several sizes.
+    """Solve a mesh, or a planetary set, with faults that differ from case to case.
 
     Parameters
     ----------
-    healthy : PosedMesh
-    faulty : sequence of PosedMesh
-        The same mesh with the fault, size by size.
-    gear : str
-        Whose fault it is.
+    healthy : PosedMesh or PosedSet
+    faulty : sequence of the same
+        With the faults, such as one of growing size.
     max_hz : float
         Highest frequency [Hz].
     tolerance : float
@@ -81,9 +81,9 @@ def faulty_lines(
         solved as a whole.
     """
     if not all(_is_local(posed) for posed in faulty):
-        return [_periodic(posed, max_hz, tolerance, gear) for posed in faulty]
+        return [_periodic(posed, max_hz, tolerance) for posed in faulty]
     if all(posed.period == 1 for posed in faulty):
-        return [_periodic(posed, max_hz, tolerance, "") for posed in faulty]
+        return [_periodic(posed, max_hz, tolerance) for posed in faulty]
     period = max(posed.period for posed in faulty)
     count = _count(healthy, max_hz, period)
     found = _refined(
@@ -92,45 +92,45 @@ def faulty_lines(
         lambda grid: contact_changes(healthy, faulty, grid, period),
         lambda made: max(made.unresolved.max(), made.mesh.unresolved),
     )
-    lines = found.lines(count)
-    lines[:, period - 1 :: period] += found.mesh.lines(count // period)
+    heard = healthy.heard(found, count, period)
+    even = healthy.heard(found.mesh, count // period, 1)
     errors = np.maximum(found.unresolved, found.mesh.unresolved)
     return [
-        _lines(posed, gear, period, own, "contact", float(error), bool(least <= 0))
-        for posed, own, error, least in zip(faulty, lines, errors, found.least_force, strict=True)
+        _lines(posed, period, _with(even, own, heard, period), "contact", error, least <= 0)
+        for posed, own, error, least in zip(
+            faulty, heard.lines, errors.tolist(), found.least_force.tolist(), strict=True
+        )
     ]
 
 
 def contact_changes(
-    healthy: PosedMesh, faulty: Sequence[PosedMesh], grid: PhaseGrid, period: int
+    healthy: Posed, faulty: Sequence[Posed], grid: PhaseGrid, period: int
 ) -> Deviations:
-    """Return what a fault of a tooth changes in a turn of P mesh periods, size by size."""
-    window = min(period, max(_window(posed) for posed in faulty))
-    kappa = np.stack([_kappa(posed, grid, window) for posed in faulty])
-    moved = [_moved(posed, grid, window) for posed in faulty]
+    """Return what faults of teeth change in a turn of P mesh periods, case by case."""
+    where = tuple(sorted({place for posed in faulty for place in _changed(posed, period)})) or (0,)
+    kappa = np.stack([_kappa(posed, grid, where) for posed in faulty])
     excitation = None
-    if any(e is not None for e in moved):
-        still = np.zeros(kappa.shape[1:])
-        excitation = np.stack([still if e is None else e for e in moved])
-    return deviations(periodic_motion(healthy, grid), period, kappa, excitation)
+    if any(posed.excitation is not None for posed in faulty):
+        excitation = np.stack([_moved(posed, grid, where) for posed in faulty])
+    return deviations(periodic_motion(healthy, grid), period, where, kappa, excitation)
 
 
-def periodic_motion(posed: PosedMesh, grid: PhaseGrid) -> PeriodicMotion:
-    """Solve a mesh on panels of its whole period."""
-    own = posed.mechanics
+def periodic_motion(posed: Posed, grid: PhaseGrid) -> PeriodicMotion:
+    """Solve a mesh or a set on panels of its whole period."""
     return PeriodicMotion(
         grid=grid,
-        gamma=own.damping_ns_per_m * _scale(posed) * own.mesh_frequency_hz,
-        phi=own.force_n * _scale(posed),
-        kappa=_kappa(posed, grid, 1),
-        excitation=_moved(posed, grid, 1),
+        around=posed.around,
+        kappa=_kappa(posed, grid, (0,))[0],
+        excitation=None if posed.excitation is None else _moved(posed, grid, (0,))[0],
     )
 
 
-def contact_grid(meshes: Sequence[PosedMesh], max_hz: float) -> PhaseGrid:
-    """Return panels of a mesh period on which all these meshes can be solved."""
-    corners = np.concatenate([_corners(posed) for posed in meshes])
-    return PhaseGrid.between(corners, max(_cycles(posed, max_hz) for posed in meshes))
+def contact_grid(cases: Sequence[Posed], max_hz: float) -> PhaseGrid:
+    """Return panels of a mesh period on which all these cases can be solved."""
+    corners = [_corners(mesh) - lead for posed in cases for mesh, lead in posed.members]
+    return PhaseGrid.between(
+        np.concatenate(corners), max(_cycles(posed, max_hz) for posed in cases)
+    )
 
 
 def pair_loss(faulty: PosedMesh, healthy: PosedMesh) -> float:
@@ -139,17 +139,19 @@ def pair_loss(faulty: PosedMesh, healthy: PosedMesh) -> float:
     return float(own.period_mesh * (1 - own.mean_n_per_m / whole.mean_n_per_m))
 
 
-def _periodic(posed: PosedMesh, max_hz: float, tolerance: float, gear: str) -> MeshLines:
-    """Solve a mesh over its period, on panels that are halved until nothing is left unresolved."""
+def _periodic(posed: Posed, max_hz: float, tolerance: float) -> MeshLines:
+    """Solve a case over its period, on panels that are halved until nothing is left unresolved."""
+    local = _is_local(posed)
     found = _refined(
-        contact_grid([posed], max_hz) if _is_local(posed) else _turn_grid(posed, max_hz),
+        contact_grid([posed], max_hz) if local else _turn_grid(posed, max_hz),
         tolerance,
         lambda grid: periodic_motion(posed, grid),
         lambda made: made.unresolved,
     )
-    period, method = posed.period, "contact" if _is_local(posed) else "whole turn"
-    half = found.lines(_count(posed, max_hz, period), period)
-    return _lines(posed, gear, period, half, method, found.unresolved, found.least_force <= 0)
+    period = posed.period
+    heard = posed.heard(found, _count(posed, max_hz, period), period)
+    method, lost = "contact" if local else "whole turn", found.least_force <= 0
+    return _lines(posed, period, heard, method, found.unresolved, lost)
 
 
 def _refined(
@@ -168,90 +170,111 @@ def _refined(
     return found
 
 
+def _with(even: Heard, own: ComplexArray, added: Heard, period: int) -> Heard:
+    """Return what a fault adds together with the even lines."""
+    place = np.stack(
+        [
+            np.concatenate([added.number, even.number * period]),
+            np.concatenate([added.carrier, even.carrier]),
+        ]
+    )
+    found, where = np.unique(place, axis=1, return_inverse=True)
+    lines = np.zeros(found.shape[1], dtype=np.complex128)
+    np.add.at(lines, where.ravel(), np.concatenate([own, even.lines[0]]))
+    return Heard(found[0], found[1], lines[None])
+
+
 def _lines(
-    posed: PosedMesh,
-    gear: str,
-    period: int,
-    displacement: ComplexArray,
-    method: str,
-    error: float,
-    lost: bool,
+    posed: Posed, period: int, heard: Heard, method: str, error: float, lost: bool
 ) -> MeshLines:
     return MeshLines(
         mechanics=posed.mechanics,
         mesh_order=posed.order,
         period=period,
-        number=np.arange(1, len(displacement) + 1),
-        displacement=displacement,
-        marked={gear: period} if period > 1 else {},
+        number=heard.number,
+        carrier=heard.carrier,
+        pass_order=posed.pass_order,
+        displacement=heard.lines[0],
+        marked=posed.marked if period > 1 else {},
         method=method,
         error=error,
         contact_lost=lost,
     )
 
 
-def _count(posed: PosedMesh, max_hz: float, period: int) -> int:
+def _count(posed: Posed, max_hz: float, period: int) -> int:
     return math.floor(max_hz / posed.mechanics.mesh_frequency_hz * period * (1 + 1e-12))
 
 
-def _scale(posed: PosedMesh) -> float:
-    """Return T^2/m."""
-    own = posed.mechanics
-    return 1 / (own.equivalent_mass_kg * own.mesh_frequency_hz**2)
+def _kappa(posed: Posed, grid: PhaseGrid, places: Sequence[int]) -> FloatArray:
+    """Return kappa in some mesh periods, shape (places, meshes, panels, points)."""
+    phases = np.asarray(places)[:, None, None] + grid.phase
+    found = [mesh.mechanics.stiffness.at(phases + lead) for mesh, lead in posed.members]
+    return np.asarray(np.stack(found, axis=1) * posed.scale)
 
 
-def _kappa(posed: PosedMesh, grid: PhaseGrid, periods: int) -> FloatArray:
-    """Return k T^2/m in the first periods of a grid, shape (periods * panels, points)."""
-    return np.asarray(posed.mechanics.stiffness.at(_phases(grid, periods)) * _scale(posed))
-
-
-def _moved(posed: PosedMesh, grid: PhaseGrid, periods: int) -> FloatArray | None:
-    """Return e [m] there, same shape; None where nothing moves."""
-    return None if posed.excitation is None else posed.excitation.at(_phases(grid, periods))
-
-
-def _phases(grid: PhaseGrid, periods: int) -> FloatArray:
-    phases = np.arange(periods)[:, None, None] + grid.phase
-    return np.asarray(phases.reshape(-1, grid.phase.shape[-1]))
-
-
-def _is_local(posed: PosedMesh) -> bool:
-    """Whether a fault acts in a few mesh periods of a turn, or in all of them alike."""
-    if posed.mechanics.stiffness.modulations:
-        return False
-    errors = () if posed.excitation is None else posed.excitation.errors
-    return all(isinstance(e, FlankError) or e.period_mesh == 1 for e in errors)
-
-
-def _window(posed: PosedMesh) -> int:
-    """Mesh periods, from the entry of tooth 1, in which the mesh differs."""
-    stiffness = posed.mechanics.stiffness
-    ends = [
-        term.offset + term.pulse.length + term.face_end * train.overlap_ratio
-        for train in stiffness.pulses
-        for term in train.terms
+def _moved(posed: Posed, grid: PhaseGrid, places: Sequence[int]) -> FloatArray:
+    """Return e [m] there, same shape."""
+    phases = np.asarray(places)[:, None, None] + grid.phase
+    found = [
+        np.zeros(phases.shape) if mesh.excitation is None else mesh.excitation.at(phases + lead)
+        for mesh, lead in posed.members
     ]
-    if posed.excitation is not None:
-        ends.append(stiffness.total_contact_ratio)
-    return min(posed.period, max(1, math.ceil(max(ends, default=1.0) - 1e-9)))
+    return np.stack(found, axis=1)
 
 
-def _cycles(posed: PosedMesh, highest_hz: float) -> float:
+def _is_local(posed: Posed) -> bool:
+    return all(mesh.is_local for mesh, _ in posed.members)
+
+
+def _errors(mesh: PosedMesh) -> tuple[TurningError | FlankError, ...]:
+    return () if mesh.excitation is None else mesh.excitation.errors
+
+
+def _changed(posed: Posed, period: int) -> set[int]:
+    """Mesh periods of P in which a mesh differs."""
+    found: set[int] = set()
+    for mesh, lead in posed.members:
+        stiffness = mesh.mechanics.stiffness
+        spans = [
+            (
+                term.offset,
+                term.pulse.length + term.face_end * train.overlap_ratio,
+                train.period_mesh,
+            )
+            for train in stiffness.pulses
+            for term in train.terms
+        ]
+        spans += [
+            ((e.tooth or 1) - 1, stiffness.total_contact_ratio, e.period_mesh)
+            for e in _errors(mesh)
+            if isinstance(e, FlankError)
+        ]
+        for start, length, repeats in spans:
+            first = math.floor(start - lead + 1e-9)
+            last = math.ceil(start - lead + length - 1e-9)
+            for turn in range(0, period, repeats):
+                found.update((turn + i) % period for i in range(first, max(last, first + 1)))
+    return found
+
+
+def _cycles(posed: Posed, highest_hz: float) -> float:
     """Return the cycles a mesh period that panels are to follow: motion times highest line.
 
     The motion itself is followed with a margin, also where no high line is asked for.
     """
-    own, natural = posed.mechanics, posed.mechanics.natural_frequency_hz
-    terms = [term for train in own.stiffness.trains for term in train.terms]
+    natural, trains = posed.highest_natural_hz, posed.members[0][0].mechanics.stiffness.trains
+    terms = [term for train in trains for term in train.terms]
     fastest = max((term.pulse.fastest for term in terms), default=0.0) / (2 * math.pi)
-    return max(max(2 * natural, natural + highest_hz) / own.mesh_frequency_hz, fastest)
+    mesh_hz = posed.mechanics.mesh_frequency_hz
+    return max(max(2 * natural, natural + highest_hz) / mesh_hz, fastest)
 
 
 def _corners(posed: PosedMesh) -> FloatArray:
     """Mesh phases at which stiffness or excitation are not smooth."""
     stiffness = posed.mechanics.stiffness
     found = [np.zeros(1), *(_pulse_corners(train) for train in stiffness.trains)]
-    for error in () if posed.excitation is None else posed.excitation.errors:
+    for error in _errors(posed):
         if isinstance(error, FlankError):
             limits = error.gap.edges
             found += [limits, limits + stiffness.overlap_ratio]
@@ -267,19 +290,21 @@ def _pulse_corners(train: PulseTrain) -> FloatArray:
     return np.concatenate(found)
 
 
-def _turn_grid(posed: PosedMesh, highest_hz: float) -> PhaseGrid:
+def _turn_grid(posed: Posed, highest_hz: float) -> PhaseGrid:
     """Return panels round a turn, with edges at all corners of stiffness and excitation."""
-    stiffness, period = posed.mechanics.stiffness, posed.period
-    moving = [
-        train
-        for train in stiffness.modulations
-        if any(offset.leaving or offset.entering for offset in train.offsets)
-    ]
-    found = [_moved_corners(train, period, stiffness.overlap_ratio) for train in moving]
-    if not moving:
-        found = [np.add.outer(np.arange(period), _corners(posed)).ravel()]
-    corners = np.concatenate([*found, _kinks(posed)])
-    return PhaseGrid.between(corners, _cycles(posed, highest_hz), period)
+    period, found = posed.period, []
+    for mesh, lead in posed.members:
+        stiffness = mesh.mechanics.stiffness
+        moving = [
+            train
+            for train in stiffness.modulations
+            if any(offset.leaving or offset.entering for offset in train.offsets)
+        ]
+        own = [_moved_corners(train, period, stiffness.overlap_ratio) for train in moving]
+        if not moving:
+            own = [np.add.outer(np.arange(period), _corners(mesh)).ravel()]
+        found += [corners - lead for corners in (*own, _kinks(mesh))]
+    return PhaseGrid.between(np.concatenate(found), _cycles(posed, highest_hz), period)
 
 
 def _moved_corners(train: ModulationTrain, period: int, overlap: float) -> FloatArray:
@@ -346,7 +371,11 @@ class LossResponse(Result):
         Loss at which it holds: the share that the pair of the tooth loses of its stiffness,
         integrated over its contact; 0 for the derivative at no loss.
     number : ndarray of int, shape (n,)
-        r = 1..n: harmonics of the turn of the gear in its mesh; mesh harmonic h is r = h z.
+        r: harmonics of the turn of the gear in its mesh, of a planetary gear relative to the
+        carrier; mesh harmonic h is r = h z. Of a parallel stage r = 1..n.
+    carrier : ndarray of int, shape (n,)
+        s: turns of the carrier beside them. A sensor on the housing hears every line of a planetary
+        set at s = -1, 0, 1: planets pass. It turns with the place of the sensor, a, as exp(i s a).
     order, frequency_hz : ndarray, shape (n,)
         Frequency over that of shaft 1, and in Hz at the operating point.
     acceleration : complex ndarray, shape (n,)
@@ -363,6 +392,7 @@ class LossResponse(Result):
     operating: int
     loss: float
     number: IntArray
+    carrier: IntArray
     order: FloatArray
     frequency_hz: FloatArray
     acceleration: ComplexArray
@@ -439,29 +469,35 @@ def loss_response(
     place = mesh_with(machine, stage, gear)
     check_range("loss", loss, 0.0, 0.999)
     text = f"{kind}:{stage}:{gear}:1:{float(loss) or SMALL_LOSS!r}"
-    healthy = posed_mesh(machine, stage, operating, form=form, mesh=place)
-    faulty = posed_mesh(machine, stage, operating, [text], form=form, mesh=place)
+    healthy, faulty = (
+        posed_stage(machine, stage, operating, wrong, form=form, mesh=place)
+        for wrong in ((), (text,))
+    )
     highest_hz = healthy.limit_hz(None)
     if max_order is not None:
         check_positive("max_order", max_order)
         highest_hz = max_order * machine.operating[operating].shaft1_hz
-    teeth, mesh_hz = faulty.period, healthy.mechanics.mesh_frequency_hz
+    teeth = faulty.period
     count = _count(healthy, highest_hz, teeth)
     if count < 1:
         raise ArgumentError(f"max_order={max_order} lies below the first line: nothing is left")
-    grid, lost = contact_grid([healthy, faulty], highest_hz), pair_loss(faulty, healthy)
-    if loss:
-        changes = contact_changes(healthy, [faulty], grid, teeth)
-        even, added = changes.mesh, changes.lines(count)[0]
-    else:
-        even = periodic_motion(healthy, grid)
-        kappa = _kappa(faulty, grid, _window(faulty))
-        added = lines_per_unit(even, teeth, kappa, count)
-    mesh = np.zeros(count, dtype=np.complex128)
-    mesh[teeth - 1 :: teeth] = even.lines(count // teeth)
-    number = np.arange(1, count + 1)
-    frequency_hz = number * (mesh_hz / teeth)
-    to_acceleration = -((2 * math.pi * frequency_hz) ** 2)
+    grid = contact_grid([healthy, faulty], highest_hz)
+    lost = max(
+        pair_loss(own, even)
+        for (own, _), (even, _) in zip(faulty.members, healthy.members, strict=True)
+    )
+    changes = contact_changes(healthy, [faulty], grid, teeth)
+    if not loss:
+        where = changes.where
+        changes = lines_per_unit(changes.mesh, teeth, where, _kappa(faulty, grid, where))
+    added = healthy.heard(changes, count, teeth)
+    sound = healthy.heard(changes.mesh, count // teeth, 1)
+    still = replace(sound, lines=0 * sound.lines)
+    table, change = _with(sound, 0 * added.lines[0], added, teeth), added.lines[0]
+    change = _with(still, change, added, teeth).lines[0]
+    number, carrier = table.number, table.carrier
+    turns = number / teeth + carrier * float(healthy.pass_order)
+    to_acceleration = -((2 * math.pi * turns * healthy.mechanics.mesh_frequency_hz) ** 2)
     return LossResponse(
         stage=stage,
         gear=gear,
@@ -470,8 +506,9 @@ def loss_response(
         operating=operating,
         loss=lost if loss else 0.0,
         number=number,
-        order=np.asarray(number * (healthy.order / teeth), dtype=np.float64),
-        frequency_hz=np.asarray(frequency_hz, dtype=np.float64),
-        acceleration=to_acceleration * added / lost,
-        mesh_acceleration=to_acceleration * mesh,
+        carrier=carrier,
+        order=np.asarray(turns * healthy.order),
+        frequency_hz=np.asarray(turns * healthy.mechanics.mesh_frequency_hz),
+        acceleration=to_acceleration * change / lost,
+        mesh_acceleration=to_acceleration * table.lines[0],
     )

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -19,12 +20,13 @@ import numpy.typing as npt
 
 from gearmon.dynamics import HillProblem
 from gearmon.errors import ArgumentError, check_range, nearest_name
-from gearmon.gears.excitation import Excitation, displacement_excitation
+from gearmon.gears.excitation import Excitation, FlankError, displacement_excitation
 from gearmon.gears.faults import Fault, GearError, parse_fault_or_error
 from gearmon.gears.kinematics import kinematics
 from gearmon.gears.mechanics import StageMechanics, stage_mechanics
 from gearmon.gears.pairs import mesh_pairs
 from gearmon.machine import Machine, OperatingPoint
+from gearmon.signatures.expected.contact_motion import Deviations, PeriodicMotion, Surroundings
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
@@ -33,6 +35,23 @@ Wrong = Fault | GearError
 
 #: What the phases and amplitudes of all expected lines mean.
 AMPLITUDES = "peak; phase of the displacement as a cosine when tooth 1 enters contact"
+
+
+@dataclass(frozen=True, eq=False)
+class Heard:
+    """Lines of several turns.
+
+    Parameters
+    ----------
+    number, carrier : ndarray of int, shape (n,)
+        A line lies at number/P mesh orders and `carrier` turns of the carrier.
+    lines : ndarray of complex, shape (turns, n)
+        As `MeshLines.displacement`.
+    """
+
+    number: IntArray
+    carrier: IntArray
+    lines: ComplexArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -69,6 +88,48 @@ class PosedMesh:
         found = {train.gear: train.period_mesh for train in trains}
         errors = () if self.excitation is None else self.excitation.errors
         return found | {error.gear: error.teeth for error in errors if error.period_mesh > 1}
+
+    @property
+    def is_local(self) -> bool:
+        """Whether faults act in a few mesh periods of a turn, or in all of them alike."""
+        errors = () if self.excitation is None else self.excitation.errors
+        return not self.mechanics.stiffness.modulations and all(
+            isinstance(error, FlankError) or error.period_mesh == 1 for error in errors
+        )
+
+    @property
+    def members(self) -> tuple[tuple[PosedMesh, float], ...]:
+        """Its meshes, each with its lead [mesh periods]: itself."""
+        return ((self, 0.0),)
+
+    @property
+    def pass_order(self) -> Fraction:
+        """Signed order of a carrier over that of the mesh: 0, nothing passes."""
+        return Fraction(0)
+
+    @property
+    def scale(self) -> float:
+        """T^2/m, what makes kappa of a stiffness."""
+        own = self.mechanics
+        return 1 / (own.equivalent_mass_kg * own.mesh_frequency_hz**2)
+
+    @property
+    def around(self) -> Surroundings:
+        """What is around the mesh: the mass."""
+        own = self.mechanics
+        damping = own.damping_ns_per_m * self.scale * own.mesh_frequency_hz
+        return Surroundings.of_pair(damping, own.force_n * self.scale)
+
+    @property
+    def highest_natural_hz(self) -> float:
+        """Highest natural frequency [Hz]."""
+        return self.mechanics.natural_frequency_hz
+
+    def heard(self, made: PeriodicMotion | Deviations, highest: int, period: int) -> Heard:
+        """Return the lines 1..highest of a period: those of the motion along the line of action."""
+        del period
+        lines = np.atleast_2d(made.lines(highest))
+        return Heard(np.arange(1, highest + 1), np.zeros(highest, dtype=int), lines)
 
     def only(self, gears: Iterable[str]) -> PosedMesh:
         """Return the same mesh with no gear marked but these."""
@@ -229,7 +290,11 @@ class MeshLines:
     period : int
         P, the true period [mesh periods]; 1 where all are alike.
     number : ndarray of int, shape (n,)
-        r: frequencies r/P of the mesh frequency; increasing.
+        r: frequencies r/P of the mesh frequency.
+    carrier : ndarray of int, shape (n,)
+        s: turns of the carrier beside them, of sidebands by the planets' pass; else 0.
+    pass_order : Fraction
+        Signed order of the carrier over that of the mesh; 0 where no planets pass.
     displacement : complex ndarray, shape (n,)
         z_r [m] of ``z = z_0 + sum (z_r exp(2 pi i r s/P) + conj)`` with s the mesh phase: peak
         amplitudes are 2 abs(z_r).
@@ -247,6 +312,8 @@ class MeshLines:
     mesh_order: float
     period: int
     number: IntArray
+    carrier: IntArray
+    pass_order: Fraction = Fraction(0)
     displacement: ComplexArray
     marked: dict[str, int]
     method: str
@@ -256,12 +323,17 @@ class MeshLines:
     @property
     def order(self) -> FloatArray:
         """Frequencies over that of shaft 1, shape (n,)."""
-        return np.asarray(self.number * (self.mesh_order / self.period))
+        return np.asarray(self._turns * self.mesh_order)
 
     @property
     def frequency_hz(self) -> FloatArray:
         """Frequencies [Hz], shape (n,)."""
-        return np.asarray(self.number * (self.mechanics.mesh_frequency_hz / self.period))
+        return np.asarray(self._turns * self.mechanics.mesh_frequency_hz)
+
+    @property
+    def _turns(self) -> FloatArray:
+        """Frequencies over that of the mesh."""
+        return np.asarray(self.number / self.period + self.carrier * float(self.pass_order))
 
     @property
     def acceleration(self) -> ComplexArray:
@@ -284,29 +356,51 @@ class MeshLines:
         check_range("tooth", tooth, 1, self.period)
         return np.asarray(np.exp(-2j * np.pi * (tooth - 1) / self.period * self.number))
 
+    def of_tooth(self, tooth: int = 1) -> MeshLines:
+        """Return the lines for another tooth, in order; those that fall together are added."""
+        z = self.displacement if tooth == 1 else self.displacement * self.turned(tooth)
+        if not self.pass_order:
+            return replace(self, displacement=z)
+        steps, parts = self.pass_order.numerator * self.period, self.pass_order.denominator
+        place = self.number * parts + self.carrier * steps
+        # a mesh line, or one without the carrier, gives its name
+        ranked = np.lexsort((self.carrier != 0, self.number % self.period != 0, place))
+        _, first, where = np.unique(place[ranked], return_index=True, return_inverse=True)
+        total = np.zeros(len(first), dtype=np.complex128)
+        np.add.at(total, where, z[ranked])
+        chosen = ranked[first]
+        return replace(
+            self, number=self.number[chosen], carrier=self.carrier[chosen], displacement=total
+        )
+
     def columns(self, tooth: int = 1) -> dict[str, npt.NDArray[Any]]:
         """Return the columns of a `Signature`; where one gear is marked, for another tooth of it.
 
         Lines are attributed to the nearest mesh harmonic; `sideband_of` is "?" for those that
-        belong to neither gear.
+        belong to neither gear. Where planets pass there is a column `carrier` more: turns of the
+        carrier beside those of the gear.
         """
-        harmonic = np.ceil(self.number / self.period - 0.5).astype(int)
-        sideband, gear = self._sidebands(self.number - harmonic * self.period)
-        z, angular = self.displacement, 2 * math.pi * self.frequency_hz
-        if tooth != 1:
-            z = z * self.turned(tooth)
-        return {
+        own = self.of_tooth(tooth)
+        harmonic = np.ceil(own.number / self.period - 0.5).astype(int)
+        distance = own.number - harmonic * self.period
+        sideband, gear = own._sidebands(distance)
+        carrier = own.carrier.copy()
+        passing = (distance == 0) & (carrier != 0)
+        sideband[passing], carrier[passing], gear[passing] = carrier[passing], 0, "carrier"
+        z, angular = own.displacement, 2 * math.pi * own.frequency_hz
+        found = {
             "stage": np.full(len(z), self.mechanics.stage),
             "mesh_harmonic": harmonic,
             "sideband": sideband,
             "sideband_of": gear,
-            "order": self.order,
-            "frequency_hz": self.frequency_hz,
+            "order": own.order,
+            "frequency_hz": own.frequency_hz,
             "displacement_m": 2 * np.abs(z),
             "velocity_ms": 2 * angular * np.abs(z),
             "acceleration_ms2": 2 * angular**2 * np.abs(z),
             "phase_rad": np.angle(z),
         }
+        return found | ({"carrier": carrier} if self.pass_order else {})
 
     def _sidebands(self, distance: IntArray) -> tuple[IntArray, npt.NDArray[np.str_]]:
         """Sideband number and modulating gear of lines by their distance from the mesh harmonic."""
@@ -334,6 +428,9 @@ class MeshLines:
             "natural_frequency_hz": own.natural_frequency_hz,
             "damping_ratio": own.damping_ratio,
             "force_n": own.force_n,
+            "overlap_ratio": own.stiffness.overlap_ratio,
+            "equivalent_mass_kg": own.equivalent_mass_kg,
+            "damping_ns_per_m": own.damping_ns_per_m,
             "period_mesh": self.period,
             "method": self.method,
             "contact_lost": self.contact_lost,
@@ -358,9 +455,13 @@ def machine_header(
 
 
 def joined(tables: Iterable[dict[str, Any]]) -> dict[str, Any]:
-    """Return tables of the same columns one under the other."""
+    """Return tables one under the other; of a column that one lacks it has zeros."""
     found = list(tables)
-    return {name: np.concatenate([table[name] for table in found]) for name in found[0]}
+    names = dict.fromkeys(name for table in found for name in table)
+    return {
+        name: np.concatenate([t.get(name, np.zeros(len(t["stage"]), dtype=int)) for t in found])
+        for name in names
+    }
 
 
 def refuse_no_lines(meshes: Iterable[StageMechanics], max_hz: float | None) -> None:

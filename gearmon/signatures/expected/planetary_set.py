@@ -1,74 +1,205 @@
-"""What a sensor on the housing hears of a healthy planetary set.
+"""A planetary set as a part of its machine, and what a sensor on the housing hears of it.
 
 The set vibrates as a part of its machine (`gears.drive_train`): the stiffness of each of its meshes
-varies, each in its phase, those of other stages stay at their means. Of the forces of planet p, in
-both of its meshes, the share d is heard only as it passes the sensor,
+varies, each in its phase, those of other stages stay at their means. A damaged tooth of the sun or
+the ring meets every planet in turn; that of a planet, the first one, meets the sun and, half a turn
+of the planet later, the ring.
+
+Of the forces F_p of planet p, in both of its meshes, the share d is heard only as it passes the
+sensor,
 
     g_p(t) = 1 - d/2 + (d/2) cos(2 pi f_c t + psi_p),
 
-so that mesh harmonic k has the lines k f_m + s f_c, s = -1, 0, 1, of amplitude
-w_s sum_p F_kp exp(i s psi_p), w_0 = 1 - d/2, w_+-1 = d/4. The N equal planets of an equally spaced
-set leave those with k z_r + s divisible by N (McFadden and Smith, Proc. IMechE 199 C1 (1985) 65).
+so that every line of the forces has sidebands one turn of the carrier apart: line r of the turn of
+a gear with z teeth is heard at (r/z) f_m + s f_c, s = -1, 0, 1, with w_s sum_p F_rp exp(i s psi_p),
+w_0 = 1 - d/2, w_+-1 = d/4. The N equal planets of an equally spaced healthy set leave the lines
+with k z_r + s divisible by N (McFadden and Smith, Proc. IMechE 199 C1 (1985) 65).
+
+Lines are told as those of a pair are, whose motion z'' is its dynamic force over the equivalent
+mass: as force on the housing over the equivalent mass of the sun-planet mesh.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any
+from fractions import Fraction
+from functools import cached_property
 
 import numpy as np
 
-from gearmon.dynamics import HillSystem, SystemResponse, steady_state
 from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.drive_train import DriveTrain, drive_train
-from gearmon.gears.kinematics import PLANET_PASS_DEPTH, kinematics
-from gearmon.gears.mechanics import stage_mechanics
+from gearmon.gears.excitation import Excitation
+from gearmon.gears.faults import parse_fault_or_error
+from gearmon.gears.kinematics import PLANET_PASS_DEPTH, Mesh, kinematics
+from gearmon.gears.mechanics import StageMechanics
 from gearmon.machine import Machine, PlanetaryStage
-from gearmon.result import Result
-from gearmon.signatures.expected.mesh import FloatArray, operating_point
-from gearmon.signatures.expected.modes import carried_by_mass, natural
+from gearmon.signatures.expected.contact_motion import Deviations, PeriodicMotion, Surroundings
+from gearmon.signatures.expected.mesh import (
+    FloatArray,
+    Heard,
+    PosedMesh,
+    Wrong,
+    operating_point,
+    posed_mesh,
+)
+from gearmon.signatures.expected.modes import natural
 
-#: Stiffness harmonics taken, at least, and for each harmonic that is shown.
-STIFFNESS_HARMONICS, FOR_EACH = 32, 2
+#: Share of what planets bring to a line up to which they cancel.
+CANCELLED = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class HousingLines(Result):
-    """Lines of the force of a planetary set on the housing.
+class PosedSet:
+    """All meshes of a planetary set at one operating point, ready to be solved.
 
     Parameters
     ----------
-    stage : int
-    rows : tuple of dict
-        Columns `mesh_harmonic`, `sideband` (s, of the carrier), `order`, `frequency_hz`, `force_n`
-        (peak), `phase_rad` and `allowed`: whether equal planets at equal angles leave the line.
-    error_bound : float or None
-        Of the vibration, relative; guaranteed for the stiffness harmonics taken. None where none
-        could be computed, mostly for want of damping (`damping_ns_per_m` of the bearings).
-    contact_lost : bool
-        Whether teeth part: the linear model ends there.
-    notes : tuple of str
-        What was taken where the machine file says nothing.
+    members : tuple of (PosedMesh, float)
+        The sun-planet meshes, then the planet-ring meshes, with their leads [mesh periods].
+    mesh : Mesh
+        Its kinematics.
+    train : DriveTrain
+        The machine around it.
+    angles_rad : ndarray, shape (planets,)
+        psi, where the planets sit.
+    healthy : PosedSet or None
+        The same without faults; None if it has none.
     """
 
-    stage: int
-    rows: tuple[dict[str, Any], ...]
-    error_bound: float | None
-    contact_lost: bool
-    notes: tuple[str, ...]
+    members: tuple[tuple[PosedMesh, float], ...]
+    mesh: Mesh
+    train: DriveTrain
+    angles_rad: FloatArray
+    healthy: PosedSet | None = None
+
+    @property
+    def sound(self) -> PosedSet:
+        """The same without faults."""
+        return self.healthy or self
+
+    @property
+    def mechanics(self) -> StageMechanics:
+        """Of the mesh of sun and first planet."""
+        own = self.members[0][0].mechanics
+        return replace(own, assumptions=self.train.notes, warnings=())
+
+    @property
+    def order(self) -> float:
+        """Mesh frequency over that of shaft 1."""
+        return self.mesh.order
+
+    @property
+    def pass_order(self) -> Fraction:
+        """Signed order of the carrier over that of the mesh."""
+        return self.mesh.carrier / self.mesh.exact
+
+    @property
+    def period(self) -> int:
+        """P, mesh periods after which it repeats."""
+        return math.lcm(*(mesh.period for mesh, _ in self.members))
+
+    @property
+    def marked(self) -> dict[str, int]:
+        """Gears that differ from tooth to tooth, and their teeth."""
+        return {gear: z for mesh, _ in self.members for gear, z in mesh.marked.items()}
+
+    @property
+    def excitation(self) -> Excitation | None:
+        """Any one of its meshes; None where nothing moves the flanks."""
+        found = (mesh.excitation for mesh, _ in self.members)
+        return next((own for own in found if own is not None), None)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What is to be said of its teeth, and what was asked for and acts in no mesh."""
+        told = [(*mesh.warnings, *mesh.mechanics.warnings) for mesh, _ in self.members]
+        every = dict.fromkeys(word for own in told for word in own)
+        mild = ("fault ", "error ")
+        return tuple(w for w in every if not w.startswith(mild) or all(w in own for own in told))
+
+    def limit_hz(self, max_hz: float | None) -> float:
+        """Return up to which frequency [Hz] its lines are shown; 10 mesh harmonics by default."""
+        return self.members[0][0].limit_hz(max_hz)
+
+    @property
+    def scale(self) -> float:
+        """T^2 [s2]: coordinates are modes of unit mass."""
+        return self.mechanics.mesh_frequency_hz**-2
+
+    @cached_property
+    def _modes(self) -> tuple[FloatArray, FloatArray]:
+        """Squares of the angular natural frequencies, without rigid bodies, and shapes."""
+        squares, shapes = natural(self.train)
+        if squares[0] > 0:
+            raise ArgumentError("the machine cannot turn: its shafts are held against rotation")
+        return squares[squares > 0], shapes[:, squares > 0]
+
+    @property
+    def highest_natural_hz(self) -> float:
+        """Highest natural frequency [Hz]."""
+        return math.sqrt(self._modes[0][-1]) / (2 * math.pi)
+
+    @cached_property
+    def around(self) -> Surroundings:
+        """The machine around its meshes, in modes."""
+        (squares, shapes), meshes = self._modes, self.train.meshes(self.mechanics.stage)
+        vectors = np.array([own.rows[0] for own in meshes]) @ shapes
+        means = np.array([own.stiffness[0, 0] for own in meshes])
+        dampers = np.array([own.damping_ns_per_m for own in meshes])
+        period_s, force = 1 / self.mechanics.mesh_frequency_hz, self.mechanics.force_n
+        torques = shapes.T @ self._torques()
+        # that load the first mesh with its static force
+        torques *= force / (means[0] * float(vectors[0] @ (torques / squares)))
+        rest = np.diag(squares) - vectors.T @ (means[:, None] * vectors)
+        return Surroundings(
+            stiffness=rest * period_s**2,
+            damping=shapes.T @ self.train.damping @ shapes * period_s,
+            vectors=vectors,
+            dampers=dampers * period_s,
+            force=torques * period_s**2,
+        )
+
+    def _torques(self) -> FloatArray:
+        """Return balanced torques on the first and the last shaft."""
+        train, load = self.train, np.zeros(len(self.train.mass))
+        rigid = natural(train)[1][:, 0]
+        ends = [i for i, name in enumerate(train.coordinates) if name.startswith("shaft")]
+        first, last = ends[0], [i for i in ends if train.turning[i]][-1]
+        load[first], load[last] = 1.0, -rigid[first] / rigid[last]
+        return load
+
+    def heard(self, made: PeriodicMotion | Deviations, highest: int, period: int) -> Heard:
+        """Return the lines 1..highest of a period, with the sidebands of the planet pass."""
+        forces = made.force_lines(highest) / self.scale
+        forces = forces.reshape(-1, 2, len(self.angles_rad), highest).sum(axis=1)
+        sides = np.array([-1, 0, 1] if self.mesh.carrier else [0])
+        turned = np.exp(1j * np.outer(sides, self.angles_rad))
+        depth = PLANET_PASS_DEPTH if self.mesh.carrier else 0.0
+        weights = np.where(sides == 0, 1 - depth / 2, depth / 4)
+        lines = weights[:, None] * np.einsum("sp,tpr->tsr", turned, forces)
+        brought = np.abs(forces).sum(axis=1).max(axis=0)
+        number = np.arange(1, highest + 1)
+        turn = number / period + sides[:, None] * float(self.pass_order)
+        kept = (np.abs(lines).max(axis=0) > CANCELLED * brought) & (turn > 0)
+        which, line = np.nonzero(kept)
+        angular = 2 * math.pi * self.mechanics.mesh_frequency_hz * turn[kept]
+        # the dynamic force of a pair is -m z''
+        moved = lines[:, which, line] / (self.mechanics.equivalent_mass_kg * angular**2)
+        return Heard(number[line], sides[which], np.asarray(moved))
 
 
-def housing_lines(
+def posed_set(
     machine: Machine,
     stage: int,
     operating: int = 0,
+    wrong: Iterable[Wrong | str] = (),
     *,
-    harmonics: int = 10,
     form: str = "parabolic",
-    tolerance: float = 1e-4,
-) -> HousingLines:
-    """Return what a sensor on the housing hears of a healthy planetary set.
+) -> PosedSet:
+    """Pose a planetary set with what is wrong with it.
 
     Parameters
     ----------
@@ -76,103 +207,73 @@ def housing_lines(
         With what a baseline and `modes` need.
     stage, operating : int
         A planetary stage, counted from 1, and operating point, from 0.
-    harmonics : int, 1 to 200
-        Mesh harmonics.
+    wrong : iterable of Fault, GearError or str
+        Of any stage; those of others are left aside. What concerns one tooth of a planet, or a
+        planet that runs out, concerns the first; wear and profiles concern all of them.
     form : str
         Of the stiffness curves.
-    tolerance : float
-        Relative L2 error of the acceleration.
 
     Raises
     ------
     ArgumentError
-        If the stage is not planetary, or the machine lacks data.
+        If the stage is not planetary, the machine lacks data, or a fault does not fit it.
     """
-    check_range("harmonics", harmonics, 1, 200)
     check_range("stage", stage, 1, len(machine.stages))
     own = machine.stages[stage - 1]
     if not isinstance(own, PlanetaryStage):
         raise ArgumentError(f"stage={stage} is not planetary: no planets pass the housing")
-    point = operating_point(machine, operating)
-    train = drive_train(machine, point, form)
+    train = drive_train(machine, operating_point(machine, operating), form)
     before = sum(isinstance(other, PlanetaryStage) for other in machine.stages[: stage - 1])
-    psi = train.planets[before].angles_rad
-    response = _vibration(machine, train, stage, operating, harmonics, form, tolerance)
-    # sun meshes of all planets, then their ring meshes
-    forces = response.mesh_force[:, : len(psi)] + response.mesh_force[:, len(psi) :]
-    mesh = kinematics(machine).mesh(stage)
-    carrier, depth = float(mesh.carrier), PLANET_PASS_DEPTH if mesh.carrier else 0.0
-    rows = []
-    for k in range(1, harmonics + 1):
-        for s in (-1, 0, 1) if depth else (0,):
-            weight = depth / 4 if s else 1 - depth / 2
-            line = weight * complex(forces[k] @ np.exp(1j * s * psi)) if k < len(forces) else 0j
-            order = k * mesh.order + s * carrier
-            allowed = not own.equally_spaced or (k * own.ring_teeth + s) % own.planets == 0
-            row = {
-                "mesh_harmonic": k,
-                "sideband": s,
-                "order": order,
-                "frequency_hz": order * point.shaft1_hz,
-                "force_n": 2 * abs(line) if allowed else 0.0,
-                "phase_rad": float(np.angle(line)),
-                "allowed": allowed or not depth,
-            }
-            rows.append(row)
-    return HousingLines(
-        stage=stage,
-        rows=tuple(rows),
-        error_bound=response.error_bound if math.isfinite(response.error_bound) else None,
-        contact_lost=bool(response.contact_lost.any()),
-        notes=train.notes,
+    known = [parse_fault_or_error(one) if isinstance(one, str) else one for one in wrong]
+    shared = [one for one in known if one.gear != "planet" or one.kind in ("wear", "profile")]
+    posed = {
+        (side, first): posed_mesh(
+            machine, stage, operating, known if first else shared, form=form, mesh=side
+        )
+        for side in (0, 1)
+        for first in ((True, False) if len(shared) < len(known) else (True,))
+    }
+    count = own.planets
+    members = tuple(
+        (posed.get((side, i == 0), posed[side, True]), train.meshes(stage)[side * count + i].phase)
+        for side in (0, 1)
+        for i in range(count)
+    )
+    return PosedSet(
+        members=members,
+        mesh=kinematics(machine).mesh(stage),
+        train=train,
+        angles_rad=train.planets[before].angles_rad,
+        healthy=posed_set(machine, stage, operating, form=form) if known else None,
     )
 
 
-def _vibration(
+def posed_stage(
     machine: Machine,
-    train: DriveTrain,
     stage: int,
-    operating: int,
-    harmonics: int,
-    form: str,
-    tolerance: float,
-) -> SystemResponse:
-    """Solve the machine with the varying meshes of one planetary set."""
-    point, meshes = machine.operating[operating], train.meshes(stage)
-    rest = replace(train, springs=tuple(own for own in train.springs if own not in meshes))
-    carried = carried_by_mass(train)
-    vectors = np.array([mesh.rows[0] for mesh in meshes])
-    means = np.array([mesh.stiffness[0, 0] for mesh in meshes])
-    dampers = np.array([mesh.damping_ns_per_m for mesh in meshes])
-    sides = [stage_mechanics(machine, stage, point, form=form, mesh=side) for side in (0, 1)]
-    count = max(STIFFNESS_HARMONICS, FOR_EACH * harmonics)
-    orders = np.arange(1, count + 1)
-    shapes = [side.stiffness.mesh_harmonics(count) for side in sides]
-    turned = [
-        shapes["ring" in mesh.part] * np.exp(2j * math.pi * orders * mesh.phase) for mesh in meshes
-    ]
-    system = HillSystem(
-        carried.T @ train.mass @ carried,
-        carried.T @ rest.damping @ carried,
-        carried.T @ rest.stiffness @ carried,
-        vectors @ carried,
-        means,
-        np.array(turned),
-        1 / sides[0].mesh_frequency_hz,
-        carried.T @ _torques(train, vectors[0], sides[0].force_n, means[0]),
-        mesh_damping_ns_per_m=dampers,
-    )
-    return steady_state(system, tolerance, harmonics=harmonics)
+    operating: int = 0,
+    wrong: Iterable[Wrong | str] = (),
+    *,
+    form: str = "parabolic",
+    mesh: int = 0,
+) -> PosedMesh | PosedSet:
+    """Pose a stage: a pair, or a planetary set as a whole if the machine file says enough.
 
-
-def _torques(train: DriveTrain, mesh: FloatArray, force_n: float, stiffness: float) -> FloatArray:
-    """Return the torques on the first and the last shaft that load a mesh with its force."""
-    squares, shapes = natural(train)
-    if squares[0] > 0:
-        raise ArgumentError("the machine cannot turn: its shafts are held against rotation")
-    rigid, load = shapes[:, 0], np.zeros(len(train.mass))
-    ends = [i for i, name in enumerate(train.coordinates) if name.startswith("shaft")]
-    first, last = ends[0], [i for i in ends if train.turning[i]][-1]
-    load[first], load[last] = 1.0, -rigid[first] / rigid[last]
-    moved = np.linalg.lstsq(train.stiffness, load, rcond=None)[0]
-    return np.asarray(load * force_n / (stiffness * float(mesh @ moved)))
+    Parameters
+    ----------
+    machine, stage, operating, wrong, form, mesh
+        As in `posed_mesh`, which is taken where the set cannot be.
+    """
+    if not isinstance(machine.stages[stage - 1], PlanetaryStage):
+        return posed_mesh(machine, stage, operating, wrong, form=form)
+    faults = tuple(wrong)
+    try:
+        found = posed_set(machine, stage, operating, faults, form=form)
+        if all(own.is_local for own, _ in found.members):
+            return found
+        why = "an error of a turning gear acts all through the turn"
+    except ArgumentError as error:
+        why = str(error)
+    alone = posed_mesh(machine, stage, operating, faults, form=form, mesh=mesh)
+    told = f"the {alone.mechanics.mesh} mesh is taken by itself: {why}"
+    return replace(alone, warnings=(*alone.warnings, told))
