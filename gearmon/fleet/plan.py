@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import re
+import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -28,7 +29,13 @@ from gearmon.machine.fields import (
     check_fields,
     obeys,
 )
-from gearmon.machine.reading import load_machine, read_part, read_tables, refuse_unknown_keys
+from gearmon.machine.reading import (
+    load_machine,
+    read_part,
+    read_table,
+    read_tables,
+    refuse_unknown_keys,
+)
 from gearmon.machine.source import MachineSource, read_source
 
 _GROUPS = ("machine", "time", "class")
@@ -85,7 +92,8 @@ class FleetMachine:
     def __post_init__(self) -> None:
         check_fields(self)
         try:
-            groups = set(re.compile(self.pattern).groupindex)
+            with warnings.catch_warnings(action="ignore"):  # what later versions of Python refuse
+                groups = set(re.compile(self.pattern).groupindex)
         except re.error as error:
             reason = f"is no regular expression ({error})"
             raise FieldError("pattern", reason, self.pattern) from None
@@ -168,8 +176,7 @@ def read_fleet(path: str | Path) -> Fleet:
     source, folder = read_source(path), Path(path).parent
     known = ("name", "store", "results", "defaults", "machine", "alarm")
     refuse_unknown_keys(source, source.document, known, "")
-    shared = read_tables(source, "defaults", single=True) if "defaults" in source.document else []
-    defaults = shared[0][1] if shared else {}
+    defaults = read_table(source, "defaults")
     own = tuple(one.name for one in fields(FleetMachine) if one.name != "name")
     refuse_unknown_keys(source, defaults, own, "defaults")
     machines: list[FleetMachine] = []

@@ -151,7 +151,7 @@ def _new(jobs: Sequence[Job], ledger: dict[str, Any], again: bool) -> Iterator[J
 def _alone(fleet: Fleet) -> Iterator[None]:
     """Let nobody else work on the same fleet; whoever is killed gives way."""
     try:
-        with open(f"{fleet.store}.lock", "w") as file:
+        with open(f"{fleet.store}.lock", "a") as file:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             yield
     except BlockingIOError:

@@ -54,6 +54,7 @@ from gearmon.harvesting.cantilever import BEAM_MATERIALS, PIEZO_MATERIALS, Piezo
 from gearmon.harvesting.harvester import CoilHarvester, Harvester, InertialHarvester, number
 from gearmon.harvesting.response import Tuned
 from gearmon.machine.fields import Choice, Count, FieldError, Number, check_fields, obeys
+from gearmon.machine.reading import read_table
 from gearmon.machine.source import MachineSource, read_source
 
 GRAVITY_MS2 = 9.81
@@ -272,9 +273,8 @@ def load_harvester(path: str | Path) -> tuple[Harvester, SensorBudget]:
     kind = document.pop("kind", None)
     if not isinstance(kind, str) or kind not in _KEYS:
         raise source.error("kind", f'kind = {kind!r} must be "cantilever" or "inertial" or "coil"')
-    budget = document.pop("budget", {})
-    if not isinstance(budget, dict):
-        raise source.error("budget", "budget must be a table, written [budget]")
+    budget = read_table(source, "budget")
+    document.pop("budget", None)
     harvester = _told(source, "", _KEYS[kind], document, lambda: _built(kind, document))
     known = [f.name for f in fields(SensorBudget)]
     return harvester, _told(source, "budget.", known, budget, lambda: SensorBudget(**budget))
