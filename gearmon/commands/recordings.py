@@ -68,7 +68,9 @@ def run_analyse(arguments: argparse.Namespace) -> int:
     machine = machine_of(arguments.machine, arguments.speed_hint)
     reference, past = reference_of(arguments, machine), _past(arguments, machine)
     known: dict[str, Any] = {"machine": machine, "reference": reference}
-    task = partial(_analysed, arguments=arguments, must_notice=must_notice, **known)
+    # what goes to a process with every recording names no others
+    alone = argparse.Namespace(**vars(arguments) | {"recording": ()})
+    task = partial(_analysed, arguments=alone, must_notice=must_notice, **known)
     results: list[dict[str, Any]] = []
     kept: list[tuple[Analysis, Recording | None]] = []
     for entry, found in each_of(task, arguments.recording, "analysing"):

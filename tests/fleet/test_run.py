@@ -21,7 +21,7 @@ from reference.fleet_stand_in import (
 )
 
 from gearmon.diagnosis.history import read_history, read_latest
-from gearmon.errors import ArgumentError, MachineFileError
+from gearmon.errors import ArgumentError, MachineFileError, SignatureError
 from gearmon.fleet import alarms, read_fleet, run_fleet, watch_fleet
 from gearmon.fleet import run as running
 
@@ -65,6 +65,30 @@ def test_results_are_parquet_that_pandas_and_others_read(tmp_path):
     assert table["loss"].tolist()[3] == 0.2
     assert dict(table["indicators"][0]) == {"rms, a1": 1.0}
     assert run_fleet(fleet, at_once).results == ()
+
+
+def test_files_of_others_beside_the_results_stay_and_hide_nothing(tmp_path):
+    fleet = made_fleet(tmp_path)
+    arrive(tmp_path, "a_{}.txt", "0.1")
+    fleet.results.mkdir()
+    others = fleet.results / "other-2026.parquet", Path(f"{fleet.store}.lock")
+    for path in others:
+        path.write_text("mine")
+    assert len(run_fleet(fleet, at_once).results) == 1
+    assert [path.read_text() for path in others] == ["mine", "mine"]
+
+
+def test_a_row_of_the_ledger_that_was_changed_is_refused(tmp_path):
+    fleet = made_fleet(tmp_path)
+    arrive(tmp_path, "a_{}.txt", "0.1")
+    run_fleet(fleet, at_once)
+    for path in fleet.results.glob("*.parquet"):
+        path.unlink()
+    with closing(sqlite3.connect(fleet.store)) as store:
+        store.execute("UPDATE ledger SET indicators = replace(indicators, '1.1', '9.1')")
+        store.commit()
+    with pytest.raises(SignatureError, match="not what was written"):
+        run_fleet(fleet, at_once)
 
 
 def test_two_files_of_one_machine_and_time_are_said(tmp_path):

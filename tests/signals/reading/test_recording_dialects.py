@@ -252,6 +252,10 @@ class TestLineBreaksWithinQuotes:
         with pytest.raises(RecordingError, match="line 3: "):
             table(f'"[g],[g],[g]\na,b,c\n{row}\n' + written())
 
+    def test_nor_is_one_whose_quotes_close_none(self):
+        with pytest.raises(RecordingError, match="line 3"):
+            table('"a,b,c\n1,2,3\n"0.5","1.5","2\n' + written())
+
     def test_in_a_later_row_too(self):
         with pytest.raises(RecordingError, match="line 34"):
             table("a,b,c\n" + written() + '1,"2\n",3\n' + written())
