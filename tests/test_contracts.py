@@ -83,7 +83,9 @@ def is_figure(key: str, value: object) -> bool:
     if name in ("verdict", "method") or key.startswith("recordings[0].flags[0]."):
         return name in ("verdict", "method", "kind", "gear", "tooth", "stiffness_loss")
     units = ("_hz", "_m", "_ms2", "_n_per_m", "_w", "order", "value")
-    return isinstance(value, float) and name.endswith(units) and abs(value) > 1e-9
+    # of sums of 1e8 N/m what cancels leaves its rounding, which differs from machine to machine
+    least = 1e-3 if name.endswith("_n_per_m") else 1e-9
+    return isinstance(value, float) and name.endswith(units) and abs(value) > least
 
 
 @pytest.mark.parametrize("name", COMMANDS)
