@@ -51,8 +51,10 @@ CREATE TABLE IF NOT EXISTS alarms
 """
 
 
-LEDGER = ("path", "machine", "class", "time_s", "size", "changed", "hash", "state", "why")
-LEDGER += ("version", "indicators")
+LEDGER = (
+    *("path", "machine", "class", "time_s", "size", "changed"),
+    *("hash", "state", "why", "version", "indicators"),
+)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -232,7 +232,7 @@ class _Site:
     @staticmethod
     def _tabled(row: dict[str, Any]) -> dict[str, Any]:
         kept = ("path", "class", "time_s", "state", "why", "verdict", "score", "findings")
-        return {name: row[name] for name in kept} | row["indicators"]
+        return {name: row[name] for name in kept} | dict(row["indicators"])
 
     def style(self, _: Request) -> Response:
         from starlette.responses import Response
