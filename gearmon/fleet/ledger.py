@@ -225,7 +225,10 @@ def write_results(fleet: Fleet) -> list[Path]:
     types += [("indicators", pa.map_(pa.string(), pa.float64()))]
     about = {"gearmon": json.dumps({"fleet results": RESULTS_VERSION})}
     schema = pa.schema(types, about)
-    fleet.results.mkdir(parents=True, exist_ok=True)
+    try:
+        fleet.results.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ArgumentError(f"{fleet.results}: is no folder ({error.strerror})") from None
     written: list[Path] = []
     while rows := _results(fleet, max(map(_last, fleet.results.glob(_FILES)), default=0)):
         first, last = rows[0]["ledger_id"], rows[-1]["ledger_id"]

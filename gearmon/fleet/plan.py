@@ -11,6 +11,7 @@ import os
 import re
 import warnings
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
@@ -308,9 +309,10 @@ def _files(folder: str) -> Iterator[tuple[str, int, str]]:
     if not is_remote(folder):
         with os.scandir(folder) as found:
             for entry in found:
-                if entry.is_file() and not entry.name.startswith("."):
-                    told = entry.stat()
-                    yield entry.path, told.st_size, str(told.st_mtime_ns)
+                with suppress(OSError):  # gone by now, or a link in a circle
+                    if entry.is_file() and not entry.name.startswith("."):
+                        told = entry.stat()
+                        yield entry.path, told.st_size, str(told.st_mtime_ns)
         return
     import fsspec
 

@@ -151,12 +151,16 @@ def _new(jobs: Sequence[Job], ledger: dict[str, Any], again: bool) -> Iterator[J
 def _alone(fleet: Fleet) -> Iterator[None]:
     """Let nobody else work on the same fleet; whoever is killed gives way."""
     try:
-        with open(f"{fleet.store}.lock", "a") as file:
+        file = open(f"{fleet.store}.lock", "a")  # noqa: SIM115 - closed below
+    except OSError as error:
+        raise ArgumentError(f"{fleet.store}: cannot write there ({error.strerror})") from None
+    with file:
+        try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            yield
-    except BlockingIOError:
-        told = f"{fleet.store}: another gearmon fleet works on it; stop that one, or wait"
-        raise ArgumentError(told) from None
+        except BlockingIOError:
+            told = f"{fleet.store}: another gearmon fleet works on it; stop that one, or wait"
+            raise ArgumentError(told) from None
+        yield
 
 
 def watch_fleet(

@@ -8,6 +8,7 @@ import signal
 import sqlite3
 import time
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -67,6 +68,17 @@ def test_results_are_parquet_that_pandas_and_others_read(tmp_path):
     assert run_fleet(fleet, at_once).results == ()
 
 
+def test_places_that_cannot_be_written_to_are_refused_and_circles_passed_by(tmp_path):
+    fleet = made_fleet(tmp_path)
+    arrive(tmp_path, "a_{}.txt", "0.1")
+    (tmp_path / "inbox" / "circle").symlink_to(tmp_path / "inbox" / "circle")
+    fleet.results.write_text("mine")
+    with pytest.raises(ArgumentError, match="is no folder"):
+        run_fleet(fleet, at_once)
+    with pytest.raises(ArgumentError, match="cannot write there"):
+        run_fleet(replace(fleet, store=tmp_path / "nowhere" / "f.db"), at_once)
+
+
 def test_files_of_others_beside_the_results_stay_and_hide_nothing(tmp_path):
     fleet = made_fleet(tmp_path)
     arrive(tmp_path, "a_{}.txt", "0.1")
@@ -117,8 +129,6 @@ def test_hostile_names_are_taken_or_refused(tmp_path):
 
 
 def _any_name(machine):
-    from dataclasses import replace
-
     return replace(machine, pattern=r"(?s)(?P<machine>a)_(?P<time>[\d-]+).*\.txt")
 
 
