@@ -446,8 +446,8 @@ def targets(folder: Path) -> dict[str, Target]:
     add("fleet", folder / "a.fleet", read_whole_fleet, hostile_toml, sure=False)
     tables = partial(hostile_table, tables=("ledger", "latest", "alarms", "recordings", "places"))
     tables.__name__ = "hostile_tables"
-    known = partial(used_ledger, fleet)
-    add("ledger", fleet.store, known, tables, sure=True)
+    used = partial(used_ledger, fleet)
+    add("ledger", fleet.store, used, tables, sure=False)
     demos = Path(gearmon.demos.__file__).parent
     plans = (("plan", load_day, "exposure_day"), ("harvester", load_harvester, "harvester"))
     for name, load, file in plans:

@@ -223,7 +223,8 @@ def _checked(source: MachineSource, label: str, machine: FleetMachine) -> FleetM
     if machine.reference and not Path(machine.reference).is_file():
         key = f"{label}.reference"
         raise source.error(key, f'{key} = "{machine.reference}" is no file; gearmon learn makes it')
-    if not is_remote(machine.recordings) and not Path(machine.recordings).is_dir():
+    there = machine.recordings and Path(machine.recordings).is_dir()
+    if not (there or is_remote(machine.recordings)):
         key = f"{label}.recordings"
         raise source.error(key, f'{key} = "{machine.recordings}" is no folder; make it first')
     return machine

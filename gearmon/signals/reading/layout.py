@@ -32,8 +32,6 @@ _EMPTY = ' \t,;"'
 _MOST_COLUMNS = 1000
 # What may follow a decimal comma.
 _DECIMALS = re.compile(r"\d+([eE][+-]?\d+)?")
-# A quote that does not end a field that another line has begun.
-_NO_END = re.compile(r'[^"]*"[^\s;,"]')
 _ONE_NAME = re.compile(r"\S+(?:\s*[\[(].*[\])])?")
 # Lines that announce the numbers and name no column.
 _MARKERS = frozenset(
@@ -411,8 +409,6 @@ def _parts(lines: Sequence[Line]) -> int:
     """Return of how many lines the first one is a part: 1 if no quote is left open in it."""
     quotes = 0
     for count, (_, text) in enumerate(lines, 1):
-        if count > 1 and _NO_END.match(text):
-            return 1
         quotes += text.count('"')
         if quotes % 2 == 0:
             return count

@@ -249,12 +249,8 @@ class TestLineBreaksWithinQuotes:
 
     @pytest.mark.parametrize("row", ['0.5,1.5,"2', '"0.5,1.5,2', '0.5,"1.5",2"'])
     def test_a_first_row_that_closes_a_quote_of_the_header_is_not_lost(self, row):
-        with pytest.raises(RecordingError, match=r"line 3[:,] "):
+        with pytest.raises(RecordingError, match="line 3: "):
             table(f'"[g],[g],[g]\na,b,c\n{row}\n' + written())
-
-    def test_nor_is_one_whose_quotes_close_none(self):
-        with pytest.raises(RecordingError, match="line 3"):
-            table('"a,b,c\n1,2,3\n"0.5","1.5","2\n' + written())
 
     def test_in_a_later_row_too(self):
         with pytest.raises(RecordingError, match="line 34"):
