@@ -12,20 +12,25 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import gearmon
-from gearmon.machine import OperatingPoint, ParallelStage
-from gearmon.simulation import simulate
 
-STAGE = ParallelStage(pinion_teeth=23, gear_teeth=57, module_mm=2.5, face_width_mm=28.0)
-POINT = OperatingPoint(speed_rpm=1480.0, torque_nm=120.0)
-MACHINE = gearmon.Machine(name="conveyor drive", operating=(POINT,), stages=(STAGE,))
+MACHINE = gearmon.load_machine(
+    name="conveyor drive",
+    operating={"speed_rpm": 1480.0, "torque_nm": 120.0},
+    stage={
+        "kind": "parallel",
+        "pinion_teeth": 23,
+        "gear_teeth": 57,
+        "module_mm": 2.5,
+        "face_width_mm": 28.0,
+    },
+)
 
 
 def record(seed, load, slip):
-    made = simulate(
+    made = gearmon.simulate(
         MACHINE,
-        (),
-        5.0,
-        10_240.0,
+        duration_s=5.0,
+        sampling_rate_hz=10_240.0,
         machine_seed=1,
         recording_seed=seed,
         channels=2,
@@ -33,14 +38,7 @@ def record(seed, load, slip):
         slip=slip,  # a motor runs slower under load: the nominal speed is never the true one
         tacho_shaft=1,
     )
-    return gearmon.Recording(
-        samples=made.samples,
-        sampling_rate_hz=made.sampling_rate_hz,
-        channel_names=made.channel_names,
-        channel_kinds=made.channel_kinds,
-        units=made.units,
-        origin=f"recording {seed}",
-    )
+    return gearmon.read_recording(made)
 
 
 def level_db(recording):

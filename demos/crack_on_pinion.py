@@ -6,24 +6,29 @@ Run it as it stands: python demos/crack_on_pinion.py
 from pathlib import Path
 
 import gearmon
-from gearmon.gears.faults import parse_fault
-from gearmon.machine import OperatingPoint, ParallelStage
 from gearmon.report import analysis_figures, analysis_text, save
-from gearmon.simulation import simulate, write_simulation
 
 FOLDER = Path("gearmon-crack")
 
 # What the name plate and the drawing say is enough: teeth, module, width, speed and torque.
-STAGE = ParallelStage(pinion_teeth=23, gear_teeth=57, module_mm=2.5, face_width_mm=28.0)
-POINT = OperatingPoint(speed_rpm=1480.0, torque_nm=120.0)
-MACHINE = gearmon.Machine(name="conveyor drive", operating=(POINT,), stages=(STAGE,))
+MACHINE = gearmon.load_machine(
+    name="conveyor drive",
+    operating={"speed_rpm": 1480.0, "torque_nm": 120.0},
+    stage={
+        "kind": "parallel",
+        "pinion_teeth": 23,
+        "gear_teeth": 57,
+        "module_mm": 2.5,
+        "face_width_mm": 28.0,
+    },
+)
 
 
 def record(name, seed, load, *faults):
     """Let the machine run for six seconds; what comes back is read from the file, as yours will."""
-    made = simulate(
+    made = gearmon.simulate(
         MACHINE,
-        [parse_fault(fault) for fault in faults],
+        faults,
         duration_s=6.0,
         sampling_rate_hz=10_240.0,
         machine_seed=1,  # always the same machine: its pitch errors, its housing
@@ -32,8 +37,7 @@ def record(name, seed, load, *faults):
         load=load,
         tacho_shaft=1,
     )
-    path = FOLDER / f"{name}.csv"
-    write_simulation(made, path)
+    (path,) = made.save(FOLDER / f"{name}.csv")
     return gearmon.read_recording(path)
 
 

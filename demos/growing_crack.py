@@ -8,15 +8,20 @@ from pathlib import Path
 
 import gearmon
 from gearmon.diagnosis.history import History, entry_of, history_trends
-from gearmon.gears.faults import parse_fault
-from gearmon.machine import OperatingPoint, ParallelStage
 from gearmon.report import history_figure, history_lines, save
-from gearmon.simulation import simulate, write_simulation
 
 FOLDER = Path("gearmon-growth")
-STAGE = ParallelStage(pinion_teeth=23, gear_teeth=57, module_mm=2.5, face_width_mm=28.0)
-POINT = OperatingPoint(speed_rpm=1480.0, torque_nm=120.0)
-MACHINE = gearmon.Machine(name="conveyor drive", operating=(POINT,), stages=(STAGE,))
+MACHINE = gearmon.load_machine(
+    name="conveyor drive",
+    operating={"speed_rpm": 1480.0, "torque_nm": 120.0},
+    stage={
+        "kind": "parallel",
+        "pinion_teeth": 23,
+        "gear_teeth": 57,
+        "module_mm": 2.5,
+        "face_width_mm": 28.0,
+    },
+)
 START, WEEK = datetime(2026, 1, 5, 8, tzinfo=UTC), timedelta(days=7)
 
 # The truth: four sound weeks, then tooth 7 of the pinion loses stiffness, slowly, then faster.
@@ -24,20 +29,19 @@ LOSSES = [0.0] * 4 + [0.35 * (n / 8) ** 1.5 for n in range(1, 9)]
 
 
 def record(name, seed, load, loss=0.0):
-    faults = [parse_fault(f"crack:1:pinion:7:{100 * loss:.6f}%")] if loss else []
-    made = simulate(
+    made = gearmon.simulate(
         MACHINE,
-        faults,
-        5.0,
-        10_240.0,
+        [f"crack:1:pinion:7:{loss:.3%}"] if loss else [],
+        duration_s=5.0,
+        sampling_rate_hz=10_240.0,
         machine_seed=1,
         recording_seed=seed,
         channels=2,
         load=load,
         tacho_shaft=1,
     )
-    write_simulation(made, FOLDER / f"{name}.csv")
-    return gearmon.read_recording(FOLDER / f"{name}.csv")
+    (path,) = made.save(FOLDER / f"{name}.csv")
+    return gearmon.read_recording(path)
 
 
 def main():

@@ -159,7 +159,11 @@ def __getattr__(name: str) -> Any:
     try:
         home = _HOMES[name]
     except KeyError:
-        raise AttributeError(f"module 'gearmon' has no attribute {name!r}") from None
+        from gearmon.errors import nearest_name
+
+        near = nearest_name(name, _HOMES)
+        hint = f"; did you mean {near}?" if near else ""
+        raise AttributeError(f"module 'gearmon' has no attribute {name!r}{hint}") from None
     return getattr(import_module(home), name)
 
 

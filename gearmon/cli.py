@@ -21,7 +21,7 @@ from gearmon.commands.inputs import check_names, outputs_claimed, recordings_nam
 from gearmon.commands.output import BAD_INPUT, DONE, OWN_FAULT, STOPPED, complain, flushed
 from gearmon.errors import GearmonError, nearest_name
 from gearmon.signals.threads import cores
-from gearmon.terminal import working
+from gearmon.terminal import progress_line
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -89,10 +89,8 @@ def _run(argv: Sequence[str] | None, arguments: argparse.Namespace) -> int:
         arguments.recording = recordings_named(arguments.recording)
     check_names(arguments)
     cores()  # refuses a wrong number of them before any work
-    # these have a bar of their own
-    bar = arguments.command in ("demo", "benchmark")
-    bar |= len(vars(arguments).get("recording") or ()) > 1
-    with outputs_claimed(arguments), nullcontext() if bar else working(arguments.command):
+    line = nullcontext() if arguments.waits else progress_line(arguments.command)
+    with outputs_claimed(arguments), line as arguments.progress:
         code: int = arguments.run(arguments)
     return code
 

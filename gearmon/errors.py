@@ -40,6 +40,18 @@ class SignatureError(GearmonError):
     """A stored signature or reference cannot be used."""
 
 
+def check_type(name: str, value: object, kind: type | tuple[type, ...], accepted: str) -> None:
+    """Raise if `value` is of another kind, with what is accepted.
+
+    Raises
+    ------
+    ArgumentError
+        If it is.
+    """
+    if not isinstance(value, kind):
+        raise ArgumentError(f"{name}: {type(value).__name__} is not taken; give {accepted}")
+
+
 def check_finite(name: str, value: float, unit: str = "") -> float:
     """Return `value` as a float, or raise if it is not a finite number.
 
@@ -123,7 +135,7 @@ def check_word(name: str, word: str, known: Iterable[str]) -> None:
 
 
 def _shown(value: float, unit: str) -> str:
-    return f"{value}{_suffix(unit)}"
+    return f"{value!r} (a text)" if isinstance(value, str) else f"{value}{_suffix(unit)}"
 
 
 def _suffix(unit: str) -> str:

@@ -270,6 +270,9 @@ def reading_archive(
 
     try:
         # opened here, so that it is closed even if it turns out to be no archive
+        with Path(path).open("rb") as file:
+            if file.read(2) != b"PK":
+                raise ValueError("another kind of file")
         with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as archive:
             if archive_swells(archive):
                 raise ValueError("it unpacks to more than any")

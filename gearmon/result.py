@@ -111,14 +111,20 @@ class Result:
             If the result has no picture, or its picture cannot be drawn on given axes.
         """
         draw = self._drawing()
+        known = signature(draw).parameters
+        for name in options:
+            check_word("plot option ", name, {"ax": 0, "kind": 0} | dict(list(known.items())[1:]))
         if ax is None:
             drawn = draw(self, **options)
             return _chosen(drawn, kind) if isinstance(drawn, dict) else _shown(drawn)
-        if "ax" not in signature(draw).parameters:
+        if "ax" not in known:
             raise ArgumentError(
                 f"plot: the picture of {type(self).__name__} arranges its axes itself; leave ax out"
             )
         axes = np.ravel(np.asarray(ax, dtype=object)).tolist()
+        if not all(hasattr(own, "axvline") for own in axes):
+            kinds = ", ".join(dict.fromkeys(type(own).__name__ for own in axes))
+            raise ArgumentError(f"plot: ax={kinds} is not taken; give matplotlib Axes, one or more")
         draw(self, ax=axes, **options)
         return ax
 
@@ -188,6 +194,15 @@ def with_units(names: Sequence[str], units: Sequence[str | None]) -> list[str]:
     """
     pairs = zip(names, units, strict=True)
     return [f"{name} [{unit}]" if unit and unit != "1" else name for name, unit in pairs]
+
+
+def sample_rows(
+    samples: Any, sampling_rate_hz: float, heads: Sequence[str]
+) -> list[dict[str, Any]]:
+    """Return a row a sample: the time, and every channel under its head."""
+    times = np.arange(samples.shape[1]) / sampling_rate_hz
+    rows = np.vstack([times, samples]).T.tolist()
+    return [dict(zip(["time_s", *heads], row, strict=True)) for row in rows]
 
 
 def _chosen(figures: dict[str, Any], kind: str) -> Any:

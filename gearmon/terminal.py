@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 import re
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from contextlib import AbstractContextManager, closing, nullcontext
 from threading import Event, Thread
 from time import monotonic
 
@@ -35,59 +35,64 @@ def coloured(text: str) -> str:
     return re.sub(rf"\b({named})\b", lambda own: f"\033[1;{_COLOURS[own[1]]}m{own[1]}\033[0m", text)
 
 
-@contextmanager
-def working(what: str) -> Iterator[None]:
-    """Tell on standard error, if that is a terminal, what takes longer than two seconds.
+class ProgressLine:
+    """A line on standard error that tells how far a work is, once that takes two seconds.
 
     Parameters
     ----------
     what : str
         What is being done.
     """
-    if not sys.stderr.isatty():
-        yield
-        return
-    done, began = Event(), monotonic()
 
-    def tell() -> None:
+    def __init__(self, what: str) -> None:
+        self._what, self._began, self._share = what, monotonic(), 0.0
+        self._done, self._clock = Event(), Thread(target=self._tell, daemon=True)
+        self._clock.start()
+
+    def __call__(self, share: float) -> None:
+        """Take the share done, 0 to 1; who knows none leaves it, and the time spent is told."""
+        self._share = share
+
+    def close(self) -> None:
+        """Take the line away."""
+        self._done.set()
+        self._clock.join()
+
+    def _tell(self) -> None:
         wait = _PATIENCE_S
-        while not done.wait(wait):
-            print(f"\r{what}: {monotonic() - began:.0f} s ", end="", file=sys.stderr, flush=True)
-            wait = 1.0
+        while not self._done.wait(wait):
+            spent, share = monotonic() - self._began, self._share
+            bar = f"{'#' * round(20 * share):.<20} {100 * share:.0f} % after " if share else ""
+            print(f"\r{self._what}: {bar}{spent:.0f} s \033[K", end="", file=sys.stderr, flush=True)
+            wait = 0.5
         if wait < _PATIENCE_S:
-            print("\r\033[K", end="", file=sys.stderr, flush=True)
-
-    clock = Thread(target=tell, daemon=True)
-    clock.start()
-    try:
-        yield
-    finally:
-        done.set()
-        clock.join()
+            print(end=line_cleared(), file=sys.stderr, flush=True)
 
 
-@contextmanager
-def progress_bar(what: str) -> Iterator[Progress | None]:
-    """Show a progress bar on standard error if that is a terminal.
+def progress_line(what: str) -> AbstractContextManager[ProgressLine | None]:
+    """Return a `ProgressLine` to be closed at the end; None where nobody watches.
 
     Parameters
     ----------
     what : str
         What is being done.
-
-    Yields
-    ------
-    callable or None
-        To be called with the share done, 0 to 1; None where nobody watches.
     """
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
-    from rich.progress import Progress as Bar
+    return closing(ProgressLine(what)) if sys.stderr.isatty() else nullcontext()
 
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
-    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(what, total=1.0)
-        yield lambda share: bar.update(task, completed=share)
+
+def line_cleared() -> str:
+    """Return what takes away a line that is told on standard error, where that is a terminal."""
+    return "\r\033[K" if sys.stderr.isatty() else ""
+
+
+def part_of(progress: Progress | None, start: float, part: float) -> Progress | None:
+    """Return what tells the progress of a part of the work.
+
+    Parameters
+    ----------
+    progress : callable or None
+        Of all the work.
+    start, part : float, 0 to 1
+        Share that is done before it, and its own.
+    """
+    return None if progress is None else lambda share: progress(start + part * share)

@@ -151,3 +151,45 @@ def test_one_fault_needs_no_list():
     np.testing.assert_array_equal(
         one.samples, gearmon.simulate(MACHINE, ["crack:1:pinion:5:20%"], **given).samples
     )
+
+
+SOUND = np.sin(np.arange(4000.0))
+TRACKED = np.zeros((2, 4000)), 8000.0, 24.7
+MISTAKES = [
+    (
+        lambda: gearmon.recording_spectrum(np.sin(np.arange(4000.0)), band=500, **KNOWN),
+        "band=500 must be two",
+    ),
+    (lambda: gearmon.read_recording(TRACKED[0], "8000"), r"sampling_rate_hz='8000' \(a text\)"),
+    (lambda: gearmon.time_synchronous_average(*TRACKED), "track: float is not taken; give"),
+    (lambda: gearmon.angular_waveform(*TRACKED), "track: float is not taken; give"),
+    (lambda: gearmon.order_map(*TRACKED), "track: float is not taken; give"),
+    (lambda: gearmon.expected_signature(MACHINE, 5), "faults=5: must be faults or their text"),
+    (lambda: gearmon.check_reference(5, MACHINE), "reference: int is not taken; give what"),
+    (lambda: gearmon.write_reference(5, "x.ref"), "reference: int is not taken"),
+    (lambda: gearmon.write_signature(5, "x.csv"), "signature: int is not taken"),
+    (lambda: gearmon.features(5), "analyses: int is not taken"),
+    (lambda: gearmon.features([]), "analyses: none is given"),
+    (lambda: gearmon.seat_factor(5, 5), "seat: int is not taken"),
+    (lambda: gearmon.gear_share("new.csv", 5, MACHINE), "exposure: int is not taken"),
+    (lambda: gearmon.tune_harvester(None, 5), "duty cycle: int is not taken"),
+    (lambda: gearmon.fault_family(MACHINE, kinds="crak"), "kind 'crak' .* did you mean crack"),
+]
+
+
+@pytest.mark.parametrize(("mistake", "said"), MISTAKES)
+def test_a_mistake_is_told_in_one_line_with_what_is_accepted(mistake, said):
+    with pytest.raises(gearmon.GearmonError, match=said) as refused:
+        mistake()
+    assert "\n" not in str(refused.value)
+
+
+def test_a_name_that_does_not_exist_has_a_neighbour_that_does():
+    with pytest.raises(AttributeError, match="did you mean analyse"):
+        _ = gearmon.analyze
+
+
+def test_one_sample_is_no_recording(tmp_path):
+    (tmp_path / "one.csv").write_text("time [s],a1 [m/s2]\n0.0,1.0\n")
+    with pytest.raises(gearmon.GearmonError, match="a single sample is no recording"):
+        gearmon.read_recording(tmp_path / "one.csv")

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import ast
 import subprocess
 import sys
+from importlib import import_module
 from importlib.metadata import version
+from pathlib import Path
 
 import pytest
 
@@ -85,3 +88,16 @@ def test_one_name_loads_only_its_home():
         [sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=60
     )
     assert done.stdout.strip() == "[]"
+
+
+DEMOS = sorted((Path(__file__).resolve().parents[1] / "demos").glob("*.py"))
+
+
+@pytest.mark.parametrize("path", DEMOS, ids=lambda own: own.stem)
+def test_scripts_that_teach_are_short_and_use_public_names(path):
+    text = path.read_text("utf-8")
+    assert 40 <= len(text.splitlines()) <= 100
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("gearmon"):
+            offered = import_module(node.module).__all__
+            assert {own.name for own in node.names} <= set(offered), node.module

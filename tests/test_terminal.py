@@ -11,7 +11,7 @@ import pytest
 from gearmon.cli import main
 from gearmon.commands.inputs import recordings_named
 from gearmon.errors import ArgumentError
-from gearmon.terminal import coloured, working
+from gearmon.terminal import coloured, part_of, progress_line
 
 
 def test_a_folder_stands_for_the_recordings_in_it(tmp_path):
@@ -60,9 +60,15 @@ def test_long_work_tells_its_time_on_a_terminal_only(monkeypatch, capsys):
     monkeypatch.setattr("gearmon.terminal._PATIENCE_S", 0.02)
     for watched in (False, True):
         monkeypatch.setattr(sys.stderr, "isatty", lambda seen=watched: seen)
-        with working("family"):
-            _pause(0.2)
-        assert ("family: 0 s" in capsys.readouterr().err) is watched
+        with progress_line("family") as progress:
+            _pause(0.1)
+            if progress is not None:
+                part_of(progress, 0.5, 0.5)(0.4)
+            _pause(1.0)
+        told = capsys.readouterr().err
+        assert ("family: 0 s" in told) is watched
+        assert ("family: ##############...... 70 % after 1 s" in told) is watched
+    assert part_of(None, 0.5, 0.5) is None
 
 
 def _pause(seconds):

@@ -23,7 +23,7 @@ from gearmon.errors import GearmonError
 from gearmon.files import write_atomically
 from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature
 from gearmon.signatures.measured.reference import make_reference
-from gearmon.terminal import progress_bar
+from gearmon.terminal import progress_line
 
 MACHINES, SEED = 40, 2026
 #: Loads of the recordings that are learned from, and which of them each reference holds.
@@ -104,7 +104,7 @@ def calibrate(machines: int = MACHINES, seed: int = SEED) -> dict[str, Any]:
         Of the draws.
     """
     found: dict[str, list[float]] = {}
-    with progress_bar("calibrating") as progress:
+    with progress_line("calibrating") as progress:
         for number in range(machines):
             for name, strength in healthy_strengths(number, seed):
                 found.setdefault(name, []).append(strength)

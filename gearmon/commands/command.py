@@ -43,6 +43,8 @@ class Command:
         Whether the output is a folder.
     more : str
         What else a newcomer has to know, after the options.
+    waits : bool
+        Whether it waits for people or files, so that nothing tells how long it takes.
     """
 
     name: str
@@ -55,6 +57,7 @@ class Command:
     beside: tuple[str, ...] = ()
     folder: bool = False
     more: str = ""
+    waits: bool = False
 
     def add_to(self, parsers: Any) -> None:
         """Add the parser of this command to the sub-parsers of the command line."""
@@ -66,6 +69,7 @@ class Command:
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         own = {"output_endings": self.endings, "beside": self.beside, "folder": self.folder}
+        own |= {"waits": self.waits}
         parser.set_defaults(run=self.run, **own)
         option = parser.add_argument
         option("--json", action="store_true", help="print one JSON object")

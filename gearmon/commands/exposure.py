@@ -34,7 +34,7 @@ def run_exposure(arguments: argparse.Namespace) -> int:
         more = {"seat_factor": extra.get(names[0]), "gearbox": extra.get(names[1])}
         return found[0].to_dict() | more
 
-    entries = in_turn(arguments.recording, "weighing", weighed)
+    entries = in_turn(arguments.recording, arguments.progress, weighed)
     day = None
     if arguments.day:
         day = exposure_day(arguments.day, _axes(arguments.axes), **_reading(arguments, machine))
@@ -137,7 +137,7 @@ def _drawn(told: list[Told]) -> dict[str, Any]:
 def _arguments(parser: argparse.ArgumentParser) -> None:
     option = parser.add_argument
     told = "on the seat, the hand or where the person is: CSV, WAV, ..."
-    option("recording", metavar="RECORDING", nargs="*", help=told)
+    option("recording", metavar="RECORDING", nargs="*", default=[], help=told)
     option("--axes", metavar="x=A,y=B,z=C", help="channels of the axes; by default named so")
     option("--position", default="seat", metavar="WHERE", help=_POSITIONS)
     option("--day", metavar="PLAN", help="jobs of a day with hours and recordings (TOML)")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from gearmon.commands.command import Command, number
 from gearmon.commands.output import BAD_INPUT, DONE, FLAGGED, complain, finish
 from gearmon.errors import ArgumentError, check_range, check_word
-from gearmon.terminal import progress_bar
+from gearmon.terminal import progress_line
 
 if TYPE_CHECKING:
     from gearmon.fleet import Fleet, Run
@@ -31,7 +31,7 @@ def run_fleet_command(arguments: argparse.Namespace) -> int:
 def _run(arguments: argparse.Namespace, fleet: Fleet) -> int:
     from gearmon.fleet import deliver, run_fleet
 
-    with progress_bar("analysing") as progress:
+    with progress_line("fleet run") as progress:
         run = run_fleet(fleet, _engine(arguments), again=arguments.again, progress=progress)
     for path, why in run.failed.items():
         complain(f"{path}: {why}")
@@ -59,7 +59,10 @@ def _lines(result: dict[str, Any]) -> Iterator[str]:
     yield f"{printable(result['fleet'])}: {counted(result['analysed'], 'recording')} analysed"
     for key, what in (("failed", "not analysed"), ("not_taken", "not taken")):
         told = result[key]
-        yield from (f"{printable(one['recording'])}: {what}: {one['why']}" for one in told[:_SHOWN])
+        yield from (
+            f"{printable(one['recording'])}: {what}: {printable(one['why'])}"
+            for one in told[:_SHOWN]
+        )
         if len(told) > _SHOWN:
             yield f"{len(told) - _SHOWN} more {what}; --json has them all"
     if result["being_written"]:
@@ -131,6 +134,7 @@ FLEET = Command(
     add=_arguments,
     run=run_fleet_command,
     endings=(".csv", ".json"),
+    waits=True,
     more="The fleet file names the machines: [[machine]] with name, file, reference, recordings (a "
     "folder) and pattern, a regular expression with the groups time and, if need be, machine and "
     "class; what several share stands in [defaults]. [[alarm]] with command, webhook or mail says "

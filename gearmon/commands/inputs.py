@@ -19,7 +19,7 @@ from gearmon.commands.output import complain, complain_of
 from gearmon.errors import ArgumentError, GearmonError, check_positive
 from gearmon.files import check_output, protecting
 from gearmon.signals.threads import THREADS, cores
-from gearmon.terminal import progress_bar
+from gearmon.terminal import Progress
 
 if TYPE_CHECKING:
     from gearmon.machine import Machine
@@ -162,6 +162,8 @@ def recording_of(path: str, arguments: argparse.Namespace, machine: Machine | No
 def _read(path: str, arguments: argparse.Namespace, machine: Machine | None) -> Recording:
     from gearmon.signals.recording import read_recording
 
+    if Path(path).is_dir():
+        raise ArgumentError(f"{path}: a folder without recordings ({', '.join(_RECORDED)})")
     return read_recording(
         path,
         sampling_rate_hz=arguments.sampling_rate,
@@ -175,20 +177,17 @@ def _channel(text: str) -> str | int:
     return int(text) if text.isdecimal() else text
 
 
-def followed(paths: Iterable[str], what: str) -> Iterator[str]:
-    """Give the paths, with a progress bar if there are several and a terminal to show it."""
-    listed = list(paths)
-    if len(listed) < 2:
-        yield from listed
-        return
-    with progress_bar(what) as progress:
-        for number, path in enumerate(listed):
-            yield path
-            if progress is not None:
-                progress((number + 1) / len(listed))
+def followed(items: Iterable[Found], count: int, progress: Progress | None) -> Iterator[Found]:
+    """Give so many items, and tell after each how far that is."""
+    for number, item in enumerate(items, start=1):
+        yield item
+        if progress is not None:
+            progress(number / count)
 
 
-def each_of(task: Callable[[str], Found], paths: Sequence[str], what: str) -> Iterator[Found]:
+def each_of(
+    task: Callable[[str], Found], paths: Sequence[str], progress: Progress | None = None
+) -> Iterator[Found]:
     """Do a task for each path, on all cores where there are paths enough; results in their order.
 
     Parameters
@@ -196,8 +195,8 @@ def each_of(task: Callable[[str], Found], paths: Sequence[str], what: str) -> It
     task : callable
         Takes a path; it and its results go from process to process.
     paths : sequence of str
-    what : str
-        What the progress bar says.
+    progress : callable, optional
+        Called with the share done.
 
     Yields
     ------
@@ -211,27 +210,21 @@ def each_of(task: Callable[[str], Found], paths: Sequence[str], what: str) -> It
     """
     workers = min(cores(), len(paths) // _FILES_A_PROCESS)
     if workers < 2:
-        yield from (task(path) for path in followed(paths, what))
+        yield from followed(map(task, paths), len(paths), progress)
         return
     from concurrent.futures import ProcessPoolExecutor  # a single file does without
     from concurrent.futures.process import BrokenProcessPool
 
     pool = ProcessPoolExecutor(workers, initializer=_alone_on_a_core)
-    # processes start here, before the bar has a thread that they would inherit half
-    results = pool.map(task, paths)
-    with progress_bar(what) as progress:
-        try:
-            for number, found in enumerate(results):
-                yield found
-                if progress is not None:
-                    progress((number + 1) / len(paths))
-        except BrokenProcessPool as error:
-            raise GearmonError(
-                f"{what}: a process was killed, by lack of memory most likely; give fewer files at "
-                f"a time, or set {THREADS}=1"
-            ) from error
-        finally:
-            pool.shutdown(cancel_futures=True)
+    try:
+        yield from followed(pool.map(task, paths), len(paths), progress)
+    except BrokenProcessPool as error:
+        raise GearmonError(
+            "a process was killed, by lack of memory most likely; give fewer files at a time, or "
+            f"set {THREADS}=1"
+        ) from error
+    finally:
+        pool.shutdown(cancel_futures=True)
 
 
 def _alone_on_a_core() -> None:
@@ -242,7 +235,7 @@ def _alone_on_a_core() -> None:
 
 
 def in_turn(
-    paths: Iterable[str], what: str, work: Callable[[str], dict[str, Any]]
+    paths: Sequence[str], progress: Progress | None, work: Callable[[str], dict[str, Any]]
 ) -> list[dict[str, Any]]:
     """Work on recordings one by one; a bad one is reported in its place, the others go on.
 
@@ -252,7 +245,7 @@ def in_turn(
         What `work` returned, or of a bad one "recording" and "error".
     """
     results = []
-    for path in followed(paths, what):
+    for path in followed(paths, len(paths), progress):
         try:
             results.append(work(path))
         except GearmonError as error:

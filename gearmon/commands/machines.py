@@ -17,10 +17,10 @@ from gearmon.commands.command import (
     repeatable,
     sampling_rate,
 )
-from gearmon.commands.inputs import machine_of, recording_of
+from gearmon.commands.inputs import followed, machine_of, recording_of
 from gearmon.commands.output import DONE, finish, finish_with, show
 from gearmon.errors import ArgumentError
-from gearmon.terminal import progress_bar
+from gearmon.terminal import Progress
 
 if TYPE_CHECKING:
     from gearmon.dynamics import HillProblem
@@ -202,22 +202,21 @@ def run_stability(arguments: argparse.Namespace) -> int:
             }
         )
     result: dict[str, Any] = {"machine": machine.name, "rows": rows}
-    charts = partial(_stability_charts, problems)
+    charts = partial(_stability_charts, problems, arguments.progress)
     return finish(arguments, result, lambda: table_lines(rows), lambda: rows, charts)
 
 
-def _stability_charts(problems: Mapping[int, HillProblem]) -> Mapping[str, Any]:
+def _stability_charts(
+    problems: Mapping[int, HillProblem], progress: Progress | None
+) -> Mapping[str, Any]:
     from gearmon.dynamics.stability_map import stability_map_of
     from gearmon.report.expected_plots import stability_figure
 
     drawn = {s: p for s, p in problems.items() if p.frequency_ratio <= MOST_RATIO_DRAWN}
     figures: dict[str, Any] = {}
-    with progress_bar("drawing") as progress:
-        for number, (stage, problem) in enumerate(drawn.items(), start=1):
-            chart = stability_map_of(problem, points=CHART_POINTS)
-            figures[f"-stage{stage}"] = stability_figure(chart)
-            if progress is not None:
-                progress(number / len(drawn))
+    for stage, problem in followed(drawn.items(), len(drawn), progress):
+        chart = stability_map_of(problem, points=CHART_POINTS)
+        figures[f"-stage{stage}"] = stability_figure(chart)
     return figures
 
 
@@ -271,14 +270,8 @@ def run_simulate(arguments: argparse.Namespace) -> int:
     machine = machine_of(arguments.machine)
     faults, given = [parse_fault(text) for text in arguments.fault], vars(arguments)
     settings = {name: given[own[0][2:].replace("-", "_")] for name, own in _SETTINGS.items()}
-    with progress_bar("simulating") as progress:
-        recording = simulate(
-            machine,
-            faults,
-            **settings,
-            tacho_shaft=1 if arguments.tacho else None,
-            progress=progress,
-        )
+    tacho, progress = 1 if arguments.tacho else None, arguments.progress
+    recording = simulate(machine, faults, **settings, tacho_shaft=tacho, progress=progress)
     files = write_simulation(recording, arguments.output, with_time=not arguments.no_time)
     result = {"recording": str(files[0]), "truth": str(files[1])}
     show(arguments, result, lambda: [f"wrote {files[0]} and {files[1]}"])
@@ -304,6 +297,7 @@ def run_harvest(arguments: argparse.Namespace) -> int:
             share_error=arguments.share_error or 0.0,
             degraded=[recording_of(path, arguments, machine) for path in arguments.degraded],
             count=arguments.count,
+            progress=arguments.progress,
         )
     else:
         _refuse_without_recordings(arguments)
@@ -416,6 +410,7 @@ def _harvest_arguments(parser: argparse.ArgumentParser) -> None:
         "recording",
         metavar="RECORDING",
         nargs="*",
+        default=[],
         help="one for each operating point, every vibration channel a position; without any, the "
         "expected lines of the machine are used",
     )

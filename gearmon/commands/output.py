@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gearmon.errors import ArgumentError
-from gearmon.terminal import coloured
+from gearmon.terminal import coloured, line_cleared
 
 if TYPE_CHECKING:
     from gearmon.result import Result
@@ -48,7 +48,7 @@ def complain(message: str) -> None:
     # names of files need not be text, nor one line; those bytes that are no text are spelled out
     line = "".join(c if c.isprintable() or "\ud800" <= c <= "\udfff" else " " for c in message)
     with suppress(OSError):
-        print(f"gearmon: {line}", file=sys.stderr)
+        print(f"{line_cleared()}gearmon: {line}", file=sys.stderr)
 
 
 def complain_of(results: Sequence[Mapping[str, Any]]) -> None:
@@ -63,6 +63,8 @@ def show(
 ) -> None:
     """Print a result: one JSON object with --json, else lines of text."""
     text = as_json(result) if arguments.json else coloured(_plain("\n".join(lines())))
+    if arguments.progress is not None:
+        arguments.progress.close()
     try:
         print(text)
     except OSError as error:

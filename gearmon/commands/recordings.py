@@ -13,7 +13,7 @@ from gearmon.commands.command import Command, number, recording_options, referen
 from gearmon.commands.inputs import each_of, followed, in_turn, loss_of, machine_of, recording_of
 from gearmon.commands.output import DONE, complain, complain_of, finish, judged, show, write_table
 from gearmon.errors import ArgumentError, GearmonError, check_range
-from gearmon.terminal import progress_bar
+from gearmon.terminal import part_of
 
 if TYPE_CHECKING:
     from gearmon.diagnosis.fault_types.classifier import KindClassifier
@@ -43,7 +43,7 @@ def run_learn(arguments: argparse.Namespace) -> int:
     machine = machine_of(arguments.machine, arguments.speed_hint)
     signatures = [
         measure_signature(recording_of(path, arguments, machine), machine)
-        for path in followed(arguments.recording, "learning")
+        for path in followed(arguments.recording, len(arguments.recording), arguments.progress)
     ]
     reference = learned(signatures, machine)
     write_reference(reference, arguments.output)
@@ -67,13 +67,17 @@ def run_analyse(arguments: argparse.Namespace) -> int:
     must_notice = loss_of(arguments.must_notice, "--must-notice")
     machine = machine_of(arguments.machine, arguments.speed_hint)
     reference, past = reference_of(arguments, machine), _past(arguments, machine)
+    # reports take longer than analyses
+    done = 0.3 if arguments.report else 1.0
+    reported = part_of(arguments.progress, done, 1.0 - done)
+    analysed = part_of(arguments.progress, 0.0, done)
+    # what goes to other processes
+    alone = argparse.Namespace(**vars(arguments) | {"progress": None, "recording": ()})
     known: dict[str, Any] = {"machine": machine, "reference": reference}
-    # what goes to a process with every recording names no others
-    alone = argparse.Namespace(**vars(arguments) | {"recording": ()})
     task = partial(_analysed, arguments=alone, must_notice=must_notice, **known)
     results: list[dict[str, Any]] = []
     kept: list[tuple[Analysis, Recording | None]] = []
-    for entry, found in each_of(task, arguments.recording, "analysing"):
+    for entry, found in each_of(task, arguments.recording, analysed):
         if "error" in entry:
             complain(entry["error"])
         results.append(entry)
@@ -87,7 +91,8 @@ def run_analyse(arguments: argparse.Namespace) -> int:
         bad = [entry for entry in results if "error" in entry]
         failures = [Failure(recording=e["recording"], message=e["error"]) for e in bad]
         written = analyses, recordings, reference, machine, arguments.report
-        files = write_report(*written, failures=failures, history=past)
+        more: dict[str, Any] = {"failures": failures, "history": past}
+        files = write_report(*written, **more, progress=reported)
         result["report"] = [str(file) for file in files]
     # a list of no rows: there is no table but the JSON
     finish(arguments, result, lambda: _analysis_lines(result, [a for a, _ in kept], past), list)
@@ -186,7 +191,7 @@ def run_kinds(arguments: argparse.Namespace) -> int:
             "kind": None if judgement is None else judgement.to_dict(),
         }
 
-    results = in_turn(arguments.recording, "judging", kind_of)
+    results = in_turn(arguments.recording, None if trained else arguments.progress, kind_of)
     result = {
         "machine": machine.name,
         "classifier": {"file": arguments.trained, "trained_now": trained},
@@ -219,8 +224,8 @@ def _classifier(arguments: argparse.Namespace, machine: Machine) -> tuple[KindCl
         return classifier, False
     check_range("--examples", arguments.examples, *EXAMPLES_BETWEEN)
     check_range("--seed", arguments.seed, 0, 2**63 - 1)
-    with progress_bar("training") as progress:
-        classifier = train_kinds(machine, arguments.seed, arguments.examples, progress=progress)
+    count, progress = arguments.examples, arguments.progress
+    classifier = train_kinds(machine, arguments.seed, count, progress=progress)
     if path:
         write_kinds(classifier, path)
     return classifier, True
@@ -390,7 +395,7 @@ def _history_entries(
         entries.append(entry_of(analysis, moment, source))
         return {}
 
-    done = in_turn(arguments.recording, "analysing", entry)
+    done = in_turn(arguments.recording, arguments.progress, entry)
     return entries, [bad for bad in done if bad]
 
 

@@ -205,7 +205,9 @@ def _check_lines(found: ReferenceCheck) -> list[str]:
 
 def _init_arguments(parser: argparse.ArgumentParser) -> None:
     option = parser.add_argument
-    option("recording", metavar="RECORDING", nargs="*", help="one that tells the columns")
+    option(
+        "recording", metavar="RECORDING", nargs="*", default=[], help="one that tells the columns"
+    )
     teeth = "of a stage, driver/driven, or sun/planet/ring and planets as 30/35/100x3"
     repeatable(parser, "--teeth", "A/B", teeth)
     option("--speed", metavar="SPEED", help="of shaft 1 with its unit: 1480rpm or 24.7hz")
@@ -228,6 +230,7 @@ INIT = Command(
     add=_init_arguments,
     run=run_init,
     endings=(".toml",),
+    waits=True,
     output="write the machine file to this file; needed",
     more="What is not given is asked for. It is said where numbers look mistaken: a speed in Hz, a "
     "time in ms, swapped tooth counts.",

@@ -37,7 +37,7 @@ def run_indicators(arguments: argparse.Namespace) -> int:
         tables.append(indicator_table(recording, machine, before, arguments.baseline))
         return tables[-1].to_dict()
 
-    entries = in_turn(arguments.recording, "computing", table_of)
+    entries = in_turn(arguments.recording, arguments.progress, table_of)
     history = tables[-1].history if tables else history
     result: dict[str, Any] = {"recordings": entries}
     if arguments.history and history is not None:

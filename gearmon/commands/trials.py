@@ -9,7 +9,6 @@ from typing import Any
 
 from gearmon.commands.command import Command, number
 from gearmon.commands.output import DONE, finish, show
-from gearmon.terminal import progress_bar
 
 
 def run_demo(arguments: argparse.Namespace) -> int:
@@ -17,7 +16,7 @@ def run_demo(arguments: argparse.Namespace) -> int:
     from gearmon.demos import run_demo
 
     usual = "gearmon-demo" if arguments.name == "crack" else f"gearmon-{arguments.name}"
-    result = run_demo(arguments.name, Path(arguments.output or usual))
+    result = run_demo(arguments.name, Path(arguments.output or usual), arguments.progress)
     show(arguments, result.to_dict(), result.lines)
     return DONE
 
@@ -27,15 +26,14 @@ def run_benchmark(arguments: argparse.Namespace) -> int:
     from gearmon.benchmark import PICTURED, case_figures, run_case, summary_rows
     from gearmon.report.text_tables import table_lines
 
-    with progress_bar("measuring") as progress:
-        rows = run_case(
-            arguments.case,
-            progress,
-            ross_python=arguments.ross_python,
-            quick=arguments.quick,
-            seed=arguments.seed,
-            count=arguments.count,
-        )
+    rows = run_case(
+        arguments.case,
+        arguments.progress,
+        ross_python=arguments.ross_python,
+        quick=arguments.quick,
+        seed=arguments.seed,
+        count=arguments.count,
+    )
     result: dict[str, Any] = {"case": arguments.case, "rows": rows}
 
     def lines() -> list[str]:

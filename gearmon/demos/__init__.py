@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 from gearmon.errors import ArgumentError
-from gearmon.terminal import Progress, progress_bar
+from gearmon.terminal import Progress
 
 Item = TypeVar("Item")
 
@@ -68,7 +68,7 @@ class Demo:
         return {what: str(path) for what, path in self.files.items()} | self.facts
 
 
-def run_demo(name: str, folder: Path) -> Told:
+def run_demo(name: str, folder: Path, progress: Progress | None = None) -> Told:
     """Run a demo in a folder of its own.
 
     Parameters
@@ -79,6 +79,8 @@ def run_demo(name: str, folder: Path) -> Told:
         exposure to vibration; a fleet of twelve machines; the source study redrawn and judged.
     folder : Path
         Where to write; made if it does not exist.
+    progress : callable, optional
+        Called with the share done, 0 to 1.
 
     Raises
     ------
@@ -92,9 +94,8 @@ def run_demo(name: str, folder: Path) -> Told:
     except OSError as error:
         raise ArgumentError(f"{folder}: cannot make this folder ({error.strerror})") from None
     module, _, function = DEMOS[name].partition(":")
-    with progress_bar("demo") as progress:
-        done: Told = getattr(import_module(module), function)(folder, progress)
-        return done
+    done: Told = getattr(import_module(module), function)(folder, progress)
+    return done
 
 
 def given_file(name: str, folder: Path, as_name: str) -> Path:

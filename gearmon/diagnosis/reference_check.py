@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,10 +14,11 @@ from gearmon.diagnosis.decision.thresholds import LIMITS
 from gearmon.diagnosis.hypotheses.tooth_damage import find_tooth
 from gearmon.diagnosis.law import HealthyMachine
 from gearmon.diagnosis.law.state import LENGTH
+from gearmon.errors import check_type
 from gearmon.machine import MachineLike, load_machine
 from gearmon.result import Result
 from gearmon.signatures.measured.provenance import machine_notes
-from gearmon.signatures.measured.reference import Reference
+from gearmon.signatures.measured.reference import Reference, read_reference
 
 #: Loads less than this factor apart count as one.
 ONE_LOAD = 1.25
@@ -92,12 +94,13 @@ class ReferenceCheck(Result):
         return [asdict(own) for own in self.recordings]
 
 
-def check_reference(reference: Reference, machine: MachineLike) -> ReferenceCheck:
+def check_reference(reference: Reference | str | Path, machine: MachineLike) -> ReferenceCheck:
     """Hold every recording of a reference against the others.
 
     Parameters
     ----------
-    reference : Reference
+    reference : Reference, str or Path
+        What `gearmon.learn` returned, or the file that it was stored in.
     machine : Machine, path or dict
 
     Returns
@@ -117,6 +120,9 @@ def check_reference(reference: Reference, machine: MachineLike) -> ReferenceChec
     (2, ['pinion', 'gear'])
     """
     machine = load_machine(machine)
+    if isinstance(reference, str | Path):
+        reference = read_reference(reference)
+    check_type("reference", reference, Reference, "what gearmon.learn returns, or its file")
     machine_notes(machine, reference)
     rows = range(len(reference.channel_names))
     loads = np.exp(HealthyMachine.of(reference, rows).states[:, 0])

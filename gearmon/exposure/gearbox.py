@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from gearmon.errors import ArgumentError
+from gearmon.errors import ArgumentError, check_type
 from gearmon.exposure.measures import Exposure, vibration_exposure
 from gearmon.exposure.weighting import WEIGHTINGS, FloatArray
 from gearmon.gears.kinematics import Kinematics, kinematics
@@ -162,6 +162,7 @@ def gear_share(
     >>> found.axes, [0.0 < own <= 1.0 for own in found.share]
     (('x', 'y'), [True, True])
     """
+    check_type("exposure", exposure, Exposure, "what gearmon.vibration_exposure returns")
     machine, named = load_machine(machine), tuple(faults)
     whole = read_recording(recording, sensors=machine.sensors)
     part = sound_part(whole)

@@ -22,7 +22,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from gearmon.errors import ArgumentError, RecordingError, check_positive, check_word
+from gearmon.errors import ArgumentError, RecordingError, check_positive, check_type, check_word
 from gearmon.exposure.weighting import HALF_BAND, WEIGHTINGS, FloatArray, Weighting
 from gearmon.machine import FieldError, Sensor
 from gearmon.machine.fields import Number, check_fields, obeys
@@ -604,6 +604,8 @@ def seat_factor(seat: Exposure, floor: Exposure) -> SeatFactor:
     >>> gearmon.seat_factor(*felt).axes
     ('x', 'y')
     """
+    for name, own in (("seat", seat), ("floor", floor)):
+        check_type(name, own, Exposure, "what gearmon.vibration_exposure returns")
     pairs = [(s, f) for s in seat.axes for f in floor.axes if s.axis == f.axis]
     if not pairs or any(s.weighting != f.weighting for s, f in pairs):
         raise ArgumentError(

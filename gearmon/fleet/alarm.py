@@ -18,14 +18,13 @@ from sqlite3 import Connection, Row
 from typing import Any
 
 from gearmon.diagnosis.history import time_text
-from gearmon.diagnosis.history.store import opened, put, sound
+from gearmon.diagnosis.history.store import opened
 from gearmon.fleet.ledger import writing
 from gearmon.fleet.plan import Fleet, FleetMachine, Hook
+from gearmon.report.wording import printable
 
 # Seconds until a hook is given up, and until it is tried again.
 _PATIENCE_S, _AGAIN_S = 20.0, (1.0, 4.0, 16.0)
-_KEY = ("machine", "class", "finding", "since_s")
-_ALARM = (*_KEY, "until_s", "told", "acknowledged")
 #: A recording that could not be analysed at all.
 NOT_ANALYSED = "not analysed"
 
@@ -56,20 +55,22 @@ def _renew(store: Connection, machine: FleetMachine) -> None:
         for name, rows in classes.items()
         for finding, since, until in episodes(rows, machine.alarm_after, machine.alarm_clear)
     }
-    rows = store.execute("SELECT * FROM alarms WHERE machine = ?", (machine.name,)).fetchall()
-    before = {tuple(row[name] for name in _KEY): sound(row, _ALARM) for row in rows}
-    # a recording that arrived late has taken them back, or moved their begin
-    gone = {key: row for key, row in before.items() if key not in now}
-    moved = {key[:3]: row for key, row in gone.items()}
     for key, until in now.items():
-        known = before.get(key, {"told": "[]", "acknowledged": 0})
-        known = moved.get(key[:3], known) if known["told"] == "[]" else known
-        own = dict(zip(_KEY, key, strict=True)) | {"until_s": until}
-        put(store, "alarms", known | own)
-    for key in gone:
         store.execute(
-            "DELETE FROM alarms WHERE (machine, class, finding, since_s) = (?, ?, ?, ?)", key
+            "INSERT INTO alarms (machine, class, finding, since_s, until_s) VALUES (?, ?, ?, ?, ?) "
+            "ON CONFLICT DO UPDATE SET until_s = excluded.until_s",
+            (*key, until),
         )
+    every = "SELECT rowid AS id, * FROM alarms WHERE machine = ?"
+    for row in store.execute(every, (machine.name,)).fetchall():
+        key = tuple(row[name] for name in ("machine", "class", "finding", "since_s"))
+        if key not in now:  # a recording that arrived late has taken it back, or moved its begin
+            store.execute(
+                "UPDATE alarms SET told = ?, acknowledged = ? WHERE told = '[]' AND "
+                "(machine, class, finding) = (?, ?, ?)",
+                (row["told"], row["acknowledged"], *key[:3]),
+            )
+            store.execute("DELETE FROM alarms WHERE rowid = ?", (row["id"],))
 
 
 def _findings(row: Row, machine: FleetMachine) -> set[str]:
@@ -137,7 +138,7 @@ def alarms(fleet: Fleet, machine: str | None = None) -> list[dict[str, Any]]:
             "ORDER BY since_s DESC, machine, class, finding",
             (machine,),
         ).fetchall()
-        return [_alarm(sound(row, _ALARM) | {"id": row["id"]}) for row in rows]
+    return [_alarm(dict(row)) for row in rows]
 
 
 def _alarm(row: dict[str, Any]) -> dict[str, Any]:
@@ -156,7 +157,8 @@ def acknowledge(fleet: Fleet, number: int) -> None:
     number : int
         The alarm's `id`, as `alarms` gives it.
     """
-    _note(fleet, number, acknowledged=1)
+    with writing(fleet) as store:
+        store.execute("UPDATE alarms SET acknowledged = 1 WHERE rowid = ?", (number,))
 
 
 def deliver(fleet: Fleet) -> list[str]:
@@ -176,29 +178,28 @@ def deliver(fleet: Fleet) -> list[str]:
     Who is killed between telling and noting so tells again. One that is over or acknowledged
     before anybody was told is not told any more.
     """
-    trouble: list[str] = []
+    trouble: dict[str, str] = {}
     for alarm in alarms(fleet):
         machine = fleet.machine(alarm["machine"])
         if alarm["over"] or alarm["acknowledged"] or machine is None:
             continue
         for hook in fleet.hooks:
             for target, send in _targets(hook, machine, alarm):
-                if target in alarm["told"]:
+                # who cannot be told of one alarm does not hold up the others
+                if target in alarm["told"] or target in trouble:
                     continue
-                why = _tried(send)
-                if why:
-                    trouble.append(f"{target}: could not be told of an alarm ({why})")
+                if why := _tried(send):
+                    trouble[target] = f"{target}: could not be told of an alarm ({why})"
                     continue
                 alarm["told"].append(target)
-                _note(fleet, alarm["id"], told=json.dumps(alarm["told"]))
-    return trouble
+                _note(fleet, alarm)
+    return list(trouble.values())
 
 
-def _note(fleet: Fleet, number: int, **known: str | int) -> None:
-    """Change what an alarm's row says, if there still is one."""
+def _note(fleet: Fleet, alarm: dict[str, Any]) -> None:
     with writing(fleet) as store:
-        for row in store.execute("SELECT * FROM alarms WHERE rowid = ?", (number,)).fetchall():
-            put(store, "alarms", sound(row, _ALARM) | known)
+        told = json.dumps(alarm["told"])
+        store.execute("UPDATE alarms SET told = ? WHERE rowid = ?", (told, alarm["id"]))
 
 
 def _targets(hook: Hook, machine: FleetMachine, alarm: dict[str, Any]) -> Iterator[tuple[str, Any]]:
@@ -215,7 +216,8 @@ def _targets(hook: Hook, machine: FleetMachine, alarm: dict[str, Any]) -> Iterat
     for address in hook.mail:
         message = EmailMessage()
         message["To"] = address
-        message["Subject"] = f"{alarm['machine']}: {alarm['finding']}"
+        # no line of its own may end that of the subject
+        message["Subject"] = printable(f"{alarm['machine']}: {alarm['finding']}")
         said = "".join(f"{name}: {value}\n" for name, value in body.items() if value)
         message.set_content(said)
         letter = message.as_bytes()

@@ -7,13 +7,15 @@ kills the process it is read by: it is reported, and the others go on.
 from __future__ import annotations
 
 import hashlib
+import logging
+import math
 import os
 import signal
 import sys
 import tempfile
 from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import replace
@@ -36,10 +38,15 @@ Task = Callable[[Job], Outcome]
 #: Deaths of its process that a recording is forgiven: whoever kills processes at random (the
 #: kernel, short of memory) hits the same one rarely as often, alone in its process.
 _FORGIVEN = 3
+#: Processes in a row that may be killed as they begin.
+_BARREN = 20
 _KILLED = "its process was killed each time it was read, by lack of memory most likely"
 #: Recordings that go to a worker of a cluster at once: fewer cost more messages than work, more
 #: are lost with a worker.
 _BATCH = (20, 100)
+# Memory that a recording takes while it is analysed, in sizes of its file: 5.4 GB of float32 took
+# 15.7 GB.
+_GROWS = 3.0
 # Seconds until a scheduler that does not answer is given up.
 _CONNECT_S = 20.0
 
@@ -50,6 +57,11 @@ def analysed(job: Job) -> Outcome:
     from gearmon.diagnosis.history import entry_of
     from gearmon.signals.recording import read_recording
 
+    if job.size * _GROWS > (free := _free_memory()) / (os.cpu_count() or 1):
+        told = f"{job.size / 1e9:.1f} GB of recording take more memory than there is"
+        told += f" ({free / 1e9:.1f} GB free for {os.cpu_count()} processes)"
+        return Outcome(job=job, why=f"{told}; make shorter recordings")
+    file = job.path
     try:
         with at_hand(job.path) as file:
             digest = _hash(file)
@@ -66,12 +78,21 @@ def analysed(job: Job) -> Outcome:
     except MemoryError:
         return Outcome(job=job, why="takes more memory than there is; make shorter recordings")
     except (GearmonError, OSError) as error:
-        return Outcome(job=job, why=str(error))
+        return Outcome(job=job, why=str(error).removeprefix(f"{file}: "))
     except Exception as error:  # one recording must not stop the night
         return Outcome(job=job, why=f"an error of gearmon's own ({type(error).__name__}: {error})")
     if growing:
         return Outcome(job=job, growing=True)
     return Outcome(job=job, hash=digest, entry=entry, indicators=analysis.indicators)
+
+
+def _free_memory() -> float:
+    """Return how much memory may be taken [bytes]; without end where that is not told."""
+    try:
+        lines = Path("/proc/meminfo").read_text().splitlines()
+    except OSError:
+        return math.inf
+    return next((1024.0 * int(own.split()[1]) for own in lines if "Available" in own), math.inf)
 
 
 @contextmanager
@@ -128,14 +149,25 @@ def in_processes(jobs: Sequence[Job], task: Task = analysed) -> Iterator[Outcome
     ------
     Outcome
         In the order in which they are done.
+
+    Raises
+    ------
+    ArgumentError
+        If processes are killed again and again before they begin.
     """
     # read when NumPy is first loaded, which the processes do
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     waiting, suspects, deaths = deque(jobs), deque[Job](), Counter[str]()
+    barren = 0
     while waiting or suspects:
         # who was at work when a process died is given one to itself, to see which it was
         queue, width = (suspects, 1) if suspects else (waiting, cores())
-        for job in (yield from _until_broken(queue, task, width)):
+        died = yield from _until_broken(queue, task, width)
+        barren = 0 if died else barren + 1
+        if barren > _BARREN:
+            told = f"{barren} processes were killed before they could begin; free memory"
+            raise ArgumentError(f"{told}, and run again to go on")
+        for job in died:
             deaths[job.path] += 1
             if deaths[job.path] > _FORGIVEN:
                 yield Outcome(job=job, why=_KILLED)
@@ -149,6 +181,9 @@ def _until_broken(queue: deque[Job], task: Task, width: int) -> Generator[Outcom
     # not forked: threads that deliver alarms may run
     pool = ProcessPoolExecutor(width, get_context("spawn"), _alone_on_a_core, (os.getpid(),))
     try:
+        if width == 1:
+            # a process that is killed as it begins says nothing of the recording
+            pool.submit(os.getpid).result()
         while queue or running:
             # one more than there are processes: none waits, and memory stays flat
             while queue and len(running) < width + (width > 1):
@@ -205,6 +240,8 @@ def on_dask(
         from distributed import wait as wait_for
     except ImportError:
         raise ArgumentError("--engine dask needs pip install 'gearmon[cluster]'") from None
+    # what is lost is said in one line below
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
     try:
         with Client(scheduler, timeout=_CONNECT_S) as client:
             workers = len(client.scheduler_info(n_workers=-1)["workers"])
@@ -212,7 +249,12 @@ def on_dask(
             size = min(max(share, _BATCH[0]), _BATCH[1])
             batches = deque(jobs[n : n + size] for n in range(0, len(jobs), size))
             running: dict[Any, Sequence[Job]] = {}
-            while batches or running:
+            suspects, alone = deque[Sequence[Job]](), None
+            while batches or running or suspects:
+                if not batches and not running:
+                    # with nothing else at work, nobody dies for another's fault
+                    alone = suspects.popleft()
+                    batches.append(alone)
                 while batches:
                     batch = batches.popleft()
                     running[client.submit(_batch, batch, task, pure=False)] = batch
@@ -223,15 +265,18 @@ def on_dask(
                         yield from future.result()
                     elif not isinstance(error, KilledWorker):
                         raise error
-                    elif len(batch) == 1:
+                    elif batch is alone:
                         yield Outcome(job=batch[0], why=_KILLED)
+                    elif len(batch) == 1:
+                        suspects.append(batch)
                     else:  # the scheduler has tried it on several workers: which one is it?
                         batches.extend([one] for one in batch)
     except TimeoutError:
         told = f"--scheduler {scheduler}: does not answer, or did nothing for {patience_s:g} s"
         raise ArgumentError(f"{told}; run again to go on") from None
-    except OSError as error:
-        raise ArgumentError(f"--scheduler {scheduler}: {error}; run again to go on") from None
+    except (OSError, CancelledError) as error:
+        told = f"--scheduler {scheduler}: was lost ({' '.join(str(error).split())[:80]})"
+        raise ArgumentError(f"{told}; run again to go on") from None
 
 
 def _batch(jobs: Sequence[Job], task: Task) -> list[Outcome]:

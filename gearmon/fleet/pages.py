@@ -1,11 +1,14 @@
 """The fleet as local web pages, made on the server: who needs somebody today, and why.
 
-No page holds a script but the interactive report of a recording, which brings its own policy.
+A machine's page has the charts of the report, zoomed into by a script of its own; no other page has
+one. Acknowledging is a form, and the overview asks for itself again every minute: no library of
+scripts is needed for these. The report of a recording brings its own policy.
 """
 
 from __future__ import annotations
 
 import hmac
+import json
 import os
 import secrets
 import shutil
@@ -20,18 +23,21 @@ from functools import lru_cache
 from importlib import resources
 from importlib.util import find_spec
 from pathlib import Path
+from statistics import median
 from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import urlencode
 
 from gearmon import __version__
 from gearmon.diagnosis.history import HistoryTrends, history_trends, read_history, read_latest
-from gearmon.diagnosis.history.store import opened
+from gearmon.diagnosis.history.store import as_text, opened
 from gearmon.errors import ArgumentError, GearmonError
 from gearmon.fleet.alarm import acknowledge, alarms
 from gearmon.fleet.engines import at_hand, equipment
-from gearmon.fleet.ledger import recorded, writing
-from gearmon.fleet.plan import Fleet, FleetMachine
+from gearmon.fleet.ledger import flat, writing
+from gearmon.fleet.plan import Fleet, FleetMachine, arrived
+from gearmon.report.charts import history_charts
 from gearmon.report.history_text import history_lines, moment_text
+from gearmon.report.html import as_data, chart_script, shipped
 from gearmon.report.palette import VERDICT_STYLE
 from gearmon.report.verdict import WORST_FIRST
 from gearmon.report.wording import loss_text, printable, score_text
@@ -91,7 +97,7 @@ def application(fleet: Fleet, *, token: str = "", hosts: Sequence[str] = LOOPBAC
         return answer
 
     def told(_: Request, error: Exception) -> Response:
-        return PlainTextResponse(f"{error}\n", 404)
+        return PlainTextResponse(f"{printable(str(error))}\n", 404)
 
     pages: dict[str, Any] = {
         "/": site.overview,
@@ -100,6 +106,7 @@ def application(fleet: Fleet, *, token: str = "", hosts: Sequence[str] = LOOPBAC
         "/recording": site.recording,
         "/table.csv": site.table,
         "/fleet.css": site.style,
+        "/charts.js": site.script,
     }
     routes = [Route(path, page) for path, page in pages.items()]
     return Starlette(
@@ -150,7 +157,10 @@ class _Site:
     def _page(self, kind: str, **content: Any) -> Response:
         from starlette.responses import HTMLResponse
 
-        return HTMLResponse(self.template.render(kind=kind, fleet=self.fleet, **content))
+        answer = HTMLResponse(self.template.render(kind=kind, fleet=self.fleet, **content))
+        if content.get("charts"):
+            answer.headers["Content-Security-Policy"] = f"{_POLICY}; script-src 'self'"
+        return answer
 
     def overview(self, request: Request) -> Response:
         heard = self._heard()
@@ -177,7 +187,10 @@ class _Site:
         machine = self._named(request)
         rows = self._ledger(machine.name)
         found = _trends(self.fleet, machine, len(rows)) if rows else None
-        classes = sorted({row["class"] for row in rows})
+        charts = {}
+        if found is not None and found.history.entries:
+            classes = {row["time_s"]: row["class"] for row in rows if row["state"] == "done"}
+            charts = {"history": history_charts(found, classes)}
         shown = rows if "all" in request.query_params else rows[:_RECORDINGS]
         return self._page(
             "machine",
@@ -185,10 +198,10 @@ class _Site:
             row=next(_row(own) for own in self._heard() if own.machine == machine),
             # the recordings themselves stand in a table of their own, with links
             lines=_without_table(found),
-            drawn=found is not None and bool(found.history.entries),
+            charts=as_data(charts) if charts else "",
+            points=_operating_points(rows),
             rows=shown,
             total=len(rows),
-            classes=[name for name in classes if name],
             alarms=alarms(self.fleet, machine.name),
         )
 
@@ -207,7 +220,10 @@ class _Site:
         machine = self.fleet.machine(rows[0]["machine"]) if rows else None
         if machine is None:
             raise ArgumentError("there is no such recording")
-        text = _report(self.fleet, machine, rows[0]["path"], rows[0]["hash"])
+        path = rows[0]["path"]
+        # names of files that are no text are kept in another form
+        there = next((j.path for j in arrived(self.fleet)[0] if as_text(j.path) == path), path)
+        text = _report(self.fleet, machine, there, rows[0]["hash"])
         # the policy of the report stands in its head: its own script, and nothing else
         policy = {"Content-Security-Policy": "frame-ancestors 'none'"}
         return HTMLResponse(text, headers=policy)
@@ -232,7 +248,7 @@ class _Site:
     @staticmethod
     def _tabled(row: dict[str, Any]) -> dict[str, Any]:
         kept = ("path", "class", "time_s", "state", "why", "verdict", "score", "findings")
-        return {name: row[name] for name in kept} | dict(row["indicators"])
+        return {name: row[name] for name in kept} | flat(row["indicators"])
 
     def style(self, _: Request) -> Response:
         from starlette.responses import Response
@@ -241,9 +257,14 @@ class _Site:
             f".{verdict.replace(' ', '-')} {{ background: {back}; color: {colour}; }}"
             for verdict, (back, colour, _) in VERDICT_STYLE.items()
         ]
-        report = resources.files("gearmon.report").joinpath("report.css").read_text("utf-8")
-        text = "\n".join([report, *colours, _shipped("fleet.css")])
+        report = [shipped("uplot/uPlot.min.css"), shipped("report.css")]
+        text = "\n".join([*report, *colours, _shipped("fleet.css")])
         return Response(text, media_type="text/css")
+
+    def script(self, _: Request) -> Response:
+        from starlette.responses import Response
+
+        return Response(chart_script(), media_type="text/javascript")
 
     def acknowledge(self, request: Request) -> Response:
         from starlette.responses import RedirectResponse
@@ -265,9 +286,14 @@ class _Site:
     def _ledger(self, machine: str | None, number: int = 0) -> list[dict[str, Any]]:
         """Return the recordings of a machine, the newest first, or the one of this number."""
         with opened(self.fleet.store, create=False) as store:
-            order = "l.machine = ? OR l.id = ? ORDER BY l.time_s DESC"
-            rows = recorded(store, order, (machine, number), shown=True)
-        return [row | {"findings": "; ".join(row["findings"])} for row in rows]
+            rows = store.execute(
+                "SELECT l.*, r.verdict, r.score, r.speed_hz, r.findings FROM ledger l "
+                "LEFT JOIN recordings r ON r.machine = l.machine AND r.time_s = l.time_s "
+                "AND l.state = 'done' WHERE l.machine = ? OR l.id = ? ORDER BY l.time_s DESC",
+                (machine, number),
+            ).fetchall()
+        listed = [dict(row) for row in rows]
+        return [r | {"findings": "; ".join(json.loads(r["findings"] or "[]"))} for r in listed]
 
 
 class _Heard(NamedTuple):
@@ -276,6 +302,20 @@ class _Heard(NamedTuple):
     machine: FleetMachine
     latest: dict[str, Any]
     alarm: bool
+
+
+def _operating_points(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return what each operating class of a machine was heard at, and what was found."""
+    points = []
+    for name in sorted({row["class"] for row in rows}):
+        own = [row for row in rows if row["class"] == name and row["state"] == "done"]
+        speeds = [60 * row["speed_hz"] for row in own]
+        if own:
+            told = {"class": name, "recordings": len(own), "latest": own[0]["verdict"]}
+            told |= {"low": min(speeds), "high": max(speeds)}
+            told["score"] = median(row["score"] for row in own)
+            points.append(told | {"faults": sum(row["verdict"] == "fault" for row in own)})
+    return points
 
 
 def _urgency(heard: _Heard) -> tuple[Any, ...]:

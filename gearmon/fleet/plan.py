@@ -9,9 +9,7 @@ from __future__ import annotations
 
 import os
 import re
-import warnings
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
@@ -30,13 +28,7 @@ from gearmon.machine.fields import (
     check_fields,
     obeys,
 )
-from gearmon.machine.reading import (
-    load_machine,
-    read_part,
-    read_table,
-    read_tables,
-    refuse_unknown_keys,
-)
+from gearmon.machine.reading import load_machine, read_part, read_tables, refuse_unknown_keys
 from gearmon.machine.source import MachineSource, read_source
 
 _GROUPS = ("machine", "time", "class")
@@ -93,8 +85,7 @@ class FleetMachine:
     def __post_init__(self) -> None:
         check_fields(self)
         try:
-            with warnings.catch_warnings(action="ignore"):  # what later versions of Python refuse
-                groups = set(re.compile(self.pattern).groupindex)
+            groups = set(re.compile(self.pattern).groupindex)
         except re.error as error:
             reason = f"is no regular expression ({error})"
             raise FieldError("pattern", reason, self.pattern) from None
@@ -177,7 +168,8 @@ def read_fleet(path: str | Path) -> Fleet:
     source, folder = read_source(path), Path(path).parent
     known = ("name", "store", "results", "defaults", "machine", "alarm")
     refuse_unknown_keys(source, source.document, known, "")
-    defaults = read_table(source, "defaults")
+    shared = read_tables(source, "defaults", single=True) if "defaults" in source.document else []
+    defaults = shared[0][1] if shared else {}
     own = tuple(one.name for one in fields(FleetMachine) if one.name != "name")
     refuse_unknown_keys(source, defaults, own, "defaults")
     machines: list[FleetMachine] = []
@@ -197,6 +189,9 @@ def read_fleet(path: str | Path) -> Fleet:
     for key, text in texts.items():
         if not isinstance(text, str) or not text:
             raise source.error(key, f"{key} must be text in quotes")
+        if is_remote(text):
+            told = f'{key} = "{text}" must be on this computer; only recordings may be elsewhere'
+            raise source.error(key, told)
     return Fleet(
         name=texts["name"],
         machines=tuple(machines),
@@ -223,8 +218,7 @@ def _checked(source: MachineSource, label: str, machine: FleetMachine) -> FleetM
     if machine.reference and not Path(machine.reference).is_file():
         key = f"{label}.reference"
         raise source.error(key, f'{key} = "{machine.reference}" is no file; gearmon learn makes it')
-    there = machine.recordings and Path(machine.recordings).is_dir()
-    if not (there or is_remote(machine.recordings)):
+    if not is_remote(machine.recordings) and not Path(machine.recordings).is_dir():
         key = f"{label}.recordings"
         raise source.error(key, f'{key} = "{machine.recordings}" is no folder; make it first')
     return machine
@@ -310,15 +304,23 @@ def _files(folder: str) -> Iterator[tuple[str, int, str]]:
     if not is_remote(folder):
         with os.scandir(folder) as found:
             for entry in found:
-                with suppress(OSError):  # gone by now, or a link in a circle
-                    if entry.is_file() and not entry.name.startswith("."):
-                        told = entry.stat()
-                        yield entry.path, told.st_size, str(told.st_mtime_ns)
+                if entry.is_file() and not entry.name.startswith("."):
+                    told = entry.stat()
+                    yield entry.path, told.st_size, str(told.st_mtime_ns)
         return
-    import fsspec
-
-    system, root = fsspec.core.url_to_fs(folder)
-    for own in system.ls(root, detail=True):
+    for system, own in _listed(folder):
         if own["type"] == "file" and not own["name"].rpartition("/")[2].startswith("."):
             changed = next((str(own[k]) for k in ("mtime", "LastModified", "ETag") if k in own), "")
             yield system.unstrip_protocol(own["name"]), int(own["size"]), changed
+
+
+def _listed(folder: str) -> list[tuple[Any, dict[str, Any]]]:
+    """List a folder that fsspec has to reach, whatever the program for its kind may raise."""
+    try:
+        import fsspec
+
+        system, root = fsspec.core.url_to_fs(folder)
+        return [(system, own) for own in system.ls(root, detail=True)]
+    except Exception as error:
+        why = " ".join(str(error).split()) or type(error).__name__
+        raise ArgumentError(f'recordings = "{folder}": cannot be reached ({why})') from None

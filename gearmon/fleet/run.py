@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from gearmon import __version__
+from gearmon.diagnosis.history.store import as_text
 from gearmon.errors import ArgumentError
 from gearmon.fleet.alarm import alarms, deliver, renew
 from gearmon.fleet.engines import in_processes
@@ -141,7 +142,7 @@ def _fresh(job: Job) -> bool:
 def _new(jobs: Sequence[Job], ledger: dict[str, Any], again: bool) -> Iterator[Job]:
     """Give the recordings that the ledger does not know as they are now."""
     for job in jobs:
-        *state, what, version = ledger.get(job.path, (0, "", "", ""))
+        *state, what, version = ledger.get(as_text(job.path), (0, "", "", ""))
         old = again and (what == "failed" or version != __version__)
         if tuple(state) != job.state or what == "being written" or old:
             yield job
@@ -151,16 +152,12 @@ def _new(jobs: Sequence[Job], ledger: dict[str, Any], again: bool) -> Iterator[J
 def _alone(fleet: Fleet) -> Iterator[None]:
     """Let nobody else work on the same fleet; whoever is killed gives way."""
     try:
-        file = open(f"{fleet.store}.lock", "a")  # noqa: SIM115 - closed below
-    except OSError as error:
-        raise ArgumentError(f"{fleet.store}: cannot write there ({error.strerror})") from None
-    with file:
-        try:
+        with open(f"{fleet.store}.lock", "w") as file:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            told = f"{fleet.store}: another gearmon fleet works on it; stop that one, or wait"
-            raise ArgumentError(told) from None
-        yield
+            yield
+    except BlockingIOError:
+        told = f"{fleet.store}: another gearmon fleet works on it; stop that one, or wait"
+        raise ArgumentError(told) from None
 
 
 def watch_fleet(

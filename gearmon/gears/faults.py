@@ -432,6 +432,36 @@ def parse_fault(text: str) -> Fault:
     )
 
 
+def faults_of(given: object, *, errors: bool) -> tuple[Any, ...]:
+    """Return faults, one or several, of which some may be text.
+
+    Parameters
+    ----------
+    given : Fault, GearError, str, or iterable of these
+    errors : bool
+        Whether errors of gears are taken too.
+
+    Raises
+    ------
+    ArgumentError
+        If something else stands there, or a text says no fault.
+
+    Examples
+    --------
+    >>> [own.tooth for own in faults_of("crack:1:pinion:5:20%", errors=False)]
+    [5]
+    """
+    parsed, kinds = (parse_fault_or_error, Fault | GearError) if errors else (parse_fault, Fault)
+    several = [given] if isinstance(given, str | Fault | GearError) else given
+    if isinstance(several, Iterable):
+        faults = tuple(parsed(own) if isinstance(own, str) else own for own in several)
+        if all(isinstance(own, kinds) for own in faults):
+            return faults
+    raise ArgumentError(
+        f"faults={given!r}: must be faults or their text, such as ['crack:1:pinion:5:20%']"
+    )
+
+
 def _parts(
     what: str, text: str, kinds: tuple[str, ...], syntax: str
 ) -> tuple[str, int, str, int | None, str]:

@@ -20,7 +20,7 @@ from functools import lru_cache
 from itertools import combinations
 from typing import Any, TypeVar
 
-from gearmon.errors import ArgumentError
+from gearmon.errors import ArgumentError, check_range
 from gearmon.machine import Bearing, Machine, OperatingPoint, ParallelStage, PlanetaryStage
 from gearmon.result import Result
 
@@ -337,9 +337,10 @@ class LineTable(Result):
 
 
 def _numbered(what: str, items: tuple[_Item, ...], number: int) -> _Item:
-    if not 1 <= number <= len(items):
-        raise ArgumentError(f"{what}={number} must lie in [1, {len(items)}]")
-    return items[number - 1]
+    check_range(what, number, 1, len(items))
+    if number != int(number):
+        raise ArgumentError(f"{what}={number} must be a whole number")
+    return items[int(number) - 1]
 
 
 @lru_cache(maxsize=16)

@@ -6,7 +6,7 @@ Positions are ranked by the power of a harvester that is tuned for each.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -442,6 +442,7 @@ def survey_measured(
     share_error: float = 0.0,
     degraded: Sequence[Recording] = (),
     count: int = 1,
+    progress: Callable[[float], None] | None = None,
 ) -> Survey:
     """Rank the places of the vibration channels of recordings.
 
@@ -462,6 +463,8 @@ def survey_measured(
         The same operating points with a damaged gear.
     count : int, 1 to 3
         Harvesters of a set that serve the worst operating point, see `tune_set`.
+    progress : callable, optional
+        Called with the share done, 0 to 1.
 
     Returns
     -------
@@ -496,7 +499,7 @@ def survey_measured(
     if not shares and number > 1:
         how = "a block of operation like any other" if sampled else "an equal share of the time"
         notes = (f"every recording counts for {how}",)
-    return _survey(machine, "measured", harvester, positions, budget, notes, count)
+    return _survey(machine, "measured", harvester, positions, budget, notes, count, progress)
 
 
 def _survey(
@@ -507,9 +510,14 @@ def _survey(
     budget: SensorBudget | None,
     notes: tuple[str, ...],
     count: int,
+    progress: Callable[[float], None] | None = None,
 ) -> Survey:
-    task = budget or SensorBudget()
-    placed = sorted((_placed(harvester, p, task) for p in positions), key=lambda p: -p.power_w)
+    task, placed = budget or SensorBudget(), []
+    for number, position in enumerate(positions, start=1):
+        placed.append(_placed(harvester, position, task))
+        if progress is not None:
+            progress(number / len(positions))
+    placed.sort(key=lambda own: -own.power_w)
     best = placed[0]
     if best.tuned is None:
         if math.isfinite(best.over_limits):

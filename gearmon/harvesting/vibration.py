@@ -13,7 +13,7 @@ A duty cycle is several vibrations with their shares of the time.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import pairwise
@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.errors import ArgumentError, check_positive, check_range
+from gearmon.errors import ArgumentError, check_positive, check_range, check_type
 from gearmon.harvesting.harvester import number
 from gearmon.machine.fields import check_fields
 from gearmon.signatures.signature import Signature
@@ -411,7 +411,9 @@ def check_duty(duty: Shaking) -> tuple[OperatingShare, ...]:
         duty = vibration_of_signature(duty)
     if isinstance(duty, Vibration):
         duty = OperatingShare(vibration=duty)
-    points = (duty,) if isinstance(duty, OperatingShare) else tuple(duty)
+    points = (duty,) if isinstance(duty, OperatingShare) else duty
+    check_type("duty cycle", points, Iterable, "a Vibration, a Signature or OperatingShares")
+    points = tuple(points)
     if not points:
         raise ArgumentError("duty cycle: no operating point is given")
     for point in points:

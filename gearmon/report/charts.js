@@ -61,6 +61,7 @@
     const { kind, scale } = chart, isMap = kind === "map", isHistory = kind === "history";
     const lines = unpack(page), places = scale && lines ? lines.order.map((order) => order * scale) : [];
     const curves = chart.curves || [], values = curves.map((c) => (c.top ? wave(c.values, c.top) : floats(c.values)));
+    const ranges = curves.map((c) => c.low && [floats(c.low), floats(c.high)]); // intervals
     const [first, step, count] = chart.even || [], even = () => Array.from({ length: count }, (_, k) => first + k * step);
     const x = chart.times || (count ? even() : floats(chart.x)), edge = kind === "bars" ? 0.5 : 0;
     const from = x[0] - edge, to = Math.max(x[x.length - 1], from + 1e-9) + edge;
@@ -84,7 +85,7 @@
       // whole decades: from elsewhere uPlot may never get to the end of its marks
       if (scale) return [10 ** Math.floor(Math.log10(Math.max(low, high * 1e-6))), 10 ** Math.ceil(Math.log10(high * 1.2))];
       if (kind === "turn") return [-1, 1].map((side) => side * 1.05 * Math.max(-low, high, 1e-30));
-      return [Math.min(0, low), 1.08 * Math.max(high, chart.limit || 0, 2)];
+      return [Math.min(0, low), 1.08 * Math.max(high, chart.limit || 0, chart.top || 0, 2)];
     };
     const axis = (label, size, more) => (
       { label, size, labelSize: 18, stroke: INK, labelFont: "12px sans-serif", grid: { stroke: LIGHT }, ...more });
@@ -105,7 +106,8 @@
         values: (u, splits) => decades(u, splits).map((v) => (v === null ? "" : short(v))),
       })],
       series: [{}, ...(isMap ? [{}] : curves.map((c) => ({
-        stroke: tint(c), width: c.layer === "healthy" ? 2 : 1, show: shown(c), points: { show: isHistory }, ...(kind === "bars" && bars),
+        stroke: tint(c), width: c.layer === "healthy" ? 2 : 1, show: shown(c), points: { show: isHistory && c.dots !== false, size: 5 },
+        ...(kind === "bars" && bars), ...(c.dots && { paths: () => null }),
       })))],
       hooks: { drawAxes: [behind], draw: [infront], setCursor: [told] },
     }, [x, ...(isMap ? [x.map(() => null)] : values)], box);
@@ -123,6 +125,14 @@
       u.ctx.fillStyle = colour;
       u.ctx.fillRect(at, u.bbox.top, u.valToPos(high, "x", true) - at, u.bbox.height);
     }
+    function interval(u, [low, high], dots, colour) { // a bar a value, or a band about a curve
+      const c = u.ctx, at = (k) => u.valToPos(x[k], "x", true), up = (v) => u.valToPos(v, "y", true);
+      const told = x.map((own, k) => k).filter((k) => low[k] !== null && high[k] !== null);
+      Object.assign(c, { strokeStyle: colour + "88", fillStyle: colour + "22", lineWidth: 1 }).beginPath();
+      if (dots) for (const k of told) { c.moveTo(at(k), up(low[k])); c.lineTo(at(k), up(high[k])); }
+      else [...told.map((k) => [k, low]), ...told.reverse().map((k) => [k, high])].forEach(([k, own]) => c.lineTo(at(k), up(own[k])));
+      if (dots) c.stroke(); else c.fill();
+    }
     function behind(u) { // what lies under the curves
       const { left, top, width, height } = u.bbox, c = u.ctx, { min, max } = u.scales.x;
       c.save(); c.beginPath(); c.rect(left, top, width, height); c.clip();
@@ -131,6 +141,11 @@
         c.imageSmoothingEnabled = false;
         c.drawImage(map.canvas, first, 0, nearest(x, max) + 1 - first, chart.rows, left, top, width, height);
       }
+      for (const [low, time, high] of chart.changes || []) {
+        band(u, low, high, "rgba(107,114,128,.13)");
+        upright(u, time, 1, GREY, [4, 4]);
+      }
+      curves.forEach((own, k) => ranges[k] && shown(own) && interval(u, ranges[k], own.dots, tint(own)));
       if (chart.marked) band(u, chart.marked - 1, chart.marked + 1, "rgba(213,94,0,.18)");
       if (chart.limit) { c.fillStyle = RED; c.fillRect(left, u.valToPos(chart.limit, "y", true), width, 2); }
       for (const at of marked.size ? chosen() : []) {
@@ -155,7 +170,10 @@
       if (idx === null || idx === undefined || left < 0) return;
       const at = u.posToVal(left, "x"), order = at / (scale || 1);
       const name = (c) => (c.channel === null ? c.layer : page.channels[c.channel].name + (scale ? "" : ` ${c.layer}`));
-      const here = curves.map((c, k) => (shown(c) ? `${name(c)} ${short(values[k][idx])}` : "")).filter(Boolean).join(", ");
+      const sure = (k) => (ranges[k] ? ` (${short(ranges[k][0][idx])} to ${short(ranges[k][1][idx])})` : "");
+      const what = (c) => (ranges.some(Boolean) ? (c.dots ? ", this recording" : ", trend") : "");
+      const here = curves.map((c, k) => (shown(c) && !(isHistory && values[k][idx] === null)
+        ? `${name(c)}${what(c)} ${short(values[k][idx])}${sure(k)}` : "")).filter(Boolean).join(", ");
       if (isMap) {
         const second = u.posToVal(top, "y"), share = (second - chart.time[0]) / (chart.time[1] - chart.time[0]);
         const row = Math.min(chart.rows - 1, Math.max(0, Math.floor(share * chart.rows)));

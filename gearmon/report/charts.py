@@ -7,13 +7,13 @@ each chart. The same is drawn as pictures for paper and for readers without scri
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gearmon.diagnosis.history import HistoryTrends
+from gearmon.diagnosis.history import ChangePoint, HistoryTrends
 from gearmon.diagnosis.results import Analysis
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine
@@ -385,33 +385,54 @@ def _healthy_range(
     return low, high
 
 
-def history_charts(found: HistoryTrends) -> dict[str, Any]:
+def history_charts(
+    found: HistoryTrends, classes: Mapping[float, str] | None = None
+) -> dict[str, Any]:
     """Return the charts of a history: losses of teeth, if any stands out, and the score.
 
     Parameters
     ----------
     found : HistoryTrends
         With at least one recording.
+    classes : mapping of float to str, optional
+        Operating class of the recordings by their time; every class has a curve of its own.
     """
     entries = found.history.entries
     times = np.array([entry.time_s for entry in entries])
-    charts, teeth = [], told_teeth(found)[:_STRONGEST]
+    charts: list[dict[str, Any]] = []
     shared = {"axis": "Time (UTC)", "kind": "history", "times": times.tolist()}
-    if teeth:
-        curves = []
-        for number, tooth in enumerate(teeth):
-            values = np.full(len(times), np.nan)
-            values[np.searchsorted(times, tooth.trend.series.time_s)] = tooth.trend.series.value
-            name = gear_text(tooth.stage, tooth.gear, tooth.tooth)
-            colour = SERIES[number % len(SERIES)]
-            curves.append(_curve(100 * values, name, None, colour=colour))
+    curves, changes, top = [], [], 0.0
+    for number, tooth in enumerate(told_teeth(found)[:_STRONGEST]):
+        own: dict[str, Any] = {"layer": gear_text(tooth.stage, tooth.gear, tooth.tooth)}
+        own |= {"channel": None, "colour": SERIES[number % len(SERIES)]}
+        estimated = np.searchsorted(times, tooth.trend.series.time_s)
+        estimates = np.full((3, len(times)), np.nan)
+        estimates[:, estimated] = tooth.trend.series.value, tooth.low, tooth.high
+        trend = np.array(tooth.trend.at(times))
+        trend[:, : estimated[0]] = np.nan
+        for told, dots in ((estimates, True), (trend, False)):
+            values, low, high = (_numbers(100 * row) for row in told)
+            curves.append(own | {"values": values, "low": low, "high": high, "dots": dots})
+        top = max(top, 100 * float(np.nanmax(estimates[0])), 100 * float(trend[2, -1]))
+        changes += _changes(tooth.trend.changes)
+    if curves:
+        named = {"name": "history-loss", "value": "Loss of pair stiffness (%)", "top": top}
+        named |= {"title": "Loss of each tooth that stands out, with its 90 % intervals"}
         limit = None if found.limit is None else 100 * found.limit
-        value = "Loss of pair stiffness (%)"
-        title = "Loss of each tooth that stands out"
-        named = {"name": "history-loss", "title": title, "value": value}
-        charts.append(shared | named | {"curves": curves, "limit": limit})
+        charts.append(shared | named | {"curves": curves, "changes": changes, "limit": limit})
     scores = np.array([entry.score for entry in entries])
+    of = np.array([(classes or {}).get(entry.time_s, "") for entry in entries])
+    scored = [
+        _curve(np.where(of == name, scores, np.nan), printable(name) or "score", None)
+        | {"colour": SERIES[number % len(SERIES)], "dots": len(set(of)) > 1}
+        for number, name in enumerate(sorted(set(of.tolist())))
+    ]
     named = {"name": "history-score", "title": "Evidence of a fault", "value": "Score"}
-    charts.append(shared | named | {"curves": [_curve(scores, "score", None)]})
-    told = [f"{printable(entry.recording)}: {entry.verdict}" for entry in entries]
-    return {"channels": [], "speed_hz": 0.0, "lines": None, "told": told, "charts": charts}
+    rose = _changes(found.evidence.changes if found.evidence else ())
+    charts.append(shared | named | {"curves": scored, "changes": rose})
+    words = [f"{printable(entry.recording)}: {entry.verdict}" for entry in entries]
+    return {"channels": [], "speed_hz": 0.0, "lines": None, "told": words, "charts": charts}
+
+
+def _changes(changes: Sequence[ChangePoint]) -> list[list[float]]:
+    return [[change.low_s, change.time_s, change.high_s] for change in changes]

@@ -248,7 +248,7 @@ def _plot_kind(rows: pd.DataFrame, gears: Sequence[str], ax: Axes) -> None:
     ax.minorticks_off()
     ax.set(
         xlim=(0.85 * min(sizes), 1.18 * max(sizes)),
-        xlabel="loss of pair stiffness in %" if is_loss else "size in um",
+        xlabel="loss of pair stiffness in %" if is_loss else "size in µm",
     )
     kind = rows["kind"].iloc[0]
     ax.set_title(f"{kind}: change of the mesh lines" if alike else kind)

@@ -60,7 +60,8 @@ def exposure_figure(exposure: Exposure) -> Picture:
     course.axhline(exposure.value_ms2, color=BLACK, linewidth=1.2, linestyle=_DASHED)
     told = f"dashed: {exposure.value_ms2:.3g} m/s² ({exposure.value_axis}, {exposure.position})"
     course.set_title(told, loc="left", fontsize=10)
-    course.set(xlabel="time in s", ylabel="felt each second\nin m/s²", ylim=(0, None))
+    course.set(xlabel="time in s", ylabel="felt each second\nin m/s²")
+    course.set_ylim(0, 1.1 * max(exposure.value_ms2, course.get_ylim()[1]))
     course.set_xlim(0, exposure.duration_s)
     for ax in (bands, course):
         light_grid(ax)

@@ -13,6 +13,7 @@ from gearmon.diagnosis.history import (
     HistoryTrends,
     ToothTrend,
 )
+from gearmon.diagnosis.history.changes import STRAIGHT
 from gearmon.report.text_tables import table_lines
 from gearmon.report.wording import counted, gear_text, percent, printable, probability_text
 
@@ -183,9 +184,13 @@ def change_text(change: ChangePoint, *, fine: bool, growth: tuple[str, str]) -> 
     else:
         what = f"{'jumped up' if change.size > 0 else 'fell'} at"
     low = "before the first recording" if change.open_before else moment_text(change.low_s, fine)
-    bent = change.kind == "growth" and not change.growth.straight
+    course = change.growth if change.kind == "growth" else STRAIGHT
+    bent = ", at once and then on" if course.jump else ""
+    if not course.straight:
+        slower = course.folds < 0 or (course.exponent < 1 and not course.folds)
+        bent += ", slower and slower" if slower else ", faster and faster"
     return (
-        f"{what} {moment_text(change.time_s, fine)}{', faster and faster' if bent else ''} "
+        f"{what} {moment_text(change.time_s, fine)}{bent} "
         f"(between {low} and {moment_text(change.high_s, fine)}; false-alarm probability "
         f"{probability_text(change.false_alarm_probability)})"
     )

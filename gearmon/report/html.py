@@ -46,8 +46,8 @@ class Failure:
 
 
 def write_report(
-    analyses: Sequence[Analysis],
-    recordings: Iterable[Recording | None],
+    analyses: Analysis | Sequence[Analysis],
+    recordings: Recording | Iterable[Recording | None] | None,
     reference: Reference | None,
     machine: Machine,
     path: str | Path,
@@ -100,6 +100,8 @@ def write_report(
     """
     from gearmon.report.charts import POINTS, history_charts, recording_charts
 
+    analyses = [analyses] if isinstance(analyses, Analysis) else analyses
+    recordings = [recordings] if isinstance(recordings, Recording | None) else recordings
     target = _checked(analyses, failures, Path(path))
     sections, written, charts = [], [], {}
     supply, points = iter(recordings), max(POINTS // 8, POINTS // max(1, len(analyses)))
@@ -234,13 +236,9 @@ def _rendered(
         f".{_styled(verdict)['style']} {{ background: {background}; color: {colour}; }}"
         for verdict, (background, colour, _) in VERDICT_STYLE.items()
     ]
-    styles = "\n".join([_shipped("uplot/uPlot.min.css"), _shipped("report.css"), *colours])
-    # who passes the page on passes the library on: its licence goes with it
-    licence = "/*\n" + _shipped("uplot/LICENSE").strip() + "\n*/"
-    script = "\n".join([licence, _shipped("uplot/uPlot.iife.min.js"), _shipped("charts.js")])
-    # nothing within can end the element that holds it
-    data = json.dumps(charts, ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
-    return environment.from_string(_shipped("analysis.html")).render(
+    styles = "\n".join([shipped("uplot/uPlot.min.css"), shipped("report.css"), *colours])
+    script = chart_script()
+    return environment.from_string(shipped("analysis.html")).render(
         machine=printable(machine.name) or "machine without a name",
         made=datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
         version=__version__,
@@ -251,12 +249,27 @@ def _rendered(
         # these three are ours, or escaped above: the template lets them through as they are
         styles=styles,
         script=script,
-        data=data,
+        data=as_data(charts),
         allowed={"script": _digest(script), "style": _digest(styles)},
     )
 
 
-def _shipped(name: str) -> str:
+def chart_script() -> str:
+    """Return the script that draws charts, with the library it draws by.
+
+    Who passes a page on passes the library on: its licence goes with it.
+    """
+    licence = "/*\n" + shipped("uplot/LICENSE").strip() + "\n*/"
+    return "\n".join([licence, shipped("uplot/uPlot.iife.min.js"), shipped("charts.js")])
+
+
+def as_data(charts: dict[str, Any]) -> str:
+    """Return charts as JSON in which nothing can end the element that holds it."""
+    return json.dumps(charts, ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
+
+
+def shipped(name: str) -> str:
+    """Return the text of a file that a page is made of."""
     return resources.files("gearmon.report").joinpath(name).read_text("utf-8")
 
 

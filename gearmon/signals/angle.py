@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gearmon.errors import ArgumentError, check_positive
+from gearmon.errors import ArgumentError, check_positive, check_type
 from gearmon.signals.array_types import ComplexArray, FloatArray
 
 if TYPE_CHECKING:
@@ -148,6 +148,11 @@ class AngleTrack:
             time, slope = self.time_and_slope_at(angle)
             angle += (time_s - time) / slope
         return angle
+
+
+def check_track(track: object) -> None:
+    """Raise an `ArgumentError` if it is no `AngleTrack`."""
+    check_type("track", track, AngleTrack, "that of gearmon.measure_signature(...).track")
 
 
 def _curve(x: FloatArray, y: FloatArray) -> PPoly:

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gearmon.errors import ArgumentError, RecordingError, check_range
-from gearmon.result import Result, with_units
+from gearmon.result import Result, sample_rows, with_units
 from gearmon.signals.reading import (
     Content,
     Progress,
@@ -140,10 +140,8 @@ class Recording(Result):
 
     def frame_rows(self) -> list[dict[str, Any]]:
         """Return a row a sample: the time, and every channel."""
-        times = np.arange(self.samples.shape[1]) / self.sampling_rate_hz
-        heads = ["time_s", *with_units(self.channel_names, self.units)]
-        rows = np.vstack([times, self.samples]).T.tolist()
-        return [dict(zip(heads, row, strict=True)) for row in rows]
+        heads = with_units(self.channel_names, self.units)
+        return sample_rows(self.samples, self.sampling_rate_hz, heads)
 
     @property
     def duration_s(self) -> float:

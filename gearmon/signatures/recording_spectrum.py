@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -314,6 +314,8 @@ def _check_band(band: Band, vibration: Recording, kind: str) -> None:
         return
     top = vibration.duration_s / 2 if kind == "cepstrum" else vibration.sampling_rate_hz / 2
     unit = "s" if kind == "cepstrum" else "Hz"
+    if not isinstance(band, Sequence) or len(band) != 2:
+        raise ArgumentError(f"band={band!r} must be two {unit}: low and high")
     for name, value in zip(("low", "high"), band, strict=True):
         check_range(f"band {name}", value, 0.0, top, unit)
     if band[0] >= band[1]:

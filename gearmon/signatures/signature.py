@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.errors import ArgumentError, SignatureError, nearest_name
+from gearmon.errors import ArgumentError, SignatureError, check_type, nearest_name
 from gearmon.files import replacing, write_atomically
 from gearmon.result import Result
 
@@ -199,6 +199,7 @@ def write_signature(signature: Signature, path: str | Path) -> None:
     --------
     >>> gearmon.write_signature(gearmon.expected_signature(machine, max_hz=2000.0), "healthy.csv")
     """
+    check_type("signature", signature, Signature, "what gearmon.expected_signature returns")
     target = Path(path)
     suffix = _suffix(target)
     if suffix == ".parquet":

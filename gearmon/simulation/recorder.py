@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from gearmon import __version__
 from gearmon.errors import ArgumentError
 from gearmon.files import replacing, write_atomically
-from gearmon.gears.faults import Fault, parse_fault
+from gearmon.gears.faults import Fault, faults_of
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, MachineLike, OperatingPoint, load_machine
-from gearmon.result import Result
+from gearmon.result import Result, sample_rows, with_units
 from gearmon.simulation.contact import Drive, Ripple, ShaftMotion, ToothMesh, random_wander
 from gearmon.simulation.settings import Settings, check_seed, stream
 from gearmon.simulation.train import Train, build_train
@@ -83,6 +83,11 @@ class SimulatedRecording(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return the truth: built-in types only, ready for JSON."""
         return self.truth
+
+    def frame_rows(self) -> list[dict[str, Any]]:
+        """Return a row a sample, as a recording has them."""
+        heads = with_units(self.channel_names, self.units)
+        return sample_rows(self.samples, self.sampling_rate_hz, heads)
 
 
 def simulate(
@@ -182,19 +187,8 @@ def simulate(
         mains_hz=mains_hz,
         tacho_shaft=tacho_shaft,
     )
-    return record(load_machine(machine), _faults(faults), settings, point=point, progress=progress)
-
-
-def _faults(given: Fault | str | Iterable[Fault | str]) -> tuple[Fault, ...]:
-    """Return faults, one or several, of which some may be text."""
-    several = [given] if isinstance(given, str | Fault) else given
-    if isinstance(several, Iterable):
-        faults = [parse_fault(own) if isinstance(own, str) else own for own in several]
-        if all(isinstance(own, Fault) for own in faults):
-            return tuple(faults)
-    raise ArgumentError(
-        f"faults={given!r}: must be faults or their text, such as ['crack:1:pinion:5:20%']"
-    )
+    known = faults_of(faults, errors=False)
+    return record(load_machine(machine), known, settings, point=point, progress=progress)
 
 
 def record(

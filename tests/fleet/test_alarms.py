@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from reference.fleet_stand_in import arrive, at_once, made_fleet
 
-from gearmon.fleet import acknowledge, alarms, deliver, run_fleet
-from gearmon.fleet.alarm import episodes
+from gearmon.fleet import acknowledge, alarms, deliver, run_fleet, watch_fleet
+from gearmon.fleet.alarm import _targets, episodes
 
 
 @pytest.fixture(autouse=True)
@@ -79,6 +79,46 @@ def test_mail_goes_through_sendmail(tmp_path, monkeypatch):
     assert "wear, stage 1, pinion" in letter.read_text()
 
 
+def test_a_letter_has_one_subject_whatever_machines_are_called(tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", "/nowhere")
+    fleet = worn(tmp_path, '[[alarm]]\nmail = ["farm@example.org"]')
+    (alarm,) = alarms(fleet)
+    ((_, send),) = _targets(fleet.hooks[0], fleet.machines[0], alarm | {"machine": "a\nBcc: b"})
+    with pytest.raises(FileNotFoundError, match="sendmail"):
+        send()
+
+
+def test_one_who_cannot_be_told_is_tried_for_one_alarm_only(tmp_path, monkeypatch):
+    fleet = worn(tmp_path, '[[alarm]]\nwebhook = "http://127.0.0.1:9/"')
+    for day in range(2):
+        arrive(tmp_path, "b_{}.txt", "fault 0.1", days=10 + day)
+    run_fleet(fleet, at_once)
+    assert len(alarms(fleet)) == 2
+    tried = []
+    monkeypatch.setattr("gearmon.fleet.alarm._post", lambda *_: tried.append(1) or refuse())
+    (told,) = deliver(fleet)
+    assert told.startswith("webhook http://127.0.0.1:9/: could not be told of an alarm (no")
+    assert len(tried) == 4
+
+
+def refuse():
+    raise OSError("nobody\nlistens")
+
+
+def test_watching_goes_on_while_a_hook_hangs(tmp_path, monkeypatch):
+    fleet = worn(tmp_path, '[[alarm]]\ncommand = ["sleep"]')
+    arrive(tmp_path, "a_{}.txt", "0.1", days=20)
+    held, looks = threading.Event(), []
+    monkeypatch.setattr("gearmon.fleet.alarm._run", lambda *_: held.wait(20.0))
+
+    def told(what):
+        looks.append(what.done)
+        held.set()
+
+    watch_fleet(fleet, at_once, every_s=0.01, told=told, rounds=2)
+    assert looks == [1]
+
+
 def test_what_cannot_be_told_is_said_and_tried_at_the_next_look(tmp_path):
     fleet = worn(tmp_path, '[[alarm]]\ncommand = ["false"]')
     assert "could not be told" in deliver(fleet)[0]
@@ -96,8 +136,7 @@ def test_hooks_are_told_of_their_own_machines_and_classes(tmp_path, rule):
 def test_one_that_begins_earlier_after_a_late_recording_is_the_same_alarm(tmp_path):
     fleet = worn(tmp_path, '[[alarm]]\ncommand = ["true"]')
     deliver(fleet)
-    path = tmp_path / "inbox" / "a_2026-02-20_maize.txt"
-    path.write_text("fault 0.1")
+    arrive(tmp_path, "a_2026-02-20_maize.txt", "fault 0.1")
     run_fleet(fleet, at_once)
     (alarm,) = alarms(fleet)
     assert alarm["since"] == "2026-02-20T00:00:00Z"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import socket
 import threading
 import time
@@ -139,6 +140,10 @@ def test_other_names_and_those_without_the_token_are_refused(address, fleet):
 @pytest.mark.parametrize("width", [400, 1280])
 @pytest.mark.parametrize("place", ["/", "/machine?name=b"])
 def test_pages_fit_the_window_and_the_console_is_silent(browser, address, width, place):
+    looked_at(browser, address, width, place)
+
+
+def looked_at(browser, address, width, place):
     size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
     browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
     browser.get(f"http://{address}{place}")
@@ -147,6 +152,33 @@ def test_pages_fit_the_window_and_the_console_is_silent(browser, address, width,
     assert browser.execute_script("return window.hurt") is None
     assert "rgb" in browser.find_element("css selector", ".fault").value_of_css_property("color")
     assert [own for own in browser.get_log("browser") if "favicon" not in own["message"]] == []
+
+
+@pytest.mark.browser
+def test_the_history_of_a_machine_is_zoomed_into_and_told_with_intervals(browser, address):
+    looked_at(browser, address, 1280, "/machine?name=b")
+    browser.execute_script("document.getElementById('history-history-loss').scrollIntoView()")
+    plot = "document.getElementById('history-history-loss').plot"
+    until(lambda: browser.execute_script(f"return {plot} !== undefined"))
+    span = f"return {plot}.scales.x.max - {plot}.scales.x.min"
+    whole = browser.execute_script(span)
+    host = browser.find_element("id", "history-history-loss")
+    host.find_element("css selector", "button[title='Zoom in']").click()
+    until(lambda: browser.execute_script(span) < 0.6 * whole)
+    host.find_element("css selector", "button[title='Next line']").click()
+    told = host.find_element("css selector", ".readout")
+    until(lambda: "trend" in told.text)
+    assert re.search(r"this recording \d+ \(\d+ to \d+\)", told.text)
+    (points,) = [t for t in browser.find_elements("css selector", "table") if "Speed" in t.text]
+    assert "1500 to 1500" in points.text
+
+
+def until(true):
+    waited = 0.0
+    while not true():
+        assert waited < 10.0
+        time.sleep(0.05)
+        waited += 0.05
 
 
 @pytest.mark.browser

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from gearmon.diagnosis.fault_types.features import NAMES, FeatureVector, kind_features
@@ -11,6 +11,7 @@ from gearmon.diagnosis.hypotheses.own_teeth import locate
 from gearmon.diagnosis.hypotheses.runout import turn_changes
 from gearmon.diagnosis.law.machine import same_gear
 from gearmon.diagnosis.results import Analysis, ToothProfile
+from gearmon.errors import ArgumentError, check_type
 from gearmon.signatures.measured.reference import Profile, Reference, WheelPattern
 
 if TYPE_CHECKING:
@@ -133,9 +134,11 @@ def features(
     """
     import pandas as pd  # slow to load, and no verdict needs it
 
-    several = [analyses] if isinstance(analyses, Analysis) else list(analyses)
+    several = [analyses] if isinstance(analyses, Analysis) else analyses
+    check_type("analyses", several, Iterable, "what gearmon.analyse returns, or several of it")
     frames = []
     for analysis in several:
+        check_type("analyses", analysis, Analysis, "what gearmon.analyse returns")
         found = (
             kind_features(analysis.changes, analysis.profiles)
             if reference is None
@@ -144,4 +147,6 @@ def features(
         rows = [(analysis.recording, stage, gear) for stage, gear in found.gears]
         index = pd.MultiIndex.from_tuples(rows, names=["recording", "stage", "gear"])
         frames.append(pd.DataFrame(found.values, index=index, columns=list(NAMES)))
+    if not frames:
+        raise ArgumentError("analyses: none is given; features need at least one")
     return pd.concat(frames)

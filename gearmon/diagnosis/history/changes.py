@@ -6,12 +6,13 @@ up is close enough. The penalty for assuming a change is not a matter of taste: 
 the probability that noise alone correlates as well with any kink or step.
 
 A crack grows faster the larger it is, and a straight line through such growth meets the level
-before it far too late: when it began can only be told along with how it bends. Along the courses
-(straight, powers of time, exponentials) one trades off against the other, so that the likelihood is
-flat along a ridge. The interval is the profile over all courses, joined with the credible interval
-of even chances: the first alone ends a little too soon where the courses tried lie far apart for
-the noise. The time itself is the median of what the courses and places leave possible, whose bias
-is a small part of that of a kink.
+before it far too late; a tooth that chips loses some at once, what is worn in wears slower, and a
+straight line through these meets it far too early: when it began can only be told along with how it
+bends. Along the courses (straight, powers of time, exponentials, with a jump) one trades off
+against the other, so that the likelihood is flat along a ridge. The interval is the profile over
+all courses, joined with the credible interval of even chances: the first alone ends a little too
+soon where the courses tried lie far apart for the noise. The time itself is the median of what the
+courses and places leave possible, whose bias is a small part of that of a kink.
 
 References
 ----------
@@ -27,7 +28,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -64,10 +65,13 @@ class Growth:
 
     Parameters
     ----------
-    exponent : float, 0 or in [1, 10]
-        p of ``x^p``; 1 is straight, 0 a step.
-    folds : float, in [0, 50]
-        g of ``(e^(g x) - 1) / (e^g - 1)``, which is taken if it is above 0.
+    exponent : float, in [0, 10]
+        p of ``x^p``; 1 is straight, 0 a step, what lies between slows down.
+    folds : float, in [-50, 50]
+        g of ``(e^(g x) - 1) / (e^g - 1)``, which is taken if it is not 0; below 0 growth
+        comes to a halt.
+    jump : float, in [0, 1)
+        Share that came at once when it began.
 
     Examples
     --------
@@ -77,24 +81,27 @@ class Growth:
 
     exponent: float = 1.0
     folds: float = 0.0
+    jump: float = 0.0
 
     @property
     def straight(self) -> bool:
-        """Whether it does not speed up."""
+        """Whether it goes on at one rate."""
         return self.exponent == 1.0 and self.folds == 0.0
 
     @property
     def kind(self) -> str:
-        """``straight``, ``power`` or ``exponential``."""
-        return "straight" if self.straight else "exponential" if self.folds else "power"
+        """``straight``, ``power``, ``exponential``, or ``jump and straight``."""
+        named = "straight" if self.straight else "exponential" if self.folds else "power"
+        return f"jump and {named}" if self.jump else named
 
     def at(self, share: FloatArray) -> FloatArray:
         """Return values at shares of the time from its begin to the last recording; 0 before."""
         since = np.maximum(share, 0.0)
         if self.folds:
-            grown = np.expm1(np.minimum(self.folds * since, _MOST_FOLDS))
-            return np.asarray(grown / np.expm1(self.folds))
-        return np.where(share > 0, since**self.exponent, 0.0)
+            grown = np.expm1(np.minimum(self.folds * since, _MOST_FOLDS)) / np.expm1(self.folds)
+        else:
+            grown = since**self.exponent
+        return np.where(share > 0, self.jump + (1.0 - self.jump) * grown, 0.0)
 
     def rate(self, share: FloatArray) -> FloatArray:
         """Return the derivative of `at`; 0 up to where it began."""
@@ -104,7 +111,7 @@ class Growth:
             rate = self.folds * grown / np.expm1(self.folds)
         else:
             rate = self.exponent * since ** (self.exponent - 1.0)
-        return np.where(share > 0, rate, 0.0)
+        return np.where(share > 0, (1.0 - self.jump) * rate, 0.0)
 
     def bend(self, share: FloatArray) -> FloatArray:
         """Return the direction in which `at` moves with the exponent; 0 up to where it began."""
@@ -115,16 +122,24 @@ class Growth:
         return np.asarray(since**self.exponent * np.log(since))
 
 
+_JUMPS = (0.1, 0.25, 0.5)
 STEP, STRAIGHT = Growth(exponent=0.0), Growth()
 #: Courses of growth that are tried, the straight one first.
 GROWTHS = (
     STRAIGHT,
     *(Growth(exponent=p) for p in (1.5, 2.0, 2.5, 3.0, 4.0)),
     *(Growth(folds=g) for g in (1.5, 3.0, 4.5, 6.0)),
+    *(Growth(jump=h) for h in _JUMPS),
+    *(Growth(exponent=2.0, jump=h) for h in (0.1, 0.25)),
+    *(Growth(exponent=p) for p in (0.25, 0.5, 0.75)),
+    *(Growth(folds=g) for g in (-2.0, -4.0)),
 )
 COURSES = (STEP, *GROWTHS)
-#: How likely each is held beforehand: that growth is straight as likely as that it is not.
-CHANCES = np.array([0.5] + [0.05] * 5 + [0.0625] * 4)
+#: How likely each is held beforehand: that growth speeds up as likely as that it does not.
+CHANCES = np.repeat([0.3, 0.05, 0.0625, 0.02], [1, 5, 4, 10])
+# Factors of what bends a course, and of its jump, that fill the gaps beside it; how many
+# of the best are given such company.
+_BETWEEN_COURSES, _BEST_COURSES = (0.7, 0.85, 1.2, 1.4), 3
 
 
 def growth_rows(
@@ -537,20 +552,28 @@ class Fits:
     places : ndarray of float, shape (fits,)
         Where the one more began [s]; of a step any time between two recordings.
     courses : ndarray of int, shape (fits,)
-        Its course, by its number in `COURSES`.
+        Its course, by its number in `tried`.
+    tried : sequence of Growth
     """
 
     series: Series
     known: Sequence[ChangePoint]
     places: FloatArray
     courses: IntArray
+    tried: Sequence[Growth] = COURSES
 
     @classmethod
-    def of_growth(cls, series: Series, known: Sequence[ChangePoint], places: FloatArray) -> Fits:
-        """Return those by growth of every course from every place, course by course."""
-        courses = np.repeat(np.arange(1, len(COURSES)), len(places))
-        every = np.tile(places, len(GROWTHS))
-        return cls(series=series, known=known, places=every, courses=courses)
+    def of_growth(
+        cls,
+        series: Series,
+        known: Sequence[ChangePoint],
+        places: FloatArray,
+        tried: Sequence[Growth] = COURSES,
+    ) -> Fits:
+        """Return those by growth of every course, a step first, from every place."""
+        courses = np.repeat(np.arange(1, len(tried)), len(places))
+        every = np.tile(places, len(tried) - 1)
+        return cls(series=series, known=known, places=every, courses=courses, tried=tried)
 
     @classmethod
     def of_step(cls, series: Series, known: Sequence[ChangePoint], places: FloatArray) -> Fits:
@@ -608,7 +631,7 @@ class Fits:
         places, courses = self.places[which], self.courses[which]
         for number in np.unique(courses):
             own = courses == number
-            rows[own] = growth_rows(time_s, places[own], end, COURSES[number], rates=rates)
+            rows[own] = growth_rows(time_s, places[own], end, self.tried[number], rates=rates)
         return rows
 
 
@@ -622,9 +645,11 @@ class _Left:
     step: FloatArray
     freedom: int
     variance: float
+    courses: Sequence[Growth] = GROWTHS
 
     @classmethod
-    def of(cls, series: Series, others: Sequence[ChangePoint]) -> _Left:
+    @lru_cache(maxsize=4)  # a change is bent, and timed a moment later
+    def of(cls, series: Series, others: tuple[ChangePoint, ...]) -> _Left:
         # it may have begun at any time before the last recording but one
         places, middles = _between(series.time_s[:-1], *_TIMED_AT), _tried(series, STEP)[0]
         growth = Fits.of_growth(series, others, places).left.reshape(len(GROWTHS), -1)
@@ -639,13 +664,35 @@ class _Left:
             variance=max(least / max(1, freedom), 1.0 if series.sigma_known else 0.0),
         )
 
+    def closer(self, series: Series, others: Sequence[ChangePoint]) -> _Left:
+        """Return them with courses between the best few and their neighbours.
+
+        Data that are sure tell these apart, and would exclude where growth did begin.
+        """
+        best = np.argsort(self.growth.min(axis=1))[:_BEST_COURSES]
+        near = [own for number in best for own in _near(GROWTHS[number])]
+        more = Fits.of_growth(series, others, self.places, (STEP, *near)).left
+        growth = np.concatenate([self.growth, more.reshape(len(near), -1)])
+        return replace(self, growth=growth, courses=(*GROWTHS, *near))
+
     @property
     def chance(self) -> FloatArray:
         """Chance of each course from each place, shape (courses, places)."""
-        told = np.exp(-0.5 * (self.growth - self.growth.min()) / max(self.variance, _TINY))
+        least, most = self.growth.min(), self.growth.max()
+        # of what fits to the last digit nothing is left to divide by
+        variance = max(self.variance, 1e-12 * most, _TINY)
+        told = np.exp(-0.5 * (self.growth - least) / variance)
         # places stand closer together where recordings do
         chance = CHANCES[:, None] * told * np.gradient(self.places)
         return np.asarray(chance / chance.sum())
+
+
+def _near(growth: Growth) -> list[Growth]:
+    """Return courses between one and its neighbours."""
+    name = "folds" if growth.folds else "exponent"
+    bent = [replace(growth, **{name: by * getattr(growth, name)}) for by in _BETWEEN_COURSES]
+    jumps = [by * growth.jump for by in _BETWEEN_COURSES] if growth.jump else _JUMPS
+    return [*bent, *(replace(growth, jump=jump) for jump in jumps)]
 
 
 def _bent(series: Series, change: ChangePoint, others: Sequence[ChangePoint]) -> ChangePoint:
@@ -653,7 +700,7 @@ def _bent(series: Series, change: ChangePoint, others: Sequence[ChangePoint]) ->
 
     A step that growth explains better, by more than one fitted number is worth, becomes growth.
     """
-    left = _Left.of(series, others)
+    left = _Left.of(series, tuple(others))
     worth = left.variance * math.log(len(series))
     if change.kind == "step" and left.growth.min() + worth > left.step.min():
         return change
@@ -668,24 +715,29 @@ def _timed(
 
     A small change may be a step as well as growth: places of both count.
     """
-    times, left = series.time_s, _Left.of(series, others)
+    times, left = series.time_s, _Left.of(series, tuple(others))
     if left.freedom < 1:
         return replace(change, low_s=float(times[0]), high_s=float(times[-1]))
     quantile = kink_quantile(level, left.freedom)
     if change.kind == "step":
         quantile = max(quantile, step_quantile(level, left.freedom))
+    known, left = left, left.closer(series, others)
     most = min(left.growth.min(), left.step.min()) + left.variance * quantile + _TINY
-    # a step lies anywhere between the recordings on its two sides
-    later = np.searchsorted(times, left.middles[left.step <= most])
+    # what comes at once does so anywhere between the recordings on its two sides
+    jumps = [number for number, growth in enumerate(left.courses) if growth.jump]
+    jumped = left.places[left.growth[jumps].min(axis=0) <= most]
+    at_once = np.concatenate([left.middles[left.step <= most], jumped[jumped > times[0]]])
+    later = np.searchsorted(times, at_once)
     kept = [left.places[left.growth.min(axis=0) <= most], times[later - 1], times[later]]
     if change.kind == "step":
         change = replace(change, time_s=float(left.middles[np.argmin(left.step)]))
     else:
-        chance = left.chance.sum(axis=0)
+        chance = known.chance
+        every = chance.sum(axis=0)
         inside = [0.5 - 0.5 * level, 0.5, 0.5 + 0.5 * level]
-        low, middle, high = np.interp(inside, np.cumsum(chance) - 0.5 * chance, left.places)
+        low, middle, high = np.interp(inside, np.cumsum(every) - 0.5 * every, left.places)
         near = int(np.argmin(np.abs(left.places - middle)))
-        course = GROWTHS[int(np.argmax(left.chance[:, near]))]
+        course = GROWTHS[int(np.argmax(chance[:, near]))]
         change = replace(change, time_s=float(left.places[near]), growth=course)
         kept.append(np.array([low, high]))
     first, last = (float(end(np.concatenate(kept))) for end in (np.min, np.max))

@@ -251,7 +251,9 @@ class Trend:
                 np.argmin(np.where(fits.courses == COURSES.index(last.growth), away, np.inf))
             )
         budget = self._budget(fits.left)
-        allowed = np.flatnonzero(budget >= 0)
+        # that growth comes to a halt is taken only from data that say so: no limit would be sure
+        halts = np.array([course.folds < 0 for course in COURSES])[fits.courses]
+        allowed = np.flatnonzero((budget >= 0) & ~halts)
         which = np.concatenate([[told], allowed[allowed != told]])
         return fits, which, np.maximum(budget[which], 0.0)
 

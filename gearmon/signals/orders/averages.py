@@ -24,7 +24,7 @@ import numpy as np
 
 from gearmon.errors import ArgumentError, RecordingError, check_positive
 from gearmon.result import Result
-from gearmon.signals.angle import AngleTrack
+from gearmon.signals.angle import AngleTrack, check_track
 from gearmon.signals.array_types import ComplexArray, FloatArray, IntArray
 from gearmon.signals.orders.resampling import (
     READ_UP_TO,
@@ -159,6 +159,7 @@ def time_synchronous_average(
     (73, True)
     """
     check_positive("sampling_rate_hz", sampling_rate_hz, "Hz")
+    check_track(track)
     shaft = track.of_shaft(float(rotation_order))
     if per_turn is not None and (per_turn != int(per_turn) or per_turn < 4):
         raise ArgumentError(f"per_turn={per_turn} must be a whole number, at least 4")

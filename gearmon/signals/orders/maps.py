@@ -13,7 +13,7 @@ import numpy as np
 
 from gearmon.errors import ArgumentError, check_positive
 from gearmon.result import Result
-from gearmon.signals.angle import AngleTrack
+from gearmon.signals.angle import AngleTrack, check_track
 from gearmon.signals.array_types import FloatArray, IntArray
 from gearmon.signals.orders.resampling import READ_UP_TO, AngleGrid, angle_blocks
 from gearmon.signals.spectra.spectrum import amplitude_spectrum
@@ -123,6 +123,7 @@ def order_map(
     >>> found.amplitude.shape, found.order[:3]
     ((6, 2, 1874), array([0.        , 0.05338542, 0.10677083]))
     """
+    check_track(track)
     if against not in ("time", "speed"):
         raise ArgumentError(f"against={against!r} must be one of time, speed")
     most = rows if rows is not None else TIME_ROWS if against == "time" else SPEED_ROWS

@@ -17,7 +17,7 @@ import numpy as np
 
 from gearmon.errors import ArgumentError, RecordingError, check_positive
 from gearmon.result import Result
-from gearmon.signals.angle import AngleTrack
+from gearmon.signals.angle import AngleTrack, check_track
 from gearmon.signals.array_types import FloatArray
 from gearmon.signals.transforms import fast_length
 
@@ -323,6 +323,7 @@ def angular_waveform(
     from scipy.signal import firwin, kaiser_beta, upfirdn
 
     check_positive("sampling_rate_hz", sampling_rate_hz, "Hz")
+    check_track(track)
     rate, shaft = sampling_rate_hz, track.of_shaft(shaft_order)
     enough = steps_to_keep_all(rate, shaft)
     steps = enough if per_turn is None else per_turn

@@ -215,7 +215,7 @@ def _read_once(name: str) -> bytes | None:
 
 def _why_not(path: Path, error: OSError) -> str:
     if isinstance(error, IsADirectoryError):
-        return "is a folder; give the recordings in it, one by one"
+        return "is a folder; name a recording in it"
     if not isinstance(error, FileNotFoundError):
         return f"cannot be read ({error.strerror})"
     if not path.parent.is_dir():

@@ -272,6 +272,8 @@ def _from_stamps(
             f"{content.path}, {content.place(first)}, {column.label}: the time is missing (in "
             f"{count} of {len(stamps)} {'lines' if content.is_text else 'samples'}); {_REMEDY}"
         )
+    if len(stamps) < 2:
+        raise RecordingError(f"{where}: a single sample is no recording; it tells no sampling rate")
     found = spacing(stamps)
     if found.fault:
         raise RecordingError(

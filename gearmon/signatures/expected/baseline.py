@@ -20,7 +20,7 @@ import numpy.typing as npt
 from gearmon.dynamics import Method, Response, steady_state
 from gearmon.dynamics.fourier import samples
 from gearmon.errors import ArgumentError, check_positive, check_range
-from gearmon.gears.faults import parse_fault_or_error
+from gearmon.gears.faults import faults_of
 from gearmon.gears.mechanics import StageMechanics
 from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.signatures.expected.mesh import (
@@ -135,9 +135,7 @@ def expected_signature(
 
 
 def _faults(machine: Machine, faults: Iterable[Wrong | str]) -> tuple[Wrong, ...]:
-    known = tuple(
-        parse_fault_or_error(fault) if isinstance(fault, str) else fault for fault in faults
-    )
+    known = faults_of(faults, errors=True)
     for fault in known:
         if fault.stage > len(machine.stages):
             raise ArgumentError(

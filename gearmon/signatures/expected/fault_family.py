@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.errors import ArgumentError, check_positive, check_range, nearest_name
+from gearmon.errors import ArgumentError, check_positive, check_range, check_word
 from gearmon.gears.faults import ERROR_KINDS, KINDS, parse_fault_or_error
 from gearmon.gears.pairs import mesh_pairs
 from gearmon.machine import Machine, MachineLike, load_machine
@@ -490,13 +490,11 @@ def _points(machine: Machine, operating: Iterable[int] | int | None) -> tuple[in
 
 def _size_texts(kinds: Iterable[str] | None, sizes: Sizes) -> dict[str, tuple[str, ...]]:
     """Return the sizes of each kind, as they are written."""
+    kinds = [kinds] if isinstance(kinds, str) else kinds
+    sizes = [sizes] if isinstance(sizes, str) else sizes
     chosen = FAMILY_KINDS if kinds is None else tuple(dict.fromkeys(kinds))
-    known = (*KINDS, *ERROR_KINDS)
     for kind in chosen:
-        if kind not in known:
-            near = nearest_name(kind, known)
-            hint = f"; did you mean {near}?" if near else ""
-            raise ArgumentError(f"kind {kind!r} is not one of {', '.join(known)}{hint}")
+        check_word("kind ", kind, (*KINDS, *ERROR_KINDS))
     if sizes is None or isinstance(sizes, Mapping):
         return _sizes_by_kind(chosen, sizes or {})
     texts = tuple(dict.fromkeys(map(_text, sizes)))

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon import __version__
-from gearmon.errors import ArgumentError
+from gearmon.errors import ArgumentError, check_type
 from gearmon.files import reading_archive, write_archive
 from gearmon.machine import Machine
 from gearmon.result import Result
@@ -321,6 +321,7 @@ def write_reference(reference: Reference, path: str | Path) -> None:
     --------
     >>> gearmon.write_reference(reference, "healthy.ref")
     """
+    check_type("reference", reference, Reference, "what gearmon.learn returns")
     named = _named(reference, (*_OF_REFERENCE, *_PROVENANCE))
     header: dict[str, Any] = {"format": FORMAT, **named, "profiles": []}
     arrays: dict[str, NDArray[Any]] = {}
