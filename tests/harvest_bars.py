@@ -52,8 +52,16 @@ SETTINGS = {
     "slow and wide": (300, 0.01, 3.0, 0.3),
     "two operating points": (60, 0.005, 0.3, 0.3),
     "eight blocks": (20, 0.005, 0.3, 0.3),
+    # not looked at while the interval was made
+    "short and noisy": (20, 0.01, 0.1, 1.0),
+    "twelve uneven blocks": (15, 0.01, 0.2, 0.5),
 }
-SHARE, SHARE_ERROR, SWING = 0.6, 0.05, 0.3
+SHARE, SHARE_ERROR = 0.6, 0.05
+#: Levels of blocks of operation: how they are drawn, and their mean square.
+BLOCKS = {
+    "eight blocks": (lambda rng: np.exp(0.3 * rng.normal(size=8)), math.exp(2 * 0.3**2)),
+    "twelve uneven blocks": (lambda rng: np.sqrt(rng.gamma(3.0, 1 / 3, size=12)), 1.0),
+}
 #: Stretches of 4000 s that are taken for the long run: its mean is then known to 1/15 of what a day
 #: of 300 s tells; with a single one a quarter of a day's scatter counts against the interval.
 DRAWS = 16
@@ -134,11 +142,10 @@ class Days:
     def survey(self, seed) -> tuple[Survey, list[float]]:
         """Survey one day, and say what share of all time each operating point really has."""
         rng = np.random.default_rng([21, list(SETTINGS).index(self.setting), seed])
-        if self.setting == "eight blocks":
-            levels = np.exp(SWING * rng.normal(size=8))
-            blocks = [recorded(level * self.day(rng), self.rate) for level in levels]
-            # the mean square of a level
-            return survey_measured(MACHINE, SPRING, blocks), [math.exp(2 * SWING**2)]
+        if self.setting in BLOCKS:
+            draw, mean_square = BLOCKS[self.setting]
+            blocks = [recorded(level * self.day(rng), self.rate) for level in draw(rng)]
+            return survey_measured(MACHINE, SPRING, blocks), [mean_square]
         heard_of = [recorded(self.day(rng, line_hz), self.rate) for line_hz in self.lines]
         if len(self.lines) == 1:
             return survey_measured(MACHINE, SPRING, heard_of), [1.0]
@@ -187,8 +194,10 @@ def main(arguments=None):
             days = Days(setting)
             found = [days.held(seed) for seed in seeds]
             known = [one for one in found if one is not None]
-            share = f"{np.mean(known):.1%}" if known else "-"
-            print(f"{setting}: {share} of {len(known)}; {len(found) - len(known)} told none")
+            share = np.mean(known) if known else math.nan
+            error = math.sqrt(share * (1 - share) / max(len(known), 1))
+            told = f"{share:.1%} +- {error:.1%} of {len(known)}"
+            print(f"{setting}: {told}; {len(found) - len(known)} told none", flush=True)
 
 
 if __name__ == "__main__":

@@ -311,7 +311,9 @@ def run_harvest(arguments: argparse.Namespace) -> int:
             count=arguments.count,
         )
 
-    return finish_with(arguments, survey, lambda: harvest_lines(survey))
+    return finish_with(
+        arguments, survey, lambda: harvest_lines(survey, published=arguments.published)
+    )
 
 
 def _refuse_with_recordings(arguments: argparse.Namespace) -> None:
@@ -430,6 +432,7 @@ def _harvest_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help="over which it is forgotten, in s (long beside a ring-down)",
     )
+    option("--published", action="store_true", help="show published harvesters beside the best one")
     option("--share-error", type=float, metavar="F", help="standard deviation of the shares (0)")
     sampling_rate(parser)
     repeatable(parser, "--channel", "NAME|N", "only these channels")

@@ -24,6 +24,7 @@ Examples
 True
 >>> from gearmon.harvesting import CoilHarvester, InertialHarvester, OperatingShare
 >>> from gearmon.harvesting import Survey, Tuned, Vibration, bandwidth_against_quality
+>>> from gearmon.harvesting import beside_published
 >>> from gearmon.harvesting import evaluate, load_harvester, power_with_stops, response_rows
 >>> from gearmon.harvesting import survey_expected, survey_measured, tune_set, vibration_of_samples
 >>> from gearmon.harvesting import vibration_of_signature
@@ -46,6 +47,8 @@ True
 2
 >>> bandwidth_against_quality(spring, [50.0])[0]["quality_factor"]
 50.0
+>>> {row["kind"] for row in beside_published(bimorph)} == {"cantilever", "coil"}
+True
 >>> round(max(response_rows(spring), key=lambda row: row["power_w"])["frequency_hz"])
 564
 >>> stopped = InertialHarvester(mass_kg=5e-3, natural_frequency_hz=564.0, clearance_m=1e-6)
@@ -76,7 +79,12 @@ from gearmon.harvesting.harvester import (
 from gearmon.harvesting.placement import Survey, survey_expected, survey_measured
 from gearmon.harvesting.request import SensorBudget, load_harvester
 from gearmon.harvesting.response import Tuned, evaluate, power_with_stops
-from gearmon.harvesting.tuning import bandwidth_against_quality, tune_harvester, tune_set
+from gearmon.harvesting.tuning import (
+    bandwidth_against_quality,
+    beside_published,
+    tune_harvester,
+    tune_set,
+)
 from gearmon.harvesting.vibration import (
     OperatingShare,
     Vibration,
@@ -97,6 +105,7 @@ __all__ = [
     "Tuned",
     "Vibration",
     "bandwidth_against_quality",
+    "beside_published",
     "evaluate",
     "half_power_band",
     "load_harvester",

@@ -23,8 +23,10 @@ replace them by the data sheet where there is one.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields, replace
+import tomllib
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
+from importlib import resources
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -32,7 +34,7 @@ import numpy.typing as npt
 
 from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.harvesting.harvester import Harvester, Modes, number
-from gearmon.machine.fields import Choice, check_fields, obeys
+from gearmon.machine.fields import Choice, FieldError, Number, check_fields, obeys
 
 Real = npt.NDArray[np.float64]
 Wiring = Literal["unimorph", "series", "parallel"]
@@ -100,34 +102,17 @@ class PiezoMaterial(BeamMaterial):
         return self.d31_m_per_v * self.youngs_modulus_pa
 
 
-_ERTURK = "Erturk and Inman, Piezoelectric Energy Harvesting, Wiley 2011, appendix E"
-_STRENGTH = "dynamic tensile strength of bulk PZT, 27.6 MPa, makers' data sheets"
-_FILM = "film makers' data sheets (d31 23 pC/N, 12 eps0); half the yield strength"
-_SPUTTERED = "sputtered films: e31 about -0.6 C/m2, 10.5 eps0; a third of the film strength"
-
-
-def _by_name(build: Any, *rows: tuple[Any, ...]) -> dict[str, Any]:
-    names = [f.name for f in fields(build)]
-    return {row[0]: build(**dict(zip(names, row, strict=True))) for row in rows}
+@lru_cache(maxsize=1)
+def known() -> dict[str, Any]:
+    """Return what harvesting knows by name, its file known.toml."""
+    text = resources.files("gearmon.harvesting").joinpath("known.toml").read_text("utf-8")
+    return tomllib.loads(text)
 
 
 #: Piezoelectric layers by name.
-PIEZO_MATERIALS: dict[str, PiezoMaterial] = _by_name(
-    PiezoMaterial,
-    # modulus [Pa], density [kg/m3], safe stress [Pa], source, d31 [m/V], permittivity [F/m]
-    ("PZT-5A", 61.0e9, 7750.0, 27.6e6, f"{_ERTURK}; {_STRENGTH}", -171e-12, 13.3e-9),
-    ("PZT-5H", 60.6e9, 7500.0, 27.6e6, f"{_ERTURK}; {_STRENGTH}", -274e-12, 25.55e-9),
-    ("PVDF", 3.0e9, 1780.0, 25e6, _FILM, 23e-12, 1.1e-10),
-    ("AlN", 330e9, 3260.0, 300e6, _SPUTTERED, -1.9e-12, 9.3e-11),
-)
+PIEZO_MATERIALS = {n: PiezoMaterial(name=n, **own) for n, own in known()["piezo"].items()}
 #: Passive layers and tip masses by name.
-BEAM_MATERIALS: dict[str, BeamMaterial] = _by_name(
-    BeamMaterial,
-    # modulus [Pa], density [kg/m3], safe stress [Pa], source
-    ("steel", 200e9, 7850.0, 250e6, "spring steel; half of a fatigue limit near 500 MPa"),
-    ("brass", 105e9, 8500.0, 80e6, "half-hard sheet, fatigue limit near 100 MPa"),
-    ("aluminium", 70e9, 2700.0, 80e6, "wrought alloys at 1e8 cycles"),
-)
+BEAM_MATERIALS = {n: BeamMaterial(name=n, **own) for n, own in known()["passive"].items()}
 
 
 @lru_cache(maxsize=1)
@@ -210,16 +195,17 @@ class PiezoCantilever(Harvester):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.length_m < THINNEST * self.thickness_m:
-            raise ArgumentError(
-                f"length_m={self.length_m:g} m must be at least {THINNEST:g} times the thickness "
-                f"of {self.thickness_m:g} m: this is thin-beam theory"
-            )
+            least = f"{THINNEST:g} times the thickness of {self.thickness_m:g} m"
+            reason = f"must be at least {least}: this is thin-beam theory"
+            raise FieldError("length_m", reason, self.length_m)
         if self.mechanical_damping_ratio + self.mass_rate_per_s + self.stiffness_time_s == 0:
             raise ArgumentError("damping: all parts are 0, at least one must be > 0")
         check_range("tip_gyration_m", self.tip_gyration_m, 0.0, self.length_m, "m")
-        # of the densest common material, a cube twice as long as the beam
         roomy = DENSEST_KG_M3 * (2 * self.length_m) ** 3
-        check_range("most_tip_mass_kg", self.most_tip_mass_kg, 0.0, roomy, "kg")
+        room = Number(
+            low=0, high=roomy, unit="kg", why="a cube of tungsten twice as long as the beam"
+        )
+        room.checked("most_tip_mass_kg", self.most_tip_mass_kg)
         check_range("tip_mass_kg", self.tip_mass_kg, 0.0, self.most_tip_mass_kg * (1 + 1e-9), "kg")
 
     @property
@@ -265,6 +251,12 @@ class PiezoCantilever(Harvester):
         one = self.piezo.permittivity_f_per_m * self.length_m * self.width_m
         one /= self.piezo_thickness_m
         return one * {"unimorph": 1.0, "series": 0.5, "parallel": 2.0}[self.wiring]
+
+    @property
+    def volume_m3(self) -> float:
+        """Of the beam and its tip mass, without room to move [m3]."""
+        beam = self.length_m * self.width_m * self.thickness_m
+        return beam + self.tip_mass_kg / self.tip_block_density_kg_m3
 
     @property
     def tip_offset_m(self) -> float:
@@ -447,3 +439,11 @@ class PiezoCantilever(Harvester):
         layer = 0.75 * math.pi * self.width_m**2 * np.sqrt(2 * AIR_KG_M3 * AIR_PA_S * natural)
         drag = (viscous + layer) / self.width_m * in_beam
         return np.asarray(found + drag / (2 * self.mass_per_length_kg_m * natural))
+
+
+def published_beam(told: dict[str, Any], load_ohm: float) -> PiezoCantilever:
+    """Build a beam from the dimensions and materials that somebody published, see known.toml."""
+    piezo = PiezoMaterial(name="published", **told["piezo"])
+    passive = BeamMaterial(name="published", **told["passive"])
+    values = told | {"piezo": piezo, "passive": passive, "load_ohm": load_ohm}
+    return PiezoCantilever(**values)

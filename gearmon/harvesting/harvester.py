@@ -41,7 +41,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.errors import ArgumentError, check_positive
+from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.machine.fields import Number, check_fields, obeys
 
 Real = npt.NDArray[np.float64]
@@ -199,6 +199,11 @@ class Harvester(ABC):
         return self.load if self.load_name == "load_ohm" else math.nan
 
     @property
+    def volume_m3(self) -> float:
+        """Of what moves and bends [m3]; NaN where it is not known."""
+        return math.nan
+
+    @property
     def load_range(self) -> tuple[float, float]:
         """Loads to tune within: the usual ones, or the one that is kept."""
         return (self.load, self.load) if self.load_kept else self.usual_loads
@@ -215,7 +220,7 @@ class Harvester(ABC):
 
     def with_load(self, load: float) -> Self:
         """Return the same harvester with another load."""
-        changed: dict[str, Any] = {self.load_name: float(load)}
+        changed: dict[str, Any] = {self.load_name: load}
         other = replace(self, **changed)
         if "modes" in self.__dict__:
             other.__dict__["modes"] = self.modes
@@ -280,11 +285,8 @@ class _MassOnSpring(Harvester):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not self.lowest_hz <= self.natural_frequency_hz <= self.highest_hz:
-            raise ArgumentError(
-                f"natural_frequency_hz={self.natural_frequency_hz:g} Hz must lie between "
-                f"lowest_hz={self.lowest_hz:g} Hz and highest_hz={self.highest_hz:g} Hz"
-            )
+        name = "lowest_hz to highest_hz: natural_frequency_hz"
+        check_range(name, self.natural_frequency_hz, self.lowest_hz, self.highest_hz, "Hz")
 
     @property
     def frequency_range_hz(self) -> tuple[float, float]:

@@ -219,15 +219,16 @@ def _judged(harvester: Harvester, tuned: Tuned[Any], position: Position) -> dict
         return {}
     judged = []
     try:
-        for number, part in enumerate(position.folds):
+        for number in range(len(position.folds)):
             others = position.folds[:number] + position.folds[number + 1 :]
-            duty = [replace(point, share=point.share / len(others)) for o in others for point in o]
+            duty = [replace(p, share=p.share / len(others)) for own in others for p in own]
             # where the limits chose the tuning, the noise did not
-            kept = _limited(tuned)
+            kept = _limited(tuned) or not duty
             one = tuned.harvester if kept else tuning.tuned_among(harvester, duty, tuned.rivals_hz)
-            judged.append(evaluate(one, part))
+            heard = position.folds[number] if position.sampled else position.healthy
+            judged.append(evaluate(one, heard))
     except ArgumentError:
-        # a part shorter than the ring-down tells nothing
+        # shorter than the ring-down: that tells nothing
         return {"independent_stretches": 0.0}
     found = _scatter(judged, position)
     fewest = FEWEST_RECORDINGS if position.sampled else response.FEWEST_STRETCHES
@@ -243,10 +244,12 @@ def _judged(harvester: Harvester, tuned: Tuned[Any], position: Position) -> dict
 def _scatter(judged: Sequence[Tuned[Any]], position: Position) -> response.Scatter:
     if position.sampled:
         return response.between([tuned.power_w for tuned in judged])
-    answers = zip(*(tuned.answers for tuned in judged), strict=True)
-    steps = (np.concatenate([answer.power_steps_w for answer in own]) for own in answers)
+    known = []
+    for own in zip(*(tuned.answers for tuned in judged), strict=True):
+        # of each only the stretch that it did not know
+        steps = [np.array_split(a.power_steps_w, len(own))[k] for k, a in enumerate(own)]
+        known.append(response.scatter_of_mean(np.concatenate(steps)))
     shares = [point.share for point in position.healthy]
-    known = [response.scatter_of_mean(own) for own in steps]
     return response.combined(known, shares, position.share_error)
 
 
@@ -305,6 +308,10 @@ class Survey(Result):
         best = self.best.tuned.harvester
         return tuning.bandwidth_against_quality(best, QUALITY_FACTORS, self.wander)
 
+    def published(self) -> list[dict[str, Any]]:
+        """Return published harvesters with the best one here beside them."""
+        return tuning.beside_published(self.best.tuned.harvester) if self.best.tuned else []
+
     @property
     def wander(self) -> float:
         """Standard deviation over its frequency of the line that gives most, where that is most."""
@@ -312,7 +319,11 @@ class Survey(Result):
         if tuned is None:
             return 0.0
         powers = [p.share * a.power_w for p, a in zip(points, tuned.answers, strict=True)]
-        return wander_of(points[int(np.argmax(powers))].vibration, tuned.harvester)
+        shaking = points[int(np.argmax(powers))].vibration
+        lines = vibration.operating_lines(shaking, len(shaking.frequency_hz))
+        gains = tuned.harvester.gains([line["frequency_hz"] for line in lines]).power_w
+        taken = [g * line["acceleration_ms2"] ** 2 for g, line in zip(gains, lines, strict=True)]
+        return float(lines[int(np.argmax(taken))]["wander"]) if lines else shaking.wander
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything in built-in types that JSON can hold."""
@@ -327,6 +338,7 @@ class Survey(Result):
             "response": self.response(),
             "bandwidth_against_quality": self.bandwidths(),
             "energy_lines": self.lines(),
+            "published": self.published(),
             "budget": self.budget.to_dict(),
             "notes": list(self.notes),
         }
@@ -341,26 +353,6 @@ def _described(tuned: Tuned[Any] | None, duty: Sequence[OperatingShare]) -> dict
         band = half_power_band(tuned.harvester)
     names = [point.vibration.name for point in duty]
     return tuned.to_dict() | {"operating_points": names, "half_power_band": band}
-
-
-def wander_of(shaking: Vibration, harvester: Harvester) -> float:
-    """Return the relative standard deviation of the line that a harvester takes most from.
-
-    That of its bins weighted by their squared power, for sidebands and noise beside it to count
-    little: of a Gaussian it is smaller by the root of 2. What the model says of given lines.
-    """
-    numbers = vibration.line_numbers(shaking)
-    if shaking.resolution_hz == 0 or not numbers.any():
-        return shaking.wander
-    frequency, power = shaking.frequency_hz, shaking.mean_square_m2s4
-    taken = np.bincount(numbers, power * harvester.gains(frequency).power_w)
-    own = numbers == 1 + int(np.argmax(taken[1:]))
-    frequency, weights = frequency[own], power[own] ** 2
-    mean = np.average(frequency, weights=weights)
-    variance = np.average((frequency - mean) ** 2, weights=weights)
-    # less what the tapers spread a line that does not wander
-    spread = shaking.resolution_hz**2 / 3
-    return float(min(0.2, math.sqrt(2 * max(0.0, variance - spread)) / mean))
 
 
 def survey_expected(
@@ -559,7 +551,7 @@ def _doubts(best: Placed) -> Iterator[str]:
             f"{100 * (1 - best.line_share):.0f} % of the power comes from what no line stands out "
             "of: make sure that it is not the noise of the sensor"
         )
-    if best.power_unseen_w < 0.9 * best.power_w:
+    if best.power_w > best.power_high_w or best.power_unseen_w < 0.9 * best.power_w:
         yield f"on stretches that it was not tuned on it gives {1e6 * best.power_unseen_w:.3g} uW"
 
 
@@ -604,13 +596,13 @@ def _duty(name: str, recordings: Sequence[Recording], shares: list[float]) -> Po
 
 
 def _cut(points: Points) -> tuple[Points, ...]:
-    """Cut a duty cycle into stretches; those in which a recording is silent are left out."""
+    """Cut a duty cycle into stretches; what is silent in one is left out of it."""
     found = []
     cut = [np.array_split(point.vibration.samples_ms2, FOLDS) for point in points]
     for parts in zip(*cut, strict=True):
-        if all(len(part) >= 16 and part.any() for part in parts):
-            own = zip(points, parts, strict=True)
-            found.append(tuple(replace(p, vibration=_part(p.vibration, x)) for p, x in own))
+        own = zip(points, parts, strict=True)
+        heard = [(p, x) for p, x in own if len(x) >= 16 and x.any()]
+        found.append(tuple(replace(p, vibration=_part(p.vibration, x)) for p, x in heard))
     return tuple(found)
 
 

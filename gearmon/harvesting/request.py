@@ -41,40 +41,32 @@ part        loses with temperature, and with every tenfold of its age
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.errors import ArgumentError, check_positive, nearest_name
-from gearmon.harvesting.cantilever import BEAM_MATERIALS, PIEZO_MATERIALS, PiezoCantilever
+from gearmon.errors import ArgumentError, check_positive
+from gearmon.harvesting.cantilever import (
+    BEAM_MATERIALS,
+    PIEZO_MATERIALS,
+    PiezoCantilever,
+    known,
+)
 from gearmon.harvesting.harvester import CoilHarvester, Harvester, InertialHarvester, number
 from gearmon.harvesting.response import Tuned
 from gearmon.machine.fields import Choice, Count, FieldError, Number, check_fields, obeys
-from gearmon.machine.reading import read_table
-from gearmon.machine.source import MachineSource, read_source
+from gearmon.machine.reading import read_part, refuse_unknown_keys
+from gearmon.machine.source import read_source
 
 GRAVITY_MS2 = 9.81
 #: Degrees Celsius at which parts are measured, and the age from which tenfolds count [years].
 REFERENCE_C, FIRST_YEARS = 20.0, 1.0 / 365.0
 #: Units of keys that are a thousandth of those that a harvester takes.
 _THOUSANDTHS = {"mm": "m", "g": "kg", "mh": "henry"}
-#: Keys of each kind with what they are if left out; None is not set at all.
-_SHARED = {"damping_ratio": 0.01, "clearance_mm": 2.0, "restitution": 0.5, "tilt_deg": 0.0}
-_SPRING = {"mass_g": 5.0, "lowest_hz": 5.0, "highest_hz": 5000.0, **_SHARED}
-_COIL = {"turns": 1000.0, "field_length_tm": 5e-3, "coil_ohm": 100.0, "coil_mh": 0.0}
-_LENGTHS = {"length_mm": 15.0, "width_mm": 10.0, "tip_gyration_mm": 0.0, "tip_block_height_mm": 0.0}
-_LAYERS = {"passive_thickness_mm": 0.2, "piezo_thickness_mm": 0.2, "most_tip_mass_g": 20.0}
-_NAMED = {"wiring": "series", "piezo": "PZT-5A", "passive": "brass", "air": "included"}
-_NAMED |= {"tip_block_material": "steel"}
-_KEYS: dict[str, dict[str, Any]] = {
-    "cantilever": {**_NAMED, **_LENGTHS, **_LAYERS, "load_ohm": None, **_SHARED},
-    "inertial": _SPRING,
-    "coil": {**_COIL, "load_ohm": None, **_SPRING},
-}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -271,36 +263,43 @@ def load_harvester(path: str | Path) -> tuple[Harvester, SensorBudget]:
     source = read_source(path)
     document = dict(source.document)
     kind = document.pop("kind", None)
-    if not isinstance(kind, str) or kind not in _KEYS:
+    if kind not in ("cantilever", "inertial", "coil"):
         raise source.error("kind", f'kind = {kind!r} must be "cantilever" or "inertial" or "coil"')
-    budget = read_table(source, "budget")
-    document.pop("budget", None)
-    harvester = _told(source, "", _KEYS[kind], document, lambda: _built(kind, document))
-    known = [f.name for f in fields(SensorBudget)]
-    return harvester, _told(source, "budget.", known, budget, lambda: SensorBudget(**budget))
+    budget = document.pop("budget", {})
+    if not isinstance(budget, dict):
+        raise source.error("budget", "budget must be a table, written [budget]")
+    keys = (*known()[kind], "load_ohm")[: None if kind != "inertial" else -1]
+    refuse_unknown_keys(source, document, keys, "", homes={})
+    try:
+        harvester = _built(kind, document)
+    except FieldError as error:
+        key = next((key for key in keys if _name(key) == error.key), error.key)
+        said = FieldError(key, error.reason, document.get(key, error.value)).message(key)
+        raise source.error(key, said) from None
+    except ArgumentError as error:
+        raise source.error("kind", str(error)) from None
+    return harvester, read_part(source, SensorBudget, "budget", budget)
 
 
 def _built(kind: str, given: dict[str, Any]) -> Harvester:
     """Build a harvester from the keys of its file; what is left out has its default."""
-    table = {key: value for key, value in (_KEYS[kind] | given).items() if value is not None}
+    table = known()[kind] | given
     tilt = Number(low=0, high=90, unit="degrees").checked("tilt_deg", table.pop("tilt_deg"))
     values = {_name(key): _in_si(key, value) for key, value in table.items()}
     values["weight_ms2"] = GRAVITY_MS2 * math.cos(math.radians(tilt))
     values["load_kept"] = "load_ohm" in values
     if kind == "cantilever":
         block = _one_of(BEAM_MATERIALS, "tip_block_material", values.pop("tip_block_material"))
-        air = {"included": False, "added": True}
         return PiezoCantilever(
             piezo=_one_of(PIEZO_MATERIALS, "piezo", values.pop("piezo")),
             passive=_one_of(BEAM_MATERIALS, "passive", values.pop("passive")),
-            in_air=_one_of(air, "air", values.pop("air")),
+            in_air=_one_of({"included": False, "added": True}, "air", values.pop("air")),
             tip_block_density_kg_m3=block.density_kg_m3,
             **values,
         )
     ends = [check_positive(key, values[key], "Hz") for key in ("lowest_hz", "highest_hz")]
     values["natural_frequency_hz"] = math.sqrt(math.prod(ends))
-    build = InertialHarvester if kind == "inertial" else CoilHarvester
-    return build(**values)
+    return (InertialHarvester if kind == "inertial" else CoilHarvester)(**values)
 
 
 def _name(key: str) -> str:
@@ -320,26 +319,3 @@ def _in_si(key: str, value: Any) -> Any:
 
 def _one_of(options: dict[str, Any], key: str, value: object) -> Any:
     return options[Choice(options=tuple(options)).checked(key, value)]
-
-
-def _told(
-    source: MachineSource,
-    prefix: str,
-    known: Iterable[str],
-    table: dict[str, Any],
-    build: Callable[[], Any],
-) -> Any:
-    """Build what a table says; the first wrong key is named with its line."""
-    for key in table:
-        if key not in known:
-            near = nearest_name(key, known)
-            hint = f"; did you mean {near}?" if near else f"; known: {', '.join(known)}"
-            raise source.error(prefix + key, f"{prefix}{key} is not a key of a harvester{hint}")
-    try:
-        return build()
-    except FieldError as error:
-        key = next((k for k in known if _name(k) == error.key), error.key)
-        said = FieldError(key, error.reason, table.get(key, error.value)).message(prefix + key)
-        raise source.error(prefix + key, said) from None
-    except ArgumentError as error:
-        raise source.error("kind", str(error)) from None

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from itertools import combinations_with_replacement
 from typing import Any
@@ -18,9 +19,16 @@ import numpy as np
 import numpy.typing as npt
 
 from gearmon.errors import ArgumentError, check_range
+from gearmon.harvesting.cantilever import known, published_beam
 from gearmon.harvesting.harvester import H, Harvester, half_power_band
 from gearmon.harvesting.response import Tuned, evaluate, mean_power_w, powers_and_shares
-from gearmon.harvesting.vibration import OperatingShare, Shaking, Vibration, check_duty
+from gearmon.harvesting.vibration import (
+    OperatingShare,
+    Shaking,
+    Vibration,
+    check_duty,
+    vibration_of_lines,
+)
 
 Real = npt.NDArray[np.float64]
 Points = tuple[OperatingShare, ...]
@@ -289,6 +297,49 @@ def _best_load(harvester: Harvester, points: Points) -> tuple[float, float]:
     near = np.log([grid[max(top - 1, 0)], grid[min(top + 1, LOADS - 1)]])
     found = minimize_scalar(lambda x: -power_w(np.exp([x]))[0], bounds=near, method="bounded")
     return math.exp(found.x), -float(found.fun)
+
+
+def beside_published(harvester: Harvester) -> list[dict[str, Any]]:
+    """List harvesters that others have published, and what this one gives under the same.
+
+    Parameters
+    ----------
+    harvester : InertialHarvester, CoilHarvester or PiezoCantilever
+        Retuned to the frequency of each, with its best load.
+
+    Returns
+    -------
+    list of dict
+        name, source, kind, frequency_hz, acceleration_ms2, load_ohm, volume_cm3, remark and
+        power_uw as published; uw_per_cm3, that power over the volume and the squared acceleration
+        [uW/cm3 at 1 m/s2]; model_uw, what the model of this package gives for the dimensions of the
+        published one; own_uw and own_uw_per_cm3 of this one. None where it is not stated, not
+        modelled or out of reach.
+
+    Examples
+    --------
+    >>> from gearmon.harvesting import InertialHarvester
+    >>> rows = beside_published(InertialHarvester(mass_kg=5e-3, natural_frequency_hz=100.0))
+    >>> rows[0]["power_uw"], round(rows[0]["model_uw"])
+    (11950.0, 11896)
+    """
+    told = ("name", "source", "kind", "frequency_hz", "acceleration_ms2", "load_ohm")
+    rows = []
+    for one in known()["published"]:
+        row = {name: one.get(name) for name in (*told, "volume_cm3", "remark", "power_uw")}
+        frequency, square = one["frequency_hz"], one["acceleration_ms2"] ** 2
+        row["uw_per_cm3"] = one["power_uw"] / square / one.get("volume_cm3", math.nan)
+        beam = published_beam(one["beam"], one["load_ohm"]) if "beam" in one else None
+        model = float(beam.gains(frequency).power_w[0]) if beam else math.nan
+        row["model_uw"] = 1e6 * square * model
+        row |= {"own_uw": math.nan, "own_uw_per_cm3": math.nan}
+        with suppress(ArgumentError):  # out of reach
+            own = harvester.retuned(frequency)
+            line = vibration_of_lines([frequency], acceleration_ms2=[one["acceleration_ms2"]])
+            row["own_uw"] = 1e6 * _best_load(own, check_duty(line))[1]
+            row["own_uw_per_cm3"] = row["own_uw"] / square / (1e6 * own.volume_m3)
+        rows.append({name: None if own != own else own for name, own in row.items()})
+    return rows
 
 
 def _refusal(nearest: Tuned[Any]) -> str:

@@ -353,16 +353,27 @@ def operating_lines(vibration: Vibration, most: int = 8) -> list[dict[str, Any]]
     Returns
     -------
     list of dict
-        frequency_hz, acceleration_ms2, energy_j_per_kg, share (of the energy of all such lines)
-        and relative (to the best). Empty if no line is clear.
+        frequency_hz, acceleration_ms2, energy_j_per_kg, share (of the energy of all such lines),
+        relative (to the best) and wander (standard deviation of its frequency over that; 0.2 at
+        most). Empty if no line is clear.
     """
     numbers, heard = line_numbers(vibration), vibration.mean_square_m2s4
     lines = np.unique(numbers[numbers > 0])
-    # by squares, for the noise beside a line to count little
-    weights = (heard**2, heard**2 * vibration.frequency_hz, heard, vibration.energy_j_per_kg)
-    weight, moment, power, energy = (np.bincount(numbers, column)[lines] for column in weights)
+
+    def summed(column: Real) -> Real:
+        return np.asarray(np.bincount(numbers, column)[lines])
+
+    # by squares, for sidebands and noise beside a line to count little: of a Gaussian their spread
+    # is smaller by the root of 2
+    weight, power, energy = (summed(x) for x in (heard**2, heard, vibration.energy_j_per_kg))
+    middle = summed(heard**2 * vibration.frequency_hz) / weight
+    away = vibration.frequency_hz - np.append(middle, 0.0)[np.searchsorted(lines, numbers)]
+    # less what the tapers spread a line that does not wander
+    spread = summed((heard * away) ** 2) / weight - vibration.resolution_hz**2 / 3
+    measured = np.minimum(0.2, np.sqrt(2 * np.maximum(spread, 0.0)) / middle)
     columns = {
-        "frequency_hz": moment / weight,
+        "frequency_hz": middle,
+        "wander": measured if vibration.resolution_hz else np.full(len(lines), vibration.wander),
         "acceleration_ms2": np.sqrt(2 * power),
         "energy_j_per_kg": energy,
         "share": energy / energy.sum(),

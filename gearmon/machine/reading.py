@@ -245,7 +245,11 @@ def read_part(source: MachineSource, part: type[_Part], label: str, table: dict[
 
 
 def refuse_unknown_keys(
-    source: MachineSource, table: dict[str, Any], known: tuple[str, ...], label: str
+    source: MachineSource,
+    table: dict[str, Any],
+    known: tuple[str, ...],
+    label: str,
+    homes: Mapping[str, type] = _HOMES,
 ) -> None:
     """Refuse keys of a table that are not known, with the nearest one that is."""
     allowed = (*known, "kind") if label.startswith("stage") else known
@@ -253,12 +257,12 @@ def refuse_unknown_keys(
         if key not in allowed:
             where = f"{label}.{key}" if label else key
             shown = where if where.isprintable() else repr(where)
-            raise source.error(where, f"{shown} is not a known key{_hint(key, allowed)}")
+            raise source.error(where, f"{shown} is not a known key{_hint(key, allowed, homes)}")
 
 
-def _hint(key: str, allowed: tuple[str, ...]) -> str:
+def _hint(key: str, allowed: tuple[str, ...], homes: Mapping[str, type]) -> str:
     """Return where a key belongs, what it resembles, or else what would be known here."""
-    for home, part in _HOMES.items():
+    for home, part in homes.items():
         if key in {field.name for field in dataclasses.fields(part)}:
             return f" here; it belongs to {home}"
     if guess := nearest_name(key, allowed):

@@ -18,7 +18,7 @@ _UNITS = (
 )
 
 
-def harvest_lines(survey: Survey, most_lines: int = 8) -> list[str]:
+def harvest_lines(survey: Survey, most_lines: int = 8, published: bool = False) -> list[str]:
     """Return a survey as lines of text: positions, the harvester, the energy lines, assumptions.
 
     Parameters
@@ -26,6 +26,8 @@ def harvest_lines(survey: Survey, most_lines: int = 8) -> list[str]:
     survey : Survey
     most_lines : int, >= 1
         Energy lines shown.
+    published : bool
+        Whether published harvesters are shown beside the best one.
 
     Returns
     -------
@@ -44,6 +46,8 @@ def harvest_lines(survey: Survey, most_lines: int = 8) -> list[str]:
         text += ["", *_set_lines(survey)]
     if best.tuned is not None:
         text += ["", *_band_lines(survey)]
+    if published:
+        text += ["", *_published_lines(survey)]
     return [*text, "", *(f"note: {note}" for note in survey.notes)]
 
 
@@ -182,6 +186,20 @@ def _band_lines(survey: Survey) -> list[str]:
     ]
 
 
+def _published_lines(survey: Survey) -> list[str]:
+    """List published harvesters, and the best one here in the place of each."""
+    rows = survey.published()
+    names = ("name", "frequency_hz", "acceleration_ms2", "power_uw", "uw_per_cm3", "model_uw")
+    shown = [{k: row[k] for k in (*names, "own_uw", "own_uw_per_cm3")} for row in rows]
+    told = (f"{row['name']}: {row['source']}" + f"; {row['remark'] or ''}" for row in rows)
+    return [
+        "published harvesters, by model where all dimensions are known, and this one in their "
+        "place (per cm3 at 1 m/s2):",
+        *table_lines(shown),
+        *(line.removesuffix("; ") for line in told),
+    ]
+
+
 def _budget_lines(survey: Survey) -> list[str]:
     task, supply = survey.budget, survey.best.supply
     job = (
@@ -194,7 +212,11 @@ def _budget_lines(survey: Survey) -> list[str]:
         f"{MICRO * supply['constant_w']:.3g} are taken all the time"
     )
     if not supply["starts"]:
-        return [f"powers no recording ({job}): the voltage never reaches the cold start", way]
+        return [
+            f"powers no recording ({job}): the voltage never gets past the rectifier "
+            "and the cold start",
+            way,
+        ]
     if supply["interval_s"] is None:
         return [f"powers no recording ({job})", way]
     start = spoken_time(supply["charging_s"])

@@ -11,6 +11,7 @@ from gearmon.harvesting.harvester import InertialHarvester
 from gearmon.harvesting.response import answer, evaluate
 from gearmon.harvesting.tuning import (
     OverLimitsError,
+    beside_published,
     power_against_tuning,
     tune_harvester,
     tune_set,
@@ -287,3 +288,19 @@ def test_the_worst_operating_point_counts_against_the_limits():
     )
     both = evaluate(limited, [quiet, loud])
     assert both.travel_share == pytest.approx(3 * evaluate(limited, quiet.vibration).travel_share)
+
+
+def test_published_harvesters_stand_beside_ours():
+    rows = {row["name"]: row for row in beside_published(bimorph())}
+    assert all(row["source"] and row["power_uw"] > 0 for row in rows.values())
+    # measured by its authors; the model knows its dimensions alone
+    beam = rows["bimorph with a tip mass"]
+    assert beam["model_uw"] == pytest.approx(beam["power_uw"], rel=0.01)
+    # 375 uW of 1 cm3 at 2.5 m/s2
+    bender = rows["two-layer bender of 1 cm3"]
+    assert bender["uw_per_cm3"] == pytest.approx(60.0)
+    own = bimorph().retuned(120.0)
+    best = own.with_load(own.best_load_ohm(120.0)).gains(120.0).power_w[0]
+    assert bender["own_uw"] == pytest.approx(1e6 * best * 2.5**2, rel=1e-3)
+    assert rows["frequency-increased generator"]["own_uw"] is None  # out of reach
+    assert beside_published(inertial())[1]["own_uw_per_cm3"] is None  # its volume is not known
