@@ -36,8 +36,10 @@ _ROWS = 50_000
 # Their names; others may keep more in that folder.
 _FILES = f"{12 * '[0-9]'}-{12 * '[0-9]'}.parquet"
 # Columns of the ledger that a checksum guards.
-_GUARDED = ("path", "machine", "class", "time_s", "size", "changed")
-_GUARDED += ("hash", "state", "why", "version", "indicators")
+_GUARDED = (
+    *("path", "machine", "class", "time_s", "size", "changed"),
+    *("hash", "state", "why", "version", "indicators"),
+)
 #: `alarms` is made anew from the ledger, but for who was told and who has acknowledged.
 _TABLES = """
 CREATE TABLE IF NOT EXISTS ledger
