@@ -22,9 +22,9 @@ import sys
 import tempfile
 import time
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import closing, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -36,15 +36,23 @@ import numpy as np
 import pyarrow
 import pyarrow.parquet
 import soundfile
+from reference import fleet_stand_in
 from reference.damaged_tables import alike, damaged, encoded, mixed_up, some_table
 from reference.slow_csv import NotATableError, read_slowly
 from reference.small_gearbox import MACHINE_FILE, analysis, machine, recording, reference
 from scipy.io import savemat, wavfile
 
+import gearmon.demos
 from gearmon.diagnosis.analysis import analyse
 from gearmon.diagnosis.fault_types.classifier import KindClassifier, read_kinds, write_kinds
-from gearmon.diagnosis.history import append, entry_of, read_history
+from gearmon.diagnosis.history import append, entry_of, read_history, read_latest
 from gearmon.errors import GearmonError, RecordingError
+from gearmon.exposure import load_day
+from gearmon.fleet import alarms, deliver, read_fleet, run_fleet
+from gearmon.fleet.ledger import write_results
+from gearmon.fleet.plan import Fleet, arrived
+from gearmon.fleet.rank import rank
+from gearmon.harvesting.request import load_harvester
 from gearmon.machine import load_machine
 from gearmon.signals.reading import Wanted, identify, interpret, open_source, read_table
 from gearmon.signals.recording import read_recording
@@ -166,19 +174,22 @@ def hostile_text_of_json(data: bytes, random: np.random.Generator) -> bytes:
     return json.dumps(hostile_json(json.loads(data), random)).encode()
 
 
-def hostile_table(data: bytes, random: np.random.Generator) -> bytes:
+def hostile_table(
+    data: bytes, random: np.random.Generator, tables: Sequence[str] = ("recordings", "places")
+) -> bytes:
     """Write one hostile cell into a database, by whatever column."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "h.db"
         path.write_bytes(data)
         with closing(sqlite3.connect(path)) as store:
-            table = ("recordings", "places")[int(random.integers(2))]
+            table = tables[int(random.integers(len(tables)))]
             columns = [row[1] for row in store.execute(f"PRAGMA table_info({table})")]
             columns = [name for name in columns if name != "checksum"]
             name = columns[int(random.integers(len(columns)))]
             cell = [b"\xff\xfe", "x", -1, 0, 4e209, 1e308, 1 << 60][int(random.integers(7))]
+            row = int(random.integers(1, 4))
             try:
-                store.execute(f"UPDATE {table} SET {name} = ? WHERE rowid = 1", (cell,))
+                store.execute(f"UPDATE {table} SET {name} = ? WHERE rowid = ?", (cell, row))
             except sqlite3.Error:
                 return data
             store.commit()
@@ -427,9 +438,56 @@ def targets(folder: Path) -> dict[str, Target]:
         hostile_text_of_json,
         sure=False,
     )
+    fleet = some_fleet(folder / "fleet")
+    told = (folder / "fleet" / "fleet.toml").read_text()
+    for name in ("machine.toml", "inbox"):  # damaged ones lie elsewhere
+        told = told.replace(f"'{name}'", f"'{folder / 'fleet' / name}'")
+    (folder / "a.fleet").write_text(told)
+    add("fleet", folder / "a.fleet", read_whole_fleet, hostile_toml, sure=False)
+    tables = partial(hostile_table, tables=("ledger", "latest", "alarms", "recordings", "places"))
+    tables.__name__ = "hostile_tables"
+    used = partial(used_ledger, fleet)
+    add("ledger", fleet.store, used, tables, sure=False)
+    demos = Path(gearmon.demos.__file__).parent
+    plans = (("plan", load_day, "exposure_day"), ("harvester", load_harvester, "harvester"))
+    for name, load, file in plans:
+        add(
+            name,
+            demos / f"{file}.toml",
+            lambda p, load=load: repr(load(p)),
+            hostile_toml,
+            sure=False,
+        )
     (folder / "a.toml").write_text(MACHINE_FILE)
     add("machine", folder / "a.toml", lambda p: repr(load_machine(p)), hostile_toml, sure=False)
     return made
+
+
+def some_fleet(folder: Path) -> Fleet:
+    """Make a fleet of two machines, one of them with an alarm, that has worked."""
+    fleet = fleet_stand_in.made_fleet(folder, more='[[alarm]]\ncommand = ["true"]\n')
+    for day in range(6):
+        fleet_stand_in.arrive(folder, "a_{}_hay.txt", f"0.{day}", days=day)
+        fleet_stand_in.arrive(folder, "b_{}.txt", f"fault 0.{day + 1}", days=day)
+    run_fleet(fleet, fleet_stand_in.at_once)
+    deliver(fleet)
+    with closing(sqlite3.connect(fleet.store)) as store:
+        store.execute("PRAGMA journal_mode = DELETE")
+    return fleet
+
+
+def read_whole_fleet(path: Path) -> Any:
+    """Read a fleet file, and what has arrived."""
+    fleet = read_fleet(path)
+    return repr(fleet), arrived(fleet)
+
+
+def used_ledger(fleet: Fleet, path: Path) -> Any:
+    """Return all that is told of a fleet by its store."""
+    with tempfile.TemporaryDirectory() as folder:
+        own = replace(fleet, store=path, results=Path(folder))
+        rows = [pyarrow.parquet.read_table(name).to_pylist() for name in write_results(own)]
+    return repr((rank(own), alarms(own), read_latest(path), rows))
 
 
 def used_reference(path: Path) -> Any:

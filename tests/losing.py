@@ -21,7 +21,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import redirect_stderr, redirect_stdout, suppress
+from contextlib import closing, redirect_stderr, redirect_stdout, suppress
 from pathlib import Path
 from typing import Any
 
@@ -204,6 +204,21 @@ def together(count: int, folder: Path) -> Iterator[str]:
 # Every command that writes, killed about every file that it writes
 
 LEARNED = "--machine m.toml --reference r.ref"
+FLEET_FILE = r"""
+[[machine]]
+name = "drive"
+file = "m.toml"
+reference = "r.ref"
+recordings = "."
+pattern = 'b_(?P<time>[\d-]+)\.csv'
+"""
+DAY_FILE = """
+position = "hand"
+[[job]]
+name = "turning"
+recording = "a.csv"
+hours = 4.0
+"""
 COMMAND_LINES = (
     "simulate m.toml --duration 4 --sampling-rate 10000 --seed 1 --load 0.7 -o a.csv",
     "simulate m.toml --duration 4 --sampling-rate 10000 --seed 2 -o b_2026-03-01.csv",
@@ -224,9 +239,21 @@ COMMAND_LINES = (
     "harvest m.toml b_2026-03-01.csv -o harvest.json",
     "modes m.toml -o modes.csv",
     "exposure a.csv --position hand --axes x=a1,y=a2 --machine m.toml --report e.html -o e.csv",
+    "exposure --day day.toml --axes x=a1,y=a2 --report day.html -o day.csv",
+    "fleet run fleet.toml -o fleet.json",
+    "fleet rank fleet.toml -o rank.csv",
     "demo harvest -o d",
     "benchmark stiffness --quick -o benchmark.csv",
 )
+
+
+def stored(path: Path) -> dict[str, list[Any]]:
+    """Return the rows of all tables; of a history those that its reader vouches for."""
+    with closing(sqlite3.connect(path)) as store:
+        every = "SELECT name FROM sqlite_master WHERE type = 'table' ORDER BY name"
+        tables = [name for (name,) in store.execute(every)]
+        rows = {name: store.execute(f"SELECT * FROM {name}").fetchall() for name in tables}
+    return rows | {"history": read_history(path).rows() if rows.get("recordings") else []}
 
 
 def contents(folder: Path) -> dict[str, str]:
@@ -235,9 +262,9 @@ def contents(folder: Path) -> dict[str, str]:
     for path in sorted(own for own in folder.rglob("*") if own.is_file() and own.name[0] != "."):
         name = str(path.relative_to(folder))
         if path.suffix == ".db":
-            rows = read_history(path).rows() if path.stat().st_size else []
-            found |= {name: repr(rows)} if rows else {}
-        elif not name.endswith(("-journal", "-wal", "-shm")):
+            rows = stored(path)
+            found |= {name: repr(rows)} if any(rows.values()) else {}
+        elif not name.endswith(("-journal", "-wal", "-shm", ".lock")):
             found[name] = hashlib.sha256(path.read_bytes()).hexdigest()
     return found
 
@@ -323,7 +350,8 @@ def trouble_commands(often: int, folder: Path, seed: int, trouble: Callable[...,
     random, place, all_wrong = np.random.default_rng(seed), folder / "place", []
     place.mkdir()
     os.chdir(place)
-    Path("m.toml").write_text(MACHINE_FILE)
+    for name, told in (("m", MACHINE_FILE), ("fleet", FLEET_FILE), ("day", DAY_FILE)):
+        Path(f"{name}.toml").write_text(told)
     for line in COMMAND_LINES:
         count, wrong = troubled_command(line, place, often, random, trouble)
         print(f"{line.split()[0]}: {count} trials, {len(wrong)} wrong", file=sys.stderr, flush=True)

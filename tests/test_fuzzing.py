@@ -8,6 +8,7 @@ from fuzzing import FORMATS, attack, targets
 # Every file of a reference that is read whole is also used.
 TRIALS = {"csv": 80, "reference": 60, "kinds": 100, "history": 100}
 NAMES = ("tables", "csv", "reference", "kinds", "history", "indicators", "machine")
+NAMES += ("plan", "harvester")
 
 
 @pytest.fixture(scope="module")

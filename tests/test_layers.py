@@ -10,11 +10,12 @@ import pytest
 PACKAGE = Path(__file__).resolve().parents[1] / "gearmon"
 
 # Who may import whom: a room may always import from itself.
-FOUNDATIONS = {"errors", "files", "result"}
+FOUNDATIONS = {"errors", "files", "result", "units"}
 ALLOWED = {
     "errors": set(),
     "files": {"errors"},
     "result": {"errors", "files"},
+    "units": set(),
     "machine": FOUNDATIONS,
     "gears": FOUNDATIONS | {"machine"},
     "dynamics": FOUNDATIONS,

@@ -6,7 +6,15 @@ import subprocess
 import sys
 from pathlib import Path
 
+from losing import COMMAND_LINES
+
+from gearmon.commands import COMMANDS
+
 SCRIPT = Path(__file__).parent / "losing.py"
+
+
+def test_every_command_is_troubled():
+    assert {line.split()[0] for line in COMMAND_LINES} == {own.name for own in COMMANDS}
 
 
 def test_the_old_file_or_the_new_one_whatever_happens():

@@ -273,6 +273,10 @@ REFUSED = {
         "must be less than pitch_diameter_mm",
     ),
     "column zero": (PAIR + "[[sensor]]\ncolumn = 0\n", "column = 0 must be a column name"),
+    "unit": (
+        PAIR + '[[sensor]]\ncolumn = "a"\nunit = "parsec"\n',
+        'sensor[1].unit = "parsec" must be a known unit: m/s2, g',
+    ),
     "column twice": (PAIR + '[[sensor]]\ncolumn = "a"\n' * 2, "is also the column of sensor[1]"),
     "sensor kind": (PAIR + '[[sensor]]\ncolumn = 1\nkind = "taco"\n', 'did you mean "tacho"?'),
     "not TOML": (PAIR + "module_mm 2\n", "box.toml:8:11: not valid TOML"),

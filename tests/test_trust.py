@@ -6,6 +6,7 @@ import gzip
 import os
 import re
 import shlex
+import signal
 import subprocess
 import sys
 import time
@@ -85,6 +86,23 @@ def test_what_stops_a_command_is_one_line(monkeypatch, capsys, error, code, word
     assert main(["lines", "machine.toml"]) == code
     (line,) = lines_of_error(capsys)
     assert words in line
+
+
+@pytest.mark.parametrize(("name", "code"), [("SIGINT", 130), ("SIGTERM", -signal.SIGTERM)])
+def test_who_is_stopped_says_so_and_takes_temporary_files_along(here, name, code):
+    script = f"""
+import signal, gearmon.cli, gearmon.files
+from gearmon.__main__ import run
+def main():
+    with gearmon.files.replacing("out.csv"):
+        signal.raise_signal(signal.{name})
+gearmon.cli.main = main
+raise SystemExit(run())
+"""
+    command = [sys.executable, "-c", script]
+    done = subprocess.run(command, capture_output=True, check=False, text=True)
+    assert (done.returncode, done.stderr) == (code, "gearmon: stopped\n")
+    assert list(here.iterdir()) == []
 
 
 def test_exit_codes_of_several_recordings():

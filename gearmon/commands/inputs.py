@@ -231,6 +231,7 @@ def _alone_on_a_core() -> None:
     """Keep a process to one core; Ctrl-C is for the parent to answer."""
     os.environ[THREADS] = "1"
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 def in_turn(

@@ -72,7 +72,7 @@ def run_analyse(arguments: argparse.Namespace) -> int:
     reported = part_of(arguments.progress, done, 1.0 - done)
     analysed = part_of(arguments.progress, 0.0, done)
     # what goes to other processes
-    alone = argparse.Namespace(**vars(arguments) | {"progress": None})
+    alone = argparse.Namespace(**vars(arguments) | {"progress": None, "recording": ()})
     known: dict[str, Any] = {"machine": machine, "reference": reference}
     task = partial(_analysed, arguments=alone, must_notice=must_notice, **known)
     results: list[dict[str, Any]] = []

@@ -13,6 +13,7 @@ from gearmon.commands.command import Command, repeatable
 from gearmon.commands.inputs import machine_of
 from gearmon.commands.output import DONE, finish_with, show
 from gearmon.errors import ArgumentError
+from gearmon.units import is_unit
 
 if TYPE_CHECKING:
     from gearmon.diagnosis.reference_check import ReferenceCheck
@@ -160,7 +161,8 @@ def _columns(found: Recording) -> str:
     text = ""
     rows = zip(found.columns, found.channel_names, found.channel_kinds, found.units, strict=True)
     for number, name, kind, unit in rows:
-        known = f'unit = "{unit}"' if unit else '# unit = "m/s2"         # not stated in the file'
+        stated = unit is not None and is_unit(unit)
+        known = f'unit = "{unit}"' if stated else '# unit = "m/s2"  # not known from the file'
         # samples of a known unit of acceleration are read as m/s2, whatever the file has
         mark = "# " if unit == "m/s2" else ""
         text += f"\n[[sensor]]                # {' '.join(name.split())}\ncolumn = {number}\n"

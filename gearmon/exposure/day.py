@@ -33,7 +33,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gearmon.errors import ArgumentError, nearest_name
+from gearmon.errors import ArgumentError
 from gearmon.exposure.measures import (
     LEAST_S,
     LIMITS,
@@ -44,8 +44,9 @@ from gearmon.exposure.measures import (
 )
 from gearmon.exposure.weighting import FloatArray
 from gearmon.machine import FieldError
-from gearmon.machine.fields import Choice, Number, Text, check_fields, obeys
-from gearmon.machine.source import MachineSource, read_source
+from gearmon.machine.fields import Choice, Number, Several, Text, check_fields, obeys
+from gearmon.machine.reading import read_part, read_table, read_tables, refuse_unknown_keys
+from gearmon.machine.source import read_source
 from gearmon.result import Result
 
 #: Relative standard error of an instrument: all of the tolerance of ISO 8041-1, table 2, for its
@@ -77,18 +78,14 @@ class Job:
     """
 
     name: str = field(metadata=obeys(Text(example='"ploughing"')))
-    recording: str | Sequence[str]
+    recording: str | Sequence[str] = field(
+        metadata=obeys(Several(rule=Text(), one=True, example='"a.csv", or ["a.csv", "b.csv"]'))
+    )
     hours: float = field(metadata=obeys(Number(low=0, high=24, unit="h", open_low=True)))
     hours_error: float = field(default=0.0, metadata=obeys(Number(low=0, high=12, unit="h")))
 
     def __post_init__(self) -> None:
         check_fields(self)
-        several = [self.recording] if isinstance(self.recording, str) else self.recording
-        right = isinstance(several, list | tuple) and several
-        if not right or not all(isinstance(own, str) and own.strip() for own in several):
-            reason = 'must be the name of a recording in quotes, or a list: ["a.csv", "b.csv"]'
-            raise FieldError("recording", reason, self.recording)
-        object.__setattr__(self, "recording", tuple(several))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,46 +146,19 @@ def load_day(path: str | Path) -> DayPlan:
         If the file cannot be read, or a key is unknown, missing or out of its range: with file,
         line, key and value.
     """
-    source = read_source(path)
-    document, folder = dict(source.document), Path(path).parent
-    limits, jobs = document.pop("limits", None), document.pop("job", [])
-    if not isinstance(jobs, list) or not all(isinstance(own, dict) for own in jobs):
-        raise source.error("job", "job must be a table: write [[job]], with double brackets")
-    if limits is not None and not isinstance(limits, dict):
-        raise source.error("limits", "limits must be a table: write [limits]")
-    made = [_part(source, Job, f"job[{n}]", own) for n, own in enumerate(jobs, start=1)]
+    source, folder = read_source(path), Path(path).parent
+    document, usual = source.document, ("position", "instrument")
+    refuse_unknown_keys(source, document, (*usual, "limits", "job"), "")
+    jobs = [read_part(source, Job, label, own) for label, own in read_tables(source, "job")]
+    limits = read_table(source, "limits")
     placed = [
         dataclasses.replace(job, recording=[str(folder / name) for name in job.recording])
-        for job in made
+        for job in jobs
     ]
-    told = None if limits is None else _part(source, Limits, "limits", limits)
-    more = {"jobs": tuple(placed), "limits": told, "path": str(path)}
-    return _part(source, DayPlan, "", document, more)  # type: ignore[no-any-return]
-
-
-def _part(
-    source: MachineSource,
-    part: Any,
-    label: str,
-    table: Mapping[str, Any],
-    more: Mapping[str, Any] | None = None,
-) -> Any:
-    """Build one part of the plan from its table; what is wrong is named with its line."""
-    described = [own for own in dataclasses.fields(part) if own.name not in (more or {})]
-    known, prefix = [own.name for own in described], f"{label}." if label else ""
-    for key in table:
-        if key not in known:
-            near = nearest_name(key, known if label else (*known, "limits", "job"))
-            hint = f"did you mean {near}?" if near else f"known are {', '.join(known)}"
-            raise source.error(prefix + key, f"{prefix}{key} is no key of a day's plan; {hint}")
-    for own in described:
-        if own.default is dataclasses.MISSING and own.name not in table:
-            raise source.error(label, f"{label} lacks {own.name}")
-    try:
-        return part(**table, **(more or {}))
-    except FieldError as error:
-        key = prefix + error.key
-        raise source.error(key, error.message(key)) from None
+    told = {key: document[key] for key in usual if key in document}
+    told |= {"jobs": tuple(placed), "path": str(path)}
+    told["limits"] = read_part(source, Limits, "limits", limits) if limits else None
+    return read_part(source, DayPlan, "", told)
 
 
 @dataclass(frozen=True, kw_only=True)

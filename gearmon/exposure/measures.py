@@ -31,6 +31,7 @@ from gearmon.signals.reading import find_defect
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signals.spectra import power_density
 from gearmon.signals.threads import side_by_side
+from gearmon.units import STANDARD_GRAVITY
 
 #: Weighting and factor k of each axis, by where the vibration enters.
 POSITIONS: dict[str, dict[str, tuple[str, float]]] = {
@@ -47,7 +48,6 @@ RUNNING_S, DAY_S = 1.0, 8 * 3600.0
 MOST_CREST, MOST_MTVV, MOST_VDV = 9.0, 1.5, 1.75
 #: Least duration for bands from 0.5 Hz, and from 1 Hz on [s]: an error below 3 dB, 90 % sure.
 LEAST_S = {0.5: 227.0, 1.0: 108.0}
-STANDARD_GRAVITY = 9.80665
 # A sensor that shows gravity has an offset of that much; what is still taken for it.
 _NEAR_GRAVITY = 0.03
 # The offset is the mean of so many periods of the high-pass filter.

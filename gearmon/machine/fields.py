@@ -14,6 +14,7 @@ from enum import Enum
 from typing import Any
 
 from gearmon.errors import ArgumentError, nearest_name
+from gearmon.units import KNOWN_UNITS, is_unit
 
 LONGEST_VALUE_SHOWN = 60
 
@@ -124,6 +125,19 @@ class Text:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Unit:
+    """A unit that is known where recordings are read."""
+
+    example: str = '"m/s2"'
+
+    def checked(self, key: str, value: object) -> str:
+        """Return `value` if it is a known unit, or raise `FieldError`."""
+        if not (isinstance(value, str) and is_unit(value)):
+            raise FieldError(key, f"must be a known unit: {KNOWN_UNITS}", value)
+        return value
+
+
+@dataclass(frozen=True, kw_only=True)
 class Choice:
     """One of a few words."""
 
@@ -156,19 +170,22 @@ class Column:
 
 @dataclass(frozen=True, kw_only=True)
 class Several:
-    """A list of values that obey a rule each."""
+    """A list of values that obey a rule each; `one` may stand by itself, and none is too few."""
 
     rule: Text | Choice | Column
     example: str = '["a1", "a2"]'
+    one: bool = False
 
     def checked(self, key: str, value: object) -> tuple[Any, ...]:
         """Return the values as a tuple, or raise `FieldError`."""
-        if not isinstance(value, list | tuple):
+        if self.one and isinstance(value, str):
+            value = [value]
+        if not isinstance(value, list | tuple) or (self.one and not (value and all(value))):
             raise FieldError(key, f"must be a list, such as {self.example}", value)
         return tuple(self.rule.checked(key, one) for one in value)
 
 
-Rule = Count | Number | Text | Choice | Column | Several
+Rule = Count | Number | Text | Unit | Choice | Column | Several
 
 
 def obeys(rule: Rule) -> Mapping[str, Any]:

@@ -13,6 +13,7 @@ from gearmon.machine.fields import (
     FieldError,
     Number,
     Text,
+    Unit,
     check_fields,
     obeys,
 )
@@ -292,7 +293,7 @@ class Sensor:
     """
 
     column: str | int = field(metadata=obeys(Column()))
-    unit: str | None = field(default=None, metadata=obeys(Text(example='"m/s2"')))
+    unit: str | None = field(default=None, metadata=obeys(Unit()))
     sensitivity: float = field(
         default=1.0,
         metadata=obeys(Number(low=0, high=1e12, open_low=True, why="recorded number per unit")),

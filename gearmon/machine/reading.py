@@ -210,6 +210,14 @@ def read_tables(
     return [(f"{name}[{number}]", table) for number, table in enumerate(content, start=1)]
 
 
+def read_table(source: MachineSource, name: str) -> dict[str, Any]:
+    """Return the only table called `name`, empty if there is none."""
+    content = source.document.get(name, {})
+    if not isinstance(content, dict):
+        raise source.error(name, f"{name} must be one table: write [{name}]")
+    return content
+
+
 def read_part(source: MachineSource, part: type[_Part], label: str, table: dict[str, Any]) -> _Part:
     """Build a dataclass, whose fields have rules, from a table with this label.
 
@@ -232,7 +240,7 @@ def read_part(source: MachineSource, part: type[_Part], label: str, table: dict[
     try:
         return part(**table)
     except FieldError as error:
-        key = f"{label}.{error.key}"
+        key = f"{label}.{error.key}" if label else error.key
         raise source.error(key, error.message(key)) from None
 
 

@@ -23,12 +23,12 @@ from gearmon.signals.reading import (
     find_column,
     identify,
     interpret,
-    is_unit,
     open_source,
     read_arrays,
     read_table,
     survey,
 )
+from gearmon.units import KNOWN_UNITS, is_unit
 
 #: Vibration is sampled no slower and no faster [Hz].
 RATES_HZ = 1e-3, 1e10
@@ -269,8 +269,8 @@ def read_recording(
         check_range("sampling_rate_hz", sampling_rate_hz, *RATES_HZ, "Hz")
     if unit is not None and not is_unit(str(unit)):
         raise ArgumentError(
-            f"unit={unit!r}: is no known unit; give m/s2, g, mm/s, um, V or the like, or leave it "
-            "out: then levels are in the numbers of the recording"
+            f"unit={unit!r}: is no known unit; give {KNOWN_UNITS}, or leave it out: "
+            "then levels are in the numbers of the recording"
         )
     wanted = Wanted(
         sampling_rate_hz=sampling_rate_hz,

@@ -9,7 +9,7 @@ True
 >>> interpret(read_table(source).content(), Wanted()).columns[0].unit   # doctest: +SKIP
 'm/s2'
 
-Text: `source` (bytes to whole lines), `fields` (what a number, a unit is), `layout` (separator,
+Text: `source` (bytes to whole lines), `fields` (what a number is), `layout` (separator,
 decimal character, first row, names) and `text` (lines to numbers, compiled or with care). Other
 files, arrays and frames: `formats`. Then for all: `columns` (names, units, kinds, defects),
 `timebase` (the sampling rate) and `channels` (which columns are the recording).
@@ -23,7 +23,7 @@ from gearmon.signals.reading.columns import (
     find_defect,
     survey,
 )
-from gearmon.signals.reading.fields import Progress, is_unit
+from gearmon.signals.reading.fields import Progress
 from gearmon.signals.reading.formats import identify, read_arrays
 from gearmon.signals.reading.formats.named_arrays import content_of
 from gearmon.signals.reading.source import Source, open_source
@@ -43,7 +43,6 @@ __all__ = [
     "find_defect",
     "identify",
     "interpret",
-    "is_unit",
     "open_source",
     "read_arrays",
     "read_table",

@@ -19,15 +19,10 @@ from gearmon.signals.reading.columns import (
     missing_values,
     survey,
 )
-from gearmon.signals.reading.fields import (
-    Floats,
-    acceleration_factor,
-    is_unit,
-    plain_unit,
-    shortened,
-)
+from gearmon.signals.reading.fields import Floats, shortened
 from gearmon.signals.reading.timebase import counts_evenly, rises_evenly, sampling_rate
 from gearmon.signals.threads import side_by_side
+from gearmon.units import KNOWN_UNITS, acceleration_factor, is_unit, plain_unit
 
 ACCELERATION_UNIT = "m/s2"
 # Up to this size a copy without gaps between the channels costs nothing worth saving.
@@ -206,8 +201,8 @@ def _told(content: Content, wanted: _Spoken) -> list[DataColumn]:
         if sensor.unit and not is_unit(sensor.unit):
             raise RecordingError(
                 f"{content.path}: the [[sensor]] of column '{sensor.column}' is said to be in "
-                f"'{shortened(sensor.unit)}', which is no known unit; give m/s2, g, mm/s, um, V or "
-                "the like, or leave it out"
+                f"'{shortened(sensor.unit)}', which is no known unit; give {KNOWN_UNITS}, or "
+                "leave it out"
             )
         recorded = told[index].unit if sensor.sensitivity == 1.0 else None
         told[index] = replace(told[index], kind=sensor.kind, unit=sensor.unit or recorded)

@@ -12,15 +12,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gearmon.errors import RecordingError, nearest_name
-from gearmon.signals.reading.fields import (
-    Floats,
-    Room,
-    is_trusted_unit,
-    is_unit,
-    kind_of_unit,
-    shortened,
-)
+from gearmon.signals.reading.fields import Floats, Room, shortened
 from gearmon.signals.reading.layout import Header
+from gearmon.units import is_trusted_unit, is_unit, kind_of_unit
 
 _SQUARE = re.compile(r"(.*?)\s*\[\s*([^\]]*?)\s*\]")
 _ROUND = re.compile(r"(.*?)\s*[(<]\s*(.+?)\s*[)>]")

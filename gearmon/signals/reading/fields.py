@@ -1,4 +1,4 @@
-"""What counts as a number, a missing value, a time stamp or a unit in one field of a line."""
+"""What counts as a number, a missing value or a time stamp in one field of a line."""
 
 from __future__ import annotations
 
@@ -30,35 +30,6 @@ _NO_VALUE = """
     inf +inf -inf infinity +infinity -infinity na n/a null none missing overflow - -- ? *
 """
 MISSING = frozenset(_NO_VALUE.split())
-STANDARD_GRAVITY = 9.80665  # m/s2, ISO 80000-3
-_SPELLING = str.maketrans({"²": "2", "μ": "u", "µ": "u", "·": "", "*": "", "^": "", " ": ""})
-_ACCELERATION = (
-    dict.fromkeys(
-        ["m/s2", "m/s/s", "m/(s2)", "m/sec2", "ms-2", "ms2", "m_s2", "m_s_2", "mps2"], 1.0
-    )
-    | {"mm/s2": 1e-3, "mms-2": 1e-3, "cm/s2": 1e-2, "ft/s2": 0.3048, "in/s2": 0.0254}
-    | dict.fromkeys(["g", "gn", "g_n", "g0"], STANDARD_GRAVITY)
-    | {"mg": 1e-3 * STANDARD_GRAVITY}
-)
-_TIME = dict.fromkeys(["s", "sec", "secs", "second", "seconds", "sek"], 1.0) | {
-    "ms": 1e-3,
-    "msec": 1e-3,
-    "us": 1e-6,
-    "usec": 1e-6,
-    "ns": 1e-9,
-    "min": 60.0,
-    "h": 3600.0,
-}
-_SPEED = frozenset({"rpm", "1/min", "min-1", "u/min", "r/min", "rev/min", "tr/min", "1/s", "rad/s"})
-_TORQUE = frozenset({"nm", "n.m", "n-m", "knm", "mnm", "ncm", "lbfft", "ftlb", "inlb", "lb-ft"})
-_OTHER = frozenset(
-    {"°c", "degc", "c", "k", "°f", "degf", "a", "ma", "n", "kn", "w", "kw", "bar", "mbar", "pa"}
-    | {"kpa", "mpa", "%", "hz", "khz", "deg", "°", "rad", "rev", "kg", "db", "l/min"}
-)
-_VIBRATION = frozenset(
-    {"v", "mv", "uv", "m/s", "mm/s", "in/s", "ips", "m", "mm", "um", "mil", "mils"}
-)
-_BRACKETS = re.compile(r"\[\s*(.*?)\s*\]|\(\s*(.*?)\s*\)|<\s*(.*?)\s*>")
 
 
 def decoded(text: bytes) -> str:
@@ -174,63 +145,3 @@ def without_empty_end(fields: Sequence[str]) -> Sequence[str]:
 def _unquoted(field: str) -> str:
     match = _QUOTED.fullmatch(field)
     return match[1].replace('""', '"').strip() if match else field.strip()
-
-
-def plain_unit(text: str) -> str:
-    """Return one spelling of the unit: lower case, no brackets, powers as plain digits.
-
-    Examples
-    --------
-    >>> plain_unit("[m/s²]"), plain_unit("(N·m)")
-    ('m/s2', 'nm')
-    """
-    match = _BRACKETS.fullmatch(text.strip())
-    inner = next(part for part in match.groups() if part is not None) if match else text.strip()
-    return inner.translate(_SPELLING).lower()
-
-
-def acceleration_factor(unit: str | None) -> float | None:
-    """Return how many m/s2 the unit is, or None if it is no known unit of acceleration."""
-    return _ACCELERATION.get(plain_unit(unit)) if unit else None
-
-
-def time_factor(unit: str | None) -> float | None:
-    """Return how many seconds the unit is, or None if it is no known unit of time."""
-    return _TIME.get(plain_unit(unit)) if unit else None
-
-
-def kind_of_unit(unit: str | None) -> str | None:
-    """Return what is measured in that unit, or None where it tells nothing.
-
-    Returns
-    -------
-    {"speed", "torque", "other", "vibration", "time"} or None
-        "vibration" stands for acceleration, velocity, displacement and volts.
-    """
-    plain = plain_unit(unit) if unit else ""
-    tables = (
-        ("vibration", _ACCELERATION.keys() | _VIBRATION),
-        ("time", _TIME.keys()),
-        ("speed", _SPEED),
-        ("torque", _TORQUE),
-        ("other", _OTHER),
-    )
-    return next((kind for kind, table in tables if plain in table), None)
-
-
-def is_unit(text: str) -> bool:
-    """Tell whether the text is a known unit."""
-    return kind_of_unit(text) is not None
-
-
-def is_trusted_unit(text: str) -> bool:
-    """Tell whether the text is a unit even where it might be a name: ``g``, but not ``a``."""
-    return is_unit(text) and (len(text) > 1 or text in "gsVv")
-
-
-def are_units(cells: Sequence[str]) -> bool:
-    """Tell whether the cells of a line are units: known or in brackets, or left open."""
-    stated = [cell for cell in cells if cell not in ("", "-", "--", "1")]
-    if stated and all(_BRACKETS.fullmatch(cell) for cell in stated):
-        return True
-    return bool(stated) and all(is_trusted_unit(plain_unit(cell)) for cell in stated)

@@ -15,7 +15,6 @@ from itertools import islice
 from gearmon.errors import RecordingError
 from gearmon.signals.reading.fields import (
     LONGEST_QUOTE,
-    are_units,
     is_comment,
     is_missing,
     is_number,
@@ -24,6 +23,7 @@ from gearmon.signals.reading.fields import (
     to_microseconds,
     without_empty_end,
 )
+from gearmon.units import are_units
 
 # Lines that are looked at to find the dialect; the last ones, as those are rows most surely.
 _SAMPLE = 100

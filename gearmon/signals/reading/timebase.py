@@ -13,7 +13,8 @@ import numpy.typing as npt
 
 from gearmon.errors import RecordingError
 from gearmon.signals.reading.columns import Content, DataColumn, missing_values
-from gearmon.signals.reading.fields import Floats, time_factor
+from gearmon.signals.reading.fields import Floats
+from gearmon.units import time_factor
 
 Flags = npt.NDArray[np.bool_]
 

@@ -9,9 +9,9 @@ import pytest
 
 from gearmon.errors import RecordingError
 from gearmon.signals.reading import describe_columns, find_defect
-from gearmon.signals.reading.fields import acceleration_factor, time_factor
 from gearmon.signals.reading.layout import Header
 from gearmon.signals.recording import read_recording
+from gearmon.units import acceleration_factor, time_factor
 
 GRAVITY = 9.80665
 
