@@ -258,7 +258,7 @@ def of_ring(gear: GearDeviation, stage: PlanetaryStage) -> GearDeviation:
     Of what 30 % on a tooth of the ring adds these lines have 97 % of the power (simulated sets of
     18/27/72 and 19/26/71 teeth). Final drive of the catalogue, two simulated machines, loads of 0.5
     to 1 learned singly and together, recordings at 0.6 and 0.9: log factors of 52 to 253 with the
-    template of a tooth, 8 to 32 by the energy in these lines, 2 to 21 in all; healthy ones -3 to 12,
+    template of a tooth, 8 to 32 by the energy in these lines, 2 to 21 in all; sound ones -3 to 12,
     of which 5 are believed. Told are losses of 19 to 27 %.
     """
     bands = []
