@@ -7,6 +7,7 @@ transaction: whoever is killed goes on where it was, and nothing is done twice o
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
@@ -34,7 +35,7 @@ RESULTS_VERSION = 1
 # Rows of a Parquet file: few enough to be held in memory.
 _ROWS = 50_000
 # Their names; others may keep more in that folder.
-_FILES = f"{12 * '[0-9]'}-{12 * '[0-9]'}.parquet"
+_FILE = re.compile(r"[0-9]{12,}-([0-9]{12,})\.parquet")
 # Columns of the ledger that a checksum guards.
 _GUARDED = (
     *("path", "machine", "class", "time_s", "size", "changed"),
@@ -229,18 +230,15 @@ def write_results(fleet: Fleet) -> list[Path]:
     except OSError as error:
         raise ArgumentError(f"{fleet.results}: is no folder ({error.strerror})") from None
     written: list[Path] = []
-    while rows := _results(fleet, max(map(_last, fleet.results.glob(_FILES)), default=0)):
+    there = (_FILE.fullmatch(path.name) for path in fleet.results.iterdir())
+    last = max((int(own[1]) for own in there if own), default=0)
+    while rows := _results(fleet, last):
         first, last = rows[0]["ledger_id"], rows[-1]["ledger_id"]
         target = fleet.results / f"{first:012d}-{last:012d}.parquet"
         with replacing(target) as temporary:
             pq.write_table(pa.Table.from_pylist(rows, schema), temporary, compression="zstd")
         written.append(target)
     return written
-
-
-def _last(path: Path) -> int:
-    """Return the last row of the ledger in a Parquet file, from its name."""
-    return int(path.stem.rpartition("-")[2])
 
 
 def _results(fleet: Fleet, after: int) -> list[dict[str, Any]]:

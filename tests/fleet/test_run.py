@@ -400,6 +400,17 @@ def test_damaged_cells_are_said(tmp_path, table, column, value):
         looked_at(fleet)
 
 
+def test_numbers_of_many_digits_are_written_once(tmp_path):
+    fleet = made_fleet(tmp_path, ("a",))
+    arrive(tmp_path, "a_{}.txt", "0.1")
+    run_fleet(fleet, at_once)
+    with closing(sqlite3.connect(fleet.store)) as store:
+        store.execute("UPDATE ledger SET id = ?", (1 << 60,))
+        store.commit()
+    assert len(write_results(fleet)) == 1
+    assert write_results(fleet) == []
+
+
 def test_an_index_that_hides_rows_is_said(tmp_path):
     fleet = made_fleet(tmp_path, ("a",))
     for day in range(6):
