@@ -162,7 +162,7 @@ def test_missing_files(tmp_path):
         read_recording(tmp_path / "healty_1.csv")
     with pytest.raises(RecordingError, match=r"no such file, nor a folder"):
         read_recording(tmp_path / "nowhere" / "x.csv")
-    with pytest.raises(RecordingError, match=r"is a folder; give the recordings in it"):
+    with pytest.raises(RecordingError, match=r"is a folder; name a recording in it"):
         read_recording(tmp_path)
 
 
