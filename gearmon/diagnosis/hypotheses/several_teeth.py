@@ -308,18 +308,21 @@ def departure_spread(gear: SearchedGear) -> DepartureSpread | None:
     Parameters
     ----------
     gear : SearchedGear
-        A gear of parallel stages, searched for a damaged tooth.
+        Searched for a damaged tooth.
 
     Returns
     -------
     DepartureSpread or None
-        None if none of its lines is known.
+        None if none of its lines is known, or in a planetary set, where teeth that meet planets at
+        the same moments cannot be parted.
 
     Notes
     -----
     A second tooth is told where its event is about half of the first's or more and three or more
     teeth away; a damaged neighbour mostly passes for the same tooth.
     """
+    if gear.difference.meetings > 1:
+        return None
     tried = np.argsort(-gear.match.log_tooth, kind="stable")[:_TRIED]
     total: FloatArray = np.zeros((len(SHARES), len(tried)))
     by_tooth = np.zeros(gear.match.teeth)

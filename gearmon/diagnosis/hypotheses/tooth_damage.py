@@ -20,7 +20,6 @@ from gearmon.diagnosis.hypotheses.tooth_search import (
 )
 from gearmon.diagnosis.law import GearDeviation, HealthyMachine, MachineDeviation
 from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE
-from gearmon.errors import ArgumentError
 from gearmon.gears.mechanics import low_load_share
 from gearmon.machine import Machine, PlanetaryStage
 from gearmon.signatures.expected.tooth_response import ToothResponse, tooth_response
@@ -37,6 +36,8 @@ FloatArray = NDArray[np.float64]
 _TEETH_SCATTER = 2.0
 # Healthy departures scatter like noise with a fraction of its degrees of freedom.
 _OVERDISPERSION = 3.0
+# Lines that a band must keep to tell of a meeting with every planet.
+_LEAST_LINES = 4
 # Share of departures from which on noise alone is left.
 _NOISE_ALONE = 1e-9
 # Losses are not told apart more finely.
@@ -63,8 +64,8 @@ class GearEvidence:
     deviation : GearDeviation
         The gear's deviation from the healthy law.
     search : SearchedGear or None
-        The matched search of its teeth; None where there is no template of the response (planetary
-        sets: their teeth meet several others a turn, each heard through a path of its own).
+        The matched search of its teeth; None where there is no template of the response (suns and
+        planets: each meeting of their teeth is heard through a path of its own).
     heard_in : GearDeviation, optional
         The deviation in whose turn a damaged tooth without a template comes again; the gear's own
         by default.
@@ -218,25 +219,67 @@ def find_tooth(
 def _searched(
     own: Profile, deviation: MachineDeviation, machine: Machine
 ) -> Iterator[GearEvidence]:
-    responses = [_response(gear, machine) for gear in deviation.gears]
-    for gear, response in zip(deviation.gears, responses, strict=True):
+    for gear in deviation.gears:
+        stage = machine.stages[gear.stage - 1]
         loaded = low_load_share(machine, gear.stage)
-        if response is None:
-            yield replace(planetary_evidence(gear, deviation.gears, machine), loaded=loaded)
+        if isinstance(stage, PlanetaryStage) and gear.gear != "ring":
+            # planets out of phase cancel the mesh harmonics that would tell the path
+            if stage.equally_spaced and stage.ring_teeth % stage.planets == 0:
+                yield replace(planetary_evidence(gear, deviation.gears, stage), loaded=loaded)
             continue
+        top = max(int(band.number[-1]) for band in gear.bands) + gear.teeth
+        response = tooth_response(machine, gear.stage, gear.gear, top * gear.order)
         alone = replace(gear, mesh_power=own_mesh_power(gear, response, deviation.gears))
-        found = search_gear(alone, response, own.speed_hz)
+        if isinstance(stage, PlanetaryStage):
+            alone = of_ring(alone, stage)
+        found = search_gear(alone, response, own.speed_hz) if alone.bands else None
         if found is not None:
             yield GearEvidence(deviation=alone, search=found, loaded=loaded)
 
 
-def planetary_evidence(
-    gear: GearDeviation, gears: Sequence[GearDeviation], machine: Machine
-) -> GearEvidence:
-    """Evidence of a gear without a template, in the turn in which a damaged tooth comes again.
+def of_ring(gear: GearDeviation, stage: PlanetaryStage) -> GearDeviation:
+    """Return a ring's deviation as a damaged tooth is heard in it.
 
-    A tooth of the sun or the ring meets every planet in a turn about the carrier, one of a planet
-    the sun and the ring. Where the sun turns a whole number of times while the carrier does, its
+    Parameters
+    ----------
+    gear : GearDeviation
+        Of the ring.
+    stage : PlanetaryStage
+        With N planets.
+
+    Returns
+    -------
+    GearDeviation
+        The lines at multiples of N: the planets come to a tooth one after the other, N times in a
+        turn of the carrier, and always at the same place of the housing.
+
+    Notes
+    -----
+    Of what 30 % on a tooth of the ring adds these lines have 97 % of the power (simulated sets of
+    18/27/72 and 19/26/71 teeth). Final drive of the catalogue, two simulated machines, loads of 0.5
+    to 1 learned singly and together, recordings at 0.6 and 0.9: log factors of 52 to 253 with the
+    template of a tooth, 8 to 32 by the energy in these lines, 2 to 21 in all; sound ones -3 to 12,
+    of which 5 are believed. Told are losses of 19 to 27 %.
+    """
+    bands = []
+    for band in gear.bands:
+        met = band.number % stage.planets == 0
+        if np.count_nonzero(met) >= _LEAST_LINES:
+            kept = {
+                name: getattr(band, name)[..., met]
+                for name in ("number", "rest", "deviation", "noise", "pattern")
+            }
+            bands.append(replace(band, **kept))
+    return replace(gear, bands=tuple(bands), meetings=stage.planets)
+
+
+def planetary_evidence(
+    gear: GearDeviation, gears: Sequence[GearDeviation], stage: PlanetaryStage
+) -> GearEvidence:
+    """Evidence of a sun or planet, in the turn in which a damaged tooth comes again.
+
+    A tooth of the sun meets every planet in a turn about the carrier, one of a planet the sun and
+    the ring. Where the sun turns a whole number of times while the carrier does, its
     tooth is heard at as many places of the housing: the turn of the carrier, that of the ring's
     pattern, tells them apart.
 
@@ -246,9 +289,6 @@ def planetary_evidence(
     its own turn counted as one place, 30 in the ring's (which was blamed), 31 at twelve places
     there; healthy ones 3 at most.
     """
-    stage = machine.stages[gear.stage - 1]
-    if not isinstance(stage, PlanetaryStage):
-        return GearEvidence(deviation=gear, search=None)
     met = 2 if gear.gear == "planet" else stage.planets
     heard_in = None
     for other in gears if gear.gear == "sun" else ():
@@ -258,15 +298,6 @@ def planetary_evidence(
             heard_in = replace(other, meetings=met * round(times))
     own = replace(gear, meetings=met)
     return GearEvidence(deviation=own, search=None, heard_in=heard_in, meshes=stage.planets)
-
-
-def _response(gear: GearDeviation, machine: Machine) -> ToothResponse | None:
-    """Return what a loss should add; None where there is no template."""
-    top = max(int(band.number[-1]) for band in gear.bands) + gear.teeth
-    try:
-        return tooth_response(machine, gear.stage, gear.gear, top * gear.order)
-    except ArgumentError:
-        return None
 
 
 def own_mesh_power(

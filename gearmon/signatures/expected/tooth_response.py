@@ -6,12 +6,18 @@ while its pair is in contact, and that pulse, once a turn of the gear, travels t
 together with the mesh harmonics of q itself. Lines close to one another pass the same train and the
 same housing, so that their ratio holds without the dynamics behind it. Teeth of standard
 proportions stand in where the file says nothing of them but their number.
+
+In a planetary set N meshes share the load, so that a loss in one of them is one of 1/N of all. A
+tooth of the ring meets the planets one after the other, N times in a turn of the carrier: of its
+lines those at multiples of N add up to what a single mesh would show, the others cancel.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +25,9 @@ from numpy.typing import NDArray
 from gearmon.errors import ArgumentError, GearmonError, check_range
 from gearmon.gears.faults import Fault
 from gearmon.gears.kinematics import kinematics
+from gearmon.gears.pairs import MeshPair, Stage, mesh_pairs
 from gearmon.gears.stiffness import MeshStiffness, mesh_stiffness
-from gearmon.machine import Machine, ParallelStage
+from gearmon.machine import Machine, PlanetaryStage
 from gearmon.result import Result
 from gearmon.signatures.expected.faulty_teeth import loss_response
 
@@ -42,7 +49,7 @@ class ToothResponse(Result):
     ----------
     stage : int
         Stage, from 1.
-    gear : {"pinion", "gear"}
+    gear : {"pinion", "gear", "ring"}
         Gear.
     teeth : int
         z of the gear.
@@ -122,7 +129,7 @@ def tooth_response(
     max_order: float,
     operating: int = 0,
 ) -> ToothResponse:
-    """Compute the response to a small loss on one tooth of a parallel stage.
+    """Compute the response to a small loss on one tooth.
 
     Parameters
     ----------
@@ -130,7 +137,7 @@ def tooth_response(
         The machine; tooth counts suffice.
     stage : int
         Stage, from 1.
-    gear : {"pinion", "gear"}
+    gear : {"pinion", "gear", "ring"}
         Gear.
     max_order : float
         Highest order of shaft 1.
@@ -144,24 +151,28 @@ def tooth_response(
     Raises
     ------
     ArgumentError
-        If there is no such gear or the stage is planetary: its teeth meet several others a turn,
-        each heard through a path of its own.
+        If there is no such gear, or it is a sun or a planet.
     """
     check_range("stage", stage, 1, len(machine.stages))
     own = machine.stages[stage - 1]
-    if not isinstance(own, ParallelStage) or gear not in ("pinion", "gear"):
-        raise ArgumentError(f"stage {stage}, {gear}: only gears of parallel stages are supported")
-    teeth = own.pinion_teeth if gear == "pinion" else own.gear_teeth
-    used, stiffness = _teeth(own, stage)
-    share, phase = _pair_share(used, stiffness, stage, gear)
-    from_teeth_alone = False
-    try:
-        found = loss_response(machine, stage, gear, operating, max_order)
-        lines = np.concatenate([[0.0], found.acceleration])
-        mesh = np.concatenate([[0.0], found.mesh_acceleration])[::teeth]
-    except GearmonError:
-        # the file bears no baseline: no torque, no module, or teeth that would not run
-        from_teeth_alone = used is not own
+    if gear in ("sun", "planet"):
+        raise ArgumentError(
+            f"stage {stage}, {gear}: each meeting of its teeth is heard through a path of its own; "
+            "only pinions, gears and rings are supported"
+        )
+    pair, stiffness, standard = _teeth(own, stage, gear)
+    teeth = pair.member(gear).teeth.teeth
+    share, phase = _pair_share(pair, stiffness, stage, gear)
+    lines = mesh = None
+    if not isinstance(own, PlanetaryStage):
+        # nothing is found where the file bears no baseline: no torque, no module, or teeth that
+        # would not run
+        with suppress(GearmonError):
+            found = loss_response(machine, stage, gear, operating, max_order)
+            lines = np.concatenate([[0.0], found.acceleration])
+            mesh = np.concatenate([[0.0], found.mesh_acceleration])[::teeth]
+            standard = False
+    if lines is None or mesh is None:
         top = int(max_order / kinematics(machine).mesh(stage).order * teeth)
         lines, mesh = _deflected(stiffness, share, phase, teeth, top)
     return ToothResponse(
@@ -172,7 +183,7 @@ def tooth_response(
         mesh=mesh,
         pair_share=share,
         contact_ratio=stiffness.total_contact_ratio,
-        from_teeth_alone=from_teeth_alone,
+        from_teeth_alone=standard,
     )
 
 
@@ -191,27 +202,41 @@ def _deflected(
     return lines, np.asarray(healthy[harmonic] * (harmonic * teeth) ** 2)
 
 
-def _teeth(own: ParallelStage, stage: int) -> tuple[ParallelStage, MeshStiffness]:
-    """Teeth of the file or, where it does not tell, of standard proportions."""
+def _teeth(own: Stage, stage: int, gear: str) -> tuple[MeshPair, MeshStiffness, bool]:
+    """Teeth of the file or, where it does not tell, of standard proportions; whether these."""
+    pair = _pair(own, stage, gear)
     try:
-        return own, mesh_stiffness(own, number=stage)
+        return pair, mesh_stiffness(pair, number=stage), False
     except GearmonError:
-        plain = ParallelStage(
-            pinion_teeth=own.pinion_teeth,
-            gear_teeth=own.gear_teeth,
-            module_mm=1.0,
-            face_width_mm=_STANDARD_WIDTH,
-            mesh_stiffness_n_per_m=_UNIT_STIFFNESS,
+        told = (
+            "planets",
+            "fixed",
+            "driving",
+            "mesh_stiffness_n_per_m",
+            "ring_mesh_stiffness_n_per_m",
         )
-        return plain, mesh_stiffness(plain, number=stage)
+        given: dict[str, Any] = {
+            key.name: _UNIT_STIFFNESS if "stiffness" in key.name else getattr(own, key.name)
+            for key in fields(own)
+            if key.name.endswith("_teeth") or key.name in told
+        }
+        plain = type(own)(**given, module_mm=1.0, face_width_mm=_STANDARD_WIDTH)
+        pair = _pair(plain, stage, gear)
+        return pair, mesh_stiffness(pair, number=stage), True
+
+
+def _pair(own: Stage, stage: int, gear: str) -> MeshPair:
+    """Return the mesh of a gear."""
+    pairs = mesh_pairs(own, stage)
+    return next((p for p in pairs if gear in (m.name for m in p.members)), pairs[0])
 
 
 def _pair_share(
-    own: ParallelStage, stiffness: MeshStiffness, stage: int, gear: str
+    pair: MeshPair, stiffness: MeshStiffness, stage: int, gear: str
 ) -> tuple[FloatArray, FloatArray]:
     """Share of the mesh that the pair of one tooth carries, and the phases of its contact."""
     fault = Fault(kind="stiffness", stage=stage, gear=gear, tooth=1, size=_SMALL_LOSS)
-    hurt = mesh_stiffness(own, [fault], number=stage)
+    hurt = mesh_stiffness(pair, [fault], number=stage)
     count = int(np.ceil(stiffness.total_contact_ratio * _POINTS))
     phase = (np.arange(count) + 0.5) / _POINTS
     healthy = stiffness.at(phase)

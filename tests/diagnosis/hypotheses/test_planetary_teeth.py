@@ -5,10 +5,12 @@ import pytest
 from reference.gear_departures import complex_noise
 
 from gearmon.diagnosis.decision.coverage import noticed_from
-from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, planetary_evidence
+from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, of_ring, planetary_evidence
+from gearmon.diagnosis.hypotheses.tooth_search import loss_estimate, search_gear
 from gearmon.diagnosis.law import GearDeviation
 from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE, BandDeviation
-from gearmon.machine import Machine, OperatingPoint, ParallelStage, PlanetaryStage
+from gearmon.machine import Machine, OperatingPoint, PlanetaryStage
+from gearmon.signatures.expected.tooth_response import tooth_response
 
 SUN, PLANET, RING, PLANETS, BANDS = 18, 27, 72, 3, 8
 SUN_A_TURN = RING // SUN
@@ -65,7 +67,11 @@ def evidence(tooth_of=None, tooth=5, seed=0):
     own = TEETH.get(tooth_of, 1) * ORDERS.get(tooth_of, 1.0)
     places = (tooth + CONTACT_CENTRE) / own + np.arange(count) / max(1, count)
     gears = [deviation(gear, places, seed) for gear in TEETH]
-    return {one.gear: planetary_evidence(one, gears, machine()) for one in gears}
+    (stage,) = machine().stages
+    found = {one.gear: planetary_evidence(one, gears, stage) for one in gears[:2]}
+    ring = of_ring(gears[2], stage)
+    response = tooth_response(machine(), 1, "ring", 0.2 * RING * (BANDS + 2))
+    return found | {"ring": GearEvidence(deviation=ring, search=search_gear(ring, response, 10.0))}
 
 
 def test_sun_and_ring_meet_every_planet_in_a_turn_and_planets_both():
@@ -79,10 +85,63 @@ def test_sun_and_ring_meet_every_planet_in_a_turn_and_planets_both():
     assert told["sun"].heard_in is not None
     heard_in = told["sun"].heard_in
     assert (heard_in.gear, heard_in.meetings) == ("ring", PLANETS * SUN_A_TURN)
-    stage = ParallelStage(pinion_teeth=SUN, gear_teeth=RING)
-    pair = Machine(name="p", operating=(OperatingPoint(speed_rpm=600.0),), stages=(stage,))
-    alone = planetary_evidence(deviation("sun", [], 0), [], pair)
-    assert (alone.deviation.meetings, alone.meshes, alone.heard_in) == (1, 1, None)
+    # of the ring what comes three times a turn of the carrier
+    ring = told["ring"].deviation
+    assert ring.meetings == PLANETS
+    assert all(np.all(band.number % PLANETS == 0) for band in ring.bands)
+
+
+def ring_with(loss, tooth, stage, seed):
+    """A ring one tooth of which lost stiffness, each meeting at the same place of the housing."""
+    rng = np.random.default_rng([10, seed])
+    response = tooth_response(machine(stage.planets), 1, "ring", 0.2 * RING * (BANDS + 2))
+    bands, delay = [], np.arange(0.0, 0.3, 0.02)
+    ringing = complex_noise(rng, 2, len(delay)) * np.exp(-delay / 0.05)
+    heard = np.zeros((2, BANDS + 1))
+    noise = 0.02 * abs(response.mesh[1]) * np.sqrt(np.sum(np.abs(ringing) ** 2))
+    for k in range(1, BANDS + 1):
+        number = k * RING + np.setdiff1d(np.arange(-RING // 2, RING // 2), range(-2, 3))
+        path = ringing @ np.exp(-2j * np.pi * np.outer(delay, number) / RING)
+        # N meetings in turn, each of a mesh of N: those that come together are as of one mesh
+        place = np.exp(-2j * np.pi * number * (tooth - 1) / RING) * (number % stage.planets == 0)
+        size = float(response.amplitude(np.array([loss]))[0])
+        hiss = complex_noise(rng, 2, len(number))
+        at_mesh = ringing @ np.exp(-2j * np.pi * delay * k)
+        heard[:, k] = np.abs(at_mesh * response.mesh[k]) ** 2
+        bands.append(
+            BandDeviation(
+                harmonic=k,
+                number=number,
+                rest=size * path * response.lines[number] * place / noise + hiss,
+                deviation=np.full(hiss.shape, noise),
+                noise=np.full(hiss.shape, noise),
+                pattern=np.zeros(hiss.shape, dtype=complex),
+            )
+        )
+    made = GearDeviation(
+        stage=1,
+        gear="ring",
+        teeth=RING,
+        order=0.2,
+        bands=tuple(bands),
+        mesh_power=heard,
+        shift_turns=0.0,
+    )
+    ring = of_ring(made, stage)
+    return GearEvidence(deviation=ring, search=search_gear(ring, response, 10.0))
+
+
+@pytest.mark.parametrize("planets", [3, 4])
+def test_a_tooth_of_the_ring_is_found_with_its_loss(planets):
+    (stage,) = machine(planets).stages
+    losses = []
+    for seed in range(6):
+        told = ring_with(0.3, 20, stage, seed)
+        assert told.believed > 26.0
+        assert told.search.match.best % (RING // planets) == 19 % (RING // planets)
+        losses.append(loss_estimate(told.search, 10.0).loss)
+        assert ring_with(0.0, 20, stage, seed).believed < 5.0
+    assert np.median(losses) == pytest.approx(0.3, rel=0.35)
 
 
 @pytest.mark.parametrize("gear", ["sun", "ring"])

@@ -247,11 +247,17 @@ def test_gear_data_make_hills_equation_the_source():
     assert np.abs(ratio) == pytest.approx(1.0, rel=0.03)
 
 
-def test_planetary_gears_have_no_template():
+def test_suns_and_planets_have_no_template_rings_have():
     stage = PlanetaryStage(sun_teeth=20, planet_teeth=30, ring_teeth=80, planets=3, fixed="ring")
     train = Machine(name="set", operating=(OperatingPoint(speed_rpm=900.0),), stages=(stage,))
-    with pytest.raises(ArgumentError, match="only gears of parallel stages"):
+    with pytest.raises(ArgumentError, match="only pinions, gears and rings"):
         tooth_response(train, 1, "sun", 100.0)
+    # teeth of standard proportions, as for a pair: the share of the pair and its contact ratio
+    ring = tooth_response(train, 1, "ring", 200.0)
+    assert ring.teeth == 80
+    assert ring.from_teeth_alone
+    assert 1.7 < ring.contact_ratio < 2.0
+    assert ring.pair_share.max() == pytest.approx(1.0)
 
 
 def test_the_path_is_told_by_neighbours_where_a_harmonic_is_silent():
