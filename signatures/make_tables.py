@@ -7,7 +7,7 @@ fault of every gear at every operating point.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,7 @@ from gearmon.errors import ArgumentError
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, load_machine
 from gearmon.signatures.expected.baseline import expected_signature
-from gearmon.signatures.expected.fault_family import fault_family
+from gearmon.signatures.expected.fault_family import FAMILY_KINDS, fault_family
 from gearmon.signatures.signature import Signature, write_signature
 
 #: Sizes in the catalogue, and lines: so many mesh harmonics, so many sidebands to each side.
@@ -46,20 +46,22 @@ def healthy_table(machine: Machine) -> Signature:
     return expected_signature(machine)
 
 
-def family_table(machine: Machine) -> Signature:
+def family_table(machine: Machine, kinds: Sequence[str] = FAMILY_KINDS) -> Signature:
     """Return the lines of the machine with every kind of fault, rounded to `DIGITS` digits.
 
     Parameters
     ----------
     machine : Machine
         With the data that a baseline needs.
+    kinds : sequence of str
+        Kinds of fault, of `FAMILY_KINDS`.
 
     Returns
     -------
     Signature
         See `FaultFamily.table`; of `SIZES`, `MESH_HARMONICS` and `SIDEBANDS`.
     """
-    family = fault_family(machine, sizes=SIZES, max_hz=_highest_hz(machine))
+    family = fault_family(machine, kinds=kinds, sizes=SIZES, max_hz=_highest_hz(machine))
     return rounded(family.table(MESH_HARMONICS, SIDEBANDS))
 
 

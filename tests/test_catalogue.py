@@ -46,7 +46,11 @@ def test_healthy_table_is_made_again(path):
 @pytest.mark.parametrize("path", MACHINES, ids=lambda path: path.stem)
 def test_family_table_is_made_again(path):
     stored = read_signature(path.with_name(f"{path.stem}{MAKER.FAMILY_SUFFIX}.csv"))
-    made = MAKER.family_table(load_machine(path))
+    # whole planetary sets take a second a member: of them two kinds must do
+    kinds = ("crack", "eccentricity") if "planetary" in path.stem else FAMILY_KINDS
+    made = MAKER.family_table(load_machine(path), kinds)
+    kept = np.isin(stored["kind"], [*kinds, "healthy"])
+    stored = {name: column[kept] for name, column in stored.columns.items()}
     for name in (*EXACT, "kind", "gear", "size", "operating"):
         assert (made[name] == stored[name]).all()
     assert made["loss"] == pytest.approx(stored["loss"], rel=1e-4, abs=1e-9)

@@ -20,6 +20,7 @@ def run(*words):
     KINDS.add_to(parser.add_subparsers(dest="command"))
     arguments = parser.parse_args(["kinds", *map(str, words)])
     check_names(arguments)
+    arguments.progress = None
     return KINDS.run(arguments)
 
 

@@ -201,7 +201,7 @@ def test_fault_family():
     crack, eccentricity = (ax for ax in figure.axes if ax.get_visible())
     assert crack.get_ylabel() == "dB re healthy mesh lines"
     assert crack.get_xlabel() == "loss of pair stiffness in %"
-    assert eccentricity.get_xlabel() == "size in um"
+    assert eccentricity.get_xlabel() == "size in µm"
     assert "rms acceleration of the sidebands" in figure.get_suptitle()
     x, y = crack.lines[0].get_data()
     assert x == pytest.approx([5.0, 20.0], rel=0.05)
