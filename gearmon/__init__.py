@@ -61,8 +61,7 @@ Those of all other names go on from here.
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+TYPE_CHECKING = False  # typing takes a moment, in which Ctrl-C would end in a traceback
 
 __version__ = "0.1.0"
 
@@ -112,6 +111,8 @@ _HOMES = {
 __all__ = ["__version__", *sorted(_HOMES)]
 
 if TYPE_CHECKING:
+    from typing import Any
+
     from gearmon.diagnosis.analysis import analyse as analyse
     from gearmon.diagnosis.analysis import learn as learn
     from gearmon.diagnosis.fault_types.judgement import features as features
@@ -156,6 +157,8 @@ if TYPE_CHECKING:
 
 def __getattr__(name: str) -> Any:
     """Load a public name from its home."""
+    from importlib import import_module
+
     try:
         home = _HOMES[name]
     except KeyError:

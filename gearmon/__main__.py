@@ -3,9 +3,11 @@
 
 import signal
 import sys
-import warnings
 from contextlib import suppress
-from typing import NoReturn
+
+TYPE_CHECKING = False  # what is loaded here takes a moment, in which nobody hears Ctrl-C
+if TYPE_CHECKING:
+    from typing import NoReturn
 
 
 def run() -> int:
@@ -21,16 +23,18 @@ def run() -> int:
     """
     stopped: list[int] = []
 
-    def stop(number: int, _: object) -> NoReturn:
+    def stop(number: int, _: object) -> "NoReturn":
         stopped.append(number)
         raise KeyboardInterrupt
 
     for number in (signal.SIGINT, signal.SIGTERM):
         if signal.getsignal(number) != signal.SIG_IGN:  # it is where nobody can press Ctrl-C
             signal.signal(number, stop)
-    if not sys.warnoptions:
-        warnings.simplefilter("ignore")  # those of libraries; ours are sentences of the result
     try:
+        import warnings
+
+        if not sys.warnoptions:
+            warnings.simplefilter("ignore")  # those of libraries; ours are sentences of the result
         from gearmon.cli import main  # takes a moment, in which somebody may press Ctrl-C
 
         return main()

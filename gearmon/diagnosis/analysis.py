@@ -437,7 +437,7 @@ class _Compared:
         if missing:
             notes.append(
                 f"channels of the reference not looked at: {', '.join(missing)}; a fault may show "
-                "in those alone"
+                "in those alone: check their sensors, cables and names, and record again"
             )
         speeds = [profile.speed_hz for profile in reference.profiles]
         speed = signature.speed.estimated_hz

@@ -30,6 +30,7 @@ _SAMPLE = 100
 _SEPARATORS = ("\t", ";", ",", " ", "")
 _EMPTY = ' \t,;"'
 _MOST_COLUMNS = 1000
+_BEGINS = "0123456789+-.,"  # a number
 # What may follow a decimal comma.
 _DECIMALS = re.compile(r"\d+([eE][+-]?\d+)?")
 _ONE_NAME = re.compile(r"\S+(?:\s*[\[(].*[\])])?")
@@ -164,7 +165,9 @@ def find_layout(path: str, lines: Sequence[str]) -> Layout | None:
     whole = [own for own in joined if own not in above]
     for number, text in [*whole, *(own for own in above if own[0] not in begun)]:
         # a row that was joined, or one whose quote is not closed and that closes one above it
-        if any(dialect.row(own) for own in (text, f'{text}"', text.replace('"', ""))):
+        bare = text.replace('"', "")
+        behind = number not in begun and _mostly_numbers(bare, dialect)
+        if behind or any(dialect.row(own) for own in (text, f'{text}"', bare)):
             raise RecordingError(
                 f"{path}, line {number}: a line break within quotes parts this row of numbers, or "
                 "a quote in it or above it is not closed; take it out"
@@ -457,7 +460,7 @@ def _check_no_damaged_row(
     number, text = lines[-1]
     if len(cells) < 2 or len(dialect.split(text)) < len(cells):
         return
-    begins_as_row = cells[0][:1].isdigit() or cells[0][:1] in "+-.," or is_missing(cells[0])
+    begins_as_row = cells[0][:1] in _BEGINS or is_missing(cells[0])
     if not begins_as_row and not _stands_below_names(lines, cells, dialect):
         return
     for index, cell in enumerate(cells, 1):
@@ -478,6 +481,14 @@ def _check_no_odd_line(path: str, line: Line, dialect: Dialect) -> None:
             f"{path}, line {line[0]}: {len(fields)} fields, not all of them numbers, where the "
             f"rows below have {dialect.columns}; if this line is no sample, put # before it"
         )
+
+
+def _mostly_numbers(text: str, dialect: Dialect) -> bool:
+    """Tell a row, however damaged, from names and units such as ``1] Ch``."""
+    fields = without_empty_end(dialect.split(text))
+    begun = sum(own[:1] in _BEGINS and any(map(str.isdigit, own)) for own in fields if own)
+    counted = _are_numbered(fields) or not dialect.numbers(fields)
+    return begun >= 2 and 2 * begun > len(fields) and not counted
 
 
 def _stands_below_names(lines: Sequence[Line], cells: Sequence[str], dialect: Dialect) -> bool:

@@ -252,6 +252,16 @@ class TestLineBreaksWithinQuotes:
         with pytest.raises(RecordingError, match="line 3: "):
             table(f'"[g],[g],[g]\na,b,c\n{row}\n' + written())
 
+    @pytest.mark.parametrize("row", ['"1.5","2","3e"-1","4"', '1.5,"2x,3', '1.5x,2"', '1.5,2;3"'])
+    def test_a_damaged_one_neither(self, row):
+        with pytest.raises(RecordingError, match="line 3: "):
+            table(f'a,b,c\n"x=5\n{row}\n' + written())
+
+    def test_numbers_of_channels_below_their_names_are_no_row(self):
+        found = table('"Ch\n1","Ch\n2","Ch\n3"\n' + written())
+        assert found.layout.header.names == ("Ch 1", "Ch 2", "Ch 3")
+        assert np.array_equal(found.values.T, ROWS)
+
     def test_in_a_later_row_too(self):
         with pytest.raises(RecordingError, match="line 34"):
             table("a,b,c\n" + written() + '1,"2\n",3\n' + written())
