@@ -287,6 +287,8 @@ def reading_archive(
         raise
     except FileNotFoundError:
         raise SignatureError(f"{path}: no such file; {missing}") from None
+    except IsADirectoryError:
+        raise SignatureError(f"{path}: is a folder, no {what}; {missing}") from None
     except Exception as error:  # damage shows in every way there is
         name = type(error).__name__
         why = str(error) if name == "ValueError" and len(str(error)) < 80 else name

@@ -447,7 +447,7 @@ def targets(folder: Path) -> dict[str, Target]:
     tables = partial(hostile_table, tables=("ledger", "latest", "alarms", "recordings", "places"))
     tables.__name__ = "hostile_tables"
     used = partial(used_ledger, fleet)
-    add("ledger", fleet.store, used, tables, sure=False)
+    add("ledger", fleet.store, used, tables, sure=True)
     demos = Path(gearmon.demos.__file__).parent
     plans = (("plan", load_day, "exposure_day"), ("harvester", load_harvester, "harvester"))
     for name, load, file in plans:

@@ -127,6 +127,7 @@ def test_a_terminal_is_told_what_matters(farm, capsys, monkeypatch):
         (["seat.csv", "floor.csv", "--floor", "floor.csv"], "belongs to one recording"),
         (["seat.csv", "--fault", "wear:1:pinion:all:20%"], "only with --machine"),
         (["--day", "none.toml"], "no such file"),
+        (["-"], "-: no such file; name a recording, or /dev/stdin"),
         (["seat.csv", "-o", "seat.csv"], "is read as well"),
     ],
 )

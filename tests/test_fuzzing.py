@@ -6,9 +6,9 @@ import pytest
 from fuzzing import FORMATS, attack, targets
 
 # Every file of a reference that is read whole is also used.
-TRIALS = {"csv": 80, "reference": 60, "kinds": 100, "history": 100}
+TRIALS = {"csv": 80, "reference": 60, "kinds": 100, "history": 100, "ledger": 50}
 NAMES = ("tables", "csv", "reference", "kinds", "history", "indicators", "machine")
-NAMES += ("plan", "harvester")
+NAMES += ("fleet", "ledger", "plan", "harvester")
 
 
 @pytest.fixture(scope="module")

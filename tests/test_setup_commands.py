@@ -98,6 +98,9 @@ def test_check_tells_what_a_reference_covers(shop, capsys):
     assert not any("fault" in advice for advice in told["advice"])
     assert main(words) == 0
     assert "pinion of stage 1: a weak tooth is noticed" in capsys.readouterr().out
+    assert main(["check", str(shop), *words[2:]]) == 2
+    told = "is a folder, no gearmon reference; make one with gearmon learn"
+    assert capsys.readouterr().err == f"gearmon: {shop}: {told}\n"
 
 
 def test_check_asks_for_loads_and_names_the_odd_one():

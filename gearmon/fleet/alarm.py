@@ -14,17 +14,19 @@ import urllib.request
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from email.message import EmailMessage
-from sqlite3 import Connection, Row
+from sqlite3 import Connection
 from typing import Any
 
 from gearmon.diagnosis.history import time_text
-from gearmon.diagnosis.history.store import opened
-from gearmon.fleet.ledger import writing
+from gearmon.diagnosis.history.store import opened, put, sound
+from gearmon.fleet.ledger import recorded, writing
 from gearmon.fleet.plan import Fleet, FleetMachine, Hook
 from gearmon.report.wording import printable
 
 # Seconds until a hook is given up, and until it is tried again.
 _PATIENCE_S, _AGAIN_S = 20.0, (1.0, 4.0, 16.0)
+_KEY = ("machine", "class", "finding", "since_s")
+_ALARM = (*_KEY, "until_s", "told", "acknowledged")
 #: A recording that could not be analysed at all.
 NOT_ANALYSED = "not analysed"
 
@@ -41,45 +43,37 @@ def renew(fleet: Fleet) -> None:
 
 
 def _renew(store: Connection, machine: FleetMachine) -> None:
-    told = store.execute(
-        "SELECT l.class, l.time_s, l.state, r.verdict, r.findings FROM ledger l LEFT JOIN "
-        "recordings r ON r.machine = l.machine AND r.time_s = l.time_s "
-        "WHERE l.machine = ? AND l.state != 'being written' ORDER BY l.time_s, l.path",
-        (machine.name,),
-    )
+    known = "l.machine = ? AND l.state != 'being written' ORDER BY l.time_s, l.path"
     classes: dict[str, list[tuple[float, set[str]]]] = defaultdict(list)
-    for row in told:
+    for row in recorded(store, known, (machine.name,)):
         classes[row["class"]].append((row["time_s"], _findings(row, machine)))
     now = {
         (machine.name, name, finding, since): until
         for name, rows in classes.items()
         for finding, since, until in episodes(rows, machine.alarm_after, machine.alarm_clear)
     }
+    rows = store.execute("SELECT * FROM alarms WHERE machine = ?", (machine.name,)).fetchall()
+    before = {tuple(row[name] for name in _KEY): sound(row, _ALARM) for row in rows}
+    # a recording that arrived late has taken them back, or moved their begin
+    gone = {key: row for key, row in before.items() if key not in now}
+    moved = {key[:3]: row for key, row in gone.items()}
     for key, until in now.items():
+        own = before.get(key, {"told": "[]", "acknowledged": 0})
+        own = moved.get(key[:3], own) if own["told"] == "[]" else own
+        put(store, "alarms", own | dict(zip(_KEY, key, strict=True)) | {"until_s": until})
+    for key in gone:
         store.execute(
-            "INSERT INTO alarms (machine, class, finding, since_s, until_s) VALUES (?, ?, ?, ?, ?) "
-            "ON CONFLICT DO UPDATE SET until_s = excluded.until_s",
-            (*key, until),
+            "DELETE FROM alarms WHERE (machine, class, finding, since_s) = (?, ?, ?, ?)", key
         )
-    every = "SELECT rowid AS id, * FROM alarms WHERE machine = ?"
-    for row in store.execute(every, (machine.name,)).fetchall():
-        key = tuple(row[name] for name in ("machine", "class", "finding", "since_s"))
-        if key not in now:  # a recording that arrived late has taken it back, or moved its begin
-            store.execute(
-                "UPDATE alarms SET told = ?, acknowledged = ? WHERE told = '[]' AND "
-                "(machine, class, finding) = (?, ?, ?)",
-                (row["told"], row["acknowledged"], *key[:3]),
-            )
-            store.execute("DELETE FROM alarms WHERE rowid = ?", (row["id"],))
 
 
-def _findings(row: Row, machine: FleetMachine) -> set[str]:
+def _findings(row: dict[str, Any], machine: FleetMachine) -> set[str]:
     """Return what a recording found, by kind and gear: tooth and size go up and down."""
     if row["state"] == "failed":
         return {NOT_ANALYSED}
     if row["verdict"] not in machine.alarm_on:
         return set()
-    findings = [text.partition(":")[0] for text in json.loads(row["findings"])]
+    findings = [text.partition(":")[0] for text in row["findings"]]
     kinds = {re.sub(r", tooth \d+", "", finding) for finding in findings}
     return kinds if row["verdict"] == "fault" and kinds else {row["verdict"]}
 
@@ -138,7 +132,7 @@ def alarms(fleet: Fleet, machine: str | None = None) -> list[dict[str, Any]]:
             "ORDER BY since_s DESC, machine, class, finding",
             (machine,),
         ).fetchall()
-    return [_alarm(dict(row)) for row in rows]
+        return [_alarm(sound(row, _ALARM) | {"id": row["id"]}) for row in rows]
 
 
 def _alarm(row: dict[str, Any]) -> dict[str, Any]:
@@ -157,8 +151,7 @@ def acknowledge(fleet: Fleet, number: int) -> None:
     number : int
         The alarm's `id`, as `alarms` gives it.
     """
-    with writing(fleet) as store:
-        store.execute("UPDATE alarms SET acknowledged = 1 WHERE rowid = ?", (number,))
+    _note(fleet, number, acknowledged=1)
 
 
 def deliver(fleet: Fleet) -> list[str]:
@@ -192,14 +185,15 @@ def deliver(fleet: Fleet) -> list[str]:
                     trouble[target] = f"{target}: could not be told of an alarm ({why})"
                     continue
                 alarm["told"].append(target)
-                _note(fleet, alarm)
+                _note(fleet, alarm["id"], told=json.dumps(alarm["told"]))
     return list(trouble.values())
 
 
-def _note(fleet: Fleet, alarm: dict[str, Any]) -> None:
+def _note(fleet: Fleet, number: int, **known: str | int) -> None:
+    """Change what an alarm's row says, if there still is one."""
     with writing(fleet) as store:
-        told = json.dumps(alarm["told"])
-        store.execute("UPDATE alarms SET told = ? WHERE rowid = ?", (told, alarm["id"]))
+        for row in store.execute("SELECT * FROM alarms WHERE rowid = ?", (number,)).fetchall():
+            put(store, "alarms", sound(row, _ALARM) | known)
 
 
 def _targets(hook: Hook, machine: FleetMachine, alarm: dict[str, Any]) -> Iterator[tuple[str, Any]]:

@@ -7,7 +7,8 @@ transaction: whoever is killed goes on where it was, and nothing is done twice o
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,7 +17,15 @@ from typing import Any
 
 from gearmon import __version__
 from gearmon.diagnosis.history import Entry
-from gearmon.diagnosis.history.store import append_to, as_text, insert, opened, summarise
+from gearmon.diagnosis.history.store import (
+    append_to,
+    as_text,
+    opened,
+    put,
+    sound,
+    summarise,
+    vouch,
+)
 from gearmon.errors import ArgumentError
 from gearmon.files import replacing
 from gearmon.fleet.plan import Fleet, Job
@@ -25,19 +34,26 @@ from gearmon.fleet.plan import Fleet, Job
 RESULTS_VERSION = 1
 # Rows of a Parquet file: few enough to be held in memory.
 _ROWS = 50_000
+# Their names; others may keep more in that folder.
+_FILE = re.compile(r"[0-9]{12,}-([0-9]{12,})\.parquet")
+# Columns of the ledger that a checksum guards.
+_GUARDED = (
+    *("path", "machine", "class", "time_s", "size", "changed"),
+    *("hash", "state", "why", "version", "indicators"),
+)
 #: `alarms` is made anew from the ledger, but for who was told and who has acknowledged.
 _TABLES = """
 CREATE TABLE IF NOT EXISTS ledger
     (id INTEGER PRIMARY KEY AUTOINCREMENT, path TEXT NOT NULL UNIQUE, machine TEXT NOT NULL,
      class TEXT NOT NULL, time_s REAL NOT NULL, size INTEGER NOT NULL, changed TEXT NOT NULL,
      hash TEXT NOT NULL, state TEXT NOT NULL, why TEXT NOT NULL, version TEXT NOT NULL,
-     indicators TEXT NOT NULL, alarmed INTEGER NOT NULL DEFAULT 0);
+     indicators TEXT NOT NULL, alarmed INTEGER NOT NULL DEFAULT 0, checksum TEXT);
 CREATE INDEX IF NOT EXISTS ledger_by_machine ON ledger (machine, time_s);
 CREATE INDEX IF NOT EXISTS ledger_alarmed ON ledger (machine) WHERE alarmed = 0;
 CREATE TABLE IF NOT EXISTS alarms
     (machine TEXT NOT NULL, class TEXT NOT NULL, finding TEXT NOT NULL, since_s REAL NOT NULL,
      until_s REAL, told TEXT NOT NULL DEFAULT '[]', acknowledged INTEGER NOT NULL DEFAULT 0,
-     PRIMARY KEY (machine, class, finding, since_s));
+     checksum TEXT, PRIMARY KEY (machine, class, finding, since_s));
 """
 
 
@@ -119,7 +135,8 @@ def _insert(store: Connection, job: Job, state: str, why: str, outcome: Outcome 
         "version": __version__,
         "indicators": json.dumps(outcome.indicators if outcome else {}),
     }
-    insert(store, "ledger", row, "INSERT OR REPLACE")
+    store.execute("DELETE FROM ledger WHERE path = ?", (as_text(job.path),))  # its number ends
+    put(store, "ledger", row)
 
 
 def keep_growing(fleet: Fleet, jobs: Iterable[Job]) -> None:
@@ -135,15 +152,54 @@ def counts(fleet: Fleet) -> dict[str, int]:
         return dict(map(tuple, store.execute("SELECT state, count(*) FROM ledger GROUP BY state")))
 
 
-_RESULTS = """
-SELECT l.id AS ledger_id, l.path, l.machine, l.class, l.time_s, r.verdict, r.score,
-    r.false_alarm_probability, r.speed_hz, r.findings, p.loss, p.loss_low, p.loss_high,
-    l.hash, l.version, l.indicators
-FROM ledger l JOIN recordings r ON r.machine = l.machine AND r.time_s = l.time_s
+_KNOWN = """
+SELECT l.*, l.id AS ledger_id, r.id AS number, r.checksum AS known, r.verdict, r.score,
+    r.false_alarm_probability, r.speed_hz, r.findings, p.loss, p.loss_low, p.loss_high
+FROM ledger l LEFT JOIN recordings r
+    ON r.machine = l.machine AND r.time_s = l.time_s AND l.state = 'done'
 LEFT JOIN places p ON p.rowid = (SELECT rowid FROM places WHERE recording_id = r.id
     AND tooth IS NULL AND loss IS NOT NULL ORDER BY loss DESC LIMIT 1)
-WHERE l.state = 'done' AND l.id > ? ORDER BY l.id LIMIT ?
+WHERE
 """
+
+
+def recorded(
+    store: Connection, where: str, values: Sequence[Any], *, shown: bool = False
+) -> list[dict[str, Any]]:
+    """Return rows of the ledger with what the history says of them, checked.
+
+    Parameters
+    ----------
+    store : Connection
+    where : str
+        Condition and order in SQL, in which l is the ledger.
+    values : sequence
+        For its question marks.
+    shown : bool
+        Whether they are for the eye: what the history says is not checked then, place by place.
+
+    Returns
+    -------
+    list of dict
+        Columns of the ledger; verdict and findings (list of str), among others of the recording,
+        the largest loss of a gear, and indicators as a mapping of "name, channel" to value.
+
+    Raises
+    ------
+    ValueError
+        If a row is not what was written.
+    """
+    rows = [dict(row) for row in store.execute(f"{_KNOWN} {where}", values)]
+    for row in rows:
+        sound(row, _GUARDED)
+        if row["state"] == "done" and row["number"] is None:
+            raise ValueError(f"a recording of {row['machine']!r} is missing")
+        if row["number"] is not None and not shown:
+            vouch(store, {"id": row["number"], "checksum": row["known"]})
+        row["findings"] = json.loads(row["findings"] or "[]")
+        told = json.loads(row["indicators"]).items()
+        row["indicators"] = {f"{name}, {one}": v for name, own in told for one, v in own.items()}
+    return rows
 
 
 def write_results(fleet: Fleet) -> list[Path]:
@@ -169,9 +225,14 @@ def write_results(fleet: Fleet) -> list[Path]:
     types += [("indicators", pa.map_(pa.string(), pa.float64()))]
     about = {"gearmon": json.dumps({"fleet results": RESULTS_VERSION})}
     schema = pa.schema(types, about)
-    fleet.results.mkdir(parents=True, exist_ok=True)
+    try:
+        fleet.results.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ArgumentError(f"{fleet.results}: is no folder ({error.strerror})") from None
     written: list[Path] = []
-    while rows := _results(fleet, max(map(_last, fleet.results.glob("*-*.parquet")), default=0)):
+    there = (_FILE.fullmatch(path.name) for path in fleet.results.iterdir())
+    last = max((int(own[1]) for own in there if own), default=0)
+    while rows := _results(fleet, last):
         first, last = rows[0]["ledger_id"], rows[-1]["ledger_id"]
         target = fleet.results / f"{first:012d}-{last:012d}.parquet"
         with replacing(target) as temporary:
@@ -180,22 +241,8 @@ def write_results(fleet: Fleet) -> list[Path]:
     return written
 
 
-def _last(path: Path) -> int:
-    """Return the last row of the ledger in a Parquet file, from its name."""
-    told = path.stem.rpartition("-")[2]
-    return int(told) if told.isdecimal() else 0
-
-
 def _results(fleet: Fleet, after: int) -> list[dict[str, Any]]:
     with opened(fleet.store, create=False) as store:
-        rows = [dict(row) for row in store.execute(_RESULTS, (after, _ROWS))]
-    for row in rows:
-        row["findings"] = json.loads(row["findings"])
-        row["indicators"] = flat(row["indicators"])
-    return rows
-
-
-def flat(indicators: str) -> dict[str, float]:
-    """Return indicators as they are stored by "name, channel"."""
-    told = json.loads(indicators).items()
-    return {f"{name}, {channel}": v for name, own in told for channel, v in own.items()}
+        # a state that is none is damage, and said to be
+        new = "l.state NOT IN ('failed', 'being written') AND l.id > ? ORDER BY l.id LIMIT ?"
+        return recorded(store, new, (after, _ROWS))

@@ -8,7 +8,6 @@ scripts is needed for these. The report of a recording brings its own policy.
 from __future__ import annotations
 
 import hmac
-import json
 import os
 import secrets
 import shutil
@@ -33,7 +32,7 @@ from gearmon.diagnosis.history.store import as_text, opened
 from gearmon.errors import ArgumentError, GearmonError
 from gearmon.fleet.alarm import acknowledge, alarms
 from gearmon.fleet.engines import at_hand, equipment
-from gearmon.fleet.ledger import flat, writing
+from gearmon.fleet.ledger import recorded, writing
 from gearmon.fleet.plan import Fleet, FleetMachine, arrived
 from gearmon.report.charts import history_charts
 from gearmon.report.history_text import history_lines, moment_text
@@ -248,7 +247,7 @@ class _Site:
     @staticmethod
     def _tabled(row: dict[str, Any]) -> dict[str, Any]:
         kept = ("path", "class", "time_s", "state", "why", "verdict", "score", "findings")
-        return {name: row[name] for name in kept} | flat(row["indicators"])
+        return {name: row[name] for name in kept} | dict(row["indicators"])
 
     def style(self, _: Request) -> Response:
         from starlette.responses import Response
@@ -286,14 +285,9 @@ class _Site:
     def _ledger(self, machine: str | None, number: int = 0) -> list[dict[str, Any]]:
         """Return the recordings of a machine, the newest first, or the one of this number."""
         with opened(self.fleet.store, create=False) as store:
-            rows = store.execute(
-                "SELECT l.*, r.verdict, r.score, r.speed_hz, r.findings FROM ledger l "
-                "LEFT JOIN recordings r ON r.machine = l.machine AND r.time_s = l.time_s "
-                "AND l.state = 'done' WHERE l.machine = ? OR l.id = ? ORDER BY l.time_s DESC",
-                (machine, number),
-            ).fetchall()
-        listed = [dict(row) for row in rows]
-        return [r | {"findings": "; ".join(json.loads(r["findings"] or "[]"))} for r in listed]
+            order = "l.machine = ? OR l.id = ? ORDER BY l.time_s DESC"
+            rows = recorded(store, order, (machine, number), shown=True)
+        return [row | {"findings": "; ".join(row["findings"])} for row in rows]
 
 
 class _Heard(NamedTuple):

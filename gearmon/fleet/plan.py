@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import re
+import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -28,7 +29,13 @@ from gearmon.machine.fields import (
     check_fields,
     obeys,
 )
-from gearmon.machine.reading import load_machine, read_part, read_tables, refuse_unknown_keys
+from gearmon.machine.reading import (
+    load_machine,
+    read_part,
+    read_table,
+    read_tables,
+    refuse_unknown_keys,
+)
 from gearmon.machine.source import MachineSource, read_source
 
 _GROUPS = ("machine", "time", "class")
@@ -85,7 +92,8 @@ class FleetMachine:
     def __post_init__(self) -> None:
         check_fields(self)
         try:
-            groups = set(re.compile(self.pattern).groupindex)
+            with warnings.catch_warnings(action="ignore"):  # what later versions of Python refuse
+                groups = set(re.compile(self.pattern).groupindex)
         except re.error as error:
             reason = f"is no regular expression ({error})"
             raise FieldError("pattern", reason, self.pattern) from None
@@ -168,8 +176,7 @@ def read_fleet(path: str | Path) -> Fleet:
     source, folder = read_source(path), Path(path).parent
     known = ("name", "store", "results", "defaults", "machine", "alarm")
     refuse_unknown_keys(source, source.document, known, "")
-    shared = read_tables(source, "defaults", single=True) if "defaults" in source.document else []
-    defaults = shared[0][1] if shared else {}
+    defaults = read_table(source, "defaults")
     own = tuple(one.name for one in fields(FleetMachine) if one.name != "name")
     refuse_unknown_keys(source, defaults, own, "defaults")
     machines: list[FleetMachine] = []
@@ -218,9 +225,10 @@ def _checked(source: MachineSource, label: str, machine: FleetMachine) -> FleetM
     if machine.reference and not Path(machine.reference).is_file():
         key = f"{label}.reference"
         raise source.error(key, f'{key} = "{machine.reference}" is no file; gearmon learn makes it')
-    if not is_remote(machine.recordings) and not Path(machine.recordings).is_dir():
+    folder = machine.recordings
+    if not is_remote(folder) and not (folder and Path(folder).is_dir()):
         key = f"{label}.recordings"
-        raise source.error(key, f'{key} = "{machine.recordings}" is no folder; make it first')
+        raise source.error(key, f'{key} = "{folder}" is no folder; make it first')
     return machine
 
 
@@ -275,7 +283,12 @@ def arrived(fleet: Fleet) -> tuple[list[Job], dict[str, str]]:
     refused: dict[str, str] = {}
     for folder in dict.fromkeys(machine.recordings for machine in fleet.machines):
         owners = [machine for machine in fleet.machines if machine.recordings == folder]
-        for path, size, changed in sorted(_files(folder)):
+        try:
+            found = sorted(_files(folder))
+        except OSError as error:
+            told = f'recordings = "{folder}": cannot be read ({error.strerror})'
+            raise ArgumentError(told) from None
+        for path, size, changed in found:
             try:
                 job = _job(owners, path, size, changed)
                 first = jobs.setdefault((job.machine.name, job.time_s), job)
@@ -304,9 +317,14 @@ def _files(folder: str) -> Iterator[tuple[str, int, str]]:
     if not is_remote(folder):
         with os.scandir(folder) as found:
             for entry in found:
-                if entry.is_file() and not entry.name.startswith("."):
-                    told = entry.stat()
-                    yield entry.path, told.st_size, str(told.st_mtime_ns)
+                try:
+                    if entry.is_file() and not entry.name.startswith("."):
+                        told = entry.stat()
+                        yield entry.path, told.st_size, str(told.st_mtime_ns)
+                except FileNotFoundError:  # it is gone by now
+                    continue
+                except OSError:  # a link in a circle: what is wrong with it is said when it is read
+                    yield entry.path, 0, "never"
         return
     for system, own in _listed(folder):
         if own["type"] == "file" and not own["name"].rpartition("/")[2].startswith("."):

@@ -12,7 +12,7 @@ import json
 from typing import TYPE_CHECKING, Any
 
 from gearmon.diagnosis.history.store import opened
-from gearmon.fleet.ledger import flat
+from gearmon.fleet.ledger import recorded
 from gearmon.fleet.plan import Fleet
 
 if TYPE_CHECKING:
@@ -42,15 +42,11 @@ def rank(fleet: Fleet) -> list[dict[str, Any]]:
     rows: list[dict[str, Any]] = []
     for machine in fleet.machines:
         with opened(fleet.store, create=False) as store:
-            told = store.execute(
-                "SELECT l.class, l.indicators, r.verdict, r.score, r.findings FROM ledger l JOIN "
-                "recordings r ON r.machine = l.machine AND r.time_s = l.time_s "
-                "WHERE l.machine = ? AND l.state = 'done' ORDER BY l.time_s",
-                (machine.name,),
-            ).fetchall()
+            every = recorded(store, "l.machine = ? ORDER BY l.time_s", (machine.name,))
+        told = [row for row in every if row["state"] == "done"]
         if len(told) < FEWEST:
             continue
-        course = pd.DataFrame([{"score": r["score"]} | flat(r["indicators"]) for r in told])
+        course = pd.DataFrame([{"score": r["score"]} | r["indicators"] for r in told])
         usual = course.groupby([row["class"] for row in told]).transform("median")
         fault = pd.Series([row["verdict"] == "fault" for row in told])
         measures = _measures(course - usual, fault)

@@ -151,13 +151,18 @@ def _new(jobs: Sequence[Job], ledger: dict[str, Any], again: bool) -> Iterator[J
 @contextmanager
 def _alone(fleet: Fleet) -> Iterator[None]:
     """Let nobody else work on the same fleet; whoever is killed gives way."""
+    path = f"{fleet.store}.lock"
     try:
-        with open(f"{fleet.store}.lock", "w") as file:
+        file = open(path, "a")  # noqa: SIM115 - what another program keeps there stays as it is
+    except OSError as error:
+        raise ArgumentError(f"{path}: cannot write there ({error.strerror})") from None
+    with file:
+        try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            yield
-    except BlockingIOError:
-        told = f"{fleet.store}: another gearmon fleet works on it; stop that one, or wait"
-        raise ArgumentError(told) from None
+        except BlockingIOError:
+            told = f"{fleet.store}: another gearmon fleet works on it; stop that one, or wait"
+            raise ArgumentError(told) from None
+        yield
 
 
 def watch_fleet(

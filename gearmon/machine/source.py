@@ -105,7 +105,8 @@ def _read_bytes(path: Path, shown: str) -> bytes:
             raise MachineFileError(f"{shown}: {reason}")
         return path.read_bytes()
     except FileNotFoundError:
-        raise MachineFileError(f"{shown}: no such file") from None
+        hint = "; give the name of a TOML file, standard input is not taken" if shown == "-" else ""
+        raise MachineFileError(f"{shown}: no such file{hint}") from None
     except OSError as error:
         raise MachineFileError(f"{shown}: cannot be read ({error.strerror})") from None
     except ValueError as error:

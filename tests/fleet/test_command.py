@@ -52,6 +52,7 @@ def test_a_fleet_from_recordings_to_report(folder, capsys):
     ("words", "message"),
     [
         (["run", "none.toml"], "no such file"),
+        (["run", "-"], "give the name of a TOML file, standard input is not taken"),
         (["rum", "fleet.toml"], "did you mean run"),
         (["run", "fleet.toml", "--engine", "dask"], "--scheduler"),
         (["run", "fleet.toml", "--engine", "desk"], "did you mean dask"),

@@ -24,11 +24,13 @@ from reference.fleet_stand_in import (
 )
 
 from gearmon.diagnosis.history import read_history, read_latest
-from gearmon.errors import ArgumentError, GearmonError, MachineFileError
+from gearmon.errors import ArgumentError, GearmonError, MachineFileError, SignatureError
 from gearmon.fleet import alarms, read_fleet, run_fleet, watch_fleet
 from gearmon.fleet import run as running
 from gearmon.fleet.engines import analysed
+from gearmon.fleet.ledger import write_results
 from gearmon.fleet.plan import arrived
+from gearmon.fleet.rank import rank
 
 
 def test_what_is_new_is_analysed_once_and_kept_in_one_store(tmp_path):
@@ -187,6 +189,49 @@ def test_a_folder_that_cannot_be_reached_is_said(tmp_path):
         run_fleet(read_fleet(tmp_path / "fleet.toml"), at_once)
 
 
+def test_a_link_in_a_circle_is_said_with_the_recordings_that_cannot_be_used(tmp_path):
+    fleet = made_fleet(tmp_path)
+    (tmp_path / "inbox" / "a_2026-03-01.txt").symlink_to("a_2026-03-01.txt")
+    (tmp_path / "inbox" / "b_2026-03-01.txt").symlink_to("gone.txt")
+    run = run_fleet(fleet, lambda jobs: map(analysed, jobs))
+    assert "symbolic links" in "".join(run.failed.values())
+    assert len(run.failed) == 1
+    assert not run_fleet(fleet, at_once).failed
+
+
+def test_a_folder_that_is_gone_by_now_is_said(tmp_path):
+    fleet = made_fleet(tmp_path)
+    (tmp_path / "inbox").rmdir()
+    with pytest.raises(ArgumentError, match=r'inbox": cannot be read \(No such file'):
+        run_fleet(fleet, at_once)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("results", "machine.toml", "machine.toml: is no folder"),
+        ("store", "nowhere/fleet.db", "fleet.db.lock: cannot write there"),
+    ],
+)
+def test_places_that_cannot_be_written_are_said(tmp_path, key, value, message):
+    made_fleet(tmp_path)
+    path = tmp_path / "fleet.toml"
+    path.write_text(f"{key} = '{value}'\n{path.read_text()}")
+    arrive(tmp_path, "a_{}.txt", "0.1")
+    with pytest.raises(ArgumentError, match=message):
+        run_fleet(read_fleet(path), at_once)
+
+
+def test_files_of_others_hide_no_results_and_are_left_as_they_are(tmp_path):
+    fleet = made_fleet(tmp_path)
+    fleet.results.mkdir()
+    for other in (fleet.results / "x-2026.parquet", Path(f"{fleet.store}.lock")):
+        other.write_text("of somebody else")
+    arrive(tmp_path, "a_{}.txt", "0.1")
+    assert len(run_fleet(fleet, at_once).results) == 1
+    assert Path(f"{fleet.store}.lock").read_text() == "of somebody else"
+
+
 def test_watching_takes_what_is_the_same_in_two_looks(tmp_path, monkeypatch):
     fleet = made_fleet(tmp_path)
     arrive(tmp_path, "a_{}.txt", "0.1")
@@ -226,6 +271,8 @@ def test_a_recording_that_kills_its_process_is_isolated(tmp_path, monkeypatch):
         ("file = 'machine.toml'", "file = 'none.toml'", "no such file"),
         ("file = 'machine.toml'", "file = 3", "must be text in quotes"),
         ("[defaults]", "store = 's3://b/fleet.db'\n[defaults]", "must be on this computer"),
+        ("recordings = 'inbox'", "recordings = ''", "is no folder"),
+        ("[defaults]", "[[defaults]]\n[[defaults]]", "defaults must be one table"),
         (PATTERN, "(?P<day>.*)", "must have the group"),
         (PATTERN, "(?P<time>", "no regular expression"),
         ('name = "b"', 'name = "a"', "another machine"),
@@ -315,6 +362,90 @@ def test_an_alarm_does_not_hang_on_the_tooth(tmp_path):
         arrive(tmp_path, "a_{}.txt", f"tooth {tooth} 0.1", days=day)
     run_fleet(fleet, at_once)
     assert [own["finding"] for own in alarms(fleet)] == ["tooth damage, stage 1, pinion"]
+
+
+# -- damage
+
+
+CELLS = [
+    ("ledger", "time_s", 1e9),
+    ("ledger", "state", "failed"),
+    ("ledger", "indicators", b"\xff\xfe"),
+    ("alarms", "since_s", b"\xff\xfe"),
+    ("alarms", "told", "[1]"),
+    ("latest", "verdict", "healthy"),
+    ("latest", "scores", 1 << 60),
+    ("recordings", "verdict", "healthy"),
+]
+
+
+def looked_at(fleet):
+    """Everything that is told of a fleet."""
+    for path in fleet.results.glob("*.parquet"):
+        path.unlink()
+    return rank(fleet), alarms(fleet), read_latest(fleet.store), write_results(fleet)
+
+
+@pytest.mark.parametrize(("table", "column", "value"), CELLS)
+def test_damaged_cells_are_said(tmp_path, table, column, value):
+    fleet = made_fleet(tmp_path, ("a",))
+    for day in range(6):
+        arrive(tmp_path, "a_{}.txt", "fault 0.1", days=day)
+    run_fleet(fleet, at_once)
+    looked_at(fleet)
+    with closing(sqlite3.connect(fleet.store)) as store:
+        store.execute(f"UPDATE {table} SET {column} = ? WHERE rowid = 1", (value,))
+        store.commit()
+    with pytest.raises(SignatureError, match=r"damaged one \(.*restore a copy"):
+        looked_at(fleet)
+
+
+def test_numbers_of_many_digits_are_written_once(tmp_path):
+    fleet = made_fleet(tmp_path, ("a",))
+    arrive(tmp_path, "a_{}.txt", "0.1")
+    run_fleet(fleet, at_once)
+    with closing(sqlite3.connect(fleet.store)) as store:
+        store.execute("UPDATE ledger SET id = ?", (1 << 60,))
+        store.commit()
+    assert len(write_results(fleet)) == 1
+    assert write_results(fleet) == []
+
+
+def test_an_index_that_hides_rows_is_said(tmp_path):
+    fleet = made_fleet(tmp_path, ("a",))
+    for day in range(6):
+        arrive(tmp_path, "a_{}.txt", "fault 0.1", days=day)
+    run_fleet(fleet, at_once)
+    with closing(sqlite3.connect(fleet.store)) as store:
+        # an index of only some rows, which is then said to be of all
+        store.executescript(
+            "DROP INDEX ledger_by_machine;"
+            "CREATE INDEX ledger_by_machine ON ledger (machine, time_s) WHERE id > 3;"
+            "PRAGMA writable_schema = ON; UPDATE sqlite_master SET sql = replace(sql, "
+            "' WHERE id > 3', '') WHERE name = 'ledger_by_machine';"
+        )
+    with pytest.raises(SignatureError, match="missing from index"):
+        rank(fleet)
+
+
+def test_a_store_without_checksums_of_its_ledger_is_read_and_made_new(tmp_path):
+    fleet = made_fleet(tmp_path)
+    arrive(tmp_path, "a_{}.txt", "fault 0.1")
+    arrive(tmp_path, "a_{}.txt", "fault 0.1", days=1)
+    run_fleet(fleet, at_once)
+    with closing(sqlite3.connect(fleet.store)) as store:
+        for table in ("ledger", "alarms", "latest"):
+            store.execute(f"ALTER TABLE {table} DROP COLUMN checksum")
+        store.execute("PRAGMA user_version = 3")
+        store.commit()
+    before = looked_at(fleet)[1:3]
+    assert [own["since"] for own in before[0]] == ["2026-03-01T00:00:00Z"]
+    arrive(tmp_path, "a_{}.txt", "0.1", days=2)
+    assert run_fleet(fleet, at_once).done == 1
+    assert looked_at(fleet)[1] == before[0]
+    with closing(sqlite3.connect(fleet.store)) as store:
+        marks = [own for (own,) in store.execute("SELECT checksum FROM ledger ORDER BY id")]
+    assert [mark is None for mark in marks] == [True, True, False]
 
 
 def test_an_old_history_is_made_new_when_it_is_added_to(tmp_path):

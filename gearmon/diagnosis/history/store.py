@@ -24,8 +24,9 @@ from gearmon.files import replacing, table_cell, write_atomically
 
 #: "GMhi": SQLite files of other programs have another mark.
 APPLICATION_ID = 0x474D6869
-#: Version 1 had no checksums, version 2 no summaries; they are read, and renewed when added to.
-SCHEMA_VERSION = 3
+#: Version 1 had no checksums, version 2 no summaries, and in version 3 only recordings had
+#: checksums; they are read, and renewed when added to.
+SCHEMA_VERSION = 4
 #: Seconds that a writer waits for others to finish: 20 at once were seen to take turns unevenly.
 _PATIENCE_S = 60.0
 #: Up to here the whole file is looked through when it is opened; the checksums of what is read
@@ -53,7 +54,7 @@ _SQL_ENTRY, _SQL_PLACE = (
 _LATEST = """CREATE TABLE IF NOT EXISTS latest
     (machine TEXT PRIMARY KEY, recordings INTEGER NOT NULL, time_s REAL NOT NULL,
      verdict TEXT NOT NULL, since_s REAL NOT NULL, score REAL NOT NULL, findings TEXT NOT NULL,
-     loss REAL, loss_low REAL, loss_high REAL, scores TEXT NOT NULL)"""
+     loss REAL, loss_low REAL, loss_high REAL, scores TEXT NOT NULL, checksum TEXT)"""
 _SCHEMA = f"""
 CREATE TABLE IF NOT EXISTS recordings
     (id INTEGER PRIMARY KEY, {_SQL_ENTRY}, findings TEXT NOT NULL, checksum TEXT,
@@ -142,8 +143,9 @@ def summarise(store: sqlite3.Connection, machines: Iterable[str]) -> None:
         ).fetchone()
         kept = {name: last[name] for name in ("machine", "time_s", "verdict", "score", "findings")}
         scores = json.dumps([round(row["score"], 3) for row in reversed(newest)])
-        kept |= {"recordings": count, "since_s": since_s, "scores": scores, **dict(loss or {})}
-        insert(store, "latest", kept, "INSERT OR REPLACE")
+        kept |= {"recordings": count, "since_s": since_s, "scores": scores}
+        kept |= dict(loss) if loss else dict.fromkeys(("loss", "loss_low", "loss_high"))
+        put(store, "latest", kept)
 
 
 def read_latest(path: str | Path) -> list[dict[str, Any]]:
@@ -167,9 +169,9 @@ def read_latest(path: str | Path) -> list[dict[str, Any]]:
         If there is no such file, or it is damaged, of another program or of another version.
     """
     with opened(Path(path), create=False) as store:
-        rows = store.execute("SELECT * FROM latest ORDER BY machine").fetchall()
+        rows = map(sound, store.execute("SELECT * FROM latest ORDER BY machine").fetchall())
         listed = ("findings", "scores")
-        return [dict(row) | {name: json.loads(row[name]) for name in listed} for row in rows]
+        return [row | {name: json.loads(row[name]) for name in listed} for row in rows]
 
 
 def _checksum(store: sqlite3.Connection, number: int | None) -> str:
@@ -177,8 +179,27 @@ def _checksum(store: sqlite3.Connection, number: int | None) -> str:
     own = store.execute("SELECT * FROM recordings WHERE id = ?", (number,)).fetchone()
     places = _places(store, number)
     told = [[own[name] for name in (*ENTRY, "findings")]]
-    told += [[place[name] for name in PLACE] for place in places]
-    return hashlib.blake2b(json.dumps(told).encode(), digest_size=8).hexdigest()
+    return _mark(told + [[place[name] for name in PLACE] for place in places])
+
+
+def _mark(told: Any) -> str:
+    return hashlib.blake2b(json.dumps(told, default=repr).encode(), digest_size=8).hexdigest()
+
+
+def vouch(store: sqlite3.Connection, row: sqlite3.Row | dict[str, Any]) -> None:
+    """Raise ValueError if a row of `recordings`, or a place of it, is not what was written."""
+    known = dict(row).get("checksum")  # none in files of the first version
+    if known is not None and known != _checksum(store, row["id"]):
+        raise ValueError(f"recording {row['id']} is not what was written")
+
+
+def sound(row: sqlite3.Row | dict[str, Any], names: Sequence[str] = ()) -> dict[str, Any]:
+    """Return what was `put`, the columns named or all of them; raise ValueError if it is not."""
+    known = dict(row).get("checksum")  # none in files of former versions
+    told = {name: row[name] for name in names or row.keys() if name != "checksum"}
+    if known not in (None, _mark(sorted(told.items()))):
+        raise ValueError("a row is not what was written")
+    return told
 
 
 def _places(store: sqlite3.Connection, number: int | None) -> list[sqlite3.Row]:
@@ -209,14 +230,21 @@ def as_text(name: str) -> str:
 
 
 def insert(
-    store: sqlite3.Connection, table: str, row: dict[str, Any], how: str = "INSERT"
+    store: sqlite3.Connection, table: str, row: dict[str, Any], known: str = ""
 ) -> int | None:
     """Add a row, a value a column, to a table of an `opened` file; return its number."""
     values = [as_text(v) if isinstance(v, str) else v for v in row.values()]
     marks = ", ".join("?" * len(row))
-    # the names of the columns are ours
-    words = f"{how} INTO {table} ({', '.join(row)}) VALUES ({marks})"
+    words = f"INSERT INTO {table} ({', '.join(row)}) VALUES ({marks}) {known}"  # noqa: S608 - ours
     return store.execute(words, values).lastrowid
+
+
+def put(store: sqlite3.Connection, table: str, row: dict[str, Any]) -> None:
+    """Add a row with its checksum, or change the one of its key; all its columns are given."""
+    told = {name: as_text(v) if isinstance(v, str) else v for name, v in row.items()}
+    told["checksum"] = _mark(sorted(told.items()))
+    changed = ", ".join(f"{name} = excluded.{name}" for name in told)
+    insert(store, table, told, f"ON CONFLICT DO UPDATE SET {changed}")
 
 
 def read_history(path: str | Path, machine: str | None = None) -> History:
@@ -270,9 +298,7 @@ def _rows(store: sqlite3.Connection, path: Path, machine: str | None) -> list[sq
 
 
 def _entry(store: sqlite3.Connection, row: sqlite3.Row) -> Entry:
-    known = dict(row).get("checksum")  # none in files of the first version
-    if known is not None and known != _checksum(store, row["id"]):
-        raise ValueError(f"recording {row['id']} is not what was written")
+    vouch(store, row)
     places = _places(store, row["id"])
     return Entry(
         **{name: row[name] for name in ENTRY},
@@ -353,7 +379,7 @@ def _connected(path: Path, *, create: bool) -> sqlite3.Connection:
 
 def _prepare(store: sqlite3.Connection, path: Path, *, create: bool) -> None:
     """Check whose file it is, and make its tables if it is new, within the transaction."""
-    look = "quick_check(1)" if path.stat().st_size <= _LOOKED_THROUGH else "application_id"
+    look = "integrity_check(1)" if path.stat().st_size <= _LOOKED_THROUGH else "application_id"
     mark, version, answer = (
         store.execute(f"PRAGMA {name}").fetchone()[0]
         for name in ("application_id", "user_version", look)
@@ -369,8 +395,10 @@ def _prepare(store: sqlite3.Connection, path: Path, *, create: bool) -> None:
             "later one"
         )
     elif version < SCHEMA_VERSION and create:
-        if version == 1:
-            _executed(store, "ALTER TABLE recordings ADD COLUMN checksum TEXT")
+        for table in ("recordings", "latest", "ledger", "alarms"):
+            columns = [row["name"] for row in store.execute(f"PRAGMA table_info({table})")]
+            if columns and "checksum" not in columns:
+                _executed(store, f"ALTER TABLE {table} ADD COLUMN checksum TEXT")
         _executed(store, f"{_LATEST}; PRAGMA user_version = {SCHEMA_VERSION}")
         summarise(store, [row[0] for row in store.execute("SELECT machine FROM recordings")])
     if answer not in ("ok", mark):

@@ -218,6 +218,8 @@ def _why_not(path: Path, error: OSError) -> str:
         return "is a folder; name a recording in it"
     if not isinstance(error, FileNotFoundError):
         return f"cannot be read ({error.strerror})"
+    if str(path) == "-":
+        return "no such file; name a recording, or /dev/stdin for one that comes through a pipe"
     if not path.parent.is_dir():
         return f"no such file, nor a folder {path.parent}"
     with os.scandir(path.parent) as entries:
