@@ -161,8 +161,8 @@ def find_layout(path: str, lines: Sequence[str]) -> Layout | None:
         )
     first, above = _first_row(path, lines, dialect)
     joined = _joined_lines(above)
-    begun = {number for number, _ in joined}
-    whole = [own for own in joined if own not in above]
+    begun, physical = {number for number, _ in joined}, set(above)
+    whole = [own for own in joined if own not in physical]
     for number, text in [*whole, *(own for own in above if own[0] not in begun)]:
         # a row that was joined, or one whose quote is not closed and that closes one above it
         bare = text.replace('"', "")
