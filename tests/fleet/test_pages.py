@@ -183,8 +183,13 @@ def until(true):
 
 @pytest.mark.browser
 def test_a_click_acknowledges(browser, address, fleet):
+    from selenium.common.exceptions import StaleElementReferenceException
+    from selenium.webdriver.support.ui import WebDriverWait
+
     browser.get(f"http://{address}/machine?name=c")
     assert [own["finding"] for own in alarms(fleet, "c")] == ["not analysed"]
     browser.find_element("css selector", "form button").click()
-    assert "acknowledged" in browser.find_element("css selector", ".flag").text
+    # the page is loaded anew; what was found on the old one may be gone
+    shown = WebDriverWait(browser, 20, ignored_exceptions=[StaleElementReferenceException])
+    shown.until(lambda page: "acknowledged" in page.find_element("css selector", ".flag").text)
     assert alarms(fleet, "c")[0]["acknowledged"]
