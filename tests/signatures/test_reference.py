@@ -171,7 +171,7 @@ def test_damaged_files_get_one_line(stored, tmp_path, kind):
 def test_missing_file_and_folder_get_one_line(tmp_path):
     with pytest.raises(SignatureError, match="no such file; make one with gearmon learn"):
         read_reference(tmp_path / "missing.ref")
-    with pytest.raises(SignatureError, match="not a readable gearmon reference"):
+    with pytest.raises(SignatureError, match="is a folder, no gearmon reference"):
         read_reference(tmp_path)
     assert not is_reference(tmp_path)
     assert not is_reference(tmp_path / "missing.ref")
