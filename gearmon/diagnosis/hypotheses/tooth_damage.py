@@ -222,9 +222,8 @@ def _searched(
     for gear in deviation.gears:
         stage = machine.stages[gear.stage - 1]
         loaded = low_load_share(machine, gear.stage)
-        if isinstance(stage, PlanetaryStage) and gear.gear != "ring":
-            # planets out of phase cancel the mesh harmonics that would tell the path
-            if stage.equally_spaced and stage.ring_teeth % stage.planets == 0:
+        if isinstance(stage, PlanetaryStage) and not _meets_in_one_place(gear, stage):
+            if _told_in_its_turn(stage):
                 yield replace(planetary_evidence(gear, deviation.gears, stage), loaded=loaded)
             continue
         top = max(int(band.number[-1]) for band in gear.bands) + gear.teeth
@@ -237,6 +236,20 @@ def _searched(
             yield GearEvidence(deviation=alone, search=found, loaded=loaded)
 
 
+def _meets_in_one_place(gear: GearDeviation, stage: PlanetaryStage) -> bool:
+    """Whether a tooth is met by planets at equal distances, always at one place of the housing."""
+    return gear.gear == "ring" and stage.fixed == "ring" and stage.equally_spaced
+
+
+def _told_in_its_turn(stage: PlanetaryStage) -> bool:
+    """Whether damage can be told in the turn of its gear.
+
+    Planets that pass the sensor out of phase cancel the mesh harmonics that would tell the path.
+    """
+    in_phase = stage.equally_spaced and stage.ring_teeth % stage.planets == 0
+    return stage.fixed == "carrier" or in_phase
+
+
 def of_ring(gear: GearDeviation, stage: PlanetaryStage) -> GearDeviation:
     """Return a ring's deviation as a damaged tooth is heard in it.
 
@@ -245,7 +258,7 @@ def of_ring(gear: GearDeviation, stage: PlanetaryStage) -> GearDeviation:
     gear : GearDeviation
         Of the ring.
     stage : PlanetaryStage
-        With N planets.
+        With N planets at equal distances, the ring fixed.
 
     Returns
     -------
