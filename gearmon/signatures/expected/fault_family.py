@@ -414,14 +414,9 @@ def fault_family(
             # a set that is taken as a whole has all of its gears in one
             whole = isinstance(even, PosedSet)
             posed[number, stage, 0 if whole else mesh] = even
-    meshes = (
-        {
-            place: mesh if (points[0], place[0], mesh) in posed else 0
-            for place, mesh in places.items()
-        }
-        if points
-        else {}
-    )
+    meshes = {
+        place: mesh if (points[0], place[0], mesh) in posed else 0 for place, mesh in places.items()
+    }
     healthy = {
         key: healthy_lines(mesh, mesh.limit_hz(max_hz), tolerance) for key, mesh in posed.items()
     }
@@ -431,10 +426,9 @@ def fault_family(
     notes: dict[str, None] = {}
     for number in points:
         for (stage, gear), mesh in meshes.items():
-            even = posed[number, stage, mesh]
+            even, sound = posed[number, stage, mesh], healthy[number, stage, mesh]
             for kind, own in texts.items():
                 try:
-                    sound = healthy[number, stage, mesh]
                     members += job.members(
                         even, sound, number, gear, places[stage, gear], kind, own
                     )

@@ -495,8 +495,7 @@ def loss_response(
     still = replace(sound, lines=0 * sound.lines)
     table, change = _with(sound, 0 * added.lines[0], added, teeth), added.lines[0]
     change = _with(still, change, added, teeth).lines[0]
-    number, carrier = table.number, table.carrier
-    turns = number / teeth + carrier * float(healthy.pass_order)
+    turns = table.number / teeth + table.carrier * float(healthy.pass_order)
     to_acceleration = -((2 * math.pi * turns * healthy.mechanics.mesh_frequency_hz) ** 2)
     return LossResponse(
         stage=stage,
@@ -505,8 +504,8 @@ def loss_response(
         teeth=teeth,
         operating=operating,
         loss=lost if loss else 0.0,
-        number=number,
-        carrier=carrier,
+        number=table.number,
+        carrier=table.carrier,
         order=np.asarray(turns * healthy.order),
         frequency_hz=np.asarray(turns * healthy.mechanics.mesh_frequency_hz),
         acceleration=to_acceleration * change / lost,
