@@ -12,15 +12,7 @@ from functools import cached_property
 
 from gearmon.errors import ArgumentError
 from gearmon.gears import iso6336
-from gearmon.gears.geometry import (
-    GearTeeth,
-    PairGeometry,
-    Two,
-    base_radius,
-    overlap_ratio,
-    pair_geometry,
-    transverse_pressure_angle,
-)
+from gearmon.gears.geometry import GearTeeth, PairGeometry, Two, pair_geometry
 from gearmon.machine import ParallelStage, PlanetaryStage
 
 Stage = ParallelStage | PlanetaryStage
@@ -194,9 +186,9 @@ class MeshPair:
         """Overlap ratio eps_beta; 0 for spur gears."""
         if self.helix_angle_rad == 0:
             return 0.0
-        module = 1e-3 * self.need("module_mm", "overlap ratio")
-        width = 1e-3 * self.need("face_width_mm", "overlap ratio")
-        return overlap_ratio(self.helix_angle_rad, width, module)
+        self.need("module_mm", "overlap ratio")
+        self.need("face_width_mm", "overlap ratio")
+        return self.unchecked_geometry.overlap_ratio
 
     @property
     def pitch_phase(self) -> float:
@@ -208,12 +200,8 @@ class MeshPair:
     @property
     def base_radii_m(self) -> tuple[float, float]:
         """Base radii [m]."""
-        module = 1e-3 * self.need("module_mm", "base circle", "force_n and equivalent_mass_kg")
-        one, two = (
-            base_radius(member.teeth.teeth, module, self.pressure_angle_rad, self.helix_angle_rad)
-            for member in self.members
-        )
-        return one, two
+        self.need("module_mm", "base circle", "force_n and equivalent_mass_kg")
+        return self.unchecked_geometry.base_radii_m
 
     def method_b(self, force_n: float | None = None) -> iso6336.MethodB:
         """Return the stiffness by ISO 6336-1 Method B.
@@ -242,7 +230,7 @@ class MeshPair:
         """
         if force_n is None or self.stage.face_width_mm is None:
             return None
-        alpha = transverse_pressure_angle(self.pressure_angle_rad, self.helix_angle_rad)
+        alpha = math.atan(math.tan(self.pressure_angle_rad) / math.cos(self.helix_angle_rad))
         tangential = force_n * math.cos(alpha) * self.stage.application_factor
         return tangential / self.stage.face_width_mm
 
