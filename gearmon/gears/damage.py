@@ -379,10 +379,7 @@ def acting_faults(pair: MeshPair, faults: Iterable[Fault]) -> tuple[list[Fault],
 
 
 def gear_losses(
-    pair: MeshPair,
-    faults: Sequence[Fault],
-    length: float,
-    teeth: ToothPair | None = None,
+    pair: MeshPair, faults: Sequence[Fault], length: float, teeth: ToothPair | None = None
 ) -> tuple[dict[int, Losses], dict[int, Losses]]:
     """Return the loss of each damaged tooth of each gear, by its number.
 

@@ -17,7 +17,7 @@ from functools import cached_property
 from typing import cast
 
 import numpy as np
-from scipy.optimize import bisect, newton
+from scipy.optimize import bisect, brentq
 
 from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.gears.pulses import FloatArray
@@ -204,19 +204,9 @@ def inverse_involute(value: float) -> float:
     """
     if not value >= 0:
         raise ArgumentError(f"value={value} of the involute function must be >= 0")
-    # small angles: inv x = x^3/3; large ones: tan x = value + x; Newton falls on a convex function
-    angle = min(math.cbrt(3 * value), math.atan(value + math.pi / 2))
-    if angle == 0:
-        return 0.0
-    found = newton(
-        lambda x: involute(x) - value,
-        angle,
-        fprime=lambda x: math.tan(x) ** 2,
-        tol=1e-30,
-        rtol=4e-16,
-        disp=False,  # rounding of tan x - x keeps small angles from settling to the last digit
-    )
-    return float(found)
+    # tan x = value + x, and x < pi/2
+    highest = math.atan(value + math.pi / 2)
+    return float(brentq(lambda x: involute(x) - value, 0.0, highest, xtol=1e-300, maxiter=2000))
 
 
 def contact_zones(contact_ratio: float) -> list[tuple[float, float, int]]:
@@ -464,7 +454,7 @@ def pair_geometry(
     face_width_m: float | None = None,
     centre_distance_m: float | None = None,
     internal: bool = False,
-    tip_shortening: float | Two | None = None,
+    tip_shortening: float | tuple[float | None, float | None] | None = None,
     check: bool = True,
 ) -> PairGeometry:
     """Return the geometry of a pair of cylindrical involute gears.
@@ -486,8 +476,8 @@ def pair_geometry(
     internal : bool
         Whether `second` has internal teeth.
     tip_shortening : float or (float, float), optional
-        k, in modules, of both gears or of each. By default what keeps the tip clearance of
-        unshifted gears, ``k = (a_w - a)/m_n - (x1 + x2)`` where that is negative, and 0 for
+        k, in modules, of both gears or of each. By default, or None, what keeps the tip clearance
+        of unshifted gears, ``k = (a_w - a)/m_n - (x1 + x2)`` where that is negative, and 0 for
         internal pairs.
     check : bool
         Whether pairs that cannot run are refused: negative backlash, undercut that reaches the
@@ -533,14 +523,13 @@ def pair_geometry(
     )
     working, distance = _working(pair, centre_distance_m)
     pair = replace(pair, working_pressure_angle_rad=working, centre_distance_m=abs(distance))
-    if not isinstance(tip_shortening, tuple):
-        if tip_shortening is None:
-            excess = (distance - 0.5 * pair.transverse_module_m * _total(pair)) / module_m
-            excess -= first.profile_shift + second.profile_shift
-            # a centre distance above the tight one, or a ring, needs no cutting back
-            tip_shortening = 0.0 if internal else min(0.0, excess)
-        tip_shortening = tip_shortening, tip_shortening
-    pair = _with_tips(replace(pair, tip_shortening=tip_shortening))
+    excess = (distance - 0.5 * pair.transverse_module_m * _total(pair)) / module_m
+    excess -= first.profile_shift + second.profile_shift
+    # a centre distance above the tight one, or a ring, needs no cutting back
+    usual = 0.0 if internal else min(0.0, excess)
+    given = tip_shortening if isinstance(tip_shortening, tuple) else (tip_shortening,) * 2
+    one, two = (usual if k is None else k for k in given)
+    pair = _with_tips(replace(pair, tip_shortening=(one, two)))
     return check_pair(trim_ring(pair)) if check else pair
 
 

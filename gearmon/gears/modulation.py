@@ -42,14 +42,7 @@ from numpy.typing import ArrayLike
 
 from gearmon.gears.faults import GearError
 from gearmon.gears.pairs import MeshPair
-from gearmon.gears.pulses import (
-    LEAST_OVERLAP,
-    ComplexArray,
-    FloatArray,
-    IntArray,
-    Pulse,
-    legendre,
-)
+from gearmon.gears.pulses import LEAST_OVERLAP, ComplexArray, FloatArray, IntArray, Pulse, legendre
 
 #: Angles of a gear at which the carrying part of a misaligned face is taken; it has corners.
 SHARE_ANGLES, JOINT_SHARE_ANGLES = 4096, 64
