@@ -383,7 +383,13 @@ class PairGeometry:
 
     @property
     def overlap_ratio(self) -> float:
-        """Overlap ratio eps_beta = b sin(beta)/(pi m_n); 0 for spur gears."""
+        """Overlap ratio eps_beta = b sin(beta)/(pi m_n); 0 for spur gears.
+
+        Raises
+        ------
+        ArgumentError
+            If the gears are helical and the face width is not known.
+        """
         if self.helix_angle_rad == 0:
             return 0.0
         if self.face_width_m is None:
