@@ -21,7 +21,7 @@ def run(*words):
     arguments = parser.parse_args(["kinds", *map(str, words)])
     check_names(arguments)
     arguments.progress = None
-    return KINDS.run(arguments)
+    return kinds.run(arguments)
 
 
 @pytest.fixture(scope="module")
