@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from gearmon.commands.command import SAMPLING_RATE, TACHO, command, fault, option
-from gearmon.commands.inputs import in_turn, machine_of
+from gearmon.commands.inputs import channel_of, in_turn, machine_of
 from gearmon.commands.output import BAD_INPUT, DONE, FLAGGED, finish
 from gearmon.errors import ArgumentError
 
@@ -106,7 +106,7 @@ def _felt(path: str, arguments: argparse.Namespace, machine: Machine | None) -> 
         floor = vibration_exposure(arguments.floor, arguments.position, axes, **reading)
         yield seat_factor(exposure, floor)
     if machine is not None:
-        tacho = _channel(arguments.tacho) if arguments.tacho else None
+        tacho = channel_of(arguments.tacho) if arguments.tacho else None
         named = [axis.channel for axis in exposure.axes]
         recording = open_recording(path, arguments.sampling_rate, named, tacho, machine.sensors)
         yield gear_share(recording, exposure, machine, arguments.fault)
@@ -130,11 +130,7 @@ def _axes(text: str | None) -> dict[str, str | int] | None:
         raise ArgumentError(f"--axes {text}: must name channels as x=NAME,y=NAME,z=NAME or x=1,y=2")
     if len({axis for axis, _, _ in pairs}) < len(pairs):
         raise ArgumentError(f"--axes {text}: names an axis twice")
-    return {axis.strip(): _channel(channel.strip()) for axis, _, channel in pairs}
-
-
-def _channel(text: str) -> str | int:
-    return int(text) if text.isdecimal() else text
+    return {axis.strip(): channel_of(channel.strip()) for axis, _, channel in pairs}
 
 
 def _lines(told: list[Told], result: Mapping[str, Any]) -> list[str]:

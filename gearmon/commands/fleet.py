@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 from gearmon.commands.command import command, number, option
 from gearmon.commands.output import BAD_INPUT, DONE, FLAGGED, complain, finish
 from gearmon.errors import ArgumentError, check_range, check_word
+from gearmon.report.text_tables import table_lines
+from gearmon.report.wording import counted, printable
 from gearmon.terminal import progress_line
 
 if TYPE_CHECKING:
@@ -82,7 +84,6 @@ def _engine(arguments: argparse.Namespace) -> Any:
 
 
 def _lines(result: dict[str, Any]) -> Iterator[str]:
-    from gearmon.report.wording import counted, printable
 
     yield f"{printable(result['fleet'])}: {counted(result['analysed'], 'recording')} analysed"
     for key, what in (("failed", "not analysed"), ("not_taken", "not taken")):
@@ -128,7 +129,6 @@ def _serve(arguments: argparse.Namespace, fleet: Fleet) -> int:
 
 def _rank(arguments: argparse.Namespace, fleet: Fleet) -> int:
     from gearmon.fleet.rank import compare, rank
-    from gearmon.report.text_tables import table_lines
 
     rows = {"rank": rank, "compare": compare}[arguments.action](fleet)
     result = {"fleet": fleet.name, "rows": rows}

@@ -20,6 +20,7 @@ from gearmon.commands.command import (
 from gearmon.commands.inputs import followed, machine_of, recording_of
 from gearmon.commands.output import DONE, finish, finish_with, show
 from gearmon.errors import ArgumentError
+from gearmon.report.text_tables import table_lines
 from gearmon.terminal import Progress
 
 if TYPE_CHECKING:
@@ -99,7 +100,6 @@ def stiffness(arguments: argparse.Namespace) -> int:
 def _run_forms(arguments: argparse.Namespace) -> int:
     """Run `gearmon stiffness --form all`: the forms of a healthy mesh and their spectra."""
     from gearmon.gears.stiffness_report import compare_forms
-    from gearmon.report.text_tables import table_lines
 
     if arguments.fault:
         raise ArgumentError(
@@ -111,8 +111,6 @@ def _run_forms(arguments: argparse.Namespace) -> int:
 
 def _stiffness_lines(rows: list[dict[str, Any]]) -> list[str]:
     """Show some forty of the rows: the file holds them all."""
-    from gearmon.report.text_tables import table_lines
-
     shown = rows[:: max(1, len(rows) // 40)]
     told = f"({len(shown)} of {len(rows)} rows; -o FILE.csv writes them all, and a picture)"
     return [*table_lines(shown), told]
@@ -190,7 +188,6 @@ def family(arguments: argparse.Namespace) -> int:
 
 
 def _family_lines(result: dict[str, Any]) -> list[str]:
-    from gearmon.report.text_tables import table_lines
 
     rows = result["rows"]
     step = max(1, -(-len(rows) // MOST_ROWS))
@@ -216,7 +213,6 @@ def _family_lines(result: dict[str, Any]) -> list[str]:
 def stability(arguments: argparse.Namespace) -> int:
     """Run `gearmon stability`."""
     from gearmon.dynamics.stability import stability_margin
-    from gearmon.report.text_tables import table_lines
     from gearmon.signatures.expected.mesh import mesh_problem
 
     machine = machine_of(arguments.machine)
@@ -292,7 +288,6 @@ def modes(arguments: argparse.Namespace) -> int:
 
 
 def _modes_lines(found: Modes) -> list[str]:
-    from gearmon.report.text_tables import table_lines
 
     listed = [
         {

@@ -13,6 +13,7 @@ from gearmon.commands.command import REFERENCE, command, number, option, recordi
 from gearmon.commands.inputs import each_of, followed, in_turn, loss_of, machine_of, recording_of
 from gearmon.commands.output import DONE, complain, complain_of, finish, judged, show, write_table
 from gearmon.errors import ArgumentError, GearmonError, check_range
+from gearmon.report.wording import gear_text, percent, printable
 from gearmon.terminal import part_of
 
 if TYPE_CHECKING:
@@ -282,7 +283,6 @@ def _classifier(arguments: argparse.Namespace, machine: Machine) -> tuple[KindCl
 
 
 def _kind_lines(result: dict[str, Any]) -> list[str]:
-    from gearmon.report.wording import gear_text, percent, printable
 
     classifier = result["classifier"]
     lines = []

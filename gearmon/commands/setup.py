@@ -13,6 +13,8 @@ from gearmon.commands.command import command, machine_option, option, repeatable
 from gearmon.commands.inputs import machine_of
 from gearmon.commands.output import DONE, finish_with, show
 from gearmon.errors import ArgumentError
+from gearmon.report.text_tables import table_lines
+from gearmon.report.wording import printable
 from gearmon.units import is_unit
 
 if TYPE_CHECKING:
@@ -216,8 +218,6 @@ def check(arguments: argparse.Namespace) -> int:
 
 
 def _check_lines(found: ReferenceCheck) -> list[str]:
-    from gearmon.report.text_tables import table_lines
-    from gearmon.report.wording import printable
 
     result = found.to_dict()
     lines = [found.headline(), *(f"also: {advice}" for advice in result["advice"][1:]), ""]

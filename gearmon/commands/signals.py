@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 from gearmon.commands.command import command, number, option, recordings
 from gearmon.commands.inputs import in_turn, machine_of, recording_of
 from gearmon.commands.output import BAD_INPUT, DONE, Rows, finish, finish_with
+from gearmon.report.text_tables import table_lines
+from gearmon.report.wording import printable
 
 if TYPE_CHECKING:
     from gearmon.signatures.measured.indicators import IndicatorTable
@@ -81,8 +83,6 @@ def indicators(arguments: argparse.Namespace) -> int:
 
 
 def _indicator_lines(result: dict[str, Any], tables: list[IndicatorTable]) -> list[str]:
-    from gearmon.report.text_tables import table_lines
-    from gearmon.report.wording import printable
 
     lines = []
     for table in tables:
@@ -203,7 +203,6 @@ def orders(arguments: argparse.Namespace) -> int:
 
 
 def _order_lines(title: str, result: dict[str, Any]) -> list[str]:
-    from gearmon.report.text_tables import table_lines
 
     rows = [
         {name: own[name] for name in _AVERAGE_SHOWN} | channel
@@ -226,8 +225,6 @@ def _some(orders: list[float]) -> str:
 
 
 def _peak_lines(title: str, result: dict[str, Any], more: Sequence[str] = ()) -> list[str]:
-    from gearmon.report.text_tables import table_lines
-    from gearmon.report.wording import printable
 
     lines = [printable(title), *table_lines(result["peaks"]), *more]
     return lines + [f"note: {note}" for note in result["warnings"]]

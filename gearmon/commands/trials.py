@@ -9,6 +9,7 @@ from typing import Any
 
 from gearmon.commands.command import command, number, option
 from gearmon.commands.output import DONE, finish, show
+from gearmon.report.text_tables import table_lines
 
 
 @command(
@@ -57,7 +58,6 @@ def demo(arguments: argparse.Namespace) -> int:
 def benchmark(arguments: argparse.Namespace) -> int:
     """Run `gearmon benchmark`."""
     from gearmon.benchmark import PICTURED, case_figures, run_case, summary_rows
-    from gearmon.report.text_tables import table_lines
 
     rows = run_case(
         arguments.case,
