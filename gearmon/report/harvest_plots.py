@@ -137,10 +137,9 @@ def tuning_figure(survey: Survey) -> Picture:
         grid = grid[(grid >= low) & (grid <= high)]
         power = power_against_tuning(harvester, place.position.healthy, grid) * _MICRO
         colour = series_colour(number)
-        best = f"best {place.power_w * _MICRO:.3g} µW at {middle:.4g} Hz"
-        label = f"{_short(place.position.name)}: {best}"
+        label = f"{_short(place.position.name)}: best at {middle:.4g} Hz"
         ax.plot(grid, power, color=colour, linewidth=1.2, label=label)
-        ax.plot(middle, place.power_w * _MICRO, "o", color=colour, markersize=5)
+        ax.plot(middle, place.tuned.power_w * _MICRO, "o", color=colour, markersize=5)
     ax.set(xscale="log", yscale="log")
     bottom, top = ax.get_ylim()
     ax.set_ylim(max(bottom, top * 1e-7), top * 8)
@@ -182,7 +181,6 @@ def positions_figure(survey: Survey) -> Picture:
     ax.barh(rows, power, height=0.5, color=BLUE, alpha=0.85, label="gears sound")
     known = np.isfinite(low)
     if known.any():
-        # the interval is of stretches that the tuning did not know: it need not hold the bar's end
         ax.errorbar(
             (low + high)[known] / 2,
             rows[known],
