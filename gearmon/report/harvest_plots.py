@@ -78,8 +78,12 @@ def response_figure(survey: Survey) -> Picture:
     for ax in grid[-1]:
         ax.set_xlabel("frequency in Hz")
     assert survey.best.tuned is not None
-    natural = survey.best.tuned.harvester.natural_frequency_hz
-    figure.suptitle(f"Best harvester, tuned to {natural:.5g} Hz, shaken with 1 m/s²", fontsize=11)
+    best = survey.best.tuned.harvester
+    tuned = f"tuned to {best.natural_frequency_hz:.4g} Hz"
+    # a beam answers most between short and open circuit
+    raised = getattr(best, "open_circuit_hz", None)
+    tuned += f" in short circuit ({raised:.4g} Hz open)" if raised else ""
+    figure.suptitle(f"Best harvester, {tuned}, shaken with 1 m/s²", fontsize=11)
     return figure
 
 
@@ -112,7 +116,7 @@ def energy_figure(survey: Survey) -> Picture:
         beside.set(yscale="log", ylim=(gain.max() * _MICRO * 1e-6, gain.max() * _MICRO * 30))
         beside.set_ylabel("harvester: µW per (m/s²)² (dashed)")
     ax.set_title(f"{_short(best.position.name)}: energy of the lines and what is tuned to them")
-    ax.legend(fontsize=8, loc="upper left")
+    ax.legend(fontsize=9, loc="upper left")
     return figure
 
 
@@ -147,7 +151,7 @@ def tuning_figure(survey: Survey) -> Picture:
     ax.set_ylabel("mean power over the duty cycle in µW")
     _plain_frequencies(ax)
     ax.set_title("Power against tuning, load as chosen at the best")
-    ax.legend(fontsize=8, loc="upper left")
+    ax.legend(fontsize=9, loc="upper left")
     return figure
 
 
@@ -199,7 +203,7 @@ def positions_figure(survey: Survey) -> Picture:
             xytext=(4, 0),
             textcoords="offset points",
             va="center",
-            fontsize=8,
+            fontsize=9,
             color=GREY if place.tuned is None else BLACK,
         )
     ax.set_yticks(rows, names)
@@ -207,7 +211,7 @@ def positions_figure(survey: Survey) -> Picture:
     ax.set_xlim(left=0)
     ax.set_xlabel("mean power over the duty cycle in µW")
     ax.set_title("Where to put it")
-    ax.legend(fontsize=8, loc="best")
+    ax.legend(fontsize=9, loc="best")
     return figure
 
 
