@@ -15,7 +15,7 @@ from gearmon.terminal import progress_line
 if TYPE_CHECKING:
     from gearmon.fleet import Fleet, Run
 
-#: What `--rows` shows of a ranking, and seconds between two looks.
+#: What is shown of a ranking, and seconds between two looks.
 _SHOWN, _EVERY_S = 20, 60.0
 
 
@@ -99,21 +99,22 @@ def _serve(arguments: argparse.Namespace, fleet: Fleet) -> int:
 
 
 def _rank(arguments: argparse.Namespace, fleet: Fleet) -> int:
-    from gearmon.fleet.rank import rank
+    from gearmon.fleet.rank import compare, rank
     from gearmon.report.text_tables import table_lines
 
-    rows = rank(fleet)
+    rows = {"rank": rank, "compare": compare}[arguments.action](fleet)
     result = {"fleet": fleet.name, "rows": rows}
     return finish(arguments, result, lambda: table_lines(rows[:_SHOWN]), lambda: rows)
 
 
-_ACTIONS = {"run": _run, "watch": _watch, "serve": _serve, "rank": _rank}
+_ACTIONS = {"run": _run, "watch": _watch, "serve": _serve, "rank": _rank, "compare": _rank}
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
     option = parser.add_argument
-    told = "run (analyse what is new), watch (what arrives), serve (web pages), or rank "
-    option("action", metavar="ACTION", help=told + "(indicators by how clearly they change)")
+    told = "run (analyse what is new), watch (what arrives), serve (web pages), rank (indicators "
+    told += "by how clearly they change), or compare (machines that have the same gears)"
+    option("action", metavar="ACTION", help=told)
     option("fleet", metavar="FLEET", help="fleet file (TOML)")
     option("--engine", default="processes", metavar="NAME", help="processes (default) or dask")
     option("--scheduler", metavar="ADDRESS", help="of dask, such as tcp://10.0.0.1:8786")

@@ -34,6 +34,7 @@ from gearmon.fleet.alarm import acknowledge, alarms
 from gearmon.fleet.engines import at_hand, equipment
 from gearmon.fleet.ledger import recorded, writing
 from gearmon.fleet.plan import Fleet, FleetMachine, arrived
+from gearmon.fleet.rank import compare
 from gearmon.report.charts import history_charts
 from gearmon.report.history_text import history_lines, moment_text
 from gearmon.report.html import as_data, chart_script, shipped
@@ -59,6 +60,8 @@ _UNHEARD = "not heard yet"
 #: Browsers that show a page without a window, and how long one may take [s].
 _BROWSERS, _SHOT_S = ("chromium", "chromium-browser", "google-chrome", "chrome"), 60.0
 _HEADLESS = ("--headless", "--disable-gpu", "--hide-scrollbars", "--window-size=1100,1400")
+# Differences from other machines of its kind that a page shows.
+_DIFFERENCES = 5
 # Highest score of a sparkline: beyond, a fault is a fault.
 _HIGHEST_SCORE = 8.0
 # pictures are drawn one at a time: matplotlib knows no threads
@@ -199,6 +202,7 @@ class _Site:
             lines=_without_table(found),
             charts=as_data(charts) if charts else "",
             points=_operating_points(rows),
+            beside=_beside(self.fleet, machine, len(rows)),
             rows=shown,
             total=len(rows),
             alarms=alarms(self.fleet, machine.name),
@@ -351,6 +355,17 @@ def _trends(fleet: Fleet, machine: FleetMachine, recordings: int) -> HistoryTren
     """Follow a machine through its history; anew once there are other recordings."""
     assert recordings >= 0
     return history_trends(read_history(fleet.store, machine.name), limit=machine.limit)
+
+
+@lru_cache(maxsize=32)
+def _beside(fleet: Fleet, machine: FleetMachine, recordings: int) -> list[dict[str, Any]]:
+    """Return where a machine differs most from others of its kind; anew as it is heard again."""
+    assert recordings >= 0
+    try:
+        rows = [row for row in compare(fleet, machine) if row["machine"] == machine.name]
+    except ArgumentError:  # it has too few of them
+        return []
+    return rows[:_DIFFERENCES]
 
 
 def _without_table(found: HistoryTrends | None) -> list[str]:

@@ -9,6 +9,7 @@ import signal
 import sqlite3
 import time
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,7 @@ from reference.fleet_stand_in import (
     said,
     standing_in,
 )
+from scipy.stats import t as student
 
 from gearmon.diagnosis.history import read_history, read_latest
 from gearmon.errors import ArgumentError, GearmonError, MachineFileError, SignatureError
@@ -30,7 +32,7 @@ from gearmon.fleet import run as running
 from gearmon.fleet.engines import analysed
 from gearmon.fleet.ledger import write_results
 from gearmon.fleet.plan import arrived
-from gearmon.fleet.rank import rank
+from gearmon.fleet.rank import compare, rank
 
 
 def test_what_is_new_is_analysed_once_and_kept_in_one_store(tmp_path):
@@ -384,6 +386,51 @@ def looked_at(fleet):
     for path in fleet.results.glob("*.parquet"):
         path.unlink()
     return rank(fleet), alarms(fleet), read_latest(fleet.store), write_results(fleet)
+
+
+def test_a_machine_is_put_beside_the_others_with_the_same_gears(tmp_path):
+    values = dict(zip("abcde", (0.1, 0.12, 0.11, 0.13, 0.9), strict=True))
+    fleet = made_fleet(tmp_path, tuple(values))
+    for day in range(3):
+        for name, value in values.items():
+            arrive(tmp_path, f"{name}_{{}}.txt", str(value), days=day)
+    run_fleet(fleet, at_once)
+    rows = compare(fleet)
+    assert rows[0]["machine"] == "e"
+    ends = np.array([-1.0, 1.0])
+    logs = {name: np.log(1 + value) for name, value in values.items()}
+    for row in rows:
+        others = [own for name, own in logs.items() if name != row["machine"]]
+        spread = np.std(others, ddof=1) * np.sqrt(1 + 1 / 4)
+        away = (logs[row["machine"]] - np.mean(others)) / spread
+        assert row["others"] == 4
+        assert row["value"] == pytest.approx(1 + values[row["machine"]])
+        assert row["usual"] == pytest.approx(np.exp(np.mean(others)))
+        assert row["probability"] == pytest.approx(2 * student.sf(abs(away), 3))
+        reach = student.ppf(0.95, 3) * spread
+        assert np.log([row["low"], row["high"]]) == pytest.approx(np.mean(others) + reach * ends)
+        assert row["false_discoveries"] >= row["probability"]
+    assert rows == compare(fleet, fleet.machines[0])
+    with pytest.raises(ArgumentError, match="it takes 4 machines with the same gears"):
+        compare(replace(fleet, machines=fleet.machines[:3]))
+
+
+def test_among_machines_alike_the_probability_is_uniform(tmp_path):
+    seeded, fleet = np.random.default_rng(5), made_fleet(tmp_path, ("a", "b", "c", "d", "e"))
+
+    def drawn(jobs):
+        for job in jobs:
+            levels = {f"a{k}": float(x) for k, x in enumerate(seeded.lognormal(size=400))}
+            yield replace(said(job), indicators={"rms": levels})
+
+    for machine in fleet.machines:
+        arrive(tmp_path, f"{machine.name}_{{}}.txt", "0.1")
+    run_fleet(fleet, drawn)
+    found = np.array([row["probability"] for row in compare(fleet)])
+    assert found.size == 2000
+    # five machines share their values: a scatter of at most that of 400 draws
+    for level in (0.05, 0.2, 0.5, 0.8):
+        assert abs(np.mean(found < level) - level) < 4 * np.sqrt(level * (1 - level) / 400)
 
 
 @pytest.mark.parametrize(("table", "column", "value"), CELLS)

@@ -180,3 +180,14 @@ def test_pairs_have_no_planets():
     machine = gearmon.load_machine(operating={"speed_rpm": 1500.0}, stage=pair)
     with pytest.raises(ArgumentError, match="stage=1 is not planetary"):
         posed_set(machine, 1)
+
+
+def test_damage_of_a_worn_gear_is_added_to_what_its_wear_does():
+    machine = planetary(*IN_PHASE)
+    worn, both = (
+        expected(machine, ["wear:1:planet:all:10%", *crack], max_hz=950.0)
+        for crack in ([], ["crack:1:planet:2:0.0001%"])
+    )
+    force = dict(zip(np.round(worn[0]["order"], 6), worn[1], strict=True))
+    for order, own in zip(np.round(both[0]["order"], 6), both[1], strict=True):
+        assert own == pytest.approx(force.get(order, 0.0), abs=1e-4 * worn[1].max())

@@ -1,32 +1,29 @@
 """Gear data -> stiffness -> Hill's equation -> the lines that a machine should show.
 
 A mesh repeats after its mesh period, a turn of the gear that is marked by damage or errors, or the
-hunting period if both are. The last is long, so by default the vibrations with either gear marked
-are added instead, less that with neither: exact for errors, and for damage up to what each gear's
-lost stiffness does to the vibration that the other one adds.
+hunting period if both are. One that repeats after a turn is solved with a guaranteed bound of its
+error. What damage changes over a hunting period, and in a planetary set, is solved from corner to
+corner of the stiffness, in the few mesh periods that differ.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gearmon.dynamics import Method, Response, steady_state
-from gearmon.dynamics.fourier import samples
 from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.gears.faults import faults_of
 from gearmon.gears.mechanics import StageMechanics
 from gearmon.machine import Machine, MachineLike, load_machine
-from gearmon.signatures.expected.faulty_teeth import faulty_lines
+from gearmon.signatures.expected.faulty_teeth import Posed, faulty_lines
 from gearmon.signatures.expected.mesh import (
     ComplexArray,
-    FloatArray,
     MeshLines,
     PosedMesh,
     Wrong,
@@ -45,10 +42,6 @@ MOST_HARMONICS = 200_000
 CUT_FACTOR = 6.0
 #: The same for the harmonics of e, and of the stiffness that they meet, see `_excitation_cut`.
 EXCITATION_FACTOR = 4.0
-#: Points a mesh period, and in all, at which the parts of two gears are multiplied.
-MOST_POINTS, MOST_SAMPLES = 4096, 4_000_000
-#: Times by which the effect of two damaged gears on one another may exceed its estimate.
-CROSS_MARGIN = 2.0
 
 
 def expected_signature(
@@ -98,12 +91,9 @@ def expected_signature(
     -----
     `error_bound` is the guaranteed bound of the solution for the harmonics taken of stiffness and
     excitation, plus an estimate of what the others would change (`stiffness_cut`, from their 1/n
-    fall). With both gears marked, method "auto" adds the vibrations with either marked; what
-    damaged gears then do to one another is estimated (`superposition_error`) and part of
-    `error_bound`. Every other method solves the hunting period as a whole: seconds in place of a
-    fraction. Lines are attributed to the nearest mesh harmonic. Lines that belong to neither shaft
-    are not listed; where they were solved for, their share of the acceleration is given as
-    `cross_lines_share`.
+    fall). Damage of both gears (method "auto") and planetary sets have an estimate instead. Lines
+    are attributed to the nearest mesh harmonic. Lines that belong to neither shaft are not listed;
+    where they were solved for, their share of the acceleration is given as `cross_lines_share`.
 
     Examples
     --------
@@ -122,11 +112,7 @@ def expected_signature(
         ring = any(fault.stage == number and fault.gear == "ring" for fault in known)
         posed = posed_stage(machine, number, operating, known, form=form, mesh=int(ring))
         limit = posed.limit_hz(max_hz)
-        lines: SteadyLines | SetLines
-        if isinstance(posed, PosedSet):
-            lines = _set_lines(posed, limit, tolerance)
-        else:
-            lines = steady_lines(posed, limit, tolerance, method, order)
+        lines = _solved(posed, limit, tolerance, method, order)
         columns, share = _listed(lines, limit)
         warnings = [*posed.mechanics.warnings, *posed.warnings, *lines.warnings(tolerance)]
         added = {"max_hz": limit, "cross_lines_share": share, "warnings": warnings}
@@ -159,9 +145,24 @@ def _listed(lines: MeshLines, max_hz: float) -> tuple[dict[str, npt.NDArray[Any]
     return {name: column[known] for name, column in columns.items()}, share
 
 
+def _solved(
+    posed: Posed, max_hz: float, tolerance: float, method: Method, order: int | None
+) -> SteadyLines | ContactLines:
+    """Solve one stage with all that is wrong with it."""
+    if isinstance(posed, PosedMesh) and not (
+        method == "auto" and posed.is_local and len(posed.marked) > 1
+    ):
+        return _steady_lines(posed, max_hz, tolerance, method, order)
+    (found,) = faulty_lines(posed.sound, [posed], max_hz, tolerance)
+    what = "the whole set, as the housing hears it" if isinstance(posed, PosedSet) else "both gears"
+    return ContactLines(**vars(found), what=what)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SetLines(MeshLines):
-    """Lines of a planetary set, solved from corner to corner of its stiffnesses."""
+class ContactLines(MeshLines):
+    """Lines of a mesh or a planetary set, solved from corner to corner of its stiffnesses."""
+
+    what: str
 
     def header(self) -> dict[str, Any]:
         """Return what holds for all of its lines, with how they were solved."""
@@ -175,8 +176,7 @@ class SetLines(MeshLines):
             "stable": True,
             "contact_loss_angle_rad": None,
             "superposition_error": None,
-            "message": f"the whole set, as the housing hears it: error estimated as "
-            f"{self.error:.2g}{added}",
+            "message": f"{self.what}: error estimated as {self.error:.2g}{added}",
         }
 
     def warnings(self, tolerance: float) -> list[str]:
@@ -189,11 +189,6 @@ class SetLines(MeshLines):
         return found
 
 
-def _set_lines(posed: PosedSet, max_hz: float, tolerance: float) -> SetLines:
-    (found,) = faulty_lines(posed.sound, [posed], max_hz, tolerance)
-    return SetLines(**vars(found))
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SteadyLines(MeshLines):
     """Lines of one mesh with the bound of their error.
@@ -201,27 +196,20 @@ class SteadyLines(MeshLines):
     Parameters
     ----------
     response : Response
-        The solution, or the first of those that were added.
+        The solution in z - e.
     mean_m : float
         Mean of z [m].
     cut : float
         Share of `error` that is estimated: harmonics of stiffness and excitation left out.
-    superposed : float or None
-        Share of `error` for the effect of damaged gears on one another; None where all was solved
-        together.
-    contact_loss : float or None
-        Mesh phase at which teeth lose contact first.
     """
 
     response: Response
     mean_m: float
     cut: float
-    superposed: float | None
-    contact_loss: float | None
 
     def header(self) -> dict[str, Any]:
         """Return what holds for all of its lines, with how they were solved."""
-        response, loss = self.response, self.contact_loss
+        response = self.response
         return super().header() | {
             "mean_deflection_m": self.mean_m,
             "order_used": response.order,
@@ -229,8 +217,8 @@ class SteadyLines(MeshLines):
             "stiffness_harmonics": len(response.problem.stiffness_harmonics),
             "stiffness_cut": self.cut,
             "stable": response.stable,
-            "contact_loss_angle_rad": None if loss is None else 2 * math.pi * loss / self.period,
-            "superposition_error": self.superposed,
+            "contact_loss_angle_rad": response.contact_loss_angle_rad,
+            "superposition_error": None,
             "message": f"{response.message}; stiffness harmonics left out: {self.cut:.2g}",
         }
 
@@ -241,99 +229,54 @@ class SteadyLines(MeshLines):
             found.append(self.response.message)
         elif self.error > tolerance:
             found.append(f"error bound {self.error:.2g} misses the tolerance {tolerance:.2g}")
-        if self.superposed:
+        angle = self.response.contact_loss_angle_rad
+        if angle is not None:
             found.append(
-                "what marks both gears was solved gear by gear and added; the effect of one on the "
-                f"other is estimated as {self.superposed:.2g} of the acceleration"
-            )
-        if self.contact_loss is not None:
-            when = "first at" if self.superposed is None else "at worst at"
-            found.append(
-                f"teeth lose contact, {when} mesh phase {self.contact_loss:.4g}: the linear model "
-                f"ends there"
+                f"teeth lose contact, first at mesh phase {angle / (2 * math.pi) * self.period:.4g}"
+                ": the linear model ends there"
             )
         return found
 
 
-def steady_lines(
-    posed: PosedMesh,
-    max_hz: float,
-    tolerance: float,
-    method: Method = "auto",
-    order: int | None = None,
+def _steady_lines(
+    posed: PosedMesh, max_hz: float, tolerance: float, method: Method, order: int | None
 ) -> SteadyLines:
-    """Solve one mesh with all that is wrong with it.
-
-    Parameters
-    ----------
-    posed : PosedMesh
-    max_hz : float
-        Highest frequency of the lines [Hz].
-    tolerance : float
-        Relative L2 error of the acceleration.
-    method, order
-        As in `dynamics.steady_state`; all but "auto" solve a hunting period as a whole.
-    """
-    marked = posed.marked
-    if len(marked) < 2 or method != "auto":
-        return _alone(_Part.solved(posed, max_hz, tolerance, method, order))
-    names = [(), *((gear,) for gear in marked)]
-    base, *parts = (
-        _Part.solved(posed.only(gears), max_hz, tolerance, method, order) for gears in names
+    """Solve a mesh over its true period."""
+    mechanics, excitation, period = posed.mechanics, posed.excitation, posed.period
+    shown = max(1, math.floor(max_hz * period / mechanics.mesh_frequency_hz * (1 + 1e-12)))
+    least = shown * mechanics.stiffness.period_mesh // period
+    harmonics, cut = _stiffness_harmonics(mechanics, least, tolerance)
+    problem = posed.hill_problem(harmonics)
+    moved = np.zeros(shown + 1, dtype=np.complex128)
+    if excitation is not None:
+        moved = excitation.harmonics(max(shown, len(problem.stiffness_harmonics)), period)
+        problem = problem.with_transmission_error(_used(moved[1:]))
+    response = steady_state(
+        problem, max(0.6 * tolerance, 1e-13), method=method, order=order, harmonics=shown
     )
-    return _added(posed, base, parts)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Part:
-    """One solved problem: its response in z - e, harmonics of e [m], and what cutting them left."""
-
-    posed: PosedMesh
-    response: Response
-    moved: ComplexArray
-    cut: float
-
-    @classmethod
-    def solved(
-        cls, posed: PosedMesh, max_hz: float, tolerance: float, method: Method, order: int | None
-    ) -> _Part:
-        """Solve a mesh over its true period."""
-        mechanics, excitation, period = posed.mechanics, posed.excitation, posed.period
-        shown = max(1, math.floor(max_hz * period / mechanics.mesh_frequency_hz * (1 + 1e-12)))
-        least = shown * mechanics.stiffness.period_mesh // period
-        harmonics, cut = _stiffness_harmonics(mechanics, least, tolerance)
-        problem = posed.hill_problem(harmonics)
-        moved = np.zeros(shown + 1, dtype=np.complex128)
-        if excitation is not None:
-            count = max(shown, len(problem.stiffness_harmonics))
-            moved = excitation.harmonics(count, period)
-            problem = problem.with_transmission_error(_used(moved[1:]))
-        response = steady_state(
-            problem, max(0.6 * tolerance, 1e-13), method=method, order=order, harmonics=shown
-        )
-        if excitation is not None:
-            cut += _excitation_cut(response, moved, period)
-        return cls(posed=posed, response=response, moved=moved[: shown + 1], cut=cut)
-
-    @property
-    def period(self) -> int:
-        """Period [mesh periods]."""
-        return self.posed.period
-
-    @property
-    def displacement(self) -> ComplexArray:
-        """Harmonics of z [m]."""
-        return np.asarray(self.response.displacement + self.moved)
-
-    @cached_property
-    def size(self) -> float:
-        """Rms of the acceleration of z - e [m/s2]."""
-        return rms(self.response.acceleration[1:])
-
-    def sampled(self, lines: ComplexArray, points: int) -> FloatArray:
-        """Return what has these harmonics, at `points` phases a mesh period."""
-        count = self.period * points
-        return np.asarray(samples(lines[: count // 2], count), dtype=np.float64)
+    if excitation is not None:
+        cut += _excitation_cut(response, moved, period)
+    displacement = response.displacement + moved[: shown + 1]
+    found = SteadyLines(
+        mechanics=mechanics,
+        mesh_order=posed.order,
+        period=period,
+        number=np.arange(1, shown + 1),
+        carrier=np.zeros(shown, dtype=int),
+        displacement=displacement[1:],
+        marked=posed.marked,
+        method=response.method,
+        error=response.error_bound + cut,
+        contact_lost=response.contact_loss_angle_rad is not None,
+        response=response,
+        mean_m=float(displacement[0].real),
+        cut=cut,
+    )
+    if not (moved[: shown + 1].any() and found.rms):
+        return found
+    # the bound is of z - e, the lines are of z
+    grown = rms(response.acceleration[1:]) / found.rms
+    return replace(found, error=found.error * grown, cut=found.cut * grown)
 
 
 def _used(error: ComplexArray) -> ComplexArray:
@@ -385,118 +328,3 @@ def _excitation_cut(response: Response, moved: ComplexArray, period: int) -> flo
     natural = (2 * math.pi * problem.natural_frequency_hz) ** 2
     size = rms(response.acceleration[1:])
     return EXCITATION_FACTOR * natural * left / size if size else 0.0
-
-
-def _alone(part: _Part) -> SteadyLines:
-    response, posed = part.response, part.posed
-    angle = response.contact_loss_angle_rad
-    found = SteadyLines(
-        mechanics=posed.mechanics,
-        mesh_order=posed.order,
-        period=part.period,
-        number=np.arange(1, len(part.displacement)),
-        carrier=np.zeros(len(part.displacement) - 1, dtype=int),
-        displacement=part.displacement[1:],
-        marked=posed.marked,
-        method=response.method,
-        error=response.error_bound + part.cut,
-        contact_lost=angle is not None,
-        response=response,
-        mean_m=float(part.displacement[0].real),
-        cut=part.cut,
-        superposed=None,
-        contact_loss=None if angle is None else angle / (2 * math.pi) * part.period,
-    )
-    if not (part.moved.any() and found.rms):
-        return found
-    # the bound is of z - e, the lines are of z
-    grown = part.size / found.rms
-    return replace(found, error=found.error * grown, cut=found.cut * grown)
-
-
-def _added(posed: PosedMesh, base: _Part, parts: Sequence[_Part]) -> SteadyLines:
-    """Add the vibrations with either gear marked, less that with neither."""
-    each = [*parts, base]
-    period = math.lcm(*(part.period for part in parts))
-    places = [np.arange(len(part.displacement)) * (period // part.period) for part in each]
-    number, where = np.unique(np.concatenate(places), return_inverse=True)
-    signs = [*(1.0 for _ in parts), 1.0 - len(parts)]
-    total = np.zeros(len(number), dtype=np.complex128)
-    values = [sign * part.displacement for sign, part in zip(signs, each, strict=True)]
-    np.add.at(total, where, np.concatenate(values))
-    loss = _contact_loss(base, parts)
-    found = SteadyLines(
-        mechanics=posed.mechanics,
-        mesh_order=posed.order,
-        period=period,
-        number=number[1:],
-        carrier=0 * number[1:],
-        displacement=total[1:],
-        marked=posed.marked,
-        method=parts[0].response.method,
-        error=0.0,
-        contact_lost=loss is not None,
-        response=parts[0].response,
-        mean_m=float(total[0].real),
-        cut=0.0,
-        superposed=None,
-        contact_loss=loss,
-    )
-    size = found.rms
-    solved = sum(part.response.error_bound * part.size for part in each) / size
-    cut = sum(part.cut * part.size for part in each) / size
-    cross = _cross_effect(posed.mechanics, base, parts) / size
-    return replace(found, error=solved + cut + cross, cut=cut, superposed=cross)
-
-
-def _cross_effect(mechanics: StageMechanics, base: _Part, parts: Sequence[_Part]) -> float:
-    """Estimate the rms acceleration [m/s2] by which damaged gears act on each other's vibration.
-
-    The sum leaves the residual ``d1 (z2 - z0) + d2 (z1 - z0) + d12 z``, which is known over the
-    hunting period. Its lines are answered by the mesh with its mean stiffness, r_n/D_n; what the
-    variation of the stiffness makes of that is covered by `CROSS_MARGIN`, so this is an estimate
-    and no guaranteed bound.
-    """
-    stiffness = mechanics.stiffness
-    if not stiffness.marks:
-        return 0.0
-    period = math.lcm(*(part.period for part in parts))
-    most = max(len(part.displacement) / part.period for part in (base, *parts))
-    points = max(8, min(_points(most), MOST_SAMPLES // period))
-    still = base.sampled(base.response.displacement, points)
-    residual = np.zeros(period * points)
-    for part, other in zip(parts, reversed(parts), strict=True):
-        phase = np.arange(part.period * points) / points
-        own = part.posed.mechanics.stiffness
-        lost = sum((train.at(phase) for train in own.marks), 0 * phase)
-        added = other.sampled(other.response.displacement, points)
-        added -= np.tile(still, len(added) // len(still))
-        residual += np.tile(lost, period // part.period) * np.tile(added, period // other.period)
-    for train in stiffness.marks:
-        if " and " in train.gear:
-            lost = train.at(np.arange(len(residual)) / points)
-            residual += lost * np.resize(still, len(residual))
-    lines = np.fft.rfft(residual, norm="forward")
-    angular = 2 * math.pi * mechanics.mesh_frequency_hz / period * np.arange(len(lines))
-    spring = base.response.problem.stiffness_n_per_m
-    mass, damping = mechanics.equivalent_mass_kg, mechanics.damping_ns_per_m
-    answered = lines * angular**2 / (spring - mass * angular**2 + 1j * damping * angular)
-    return CROSS_MARGIN * rms(answered[1:])
-
-
-def _contact_loss(base: _Part, parts: Sequence[_Part]) -> float | None:
-    """Return a mesh phase in [0, 1) at which the worst meeting of both gears lets go, or None."""
-    points = _points(max(len(part.response.mesh_force) / part.period for part in (base, *parts)))
-    sign = math.copysign(1.0, base.posed.mechanics.force_n)
-    still, *forces = (
-        sign * part.sampled(part.response.mesh_force, points).reshape(-1, points)
-        for part in (base, *parts)
-    )
-    least = still[0] + sum((force - still[0]).min(axis=0) for force in forces)
-    lost = np.flatnonzero(least <= 0)
-    return float(lost[0]) / points if len(lost) else None
-
-
-def _points(highest: float) -> int:
-    """Return so many points a mesh period that a product of lines up to `highest` is known."""
-    return int(min(MOST_POINTS, 2 ** math.ceil(math.log2(2 * highest + 2))))

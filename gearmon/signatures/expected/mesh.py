@@ -131,15 +131,11 @@ class PosedMesh:
         lines = np.atleast_2d(made.lines(highest))
         return Heard(np.arange(1, highest + 1), np.zeros(highest, dtype=int), lines)
 
-    def only(self, gears: Iterable[str]) -> PosedMesh:
-        """Return the same mesh with no gear marked but these."""
-        chosen, excitation = tuple(gears), self.excitation
-        stiffness = self.mechanics.stiffness.only(chosen)
-        if excitation is not None:
-            kept = tuple(e for e in excitation.errors if e.gear in chosen or e.period_mesh == 1)
-            excitation = replace(excitation, stiffness=stiffness, errors=kept) if kept else None
-        mechanics = replace(self.mechanics, stiffness=stiffness)
-        return replace(self, mechanics=mechanics, excitation=excitation)
+    @property
+    def sound(self) -> PosedMesh:
+        """The same mesh with nothing wrong."""
+        mechanics = replace(self.mechanics, stiffness=self.mechanics.stiffness.only(()))
+        return replace(self, mechanics=mechanics, excitation=None)
 
     def limit_hz(self, max_hz: float | None) -> float:
         """Return up to which frequency [Hz] its lines are shown; 10 mesh harmonics by default."""

@@ -65,20 +65,17 @@ class PosedSet:
         The machine around it.
     angles_rad : ndarray, shape (planets,)
         psi, where the planets sit.
-    healthy : PosedSet or None
-        The same without faults; None if it has none.
     """
 
     members: tuple[tuple[PosedMesh, float], ...]
     mesh: Mesh
     train: DriveTrain
     angles_rad: FloatArray
-    healthy: PosedSet | None = None
 
     @property
     def sound(self) -> PosedSet:
-        """The same without faults."""
-        return self.healthy or self
+        """The same with nothing wrong."""
+        return replace(self, members=tuple((mesh.sound, lead) for mesh, lead in self.members))
 
     @property
     def mechanics(self) -> StageMechanics:
@@ -244,7 +241,6 @@ def posed_set(
         mesh=kinematics(machine).mesh(stage),
         train=train,
         angles_rad=train.planets[before].angles_rad,
-        healthy=posed_set(machine, stage, operating, form=form) if known else None,
     )
 
 
