@@ -383,7 +383,7 @@ class _Judge:
         if profile is None:
             return None
         # a place is where the contact has its middle
-        return _around(profile.position * teeth - (true[0] + 0.5 * stage.shape.reach), teeth)
+        return _around(profile.position * teeth - (true[0] + 0.5 * stage.model.shape.reach), teeth)
 
 
 def _truth(trial: Trial) -> Row:

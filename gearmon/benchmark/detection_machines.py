@@ -4,34 +4,33 @@ The machine file holds teeth, modules, widths, speed and torque. Hidden from who
 errors of manufacture, the paths to the sensors, the true stiffness, mass, damping and form of the
 teeth's contact, which depart from the standard's, and the bearings.
 
-The vibration of a mesh is solved here, so that what is judged is not judged by itself:
-``m z'' + c z' + k z = F + c e' + k e`` over one turn of a gear, in the orders of that gear. The
-healthy stiffness repeats with the mesh, so that orders couple only a whole number of mesh orders
-apart: one small matrix for each distance from the mesh harmonics. Damage is added by GMRES on top
-of them. What marks the two gears of a mesh is added up; what the marks of one do to those of the
-other is left out.
+The vibration of a mesh is that of ``m z'' + c z' + k z = F + c e' + k e`` over one turn of a gear,
+in the orders of that gear, to a guaranteed error. What marks the two gears of a mesh is added up;
+what the marks of one do to those of the other is left out.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gearmon.dynamics import HillProblem, steady_state
 from gearmon.errors import ArgumentError
 from gearmon.gears.mechanics import StageMechanics, stage_mechanics
 from gearmon.machine import Machine, OperatingPoint, ParallelStage
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
-IntArray = NDArray[np.int64]
 
-#: Mesh harmonics that are solved for at most, and relative residual of the damaged motion.
+#: Sampling rate of the recordings, and highest frequency of the lines that are made [Hz].
+RATE_HZ, HIGHEST_HZ = 20_000.0, 9_200.0
+#: Mesh harmonics that are solved for at most, and relative error of the motion.
 MOST_HARMONICS = 40
-RESIDUAL = 1e-6
+TOLERANCE = 1e-6
 _FINE = 2048
 
 
@@ -61,44 +60,22 @@ class PairShape:
         """Length of the contact over the whole face [mesh periods]."""
         return self.length + self.overlap
 
-    def at(self, phase: FloatArray, band: float | None = None) -> FloatArray:
+    def at(self, phase: FloatArray, band: float = math.inf) -> FloatArray:
         """Return the stiffness, 1 in the middle, `phase` mesh periods after the entry.
 
         Parameters
         ----------
         phase : ndarray
-        band : float, optional
+        band : float
             Only in this share of the contact, about its middle: what pitting takes.
         """
         slices = max(1, math.ceil(16 * self.overlap))
-        total = np.zeros_like(phase)
-        for number in range(slices):
-            total += self._slice(phase - self.overlap * (number + 0.5) / slices, band)
-        return total / slices
-
-    def _slice(self, phase: FloatArray, band: float | None) -> FloatArray:
-        place = 2 * phase / self.length - 1
-        inside = np.clip(np.minimum(phase, self.length - phase) / self.edge, 0, 1)
-        value: FloatArray = (1 - self.droop * place**2) * inside * inside * (3 - 2 * inside)
-        if band is not None:
-            value = value * (np.abs(place) < band)
-        return value
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class GearMotion:
-    """Motion of a mesh over one turn of a gear, in orders 0, 1, ... of it.
-
-    Parameters
-    ----------
-    per_force : ndarray of complex
-        What goes with the load: motion over static force [m/N].
-    of_errors : ndarray of complex
-        What errors make at any load [m].
-    """
-
-    per_force: ComplexArray
-    of_errors: ComplexArray
+        entered = self.overlap * (np.arange(slices) + 0.5) / slices
+        own = np.subtract.outer(phase, entered)
+        place = 2 * own / self.length - 1
+        inside = np.clip(np.minimum(own, self.length - own) / self.edge, 0, 1)
+        value = (1 - self.droop * place**2) * inside * inside * (3 - 2 * inside)
+        return np.asarray((value * (np.abs(place) < band)).mean(axis=-1))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -113,8 +90,6 @@ class MeshModel:
     mass_kg, damping_ns_per_m : float
     mesh_hz : float
         Mesh frequency [Hz].
-    highest_hz : float
-        Highest frequency that is of interest [Hz].
     """
 
     shape: PairShape
@@ -122,12 +97,11 @@ class MeshModel:
     mass_kg: float
     damping_ns_per_m: float
     mesh_hz: float
-    highest_hz: float
 
     @property
     def harmonics(self) -> int:
         """Mesh harmonics to solve for."""
-        return min(MOST_HARMONICS, math.ceil(1.25 * self.highest_hz / self.mesh_hz) + 2)
+        return min(MOST_HARMONICS, math.ceil(1.25 * HIGHEST_HZ / self.mesh_hz) + 2)
 
     @property
     def points(self) -> int:
@@ -140,21 +114,13 @@ class MeshModel:
         phase = np.arange(math.ceil(self.shape.reach) * _FINE) / _FINE
         return self.stiffness_n_per_m / (float(self.shape.at(phase).sum()) / _FINE)
 
-    @cached_property
-    def _stiffness_lines(self) -> ComplexArray:
-        """Fourier coefficients 0, 1, ... of the healthy stiffness [N/m]."""
-        phase = np.arange(_FINE) / _FINE
-        wave = sum(self.shape.at(phase + n) for n in range(math.ceil(self.shape.reach)))
-        lines: ComplexArray = np.fft.rfft(self.pair_n_per_m * np.asarray(wave)) / _FINE
-        return lines
-
-    def wave(self, per_tooth: FloatArray, band: float | None = None) -> FloatArray:
+    def wave(self, per_tooth: FloatArray, band: float = math.inf) -> FloatArray:
         """Return the sum over the teeth of a value times the stiffness of the tooth's pair [N/m].
 
         Parameters
         ----------
         per_tooth : ndarray, shape (teeth,)
-        band : float, optional
+        band : float
             See `PairShape.at`.
 
         Returns
@@ -162,113 +128,50 @@ class MeshModel:
         ndarray, shape (teeth * points,)
             Over one turn; tooth j enters contact j - 1 mesh periods after its start.
         """
-        teeth = len(per_tooth)
         count = math.ceil(self.shape.reach)
         pulse = self.shape.at(np.arange(count * self.points) / self.points, band)
-        total = np.zeros((teeth, self.points))
-        for n in range(count):
-            piece = pulse[n * self.points : (n + 1) * self.points]
-            total += np.roll(per_tooth, n)[:, None] * piece
-        return self.pair_n_per_m * total.ravel()
+        pieces = pulse.reshape(count, self.points)
+        total = sum(np.outer(np.roll(per_tooth, n), piece) for n, piece in enumerate(pieces))
+        return self.pair_n_per_m * np.ravel(total)
 
-    def turn(self, teeth: int) -> Turn:
-        """Return the solver for marks of a gear with so many teeth."""
-        return Turn(model=self, teeth=teeth)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Turn:
-    """Solver of one mesh over the turn of one of its gears.
-
-    Parameters
-    ----------
-    model : MeshModel
-    teeth : int
-    """
-
-    model: MeshModel
-    teeth: int
-
-    @property
-    def size(self) -> int:
-        """Grid points of a turn."""
-        return self.teeth * self.model.points
-
-    @cached_property
-    def _orders(self) -> IntArray:
-        """Orders that couple: a row for each distance from the mesh harmonics."""
-        meshes = np.arange(-self.model.harmonics, self.model.harmonics + 1)
-        return np.arange(self.teeth // 2 + 1)[:, None] + self.teeth * meshes
-
-    @cached_property
-    def _inverse(self) -> ComplexArray:
-        model = self.model
-        count = 2 * model.harmonics + 1
-        away = np.arange(count)[:, None] - np.arange(count)
-        lines = model._stiffness_lines
-        matrix = np.where(away >= 0, lines[np.abs(away)], np.conj(lines[np.abs(away)]))
-        angular = 2 * np.pi * model.mesh_hz / self.teeth * self._orders
-        diagonal = 1j * angular * model.damping_ns_per_m - model.mass_kg * angular**2
-        blocks = np.tile(matrix, (len(diagonal), 1, 1))
-        index = np.arange(count)
-        blocks[:, index, index] += diagonal
-        inverse: ComplexArray = np.linalg.inv(blocks)
-        return inverse
-
-    def _healthy(self, force: FloatArray) -> FloatArray:
-        """Motion of the healthy mesh under a force over one turn."""
-        lines = np.fft.rfft(force)
-        orders = self._orders
-        known = np.abs(orders)
-        right = np.where(orders >= 0, lines[known], np.conj(lines[known]))
-        solved = np.matmul(self._inverse, right[:, :, None])[:, :, 0]
-        result = np.zeros_like(lines)
-        result[known] = np.where(orders >= 0, solved, np.conj(solved))
-        motion: FloatArray = np.fft.irfft(result, self.size)
-        return motion
-
-    def motion(self, error: FloatArray | None = None, loss: FloatArray | None = None) -> GearMotion:
-        """Return what errors and lost stiffness of the gear make of the motion.
+    def motion(
+        self, teeth: int, error: FloatArray | None = None, loss: FloatArray | None = None
+    ) -> tuple[ComplexArray, ComplexArray]:
+        """Return what errors and lost stiffness of a gear make of the motion.
 
         Parameters
         ----------
-        error : ndarray, shape (size,), optional
+        teeth : int
+            Of the gear.
+        error : ndarray, shape (teeth * points,), optional
             Displacement of the flanks over one turn [m].
-        loss : ndarray, shape (size,), optional
+        loss : ndarray, shape (teeth * points,), optional
             Stiffness lost over one turn [N/m].
+
+        Returns
+        -------
+        per_force, of_errors : ndarray of complex, shape (harmonics * teeth + 1,)
+            Motion over static force [m/N], and what errors make at any load [m], in orders
+            0, 1, ... of the gear.
         """
-        per_force = self._with_loss(self._healthy(np.ones(self.size)), loss)
-        of_errors = np.zeros(self.size)
-        if error is not None:
-            model = self.model
-            lines = np.fft.rfft(error)
-            angular = 2 * np.pi * model.mesh_hz / self.teeth * np.arange(len(lines))
-            rate = np.fft.irfft(1j * angular * lines, self.size)
-            whole = model.wave(np.ones(self.teeth))
-            if loss is not None:
-                whole = whole - loss
-            force = model.damping_ns_per_m * rate + whole * error
-            of_errors = self._with_loss(self._healthy(force), loss)
-        return GearMotion(
-            per_force=np.fft.rfft(per_force) / self.size,
-            of_errors=np.fft.rfft(of_errors) / self.size,
-        )
+        orders, period_s = np.arange(self.harmonics * teeth + 1), teeth / self.mesh_hz
 
-    def _with_loss(self, motion: FloatArray, loss: FloatArray | None) -> FloatArray:
-        """Add to a motion of the healthy mesh what lost stiffness changes of it."""
-        if loss is None or not loss.any():
-            return motion
-        from scipy.sparse.linalg import LinearOperator, gmres
+        def lines(wave: FloatArray) -> ComplexArray:
+            return np.asarray(np.fft.rfft(wave, norm="forward")[orders])
 
-        def left(guess: FloatArray) -> FloatArray:
-            return guess - self._healthy(loss * guess)
+        def solved(problem: HillProblem) -> ComplexArray:
+            return steady_state(problem, TOLERANCE, harmonics=int(orders[-1])).displacement
 
-        operator = LinearOperator((self.size, self.size), matvec=left, dtype=np.float64)
-        right = self._healthy(loss * motion)
-        change, failed = gmres(operator, right, rtol=RESIDUAL, restart=100, maxiter=10)
-        if failed:
-            raise ArithmeticError(f"the motion with damage was not found in {failed} steps")
-        return motion + np.asarray(change, dtype=np.float64)
+        stiffness = self.wave(np.ones(teeth)) - (0.0 if loss is None else loss)
+        mean, *others = lines(stiffness)
+        known = self.mass_kg, self.damping_ns_per_m, float(mean.real)
+        mesh = HillProblem(*known, np.array(others) / mean.real, period_s, 1.0)
+        if error is None:
+            return solved(mesh), np.zeros(len(orders), dtype=np.complex128)
+        rate = 2j * np.pi * orders / period_s * lines(error)
+        force = lines(stiffness * error) + self.damping_ns_per_m * rate
+        moved = replace(mesh, force_n=float(force[0].real), force_harmonics_n=force[1:])
+        return solved(mesh), solved(moved)
 
 
 PINION_TEETH, GEAR_TEETH = (17, 60), (25, 120)
@@ -321,32 +224,16 @@ class HiddenStage:
     Parameters
     ----------
     mechanics : StageMechanics
-        By the standard.
-    shape : PairShape
-    stiffness_factor, mass_factor, damping_ratio : float
+        What it says.
+    model : MeshModel
+        The true mesh at nominal speed.
     gears : tuple of HiddenGear
         Pinion and gear.
     """
 
     mechanics: StageMechanics
-    shape: PairShape
-    stiffness_factor: float
-    mass_factor: float
-    damping_ratio: float
+    model: MeshModel
     gears: tuple[HiddenGear, HiddenGear]
-
-    def model(self, speed_factor: float, highest_hz: float) -> MeshModel:
-        """Return the true mesh at a multiple of the nominal speed."""
-        stiffness = self.stiffness_factor * self.mechanics.stiffness.mean_n_per_m
-        mass = self.mass_factor * self.mechanics.equivalent_mass_kg
-        return MeshModel(
-            shape=self.shape,
-            stiffness_n_per_m=stiffness,
-            mass_kg=mass,
-            damping_ns_per_m=2 * self.damping_ratio * math.sqrt(stiffness * mass),
-            mesh_hz=speed_factor * self.mechanics.mesh_frequency_hz,
-            highest_hz=highest_hz,
-        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -459,16 +346,9 @@ def _draw_file(rng: np.random.Generator, number: int) -> Machine | None:
         return None
     width_mm = float(stages[0].face_width_mm or 0.0)
     radius_m = 0.5e-3 * float(stages[0].module_mm or 0.0) * stages[0].pinion_teeth
-    torque = rng.uniform(*LOAD_N_PER_MM) * width_mm * radius_m
-    return Machine(
-        name=f"drawn machine {number}",
-        operating=(
-            OperatingPoint(
-                speed_rpm=round(60 * speed_hz, 1), torque_nm=float(f"{torque:.4g}"), share=1.0
-            ),
-        ),
-        stages=tuple(stages),
-    )
+    torque_nm = float(f"{rng.uniform(*LOAD_N_PER_MM) * width_mm * radius_m:.4g}")
+    point = OperatingPoint(speed_rpm=round(60 * speed_hz, 1), torque_nm=torque_nm, share=1.0)
+    return Machine(name=f"drawn machine {number}", operating=(point,), stages=tuple(stages))
 
 
 def _draw_stage(rng: np.random.Generator, pinion: int, gear: int, module: float) -> ParallelStage:
@@ -487,20 +367,19 @@ def _draw_stage(rng: np.random.Generator, pinion: int, gear: int, module: float)
 def _hide(rng: np.random.Generator, mechanics: StageMechanics, machine: Machine) -> HiddenStage:
     stage = machine.stages[mechanics.stage - 1]
     assert isinstance(stage, ParallelStage)
-    stiffness = mechanics.stiffness
-    return HiddenStage(
-        mechanics=mechanics,
-        shape=PairShape(
-            length=stiffness.contact_ratio,
-            overlap=stiffness.overlap_ratio,
-            droop=rng.uniform(0.2, 0.6),
-            edge=rng.uniform(0.03, 0.15),
-        ),
-        stiffness_factor=rng.uniform(*STIFFNESS_FACTOR),
-        mass_factor=rng.uniform(*MASS_FACTOR),
-        damping_ratio=rng.uniform(*DAMPING),
-        gears=(_draw_gear(rng, stage.pinion_teeth), _draw_gear(rng, stage.gear_teeth)),
+    length, overlap = mechanics.contact_ratio, mechanics.stiffness.overlap_ratio
+    droop, edge = rng.uniform(0.2, 0.6), rng.uniform(0.03, 0.15)
+    stiffness = rng.uniform(*STIFFNESS_FACTOR) * mechanics.stiffness.mean_n_per_m
+    mass = rng.uniform(*MASS_FACTOR) * mechanics.equivalent_mass_kg
+    model = MeshModel(
+        shape=PairShape(length=length, overlap=overlap, droop=droop, edge=edge),
+        stiffness_n_per_m=stiffness,
+        mass_kg=mass,
+        damping_ns_per_m=2 * rng.uniform(*DAMPING) * math.sqrt(stiffness * mass),
+        mesh_hz=mechanics.mesh_frequency_hz,
     )
+    gears = _draw_gear(rng, stage.pinion_teeth), _draw_gear(rng, stage.gear_teeth)
+    return HiddenStage(mechanics=mechanics, model=model, gears=gears)
 
 
 def _draw_gear(rng: np.random.Generator, teeth: int) -> HiddenGear:

@@ -15,36 +15,28 @@ from numpy.typing import NDArray
 
 from gearmon.benchmark.detection_machines import (
     GEARS,
+    HIGHEST_HZ,
+    RATE_HZ,
+    ComplexArray,
     DrawnMachine,
-    GearMotion,
     HiddenStage,
     MeshModel,
-    Turn,
 )
-from gearmon.errors import ArgumentError
+from gearmon.errors import check_word
 from gearmon.signals.recording import Recording
+from gearmon.simulation.vibration import tacho_pulses
 
 FloatArray = NDArray[np.float64]
 
-RATE_HZ, DURATION_S, SNR_DB = 20_000.0, 10.0, 20.0
+DURATION_S, SNR_DB = 10.0, 20.0
 SPEED_WANDER, LOAD_WANDER, WANDER_HZ = 0.005, 0.03, 0.5
-#: Below which share of the sampling rate lines are made.
-BELOW = 0.46
 #: Points of a table per period of its highest line.
 FINENESS = 16
-#: Bearing vibration over that of the gears: of a sound and of a worn bearing.
-SOUND_BEARING, WORN_BEARING = (0.01, 0.08), (0.3, 0.8)
+#: Bearing vibration over that of the gears: of a sound bearing.
+SOUND_BEARING = (0.01, 0.08)
 #: First order of each shaft over the vibration of the gears: unbalance.
 UNBALANCE = 0.02
-CONDITIONS = (
-    "healthy",
-    "tooth",
-    "eccentricity",
-    "misalignment",
-    "bearing",
-    "pitting",
-    "wear",
-)
+CONDITIONS = ("healthy", "tooth", "eccentricity", "misalignment", "bearing", "pitting", "wear")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,8 +69,7 @@ class Condition:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        if self.kind not in CONDITIONS:
-            raise ArgumentError(f"condition {self.kind!r} must be one of {', '.join(CONDITIONS)}")
+        check_word("condition ", self.kind, CONDITIONS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,44 +117,18 @@ class Taken:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Table:
-    """Force of one gear's marks over one turn: what goes with the load, and what does not."""
-
-    per_force: FloatArray
-    of_errors: FloatArray
-
-    def at(self, place: FloatArray, force: FloatArray) -> FloatArray:
-        """Return the force where `place` is in turns and `force` the static force [N]."""
-        size = len(self.per_force) - 1
-        at = (place - np.floor(place)) * size
-        index = at.astype(np.int64)
-        np.minimum(index, size - 1, out=index)
-        at -= index
-        loaded = self.per_force[index]
-        loaded += at * (self.per_force[index + 1] - loaded)
-        loaded *= force
-        other = self.of_errors[index]
-        other += at * (self.of_errors[index + 1] - other)
-        return np.asarray(loaded + other)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class Bench:
     """Makes recordings of one machine; remembers the motions that it has solved for.
 
     Parameters
     ----------
     drawn : DrawnMachine
-    rate_hz : float
     """
 
     drawn: DrawnMachine
-    rate_hz: float = RATE_HZ
-    _turns: dict[tuple[int, int, float], Turn] = field(default_factory=dict, repr=False)
-    _tables: dict[tuple[int, int, float, Condition], _Table] = field(
+    _tables: dict[tuple[int, int, float, Condition], ComplexArray] = field(
         default_factory=dict, repr=False
     )
-    _paths: dict[int, NDArray[np.complex128]] = field(default_factory=dict, repr=False)
 
     def take(self, condition: Condition, setting: Setting) -> Taken:
         """Make a recording.
@@ -178,33 +143,34 @@ class Bench:
         Taken
             Channels a1, a2, ... [m/s2], and a tachometer of shaft 1 that tells its whole turns.
         """
+        from scipy.signal import oaconvolve
+
         rng = np.random.default_rng([setting.seed, 11])
-        count = round(setting.duration_s * self.rate_hz)
-        lead = self.drawn.path.taps(self.rate_hz)
-        speed = self.drawn.speed_hz * setting.speed
+        count = round(setting.duration_s * RATE_HZ)
+        impulse = self.drawn.path.impulse(RATE_HZ)
         # the path has to ring up before the recording begins
-        wander = _wander(rng, count + lead, self.rate_hz, SPEED_WANDER)
-        turns = rng.uniform(0, 1000) + np.cumsum(speed * (1 + wander)) / self.rate_hz
-        load = setting.load * (1 + _wander(rng, count + lead, self.rate_hz, LOAD_WANDER))
+        lead = impulse.shape[-1]
+        speed = self.drawn.speed_hz * setting.speed
+        wander = _wander(rng, count + lead, SPEED_WANDER)
+        turns = rng.uniform(0, 1000) + np.cumsum(speed * (1 + wander)) / RATE_HZ
+        load = setting.load * (1 + _wander(rng, count + lead, LOAD_WANDER))
         forces = self._forces(condition, setting, turns, load)
         forces[0] += self._impacts(condition, turns, forces[0], rng)
-        vibration = self._at_sensors(forces)[:, lead:]
-        turns = turns[lead:]
+        heard = oaconvolve(forces[None], impulse, mode="valid", axes=-1)
+        vibration, turns = np.asarray(heard.sum(axis=1)[:, 1:]), turns[lead:]
         vibration += self._tones(condition, turns, vibration, rng)
         for row in vibration:
-            deviation = float(np.std(row)) * 10 ** (-SNR_DB / 20)
-            row += _noise(rng, count, deviation)
-        vibration *= setting.gain
-        names = tuple(f"a{n + 1}" for n in range(len(vibration)))
-        rows, kinds = vibration, ("vibration",) * len(vibration)
+            row += _noise(rng, count, float(np.std(row)) * 10 ** (-SNR_DB / 20))
+        rows = [*(setting.gain * vibration)]
+        names, kinds = [f"a{n + 1}" for n in range(len(rows))], ["vibration"] * len(rows)
         if setting.tacho:
-            pulses = _pulses(turns, speed / self.rate_hz)
-            rows, names, kinds = np.vstack([rows, pulses]), (*names, "tacho"), (*kinds, "tacho")
+            rows.append(tacho_pulses(turns, RATE_HZ, np.full(count, speed), 5.0, 0.1))
+            names, kinds = [*names, "tacho"], [*kinds, "tacho"]
         recording = Recording(
-            samples=rows,
-            sampling_rate_hz=self.rate_hz,
-            channel_names=names,
-            channel_kinds=kinds,
+            samples=np.array(rows),
+            sampling_rate_hz=RATE_HZ,
+            channel_names=tuple(names),
+            channel_kinds=tuple(kinds),
             origin=f"{self.drawn.machine.name}, {condition.kind}",
         )
         return Taken(recording=recording, turns=turns)
@@ -218,68 +184,37 @@ class Bench:
         # motions change little with the speed: those of the nearest half per cent do
         solved = round(200 * setting.speed) / 200
         for number, stage in enumerate(self.drawn.stages):
-            static = stage.mechanics.force_n * load
             phase = shaft * stage.gears[0].teeth
             for side, gear in enumerate(stage.gears):
-                own = _own(condition, number, side)
-                table = self._table(number, side, solved, own)
-                forces[number] += table.at(phase / gear.teeth, static)
+                table = self._table(number, side, solved, _own(condition, number, side))
+                grid = np.arange(len(table)) / len(table)
+                force = np.interp(phase / gear.teeth, grid, table, period=1.0)
+                forces[number] += stage.mechanics.force_n * load * force.real + force.imag
             shaft = phase / stage.gears[1].teeth
         return forces
 
-    def _table(self, number: int, side: int, speed: float, condition: Condition) -> _Table:
+    def _table(self, number: int, side: int, speed: float, condition: Condition) -> ComplexArray:
+        """Force of one gear's marks over its turn: over static force, and 1j that of errors [N]."""
         key = (number, side, speed, condition)
         if key not in self._tables:
-            self._tables[key] = self._solved(number, side, speed, condition)
-        return self._tables[key]
-
-    def _solved(self, number: int, side: int, speed: float, condition: Condition) -> _Table:
-        stage = self.drawn.stages[number]
-        turn = self._turn(number, side, speed)
-        error, loss = gear_marks(stage, side, turn, condition)
-        motion = turn.motion(error, loss)
-        if side == 1:
-            # the mesh itself is heard once, with the pinion
-            healthy = turn.motion().per_force
-            motion = replace(motion, per_force=motion.per_force - healthy)
-        return _tabled(motion, turn, BELOW * self.rate_hz)
-
-    def _turn(self, number: int, side: int, speed: float) -> Turn:
-        key = (number, side, speed)
-        if key not in self._turns:
             stage = self.drawn.stages[number]
-            model: MeshModel = stage.model(speed, BELOW * self.rate_hz)
-            self._turns[key] = model.turn(stage.gears[side].teeth)
-        return self._turns[key]
-
-    def _at_sensors(self, forces: FloatArray) -> FloatArray:
-        """Send the forces through the housing; the first `taps` samples are not yet right."""
-        count = forces.shape[1]
-        size = 1 << math.ceil(math.log2(count))
-        if count <= 5 * size // 8:
-            size = 5 * size // 8
-        elif count <= 3 * size // 4:
-            size = 3 * size // 4
-        if size not in self._paths:
-            impulse = self.drawn.path.impulse(self.rate_hz)
-            self._paths[size] = np.fft.rfft(impulse, size)
-        spectra = np.fft.rfft(forces, size)
-        arrived = np.einsum("csf,sf->cf", self._paths[size], spectra)
-        return np.asarray(np.fft.irfft(arrived, size)[:, :count])
+            model, teeth = stage.model, stage.gears[side].teeth
+            model = replace(model, mesh_hz=speed * model.mesh_hz)
+            per_force, of_errors = model.motion(teeth, *gear_marks(stage, side, model, condition))
+            if side == 1:
+                # the mesh itself is heard once, with the pinion
+                per_force = per_force - model.motion(teeth)[0]
+            self._tables[key] = _force_over_turn(model, teeth, per_force, of_errors)
+        return self._tables[key]
 
     def _impacts(
         self, condition: Condition, turns: FloatArray, force: FloatArray, rng: np.random.Generator
     ) -> FloatArray:
         """Impacts of a rolling bearing on the first stage's force; they slip a little."""
-        share = rng.uniform(*SOUND_BEARING)
-        if condition.kind == "bearing":
-            share = condition.size
-        order = self.drawn.bearing_orders[0]
-        first, last = order * turns[0], order * turns[-1]
-        places = np.arange(math.ceil(first), math.floor(last)) + rng.normal(
-            0, 0.02, max(0, math.floor(last) - math.ceil(first))
-        )
-        index = np.searchsorted(turns, np.sort(places) / order)
+        share, order = _bearing(condition, rng), self.drawn.bearing_orders[0]
+        places = np.arange(math.ceil(order * turns[0]), math.floor(order * turns[-1]))
+        places = np.sort(places + rng.normal(0, 0.02, len(places)))
+        index = np.searchsorted(turns, places / order)
         train = np.zeros(len(turns))
         train[index[index < len(turns)]] = 1.0
         power = float(np.mean(train * train))
@@ -293,23 +228,21 @@ class Bench:
         rng: np.random.Generator,
     ) -> FloatArray:
         """Tones of bearings, and the first orders of the shafts."""
-        total = np.zeros_like(vibration)
-        size = np.std(vibration, axis=1)
-        share = rng.uniform(*SOUND_BEARING)
-        if condition.kind == "bearing":
-            share = condition.size
-        orders = [float(order) for order in self.drawn.bearing_orders[1:]]
-        weights = [share] * len(orders)
-        order = 1.0
-        for stage in (None, *self.drawn.stages):
-            if stage is not None:
-                order *= stage.gears[0].teeth / stage.gears[1].teeth
-            orders.append(order)
-            weights.append(UNBALANCE)
-        for line, weight in zip(orders, weights, strict=True):
-            wave = np.sin(2 * np.pi * (line * turns + rng.random()))
+        total, size = np.zeros_like(vibration), np.std(vibration, axis=1)
+        share = _bearing(condition, rng)
+        ratios = [stage.gears[0].teeth / stage.gears[1].teeth for stage in self.drawn.stages]
+        lines = [(order, share) for order in self.drawn.bearing_orders[1:]]
+        lines += [(order, UNBALANCE) for order in np.cumprod([1.0, *ratios])]
+        for order, weight in lines:
+            wave = np.sin(2 * np.pi * (order * turns + rng.random()))
             total += (weight * size * rng.uniform(0.5, 1.5, len(size)))[:, None] * wave
         return total
+
+
+def _bearing(condition: Condition, rng: np.random.Generator) -> float:
+    """Draw the vibration of a bearing over that of the gears."""
+    share = float(rng.uniform(*SOUND_BEARING))
+    return condition.size if condition.kind == "bearing" else share
 
 
 def _own(condition: Condition, number: int, side: int) -> Condition:
@@ -320,7 +253,7 @@ def _own(condition: Condition, number: int, side: int) -> Condition:
 
 
 def gear_marks(
-    stage: HiddenStage, side: int, turn: Turn, condition: Condition
+    stage: HiddenStage, side: int, model: MeshModel, condition: Condition
 ) -> tuple[FloatArray, FloatArray | None]:
     """Return the displacement [m] and lost stiffness [N/m] of one gear over its turn.
 
@@ -329,16 +262,18 @@ def gear_marks(
     stage : HiddenStage
     side : {0, 1}
         Pinion or gear.
-    turn : Turn
+    model : MeshModel
+        The mesh at the speed of the recording.
     condition : Condition
         Of this gear.
     """
-    gear, model = stage.gears[side], turn.model
+    gear = stage.gears[side]
     rng = np.random.default_rng([condition.seed, 12])
     whole = model.wave(np.ones(gear.teeth))
     deflection = stage.mechanics.force_n / model.stiffness_n_per_m
     error = gear.runout(model.points) + model.wave(gear.pitch_m) / whole
-    angle = 2 * np.pi * np.arange(turn.size) / turn.size
+    phase = np.arange(len(whole)) / model.points
+    angle = 2 * np.pi * phase / gear.teeth
     loss: FloatArray | None = None
     if condition.kind == "tooth" and condition.tooth is not None:
         own = np.zeros(gear.teeth)
@@ -353,33 +288,33 @@ def gear_marks(
     elif condition.kind == "eccentricity":
         error = error + condition.size * deflection * np.cos(angle - rng.uniform(0, 2 * np.pi))
     elif condition.kind == "wear":
-        phase = np.arange(turn.size) / model.points
         # most at root and tip, little at the pitch point: a wave of the mesh, alike on all teeth
         worn = np.abs(np.sin(np.pi * (phase - 0.5 * model.shape.length))) - 2 / np.pi
         error = error - condition.size * deflection * worn
     return error, loss
 
 
-def _tabled(motion: GearMotion, turn: Turn, highest_hz: float) -> _Table:
-    gear_hz = turn.model.mesh_hz / turn.teeth
-    top = min(math.floor(highest_hz / gear_hz), len(motion.per_force) - 1)
+def _force_over_turn(
+    model: MeshModel, teeth: int, per_force: ComplexArray, of_errors: ComplexArray
+) -> ComplexArray:
+    gear_hz = model.mesh_hz / teeth
+    top = min(math.floor(HIGHEST_HZ / gear_hz), len(per_force) - 1)
     size = 1 << math.ceil(math.log2(FINENESS * top))
-    weight = turn.model.mass_kg * (2 * np.pi * gear_hz * np.arange(top + 1)) ** 2
-    rows = []
-    for lines in (motion.per_force, motion.of_errors):
-        wave = np.fft.irfft(weight * lines[: top + 1], size) * size
-        rows.append(np.append(wave, wave[0]))
-    return _Table(per_force=rows[0], of_errors=rows[1])
+    weight = model.mass_kg * (2 * np.pi * gear_hz * np.arange(top + 1)) ** 2
+    one, two = (
+        np.fft.irfft(weight * lines[: top + 1], size, norm="forward")
+        for lines in (per_force, of_errors)
+    )
+    return np.asarray(one + 1j * two)
 
 
-def _wander(rng: np.random.Generator, count: int, rate_hz: float, deviation: float) -> FloatArray:
+def _wander(rng: np.random.Generator, count: int, deviation: float) -> FloatArray:
     """Slow random departure from the mean, piecewise straight, with the given deviation."""
-    knots = math.ceil(count / rate_hz * 50) + 2
-    time = np.arange(knots) / 50
+    time = np.arange(math.ceil(count / RATE_HZ * 50) + 2) / 50
     band = rng.uniform(0.05, WANDER_HZ, 6)
     wave = np.sin(2 * np.pi * (np.outer(time, band) + rng.random(6))).sum(axis=1)
     wave *= deviation * math.sqrt(2.0 / 6)
-    return np.asarray(np.interp(np.arange(count) / rate_hz, time, wave), dtype=np.float64)
+    return np.asarray(np.interp(np.arange(count) / RATE_HZ, time, wave), dtype=np.float64)
 
 
 def _noise(rng: np.random.Generator, count: int, deviation: float) -> FloatArray:
@@ -390,12 +325,3 @@ def _noise(rng: np.random.Generator, count: int, deviation: float) -> FloatArray
     coloured = (total[8:] - total[:-8]) / math.sqrt(8)
     mixed = math.sqrt(2 / 3) * rng.standard_normal(count) + math.sqrt(1 / 3) * coloured
     return np.asarray(deviation * mixed, dtype=np.float64)
-
-
-def _pulses(turns: FloatArray, turns_per_sample: float) -> FloatArray:
-    """One pulse a turn, its flanks crossing half height at the true angle."""
-    place = turns - np.floor(turns)
-    place = np.where(place > 0.6, place - 1, place) / turns_per_sample
-    width = 0.1 / turns_per_sample
-    rise, fall = np.clip(0.5 + 0.5 * place, 0, 1), np.clip(0.5 + 0.5 * (place - width), 0, 1)
-    return np.asarray(5.0 * (rise - fall))

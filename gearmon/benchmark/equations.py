@@ -18,10 +18,12 @@ from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
+from numpy.polynomial.legendre import legint, legval, legvander
 
 from gearmon.benchmark.stiffness import CRACK, FORM, STAGE
 from gearmon.dynamics import HillProblem
 from gearmon.errors import ArgumentError
+from gearmon.gears.pulses import gauss
 
 Real = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
@@ -236,8 +238,10 @@ class Reference:
     def error(self, motion: Lines | Samples) -> float:
         """Relative L2 error of the acceleration of a motion over the period."""
         if isinstance(motion, Lines):
-            found = self._at_nodes(motion.displacement)
-            return math.sqrt(self._mean((found - self.acceleration) ** 2)) / self.size
+            orders = np.arange(len(motion.displacement))
+            lines = -((orders / self.ratio) ** 2) * motion.displacement
+            wrong = at_nodes(lines, len(self.acceleration)) - self.acceleration
+            return math.sqrt(self._mean(wrong**2)) / self.size
         return self._error_of_samples(motion)
 
     def settling(self, wanted: float, deflection: float = 1.0) -> float:
@@ -257,17 +261,6 @@ class Reference:
     def _mean(self, values: Real) -> float:
         return float((values @ rule(NODES).weights).mean())
 
-    def _at_nodes(self, displacement: Complex) -> Real:
-        """Acceleration of harmonics at the nodes; the phase of a node turns every harmonic."""
-        segments = len(self.acceleration)
-        orders = np.arange(len(displacement))
-        lines = -((orders / self.ratio) ** 2) * displacement
-        found = np.empty_like(self.acceleration)
-        for column, node in enumerate(rule(NODES).nodes):
-            turned = lines * np.exp(2j * math.pi * orders * (node / segments))
-            found[:, column] = folded(turned, segments)
-        return found
-
     def _error_of_samples(self, motion: Samples) -> float:
         """Error at the samples, each with the share of the period that is nearest to it."""
         difference = motion.acceleration - self._at_shares(motion.share)
@@ -280,13 +273,8 @@ class Reference:
         place = (share % 1.0) * len(self.acceleration)
         # a sample on a jump belongs to the segment that begins there, rounding or not
         segment = np.floor(place + 1e-9).astype(int)
-        values = self.acceleration[segment % len(self.acceleration)]
-        distance = (place - segment)[:, None] - rule(NODES).nodes
-        exact = np.abs(distance) < 1e-14
-        shares = rule(NODES).barycentric / np.where(exact, 1.0, distance)
-        blended = (shares * values).sum(axis=1) / shares.sum(axis=1)
-        found = np.where(exact.any(axis=1), (values * exact).sum(axis=1), blended)
-        return np.asarray(found, dtype=np.float64)
+        series = self.acceleration[segment % len(self.acceleration)] @ gauss(NODES)[2].T
+        return np.asarray((series * legvander(2 * (place - segment) - 1, NODES - 1)).sum(axis=1))
 
 
 def folded(half: Complex, length: int) -> Real:
@@ -298,6 +286,13 @@ def folded(half: Complex, length: int) -> Real:
     return np.asarray(np.fft.ifft(whole, norm="forward").real)
 
 
+def at_nodes(half: Complex, segments: int) -> Real:
+    """Values of a half spectrum at the nodes of all segments, shape (segments, nodes)."""
+    turns = 2j * math.pi * np.arange(len(half)) / segments
+    # the phase of a node turns every harmonic
+    return np.column_stack([folded(half * np.exp(turns * x), segments) for x in rule(NODES).nodes])
+
+
 @dataclass(frozen=True, eq=False)
 class Rule:
     """Gauss-Legendre collocation on [0, 1].
@@ -307,29 +302,19 @@ class Rule:
     nodes, weights : ndarray, shape (n,)
     integral : ndarray, shape (n, n)
         Row i integrates the polynomial through the nodes from 0 to node i.
-    barycentric : ndarray, shape (n,)
-        Weights of barycentric interpolation.
     """
 
     nodes: Real
     weights: Real
     integral: Real
-    barycentric: Real
 
 
 @lru_cache(maxsize=4)
 def rule(count: int) -> Rule:
     """Return the collocation with `count` nodes."""
-    x, w = np.polynomial.legendre.leggauss(count)
-    values = np.polynomial.legendre.legvander(x, count)
-    degrees = np.arange(count)
-    # the integral of P_n from -1 is (P_{n+1} - P_{n-1})/(2n+1), of P_0 it is P_1 + P_0
-    below = np.concatenate([-np.ones((count, 1)), values[:, : count - 1]], axis=1)
-    integrals = (values[:, 1:] - below) / (2 * degrees + 1)
-    # coefficients by the quadrature itself: (2n+1)/2 sum w_j P_n(x_j) f_j
-    project = (degrees + 0.5)[:, None] * (w[:, None] * values[:, :count]).T
-    gaps = x[:, None] - x + np.eye(count)
-    return Rule(0.5 * (x + 1), 0.5 * w, 0.5 * integrals @ project, 1 / gaps.prod(axis=1))
+    x, w, analysis = gauss(count)
+    integral = np.asarray(legval(x, legint(analysis, lbnd=-1)).T, dtype=np.float64)
+    return Rule(0.5 * (x + 1), 0.5 * w, 0.5 * integral)
 
 
 def segments_needed(ratio: float, harmonics: int) -> int:
@@ -351,22 +336,19 @@ def solve_reference(case: Case, segments: int | None = None) -> Reference:
     if segments is None:
         segments = segments_needed(ratio, 0 if case.rectangle else len(p.stiffness_harmonics))
     step = 2 * math.pi * ratio / segments
-    maps, accelerations = [], []
-    for begin in range(0, segments, BATCH):
-        which = np.arange(begin, min(begin + BATCH, segments))
-        moved, accelerated = _segment_maps(_stiffness(case, segments, which), zeta, step)
-        maps.append(moved)
-        accelerations.append(accelerated)
-    states, growth = _close(np.concatenate(maps))
+    stiffness = _stiffness(case, segments)
+    parts = np.array_split(stiffness, math.ceil(segments / BATCH))
+    solved = (_segment_maps(part, zeta, step) for part in parts)
+    maps, accelerations = (np.concatenate(found) for found in zip(*solved, strict=True))
+    states, growth = _close(maps)
     # acceleration is linear in (z, v, 1) at the start of the segment
-    whole = np.concatenate(accelerations)
-    acceleration = np.einsum("sij,sj->si", whole, np.column_stack([states, np.ones(segments)]))
+    ends = np.column_stack([states, np.ones(segments)])
     return Reference(
         ratio=ratio,
         zeta=zeta,
         state=states[0],
         decay_rate=-growth / (2 * math.pi * ratio),
-        acceleration=acceleration,
+        acceleration=np.einsum("sij,sj->si", accelerations, ends),
     )
 
 
@@ -385,20 +367,12 @@ def reference_and_doubt(problem: HillProblem) -> tuple[Reference, float]:
     return first, second.error(Samples(share.ravel(), first.acceleration.ravel()))
 
 
-def _stiffness(case: Case, segments: int, which: npt.NDArray[np.int_]) -> Real:
-    """Relative stiffness at the nodes of some segments, shape (count, nodes)."""
-    nodes = rule(NODES).nodes
+def _stiffness(case: Case, segments: int) -> Real:
+    """Relative stiffness at the nodes of all segments, shape (segments, nodes)."""
     if case.rectangle is not None:
-        middle = (which + 0.5) / segments
+        middle = (np.arange(segments) + 0.5) / segments
         return np.repeat(case.relative_stiffness(middle)[:, None], NODES, axis=1)
-    harmonics = case.problem.stiffness_harmonics
-    half = np.concatenate([[1.0 + 0j], harmonics])
-    orders = np.arange(len(half))
-    columns = [
-        folded(half * np.exp(2j * math.pi * orders * (node / segments)), segments)[which]
-        for node in nodes
-    ]
-    return np.column_stack(columns)
+    return at_nodes(np.concatenate([[1.0 + 0j], case.problem.stiffness_harmonics]), segments)
 
 
 def _segment_maps(stiffness: Real, zeta: float, step: float) -> tuple[Real, Real]:

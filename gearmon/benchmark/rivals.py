@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.interpolate import CubicHermiteSpline
 
 from gearmon.benchmark.equations import Case, Complex, Lines, Real, Reference, Samples, folded
 from gearmon.benchmark.timing import interleaved
@@ -63,22 +64,21 @@ class Oscillator:
         return 2 * math.pi * self.ratio
 
     @cached_property
-    def cubics(self) -> tuple[Real, Real, Real, Real]:
-        """Kappa on equal pieces of the period as a + x (b + x (c + x d)), 0 <= x < 1."""
+    def table(self) -> CubicHermiteSpline:
+        """Kappa of a smooth case as cubics on equal pieces of the period, counted in these."""
         harmonics = self.case.problem.stiffness_harmonics
         # relative error of a cubic below 1e-9 times the variation, or what memory allows
         pieces = min(512 * len(harmonics), max(128 * len(harmonics), 200_000))
         half = np.concatenate([[1.0 + 0j], harmonics])
-        value = np.fft.irfft(half, pieces, norm="forward")
-        turn = 2j * math.pi * np.arange(len(half)) / pieces
-        slope = np.fft.irfft(turn * half, pieces, norm="forward")
-        rise, end = np.roll(value, -1) - value, np.roll(slope, -1)
-        return value, slope, 3 * rise - 2 * slope - end, slope + end - 2 * rise
+        lines = np.stack([half, 2j * math.pi * np.arange(len(half)) / pieces * half])
+        value, slope = np.pad(np.fft.irfft(lines, pieces, norm="forward"), ((0, 0), (0, 1)), "wrap")
+        return CubicHermiteSpline(np.arange(pieces + 1), value, slope, extrapolate="periodic")
 
     @cached_property
     def stiffness(self) -> Callable[[float], float]:
         """Kappa at one time, as quickly as Python reads it."""
-        a, b, c, d = (array("d", column) for column in self.cubics)
+        powers: list[array[float]] = [array("d", column) for column in self.table.c]
+        d, c, b, a = powers
         pieces, per_time = len(a), len(a) / self.period
 
         def at(time: float) -> float:
@@ -92,12 +92,7 @@ class Oscillator:
 
     def stiffness_at(self, time: Real) -> Real:
         """Kappa at many times, of a smooth case."""
-        pieces = len(self.cubics[0])
-        place = (time * (pieces / self.period)) % pieces
-        i = np.minimum(place.astype(int), pieces - 1)
-        x = place - i
-        a, b, c, d = (column[i] for column in self.cubics)
-        return np.asarray(a + x * (b + x * (c + x * d)))
+        return np.asarray(self.table(time * (self.table.x[-1] / self.period)))
 
     def stretches(self, begin: float, end: float) -> Iterator[tuple[float, float, float | None]]:
         """Yield times between jumps with their kappa, one stretch of a smooth case."""

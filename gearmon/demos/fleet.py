@@ -141,8 +141,8 @@ def _story(fleet: Fleet) -> Iterator[str]:
         rows.append(truth | {"true since": since} | found)
     yield from ("", *table_lines(rows), "")
     yield (
-        "Wear of all teeth alike raises a mesh line and its first sidebands together; where noise "
-        "hides the others, it is called eccentricity."
+        "Wear of all teeth alike raises a mesh line and its first sidebands together, as a heavier "
+        "load does: without the load it cannot be told from that, and the answer stays open."
     )
 
 

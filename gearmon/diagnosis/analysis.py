@@ -498,12 +498,6 @@ def _healthy_turns(
 def _mesh_lost(why: str, gain: float, probability: float) -> Flag:
     return Flag(
         kind="mesh lost",
-        stage=None,
-        gear=None,
-        tooth=None,
-        stiffness_loss=None,
-        stiffness_loss_low=None,
-        stiffness_loss_high=None,
         false_alarm_probability=probability,
         evidence=(
             f"the spectrum between the lines changed too ({gain:+.1f} dB in the median): gross "

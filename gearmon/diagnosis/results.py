@@ -65,19 +65,7 @@ class Change(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return built-in types, ready for JSON."""
-        return {
-            "channel": self.channel,
-            "family": self.family,
-            "kind": self.kind,
-            "stage": self.stage,
-            "harmonic": self.harmonic,
-            "gear": self.gear,
-            "shaft": self.shaft,
-            "level_db": self.level_db,
-            "reference_db": self.reference_db,
-            "change_db": self.change_db,
-            "scatter_db": self.scatter_db,
-        }
+        return super().to_dict() | {"change_db": self.change_db}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -178,12 +166,12 @@ class Flag(Result):
     """
 
     kind: str
-    stage: int | None
-    gear: str | None
-    tooth: int | None
-    stiffness_loss: float | None
-    stiffness_loss_low: float | None
-    stiffness_loss_high: float | None
+    stage: int | None = None
+    gear: str | None = None
+    tooth: int | None = None
+    stiffness_loss: float | None = None
+    stiffness_loss_low: float | None = None
+    stiffness_loss_high: float | None = None
     false_alarm_probability: float
     evidence: tuple[str, ...]
 

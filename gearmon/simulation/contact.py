@@ -92,7 +92,7 @@ def single_pitch_tolerance_m(diameter_m: float, module_m: float, grade: float) -
     6.3
     """
     d, m = 1e3 * diameter_m, 1e3 * module_m
-    return 1e-6 * (0.001 * d + 0.4 * m + 5) * _grade_factor(grade)
+    return 1e-6 * (0.001 * d + 0.4 * m + 5) * math.pow(2.0, 0.5 * (grade - 5))
 
 
 def runout_tolerance_m(diameter_m: float, module_m: float, grade: float) -> float:
@@ -114,7 +114,7 @@ def runout_tolerance_m(diameter_m: float, module_m: float, grade: float) -> floa
     """
     d, m = 1e3 * diameter_m, 1e3 * module_m
     total = 0.002 * d + 0.55 * math.sqrt(d) + 0.7 * m + 12
-    return 1e-6 * 0.9 * total * _grade_factor(grade)
+    return 1e-6 * 0.9 * total * math.pow(2.0, 0.5 * (grade - 5))
 
 
 def random_errors(
@@ -150,10 +150,6 @@ def random_errors(
 def ideal(teeth: int) -> GearErrors:
     """Return the errors of a perfect gear: none."""
     return GearErrors(pitch_m=np.zeros(teeth), eccentricity_m=0.0, eccentricity_phase_rad=0.0)
-
-
-def _grade_factor(grade: float) -> float:
-    return math.pow(2.0, 0.5 * (grade - 5))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -312,13 +308,17 @@ class ToothMesh:
             nominal = phase + self.runout_m(nominal) / self.base_pitch_m
         return (nominal - self.offset) / self.order
 
-    def runout_m(self, phase: FloatArray) -> FloatArray:
-        """Once-per-turn part of the missing material of both gears [m]."""
-        return self._runout(phase, 0)
+    def runout_m(self, phase: FloatArray, derivative: int = 0) -> FloatArray:
+        """Once-per-turn part of the missing material of both gears [m].
 
-    def runout_curvature_m(self, phase: FloatArray) -> FloatArray:
-        """Second derivative of `runout_m` with respect to the mesh phase [m]."""
-        return self._runout(phase, 2)
+        An even derivative of it with respect to the mesh phase, if wanted.
+        """
+        total = np.zeros(phase.shape)
+        for teeth, errors in zip(self.teeth, self.errors, strict=True):
+            rate = 2 * math.pi / teeth
+            factor = errors.eccentricity_m * (-(rate**2)) ** (derivative // 2)
+            total += factor * np.cos(rate * phase + errors.eccentricity_phase_rad)
+        return total
 
     def pitch_deviation_m(self, count: IntArray) -> FloatArray:
         """Missing material of the pair that enters contact at mesh phase `count` [m]."""
@@ -352,21 +352,13 @@ class ToothMesh:
         eps = self.stiffness.overlap_ratio
         for train in self.stiffness.trains:
             for term in train.terms:
-                edges = np.concatenate([term.pulse.starts, term.pulse.ends])
+                edges = term.pulse.edges
                 places += [*(edges + term.face_start * eps), *(edges + term.face_end * eps)]
         return np.unique(np.round(np.mod(places, 1.0), 12) % 1.0)
 
     @cached_property
     def _single(self) -> PulseTrain:
         return replace(self.stiffness.healthy, period_mesh=_ONCE)
-
-    def _runout(self, phase: FloatArray, derivative: int) -> FloatArray:
-        total = np.zeros(phase.shape)
-        for teeth, errors in zip(self.teeth, self.errors, strict=True):
-            rate = 2 * math.pi / teeth
-            factor = errors.eccentricity_m * (-(rate**2)) ** (derivative // 2)
-            total += factor * np.cos(rate * phase + errors.eccentricity_phase_rad)
-        return total
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -493,5 +485,5 @@ def _forcing(
     for row, mesh, phase in zip(forcing, meshes, phases, strict=False):
         if not mesh.floating:
             # q is counted from the flanks as runout has them: they accelerate under it
-            row -= mesh.runout_curvature_m(phase) * (mesh.order * speed) ** 2
+            row -= mesh.runout_m(phase, 2) * (mesh.order * speed) ** 2
     return forcing

@@ -16,6 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.polynomial.polynomial import polyval
 from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError
@@ -89,9 +90,7 @@ class GearedSystem:
 
     def decay_rate(self, mesh_stiffness: FloatArray) -> float:
         """Decay rate of the slowest transient with constant mesh stiffnesses [1/s]."""
-        stiffness = np.concatenate([mesh_stiffness, self.shaft_stiffness])
-        vectors, roots = self._possible
-        base = vectors * roots
+        stiffness, base = np.concatenate([mesh_stiffness, self.shaft_stiffness]), self._base
         size = base.shape[1]
         matrix = np.zeros((2 * size, 2 * size))
         matrix[:size, size:] = np.eye(size)
@@ -101,19 +100,17 @@ class GearedSystem:
 
     def static_deformation(self, forcing: FloatArray, mesh_stiffness: FloatArray) -> FloatArray:
         """Deformations at rest under constant `forcing` [m], shape (elements,)."""
-        stiffness = np.concatenate([mesh_stiffness, self.shaft_stiffness])
-        vectors, roots = self._possible
-        base = vectors * roots
+        stiffness, base = np.concatenate([mesh_stiffness, self.shaft_stiffness]), self._base
         # q = base x and W = base base', so that base' k base x = base^+ g
-        load = (vectors / roots).T @ forcing
+        load = np.linalg.pinv(base) @ forcing
         return np.asarray(base @ np.linalg.solve((base.T * stiffness) @ base, load))
 
     @property
-    def _possible(self) -> tuple[FloatArray, FloatArray]:
-        """Eigenvectors of W and roots of its eigenvalues; elsewhere nothing moves or decays."""
+    def _base(self) -> FloatArray:
+        """Root of W: eigenvectors times roots of eigenvalues; elsewhere nothing moves or decays."""
         values, vectors = np.linalg.eigh(self.coupling)
         kept = values > 1e-9 * values[-1]
-        return vectors[:, kept], np.sqrt(values[kept])
+        return np.asarray(vectors[:, kept] * np.sqrt(values[kept]))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -196,9 +193,8 @@ class MeshForces:
     ----------
     course : Course
         Each of its pieces holds `SUBSTEPS` equal steps.
-    impulses_ns, starts_n, ends_n : ndarray of float32, shape (meshes, steps of a chunk, chunks)
-        Integral of the force over each step [N s] and its limits at the ends of the step [N]. The
-        last chunk goes on beyond the end of the course with steps that last no time.
+    impulses_ns, starts_n, ends_n : ndarray of float32, shape (meshes, steps)
+        Integral of the force over each step [N s] and its limits at the ends of the step [N].
     end_state : ndarray, shape (2, elements)
         Deformations [m] and their rates [m/s] at the end.
     joint_mismatch : float
@@ -214,16 +210,10 @@ class MeshForces:
 
     @property
     def steps_s(self) -> FloatArray:
-        """Lengths of the steps [s], shape (steps of a chunk, chunks)."""
-        steps, chunks = self.impulses_ns.shape[1:]
-        lengths = np.zeros(steps * chunks // SUBSTEPS)
-        lengths[: self.course.pieces] = np.diff(self.course.times_s) / SUBSTEPS
-        return np.repeat(lengths.reshape(chunks, -1).T, SUBSTEPS, axis=0)
-
-    def in_time(self, rows: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return one of the arrays in the order of time, shape (meshes, steps of the course)."""
-        ordered = rows.transpose(0, 2, 1).reshape(len(rows), -1)
-        return ordered[:, : self.course.pieces * SUBSTEPS]
+        """Where the steps of the course begin, and where the last one ends [s]."""
+        times = self.course.times_s
+        share = np.arange(SUBSTEPS) / SUBSTEPS
+        return np.append((times[:-1, None] + np.diff(times)[:, None] * share).ravel(), times[-1])
 
 
 class March:
@@ -273,8 +263,7 @@ class March:
             The state reached.
         """
         stepper = _Stepper(self.system, self.course.deviation.shape[0], state, substeps)
-        powers = np.arange(len(self.course.stiffness))
-        nodes = np.linspace(0.0, 1.0, 2 * substeps + 1)[:, None] ** powers
+        nodes = np.linspace(0.0, 1.0, 2 * substeps + 1)
         for i in range(count):
             self._enter(stepper, first + i, nodes)
             for j in range(substeps):
@@ -289,37 +278,18 @@ class March:
         course = self.course
         piece = np.clip(wanted, 0, course.pieces - 1)
         interval, start, width = course.interval[piece], course.start[piece], course.width[piece]
-        before = _taken(course.forcing, interval)
-        slope = _taken(course.forcing, interval + 1) - before
-        polynomial = _shifted(_taken(course.stiffness, interval), start, width)
-        values = nodes @ polynomial.reshape(len(polynomial), -1)
+        before = np.take(course.forcing, interval, axis=-1)
+        slope = np.take(course.forcing, interval + 1, axis=-1) - before
+        stiffness = np.take(course.stiffness, interval, axis=-1)
+        # one more axis in front: the nodes of the steps
+        place = (start + width * nodes[:, None])[:, None, None]
         stepper.enter(
             np.where(piece == wanted, self._lengths_s[piece], 0.0),
-            values.reshape(-1, *polynomial.shape[1:]),
-            _taken(course.deviation, interval),
+            np.asarray(polyval(place, stiffness, tensor=False), dtype=np.float64),
+            np.take(course.deviation, interval, axis=-1),
             before + slope * start,
             slope * width,
         )
-
-
-def _taken(rows: FloatArray, where: IntArray) -> FloatArray:
-    """Return ``rows[..., where]``, contiguous as it is needed; plain indexing is not."""
-    flat = rows.reshape(-1, rows.shape[-1])
-    return np.take(flat, where, axis=1).reshape(*rows.shape[:-1], len(where))
-
-
-def _shifted(powers: FloatArray, start: FloatArray, width: FloatArray) -> FloatArray:
-    """Return, in place, the polynomials in x of what were polynomials in start + width x."""
-    highest = len(powers) - 1
-    # Horner's scheme divides by (variable - start) again and again; the remainders stay behind
-    for done in range(highest):
-        for power in range(highest - 1, done - 1, -1):
-            powers[power] += start * powers[power + 1]
-    scale = width
-    for power in range(1, highest + 1):
-        powers[power] *= scale
-        scale = scale * width
-    return powers
 
 
 class _Stepper:
@@ -489,11 +459,14 @@ def integrate(
     record = np.empty((3, system.meshes, length * SUBSTEPS, count), dtype=np.float32)
     ended = march.run(begun, first, length, SUBSTEPS, record, progress)
     mismatch = _join(march, record, begun, ended, first, static_m)
+    # the last chunk goes on beyond the end of the course with steps that last no time
+    ordered = record.swapaxes(2, 3).reshape(3, system.meshes, -1)
+    impulses, starts, ends = ordered[:, :, : course.pieces * SUBSTEPS]
     return MeshForces(
         course=course,
-        impulses_ns=record[0],
-        starts_n=record[1],
-        ends_n=record[2],
+        impulses_ns=impulses,
+        starts_n=starts,
+        ends_n=ends,
         end_state=ended[:, -1].reshape(2, -1),
         joint_mismatch=mismatch,
     )

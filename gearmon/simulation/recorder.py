@@ -49,6 +49,11 @@ MODEL = (
     "the shafts between them; mesh forces heard through random modes of the housing; without "
     "friction, profile relief and yielding bearings"
 )
+# Settings that are told as they were given.
+_TOLD = (
+    *("machine_seed", "recording_seed", "sampling_rate_hz", "channels"),
+    *("tacho_shaft", "snr_db", "accuracy_grade"),
+)
 #: Disagreement of chunks above which the motion is called irregular.
 IRREGULAR = 1e-3
 
@@ -335,15 +340,9 @@ def _truth(
         "model": MODEL,
         "machine": machine.name,
         "machine_file": Path(machine.path).name,
-        "machine_seed": settings.machine_seed,
-        "recording_seed": settings.recording_seed,
-        "sampling_rate_hz": settings.sampling_rate_hz,
+        **{name: getattr(settings, name) for name in _TOLD},
         "duration_s": settings.samples / settings.sampling_rate_hz,
         "samples": settings.samples,
-        "channels": settings.channels,
-        "tacho_shaft": settings.tacho_shaft,
-        "snr_db": settings.snr_db,
-        "accuracy_grade": settings.accuracy_grade,
         "condition": "fault" if any(_acts(fault) for fault in faults) else "healthy",
         "faults": [_fault(fault) for fault in faults],
         "speed": speed,
@@ -353,12 +352,8 @@ def _truth(
             for s in kinematics(machine).shafts
         ],
         "mesh": [
-            {
-                "stage": mesh.stage,
-                "order": mesh.order,
-                "frequency_hz": mesh.order * speed["mean_hz"],
-            }
-            for mesh in kinematics(machine).meshes
+            {"stage": m.stage, "order": m.order, "frequency_hz": m.order * speed["mean_hz"]}
+            for m in kinematics(machine).meshes
         ],
         "meshes": [_mesh(train, drive, number) for number in range(len(train.meshes))],
         "natural_frequencies_hz": integration.frequencies_hz.tolist(),
@@ -379,10 +374,7 @@ def _acts(fault: Fault) -> bool:
 def _fault(fault: Fault) -> dict[str, Any]:
     return {
         "fault": str(fault),
-        "kind": fault.kind,
-        "stage": fault.stage,
-        "gear": fault.gear,
-        "tooth": fault.tooth,
+        **{name: getattr(fault, name) for name in ("kind", "stage", "gear", "tooth")},
         "stiffness_loss": fault.loss if fault.is_loss else None,
         "size": str(fault).rsplit(":", 1)[-1],
     }
@@ -506,14 +498,9 @@ def _write_csv(recording: SimulatedRecording, path: Path, with_time: bool) -> No
     with path.open("w", encoding="utf-8", newline="") as file:
         file.write(",".join(header) + "\n")
         for start in range(0, recording.samples.shape[1], ROWS_AT_A_TIME):
-            rows = _rows(recording, start, with_time)
+            rows = recording.samples[:, start : start + ROWS_AT_A_TIME].T
+            if with_time:
+                times = np.arange(start, start + len(rows)) / recording.sampling_rate_hz
+                rows = np.column_stack([times, rows])
             # one format for many rows is several times as fast as one for each
             file.write(line * len(rows) % tuple(rows.ravel().tolist()))
-
-
-def _rows(recording: SimulatedRecording, start: int, with_time: bool) -> NDArray[np.float64]:
-    part = recording.samples[:, start : start + ROWS_AT_A_TIME].T
-    if not with_time:
-        return part
-    times = np.arange(start, start + len(part)) / recording.sampling_rate_hz
-    return np.column_stack([times, part])

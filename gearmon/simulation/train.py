@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from gearmon.gears.faults import Fault
 from gearmon.gears.kinematics import kinematics, planetary_speeds
@@ -232,14 +233,9 @@ def _planetary_inertia(stage: PlanetaryStage, inner: MeshPair, mass_kg: float) -
 def _discs(pair: MeshPair) -> tuple[float, float]:
     """Return R^4 - r_bore^4 of both gears, R half way up the teeth: inertias but for a factor."""
     circles = pair.unchecked_geometry
-    middle = [
-        0.5 * (tip + root)
-        for tip, root in zip(circles.tip_radii_m, circles.root_radii_m, strict=True)
-    ]
-    one, two = (
-        radius**4 - (0.5 * member.bore_m) ** 4
-        for radius, member in zip(middle, pair.members, strict=True)
-    )
+    middle = 0.5 * (np.array(circles.tip_radii_m) + circles.root_radii_m)
+    bores = np.array([member.bore_m for member in pair.members])
+    one, two = (middle**4 - (0.5 * bores) ** 4).tolist()
     return one, two
 
 
@@ -251,21 +247,15 @@ def _mechanics(data: PartData, mesh: int, faults: Sequence[Fault]) -> StageMecha
 
 
 def _mesh(data: PartData, pair: MeshPair, mechanics: StageMechanics, suffix: str) -> ToothMesh:
-    module = transverse_module_m(pair)
-    first, second = pair.members
-    alpha = math.acos(2 * pair.base_radii_m[0] / (module * first.teeth.teeth))
-    name = pair.name + suffix
+    first, second = (_errors(data, pair, member, suffix) for member in pair.members)
     return ToothMesh(
         stage=data.number,
-        name=name,
+        name=pair.name + suffix,
         order=kinematics(data.machine).mesh(data.number).order,
         offset=0.0,
-        teeth=(first.teeth.teeth, second.teeth.teeth),
-        errors=(
-            _errors(data, pair, first, suffix),
-            _errors(data, pair, second, suffix),
-        ),
-        base_pitch_m=math.pi * module * math.cos(alpha),
+        teeth=pair.teeth,
+        errors=(first, second),
+        base_pitch_m=pair.unchecked_geometry.base_pitch_m,
         stiffness=mechanics.stiffness,
         backlash_m=_backlash_m(pair),
     )
@@ -500,17 +490,12 @@ def _damped(system: GearedSystem, mesh_stiffness: FloatArray) -> GearedSystem:
 
 def _matrices(parts: list[Part], shafts: list[_Shaft]) -> tuple[FloatArray, FloatArray]:
     """Return the deformations per unit of all coordinates, and the inverse inertia of these."""
-    starts = np.cumsum([0] + [one.rows.shape[1] for one in parts])
-    inverse = np.zeros((starts[-1], starts[-1]))
-    rows = []
-    for one, start, stop in zip(parts, starts[:-1], starts[1:], strict=True):
-        inverse[start:stop, start:stop] = one.inverse_inertia
-        wide = np.zeros((len(one.rows), starts[-1]))
-        wide[:, start:stop] = one.rows
-        rows.append(wide)
-    for shaft, joint in zip(shafts, starts[1:-1], strict=True):
+    inverse = block_diag(*(one.inverse_inertia for one in parts))
+    rows = [block_diag(*(one.rows for one in parts))]
+    ends = np.cumsum([one.rows.shape[1] for one in parts])
+    for shaft, joint in zip(shafts, ends, strict=False):
         # wound up where the driven gear before the joint runs ahead of the driving one after it
-        wide = np.zeros((1, starts[-1]))
+        wide = np.zeros((1, ends[-1]))
         wide[0, joint - 1 : joint + 1] = shaft.radius_m, -shaft.radius_m
         rows.append(wide)
     return np.concatenate(rows), inverse

@@ -23,6 +23,7 @@ from gearmon.simulation.train import Train
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+Floats32 = NDArray[np.float32]
 
 #: The recording's response is flat up to this share of its sampling rate and zero from a half on.
 FLAT_SHARE = 0.4
@@ -40,8 +41,8 @@ CARRIED_SHARE = 0.6
 RUN_IN_CONSTANTS = 14.0
 #: Cells of the fine grid per sample, and per period of the fastest natural frequency.
 CELLS_PER_SAMPLE, CELLS_PER_PERIOD = 8, 6
-#: Steps of one mesh that are held in memory at a time.
-STEPS_PER_BLOCK = 5_000_000
+#: Steps of one mesh that are held in memory at a time, and cells whose means are taken together.
+STEPS_PER_BLOCK, CELLS_PER_BLOCK = 5_000_000, 100_000
 # Cosine flanks that let the record begin and end without a blow [s], beyond what is kept.
 _FLANK_S = 0.02
 #: Modes of the housing, their band [Hz] and their damping ratios.
@@ -115,102 +116,45 @@ def triangle_means(
 
     Notes
     -----
-    The weight is 1/h at the instant and falls to 0 at a cell's length h to both sides. Let I be
-    the impulse since the instant: the mean is the integral of I over the cell after it, less that
-    over the cell before it, over h^2. Within a step I is the cubic with the known total and the
-    known forces at both ends.
+    The weight is 1/h at the instant and falls to 0 at a cell's length h to both sides. Within a
+    step the force is the parabola with the known integral and the known values at both ends.
     """
     edges = start_s + cell_s * np.arange(cells + 1, dtype=np.float64)
-    places = _places(forces, edges)
-    steps_s = forces.steps_s
-    means = np.empty((len(forces.impulses_ns), cells))
-    after = np.empty(len(means))
-    for mesh, mean in enumerate(means):
-        later, earlier = _moments(forces, mesh, steps_s, places, cell_s)
-        first = -later[0] if before is None else before[mesh]
-        mean[:] = later - np.concatenate([[first], earlier[:-1]])
-        mean /= cell_s**2
-        after[mesh] = earlier[-1]
-    return means, after
+    rows = [forces.impulses_ns, forces.starts_n, forces.ends_n]
+    parts = [
+        _moments(rows, forces.steps_s, edges[first : first + CELLS_PER_BLOCK + 1])
+        for first in range(0, cells, CELLS_PER_BLOCK)
+    ]
+    whole, earlier = np.concatenate(parts, axis=2)
+    later = cell_s * whole - earlier
+    first = later[:, 0] if before is None else before
+    means = (later + np.column_stack([first, earlier[:, :-1]])) / cell_s**2
+    return means, earlier[:, -1]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Places:
-    """Where instants lie: step (an index into the flat arrays), its length and the share passed."""
+def _moments(rows: list[Floats32], steps_s: FloatArray, edges_s: FloatArray) -> FloatArray:
+    """Return integrals of force and of force times time since its beginning for each cell.
 
-    index: NDArray[np.intp]
-    chunk: NDArray[np.intp]
-    length_s: FloatArray
-    share: FloatArray
-    edges_s: FloatArray
-    chunk_ends_s: FloatArray
-
-
-def _places(forces: MeshForces, edges_s: FloatArray) -> _Places:
-    times = forces.course.times_s
-    step_s = np.diff(times) / SUBSTEPS
-    piece = np.clip(np.searchsorted(times, edges_s, side="right") - 1, 0, len(step_s) - 1)
-    length = step_s[piece]
-    # pieces of no length hold no time; the division is for their sake
-    passed = (edges_s - times[piece]) / np.where(length > 0, length, 1.0)
-    inside = np.clip(passed.astype(np.intp), 0, SUBSTEPS - 1)
-    steps, chunks = forces.impulses_ns.shape[1:]
-    chunk, step = np.divmod(piece * SUBSTEPS + inside, steps)
-    last = np.minimum(np.arange(1, chunks + 1) * (steps // SUBSTEPS), len(times) - 1)
-    return _Places(
-        index=step * chunks + chunk,
-        chunk=chunk,
-        length_s=length,
-        share=np.clip(passed - inside, 0.0, 1.0),
-        edges_s=edges_s,
-        chunk_ends_s=times[last],
-    )
-
-
-def _moments(
-    forces: MeshForces, mesh: int, steps_s: FloatArray, places: _Places, cell_s: float
-) -> tuple[FloatArray, FloatArray]:
-    """Return for each cell the integral of the impulse since its beginning, and since its end."""
-    impulses = forces.impulses_ns[mesh].astype(np.float64)
-    starts, ends = forces.starts_n[mesh], forces.ends_n[mesh]
-    # Less the mean of each chunk, the running sums come back to zero and keep their digits.
-    chunk_means = impulses.sum(axis=0) / steps_s.sum(axis=0)
-    impulses -= chunk_means * steps_s
-    sums = np.cumsum(impulses, axis=0) - impulses
-    areas = (sums + 0.5 * impulses + steps_s * (starts - ends) / 12) * steps_s
-    totals = np.cumsum(areas, axis=0)
-    offsets = np.concatenate([[0.0], np.cumsum(totals[-1])[:-1]])
-    totals += offsets - areas
-    length, x, mean = places.length_s, places.share, chunk_means[places.chunk]
-    first = (np.take(starts, places.index) - mean) * length
-    last = (np.take(ends, places.index) - mean) * length
-    step = np.take(impulses, places.index)
-    bend, twist = 3 * step - 2 * first - last, first + last - 2 * step
-    sum_here = np.take(sums, places.index)
-    impulse = sum_here + x * (first + x * (bend + x * twist))
-    area = np.take(totals, places.index) + length * x * (
-        sum_here + x * (first / 2 + x * (bend / 3 + x * twist / 4))
-    )
-    whole = np.diff(area)
-    later, earlier = _constant_moments(places, chunk_means, cell_s)
-    return whole - impulse[:-1] * cell_s + later, whole - impulse[1:] * cell_s + earlier
-
-
-def _constant_moments(
-    places: _Places, chunk_means: FloatArray, cell_s: float
-) -> tuple[FloatArray, FloatArray]:
-    """Return what the means of the chunks add to the moments of the cells."""
-    before, after = places.chunk[:-1], places.chunk[1:]
-    later = 0.5 * cell_s**2 * chunk_means[before]
-    earlier = -0.5 * cell_s**2 * chunk_means[after]
-    # cells in which chunks join; a chunk is longer than a cell or else this is taken in turn
-    for cell in np.flatnonzero(before != after):
-        for chunk in range(before[cell], after[cell]):
-            jump = chunk_means[chunk + 1] - chunk_means[chunk]
-            place = places.chunk_ends_s[chunk] - places.edges_s[cell]
-            later[cell] += 0.5 * jump * (cell_s - place) ** 2
-            earlier[cell] += 0.5 * jump * place**2
-    return later, earlier
+    `rows` are impulses of the steps and forces at their ends. The shape is (2, meshes, cells).
+    Between steps and cells both are cubics at most: two Gauss points are exact.
+    """
+    inside = steps_s[np.searchsorted(steps_s, edges_s[0]) : np.searchsorted(steps_s, edges_s[-1])]
+    grid = np.unique(np.concatenate([edges_s, inside]))
+    half, middle = 0.5 * np.diff(grid), 0.5 * (grid[1:] + grid[:-1])
+    cell = np.searchsorted(edges_s, middle) - 1
+    step = np.clip(np.searchsorted(steps_s, middle) - 1, 0, len(steps_s) - 2)
+    begin, length = steps_s[step], np.diff(steps_s)[step]
+    total = np.zeros((2, len(rows[0]), len(edges_s) - 1))
+    for mesh, known in enumerate(zip(*rows, strict=True)):
+        impulse, start, end = (row[step].astype(np.float64) for row in known)
+        mean = impulse / length
+        bend, twist = 6 * mean - 4 * start - 2 * end, 3 * (start + end - 2 * mean)
+        for place in (middle - half / math.sqrt(3), middle + half / math.sqrt(3)):
+            x = (place - begin) / length
+            force = half * (start + x * (bend + x * twist))
+            total[0, mesh] += np.bincount(cell, force)
+            total[1, mesh] += np.bincount(cell, force * (place - edges_s[cell]))
+    return total
 
 
 def band_spectrum(cells: FloatArray, oversampling: int) -> ComplexArray:

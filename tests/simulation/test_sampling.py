@@ -10,7 +10,7 @@ from gearmon.simulation.vibration import FLAT_SHARE, band_spectrum, fade_ends, t
 
 
 def forces_of(force, integral, times):
-    """Exact impulses and end values of a force over steps in one chunk or more."""
+    """Exact impulses and end values of a force over steps."""
     pieces = len(times) - 1
     course = Course(
         times_s=times,
@@ -24,11 +24,9 @@ def forces_of(force, integral, times):
     share = np.arange(SUBSTEPS) / SUBSTEPS
     start = (times[:-1, None] + np.diff(times)[:, None] * share).ravel()
     end = np.append(start[1:], times[-1])
-    chunks = 4
-    assert pieces % chunks == 0
 
     def laid_out(row):
-        return row.reshape(chunks, -1).T[None].astype(np.float32)
+        return row[None].astype(np.float32)
 
     middle = 0.5 * (start + end)
     inside = 1e-6 * (end - start)

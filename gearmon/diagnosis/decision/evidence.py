@@ -89,6 +89,12 @@ class Evidence:
         return LIMITS.angle_unsure < self.angle < LIMITS.angle_slipped
 
     @property
+    def heavier_db(self) -> float:
+        """By how much the mesh is louder than any learned load explains [dB]; 0 if it does."""
+        heavy = self.deviation.heavy
+        return 20.0 / float(np.log(10.0)) * heavy if heavy > LIMITS.heaviest else 0.0
+
+    @property
     def strength(self) -> float:
         """Strength of the strongest test."""
         return max(self.strengths.values())
@@ -152,7 +158,7 @@ def decide(evidence: Evidence, unheard: Sequence[str] = ()) -> Decision:
     if evidence.strength >= LIMITS.fault:
         return Decision(verdict="fault", unheard=tuple(unheard))
     open_ = evidence.strength >= LIMITS.open or evidence.probability < LIMITS.rare
-    if open_ or unheard or evidence.angle_lost:
+    if open_ or unheard or evidence.angle_lost or evidence.heavier_db:
         return Decision(verdict="cannot tell", unheard=tuple(unheard))
     return Decision(verdict="healthy")
 

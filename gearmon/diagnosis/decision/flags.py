@@ -261,10 +261,6 @@ def _flag(
         kind=kind,
         stage=stage,
         gear=gear or None,
-        tooth=None,
-        stiffness_loss=None,
-        stiffness_loss_low=None,
-        stiffness_loss_high=None,
         false_alarm_probability=probability,
         evidence=tuple(evidence),
     )

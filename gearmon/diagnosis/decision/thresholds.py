@@ -37,6 +37,11 @@ class Limits:
         by which the recording is lighter than all references, beyond `calibration.FAR` and up to
         a factor of two: simulated gears that begin to lose contact below half load reach three
         times the strength of steady ones. A load that seems heavier tells of no such thing.
+    heaviest : float
+        Load [Np] beyond that of every reference from which the answer stays open: twice as heavy,
+        and how well that is heard. Teeth that yield more, by wear of all of them, raise mesh
+        harmonics and their sidebands as such a load does: of 28 simulated gears at 40 % of their
+        stiffness 26 are as loud.
     rare_share : float
         Strength taken off tests of rare kinds: a twentieth of the false alarms is theirs.
     noise_strength, noise_rise_db : float
@@ -71,6 +76,7 @@ class Limits:
     lines_weight: float = 0.65
     broadband_weight: float = 0.35
     light_weight: float = 1.5
+    heaviest: float = 0.75
     rare_share: float = 1.3
     noise_strength: float = 0.9
     noise_rise_db: float = 1.5

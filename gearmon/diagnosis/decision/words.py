@@ -92,6 +92,11 @@ def reason(
         return f"The machine sounds as it did when it was healthy.{_noticed(profiles)} {rested}"
     if evidence.strength >= LIMITS.open or evidence.probability < LIMITS.rare:
         told = "More changed than is usual, but not enough to call it a fault: record again."
+    elif evidence.heavier_db:
+        told = (
+            f"The gear mesh is {evidence.heavier_db:.0f} dB louder than any healthy recording had "
+            "it: the load is far heavier than those learned, or all teeth are worn."
+        )
     elif evidence.angle_lost:
         told = (
             "Nothing speaks against the machine, but its angle was lost on the way: record again "

@@ -44,7 +44,7 @@ class TurnChange:
         Gear.
     change_db : ndarray of float, shape (6,)
         Change of the lines 1 ... 6 turns of the gear away from the mesh harmonics, freed of the
-        gain of the channels [dB].
+        gain of the channels and beyond what the mesh harmonic between them rose by [dB].
     """
 
     stage: int
@@ -80,8 +80,10 @@ def turn_changes(
     -----
     The power of the lines on both sides, less their variance and never below it, is compared in
     decibels, mesh harmonic by mesh harmonic and channel by channel; the median of the clear ones in
-    a channel is its gain. Means are weighted by ``1/(scatter^2 + 1 dB^2)``; lines below the noise
-    in all recordings count as unchanged. No alignment is needed.
+    a channel is its gain. Sidebands modulate their mesh harmonic: what a heavier load or worn teeth
+    add to it comes back in them, in proportion, and is no growth of theirs. Means are weighted by
+    ``1/(scatter^2 + 1 dB^2)``; lines below the noise in all recordings count as unchanged. No
+    alignment is needed.
     """
     found: list[tuple[WheelPattern, FloatArray, FloatArray]] = []
     for wheel in wheels:
@@ -107,13 +109,19 @@ def turn_changes(
             stage=wheel.stage,
             gear=wheel.gear,
             change_db=np.average(
-                np.nan_to_num(np.clip(change - gain[:, None, None], -30.0, 30.0)),
+                _beyond_mesh(change - gain[:, None, None]),
                 axis=(0, 1),
-                weights=1.0 / (spread**2 + 1.0),
+                weights=1.0 / (spread[..., 1:] ** 2 + 1.0),
             ),
         )
         for wheel, change, spread in found
     )
+
+
+def _beyond_mesh(change: FloatArray) -> FloatArray:
+    """Take the rise of the mesh harmonic, the first column, off that of its sidebands."""
+    rise = np.maximum(np.nan_to_num(change[..., :1]), 0.0)
+    return np.nan_to_num(np.clip(change[..., 1:] - rise, -30.0, 30.0))
 
 
 def _same(wheel: WheelPattern, patterns: Sequence[WheelPattern]) -> WheelPattern | None:
@@ -122,7 +130,7 @@ def _same(wheel: WheelPattern, patterns: Sequence[WheelPattern]) -> WheelPattern
 
 
 def _levels(wheel: WheelPattern, rows: Sequence[int]) -> tuple[FloatArray, FloatArray]:
-    """Levels by channel, mesh harmonic and distance, and their standard errors [dB]."""
+    """Levels by channel, mesh harmonic and distance from it, 0 to 6, and their standard errors."""
     top = int(wheel.number.max(initial=0))
     power = np.zeros((len(rows), top + 1))
     variance = np.zeros((len(rows), top + 1))
@@ -131,8 +139,9 @@ def _levels(wheel: WheelPattern, rows: Sequence[int]) -> tuple[FloatArray, Float
     usable = np.zeros(top + 1, dtype=bool)
     usable[wheel.number] = ~wheel.mesh
     centre = wheel.teeth * np.arange(1, max(1, (top - SIDEBANDS) // wheel.teeth + 1))
-    distance = np.arange(1, SIDEBANDS + 1)
-    total = np.zeros((len(rows), len(centre), SIDEBANDS))
+    usable[centre[centre <= top]] = True
+    distance = np.arange(SIDEBANDS + 1)
+    total = np.zeros((len(rows), len(centre), len(distance)))
     noise = np.zeros_like(total)
     for sign in (-1, 1):
         place = centre[:, None] + sign * distance
@@ -155,7 +164,10 @@ def _gains(
     limit = 10 / np.log(10) * 10 ** (-_CLEAR_DB / 20) * np.sqrt(2)
     gains = np.zeros(channels)
     for channel in range(channels):
-        moved = [change[channel][spread[channel] < limit] for _, change, spread in found]
+        moved = [
+            change[channel][..., 1:][spread[channel][..., 1:] < limit]
+            for _, change, spread in found
+        ]
         joined = np.concatenate(moved) if moved else np.zeros(0)
         gains[channel] = float(np.median(joined)) if len(joined) else 0.0
     return gains

@@ -154,7 +154,9 @@ class MachineDeviation:
     gap : float
         Distance to the nearest reference's state.
     light : float
-        By how much its load is lighter than that of every reference [Np]; 0 if it is not.
+        By how much its load is lighter than that of every reference [Np]; negative if it is not.
+    heavy : float
+        By how much it is heavier.
     length : float, in (0, 1]
         Its length over that of the shortest reference, at most 1.
     gears : tuple of GearDeviation
@@ -170,6 +172,7 @@ class MachineDeviation:
     state: FloatArray
     gap: float
     light: float
+    heavy: float
     length: float
     gears: tuple[GearDeviation, ...]
     family_names: tuple[str, ...]
@@ -266,7 +269,8 @@ class HealthyMachine:
         return MachineDeviation(
             state=state,
             gap=float(np.min(np.linalg.norm(self.states - state, axis=1))),
-            light=float(max(0.0, self.states[:, 0].min() - state[0])),
+            light=float(self.states[:, 0].min() - state[0]),
+            heavy=float(state[0] - self.states[:, 0].max()),
             length=min(1.0, own.duration_s / min(p.duration_s for p in self.profiles)),
             gears=tuple(gears),
             family_names=tuple(names),

@@ -9,8 +9,9 @@ import pytest
 from reference.gear_departures import TEETH, complex_noise, gear, machine, weights
 
 from gearmon.diagnosis.decision import Evidence
+from gearmon.diagnosis.decision.evidence import decide
 from gearmon.diagnosis.decision.flags import Flagging, own_teeth_flags, sentences
-from gearmon.diagnosis.decision.words import fault_sentence, own_teeth_reason
+from gearmon.diagnosis.decision.words import fault_sentence, own_teeth_reason, reason
 from gearmon.diagnosis.fault_types import NAMES, FeatureVector
 from gearmon.diagnosis.hypotheses.changed_path import PathChange
 from gearmon.diagnosis.hypotheses.fault_kinds import rule_probabilities
@@ -32,7 +33,7 @@ def levels(standardised=0.0, gain_db=0.0):
     )
 
 
-def evidence(own=None, lines=0.0, noise=0.0, noise_gain_db=0.0, runout=()):
+def evidence(own=None, lines=0.0, noise=0.0, noise_gain_db=0.0, runout=(), heavy=0.0):
     """Evidence of a departing gear, changed lines, changed noise or grown runout."""
     finding = None
     if own is not None:
@@ -51,6 +52,7 @@ def evidence(own=None, lines=0.0, noise=0.0, noise_gain_db=0.0, runout=()):
         state=np.zeros(2),
         gap=0.0,
         light=0.0,
+        heavy=heavy,
         length=1.0,
         gears=(own.difference,) if own is not None else (),
         family_names=(),
@@ -206,6 +208,14 @@ def test_noise_that_fell_anywhere_was_not_added():
     fell = replace(rose.deviation, broadband=replace(rose.deviation.broadband, rest_db=rest))
     flags = flags_of(replace(rose, deviation=fell), None, [change(-10.0)], common=0.7)
     assert [flag.kind for flag in flags] == ["path changed"]
+
+
+@pytest.mark.parametrize(("heavy", "verdict"), [(0.6, "healthy"), (0.9, "cannot tell")])
+def test_a_mesh_far_louder_than_any_learned_load_leaves_the_answer_open(heavy, verdict):
+    found = evidence(heavy=heavy)
+    assert decide(found).verdict == verdict
+    told = reason(verdict, found, (), (), (), ())
+    assert ("8 dB louder" in told) == (verdict == "cannot tell")
 
 
 def test_runout_is_not_blamed_for_a_bearing_or_a_moved_sensor():

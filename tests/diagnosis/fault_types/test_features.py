@@ -213,6 +213,19 @@ def test_doubled_first_sidebands_are_six_decibels():
     assert np.allclose(turn.change_db[1:], 0.0, atol=1e-6)
 
 
+def test_sidebands_that_follow_their_mesh_have_not_grown():
+    """As under a heavier load, or of worn teeth; of runout they grow and the mesh does not."""
+    old = random_lines()
+    louder = np.repeat(3.0 ** np.arange(1, 8), 20)[10:140][:130]  # another gain in each band
+    worn = np.where(distance() <= 1, louder, 1.0) * old
+    runs_out = np.where(distance() == 1, 2.0, 1.0) * worn
+    changed = [
+        turn_changes([pattern(new)], (0, 1), [[pattern(old)]], (0, 1))[0].change_db[0]
+        for new in (worn, runs_out)
+    ]
+    assert changed == pytest.approx([0.0, 20 * np.log10(2)], abs=1e-6)
+
+
 @given(st.floats(-3, 3), st.floats(-3, 3))
 def test_gains_do_not_matter_to_single_sidebands(one, two):
     old, factor = random_lines(), np.array([[10**one], [10**two]])
