@@ -26,7 +26,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.array_types import FloatArray
@@ -83,15 +82,15 @@ class Kernel:
         values[-1] = rises[-1] = 0.0
         return values, rises
 
-    def read(self, u: FloatArray) -> FloatArray:
-        """Value at a distance u [steps] by the table; spoils u."""
+    def read(self, half_steps: FloatArray) -> FloatArray:
+        """Values at distances from the table; takes their memory."""
         values, rises = self._table
-        place = np.abs(u, out=u)
-        place *= _HELD
-        cell = np.minimum(place, len(values) - 1.0).astype(np.intp)
+        place = np.abs(half_steps, out=half_steps)
+        place *= _HELD / 2
+        cell = place.astype(np.intp)
         place -= cell
-        place *= rises.take(cell)
-        place += values.take(cell)
+        place *= rises.take(cell, mode="clip")
+        place += values.take(cell, mode="clip")
         return place
 
     def transform(self, x: FloatArray) -> FloatArray:
@@ -190,18 +189,15 @@ class Spreading:
     def _piece(self, position: FloatArray, steps: FloatArray, out: FloatArray) -> None:
         taps = int(np.ceil(self._kernel.width / float(steps.min())))
         first = np.rint(position - 0.5 * (taps - 1))
-        begin = int(first[0])
-        index = (first - begin).astype(np.intp)
-        away = (first - position)[:, None] + np.arange(taps)
+        begin, away = int(first[0]), first - position
         # the speed changes by this much a sample: the angles of neighbours are no straight line
         drift = np.gradient(steps) * steps if len(steps) > 1 else 0.0 * steps
-        change = drift[:, None] * away
-        density = steps[:, None] + change
-        change *= -0.5
-        change += density
-        away *= change
-        weights = self._kernel.read(away)
-        weights *= density
+        powers = np.vander(np.arange(float(taps)), 3, increasing=True)
+        density = steps + drift * away
+        place = powers @ np.stack([away * (density + steps), 2 * density, drift])
+        weights = self._kernel.read(place)
+        weights *= powers[:, :2] @ np.stack([density, drift])
+        index = (first - begin).astype(np.intp) + np.arange(taps)[:, None]
         for row, channel in enumerate(self._samples):
-            near = odd_stretch(channel, begin, begin + int(index[-1]) + taps)
-            np.einsum("nk,nk->n", sliding_window_view(near, taps)[index], weights, out=out[row])
+            near = odd_stretch(channel, begin, begin + int(index[-1, -1]) + 1)
+            np.einsum("kn,kn->n", near.take(index, mode="clip"), weights, out=out[row])
