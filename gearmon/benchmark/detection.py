@@ -23,8 +23,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gearmon.benchmark.detection_machines import GEARS, DrawnMachine, draw_machine
-from gearmon.benchmark.detection_recordings import DURATION_S, Bench, Condition, Setting, Taken
+from gearmon.benchmark.detection_machines import (
+    DURATION_S,
+    GEARS,
+    Bench,
+    Condition,
+    DrawnMachine,
+    Setting,
+    Taken,
+    draw_machine,
+)
 from gearmon.benchmark.timing import task_time
 from gearmon.diagnosis.analysis import analyse, learn
 from gearmon.diagnosis.hypotheses.own_teeth import locate

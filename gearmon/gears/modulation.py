@@ -37,19 +37,12 @@ from itertools import product
 
 import numpy as np
 from numpy.polynomial import chebyshev
+from numpy.polynomial.legendre import legint
 from numpy.typing import ArrayLike
 
 from gearmon.gears.faults import GearError
 from gearmon.gears.pairs import MeshPair
-from gearmon.gears.pulses import (
-    LEAST_OVERLAP,
-    ComplexArray,
-    FloatArray,
-    IntArray,
-    PanelCurves,
-    Pulse,
-    legendre,
-)
+from gearmon.gears.pulses import LEAST_OVERLAP, ComplexArray, FloatArray, IntArray, Pulse, legendre
 
 #: Angles of a gear at which the carrying part of a misaligned face is taken; it has corners.
 SHARE_ANGLES, JOINT_SHARE_ANGLES = 4096, 64
@@ -306,48 +299,36 @@ class ContactFamily:
         for turn in range(math.ceil(float(edges[:, -1].max()) + eps)):
             x = turned + turn
             if eps < LEAST_OVERLAP:
-                total += self._value(terms, edges, x)
+                total += self._sum(terms, edges, x, running=False)
             else:
-                late = self._integral(terms, edges, x - eps)
-                total += (self._integral(terms, edges, x) - late) / eps
+                early, late = (self._sum(terms, edges, y, running=True) for y in (x, x - eps))
+                total += (early - late) / eps
         return total
 
-    def _value(self, terms: FloatArray, edges: FloatArray, x: FloatArray) -> FloatArray:
-        total = np.zeros(len(x))
-        for piece in range(self.series.shape[1]):
-            here = np.flatnonzero((x >= edges[:, piece]) & (x < edges[:, piece + 1]))
-            total[here] = _on_piece(self.series[:, piece], terms[here], edges[here], x[here], piece)
-        return total
-
-    def _integral(self, terms: FloatArray, edges: FloatArray, x: FloatArray) -> FloatArray:
-        """Integral of each pulse from its start to `x`."""
-        total = np.zeros(len(x))
-        for piece, series in enumerate(self._primitives):
-            here = np.flatnonzero(x > edges[:, piece])
-            half = 0.5 * (edges[here, piece + 1] - edges[here, piece])
-            total[here] += half * _on_piece(series, terms[here], edges[here], x[here], piece)
+    def _sum(
+        self, terms: FloatArray, edges: FloatArray, x: FloatArray, *, running: bool
+    ) -> FloatArray:
+        """Values of pulses at one place each, or their integrals up to there."""
+        total, series = np.zeros(len(x)), self._primitives if running else self.series
+        for piece in range(series.shape[1]):
+            low, high = edges[:, piece], edges[:, piece + 1]
+            here = np.flatnonzero((x >= low) & (running | (x < high)))
+            low, high = low[here], high[here]
+            powers = (2 * np.minimum(x[here], high) - low - high) / (high - low)
+            found = np.einsum(
+                "pn,np->p", terms[here] @ series[:, piece], legendre(series.shape[2], powers)
+            )
+            total[here] += 0.5 * (high - low) * found if running else found
         return total
 
     @cached_property
     def _primitives(self) -> FloatArray:
-        """Series of the running integrals over -1 ... 1, shape (pieces, nodes, degree + 2)."""
-        parts = self.series.reshape(-1, self.series.shape[2]).T
-        unit = PanelCurves(edges=np.array([-1.0, 1.0]), coefficients=parts[None])
-        whole = unit.integral().coefficients[0].T.reshape(*self.series.shape[:2], -1)
-        return np.moveaxis(whole, 1, 0)
+        """Series of the running integrals over -1 ... 1, shape (nodes, pieces, degree + 2)."""
+        return np.asarray(legint(self.series, lbnd=-1, axis=2))
 
     def _terms(self, lost: FloatArray) -> FloatArray:
         share = lost / self.largest if self.largest else 0 * lost
         return np.asarray(chebyshev.chebvander(np.clip(share, -1.0, 1.0), len(self.edges) - 1))
-
-
-def _on_piece(
-    series: FloatArray, terms: FloatArray, edges: FloatArray, x: FloatArray, piece: int
-) -> FloatArray:
-    """Evaluate a piece at one place of each of several pulses."""
-    low, high = edges[:, piece], edges[:, piece + 1]
-    local = (2 * np.clip(x, low, high) - low - high) / (high - low)
-    return np.asarray(np.einsum("pn,np->p", terms @ series, legendre(series.shape[1], local)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -26,8 +26,7 @@ from gearmon.gears.faults import (
 from gearmon.gears.mechanics import stage_mechanics
 from gearmon.gears.pairs import MeshPair, mesh_pairs
 from gearmon.gears.pulses import ComplexArray, FloatArray
-from gearmon.gears.stiffness import MeshStiffness, mesh_stiffness
-from gearmon.gears.stiffness_forms import StiffnessForm
+from gearmon.gears.stiffness import MeshStiffness, StiffnessForm, mesh_stiffness
 from gearmon.gears.tooth_damage import largest_size
 from gearmon.gears.tooth_outline import TeethPicture, teeth_picture
 from gearmon.gears.tooth_pairs import PotentialEnergy, ToothPair, teeth_of

@@ -307,11 +307,7 @@ def _tacho(
 ) -> FloatArray:
     order = kinematics(machine).shaft(settings.tacho_shaft or 1).order
     return tacho_pulses(
-        order * turns,
-        settings.sampling_rate_hz,
-        order * speed_hz,
-        TACHO_HIGH_V,
-        TACHO_WIDTH_TURNS,
+        order * turns, settings.sampling_rate_hz, order * speed_hz, TACHO_HIGH_V, TACHO_WIDTH_TURNS
     )
 
 

@@ -16,7 +16,7 @@ from gearmon.dynamics import HillProblem, Response, steady_state
 from gearmon.dynamics.fourier import fast_length, rms, samples
 from gearmon.dynamics.multiple_scales import Expansion, expand
 from gearmon.gears.pulses import ComplexArray, FloatArray
-from gearmon.gears.stiffness_forms import Parabolic
+from gearmon.gears.stiffness import Parabolic
 from gearmon.harvesting.harvester import InertialHarvester
 from gearmon.study.pair import (
     CONTACT_RATIO,

@@ -21,7 +21,7 @@ from gearmon.dynamics.fourier import rms
 from gearmon.dynamics.free_vibration import transient
 from gearmon.dynamics.multiple_scales import expand
 from gearmon.gears.pulses import ComplexArray, FloatArray, Pulse
-from gearmon.gears.stiffness_forms import (
+from gearmon.gears.stiffness import (
     FourierSum,
     Parabolic,
     Rectangular,
