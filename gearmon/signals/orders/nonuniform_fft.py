@@ -83,7 +83,7 @@ class Kernel:
         return values, rises
 
     def read(self, half_steps: FloatArray) -> FloatArray:
-        """Values at distances from the table; takes their memory."""
+        """Values at distances [half steps] by the table, written in their place."""
         values, rises = self._table
         place = np.abs(half_steps, out=half_steps)
         place *= _HELD / 2
@@ -190,7 +190,8 @@ class Spreading:
         taps = int(np.ceil(self._kernel.width / float(steps.min())))
         first = np.rint(position - 0.5 * (taps - 1))
         begin, away = int(first[0]), first - position
-        # the speed changes by this much a sample: the angles of neighbours are no straight line
+        # the speed changes by this much a sample: of tap k the angle is a parabola in k, and how
+        # densely samples lie there a straight line
         drift = np.gradient(steps) * steps if len(steps) > 1 else 0.0 * steps
         powers = np.vander(np.arange(float(taps)), 3, increasing=True)
         density = steps + drift * away
