@@ -152,6 +152,8 @@ def test_baseline_writes_the_lines_asked_for(run, tmp_path):
     assert all(row["frequency_hz"] <= 4000 for row in told["rows"])
     table = [line for line in target.read_text().splitlines() if not line.startswith("#")]
     assert len(table) == len(told["rows"]) + 1
+    assert told["tables"] == [str(target)]
+    assert [Path(name).read_bytes()[:4] for name in told["pictures"]] == [b"\x89PNG"]
 
 
 def test_baseline_with_a_fault_has_sidebands(run):

@@ -72,7 +72,7 @@ NAMES = (
 #: Those that a command draws.
 DRAWN = {
     *("analysis", "orders", "spectrum", "averages", "indicators", "family", "modes"),
-    *("exposure", "day", "gear share"),
+    *("exposure", "day", "gear share", "expected"),
 }
 
 

@@ -15,8 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from gearmon.benchmark.detection_machines import draw_machine
-from gearmon.benchmark.detection_recordings import Bench, Condition, Setting
+from gearmon.benchmark.detection_machines import Bench, Condition, Setting, draw_machine
 from gearmon.diagnosis.analysis import evidence_against
 from gearmon.diagnosis.decision.calibration import situation, table_of
 from gearmon.errors import GearmonError

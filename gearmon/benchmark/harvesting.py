@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.benchmark.equations import Case
+from gearmon.benchmark.equations import FORCE_N, PERIOD_S, Case, square_wave
 from gearmon.benchmark.rivals import Oscillator
 from gearmon.benchmark.timing import facts_of_run, task_time
 from gearmon.dynamics.hill import HillProblem
@@ -23,11 +23,7 @@ from gearmon.terminal import Progress
 Real = npt.NDArray[np.float64]
 _Row = dict[str, Any]
 
-# Reference pair of the source study: mesh period [s], force [N], square wave of +-13 %.
-PERIOD_S, FORCE_N = 1.6e-3, 4.0e3
-ODD = np.arange(1, 20, 2)
-VARIATION = np.zeros(19)
-VARIATION[ODD - 1] = 0.13 * (2 / math.pi) * (-1.0) ** ((ODD - 1) // 2) / ODD
+# Of the source study, about its reference pair.
 STIFFNESS = 1e8 * np.array([2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0])
 MASS = np.array([0.2, 0.28, 0.4, 0.6, 0.8, 1.0, 1.5, 2.0, 3.0])
 DAMPING = 1e3 * np.array([3.0, 6.0, 9.0, 12.0, 15.0, 18.0, 30.0, 60.0, 90.0])
@@ -73,7 +69,7 @@ def _pairs_row(sample: int, tell: Progress) -> dict[str, Any]:
     times, ratios = [], []
     for number in range(sample):
         mass, damping, stiffness = (float(rng.choice(v)) for v in (MASS, DAMPING, STIFFNESS))
-        known = mass, damping, stiffness, VARIATION.astype(complex)
+        known = mass, damping, stiffness, square_wave(19)
         problem = HillProblem(*known, PERIOD_S, FORCE_N)
         _tuned_power(problem)  # plans and caches, as in any longer run
         runs = [task_time(partial(_tuned_power, problem)) for _ in range(REPEATS)]
@@ -171,10 +167,7 @@ def _optimum_row(harvester: Harvester, quick: bool) -> dict[str, Any]:
 
 
 def _brute_force(
-    harvester: Harvester,
-    duty: list[OperatingShare],
-    frequencies: int,
-    loads: int,
+    harvester: Harvester, duty: list[OperatingShare], frequencies: int, loads: int
 ) -> float:
     """Largest power on a grid, all loads of a natural frequency at once."""
     low, high = harvester.frequency_range_hz
@@ -195,10 +188,7 @@ def _duty() -> list[OperatingShare]:
     amplitude = rng.lognormal(-1, 1, frequency.size)
     full = vibration_of_lines(frequency, acceleration_ms2=amplitude)
     part = vibration_of_lines(0.6 * frequency, acceleration_ms2=0.5 * amplitude)
-    return [
-        OperatingShare(vibration=full, share=0.8),
-        OperatingShare(vibration=part, share=0.2),
-    ]
+    return [OperatingShare(vibration=full, share=0.8), OperatingShare(vibration=part, share=0.2)]
 
 
 def _inertial() -> InertialHarvester:

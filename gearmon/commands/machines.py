@@ -103,12 +103,12 @@ def run_baseline(arguments: argparse.Namespace) -> int:
     signature = expected_signature(
         machine, faults, tolerance=arguments.tolerance, max_hz=arguments.max_hz
     )
-    told = [f"note: {_ALONG_ACTION}"]
+    result = signature.to_dict()
     if arguments.output:
         write_signature(signature, arguments.output)
-        told.append(f"wrote {arguments.output}")
-    show(arguments, signature.to_dict(), lambda: [*signature_lines(signature), *told])
-    return DONE
+        result["tables"] = [arguments.output]
+    lines = [*signature_lines(signature), f"note: {_ALONG_ACTION}"]
+    return finish(arguments, result, lambda: lines, figures=signature.figures)
 
 
 def run_family(arguments: argparse.Namespace) -> int:
@@ -433,11 +433,12 @@ STIFFNESS = Command(
 )
 BASELINE = Command(
     name="baseline",
-    help="the spectrum that a healthy (or damaged) machine should emit, from its gear data",
+    help="the spectrum that a healthy (or damaged) machine should emit, as table and picture",
     example="gearmon baseline machine.toml --fault crack:1:pinion:5:20% -o lines.csv",
     add=_baseline_arguments,
     run=run_baseline,
     endings=(".csv", ".json", ".parquet"),
+    beside=("{}.png",),
 )
 FAMILY = Command(
     name="family",

@@ -23,10 +23,9 @@ Two functions bear the names of their modules and are imported from there:
 The modules: `kinematics`; `geometry` (circles, rack, whether a pair can run); `iso6336`; `pairs`;
 `faults` (damage and errors as they are written), `tooth_damage` and `damage` (what they take from
 a tooth and from its pair); `tooth`, `foundation` and `tooth_pairs` (potential energy); `pulses`
-(whatever a pair has, loses or lacks over its contact), `stiffness_forms` (given curves) and
-`tooth_mesh` (pairs that carry together, sound and damaged, by a given curve or by their teeth);
-`stiffness` with `modulation` by turning gears; `excitation`; `mechanics`; `stiffness_report` and
-`tooth_outline` (what pictures need).
+(whatever a pair has, loses or lacks over its contact) and `tooth_mesh` (pairs that carry together,
+sound and damaged, by a given curve or by their teeth); `stiffness`, with `modulation` by turning
+gears; `excitation`; `mechanics`; `stiffness_report` and `tooth_outline` (what pictures need).
 
 Examples
 --------

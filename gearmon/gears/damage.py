@@ -41,8 +41,6 @@ from gearmon.gears.tooth_pairs import ToothPair, teeth_of
 
 #: Slices of the cracked part of a helical face.
 SLICES = 8
-#: Sizes between which one is looked for: nearly straight pieces of the curve of losses.
-SIZES = 9
 #: Gauss points of a loss between its corners: it is that of a beam, taken once for all meshes.
 LOSS_POINTS = 32
 
@@ -199,9 +197,8 @@ def size_for_loss(fault: Fault, loss: float, pair: ToothPair, index: int) -> Fau
         raise ArgumentError(f"fault {fault} has no size to be found; give one in mm or as share")
     if not 0 <= loss < 1:
         raise ArgumentError(f"loss={loss:g} must lie in [0, 1)")
-
-    sizes, losses = _losses_of_sizes(fault, pair, index)
-    most_size, most = float(sizes[-1]), float(losses[-1])
+    most_size = largest_size(fault, pair.teeth[index])
+    most = _loss_of_size(fault, most_size, pair, index)
     if loss > most:
         raise ArgumentError(
             f"a {fault.kind} costs at most {100 * most:.3g} % of the stiffness of its pair, at "
@@ -213,21 +210,12 @@ def size_for_loss(fault: Fault, loss: float, pair: ToothPair, index: int) -> Fau
     def missed(size: float) -> float:
         return _loss_of_size(fault, size, pair, index) - loss
 
-    beyond = int(np.argmax(losses >= loss))
-    size = brentq(missed, sizes[beyond - 1], sizes[beyond], rtol=1e-9)
-    return replace(fault, size=size)
+    return replace(fault, size=brentq(missed, 0.0, most_size, rtol=1e-9))
 
 
 @lru_cache(maxsize=64)
 def _loss_of_size(fault: Fault, size: float, pair: ToothPair, index: int) -> float:
     return _mean_loss(measured_losses([replace(fault, size=size)], pair, index), pair)[0]
-
-
-@lru_cache(maxsize=64)
-def _losses_of_sizes(fault: Fault, pair: ToothPair, index: int) -> tuple[FloatArray, FloatArray]:
-    """Return sizes up to the largest and their losses, between which a size is looked for."""
-    sizes = np.linspace(0.0, largest_size(fault, pair.teeth[index]), SIZES)
-    return sizes, np.array([_loss_of_size(fault, float(s), pair, index) for s in sizes])
 
 
 def _broken(fault: Fault, pair: ToothPair, index: int) -> Losses:
@@ -391,10 +379,7 @@ def acting_faults(pair: MeshPair, faults: Iterable[Fault]) -> tuple[list[Fault],
 
 
 def gear_losses(
-    pair: MeshPair,
-    faults: Sequence[Fault],
-    length: float,
-    teeth: ToothPair | None = None,
+    pair: MeshPair, faults: Sequence[Fault], length: float, teeth: ToothPair | None = None
 ) -> tuple[dict[int, Losses], dict[int, Losses]]:
     """Return the loss of each damaged tooth of each gear, by its number.
 

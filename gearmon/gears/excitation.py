@@ -136,8 +136,7 @@ class TurningError:
         if self.kind == "wear":
             total[0] = self.size_m
         elif self.kind != "misalignment":
-            if count:
-                total[1] = 0.5 * self.size_m * np.exp(1j * self.phase_rad)
+            total[1:2] = 0.5 * self.size_m * np.exp(1j * self.phase_rad)
         elif self.free_gap_m:
             total[:GAP_LINES] = self._loaded_lines()[: count + 1]
         else:

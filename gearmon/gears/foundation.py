@@ -222,20 +222,16 @@ class Foundation:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What lies outside the range of the fit."""
-        found = []
-        name, (low, high) = self.tooth.name, RADIUS_RATIOS
-        if not low <= self.radius_ratio <= high:
-            found.append(
-                f"the body of the {name} has R_f/r_bore = {self.radius_ratio:.3g}, outside the "
-                f"range {low:g} to {high:g} of the fillet-foundation fit"
-            )
-        low, high = ROOT_ANGLES
-        if not low <= self.root_angle_rad <= high:
-            found.append(
-                f"the teeth of the {name} have a half root angle of {self.root_angle_rad:.4f} rad, "
-                f"outside the range {low:g} to {high:g} of the fillet-foundation fit"
-            )
-        return tuple(found)
+        ratio, angle, name = self.radius_ratio, self.root_angle_rad, self.tooth.name
+        told = (
+            (f"body of the {name} has R_f/r_bore = {ratio:.3g}", ratio, RADIUS_RATIOS),
+            (f"teeth of the {name} have a half root angle of {angle:.4f} rad", angle, ROOT_ANGLES),
+        )
+        return tuple(
+            f"the {what}, outside the range {low:g} to {high:g} of the fillet-foundation fit"
+            for what, value, (low, high) in told
+            if not low <= value <= high
+        )
 
     def compliance(self, angle: FloatArray) -> FloatArray:
         """Return the compliance [m/N] for contacts at profile angles `angle`.

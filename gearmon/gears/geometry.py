@@ -17,7 +17,7 @@ from functools import cached_property
 from typing import cast
 
 import numpy as np
-from scipy.optimize import bisect, newton
+from scipy.optimize import bisect, brentq
 
 from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.gears.pulses import FloatArray
@@ -204,58 +204,9 @@ def inverse_involute(value: float) -> float:
     """
     if not value >= 0:
         raise ArgumentError(f"value={value} of the involute function must be >= 0")
-    # small angles: inv x = x^3/3; large ones: tan x = value + x; Newton falls on a convex function
-    angle = min(math.cbrt(3 * value), math.atan(value + math.pi / 2))
-    if angle == 0:
-        return 0.0
-    found = newton(
-        lambda x: involute(x) - value,
-        angle,
-        fprime=lambda x: math.tan(x) ** 2,
-        tol=1e-30,
-        rtol=4e-16,
-        disp=False,  # rounding of tan x - x keeps small angles from settling to the last digit
-    )
-    return float(found)
-
-
-def transverse_pressure_angle(pressure_angle_rad: float, helix_angle_rad: float) -> float:
-    """Return alpha_t = atan(tan alpha_n/cos beta) [rad]."""
-    return math.atan(math.tan(pressure_angle_rad) / math.cos(helix_angle_rad))
-
-
-def base_helix_angle(helix_angle_rad: float, pressure_angle_rad: float) -> float:
-    """Return beta_b = asin(sin beta cos alpha_n) [rad]."""
-    return math.asin(math.sin(helix_angle_rad) * math.cos(pressure_angle_rad))
-
-
-def base_radius(
-    teeth: int, module_m: float, pressure_angle_rad: float, helix_angle_rad: float = 0.0
-) -> float:
-    """Return the base radius z m_t cos(alpha_t)/2 [m].
-
-    Examples
-    --------
-    >>> round(2e3 * base_radius(26, 0.002, math.radians(20)), 5)
-    48.86402
-    """
-    alpha_t = transverse_pressure_angle(pressure_angle_rad, helix_angle_rad)
-    return 0.5 * teeth * module_m / math.cos(helix_angle_rad) * math.cos(alpha_t)
-
-
-def overlap_ratio(helix_angle_rad: float, face_width_m: float | None, module_m: float) -> float:
-    """Return eps_beta = b sin|beta|/(pi m_n).
-
-    Raises
-    ------
-    ArgumentError
-        If the gears are helical and the face width is not known.
-    """
-    if helix_angle_rad == 0:
-        return 0.0
-    if face_width_m is None:
-        raise ArgumentError("face_width_m is missing: the overlap ratio of helical gears needs it")
-    return face_width_m * math.sin(abs(helix_angle_rad)) / (math.pi * module_m)
+    # tan x = value + x, and x < pi/2
+    highest = math.atan(value + math.pi / 2)
+    return float(brentq(lambda x: involute(x) - value, 0.0, highest, xtol=1e-300, maxiter=2000))
 
 
 def contact_zones(contact_ratio: float) -> list[tuple[float, float, int]]:
@@ -324,7 +275,8 @@ class GearTeeth:
 class PairGeometry:
     """Geometry of a pair; index 0 is the first gear given, index 1 its mate.
 
-    Lengths are in metres, angles in radians, radii positive. Made by `pair_geometry`.
+    Lengths are in metres, angles in radians, radii positive. Made by `pair_geometry`, which fills
+    in what follows from the centre distance.
 
     Parameters
     ----------
@@ -353,13 +305,13 @@ class PairGeometry:
     internal: bool
     normal_module_m: float
     normal_pressure_angle_rad: float
-    working_pressure_angle_rad: float
     helix_angle_rad: float
     face_width_m: float | None
-    centre_distance_m: float
-    tip_shortening: Two
-    tip_radii_m: Two
-    path_m: Two
+    working_pressure_angle_rad: float = 0.0
+    centre_distance_m: float = 0.0
+    tip_shortening: Two = (0.0, 0.0)
+    tip_radii_m: Two = (0.0, 0.0)
+    path_m: Two = (0.0, 0.0)
     warnings: tuple[str, ...] = ()
 
     @property
@@ -370,7 +322,7 @@ class PairGeometry:
     @cached_property
     def transverse_pressure_angle_rad(self) -> float:
         """Pressure angle alpha_t at the reference circle [rad]."""
-        return transverse_pressure_angle(self.normal_pressure_angle_rad, self.helix_angle_rad)
+        return self.rack(0).transverse_pressure_angle_rad
 
     @cached_property
     def reference_radii_m(self) -> Two:
@@ -431,8 +383,20 @@ class PairGeometry:
 
     @property
     def overlap_ratio(self) -> float:
-        """Overlap ratio eps_beta = b sin(beta)/(pi m_n); 0 for spur gears."""
-        return overlap_ratio(self.helix_angle_rad, self.face_width_m, self.normal_module_m)
+        """Overlap ratio eps_beta = b sin(beta)/(pi m_n); 0 for spur gears.
+
+        Raises
+        ------
+        ArgumentError
+            If the gears are helical and the face width is not known.
+        """
+        if self.helix_angle_rad == 0:
+            return 0.0
+        if self.face_width_m is None:
+            raise ArgumentError(
+                "face_width_m is missing: the overlap ratio of helical gears needs it"
+            )
+        return self.face_width_m * math.sin(self.helix_angle_rad) / (math.pi * self.normal_module_m)
 
     @property
     def total_contact_ratio(self) -> float:
@@ -441,19 +405,14 @@ class PairGeometry:
 
     @property
     def base_helix_angle_rad(self) -> float:
-        """Helix angle on the base circle [rad]."""
-        return base_helix_angle(self.helix_angle_rad, self.normal_pressure_angle_rad)
+        """Helix angle on the base circle [rad]: asin(sin beta cos alpha_n)."""
+        return math.asin(math.sin(self.helix_angle_rad) * math.cos(self.normal_pressure_angle_rad))
 
     @property
     def pitch_point_phase(self) -> float:
         """Mesh periods from the entry of a pair into contact to its contact at the pitch point."""
         pitch = self.base_radii_m[0] * math.tan(self.working_pressure_angle_rad)
         return (pitch - self.path_m[0]) / self.base_pitch_m
-
-    @property
-    def tip_thicknesses_m(self) -> Two:
-        """Tooth thickness along the tip circle, in the transverse section [m]."""
-        return _both(lambda i: self.thickness_m(i, self.tip_radii_m[i]))
 
     def thickness_m(self, index: int, radius_m: float) -> float:
         """Return the transverse tooth thickness of a gear on a circle outside its base circle [m].
@@ -474,11 +433,9 @@ class PairGeometry:
             name = self.gears[index].name
             raise ArgumentError(f"radius_m={radius_m} of the {name} must be >= base radius {base}")
         gear, sign = self.gears[index], self.sign(index)
-        shift = gear.profile_shift * math.tan(self.normal_pressure_angle_rad)
-        half_angle = (math.pi / 2 + 2 * shift) / gear.teeth
-        here = math.acos(min(1.0, base / radius_m))
-        difference = involute(self.transverse_pressure_angle_rad) - involute(here)
-        return 2 * radius_m * (half_angle + sign * difference)
+        half_angle = self.rack(index).base_half_angle(sign * gear.teeth, gear.profile_shift)
+        here = involute(math.acos(min(1.0, base / radius_m)))
+        return 2 * radius_m * sign * (half_angle - here)
 
     def sign(self, index: int) -> int:
         """Return -1 for the ring of an internal pair, else 1."""
@@ -503,7 +460,7 @@ def pair_geometry(
     face_width_m: float | None = None,
     centre_distance_m: float | None = None,
     internal: bool = False,
-    tip_shortening: float | Two | None = None,
+    tip_shortening: float | tuple[float | None, float | None] | None = None,
     check: bool = True,
 ) -> PairGeometry:
     """Return the geometry of a pair of cylindrical involute gears.
@@ -525,8 +482,8 @@ def pair_geometry(
     internal : bool
         Whether `second` has internal teeth.
     tip_shortening : float or (float, float), optional
-        k, in modules, of both gears or of each. By default what keeps the tip clearance of
-        unshifted gears, ``k = (a_w - a)/m_n - (x1 + x2)`` where that is negative, and 0 for
+        k, in modules, of both gears or of each. By default, or None, what keeps the tip clearance
+        of unshifted gears, ``k = (a_w - a)/m_n - (x1 + x2)`` where that is negative, and 0 for
         internal pairs.
     check : bool
         Whether pairs that cannot run are refused: negative backlash, undercut that reaches the
@@ -567,24 +524,18 @@ def pair_geometry(
         internal=internal,
         normal_module_m=module_m,
         normal_pressure_angle_rad=pressure_angle_rad,
-        working_pressure_angle_rad=0.0,
         helix_angle_rad=beta,
         face_width_m=face_width_m,
-        centre_distance_m=0.0,
-        tip_shortening=(0.0, 0.0),
-        tip_radii_m=(0.0, 0.0),
-        path_m=(0.0, 0.0),
     )
     working, distance = _working(pair, centre_distance_m)
     pair = replace(pair, working_pressure_angle_rad=working, centre_distance_m=abs(distance))
-    if not isinstance(tip_shortening, tuple):
-        if tip_shortening is None:
-            excess = (distance - 0.5 * pair.transverse_module_m * _total(pair)) / module_m
-            excess -= first.profile_shift + second.profile_shift
-            # a centre distance above the tight one, or a ring, needs no cutting back
-            tip_shortening = 0.0 if internal else min(0.0, excess)
-        tip_shortening = tip_shortening, tip_shortening
-    pair = _with_tips(replace(pair, tip_shortening=tip_shortening))
+    excess = (distance - 0.5 * pair.transverse_module_m * _total(pair)) / module_m
+    excess -= first.profile_shift + second.profile_shift
+    # a centre distance above the tight one, or a ring, needs no cutting back
+    usual = 0.0 if internal else min(0.0, excess)
+    given = tip_shortening if isinstance(tip_shortening, tuple) else (tip_shortening,) * 2
+    one, two = (usual if k is None else k for k in given)
+    pair = _with_tips(replace(pair, tip_shortening=(one, two)))
     return check_pair(trim_ring(pair)) if check else pair
 
 
@@ -765,7 +716,7 @@ def _check_tip(pair: PairGeometry, index: int) -> list[str]:
             f"{1e3 * pair.base_radii_m[index]:.5g} mm, where there is no involute; "
             f"{'reduce' if pair.sign(index) < 0 else 'raise'} tip_factor_{gear.name}"
         )
-    thickness = pair.tip_thicknesses_m[index] * math.cos(pair.helix_angle_rad)
+    thickness = pair.thickness_m(index, pair.tip_radii_m[index]) * math.cos(pair.helix_angle_rad)
     modules = thickness / pair.normal_module_m
     if modules <= 0:
         raise ArgumentError(

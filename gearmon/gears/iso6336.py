@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass, field
 
 from gearmon.errors import ArgumentError, check_positive, check_range
-from gearmon.gears.geometry import base_helix_angle
 
 #: What warnings begin with.
 METHOD = "ISO 6336-1 Method B"
@@ -218,7 +217,7 @@ def method_b(
     """
     first, second = _ordered(one, other)
     check_positive("contact_ratio", contact_ratio)
-    base = base_helix_angle(helix_angle_rad, pressure_angle_rad)
+    base = math.asin(math.sin(helix_angle_rad) * math.cos(pressure_angle_rad))
     share = math.cos(base) ** 2 * math.cos(helix_angle_rad)
     virtual = first.teeth / share, math.inf if second.internal else second.teeth / share
     theoretical = _theoretical(first, second, virtual)

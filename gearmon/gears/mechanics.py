@@ -18,8 +18,7 @@ from gearmon.gears.iso6336 import (
 )
 from gearmon.gears.kinematics import kinematics
 from gearmon.gears.pairs import Member, MeshPair, mesh_pairs
-from gearmon.gears.stiffness import MeshStiffness, mesh_stiffness
-from gearmon.gears.stiffness_forms import StiffnessForm
+from gearmon.gears.stiffness import MeshStiffness, StiffnessForm, mesh_stiffness
 from gearmon.machine import Machine, OperatingPoint, PlanetaryStage
 
 #: Damping ratio of a mesh where none is given; 0.03 to 0.17 were measured

@@ -37,19 +37,12 @@ from itertools import product
 
 import numpy as np
 from numpy.polynomial import chebyshev
+from numpy.polynomial.legendre import legint
 from numpy.typing import ArrayLike
 
 from gearmon.gears.faults import GearError
 from gearmon.gears.pairs import MeshPair
-from gearmon.gears.pulses import (
-    LEAST_OVERLAP,
-    ComplexArray,
-    FloatArray,
-    IntArray,
-    PanelCurves,
-    Pulse,
-    legendre,
-)
+from gearmon.gears.pulses import LEAST_OVERLAP, ComplexArray, FloatArray, IntArray, Pulse, legendre
 
 #: Angles of a gear at which the carrying part of a misaligned face is taken; it has corners.
 SHARE_ANGLES, JOINT_SHARE_ANGLES = 4096, 64
@@ -306,48 +299,36 @@ class ContactFamily:
         for turn in range(math.ceil(float(edges[:, -1].max()) + eps)):
             x = turned + turn
             if eps < LEAST_OVERLAP:
-                total += self._value(terms, edges, x)
+                total += self._sum(terms, edges, x, running=False)
             else:
-                late = self._integral(terms, edges, x - eps)
-                total += (self._integral(terms, edges, x) - late) / eps
+                early, late = (self._sum(terms, edges, y, running=True) for y in (x, x - eps))
+                total += (early - late) / eps
         return total
 
-    def _value(self, terms: FloatArray, edges: FloatArray, x: FloatArray) -> FloatArray:
-        total = np.zeros(len(x))
-        for piece in range(self.series.shape[1]):
-            here = np.flatnonzero((x >= edges[:, piece]) & (x < edges[:, piece + 1]))
-            total[here] = _on_piece(self.series[:, piece], terms[here], edges[here], x[here], piece)
-        return total
-
-    def _integral(self, terms: FloatArray, edges: FloatArray, x: FloatArray) -> FloatArray:
-        """Integral of each pulse from its start to `x`."""
-        total = np.zeros(len(x))
-        for piece, series in enumerate(self._primitives):
-            here = np.flatnonzero(x > edges[:, piece])
-            half = 0.5 * (edges[here, piece + 1] - edges[here, piece])
-            total[here] += half * _on_piece(series, terms[here], edges[here], x[here], piece)
+    def _sum(
+        self, terms: FloatArray, edges: FloatArray, x: FloatArray, *, running: bool
+    ) -> FloatArray:
+        """Values of pulses at one place each, or their integrals up to there."""
+        total, series = np.zeros(len(x)), self._primitives if running else self.series
+        for piece in range(series.shape[1]):
+            low, high = edges[:, piece], edges[:, piece + 1]
+            here = np.flatnonzero((x >= low) & (running | (x < high)))
+            low, high = low[here], high[here]
+            powers = (2 * np.minimum(x[here], high) - low - high) / (high - low)
+            found = np.einsum(
+                "pn,np->p", terms[here] @ series[:, piece], legendre(series.shape[2], powers)
+            )
+            total[here] += 0.5 * (high - low) * found if running else found
         return total
 
     @cached_property
     def _primitives(self) -> FloatArray:
-        """Series of the running integrals over -1 ... 1, shape (pieces, nodes, degree + 2)."""
-        parts = self.series.reshape(-1, self.series.shape[2]).T
-        unit = PanelCurves(edges=np.array([-1.0, 1.0]), coefficients=parts[None])
-        whole = unit.integral().coefficients[0].T.reshape(*self.series.shape[:2], -1)
-        return np.moveaxis(whole, 1, 0)
+        """Series of the running integrals over -1 ... 1, shape (nodes, pieces, degree + 2)."""
+        return np.asarray(legint(self.series, lbnd=-1, axis=2))
 
     def _terms(self, lost: FloatArray) -> FloatArray:
         share = lost / self.largest if self.largest else 0 * lost
         return np.asarray(chebyshev.chebvander(np.clip(share, -1.0, 1.0), len(self.edges) - 1))
-
-
-def _on_piece(
-    series: FloatArray, terms: FloatArray, edges: FloatArray, x: FloatArray, piece: int
-) -> FloatArray:
-    """Evaluate a piece at one place of each of several pulses."""
-    low, high = edges[:, piece], edges[:, piece + 1]
-    local = (2 * np.clip(x, low, high) - low - high) / (high - low)
-    return np.asarray(np.einsum("pn,np->p", terms @ series, legendre(series.shape[1], local)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -430,9 +411,7 @@ class ModulationTrain:
     def _add(self, wanted: ComplexArray, meshes: IntArray) -> None:
         """Add the lines about some mesh orders to the half spectrum `wanted`."""
         reach = self._sidebands(int(meshes[-1]), len(self.offsets))
-        lines = (
-            self._joint(meshes, reach) if len(self.offsets) == 2 else self._single(meshes, reach)
-        )
+        lines = self._lines(meshes, reach)
         period = self.period_mesh
         place = meshes * period
         for offset in self.offsets:
@@ -446,36 +425,25 @@ class ModulationTrain:
         inside = mirrored & (place <= 0) & (place > -len(wanted))
         np.add.at(wanted, -place[inside], values[inside].conj())
 
-    def _single(self, meshes: IntArray, reach: int) -> ComplexArray:
-        """Return c_{m,s} less the even mesh, shape (2 reach + 1, mesh orders)."""
-        (offset,) = self.offsets
-        shifted = self._shifted(int(meshes[-1]))
-        count = 2 * shifted + 2
-        angle = 2 * np.pi * np.arange(count) / count
-        state = state_of(self.offsets, [angle], self.free_gap_m)
-        moved = self.family.coefficients(meshes, state.leaving, state.entering)
-        lines = _around(np.fft.fft(moved, axis=0, norm="forward"), shifted)
-        if offset.lead_m:
-            fine = 2 * np.pi * np.arange(SHARE_ANGLES) / SHARE_ANGLES
-            share = state_of(self.offsets, [fine], self.free_gap_m).share
-            factor = np.fft.fft(share, norm="forward")[np.arange(-reach, reach + 1)]
-            lines = _convolved(lines, factor, reach)
-        lines[reach] -= self.family.coefficients(meshes, np.zeros(1), np.zeros(1))[0]
-        return lines
+    def _lines(self, meshes: IntArray, reach: int) -> ComplexArray:
+        """Return c_{m,s} or c_{m,s1,s2} less those of fewer gears, mesh orders along the last axis.
 
-    def _joint(self, meshes: IntArray, reach: int) -> ComplexArray:
-        """Return c_{m,s1,s2} less those of each gear, shape (s1, s2, mesh orders)."""
-        count = 2 * reach + 2
+        The others run over the gear orders -reach ... reach of each gear.
+        """
+        gears, corners = len(self.offsets), any(offset.lead_m for offset in self.offsets)
+        # lines of a misaligned face fall slowly: room for those that would fold
+        count = 4 * reach if corners else 2 * reach + 2
         angle = 2 * np.pi * np.arange(count) / count
-        angles = [np.repeat(angle, count), np.tile(angle, count)]
-        total = np.zeros((count, count, len(meshes)), dtype=np.complex128)
+        angles = [own.ravel() for own in np.meshgrid(*[angle] * gears, indexing="ij")]
+        total = np.zeros((len(angles[0]), len(meshes)), dtype=np.complex128)
         for sign, moving in self._signed:
             state = state_of(moving, angles, self.free_gap_m)
             lines = self.family.coefficients(meshes, state.leaving, state.entering)
-            total += sign * (state.share[:, None] * lines).reshape(total.shape)
-        once = _around(np.fft.fft(total, axis=0, norm="forward"), reach)
-        twice = _around(np.moveaxis(np.fft.fft(once, axis=1, norm="forward"), 1, 0), reach)
-        return np.moveaxis(twice, 0, 1)
+            total += sign * state.share[:, None] * lines
+        whole = total.reshape(*[count] * gears, len(meshes))
+        lines = np.fft.fftn(whole, axes=tuple(range(gears)), norm="forward")
+        wanted = [np.arange(-reach, reach + 1)] * gears
+        return np.asarray(lines[np.ix_(*wanted, np.arange(len(meshes)))])
 
 
 def modulation_trains(
@@ -521,16 +489,3 @@ def modulation_trains(
         for own in moving
     ]
     return tuple(trains), notes
-
-
-def _around(lines: ComplexArray, reach: int) -> ComplexArray:
-    """Return the lines -reach ... reach of a discrete Fourier transform along its first axis."""
-    return np.asarray(lines[np.arange(-reach, reach + 1)])
-
-
-def _convolved(lines: ComplexArray, factor: ComplexArray, reach: int) -> ComplexArray:
-    """Return the lines -reach ... reach of a product; both along the first axis."""
-    half = len(lines) // 2
-    size = len(lines) + len(factor)
-    product = np.fft.fft(lines, size, axis=0) * np.fft.fft(factor, size)[:, None]
-    return np.asarray(np.fft.ifft(product, axis=0)[half : half + 2 * reach + 1])

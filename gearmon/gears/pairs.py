@@ -12,15 +12,7 @@ from functools import cached_property
 
 from gearmon.errors import ArgumentError
 from gearmon.gears import iso6336
-from gearmon.gears.geometry import (
-    GearTeeth,
-    PairGeometry,
-    Two,
-    base_radius,
-    overlap_ratio,
-    pair_geometry,
-    transverse_pressure_angle,
-)
+from gearmon.gears.geometry import GearTeeth, PairGeometry, pair_geometry
 from gearmon.machine import ParallelStage, PlanetaryStage
 
 Stage = ParallelStage | PlanetaryStage
@@ -194,9 +186,9 @@ class MeshPair:
         """Overlap ratio eps_beta; 0 for spur gears."""
         if self.helix_angle_rad == 0:
             return 0.0
-        module = 1e-3 * self.need("module_mm", "overlap ratio")
-        width = 1e-3 * self.need("face_width_mm", "overlap ratio")
-        return overlap_ratio(self.helix_angle_rad, width, module)
+        self.need("module_mm", "overlap ratio")
+        self.need("face_width_mm", "overlap ratio")
+        return self.unchecked_geometry.overlap_ratio
 
     @property
     def pitch_phase(self) -> float:
@@ -208,12 +200,8 @@ class MeshPair:
     @property
     def base_radii_m(self) -> tuple[float, float]:
         """Base radii [m]."""
-        module = 1e-3 * self.need("module_mm", "base circle", "force_n and equivalent_mass_kg")
-        one, two = (
-            base_radius(member.teeth.teeth, module, self.pressure_angle_rad, self.helix_angle_rad)
-            for member in self.members
-        )
-        return one, two
+        self.need("module_mm", "base circle", "force_n and equivalent_mass_kg")
+        return self.unchecked_geometry.base_radii_m
 
     def method_b(self, force_n: float | None = None) -> iso6336.MethodB:
         """Return the stiffness by ISO 6336-1 Method B.
@@ -242,7 +230,7 @@ class MeshPair:
         """
         if force_n is None or self.stage.face_width_mm is None:
             return None
-        alpha = transverse_pressure_angle(self.pressure_angle_rad, self.helix_angle_rad)
+        alpha = math.atan(math.tan(self.pressure_angle_rad) / math.cos(self.helix_angle_rad))
         tangential = force_n * math.cos(alpha) * self.stage.application_factor
         return tangential / self.stage.face_width_mm
 
@@ -259,44 +247,36 @@ class MeshPair:
         return min(found, key=lambda body: body.factor, default=None)
 
     def _geometry(self, *, check: bool) -> PairGeometry:
-        self.need("module_mm", "contact ratio", "contact_ratio" if self.is_main else "")
-        distance, shortening = self._fixed_by_others()
+        module = 1e-3 * self.need(
+            "module_mm", "contact ratio", "contact_ratio" if self.is_main else ""
+        )
+        width, (distance, shortening) = self.stage.face_width_mm, self._fixed_by_others()
         try:
-            return self._placed(distance, shortening, check=check)
+            return pair_geometry(
+                self.first.teeth,
+                self.second.teeth,
+                module_m=module,
+                pressure_angle_rad=self.pressure_angle_rad,
+                helix_angle_rad=self.helix_angle_rad,
+                face_width_m=None if width is None else 1e-3 * width,
+                centre_distance_m=distance,
+                internal=self.second.internal,
+                tip_shortening=shortening,
+                check=check,
+            )
         except ArgumentError as error:
             raise ArgumentError(f"{self.where}: {error}") from None
 
-    def _placed(
-        self, distance_m: float | None, shortening: float | Two | None = None, *, check: bool
-    ) -> PairGeometry:
-        width = self.stage.face_width_mm
-        return pair_geometry(
-            self.first.teeth,
-            self.second.teeth,
-            module_m=1e-3 * self.need("module_mm", "tip shortening"),
-            pressure_angle_rad=self.pressure_angle_rad,
-            helix_angle_rad=self.helix_angle_rad,
-            face_width_m=None if width is None else 1e-3 * width,
-            centre_distance_m=distance_m,
-            internal=self.second.internal,
-            tip_shortening=shortening,
-            check=check,
-        )
-
-    def _fixed_by_others(self) -> tuple[float | None, float | Two | None]:
+    def _fixed_by_others(self) -> tuple[float | None, tuple[float | None, float | None]]:
         """Return centre distance and tip shortening where they are not this pair's to choose."""
+        one, two = self._told_shortening(0), self._told_shortening(1)
         if self.inner is not None:
             # the planet is one body on one axis, which its mesh with the sun has placed
             inner = self.inner.unchecked_geometry
-            ring = self._told_shortening(1)
-            return inner.centre_distance_m, (inner.tip_shortening[1], 0.0 if ring is None else ring)
-        distance = self.stage.centre_distance_mm
-        metres = None if distance is None else 1e-3 * distance
-        told = self._told_shortening(0), self._told_shortening(1)
-        given = self.stage.tip_shortening
-        if told == (None, None):
-            return metres, given
-        return metres, self._completed(told, metres)
+            return inner.centre_distance_m, (inner.tip_shortening[1], two or 0.0)
+        distance, usual = self.stage.centre_distance_mm, self.stage.tip_shortening
+        told = usual if one is None else one, usual if two is None else two
+        return None if distance is None else 1e-3 * distance, told
 
     def _told_shortening(self, index: int) -> float | None:
         """Return the tip shortening [modules] that a given tip diameter means."""
@@ -307,14 +287,6 @@ class MeshPair:
         height = (1e3 * member.tip_diameter_m - reference) / (2 * module)
         sign = -1 if member.internal else 1
         return sign * height - member.teeth.tip_factor - member.teeth.profile_shift
-
-    def _completed(self, told: tuple[float | None, float | None], distance_m: float | None) -> Two:
-        """Return the shortening of both gears: where one is not told, what it is otherwise."""
-        usual = self.stage.tip_shortening
-        if usual is None and None in told:
-            usual = self._placed(distance_m, check=False).tip_shortening[0]
-        one, two = (usual or 0.0 if k is None else k for k in told)
-        return one, two
 
 
 def mesh_pairs(stage: Stage, number: int | None = None, path: str = "") -> tuple[MeshPair, ...]:

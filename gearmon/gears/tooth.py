@@ -60,12 +60,8 @@ class RootPart:
         Parameter at which root cracks begin.
     """
 
-    curve: Curve
+    at: Curve
     crack_parameter: float = 0.0
-
-    def at(self, parameter: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return height and half thickness [m]."""
-        return self.curve(parameter)
 
     def points(self, edges: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return height, half thickness and slope of the height at the panel nodes of `edges`."""
@@ -94,7 +90,7 @@ def straight_root(base_radius: float, root_radius: float, half_angle: float) -> 
         height = low + (high - low) * parameter
         return height, np.full_like(height, half)
 
-    return RootPart(curve=curve)
+    return RootPart(at=curve)
 
 
 def fillet_root(rack: Rack, teeth: float, profile_shift: float, module_m: float) -> RootPart:
@@ -117,7 +113,7 @@ def fillet_root(rack: Rack, teeth: float, profile_shift: float, module_m: float)
         height, half = rack.fillet(teeth, profile_shift, angles)
         return module_m * height, module_m * half
 
-    return RootPart(curve=curve, crack_parameter=where_tangent(curve, CRITICAL_TANGENT))
+    return RootPart(at=curve, crack_parameter=where_tangent(curve, CRITICAL_TANGENT))
 
 
 def where_tangent(curve: Curve, angle_rad: float) -> float:
@@ -176,7 +172,7 @@ def ring_root(end_m: tuple[float, float], slope_rad: float, root_radius_m: float
         angle = low + (high - low) * parameter
         return centre[1] + radius * np.cos(angle), centre[0] + radius * np.sin(angle)
 
-    return RootPart(curve=curve, crack_parameter=where_tangent(curve, RING_TANGENT))
+    return RootPart(at=curve, crack_parameter=where_tangent(curve, RING_TANGENT))
 
 
 def arc_radius(end_radius_m: float, root_radius_m: float, roll_m: float) -> float:
@@ -379,18 +375,15 @@ class Tooth:
     def root_part(self) -> RootPart | None:
         """The beam below the involute."""
         if self.internal:
-            return self._ring_root()
+            if self.root != "fillet":
+                return None
+            end = float(self.half_thickness(self.start)), float(self.height(self.start))
+            return ring_root(end, float(self.slope(self.start)), self.root_radius_m)
         if self.root == "fillet":
             return fillet_root(self.rack, self.teeth, self.profile_shift, self.module_m)
         if self.root == "base" or self.root_radius_m >= self.base_radius_m:
             return None
         return straight_root(self.base_radius_m, self.root_radius_m, self.base_half_angle_rad)
-
-    def _ring_root(self) -> RootPart | None:
-        if self.root != "fillet":
-            return None
-        end = float(self.half_thickness(self.start)), float(self.height(self.start))
-        return ring_root(end, float(self.slope(self.start)), self.root_radius_m)
 
     @cached_property
     def crack_start(self) -> tuple[float, float]:

@@ -511,11 +511,6 @@ class PotentialEnergy:
         """Name under which the form is chosen."""
         return POTENTIAL_ENERGY
 
-    @property
-    def normalisation(self) -> Literal["mean", "maximum"]:
-        """The mean is that of the teeth, or the one imposed."""
-        return "mean"
-
 
 #: The form with its usual choices.
 USUAL = PotentialEnergy()

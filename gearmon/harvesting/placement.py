@@ -15,7 +15,7 @@ import numpy as np
 
 from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.harvesting import response, tuning, vibration
-from gearmon.harvesting.harvester import Harvester, half_power_band, response_rows
+from gearmon.harvesting.harvester import Harvester, Real, half_power_band, response_rows
 from gearmon.harvesting.request import SensorBudget
 from gearmon.harvesting.response import Tuned, evaluate
 from gearmon.harvesting.tuning import OverLimitsError, tune_harvester
@@ -86,7 +86,7 @@ class Placed:
     over_limits : float
         Where a limit of travel or stress is why: peak over limit of the nearest tuning; else NaN.
     power_unseen_w : float
-        Mean power on stretches that the tuning did not know; NaN without recordings.
+        Mean power on stretches of the recordings by tunings that did not know them; NaN without.
     power_low_w, power_high_w : float
         90 % interval of the long-run mean power, from these stretches and what is not known of the
         shares of time; NaN where there are too few independent ones.
@@ -121,8 +121,13 @@ class Placed:
 
     @property
     def power_w(self) -> float:
-        """Mean power while the gear is sound [W]; 0 where no tuning is possible."""
-        return self.tuned.power_w if self.tuned else 0.0
+        """Mean power to expect while the gear is sound [W]; 0 where no tuning is possible.
+
+        Of recordings that on stretches which the tuning did not know: on its own ones the tuned
+        harvester does better than it will again, for it was fitted to their noise as well.
+        """
+        own = self.tuned.power_w if self.tuned else 0.0
+        return own if math.isnan(self.power_unseen_w) else self.power_unseen_w
 
     @property
     def interval_s(self) -> float:
@@ -150,6 +155,7 @@ class Placed:
             for t in (self.tuned, self.tuned_degraded)
         )
         row |= {"natural_frequency_hz": best[0], "load": best[1]}
+        row |= {"power_on_recordings_w": best[2] if self.position.folds else math.nan}
         row |= {"degraded_best_hz": degraded[0], "degraded_best_power_w": degraded[2]}
         known = {name: x if math.isfinite(x) else None for name, x in row.items()}
         told = {"good_only_when_damaged": self.good_only_when_damaged, "refusal": self.refusal}
@@ -160,10 +166,10 @@ def _placed(harvester: Harvester, position: Position, budget: SensorBudget) -> P
     found: dict[str, Any] = {}
     try:
         tuned = tune_harvester(harvester, position.healthy)
-        shares = [point.share for point in position.healthy]
-        found |= {"tuned": tuned, "supply": budget.supply(tuned, shares)}
+        judged, unseen = _judged(harvester, tuned, position)
+        supply = budget.supply(unseen, [point.share for point in position.healthy])
+        found |= {"tuned": tuned, "supply": supply} | judged
         found |= {"line_share": _line_share(tuned.harvester, position.healthy)}
-        found |= _judged(harvester, tuned, position)
     except ArgumentError as error:
         found = {"refusal": str(error), "over_limits": getattr(error, "over", math.nan)}
     with suppress(ArgumentError):
@@ -213,10 +219,15 @@ def _line_share(harvester: Harvester, duty: Points) -> float:
     return float(response.mean_power_w(harvester, clear, load)[0]) / whole if whole > 0 else 0.0
 
 
-def _judged(harvester: Harvester, tuned: Tuned[Any], position: Position) -> dict[str, Any]:
-    """Judge on every part what the others would have chosen, and how well the mean is known."""
+def _judged(
+    harvester: Harvester, tuned: Tuned[Any], position: Position
+) -> tuple[dict[str, float], Tuned[Any]]:
+    """Judge on every part what the others would have chosen, and how well the mean is known.
+
+    Returned with the tuned harvester that gives what they give.
+    """
     if len(position.folds) < 2:
-        return {}
+        return {}, tuned
     judged = []
     try:
         for number in range(len(position.folds)):
@@ -229,28 +240,31 @@ def _judged(harvester: Harvester, tuned: Tuned[Any], position: Position) -> dict
             judged.append(evaluate(one, heard))
     except ArgumentError:
         # shorter than the ring-down: that tells nothing
-        return {"independent_stretches": 0.0}
-    found = _scatter(judged, position)
+        return {"independent_stretches": 0.0}, tuned
+    steps = _unseen_steps(judged, position)
+    if position.sampled:
+        found = response.between([own.mean() for own in steps])
+    else:
+        shares, known = [p.share for p in position.healthy], map(response.scatter_of_mean, steps)
+        found = response.combined(list(known), shares, position.share_error)
     fewest = FEWEST_RECORDINGS if position.sampled else response.FEWEST_STRETCHES
     low, high = response.interval_90(found) if found.stretches >= fewest else (math.nan, math.nan)
-    return {
-        "power_unseen_w": found.mean,
-        "power_low_w": low,
-        "power_high_w": high,
-        "independent_stretches": found.stretches,
-    }
+    pairs = zip(tuned.answers, steps, strict=True)
+    answers = tuple(replace(a, power_w=float(x.mean()), power_steps_w=x) for a, x in pairs)
+    powers = {"power_unseen_w": found.mean, "power_low_w": low, "power_high_w": high}
+    unseen = replace(tuned, power_w=found.mean, answers=answers)
+    return powers | {"independent_stretches": found.stretches}, unseen
 
 
-def _scatter(judged: Sequence[Tuned[Any]], position: Position) -> response.Scatter:
+def _unseen_steps(judged: Sequence[Tuned[Any]], position: Position) -> list[Real]:
+    """Of every operating point the power that tunings gave which did not know the stretch."""
     if position.sampled:
-        return response.between([tuned.power_w for tuned in judged])
-    known = []
-    for own in zip(*(tuned.answers for tuned in judged), strict=True):
-        # of each only the stretch that it did not know
-        steps = [np.array_split(a.power_steps_w, len(own))[k] for k, a in enumerate(own)]
-        known.append(response.scatter_of_mean(np.concatenate(steps)))
-    shares = [point.share for point in position.healthy]
-    return response.combined(known, shares, position.share_error)
+        return [tuned.answers[0].power_steps_w for tuned in judged]
+    every = zip(*(tuned.answers for tuned in judged), strict=True)
+    cut = (
+        [np.array_split(a.power_steps_w, len(own))[k] for k, a in enumerate(own)] for own in every
+    )
+    return [np.concatenate(parts) for parts in cut]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -551,8 +565,6 @@ def _doubts(best: Placed) -> Iterator[str]:
             f"{100 * (1 - best.line_share):.0f} % of the power comes from what no line stands out "
             "of: make sure that it is not the noise of the sensor"
         )
-    if best.power_w > best.power_high_w or best.power_unseen_w < 0.9 * best.power_w:
-        yield f"on stretches that it was not tuned on it gives {1e6 * best.power_unseen_w:.3g} uW"
 
 
 def _channels(first: Recording) -> list[str]:

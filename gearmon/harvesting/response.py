@@ -446,9 +446,12 @@ def interval_90(scatter: Scatter) -> tuple[float, float]:
 
     Of blocks of operation the quantiles are those of a parametric bootstrap-t: few skewed powers
     that happen to be low show too little scatter as well, so that t lies below the truth too often.
-    As many are drawn as there are, lognormal with the mean and variance found, for levels in dB
-    scatter nearly normally (B. Efron and R. Tibshirani, An Introduction to the Bootstrap, 1993,
-    sections 6.5 and 12.5).
+    As many are drawn as there are, lognormal, for levels in dB scatter nearly normally (B. Efron
+    and R. Tibshirani, An Introduction to the Bootstrap, 1993, sections 6.5 and 12.5). Their true
+    scatter is not the one found: each draw takes another, which the found one allows by its
+    chi-square (the fiducial draws of K. Krishnamoorthy and T. Mathew, J. Stat. Plann. Inference 115
+    (2003) 103-121). The found one is that of the mean, not of the logarithms, which a block of
+    standing still would throw off.
 
     Parameters
     ----------
@@ -461,9 +464,9 @@ def interval_90(scatter: Scatter) -> tuple[float, float]:
     relative = scatter.variance / scatter.mean**2
     ends = student_t.ppf([0.05, 0.95], scatter.freedom)
     if scatter.blocks:
-        spread = max(relative * scatter.blocks, 1e-12)
-        normal = np.random.default_rng(0).normal(size=(DRAWN, scatter.blocks))
-        drawn = np.exp(math.sqrt(math.log1p(spread)) * normal) / math.sqrt(1 + spread)
+        rng, found = np.random.default_rng(0), math.log1p(max(relative * scatter.blocks, 1e-12))
+        logs = found * scatter.freedom / rng.chisquare(scatter.freedom, (DRAWN, 1))
+        drawn = np.exp(np.sqrt(logs) * rng.normal(size=(DRAWN, scatter.blocks)) - logs / 2)
         mean, error = drawn.mean(axis=1), drawn.var(axis=1, ddof=1) / scatter.blocks
         ends = np.quantile(np.log(mean) / np.sqrt(np.log1p(error / mean**2)), [0.05, 0.95])
     # the logarithm of a mean of few, skewed powers is nearer to normal than the mean

@@ -310,7 +310,8 @@ def beside_published(harvester: Harvester) -> list[dict[str, Any]]:
     Returns
     -------
     list of dict
-        name, source, kind, frequency_hz, acceleration_ms2, load_ohm, volume_cm3, remark and
+        name, source, checked ("abstract", or "no" of figures that could not be checked against
+        their source), kind, frequency_hz, acceleration_ms2, load_ohm, volume_cm3, remark and
         power_uw as published; uw_per_cm3, that power over the volume and the squared acceleration
         [uW/cm3 at 1 m/s2]; model_uw, what the model of this package gives for the dimensions of the
         published one; own_uw and own_uw_per_cm3 of this one. None where it is not stated, not
@@ -320,10 +321,10 @@ def beside_published(harvester: Harvester) -> list[dict[str, Any]]:
     --------
     >>> from gearmon.harvesting import InertialHarvester
     >>> rows = beside_published(InertialHarvester(mass_kg=5e-3, natural_frequency_hz=100.0))
-    >>> rows[0]["power_uw"], round(rows[0]["model_uw"])
-    (11950.0, 11896)
+    >>> rows[0]["power_uw"], round(rows[0]["model_uw"]), rows[0]["checked"]
+    (11950.0, 11896, 'no')
     """
-    told = ("name", "source", "kind", "frequency_hz", "acceleration_ms2", "load_ohm")
+    told = ("name", "source", "checked", "kind", "frequency_hz", "acceleration_ms2", "load_ohm")
     rows = []
     for one in known()["published"]:
         row = {name: one.get(name) for name in (*told, "volume_cm3", "remark", "power_uw")}

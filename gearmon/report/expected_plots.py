@@ -1,4 +1,4 @@
-"""Pictures of what a machine file foretells: where meshes are unstable, what faults leave."""
+"""Pictures of what a machine file foretells: lines, instability, modes, what faults leave."""
 
 from __future__ import annotations
 
@@ -22,9 +22,22 @@ from gearmon.report.palette import (
     series_colour,
     series_marker,
 )
-from gearmon.report.plots import Picture, named_handles, plot_marks, sheet, sheet_style, style
+from gearmon.report.plots import (
+    Picture,
+    above,
+    legend,
+    light_grid,
+    named_handles,
+    new_figure,
+    plot_marks,
+    sheet,
+    sheet_style,
+    spread,
+    style,
+)
 from gearmon.signatures.expected.fault_family import FaultFamily
 from gearmon.signatures.expected.modes import Modes
+from gearmon.signatures.signature import Signature
 
 _ORDERS = {1: ("1st", GREEN, ":"), 2: ("2nd", BLUE, "--"), 3: ("3rd", GREY, "-.")}
 # Colour and dashes of natural frequencies by the type of mode.
@@ -37,8 +50,63 @@ _TYPE_LINES: dict[str, tuple[str, str]] = {
 _LEAST_GROWTH = 1e-9
 # Panels of kinds of faults side by side, and size of one [inch].
 _COLUMNS, _PANEL_IN = 3, (2.9, 2.15)
+# Lines of a signature lower than this share of the highest are not shown: 100 dB.
+_LEAST_SHARE = 1e-5
+# Mesh harmonics are named in one of these steps, that far apart or farther [share of the width].
+_STEPS, _APART = (1, 2, 5, 10, 20, 50, 100, 200, 500), 0.03
 # Levels of traces below this are not shown [dB].
 _LEAST_DB = -120.0
+
+
+@style()
+def signature_figure(signature: Signature) -> Picture:
+    """Draw the lines of each stage: mesh harmonics, and the sidebands of each gear.
+
+    Parameters
+    ----------
+    signature : Signature
+        Lines more than 100 dB below the highest of their stage are not shown.
+
+    Returns
+    -------
+    Picture
+    """
+    stages = np.unique(signature["stage"]).tolist()
+    figure, axes = new_figure([1.9] * len(stages), top_in=0.62, bottom_in=0.45, gap_in=0.62)
+    level, hertz, beside = (
+        signature[name] for name in ("acceleration_ms2", "frequency_hz", "sideband_of")
+    )
+    gears = [gear for gear in dict.fromkeys(beside.tolist()) if gear]
+    for stage, ax in zip(stages, axes, strict=True):
+        own = signature["stage"] == stage
+        lowest = _LEAST_SHARE * float(level[own].max())
+        # sidebands in front: where they are many, their lower ends are one area
+        for number, gear in enumerate(["", *gears]):
+            chosen = own & (beside == gear) & (level > lowest)
+            name = f"sidebands of the {gear}" if gear else "mesh lines"
+            colour = series_colour(number - 1) if gear else BLACK
+            x, y = hertz[chosen], level[chosen]
+            ax.vlines(x, lowest, y, color=colour, linewidth=0.6, label=name if x.size else "")
+        right = 1.02 * float(hertz[own].max())
+        mesh = own & (beside == "") & (signature["mesh_harmonic"] > 0)
+        each_hz = hertz[mesh] / signature["mesh_harmonic"][mesh]
+        mesh_hz = float(np.median(each_hz)) if each_hz.size else right
+        step = next((s for s in _STEPS if s * mesh_hz > _APART * right), _STEPS[-1])
+        for harmonic in range(step, int(right / mesh_hz) + 1, step) if each_hz.size else ():
+            above(ax, harmonic * mesh_hz, f"{harmonic}", fontsize=6.5)
+        ax.set_yscale("log")
+        ax.set(ylim=(lowest, None), xlim=(0, right))
+        ax.set_ylabel("acceleration\nin m/s² (peak)")
+        light_grid(ax)
+        title = f"stage {stage}" + (
+            f", mesh harmonics of {mesh_hz:.5g} Hz:" if each_hz.size else ""
+        )
+        ax.set_title(title, fontsize=8, loc="left", pad=14)
+    axes[-1].set_xlabel("frequency in Hz")
+    told = ", ".join(signature.header.get("faults", ())) or "healthy"
+    figure.text(0.01, 1 - 0.05 / figure.get_figheight(), f"{signature.machine}: {told}", va="top")
+    legend(figure, axes)
+    return figure
 
 
 @sheet_style()
@@ -146,12 +214,18 @@ def campbell_figure(found: Modes) -> Picture:
         ax.axhline(
             mode.frequency_hz, color=colour, linestyle=dashes, linewidth=0.7, label=mode.type
         )
+    ends: list[tuple[float, str, str]] = []
     for stage, order in enumerate(found.mesh_orders):
         for harmonic in range(1, found.harmonics + 1):
             label = f"harmonics of mesh {stage + 1}"
             hertz = harmonic * order * speeds / 60
             ax.plot(speeds, hertz, color=series_colour(stage), linewidth=1.0, label=label)
-            ax.text(speeds[1], hertz[1], f" {harmonic}", fontsize=7, color=series_colour(stage))
+            ends.append((hertz[1], f" {harmonic}", series_colour(stage)))
+    ends.sort()
+    # letters of 7 points on axes of five inches
+    heights = spread([hertz for hertz, _, _ in ends], 0.02 * top, 0.0, top)
+    for height, (_, text, colour) in zip(heights, ends, strict=True):
+        ax.text(speeds[1], height, text, fontsize=7, color=colour, va="center")
     for speed in found.speeds_rpm:
         ax.axvline(
             speed, color=BLACK, linewidth=1.2, linestyle=(0, (6, 2)), label="operating point"
@@ -164,7 +238,7 @@ def campbell_figure(found: Modes) -> Picture:
     ax.set(xlim=(0, found.highest_rpm), ylim=(0, top), xlabel="speed of shaft 1 in rpm")
     ax.set_ylabel("frequency in Hz")
     told = "filled: driven by the mesh, larger where it holds more of the strain energy"
-    ax.set_title(f"{found.machine}: natural frequencies and mesh harmonics; {told}", fontsize=9)
+    ax.set_title(f"{found.machine}: natural frequencies and mesh harmonics\n{told}", fontsize=9)
     handles = named_handles([ax])
     place: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.1), "ncols": 5}
     ax.legend(list(handles.values()), list(handles), fontsize=8, frameon=False, **place)

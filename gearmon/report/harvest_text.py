@@ -122,6 +122,11 @@ def _harvester_lines(place: Placed) -> list[str]:
         f"weight {100 * place.tuned.stress_share:.3g} % of what is safe"
     )
     told = [f"best at {place.position.name}: {what}", limits]
+    if math.isfinite(place.power_unseen_w):
+        told.append(
+            f"{MICRO * place.tuned.power_w:.3g} uW on the recordings that it is tuned to, "
+            f"{MICRO * place.power_w:.3g} to expect: on stretches that the tuning did not know"
+        )
     if math.isfinite(place.line_share):
         told.append(f"{100 * place.line_share:.0f} % of the power comes from lines")
     if math.isfinite(place.power_with_stops_w):
@@ -190,11 +195,13 @@ def _published_lines(survey: Survey) -> list[str]:
     """List published harvesters, and the best one here in the place of each."""
     rows = survey.published()
     names = ("name", "frequency_hz", "acceleration_ms2", "power_uw", "uw_per_cm3", "model_uw")
-    shown = [{k: row[k] for k in (*names, "own_uw", "own_uw_per_cm3")} for row in rows]
-    told = (f"{row['name']}: {row['source']}" + f"; {row['remark'] or ''}" for row in rows)
+    shown = [{k: row[k] for k in (*names, "own_uw", "own_uw_per_cm3", "checked")} for row in rows]
+    for row in shown:
+        row["name"] += "" if row.pop("checked") != "no" else " (unverified)"
+    told = (f"{row['name']}: {row['source']}; {row['remark'] or ''}" for row in rows)
     return [
         "published harvesters, by model where all dimensions are known, and this one in their "
-        "place (per cm3 at 1 m/s2):",
+        "place (per cm3 at 1 m/s2); unverified: put down from memory, not checked in the source:",
         *table_lines(shown),
         *(line.removesuffix("; ") for line in told),
     ]

@@ -86,6 +86,7 @@ class Signature(Result):
     origin: str
     header: Mapping[str, Any]
     columns: Mapping[str, Array]
+    picture = "expected_plots.signature_figure"
 
     def __post_init__(self) -> None:
         taken = set(RESERVED) & set(self.header)
@@ -112,7 +113,9 @@ class Signature(Result):
         return self.columns[name]
 
     def save(self, path: str | Path) -> list[Path]:
-        """Write it as `write_signature` does, for `read_signature`."""
+        """Write it as `write_signature` does, for `read_signature`; or its picture."""
+        if Path(path).suffix in (".png", ".svg", ".pdf"):
+            return super().save(path)
         write_signature(self, path)
         return [Path(path)]
 

@@ -408,10 +408,7 @@ class Drive:
 
 
 def contact_course(
-    meshes: tuple[ToothMesh, ...],
-    drive: Drive,
-    span_s: tuple[float, float],
-    longest_step_s: float,
+    meshes: tuple[ToothMesh, ...], drive: Drive, span_s: tuple[float, float], longest_step_s: float
 ) -> Course:
     """Return the course of all meshes of a train over a span of time.
 

@@ -88,11 +88,7 @@ class Integration:
 
 
 def triangle_means(
-    forces: MeshForces,
-    start_s: float,
-    cell_s: float,
-    cells: int,
-    before: FloatArray | None = None,
+    forces: MeshForces, start_s: float, cell_s: float, cells: int, before: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
     """Return means of the mesh forces with triangular weights about the beginnings of cells.
 
@@ -256,11 +252,7 @@ def mesh_vibration(
 
 
 def _stage_forces(
-    train: Train,
-    drive: Drive,
-    grid: _Grid,
-    frequencies_hz: FloatArray,
-    progress: Progress | None,
+    train: Train, drive: Drive, grid: _Grid, frequencies_hz: FloatArray, progress: Progress | None
 ) -> tuple[FloatArray, Integration]:
     """Return the dynamic force that every stage puts on the housing, cell by cell."""
     step_s = _longest_step_s(frequencies_hz, grid.rate_hz)

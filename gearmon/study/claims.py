@@ -21,7 +21,7 @@ import numpy as np
 
 from gearmon.dynamics.free_vibration import free_vibration
 from gearmon.gears.pulses import FloatArray
-from gearmon.gears.stiffness_forms import zone_means
+from gearmon.gears.stiffness import zone_means
 from gearmon.study.experiments import (
     MANY,
     PUBLISHED_ORDER,

@@ -7,10 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gearmon.benchmark import detection_recordings as makers
+from gearmon.benchmark import detection_machines as makers
 from gearmon.benchmark.detection import OTHERS, SIZES
-from gearmon.benchmark.detection_machines import GEARS, MESH_HZ, draw_machine
-from gearmon.benchmark.detection_recordings import Bench, Condition, Setting
+from gearmon.benchmark.detection_machines import (
+    GEARS,
+    MESH_HZ,
+    Bench,
+    Condition,
+    Setting,
+    draw_machine,
+)
 from gearmon.errors import ArgumentError
 
 SHORT = Setting(seed=5, duration_s=1.0)

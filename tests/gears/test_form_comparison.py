@@ -14,7 +14,7 @@ from reference.mesh_curves import fft_coefficients
 
 from gearmon.errors import ArgumentError
 from gearmon.gears.pulses import PulseTrain
-from gearmon.gears.stiffness_forms import FourierSum, Parabolic, Wave
+from gearmon.gears.stiffness import FourierSum, Parabolic, Wave
 from gearmon.gears.stiffness_report import FOUR_FORMS, compare_forms
 from gearmon.machine import Machine, OperatingPoint, ParallelStage
 

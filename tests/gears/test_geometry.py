@@ -16,7 +16,6 @@ from gearmon.gears.geometry import (
     GearTeeth,
     PairGeometry,
     _tip_passage,
-    base_radius,
     contact_zones,
     inverse_involute,
     involute,
@@ -135,9 +134,9 @@ def test_planet_in_ring_matches_published_contact_ratio():
 
 def test_reference_pair_decoded():
     """Base diameters and base pitch of 26/53, module 2: published to 1e-3 mm."""
-    assert 2e3 * base_radius(26, 0.002, 20 * DEG) == pytest.approx(48.86402, abs=1e-5)
-    assert 2e3 * base_radius(53, 0.002, 20 * DEG) == pytest.approx(99.60742, abs=1e-5)
     pair = pair_geometry(gear(26), gear(53), module_m=0.002)
+    assert 2e3 * pair.base_radii_m[0] == pytest.approx(48.86402, abs=1e-5)
+    assert 2e3 * pair.base_radii_m[1] == pytest.approx(99.60742, abs=1e-5)
     assert 1e3 * pair.base_pitch_m == pytest.approx(5.904263, abs=1e-6)
     assert 1e3 * pair.path_length_m == pytest.approx(9.99448, abs=1e-5)
 
@@ -158,7 +157,10 @@ def test_three_ways_to_the_published_contact_ratio(data):
 
 @pytest.mark.parametrize(("beta", "base"), [(5, 49.029), (10, 49.528), (15, 50.377)])
 def test_base_diameters_of_the_reference_pinion_if_it_were_helical(beta, base):
-    assert 2e3 * base_radius(26, 0.002, 20 * DEG, beta * DEG) == pytest.approx(base, abs=6e-4)
+    helical = pair_geometry(
+        gear(26), gear(53), module_m=0.002, helix_angle_rad=beta * DEG, face_width_m=0.02
+    )
+    assert 2e3 * helical.base_radii_m[0] == pytest.approx(base, abs=6e-4)
 
 
 def test_working_circles_of_the_ways_to_the_published_contact_ratio():

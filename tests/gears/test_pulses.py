@@ -18,7 +18,7 @@ from gearmon.gears.pulses import (
     panel_nodes,
     spherical_bessel,
 )
-from gearmon.gears.stiffness_forms import FORMS
+from gearmon.gears.stiffness import FORMS
 
 NUMBERS = st.floats(-3, 3)
 

@@ -14,8 +14,7 @@ from reference.mesh_curves import damaged_mesh, fft_coefficients, helical_mesh, 
 from gearmon.errors import ArgumentError
 from gearmon.gears.faults import Fault, parse_fault
 from gearmon.gears.pairs import mesh_pairs
-from gearmon.gears.stiffness import MeshStiffness, mesh_stiffness
-from gearmon.gears.stiffness_forms import FORMS, FourierSum, zone_means
+from gearmon.gears.stiffness import FORMS, FourierSum, MeshStiffness, mesh_stiffness, zone_means
 from gearmon.machine import ParallelStage, PlanetaryStage
 
 PAPER = ParallelStage(pinion_teeth=26, gear_teeth=53, module_mm=2.0, face_width_mm=40.0)

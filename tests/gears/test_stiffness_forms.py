@@ -14,7 +14,7 @@ from scipy.special import sici
 from gearmon.errors import ArgumentError
 from gearmon.gears.geometry import contact_zones
 from gearmon.gears.pulses import PulseTrain
-from gearmon.gears.stiffness_forms import (
+from gearmon.gears.stiffness import (
     FORMS,
     FourierSum,
     Parabolic,

@@ -18,7 +18,7 @@ from gearmon.gears.stiffness_report import compare_forms, stiffness_report
 from gearmon.machine import load_machine
 from gearmon.report.analysis_plots import analysis_figures
 from gearmon.report.demo_plots import day_figure, kind_figure
-from gearmon.report.expected_plots import family_figure, stability_figure
+from gearmon.report.expected_plots import family_figure, signature_figure, stability_figure
 from gearmon.report.plots import as_png
 from gearmon.report.recording_plots import (
     average_figures,
@@ -27,6 +27,7 @@ from gearmon.report.recording_plots import (
 )
 from gearmon.report.spectrum_plots import order_figure, spectrum_figure
 from gearmon.report.stiffness_plots import form_figure, stiffness_figures
+from gearmon.signatures.expected.baseline import expected_signature
 from gearmon.signatures.expected.fault_family import fault_family
 from gearmon.signatures.gear_averages import gear_averages
 from gearmon.signatures.measured.indicators import indicator_table
@@ -188,6 +189,26 @@ def test_stiffness_forms_and_stability():
         "stiffness variation ε",
         "growth: ln of the largest multiplier, per mesh period",
     }
+
+
+def test_signature():
+    fault = "crack:1:pinion:5:20%"
+    found = expected_signature(SIGNATURES / "reference_pair.toml", [fault], max_hz=2000.0)
+    figure = signature_figure(found)
+    assert labels(figure) == {"acceleration\nin m/s² (peak)", "frequency in Hz"}
+    assert figure.texts[0].get_text() == f"{found.machine}: {fault}"
+    mesh, beside = figure.axes[0].collections
+    assert (mesh.get_label(), beside.get_label()) == ("mesh lines", "sidebands of the pinion")
+    for lines, own in ((mesh, found["sideband"] == 0), (beside, found["sideband"] != 0)):
+        tops = np.array([segment[1] for segment in lines.get_segments()])
+        drawn = own & (found["acceleration_ms2"] > 1e-5 * found["acceleration_ms2"].max())
+        assert tops[:, 0] == pytest.approx(found["frequency_hz"][drawn])
+        assert tops[:, 1] == pytest.approx(found["acceleration_ms2"][drawn])
+    # harmonics are named where they stand
+    named = {note.get_text(): note.xy[0] for note in figure.axes[0].texts}
+    mesh_hz = found.header["mesh_frequency_hz"]
+    assert named["1"] == pytest.approx(mesh_hz)
+    assert all(x == pytest.approx(int(text) * mesh_hz) for text, x in named.items())
 
 
 def test_fault_family():

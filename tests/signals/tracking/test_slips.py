@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from reference.speed_cases import make_case
 from reference.synthetic_signals import lines_on, wandering_turns, white
 
-from gearmon.benchmark.detection_machines import draw_machine
-from gearmon.benchmark.detection_recordings import Bench, Condition, Setting
+from gearmon.benchmark.detection_machines import Bench, Condition, Setting, draw_machine
 from gearmon.errors import ArgumentError
 from gearmon.gears.kinematics import kinematics
 from gearmon.signals.angle import AngleTrack
