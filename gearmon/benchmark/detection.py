@@ -39,7 +39,6 @@ from gearmon.diagnosis.hypotheses.own_teeth import locate
 from gearmon.diagnosis.results import Analysis, Flag
 from gearmon.errors import ArgumentError, GearmonError, check_range
 from gearmon.signals import indicators
-from gearmon.signals.indicators import RunHistory, na4_frozen
 from gearmon.signals.recording import Recording
 from gearmon.signatures.measured.gear_signals import gear_signals
 from gearmon.signatures.measured.measurement import MeasuredSignature
@@ -475,10 +474,10 @@ def _by_name(analysis: Analysis, healthy: MeasuredSignature) -> dict[str, dict[s
         if known is None or not len(wheel.number) or not len(known.number):
             continue
         own = gear_signals(signature.lines.mean, wheel).residual
-        run = RunHistory.of(len(own)).with_record(gear_signals(healthy.lines.mean, known).residual)
+        sound = np.var(gear_signals(healthy.lines.mean, known).residual, axis=-1)
         computed = {
             "residual energy": indicators.rms(own) ** 2,
-            "NA4*": na4_frozen(own, run.with_record(own), 1),
+            "NA4*": indicators.na4(own, sound[None]),
         }
         for name, row in computed.items():
             found[name] |= {f"{wheel} {n}": float(value) for n, value in enumerate(row)}

@@ -19,10 +19,9 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from gearmon.errors import RecordingError
+from gearmon.signals.array_types import FloatArray
 from gearmon.signals.reading import find_defect
 from gearmon.signals.recording import Recording
-
-FloatArray = NDArray[np.float64]
 
 # What the limits do was tried on 180 recordings (2, 5 or 10 s) of 60 drawn machines of
 # `gearmon.benchmark` (sound, with a cracked tooth, with a bad bearing). Left as they were, rounded
