@@ -448,9 +448,9 @@ def interval_90(scatter: Scatter) -> tuple[float, float]:
     scatter is not the one found: each draw takes another, which the found one allows by its
     chi-square (the fiducial draws of K. Krishnamoorthy and T. Mathew, J. Stat. Plann. Inference 115
     (2003) 103-121). The found one is that of the mean, not of the logarithms, which a block of
-    standing still would throw off. Of two kinds of operation, of which few blocks are of the quieter
-    one, it holds less often (81 % of 300 days of ten blocks, three idle ones among them in the mean
-    at a sixth of the power): a duty cycle that is known should be given by its shares.
+    standing still would throw off. Of two kinds of operation with few blocks of the quieter one it
+    holds less often (81 % of 300 days of ten blocks, three idle ones in the mean at a sixth of the
+    power): a duty cycle that is known should be given by its shares.
 
     Parameters
     ----------
