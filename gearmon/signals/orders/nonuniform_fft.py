@@ -82,11 +82,10 @@ class Kernel:
         values[-1] = rises[-1] = 0.0
         return values, rises
 
-    def read(self, half_steps: FloatArray) -> FloatArray:
-        """Values at distances [half steps] by the table, written in their place."""
+    def read(self, place: FloatArray) -> FloatArray:
+        """Values at places of the table, of either sign, written where these stand."""
         values, rises = self._table
-        place = np.abs(half_steps, out=half_steps)
-        place *= _HELD / 2
+        np.abs(place, out=place)
         cell = place.astype(np.intp)
         place -= cell
         place *= rises.take(cell, mode="clip")
@@ -195,8 +194,8 @@ class Spreading:
         drift = np.gradient(steps) * steps if len(steps) > 1 else 0.0 * steps
         powers = np.vander(np.arange(float(taps)), 3, increasing=True)
         density = steps + drift * away
-        place = powers @ np.stack([away * (density + steps), 2 * density, drift])
-        weights = self._kernel.read(place)
+        steps_away = np.stack([0.5 * away * (density + steps), density, 0.5 * drift])
+        weights = self._kernel.read(powers @ (_HELD * steps_away))
         weights *= powers[:, :2] @ np.stack([density, drift])
         index = (first - begin).astype(np.intp) + np.arange(taps)[:, None]
         for row, channel in enumerate(self._samples):
