@@ -434,7 +434,7 @@ def targets(folder: Path) -> dict[str, Target]:
     add(
         "indicators",
         folder / "a.json",
-        lambda p: {k: v.variances.tolist() for k, v in indicators.read_history(p).runs.items()},
+        lambda p: {k: v.tolist() for k, v in indicators.read_history(p).variances.items()},
         hostile_text_of_json,
         sure=False,
     )

@@ -12,13 +12,16 @@ from __future__ import annotations
 
 import argparse
 import math
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from reference.marching import marched_answer
 from scipy.signal import lfilter
 
 from gearmon.harvesting import CoilHarvester, InertialHarvester, survey_measured
+from gearmon.harvesting.harvester import Harvester
 from gearmon.harvesting.placement import Survey
 from gearmon.harvesting.request import built_in
 from gearmon.harvesting.response import mean_power_w, respond
@@ -32,6 +35,17 @@ MACHINE = Machine(
     stages=(ParallelStage(pinion_teeth=20, gear_teeth=41),),
 )
 SPRING = InertialHarvester(mass_kg=5e-3, natural_frequency_hz=90.0, lowest_hz=81.0, highest_hz=99.0)
+COIL = CoilHarvester(
+    mass_kg=0.02,
+    natural_frequency_hz=61.0,
+    mechanical_damping_ratio=0.003,
+    lowest_hz=55.0,
+    highest_hz=67.0,
+    turns=800.0,
+    field_length_tm=8e-3,
+    coil_ohm=80.0,
+)
+BEAM = replace(built_in()[0], most_tip_mass_kg=0.015, clearance_m=math.inf)
 HARVESTERS = {
     "beam": built_in()[0],
     "spring": replace(SPRING, lowest_hz=5.0, highest_hz=2000.0),
@@ -44,24 +58,82 @@ HARVESTERS = {
         coil_henry=0.02,
     ),
 }
-#: Settings of simulated days: seconds, wander, its memory [s], noise.
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What days are like: lengths of recordings [s], wander and its memory [s], noise, loads."""
+
+    seconds: float
+    wander: float
+    memory_s: float
+    noise: float
+    harvester: Harvester = SPRING
+    #: Line of each operating point [Hz] and its share of all time.
+    points: tuple[tuple[float, float], ...] = ((90.0, 1.0),)
+    #: Levels of blocks of operation: how they are drawn, and their mean square.
+    blocks: tuple[Callable[[Any], Any], float] | None = None
+    #: The load over a recording, from count and rate; of mean square 1 in the long run.
+    load: Callable[[Any, int, float], Any] | None = None
+
+
+def swelling(rng, count, rate, *, spread=0.3, memory_s=4.0):
+    """Load whose level in dB wanders."""
+    kept = math.exp(-1 / (memory_s * rate))
+    drawn = rng.normal(size=count) * math.sqrt(1 - kept**2)
+    drawn[0] = rng.normal()
+    return np.exp(spread * lfilter([1.0], [1.0, -kept], drawn) - spread**2)
+
+
+def switching(rng, count, rate, *, dwell_s=3.0, idle=0.3):
+    """Load that switches between full and idle, each for random times."""
+    switched = np.cumsum(rng.random(count) < 1 / (dwell_s * rate)) + rng.integers(2)
+    return np.where(switched % 2, idle, 1.0) / math.sqrt((1 + idle**2) / 2)
+
+
 SETTINGS = {
-    "steady line": (60, 0.0, 1.0, 0.5),
-    "fast wander": (60, 0.005, 0.05, 0.3),
-    "slow wander": (120, 0.005, 1.0, 0.3),
-    "slow and wide": (300, 0.01, 3.0, 0.3),
-    "two operating points": (60, 0.005, 0.3, 0.3),
-    "eight blocks": (20, 0.005, 0.3, 0.3),
+    "steady line": Setting(60, 0.0, 1.0, 0.5),
+    "fast wander": Setting(60, 0.005, 0.05, 0.3),
+    "slow wander": Setting(120, 0.005, 1.0, 0.3),
+    "slow and wide": Setting(300, 0.01, 3.0, 0.3),
+    "two operating points": Setting(60, 0.005, 0.3, 0.3, points=((90.0, 0.6), (86.0, 0.4))),
+    "eight blocks": Setting(
+        20,
+        0.005,
+        0.3,
+        0.3,
+        blocks=(lambda rng: np.exp(0.3 * rng.normal(size=8)), math.exp(2 * 0.3**2)),
+    ),
     # not looked at while the interval was made
-    "short and noisy": (20, 0.01, 0.1, 1.0),
-    "twelve uneven blocks": (15, 0.01, 0.2, 0.5),
+    "short and noisy": Setting(20, 0.01, 0.1, 1.0),
+    "twelve uneven blocks": Setting(
+        15, 0.01, 0.2, 0.5, blocks=(lambda rng: np.sqrt(rng.gamma(3.0, 1 / 3, size=12)), 1.0)
+    ),
+    # nor these
+    "noise alone": Setting(40, 0.0, 1.0, 30.0),
+    "a sharp coil": Setting(120, 0.003, 2.0, 0.2, harvester=COIL, points=((61.0, 1.0),)),
+    "a beam, three points": Setting(
+        40, 0.01, 0.5, 0.5, harvester=BEAM, points=((83.0, 0.5), (91.0, 0.3), (102.0, 0.2))
+    ),
+    "a load that swells": Setting(200, 0.005, 0.3, 0.3, load=swelling),
+    "a load that switches": Setting(300, 0.003, 0.5, 0.3, load=switching),
+    "a few long, wide": Setting(400, 0.02, 5.0, 0.1, points=((90.0, 0.7), (84.0, 0.3))),
+    "twenty short blocks": Setting(
+        6, 0.005, 0.2, 0.5, blocks=(lambda rng: np.sqrt(rng.uniform(0.5, 1.5, size=20)), 1.0)
+    ),
+    "five blocks": Setting(
+        30, 0.005, 0.3, 0.3, blocks=(lambda rng: np.sqrt(rng.gamma(5.0, 0.2, size=5)), 1.0)
+    ),
+    "ten blocks, some idle": Setting(
+        20,
+        0.005,
+        0.3,
+        0.3,
+        blocks=(lambda rng: np.where(rng.random(10) < 0.3, 0.4, 1.0), 0.7 + 0.3 * 0.4**2),
+    ),
 }
-SHARE, SHARE_ERROR = 0.6, 0.05
-#: Levels of blocks of operation: how they are drawn, and their mean square.
-BLOCKS = {
-    "eight blocks": (lambda rng: np.exp(0.3 * rng.normal(size=8)), math.exp(2 * 0.3**2)),
-    "twelve uneven blocks": (lambda rng: np.sqrt(rng.gamma(3.0, 1 / 3, size=12)), 1.0),
-}
+#: Standard deviation of stated shares.
+SHARE_ERROR = 0.05
 #: Stretches of 4000 s that are taken for the long run: its mean is then known to 1/15 of what a day
 #: of 300 s tells; with a single one a quarter of a day's scatter counts against the interval.
 DRAWS = 16
@@ -124,37 +196,46 @@ class Days:
     """Surveys of simulated days in one setting, and whether their interval holds the truth."""
 
     def __init__(self, setting, rate=500.0):
-        self.setting, self.rate = setting, rate
-        self.seconds, *self.how = SETTINGS[setting]
-        self.lines = (90.0, 86.0) if setting == "two operating points" else (90.0,)
+        self.setting, self.rate, self.number = (
+            SETTINGS[setting],
+            rate,
+            list(SETTINGS).index(setting),
+        )
         # what each operating point is in the long run
         self.long = [
             [self.stretch(np.random.default_rng([20, draw]), line_hz) for draw in range(DRAWS)]
-            for line_hz in self.lines
+            for line_hz, _ in self.setting.points
         ]
 
     def stretch(self, rng, line_hz):
-        samples = heard(rng, 4000.0, *self.how, line_hz=line_hz, rate=self.rate)
-        shaking = vibration_of_samples(samples, self.rate)
+        shaking = vibration_of_samples(self.day(rng, line_hz, 4000.0), self.rate)
         kept = (shaking.frequency_hz > 20.0) & (shaking.frequency_hz < 240.0)
         return OperatingShare(vibration=shaking.only(kept), share=1 / DRAWS)
 
     def survey(self, seed) -> tuple[Survey, list[float]]:
         """Survey one day, and say what share of all time each operating point really has."""
-        rng = np.random.default_rng([21, list(SETTINGS).index(self.setting), seed])
-        if self.setting in BLOCKS:
-            draw, mean_square = BLOCKS[self.setting]
-            blocks = [recorded(level * self.day(rng), self.rate) for level in draw(rng)]
-            return survey_measured(MACHINE, SPRING, blocks), [mean_square]
-        heard_of = [recorded(self.day(rng, line_hz), self.rate) for line_hz in self.lines]
-        if len(self.lines) == 1:
-            return survey_measured(MACHINE, SPRING, heard_of), [1.0]
-        stated = SHARE + SHARE_ERROR * rng.normal()
-        shares = {"shares": [stated, 1 - stated], "share_error": SHARE_ERROR}
-        return survey_measured(MACHINE, SPRING, heard_of, **shares), [SHARE, 1 - SHARE]
+        rng, own = np.random.default_rng([21, self.number, seed]), self.setting
+        lines, shares = zip(*own.points, strict=True)
+        if own.blocks:
+            draw, mean_square = own.blocks
+            blocks = [recorded(level * self.day(rng, lines[0]), self.rate) for level in draw(rng)]
+            return survey_measured(MACHINE, own.harvester, blocks), [mean_square]
+        heard_of = [recorded(self.day(rng, line_hz), self.rate) for line_hz in lines]
+        if len(lines) == 1:
+            return survey_measured(MACHINE, own.harvester, heard_of), [1.0]
+        # errors that leave the sum as it is
+        errors = rng.normal(size=len(lines))
+        errors -= errors.mean()
+        errors *= SHARE_ERROR / math.sqrt(1 - 1 / len(lines))
+        stated = {"shares": list(np.array(shares) + errors), "share_error": SHARE_ERROR}
+        return survey_measured(MACHINE, own.harvester, heard_of, **stated), list(shares)
 
-    def day(self, rng, line_hz=90.0):
-        return heard(rng, self.seconds, *self.how, line_hz=line_hz, rate=self.rate)
+    def day(self, rng, line_hz, seconds=None):
+        own = self.setting
+        length = seconds or own.seconds
+        how = (own.wander, own.memory_s, own.noise)
+        samples = heard(rng, length, *how, line_hz=line_hz, rate=self.rate)
+        return samples * own.load(rng, len(samples), self.rate) if own.load else samples
 
     def held(self, seed) -> bool | None:
         """Tell whether the interval holds what that harvester gives in the long run."""

@@ -15,17 +15,15 @@ import numpy as np
 
 from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.harvesting import response, tuning, vibration
-from gearmon.harvesting.harvester import Harvester, half_power_band, response_rows
+from gearmon.harvesting.harvester import Harvester, Real, half_power_band, response_rows
 from gearmon.harvesting.request import SensorBudget
 from gearmon.harvesting.response import Tuned, evaluate
 from gearmon.harvesting.tuning import OverLimitsError, tune_harvester
-from gearmon.harvesting.vibration import OperatingShare, Vibration, vibration_of_samples
+from gearmon.harvesting.vibration import OperatingShare, Points, vibration_of_samples
 from gearmon.machine import Machine
 from gearmon.result import Result
 from gearmon.signals.recording import Recording
 from gearmon.signatures.expected.baseline import expected_signature
-
-Points = tuple[OperatingShare, ...]
 
 #: A place is good only when the gear is damaged if, tuned for that, it loses more than this share
 #: of its power when the gear is sound.
@@ -86,7 +84,7 @@ class Placed:
     over_limits : float
         Where a limit of travel or stress is why: peak over limit of the nearest tuning; else NaN.
     power_unseen_w : float
-        Mean power on stretches that the tuning did not know; NaN without recordings.
+        Mean power on stretches of the recordings by tunings that did not know them; NaN without.
     power_low_w, power_high_w : float
         90 % interval of the long-run mean power, from these stretches and what is not known of the
         shares of time; NaN where there are too few independent ones.
@@ -121,8 +119,13 @@ class Placed:
 
     @property
     def power_w(self) -> float:
-        """Mean power while the gear is sound [W]; 0 where no tuning is possible."""
-        return self.tuned.power_w if self.tuned else 0.0
+        """Mean power to expect while the gear is sound [W]; 0 where no tuning is possible.
+
+        Of recordings that on stretches which the tuning did not know: on its own ones the tuned
+        harvester does better than it will again, for it was fitted to their noise as well.
+        """
+        own = self.tuned.power_w if self.tuned else 0.0
+        return own if math.isnan(self.power_unseen_w) else self.power_unseen_w
 
     @property
     def interval_s(self) -> float:
@@ -140,16 +143,15 @@ class Placed:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the row in built-in types; what is unknown or infinite is null."""
-        names = ("power_w", "power_low_w", "power_high_w", "power_unseen_w", "line_share")
-        others = ("power_with_stops_w", "stops_hz", "interval_s", "independent_stretches")
-        damaged = ("degraded_power_w", "degraded_best_power_when_healthy_w")
-        row = {name: getattr(self, name) for name in (*names, *others, *damaged)}
+        own = {name: value for name, value in vars(self).items() if isinstance(value, float)}
+        row = own | {"power_w": self.power_w, "interval_s": self.interval_s}
         unknown = (math.nan, math.nan, math.nan)
         best, degraded = (
             (t.harvester.natural_frequency_hz, t.harvester.load, t.power_w) if t else unknown
             for t in (self.tuned, self.tuned_degraded)
         )
         row |= {"natural_frequency_hz": best[0], "load": best[1]}
+        row |= {"power_on_recordings_w": best[2] if self.position.folds else math.nan}
         row |= {"degraded_best_hz": degraded[0], "degraded_best_power_w": degraded[2]}
         known = {name: x if math.isfinite(x) else None for name, x in row.items()}
         told = {"good_only_when_damaged": self.good_only_when_damaged, "refusal": self.refusal}
@@ -160,10 +162,10 @@ def _placed(harvester: Harvester, position: Position, budget: SensorBudget) -> P
     found: dict[str, Any] = {}
     try:
         tuned = tune_harvester(harvester, position.healthy)
-        shares = [point.share for point in position.healthy]
-        found |= {"tuned": tuned, "supply": budget.supply(tuned, shares)}
+        judged, unseen = _judged(harvester, tuned, position)
+        supply = budget.supply(unseen, [point.share for point in position.healthy])
+        found |= {"tuned": tuned, "supply": supply} | judged
         found |= {"line_share": _line_share(tuned.harvester, position.healthy)}
-        found |= _judged(harvester, tuned, position)
     except ArgumentError as error:
         found = {"refusal": str(error), "over_limits": getattr(error, "over", math.nan)}
     with suppress(ArgumentError):
@@ -210,13 +212,19 @@ def _line_share(harvester: Harvester, duty: Points) -> float:
         for point, own in zip(duty, numbers, strict=True)
         if own.any()
     ]
-    return float(response.mean_power_w(harvester, clear, load)[0]) / whole if whole > 0 else 0.0
+    known = clear and whole > 0
+    return float(response.mean_power_w(harvester, clear, load)[0]) / whole if known else 0.0
 
 
-def _judged(harvester: Harvester, tuned: Tuned[Any], position: Position) -> dict[str, Any]:
-    """Judge on every part what the others would have chosen, and how well the mean is known."""
+def _judged(
+    harvester: Harvester, tuned: Tuned[Any], position: Position
+) -> tuple[dict[str, float], Tuned[Any]]:
+    """Judge on every part what the others would have chosen, and how well the mean is known.
+
+    Returned with the tuned harvester that gives what they give.
+    """
     if len(position.folds) < 2:
-        return {}
+        return {}, tuned
     judged = []
     try:
         for number in range(len(position.folds)):
@@ -229,28 +237,31 @@ def _judged(harvester: Harvester, tuned: Tuned[Any], position: Position) -> dict
             judged.append(evaluate(one, heard))
     except ArgumentError:
         # shorter than the ring-down: that tells nothing
-        return {"independent_stretches": 0.0}
-    found = _scatter(judged, position)
+        return {"independent_stretches": 0.0}, tuned
+    steps = _unseen_steps(judged, position)
+    if position.sampled:
+        found = response.between([own.mean() for own in steps])
+    else:
+        shares, known = [p.share for p in position.healthy], map(response.scatter_of_mean, steps)
+        found = response.combined(list(known), shares, position.share_error)
     fewest = FEWEST_RECORDINGS if position.sampled else response.FEWEST_STRETCHES
     low, high = response.interval_90(found) if found.stretches >= fewest else (math.nan, math.nan)
-    return {
-        "power_unseen_w": found.mean,
-        "power_low_w": low,
-        "power_high_w": high,
-        "independent_stretches": found.stretches,
-    }
+    pairs = zip(tuned.answers, steps, strict=True)
+    answers = tuple(replace(a, power_w=float(x.mean()), power_steps_w=x) for a, x in pairs)
+    powers = {"power_unseen_w": found.mean, "power_low_w": low, "power_high_w": high}
+    unseen = replace(tuned, power_w=found.mean, answers=answers)
+    return powers | {"independent_stretches": found.stretches}, unseen
 
 
-def _scatter(judged: Sequence[Tuned[Any]], position: Position) -> response.Scatter:
+def _unseen_steps(judged: Sequence[Tuned[Any]], position: Position) -> list[Real]:
+    """Of every operating point the power that tunings gave which did not know the stretch."""
     if position.sampled:
-        return response.between([tuned.power_w for tuned in judged])
-    known = []
-    for own in zip(*(tuned.answers for tuned in judged), strict=True):
-        # of each only the stretch that it did not know
-        steps = [np.array_split(a.power_steps_w, len(own))[k] for k, a in enumerate(own)]
-        known.append(response.scatter_of_mean(np.concatenate(steps)))
-    shares = [point.share for point in position.healthy]
-    return response.combined(known, shares, position.share_error)
+        return [tuned.answers[0].power_steps_w for tuned in judged]
+    every = zip(*(tuned.answers for tuned in judged), strict=True)
+    cut = (
+        [np.array_split(a.power_steps_w, len(own))[k] for k, a in enumerate(own)] for own in every
+    )
+    return [np.concatenate(parts) for parts in cut]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -297,27 +308,29 @@ class Survey(Result):
             for row in vibration.operating_lines(point.vibration)
         ]
 
+    @property
+    def tuned(self) -> Tuned[Any]:
+        """The best tuning at the first position; there is no survey without any."""
+        assert self.best.tuned is not None
+        return self.best.tuned
+
     def response(self) -> list[dict[str, Any]]:
         """Return power, voltage, travel and stress of the best harvester against frequency."""
-        return response_rows(self.best.tuned.harvester) if self.best.tuned else []
+        return response_rows(self.tuned.harvester)
 
     def bandwidths(self) -> list[dict[str, float]]:
         """Return bandwidth and power of the best harvester against its quality factor."""
-        if self.best.tuned is None:
-            return []
-        best = self.best.tuned.harvester
+        best = self.tuned.harvester
         return tuning.bandwidth_against_quality(best, QUALITY_FACTORS, self.wander)
 
     def published(self) -> list[dict[str, Any]]:
         """Return published harvesters with the best one here beside them."""
-        return tuning.beside_published(self.best.tuned.harvester) if self.best.tuned else []
+        return tuning.beside_published(self.tuned.harvester)
 
     @property
     def wander(self) -> float:
         """Standard deviation over its frequency of the line that gives most, where that is most."""
-        tuned, points = self.best.tuned, self.best.position.healthy
-        if tuned is None:
-            return 0.0
+        tuned, points = self.tuned, self.best.position.healthy
         powers = [p.share * a.power_w for p, a in zip(points, tuned.answers, strict=True)]
         shaking = points[int(np.argmax(powers))].vibration
         lines = vibration.operating_lines(shaking, len(shaking.frequency_hz))
@@ -413,7 +426,8 @@ def survey_expected(
         f"the speed of each operating point wanders by {100 * wander:g} % (standard deviation)",
     )
     try:
-        return _survey(machine, "expected", harvester, [position], budget, notes, count)
+        about = {"machine": machine.name, "origin": "expected", "notes": notes}
+        return _survey(harvester, [position], budget or SensorBudget(), count, None, **about)
     except ArgumentError as error:
         hint = "less reaches the housing"
         if isinstance(error, OverLimitsError):
@@ -471,42 +485,37 @@ def survey_measured(
     number = len(recordings)
     if not number:
         raise ArgumentError("recordings: none is given")
-    if len(shares or recordings) != number:
-        raise ArgumentError(f"{len(shares)} shares for {number} recordings; give one for each")
-    if degraded and len(degraded) != number:
-        raise ArgumentError(
-            f"{len(degraded)} degraded recordings for {number} healthy ones; give one for each, in "
-            "the same order"
-        )
+    for what, given in (("shares", shares), ("degraded recordings", degraded)):
+        if given and len(given) != number:
+            told = f"{len(given)} {what} for {number} healthy recordings"
+            raise ArgumentError(f"{told}; give one for each, in the same order")
     parts = [float(share) for share in shares] or [1 / number] * number
     sampled = not shares and number >= FEWEST_RECORDINGS
     places = {str(s.column): f": {s.position}" for s in machine.sensors if s.position}
     positions = []
-    for name in _channels(recordings[0]):
+    for name in recordings[0].vibration().channel_names:
         healthy, damaged = (_duty(name, given, parts) for given in (recordings, degraded))
         folds = tuple((replace(p, share=1.0),) for p in healthy) if sampled else _cut(healthy)
         title = name + places.get(name, "")
         positions.append(Position(title, healthy, damaged, folds, sampled, share_error))
-    notes: tuple[str, ...] = ()
-    if not shares and number > 1:
-        how = "a block of operation like any other" if sampled else "an equal share of the time"
-        notes = (f"every recording counts for {how}",)
-    return _survey(machine, "measured", harvester, positions, budget, notes, count, progress)
+    how = "a block of operation like any other" if sampled else "an equal share of the time"
+    notes = (f"every recording counts for {how}",) if not shares and number > 1 else ()
+    about = {"machine": machine.name, "origin": "measured", "notes": notes}
+    return _survey(harvester, positions, budget or SensorBudget(), count, progress, **about)
 
 
 def _survey(
-    machine: Machine,
-    origin: str,
     harvester: Harvester,
     positions: list[Position],
-    budget: SensorBudget | None,
-    notes: tuple[str, ...],
+    budget: SensorBudget,
     count: int,
-    progress: Callable[[float], None] | None = None,
+    progress: Callable[[float], None] | None,
+    **about: Any,
 ) -> Survey:
-    task, placed = budget or SensorBudget(), []
+    """Place and rank; `about` is what else a `Survey` says of the machine."""
+    placed = []
     for number, position in enumerate(positions, start=1):
-        placed.append(_placed(harvester, position, task))
+        placed.append(_placed(harvester, position, budget))
         if progress is not None:
             progress(number / len(positions))
     placed.sort(key=lambda own: -own.power_w)
@@ -516,14 +525,8 @@ def _survey(
             raise OverLimitsError(best.refusal, best.over_limits)
         raise ArgumentError(best.refusal)
     sets = tuning.tune_set(harvester, best.position.healthy, count) if count != 1 else ()
-    return Survey(
-        machine=machine.name,
-        origin=origin,
-        placed=tuple(placed),
-        budget=task,
-        notes=(*notes, *_at_the_end(placed), *_doubts(best)),
-        together=tuple(sets),
-    )
+    about["notes"] += (*_at_the_end(placed), *_doubts(best))
+    return Survey(placed=tuple(placed), budget=budget, together=tuple(sets), **about)
 
 
 def _at_the_end(placed: Sequence[Placed]) -> Iterator[str]:
@@ -551,23 +554,6 @@ def _doubts(best: Placed) -> Iterator[str]:
             f"{100 * (1 - best.line_share):.0f} % of the power comes from what no line stands out "
             "of: make sure that it is not the noise of the sensor"
         )
-    if best.power_w > best.power_high_w or best.power_unseen_w < 0.9 * best.power_w:
-        yield f"on stretches that it was not tuned on it gives {1e6 * best.power_unseen_w:.3g} uW"
-
-
-def _channels(first: Recording) -> list[str]:
-    """Return the names of the vibration channels.
-
-    Raises
-    ------
-    ArgumentError
-        If there is none.
-    """
-    pairs = zip(first.channel_names, first.channel_kinds, strict=True)
-    wanted = [name for name, kind in pairs if kind == "vibration"]
-    if not wanted:
-        raise ArgumentError(f"{first.origin}: holds no vibration channel")
-    return wanted
 
 
 def _duty(name: str, recordings: Sequence[Recording], shares: list[float]) -> Points:
@@ -580,31 +566,24 @@ def _duty(name: str, recordings: Sequence[Recording], shares: list[float]) -> Po
     """
     points = []
     for recording, share in zip(recordings, shares, strict=False):
-        if name not in recording.channel_names:
-            raise ArgumentError(f"{recording.origin}: lacks channel '{name}'")
-        number = recording.channel_names.index(name)
-        unit = recording.units[number]
-        if unit != "m/s2":
+        own, origin = recording.select(name), recording.origin
+        if own.units[0] != "m/s2":
             raise ArgumentError(
-                f"{recording.origin}: channel '{name}' has the unit {unit or 'unknown'}, m/s2 is "
+                f"{origin}: channel '{name}' has the unit {own.units[0] or 'unknown'}, m/s2 is "
                 'needed for a power; say unit = "m/s2" or "g" in a [[sensor]] of the machine file'
             )
-        row, rate = recording.samples[number], recording.sampling_rate_hz
-        heard = vibration_of_samples(row, rate, name=recording.origin)
+        heard = vibration_of_samples(own.samples[0], own.sampling_rate_hz, name=origin)
         points.append(OperatingShare(vibration=heard, share=share))
     return tuple(points)
 
 
 def _cut(points: Points) -> tuple[Points, ...]:
     """Cut a duty cycle into stretches; what is silent in one is left out of it."""
-    found = []
-    cut = [np.array_split(point.vibration.samples_ms2, FOLDS) for point in points]
-    for parts in zip(*cut, strict=True):
-        own = zip(points, parts, strict=True)
-        heard = [(p, x) for p, x in own if len(x) >= 16 and x.any()]
-        found.append(tuple(replace(p, vibration=_part(p.vibration, x)) for p, x in heard))
-    return tuple(found)
-
-
-def _part(whole: Vibration, samples: Any) -> Vibration:
-    return vibration_of_samples(samples, whole.sampling_rate_hz, whole.name)
+    found: list[list[OperatingShare]] = [[] for _ in range(FOLDS)]
+    for point in points:
+        own = point.vibration
+        for part, heard in zip(np.array_split(own.samples_ms2, FOLDS), found, strict=True):
+            if len(part) >= 16 and part.any():
+                cut = vibration_of_samples(part, own.sampling_rate_hz, own.name)
+                heard.append(replace(point, vibration=cut))
+    return tuple(map(tuple, found))

@@ -61,8 +61,6 @@ def response_figure(survey: Survey) -> Picture:
         Of what is not modelled no panel is drawn.
     """
     figure, rows = sheet(*_SIZE_IN), survey.response()
-    if not rows:
-        return figure
     panels = [
         (name, label, factor) for name, label, factor in _RESPONSES if rows[0][name] is not None
     ]
@@ -77,9 +75,12 @@ def response_figure(survey: Survey) -> Picture:
         _plain_frequencies(ax)
     for ax in grid[-1]:
         ax.set_xlabel("frequency in Hz")
-    assert survey.best.tuned is not None
-    natural = survey.best.tuned.harvester.natural_frequency_hz
-    figure.suptitle(f"Best harvester, tuned to {natural:.5g} Hz, shaken with 1 m/s²", fontsize=11)
+    best = survey.tuned.harvester
+    tuned = f"tuned to {best.natural_frequency_hz:.4g} Hz"
+    # a beam answers most between short and open circuit
+    raised = getattr(best, "open_circuit_hz", None)
+    tuned += f" in short circuit ({raised:.4g} Hz open)" if raised else ""
+    figure.suptitle(f"Best harvester, {tuned}, shaken with 1 m/s²", fontsize=11)
     return figure
 
 
@@ -103,15 +104,14 @@ def energy_figure(survey: Survey) -> Picture:
     ax.set(xscale="log", yscale="log", xlim=(low, high), ylim=(top * 1e-6, top * 30))
     _plain_frequencies(ax)
     ax.set(xlabel="frequency in Hz", ylabel="energy of a line in J/kg, (2πfA)²/2")
-    if best.tuned is not None:
-        beside = ax.twinx()
-        grid = np.geomspace(low, high, 4000)
-        gain = best.tuned.harvester.gains(grid).power_w
-        beside.plot(grid, gain * _MICRO, color=BLACK, linewidth=1.0, linestyle="--")
-        beside.set(yscale="log", ylim=(gain.max() * _MICRO * 1e-6, gain.max() * _MICRO * 30))
-        beside.set_ylabel("harvester: µW per (m/s²)² (dashed)")
+    beside = ax.twinx()
+    grid = np.geomspace(low, high, 4000)
+    gain = survey.tuned.harvester.gains(grid).power_w
+    beside.plot(grid, gain * _MICRO, color=BLACK, linewidth=1.0, linestyle="--")
+    beside.set(yscale="log", ylim=(gain.max() * _MICRO * 1e-6, gain.max() * _MICRO * 30))
+    beside.set_ylabel("harvester: µW per (m/s²)² (dashed)")
     ax.set_title(f"{_short(best.position.name)}: energy of the lines and what is tuned to them")
-    ax.legend(fontsize=8, loc="upper left")
+    ax.legend(fontsize=9, loc="upper left")
     return figure
 
 
@@ -136,10 +136,9 @@ def tuning_figure(survey: Survey) -> Picture:
         grid = grid[(grid >= low) & (grid <= high)]
         power = power_against_tuning(harvester, place.position.healthy, grid) * _MICRO
         colour = series_colour(number)
-        best = f"best {place.power_w * _MICRO:.3g} µW at {middle:.4g} Hz"
-        label = f"{_short(place.position.name)}: {best}"
+        label = f"{_short(place.position.name)}: best at {middle:.4g} Hz"
         ax.plot(grid, power, color=colour, linewidth=1.2, label=label)
-        ax.plot(middle, place.power_w * _MICRO, "o", color=colour, markersize=5)
+        ax.plot(middle, place.tuned.power_w * _MICRO, "o", color=colour, markersize=5)
     ax.set(xscale="log", yscale="log")
     bottom, top = ax.get_ylim()
     ax.set_ylim(max(bottom, top * 1e-7), top * 8)
@@ -147,7 +146,7 @@ def tuning_figure(survey: Survey) -> Picture:
     ax.set_ylabel("mean power over the duty cycle in µW")
     _plain_frequencies(ax)
     ax.set_title("Power against tuning, load as chosen at the best")
-    ax.legend(fontsize=8, loc="upper left")
+    ax.legend(fontsize=9, loc="upper left")
     return figure
 
 
@@ -181,7 +180,6 @@ def positions_figure(survey: Survey) -> Picture:
     ax.barh(rows, power, height=0.5, color=BLUE, alpha=0.85, label="gears sound")
     known = np.isfinite(low)
     if known.any():
-        # the interval is of stretches that the tuning did not know: it need not hold the bar's end
         ax.errorbar(
             (low + high)[known] / 2,
             rows[known],
@@ -200,7 +198,7 @@ def positions_figure(survey: Survey) -> Picture:
             xytext=(4, 0),
             textcoords="offset points",
             va="center",
-            fontsize=8,
+            fontsize=9,
             color=GREY if place.tuned is None else BLACK,
         )
     ax.set_yticks(rows, names)
@@ -208,7 +206,7 @@ def positions_figure(survey: Survey) -> Picture:
     ax.set_xlim(left=0)
     ax.set_xlabel("mean power over the duty cycle in µW")
     ax.set_title("Where to put it")
-    ax.legend(fontsize=8, loc="best")
+    ax.legend(fontsize=9, loc="best")
     return figure
 
 

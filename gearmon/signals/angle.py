@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
 # Times of which so many do not come after the one before are no times.
 _WAVEFORM = 0.1
-# Points held, a power of two; from each the series goes to the third power of at most 8e-4.
-_POINTS = 1 << 12
 # So many phases at a time stay in the cache of a processor core.
 _PIECE = 1 << 12
 
@@ -170,9 +168,6 @@ def _curve(x: FloatArray, y: FloatArray) -> PPoly:
     return curve
 
 
-_TABLE: ComplexArray = np.exp(2j * np.pi * np.arange(_POINTS) / _POINTS)
-
-
 def phasors(cycles: FloatArray) -> ComplexArray:
     """Return exp(2 pi i x).
 
@@ -184,7 +179,7 @@ def phasors(cycles: FloatArray) -> ComplexArray:
     Returns
     -------
     ndarray of complex, same shape
-        Right to 2e-14 beside what rounding of x costs.
+        Right to the last digit beside what rounding of x costs.
 
     Examples
     --------
@@ -192,22 +187,12 @@ def phasors(cycles: FloatArray) -> ComplexArray:
     [1j, (-1+0j)]
     """
     found = np.empty(np.shape(cycles), dtype=np.complex128)
-    flat, out = np.ascontiguousarray(cycles).reshape(-1), found.reshape(-1)
+    flat, out = np.ravel(cycles), found.reshape(-1)
     for first in range(0, len(flat), _PIECE):
-        cycle, own = flat[first : first + _PIECE], out[first : first + _PIECE]
+        piece = slice(first, first + _PIECE)
         # whole cycles off first: what is left keeps all its digits
-        rest = cycle - np.rint(cycle)
-        rest *= _POINTS
-        nearest = np.rint(rest)
-        rest -= nearest
-        rest *= 2 * np.pi / _POINTS
-        np.take(_TABLE, nearest.astype(np.intp), mode="wrap", out=own)
-        square = rest * rest
-        turn = np.empty(own.shape, dtype=np.complex128)
-        np.multiply(square, -0.5, out=turn.real)
-        turn.real += 1.0
-        square *= -1.0 / 6.0
-        square += 1.0
-        np.multiply(rest, square, out=turn.imag)
-        own *= turn
+        angle = flat[piece] - np.rint(flat[piece])
+        angle *= 2 * np.pi
+        np.cos(angle, out=out[piece].real)
+        np.sin(angle, out=out[piece].imag)
     return found

@@ -16,13 +16,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
 from gearmon.errors import RecordingError
+from gearmon.signals.array_types import BoolArray, FloatArray
 from gearmon.signals.reading import find_defect
 from gearmon.signals.recording import Recording
-
-FloatArray = NDArray[np.float64]
 
 # What the limits do was tried on 180 recordings (2, 5 or 10 s) of 60 drawn machines of
 # `gearmon.benchmark` (sound, with a cracked tooth, with a bad bearing). Left as they were, rounded
@@ -369,9 +367,8 @@ def _offset_steps(middle: FloatArray, spread: FloatArray) -> list[tuple[int, int
     middles = np.median(sliding_window_view(middle, 3), axis=1)
     at_once = middles[4:] - middles[:-4]
     least = max(float(np.median(spread)), _STEP_TIMES * _scatter(at_once))
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], np.abs(at_once) > least, [False]])))
     # windows of three frames with one between them, of which it is a bit of both
-    return [(int(a) + 2, int(b) + 4) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    return [(start + 2, stop + 4) for start, stop in _runs(np.abs(at_once) > least)]
 
 
 def _finest_step(values: FloatArray) -> float:
@@ -404,12 +401,19 @@ def _scatter(level: FloatArray) -> float:
     return float(np.median(np.abs(level - np.median(level)))) / 0.6745
 
 
-def _dropouts(level: FloatArray, sound: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def _dropouts(level: FloatArray, sound: BoolArray) -> list[tuple[int, int]]:
     """First and last frames of stretches that are silent, if hardly any frame lies between."""
     below = level - np.median(level[sound])
     silent = (below < -_SILENT_DB) & sound
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], silent, [False]]).astype(int)))
-    runs = [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    runs = [(start, stop - 1) for start, stop in _runs(silent)]
     # levels that come and go with the work have all values between
     between = int(((below < -0.5 * _SILENT_DB) & ~silent & sound).sum())
     return runs if between <= 2 * len(runs) else []
+
+
+def _runs(held: BoolArray) -> list[list[int]]:
+    """Begin and end of each stretch in which something holds."""
+    found: list[list[int]] = (
+        np.flatnonzero(np.diff(held, prepend=False, append=False)).reshape(-1, 2).tolist()
+    )
+    return found

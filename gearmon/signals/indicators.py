@@ -214,96 +214,17 @@ def _ratio(above: FloatArray, below: FloatArray) -> FloatArray:
     return np.divide(above, below, out=np.zeros_like(above), where=below > 0)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RunHistory:
-    """Variances of the records of a run, oldest first.
-
-    Parameters
-    ----------
-    variances : ndarray of float, shape (records, channels)
-        Mean square departure of each record from its mean, >= 0.
-
-    Raises
-    ------
-    ArgumentError
-        If the shape is wrong or a variance is negative or not finite.
-
-    Examples
-    --------
-    >>> history = RunHistory.of(2)
-    >>> residual = np.array([[1.0, -1.0, 1.0, -1.0], [3.0, 0.0, -3.0, 0.0]])
-    >>> history = history.with_record(residual)
-    >>> na4(residual, history)
-    array([1., 2.])
-    """
-
-    variances: FloatArray
-
-    def __post_init__(self) -> None:
-        """Check the variances."""
-        own = np.array(self.variances, dtype=float)
-        if own.ndim != 2 or own.shape[1] == 0:
-            raise ArgumentError(f"variances: shape {own.shape}, must be (records, channels)")
-        if own.size and not (np.isfinite(own).all() and own.min() >= 0):
-            raise ArgumentError("variances: each must be a finite number >= 0")
-        own.flags.writeable = False
-        object.__setattr__(self, "variances", own)
-
-    @classmethod
-    def of(cls, channels: int) -> RunHistory:
-        """Return the history of a run that has not begun, for so many channels."""
-        return cls(variances=np.empty((0, channels)))
-
-    @property
-    def records(self) -> int:
-        """Records so far."""
-        return len(self.variances)
-
-    def with_record(self, signal: FloatArray) -> RunHistory:
-        """Return the history with one more record.
-
-        Parameters
-        ----------
-        signal : ndarray of float, shape (channels, n)
-            Its residual signal (for NA4) or envelope (for NB4); n may differ from record to record.
-
-        Raises
-        ------
-        ArgumentError
-            If the number of channels differs.
-        """
-        rows = np.atleast_2d(np.asarray(signal, dtype=float))
-        if len(rows) != self.variances.shape[1]:
-            raise ArgumentError(
-                f"signal: {len(rows)} channels, the history has {self.variances.shape[1]}"
-            )
-        return RunHistory(variances=np.vstack([self.variances, np.var(rows, axis=-1)]))
-
-    def mean_variance(self, records: int | None = None) -> FloatArray:
-        """Mean variance of the first so many records, of all by default; shape (channels,).
-
-        Raises
-        ------
-        ArgumentError
-            If the history has no or not so many records.
-        """
-        wanted = self.records if records is None else records
-        if not 1 <= wanted <= self.records:
-            raise ArgumentError(
-                f"records={wanted} must lie in [1, {self.records}], the records of the run"
-            )
-        return np.asarray(self.variances[:wanted].mean(axis=0), dtype=np.float64)
-
-
-def na4(residual: FloatArray, history: RunHistory) -> FloatArray:
-    """NA4 of the newest record of a run; of an envelope this is NB4.
+def na4(residual: FloatArray, variances: FloatArray, baseline: int | None = None) -> FloatArray:
+    """NA4 of the newest record of a run; of an envelope this is NB4, with a baseline NA4*.
 
     Parameters
     ----------
     residual : ndarray of float, shape (channels, n)
         Residual signal of the newest record (NB4: envelope of the band about a mesh harmonic).
-    history : RunHistory
-        The run up to and with this record.
+    variances : ndarray of float, shape (records, channels)
+        Of these signals of the records so far, oldest first, the newest one included.
+    baseline : int, optional
+        Records at the start of the run that were healthy: later ones do not enter the denominator.
 
     Returns
     -------
@@ -314,43 +235,23 @@ def na4(residual: FloatArray, history: RunHistory) -> FloatArray:
     Raises
     ------
     ArgumentError
-        If the history is empty.
+        If `baseline` is below 1, the run is empty or has other channels.
+
+    Examples
+    --------
+    >>> residual = np.array([[1.0, -1.0, 1.0, -1.0], [3.0, 0.0, -3.0, 0.0]])
+    >>> na4(residual, np.var(residual, axis=-1)[None])
+    array([1., 2.])
     """
-    return _fourth(residual, history.mean_variance())
-
-
-def na4_frozen(residual: FloatArray, history: RunHistory, baseline: int) -> FloatArray:
-    """NA4* of the newest record: the denominator stays that of a healthy baseline.
-
-    Parameters
-    ----------
-    residual : ndarray of float, shape (channels, n)
-        As for `na4`.
-    history : RunHistory
-        The run up to and with this record.
-    baseline : int
-        Records at the start of the run that were healthy; within them NA4* is NA4.
-
-    Returns
-    -------
-    ndarray of float, shape (channels,)
-
-    Raises
-    ------
-    ArgumentError
-        If `baseline` is below 1 or the history is empty.
-    """
-    if baseline < 1:
+    if baseline is not None and baseline < 1:
         raise ArgumentError(f"baseline={baseline} records must be at least 1")
-    return _fourth(residual, history.mean_variance(min(baseline, max(1, history.records))))
-
-
-def _fourth(signal: FloatArray, variance: FloatArray) -> FloatArray:
-    rows = np.atleast_2d(np.asarray(signal, dtype=float))
-    if len(rows) != len(variance):
-        raise ArgumentError(f"signal: {len(rows)} channels, the history has {len(variance)}")
+    if not len(variances) or variances.shape[1] != len(residual):
+        raise ArgumentError(
+            f"variances: shape {np.shape(variances)}, must be (records, {len(residual)}), one "
+            "record or more"
+        )
     # scaled first, so that the fourth power cannot overflow
-    scale = np.sqrt(variance)[:, None]
-    centred = rows - rows.mean(axis=-1, keepdims=True)
+    scale = np.sqrt(variances[:baseline].mean(axis=0))[:, None]
+    centred = _centred(residual)
     standard = np.divide(centred, scale, out=np.zeros_like(centred), where=scale > 0)
     return np.asarray(np.mean(standard**4, axis=-1), dtype=np.float64)

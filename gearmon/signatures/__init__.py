@@ -22,22 +22,7 @@ Examples
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from gearmon.signatures.expected.baseline import expected_signature as expected_signature
-    from gearmon.signatures.expected.fault_family import fault_family as fault_family
-    from gearmon.signatures.expected.faulty_teeth import loss_response as loss_response
-    from gearmon.signatures.expected.mesh import mesh_problem as mesh_problem
-    from gearmon.signatures.expected.tooth_response import tooth_response as tooth_response
-    from gearmon.signatures.measured.indicators import indicator_table as indicator_table
-    from gearmon.signatures.measured.measurement import measure_signature as measure_signature
-    from gearmon.signatures.measured.reference import make_reference as make_reference
-    from gearmon.signatures.measured.reference import read_reference as read_reference
-    from gearmon.signatures.measured.reference import write_reference as write_reference
-    from gearmon.signatures.signature import Signature as Signature
-    from gearmon.signatures.signature import read_signature as read_signature
-    from gearmon.signatures.signature import write_signature as write_signature
+from typing import Any
 
 _HOMES = {
     "Signature": "signature",
@@ -63,8 +48,3 @@ def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module 'gearmon.signatures' has no attribute {name!r}")
     return getattr(import_module(f"gearmon.signatures.{_HOMES[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    """List the public names."""
-    return sorted(__all__)

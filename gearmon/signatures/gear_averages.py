@@ -14,12 +14,12 @@ from fractions import Fraction
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gearmon.errors import RecordingError
 from gearmon.gears.kinematics import Kinematics, Wheel, kinematics
 from gearmon.machine import MachineLike, load_machine
 from gearmon.result import Result
+from gearmon.signals.array_types import FloatArray
 from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.orders import whole_turns
 from gearmon.signals.orders.averages import SynchronousAverage, time_synchronous_average
@@ -27,8 +27,6 @@ from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signatures.measured.gear_signals import GearSignals, gear_signals
 from gearmon.signatures.measured.line_plan import MESH_HARMONICS, WheelLines
 from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

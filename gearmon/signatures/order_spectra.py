@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import MachineLike, load_machine
 from gearmon.result import Result, with_units
+from gearmon.signals.array_types import FloatArray
 from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.orders import READ_UP_TO
 from gearmon.signals.orders.maps import OrderMap, order_map
@@ -18,8 +18,6 @@ from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signatures.measured.line_plan import MESH_HARMONICS, Mark, machine_marks, mark_near
 from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature
 from gearmon.signatures.recording_spectrum import highest_peaks
-
-FloatArray = NDArray[np.float64]
 
 # Turns of a block: many for a spectrum, that lines stand apart; in a map as few as give it so many
 # blocks, but enough to part the mesh from the sidebands of a shaft.

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gearmon.errors import ArgumentError, check_range
 from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.result import Result, with_units
+from gearmon.signals.array_types import FloatArray
 from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signals.spectra import amplitude_spectrum, half_lobe, line_amplitude, power_density
@@ -26,7 +27,6 @@ from gearmon.signals.transforms import fast_length
 from gearmon.signatures.measured.line_plan import Mark, machine_marks, mark_near
 from gearmon.signatures.measured.measurement import measure_signature
 
-FloatArray = NDArray[np.float64]
 Band = tuple[float, float] | None
 
 # Modulation frequencies and pieces of a coherence, and the block of its carriers [samples].

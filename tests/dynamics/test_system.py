@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from reference.hill_cases import published_pair, random_problem
 from reference.system_reference import (
-    dense_lines,
+    lines_at_once,
     periodic_motion,
     random_system,
     stiffness_at,
@@ -16,8 +16,8 @@ from gearmon.dynamics import HillSystem, steady_state
 from gearmon.errors import ArgumentError
 
 SEEDS = st.integers(0, 2**32 - 1)
-# what the dense matrix leaves to rounding
-DENSE = 1e-11
+# what one matrix leaves to rounding
+ROUNDING = 1e-11
 
 
 def relative(lines, response):
@@ -75,8 +75,8 @@ def test_bound_of_random_systems_holds(seed, tolerance):
         assert math.isinf(found.error_bound)
         return
     assert found.error_bound <= tolerance
-    exact = dense_lines(system, min(45, len(found.displacement) + 8))
-    assert relative(exact, found) <= found.error_bound + DENSE
+    exact = lines_at_once(system, min(45, len(found.displacement) + 8))
+    assert relative(exact, found) <= found.error_bound + ROUNDING
 
 
 @pytest.mark.parametrize("seed", range(6))

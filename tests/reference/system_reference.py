@@ -3,6 +3,8 @@
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.linalg import qr
+from scipy.sparse import bmat
+from scipy.sparse.linalg import splu
 
 from gearmon.dynamics import HillSystem
 
@@ -90,34 +92,33 @@ def periodic_motion(system, count):
     return np.array(rates), whole
 
 
-def dense_lines(system, highest):
-    """q_0..q_highest from one matrix over all coordinates and lines."""
-    n, lines = len(system.mass), np.arange(-highest, highest + 1)
-    w, velocity = 2 * np.pi / system.period_s, velocity_matrix(system)
+def lines_at_once(system, highest):
+    """q_0..q_highest from one sparse matrix over all coordinates and lines."""
+    n, lines = len(system.mass), range(-highest, highest + 1)
+    w, velocity, mean = 2 * np.pi / system.period_s, velocity_matrix(system), stiffness_mean(system)
     v, means = system.mesh_vectors, system.mesh_stiffness_n_per_m
-    matrix = np.zeros((len(lines), n, len(lines), n), dtype=complex)
-    for row, line in enumerate(lines):
-        matrix[row, :, row] = stiffness_mean(system) - (line * w) ** 2 * system.mass
-        matrix[row, :, row] += 1j * line * w * velocity
-        for j, c in enumerate(system.mesh_harmonics.T, start=1):
-            part = v.T @ ((means * c)[:, None] * v)
-            if row >= j:
-                matrix[row, :, row - j] += part
-            if row + j < len(lines):
-                matrix[row, :, row + j] += part.conj()
     # what nothing holds stays where it is in the mean
-    _, sizes, shapes = np.linalg.svd(stiffness_mean(system))
+    _, sizes, shapes = np.linalg.svd(mean)
     free = shapes[sizes < 1e-10 * sizes[0]]
-    matrix[highest, :, highest] += free.T @ free
+    blocks = [[None] * len(lines) for _ in lines]
+    for row, line in enumerate(lines):
+        # rows of one size, and a step of refinement, leave little to rounding
+        scale = 1 / (1 + (line * w) ** 2)
+        dynamic = mean - (line * w) ** 2 * system.mass + 1j * line * w * velocity
+        blocks[row][row] = scale * (dynamic + (free.T @ free if line == 0 else 0))
+        for j, c in enumerate(system.mesh_harmonics.T, start=1):
+            part = scale * (v.T @ ((means * c)[:, None] * v))
+            if row >= j:
+                blocks[row][row - j] = part
+            if row + j < len(lines):
+                blocks[row][row + j] = part.conj()
+    matrix = bmat(blocks, format="csc")
     right = np.zeros((len(lines), n), dtype=complex)
     right[highest] = system.force_n
-    size = n * len(lines)
-    # rows of one size, and a step of refinement, leave little to rounding
-    rows = np.repeat(1 / (1 + (lines * w) ** 2), n)
-    matrix = rows[:, None] * matrix.reshape(size, size)
-    right = rows * right.ravel()
-    found = np.linalg.solve(matrix, right)
-    found += np.linalg.solve(matrix, right - matrix @ found)
+    right = right.ravel()
+    solve = splu(matrix).solve
+    found = solve(right)
+    found += solve(right - matrix @ found)
     return found.reshape(len(lines), n)[highest:]
 
 

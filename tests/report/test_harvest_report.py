@@ -67,7 +67,7 @@ def test_figures_are_those_of_the_survey_in_the_units_of_their_axes(survey):
     tuning = figures["-tuning"].axes[0]
     assert tuning.get_ylabel() == "mean power over the duty cycle in µW"
     best = next(line for line in tuning.lines if line.get_marker() == "o")
-    assert best.get_ydata()[0] == pytest.approx(1e6 * survey.best.power_w)
+    assert best.get_ydata()[0] == pytest.approx(1e6 * survey.best.tuned.power_w)
     energy, beside = figures["-energy"].axes
     assert energy.get_ylabel() == "energy of a line in J/kg, (2πfA)²/2"
     assert beside.get_ylabel() == "harvester: µW per (m/s²)² (dashed)"

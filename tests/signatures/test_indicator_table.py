@@ -95,12 +95,12 @@ def test_a_run_goes_on_from_its_history(healthy, tmp_path):
     write_history(second.history, path)
     kept = read_history(path)
     assert kept.channel_names == ("a1", "a2")
-    assert {run.records for run in kept.runs.values()} == {2}
+    assert {len(run) for run in kept.variances.values()} == {2}
     third = indicator_table(recording(), machine(), kept, baseline=2)
-    run = third.history.of_input("residual, pinion of stage 1")
-    assert run.records == 3
+    run = third.history.variances["residual, pinion of stage 1"]
+    assert len(run) == 3
     fm4 = third.value("NA4", "a1", 1, "pinion")
-    variance = run.variances[:, 0]
+    variance = run[:, 0]
     alone = indicator_table(recording(), machine()).value("NA4", "a1", 1, "pinion")
     assert fm4 == pytest.approx(alone * variance[-1] ** 2 / variance.mean() ** 2, rel=1e-9)
     frozen = third.value("NA4*", "a1", 1, "pinion")

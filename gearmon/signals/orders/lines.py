@@ -17,7 +17,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError
 from gearmon.signals.angle import AngleTrack, phasors
@@ -39,8 +38,6 @@ _PRECISE, _MIDDLE, _QUICK = (8, 2.6, 1.0), (6, 3.2, 0.25), (4, 2.6, 0.25)
 _MIDDLE_FROM, _QUICK_FROM = 1e-4, 1e-3
 # Steps taken at a time.
 _TOGETHER = 1 << 18
-# Lines and bins whose weights make one matrix.
-_MOST_LINES, _MOST_BINS = 24, 64
 # Correlation of the amplitudes of noise in neighbouring half-overlapped Hann blocks (Harris 1978).
 _SHARED = 1 / 6
 # Fewer blocks than this tell a mean, but no median and no slow drift.
@@ -337,26 +334,28 @@ class GriddedPlan:
     _KERNEL = Kernel(width=8, beta=2.30 * 8)
 
     def __init__(self, steps: int, bins: FloatArray, beside: FloatArray) -> None:
+        from scipy.sparse import csr_array
+
         self.length, self.steps = 2 * steps, steps
         width = self._KERNEL.width
         self._flat = 1 / self._KERNEL.transform((np.arange(steps) - steps / 2) / self.length)
-        ascending = np.argsort(bins, kind="stable")
-        self._place = 2 * np.argsort(ascending)
-        target = 2.0 * bins[ascending]
+        target = 2.0 * bins
         base = np.floor(target).astype(int) - width // 2 + 1
-        near = base[:, None] + np.arange(width)
         # the kernel acts on the spectrum of the half centred at zero: undo the shift on the grid
-        away = near - target[:, None]
+        away = base[:, None] + np.arange(width) - target[:, None]
         weight = self._KERNEL.at(away) * np.exp(0.5j * np.pi * away)
-        share = 0.25 * beside[:, ascending]
-        both = [_with_neighbours(weight, -share), _with_neighbours(weight, share)]
+        share = 0.25 * beside
+        both = np.concatenate([_with_neighbours(weight, sign * share) for sign in (-1, 1)])
         # bins from the lowest to the highest that is asked for, also below 0 and above the middle
-        self._first = int(base.min(initial=1)) - 1
-        wanted = self._first + np.arange(int(base.max(initial=1)) + width - self._first + 1)
+        first = int(base.min(initial=1)) - 1
+        wanted = first + np.arange(int(base.max(initial=1)) + width - first + 1)
         wrapped = wanted % self.length
         self._mirrored = np.flatnonzero(wrapped > steps)
         self._taken = np.where(wrapped > steps, self.length - wrapped, wrapped)
-        self._groups = _groups(base - 1 - self._first, np.stack(both, axis=-1))
+        place = np.tile(base - 1 - first, 2)[:, None] + np.arange(both.shape[1])
+        ends = both.shape[1] * np.arange(len(both) + 1)
+        shape = len(both), len(wanted)
+        self._weights = csr_array((both.ravel(), place.ravel(), ends), shape=shape)
 
     def lines(self, halves: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Return the transforms under the rising and the falling half of the window."""
@@ -366,39 +365,8 @@ class GriddedPlan:
         ):
             own.take(self._taken, out=row, mode="clip")
         bins[:, self._mirrored] = np.conj(bins[:, self._mirrored])
-        found = np.empty((len(halves), 2 * len(self._place)), dtype=np.complex128)
-        for begin, first, weights in self._groups:
-            own = bins[:, first : first + len(weights)]
-            np.matmul(own, weights, out=found[:, begin : begin + weights.shape[1]])
-        return found[:, self._place], found[:, self._place + 1]
-
-
-def _groups(base: NDArray[np.intp], weights: ComplexArray) -> list[tuple[int, int, ComplexArray]]:
-    """Join lines next to one another: one matrix of weights of the bins about them.
-
-    Parameters
-    ----------
-    base : ndarray of int, shape (lines,)
-        First bin of each line, ascending.
-    weights : ndarray of complex, shape (lines, bins of a line, 2)
-        Weights of two sums.
-
-    Returns
-    -------
-    list of tuple
-        First sum, first bin, weights of shape (bins, sums).
-    """
-    groups, begin, width = [], 0, weights.shape[1]
-    while begin < len(base):
-        first = int(base[begin])
-        near = int(np.searchsorted(base, first + _MOST_BINS - width, side="right"))
-        end = min(near, begin + _MOST_LINES)
-        own = (base[begin:end] - first)[:, None] + np.arange(width)
-        joined = np.zeros((int(own[-1, -1]) + 1, end - begin, 2), dtype=np.complex128)
-        joined[own, np.arange(end - begin)[:, None]] = weights[begin:end]
-        groups.append((2 * begin, first, joined.reshape(len(joined), -1)))
-        begin = end
-    return groups
+        rising, falling = np.split((self._weights @ bins.T).T, 2, axis=1)
+        return rising, falling
 
 
 def _with_neighbours(weight: ComplexArray, share: FloatArray) -> ComplexArray:

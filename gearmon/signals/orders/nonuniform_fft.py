@@ -10,8 +10,8 @@ interpolation this needs no band limit of the samples and no filter before; what
 share of order P - o that the kernel lets through, below exp(-pi w sqrt(1 - 2 o / P)) with a kernel
 of w steps.
 
-The kernel is that of Kaiser and Bessel, phi(u) = I0(b sqrt(1 - (2 u / w)^2)) / I0(b), read through
-one polynomial a sample of its reach, so that two matrix products give all weights.
+The kernel is that of Kaiser and Bessel, phi(u) = I0(b sqrt(1 - (2 u / w)^2)) / I0(b), read from a
+table that is straight from one of its places to the next.
 
 References
 ----------
@@ -22,11 +22,8 @@ a minimal oversampling ratio, IEEE Trans. Medical Imaging 24 (2005) 799-808.
 
 from __future__ import annotations
 
-import math
-import threading
-from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property
 
 import numpy as np
 
@@ -35,19 +32,9 @@ from gearmon.signals.array_types import FloatArray
 from gearmon.signals.orders.resampling import odd_stretch
 
 # Steps taken at a time: their weights stay in the cache of a processor core.
-_PIECE = 1 << 13
-# Relative change of speed over which weights are linear in the speed.
-_STEADY = 5e-4
-_SPEED_STEP = 2.5e-4
-# By the kernel's width: up to so many steps a sample, the degree of the polynomials and of their
-# slopes against the speed. With few steps a sample's reach sees less of the kernel. What all
-# weights of a step together miss is below 5e-4 of it with the short kernel, below 1e-5 with the
-# middle one and 5e-7 with the long one up to 1.3 steps a sample.
-_DEGREES = {
-    4: ((0.6, 4, 2), (1.15, 5, 3), (np.inf, 6, 3)),
-    6: ((0.7, 6, 3), (0.85, 6, 4), (1.05, 7, 4), (np.inf, 8, 5)),
-    8: ((0.8, 6, 4), (1.1, 7, 4), (np.inf, 8, 5)),
-}
+_PIECE = 1 << 12
+# Places a step at which a kernel is held: straight lines between them are off by b / (w a)^2, 4e-8.
+_HELD = 2048
 # Steps whose places are found together, and those between two that the track is asked for.
 _PLACED, _STRIDE = 1 << 16, 16
 
@@ -80,13 +67,30 @@ class Kernel:
         return cls(width=width, beta=float(0.97 * np.pi * width * (1 - 0.5 / sigma)))
 
     def at(self, u: FloatArray) -> FloatArray:
-        """Value at a distance u [steps], continued smoothly beyond its reach."""
-        from scipy.special import i0, j0
+        """Value at a distance u [steps], zero beyond its reach."""
+        from scipy.special import i0
 
         inside = 1 - (2 * u / self.width) ** 2
-        argument = self.beta * np.sqrt(np.abs(inside))
-        # beyond the reach no larger than the kernel at its end
-        return np.asarray(np.where(inside < 0, j0(argument), i0(argument)) / i0(self.beta))
+        value = i0(self.beta * np.sqrt(np.maximum(inside, 0.0))) / i0(self.beta)
+        return np.where(inside < 0, 0.0, value)
+
+    @cached_property
+    def _table(self) -> tuple[FloatArray, FloatArray]:
+        """Values at distances of so many to a step, and their rises from one to the next."""
+        values = self.at(np.arange(self.width * _HELD // 2 + 1) / _HELD)
+        rises = np.diff(values, append=0.0)
+        values[-1] = rises[-1] = 0.0
+        return values, rises
+
+    def read(self, place: FloatArray) -> FloatArray:
+        """Values at places of the table, of either sign, written where these stand."""
+        values, rises = self._table
+        np.abs(place, out=place)
+        cell = place.astype(np.intp)
+        place -= cell
+        place *= rises.take(cell, mode="clip")
+        place += values.take(cell, mode="clip")
+        return place
 
     def transform(self, x: FloatArray) -> FloatArray:
         """Fourier transform at x cycles a step."""
@@ -131,12 +135,6 @@ class Spreading:
         self._track = track
         self._per_turn = per_turn
         self._kernel = kernel
-        most = per_turn * float(track.speed_hz.max()) / sampling_rate_hz
-        self._degree, self._slope_degree = next(
-            (degree, slope) for limit, degree, slope in _DEGREES[kernel.width] if most <= limit
-        )
-        self._held = threading.local()
-        self._tables: dict[tuple[int, int], tuple[FloatArray, FloatArray]] = {}
 
     def spread(self, first_turn: float, out: FloatArray) -> None:
         """Fill `out`, shape (channels, steps), from the angle `first_turn` [turns] on."""
@@ -188,97 +186,18 @@ class Spreading:
         return time_s, slope
 
     def _piece(self, position: FloatArray, steps: FloatArray, out: FloatArray) -> None:
-        low, high = float(steps.min()), float(steps.max())
-        taps = int(np.ceil(self._kernel.width / low))
-        count = len(position)
-        terms = self._degree + self._slope_degree + 2
-        rows = self._rows(terms + 2 * taps + 2, count)
-        powers, rest = rows[:terms], rows[terms:]
-        weights, taken, first, spare = rest[:taps], rest[taps:-2], rest[-2], rest[-1]
-        begin = round(float(position[0]) - 0.5 * (taps - 1))
-        np.subtract(position, begin + 0.5 * (taps - 1), out=spare)
-        np.rint(spare, out=first)
-        powers[0] = 1.0
-        np.subtract(spare, first, out=powers[1])
-        for k in range(2, self._degree + 1):
-            np.multiply(powers[k // 2], powers[k - k // 2], out=powers[k])
-        self._weigh(powers, steps, high / low - 1, weights)
-        index = spare.view(np.intp)
-        np.copyto(index, first, casting="unsafe")
-        end = begin + int(index[-1]) + taps
+        taps = int(np.ceil(self._kernel.width / float(steps.min())))
+        first = np.rint(position - 0.5 * (taps - 1))
+        begin, away = int(first[0]), first - position
+        # the speed changes by this much a sample: of tap k the angle is a parabola in k, and how
+        # densely samples lie there a straight line
+        drift = np.gradient(steps) * steps if len(steps) > 1 else 0.0 * steps
+        powers = np.vander(np.arange(float(taps)), 3, increasing=True)
+        density = steps + drift * away
+        steps_away = np.stack([0.5 * away * (density + steps), density, 0.5 * drift])
+        weights = self._kernel.read(powers @ (_HELD * steps_away))
+        weights *= powers[:, :2] @ np.stack([density, drift])
+        index = (first - begin).astype(np.intp) + np.arange(taps)[:, None]
         for row, channel in enumerate(self._samples):
-            near = odd_stretch(channel, begin, end)
-            for k in range(taps):
-                near[k:].take(index, out=taken[k], mode="clip")
-            np.einsum("kn,kn->n", taken, weights, out=out[row])
-            out[row] *= steps
-
-    def _rows(self, number: int, count: int) -> FloatArray:
-        """Memory for arrays of one piece, held by each thread: new pages cost as much as the work.
-
-        Rows are apart by more than a power of two, which would map them onto the same cache lines.
-        """
-        held: FloatArray | None = getattr(self._held, "rows", None)
-        if held is None or held.shape[0] < number:
-            held = np.empty((number, _PIECE + 72))
-            self._held.rows = held
-        return held[:number, :count]
-
-    def _weigh(
-        self, powers: FloatArray, steps: FloatArray, change: float, weights: FloatArray
-    ) -> None:
-        count = len(steps)
-        parts = int(min(np.ceil(change / _STEADY), max(1, count // 64)))
-        length = -(-count // max(1, parts))
-        begins = range(0, count, length)
-        middles = [steps[first : first + length] for first in begins]
-        numbers = [round(math.log(own[len(own) // 2]) / _SPEED_STEP) for own in middles]
-        self._add_tables(len(weights), numbers)
-        for begin, own, number in zip(begins, middles, numbers, strict=True):
-            both, bend = self._tables[len(weights), number]
-            # the speed changes by this much a sample: the angles of neighbours are no straight line
-            drift = (own[-1] - own[0]) * own[len(own) // 2] / max(1, len(own) - 1)
-            near = powers[:, begin : begin + length]
-            sloped = near[self._degree + 1 :]
-            np.subtract(own, math.exp(number * _SPEED_STEP), out=sloped[0])
-            np.multiply(near[1 : self._slope_degree + 1], sloped[0], out=sloped[1:])
-            np.matmul(both + drift * bend, near, out=weights[:, begin : begin + length])
-
-    def _add_tables(self, taps: int, numbers: Sequence[int]) -> None:
-        """Tabulate polynomials of the weights, and of their slopes, at speeds that are new.
-
-        Shape (taps, terms): the weights at a speed [steps a sample] and their slopes against it;
-        then what their change a sample adds to both: with r' the change, a sample at the distance d
-        is r d - r' d^2 / 2 steps away, and stands for r - r' d of them.
-        """
-        new = [number for number in dict.fromkeys(numbers) if (taps, number) not in self._tables]
-        if not new:
-            return
-        speed, step = np.exp(np.array(new) * _SPEED_STEP)[:, None, None], 1e-3
-        away, fit = _nodes(taps, self._degree)
-        near, fit_slope = _nodes(taps, self._slope_degree)
-        places = [(speed, away), (speed + step, away), (speed - step, away)]
-        places += [(speed + step, near), (speed - step, near)]
-        asked = np.concatenate([steps * where for steps, where in places], axis=2)
-        cuts = np.cumsum([where.shape[1] for _, where in places[:-1]])
-        own, more, less, high, low = np.split(self._kernel.at(asked), cuts, axis=2)
-        bend = (-0.25 / step * away * (more - less) - away / speed * own) @ fit
-        none = np.zeros((*bend.shape[:2], self._slope_degree + 1))
-        both = np.concatenate([own @ fit, (high - low) @ fit_slope / (2 * step)], axis=2)
-        bends = np.concatenate([bend, none], axis=2)
-        for row, number in enumerate(new):
-            self._tables[taps, number] = both[row], bends[row]
-
-
-@lru_cache(maxsize=64)
-def _nodes(taps: int, degree: int) -> tuple[FloatArray, FloatArray]:
-    """Distances from every tap at which its weight is asked for, and what makes polynomials of it.
-
-    The polynomials are in the distance from the middle tap. Read-only.
-    """
-    nodes = np.cos(np.pi * (np.arange(degree + 1) + 0.5) / (degree + 1))
-    away = 0.5 * nodes + (0.5 * (taps - 1) - np.arange(taps))[:, None]
-    fit = np.linalg.inv(np.vander(nodes, increasing=True)).T * 2.0 ** np.arange(degree + 1)
-    for held in (away, fit):
-        held.flags.writeable = False
-    return away, fit
+            near = odd_stretch(channel, begin, begin + int(index[-1, -1]) + 1)
+            np.einsum("kn,kn->n", near.take(index, mode="clip"), weights, out=out[row])

@@ -108,7 +108,7 @@ class Source:
                     )
                 continue
             yield Block(text=rest + chunk[:cut], first_line=line)
-            line += _count_lines(chunk)
+            line += count_of(chunk, "\n")
             rest = chunk[cut:]
         rest = rest.rstrip(_END_OF_FILE_MARK)
         if rest:
@@ -173,9 +173,10 @@ class Source:
                 ) from None
 
 
-def _count_lines(text: bytes) -> int:
-    # five times as fast as bytes.count where lines are short
-    return int(np.count_nonzero(np.frombuffer(text, np.uint8) == ord("\n")))
+def count_of(text: bytes, character: str) -> int:
+    """Return how often a character stands in a text."""
+    # several times as fast as bytes.count where there are many
+    return int(np.count_nonzero(np.frombuffer(text, np.uint8) == ord(character)))
 
 
 def open_source(path: str | Path) -> Source:

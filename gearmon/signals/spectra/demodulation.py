@@ -34,14 +34,14 @@ Antoni, Mech. Syst. Signal Process. 20 (2006) 282-307 and 21 (2007) 108-124, kur
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.signals.array_types import ComplexArray, FloatArray
-from gearmon.signals.spectra.spectrum import Spectrum, hann
+from gearmon.signals.spectra.spectrum import Spectrum, amplitude_spectrum, hann
 from gearmon.signals.transforms import (
     batch,
     fast_length,
@@ -171,18 +171,9 @@ def envelope_spectrum(
     size = envelope.amplitude
     size = size**2 if squared else size
     size = size - size.mean(axis=-1, keepdims=True)
-    count = size.shape[-1]
-    window = hann(count)
-    values = np.abs(np.fft.rfft(size * window, axis=-1)) * 2.0 / window.sum()
-    values[:, 0] *= 0.5
-    frequency = envelope.rate / count * np.arange(values.shape[-1])
-    kept = frequency <= (envelope.high - envelope.low) * (1 + 1e-12)
-    return Spectrum(
-        frequency_hz=frequency[kept],
-        values=values[:, kept],
-        quantity="amplitude",
-        resolution_hz=1.5 * envelope.rate / count,
-    )
+    found = amplitude_spectrum(size, envelope.rate, length=size.shape[-1])
+    kept = found.frequency_hz <= (envelope.high - envelope.low) * (1 + 1e-12)
+    return replace(found, frequency_hz=found.frequency_hz[kept], values=found.values[:, kept])
 
 
 def _signals(samples: FloatArray, rate: float, fewest: int = 8) -> FloatArray:

@@ -283,26 +283,19 @@ def shifted_track(
     AngleTrack
         Knots at the centres and at the ends of the old track.
     """
+    from scipy.interpolate import make_interp_spline
+
     ends = track.turns[[0, -1]]
     inner = centres[(centres > ends[0]) & (centres < ends[1])]
     angle = np.concatenate([[ends[0]], inner, [ends[1]]])
-    slope_ends = _extrapolated(centres, shift, angle)
+    # straight from centre to centre, and on with the slopes at the ends
+    slope_ends = make_interp_spline(centres, shift, k=min(1, len(centres) - 1))(angle)
     return AngleTrack(
         time_s=track.time_at(angle),
         turns=angle + slope_ends,
         method=track.method,
         uncertainty_turns=spread,
     )
-
-
-def _extrapolated(x: FloatArray, y: FloatArray, at: FloatArray) -> FloatArray:
-    """Piecewise linear through (x, y), continued with the end slopes."""
-    value = np.interp(at, x, y)
-    if len(x) > 1:
-        low, high = (y[1] - y[0]) / (x[1] - x[0]), (y[-1] - y[-2]) / (x[-1] - x[-2])
-        value = np.where(at < x[0], y[0] + low * (at - x[0]), value)
-        value = np.where(at > x[-1], y[-1] + high * (at - x[-1]), value)
-    return value
 
 
 def lock_track(sums: OrderSums, track: AngleTrack) -> AngleTrack:

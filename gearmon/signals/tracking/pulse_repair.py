@@ -161,11 +161,9 @@ class _Repair:
 
     def done(self) -> Repaired:
         """Repair all stretches."""
-        padded = np.concatenate([[False], self.doubtful, [False]]).astype(np.int8)
-        starts = np.flatnonzero(np.diff(padded) == 1)
-        stops = np.flatnonzero(np.diff(padded) == -1)
+        edges = np.flatnonzero(np.diff(self.doubtful, prepend=False, append=False))
         count = len(self.time_s)
-        for start, stop in zip(starts.tolist(), stops.tolist(), strict=True):
+        for start, stop in edges.reshape(-1, 2).tolist():
             if start == 0:
                 self._end(np.arange(stop - 1, -1, -1), np.arange(stop, count))
             elif stop == count:

@@ -247,15 +247,11 @@ def _edges(waveform: FloatArray, middle: float, margin: float) -> FloatArray:
     state[waveform < middle - margin] = -1
     known = np.flatnonzero(state)
     rises = np.flatnonzero((state[known[1:]] == 1) & (state[known[:-1]] == -1))
-    edges = np.empty(len(rises))
-    for row, index in enumerate(rises):
-        start, stop = known[index], known[index + 1]
-        part = waveform[start : stop + 1]
-        after = int(np.argmax(part > middle))
-        before = after - 1
-        step = part[after] - part[before]
-        edges[row] = start + before + (middle - part[before]) / step
-    return edges
+    # of each rise the first sample above the middle, and how far before it
+    ups = np.flatnonzero((waveform[:-1] <= middle) & (waveform[1:] > middle))
+    before = ups[np.searchsorted(ups, known[rises])]
+    height = waveform[before]
+    return np.asarray(before + (middle - height) / (waveform[before + 1] - height))
 
 
 def track_from_pulses(

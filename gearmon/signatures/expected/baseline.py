@@ -21,9 +21,9 @@ from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.gears.faults import faults_of
 from gearmon.gears.mechanics import StageMechanics
 from gearmon.machine import Machine, MachineLike, load_machine
+from gearmon.signals.array_types import ComplexArray
 from gearmon.signatures.expected.faulty_teeth import Posed, faulty_lines
 from gearmon.signatures.expected.mesh import (
-    ComplexArray,
     MeshLines,
     PosedMesh,
     Wrong,

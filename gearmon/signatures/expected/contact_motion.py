@@ -28,14 +28,10 @@ from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
 from gearmon.errors import ArgumentError
 from gearmon.gears.pulses import PanelCurves, gauss, panel_nodes
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
-IntArray = npt.NDArray[np.int_]
+from gearmon.signals.array_types import ComplexArray, FloatArray, IntArray
 
 #: Collocation points of a panel, and the largest turn [rad] of the fastest part over half of it:
 #: together they integrate that part to about 1e-12.

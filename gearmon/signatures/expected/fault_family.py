@@ -21,6 +21,7 @@ from gearmon.gears.faults import ERROR_KINDS, KINDS, parse_fault_or_error
 from gearmon.gears.pairs import mesh_pairs
 from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.result import Result
+from gearmon.signals.array_types import ComplexArray, FloatArray
 from gearmon.signatures.expected.faulty_teeth import (
     Posed,
     faulty_lines,
@@ -29,8 +30,6 @@ from gearmon.signatures.expected.faulty_teeth import (
 )
 from gearmon.signatures.expected.mesh import (
     AMPLITUDES,
-    ComplexArray,
-    FloatArray,
     MeshLines,
     PosedMesh,
     Wrong,

@@ -21,6 +21,7 @@ from gearmon.gears.modulation import ModulationTrain, state_of
 from gearmon.gears.pulses import PulseTrain
 from gearmon.machine import MachineLike, load_machine
 from gearmon.result import Result
+from gearmon.signals.array_types import ComplexArray, FloatArray, IntArray
 from gearmon.signatures.expected.contact_motion import (
     Deviations,
     PeriodicMotion,
@@ -28,15 +29,7 @@ from gearmon.signatures.expected.contact_motion import (
     deviations,
     lines_per_unit,
 )
-from gearmon.signatures.expected.mesh import (
-    ComplexArray,
-    FloatArray,
-    Heard,
-    IntArray,
-    MeshLines,
-    PosedMesh,
-    mesh_with,
-)
+from gearmon.signatures.expected.mesh import Heard, MeshLines, PosedMesh, mesh_with
 from gearmon.signatures.expected.planetary_set import PosedSet, posed_stage
 
 Posed = PosedMesh | PosedSet

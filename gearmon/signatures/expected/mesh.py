@@ -26,11 +26,9 @@ from gearmon.gears.kinematics import kinematics
 from gearmon.gears.mechanics import StageMechanics, stage_mechanics
 from gearmon.gears.pairs import mesh_pairs
 from gearmon.machine import Machine, OperatingPoint
+from gearmon.signals.array_types import ComplexArray, FloatArray, IntArray
 from gearmon.signatures.expected.contact_motion import Deviations, PeriodicMotion, Surroundings
 
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
-IntArray = npt.NDArray[np.int_]
 Wrong = Fault | GearError
 
 #: What the phases and amplitudes of all expected lines mean.

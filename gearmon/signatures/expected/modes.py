@@ -12,15 +12,14 @@ from dataclasses import asdict, dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
 from gearmon.errors import check_range
 from gearmon.gears.drive_train import DriveTrain, Planets, drive_train
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import MachineLike, load_machine
 from gearmon.result import Result
+from gearmon.signals.array_types import FloatArray
 
-FloatArray = npt.NDArray[np.float64]
 TYPES = ("rotational", "translational", "planet")
 #: Share of the largest eigenvalue below which a mode is a rigid one: they are rounding, some 1e-14.
 RIGID = 1e-11

@@ -36,15 +36,9 @@ from gearmon.gears.faults import parse_fault_or_error
 from gearmon.gears.kinematics import PLANET_PASS_DEPTH, Mesh, kinematics
 from gearmon.gears.mechanics import StageMechanics
 from gearmon.machine import Machine, PlanetaryStage
+from gearmon.signals.array_types import FloatArray
 from gearmon.signatures.expected.contact_motion import Deviations, PeriodicMotion, Surroundings
-from gearmon.signatures.expected.mesh import (
-    FloatArray,
-    Heard,
-    PosedMesh,
-    Wrong,
-    operating_point,
-    posed_mesh,
-)
+from gearmon.signatures.expected.mesh import Heard, PosedMesh, Wrong, operating_point, posed_mesh
 from gearmon.signatures.expected.modes import natural
 
 #: Share of what planets bring to a line up to which they cancel.

@@ -20,7 +20,6 @@ from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError, GearmonError, check_range
 from gearmon.gears.faults import Fault
@@ -29,10 +28,8 @@ from gearmon.gears.pairs import MeshPair, Stage, mesh_pairs
 from gearmon.gears.stiffness import MeshStiffness, mesh_stiffness
 from gearmon.machine import Machine, PlanetaryStage
 from gearmon.result import Result
+from gearmon.signals.array_types import ComplexArray, FloatArray
 from gearmon.signatures.expected.faulty_teeth import loss_response
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 _POINTS = 512
 _SMALL_LOSS = 1e-3

@@ -25,10 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError
+from gearmon.signals.array_types import ComplexArray, FloatArray
 from gearmon.signatures.measured.line_plan import NEAR_SIDEBANDS, WheelLines
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 #: Harmonics of the rotation that count as the shaft's own.
 SHAFT_HARMONICS = 2

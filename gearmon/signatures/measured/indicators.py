@@ -13,21 +13,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError, SignatureError, check_range
 from gearmon.files import write_atomically
 from gearmon.machine import MachineLike, load_machine
 from gearmon.result import Result
 from gearmon.signals import indicators
+from gearmon.signals.array_types import FloatArray
 from gearmon.signals.bad_samples import sound_part
-from gearmon.signals.indicators import RunHistory, na4, na4_frozen
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signals.threads import at_once
 from gearmon.signatures.measured.gear_signals import GearSignals, gear_signals
 from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature
 
-FloatArray = NDArray[np.float64]
 Table = dict[str, dict[str, float]]
 
 _HISTORY = "gearmon indicator history"
@@ -347,9 +345,9 @@ def _values(
     """All indicators of a gear in their order: input, value in every channel, with its unit."""
     found = {name: (of, value(own), unit) for name, (of, value, unit) in _OF_GEAR.items()}
     for name, of in _OF_RUN.items():
-        signal, known = getattr(own, of), run.of_input(_input_name(of, own))
-        found[name] = (of, na4(signal, known), False)
-        found[f"{name}*"] = (of, na4_frozen(signal, known, baseline), False)
+        signal, known = getattr(own, of), run.variances[_input_name(of, own)]
+        found[name] = (of, indicators.na4(signal, known), False)
+        found[f"{name}*"] = (of, indicators.na4(signal, known, baseline), False)
     order = ("average", "residual", "difference", "regular", "envelope")
     return dict(sorted(found.items(), key=lambda item: order.index(item[1][0])))
 
@@ -387,12 +385,12 @@ class IndicatorHistory:
     ----------
     channel_names : tuple of str
         Channels.
-    runs : mapping of str to RunHistory
-        By signal and gear, as "residual, pinion of stage 1".
+    variances : mapping of str to ndarray of float, shape (records, channels)
+        By signal and gear, as "residual, pinion of stage 1"; oldest record first.
     """
 
     channel_names: tuple[str, ...]
-    runs: Mapping[str, RunHistory] = field(default_factory=dict)
+    variances: Mapping[str, FloatArray] = field(default_factory=dict)
 
     def check_channels(self, channel_names: tuple[str, ...]) -> None:
         """Raise if a recording has other channels than the run.
@@ -408,18 +406,14 @@ class IndicatorHistory:
                 f"has {', '.join(channel_names)}; name them with --channel or begin a new history"
             )
 
-    def of_input(self, name: str) -> RunHistory:
-        """Return the history of one signal of one gear; empty if it has none."""
-        known = self.runs.get(name)
-        return RunHistory.of(len(self.channel_names)) if known is None else known
-
     def with_gear(self, own: GearSignals) -> IndicatorHistory:
         """Return the history with one more record of a gear's signals."""
-        runs = dict(self.runs)
+        variances = dict(self.variances)
         for signal in _OF_RUN.values():
             name = _input_name(signal, own)
-            runs[name] = self.of_input(name).with_record(getattr(own, signal))
-        return replace(self, runs=runs)
+            known = variances.get(name, np.empty((0, len(self.channel_names))))
+            variances[name] = np.vstack([known, np.var(getattr(own, signal), axis=-1)])
+        return replace(self, variances=variances)
 
 
 def write_history(history: IndicatorHistory, path: str | Path) -> None:
@@ -433,7 +427,7 @@ def write_history(history: IndicatorHistory, path: str | Path) -> None:
     content = {
         "kind": _HISTORY,
         "channels": list(history.channel_names),
-        "variances": {name: run.variances.tolist() for name, run in history.runs.items()},
+        "variances": {name: run.tolist() for name, run in history.variances.items()},
     }
     write_atomically(path, json.dumps(content, indent=1) + "\n")
 
@@ -456,10 +450,12 @@ def read_history(path: str | Path) -> IndicatorHistory:
         raise SignatureError(f"{path}: is no history of indicators")
     try:
         names = tuple(str(name) for name in content["channels"])
-        runs = {
-            str(name): RunHistory(variances=np.array(rows, dtype=float).reshape(-1, len(names)))
+        variances = {
+            str(name): np.array(rows, dtype=float).reshape(-1, len(names))
             for name, rows in content["variances"].items()
         }
+        if not all(np.all((run >= 0) & (run < np.inf)) for run in variances.values()):
+            raise ValueError("variances must be finite and >= 0")
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise SignatureError(f"{path}: damaged history of indicators ({error})") from None
-    return IndicatorHistory(channel_names=names, runs=runs)
+    return IndicatorHistory(channel_names=names, variances=variances)

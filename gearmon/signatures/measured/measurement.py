@@ -13,6 +13,7 @@ from gearmon.gears.kinematics import Kinematics, kinematics
 from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack
+from gearmon.signals.array_types import FloatArray
 from gearmon.signals.bad_samples import inspected, sound_part, sound_piece
 from gearmon.signals.orders import OrderLines, order_lines
 from gearmon.signals.orders.fine_spectra import FineSpectrum, fine_order_spectrum
@@ -36,8 +37,6 @@ from gearmon.signatures.speed import (
     speed_of,
 )
 from gearmon.signatures.tracking import track_recording
-
-FloatArray = NDArray[np.float64]
 
 #: What a line may add elsewhere, relative to it: the angle is not known as well.
 LEAKAGE = 1e-4

@@ -17,6 +17,7 @@ from scipy.special import gammaincc, gammainccinv
 
 from gearmon.gears.kinematics import Kinematics
 from gearmon.signals.angle import AngleTrack
+from gearmon.signals.array_types import FloatArray
 from gearmon.signals.orders.fine_spectra import (
     FineSpectrum,
     clear_peaks,
@@ -24,8 +25,6 @@ from gearmon.signals.orders.fine_spectra import (
     fine_spectrum,
 )
 from gearmon.signatures.measured.line_plan import distance_to, known_orders
-
-FloatArray = NDArray[np.float64]
 
 # Peaks of mere noise that a list of lines may hold, on average.
 _NOISE_PEAKS = 0.05

@@ -12,19 +12,18 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from gearmon import __version__
 from gearmon.errors import ArgumentError
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, ParallelStage
+from gearmon.signals.array_types import FloatArray
 
 if TYPE_CHECKING:
     from gearmon.signatures.measured.measurement import MeasuredSignature
     from gearmon.signatures.measured.reference import Profile, Reference
 
-FloatArray = NDArray[np.float64]
 
 # Rates that are told by time stamps differ by less, and so little moves no level.
 _SAME_RATE = 1e-2

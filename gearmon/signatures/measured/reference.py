@@ -21,6 +21,7 @@ from gearmon.errors import ArgumentError, check_type
 from gearmon.files import reading_archive, write_archive
 from gearmon.machine import Machine
 from gearmon.result import Result
+from gearmon.signals.array_types import ComplexArray, FloatArray
 from gearmon.signals.orders import OrderLines, variance_of_mean
 from gearmon.signatures.measured.line_plan import WheelLines
 from gearmon.signatures.measured.measurement import MeasuredSignature
@@ -31,9 +32,6 @@ from gearmon.signatures.measured.provenance import (
     refuse_twice,
     tooth_counts,
 )
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 # Least variance of a line over that of the noise between lines. Among the lines of a second stage
 # the latter is far too large; with few blocks it is still the better guess.

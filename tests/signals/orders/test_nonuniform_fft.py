@@ -28,9 +28,7 @@ def test_transform_of_the_kernel_is_its_fourier_integral(width, bound, oversampl
     waves = np.cos(2 * np.pi * np.outer(x, u))
     integral = np.trapezoid(kernel.at(u) * waves, u, axis=1)
     np.testing.assert_allclose(kernel.transform(x), integral, rtol=1e-6, atol=1e-7 * width)
-    # continued beyond its reach it stays what it is at the end, or less
-    beyond = kernel.at(np.linspace(width / 2, 0.7 * width, 50))
-    assert np.abs(beyond).max() <= kernel.at(np.array([width / 2]))[0] * (1 + 1e-9)
+    assert not kernel.at(np.linspace(1.001 * width / 2, 0.7 * width, 50)).any()
     assert kernel.at(np.array([width / 2]))[0] < 30 * bound
 
 
@@ -51,9 +49,7 @@ def test_every_step_is_the_weighted_sum_of_its_neighbours(width):
         distance = step - per_turn * (angle - first)
         near = np.abs(distance) <= 0.5 * width
         slow = samples[:, near] @ (kernel.at(distance[near]) * density[near])
-        # taps beyond the reach hold what the kernel has at its end
-        end = float(kernel.at(np.array([0.5 * width]))[0])
-        np.testing.assert_allclose(found[:, step], slow, atol=5 * end + 3e-6)
+        np.testing.assert_allclose(found[:, step], slow, atol=1.5e-5)
 
 
 def test_dense_knots_and_sparse_ones_give_the_same_steps():
@@ -67,9 +63,9 @@ def test_dense_knots_and_sparse_ones_give_the_same_steps():
     assert np.abs(one - other).max() < 0.05 * np.abs(one).max()
 
 
-@pytest.mark.parametrize(("width", "bound"), [(4, 5e-4), (6, 1e-5), (8, 5e-7)])
+@pytest.mark.parametrize("width", [4, 6, 8])
 @pytest.mark.parametrize("steps", [0.45, 0.7, 1.05, 1.3])
-def test_polynomials_give_the_kernel_at_every_number_of_steps_a_sample(width, bound, steps):
+def test_the_table_gives_the_kernel_at_every_number_of_steps_a_sample(width, steps):
     track = track_of(lambda time: 20.0 * time, 2.0, 5)
     samples = np.sign(white((1, 4000), seed=6))
     kernel, taps = Kernel.of(width, 1.5), int(np.ceil(width / steps))
@@ -78,10 +74,10 @@ def test_polynomials_give_the_kernel_at_every_number_of_steps_a_sample(width, bo
     nearest = np.rint(place - 0.5 * (taps - 1)).astype(int)[:, None] + np.arange(taps)
     weights = kernel.at(steps * (nearest - place[:, None])) * steps
     slow = np.sum(samples[0, nearest] * weights, axis=1)
-    # where two samples are as near either of them may be taken: they lie at the kernel's end
+    # a sample at the very end of the reach may count or not
     end = 2.0 * float(kernel.at(np.array([0.5 * width]))[0])
-    assert np.median(np.abs(found - slow)) < bound
-    assert np.abs(found - slow).max() < bound + end
+    assert np.median(np.abs(found - slow)) < 3e-7
+    assert np.abs(found - slow).max() < 3e-7 + end
 
 
 @pytest.mark.parametrize("knots", [6, 40, 900, 6000])
@@ -115,9 +111,7 @@ def test_stretches_do_not_depend_on_where_they_begin(monkeypatch):
     whole = spread_of(samples, track, 120.0, kernel, 0.0, 9600)
     monkeypatch.setattr(nonuniform_fft, "_PIECE", 700)
     parts = spread_of(samples, track, 120.0, kernel, 0.0, 9600)
-    np.testing.assert_allclose(
-        parts, whole, atol=5e-5
-    )  # of sums near 5, by polynomials in the speed
+    np.testing.assert_allclose(parts, whole, atol=5e-6)
 
 
 def test_a_constant_is_spread_evenly_to_the_ends():

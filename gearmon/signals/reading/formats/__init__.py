@@ -9,14 +9,14 @@ from __future__ import annotations
 import importlib
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import cast
 
 from gearmon.errors import RecordingError
 from gearmon.signals.reading.channels import Wanted
 from gearmon.signals.reading.columns import Content
 from gearmon.signals.reading.fields import Progress, Room
-from gearmon.signals.reading.formats.arrays import Holding, choose
+from gearmon.signals.reading.formats.arrays import Holding, choose, reading
 from gearmon.signals.reading.source import Source
 
 __all__ = ["Format", "identify", "read_arrays"]
@@ -192,7 +192,9 @@ def _held(source: Source, found: Format) -> Holding:
         ) from None
     module, _, name = found.loader.partition(".")
     loaded = importlib.import_module(f"{__name__}.{module}")
-    return cast(Callable[[str, str], Holding], getattr(loaded, name))(source.path, found.what)
+    load = cast(Callable[[str], Holding], getattr(loaded, name))
+    with reading(source.path, found.what):
+        return replace(load(source.path), path=source.path, what=found.what)
 
 
 def _named(head: bytes) -> Format | None:

@@ -82,10 +82,6 @@ class Holding:
 
     Parameters
     ----------
-    path : str
-        The file.
-    what : str
-        What kind of file it is, for messages.
     arrays : tuple of Array
         Everything that may be a signal, in the order of the file.
     together : bool
@@ -98,16 +94,18 @@ class Holding:
         What else stands in the file, for messages.
     close : callable
         Closes the file.
+    path, what : str
+        The file and its kind, for messages.
     """
 
-    path: str
-    what: str
     arrays: tuple[Array, ...]
     together: bool = False
     facts: Mapping[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
     close: Callable[[], object] = field(default=lambda: None)
+    path: str = ""
+    what: str = ""
 
 
 @contextmanager

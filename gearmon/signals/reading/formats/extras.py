@@ -24,7 +24,7 @@ import numpy as np
 
 from gearmon.errors import RecordingError
 from gearmon.signals.reading.fields import Floats
-from gearmon.signals.reading.formats.arrays import Array, Holding, as_array, reading, stated_rate
+from gearmon.signals.reading.formats.arrays import Array, Holding, as_array, stated_rate
 
 _UNIT_KEYS = (b"unit", b"units")
 _UNIT_NAMES = ("unit", "units", "Unit", "Units")
@@ -48,20 +48,16 @@ _DIRECTIONS = {
 _ENDLESS = 1 << 62
 
 
-def _opened(
-    path: str, what: str, opened: Callable[[], Any], holding: Callable[[str, str, Any], Holding]
-) -> Holding:
+def _kept_open(file: Any, holding: Callable[[Any], Holding]) -> Holding:
     """Return what an opened file holds; it stays open unless it is damaged."""
-    with reading(path, what):
-        file = opened()
-        try:
-            return holding(path, what, file)
-        except BaseException:
-            file.close()
-            raise
+    try:
+        return holding(file)
+    except BaseException:
+        file.close()
+        raise
 
 
-def read_hdf5(path: str, what: str) -> Holding:
+def read_hdf5(path: str) -> Holding:
     """Return what an HDF5 file holds: all its arrays and single numbers, by their paths.
 
     Attributes of an array tell its unit (`units`) and its sampling rate (`fs`, `sampling_rate`
@@ -76,7 +72,7 @@ def read_hdf5(path: str, what: str) -> Holding:
 
     def trial() -> None:
         with h5py.File(path, "r") as file:
-            _hdf5_arrays(path, what, file)
+            _hdf5_arrays(file)
             for _, item in _walk(file):
                 # the index of its chunks; what they hold is unpacked by zlib
                 if getattr(item, "chunks", None) and item.id.get_num_chunks():
@@ -84,9 +80,9 @@ def read_hdf5(path: str, what: str) -> Holding:
 
     if not _outlived(trial):
         raise RecordingError(
-            f"{path}: looks like {what} and is so damaged that reading it crashes; copy it again"
+            f"{path}: an HDF5 or MATLAB 7.3 file so damaged that reading it crashes; copy it again"
         )
-    return _opened(path, what, lambda: h5py.File(path, "r"), _hdf5_arrays)
+    return _kept_open(h5py.File(path, "r"), _hdf5_arrays)
 
 
 def _outlived(task: Callable[[], None]) -> bool:
@@ -110,7 +106,7 @@ def _outlived(task: Callable[[], None]) -> bool:
     return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 0
 
 
-def _hdf5_arrays(path: str, what: str, file: Any) -> Holding:
+def _hdf5_arrays(file: Any) -> Holding:
     import h5py
 
     arrays: list[Array] = []
@@ -122,8 +118,6 @@ def _hdf5_arrays(path: str, what: str, file: Any) -> Holding:
         elif isinstance(item, h5py.Dataset):
             _gather(name, item, arrays, facts, others)
     return Holding(
-        path=path,
-        what=what,
         arrays=tuple(arrays),
         facts=facts,
         left_out=tuple(others),
@@ -189,7 +183,7 @@ def _names(attributes: Any, usual: tuple[str, ...]) -> tuple[str, ...]:
     return usual
 
 
-def read_parquet(path: str, what: str) -> Holding:
+def read_parquet(path: str) -> Holding:
     """Return what a Parquet table holds: its columns of numbers and times.
 
     The metadata of a column may tell its unit (`unit`), that of the table the sampling rate (`fs`,
@@ -202,13 +196,11 @@ def read_parquet(path: str, what: str) -> Holding:
     """
     from pyarrow import parquet
 
-    def opened() -> Any:
-        return parquet.ParquetFile(path, page_checksum_verification=True)
-
-    return _opened(path, what, opened, _parquet_columns)
+    file = parquet.ParquetFile(path, page_checksum_verification=True)
+    return _kept_open(file, lambda file: _parquet_columns(path, file))
 
 
-def _check_pages(path: str, what: str, told: Any) -> None:
+def _check_pages(path: str, told: Any) -> None:
     """Refuse pages that do not end where what stands behind them begins: later values are moved."""
     chunks = [
         told.row_group(group).column(column)
@@ -223,14 +215,14 @@ def _check_pages(path: str, what: str, told: Any) -> None:
     end = os.path.getsize(path) - 8 - told.serialized_size
     if ends and not indexed and max(ends) != end:
         raise RecordingError(
-            f"{path}: is damaged: the pages of {what} end at byte {max(ends)}, not {end}"
+            f"{path}: is damaged: the pages of its table end at byte {max(ends)}, not {end}"
         )
 
 
-def _parquet_columns(path: str, what: str, file: Any) -> Holding:
+def _parquet_columns(path: str, file: Any) -> Holding:
     import pyarrow
 
-    _check_pages(path, what, file.metadata)
+    _check_pages(path, file.metadata)
     schema, rows = file.schema_arrow, file.metadata.num_rows
     kept = [field for field in schema if _is_numeric(pyarrow, field.type)]
     dropped = [field for field in schema if field not in kept]
@@ -246,8 +238,6 @@ def _parquet_columns(path: str, what: str, file: Any) -> Holding:
     # the row labels of a data frame are no channel
     channels = [field for field in kept if not field.name.startswith("__index_level_")]
     return Holding(
-        path=path,
-        what=what,
         arrays=tuple(column(field) for field in channels) if rows >= _FEWEST_SAMPLES else (),
         together=True,
         facts=_facts(schema.metadata or {}),
@@ -259,12 +249,8 @@ def _parquet_columns(path: str, what: str, file: Any) -> Holding:
 
 def _is_numeric(pyarrow: Any, kind: Any) -> bool:
     types = pyarrow.types
-    return bool(
-        types.is_integer(kind)
-        or types.is_floating(kind)
-        or types.is_decimal(kind)
-        or types.is_timestamp(kind)
-    )
+    numeric = (types.is_integer, types.is_floating, types.is_decimal, types.is_timestamp)
+    return any(is_such(kind) for is_such in numeric)
 
 
 def _unit_of_column(pyarrow: Any, field: Any) -> str | None:
@@ -301,7 +287,7 @@ def _floats(column: Any) -> Floats:
     return np.asarray(column.to_numpy(), dtype=np.float64)
 
 
-def read_tdms(path: str, what: str) -> Holding:
+def read_tdms(path: str) -> Holding:
     """Return what a TDMS file holds: its channels, with unit and sampling rate where stated.
 
     Raises
@@ -311,10 +297,10 @@ def read_tdms(path: str, what: str) -> Holding:
     """
     import nptdms
 
-    def channels(path: str, what: str, stream: Any) -> Holding:
+    def channels(stream: Any) -> Holding:
         with _quiet():
             file = nptdms.TdmsFile.open(stream)
-            found = _tdms_channels(path, what, file, stream.close)
+            found = _tdms_channels(path, file, stream.close)
         told = [own for group in file.groups() for own in group.channels() if len(own)]
         sizes = [own.data_type.size and own.data_type.size * len(own) for own in told]
         # of text, and of what a driver packs, the size is not known
@@ -322,10 +308,9 @@ def read_tdms(path: str, what: str) -> Holding:
             raise ValueError(f"its channels take {sum(sizes)} bytes, and it holds {stored}")
         return found
 
+    stored = _bytes_of_segments(path)
     # opened here, as the library leaves a damaged file open
-    with reading(path, what):
-        stored = _bytes_of_segments(path)
-    return _opened(path, what, lambda: open(path, "rb"), channels)
+    return _kept_open(open(path, "rb"), channels)
 
 
 def _bytes_of_segments(path: str) -> int:
@@ -355,7 +340,7 @@ def _quiet() -> Iterator[None]:
         log_manager.set_level(before)
 
 
-def _tdms_channels(path: str, what: str, file: Any, close: Callable[[], object]) -> Holding:
+def _tdms_channels(path: str, file: Any, close: Callable[[], object]) -> Holding:
     status = file.file_status
     if status.incomplete_final_segment or status.channel_statuses:
         raise RecordingError(
@@ -377,8 +362,6 @@ def _tdms_channels(path: str, what: str, file: Any, close: Callable[[], object])
     for group in file.groups():
         facts |= {f"{group.name}.{key}": v for key, v in _properties(group.properties).items()}
     return Holding(
-        path=path,
-        what=what,
         arrays=tuple(arrays),
         together=True,
         facts=facts,
@@ -421,7 +404,7 @@ def _number(value: Any) -> float | None:
     return float(value) if isinstance(value, int | float | np.number) else None
 
 
-def read_universal(path: str, what: str) -> Holding:
+def read_universal(path: str) -> Holding:
     """Return what a universal file holds: its functions of time, with unit and spacing.
 
     One that was cut off exactly between two data sets holds fewer channels: nothing in it says how
@@ -446,21 +429,18 @@ def read_universal(path: str, what: str) -> Holding:
                 f"{path}: data set {number} does not begin with its type, so it is damaged; copy "
                 "the file again"
             )
-    with reading(path, what):
-        file = pyuff.UFF(path)
-        types = [int(kind) for kind in file.get_set_types()]
-        sets = [file.read_sets(k) for k, kind in enumerate(types) if kind in _FUNCTION_SETS]
-        arrays: list[Array] = []
-        others = [f"a data set of type {kind}" for kind in types if kind not in _FUNCTION_SETS]
-        taken: set[str] = set()
-        for number, one in enumerate(sets, 1):
-            if _is_signal(one):
-                arrays.extend(_functions(path, number, one, taken))
-            else:
-                others.append(f"a function of type {one.get('func_type')}")
-    return Holding(
-        path=path, what=what, arrays=tuple(arrays), together=True, left_out=tuple(others)
-    )
+    file = pyuff.UFF(path)
+    types = [int(kind) for kind in file.get_set_types()]
+    sets = [file.read_sets(k) for k, kind in enumerate(types) if kind in _FUNCTION_SETS]
+    arrays: list[Array] = []
+    others = [f"a data set of type {kind}" for kind in types if kind not in _FUNCTION_SETS]
+    taken: set[str] = set()
+    for number, one in enumerate(sets, 1):
+        if _is_signal(one):
+            arrays.extend(_functions(path, number, one, taken))
+        else:
+            others.append(f"a function of type {one.get('func_type')}")
+    return Holding(arrays=tuple(arrays), together=True, left_out=tuple(others))
 
 
 def _is_signal(one: dict[str, Any]) -> bool:
@@ -512,7 +492,7 @@ def _label(text: Any) -> str | None:
     return stripped if stripped and stripped.upper() != "NONE" else None
 
 
-def read_flac(path: str, what: str) -> Holding:
+def read_flac(path: str) -> Holding:
     """Return what a FLAC file holds: one array, its sampling rate, no unit.
 
     Raises
@@ -522,8 +502,7 @@ def read_flac(path: str, what: str) -> Holding:
     """
     import soundfile
 
-    with reading(path, what):
-        file = soundfile.SoundFile(path)
+    file = soundfile.SoundFile(path)
     if not 0 < file.frames < _ENDLESS:
         file.close()
         raise RecordingError(f"{path}: a FLAC file that does not tell its length; pack it anew")
@@ -545,6 +524,4 @@ def read_flac(path: str, what: str) -> Holding:
         f"{file.subtype.replace('PCM_', '')}-bit integer, full scale is taken as 1; a FLAC file "
         "tells no unit: state unit and sensitivity in a [[sensor]] of the machine file"
     )
-    return Holding(
-        path=path, what=what, arrays=(array,), together=True, notes=(note,), close=file.close
-    )
+    return Holding(arrays=(array,), together=True, notes=(note,), close=file.close)

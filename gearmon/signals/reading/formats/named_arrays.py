@@ -25,7 +25,7 @@ from gearmon.errors import ArgumentError, RecordingError
 from gearmon.files import archive_swells, most_unpacked
 from gearmon.signals.reading.columns import Content, DataColumn, describe_columns
 from gearmon.signals.reading.fields import Floats
-from gearmon.signals.reading.formats.arrays import Array, Holding, as_array, reading, stated_rate
+from gearmon.signals.reading.formats.arrays import Array, Holding, as_array, stated_rate
 from gearmon.signals.reading.layout import Header
 
 _HEADER_BYTES = 128
@@ -66,7 +66,7 @@ class _Found:
     others: list[str] = field(default_factory=list)
 
 
-def read_mat(path: str, what: str) -> Holding:
+def read_mat(path: str) -> Holding:
     """Return what a MATLAB file holds: its arrays and single numbers, those of structs by a dot.
 
     Raises
@@ -77,19 +77,18 @@ def read_mat(path: str, what: str) -> Holding:
     content = Path(path).read_bytes()
     order = {b"IM": "<", b"MI": ">"}.get(content[126:128])
     if order is None:
-        raise RecordingError(f"{path}: {what} whose header is damaged; copy it again")
+        raise RecordingError(f"{path}: a MATLAB file whose header is damaged; copy it again")
     found, most = _Found(), most_unpacked(len(content))
-    with reading(path, what):
-        for kind, body in _elements(memoryview(content)[_HEADER_BYTES:], order):
-            inner = [(kind, body)]
-            if kind == _COMPRESSED:
-                unpacked = _unpacked(body, most)
-                most -= len(unpacked)
-                inner = list(_elements(memoryview(unpacked), order))
-            for own_kind, own in inner:
-                if own_kind == _MATRIX:
-                    _gather(own, order, "", found, _DEEPEST)
-    return _with_rate(hold(path, what, found.items, tuple(found.others)))
+    for kind, body in _elements(memoryview(content)[_HEADER_BYTES:], order):
+        inner = [(kind, body)]
+        if kind == _COMPRESSED:
+            unpacked = _unpacked(body, most)
+            most -= len(unpacked)
+            inner = list(_elements(memoryview(unpacked), order))
+        for own_kind, own in inner:
+            if own_kind == _MATRIX:
+                _gather(own, order, "", found, _DEEPEST)
+    return _with_rate(hold(path, found.items, tuple(found.others)))
 
 
 def _unpacked(body: memoryview, most: int) -> bytes:
@@ -201,7 +200,7 @@ def _array(parts: list[tuple[int, memoryview]], order: str, shape: tuple[int, ..
     return values.reshape(shape, order="F")
 
 
-def read_npy(path: str, what: str) -> Holding:
+def read_npy(path: str) -> Holding:
     """Return what an npy file holds: one array, or one channel for each field of its records.
 
     Raises
@@ -209,10 +208,9 @@ def read_npy(path: str, what: str) -> Holding:
     RecordingError
         If it is damaged or holds Python objects.
     """
-    with reading(path, what):
-        stored = np.load(path, mmap_mode="r", allow_pickle=False)
-        if stored.offset + stored.nbytes != os.path.getsize(path):
-            raise _DamagedError("bytes behind its numbers")
+    stored = np.load(path, mmap_mode="r", allow_pickle=False)
+    if stored.offset + stored.nbytes != os.path.getsize(path):
+        raise _DamagedError("bytes behind its numbers")
     if stored.dtype.names:
         arrays: tuple[Array | None, ...] = _record_fields(stored)
     else:
@@ -220,7 +218,7 @@ def read_npy(path: str, what: str) -> Holding:
         arrays = (as_array("", stored),)
     found = tuple(array for array in arrays if array is not None)
     described = f"numbers of type {stored.dtype} and shape {stored.shape}"
-    return Holding(path=path, what=what, arrays=found, together=True, left_out=(described,))
+    return Holding(arrays=found, together=True, left_out=(described,))
 
 
 def _record_fields(stored: Any) -> tuple[Array, ...]:
@@ -236,7 +234,7 @@ def _record_fields(stored: Any) -> tuple[Array, ...]:
     return (Array(name="", names=tuple(names), count=stored.shape[0], read=read),)
 
 
-def read_npz(path: str, what: str) -> Holding:
+def read_npz(path: str) -> Holding:
     """Return what an npz file holds: its arrays and single numbers by name.
 
     Raises
@@ -244,16 +242,12 @@ def read_npz(path: str, what: str) -> Holding:
     RecordingError
         If it is damaged.
     """
-    with (
-        reading(path, what),
-        open(path, "rb") as stream,
-        np.load(stream, allow_pickle=False) as archive,
-    ):
+    with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as archive:
         if archive_swells(archive):
             raise _DamagedError("it unpacks to more than any")
         items = {name: archive[name] for name in archive.files if _is_plain(archive, name)}
         others = tuple(name for name in archive.files if name not in items)
-    return hold(path, what, items, others)
+    return hold(path, items, others)
 
 
 def _is_plain(archive: Any, name: str) -> bool:
@@ -263,13 +257,13 @@ def _is_plain(archive: Any, name: str) -> bool:
         return False
 
 
-def hold(path: str, what: str, items: dict[str, Any], left_out: tuple[str, ...] = ()) -> Holding:
+def hold(path: str, items: dict[str, Any], left_out: tuple[str, ...] = ()) -> Holding:
     """Return named arrays and single numbers as what a file holds.
 
     Parameters
     ----------
-    path, what : str
-        The file and its kind, for messages.
+    path : str
+        The file, for messages.
     items : dict of str to array-like
         Arrays and single numbers by name.
     left_out : tuple of str
@@ -294,7 +288,7 @@ def hold(path: str, what: str, items: dict[str, Any], left_out: tuple[str, ...] 
         shape = next(data.shape for name, data in items.items() if name not in facts)
         _check_not_square(path, shape)
     left = tuple(others)
-    return Holding(path=path, what=what, arrays=tuple(arrays), facts=facts, left_out=left)
+    return Holding(arrays=tuple(arrays), facts=facts, left_out=left)
 
 
 def _check_not_square(path: str, shape: tuple[int, ...]) -> None:

@@ -62,7 +62,7 @@ class _Layout:
         return {"header.sampling rate": self.rate, "bytes a second.sampling rate": other}
 
 
-def read_wav(path: str, what: str) -> Holding:
+def read_wav(path: str) -> Holding:
     """Return what a WAV file holds: one array, its sampling rate, no unit.
 
     Raises
@@ -88,7 +88,7 @@ def read_wav(path: str, what: str) -> Holding:
         "[[sensor]] of the machine file"
     )
     rates = layout.rates_hz
-    return Holding(path=path, what=what, arrays=(array,), together=True, facts=rates, notes=(note,))
+    return Holding(arrays=(array,), together=True, facts=rates, notes=(note,))
 
 
 def _samples(layout: _Layout, start: int, stop: int) -> Floats:
