@@ -57,7 +57,7 @@ class Command:
     example: str
     arguments: tuple[Argument, ...]
     run: Run
-    endings: tuple[str, ...] = ()
+    endings: tuple[str, ...] = (".csv", ".json")
     output: str = "write the result to this file"
     beside: tuple[str, ...] = ()
     folder: bool = False

@@ -41,7 +41,6 @@ _SHOWN, _EVERY_S = 20, 60.0
     option("--token", help="of serve; made up where one is needed and none is given"),
     help="look after many machines: analyse what arrives, raise alarms, show who needs somebody",
     example="gearmon fleet run fleet.toml",
-    endings=(".csv", ".json"),
     waits=True,
     more="The fleet file names the machines: [[machine]] with name, file, reference, recordings (a "
     "folder) and pattern, a regular expression with the groups time and, if need be, machine and "

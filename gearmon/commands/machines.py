@@ -61,7 +61,6 @@ _ALONG_ACTION = (
     MACHINE,
     help="orders and frequencies of every shaft, mesh, assembly phase, hunting tooth and bearing",
     example="gearmon lines machine.toml",
-    endings=(".csv", ".json"),
 )
 def lines(arguments: argparse.Namespace) -> int:
     """Run `gearmon lines`."""
@@ -83,7 +82,6 @@ def lines(arguments: argparse.Namespace) -> int:
     _STAGE,
     help="mesh stiffness over a mesh period or a turn, healthy and damaged, as table and picture",
     example="gearmon stiffness machine.toml --fault crack:1:pinion:5:1.5mm -o stiffness.csv",
-    endings=(".csv", ".json"),
     beside=("{}.png", "{}-stage*.png"),
 )
 def stiffness(arguments: argparse.Namespace) -> int:
@@ -207,7 +205,6 @@ def _family_lines(result: dict[str, Any]) -> list[str]:
     number("--harmonics", 12, "N", "stiffness harmonics taken"),
     help="how far each mesh is from parametric instability, as table and chart",
     example="gearmon stability machine.toml -o stability.csv",
-    endings=(".csv", ".json"),
     beside=("{}-stage*.png",),
 )
 def stability(arguments: argparse.Namespace) -> int:
@@ -269,7 +266,6 @@ def _stability_charts(
     _FORM,
     help="natural frequencies of the whole machine, and at which speeds mesh harmonics meet them",
     example="gearmon modes machine.toml -o modes.csv",
-    endings=(".csv", ".json"),
     beside=("{}.png", "{}-campbell.*"),
 )
 def modes(arguments: argparse.Namespace) -> int:
@@ -380,7 +376,6 @@ def simulate(arguments: argparse.Namespace) -> int:
     help="say where to put a vibration energy harvester, how to tune it and what it will power",
     example="gearmon harvest machine.toml full.csv idle.csv --share 0.7 --share 0.3 "
     "-o harvest.json",
-    endings=(".csv", ".json"),
     output="write the result to this file, and pictures beside it",
     beside=("{}-energy.png", "{}-tuning.png", "{}-positions.png", "{}-response.png"),
 )

@@ -34,6 +34,7 @@ _EXIT_CODES = (
 
 @command(
     *recordings(),
+    endings=(),
     help="build a healthy reference from one or more healthy recordings, best at several loads",
     example="gearmon learn idle.csv half.csv full.csv --machine machine.toml -o healthy.ref",
     output="write the reference to this file, of any name; needed",

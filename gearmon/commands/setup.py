@@ -205,7 +205,6 @@ def _init_lines(result: dict[str, Any]) -> list[str]:
     machine_option(),
     help="say what a reference covers, what it would find, and which recording to add",
     example="gearmon check healthy.ref --machine machine.toml -o check.csv",
-    endings=(".csv", ".json"),
 )
 def check(arguments: argparse.Namespace) -> int:
     """Run `gearmon check`."""

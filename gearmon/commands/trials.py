@@ -22,6 +22,7 @@ from gearmon.report.text_tables import table_lines
         "told apart), day (of a sound machine), harvest, exposure (of a driver), fleet (of twelve "
         "machines), study",
     ),
+    endings=(),
     help="run a whole job on data it makes itself",
     example="gearmon demo growth",
     output="write into this folder (gearmon-NAME)",
@@ -52,7 +53,6 @@ def demo(arguments: argparse.Namespace) -> int:
     ),
     help="measure run time, memory and error, side by side with named competitors",
     example="gearmon benchmark dynamics --quick -o benchmark.csv",
-    endings=(".csv", ".json"),
     beside=("{}.png", "{}-*.png"),
 )
 def benchmark(arguments: argparse.Namespace) -> int:
