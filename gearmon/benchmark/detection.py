@@ -16,7 +16,7 @@ tooth held against that at the others.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -42,7 +42,7 @@ from gearmon.signals import indicators
 from gearmon.signals.recording import Recording
 from gearmon.signatures.measured.gear_signals import gear_signals
 from gearmon.signatures.measured.measurement import MeasuredSignature
-from gearmon.signatures.measured.reference import Profile, Reference
+from gearmon.signatures.measured.reference import Profile
 from gearmon.terminal import Progress
 
 if TYPE_CHECKING:
@@ -235,23 +235,15 @@ def machine_trials(number: int, seed: int, quick: bool = False) -> Iterator[Outc
     duration_s = QUICK_S if quick else DURATION_S
     first = bench.take(Condition(), _setting(rng, "same", duration_s))
     trials = _plan(rng, drawn, quick, duration_s)
-    judges = {tacho: _Judge(drawn, first, tacho).learned() for tacho in (True, False)}
+    teeth = ", ".join(f"{s.gears[0].teeth}/{s.gears[1].teeth}" for s in drawn.stages)
+    facts: Row = {"machine": number, "teeth": teeth, "speed_hz": round(drawn.speed_hz, 3)}
+    facts |= {"channels": drawn.channels}
+    judges = {tacho: _judge(drawn, first, tacho) for tacho in (True, False)}
     for trial in trials:
         taken = bench.take(trial.condition, trial.setting)
         for tacho in (True, False) if trial.no_tacho else (True,):
-            outcome = judges[tacho].outcome(trial, taken)
-            yield Outcome(
-                row={"machine": number, **_facts(drawn), **outcome.row}, features=outcome.features
-            )
-
-
-def _facts(drawn: DrawnMachine) -> Row:
-    teeth = (f"{s.gears[0].teeth}/{s.gears[1].teeth}" for s in drawn.stages)
-    return {
-        "teeth": ", ".join(teeth),
-        "speed_hz": round(drawn.speed_hz, 3),
-        "channels": drawn.channels,
-    }
+            outcome = judges[tacho](trial, taken)
+            yield replace(outcome, row=facts | outcome.row)
 
 
 def _setting(rng: np.random.Generator, variant: str, duration_s: float) -> Setting:
@@ -304,94 +296,88 @@ def _somewhere(rng: np.random.Generator, drawn: DrawnMachine, kind: str, size: f
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Judge:
-    """The reference of one machine, with or without tacho, and what to say of new recordings."""
+def _judge(drawn: DrawnMachine, first: Taken, tacho: bool) -> Callable[[Trial, Taken], Outcome]:
+    """Learn from one recording, with or without its tacho; return what judges new ones."""
+    machine, refusal = drawn.machine, None
 
-    drawn: DrawnMachine
-    first: Taken
-    tacho: bool
-    healthy: Analysis | None = None
-    reference: Reference | None = None
-    alone_s: float = 0.0
-    refusal: str = ""
+    def recording(taken: Taken) -> Recording:
+        return taken.recording if tacho else taken.recording.vibration()
 
-    def learned(self) -> _Judge:
-        """Analyse the first recording alone and learn from it."""
-        recording, machine = self._recording(self.first), self.drawn.machine
+    try:
+        alone_s, healthy = task_time(lambda: analyse(recording(first), machine))
+        reference = learn([recording(first)], machine)
+    except GearmonError as error:
+        refusal = error
+
+    def outcome(trial: Trial, taken: Taken) -> Outcome:
+        row = {**_truth(trial), "tacho": tacho, **NOTHING}
         try:
-            alone_s, healthy = task_time(lambda: analyse(recording, machine))
-            reference = learn([recording], machine)
+            if refusal is not None:
+                raise refusal
+            run_time_s, found = task_time(lambda: analyse(recording(taken), machine, reference))
         except GearmonError as error:
-            return replace(self, refusal=str(error))
-        return replace(self, healthy=healthy, alone_s=alone_s, reference=reference)
-
-    def _recording(self, taken: Taken) -> Recording:
-        return taken.recording if self.tacho else taken.recording.vibration()
-
-    def outcome(self, trial: Trial, taken: Taken) -> Outcome:
-        row = {**_truth(trial), "tacho": self.tacho, **NOTHING}
-        if self.reference is None or self.healthy is None:
-            return Outcome(row={**row, "verdict": "refused", "note": self.refusal})
-        known = self._recording(taken), self.drawn.machine, self.reference
-        try:
-            run_time_s, found = task_time(lambda: analyse(*known))
-        except GearmonError as error:
-            return Outcome(row={**row, "verdict": "refused", "note": str(error)})
-        row |= {"run_time_s": run_time_s, "alone_s": self.alone_s}
-        row |= {"verdict": found.verdict, "score": found.score}
-        row |= {"probability": found.false_alarm_probability}
-        row |= self._findings(trial.condition, taken, found)
-        if not (found.signature.found and self.healthy.signature.found):
+            return Outcome(row=row | {"verdict": "refused", "note": str(error)})
+        row |= {"run_time_s": run_time_s, "alone_s": alone_s, "verdict": found.verdict}
+        row |= {"score": found.score, "probability": found.false_alarm_probability}
+        zeros = tuple(
+            _entered(drawn, trial.condition, one.turns_at(_time_of_zero(analysis)))
+            for one, analysis in ((taken, found), (first, healthy))
+        )
+        row |= _said(drawn, trial.condition, found, zeros)
+        if not (found.signature.found and healthy.signature.found):
             return Outcome(row=row)
-        rises_of, features = rises(found, self.healthy)
+        rises_of, features = rises(found, healthy)
         return Outcome(row=row | rises_of, features=features)
 
-    def _findings(self, condition: Condition, taken: Taken, found: Analysis) -> Row:
-        row: Row = {"flags": "; ".join(flag.kind for flag in found.flags)}
-        if not found.flags:
-            return row
-        first = found.flags[0]
-        row |= {"found_kind": first.kind, "flag_probability": first.false_alarm_probability}
-        tooth = next((flag for flag in found.flags if is_tooth_flag(flag)), None)
-        row["tooth_flag"] = tooth is not None
-        if tooth is None:
-            return row
-        row |= {"found_stage": tooth.stage, "found_gear": tooth.gear, "found_tooth": tooth.tooth}
-        row |= {"loss": tooth.stiffness_loss, "loss_low": tooth.stiffness_loss_low}
-        row["loss_high"] = tooth.stiffness_loss_high
-        right = (tooth.stage, tooth.gear) == (condition.stage, condition.gear)
-        if condition.kind == "tooth":
-            row["gear_right"] = right
-            if right:
-                row["tooth_error"] = self._tooth_error(condition, taken, found, tooth)
+    return outcome
+
+
+def _said(
+    drawn: DrawnMachine, condition: Condition, found: Analysis, zeros: tuple[float, ...]
+) -> Row:
+    row: Row = {"flags": "; ".join(flag.kind for flag in found.flags)}
+    if not found.flags:
         return row
+    first = found.flags[0]
+    row |= {"found_kind": first.kind, "flag_probability": first.false_alarm_probability}
+    tooth = next((flag for flag in found.flags if is_tooth_flag(flag)), None)
+    row["tooth_flag"] = tooth is not None
+    if tooth is None:
+        return row
+    row |= {"found_stage": tooth.stage, "found_gear": tooth.gear, "found_tooth": tooth.tooth}
+    row |= {"loss": tooth.stiffness_loss, "loss_low": tooth.stiffness_loss_low}
+    row["loss_high"] = tooth.stiffness_loss_high
+    if condition.kind == "tooth":
+        row["gear_right"] = (tooth.stage, tooth.gear) == (condition.stage, condition.gear)
+        if row["gear_right"]:
+            row["tooth_error"] = _tooth_error(drawn, condition, found, tooth, zeros)
+    return row
 
-    def _tooth_error(
-        self, condition: Condition, taken: Taken, found: Analysis, flag: Flag
-    ) -> float | None:
-        """Distance of the tooth found from the true one [teeth].
 
-        A number is one from the pulse on shaft 1 where the gear turns with it, else one from the
-        angle zero of the new recording or of the reference: either is as good.
-        """
-        stage = self.drawn.stages[condition.stage - 1]
-        teeth = stage.gears[GEARS.index(condition.gear)].teeth
-        assert self.healthy is not None
-        zero = [
-            _entered(self.drawn, condition, one.turns_at(_time_of_zero(analysis)))
-            for one, analysis in ((taken, found), (self.first, self.healthy))
-        ]
-        true = [(condition.tooth or 1) - 1 - entered for entered in zero]
-        if flag.tooth is not None:
-            return min(_around(flag.tooth - 1 - place, teeth) for place in true)
-        profile = next(
-            (p for p in found.profiles if (p.stage, p.gear) == (flag.stage, flag.gear)), None
-        )
-        if profile is None:
-            return None
-        # a place is where the contact has its middle
-        return _around(profile.position * teeth - (true[0] + 0.5 * stage.model.shape.reach), teeth)
+def _tooth_error(
+    drawn: DrawnMachine,
+    condition: Condition,
+    found: Analysis,
+    flag: Flag,
+    zeros: tuple[float, ...],
+) -> float | None:
+    """Distance of the tooth found from the true one [teeth].
+
+    A number is one from the pulse on shaft 1 where the gear turns with it, else one from the
+    angle zero of the new recording or of the reference: either is as good. `zeros` are the teeth
+    that have entered contact at both.
+    """
+    stage = drawn.stages[condition.stage - 1]
+    teeth = stage.gears[GEARS.index(condition.gear)].teeth
+    true = [(condition.tooth or 1) - 1 - entered for entered in zeros]
+    if flag.tooth is not None:
+        return min(_around(flag.tooth - 1 - place, teeth) for place in true)
+    for profile in found.profiles:
+        if (profile.stage, profile.gear) == (flag.stage, flag.gear):
+            # a place is where the contact has its middle
+            middle = true[0] + 0.5 * stage.model.shape.reach
+            return _around(profile.position * teeth - middle, teeth)
+    return None
 
 
 def _truth(trial: Trial) -> Row:

@@ -122,7 +122,7 @@ class FaultShape:
             value = getattr(self, item.name)
             if value is None:
                 continue
-            name = _key(item.name)
+            name = "from" if item.name == "start" else item.name
             if name == "limit":
                 check_word("crack limit=", value, LIMITS)
             elif name == "angle":
@@ -304,10 +304,6 @@ def _option(kind: str, text: str) -> tuple[str, float | str]:
 
 def _field(key: str) -> str:
     return "start" if key == "from" else key
-
-
-def _key(name: str) -> str:
-    return "from" if name == "start" else name
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -411,9 +411,7 @@ class ModulationTrain:
     def _add(self, wanted: ComplexArray, meshes: IntArray) -> None:
         """Add the lines about some mesh orders to the half spectrum `wanted`."""
         reach = self._sidebands(int(meshes[-1]), len(self.offsets))
-        lines = (
-            self._joint(meshes, reach) if len(self.offsets) == 2 else self._single(meshes, reach)
-        )
+        lines = self._lines(meshes, reach)
         period = self.period_mesh
         place = meshes * period
         for offset in self.offsets:
@@ -427,36 +425,25 @@ class ModulationTrain:
         inside = mirrored & (place <= 0) & (place > -len(wanted))
         np.add.at(wanted, -place[inside], values[inside].conj())
 
-    def _single(self, meshes: IntArray, reach: int) -> ComplexArray:
-        """Return c_{m,s} less the even mesh, shape (2 reach + 1, mesh orders)."""
-        (offset,) = self.offsets
-        shifted = self._shifted(int(meshes[-1]))
-        count = 2 * shifted + 2
-        angle = 2 * np.pi * np.arange(count) / count
-        state = state_of(self.offsets, [angle], self.free_gap_m)
-        moved = self.family.coefficients(meshes, state.leaving, state.entering)
-        lines = _around(np.fft.fft(moved, axis=0, norm="forward"), shifted)
-        if offset.lead_m:
-            fine = 2 * np.pi * np.arange(SHARE_ANGLES) / SHARE_ANGLES
-            share = state_of(self.offsets, [fine], self.free_gap_m).share
-            factor = np.fft.fft(share, norm="forward")[np.arange(-reach, reach + 1)]
-            lines = _convolved(lines, factor, reach)
-        lines[reach] -= self.family.coefficients(meshes, np.zeros(1), np.zeros(1))[0]
-        return lines
+    def _lines(self, meshes: IntArray, reach: int) -> ComplexArray:
+        """Return c_{m,s} or c_{m,s1,s2} less those of fewer gears, mesh orders along the last axis.
 
-    def _joint(self, meshes: IntArray, reach: int) -> ComplexArray:
-        """Return c_{m,s1,s2} less those of each gear, shape (s1, s2, mesh orders)."""
-        count = 2 * reach + 2
+        The others run over the gear orders -reach ... reach of each gear.
+        """
+        gears, corners = len(self.offsets), any(offset.lead_m for offset in self.offsets)
+        # lines of a misaligned face fall slowly: room for those that would fold
+        count = 4 * reach if corners else 2 * reach + 2
         angle = 2 * np.pi * np.arange(count) / count
-        angles = [np.repeat(angle, count), np.tile(angle, count)]
-        total = np.zeros((count, count, len(meshes)), dtype=np.complex128)
+        angles = [own.ravel() for own in np.meshgrid(*[angle] * gears, indexing="ij")]
+        total = np.zeros((len(angles[0]), len(meshes)), dtype=np.complex128)
         for sign, moving in self._signed:
             state = state_of(moving, angles, self.free_gap_m)
             lines = self.family.coefficients(meshes, state.leaving, state.entering)
-            total += sign * (state.share[:, None] * lines).reshape(total.shape)
-        once = _around(np.fft.fft(total, axis=0, norm="forward"), reach)
-        twice = _around(np.moveaxis(np.fft.fft(once, axis=1, norm="forward"), 1, 0), reach)
-        return np.moveaxis(twice, 0, 1)
+            total += sign * state.share[:, None] * lines
+        whole = total.reshape(*[count] * gears, len(meshes))
+        lines = np.fft.fftn(whole, axes=tuple(range(gears)), norm="forward")
+        wanted = [np.arange(-reach, reach + 1)] * gears
+        return np.asarray(lines[np.ix_(*wanted, np.arange(len(meshes)))])
 
 
 def modulation_trains(
@@ -502,16 +489,3 @@ def modulation_trains(
         for own in moving
     ]
     return tuple(trains), notes
-
-
-def _around(lines: ComplexArray, reach: int) -> ComplexArray:
-    """Return the lines -reach ... reach of a discrete Fourier transform along its first axis."""
-    return np.asarray(lines[np.arange(-reach, reach + 1)])
-
-
-def _convolved(lines: ComplexArray, factor: ComplexArray, reach: int) -> ComplexArray:
-    """Return the lines -reach ... reach of a product; both along the first axis."""
-    half = len(lines) // 2
-    size = len(lines) + len(factor)
-    product = np.fft.fft(lines, size, axis=0) * np.fft.fft(factor, size)[:, None]
-    return np.asarray(np.fft.ifft(product, axis=0)[half : half + 2 * reach + 1])

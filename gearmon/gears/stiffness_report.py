@@ -17,10 +17,10 @@ from gearmon.gears.damage import PairLoss, acting_faults, size_for_loss, stiffne
 from gearmon.gears.faults import (
     LEVELS,
     Fault,
+    faults_of,
     faults_of_stage,
     flank_level,
     flank_share,
-    parse_fault,
     size_text,
 )
 from gearmon.gears.mechanics import stage_mechanics
@@ -237,11 +237,6 @@ class FaultLoss:
     measured: str = ""
     sized: Fault | None = None
 
-    @property
-    def drawn(self) -> Fault | None:
-        """The fault as it is to be drawn."""
-        return self.sized if self.fault.is_loss else self.fault
-
     def to_dict(self) -> dict[str, Any]:
         """Return what it costs in built-in types; of pitting, also of a loss, its level."""
         found: dict[str, Any] = {"fault": str(self.fault), "size": self.measured}
@@ -405,7 +400,7 @@ def stiffness_report(
         If the machine lacks data, its gears cannot run, or a fault does not fit.
     """
     check_range("points_per_mesh", points_per_mesh, 2, 100_000)
-    known = [parse_fault(fault) if isinstance(fault, str) else fault for fault in faults]
+    known = faults_of(faults, errors=False)
     last = len(machine.stages)
     for fault in known:
         if fault.stage > last:
@@ -533,7 +528,8 @@ def _curve(
 def _picture(losses: tuple[FaultLoss, ...], teeth: ToothPair | None) -> TeethPicture | None:
     if teeth is None:
         return None
-    drawn = [entry.drawn for entry in losses if entry.drawn is not None]
+    told = (entry.sized if entry.fault.is_loss else entry.fault for entry in losses)
+    drawn = [fault for fault in told if fault is not None]
     seen: dict[str, int | None] = {}
     # one tooth of each gear is drawn: the first that is damaged
     chosen = [f for f in drawn if seen.setdefault(f.gear, f.tooth) == f.tooth]

@@ -375,18 +375,15 @@ class Tooth:
     def root_part(self) -> RootPart | None:
         """The beam below the involute."""
         if self.internal:
-            return self._ring_root()
+            if self.root != "fillet":
+                return None
+            end = float(self.half_thickness(self.start)), float(self.height(self.start))
+            return ring_root(end, float(self.slope(self.start)), self.root_radius_m)
         if self.root == "fillet":
             return fillet_root(self.rack, self.teeth, self.profile_shift, self.module_m)
         if self.root == "base" or self.root_radius_m >= self.base_radius_m:
             return None
         return straight_root(self.base_radius_m, self.root_radius_m, self.base_half_angle_rad)
-
-    def _ring_root(self) -> RootPart | None:
-        if self.root != "fillet":
-            return None
-        end = float(self.half_thickness(self.start)), float(self.height(self.start))
-        return ring_root(end, float(self.slope(self.start)), self.root_radius_m)
 
     @cached_property
     def crack_start(self) -> tuple[float, float]:

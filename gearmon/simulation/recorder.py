@@ -339,7 +339,8 @@ def _truth(
         **{name: getattr(settings, name) for name in _TOLD},
         "duration_s": settings.samples / settings.sampling_rate_hz,
         "samples": settings.samples,
-        "condition": "fault" if any(_acts(fault) for fault in faults) else "healthy",
+        # a fault that is given as a loss of nothing changes nothing
+        "condition": "fault" if any(not f.is_loss or f.loss > 0 for f in faults) else "healthy",
         "faults": [_fault(fault) for fault in faults],
         "speed": speed,
         "load": _load(settings, point, drive),
@@ -360,11 +361,6 @@ def _truth(
         },
         "notes": [*train.notes, *_remarks(integration, train)],
     }
-
-
-def _acts(fault: Fault) -> bool:
-    """Whether a fault changes anything: one given as a loss of nothing does not."""
-    return not fault.is_loss or fault.loss > 0
 
 
 def _fault(fault: Fault) -> dict[str, Any]:

@@ -430,7 +430,7 @@ def study_harvest(response: Response) -> HarvestStudy:
     return HarvestStudy(frequency_hz=frequency, power_w=powers, generated_first_line_w=generated)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Cost:
     """One way to obtain the steady vibration of one set of parameters.
 
@@ -521,12 +521,7 @@ def study_speed(repeats: int = 3, tolerances: Sequence[float] = TOLERANCES) -> S
                 seconds[key].append((time.perf_counter() - begin) / at_once)
     exact = solved(REFERENCE.problem())
     costs = tuple(
-        Cost(
-            way=way,
-            setting=setting,
-            error=_error(run(REFERENCE), exact),
-            seconds=statistics.median(seconds[way, setting]),
-        )
+        Cost(way, setting, _error(run(REFERENCE), exact), statistics.median(seconds[way, setting]))
         for (way, setting), (run, _) in ways.items()
     )
     text = f"{platform.machine()}, {os.cpu_count()} processors, "

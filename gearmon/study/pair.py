@@ -261,7 +261,7 @@ def series(harmonics: ComplexArray) -> Modulation:
     return lambda phase: np.asarray((np.exp(np.multiply.outer(phase, rates)) @ weights).real)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Trajectory:
     """Motion along the line of action at given times.
 
@@ -291,13 +291,8 @@ def motion(
     phi = modulation(np.mod(time_s / parameters.period_s, 1.0))
     stiffness = parameters.stiffness_n_per_m * (1 + phi)
     force = stiffness * displacement_m + parameters.damping_ns_per_m * velocity_ms
-    return Trajectory(
-        time_s=time_s,
-        displacement_m=displacement_m,
-        velocity_ms=velocity_ms,
-        acceleration_ms2=(parameters.force_n - force) / parameters.mass_kg,
-        mesh_force_n=force,
-    )
+    acceleration = (parameters.force_n - force) / parameters.mass_kg
+    return Trajectory(time_s, displacement_m, velocity_ms, acceleration, force)
 
 
 def slope_of(
@@ -364,7 +359,7 @@ def simulate(
     return motion(parameters, modulation, time_s, found[0], found[1])
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Start:
     """Motion from rest.
 
@@ -405,10 +400,10 @@ def start_from_rest(
     modulation = series(steady.problem.stiffness_harmonics)
     simulated = simulate(parameters, modulation, time, tolerance=1e-8)
     if NEAR_CRITICAL[0] < steady.problem.damping_ratio < NEAR_CRITICAL[1]:
-        return Start(motion=simulated, error=0.0, method="direct integration")
+        return Start(simulated, 0.0, "direct integration")
     found = solved_start(parameters, steady, modulation, time)
     apart = largest_difference(simulated.displacement_m, found.displacement_m)
-    return Start(motion=found, error=apart, method="multiple scales")
+    return Start(found, apart, "multiple scales")
 
 
 def solved_start(
@@ -494,10 +489,7 @@ class Operation:
         """One steady mesh period, `POINTS_PER_PERIOD` equal steps."""
         time = np.arange(POINTS_PER_PERIOD) / POINTS_PER_PERIOD * self.parameters.period_s
         kinds = ("displacement", "velocity", "acceleration", "mesh_force")
-        z, v, a, force = (self.response.at(time, kind) for kind in kinds)
-        return Trajectory(
-            time_s=time, displacement_m=z, velocity_ms=v, acceleration_ms2=a, mesh_force_n=force
-        )
+        return Trajectory(time, *(self.response.at(time, kind) for kind in kinds))
 
     @property
     def swing_m(self) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 from gearmon.benchmark import signals
@@ -35,12 +34,3 @@ def test_a_wrong_interpreter_is_refused(monkeypatch):
     monkeypatch.setenv(signals.VARIABLE, "/nowhere/python")
     with pytest.raises(ArgumentError, match="is no file"):
         next(signals._kurtogram(1 << 15, 1))
-
-
-def test_signal_has_its_mesh_lines():
-    samples = signals.gearbox_signal(1 << 16)
-    spectrum = np.abs(np.fft.rfft(samples * np.hanning(len(samples))))
-    frequency = np.arange(len(spectrum)) * signals.RATE_HZ / len(samples)
-    mesh = 23 * signals.SPEED_HZ
-    near = np.abs(frequency - mesh) < 0.01 * mesh
-    assert spectrum[near].max() > 20 * np.median(spectrum)
