@@ -297,7 +297,6 @@ class _Compared:
             changes=changes,
             profiles=profiles,
             flags=flags,
-            expected=None,
             warnings=(
                 *signature.notes,
                 *self._limits(),
@@ -322,6 +321,7 @@ class _Compared:
         return Evidence(
             deviation=deviation,
             finding=find_tooth(self.own, deviation, healthy, self.machine),
+            path=path_change(deviation.levels, self._families(deviation)),
             runout=runout_growth(
                 turn_changes(self.own.wheels, self.rows, theirs, healthy.rows),
                 _healthy_turns(self.reference, healthy.rows),
@@ -342,7 +342,6 @@ class _Compared:
             machine=self.machine,
             changes=changes,
             features=kind_features(changes, profiles, turns),
-            path=path_change(evidence.deviation.levels, self._families(evidence.deviation)),
         ).flags()
 
     def _families(self, deviation: MachineDeviation) -> list[Family]:
@@ -472,13 +471,14 @@ class _Compared:
             told = fault_sentence(flags)
         else:
             return found
-        return _with(
+        return replace(
             found,
             verdict=verdict,
-            told=told,
+            reason=f"{told} {found.reason}",
             flags=flags,
-            strength=strength,
-            probability=probability,
+            score=score_of(strength),
+            false_alarm_probability=probability,
+            compared_with="reference",
         )
 
 
@@ -507,26 +507,6 @@ def _mesh_lost(why: str, gain: float, probability: float) -> Flag:
     )
 
 
-def _with(
-    found: Analysis,
-    *,
-    verdict: str,
-    told: str,
-    flags: tuple[Flag, ...],
-    strength: float,
-    probability: float,
-) -> Analysis:
-    return replace(
-        found,
-        verdict=verdict,
-        reason=f"{told} {found.reason}",
-        flags=flags,
-        score=score_of(strength),
-        false_alarm_probability=probability,
-        compared_with="reference",
-    )
-
-
 def _alone(
     signature: MeasuredSignature,
     machine: Machine,
@@ -551,7 +531,6 @@ def _alone(
         compared_with="expected signature" if expected else "nothing",
         signature=signature,
         indicators=indicators,
-        changes=(),
         profiles=profiles,
         flags=flags,
         expected=expected,
@@ -621,9 +600,5 @@ def _no_mesh(signature: MeasuredSignature, machine: Machine, indicators: _Indica
         compared_with="nothing",
         signature=signature,
         indicators=indicators,
-        changes=(),
-        profiles=(),
-        flags=(),
-        expected=None,
         warnings=signature.notes,
     )

@@ -234,10 +234,10 @@ class Analysis(Result):
     compared_with: str
     signature: MeasuredSignature
     indicators: dict[str, dict[str, float]]
-    changes: tuple[Change, ...]
-    profiles: tuple[ToothProfile, ...]
-    flags: tuple[Flag, ...]
-    expected: Signature | None
+    changes: tuple[Change, ...] = ()
+    profiles: tuple[ToothProfile, ...] = ()
+    flags: tuple[Flag, ...] = ()
+    expected: Signature | None = None
     warnings: tuple[str, ...]
     foreign: tuple[ForeignFinding, ...] = ()
 

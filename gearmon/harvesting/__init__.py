@@ -69,53 +69,30 @@ The modules inside: `vibration` (what shakes), `harvester` (what all are; spring
 `request` (the harvester's file and what a sensor gets of it) and `placement` (where to put it).
 """
 
-from gearmon.harvesting.cantilever import BEAM_MATERIALS, PIEZO_MATERIALS, PiezoCantilever
-from gearmon.harvesting.harvester import (
-    CoilHarvester,
-    InertialHarvester,
-    half_power_band,
-    response_rows,
-)
-from gearmon.harvesting.placement import Survey, survey_expected, survey_measured
-from gearmon.harvesting.request import SensorBudget, load_harvester
-from gearmon.harvesting.response import Tuned, evaluate, power_with_stops
-from gearmon.harvesting.tuning import (
-    bandwidth_against_quality,
-    beside_published,
-    tune_harvester,
-    tune_set,
-)
-from gearmon.harvesting.vibration import (
-    OperatingShare,
-    Vibration,
-    vibration_of_lines,
-    vibration_of_samples,
-    vibration_of_signature,
-)
+from importlib import import_module
+from typing import Any
 
-__all__ = [
-    "BEAM_MATERIALS",
-    "PIEZO_MATERIALS",
-    "CoilHarvester",
-    "InertialHarvester",
-    "OperatingShare",
-    "PiezoCantilever",
-    "SensorBudget",
-    "Survey",
-    "Tuned",
-    "Vibration",
-    "bandwidth_against_quality",
-    "beside_published",
-    "evaluate",
-    "half_power_band",
-    "load_harvester",
-    "power_with_stops",
-    "response_rows",
-    "survey_expected",
-    "survey_measured",
-    "tune_harvester",
-    "tune_set",
-    "vibration_of_lines",
-    "vibration_of_samples",
-    "vibration_of_signature",
-]
+_OFFERED = {
+    "cantilever": ("BEAM_MATERIALS", "PIEZO_MATERIALS", "PiezoCantilever"),
+    "harvester": ("CoilHarvester", "InertialHarvester", "half_power_band", "response_rows"),
+    "placement": ("Survey", "survey_expected", "survey_measured"),
+    "request": ("SensorBudget", "load_harvester"),
+    "response": ("Tuned", "evaluate", "power_with_stops"),
+    "tuning": ("bandwidth_against_quality", "beside_published", "tune_harvester", "tune_set"),
+    "vibration": (
+        "OperatingShare",
+        "Vibration",
+        "vibration_of_lines",
+        "vibration_of_samples",
+        "vibration_of_signature",
+    ),
+}
+_HOMES = {name: home for home, names in _OFFERED.items() for name in names}
+__all__ = sorted(_HOMES)
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name from its home."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'gearmon.harvesting' has no attribute {name!r}")
+    return getattr(import_module(f"gearmon.harvesting.{_HOMES[name]}"), name)

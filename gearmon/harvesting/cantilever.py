@@ -30,13 +30,11 @@ from importlib import resources
 from typing import Any, Literal, get_args
 
 import numpy as np
-import numpy.typing as npt
 
 from gearmon.errors import ArgumentError, check_positive, check_range
-from gearmon.harvesting.harvester import Harvester, Modes, number
+from gearmon.harvesting.harvester import Harvester, Modes, Real, number
 from gearmon.machine.fields import Choice, FieldError, Number, check_fields, obeys
 
-Real = npt.NDArray[np.float64]
 Wiring = Literal["unimorph", "series", "parallel"]
 
 #: Shapes that the modes are made of: the first four frequencies come out to 1e-8.

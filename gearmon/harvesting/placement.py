@@ -19,13 +19,11 @@ from gearmon.harvesting.harvester import Harvester, Real, half_power_band, respo
 from gearmon.harvesting.request import SensorBudget
 from gearmon.harvesting.response import Tuned, evaluate
 from gearmon.harvesting.tuning import OverLimitsError, tune_harvester
-from gearmon.harvesting.vibration import OperatingShare, Vibration, vibration_of_samples
+from gearmon.harvesting.vibration import OperatingShare, Points, vibration_of_samples
 from gearmon.machine import Machine
 from gearmon.result import Result
 from gearmon.signals.recording import Recording
 from gearmon.signatures.expected.baseline import expected_signature
-
-Points = tuple[OperatingShare, ...]
 
 #: A place is good only when the gear is damaged if, tuned for that, it loses more than this share
 #: of its power when the gear is sound.
@@ -145,10 +143,8 @@ class Placed:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the row in built-in types; what is unknown or infinite is null."""
-        names = ("power_w", "power_low_w", "power_high_w", "power_unseen_w", "line_share")
-        others = ("power_with_stops_w", "stops_hz", "interval_s", "independent_stretches")
-        damaged = ("degraded_power_w", "degraded_best_power_when_healthy_w")
-        row = {name: getattr(self, name) for name in (*names, *others, *damaged)}
+        own = {name: value for name, value in vars(self).items() if isinstance(value, float)}
+        row = own | {"power_w": self.power_w, "interval_s": self.interval_s}
         unknown = (math.nan, math.nan, math.nan)
         best, degraded = (
             (t.harvester.natural_frequency_hz, t.harvester.load, t.power_w) if t else unknown
@@ -216,7 +212,8 @@ def _line_share(harvester: Harvester, duty: Points) -> float:
         for point, own in zip(duty, numbers, strict=True)
         if own.any()
     ]
-    return float(response.mean_power_w(harvester, clear, load)[0]) / whole if whole > 0 else 0.0
+    known = clear and whole > 0
+    return float(response.mean_power_w(harvester, clear, load)[0]) / whole if known else 0.0
 
 
 def _judged(
@@ -311,27 +308,29 @@ class Survey(Result):
             for row in vibration.operating_lines(point.vibration)
         ]
 
+    @property
+    def tuned(self) -> Tuned[Any]:
+        """The best tuning at the first position; there is no survey without any."""
+        assert self.best.tuned is not None
+        return self.best.tuned
+
     def response(self) -> list[dict[str, Any]]:
         """Return power, voltage, travel and stress of the best harvester against frequency."""
-        return response_rows(self.best.tuned.harvester) if self.best.tuned else []
+        return response_rows(self.tuned.harvester)
 
     def bandwidths(self) -> list[dict[str, float]]:
         """Return bandwidth and power of the best harvester against its quality factor."""
-        if self.best.tuned is None:
-            return []
-        best = self.best.tuned.harvester
+        best = self.tuned.harvester
         return tuning.bandwidth_against_quality(best, QUALITY_FACTORS, self.wander)
 
     def published(self) -> list[dict[str, Any]]:
         """Return published harvesters with the best one here beside them."""
-        return tuning.beside_published(self.best.tuned.harvester) if self.best.tuned else []
+        return tuning.beside_published(self.tuned.harvester)
 
     @property
     def wander(self) -> float:
         """Standard deviation over its frequency of the line that gives most, where that is most."""
-        tuned, points = self.best.tuned, self.best.position.healthy
-        if tuned is None:
-            return 0.0
+        tuned, points = self.tuned, self.best.position.healthy
         powers = [p.share * a.power_w for p, a in zip(points, tuned.answers, strict=True)]
         shaking = points[int(np.argmax(powers))].vibration
         lines = vibration.operating_lines(shaking, len(shaking.frequency_hz))
@@ -427,7 +426,8 @@ def survey_expected(
         f"the speed of each operating point wanders by {100 * wander:g} % (standard deviation)",
     )
     try:
-        return _survey(machine, "expected", harvester, [position], budget, notes, count)
+        about = {"machine": machine.name, "origin": "expected", "notes": notes}
+        return _survey(harvester, [position], budget or SensorBudget(), count, None, **about)
     except ArgumentError as error:
         hint = "less reaches the housing"
         if isinstance(error, OverLimitsError):
@@ -485,42 +485,37 @@ def survey_measured(
     number = len(recordings)
     if not number:
         raise ArgumentError("recordings: none is given")
-    if len(shares or recordings) != number:
-        raise ArgumentError(f"{len(shares)} shares for {number} recordings; give one for each")
-    if degraded and len(degraded) != number:
-        raise ArgumentError(
-            f"{len(degraded)} degraded recordings for {number} healthy ones; give one for each, in "
-            "the same order"
-        )
+    for what, given in (("shares", shares), ("degraded recordings", degraded)):
+        if given and len(given) != number:
+            told = f"{len(given)} {what} for {number} healthy recordings"
+            raise ArgumentError(f"{told}; give one for each, in the same order")
     parts = [float(share) for share in shares] or [1 / number] * number
     sampled = not shares and number >= FEWEST_RECORDINGS
     places = {str(s.column): f": {s.position}" for s in machine.sensors if s.position}
     positions = []
-    for name in _channels(recordings[0]):
+    for name in recordings[0].vibration().channel_names:
         healthy, damaged = (_duty(name, given, parts) for given in (recordings, degraded))
         folds = tuple((replace(p, share=1.0),) for p in healthy) if sampled else _cut(healthy)
         title = name + places.get(name, "")
         positions.append(Position(title, healthy, damaged, folds, sampled, share_error))
-    notes: tuple[str, ...] = ()
-    if not shares and number > 1:
-        how = "a block of operation like any other" if sampled else "an equal share of the time"
-        notes = (f"every recording counts for {how}",)
-    return _survey(machine, "measured", harvester, positions, budget, notes, count, progress)
+    how = "a block of operation like any other" if sampled else "an equal share of the time"
+    notes = (f"every recording counts for {how}",) if not shares and number > 1 else ()
+    about = {"machine": machine.name, "origin": "measured", "notes": notes}
+    return _survey(harvester, positions, budget or SensorBudget(), count, progress, **about)
 
 
 def _survey(
-    machine: Machine,
-    origin: str,
     harvester: Harvester,
     positions: list[Position],
-    budget: SensorBudget | None,
-    notes: tuple[str, ...],
+    budget: SensorBudget,
     count: int,
-    progress: Callable[[float], None] | None = None,
+    progress: Callable[[float], None] | None,
+    **about: Any,
 ) -> Survey:
-    task, placed = budget or SensorBudget(), []
+    """Place and rank; `about` is what else a `Survey` says of the machine."""
+    placed = []
     for number, position in enumerate(positions, start=1):
-        placed.append(_placed(harvester, position, task))
+        placed.append(_placed(harvester, position, budget))
         if progress is not None:
             progress(number / len(positions))
     placed.sort(key=lambda own: -own.power_w)
@@ -530,14 +525,8 @@ def _survey(
             raise OverLimitsError(best.refusal, best.over_limits)
         raise ArgumentError(best.refusal)
     sets = tuning.tune_set(harvester, best.position.healthy, count) if count != 1 else ()
-    return Survey(
-        machine=machine.name,
-        origin=origin,
-        placed=tuple(placed),
-        budget=task,
-        notes=(*notes, *_at_the_end(placed), *_doubts(best)),
-        together=tuple(sets),
-    )
+    about["notes"] += (*_at_the_end(placed), *_doubts(best))
+    return Survey(placed=tuple(placed), budget=budget, together=tuple(sets), **about)
 
 
 def _at_the_end(placed: Sequence[Placed]) -> Iterator[str]:
@@ -567,21 +556,6 @@ def _doubts(best: Placed) -> Iterator[str]:
         )
 
 
-def _channels(first: Recording) -> list[str]:
-    """Return the names of the vibration channels.
-
-    Raises
-    ------
-    ArgumentError
-        If there is none.
-    """
-    pairs = zip(first.channel_names, first.channel_kinds, strict=True)
-    wanted = [name for name, kind in pairs if kind == "vibration"]
-    if not wanted:
-        raise ArgumentError(f"{first.origin}: holds no vibration channel")
-    return wanted
-
-
 def _duty(name: str, recordings: Sequence[Recording], shares: list[float]) -> Points:
     """Gather what recordings tell of one channel.
 
@@ -592,31 +566,24 @@ def _duty(name: str, recordings: Sequence[Recording], shares: list[float]) -> Po
     """
     points = []
     for recording, share in zip(recordings, shares, strict=False):
-        if name not in recording.channel_names:
-            raise ArgumentError(f"{recording.origin}: lacks channel '{name}'")
-        number = recording.channel_names.index(name)
-        unit = recording.units[number]
-        if unit != "m/s2":
+        own, origin = recording.select(name), recording.origin
+        if own.units[0] != "m/s2":
             raise ArgumentError(
-                f"{recording.origin}: channel '{name}' has the unit {unit or 'unknown'}, m/s2 is "
+                f"{origin}: channel '{name}' has the unit {own.units[0] or 'unknown'}, m/s2 is "
                 'needed for a power; say unit = "m/s2" or "g" in a [[sensor]] of the machine file'
             )
-        row, rate = recording.samples[number], recording.sampling_rate_hz
-        heard = vibration_of_samples(row, rate, name=recording.origin)
+        heard = vibration_of_samples(own.samples[0], own.sampling_rate_hz, name=origin)
         points.append(OperatingShare(vibration=heard, share=share))
     return tuple(points)
 
 
 def _cut(points: Points) -> tuple[Points, ...]:
     """Cut a duty cycle into stretches; what is silent in one is left out of it."""
-    found = []
-    cut = [np.array_split(point.vibration.samples_ms2, FOLDS) for point in points]
-    for parts in zip(*cut, strict=True):
-        own = zip(points, parts, strict=True)
-        heard = [(p, x) for p, x in own if len(x) >= 16 and x.any()]
-        found.append(tuple(replace(p, vibration=_part(p.vibration, x)) for p, x in heard))
-    return tuple(found)
-
-
-def _part(whole: Vibration, samples: Any) -> Vibration:
-    return vibration_of_samples(samples, whole.sampling_rate_hz, whole.name)
+    found: list[list[OperatingShare]] = [[] for _ in range(FOLDS)]
+    for point in points:
+        own = point.vibration
+        for part, heard in zip(np.array_split(own.samples_ms2, FOLDS), found, strict=True):
+            if len(part) >= 16 and part.any():
+                cut = vibration_of_samples(part, own.sampling_rate_hz, own.name)
+                heard.append(replace(point, vibration=cut))
+    return tuple(map(tuple, found))

@@ -20,18 +20,10 @@ import numpy.typing as npt
 
 from gearmon.errors import ArgumentError, check_range
 from gearmon.harvesting.cantilever import known, published_beam
-from gearmon.harvesting.harvester import H, Harvester, half_power_band
+from gearmon.harvesting.harvester import H, Harvester, Real, half_power_band
 from gearmon.harvesting.response import Tuned, evaluate, mean_power_w, powers_and_shares
-from gearmon.harvesting.vibration import (
-    OperatingShare,
-    Shaking,
-    Vibration,
-    check_duty,
-    vibration_of_lines,
-)
+from gearmon.harvesting.vibration import Points, Shaking, check_duty, vibration_of_lines
 
-Real = npt.NDArray[np.float64]
-Points = tuple[OperatingShare, ...]
 #: A harvester at one natural frequency, loads, their power, and their largest peak over its limit.
 Row = tuple[Any, Real, Real, Real]
 
@@ -141,9 +133,7 @@ def _row(harvester: Harvester, light: Points, frequency: float, limited: bool) -
     low, high = harvester.frequency_range_hz
     tuned = harvester.retuned(min(max(float(frequency), low), high))
     loads = np.geomspace(*tuned.load_range, LOADS)
-    if not limited:
-        return tuned, loads, mean_power_w(tuned, light, loads), np.zeros(LOADS)
-    power, over = powers_and_shares(tuned, light, loads)
+    power, over = powers_and_shares(tuned, light, loads, limited=limited)
     return tuned, loads, np.array([point.share for point in light]) @ power, over
 
 
@@ -158,9 +148,8 @@ def _best(
         starts.append(tuned.with_load(loads[top]))
         worths.append(float(worth[top]))
     worths.append(-math.inf)
-    tops = [
-        i for i in range(len(starts)) if everywhere or worths[i] <= worths[i + 1] >= worths[i + 2]
-    ]
+    each = range(len(starts))
+    tops = [i for i in each if everywhere or worths[i] <= worths[i + 1] >= worths[i + 2]]
     tops = sorted(tops, key=lambda i: -worths[i + 1])[:PLACES]
     light = _lightened(starts[0], points, FINE_BINS)
     best, reached = starts[tops[0]], -math.inf
@@ -202,12 +191,9 @@ def _polished(
         if x.tobytes() not in known:
             total, over = np.zeros(len(shares)), 0.0
             for one in moved(x):
-                load = np.array([one.load])
-                if math.isinf(most):
-                    total += mean_power_w(one, light, load)
-                else:
-                    power, peak = powers_and_shares(one, light, load)
-                    total, over = total + shares @ power[:, 0], max(over, float(peak[0]))
+                load, limited = np.array([one.load]), math.isfinite(most)
+                power, peak = powers_and_shares(one, light, load, limited=limited)
+                total, over = total + shares @ power[:, 0], max(over, float(peak[0]))
             known[x.tobytes()] = np.maximum(total, 1e-300), over
         return known[x.tobytes()]
 
@@ -266,13 +252,8 @@ def bandwidth_against_quality(
     ArgumentError
         If a value is out of its range.
     """
-    points = check_duty(
-        Vibration(
-            frequency_hz=np.array([harvester.natural_frequency_hz]),
-            mean_square_m2s4=np.array([0.5]),
-            wander=wander,
-        )
-    )
+    line = [harvester.natural_frequency_hz]
+    points = check_duty(vibration_of_lines(line, acceleration_ms2=[1.0], wander=wander))
     rows = []
     for quality in quality_factors:
         check_range("quality_factor", quality, 0.51, 1e4)
@@ -384,9 +365,8 @@ def _grid(harvester: Harvester, points: Points) -> Real:
     low, high = harvester.frequency_range_hz
     count = math.ceil(math.log(high / low) / (STEP * harvester.damping_ratio)) + 2
     even = np.geomspace(low, high, min(count, MOST_SCANNED))
-    loudest = [
-        p.vibration.frequency_hz[np.argsort(-p.vibration.energy_j_per_kg)[:LOUDEST]] for p in points
-    ]
+    heard = [point.vibration for point in points]
+    loudest = [v.frequency_hz[np.argsort(-v.energy_j_per_kg)[:LOUDEST]] for v in heard]
     lines = np.concatenate(loudest)
     # an open circuit may raise the natural frequency to a line
     middle = harvester.retuned(math.sqrt(low * high))

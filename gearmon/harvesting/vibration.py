@@ -23,11 +23,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gearmon.errors import ArgumentError, check_positive, check_range, check_type
-from gearmon.harvesting.harvester import number
+from gearmon.harvesting.harvester import Real, number
 from gearmon.machine.fields import check_fields
 from gearmon.signatures.signature import Signature
-
-Real = npt.NDArray[np.float64]
 
 #: Standard deviations of speed to either side that wander is followed over.
 WANDER_REACH = 4.0
@@ -97,12 +95,11 @@ class Vibration:
         name = self.name or "vibration"
         if frequency.ndim != 1 or frequency.shape != power.shape:
             raise ArgumentError(f"{name}: frequencies and mean squares must be rows of one length")
+        known = np.isfinite([frequency, power]).all()
+        rising = frequency.all() and (np.diff(frequency, prepend=0.0) >= 0).all()
         wrong = {
-            "frequencies and mean squares must be finite": not np.isfinite(
-                [frequency, power]
-            ).all(),
-            "frequencies must be above 0 and rising": (np.diff(frequency, prepend=0.0) < 0).any()
-            or not frequency.all(),
+            "frequencies and mean squares must be finite": not known,
+            "frequencies must be above 0 and rising": not rising,
             "a mean square is negative": (power < 0).any(),
             "no line at all; nothing to harvest": not power.any(),
         }
@@ -220,11 +217,11 @@ def vibration_of_lines(
         If not exactly one amplitude is given, or a value is out of its range.
     """
     check_positive("gain", gain)
-    frequency: Real = np.atleast_1d(np.asarray(frequency_hz, dtype=np.float64))
     if (acceleration_ms2 is None) == (displacement_m is None):
         raise ArgumentError("lines: give acceleration_ms2 or displacement_m, one of the two")
     given = displacement_m if acceleration_ms2 is None else acceleration_ms2
-    amplitude: Real = np.atleast_1d(np.asarray(given, dtype=np.float64))
+    both = [np.atleast_1d(np.asarray(x, dtype=np.float64)) for x in (frequency_hz, given)]
+    frequency, amplitude = both
     if amplitude.shape != frequency.shape:
         raise ArgumentError(f"lines: {amplitude.size} amplitudes for {frequency.size} frequencies")
     if (frequency < 0).any():
@@ -406,11 +403,12 @@ class OperatingShare:
         check_fields(self)
 
 
+Points = tuple[OperatingShare, ...]
 #: What may shake a harvester: one vibration, the lines of a signature, or several with their share.
 Shaking = Vibration | Signature | OperatingShare | Sequence[OperatingShare]
 
 
-def check_duty(duty: Shaking) -> tuple[OperatingShare, ...]:
+def check_duty(duty: Shaking) -> Points:
     """Return what shakes a harvester as a duty cycle; one vibration alone lasts all the time.
 
     Raises
@@ -418,19 +416,15 @@ def check_duty(duty: Shaking) -> tuple[OperatingShare, ...]:
     ArgumentError
         If it is empty, its shares sum to more than 1, or something else stands in it.
     """
-    if isinstance(duty, Signature):
-        duty = vibration_of_signature(duty)
-    if isinstance(duty, Vibration):
-        duty = OperatingShare(vibration=duty)
+    duty = vibration_of_signature(duty) if isinstance(duty, Signature) else duty
+    duty = OperatingShare(vibration=duty) if isinstance(duty, Vibration) else duty
     points = (duty,) if isinstance(duty, OperatingShare) else duty
     check_type("duty cycle", points, Iterable, "a Vibration, a Signature or OperatingShares")
     points = tuple(points)
     if not points:
         raise ArgumentError("duty cycle: no operating point is given")
     for point in points:
-        if not isinstance(point, OperatingShare):
-            kind = type(point).__name__
-            raise ArgumentError(f"duty cycle: {kind} must be an OperatingShare, with its share")
+        check_type("duty cycle", point, OperatingShare, "OperatingShares, each with its share")
     total = math.fsum(point.share for point in points)
     if total > 1 + 1e-6:
         raise ArgumentError(f"duty cycle: the shares sum to {total:.6g}, at most 1 is possible")

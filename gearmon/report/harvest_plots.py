@@ -61,8 +61,6 @@ def response_figure(survey: Survey) -> Picture:
         Of what is not modelled no panel is drawn.
     """
     figure, rows = sheet(*_SIZE_IN), survey.response()
-    if not rows:
-        return figure
     panels = [
         (name, label, factor) for name, label, factor in _RESPONSES if rows[0][name] is not None
     ]
@@ -77,8 +75,7 @@ def response_figure(survey: Survey) -> Picture:
         _plain_frequencies(ax)
     for ax in grid[-1]:
         ax.set_xlabel("frequency in Hz")
-    assert survey.best.tuned is not None
-    best = survey.best.tuned.harvester
+    best = survey.tuned.harvester
     tuned = f"tuned to {best.natural_frequency_hz:.4g} Hz"
     # a beam answers most between short and open circuit
     raised = getattr(best, "open_circuit_hz", None)
@@ -108,13 +105,12 @@ def energy_figure(survey: Survey) -> Picture:
     _plain_frequencies(ax)
     ax.set_xlabel("frequency in Hz")
     ax.set_ylabel("energy of a line in J/kg, (2πfA)²/2")
-    if best.tuned is not None:
-        beside = ax.twinx()
-        grid = np.geomspace(low, high, 4000)
-        gain = best.tuned.harvester.gains(grid).power_w
-        beside.plot(grid, gain * _MICRO, color=BLACK, linewidth=1.0, linestyle="--")
-        beside.set(yscale="log", ylim=(gain.max() * _MICRO * 1e-6, gain.max() * _MICRO * 30))
-        beside.set_ylabel("harvester: µW per (m/s²)² (dashed)")
+    beside = ax.twinx()
+    grid = np.geomspace(low, high, 4000)
+    gain = survey.tuned.harvester.gains(grid).power_w
+    beside.plot(grid, gain * _MICRO, color=BLACK, linewidth=1.0, linestyle="--")
+    beside.set(yscale="log", ylim=(gain.max() * _MICRO * 1e-6, gain.max() * _MICRO * 30))
+    beside.set_ylabel("harvester: µW per (m/s²)² (dashed)")
     ax.set_title(f"{_short(best.position.name)}: energy of the lines and what is tuned to them")
     ax.legend(fontsize=9, loc="upper left")
     return figure

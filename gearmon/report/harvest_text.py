@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 from gearmon.harvesting.placement import Placed, Survey
+from gearmon.harvesting.response import Tuned
 from gearmon.report.text_tables import table_lines
 
 MICRO = 1e6
@@ -37,15 +38,13 @@ def harvest_lines(survey: Survey, most_lines: int = 8, published: bool = False) 
     best = survey.best
     text = [f"{survey.machine}: {len(survey.placed)} position(s), {survey.origin} vibration", ""]
     text += table_lines([_row(place) for place in survey.placed])
-    if best.tuned is not None:
-        text += ["", *_harvester_lines(best), *_budget_lines(survey)]
+    text += ["", *_harvester_lines(best, survey.tuned), *_budget_lines(survey)]
     ranked = sorted(survey.lines(), key=lambda row: -row["share_of_time"] * row["energy_j_per_kg"])
     text += ["", "lines by energy and share of time:"]
     text += table_lines([_line(row) for row in ranked[:most_lines]])
     if survey.together:
         text += ["", *_set_lines(survey)]
-    if best.tuned is not None:
-        text += ["", *_band_lines(survey)]
+    text += ["", *_band_lines(survey)]
     if published:
         text += ["", *_published_lines(survey)]
     return [*text, "", *(f"note: {note}" for note in survey.notes)]
@@ -93,10 +92,8 @@ def _micro(value: float | None) -> float | None:
     return None if value is None else MICRO * value
 
 
-def _harvester_lines(place: Placed) -> list[str]:
-    assert place.tuned is not None
-    values = place.tuned.harvester.to_dict()
-    answers = place.tuned.answers
+def _harvester_lines(place: Placed, tuned: Tuned[Any]) -> list[str]:
+    values, answers = tuned.harvester.to_dict(), tuned.answers
     volts = max(a.voltage_v for a in answers)
     if values["kind"] == "cantilever":
         what = (
@@ -117,14 +114,14 @@ def _harvester_lines(place: Placed) -> list[str]:
         )
     travel = 1e3 * max(a.travel_m for a in answers)
     limits = (
-        f"travel {travel:.3g} mm and {1e3 * place.tuned.static_travel_m:.3g} mm of its own weight "
-        f"({100 * place.tuned.travel_share:.3g} % of the clearance), stress with that of its "
-        f"weight {100 * place.tuned.stress_share:.3g} % of what is safe"
+        f"travel {travel:.3g} mm and {1e3 * tuned.static_travel_m:.3g} mm of its own weight "
+        f"({100 * tuned.travel_share:.3g} % of the clearance), stress with that of its "
+        f"weight {100 * tuned.stress_share:.3g} % of what is safe"
     )
     told = [f"best at {place.position.name}: {what}", limits]
     if math.isfinite(place.power_unseen_w):
         told.append(
-            f"{MICRO * place.tuned.power_w:.3g} uW on the recordings that it is tuned to, "
+            f"{MICRO * tuned.power_w:.3g} uW on the recordings that it is tuned to, "
             f"{MICRO * place.power_w:.3g} to expect: on stretches that the tuning did not know"
         )
     if math.isfinite(place.line_share):
@@ -133,7 +130,7 @@ def _harvester_lines(place: Placed) -> list[str]:
         told.append(
             f"beyond the clearance: tuned to {place.stops_hz:.4g} Hz it would hit its stops and "
             f"give {MICRO * place.power_with_stops_w:.3g} uW, if a blow leaves "
-            f"{place.tuned.harvester.restitution:g} of its speed: measure that"
+            f"{tuned.harvester.restitution:g} of its speed: measure that"
         )
     return [*told, *_degraded_lines(place)]
 

@@ -156,7 +156,7 @@ def test_what_shakes_may_be_one_vibration_or_a_signature():
         )
     ]
     assert powers == pytest.approx([powers[0]] * 4, rel=1e-12)
-    with pytest.raises(ArgumentError, match="must be an OperatingShare"):
+    with pytest.raises(ArgumentError, match="give OperatingShares"):
         tune_harvester(inertial(), [shaking])
 
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from gearmon.diagnosis.decision.calibration import FAR, false_alarm_probability
 from gearmon.diagnosis.decision.thresholds import LIMITS
+from gearmon.diagnosis.hypotheses.changed_path import UNCHANGED, PathChange
 from gearmon.diagnosis.hypotheses.runout import RunoutGrowth
 from gearmon.diagnosis.hypotheses.tooth_damage import ToothFinding
 from gearmon.diagnosis.law import LevelDeviation, MachineDeviation
@@ -38,6 +39,8 @@ class Evidence:
         From the healthy law.
     finding : ToothFinding or None
         The tooth whose damage explains it best.
+    path : PathChange
+        How far the levels change band by band.
     runout : tuple of RunoutGrowth
         Growth of first and second sidebands.
     nongear : tuple of NonGearFinding
@@ -51,8 +54,9 @@ class Evidence:
 
     deviation: MachineDeviation
     finding: ToothFinding | None
-    runout: tuple[RunoutGrowth, ...]
-    nongear: tuple[NonGearFinding, ...]
+    path: PathChange = UNCHANGED
+    runout: tuple[RunoutGrowth, ...] = ()
+    nongear: tuple[NonGearFinding, ...] = ()
     references: int
     angle: float = 0.0
 
@@ -64,6 +68,7 @@ class Evidence:
         told = {
             # a shorter recording has shorter blocks, which part lines from their neighbours less
             "levels": levels * deviation.length,
+            "path": path_strength(self.path) * deviation.length,
             "runout": rare_strength([one.log10_probability for one in self.runout]),
             "lines of no gear": rare_strength([one.log10_probability for one in self.nongear]),
         }
@@ -116,6 +121,11 @@ def levels_strength(families: LevelDeviation, broadband: LevelDeviation | None) 
     if broadband is None:
         return told
     return told + broadband_strength(broadband)
+
+
+def path_strength(path: PathChange) -> float:
+    """Strength of levels that changed band by band."""
+    return LIMITS.bands_weight * (path.together - LIMITS.levels_offset)
 
 
 def broadband_strength(broadband: LevelDeviation) -> float:

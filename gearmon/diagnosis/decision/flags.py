@@ -15,7 +15,6 @@ from gearmon.diagnosis.decision.evidence import (
 )
 from gearmon.diagnosis.decision.thresholds import LIMITS
 from gearmon.diagnosis.fault_types.features import NONE, FeatureVector
-from gearmon.diagnosis.hypotheses.changed_path import PathChange
 from gearmon.diagnosis.hypotheses.fault_kinds import KindJudgement, judge_kind
 from gearmon.diagnosis.hypotheses.several_teeth import DepartureSpread, departure_spread
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, ToothFinding
@@ -48,28 +47,33 @@ class Flagging:
         Families of lines.
     features : FeatureVector or None
         What kinds of fault are told by.
-    path : PathChange
-        Whether the levels changed band by band.
     """
 
     evidence: Evidence
     machine: Machine
     changes: tuple[Change, ...]
     features: FeatureVector | None
-    path: PathChange
 
     def flags(self) -> tuple[Flag, ...]:
         """Flag what stands out, the strongest first."""
         strengths = self.evidence.strengths
         found: list[Flag] = []
         finding = self.evidence.finding
-        if finding is not None and strengths["tooth"] >= LIMITS.open:
+        # another path changes the pattern of every gear: the louder of the two is the cause
+        least = max(LIMITS.open, self._changed if self.evidence.path.likely else 0.0)
+        if finding is not None and strengths["tooth"] >= least:
             found.append(self._of_finding(finding, strengths["tooth"]))
         found += self._runout({(flag.stage, flag.gear) for flag in found})
         nongear = self._nongear()
-        if strengths["levels"] >= LIMITS.fault and not any(flag.tooth for flag in found):
+        if self._changed >= LIMITS.fault and not any(flag.tooth for flag in found):
             found += self._levels(bool(nongear))
         return (*found, *nongear)
+
+    @property
+    def _changed(self) -> float:
+        """Strength of the changed levels, one by one or band by band."""
+        strengths = self.evidence.strengths
+        return max(strengths["levels"], strengths["path"])
 
     def _probability(self, strength: float) -> float:
         evidence = self.evidence
@@ -175,8 +179,8 @@ class Flagging:
             return []
         # none of 51 simulated gears that run out changes the noise or whole bands; bearings and
         # sensors that were moved do, and move single sidebands with them
-        elsewhere = noise_rose(self.evidence.deviation) or self.path.likely
-        if strengths["levels"] >= LIMITS.fault and elsewhere:
+        elsewhere = noise_rose(self.evidence.deviation) or self.evidence.path.likely
+        if self._changed >= LIMITS.fault and elsewhere:
             return []
         found = []
         for growth in self.evidence.runout:
@@ -206,7 +210,7 @@ class Flagging:
     def _levels(self, nongear: bool) -> list[Flag]:
         """Flag changed levels: as noise, a path, a kind of a gear's fault, or as they are."""
         strongest = sentences(self.changes)
-        probability = self._probability(self.evidence.strengths["levels"])
+        probability = self._probability(self._changed)
         if noise_rose(self.evidence.deviation):
             if nongear:
                 return []
@@ -216,9 +220,10 @@ class Flagging:
                 *strongest[:1],
             )
             return [_flag("broadband rise", None, None, probability, told)]
-        if self.path.likely:
+        if self.evidence.path.likely:
+            common = 100 * self.evidence.path.common
             told = (
-                f"all lines about one mesh harmonic moved together: {100 * self.path.common:.0f} % "
+                f"all lines about one mesh harmonic moved together: {common:.0f} % "
                 "of the change is common to them, and none of it to one gear: a sensor that was "
                 "moved or fixed anew, or a gearbox that was opened",
                 *strongest,

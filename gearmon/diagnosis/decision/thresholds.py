@@ -29,6 +29,9 @@ class Limits:
         stay below 11; losses of 5 % of a pair's stiffness have 30 and more in nine of ten.
     levels_offset : float
         Mean square of standardised levels of strength 0: what half of the healthy pairs reach.
+    bands_weight : float
+        Strength for one unit of mean square of the changes of whole bands: those of a sensor that
+        was moved have 5 and more in nineteen of twenty, 290 healthy pairs 2.8 at most.
     lines_weight, broadband_weight : float
         Strength for one unit of mean square of the families of lines, and of the broadband levels,
         which move more easily: with a bearing, a fan, a neighbouring machine.
@@ -73,6 +76,7 @@ class Limits:
     tooth_offset: float = 2.0
     tooth_scale: float = 12.0
     levels_offset: float = 0.3
+    bands_weight: float = 0.35
     lines_weight: float = 0.65
     broadband_weight: float = 0.35
     light_weight: float = 1.5

@@ -60,14 +60,20 @@ def evidence(own=None, lines=0.0, noise=0.0, noise_gain_db=0.0, runout=(), heavy
         broadband=levels(noise, noise_gain_db),
     )
     return Evidence(
-        deviation=deviation, finding=finding, runout=tuple(runout), nongear=(), references=3
+        deviation=deviation,
+        finding=finding,
+        path=PathChange(common=0.0, apart=None, together=0.0, bands=16),
+        runout=tuple(runout),
+        nongear=(),
+        references=3,
     )
 
 
-def flags_of(found, known=None, changes=(), common=0.0):
-    path = PathChange(common=common, bands=16)
+def flags_of(found, known=None, changes=(), common=0.0, together=0.0):
+    path = PathChange(common=common, apart=None, together=together, bands=16)
+    found = replace(found, path=path)
     return Flagging(
-        evidence=found, machine=machine(), changes=tuple(changes), features=known, path=path
+        evidence=found, machine=machine(), changes=tuple(changes), features=known
     ).flags()
 
 
@@ -190,6 +196,14 @@ def test_bands_that_move_as_one_are_a_changed_path_and_no_gear():
     (flag,) = flags_of(evidence(lines=3.0), features(once_db=15.0), [change(-10.0)], common=0.7)
     assert (flag.kind, flag.stage, flag.gear) == ("path changed", None, None)
     assert "sensor had been moved" in fault_sentence([flag])
+
+
+def test_another_path_is_blamed_before_a_tooth_that_is_less_loud():
+    found, changes = evidence(gear(weights(4))), [change(10.0)]
+    told = {
+        together: flags_of(found, None, changes, 0.7, together)[0].kind for together in (0.0, 60.0)
+    }
+    assert told == {0.0: "tooth damage", 60.0: "path changed"}
 
 
 def test_noise_that_rose_beyond_the_lines_is_no_gear():

@@ -82,7 +82,20 @@ def test_bands_that_move_as_one_are_told_from_sidebands_of_one_gear():
     gear = np.zeros((2, 24))
     gear[:, 1::3] = 8.0
     assert not path_change(held(gear, known), families()).likely
-    assert not path_change(held(6.0 * rng.normal(size=(2, 24)), known), families()).likely
+    unrelated = np.tile(6.0 * rng.normal(size=(1, 24)), (2, 1))
+    assert not path_change(held(unrelated, known), families()).likely
+
+
+def test_mesh_harmonics_that_change_otherwise_in_each_channel_are_another_path():
+    """Also where noise hides the sidebands; what the gears do is heard in all channels."""
+    rng, known = np.random.default_rng(6), np.zeros((1, 2, 24))
+    mesh = 12.0 * (np.arange(24) % 3 == 0) * rng.normal(size=(1, 24))
+    apart = path_change(held(np.vstack([mesh, 0.0 * mesh]), known), families())
+    alike = path_change(held(np.vstack([mesh, mesh]), known), families())
+    assert apart.likely
+    assert apart.apart > 0.3
+    assert not alike.likely
+    assert alike.apart == 0.0
 
 
 def test_the_standard_deviation_is_that_of_a_difference_from_a_mean():
