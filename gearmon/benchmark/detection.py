@@ -1,11 +1,12 @@
 """Detection of damaged teeth on random machines, beside textbook indicators.
 
 Every machine, its errors, paths, noise and faults are drawn; recordings come from
-`detection_recordings`, which shares nothing with the detector. Of each machine one healthy
-recording is the reference. New ones are healthy (as the reference, or with load, speed or sensor
-gain changed), have one damaged tooth, or something else that is no damaged tooth. The figures:
-areas under ROC curves against loss of stiffness, false alarms against the stated probability, what
-was blamed, how well the loss was estimated, and run times.
+`detection_machines`: their meshes obey the package's equation of motion, and nothing else is shared
+with the detector. Of each machine one healthy recording is the reference. New ones are healthy (as
+the reference, or with load, speed or sensor gain changed), have one damaged tooth, or something
+else that is no damaged tooth. The figures: areas under ROC curves against loss of stiffness, false
+alarms against the stated probability, what was blamed, how well the loss was estimated, and run
+times.
 
 The other detectors get the same reference. Textbook indicators are taken as the logarithm of their
 value over that of the reference recording, of the gear and channel where they rose most: the best

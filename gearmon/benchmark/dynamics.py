@@ -35,13 +35,14 @@ from gearmon.benchmark.equations import (
     Lines,
     Reference,
     Samples,
+    as_lines,
     growing_turn,
     named_case,
     solve_reference,
     square_wave,
 )
 from gearmon.benchmark.timing import Timing, facts_of_run, interleaved, task_time
-from gearmon.dynamics import HillProblem, Response, steady_state
+from gearmon.dynamics import HillProblem, steady_state
 from gearmon.dynamics.sweep import sweep as solve_sets
 from gearmon.terminal import Progress
 
@@ -209,12 +210,6 @@ def _own(case: Case, wanted: tuple[float, ...]) -> Iterator[Contender]:
     for order in (2, 4, 8) if long else (1, 2, 3, 4, 6, 8, 12, 16):
         run = partial(steady_state, p, 1e-8, "msm least residual", order)
         yield Contender("multiple scales, least residual", f"order {order}", None, run, as_lines)
-
-
-def as_lines(response: Response) -> Lines:
-    """Return the harmonics of a response, in units of F/k0."""
-    p = response.problem
-    return Lines(response.displacement * (p.stiffness_n_per_m / p.force_n))
 
 
 def _for_rectangle(case: Case) -> Iterator[Contender]:

@@ -20,10 +20,10 @@ import numpy as np
 import numpy.typing as npt
 from numpy.polynomial.legendre import legint, legval, legvander
 
-from gearmon.benchmark.stiffness import CRACK, FORM, STAGE
-from gearmon.dynamics import HillProblem
+from gearmon.dynamics import HillProblem, Response
 from gearmon.errors import ArgumentError
 from gearmon.gears.pulses import gauss
+from gearmon.machine import ParallelStage
 
 Real = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
@@ -36,7 +36,17 @@ FORCE_N = 4e3
 VARIATION = 0.13
 #: Damping whose ratio is 0.3 with the mass and stiffness above, per unit of damping ratio.
 CRITICAL_NS_PER_M = 2 * math.sqrt(STIFFNESS_N_PER_M * MASS_KG)
-GEAR_CRACK = "crack:1:gear:9:1mm"
+#: Teeth whose stiffness is that of a turn with cracks.
+STAGE = ParallelStage(
+    pinion_teeth=26,
+    gear_teeth=53,
+    module_mm=2.0,
+    face_width_mm=20.0,
+    bore_diameter_pinion_mm=20.8,
+    bore_diameter_gear_mm=42.4,
+)
+FORM = "potential-energy"
+CRACK, GEAR_CRACK = "crack:1:pinion:5:1.5mm", "crack:1:gear:9:1mm"
 MESH_HARMONICS = 10
 NODES = 12
 #: Segments solved in one batch, so that a long period does not fill the memory.
@@ -198,6 +208,12 @@ class Lines:
     """A steady motion given as harmonics z_0..z_N of its deflection [F/k0]."""
 
     displacement: Complex
+
+
+def as_lines(response: Response) -> Lines:
+    """Return the harmonics of a response, in units of F/k0."""
+    p = response.problem
+    return Lines(response.displacement * (p.stiffness_n_per_m / p.force_n))
 
 
 @dataclass(frozen=True, eq=False)

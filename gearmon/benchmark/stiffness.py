@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from gearmon.benchmark.equations import CRACK, FORM, STAGE
 from gearmon.benchmark.timing import Timing, competitor, in_turn, interleaved, other_python
 from gearmon.gears.faults import Fault, parse_fault
 from gearmon.gears.foundation import Foundation
@@ -27,15 +28,6 @@ Row = dict[str, Any]
 VARIABLE = "GEARMON_ROSS_PYTHON"
 #: What that environment must hold.
 NEEDS = "ross-rotordynamics 2.3.0 and plotly below 6"
-#: The pair that is timed.
-STAGE = ParallelStage(
-    pinion_teeth=26,
-    gear_teeth=53,
-    module_mm=2.0,
-    face_width_mm=20.0,
-    bore_diameter_pinion_mm=20.8,
-    bore_diameter_gear_mm=42.4,
-)
 #: A pair with published stiffness by ROSS.
 PUBLISHED = ParallelStage(
     pinion_teeth=25,
@@ -45,8 +37,6 @@ PUBLISHED = ParallelStage(
     bore_diameter_pinion_mm=20.0,
     bore_diameter_gear_mm=20.0,
 )
-CRACK = "crack:1:pinion:5:1.5mm"
-FORM = "potential-energy"
 POSITIONS = 1000
 NO_LIMIT_S = 3600.0
 

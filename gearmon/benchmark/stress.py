@@ -23,8 +23,14 @@ from typing import Any
 
 import numpy as np
 
-from gearmon.benchmark.dynamics import as_lines
-from gearmon.benchmark.equations import Complex, Real, Reference, pair, reference_and_doubt
+from gearmon.benchmark.equations import (
+    Complex,
+    Real,
+    Reference,
+    as_lines,
+    pair,
+    reference_and_doubt,
+)
 from gearmon.benchmark.timing import facts_of_run, task_time
 from gearmon.dynamics import HillProblem, Response, period_trace, steady_state
 from gearmon.errors import ArgumentError, check_range

@@ -133,8 +133,7 @@ def check_reference(reference: Reference | str | Path, machine: MachineLike) -> 
         law = HealthyMachine.of(replace(reference, profiles=others or (own,)), rows)
         deviation = law.deviation(own, rows)
         finding = find_tooth(own, deviation, law, machine)
-        told = {"deviation": deviation, "finding": finding, "references": max(1, len(others))}
-        evidence = Evidence(**told, runout=(), nongear=())  # type: ignore[arg-type]
+        evidence = Evidence(deviation=deviation, finding=finding, references=max(1, len(others)))
         recordings.append(
             CheckedRecording(
                 recording=own.origin,

@@ -9,11 +9,11 @@ from reference.hill_cases import random_problem
 from reference.hill_reference import periodic_solution
 from reference.refined_balance import refined_balance
 
-from gearmon.benchmark.dynamics import as_lines
 from gearmon.benchmark.equations import (
     Case,
     Lines,
     Samples,
+    as_lines,
     folded,
     named_case,
     pair,

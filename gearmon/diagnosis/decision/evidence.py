@@ -17,7 +17,7 @@ import numpy as np
 
 from gearmon.diagnosis.decision.calibration import FAR, false_alarm_probability
 from gearmon.diagnosis.decision.thresholds import LIMITS
-from gearmon.diagnosis.hypotheses.changed_path import PathChange
+from gearmon.diagnosis.hypotheses.changed_path import UNCHANGED, PathChange
 from gearmon.diagnosis.hypotheses.runout import RunoutGrowth
 from gearmon.diagnosis.hypotheses.tooth_damage import ToothFinding
 from gearmon.diagnosis.law import LevelDeviation, MachineDeviation
@@ -54,9 +54,9 @@ class Evidence:
 
     deviation: MachineDeviation
     finding: ToothFinding | None
-    path: PathChange
-    runout: tuple[RunoutGrowth, ...]
-    nongear: tuple[NonGearFinding, ...]
+    path: PathChange = UNCHANGED
+    runout: tuple[RunoutGrowth, ...] = ()
+    nongear: tuple[NonGearFinding, ...] = ()
     references: int
     angle: float = 0.0
 

@@ -55,6 +55,10 @@ class PathChange:
         return self.bands >= 4 and told
 
 
+#: Nothing was compared.
+UNCHANGED = PathChange(common=0.0, apart=None, together=0.0, bands=0)
+
+
 def path_change(levels: LevelDeviation, families: Sequence[Family]) -> PathChange:
     """Tell how much of changed levels is common to the bands about the mesh harmonics.
 
