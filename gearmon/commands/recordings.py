@@ -105,7 +105,8 @@ def analyse(arguments: argparse.Namespace) -> int:
     reported = part_of(arguments.progress, done, 1.0 - done)
     analysed = part_of(arguments.progress, 0.0, done)
     # what goes to other processes
-    alone = argparse.Namespace(**vars(arguments) | {"progress": None, "recording": ()})
+    kept_here = {"progress": None, "recording": (), "run": None}
+    alone = argparse.Namespace(**vars(arguments) | kept_here)
     known: dict[str, Any] = {"machine": machine, "reference": reference}
     task = partial(_analysed, arguments=alone, must_notice=must_notice, **known)
     results: list[dict[str, Any]] = []
