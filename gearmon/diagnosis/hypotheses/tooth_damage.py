@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -151,8 +152,8 @@ class ToothFinding:
         recording, or about where that recording begins.
     position : float
         Middle of the tooth's contact in turns of the gear after the recording's own angle zero.
-    loss : LossEstimate or None
-        Loss of stiffness of its pair; None without a template.
+    speed_hz : float
+        Speed of shaft 1 [Hz].
     evidence : float
         The logarithm of the Bayes factor that is believed, largest of all gears.
     rivals : tuple of (str, int, float)
@@ -166,10 +167,16 @@ class ToothFinding:
     tooth: int
     counted_from: str
     position: float
-    loss: LossEstimate | None
+    speed_hz: float
     evidence: float
     rivals: tuple[tuple[str, int, float], ...]
     searched: tuple[GearEvidence, ...]
+
+    @cached_property
+    def loss(self) -> LossEstimate | None:
+        """Loss of stiffness of its pair; None without a template."""
+        search = self.best.search
+        return loss_estimate(search, self.speed_hz) if search is not None else None
 
     def of(self, stage: int, gear: str) -> GearEvidence | None:
         """Return the evidence of one gear."""
@@ -203,13 +210,12 @@ def find_tooth(
     best, rivals = _blamed(searched)
     indexed = healthy.indexed(own, *best.key)
     tooth, position = place(best, indexed)
-    loss = loss_estimate(best.search, own.speed_hz) if best.search is not None else None
     return ToothFinding(
         best=best,
         tooth=tooth,
         counted_from="tacho" if indexed else "reference",
         position=position,
-        loss=loss,
+        speed_hz=own.speed_hz,
         evidence=max(one.believed for one in searched),
         rivals=rivals,
         searched=searched,
@@ -444,7 +450,8 @@ def told_losses(
         return None
     match = gear.search.match
     loss, sigma = losses_by_tooth(match)
-    if gear is finding.best and finding.loss is not None and 2 * loss[match.best] > loss.sum():
+    # of a sound gear no tooth stands out, and none is sized
+    if gear is finding.best and 2 * loss[match.best] > loss.sum() and finding.loss is not None:
         loss[match.best] = finding.loss.loss
         sigma[match.best] = (finding.loss.high - finding.loss.low) / _NORMAL_90
     if indexed:

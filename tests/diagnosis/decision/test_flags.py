@@ -43,11 +43,12 @@ def evidence(own=None, lines=0.0, noise=0.0, noise_gain_db=0.0, runout=(), heavy
             tooth=own.match.best + 1,
             counted_from="tacho",
             position=0.0,
-            loss=LossEstimate(loss=0.2, low=0.15, high=0.25),
+            speed_hz=25.0,
             evidence=80.0,
             rivals=(),
             searched=(searched,),
         )
+        vars(finding)["loss"] = LossEstimate(loss=0.2, low=0.15, high=0.25)
     deviation = MachineDeviation(
         state=np.zeros(2),
         gap=0.0,
