@@ -273,7 +273,7 @@ class Survey(Result):
     machine : str
     origin : {"expected", "measured"}
     placed : tuple of Placed
-        The best first.
+        The best on the recordings first.
     budget : SensorBudget
     notes : tuple of str
         What was assumed, in sentences.
@@ -518,7 +518,8 @@ def _survey(
         placed.append(_placed(harvester, position, budget))
         if progress is not None:
             progress(number / len(positions))
-    placed.sort(key=lambda own: -own.power_w)
+    # on the same recordings: of what is to be expected every place errs by itself
+    placed.sort(key=lambda own: -own.tuned.power_w if own.tuned else 0.0)
     best = placed[0]
     if best.tuned is None:
         if math.isfinite(best.over_limits):

@@ -18,7 +18,7 @@ read again.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -29,8 +29,8 @@ from gearmon.signals.orders.lines import OrderLines, line_noise, steps_of_block
 from gearmon.signals.orders.resampling import AngleGrid
 from gearmon.signals.threads import side_by_side
 
-# Tracks whose angle is remembered, and multiples of an order that are made of its phasors.
-_REMEMBERED, _MULTIPLES = 2, 8
+# Tracks whose angle is remembered.
+_REMEMBERED = 2
 # Edges of stretches whose angles are found together.
 _EDGES = 1 << 14
 # Cycles a stretch, root mean square, by which another track may differ before it is read anew.
@@ -83,8 +83,7 @@ class OrderSums:
         self.sampling_rate_hz = sampling_rate_hz
         self.orders = orders
         self._read: Stretches | None = None
-        self._roots = _roots(orders)
-        self._tracks: list[_Known] = []
+        self._tracks: list[tuple[AngleTrack, FloatArray]] = []
         self._noise: dict[float, FloatArray] = {}
 
     def blocks(self, track: AngleTrack, block_turns: float, top: float = np.inf) -> OrderLines:
@@ -117,15 +116,15 @@ class OrderSums:
         halves = 2 * (grid.count - block) // block + 2
         edges: FloatArray = grid.first_turn + 0.5 * turns * np.arange(halves + 1.0)
         chosen = np.flatnonzero(self.orders <= max(top, float(self.orders.min())))
-        known, read = self._near(track)
-        share, sums = _cut(known.angle, edges)
+        angle, read = self._near(track)
+        share, sums = _cut(angle, edges)
         rising = np.cos(np.pi * share)
 
         def half_sums(wave: ComplexArray) -> ComplexArray:
             even, odd = sums(wave), sums(wave * rising)
             return np.asarray(0.5 * (even[:-1] + even[1:] - odd[:-1] + odd[1:]))
 
-        amplitude = self._turned(known, read, chosen.tolist(), half_sums)
+        amplitude = self._turned(angle, read, chosen.tolist(), half_sums)
         if block_turns not in self._noise:
             self._noise[block_turns] = line_noise(
                 self.samples, self.sampling_rate_hz, track, self.orders, block_turns
@@ -152,8 +151,7 @@ class OrderSums:
         -------
         SlidingLines
         """
-        known, read = self._near(track)
-        angle = known.angle
+        angle, read = self._near(track)
         low, high = float(angle[0]), float(angle[-1])
         hop = min(block_turns, 0.25 * (high - low)) / 4
         count = int((high - low) / hop + 1e-9) + 1
@@ -169,7 +167,7 @@ class OrderSums:
             total += near[2:-1] + far[1:-2] - far[3:] - near[:-3]
             return 0.5 * total
 
-        amplitude = self._turned(known, read, range(len(self.orders)), block_sums)
+        amplitude = self._turned(angle, read, range(len(self.orders)), block_sums)
         steps, middle = np.diff(angle), 0.5 * (angle[1:] + angle[:-1])
         weight = block_sums(_padded(steps)).real
         moment = block_sums(_padded(steps * (middle - low))).real
@@ -179,25 +177,24 @@ class OrderSums:
             amplitude=(amplitude / weight[:, None, None]).reshape(count, -1),
         )
 
-    def _near(self, track: AngleTrack) -> tuple[_Known, Stretches]:
-        """Return what is known of a track, and sums that suit it."""
+    def _near(self, track: AngleTrack) -> tuple[FloatArray, Stretches]:
+        """Return the angle of a track at the edges of stretches, and sums that suit it."""
         if self._read is not None:
-            for known in self._tracks:
-                if known.track is track:
-                    return known, self._read
+            for known, angle in self._tracks:
+                if known is track:
+                    return angle, self._read
             angle = self._read.angle_in(track)
             if self._read.departure(angle) < _NEAR:
-                self._tracks = [*self._tracks[1 - _REMEMBERED :], _Known(track=track, angle=angle)]
-                return self._tracks[-1], self._read
+                self._tracks = [*self._tracks[1 - _REMEMBERED :], (track, angle)]
+                return angle, self._read
             self._noise = {}
-        read = Stretches.of(self.samples, self.sampling_rate_hz, track, self.orders)
-        self._read = read
-        self._tracks = [_Known(track=track, angle=read.angle_in(track))]
-        return self._tracks[-1], read
+        self._read = Stretches.of(self.samples, self.sampling_rate_hz, track, self.orders)
+        self._tracks = [(track, self._read.angle_in(track))]
+        return self._tracks[0][1], self._read
 
     def _turned(
         self,
-        known: _Known,
+        angle: FloatArray,
         read: Stretches,
         lines: Sequence[int],
         sums_of: Callable[[ComplexArray], ComplexArray],
@@ -206,8 +203,8 @@ class OrderSums:
 
         Parameters
         ----------
-        known : _Known
-            The track.
+        angle : ndarray of float
+            That of the track at the edges of the stretches [turns].
         read : Stretches
             The sums.
         lines : sequence of int
@@ -219,24 +216,10 @@ class OrderSums:
         -------
         ndarray of complex, shape (sums, channels, lines)
         """
-        angle = known.angle
         middle, steps = 0.5 * (angle[1:] + angle[:-1]), np.diff(angle) / read.length
-        work = 4 * len(lines) * len(self.samples) * len(steps)
-        wanted = {root for root, multiple in map(self._roots.__getitem__, lines) if multiple > 1}
-        new = sorted(wanted - set(known.roots))
-
-        def turned(number: int) -> ComplexArray:
-            return phasors(-self.orders[number] * middle)
-
-        known.roots |= zip(new, side_by_side(turned, new, work), strict=True)
 
         def line(number: int) -> ComplexArray:
-            root, multiple = self._roots[number]
-            phasor = known.roots.get(root)
-            turn = (turned(root) if phasor is None else phasor) * steps
-            if phasor is not None:
-                for _ in range(multiple - 1):
-                    turn *= phasor
+            turn = phasors(-self.orders[number] * middle) * steps
             found = []
             for real, imag in read.sums[:, :, number]:
                 wave = _padded(real)
@@ -245,34 +228,8 @@ class OrderSums:
                 found.append(sums_of(wave))
             return np.stack(found, axis=-1)
 
+        work = 4 * len(lines) * len(self.samples) * len(steps)
         return np.stack(side_by_side(line, lines, work), axis=-1)
-
-
-@dataclass(kw_only=True, eq=False)
-class _Known:
-    """What is known of one track.
-
-    `angle` is that of the edges of the stretches [turns], `roots` the phasors of some orders by
-    their numbers, stretch by stretch.
-    """
-
-    track: AngleTrack
-    angle: FloatArray
-    roots: dict[int, ComplexArray] = field(default_factory=dict)
-
-
-def _roots(orders: FloatArray) -> list[tuple[int, int]]:
-    """Tell of each order the number of one that it is a multiple of, and which multiple."""
-    roots: list[tuple[int, int]] = []
-    for number, order in enumerate(orders.tolist()):
-        ratios = [(root, order / float(orders[root])) for root, multiple in roots if multiple == 1]
-        found = (
-            (root, round(ratio))
-            for root, ratio in ratios
-            if 1 < round(ratio) <= _MULTIPLES and abs(ratio / round(ratio) - 1) < 1e-12
-        )
-        roots.append(next(found, (number, 1)))
-    return roots
 
 
 def _padded(values: FloatArray) -> ComplexArray:

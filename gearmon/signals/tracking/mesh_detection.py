@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import zip_longest
 
 import numpy as np
 
@@ -175,10 +176,7 @@ def _evidence(
     decoys = [strength for strength in decoys if len(strength)]
     if len(own) == 0 or len(decoys) < 8:
         return MeshEvidence.none(len(decoys))
-    rows = [own, *decoys]
-    strengths = np.full((len(rows), max(map(len, rows))), np.nan)
-    for padded, row in zip(strengths, rows, strict=True):
-        padded[: len(row)] = row
+    strengths = np.array(list(zip_longest(own, *decoys, fillvalue=np.nan))).T
     rivals = strengths[1:, : len(own)]
     common = np.sum(~np.isnan(rivals), axis=0) >= 8
     if not common.any():

@@ -255,8 +255,8 @@ class PeriodicMotion:
             block = slice(low, low + POINTS_PER_BLOCK)
             turned = np.exp(-2j * np.pi * phase[block])
             slowly = np.exp(-2j * np.pi / period * phase[block])
-            fast = _powers(turned, own[block].astype(np.complex128), meshes)
-            table += fast @ _powers(slowly, np.ones_like(slowly), period).T
+            fast = np.vander(turned, meshes, increasing=True).T * own[block]
+            table += fast @ np.vander(slowly, period, increasing=True)
         return table.ravel()[1 : highest + 1]
 
 
@@ -631,12 +631,3 @@ def _unresolved(speed: FloatArray, widths: FloatArray) -> FloatArray:
     power = power.reshape(len(power), -1, POINTS)
     last, whole = (part.sum(axis=(1, 2)) for part in (power[..., -2:], power))
     return np.asarray(np.sqrt(last / np.where(whole > 0, whole, 1.0)))
-
-
-def _powers(factor: ComplexArray, start: ComplexArray, count: int) -> ComplexArray:
-    """Return start, start factor, start factor^2, ..., shape (count, points)."""
-    found = np.empty((count, len(factor)), dtype=np.complex128)
-    found[0] = start
-    for number in range(1, count):
-        np.multiply(found[number - 1], factor, out=found[number])
-    return found
