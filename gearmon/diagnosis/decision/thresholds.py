@@ -31,7 +31,8 @@ class Limits:
         Mean square of standardised levels of strength 0: what half of the healthy pairs reach.
     bands_weight : float
         Strength for one unit of mean square of the changes of whole bands: those of a sensor that
-        was moved have 5 and more in nineteen of twenty, 290 healthy pairs 2.8 at most.
+        was moved have 5 and more in nineteen of twenty, 290 healthy pairs 2.8 at most; of
+        1,728 others one is called a fault by this alone.
     lines_weight, broadband_weight : float
         Strength for one unit of mean square of the families of lines, and of the broadband levels,
         which move more easily: with a bearing, a fan, a neighbouring machine.
