@@ -9,7 +9,7 @@ import pytest
 
 from gearmon.commands.command import Command
 from gearmon.commands.inputs import check_names
-from gearmon.commands.recordings import KINDS
+from gearmon.commands.recordings import kinds
 from gearmon.diagnosis.fault_types import KINDS as FAULT_TYPES
 from gearmon.errors import ArgumentError
 
@@ -17,11 +17,11 @@ from gearmon.errors import ArgumentError
 def run(*words):
     """Run the command by itself, as the command line does."""
     parser = argparse.ArgumentParser()
-    KINDS.add_to(parser.add_subparsers(dest="command"))
+    kinds.add_to(parser.add_subparsers(dest="command"))
     arguments = parser.parse_args(["kinds", *map(str, words)])
     check_names(arguments)
     arguments.progress = None
-    return KINDS.run(arguments)
+    return kinds.run(arguments)
 
 
 @pytest.fixture(scope="module")
@@ -85,5 +85,5 @@ def test_what_is_missing_is_said(shop, tmp_path):
 
 
 def test_it_is_a_command():
-    assert isinstance(KINDS, Command)
-    assert KINDS.example.startswith("gearmon kinds ")
+    assert isinstance(kinds, Command)
+    assert kinds.example.startswith("gearmon kinds ")

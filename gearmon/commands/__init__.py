@@ -9,47 +9,18 @@ Examples
 (True, ['init', 'lines', 'stiffness', 'baseline'])
 """
 
+from gearmon.commands import exposure, fleet, machines, recordings, setup, signals, trials
 from gearmon.commands.command import Command
-from gearmon.commands.exposure import EXPOSURE
-from gearmon.commands.fleet import FLEET
-from gearmon.commands.machines import (
-    BASELINE,
-    FAMILY,
-    HARVEST,
-    LINES,
-    MODES,
-    SIMULATE,
-    STABILITY,
-    STIFFNESS,
-)
-from gearmon.commands.recordings import ANALYSE, HISTORY, KINDS, LEARN
-from gearmon.commands.setup import CHECK, INIT
-from gearmon.commands.signals import INDICATORS, ORDERS, SPECTRUM
-from gearmon.commands.trials import BENCHMARK, DEMO
 
 #: All commands, in the order of a first use.
 COMMANDS = (
-    INIT,
-    LINES,
-    STIFFNESS,
-    BASELINE,
-    FAMILY,
-    STABILITY,
-    MODES,
-    SIMULATE,
-    LEARN,
-    CHECK,
-    ANALYSE,
-    KINDS,
-    HISTORY,
-    FLEET,
-    INDICATORS,
-    SPECTRUM,
-    ORDERS,
-    HARVEST,
-    EXPOSURE,
-    DEMO,
-    BENCHMARK,
+    setup.init,
+    *(machines.lines, machines.stiffness, machines.baseline, machines.family),
+    *(machines.stability, machines.modes, machines.simulate),
+    *(recordings.learn, setup.check, recordings.analyse, recordings.kinds, recordings.history),
+    fleet.fleet,
+    *(signals.indicators, signals.spectrum, signals.orders),
+    *(machines.harvest, exposure.exposure, trials.demo, trials.benchmark),
 )
 
 __all__ = ["COMMANDS", "Command"]

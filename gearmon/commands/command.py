@@ -1,4 +1,4 @@
-"""What a command is: name, arguments, an example, the function; and options of several."""
+"""What a command is: name, arguments, an example, the function; and arguments of several."""
 
 from __future__ import annotations
 
@@ -16,6 +16,11 @@ _ERRORS = (
 )
 
 
+Run = Callable[[argparse.Namespace], int]
+#: Names and settings of an argument, as a parser takes them.
+Argument = tuple[tuple[str, ...], dict[str, Any]]
+
+
 @dataclass(frozen=True, kw_only=True)
 class Command:
     """A sub-command of the command line.
@@ -28,8 +33,8 @@ class Command:
         What it does, in one line without a full stop.
     example : str
         A command line that works, given the files that it names.
-    add : callable
-        Adds its arguments to a parser.
+    arguments : tuple of Argument
+        What it takes, beside what all take.
     run : callable
         Runs it with the parsed arguments; returns the exit code.
     endings : tuple of str
@@ -50,9 +55,9 @@ class Command:
     name: str
     help: str
     example: str
-    add: Callable[[argparse.ArgumentParser], None]
-    run: Callable[[argparse.Namespace], int]
-    endings: tuple[str, ...] = ()
+    arguments: tuple[Argument, ...]
+    run: Run
+    endings: tuple[str, ...] = (".csv", ".json")
     output: str = "write the result to this file"
     beside: tuple[str, ...] = ()
     folder: bool = False
@@ -76,7 +81,8 @@ class Command:
         endings = f" ({', '.join(self.endings)})" if self.endings else ""
         option("-o", "--output", metavar="PATH", help=self.output + endings)
         option("--debug", action="store_true", help="show where an error of gearmon's own happened")
-        self.add(parser)
+        for names, settings in self.arguments:
+            option(*names, **settings)
 
     def _epilog(self) -> str:
         """Return the example, broken so that it can be pasted into a shell."""
@@ -90,84 +96,92 @@ class Command:
         return "\n\n".join([*told, " \\\n".join(lines)])
 
 
-def machine_argument(parser: argparse.ArgumentParser) -> None:
-    """Add the machine file as the first argument."""
-    parser.add_argument("machine", metavar="MACHINE", help="machine file (TOML)")
-
-
-def fault_option(parser: argparse.ArgumentParser, *, errors: bool = False) -> None:
-    """Add --fault; `errors` tells of those that only a baseline knows."""
-    told = f"{_FAULT}; {_ERRORS}" if errors else _FAULT
-    repeatable(parser, "--fault", "KIND:STAGE:GEAR:TOOTH:SIZE", told, default=[])
-
-
-def repeatable(
-    parser: argparse.ArgumentParser, flag: str, metavar: str, told: str, **more: Any
-) -> None:
-    """Add an option that may be given several times; its values make a list."""
-    parser.add_argument(flag, action="append", metavar=metavar, help=f"{told}; repeatable", **more)
-
-
-def number(
-    parser: argparse.ArgumentParser, flag: str, default: float, metavar: str, told: str
-) -> None:
-    """Add an option that takes a number of the kind of its default, which the help names."""
-    shown = f"{default:g}".replace("e-0", "e-")
-    parser.add_argument(
-        flag, type=type(default), default=default, metavar=metavar, help=f"{told} ({shown})"
-    )
-
-
-def sampling_rate(parser: argparse.ArgumentParser) -> None:
-    """Add --sampling-rate, of recordings that are read."""
-    told = "needed if the file does not hold it"
-    parser.add_argument("--sampling-rate", type=float, metavar="HZ", help=told)
-
-
-def reference_option(parser: argparse.ArgumentParser) -> None:
-    """Add --reference."""
-    told = "what gearmon learn wrote, or one healthy recording"
-    parser.add_argument("--reference", metavar="PATH", help=told)
-
-
-def recording_options(
-    parser: argparse.ArgumentParser,
-    *,
-    machine_required: bool = True,
-    several: bool = True,
-    least: int = 1,
-) -> None:
-    """Add recordings, their machine, and how they are to be read.
+def command(*arguments: Argument, **said: Any) -> Callable[[Run], Command]:
+    """Make the function below a command of its name.
 
     Parameters
     ----------
-    parser : ArgumentParser
+    *arguments : Argument
+        What it takes.
+    **said
+        The other fields of `Command`.
+    """
+
+    def made(run: Run) -> Command:
+        return Command(name=run.__name__, run=run, arguments=arguments, **said)
+
+    return made
+
+
+def option(*names: str, **settings: Any) -> Argument:
+    """Describe an argument as `ArgumentParser.add_argument` takes it."""
+    return names, settings
+
+
+def repeatable(flag: str, metavar: str, told: str, **more: Any) -> Argument:
+    """Describe an option that may be given several times; its values make a list."""
+    return option(flag, action="append", metavar=metavar, help=f"{told}; repeatable", **more)
+
+
+def number(flag: str, default: float, metavar: str, told: str) -> Argument:
+    """Describe an option that takes a number of the kind of its default, which the help names."""
+    shown = f"{told} ({f'{default:g}'.replace('e-0', 'e-')})"
+    return option(flag, type=type(default), default=default, metavar=metavar, help=shown)
+
+
+def fault(*, errors: bool = False) -> Argument:
+    """Describe --fault; `errors` tells of those that only a baseline knows."""
+    told = f"{_FAULT}; {_ERRORS}" if errors else _FAULT
+    return repeatable("--fault", "KIND:STAGE:GEAR:TOOTH:SIZE", told, default=[])
+
+
+MACHINE = option("machine", metavar="MACHINE", help="machine file (TOML)")
+SAMPLING_RATE = option(
+    "--sampling-rate", type=float, metavar="HZ", help="needed if the file does not hold it"
+)
+REFERENCE = option(
+    "--reference", metavar="PATH", help="what gearmon learn wrote, or one healthy recording"
+)
+TACHO = option("--tacho", metavar="NAME|N", help="channel with tachometer pulses")
+
+
+def recordings(
+    *, machine_required: bool = True, several: bool = True, least: int = 1
+) -> tuple[Argument, ...]:
+    """Describe recordings, their machine, and how they are to be read.
+
+    Parameters
+    ----------
     machine_required : bool
     several : bool
         Whether more than one recording may be named.
     least : {0, 1}
         Recordings to be named at least.
     """
-    option = parser.add_argument
-    count: str | int = ("+" if least else "*") if several else 1
-    option(
-        "recording",
-        metavar="RECORDING",
-        nargs=count,
-        help="CSV, plain or gzip; also WAV, FLAC, MATLAB, HDF5, TDMS, UFF 58, Parquet, NPY; a "
-        "folder of these; - for standard input",
+    return (
+        option(
+            "recording",
+            metavar="RECORDING",
+            nargs=("+" if least else "*") if several else 1,
+            help="CSV, plain or gzip; also WAV, FLAC, MATLAB, HDF5, TDMS, UFF 58, Parquet, NPY; a "
+            "folder of these; - for standard input",
+        ),
+        machine_option(required=machine_required),
+        option(
+            "--speed-hint",
+            type=float,
+            metavar="RPM",
+            help="speed of shaft 1, where the machine file's is far off; it is looked for about "
+            "this",
+        ),
+        SAMPLING_RATE,
+        repeatable(
+            "--channel", "NAME|N", "vibration channel by name or column number (all by default)"
+        ),
+        TACHO,
     )
-    option("--machine", metavar="MACHINE", required=machine_required, help="machine file (TOML)")
-    told = "speed of shaft 1, where the machine file's is far off; it is looked for about this"
-    option("--speed-hint", type=float, metavar="RPM", help=told)
-    sampling_rate(parser)
-    told = "vibration channel by name or column number (all by default)"
-    repeatable(parser, "--channel", "NAME|N", told)
-    option("--tacho", metavar="NAME|N", help="channel with tachometer pulses")
 
 
-def window_and_peaks(parser: argparse.ArgumentParser) -> None:
-    """Add --window and --peaks."""
-    told = "hann (default), flat-top, blackman-harris or rectangular"
-    parser.add_argument("--window", default="hann", metavar="NAME", help=told)
-    number(parser, "--peaks", 12, "N", "peaks listed a channel")
+def machine_option(*, required: bool = True) -> Argument:
+    """Describe --machine."""
+    return option("--machine", metavar="MACHINE", required=required, help="machine file (TOML)")

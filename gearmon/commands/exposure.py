@@ -6,8 +6,8 @@ import argparse
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-from gearmon.commands.command import Command, fault_option, sampling_rate
-from gearmon.commands.inputs import in_turn, machine_of
+from gearmon.commands.command import SAMPLING_RATE, TACHO, command, fault, option
+from gearmon.commands.inputs import channel_of, in_turn, machine_of
 from gearmon.commands.output import BAD_INPUT, DONE, FLAGGED, finish
 from gearmon.errors import ArgumentError
 
@@ -18,7 +18,39 @@ if TYPE_CHECKING:
 _POSITIONS = "seat (default), hand, standing, backrest, feet or building"
 
 
-def run_exposure(arguments: argparse.Namespace) -> int:
+@command(
+    option(
+        "recording",
+        metavar="RECORDING",
+        nargs="*",
+        default=[],
+        help="on the seat, the hand or where the person is: CSV, WAV, ...",
+    ),
+    option("--axes", metavar="x=A,y=B,z=C", help="channels of the axes; by default named so"),
+    option("--position", default="seat", metavar="WHERE", help=_POSITIONS),
+    option("--day", metavar="PLAN", help="jobs of a day with hours and recordings (TOML)"),
+    option("--floor", metavar="RECORDING", help="made at once on the floor: tells the SEAT factor"),
+    option(
+        "--machine", metavar="MACHINE", help="share of its shafts and meshes, best operating point"
+    ),
+    fault(),
+    TACHO,
+    SAMPLING_RATE,
+    option("--unit", metavar="UNIT", help="m/s2 or g, where nothing else states it"),
+    option(
+        "--range", type=float, metavar="MS2", help="of the sensor in m/s2: nothing may reach it"
+    ),
+    option("--report", metavar="HTML", help="write a report (.html)"),
+    help="what a driver or a hand feels, by ISO 2631-1 and ISO 5349-1, and what gears add to it",
+    example="gearmon exposure new.csv --position hand --axes x=a1,y=a2 --machine machine.toml "
+    "-o exposure.csv",
+    endings=(".csv", ".json", ".png"),
+    output="write the table to this file, and pictures beside it",
+    beside=("{}.png", "{}-*.png"),
+    more="A plan has a [[job]] for each job of the day, with name, recording and hours. Exit code "
+    "1: the day reaches an action value, of Directive 2002/44/EC or of the plan's [limits].",
+)
+def exposure(arguments: argparse.Namespace) -> int:
     """Run `gearmon exposure`."""
     from gearmon.exposure import exposure_day
 
@@ -74,7 +106,7 @@ def _felt(path: str, arguments: argparse.Namespace, machine: Machine | None) -> 
         floor = vibration_exposure(arguments.floor, arguments.position, axes, **reading)
         yield seat_factor(exposure, floor)
     if machine is not None:
-        tacho = _channel(arguments.tacho) if arguments.tacho else None
+        tacho = channel_of(arguments.tacho) if arguments.tacho else None
         named = [axis.channel for axis in exposure.axes]
         recording = open_recording(path, arguments.sampling_rate, named, tacho, machine.sensors)
         yield gear_share(recording, exposure, machine, arguments.fault)
@@ -98,11 +130,7 @@ def _axes(text: str | None) -> dict[str, str | int] | None:
         raise ArgumentError(f"--axes {text}: must name channels as x=NAME,y=NAME,z=NAME or x=1,y=2")
     if len({axis for axis, _, _ in pairs}) < len(pairs):
         raise ArgumentError(f"--axes {text}: names an axis twice")
-    return {axis.strip(): _channel(channel.strip()) for axis, _, channel in pairs}
-
-
-def _channel(text: str) -> str | int:
-    return int(text) if text.isdecimal() else text
+    return {axis.strip(): channel_of(channel.strip()) for axis, _, channel in pairs}
 
 
 def _lines(told: list[Told], result: Mapping[str, Any]) -> list[str]:
@@ -132,37 +160,3 @@ def _drawn(told: list[Told]) -> dict[str, Any]:
             which = f"-{number}" if number > 1 and type(own).__name__ != "DayExposure" else ""
             figures[which + added.get(type(own).__name__, "")] = own.figures()[""]
     return figures
-
-
-def _arguments(parser: argparse.ArgumentParser) -> None:
-    option = parser.add_argument
-    told = "on the seat, the hand or where the person is: CSV, WAV, ..."
-    option("recording", metavar="RECORDING", nargs="*", default=[], help=told)
-    option("--axes", metavar="x=A,y=B,z=C", help="channels of the axes; by default named so")
-    option("--position", default="seat", metavar="WHERE", help=_POSITIONS)
-    option("--day", metavar="PLAN", help="jobs of a day with hours and recordings (TOML)")
-    option("--floor", metavar="RECORDING", help="made at once on the floor: tells the SEAT factor")
-    option(
-        "--machine", metavar="MACHINE", help="share of its shafts and meshes, best operating point"
-    )
-    fault_option(parser)
-    option("--tacho", metavar="NAME|N", help="channel with tachometer pulses")
-    sampling_rate(parser)
-    option("--unit", metavar="UNIT", help="m/s2 or g, where nothing else states it")
-    option("--range", type=float, metavar="MS2", help="of the sensor in m/s2: nothing may reach it")
-    option("--report", metavar="HTML", help="write a report (.html)")
-
-
-EXPOSURE = Command(
-    name="exposure",
-    help="what a driver or a hand feels, by ISO 2631-1 and ISO 5349-1, and what gears add to it",
-    example="gearmon exposure new.csv --position hand --axes x=a1,y=a2 --machine machine.toml "
-    "-o exposure.csv",
-    add=_arguments,
-    run=run_exposure,
-    endings=(".csv", ".json", ".png"),
-    output="write the table to this file, and pictures beside it",
-    beside=("{}.png", "{}-*.png"),
-    more="A plan has a [[job]] for each job of the day, with name, recording and hours. Exit code "
-    "1: the day reaches an action value, of Directive 2002/44/EC or of the plan's [limits].",
-)

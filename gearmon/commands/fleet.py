@@ -7,9 +7,11 @@ from collections.abc import Iterator
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from gearmon.commands.command import Command, number
+from gearmon.commands.command import command, number, option
 from gearmon.commands.output import BAD_INPUT, DONE, FLAGGED, complain, finish
 from gearmon.errors import ArgumentError, check_range, check_word
+from gearmon.report.text_tables import table_lines
+from gearmon.report.wording import counted, printable
 from gearmon.terminal import progress_line
 
 if TYPE_CHECKING:
@@ -19,7 +21,34 @@ if TYPE_CHECKING:
 _SHOWN, _EVERY_S = 20, 60.0
 
 
-def run_fleet_command(arguments: argparse.Namespace) -> int:
+@command(
+    option(
+        "action",
+        metavar="ACTION",
+        help="run (analyse what is new), watch (what arrives), serve (web pages), rank (indicators "
+        "by how clearly they change), or compare (machines that have the same gears)",
+    ),
+    option("fleet", metavar="FLEET", help="fleet file (TOML)"),
+    option("--engine", default="processes", metavar="NAME", help="processes (default) or dask"),
+    option("--scheduler", metavar="ADDRESS", help="of dask, such as tcp://10.0.0.1:8786"),
+    number("--patience", 3600.0, "S", "until dask is given up, with no batch done"),
+    option("--again", action="store_true", help="also what failed, or another version analysed"),
+    number("--every", _EVERY_S, "S", "of watch: time between two looks"),
+    option(
+        "--host", default="127.0.0.1", help="of serve; others are asked for a token (%(default)s)"
+    ),
+    number("--port", 8765, "N", "of serve"),
+    option("--token", help="of serve; made up where one is needed and none is given"),
+    help="look after many machines: analyse what arrives, raise alarms, show who needs somebody",
+    example="gearmon fleet run fleet.toml",
+    waits=True,
+    more="The fleet file names the machines: [[machine]] with name, file, reference, recordings (a "
+    "folder) and pattern, a regular expression with the groups time and, if need be, machine and "
+    "class; what several share stands in [defaults]. [[alarm]] with command, webhook or mail says "
+    "who is told. All results are kept in one store, which gearmon history --name MACHINE reads. "
+    "Exit code: 0 if no alarm stands, 1 if one does, 2 if a recording cannot be used.",
+)
+def fleet(arguments: argparse.Namespace) -> int:
     """Run `gearmon fleet`."""
     from gearmon.fleet import read_fleet
 
@@ -54,7 +83,6 @@ def _engine(arguments: argparse.Namespace) -> Any:
 
 
 def _lines(result: dict[str, Any]) -> Iterator[str]:
-    from gearmon.report.wording import counted, printable
 
     yield f"{printable(result['fleet'])}: {counted(result['analysed'], 'recording')} analysed"
     for key, what in (("failed", "not analysed"), ("not_taken", "not taken")):
@@ -100,7 +128,6 @@ def _serve(arguments: argparse.Namespace, fleet: Fleet) -> int:
 
 def _rank(arguments: argparse.Namespace, fleet: Fleet) -> int:
     from gearmon.fleet.rank import compare, rank
-    from gearmon.report.text_tables import table_lines
 
     rows = {"rank": rank, "compare": compare}[arguments.action](fleet)
     result = {"fleet": fleet.name, "rows": rows}
@@ -108,37 +135,3 @@ def _rank(arguments: argparse.Namespace, fleet: Fleet) -> int:
 
 
 _ACTIONS = {"run": _run, "watch": _watch, "serve": _serve, "rank": _rank, "compare": _rank}
-
-
-def _arguments(parser: argparse.ArgumentParser) -> None:
-    option = parser.add_argument
-    told = "run (analyse what is new), watch (what arrives), serve (web pages), rank (indicators "
-    told += "by how clearly they change), or compare (machines that have the same gears)"
-    option("action", metavar="ACTION", help=told)
-    option("fleet", metavar="FLEET", help="fleet file (TOML)")
-    option("--engine", default="processes", metavar="NAME", help="processes (default) or dask")
-    option("--scheduler", metavar="ADDRESS", help="of dask, such as tcp://10.0.0.1:8786")
-    number(parser, "--patience", 3600.0, "S", "until dask is given up, with no batch done")
-    option("--again", action="store_true", help="also what failed, or another version analysed")
-    number(parser, "--every", _EVERY_S, "S", "of watch: time between two looks")
-    option(
-        "--host", default="127.0.0.1", help="of serve; others are asked for a token (%(default)s)"
-    )
-    number(parser, "--port", 8765, "N", "of serve")
-    option("--token", help="of serve; made up where one is needed and none is given")
-
-
-FLEET = Command(
-    name="fleet",
-    help="look after many machines: analyse what arrives, raise alarms, show who needs somebody",
-    example="gearmon fleet run fleet.toml",
-    add=_arguments,
-    run=run_fleet_command,
-    endings=(".csv", ".json"),
-    waits=True,
-    more="The fleet file names the machines: [[machine]] with name, file, reference, recordings (a "
-    "folder) and pattern, a regular expression with the groups time and, if need be, machine and "
-    "class; what several share stands in [defaults]. [[alarm]] with command, webhook or mail says "
-    "who is told. All results are kept in one store, which gearmon history --name MACHINE reads. "
-    "Exit code: 0 if no alarm stands, 1 if one does, 2 if a recording cannot be used.",
-)

@@ -167,13 +167,14 @@ def _read(path: str, arguments: argparse.Namespace, machine: Machine | None) -> 
     return read_recording(
         path,
         sampling_rate_hz=arguments.sampling_rate,
-        channels=[_channel(text) for text in arguments.channel] if arguments.channel else None,
-        tacho=_channel(arguments.tacho) if arguments.tacho else None,
+        channels=[channel_of(text) for text in arguments.channel] if arguments.channel else None,
+        tacho=channel_of(arguments.tacho) if arguments.tacho else None,
         sensors=machine.sensors if machine is not None else (),
     )
 
 
-def _channel(text: str) -> str | int:
+def channel_of(text: str) -> str | int:
+    """Return the name of a channel, or its column if the text is a number."""
     return int(text) if text.isdecimal() else text
 
 

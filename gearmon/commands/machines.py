@@ -9,16 +9,18 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from gearmon.commands.command import (
-    Command,
-    fault_option,
-    machine_argument,
+    MACHINE,
+    SAMPLING_RATE,
+    command,
+    fault,
     number,
+    option,
     repeatable,
-    sampling_rate,
 )
 from gearmon.commands.inputs import followed, machine_of, recording_of
 from gearmon.commands.output import DONE, finish, finish_with, show
 from gearmon.errors import ArgumentError
+from gearmon.report.text_tables import table_lines
 from gearmon.terminal import Progress
 
 if TYPE_CHECKING:
@@ -46,13 +48,21 @@ _SETTINGS: dict[str, tuple[str, float, str, str]] = {
     "recording_seed": ("--seed", 0, "N", "seed of the recording"),
     "machine_seed": ("--machine-seed", 0, "N", "seed of the machine"),
 }
+_STAGE = option("--stage", type=int, metavar="N", help="only this stage, from 1")
+_FORM = option("--form", default="parabolic", help="stiffness form (parabolic)")
+_MAX_HZ = option("--max-hz", type=float, metavar="F", help="no lines above this frequency")
 _ALONG_ACTION = (
     "levels are those of the teeth along the line of action; what reaches a sensor on the housing "
     "differs by the path, often tenfold"
 )
 
 
-def run_lines(arguments: argparse.Namespace) -> int:
+@command(
+    MACHINE,
+    help="orders and frequencies of every shaft, mesh, assembly phase, hunting tooth and bearing",
+    example="gearmon lines machine.toml",
+)
+def lines(arguments: argparse.Namespace) -> int:
     """Run `gearmon lines`."""
     from gearmon.gears.kinematics import line_table
     from gearmon.report.text import line_table_text
@@ -61,7 +71,20 @@ def run_lines(arguments: argparse.Namespace) -> int:
     return finish_with(arguments, table, lambda: [line_table_text(table)])
 
 
-def run_stiffness(arguments: argparse.Namespace) -> int:
+@command(
+    MACHINE,
+    fault(),
+    option(
+        "--form",
+        default="potential-energy",
+        help="stiffness form (potential-energy), or all: four forms and their spectra side by side",
+    ),
+    _STAGE,
+    help="mesh stiffness over a mesh period or a turn, healthy and damaged, as table and picture",
+    example="gearmon stiffness machine.toml --fault crack:1:pinion:5:1.5mm -o stiffness.csv",
+    beside=("{}.png", "{}-stage*.png"),
+)
+def stiffness(arguments: argparse.Namespace) -> int:
     """Run `gearmon stiffness`."""
     if arguments.form == "all":
         return _run_forms(arguments)
@@ -75,7 +98,6 @@ def run_stiffness(arguments: argparse.Namespace) -> int:
 def _run_forms(arguments: argparse.Namespace) -> int:
     """Run `gearmon stiffness --form all`: the forms of a healthy mesh and their spectra."""
     from gearmon.gears.stiffness_report import compare_forms
-    from gearmon.report.text_tables import table_lines
 
     if arguments.fault:
         raise ArgumentError(
@@ -87,14 +109,22 @@ def _run_forms(arguments: argparse.Namespace) -> int:
 
 def _stiffness_lines(rows: list[dict[str, Any]]) -> list[str]:
     """Show some forty of the rows: the file holds them all."""
-    from gearmon.report.text_tables import table_lines
-
     shown = rows[:: max(1, len(rows) // 40)]
     told = f"({len(shown)} of {len(rows)} rows; -o FILE.csv writes them all, and a picture)"
     return [*table_lines(shown), told]
 
 
-def run_baseline(arguments: argparse.Namespace) -> int:
+@command(
+    MACHINE,
+    fault(errors=True),
+    number("--tolerance", 1e-6, "X", "relative error of the acceleration"),
+    _MAX_HZ,
+    help="the spectrum that a healthy (or damaged) machine should emit, as table and picture",
+    example="gearmon baseline machine.toml --fault crack:1:pinion:5:20% -o lines.csv",
+    endings=(".csv", ".json", ".parquet"),
+    beside=("{}.png",),
+)
+def baseline(arguments: argparse.Namespace) -> int:
     """Run `gearmon baseline`."""
     from gearmon.signatures.expected.baseline import expected_signature
     from gearmon.signatures.signature import signature_lines, write_signature
@@ -111,7 +141,29 @@ def run_baseline(arguments: argparse.Namespace) -> int:
     return finish(arguments, result, lambda: lines, figures=signature.figures)
 
 
-def run_family(arguments: argparse.Namespace) -> int:
+@command(
+    MACHINE,
+    repeatable(
+        "--kind",
+        "KIND",
+        "stiffness, crack, breakage, pitting, spall, wear or missing; of errors pitch, profile, "
+        "cumulative, eccentricity or misalignment (nine of these)",
+    ),
+    repeatable(
+        "--size", "SIZE", "such as 20%% or 1.5mm, of errors 20um (2.5%% to 40%%, 5um to 40um)"
+    ),
+    repeatable("--gear", "STAGE:GEAR", "such as 1:pinion (all)"),
+    repeatable("--operating", "N", "operating point, from 0 (all)", type=int),
+    number("--tolerance", 1e-6, "X", "relative error of what a fault adds"),
+    _MAX_HZ,
+    option("--mesh-harmonics", type=int, metavar="N", help="write no lines about higher ones"),
+    option("--sidebands", type=int, metavar="N", help="write no sidebands farther off"),
+    help="the spectra of every kind and size of fault of every gear, as table and picture",
+    example="gearmon family machine.toml --kind crack --kind pitting --size 5% --size 20% -o f.csv",
+    endings=(".csv", ".json", ".parquet"),
+    beside=("{}.png",),
+)
+def family(arguments: argparse.Namespace) -> int:
     """Run `gearmon family`."""
     from gearmon.signatures.expected.fault_family import fault_family
 
@@ -134,7 +186,6 @@ def run_family(arguments: argparse.Namespace) -> int:
 
 
 def _family_lines(result: dict[str, Any]) -> list[str]:
-    from gearmon.report.text_tables import table_lines
 
     rows = result["rows"]
     step = max(1, -(-len(rows) // MOST_ROWS))
@@ -147,10 +198,18 @@ def _family_lines(result: dict[str, Any]) -> list[str]:
     return lines + [f"note: {note}" for note in result["notes"]]
 
 
-def run_stability(arguments: argparse.Namespace) -> int:
+@command(
+    MACHINE,
+    _FORM,
+    _STAGE,
+    number("--harmonics", 12, "N", "stiffness harmonics taken"),
+    help="how far each mesh is from parametric instability, as table and chart",
+    example="gearmon stability machine.toml -o stability.csv",
+    beside=("{}-stage*.png",),
+)
+def stability(arguments: argparse.Namespace) -> int:
     """Run `gearmon stability`."""
     from gearmon.dynamics.stability import stability_margin
-    from gearmon.report.text_tables import table_lines
     from gearmon.signatures.expected.mesh import mesh_problem
 
     machine = machine_of(arguments.machine)
@@ -195,7 +254,21 @@ def _stability_charts(
     return figures
 
 
-def run_modes(arguments: argparse.Namespace) -> int:
+@command(
+    MACHINE,
+    number("--harmonics", 10, "N", "mesh harmonics of the Campbell table"),
+    option(
+        "--to-rpm",
+        type=float,
+        metavar="RPM",
+        help="its highest speed of shaft 1 (1.5 times the nominal)",
+    ),
+    _FORM,
+    help="natural frequencies of the whole machine, and at which speeds mesh harmonics meet them",
+    example="gearmon modes machine.toml -o modes.csv",
+    beside=("{}.png", "{}-campbell.*"),
+)
+def modes(arguments: argparse.Namespace) -> int:
     """Run `gearmon modes`."""
     from gearmon.signatures.expected.modes import modes
 
@@ -211,7 +284,6 @@ def run_modes(arguments: argparse.Namespace) -> int:
 
 
 def _modes_lines(found: Modes) -> list[str]:
-    from gearmon.report.text_tables import table_lines
 
     listed = [
         {
@@ -235,7 +307,19 @@ def _modes_lines(found: Modes) -> list[str]:
     return [*table_lines(listed), "", *table_lines(rows), f"({told})", *notes, found.headline()]
 
 
-def run_simulate(arguments: argparse.Namespace) -> int:
+@command(
+    MACHINE,
+    fault(),
+    *(number(*setting) for setting in _SETTINGS.values()),
+    option("--tacho", action="store_true", help="add a column with one pulse a turn of shaft 1"),
+    option("--no-time", action="store_true", help="leave out the time column"),
+    help="write a recording of a simulated machine (CSV), with the truth beside it (JSON)",
+    example="gearmon simulate machine.toml --fault crack:1:pinion:5:20% -o cracked.csv",
+    endings=(".csv",),
+    output="write the recording to this file; needed",
+    beside=("{}.json",),
+)
+def simulate(arguments: argparse.Namespace) -> int:
     """Run `gearmon simulate`."""
     from gearmon.gears.faults import parse_fault
     from gearmon.simulation import simulate, write_simulation
@@ -253,7 +337,49 @@ def run_simulate(arguments: argparse.Namespace) -> int:
     return DONE
 
 
-def run_harvest(arguments: argparse.Namespace) -> int:
+@command(
+    MACHINE,
+    option(
+        "recording",
+        metavar="RECORDING",
+        nargs="*",
+        default=[],
+        help="one for each operating point, every vibration channel a position; without any, the "
+        "expected lines of the machine are used",
+    ),
+    option("--harvester", metavar="FILE", help="harvester file (TOML); a 15 mm bimorph by default"),
+    number("--count", 1, "N", "harvesters of a set, 1 to 3"),
+    repeatable("--share", "F", "share of time of each recording, in their order", type=float),
+    repeatable(
+        "--degraded",
+        "RECORDING",
+        "the same operating point with a damaged gear, in the same order",
+        default=[],
+    ),
+    fault(),
+    option("--path-gain", type=float, metavar="G", help="mesh to harvester (1)"),
+    option("--wander", type=float, metavar="F", help="of speed, relative (0.005)"),
+    option(
+        "--wander-time",
+        type=float,
+        dest="wander_time_s",
+        metavar="S",
+        help="over which it is forgotten, in s (long beside a ring-down)",
+    ),
+    option(
+        "--published", action="store_true", help="show published harvesters beside the best one"
+    ),
+    option("--share-error", type=float, metavar="F", help="standard deviation of the shares (0)"),
+    SAMPLING_RATE,
+    repeatable("--channel", "NAME|N", "only these channels"),
+    option("--tacho", metavar="NAME|N", help=argparse.SUPPRESS),
+    help="say where to put a vibration energy harvester, how to tune it and what it will power",
+    example="gearmon harvest machine.toml full.csv idle.csv --share 0.7 --share 0.3 "
+    "-o harvest.json",
+    output="write the result to this file, and pictures beside it",
+    beside=("{}-energy.png", "{}-tuning.png", "{}-positions.png", "{}-response.png"),
+)
+def harvest(arguments: argparse.Namespace) -> int:
     """Run `gearmon harvest`."""
     from gearmon.harvesting.placement import survey_expected, survey_measured
     from gearmon.harvesting.request import built_in, load_harvester
@@ -309,182 +435,3 @@ def _refuse_without_recordings(arguments: argparse.Namespace) -> None:
         if getattr(arguments, name):
             option = name.replace("_", "-")
             raise ArgumentError(f"--{option}: only beside recordings; name them after the machine")
-
-
-def _stiffness_arguments(parser: argparse.ArgumentParser) -> None:
-    machine_argument(parser)
-    fault_option(parser)
-    parser.add_argument(
-        "--form",
-        default="potential-energy",
-        help="stiffness form (potential-energy), or all: four forms and their spectra side by side",
-    )
-    _stage_option(parser)
-
-
-def _baseline_arguments(parser: argparse.ArgumentParser) -> None:
-    machine_argument(parser)
-    fault_option(parser, errors=True)
-    _line_options(parser, "the acceleration")
-
-
-def _line_options(parser: argparse.ArgumentParser, of: str) -> None:
-    number(parser, "--tolerance", 1e-6, "X", f"relative error of {of}")
-    told = "no lines above this frequency"
-    parser.add_argument("--max-hz", type=float, metavar="F", help=told)
-
-
-def _stage_option(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--stage", type=int, metavar="N", help="only this stage, from 1")
-
-
-def _family_arguments(parser: argparse.ArgumentParser) -> None:
-    machine_argument(parser)
-    kinds = (
-        "stiffness, crack, breakage, pitting, spall, wear or missing; of errors pitch, profile, "
-        "cumulative, eccentricity or misalignment (nine of these)"
-    )
-    sizes = "such as 20%% or 1.5mm, of errors 20um (2.5%% to 40%%, 5um to 40um)"
-    repeatable(parser, "--kind", "KIND", kinds)
-    repeatable(parser, "--size", "SIZE", sizes)
-    repeatable(parser, "--gear", "STAGE:GEAR", "such as 1:pinion (all)")
-    repeatable(parser, "--operating", "N", "operating point, from 0 (all)", type=int)
-    _line_options(parser, "what a fault adds")
-    option = parser.add_argument
-    option("--mesh-harmonics", type=int, metavar="N", help="write no lines about higher ones")
-    option("--sidebands", type=int, metavar="N", help="write no sidebands farther off")
-
-
-def _stability_arguments(parser: argparse.ArgumentParser) -> None:
-    machine_argument(parser)
-    parser.add_argument("--form", default="parabolic", help="stiffness form (parabolic)")
-    _stage_option(parser)
-    number(parser, "--harmonics", 12, "N", "stiffness harmonics taken")
-
-
-def _modes_arguments(parser: argparse.ArgumentParser) -> None:
-    machine_argument(parser)
-    number(parser, "--harmonics", 10, "N", "mesh harmonics of the Campbell table")
-    told = "its highest speed of shaft 1 (1.5 times the nominal)"
-    parser.add_argument("--to-rpm", type=float, metavar="RPM", help=told)
-    parser.add_argument("--form", default="parabolic", help="stiffness form (parabolic)")
-
-
-def _simulate_arguments(parser: argparse.ArgumentParser) -> None:
-    machine_argument(parser)
-    fault_option(parser)
-    for setting in _SETTINGS.values():
-        number(parser, *setting)
-    tacho = "add a column with one pulse a turn of shaft 1"
-    parser.add_argument("--tacho", action="store_true", help=tacho)
-    parser.add_argument("--no-time", action="store_true", help="leave out the time column")
-
-
-def _harvest_arguments(parser: argparse.ArgumentParser) -> None:
-    option = parser.add_argument
-    machine_argument(parser)
-    option(
-        "recording",
-        metavar="RECORDING",
-        nargs="*",
-        default=[],
-        help="one for each operating point, every vibration channel a position; without any, the "
-        "expected lines of the machine are used",
-    )
-    option("--harvester", metavar="FILE", help="harvester file (TOML); a 15 mm bimorph by default")
-    number(parser, "--count", 1, "N", "harvesters of a set, 1 to 3")
-    share = "share of time of each recording, in their order"
-    repeatable(parser, "--share", "F", share, type=float)
-    degraded = "the same operating point with a damaged gear, in the same order"
-    repeatable(parser, "--degraded", "RECORDING", degraded, default=[])
-    fault_option(parser)
-    option("--path-gain", type=float, metavar="G", help="mesh to harvester (1)")
-    option("--wander", type=float, metavar="F", help="of speed, relative (0.005)")
-    option(
-        "--wander-time",
-        type=float,
-        dest="wander_time_s",
-        metavar="S",
-        help="over which it is forgotten, in s (long beside a ring-down)",
-    )
-    option("--published", action="store_true", help="show published harvesters beside the best one")
-    option("--share-error", type=float, metavar="F", help="standard deviation of the shares (0)")
-    sampling_rate(parser)
-    repeatable(parser, "--channel", "NAME|N", "only these channels")
-    option("--tacho", metavar="NAME|N", help=argparse.SUPPRESS)
-
-
-LINES = Command(
-    name="lines",
-    help="orders and frequencies of every shaft, mesh, assembly phase, hunting tooth and bearing",
-    example="gearmon lines machine.toml",
-    add=machine_argument,
-    run=run_lines,
-    endings=(".csv", ".json"),
-)
-STIFFNESS = Command(
-    name="stiffness",
-    help="mesh stiffness over a mesh period or a turn, healthy and damaged, as table and picture",
-    example="gearmon stiffness machine.toml --fault crack:1:pinion:5:1.5mm -o stiffness.csv",
-    add=_stiffness_arguments,
-    run=run_stiffness,
-    endings=(".csv", ".json"),
-    beside=("{}.png", "{}-stage*.png"),
-)
-BASELINE = Command(
-    name="baseline",
-    help="the spectrum that a healthy (or damaged) machine should emit, as table and picture",
-    example="gearmon baseline machine.toml --fault crack:1:pinion:5:20% -o lines.csv",
-    add=_baseline_arguments,
-    run=run_baseline,
-    endings=(".csv", ".json", ".parquet"),
-    beside=("{}.png",),
-)
-FAMILY = Command(
-    name="family",
-    help="the spectra of every kind and size of fault of every gear, as table and picture",
-    example="gearmon family machine.toml --kind crack --kind pitting --size 5% --size 20% -o f.csv",
-    add=_family_arguments,
-    run=run_family,
-    endings=(".csv", ".json", ".parquet"),
-    beside=("{}.png",),
-)
-STABILITY = Command(
-    name="stability",
-    help="how far each mesh is from parametric instability, as table and chart",
-    example="gearmon stability machine.toml -o stability.csv",
-    add=_stability_arguments,
-    run=run_stability,
-    endings=(".csv", ".json"),
-    beside=("{}-stage*.png",),
-)
-MODES = Command(
-    name="modes",
-    help="natural frequencies of the whole machine, and at which speeds mesh harmonics meet them",
-    example="gearmon modes machine.toml -o modes.csv",
-    add=_modes_arguments,
-    run=run_modes,
-    endings=(".csv", ".json"),
-    beside=("{}.png", "{}-campbell.*"),
-)
-SIMULATE = Command(
-    name="simulate",
-    help="write a recording of a simulated machine (CSV), with the truth beside it (JSON)",
-    example="gearmon simulate machine.toml --fault crack:1:pinion:5:20% -o cracked.csv",
-    add=_simulate_arguments,
-    run=run_simulate,
-    endings=(".csv",),
-    output="write the recording to this file; needed",
-    beside=("{}.json",),
-)
-HARVEST = Command(
-    name="harvest",
-    help="say where to put a vibration energy harvester, how to tune it and what it will power",
-    example="gearmon harvest machine.toml full.csv idle.csv --share 0.7 --share 0.3 "
-    "-o harvest.json",
-    add=_harvest_arguments,
-    run=run_harvest,
-    endings=(".csv", ".json"),
-    output="write the result to this file, and pictures beside it",
-    beside=("{}-energy.png", "{}-tuning.png", "{}-positions.png", "{}-response.png"),
-)

@@ -9,10 +9,11 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gearmon.commands.command import Command, number, recording_options, reference_option
+from gearmon.commands.command import REFERENCE, command, number, option, recordings
 from gearmon.commands.inputs import each_of, followed, in_turn, loss_of, machine_of, recording_of
 from gearmon.commands.output import DONE, complain, complain_of, finish, judged, show, write_table
 from gearmon.errors import ArgumentError, GearmonError, check_range
+from gearmon.report.wording import gear_text, percent, printable
 from gearmon.terminal import part_of
 
 if TYPE_CHECKING:
@@ -31,7 +32,14 @@ _EXIT_CODES = (
 )
 
 
-def run_learn(arguments: argparse.Namespace) -> int:
+@command(
+    *recordings(),
+    endings=(),
+    help="build a healthy reference from one or more healthy recordings, best at several loads",
+    example="gearmon learn idle.csv half.csv full.csv --machine machine.toml -o healthy.ref",
+    output="write the reference to this file, of any name; needed",
+)
+def learn(arguments: argparse.Namespace) -> int:
     """Run `gearmon learn`."""
     from gearmon.diagnosis.analysis import learned
     from gearmon.report.text import reference_text
@@ -62,7 +70,32 @@ def run_learn(arguments: argparse.Namespace) -> int:
     return DONE
 
 
-def run_analyse(arguments: argparse.Namespace) -> int:
+@command(
+    *recordings(),
+    REFERENCE,
+    option(
+        "--must-notice",
+        metavar="LOSS",
+        help="of one tooth pair's stiffness; healthy is said only where it would have been noticed "
+        "on every gear (default 40%%)",
+    ),
+    option(
+        "--history",
+        dest="past",
+        metavar="DB",
+        help="what gearmon history keeps (--store): says since when; only read",
+    ),
+    option(
+        "--report", metavar="HTML", help="write a report (.html), and a PNG a picture beside it"
+    ),
+    help="say whether the machine of a recording is healthy, and why",
+    example="gearmon analyse new.csv --machine machine.toml --reference healthy.ref "
+    "--report report.html",
+    endings=(".json",),
+    more="Without --reference only a gross fault of one tooth can be called, and no machine is "
+    f"called healthy. {_EXIT_CODES}",
+)
+def analyse(arguments: argparse.Namespace) -> int:
     """Run `gearmon analyse`."""
     must_notice = loss_of(arguments.must_notice, "--must-notice")
     machine = machine_of(arguments.machine, arguments.speed_hint)
@@ -72,7 +105,8 @@ def run_analyse(arguments: argparse.Namespace) -> int:
     reported = part_of(arguments.progress, done, 1.0 - done)
     analysed = part_of(arguments.progress, 0.0, done)
     # what goes to other processes
-    alone = argparse.Namespace(**vars(arguments) | {"progress": None, "recording": ()})
+    kept_here = {"progress": None, "recording": (), "run": None}
+    alone = argparse.Namespace(**vars(arguments) | kept_here)
     known: dict[str, Any] = {"machine": machine, "reference": reference}
     task = partial(_analysed, arguments=alone, must_notice=must_notice, **known)
     results: list[dict[str, Any]] = []
@@ -164,7 +198,26 @@ def reference_of(arguments: argparse.Namespace, machine: Machine) -> Reference |
     return learn([recording_of(str(path), arguments, machine)], machine)
 
 
-def run_kinds(arguments: argparse.Namespace) -> int:
+@command(
+    *recordings(least=0),
+    REFERENCE,
+    option(
+        "--trained",
+        metavar="FILE",
+        help="classifier of this machine; trained and written to this file if there is none",
+    ),
+    number("--examples", EXAMPLES, "N", "simulated machines to train it on, in a minute"),
+    number("--seed", 0, "N", "of what is drawn at random"),
+    help="how probable each kind of fault is, by a classifier trained on this machine file",
+    example="gearmon kinds new.csv --machine machine.toml --reference healthy.ref "
+    "--trained drive.kinds --examples 400 -o kinds.json",
+    endings=(".json",),
+    more="The classifier is trained on simulated signatures of the machine file, so that no "
+    "recording of a fault is needed; its probabilities hold on such machines, not surely on "
+    "yours, and there it is right in two of three. A kind is judged only where gearmon analyse "
+    f"calls a fault. {_EXIT_CODES}",
+)
+def kinds(arguments: argparse.Namespace) -> int:
     """Run `gearmon kinds`."""
     if arguments.recording and not arguments.reference:
         raise ArgumentError(
@@ -232,7 +285,6 @@ def _classifier(arguments: argparse.Namespace, machine: Machine) -> tuple[KindCl
 
 
 def _kind_lines(result: dict[str, Any]) -> list[str]:
-    from gearmon.report.wording import gear_text, percent, printable
 
     classifier = result["classifier"]
     lines = []
@@ -264,66 +316,37 @@ def _kind_lines(result: dict[str, Any]) -> list[str]:
     return lines
 
 
-def _analyse_arguments(parser: argparse.ArgumentParser) -> None:
-    recording_options(parser)
-    reference_option(parser)
-    parser.add_argument(
-        "--must-notice",
-        metavar="LOSS",
-        help="of one tooth pair's stiffness; healthy is said only where it would have been noticed "
-        "on every gear (default 40%%)",
-    )
-    told = "what gearmon history keeps (--store): says since when; only read"
-    parser.add_argument("--history", dest="past", metavar="DB", help=told)
-    parser.add_argument(
-        "--report", metavar="HTML", help="write a report (.html), and a PNG a picture beside it"
-    )
-
-
-def _kinds_arguments(parser: argparse.ArgumentParser) -> None:
-    recording_options(parser, least=0)
-    reference_option(parser)
-    told = "classifier of this machine; trained and written to this file if there is none"
-    parser.add_argument("--trained", metavar="FILE", help=told)
-    number(parser, "--examples", EXAMPLES, "N", "simulated machines to train it on, in a minute")
-    number(parser, "--seed", 0, "N", "of what is drawn at random")
-
-
-LEARN = Command(
-    name="learn",
-    help="build a healthy reference from one or more healthy recordings, best at several loads",
-    example="gearmon learn idle.csv half.csv full.csv --machine machine.toml -o healthy.ref",
-    add=recording_options,
-    run=run_learn,
-    output="write the reference to this file, of any name; needed",
+@command(
+    *recordings(least=0),
+    REFERENCE,
+    option(
+        "--store",
+        metavar="DB",
+        help="keep the history in this file; next time name the new recordings only, or none",
+    ),
+    option("--name", help="of the machine in the store, where it is not that of the machine file"),
+    option(
+        "--times",
+        metavar="ISO8601,...",
+        help="when each was made, such as 2026-03-01T08:00; UTC where there is no offset",
+    ),
+    option(
+        "--time-from",
+        metavar="SOURCE",
+        help="name (of the file, such as drive-2026-03-01.csv) or modified (when it was)",
+    ),
+    option("--limit", metavar="LOSS", help="of pair stiffness at which to act, such as 20%%"),
+    option("--replace", action="store_true", help="recordings of the same time give way"),
+    help="follow a machine through recordings: loss of each tooth, when it began, what is left",
+    example="gearmon history drive-*.csv --machine machine.toml --reference healthy.ref "
+    "--time-from name --store history.db --limit 20% -o history.csv",
+    endings=(".csv", ".json", ".parquet", ".png"),
+    output="write the table to this file, and a picture beside it",
+    more="A tooth is listed once its loss stands clear of noise and of zero in several recordings; "
+    f"changes are looked for in six or more. {_EXIT_CODES}",
+    beside=("{}.png",),
 )
-ANALYSE = Command(
-    name="analyse",
-    help="say whether the machine of a recording is healthy, and why",
-    example="gearmon analyse new.csv --machine machine.toml --reference healthy.ref "
-    "--report report.html",
-    add=_analyse_arguments,
-    run=run_analyse,
-    endings=(".json",),
-    more="Without --reference only a gross fault of one tooth can be called, and no machine is "
-    f"called healthy. {_EXIT_CODES}",
-)
-KINDS = Command(
-    name="kinds",
-    help="how probable each kind of fault is, by a classifier trained on this machine file",
-    example="gearmon kinds new.csv --machine machine.toml --reference healthy.ref "
-    "--trained drive.kinds --examples 400 -o kinds.json",
-    add=_kinds_arguments,
-    run=run_kinds,
-    endings=(".json",),
-    more="The classifier is trained on simulated signatures of the machine file, so that no "
-    "recording of a fault is needed; its probabilities hold on such machines, not surely on "
-    "yours, and there it is right in two of three. A kind is judged only where gearmon analyse "
-    f"calls a fault. {_EXIT_CODES}",
-)
-
-
-def run_history(arguments: argparse.Namespace) -> int:
+def history(arguments: argparse.Namespace) -> int:
     """Run `gearmon history`."""
     from gearmon.diagnosis.history import History, append, history_trends, read_history
 
@@ -424,42 +447,3 @@ def _history_lines(found: HistoryTrends, result: dict[str, Any]) -> list[str]:
     if result["replaced"]:
         lines.append(f"replaced: {result['replaced']}")
     return lines + [f"wrote {path}" for path in result.get("files", ())]
-
-
-def _history_arguments(parser: argparse.ArgumentParser) -> None:
-    recording_options(parser, least=0)
-    reference_option(parser)
-    option = parser.add_argument
-    option(
-        "--store",
-        metavar="DB",
-        help="keep the history in this file; next time name the new recordings only, or none",
-    )
-    option("--name", help="of the machine in the store, where it is not that of the machine file")
-    option(
-        "--times",
-        metavar="ISO8601,...",
-        help="when each was made, such as 2026-03-01T08:00; UTC where there is no offset",
-    )
-    option(
-        "--time-from",
-        metavar="SOURCE",
-        help="name (of the file, such as drive-2026-03-01.csv) or modified (when it was)",
-    )
-    option("--limit", metavar="LOSS", help="of pair stiffness at which to act, such as 20%%")
-    option("--replace", action="store_true", help="recordings of the same time give way")
-
-
-HISTORY = Command(
-    name="history",
-    help="follow a machine through recordings: loss of each tooth, when it began, what is left",
-    example="gearmon history drive-*.csv --machine machine.toml --reference healthy.ref "
-    "--time-from name --store history.db --limit 20% -o history.csv",
-    add=_history_arguments,
-    run=run_history,
-    endings=(".csv", ".json", ".parquet", ".png"),
-    output="write the table to this file, and a picture beside it",
-    more="A tooth is listed once its loss stands clear of noise and of zero in several recordings; "
-    f"changes are looked for in six or more. {_EXIT_CODES}",
-    beside=("{}.png",),
-)

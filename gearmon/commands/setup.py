@@ -9,10 +9,12 @@ import sys
 import tomllib
 from typing import TYPE_CHECKING, Any
 
-from gearmon.commands.command import Command, repeatable
+from gearmon.commands.command import command, machine_option, option, repeatable
 from gearmon.commands.inputs import machine_of
 from gearmon.commands.output import DONE, finish_with, show
 from gearmon.errors import ArgumentError
+from gearmon.report.text_tables import table_lines
+from gearmon.report.wording import printable
 from gearmon.units import is_unit
 
 if TYPE_CHECKING:
@@ -43,7 +45,28 @@ fixed = "ring"
 _MORE = "# needed for what a healthy gearbox should sound like, and for sizes of damage in mm:\n"
 
 
-def run_init(arguments: argparse.Namespace) -> int:
+@command(
+    option(
+        "recording", metavar="RECORDING", nargs="*", default=[], help="one that tells the columns"
+    ),
+    repeatable(
+        "--teeth", "A/B", "of a stage, driver/driven, or sun/planet/ring and planets as 30/35/100x3"
+    ),
+    option("--speed", metavar="SPEED", help="of shaft 1 with its unit: 1480rpm or 24.7hz"),
+    option("--torque", dest="torque_nm", type=float, metavar="NM", help="on shaft 1"),
+    option("--module", dest="module_mm", type=float, metavar="MM", help="of all stages"),
+    option("--face-width", dest="face_width_mm", type=float, metavar="MM", help="of all stages"),
+    option("--name", default="my gearbox", metavar="NAME", help="of the machine"),
+    option("--sampling-rate", type=float, metavar="HZ", help="of the recording, if it tells none"),
+    help="write a machine file from tooth counts and speed, and the columns of a recording",
+    example="gearmon init new.csv --teeth 23/57 --speed 1480rpm -o mine.toml",
+    endings=(".toml",),
+    waits=True,
+    output="write the machine file to this file; needed",
+    more="What is not given is asked for. It is said where numbers look mistaken: a speed in Hz, a "
+    "time in ms, swapped tooth counts.",
+)
+def init(arguments: argparse.Namespace) -> int:
     """Run `gearmon init`."""
     from gearmon.files import write_atomically
     from gearmon.gears.kinematics import kinematics
@@ -177,7 +200,13 @@ def _init_lines(result: dict[str, Any]) -> list[str]:
     return [*lines, f"wrote {result['machine']}"]
 
 
-def run_check(arguments: argparse.Namespace) -> int:
+@command(
+    option("reference", metavar="REFERENCE", help="what gearmon learn wrote"),
+    machine_option(),
+    help="say what a reference covers, what it would find, and which recording to add",
+    example="gearmon check healthy.ref --machine machine.toml -o check.csv",
+)
+def check(arguments: argparse.Namespace) -> int:
     """Run `gearmon check`."""
     from gearmon.diagnosis.reference_check import check_reference
     from gearmon.signatures.measured.reference import read_reference
@@ -188,8 +217,6 @@ def run_check(arguments: argparse.Namespace) -> int:
 
 
 def _check_lines(found: ReferenceCheck) -> list[str]:
-    from gearmon.report.text_tables import table_lines
-    from gearmon.report.wording import printable
 
     result = found.to_dict()
     lines = [found.headline(), *(f"also: {advice}" for advice in result["advice"][1:]), ""]
@@ -201,45 +228,3 @@ def _check_lines(found: ReferenceCheck) -> list[str]:
         told = "no loss is sure to be noticed" if loss is None else f"from {100 * loss:.2g} % on"
         lines.append(f"{gear['gear']} of stage {gear['stage']}: a weak tooth is noticed {told}")
     return lines
-
-
-def _init_arguments(parser: argparse.ArgumentParser) -> None:
-    option = parser.add_argument
-    option(
-        "recording", metavar="RECORDING", nargs="*", default=[], help="one that tells the columns"
-    )
-    teeth = "of a stage, driver/driven, or sun/planet/ring and planets as 30/35/100x3"
-    repeatable(parser, "--teeth", "A/B", teeth)
-    option("--speed", metavar="SPEED", help="of shaft 1 with its unit: 1480rpm or 24.7hz")
-    option("--torque", dest="torque_nm", type=float, metavar="NM", help="on shaft 1")
-    option("--module", dest="module_mm", type=float, metavar="MM", help="of all stages")
-    option("--face-width", dest="face_width_mm", type=float, metavar="MM", help="of all stages")
-    option("--name", default="my gearbox", metavar="NAME", help="of the machine")
-    option("--sampling-rate", type=float, metavar="HZ", help="of the recording, if it tells none")
-
-
-def _check_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("reference", metavar="REFERENCE", help="what gearmon learn wrote")
-    parser.add_argument("--machine", metavar="MACHINE", required=True, help="machine file (TOML)")
-
-
-INIT = Command(
-    name="init",
-    help="write a machine file from tooth counts and speed, and the columns of a recording",
-    example="gearmon init new.csv --teeth 23/57 --speed 1480rpm -o mine.toml",
-    add=_init_arguments,
-    run=run_init,
-    endings=(".toml",),
-    waits=True,
-    output="write the machine file to this file; needed",
-    more="What is not given is asked for. It is said where numbers look mistaken: a speed in Hz, a "
-    "time in ms, swapped tooth counts.",
-)
-CHECK = Command(
-    name="check",
-    help="say what a reference covers, what it would find, and which recording to add",
-    example="gearmon check healthy.ref --machine machine.toml -o check.csv",
-    add=_check_arguments,
-    run=run_check,
-    endings=(".csv", ".json"),
-)

@@ -8,9 +8,11 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gearmon.commands.command import Command, number, recording_options, window_and_peaks
+from gearmon.commands.command import command, number, option, recordings
 from gearmon.commands.inputs import in_turn, machine_of, recording_of
 from gearmon.commands.output import BAD_INPUT, DONE, Rows, finish, finish_with
+from gearmon.report.text_tables import table_lines
+from gearmon.report.wording import printable
 
 if TYPE_CHECKING:
     from gearmon.signatures.measured.indicators import IndicatorTable
@@ -20,9 +22,32 @@ _SHOWN = ("channel", "stage", "gear", "indicator", "value", "unit", "input")
 _AVERAGE_SHOWN = ("stage", "gear", "teeth", "rotation_order", "turns")
 # Columns of a map that is written beside others: what a table program can open.
 _MAP_COLUMNS = 1000
+_WRITTEN = "write the table to this file, and a picture beside it"
+_ORDERS_BESIDE = ("{}.png", "{}-map.*", "{}-averages.*", "{}-lines.*", "{}-average-[0-9]*-*.png")
+_WINDOW = option(
+    "--window",
+    default="hann",
+    metavar="NAME",
+    help="hann (default), flat-top, blackman-harris or rectangular",
+)
+_PEAKS = number("--peaks", 12, "N", "peaks listed a channel")
 
 
-def run_indicators(arguments: argparse.Namespace) -> int:
+@command(
+    *recordings(machine_required=False),
+    number(
+        "--baseline", 1, "N", "records at the start of the run that were healthy, for NA4* and NB4*"
+    ),
+    option(
+        "--history", metavar="FILE", help="go on with the run in this file (JSON), and write it"
+    ),
+    help="every condition indicator of recordings, with its input; several are those of a run",
+    example="gearmon indicators monday.csv tuesday.csv --machine machine.toml -o indicators.csv",
+    endings=(".csv", ".json", ".png"),
+    output=_WRITTEN,
+    beside=("{}.png",),
+)
+def indicators(arguments: argparse.Namespace) -> int:
     """Run `gearmon indicators`."""
     from gearmon.signatures.measured.indicators import indicator_table, read_history, write_history
 
@@ -58,8 +83,6 @@ def run_indicators(arguments: argparse.Namespace) -> int:
 
 
 def _indicator_lines(result: dict[str, Any], tables: list[IndicatorTable]) -> list[str]:
-    from gearmon.report.text_tables import table_lines
-    from gearmon.report.wording import printable
 
     lines = []
     for table in tables:
@@ -79,7 +102,33 @@ def _indicator_lines(result: dict[str, Any], tables: list[IndicatorTable]) -> li
     return lines + [f"{e['recording']}: not read" for e in result["recordings"] if "error" in e]
 
 
-def run_spectrum(arguments: argparse.Namespace) -> int:
+@command(
+    *recordings(machine_required=False, several=False),
+    option(
+        "--kind",
+        default="amplitude",
+        metavar="KIND",
+        help="amplitude (peak; default), rms, density, energy, envelope, cepstrum, kurtogram or "
+        "coherence",
+    ),
+    option(
+        "--band",
+        type=float,
+        nargs=2,
+        metavar=("LO", "HI"),
+        help="in Hz: what is shown; for envelope the band that is demodulated; for coherence the "
+        "modulation frequencies; for cepstrum quefrencies in s",
+    ),
+    _WINDOW,
+    _PEAKS,
+    help="a calibrated spectrum of a recording, of any kind, as table and picture",
+    example="gearmon spectrum new.csv --kind envelope --band 2000 4000 --machine machine.toml "
+    "-o spectrum.csv",
+    endings=(".csv", ".json", ".png"),
+    output=_WRITTEN,
+    beside=("{}.png",),
+)
+def spectrum(arguments: argparse.Namespace) -> int:
     """Run `gearmon spectrum`."""
     from gearmon.signatures.recording_spectrum import recording_spectrum
 
@@ -97,7 +146,21 @@ def run_spectrum(arguments: argparse.Namespace) -> int:
     return finish_with(arguments, found, lines, rows_in_json=True)
 
 
-def run_orders(arguments: argparse.Namespace) -> int:
+@command(
+    *recordings(several=False),
+    number("--shaft", 1, "N", "whose turns orders count"),
+    option("--map", action="store_true", help="write the map only, in full resolution"),
+    option("--against", default="time", metavar="WHAT", help="of the map: time (default) or speed"),
+    option("--max-order", type=float, metavar="X", help="no orders above this one"),
+    _WINDOW,
+    _PEAKS,
+    help="order spectrum, order map, and the synchronous average of every gear with its scatter",
+    example="gearmon orders new.csv --machine machine.toml --shaft 2 -o orders.csv",
+    endings=(".csv", ".json", ".png"),
+    output="write the tables to files of this name and others beside it, with pictures",
+    beside=_ORDERS_BESIDE,
+)
+def orders(arguments: argparse.Namespace) -> int:
     """Run `gearmon orders`."""
     from gearmon.signatures.gear_averages import gear_averages
     from gearmon.signatures.order_spectra import order_spectra
@@ -140,7 +203,6 @@ def run_orders(arguments: argparse.Namespace) -> int:
 
 
 def _order_lines(title: str, result: dict[str, Any]) -> list[str]:
-    from gearmon.report.text_tables import table_lines
 
     rows = [
         {name: own[name] for name in _AVERAGE_SHOWN} | channel
@@ -163,84 +225,6 @@ def _some(orders: list[float]) -> str:
 
 
 def _peak_lines(title: str, result: dict[str, Any], more: Sequence[str] = ()) -> list[str]:
-    from gearmon.report.text_tables import table_lines
-    from gearmon.report.wording import printable
 
     lines = [printable(title), *table_lines(result["peaks"]), *more]
     return lines + [f"note: {note}" for note in result["warnings"]]
-
-
-def _indicator_arguments(parser: argparse.ArgumentParser) -> None:
-    recording_options(parser, machine_required=False)
-    healthy = "records at the start of the run that were healthy, for NA4* and NB4*"
-    number(parser, "--baseline", 1, "N", healthy)
-    history = "go on with the run in this file (JSON), and write it"
-    parser.add_argument("--history", metavar="FILE", help=history)
-
-
-def _spectrum_arguments(parser: argparse.ArgumentParser) -> None:
-    recording_options(parser, machine_required=False, several=False)
-    parser.add_argument(
-        "--kind",
-        default="amplitude",
-        metavar="KIND",
-        help="amplitude (peak; default), rms, density, energy, envelope, cepstrum, kurtogram or "
-        "coherence",
-    )
-    parser.add_argument(
-        "--band",
-        type=float,
-        nargs=2,
-        metavar=("LO", "HI"),
-        help="in Hz: what is shown; for envelope the band that is demodulated; for coherence the "
-        "modulation frequencies; for cepstrum quefrencies in s",
-    )
-    window_and_peaks(parser)
-
-
-def _order_arguments(parser: argparse.ArgumentParser) -> None:
-    recording_options(parser, several=False)
-    option = parser.add_argument
-    number(parser, "--shaft", 1, "N", "whose turns orders count")
-    option("--map", action="store_true", help="write the map only, in full resolution")
-    option("--against", default="time", metavar="WHAT", help="of the map: time (default) or speed")
-    option("--max-order", type=float, metavar="X", help="no orders above this one")
-    window_and_peaks(parser)
-
-
-_WRITTEN = "write the table to this file, and a picture beside it"
-INDICATORS = Command(
-    name="indicators",
-    help="every condition indicator of recordings, with its input; several are those of a run",
-    example="gearmon indicators monday.csv tuesday.csv --machine machine.toml -o indicators.csv",
-    add=_indicator_arguments,
-    run=run_indicators,
-    endings=(".csv", ".json", ".png"),
-    output=_WRITTEN,
-    beside=("{}.png",),
-)
-SPECTRUM = Command(
-    name="spectrum",
-    help="a calibrated spectrum of a recording, of any kind, as table and picture",
-    example="gearmon spectrum new.csv --kind envelope --band 2000 4000 --machine machine.toml "
-    "-o spectrum.csv",
-    add=_spectrum_arguments,
-    run=run_spectrum,
-    endings=(".csv", ".json", ".png"),
-    output=_WRITTEN,
-    beside=("{}.png",),
-)
-_ORDERS_BESIDE = (
-    *("{}.png", "{}-map.*", "{}-averages.*", "{}-lines.*"),
-    "{}-average-[0-9]*-*.png",
-)
-ORDERS = Command(
-    name="orders",
-    help="order spectrum, order map, and the synchronous average of every gear with its scatter",
-    example="gearmon orders new.csv --machine machine.toml --shaft 2 -o orders.csv",
-    add=_order_arguments,
-    run=run_orders,
-    endings=(".csv", ".json", ".png"),
-    output="write the tables to files of this name and others beside it, with pictures",
-    beside=_ORDERS_BESIDE,
-)

@@ -7,11 +7,28 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from gearmon.commands.command import Command, number
+from gearmon.commands.command import command, number, option
 from gearmon.commands.output import DONE, finish, show
+from gearmon.report.text_tables import table_lines
 
 
-def run_demo(arguments: argparse.Namespace) -> int:
+@command(
+    option(
+        "name",
+        metavar="NAME",
+        nargs="?",
+        default="crack",
+        help="crack (found; default), growth (of a crack), kinds (pitting, wear and eccentricity "
+        "told apart), day (of a sound machine), harvest, exposure (of a driver), fleet (of twelve "
+        "machines), study",
+    ),
+    endings=(),
+    help="run a whole job on data it makes itself",
+    example="gearmon demo growth",
+    output="write into this folder (gearmon-NAME)",
+    folder=True,
+)
+def demo(arguments: argparse.Namespace) -> int:
     """Run `gearmon demo`."""
     from gearmon.demos import run_demo
 
@@ -21,10 +38,26 @@ def run_demo(arguments: argparse.Namespace) -> int:
     return DONE
 
 
-def run_benchmark(arguments: argparse.Namespace) -> int:
+@command(
+    option("--quick", action="store_true", help="rough figures in seconds"),
+    number("--seed", 0, "N", "of what is drawn at random"),
+    option("--count", type=int, metavar="N", help="random systems, parameter sets or machines"),
+    option("--ross-python", metavar="PATH", help="interpreter of an environment with ROSS"),
+    option(
+        "case",
+        metavar="CASE",
+        nargs="?",
+        default="analyse",
+        help="analyse (default), memory, stiffness, signals, harvesting, dynamics, stress or "
+        "detection",
+    ),
+    help="measure run time, memory and error, side by side with named competitors",
+    example="gearmon benchmark dynamics --quick -o benchmark.csv",
+    beside=("{}.png", "{}-*.png"),
+)
+def benchmark(arguments: argparse.Namespace) -> int:
     """Run `gearmon benchmark`."""
     from gearmon.benchmark import PICTURED, case_figures, run_case, summary_rows
-    from gearmon.report.text_tables import table_lines
 
     rows = run_case(
         arguments.case,
@@ -44,51 +77,3 @@ def run_benchmark(arguments: argparse.Namespace) -> int:
 
     drawn = figures if arguments.case in PICTURED else None
     return finish(arguments, result, lines, lambda: rows, drawn)
-
-
-def _demo_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "name",
-        metavar="NAME",
-        nargs="?",
-        default="crack",
-        help="crack (found; default), growth (of a crack), kinds (pitting, wear and eccentricity "
-        "told apart), day (of a sound machine), harvest, exposure (of a driver), fleet (of twelve "
-        "machines), study",
-    )
-
-
-def _benchmark_arguments(parser: argparse.ArgumentParser) -> None:
-    option = parser.add_argument
-    option("--quick", action="store_true", help="rough figures in seconds")
-    number(parser, "--seed", 0, "N", "of what is drawn at random")
-    option("--count", type=int, metavar="N", help="random systems, parameter sets or machines")
-    option("--ross-python", metavar="PATH", help="interpreter of an environment with ROSS")
-    option(
-        "case",
-        metavar="CASE",
-        nargs="?",
-        default="analyse",
-        help="analyse (default), memory, stiffness, signals, harvesting, dynamics, stress or "
-        "detection",
-    )
-
-
-DEMO = Command(
-    name="demo",
-    help="run a whole job on data it makes itself",
-    example="gearmon demo growth",
-    add=_demo_arguments,
-    run=run_demo,
-    output="write into this folder (gearmon-NAME)",
-    folder=True,
-)
-BENCHMARK = Command(
-    name="benchmark",
-    help="measure run time, memory and error, side by side with named competitors",
-    example="gearmon benchmark dynamics --quick -o benchmark.csv",
-    add=_benchmark_arguments,
-    run=run_benchmark,
-    endings=(".csv", ".json"),
-    beside=("{}.png", "{}-*.png"),
-)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import datetime, timedelta
 from functools import partial
 from multiprocessing import get_context
@@ -26,7 +26,7 @@ from gearmon.diagnosis.history import read_latest
 from gearmon.files import write_atomically
 from gearmon.fleet import Fleet, alarms, read_fleet, run_fleet
 from gearmon.fleet.pages import screenshot
-from gearmon.machine import load_machine
+from gearmon.machine import Machine, load_machine
 from gearmon.report.text_tables import table_lines
 from gearmon.signals.recording import read_recording
 from gearmon.signals.threads import cores
@@ -81,14 +81,6 @@ pattern = '(?P<machine>[a-z]+-\\d)_(?P<time>[\\dT-]+)_(?P<class>[a-z]+)\\.npy'
 sampling_rate_hz = {rate}
 limit = 0.3
 """
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Heard:
-    """What the sensors of a machine would hear without noise, by operating class."""
-
-    sound: dict[str, FloatArray]
-    damaged: dict[str, FloatArray]
 
 
 def fleet_demo(folder: Path, progress: Progress | None = None) -> Demo:
@@ -161,19 +153,21 @@ def _made(folder: Path, name: str) -> None:
     write_atomically(folder / f"{name}.toml", _MACHINE.format(**known))
     machine = load_machine(folder / f"{name}.toml")
     what, first = WRONG.get(name, ("", RECORDINGS))
-    heard = _heard(folder / f"{name}.toml", seed, what if ":" in what else "")
+    heard = {
+        c: _heard(machine, seed, what if ":" in what else "", load) for c, load in LOADS.items()
+    }
     generator = np.random.default_rng(seed)
     classes = list(LOADS)
     healthy = []
     for count in range(LEARNED):
-        samples = _stretch(heard, classes[count % 2], 0.0, generator)
+        samples = _stretch(*heard[classes[count % 2]], 0.0, generator)
         own = read_recording(samples, RATE_HZ, sensors=machine.sensors)
         healthy.append(replace(own, origin=f"{name}, sound {count + 1}"))
     write_reference(learn(healthy, machine), folder / f"{name}.ref")
     for count in range(RECORDINGS):
         grown = _FIRST + (1 - _FIRST) * (count - first) / (RECORDINGS - 1 - first or 1)
         share = max(0.0, grown) if count >= first else 0.0
-        samples = _stretch(heard, classes[count % 2], share, generator)
+        samples = _stretch(*heard[classes[count % 2]], share, generator)
         if count >= first and what == "dead sensor":
             samples[0] = 0.0
         if count >= first and what == "moved sensor":
@@ -183,28 +177,22 @@ def _made(folder: Path, name: str) -> None:
         np.save(file, samples.astype(np.float32))
 
 
-def _heard(machine: Path, seed: int, fault: str) -> _Heard:
-    """Simulate a machine sound and, if it is to be, damaged, in the same wandering of speed."""
+def _heard(machine: Machine, seed: int, fault: str, load: float) -> tuple[FloatArray, FloatArray]:
+    """Simulate without noise a machine sound and, if it is to be, damaged, wandering alike."""
+    kept: dict[str, Any] = {"machine_seed": seed, "recording_seed": seed, "load": load}
+    kept |= {"channels": 2, "tacho_shaft": 1, "snr_db": None}
 
-    def made(faults: list[str], load: float) -> FloatArray:
-        own: dict[str, Any] = {
-            "machine_seed": seed,
-            "recording_seed": seed,
-            "channels": 2,
-        }
-        found = simulate(
-            machine, faults, SIMULATED_S, RATE_HZ, load=load, snr_db=None, tacho_shaft=1, **own
-        )
-        return np.asarray(found.samples, dtype=float)
+    def made(*faults: str) -> FloatArray:
+        return np.asarray(simulate(machine, faults, SIMULATED_S, RATE_HZ, **kept).samples, float)
 
-    sound = {name: made([], load) for name, load in LOADS.items()}
-    damaged = {name: made([fault], load) for name, load in LOADS.items()} if fault else sound
-    return _Heard(sound=sound, damaged=damaged)
+    sound = made()
+    return sound, made(fault) if fault else sound
 
 
-def _stretch(heard: _Heard, name: str, share: float, generator: np.random.Generator) -> FloatArray:
+def _stretch(
+    sound: FloatArray, damaged: FloatArray, share: float, generator: np.random.Generator
+) -> FloatArray:
     """Take a stretch at random, with noise of its own; the tacho goes without."""
-    sound, damaged = heard.sound[name], heard.damaged[name]
     samples = round(DURATION_S * RATE_HZ)
     start = int(generator.integers(sound.shape[1] - samples))
     part = slice(start, start + samples)

@@ -26,7 +26,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -44,7 +44,7 @@ from gearmon.exposure.measures import (
 )
 from gearmon.exposure.weighting import FloatArray
 from gearmon.machine import FieldError
-from gearmon.machine.fields import Choice, Number, Several, Text, check_fields, obeys
+from gearmon.machine.fields import Choice, Several, Text, check_fields, held, within
 from gearmon.machine.reading import read_part, read_table, read_tables, refuse_unknown_keys
 from gearmon.machine.source import read_source
 from gearmon.result import Result
@@ -77,12 +77,12 @@ class Job:
         If a value is out of its range.
     """
 
-    name: str = field(metadata=obeys(Text(example='"ploughing"')))
-    recording: str | Sequence[str] = field(
-        metadata=obeys(Several(rule=Text(), one=True, example='"a.csv", or ["a.csv", "b.csv"]'))
+    name: str = held(Text(example='"ploughing"'))
+    recording: str | Sequence[str] = held(
+        Several(rule=Text(), one=True, example='"a.csv", or ["a.csv", "b.csv"]')
     )
-    hours: float = field(metadata=obeys(Number(low=0, high=24, unit="h", open_low=True)))
-    hours_error: float = field(default=0.0, metadata=obeys(Number(low=0, high=12, unit="h")))
+    hours: float = within(0, 24, "h", open_low=True)
+    hours_error: float = within(0, 12, "h", default=0.0)
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -111,8 +111,8 @@ class DayPlan:
     """
 
     jobs: tuple[Job, ...]
-    position: str = field(default="seat", metadata=obeys(Choice(options=tuple(LIMITS))))
-    instrument: float = field(default=INSTRUMENT, metadata=obeys(Number(low=0, high=0.5)))
+    position: str = held(Choice(options=tuple(LIMITS)), "seat")
+    instrument: float = within(0, 0.5, default=INSTRUMENT)
     limits: Limits | None = None
     path: str = ""
 

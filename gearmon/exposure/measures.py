@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -25,7 +25,7 @@ import numpy as np
 from gearmon.errors import ArgumentError, RecordingError, check_positive, check_type, check_word
 from gearmon.exposure.weighting import HALF_BAND, WEIGHTINGS, FloatArray, Weighting
 from gearmon.machine import FieldError, Sensor
-from gearmon.machine.fields import Number, check_fields, obeys
+from gearmon.machine.fields import check_fields, within
 from gearmon.result import Result
 from gearmon.signals.reading import find_defect
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
@@ -59,10 +59,6 @@ _FULL = 0.98
 _STRETCHES, _STRETCH_S = 20, 5
 
 
-def _above_zero(unit: str) -> dict[str, Any]:
-    return dict(obeys(Number(low=0, high=1e3, unit=unit, open_low=True)))
-
-
 @dataclass(frozen=True, kw_only=True)
 class Limits:
     """Action and limit values of a day.
@@ -80,10 +76,10 @@ class Limits:
         If a value is out of its range or an action value above its limit.
     """
 
-    action_ms2: float = field(metadata=_above_zero("m/s2"))
-    limit_ms2: float = field(metadata=_above_zero("m/s2"))
-    action_vdv: float | None = field(default=None, metadata=_above_zero("m/s^1.75"))
-    limit_vdv: float | None = field(default=None, metadata=_above_zero("m/s^1.75"))
+    action_ms2: float = within(0, 1e3, "m/s2", open_low=True)
+    limit_ms2: float = within(0, 1e3, "m/s2", open_low=True)
+    action_vdv: float | None = within(0, 1e3, "m/s^1.75", default=None, open_low=True)
+    limit_vdv: float | None = within(0, 1e3, "m/s^1.75", default=None, open_low=True)
 
     def __post_init__(self) -> None:
         check_fields(self)

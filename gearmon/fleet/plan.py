@@ -11,7 +11,7 @@ import os
 import re
 import warnings
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,11 +23,11 @@ from gearmon.machine.fields import (
     Column,
     Count,
     FieldError,
-    Number,
     Several,
     Text,
     check_fields,
-    obeys,
+    held,
+    within,
 )
 from gearmon.machine.reading import (
     load_machine,
@@ -71,23 +71,21 @@ class FleetMachine:
         before the alarm is over.
     """
 
-    name: str = field(metadata=obeys(Text(example='"tractor 7"')))
-    file: str = field(metadata=obeys(Text(example='"tractor.toml"')))
-    recordings: str = field(metadata=obeys(Text(example='"inbox/tractor-7"')))
-    pattern: str = field(metadata=obeys(Text(example=r"'.*_(?P<time>[\dT-]+)\.wav'")))
-    reference: str = field(default="", metadata=obeys(Text(example='"tractor-7.ref"')))
-    sensors: tuple[str | int, ...] = field(default=(), metadata=obeys(Several(rule=Column())))
-    sampling_rate_hz: float | None = field(
-        default=None, metadata=obeys(Number(low=0, high=1e8, unit="Hz", open_low=True))
+    name: str = held(Text(example='"tractor 7"'))
+    file: str = held(Text(example='"tractor.toml"'))
+    recordings: str = held(Text(example='"inbox/tractor-7"'))
+    pattern: str = held(Text(example=r"'.*_(?P<time>[\dT-]+)\.wav'"))
+    reference: str = held(Text(example='"tractor-7.ref"'), "")
+    sensors: tuple[str | int, ...] = held(Several(rule=Column()), ())
+    sampling_rate_hz: float | None = within(0, 1e8, "Hz", default=None, open_low=True)
+    limit: float | None = within(0, 1, default=None, open_low=True)
+    tags: tuple[str, ...] = held(_TEXTS, ())
+    alarm_on: tuple[str, ...] = held(
+        Several(rule=Choice(options=VERDICTS), example='["fault"]'),
+        ("fault", "no mesh found", "cannot tell"),
     )
-    limit: float | None = field(default=None, metadata=obeys(Number(low=0, high=1, open_low=True)))
-    tags: tuple[str, ...] = field(default=(), metadata=obeys(_TEXTS))
-    alarm_on: tuple[str, ...] = field(
-        default=("fault", "no mesh found", "cannot tell"),
-        metadata=obeys(Several(rule=Choice(options=VERDICTS), example='["fault"]')),
-    )
-    alarm_after: int = field(default=2, metadata=obeys(Count(low=1, high=1000)))
-    alarm_clear: int = field(default=3, metadata=obeys(Count(low=1, high=1000)))
+    alarm_after: int = held(Count(low=1, high=1000), 2)
+    alarm_clear: int = held(Count(low=1, high=1000), 3)
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -118,11 +116,11 @@ class Hook:
         Only of machines with one of these tags, only in these operating classes; empty: all.
     """
 
-    command: tuple[str, ...] = field(default=(), metadata=obeys(_TEXTS))
-    webhook: str = field(default="", metadata=obeys(Text(example='"https://example.org/alarm"')))
-    mail: tuple[str, ...] = field(default=(), metadata=obeys(_TEXTS))
-    tags: tuple[str, ...] = field(default=(), metadata=obeys(_TEXTS))
-    classes: tuple[str, ...] = field(default=(), metadata=obeys(_TEXTS))
+    command: tuple[str, ...] = held(_TEXTS, ())
+    webhook: str = held(Text(example='"https://example.org/alarm"'), "")
+    mail: tuple[str, ...] = held(_TEXTS, ())
+    tags: tuple[str, ...] = held(_TEXTS, ())
+    classes: tuple[str, ...] = held(_TEXTS, ())
 
     def __post_init__(self) -> None:
         check_fields(self)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import numbers
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import MISSING, dataclass, field, fields
 from enum import Enum
 from typing import Any
 
@@ -193,6 +193,16 @@ def obeys(rule: Rule) -> Mapping[str, Any]:
     return {"rule": rule}
 
 
+def held(rule: Rule, default: Any = MISSING) -> Any:
+    """Return a field of a dataclass that is held to `rule`."""
+    return field(default=default, metadata=obeys(rule))
+
+
+def within(low: float, high: float, unit: str = "", default: Any = MISSING, **rule: Any) -> Any:
+    """Return a field of a dataclass that is held to a range; `rule` as for a `Number`."""
+    return held(Number(low=low, high=high, unit=unit, **rule), default)
+
+
 def check_fields(part: Any) -> None:
     """Hold every field of a dataclass object to its rule and store it in its proper type.
 
@@ -203,12 +213,12 @@ def check_fields(part: Any) -> None:
     FieldError
         For the first field that breaks its rule.
     """
-    for field in fields(part):
-        rule = field.metadata.get("rule")
-        value = getattr(part, field.name)
-        left_out = (value is None or value == "") and value == field.default
+    for own in fields(part):
+        rule = own.metadata.get("rule")
+        value = getattr(part, own.name)
+        left_out = (value is None or value == "") and value == own.default
         if rule is not None and not left_out:
-            object.__setattr__(part, field.name, rule.checked(field.name, value))
+            object.__setattr__(part, own.name, rule.checked(own.name, value))
 
 
 def shown_value(value: object) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from typing import Any
 
 from gearmon.machine.fields import (
@@ -11,11 +11,11 @@ from gearmon.machine.fields import (
     Column,
     Count,
     FieldError,
-    Number,
     Text,
     Unit,
     check_fields,
-    obeys,
+    held,
+    within,
 )
 from gearmon.machine.stage_data import INERTIA, MASS, MODULUS, PLACE, STIFFNESS, TORSION
 from gearmon.machine.stages import ParallelStage, PlanetaryStage
@@ -58,29 +58,14 @@ class OperatingPoint:
     30.0
     """
 
-    speed_rpm: float = field(
-        metadata=obeys(
-            Number(
-                low=0,
-                high=1e6,
-                unit="rpm",
-                open_low=True,
-                why="the magnitude of the speed of shaft 1",
-                example="1460.0",
-            )
-        )
+    speed_rpm: float = within(
+        0, 1e6, "rpm", open_low=True, why="the magnitude of the speed of shaft 1", example="1460.0"
     )
-    torque_nm: float | None = field(
-        default=None,
-        metadata=obeys(
-            Number(low=0, high=1e9, unit="Nm", why="the magnitude of the torque on shaft 1")
-        ),
+    torque_nm: float | None = within(
+        0, 1e9, "Nm", default=None, why="the magnitude of the torque on shaft 1"
     )
-    share: float = field(
-        default=1.0,
-        metadata=obeys(Number(low=0, high=1, open_low=True, why="a share of the running time")),
-    )
-    name: str = field(default="", metadata=obeys(Text(example='"full load"')))
+    share: float = within(0, 1, default=1.0, open_low=True, why="a share of the running time")
+    name: str = held(Text(example='"full load"'), "")
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -123,27 +108,21 @@ class Bearing:
         If a value has the wrong type or cannot be.
     """
 
-    name: str = field(metadata=obeys(Text(example='"drive end"')))
-    shaft: int | None = field(default=None, metadata=obeys(Count(low=1, high=1000, example="1")))
-    planet_stage: int | None = field(default=None, metadata=obeys(Count(low=1, high=1000)))
-    balls: int | None = field(default=None, metadata=obeys(Count(low=3, high=200, example="9")))
-    ball_diameter_mm: float | None = field(
-        default=None,
-        metadata=obeys(Number(low=0, high=500, unit="mm", open_low=True, example="7.94")),
+    name: str = held(Text(example='"drive end"'))
+    shaft: int | None = held(Count(low=1, high=1000, example="1"), None)
+    planet_stage: int | None = held(Count(low=1, high=1000), None)
+    balls: int | None = held(Count(low=3, high=200, example="9"), None)
+    ball_diameter_mm: float | None = within(
+        0, 500, "mm", default=None, open_low=True, example="7.94"
     )
-    pitch_diameter_mm: float | None = field(
-        default=None,
-        metadata=obeys(Number(low=0, high=10_000, unit="mm", open_low=True, example="39.04")),
+    pitch_diameter_mm: float | None = within(
+        0, 10_000, "mm", default=None, open_low=True, example="39.04"
     )
-    contact_angle_deg: float = field(
-        default=0.0, metadata=obeys(Number(low=0, high=90, unit="deg"))
-    )
-    rotating: str = field(default="", metadata=obeys(Choice(options=("inner", "outer"))))
-    stiffness_n_per_m: float | None = field(default=None, metadata=obeys(STIFFNESS))
-    damping_ns_per_m: float | None = field(
-        default=None, metadata=obeys(Number(low=0, high=1e10, unit="Ns/m"))
-    )
-    position_mm: float | None = field(default=None, metadata=obeys(PLACE))
+    contact_angle_deg: float = within(0, 90, "deg", default=0.0)
+    rotating: str = held(Choice(options=("inner", "outer")), "")
+    stiffness_n_per_m: float | None = held(STIFFNESS, None)
+    damping_ns_per_m: float | None = within(0, 1e10, "Ns/m", default=None)
+    position_mm: float | None = held(PLACE, None)
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -203,25 +182,15 @@ class ShaftSection:
         If a value has the wrong type or cannot be.
     """
 
-    shaft: int = field(metadata=obeys(Count(low=1, high=1000, example="1")))
-    length_mm: float = field(
-        metadata=obeys(Number(low=0, high=1e5, unit="mm", open_low=True, example="120.0"))
-    )
-    diameter_mm: float | None = field(
-        default=None, metadata=obeys(Number(low=0, high=5000, unit="mm", open_low=True))
-    )
-    bore_mm: float = field(default=0.0, metadata=obeys(Number(low=0, high=5000, unit="mm")))
-    torsional_stiffness_nm_per_rad: float | None = field(default=None, metadata=obeys(TORSION))
-    bending_stiffness_nm2: float | None = field(
-        default=None, metadata=obeys(Number(low=0, high=1e13, unit="N m2", open_low=True))
-    )
-    elastic_modulus_pa: float = field(default=206e9, metadata=obeys(MODULUS))
-    poisson_ratio: float = field(
-        default=0.3, metadata=obeys(Number(low=0, high=0.5, open_high=True, why="steel has 0.3"))
-    )
-    density_kgm3: float = field(
-        default=7850.0, metadata=obeys(Number(low=0, high=25_000, unit="kg/m3"))
-    )
+    shaft: int = held(Count(low=1, high=1000, example="1"))
+    length_mm: float = within(0, 1e5, "mm", open_low=True, example="120.0")
+    diameter_mm: float | None = within(0, 5000, "mm", default=None, open_low=True)
+    bore_mm: float = within(0, 5000, "mm", default=0.0)
+    torsional_stiffness_nm_per_rad: float | None = held(TORSION, None)
+    bending_stiffness_nm2: float | None = within(0, 1e13, "N m2", default=None, open_low=True)
+    elastic_modulus_pa: float = held(MODULUS, 206e9)
+    poisson_ratio: float = within(0, 0.5, default=0.3, open_high=True, why="steel has 0.3")
+    density_kgm3: float = within(0, 25_000, "kg/m3", default=7850.0)
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -254,11 +223,11 @@ class Disc:
         If a value has the wrong type or cannot be.
     """
 
-    name: str = field(metadata=obeys(Text(example='"motor"')))
-    shaft: int = field(metadata=obeys(Count(low=1, high=1000, example="1")))
-    inertia_kgm2: float = field(metadata=obeys(INERTIA))
-    mass_kg: float | None = field(default=None, metadata=obeys(MASS))
-    position_mm: float | None = field(default=None, metadata=obeys(PLACE))
+    name: str = held(Text(example='"motor"'))
+    shaft: int = held(Count(low=1, high=1000, example="1"))
+    inertia_kgm2: float = held(INERTIA)
+    mass_kg: float | None = held(MASS, None)
+    position_mm: float | None = held(PLACE, None)
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -292,16 +261,13 @@ class Sensor:
         If a value has the wrong type or is out of its range.
     """
 
-    column: str | int = field(metadata=obeys(Column()))
-    unit: str | None = field(default=None, metadata=obeys(Unit()))
-    sensitivity: float = field(
-        default=1.0,
-        metadata=obeys(Number(low=0, high=1e12, open_low=True, why="recorded number per unit")),
-    )
-    position: str = field(default="", metadata=obeys(Text(example='"input bearing, radial"')))
-    kind: str = field(default="vibration", metadata=obeys(Choice(options=SENSOR_KINDS)))
-    shaft: int = field(default=1, metadata=obeys(Count(low=1, high=1000)))
-    pulses_per_turn: int = field(default=1, metadata=obeys(Count(low=1, high=100_000)))
+    column: str | int = held(Column())
+    unit: str | None = held(Unit(), None)
+    sensitivity: float = within(0, 1e12, default=1.0, open_low=True, why="recorded number per unit")
+    position: str = held(Text(example='"input bearing, radial"'), "")
+    kind: str = held(Choice(options=SENSOR_KINDS), "vibration")
+    shaft: int = held(Count(low=1, high=1000), 1)
+    pulses_per_turn: int = held(Count(low=1, high=100_000), 1)
 
     def __post_init__(self) -> None:
         check_fields(self)

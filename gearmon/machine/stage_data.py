@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-from gearmon.machine.fields import Count, FieldError, Number, Text, check_fields, obeys
+from gearmon.machine.fields import Count, FieldError, Number, Text, check_fields, held, within
 
 TEETH = Count(low=5, high=2000, why="the range of cylindrical gears", example="26")
 SHIFT = Number(low=-3, high=3, why="the profile shift coefficient is a multiple of the module")
@@ -37,71 +37,40 @@ ANGLE = Number(low=-360, high=360, unit="deg", why="0 where all axes lie in one 
 class StageData:
     """Data that parallel and planetary stages have in common; all of it optional for analysis."""
 
-    name: str = field(default="", metadata=obeys(Text(example='"first reduction"')))
-    module_mm: float | None = field(
-        default=None,
-        metadata=obeys(Number(low=0.02, high=200, unit="mm", why="the normal module")),
+    name: str = held(Text(example='"first reduction"'), "")
+    module_mm: float | None = within(0.02, 200, "mm", default=None, why="the normal module")
+    pressure_angle_deg: float = within(
+        10, 35, "deg", default=20.0, why="of the basic rack, mostly 20"
     )
-    pressure_angle_deg: float = field(
-        default=20.0,
-        metadata=obeys(Number(low=10, high=35, unit="deg", why="of the basic rack, mostly 20")),
+    helix_angle_deg: float = within(
+        -45, 45, "deg", default=0.0, open_low=True, open_high=True, why="0 for spur"
     )
-    helix_angle_deg: float = field(
-        default=0.0,
-        metadata=obeys(
-            Number(low=-45, high=45, unit="deg", open_low=True, open_high=True, why="0 for spur")
-        ),
+    face_width_mm: float | None = within(0.1, 5000, "mm", default=None, why="the common face width")
+    centre_distance_mm: float | None = within(
+        0.1, 20_000, "mm", default=None, why="the working centre distance"
     )
-    face_width_mm: float | None = field(
-        default=None,
-        metadata=obeys(Number(low=0.1, high=5000, unit="mm", why="the common face width")),
+    poisson_ratio: float = within(0, 0.5, default=0.3, open_high=True, why="steel has 0.3")
+    density_kgm3: float = within(500, 25_000, "kg/m3", default=7850.0, why="steel has 7850")
+    damping_ratio: float | None = within(
+        0, 5, default=None, open_low=True, why="commonly 0.03 to 0.17"
     )
-    centre_distance_mm: float | None = field(
-        default=None,
-        metadata=obeys(Number(low=0.1, high=20_000, unit="mm", why="the working centre distance")),
+    mesh_stiffness_n_per_m: float | None = within(
+        1e3, 1e13, "N/m", default=None, why="the mean mesh stiffness"
     )
-    poisson_ratio: float = field(
-        default=0.3, metadata=obeys(Number(low=0, high=0.5, open_high=True, why="steel has 0.3"))
+    stiffness_variation: float | None = within(
+        0, 1, default=None, open_high=True, why="relative to the mean stiffness"
     )
-    density_kgm3: float = field(
-        default=7850.0,
-        metadata=obeys(Number(low=500, high=25_000, unit="kg/m3", why="steel has 7850")),
+    equivalent_mass_kg: float | None = within(0, 1e6, "kg", default=None, open_low=True)
+    damping_ns_per_m: float | None = within(0, 1e10, "Ns/m", default=None, open_low=True)
+    contact_ratio: float | None = within(0.5, 6, default=None, why="the transverse contact ratio")
+    application_factor: float = within(
+        1, 10, default=1.0, why="K_A of ISO 6336, 1 for uniform load"
     )
-    damping_ratio: float | None = field(
-        default=None,
-        metadata=obeys(Number(low=0, high=5, open_low=True, why="commonly 0.03 to 0.17")),
+    tip_shortening: float | None = within(
+        -1, 0.5, default=None, why="k of ISO 21771 in modules, 0 for tips of full height"
     )
-    mesh_stiffness_n_per_m: float | None = field(
-        default=None,
-        metadata=obeys(Number(low=1e3, high=1e13, unit="N/m", why="the mean mesh stiffness")),
-    )
-    stiffness_variation: float | None = field(
-        default=None,
-        metadata=obeys(Number(low=0, high=1, open_high=True, why="relative to the mean stiffness")),
-    )
-    equivalent_mass_kg: float | None = field(
-        default=None, metadata=obeys(Number(low=0, high=1e6, unit="kg", open_low=True))
-    )
-    damping_ns_per_m: float | None = field(
-        default=None, metadata=obeys(Number(low=0, high=1e10, unit="Ns/m", open_low=True))
-    )
-    contact_ratio: float | None = field(
-        default=None,
-        metadata=obeys(Number(low=0.5, high=6, why="the transverse contact ratio")),
-    )
-    application_factor: float = field(
-        default=1.0,
-        metadata=obeys(Number(low=1, high=10, why="K_A of ISO 6336, 1 for uniform load")),
-    )
-    tip_shortening: float | None = field(
-        default=None,
-        metadata=obeys(
-            Number(low=-1, high=0.5, why="k of ISO 21771 in modules, 0 for tips of full height")
-        ),
-    )
-    force_n: float | None = field(
-        default=None,
-        metadata=obeys(Number(low=0, high=1e10, unit="N", open_low=True, why="static tooth force")),
+    force_n: float | None = within(
+        0, 1e10, "N", default=None, open_low=True, why="static tooth force"
     )
 
     def __post_init__(self) -> None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gearmon.diagnosis.results import Analysis, ToothProfile
 from gearmon.report.curves import extremes, turn_waveform
 from gearmon.report.level_plots import changes_figure
-from gearmon.report.palette import BLACK, BLUE, GREY, LIGHT_GREY, SKY, VERMILLION
+from gearmon.report.palette import BLACK, BLUE, DASHED, GREY, LIGHT_GREY, SKY, VERMILLION
 from gearmon.report.plots import Picture, legend, light_grid, new_figure, style
 from gearmon.report.spectrum_plots import amplitude_figure, close_up_figure
 from gearmon.report.wording import percent, probability_text, strip_label, unit_text
@@ -30,7 +30,6 @@ _MOST_TOOTH_LABELS = 34
 # Pictures number teeth at the middle of their contact. Tooth j is in contact from j - 1 to about
 # j + 0.6 mesh periods after the angle zero; profiles hold the energy at whole mesh periods.
 _CONTACT_CENTRE = 0.8
-_DASHED = (0, (4, 2))
 _COUNTED = {
     "tacho": "Tooth (tooth 1 at the tachometer pulse)",
     "reference": "Tooth (tooth 1 where the first healthy recording begins)",
@@ -189,7 +188,7 @@ def _plot_teeth(profile: ToothProfile, flagged: bool, ax: Axes) -> None:
         peak = int(np.argmin(np.abs(number - place)))
         colours[peak] = VERMILLION
     ax.bar(number, profile.energy, width=0.8, color=colours, edgecolor=BLACK, linewidth=0.3)
-    ax.axhline(1.0, color=BLACK, linewidth=0.7, linestyle=_DASHED)
+    ax.axhline(1.0, color=BLACK, linewidth=0.7, linestyle=DASHED)
     name = "" if profile.tooth is None else f"tooth {(round(place) - 1) % teeth + 1}: "
     left = place > 0.6 * teeth
     state = "flagged" if flagged else "highest, not flagged"
@@ -297,7 +296,7 @@ def speed_figure(analysis: Analysis) -> Picture:
     figure, (ax,) = new_figure([1.4], right_in=0.65)
     nominal, mean = speed.nominal_hz, speed.estimated_hz
     ax.axhline(
-        nominal, color=GREY, linewidth=0.9, linestyle=_DASHED, label=f"nominal {nominal:.5g} Hz"
+        nominal, color=GREY, linewidth=0.9, linestyle=DASHED, label=f"nominal {nominal:.5g} Hz"
     )
     ax.axhline(mean, color=BLACK, linewidth=0.7, label=f"mean {mean:.6g} Hz")
     if np.isfinite(speed.uncertainty_hz):
@@ -308,9 +307,7 @@ def speed_figure(analysis: Analysis) -> Picture:
     # a steady speed must not be blown up until its last digit looks like trouble
     room = max(0.15 * (highest - lowest), 0.002 * mean)
     ax.set_ylim(min(lowest, nominal) - room, max(highest, nominal) + room)
-    ax.set_xlim(float(time_s[0]), float(time_s[-1]))
-    ax.set_xlabel("Time (s)")
-    ax.set_ylabel("Shaft 1 (Hz)")
+    ax.set(xlim=(float(time_s[0]), float(time_s[-1])), xlabel="Time (s)", ylabel="Shaft 1 (Hz)")
     ax.ticklabel_format(useOffset=False)
     right = ax.secondary_yaxis("right", functions=(_rpm, _hz))
     right.set_ylabel("Shaft 1 (rpm)")

@@ -48,8 +48,7 @@ def day_figure(day: pd.DataFrame, limit_db: float) -> Picture:
     scores = day["score"].tolist()
     plot_verdicts(day.index.tolist(), scores, day["verdict"].tolist(), score, 4.5)
     lowest, highest = min(scores), max(scores)
-    score.set_ylim(min(-0.1, 1.1 * lowest), max(2.5, 1.1 * highest))
-    score.set_ylabel("Score")
+    score.set(ylim=(min(-0.1, 1.1 * lowest), max(2.5, 1.1 * highest)), ylabel="Score")
     for ax in axes:
         light_grid(ax)
     score.set_xlabel("Hour of the day (UTC)")

@@ -14,7 +14,7 @@ from gearmon.exposure.gearbox import GearShare
 from gearmon.exposure.measures import Exposure
 from gearmon.exposure.weighting import FloatArray
 from gearmon.report.curves import extremes
-from gearmon.report.palette import BLACK, GREY, LIGHT_GREY, VERMILLION, series_colour
+from gearmon.report.palette import BLACK, DASHED, GREY, LIGHT_GREY, VERMILLION, series_colour
 from gearmon.report.plots import Picture, above, light_grid, sheet, sheet_style
 from gearmon.report.wording import shortened
 
@@ -24,7 +24,6 @@ _WIDTH_IN = 6.0
 _DECADES = 3.0
 # Letters of a job's name that fit above the whole day.
 _LETTERS = 64
-_DASHED = (0, (4, 2))
 
 
 @sheet_style()
@@ -48,7 +47,7 @@ def exposure_figure(exposure: Exposure) -> Picture:
         recorded = exposure.band_ms2[number]
         label = f"{axis.axis}: {k}{axis.weighting}"
         bands.plot(exposure.band_hz, weighted[number], linewidth=2, color=colour, label=label)
-        bands.plot(exposure.band_hz, recorded, linewidth=1, color=colour, linestyle=_DASHED)
+        bands.plot(exposure.band_hz, recorded, linewidth=1, color=colour, linestyle=DASHED)
         course.plot(*extremes(seconds, exposure.running_ms2[number]), color=colour, linewidth=0.9)
     bands.set(xscale="log", yscale="log", ylim=(top * 10**-_DECADES, top * 2))
     bands.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
@@ -57,11 +56,11 @@ def exposure_figure(exposure: Exposure) -> Picture:
     bands.set(xlabel="third octave in Hz", ylabel="rms in m/s²")
     bands.set_title("dashed: recorded, solid: felt", loc="left", fontsize=10)
     bands.legend(fontsize=9, frameon=False, loc="lower left")
-    course.axhline(exposure.value_ms2, color=BLACK, linewidth=1.2, linestyle=_DASHED)
+    course.axhline(exposure.value_ms2, color=BLACK, linewidth=1.2, linestyle=DASHED)
     told = f"dashed: {exposure.value_ms2:.3g} m/s² ({exposure.value_axis}, {exposure.position})"
     course.set_title(told, loc="left", fontsize=10)
     course.set(xlabel="time in s", ylabel="felt each second\nin m/s²")
-    course.set_ylim(0, 1.1 * max(exposure.value_ms2, course.get_ylim()[1]))
+    course.set(ylim=(0, 1.1 * max(exposure.value_ms2, course.get_ylim()[1])))
     course.set_xlim(0, exposure.duration_s)
     for ax in (bands, course):
         light_grid(ax)
@@ -107,7 +106,7 @@ def _draw_dose(ax: Axes, day: DayExposure, dose: Dose) -> None:
         highest = max(highest, value)
         reached = dose.reached_h[told]
         when = "" if reached is None else f", reached after {reached:.2g} h"
-        ax.axhline(value, color=colour, linewidth=1.4, linestyle=_DASHED)
+        ax.axhline(value, color=colour, linewidth=1.4, linestyle=DASHED)
         where: dict[str, Any] = {"xytext": (3, 2), "textcoords": "offset points", "fontsize": 9}
         ax.annotate(f"{told} value {value:g}{when}", (0, value), **where)
     for end in np.cumsum([job.hours for job in day.jobs])[:-1]:

@@ -103,8 +103,7 @@ def energy_figure(survey: Survey) -> Picture:
     top = max(inside)
     ax.set(xscale="log", yscale="log", xlim=(low, high), ylim=(top * 1e-6, top * 30))
     _plain_frequencies(ax)
-    ax.set_xlabel("frequency in Hz")
-    ax.set_ylabel("energy of a line in J/kg, (2πfA)²/2")
+    ax.set(xlabel="frequency in Hz", ylabel="energy of a line in J/kg, (2πfA)²/2")
     beside = ax.twinx()
     grid = np.geomspace(low, high, 4000)
     gain = survey.tuned.harvester.gains(grid).power_w

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from itertools import groupby
 
 import matplotlib
 import numpy as np
@@ -28,49 +28,31 @@ _LEAST_LIMIT_DB, _MOST_LIMIT_DB = 6.0, 20.0
 _NARROWEST_NUMBERED = 1 / 44
 
 
-@dataclass(frozen=True, kw_only=True)
-class FamilyGroup:
-    """Families that differ only in the mesh harmonic, in a row of a picture.
-
-    Parameters
-    ----------
-    stage : int
-        Stage, from 1.
-    label : str
-        The group in one or two lines.
-    harmonics : tuple of int
-        Mesh harmonics, ascending.
-    columns : tuple of int
-        Position of each among the families.
-    """
-
-    stage: int
-    label: str
-    harmonics: tuple[int, ...]
-    columns: tuple[int, ...]
+#: Stage, label, and families that differ only in the mesh harmonic, ascending.
+FamilyGroup = tuple[int, str, list[Family]]
 
 
-def family_groups(families: Sequence[Family]) -> tuple[FamilyGroup, ...]:
-    """Return the families by stage, kind and shaft, the mesh harmonics ascending in each group."""
-    # stage, rank of the kind, negative spacing, gear: sorting by it is the order of the pictures
-    members: dict[tuple[int, int, float, str], list[tuple[int, int]]] = {}
-    labels: dict[tuple[int, int, float, str], str] = {}
-    for column, family in enumerate(families):
-        key = (family.stage, _KINDS.index(family.kind), -family.spacing, family.gear)
-        members.setdefault(key, []).append((family.harmonic, column))
-        who = shaft_text(family.shaft, family.gear)
-        labels[key] = f"mesh {family.stage}" if family.kind == "mesh" else f"{family.kind}\n{who}"
-    result = []
-    for stage in sorted({key[0] for key in members}):
-        own = sorted(key for key in members if key[0] == stage)
+def family_groups(families: Sequence[Family]) -> list[FamilyGroup]:
+    """Return the families by stage, kind and what repeats, as rows of a picture."""
+
+    def rank(own: Family) -> tuple[int, int, float, str]:
+        return own.stage, _KINDS.index(own.kind), -own.spacing, own.gear
+
+    ordered = sorted(families, key=lambda own: (*rank(own), own.harmonic))
+    groups = [list(own) for _, own in groupby(ordered, key=rank)]
+    result: list[FamilyGroup] = []
+    for stage, of_stage in groupby(groups, key=lambda own: own[0].stage):
+        own = list(of_stage)
         # two spacings of one gear in one stage are told apart by their order
-        names = told_apart([labels[key] for key in own], [-key[2] for key in own])
-        for key, name in zip(own, names, strict=True):
-            harmonics, columns = zip(*sorted(members[key]), strict=True)
-            result.append(
-                FamilyGroup(stage=stage, label=name, harmonics=harmonics, columns=columns)
-            )
-    return tuple(result)
+        names = told_apart([_label(one[0]) for one in own], [one[0].spacing for one in own])
+        result += [(stage, name, one) for name, one in zip(names, own, strict=True)]
+    return result
+
+
+def _label(family: Family) -> str:
+    if family.kind == "mesh":
+        return f"mesh {family.stage}"
+    return f"{family.kind}, {shaft_text(family.shaft, family.gear)}"
 
 
 @style()
@@ -90,7 +72,7 @@ def changes_figure(analysis: Analysis) -> Picture:
     limit = float(np.clip(np.percentile(sizes, 98), _LEAST_LIMIT_DB, _MOST_LIMIT_DB))
     groups = family_groups(analysis.signature.plan.families)
     stages = sorted({change.stage for change in analysis.changes})
-    own = [[group for group in groups if group.stage == stage] for stage in stages]
+    own = [[group for group in groups if group[0] == stage] for stage in stages]
     figure, axes = new_figure(
         [0.24 * len(rows) for rows in own],
         left_in=1.25,
@@ -122,7 +104,7 @@ def _plot_changes(
 ) -> AxesImage:
     """Draw the changes of one stage as coloured cells, with numbers where they fit."""
     channels = analysis.signature.channel_names
-    harmonics = sorted({k for group in rows for k in group.harmonics})
+    harmonics = sorted({family.harmonic for _, _, own in rows for family in own})
     table, beyond = _change_table(analysis, rows, harmonics)
     columns = table.shape[1]
     image = ax.imshow(
@@ -142,7 +124,7 @@ def _plot_changes(
         _cell(ax, place, number if numbered else "", colour, bool(beyond[row, column]))
     for edge in range(1, len(channels)):
         ax.axvline(edge * len(harmonics) - 0.5, color="white", linewidth=3)
-    ax.set_yticks(range(len(rows)), [group.label.replace("\n", ", ") for group in rows])
+    ax.set_yticks(range(len(rows)), [label for _, label, _ in rows])
     every = 1 if columns <= 48 else 2
     ticks = [c for c in range(columns) if c % len(harmonics) % every == 0]
     ax.set_xticks(ticks, [str(harmonics[c % len(harmonics)]) for c in ticks], fontsize=6)
@@ -159,11 +141,11 @@ def _change_table(
     analysis: Analysis, rows: Sequence[FamilyGroup], harmonics: Sequence[int]
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
     """Return changes and whether they stand out: rows of groups, a block of columns a channel."""
-    channels, families = analysis.signature.channel_names, analysis.signature.plan.families
+    channels = analysis.signature.channel_names
     place = {
-        families[column].name: (row, harmonics.index(harmonic))
-        for row, group in enumerate(rows)
-        for harmonic, column in zip(group.harmonics, group.columns, strict=True)
+        family.name: (row, harmonics.index(family.harmonic))
+        for row, (_, _, own) in enumerate(rows)
+        for family in own
     }
     shape = (len(rows), len(channels) * len(harmonics))
     table, beyond = np.full(shape, np.nan), np.zeros(shape, dtype=bool)

@@ -21,6 +21,9 @@ PURPLE = "#B0508A"
 SERIES = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK, GREY)
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 
+#: Dashes of limits, nominal values and marks of lines.
+DASHED = (0, (4, 2))
+
 # Background, text and sign of each verdict: the sign and the word say it without the colour too.
 VERDICT_STYLE = {
     "healthy": ("#00664B", "#ffffff", "✓"),

@@ -19,7 +19,9 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colorbar import Colorbar
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 from matplotlib.ticker import LogFormatterMathtext, LogFormatterSciNotation
 from numpy.typing import NDArray
 from PIL import Image
@@ -244,6 +246,15 @@ def common_scale(axes: Sequence[Axes]) -> None:
     limits = [ax.get_ylim() for ax in axes]
     for ax in axes:
         ax.set_ylim(min(low for low, _ in limits), max(high for _, high in limits))
+
+
+def colour_scale(
+    figure: Figure, ax: Axes, image: AxesImage, off: float = 0.0, **how: Any
+) -> Colorbar:
+    """Put the scale of an image's colours at the right of its axes, `off` of the width away."""
+    place = ax.get_position()
+    scale = figure.add_axes((place.x1 + off + 0.015, place.y0, 0.014, place.height))
+    return figure.colorbar(image, cax=scale, **how)
 
 
 def plot_marks(

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from gearmon.report.palette import (
     BLACK,
     BLUE,
+    DASHED,
     GREY,
     LIGHT_GREY,
     SKY,
@@ -26,6 +27,7 @@ from gearmon.report.palette import (
 from gearmon.report.plots import (
     PAGE_WIDTH_IN,
     Picture,
+    colour_scale,
     left_label,
     legend,
     light_grid,
@@ -84,12 +86,9 @@ def order_map_figure(found: OrderSpectra) -> Picture:
     )
     for row, (name, ax) in enumerate(zip(names, axes, strict=True)):
         image = _plot_order_map(found, row, ax)
-        place = ax.get_position()
-        edge = _plot_speed(found, ax, row == len(names) - 1) if over_time else place.x1
-        scale = figure.add_axes((edge + 0.015, place.y0, 0.014, place.height))
-        bar = figure.colorbar(image, cax=scale, extend="min")
-        unit = unit_text(found.units[row])
-        bar.set_label(f"{shortened(name)}\npeak amplitude ({unit})", fontsize=6.5)
+        off = _plot_speed(found, ax, row == len(names) - 1) if over_time else 0.0
+        label = f"{shortened(name)}\npeak amplitude ({unit_text(found.units[row])})"
+        colour_scale(figure, ax, image, off, extend="min").set_label(label, fontsize=6.5)
         if row < len(names) - 1:
             ax.tick_params(labelbottom=False)
     label_marks(line_marks(found.marks, *_ends(found)), axes[0])
@@ -143,7 +142,7 @@ def _evenly(found: OrderSpectra, values: FloatArray) -> tuple[FloatArray, float,
 
 
 def _plot_speed(found: OrderSpectra, ax: Axes, lowest: bool) -> float:
-    """Draw the speed along time at the right of a map; return where that ends."""
+    """Draw the speed along time at the right of a map; return how wide that is."""
     own, place = found.map, ax.get_position()
     width = _SPEED_IN / PAGE_WIDTH_IN
     # the numbers at the ends of both scales need room beside each other
@@ -161,7 +160,7 @@ def _plot_speed(found: OrderSpectra, ax: Axes, lowest: bool) -> float:
     if lowest:
         beside.set_xlabel(f"Shaft {found.shaft} (Hz)", fontsize=6.5)
         beside.ticklabel_format(useOffset=False, axis="x")
-    return float(place.x1 + width - 0.015)
+    return width - 0.015
 
 
 def average_figures(found: GearAverages) -> dict[str, Picture]:
@@ -314,7 +313,7 @@ def _panel_place(number: int, height: float) -> tuple[float, float, float, float
 
 def _finish_panel(ax: Axes, gaussian: float | None, gears: Sequence[str], records: int) -> None:
     if gaussian is not None:
-        ax.axhline(gaussian, color=GREY, linewidth=0.7, linestyle=(0, (4, 2)))
+        ax.axhline(gaussian, color=GREY, linewidth=0.7, linestyle=DASHED)
     if records > 1:
         ax.set_xlim(0.7, records + 0.3)
         ax.set_xticks(sorted({1, (records + 1) // 2, records}))

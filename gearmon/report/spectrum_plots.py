@@ -11,15 +11,17 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from matplotlib.markers import TICKUP
+from matplotlib.patches import Rectangle
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from numpy.typing import NDArray
 
 from gearmon.diagnosis.results import Analysis
 from gearmon.report.curves import angle_spectrum, max_hold, time_spectrum
-from gearmon.report.palette import BLACK, GREY, VERMILLION, series_colour, series_marker
+from gearmon.report.palette import BLACK, DASHED, GREY, VERMILLION, series_colour, series_marker
 from gearmon.report.plots import (
     Picture,
     above,
+    colour_scale,
     common_scale,
     left_label,
     legend,
@@ -77,7 +79,6 @@ _USUAL_WIDTH = 0.86
 # words, fit on a page [inch].
 _REPORT_IN = (0.74, 1.2)
 _GREY_SERIES = 7
-_DASHED = (0, (4, 2))
 _AXES = {
     "frequency_hz": "Frequency (Hz)",
     "quefrency_s": "Quefrency (s)",
@@ -94,11 +95,9 @@ class LineMark:
     place : float
         In the unit of the axis.
     label : str
-        Short text ("GMF1 ×2", "+3"); "" for none.
+        Short text ("GMF1 ×2").
     series : int
-        Which colour and marker, from 0.
-    amplitude : float or None
-        Measured peak amplitude of the line, None if it was not detected or not measured.
+        Which colour, from 0.
     half_width : float
         Half of the range in which it was looked for, 0 if the place is known.
     """
@@ -106,33 +105,61 @@ class LineMark:
     place: float
     label: str
     series: int
-    amplitude: float | None = None
     half_width: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Strip:
-    """The spectrum of one channel with the lines of the machine.
+class Sidebands:
+    """Sidebands of one spacing about a mesh harmonic.
 
     Parameters
     ----------
-    label : str
-        Channel and unit.
-    place, value : ndarray of float, shape (points,)
-        The curve, thinned by max-hold.
-    marks : tuple of LineMark
+    name : str
+        What repeats so: a shaft or a gear.
+    place : ndarray of float, shape (lines,)
+        In the unit of the axis.
+    number : list of int
+        How many spacings each is off the mesh harmonic.
+    amplitude : ndarray of float, shape (channels, lines)
+        Measured peak amplitudes, NaN of lines that were not detected.
+    """
+
+    name: str
+    place: FloatArray
+    number: list[int]
+    amplitude: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Strips:
+    """Spectra of channels over a common axis, with the lines of the machine.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Of the channels.
+    units : sequence of (str or None)
+        Of their values.
+    axis, what : str
+        What the horizontal axis and the values are.
+    place : ndarray of float, shape (points,)
+    values : ndarray of float, shape (channels, points)
+    marks : sequence of LineMark
         Mesh and shaft harmonics.
-    sidebands : tuple of (str, tuple of LineMark)
-        In a close-up, those of each spacing with its name.
+    sidebands : sequence of Sidebands
+        In a close-up.
     linear : bool
         Whether the values stand on a linear scale.
     """
 
-    label: str
+    names: Sequence[str]
+    units: Sequence[str | None]
+    axis: str
+    what: str = "Peak amplitude"
     place: FloatArray
-    value: FloatArray
-    marks: tuple[LineMark, ...]
-    sidebands: tuple[tuple[str, tuple[LineMark, ...]], ...] = ()
+    values: FloatArray
+    marks: Sequence[LineMark]
+    sidebands: Sequence[Sidebands] = ()
     linear: bool = False
 
 
@@ -160,22 +187,22 @@ def amplitude_figure(analysis: Analysis, recording: Recording) -> Picture:
     marks = [mark for mark in mesh_marks(signature) if mark.place < 0.999 * high]
     if len(marks) > _MOST_MARKS:
         marks = _wide_apart(marks, high / _MOST_MARKS, lambda mark: mark.series)
-    strips = _channel_strips(analysis, spectrum, (2 * float(spectrum.frequency_hz[1]), high), marks)
+    strips = _strips(analysis, spectrum, (2 * float(spectrum.frequency_hz[1]), high), marks)
     made = f"{blocks} Hann blocks, averaged in power" if blocks > 1 else "one Hann window"
     cut = "" if high == nyquist else f", shown up to {high:.0f} of {nyquist:.0f} Hz"
     peaks = [
-        f"{name} peaks with {strip.value.max():.3g} {unit_text(unit)} at "
-        f"{strip.place[np.argmax(strip.value)]:.1f} Hz"
-        for name, unit, strip in zip(signature.channel_names, signature.units, strips, strict=True)
-        if len(strip.value)
+        f"{name} peaks with {values.max():.3g} {unit_text(unit)} at "
+        f"{strips.place[np.argmax(values)]:.1f} Hz"
+        for name, unit, values in zip(strips.names, strips.units, strips.values, strict=True)
+        if len(values)
     ]
-    units = signature.units
-    return _strips_figure(strips, units, "Frequency (Hz)", "Peak amplitude", _REPORT_IN).told(
+    count = len(strips.names)
+    return _strips_figure(strips, _REPORT_IN).told(
         name="spectrum",
         heading="Amplitude spectrum",
         caption=f"{_what_to_look_for(analysis)} Peak amplitudes, {made}, resolution "
-        f"{spectrum.resolution_hz:.2g} Hz{cut}.{left_out_text(len(strips), MOST_STRIPS)}",
-        alt=f"Amplitude spectra of {counted(len(strips), 'channel')}: {'; '.join(peaks)}.",
+        f"{spectrum.resolution_hz:.2g} Hz{cut}.{left_out_text(count, MOST_STRIPS)}",
+        alt=f"Amplitude spectra of {counted(count, 'channel')}: {'; '.join(peaks)}.",
     )
 
 
@@ -221,9 +248,8 @@ def close_up_figure(analysis: Analysis, recording: Recording, mesh: MeshFinding)
         if found
         else _searched_strips(analysis, recording, mesh)
     )
-    if not len(strips[0].place):
+    if not len(strips.place):
         return None
-    axis = "Frequency at the mean speed (Hz)" if found else "Frequency (Hz)"
     frequency = harmonic * mesh.frequency_hz
     alt = f"Spectrum around {frequency:.1f} Hz, where mesh {mesh.stage} was looked for."
     if found:
@@ -231,11 +257,10 @@ def close_up_figure(analysis: Analysis, recording: Recording, mesh: MeshFinding)
             f"Spectrum around harmonic {harmonic} of mesh {mesh.stage} at {frequency:.1f} Hz with "
             "the places of the sidebands of each shaft."
         )
-    units = analysis.signature.units
-    return _strips_figure(strips, units, axis, "Peak amplitude", _REPORT_IN).told(
+    return _strips_figure(strips, _REPORT_IN).told(
         name=f"{'sidebands' if found else 'searched'}-mesh-{mesh.stage}",
         heading=f"Around mesh {mesh.stage}, harmonic {harmonic}",
-        caption=_close_up_caption(analysis, mesh) + left_out_text(len(strips), MOST_STRIPS),
+        caption=_close_up_caption(analysis, mesh) + left_out_text(len(strips.names), MOST_STRIPS),
         alt=alt,
     )
 
@@ -277,19 +302,17 @@ def spectrum_figure(found: RecordingSpectrum, ax: Sequence[Axes] = ()) -> Figure
     """
     if found.kurtograms:
         return _kurtogram_figure(found)
-    marks = line_marks(found.marks, float(found.place[0]), float(found.place[-1]))
-    linear = found.kind in ("cepstrum", "coherence")
-    strips = []
-    for name, unit, values in zip(found.channel_names, found.units, found.values, strict=True):
-        # a ratio has the unit 1, which is no lack of one
-        shown = "1" if unit == "1" else unit_text(unit or None).replace(")^2", ")²")
-        label = shortened(name, 12) if linear else strip_label(name, shown)
-        x, y = max_hold(found.place, values)
-        strips.append(Strip(label=label, place=x, value=y, marks=marks, linear=linear))
-    what = found.value_name[0].upper() + found.value_name[1:]
-    if ax:
-        return _on_given(strips, ax, _AXES[found.axis], what)
-    return _strips_figure(strips, found.units, _AXES[found.axis], what)
+    strips = Strips(
+        names=found.channel_names,
+        units=found.units,
+        axis=_AXES[found.axis],
+        what=found.value_name[0].upper() + found.value_name[1:],
+        place=found.place,
+        values=found.values,
+        marks=line_marks(found.marks, float(found.place[0]), float(found.place[-1])),
+        linear=found.kind in ("cepstrum", "coherence"),
+    )
+    return _on_given(strips, ax) if ax else _strips_figure(strips)
 
 
 @style()
@@ -309,11 +332,15 @@ def order_figure(found: OrderSpectra, ax: Sequence[Axes] = ()) -> Figure:
     """
     # the mean and what leaks from it are no lines
     order = found.order[2:]
-    marks = line_marks(found.marks, float(order[0]), float(order[-1]))
-    strips = _strips(found.channel_names, found.units, order, found.amplitude[:, 2:], marks)
-    if ax:
-        return _on_given(strips, ax, order_axis(found), "Peak amplitude")
-    return _strips_figure(strips, found.units, order_axis(found), "Peak amplitude")
+    strips = Strips(
+        names=found.channel_names,
+        units=found.units,
+        axis=order_axis(found),
+        place=order,
+        values=found.amplitude[:, 2:],
+        marks=line_marks(found.marks, float(order[0]), float(order[-1])),
+    )
+    return _on_given(strips, ax) if ax else _strips_figure(strips)
 
 
 def order_axis(found: OrderSpectra) -> str:
@@ -321,67 +348,70 @@ def order_axis(found: OrderSpectra) -> str:
     return f"Order (cycles a turn of shaft {found.shaft})"
 
 
-def _strips_figure(
-    strips: Sequence[Strip],
-    units: Sequence[str | None],
-    axis: str,
-    what: str,
-    heights_in: tuple[float, float] = (0.9, 1.5),
-) -> Picture:
+def _strips_figure(strips: Strips, heights_in: tuple[float, float] = (0.9, 1.5)) -> Picture:
     """Draw one strip above the other with a common axis; `heights_in`: of many, of few strips."""
-    shown = strips[:MOST_STRIPS]
-    height = heights_in[0] if len(shown) > 3 else heights_in[1]
+    count = min(len(strips.names), MOST_STRIPS)
+    height = heights_in[0] if count > 3 else heights_in[1]
     # room above for a legend, or for the names of the lines, sideways
-    top = 0.45 if strips[0].sidebands else 0.7 if strips[0].marks else 0.26
-    figure, axes = new_figure([height] * len(shown), top_in=top, sharex=True)
-    for strip, ax in zip(shown, axes, strict=True):
-        _plot_strip(strip, ax)
-    if len(set(units)) == 1:
+    top = 0.45 if strips.sidebands else 0.7 if strips.marks else 0.26
+    figure, axes = new_figure([height] * count, top_in=top, sharex=True)
+    for channel, ax in enumerate(axes):
+        ax.set_ylabel(_plot_strip(strips, channel, ax), fontsize=7)
+    if len(set(strips.units)) == 1:
         common_scale(axes)
-    if strips[0].sidebands:
-        _label_sidebands(strips[0], axes[0])
+    if strips.sidebands:
+        # the numbers of the sidebands of the widest spacing
+        series, widest = max(enumerate(strips.sidebands), key=lambda own: np.ptp(own[1].place))
+        for place, number in zip(widest.place, widest.number, strict=True):
+            name = f"{number:+d}".replace("-", "−")
+            above(axes[0], place, name, 1.5, fontsize=6.5, color=series_colour(series))
         legend(figure, axes)
     else:
-        label_marks(strips[0].marks, axes[0])
-    axes[-1].set_xlabel(axis)
-    left_label(figure, axes, what)
+        label_marks(strips.marks, axes[0])
+    axes[-1].set_xlabel(strips.axis)
+    left_label(figure, axes, strips.what)
     return figure
 
 
-def _on_given(strips: Sequence[Strip], axes: Sequence[Axes], axis: str, what: str) -> Figure:
+def _on_given(strips: Strips, axes: Sequence[Axes]) -> Figure:
     """Draw strips on axes of the caller's, who has made room for their letters."""
-    for strip, ax in zip(strips, axes, strict=False):
-        _plot_strip(strip, ax)
-        ax.set_xlabel(axis)
+    for channel, ax in zip(range(len(strips.names)), axes, strict=False):
+        label = _plot_strip(strips, channel, ax)
+        ax.set_xlabel(strips.axis)
         size = ax.xaxis.label.get_fontsize()
-        ax.set_ylabel(f"{what}, {strip.label}".replace("\n", " "), fontsize=size)
+        ax.set_ylabel(f"{strips.what}, {label}".replace("\n", " "), fontsize=size)
     return cast(Figure, axes[0].get_figure(root=True))
 
 
-def _plot_strip(strip: Strip, ax: Axes) -> None:
-    for mark in strip.marks:
+def _plot_strip(strips: Strips, channel: int, ax: Axes) -> str:
+    """Draw the spectrum of a channel with its marks; return what its values are."""
+    for mark in strips.marks:
         colour = series_colour(mark.series)
         if mark.half_width > 0:
             low, high = mark.place - mark.half_width, mark.place + mark.half_width
             ax.axvspan(low, high, color=colour, alpha=0.13, linewidth=0)
-        ax.axvline(mark.place, color=colour, linewidth=0.8, linestyle=_DASHED, alpha=0.8)
-    ax.plot(strip.place, strip.value, color=BLACK, linewidth=0.55)
-    for series, (name, marks) in enumerate(strip.sidebands):
-        _plot_sidebands(name, marks, series, ax)
-    if len(strip.place) > 1:
-        ax.set_xlim(strip.place[0], strip.place[-1])
-    if not strip.linear:
-        _decades(strip, ax)
+        ax.axvline(mark.place, color=colour, linewidth=0.8, linestyle=DASHED, alpha=0.8)
+    place, values = max_hold(strips.place, strips.values[channel])
+    ax.plot(place, values, color=BLACK, linewidth=0.55)
+    for series, own in enumerate(strips.sidebands):
+        _plot_sidebands(own, channel, series, ax)
+    if len(place) > 1:
+        ax.set_xlim(place[0], place[-1])
     light_grid(ax)
-    ax.set_ylabel(strip.label, fontsize=7)
+    name = strips.names[channel]
+    if strips.linear:
+        return shortened(name, 12)
+    detected = [own.amplitude[channel] for own in strips.sidebands]
+    _decades(values, np.concatenate([values, *detected]), ax)
+    return strip_label(name, unit_text(strips.units[channel]))
 
 
-def _decades(strip: Strip, ax: Axes) -> None:
+def _decades(values: FloatArray, everything: FloatArray, ax: Axes) -> None:
+    """Show so many decades of a spectrum, and all that is drawn over it."""
     ax.set_yscale("log")
-    shown = strip.value[strip.value > 0]
+    shown = values[values > 0]
     if len(shown):
-        detected = [mark.amplitude for _, marks in strip.sidebands for mark in marks]
-        high = max([float(shown.max()), *(size for size in detected if size)])
+        high = float(np.nanmax(everything))
         low = max(float(np.percentile(shown, 1)) / 2, high * 10**-_DECADES)
         ax.set_ylim(low, 2.5 * high)
     ax.yaxis.set_major_locator(LogLocator(numticks=6))
@@ -391,27 +421,14 @@ def _decades(strip: Strip, ax: Axes) -> None:
     )
 
 
-def _plot_sidebands(name: str, marks: Sequence[LineMark], series: int, ax: Axes) -> None:
-    detected = [mark for mark in marks if mark.amplitude is not None]
-    colour = series_colour(series)
-    places, sizes = [m.place for m in detected], [m.amplitude for m in detected]
-    open_ = {"markerfacecolor": "none", "markeredgewidth": 1.0, "label": f"sidebands of {name}"}
+def _plot_sidebands(own: Sidebands, channel: int, series: int, ax: Axes) -> None:
+    colour, detected = series_colour(series), np.isfinite(own.amplitude[channel])
+    places, sizes = own.place[detected], own.amplitude[channel, detected]
+    open_ = {"markerfacecolor": "none", "markeredgewidth": 1.0, "label": f"sidebands of {own.name}"}
     plot_marks(ax, places, sizes, series_marker(series), 4.2, colour, **open_)
     # ticks at the bottom show every place, detected or not
     foot = {"transform": ax.get_xaxis_transform(), "clip_on": False}
-    long = 6 if series % 2 == 0 else 4
-    plot_marks(ax, [m.place for m in marks], [0.0] * len(marks), TICKUP, long, colour, **foot)
-
-
-def _label_sidebands(strip: Strip, ax: Axes) -> None:
-    """Write the numbers of the sidebands of the widest spacing above the axes."""
-    widest = max(
-        (marks for _, marks in strip.sidebands if marks),
-        key=lambda marks: marks[-1].place - marks[0].place,
-        default=(),
-    )
-    for mark in widest:
-        above(ax, mark.place, mark.label, 1.5, fontsize=6.5, color=series_colour(mark.series))
+    plot_marks(ax, own.place, 0 * own.place, TICKUP, 4 if series % 2 else 6, colour, **foot)
 
 
 def label_marks(marks: Sequence[LineMark], ax: Axes) -> None:
@@ -422,27 +439,12 @@ def label_marks(marks: Sequence[LineMark], ax: Axes) -> None:
     narrow = min(1.0, ax.get_position().width / _USUAL_WIDTH)
     places = spread(share, widest * _LABEL_WIDTH / narrow, 0.0, 1.0)
     up = 0.1 / (ax.get_position().height * ax.get_figure(root=True).get_figheight())  # type: ignore[union-attr]
+    line: dict[str, Any] = {"transform": ax.transAxes, "color": GREY, "linewidth": 0.4}
+    text: dict[str, Any] = {"transform": ax.transAxes, "rotation": 90, "linespacing": 0.95}
+    text |= {"ha": "center", "va": "bottom", "fontsize": 6.5}
     for mark, at, place in zip(marks, share, places, strict=True):
-        ax.plot(
-            [at, place],
-            [1.0, 1.0 + up],
-            transform=ax.transAxes,
-            color=GREY,
-            linewidth=0.4,
-            clip_on=False,
-        )
-        ax.text(
-            place,
-            1.0 + 1.2 * up,
-            mark.label,
-            transform=ax.transAxes,
-            rotation=90,
-            linespacing=0.95,
-            ha="center",
-            va="bottom",
-            fontsize=6.5,
-            color=series_colour(mark.series),
-        )
+        ax.plot([at, place], [1.0, 1.0 + up], clip_on=False, **line)
+        ax.text(place, 1.0 + 1.2 * up, mark.label, color=series_colour(mark.series), **text)
 
 
 def line_marks(marks: Sequence[Mark], low: float, high: float) -> tuple[LineMark, ...]:
@@ -548,20 +550,20 @@ def _time_spectrum(analysis: Analysis, recording: Recording) -> tuple[Spectrum, 
     return spectrum, blocks, 0.5 * vibration.sampling_rate_hz
 
 
-def _searched_strips(analysis: Analysis, recording: Recording, mesh: MeshFinding) -> list[Strip]:
+def _searched_strips(analysis: Analysis, recording: Recording, mesh: MeshFinding) -> Strips:
     spectrum, _, _ = _time_spectrum(analysis, recording)
     mark = mesh_marks(replace(analysis.signature, meshes=(mesh,)))[0]
     band = (mark.place * (1 - _SEARCH_SHOWN), mark.place * (1 + _SEARCH_SHOWN))
-    return _channel_strips(analysis, spectrum, band, [mark])
+    return _strips(analysis, spectrum, band, [mark])
 
 
 def _sideband_strips(
     analysis: Analysis, recording: Recording, mesh: MeshFinding, harmonic: int
-) -> list[Strip]:
+) -> Strips:
     """Return the spectrum in angle about a mesh harmonic, with the sidebands of every spacing."""
     signature = analysis.signature
     vibration, track = vibration_of(analysis, recording), track_of(analysis, recording)
-    speed = signature.speed.estimated_hz
+    speed, rate = signature.speed.estimated_hz, vibration.sampling_rate_hz
     families = [
         family
         for family in signature.plan.families
@@ -571,74 +573,55 @@ def _sideband_strips(
     spacing = max((family.spacing for family in families), default=1.0)
     half = min(_CLOSE_UP_SPACINGS * spacing, _CLOSE_UP_MESHES * mesh_order)
     centre = harmonic * mesh_order
-    high = min(0.48 * vibration.sampling_rate_hz / speed, centre + half)
-    orders = angle_spectrum(
-        vibration.samples,
-        vibration.sampling_rate_hz,
-        track,
-        2 * signature.lines.block_turns,
-        high,
-    )
+    high = min(0.48 * rate / speed, centre + half)
+    turns = 2 * signature.lines.block_turns
+    orders = angle_spectrum(vibration.samples, rate, track, turns, high)
+    spectrum = replace(orders, frequency_hz=orders.frequency_hz * speed)
     band = (max(centre - half, 0.0) * speed, high * speed)
-    strips = _channel_strips(
-        analysis,
-        replace(orders, frequency_hz=orders.frequency_hz * speed),
-        band,
-        [mark for mark in mesh_marks(signature) if band[0] < mark.place < band[1]],
+    marks = [mark for mark in mesh_marks(signature) if band[0] < mark.place < band[1]]
+    return replace(
+        _strips(analysis, spectrum, band, marks),
+        axis="Frequency at the mean speed (Hz)",
+        sidebands=_sidebands(signature, centre, families),
     )
-    return [
-        replace(strip, sidebands=_sidebands(signature, channel, centre, families))
-        for channel, strip in enumerate(strips)
-    ]
 
 
 def _sidebands(
-    signature: MeasuredSignature, channel: int, centre: float, families: Sequence[Family]
-) -> tuple[tuple[str, tuple[LineMark, ...]], ...]:
-    power = signature.lines.cross_power()[channel]
-    noise = signature.lines.noise[channel]
+    signature: MeasuredSignature, centre: float, families: Sequence[Family]
+) -> list[Sidebands]:
+    power, noise = signature.lines.cross_power(), signature.lines.noise
+    amplitude = np.sqrt(np.where(power > noise, power, np.nan))
     names = told_apart(
         [shaft_text(family.shaft, family.gear) for family in families],
         [family.spacing for family in families],
     )
     result = []
-    for row, (name, family) in enumerate(zip(names, families, strict=True)):
-        orders = [float(signature.plan.orders[line]) for line in family.lines]
-        marks = tuple(
-            LineMark(
-                place=order * signature.speed.estimated_hz,
-                label=f"{round((order - centre) / family.spacing):+d}".replace("-", "−"),
-                series=row,
-                amplitude=float(np.sqrt(power[line])) if power[line] > noise[line] else None,
-            )
-            for order, line in zip(orders, family.lines, strict=True)
+    for name, family in zip(names, families, strict=True):
+        lines = list(family.lines)
+        orders = signature.plan.orders[lines]
+        own = Sidebands(
+            name=name,
+            place=orders * signature.speed.estimated_hz,
+            number=np.rint((orders - centre) / family.spacing).astype(int).tolist(),
+            amplitude=amplitude[:, lines],
         )
-        result.append((name, marks))
-    return tuple(result)
-
-
-def _channel_strips(
-    analysis: Analysis, spectrum: Spectrum, band: tuple[float, float], marks: Sequence[LineMark]
-) -> list[Strip]:
-    signature, place = analysis.signature, spectrum.frequency_hz
-    inside = (place >= band[0]) & (place <= band[1])
-    values = spectrum.values[:, inside]
-    return _strips(signature.channel_names, signature.units, place[inside], values, marks)
+        result.append(own)
+    return result
 
 
 def _strips(
-    names: Sequence[str],
-    units: Sequence[str | None],
-    place: FloatArray,
-    values: FloatArray,
-    marks: Sequence[LineMark],
-) -> list[Strip]:
-    strips = []
-    for name, unit, own in zip(names, units, values, strict=True):
-        x, y = max_hold(place, own)
-        label = strip_label(name, unit_text(unit))
-        strips.append(Strip(label=label, place=x, value=y, marks=tuple(marks)))
-    return strips
+    analysis: Analysis, spectrum: Spectrum, band: tuple[float, float], marks: Sequence[LineMark]
+) -> Strips:
+    place = spectrum.frequency_hz
+    inside = (place >= band[0]) & (place <= band[1])
+    return Strips(
+        names=analysis.signature.channel_names,
+        units=analysis.signature.units,
+        axis="Frequency (Hz)",
+        place=place[inside],
+        values=spectrum.values[:, inside],
+        marks=marks,
+    )
 
 
 def _kurtogram_figure(found: RecordingSpectrum) -> Picture:
@@ -654,9 +637,7 @@ def _kurtogram_figure(found: RecordingSpectrum) -> Picture:
         image = _plot_kurtogram(own, ax)
         low, high, top = own.best
         ax.set_title(f"{shortened(name)}: most impulsive {low:.6g} to {high:.6g} Hz, K = {top:.3g}")
-        place = ax.get_position()
-        scale = figure.add_axes((place.x1 + 0.015, place.y0, 0.014, place.height))
-        figure.colorbar(image, cax=scale).set_label("Kurtosis")
+        colour_scale(figure, ax, image).set_label("Kurtosis")
     axes[-1].set_xlabel("Frequency (Hz)")
     left_label(figure, axes, "Bandwidth (Hz)")
     return figure
@@ -685,13 +666,8 @@ def _plot_kurtogram(own: Kurtogram, ax: Axes) -> AxesImage:
     )
     low, high, _ = own.best
     row = int(np.argmax([float(level.max()) for level in own.kurtosis]))
-    ax.plot(
-        [low, high, high, low, low],
-        [row, row, row + 1, row + 1, row],
-        color=VERMILLION,
-        linewidth=1.4,
-        clip_on=False,
-    )
+    frame = Rectangle((low, row), high - low, 1, fill=False, edgecolor=VERMILLION, linewidth=1.4)
+    ax.add_patch(frame).set_clip_on(False)
     widths = [own.rate / 2 / bands for bands in own.bands[::2]]
     ax.set_yticks(np.arange(rows)[::2] + 0.5, [f"{w:.0f}" if w > 1 else f"{w:.3g}" for w in widths])
     return image

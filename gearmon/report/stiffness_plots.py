@@ -116,11 +116,8 @@ def _plot_teeth(picture: TeethPicture, ax: Axes) -> None:
     # the loaded teeth with their roots and no more
     reach = 1.7 * max(high for _, _, high in picture.flank_sizes_mm.values())
     x, y = picture.contact
-    ax.set_xlim(x - reach, x + reach)
-    ax.set_ylim(y - 0.95 * reach, y + 0.95 * reach)
-    ax.set_aspect("equal")
-    ax.set_xlabel("across the line of centres in mm")
-    ax.set_ylabel("along the line of centres in mm")
+    ax.set(xlim=(x - reach, x + reach), ylim=(y - 0.95 * reach, y + 0.95 * reach), aspect="equal")
+    ax.set(xlabel="across the line of centres in mm", ylabel="along the line of centres in mm")
     ax.legend(loc="upper right", fontsize=8)
 
 
@@ -150,11 +147,8 @@ def _plot_flank(picture: TeethPicture, gear: str, ax: Axes) -> None:
                     place, mark.face_width_mm, size, facecolor="white", edgecolor=RED, hatch="///"
                 )
             )
-    ax.set_xlim(-0.03 * width, 1.03 * width)
-    ax.set_ylim(-0.08 * high, 1.12 * high)
-    ax.set_aspect("equal")
-    ax.set_xlabel("along the face in mm")
-    ax.set_ylabel("above root in mm")
+    ax.set(xlim=(-0.03 * width, 1.03 * width), ylim=(-0.08 * high, 1.12 * high), aspect="equal")
+    ax.set(xlabel="along the face in mm", ylabel="above root in mm")
     ax.set_title(f"loaded flank of the {gear} (fillet grey)", fontsize=9)
 
 
@@ -185,10 +179,8 @@ def _plot_stiffness(stage: StageStiffness, ax: Axes) -> None:
         ax.fill_between(x, damaged, healthy, color=RED, alpha=0.15, linewidth=0)
         ax.plot(x, damaged, color=RED, linewidth=1.4, label="damaged")
     ax.plot(x, healthy, color=BLUE, linewidth=1.4, label="healthy")
-    ax.set_ylim(0, 1.08 * healthy.max())
-    ax.set_xlim(stage.phase[0], stage.phase[-1])
-    ax.set_xlabel("mesh phase in mesh periods")
-    ax.set_ylabel("mesh stiffness in GN/m")
+    ax.set(ylim=(0, 1.08 * healthy.max()), xlim=(stage.phase[0], stage.phase[-1]))
+    ax.set(xlabel="mesh phase in mesh periods", ylabel="mesh stiffness in GN/m")
     ax.legend(fontsize=8, loc="lower right")
 
 
@@ -202,8 +194,7 @@ def _plot_compliance_shares(stage: StageStiffness, ax: Axes) -> None:
         labels=names,
         alpha=0.85,
     )
-    ax.set_xlim(0, stage.contact_phase[-1])
-    ax.set_ylim(0, 100)
+    ax.set(xlim=(0, stage.contact_phase[-1]), ylim=(0, 100))
     ax.set_xlabel("phase of the pair's contact in mesh periods")
     ax.set_ylabel("share of pair compliance in %")
     # above the bands, in their order from below
@@ -284,7 +275,6 @@ def _plot_form_lines(comparison: FormComparison, group: str, ax: Axes) -> None:
         ax.vlines(orders, 0, height, color=colour, linewidth=1.4)
         ax.plot(orders, height, "o", color=colour, markersize=3.5)
     top = _MN * max(float(curve.amplitudes_n_per_m.max()) for curve in comparison.curves)
-    ax.set_xlim(0.3, len(own[0].lines) + 0.7)
-    ax.set_ylim(0, 1.08 * top if top else 1.0)
+    ax.set(xlim=(0.3, len(own[0].lines) + 0.7), ylim=(0, 1.08 * top if top else 1.0))
     ax.set_ylabel("amplitude in MN/m")
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))

@@ -20,7 +20,7 @@ def unit_text(unit: str | None) -> str:
     """
     if not unit:
         return "unit not stated"
-    return unit.replace("s^2", "s²").replace("s2", "s²")
+    return unit.replace("s^2", "s²").replace("s2", "s²").replace(")^2", ")²")
 
 
 def strip_label(channel: str, unit: str) -> str:
