@@ -1,9 +1,9 @@
 """What a strength of evidence means: the share of healthy machines that show as much.
 
-The table `calibration.json` was made by `gearmon benchmark calibration` from healthy pairs of drawn
-machines that share nothing with the detector; it says of what, and how many. Beyond its last entry
-the probability falls by a decade for each unit of strength, which is what strength means where the
-tests' own laws hold.
+The table `calibration.json` was made by `gearmon benchmark calibration` from healthy pairs of
+machines drawn at random, of which the detector knows the file only; it says how many. Beyond its
+last entry the probability falls by a decade for each unit of strength, which is what strength means
+where the tests' own laws hold.
 """
 
 from __future__ import annotations
