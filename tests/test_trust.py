@@ -91,7 +91,10 @@ def test_what_stops_a_command_is_one_line(monkeypatch, capsys, error, code, word
 @pytest.mark.parametrize(("name", "code"), [("SIGINT", 130), ("SIGTERM", -signal.SIGTERM)])
 def test_who_is_stopped_says_so_and_takes_temporary_files_along(here, name, code):
     script = f"""
-import signal, gearmon.cli, gearmon.files
+import signal
+# a shell that puts the tests into the background lets them ignore it
+signal.signal(signal.SIGINT, signal.default_int_handler)
+import gearmon.cli, gearmon.files
 from gearmon.__main__ import run
 def main():
     with gearmon.files.replacing("out.csv"):
