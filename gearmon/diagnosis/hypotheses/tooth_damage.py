@@ -278,7 +278,7 @@ def of_ring(gear: GearDeviation, stage: PlanetaryStage) -> GearDeviation:
     18/27/72 and 19/26/71 teeth). Final drive of the catalogue, two simulated machines, loads of 0.5
     to 1 learned singly and together, recordings at 0.6 and 0.9: log factors of 52 to 253 with the
     template of a tooth, 8 to 32 by the energy in these lines, 2 to 21 in all; sound ones -3 to 12,
-    of which 5 are believed. Told are losses of 19 to 27 %.
+    of which 5 are believed. Told are losses of 17 to 24 %.
     """
     bands = []
     for band in gear.bands:
