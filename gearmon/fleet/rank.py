@@ -99,9 +99,10 @@ def compare(fleet: Fleet, machine: FleetMachine | None = None) -> list[dict[str,
     """
     from scipy.stats import false_discovery_control
 
+    stages = {file: load_machine(file).stages for file in {own.file for own in fleet.machines}}
     kinds: dict[Any, list[FleetMachine]] = {}
     for own in fleet.machines:
-        kinds.setdefault(load_machine(own.file).stages, []).append(own)
+        kinds.setdefault(stages[own.file], []).append(own)
     rows = [
         row
         for alike in kinds.values()

@@ -13,6 +13,7 @@ from matplotlib.contour import QuadContourSet
 
 from gearmon.dynamics.fourier import Real
 from gearmon.dynamics.stability_map import StabilityMap, Tongue
+from gearmon.errors import ArgumentError
 from gearmon.report.palette import (
     BLACK,
     BLUE,
@@ -70,8 +71,15 @@ def signature_figure(signature: Signature) -> Picture:
     Returns
     -------
     Picture
+
+    Raises
+    ------
+    ArgumentError
+        If there is no line to draw.
     """
-    stages = np.unique(signature["stage"]).tolist()
+    stages = np.unique(signature["stage"][signature["acceleration_ms2"] > 0]).tolist()
+    if not stages:
+        raise ArgumentError(f"{signature.machine or 'machine'}: no line above 0 to draw")
     figure, axes = new_figure([1.9] * len(stages), top_in=0.62, bottom_in=0.45, gap_in=0.62)
     level, hertz, beside = (
         signature[name] for name in ("acceleration_ms2", "frequency_hz", "sideband_of")

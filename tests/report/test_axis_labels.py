@@ -14,6 +14,7 @@ from reference.small_gearbox import machine, recording
 from gearmon import report
 from gearmon.dynamics.stability import FourierShape
 from gearmon.dynamics.stability_map import stability_map
+from gearmon.errors import ArgumentError
 from gearmon.gears.stiffness_report import compare_forms, stiffness_report
 from gearmon.machine import load_machine
 from gearmon.report.analysis_plots import analysis_figures
@@ -209,6 +210,9 @@ def test_signature():
     mesh_hz = found.header["mesh_frequency_hz"]
     assert named["1"] == pytest.approx(mesh_hz)
     assert all(x == pytest.approx(int(text) * mesh_hz) for text, x in named.items())
+    silent = replace(found, columns=dict(found.columns) | {"acceleration_ms2": 0 * found["order"]})
+    with pytest.raises(ArgumentError, match="no line above 0 to draw"):
+        silent.plot()
 
 
 def test_fault_family():
