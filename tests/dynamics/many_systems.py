@@ -16,21 +16,12 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from reference.system_reference import lines_at_once, random_system
+from reference.system_reference import lines_at_once, random_system, relative
 
 from gearmon.dynamics import steady_state
 
 # What one matrix leaves to rounding.
 ROUNDING = 1e-11
-
-
-def true_error(system, found):
-    """Relative L2 error of the acceleration of all coordinates."""
-    exact = lines_at_once(system, len(found.displacement) + 7)
-    apart = exact.copy()
-    apart[: len(found.displacement)] -= found.displacement
-    weight = np.arange(len(exact))[:, None] ** 2
-    return np.linalg.norm(weight * apart) / np.linalg.norm(weight * exact)
 
 
 def main():
@@ -48,7 +39,8 @@ def main():
         unstable += not found.stable
         refused += found.stable and not found.error_bound <= tolerance
         if found.stable and math.isfinite(found.error_bound):
-            share = true_error(system, found) / (found.error_bound + ROUNDING)
+            exact = lines_at_once(system, len(found.displacement) + 7)
+            share = relative(exact, found) / (found.error_bound + ROUNDING)
             broken += share > 1
             nearest = max(nearest, share)
     print(

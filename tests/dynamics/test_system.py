@@ -9,6 +9,7 @@ from reference.system_reference import (
     lines_at_once,
     periodic_motion,
     random_system,
+    relative,
     stiffness_at,
 )
 
@@ -18,15 +19,6 @@ from gearmon.errors import ArgumentError
 SEEDS = st.integers(0, 2**32 - 1)
 # what one matrix leaves to rounding
 ROUNDING = 1e-11
-
-
-def relative(lines, response):
-    """Relative L2 error of the acceleration of all coordinates."""
-    count = max(len(lines), len(response.displacement))
-    both = np.zeros((2, count, lines.shape[1]), dtype=complex)
-    both[0, : len(lines)], both[1, : len(response.displacement)] = lines, response.displacement
-    both *= (np.arange(count) ** 2)[:, None]
-    return np.linalg.norm(both[0] - both[1]) / np.linalg.norm(both[0])
 
 
 def as_system(p):

@@ -122,6 +122,15 @@ def lines_at_once(system, highest):
     return found.reshape(len(lines), n)[highest:]
 
 
+def relative(lines, response):
+    """Relative L2 error of the acceleration of all coordinates."""
+    count = max(len(lines), len(response.displacement))
+    both = np.zeros((2, count, lines.shape[1]), dtype=complex)
+    both[0, : len(lines)], both[1, : len(response.displacement)] = lines, response.displacement
+    both *= (np.arange(count) ** 2)[:, None]
+    return np.linalg.norm(both[0] - both[1]) / np.linalg.norm(both[0])
+
+
 def stiffness_mean(system):
     v = system.mesh_vectors
     return system.stiffness + v.T @ (system.mesh_stiffness_n_per_m[:, None] * v)
