@@ -83,7 +83,6 @@ def _engine(arguments: argparse.Namespace) -> Any:
 
 
 def _lines(result: dict[str, Any]) -> Iterator[str]:
-
     yield f"{printable(result['fleet'])}: {counted(result['analysed'], 'recording')} analysed"
     for key, what in (("failed", "not analysed"), ("not_taken", "not taken")):
         told = result[key]

@@ -186,7 +186,6 @@ def family(arguments: argparse.Namespace) -> int:
 
 
 def _family_lines(result: dict[str, Any]) -> list[str]:
-
     rows = result["rows"]
     step = max(1, -(-len(rows) // MOST_ROWS))
     shown = rows[::step]
@@ -284,7 +283,6 @@ def modes(arguments: argparse.Namespace) -> int:
 
 
 def _modes_lines(found: Modes) -> list[str]:
-
     listed = [
         {
             "mode": mode.number,

@@ -285,7 +285,6 @@ def _classifier(arguments: argparse.Namespace, machine: Machine) -> tuple[KindCl
 
 
 def _kind_lines(result: dict[str, Any]) -> list[str]:
-
     classifier = result["classifier"]
     lines = []
     if classifier["file"]:

@@ -217,7 +217,6 @@ def check(arguments: argparse.Namespace) -> int:
 
 
 def _check_lines(found: ReferenceCheck) -> list[str]:
-
     result = found.to_dict()
     lines = [found.headline(), *(f"also: {advice}" for advice in result["advice"][1:]), ""]
     lines += table_lines(

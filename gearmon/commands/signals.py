@@ -83,7 +83,6 @@ def indicators(arguments: argparse.Namespace) -> int:
 
 
 def _indicator_lines(result: dict[str, Any], tables: list[IndicatorTable]) -> list[str]:
-
     lines = []
     for table in tables:
         lines.append(printable(table.recording))
@@ -203,7 +202,6 @@ def orders(arguments: argparse.Namespace) -> int:
 
 
 def _order_lines(title: str, result: dict[str, Any]) -> list[str]:
-
     rows = [
         {name: own[name] for name in _AVERAGE_SHOWN} | channel
         for own in result["averages"]
@@ -225,6 +223,5 @@ def _some(orders: list[float]) -> str:
 
 
 def _peak_lines(title: str, result: dict[str, Any], more: Sequence[str] = ()) -> list[str]:
-
     lines = [printable(title), *table_lines(result["peaks"]), *more]
     return lines + [f"note: {note}" for note in result["warnings"]]

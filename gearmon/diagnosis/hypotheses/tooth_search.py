@@ -30,7 +30,7 @@ _COMPETES = 2.3
 # the teeth in contact and the level of the mesh harmonics are not what the gear data say. Estimates
 # of 84 losses of 20 % scatter by 0.27 over machines; this and the path make the interval as wide.
 COMMON_DEVIATION = 0.15
-# Logarithm by which losses come out too large on machines between two that share nothing. The path
+# Logarithm by which losses come out too large, between two kinds of simulated machines. The path
 # is told by a geometric mean of mesh lines: through a reverberant body that lies exp(-0.577) below
 # the mean power, and losses come out a third too large where only the stiffness makes the lines;
 # errors of the flanks make them louder, which takes it back. Medians of the told over the true
