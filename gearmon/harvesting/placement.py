@@ -6,7 +6,7 @@ Positions are ranked by the power of a harvester that is tuned for each.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -23,7 +23,6 @@ from gearmon.machine import Machine
 from gearmon.result import Result
 from gearmon.signals.recording import Recording
 from gearmon.signatures.expected.baseline import expected_signature
-from gearmon.terminal import Progress
 
 #: A place is good only when the gear is damaged if, tuned for that, it loses more than this share
 #: of its power when the gear is sound.
@@ -417,7 +416,7 @@ def survey_measured(
     share_error: float = 0.0,
     degraded: Sequence[Recording] = (),
     count: int = 1,
-    progress: Progress | None = None,
+    progress: Callable[[float], None] | None = None,
 ) -> Survey:
     """Rank the places of the vibration channels of recordings.
 

@@ -424,7 +424,7 @@ def between(means: Sequence[float]) -> Scatter:
     """
     known = np.asarray(means, dtype=np.float64)
     count, variance = len(known), float(known.var(ddof=1)) / len(known)
-    return Scatter(float(known.mean()), variance, count - 1, count, count)
+    return Scatter(float(known.mean()), variance, count - 1, float(count), count)
 
 
 def interval_90(scatter: Scatter) -> tuple[float, float]:
