@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from gearmon.signals.array_types import BoolArray, FloatArray
-from gearmon.signals.orders.fine_spectra import FineSpectrum
+from gearmon.signals.orders.spectra import FineSpectrum
 from gearmon.signals.tracking.mesh_detection import FOUND_FROM, MeshComb
 
 # A finer comb, such as a bearing's. Set on five meshes invented for simulated bearings and 103 of a

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from gearmon.errors import ArgumentError, RecordingError, check_positive, check_range
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.array_types import FloatArray
-from gearmon.signals.orders.sums import OrderSums
+from gearmon.signals.orders.lines import OrderSums
 from gearmon.signals.tracking.phases import lock_track, roughness
 from gearmon.signals.tracking.pulse_repair import (
     Repaired,
