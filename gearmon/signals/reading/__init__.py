@@ -6,7 +6,7 @@
 >>> source = open_source("recording.csv")                           # doctest: +SKIP
 >>> identify(source).is_text                                        # doctest: +SKIP
 True
->>> interpret(read_table(source).content(), Wanted()).columns[0].unit   # doctest: +SKIP
+>>> interpret(read_table(source), Wanted()).columns[0].unit   # doctest: +SKIP
 'm/s2'
 
 Text: `source` (bytes to whole lines), `fields` (what a number is), `layout` (separator,
@@ -18,6 +18,7 @@ files, arrays and frames: `formats`. Then for all: `columns` (names, units, kind
 from gearmon.signals.reading.channels import SensorLike, Wanted, interpret
 from gearmon.signals.reading.columns import (
     Content,
+    DataColumn,
     describe_columns,
     find_column,
     find_defect,
@@ -32,6 +33,7 @@ from gearmon.signals.reading.timebase import counts_evenly, rises_evenly, spacin
 
 __all__ = [
     "Content",
+    "DataColumn",
     "Progress",
     "SensorLike",
     "Source",

@@ -20,8 +20,9 @@ from gearmon.signals.orders.spectra import FineSpectrum, fine_order_spectrum
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signals.spectra import power_density
 from gearmon.signals.threads import at_once
-from gearmon.signals.tracking.mesh_detection import MeshComb, MeshEvidence
-from gearmon.signals.tracking.sideband_spacing import (
+from gearmon.signals.tracking.mesh_detection import (
+    MeshComb,
+    MeshEvidence,
     foreign_spacing,
     sideband_spacing,
 )

@@ -26,7 +26,6 @@ from gearmon.signals.reading.columns import (
     reserved,
 )
 from gearmon.signals.reading.fields import Floats, Progress, Room, shortened
-from gearmon.signals.reading.layout import Header
 
 Read = Callable[[int, int], Floats]
 
@@ -305,8 +304,8 @@ def choose(
 def _candidates(holding: Holding) -> list[_Candidate]:
     found, number = [], 1
     for array in holding.arrays:
-        cells = tuple(unit or "" for unit in array.units) if any(array.units) else None
-        described = describe_columns(Header(names=array.names, units=cells), len(array.names))
+        cells = [unit or "" for unit in array.units] if any(array.units) else ()
+        described = describe_columns(array.names, cells)
         columns = tuple(
             replace(own, number=k, name=own.name if own.cell else f"channel {k}")
             for k, own in enumerate(described, number)
@@ -331,9 +330,7 @@ def _expanded(holding: Holding, candidates: Sequence[_Candidate], wanted: Wanted
 
 def _number(holding: Holding, candidates: Sequence[_Candidate], key: str | int) -> int:
     columns = [column for one in candidates for column in one.columns]
-    names = [(column.name, column.cell) for column in columns]
-    numbers = [column.number for column in columns]
-    return numbers[find_column(holding.path, key, names, numbers)]
+    return columns[find_column(holding.path, key, columns)].number
 
 
 def _named(holding: Holding, candidates: Sequence[_Candidate], wanted: Wanted) -> list[_Candidate]:

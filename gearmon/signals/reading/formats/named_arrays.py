@@ -26,7 +26,6 @@ from gearmon.files import archive_swells, most_unpacked
 from gearmon.signals.reading.columns import Content, DataColumn, describe_columns
 from gearmon.signals.reading.fields import Floats
 from gearmon.signals.reading.formats.arrays import Array, Holding, as_array, stated_rate
-from gearmon.signals.reading.layout import Header
 
 _HEADER_BYTES = 128
 _DEEPEST = 8
@@ -365,7 +364,7 @@ def _of_frame(frame: Any, rate_hz: float | None) -> Content:
     names = [str(frame.columns[number]) for number in taken]
     rows = [frame.iloc[:, number].to_numpy(np.float64, na_value=np.nan) for number in taken]
     name, stamps = _time_of(frame.index)
-    columns = describe_columns(Header(names=(*names, name)), len(names) + 1)
+    columns = describe_columns((*names, name))
     timed = any(column.kind == "time" for column in columns[:-1])
     if stamps is not None and not timed:
         rows.append(stamps)
