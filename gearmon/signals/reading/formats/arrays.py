@@ -34,8 +34,13 @@ _RATE_NAMES = frozenset(
     | {"samplingfrequency", "samplingfrequencyhz", "samplefrequency", "samplefrequencyhz"}
     | {"samplingfreq", "samplefreq", "abtastrate", "abtastfrequenz"}
 )
+# Names that mean it nearly always, and between which numbers they are believed: a shaft of 30,000
+# 1/min turns at 500 Hz, so what is slower may be a speed and can sample no mesh; nothing that is
+# recorded as vibration is faster than 100 MHz.
+_LIKELY_NAMES = frozenset({"sr", "sampfreq", "samprate"})
+_PLAUSIBLE_HZ = (500.0, 1e8)
 # What may be the rate or the interval, and may be something else, such as the rate of a shaft.
-_HINT_NAMES = frozenset({"sr", "rate", "dt", "ts", "deltat", "timestep", "sampletime", "f"})
+_HINT_NAMES = frozenset({"rate", "dt", "ts", "deltat", "timestep", "sampletime", "f"})
 _MOST_AXES = 2
 _FEWEST_SAMPLES = 2
 _BLOCK = 1 << 18
@@ -190,29 +195,89 @@ def as_array(
     )
 
 
-def stated_rate(facts: Mapping[str, float]) -> tuple[float | None, str]:
-    """Return the sampling rate among the facts, and a hint where nothing is certain.
+def hold(path: str, items: dict[str, Any], left_out: tuple[str, ...] = ()) -> Holding:
+    """Return named arrays and single numbers as what a file holds.
 
-    Only a name that means nothing else counts, and only if all of them agree.
+    Parameters
+    ----------
+    path : str
+        The file, for messages.
+    items : dict of str to array-like
+        Arrays and single numbers by name.
+    left_out : tuple of str
+        What else is in the file.
+
+    Raises
+    ------
+    RecordingError
+        If the only array has two axes of the same length.
+    """
+    arrays, facts, others = [], {}, list(left_out)
+    for name, data in items.items():
+        if data.dtype.kind in "fiu" and all(size == 1 for size in data.shape):
+            facts[name] = float(np.asarray(data[()]).reshape(-1)[0])
+            continue
+        array = as_array(name, data)
+        if array is None:
+            others.append(f"{name} of shape {data.shape} and type {data.dtype}")
+        else:
+            arrays.append(array)
+    if not arrays and len(items) - len(facts) == 1:
+        shape = next(data.shape for name, data in items.items() if name not in facts)
+        check_not_square(path, shape)
+    left = tuple(others)
+    return Holding(arrays=tuple(arrays), facts=facts, left_out=left)
+
+
+def check_not_square(path: str, shape: tuple[int, ...]) -> None:
+    """Raise if both axes of an array are equally long."""
+    long_axes = [size for size in shape if size != 1]
+    if len(long_axes) == 2 and long_axes[0] == long_axes[1]:
+        raise RecordingError(
+            f"{path}: an array of shape {shape}: which axis is time cannot be told; store one "
+            "channel, or more samples than channels"
+        )
+
+
+def stated_rate(facts: Mapping[str, float]) -> tuple[float | None, str]:
+    """Return the sampling rate among the facts, and a remark where that is not certain.
+
+    A name that means nothing else counts if all such names agree; else the plausible number under
+    such a name, or one that nearly always means it, if there is one only.
 
     Examples
     --------
     >>> stated_rate({"data.Fs": 12000.0, "rpm": 1796.0})
     (12000.0, '')
     >>> stated_rate({"sr": 97656.0})
-    (None, 'sr = 97656 may be it')
+    (97656.0, 'sampling rate 97656 Hz taken from sr')
+    >>> stated_rate({"rate": 97656.0})
+    (None, 'rate = 97656 may be it')
     """
-    named = {name: value for name, value in facts.items() if _plain(name) in _RATE_NAMES}
-    usable = {value for value in named.values() if math.isfinite(value) and value > 0}
-    if len(usable) == 1 and len(usable) == len(set(named.values())):
-        return usable.pop(), ""
-    if named:
-        listed = ", ".join(f"{shortened(name)} = {value:g}" for name, value in named.items())
-        return None, f"in the file: {listed}"
-    for name, value in facts.items():
-        if _plain(name) in _HINT_NAMES:
-            return None, f"{shortened(name)} = {value:g} may be it"
-    return None, ""
+
+    def told(names: frozenset[str]) -> dict[str, float]:
+        return {shortened(name): own for name, own in facts.items() if _plain(name) in names}
+
+    low, high = _PLAUSIBLE_HZ
+    sure, likely, hints = told(_RATE_NAMES), told(_LIKELY_NAMES), told(_HINT_NAMES)
+    if len(set(sure.values())) == 1 and 0 < min(sure.values()) < math.inf:
+        return next(iter(sure.values())), ""
+    believed = {name: own for name, own in (sure | likely).items() if low <= own <= high}
+    if len(set(believed.values())) == 1:
+        name, rate = next(iter(believed.items()))
+        others = _shown(sure | likely | hints, without=believed)
+        remark = f"sampling rate {rate:g} Hz taken from {name}"
+        return rate, f"{remark}, not {others}" if others else remark
+    if sure:
+        return None, f"in the file: {_shown(sure)}"
+    # of what may be the rate a plausible number first
+    doubtful = sorted((likely | hints).items(), key=lambda own: not low <= own[1] <= high)
+    return None, f"{_shown(dict(doubtful[:1]))} may be it" if doubtful else ""
+
+
+def _shown(facts: Mapping[str, float], without: Iterable[str] = ()) -> str:
+    kept = {name: value for name, value in facts.items() if name not in without}
+    return ", ".join(f"{name} = {value:g}" for name, value in kept.items())
 
 
 def _stated_speed(facts: Mapping[str, float]) -> tuple[float | None, str]:
@@ -437,10 +502,14 @@ def _filled(
 def _content(
     holding: Holding, taken: Sequence[_Candidate], values: Floats, *, others: bool
 ) -> Content:
-    rate, hint = stated_rate(holding.facts)
+    rate, remark = stated_rate(holding.facts)
     own = next((one.array.rate_hz for one in taken if one.array.rate_hz is not None), None)
     speed, name = _stated_speed(holding.facts)
-    notes = list(holding.notes)
+    notes = (
+        [*holding.notes, remark]
+        if remark and rate is not None and own is None
+        else list(holding.notes)
+    )
     if speed is not None:
         notes.append(f"the file states a speed of {speed:g} rpm ({shortened(name)})")
     if others and not holding.together:
@@ -450,7 +519,7 @@ def _content(
         values=values,
         columns=tuple(column for one in taken for column in one.columns),
         rate_hz=rate if own is None else own,
-        rate_hint=hint,
+        rate_hint=remark,
         speed_rpm=speed,
         notes=tuple(notes),
     )

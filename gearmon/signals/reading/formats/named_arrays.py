@@ -15,7 +15,7 @@ import os
 import struct
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +25,7 @@ from gearmon.errors import ArgumentError, RecordingError
 from gearmon.files import archive_swells, most_unpacked
 from gearmon.signals.reading.columns import Content, DataColumn, describe_columns
 from gearmon.signals.reading.fields import Floats
-from gearmon.signals.reading.formats.arrays import Array, Holding, as_array, stated_rate
+from gearmon.signals.reading.formats.arrays import Array, Holding, as_array, check_not_square, hold
 
 _HEADER_BYTES = 128
 _DEEPEST = 8
@@ -36,16 +36,6 @@ _COMPLEX_FLAG = 0x0800
 _DTYPES = {
     1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8",
 }  # fmt: skip
-# Names of a sampling rate that programs write into MAT files, surest first; the last two may be the
-# rate of anything.
-_RATE_NAMES = (
-    "fs", "samplingrate", "samplerate", "samplingfrequency", "samplefrequency",
-    "sampfreq", "samprate", "sr", "rate", "f",
-)  # fmt: skip
-_SURE = _RATE_NAMES[:-2]
-# A shaft of 30,000 1/min turns at 500 Hz: what is slower may be a speed and can sample no mesh.
-# Nothing that is recorded as vibration is faster than 100 MHz.
-_RATES_HZ = (500.0, 1e8)
 # What is taken of arrays and frames in memory.
 _ACCEPTED = (
     "give the name of a file, an array of shape (n,) or (channels, n) with sampling_rate_hz=, a "
@@ -87,7 +77,7 @@ def read_mat(path: str) -> Holding:
         for own_kind, own in inner:
             if own_kind == _MATRIX:
                 _gather(own, order, "", found, _DEEPEST)
-    return _with_rate(hold(path, found.items, tuple(found.others)))
+    return hold(path, found.items, tuple(found.others))
 
 
 def _unpacked(body: memoryview, most: int) -> bytes:
@@ -98,33 +88,6 @@ def _unpacked(body: memoryview, most: int) -> bytes:
     if not packer.eof:
         raise _DamagedError("a part is cut off")
     return data
-
-
-def _with_rate(holding: Holding) -> Holding:
-    """Take the sampling rate that is named and plausible; else put the likeliest number first."""
-    if stated_rate(holding.facts)[0] is not None:
-        return holding
-    ranks = {name: _rank(name, value) for name, value in holding.facts.items()}
-    ranked = sorted(ranks, key=lambda name: ranks[name])
-    facts = {name: holding.facts[name] for name in ranked}
-    sure = [name for name in ranked if ranks[name] < (0, len(_SURE))]
-    if len({facts[name] for name in sure}) != 1:
-        return replace(holding, facts=facts)
-    rate, others = facts[sure[0]], [name for name in ranked if ranks[name][1] < len(_RATE_NAMES)]
-    note = f"sampling rate {rate:g} Hz taken from {sure[0]}"
-    left = ", ".join(f"{name} = {facts[name]:g}" for name in others if name not in sure)
-    arrays = tuple(replace(array, rate_hz=rate) for array in holding.arrays)
-    notes = (*holding.notes, f"{note}, not {left}" if left else note)
-    return replace(holding, arrays=arrays, facts=facts, notes=notes)
-
-
-def _rank(name: str, value: float) -> tuple[int, int]:
-    """Rank a number as a sampling rate: implausible ones last, then by name."""
-    own = "".join(sign for sign in name.rpartition(".")[2].lower() if sign.isalnum())
-    own = own.removesuffix("hz") or own
-    place = _RATE_NAMES.index(own) if own in _RATE_NAMES else len(_RATE_NAMES)
-    plausible = _RATES_HZ[0] <= value <= _RATES_HZ[1]  # false for what is no number, too
-    return (0 if plausible else 1), place
 
 
 def _elements(data: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
@@ -213,7 +176,7 @@ def read_npy(path: str) -> Holding:
     if stored.dtype.names:
         arrays: tuple[Array | None, ...] = _record_fields(stored)
     else:
-        _check_not_square(path, stored.shape)
+        check_not_square(path, stored.shape)
         arrays = (as_array("", stored),)
     found = tuple(array for array in arrays if array is not None)
     described = f"numbers of type {stored.dtype} and shape {stored.shape}"
@@ -254,49 +217,6 @@ def _is_plain(archive: Any, name: str) -> bool:
         return bool(archive[name].dtype.kind in "fiub")
     except ValueError:  # an array of Python objects
         return False
-
-
-def hold(path: str, items: dict[str, Any], left_out: tuple[str, ...] = ()) -> Holding:
-    """Return named arrays and single numbers as what a file holds.
-
-    Parameters
-    ----------
-    path : str
-        The file, for messages.
-    items : dict of str to array-like
-        Arrays and single numbers by name.
-    left_out : tuple of str
-        What else is in the file.
-
-    Raises
-    ------
-    RecordingError
-        If the only array has two axes of the same length.
-    """
-    arrays, facts, others = [], {}, list(left_out)
-    for name, data in items.items():
-        if data.dtype.kind in "fiu" and all(size == 1 for size in data.shape):
-            facts[name] = float(np.asarray(data[()]).reshape(-1)[0])
-            continue
-        array = as_array(name, data)
-        if array is None:
-            others.append(f"{name} of shape {data.shape} and type {data.dtype}")
-        else:
-            arrays.append(array)
-    if not arrays and len(items) - len(facts) == 1:
-        shape = next(data.shape for name, data in items.items() if name not in facts)
-        _check_not_square(path, shape)
-    left = tuple(others)
-    return Holding(arrays=tuple(arrays), facts=facts, left_out=left)
-
-
-def _check_not_square(path: str, shape: tuple[int, ...]) -> None:
-    long_axes = [size for size in shape if size != 1]
-    if len(long_axes) == 2 and long_axes[0] == long_axes[1]:
-        raise RecordingError(
-            f"{path}: an array of shape {shape}: which axis is time cannot be told; store one "
-            "channel, or more samples than channels"
-        )
 
 
 def content_of(data: Any, rate_hz: float | None) -> Content:
