@@ -20,7 +20,7 @@ from gearmon.signals.reading.columns import (
     missing_values,
     survey,
 )
-from gearmon.signals.reading.fields import Floats, shortened
+from gearmon.signals.reading.source import Floats, shortened
 from gearmon.signals.reading.timebase import counts_evenly, rises_evenly, sampling_rate
 from gearmon.signals.threads import side_by_side
 from gearmon.units import KNOWN_UNITS, acceleration_factor, is_unit, plain_unit

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gearmon.errors import RecordingError, nearest_name
-from gearmon.signals.reading.fields import Floats, Room, shortened
+from gearmon.signals.reading.source import Floats, Room, shortened
 from gearmon.units import is_trusted_unit, is_unit, kind_of_unit
 
 _SQUARE = re.compile(r"(.*?)\s*\[\s*([^\]]*?)\s*\]")

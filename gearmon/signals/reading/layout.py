@@ -14,7 +14,7 @@ from itertools import islice
 
 from gearmon.errors import RecordingError
 from gearmon.signals.reading.columns import DataColumn, describe_columns
-from gearmon.signals.reading.fields import (
+from gearmon.signals.reading.source import (
     LONGEST_QUOTE,
     is_comment,
     is_missing,

@@ -21,11 +21,15 @@ import numpy as np
 
 from gearmon.errors import RecordingError
 from gearmon.signals.reading.columns import Content, reserved
-from gearmon.signals.reading.fields import (
+from gearmon.signals.reading.layout import Dialect, Layout, counted, find_layout
+from gearmon.signals.reading.source import (
     MISSING,
+    Block,
     Floats,
     Progress,
     Room,
+    Source,
+    count_of,
     decoded,
     is_comment,
     is_missing,
@@ -36,8 +40,6 @@ from gearmon.signals.reading.fields import (
     to_number,
     without_empty_end,
 )
-from gearmon.signals.reading.layout import Dialect, Layout, counted, find_layout
-from gearmon.signals.reading.source import Block, Source, count_of
 from gearmon.signals.threads import cores
 
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"

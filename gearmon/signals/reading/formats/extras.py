@@ -23,8 +23,8 @@ from typing import Any
 import numpy as np
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.fields import Floats
 from gearmon.signals.reading.formats.arrays import Array, Holding, as_array, hold, stated_rate
+from gearmon.signals.reading.source import Floats
 
 _UNIT_NAMES = ("unit", "units", "Unit", "Units", "unit_string")
 _MOST_TRIAL_S = 10  # of processor time, to look through what an HDF5 file holds
