@@ -42,7 +42,15 @@ from numpy.typing import ArrayLike
 
 from gearmon.gears.faults import GearError
 from gearmon.gears.pairs import MeshPair
-from gearmon.gears.pulses import LEAST_OVERLAP, ComplexArray, FloatArray, IntArray, Pulse, legendre
+from gearmon.gears.pulses import (
+    LEAST_OVERLAP,
+    ComplexArray,
+    FloatArray,
+    IntArray,
+    Pulse,
+    PulseTrain,
+    legendre,
+)
 
 #: Angles of a gear at which the carrying part of a misaligned face is taken; it has corners.
 SHARE_ANGLES, JOINT_SHARE_ANGLES = 4096, 64
@@ -362,10 +370,13 @@ class ModulationTrain:
         flat = x.ravel()
         total = np.zeros(len(flat))
         angles = [2 * np.pi * flat / offset.teeth for offset in self.offsets]
-        for sign, moving in self._signed:
+        for sign, moving in self._signed[:-1]:
             state = state_of(moving, angles, self.free_gap_m)
             total += sign * state.share * self.family.at(flat, state.leaving, state.entering)
-        return total.reshape(x.shape)
+        # with all gears standing still every pair is like the next
+        sign, overlap = self._signed[-1][0], self.family.overlap_ratio
+        still = PulseTrain.healthy(self.family.pulse(0.0), overlap).at(flat)
+        return np.asarray(total + sign * still).reshape(x.shape)
 
     def coefficients(self, orders: ArrayLike) -> ComplexArray:
         """Return the Fourier coefficients [N/m] at whole orders of its period.
