@@ -90,6 +90,11 @@ class ContactOffset:
     entering: complex = 0j
     lead_m: complex = 0j
 
+    @property
+    def moves(self) -> bool:
+        """Whether the contact of the pairs comes and goes at other times."""
+        return bool(self.leaving or self.entering)
+
 
 @dataclass(frozen=True, kw_only=True)
 class OffsetState:
@@ -370,13 +375,13 @@ class ModulationTrain:
         flat = x.ravel()
         total = np.zeros(len(flat))
         angles = [2 * np.pi * flat / offset.teeth for offset in self.offsets]
-        for sign, moving in self._signed[:-1]:
-            state = state_of(moving, angles, self.free_gap_m)
-            total += sign * state.share * self.family.at(flat, state.leaving, state.entering)
-        # with all gears standing still every pair is like the next
-        sign, overlap = self._signed[-1][0], self.family.overlap_ratio
-        still = PulseTrain.healthy(self.family.pulse(0.0), overlap).at(flat)
-        return np.asarray(total + sign * still).reshape(x.shape)
+        # where no contact moves every pair is like the next
+        still = PulseTrain.healthy(self.family.pulse(0.0), self.family.overlap_ratio).at(flat)
+        for sign, moving in self._signed:
+            state, moves = state_of(moving, angles, self.free_gap_m), any(o.moves for o in moving)
+            own = self.family.at(flat, state.leaving, state.entering) if moves else still
+            total += sign * state.share * own
+        return total.reshape(x.shape)
 
     def coefficients(self, orders: ArrayLike) -> ComplexArray:
         """Return the Fourier coefficients [N/m] at whole orders of its period.

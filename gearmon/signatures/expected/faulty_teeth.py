@@ -288,7 +288,7 @@ def _turn_grid(posed: Posed, highest_hz: float) -> PhaseGrid:
         moving = [
             train
             for train in stiffness.modulations
-            if any(offset.leaving or offset.entering for offset in train.offsets)
+            if any(offset.moves for offset in train.offsets)
         ]
         own = [_moved_corners(train, period, stiffness.overlap_ratio) for train in moving]
         if not moving:
