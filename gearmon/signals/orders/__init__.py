@@ -32,7 +32,7 @@ from gearmon.signals.orders.fine_spectra import (
     fine_order_spectrum,
     fine_spectrum,
 )
-from gearmon.signals.orders.lines import OrderLines, order_lines, variance_of_mean
+from gearmon.signals.orders.lines import OrderLines, order_lines, variance_of_mean, without_knocks
 from gearmon.signals.orders.maps import OrderMap, order_map
 from gearmon.signals.orders.resampling import (
     READ_UP_TO,
@@ -66,4 +66,5 @@ __all__ = [
     "time_synchronous_average",
     "variance_of_mean",
     "whole_turns",
+    "without_knocks",
 ]
