@@ -93,7 +93,12 @@ def reason(
     if decision.verdict == "healthy":
         noticed = f"{_noticed(profiles)} {_wear(evidence)}"
         return f"The machine sounds as it did when it was healthy.{noticed} {rested}"
-    if evidence.strength >= LIMITS.open or evidence.probability < LIMITS.rare:
+    if evidence.knocked:
+        told = (
+            "Knocks drown the gears: what stands out came in single turns, not in each. Record "
+            "again where the machine runs more quietly, or longer."
+        )
+    elif evidence.strength >= LIMITS.open or evidence.probability < LIMITS.rare:
         told = "More changed than is usual, but not enough to call it a fault: record again."
     elif evidence.heavier_db:
         told = (
