@@ -92,8 +92,9 @@ def expected_signature(
     `error_bound` is the guaranteed bound of the solution for the harmonics taken of stiffness and
     excitation, plus an estimate of what the others would change (`stiffness_cut`, from their 1/n
     fall). Damage of both gears (method "auto") and planetary sets have no bound but an
-    `error_estimate`. Lines are attributed to the nearest mesh harmonic. Lines that belong to neither shaft are not listed;
-    where they were solved for, their share of the acceleration is given as `cross_lines_share`.
+    `error_estimate`. Lines are attributed to the nearest mesh harmonic. Lines that belong to
+    neither shaft are not listed; where they were solved for, their share of the acceleration is
+    given as `cross_lines_share`.
 
     Examples
     --------
