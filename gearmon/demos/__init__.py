@@ -21,7 +21,7 @@ Item = TypeVar("Item")
 #: Name of a demo -> its function, as "module:function".
 DEMOS = {
     "crack": "gearmon.demos.crack:crack_demo",
-    "growth": "gearmon.demos.growth:growth_demo",
+    "growth": "gearmon.demos.crack:growth_demo",
     "kinds": "gearmon.demos.kinds:kinds_demo",
     "day": "gearmon.demos.day:day_demo",
     "harvest": "gearmon.demos.harvest:harvest_demo",

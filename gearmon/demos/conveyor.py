@@ -25,7 +25,7 @@ def conveyor(folder: Path) -> Machine:
 
 
 def conveyor_recording(
-    machine: Machine, name: str, seed: int, faults: Sequence[Fault] = (), **settings: Any
+    machine: Machine, name: str, seed: int, faults: Sequence[Fault | str] = (), **settings: Any
 ) -> Recording:
     """Simulate two accelerometers and a tachometer of always the same conveyor drive.
 
@@ -36,7 +36,7 @@ def conveyor_recording(
         Of the recording.
     seed : int
         Of what differs from recording to recording.
-    faults : sequence of Fault
+    faults : sequence of Fault or str
     **settings
         Further ones of `simulate`: load, slip, speed_drift, load_drift.
     """
