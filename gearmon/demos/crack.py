@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from gearmon.demos import Demo, Steps, told
-from gearmon.demos.conveyor import conveyor, conveyor_recording, learned
+from gearmon.demos import Demo, Steps, conveyor, conveyor_recording, learned, told
 from gearmon.diagnosis.analysis import analyse
 from gearmon.diagnosis.history import (
     History,

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gearmon.demos import Demo, Steps, told
-from gearmon.demos.conveyor import conveyor, conveyor_recording, learned
+from gearmon.demos import Demo, Steps, conveyor, conveyor_recording, learned, told
 from gearmon.diagnosis.analysis import analyse
 from gearmon.diagnosis.fault_types.judgement import analysis_features
 from gearmon.diagnosis.fault_types.training import train_kinds

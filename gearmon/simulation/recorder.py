@@ -427,12 +427,7 @@ def _mesh(train: Train, drive: Drive, number: int) -> dict[str, Any]:
 
 def _errors(mesh: ToothMesh) -> list[dict[str, Any]]:
     return [
-        {
-            "eccentricity_m": errors.eccentricity_m,
-            "eccentricity_phase_rad": errors.eccentricity_phase_rad,
-            "profile_m": errors.profile_m,
-            "pitch_m": np.round(errors.pitch_m, 12).tolist(),
-        }
+        {name: np.round(value, 12).tolist() for name, value in vars(errors).items()}
         for errors in mesh.errors
     ]
 
