@@ -1,4 +1,4 @@
-"""What arrives is analysed, once, by processes here or on a cluster; what is being written waits."""
+"""What arrives is analysed once, by processes here or on a cluster; what is being written waits."""
 
 from __future__ import annotations
 

@@ -16,12 +16,13 @@ from gearmon.signals.angle import AngleTrack
 from gearmon.signals.array_types import FloatArray
 from gearmon.signals.bad_samples import inspected, sound_part, sound_piece
 from gearmon.signals.orders import OrderLines, order_lines
-from gearmon.signals.orders.fine_spectra import FineSpectrum, fine_order_spectrum
+from gearmon.signals.orders.spectra import FineSpectrum, fine_order_spectrum
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signals.spectra import power_density
 from gearmon.signals.threads import at_once
-from gearmon.signals.tracking.mesh_detection import MeshComb, MeshEvidence
-from gearmon.signals.tracking.sideband_spacing import (
+from gearmon.signals.tracking.mesh_detection import (
+    MeshComb,
+    MeshEvidence,
     foreign_spacing,
     sideband_spacing,
 )
