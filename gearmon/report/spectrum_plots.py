@@ -312,7 +312,10 @@ def _strips_figure(strips: Strips, heights_in: tuple[float, float] = (0.9, 1.5))
     for channel, ax in enumerate(axes):
         ax.set_ylabel(_plot_strip(strips, channel, ax), fontsize=7)
     if len(set(strips.units)) == 1:
-        plots.common_scale(axes)
+        # one scale shows which channel is loud and which is not
+        lows, highs = zip(*(ax.get_ylim() for ax in axes), strict=True)
+        for ax in axes:
+            ax.set_ylim(min(lows), max(highs))
     if strips.sidebands:
         # the numbers of the sidebands of the widest spacing
         series, widest = max(enumerate(strips.sidebands), key=lambda own: np.ptp(own[1].place))

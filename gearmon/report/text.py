@@ -16,7 +16,7 @@ from gearmon.diagnosis.decision.words import fault_sentence
 from gearmon.diagnosis.history import HistoryTrends
 from gearmon.diagnosis.results import Analysis, Change, Flag
 from gearmon.gears.kinematics import LineTable
-from gearmon.machine import Machine, ParallelStage
+from gearmon.machine import Machine
 from gearmon.report.history_text import moment_text
 from gearmon.report.page import shipped
 from gearmon.report.wording import (
@@ -32,6 +32,7 @@ from gearmon.report.wording import (
     unit_text,
     with_uncertainty,
 )
+from gearmon.signatures.measured.provenance import tooth_counts
 from gearmon.signatures.measured.reference import Reference
 from gearmon.signatures.speed import SPEED_REACH, SPEED_TOLERANCE, Speed
 
@@ -249,16 +250,12 @@ def indicator_table(analysis: Analysis) -> tuple[Table, tuple[tuple[str, str], .
         (name, *(f"{values[c]:.4g}" if c in values else "–" for c in channels))
         for name, values in analysis.indicators.items()
     )
-    known = {_plain_name(name): None for name in analysis.indicators}
+    # what comes after a comma only says of which gear
+    known = {name.split(",")[0].replace("_", " ").strip(): None for name in analysis.indicators}
     defined = words()["indicators"]
     definitions = tuple((name, defined[name.lower()]) for name in known if name.lower() in defined)
     table = Table(headings=("Indicator", *channels), rows=rows, align="l" + "r" * len(channels))
     return table, definitions
-
-
-def _plain_name(name: str) -> str:
-    """Name of an indicator; what comes after a comma only says of which gear."""
-    return name.split(",")[0].replace("_", " ").strip()
 
 
 def change_table(analysis: Analysis) -> Table:
@@ -281,12 +278,15 @@ def change_table(analysis: Analysis) -> Table:
 
 def settings_table(analysis: Analysis, reference: Reference | None, machine: Machine) -> Table:
     """Return how the answer was found: what was given, and the lengths and limits used."""
-    signature = analysis.signature
-    lines = signature.lines
+    signature, lines = analysis.signature, analysis.signature.lines
+    points = []
+    for point in machine.operating:
+        torque = "" if point.torque_nm is None else f", {point.torque_nm:g} N·m"
+        points.append(f"{point.name}: {point.speed_rpm:g} rpm{torque}".removeprefix(": "))
     rows = [
         ("Machine file", printable(machine.path) or "none (built in a program)"),
-        ("Teeth", "; ".join(_teeth(machine))),
-        ("Operating points", "; ".join(_operating(machine))),
+        ("Teeth", tooth_counts(machine)),
+        ("Operating points", "; ".join(points)),
         ("Reference", printable("; ".join(reference.origins)) if reference else "none"),
         (
             "Search for the speed",
@@ -303,30 +303,6 @@ def settings_table(analysis: Analysis, reference: Reference | None, machine: Mac
         ("Made with", f"gearmon {__version__}"),
     ]
     return Table(headings=("Setting", "Value"), rows=tuple(rows), align="ll")
-
-
-def _teeth(machine: Machine) -> list[str]:
-    parts = []
-    for number, stage in enumerate(machine.stages, start=1):
-        name = f" ({stage.name})" if stage.name else ""
-        if isinstance(stage, ParallelStage):
-            teeth = f"{stage.pinion_teeth}/{stage.gear_teeth}"
-        else:
-            teeth = (
-                f"sun {stage.sun_teeth}, {stage.planets} planets {stage.planet_teeth}, "
-                f"ring {stage.ring_teeth}"
-            )
-        parts.append(f"stage {number}{name}: {teeth}")
-    return parts
-
-
-def _operating(machine: Machine) -> list[str]:
-    parts = []
-    for point in machine.operating:
-        torque = "" if point.torque_nm is None else f", {point.torque_nm:g} N·m"
-        name = f"{point.name}: " if point.name else ""
-        parts.append(f"{name}{point.speed_rpm:g} rpm{torque}")
-    return parts
 
 
 @dataclass(frozen=True, kw_only=True)

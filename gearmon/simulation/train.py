@@ -73,16 +73,6 @@ class Part:
     mechanics: tuple[StageMechanics, ...]
     notes: tuple[str, ...]
 
-    @property
-    def torque_in_nm(self) -> float:
-        """Torque on the input shaft under the static mesh forces [Nm]."""
-        return float(self.rows[:, 0] @ [m.force_n for m in self.mechanics])
-
-    @property
-    def lever_m(self) -> float:
-        """Lever of a mesh force on the input shaft [m]."""
-        return float(np.abs(self.rows[:, 0]).max())
-
 
 @dataclass(frozen=True, kw_only=True)
 class PartData:
@@ -420,11 +410,12 @@ def _shaft(number: int, driving: Stage, driven: Stage, after: Part) -> _Shaft:
     diameter, source = _diameter(driving, driven)
     length = SHAFT_OVER_WIDTHS * (_width(driving) + _width(driven))
     torsion = SHEAR_MODULUS_PA * math.pi * diameter**4 / (32 * length)
-    radius = after.lever_m
+    radius = float(np.abs(after.rows[:, 0]).max())
+    torque_nm = float(after.rows[:, 0] @ [own.force_n for own in after.mechanics])
     return _Shaft(
         radius_m=radius,
         stiffness=torsion / radius**2,
-        force_n=after.torque_in_nm / radius,
+        force_n=torque_nm / radius,
         note=f"shaft {number}: torsional stiffness {torsion:.3g} Nm/rad, of a steel bar "
         f"{1e3 * diameter:.3g} mm in diameter ({source}) and {1e3 * length:.3g} mm long",
     )
