@@ -163,11 +163,11 @@ def simulate(
     zero; k_p is the parabolic stiffness of pair p times the health of its two teeth and e_p the sum
     of their pitch deviations. Beyond the backlash the opposite flanks push back. W couples the
     meshes of all stages through the inertia of the gears and the torsion of the shafts between
-    them. A profile error moves all pairs alike; its force is that of the linear mesh with its mean
-    stiffness. The steps of the integration end where pairs enter and leave contact. The mesh forces pass
-    through random modes of the housing to the sensors, those of planets louder when they pass. Left
-    out are friction, lubrication, profile relief, contact beyond the line of action and the
-    yielding of bearings.
+    them. A profile error moves all pairs alike; its force is that of the linear mesh with its
+    mean stiffness. The steps of the integration end where pairs enter and leave contact. The
+    mesh forces pass through random modes of the housing to the sensors, those of planets louder
+    when they pass. Left out are friction, lubrication, profile relief, contact beyond the line
+    of action and the yielding of bearings.
 
     Examples
     --------

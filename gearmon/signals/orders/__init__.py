@@ -30,6 +30,7 @@ from gearmon.signals.orders.lines import (
     SlidingLines,
     order_lines,
     variance_of_mean,
+    without_knocks,
 )
 from gearmon.signals.orders.resampling import (
     READ_UP_TO,
@@ -71,4 +72,5 @@ __all__ = [
     "time_synchronous_average",
     "variance_of_mean",
     "whole_turns",
+    "without_knocks",
 ]
