@@ -289,7 +289,7 @@ class _Compared:
             recording=signature.origin,
             machine=self.machine.name,
             verdict=decision.verdict,
-            reason=reason(decision.verdict, evidence, flags, changes, profiles, decision.unheard),
+            reason=reason(decision, evidence, flags, changes, profiles, must_notice),
             score=score_of(evidence.strength),
             false_alarm_probability=evidence.probability,
             compared_with="reference",

@@ -7,6 +7,7 @@ with the evidence of every mesh, and the speed that is reported.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -18,7 +19,14 @@ from gearmon.signals.angle import AngleTrack
 from gearmon.signals.array_types import FloatArray
 from gearmon.signals.orders.lines import OrderSums
 from gearmon.signals.threads import at_once
-from gearmon.signals.tracking.comb import Comb, SpeedScan, SpeedTrack, clearest, scan_speed
+from gearmon.signals.tracking.comb import (
+    Comb,
+    SpeedScan,
+    SpeedTrack,
+    clearest,
+    find_path,
+    scan_speed,
+)
 from gearmon.signals.tracking.mesh_detection import (
     MeshComb,
     MeshEvidence,
@@ -105,12 +113,81 @@ def machine_comb(train: Kinematics, shaft1_hz: float) -> Comb:
     return combined_comb(mesh_combs(train, shaft1_hz), [shaft.order for shaft in train.shafts])
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GearVibration:
+    """Vibration of a gearbox, and the lines that its speed and angle are known by.
+
+    Parameters
+    ----------
+    samples : ndarray of float, shape (channels, n)
+        Vibration.
+    rate : float
+        Sampling rate [Hz].
+    train : Kinematics
+        Orders of the machine.
+    nominal_hz : float
+        Speed of shaft 1 that is meant [Hz].
+    """
+
+    samples: FloatArray
+    rate: float
+    train: Kinematics
+    nominal_hz: float
+
+    @property
+    def last_s(self) -> float:
+        """Time of the last sample [s]."""
+        return float((self.samples.shape[-1] - 1) / self.rate)
+
+    @cached_property
+    def comb(self) -> Comb:
+        """Lines that the speed is known by: meshes, sidebands, shafts."""
+        return machine_comb(self.train, self.nominal_hz)
+
+    def scan(
+        self,
+        block_s: float,
+        tolerance: float = SPEED_TOLERANCE,
+        around: SpeedTrack | None = None,
+        about_hz: float | None = None,
+    ) -> SpeedScan:
+        """Scan for the comb about the nominal speed, or another one, as `scan_speed` does."""
+        about = self.nominal_hz if about_hz is None else about_hz
+        return scan_speed(self.samples, self.rate, self.comb, about, tolerance, block_s, around)
+
+    def path(self) -> SpeedScan:
+        """Follow the comb in short blocks far about the nominal speed."""
+        return find_path(self.samples, self.rate, self.comb, self.nominal_hz, SPEED_REACH)
+
+    def orders(self, speed_hz: float) -> FloatArray:
+        """Mesh harmonics whose phases are followed while the speed is at most `speed_hz`."""
+        top = 0.45 * self.rate / speed_hz
+        found = {
+            float(order)
+            for mesh in self.train.meshes
+            for k in range(1, self._followed_harmonics(mesh) + 1)
+            for order in group_orders(mesh, k)
+        }
+        return np.array(sorted(order for order in found if order < top))
+
+    def _followed_harmonics(self, mesh: Mesh) -> int:
+        looked_at = mesh_harmonics(mesh.order * self.nominal_hz)
+        return looked_at if looked_at > MESH_HARMONICS else _HARMONICS
+
+    def sums(self, fastest_hz: float | None = None) -> OrderSums | None:
+        """Lines of the meshes up to a speed; None if all lie beyond the band.
+
+        If no speed is given, that is the fastest one about nominal.
+        """
+        if fastest_hz is None:
+            fastest_hz = self.nominal_hz * (1 + SPEED_TOLERANCE)
+        orders = self.orders(fastest_hz)
+        return OrderSums(self.samples, self.rate, orders) if len(orders) else None
+
+
 def scan_nominal_speeds(
-    samples: FloatArray,
-    rate: float,
-    train: Kinematics,
-    machine: Machine,
-) -> tuple[float, SpeedScan]:
+    samples: FloatArray, rate: float, train: Kinematics, machine: Machine
+) -> tuple[GearVibration, SpeedScan]:
     """Scan about every nominal speed of the machine; the one whose own lines are clearest is meant.
 
     Parameters
@@ -126,8 +203,8 @@ def scan_nominal_speeds(
 
     Returns
     -------
-    nominal_hz : float
-        The nominal speed [Hz].
+    signal : GearVibration
+        The vibration, with the nominal speed that is meant.
     scan : SpeedScan
         The scan about it.
 
@@ -138,19 +215,21 @@ def scan_nominal_speeds(
     """
     duration = samples.shape[-1] / rate
 
-    def scanned(nominal: float, turns: float) -> tuple[SpeedScan, Comb]:
-        comb = machine_comb(train, nominal)
-        block_s = turns / nominal if duration >= 4 * turns / nominal else duration
-        return scan_speed(samples, rate, comb, nominal, SPEED_TOLERANCE, block_s), comb
+    def scanned(signal: GearVibration, turns: float) -> SpeedScan:
+        block_s = turns / signal.nominal_hz
+        return signal.scan(block_s if duration >= 4 * block_s else duration)
 
-    speeds = sorted({point.shaft1_hz for point in machine.operating})
-    if not speeds:
+    signals = [
+        GearVibration(samples=samples, rate=rate, train=train, nominal_hz=speed)
+        for speed in sorted({point.shaft1_hz for point in machine.operating})
+    ]
+    if not signals:
         raise ArgumentError("machine has no operating point: add [operating] speed_rpm = ...")
-    nominal = speeds[0]
-    if len(speeds) > 1:
-        nominal = speeds[clearest([scanned(own, _COMPARED_TURNS) for own in speeds])]
-    slow = any(mesh_harmonics(m.order * nominal) > MESH_HARMONICS for m in train.meshes)
-    return nominal, scanned(nominal, _SLOW_MESH_TURNS if slow else _SCAN_TURNS)[0]
+    meant = signals[0]
+    if len(signals) > 1:
+        meant = signals[clearest([(scanned(own, _COMPARED_TURNS), own.comb) for own in signals])]
+    slow = any(mesh_harmonics(m.order * meant.nominal_hz) > MESH_HARMONICS for m in train.meshes)
+    return meant, scanned(meant, _SLOW_MESH_TURNS if slow else _SCAN_TURNS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -197,58 +276,6 @@ class Tracking:
         return sum(seen.clear for seen in self.evidence if seen.stands_out) >= 2
 
 
-@dataclass(frozen=True, kw_only=True)
-class GearVibration:
-    """Vibration of a gearbox, and the orders that its angle is followed by.
-
-    Parameters
-    ----------
-    samples : ndarray of float, shape (channels, n)
-        Vibration.
-    rate : float
-        Sampling rate [Hz].
-    train : Kinematics
-        Orders of the machine.
-    nominal_hz : float
-        Speed of shaft 1 that is meant [Hz].
-    """
-
-    samples: FloatArray
-    rate: float
-    train: Kinematics
-    nominal_hz: float
-
-    @property
-    def last_s(self) -> float:
-        """Time of the last sample [s]."""
-        return float((self.samples.shape[-1] - 1) / self.rate)
-
-    def orders(self, speed_hz: float) -> FloatArray:
-        """Mesh harmonics whose phases are followed while the speed is at most `speed_hz`."""
-        top = 0.45 * self.rate / speed_hz
-        found = {
-            float(order)
-            for mesh in self.train.meshes
-            for k in range(1, self._followed_harmonics(mesh) + 1)
-            for order in group_orders(mesh, k)
-        }
-        return np.array(sorted(order for order in found if order < top))
-
-    def _followed_harmonics(self, mesh: Mesh) -> int:
-        looked_at = mesh_harmonics(mesh.order * self.nominal_hz)
-        return looked_at if looked_at > MESH_HARMONICS else _HARMONICS
-
-    def sums(self, fastest_hz: float | None = None) -> OrderSums | None:
-        """Lines of the meshes up to a speed; None if all lie beyond the band.
-
-        If no speed is given, that is the fastest one about nominal.
-        """
-        if fastest_hz is None:
-            fastest_hz = self.nominal_hz * (1 + SPEED_TOLERANCE)
-        orders = self.orders(fastest_hz)
-        return OrderSums(self.samples, self.rate, orders) if len(orders) else None
-
-
 def judge(signal: GearVibration, track: AngleTrack) -> Tracking:
     """Judge the meshes on a scan about a track whose speed changes or is far from nominal.
 
@@ -268,10 +295,7 @@ def judge(signal: GearVibration, track: AngleTrack) -> Tracking:
     speed = np.diff(track.turns_at(time_s)) / np.diff(time_s)
     around = SpeedTrack(time_s=middle, speed_hz=speed, resolution_hz=float("nan"))
     block_s = min(_JUDGED_TURNS / float(speed.mean()), 0.25 * signal.last_s)
-    comb = machine_comb(signal.train, signal.nominal_hz)
-    scan = scan_speed(
-        signal.samples, signal.rate, comb, signal.nominal_hz, _JUDGED_REACH, block_s, around=around
-    )
+    scan = signal.scan(block_s, _JUDGED_REACH, around)
     centre_hz = float(np.mean(scan.middle_hz))
     return Tracking(
         track=track,
@@ -399,23 +423,15 @@ def wander(track: AngleTrack) -> float:
     return float(np.std(turns) / np.mean(turns))
 
 
-def line_peak(
-    samples: FloatArray, rate: float, train: Kinematics, track: AngleTrack, nominal_hz: float
-) -> float:
+def line_peak(signal: GearVibration, track: AngleTrack) -> float:
     """Find the speed at which lines stand in one spectrum of the whole recording.
 
     Parameters
     ----------
-    samples : ndarray of float, shape (channels, n)
-        Vibration.
-    rate : float
-        Sampling rate [Hz].
-    train : Kinematics
-        Orders of the machine.
+    signal : GearVibration
+        The recording.
     track : AngleTrack
         Angle of shaft 1.
-    nominal_hz : float
-        Nominal speed [Hz].
 
     Returns
     -------
@@ -424,13 +440,7 @@ def line_peak(
         it wanders by more than 0.1 % (standard deviation over half seconds) or there are more than
         half a million samples: then the lines have no one place in such a spectrum.
     """
-    mean, whole = track.mean_hz, samples.shape[-1] / rate
-    if (
-        track.method == "tacho"
-        or wander(track) > _PEAK_TOLERANCE
-        or samples.shape[-1] > _PEAK_SAMPLES
-    ):
+    mean, count = track.mean_hz, signal.samples.shape[-1]
+    if track.method == "tacho" or wander(track) > _PEAK_TOLERANCE or count > _PEAK_SAMPLES:
         return mean
-    comb = machine_comb(train, nominal_hz)
-    scan = scan_speed(samples, rate, comb, mean, _PEAK_TOLERANCE, whole)
-    return scan.track().mean_hz
+    return signal.scan(count / signal.rate, _PEAK_TOLERANCE, about_hz=mean).track().mean_hz

@@ -31,6 +31,7 @@ from gearmon.signatures.measured.nongear_lines import NonGearLines, nongear_line
 from gearmon.signatures.measured.provenance import digests
 from gearmon.signatures.speed import (
     SPEED_TOLERANCE,
+    GearVibration,
     Speed,
     Tracking,
     line_peak,
@@ -222,7 +223,8 @@ def measure_signature(
     for wheel in plan.wheels:
         lines = without_knocks(lines, wheel.lines, wheel.number)
     level, scatter, heard = family_levels(lines, plan)
-    peak_hz = line_peak(samples, rate, train, track, nominal_hz)
+    signal = GearVibration(samples=samples, rate=rate, train=train, nominal_hz=nominal_hz)
+    peak_hz = line_peak(signal, track)
     speed = speed_of(track, nominal_hz, peak_hz, tracking.scan, recording.duration_s)
     findings = _findings(speed, spectrum, train, combs, tracking.evidence, lines, plan)
     return MeasuredSignature(
