@@ -472,7 +472,7 @@ def _with_doubt(
             doubt, held_s = check.typical_turns(start, stop), (start, stop)
         notes += (_slips_told(check, held_s),)
     track = replace(track, uncertainty_turns=float(doubt))
-    return replace(tracking, track=track, notes=notes, held_s=held_s)
+    return replace(tracking, track=track, notes=notes, held_s=held_s, lost=share < _LOST)
 
 
 def _slips_told(check: SlipCheck, held_s: tuple[float, float] | None) -> str:
