@@ -55,8 +55,7 @@ from gearmon.harvesting.cantilever import BEAM_MATERIALS, PIEZO_MATERIALS, Piezo
 from gearmon.harvesting.harvester import FREQUENCY, CoilHarvester, Harvester, InertialHarvester
 from gearmon.harvesting.response import Tuned
 from gearmon.machine.fields import Checked, Choice, Count, FieldError, Number, held, within
-from gearmon.machine.reading import read_part, read_table, refuse_unknown_keys
-from gearmon.machine.source import read_source
+from gearmon.machine.reading import read_part, read_source, read_table, refuse_unknown_keys
 
 GRAVITY_MS2 = 9.81
 #: Degrees Celsius at which parts are measured, and the age from which tenfolds count [years].
