@@ -231,8 +231,8 @@ class Harvester(Checked, ABC):
         circular, modes = 2 * math.pi * frequency_hz, self.modes
         by_push, by_circuit = modes.compliance(circular, rows)
         leak, worth = self.circuit(loads[:, None])
-        driven = -1j * circular * by_push[0]
-        driven = driven / (leak + 1j * circular * (modes.store + by_circuit[0]))
+        around = leak + 1j * circular * (modes.store + by_circuit[0])
+        driven = -1j * circular * by_push[0] / around
         others = [(modes.direct[k] - by_circuit[k]) * driven - by_push[k] for k in range(1, rows)]
         return np.array([worth * driven, *others])
 

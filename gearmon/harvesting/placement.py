@@ -513,9 +513,7 @@ def _doubts(placed: Sequence[Placed]) -> Iterator[str]:
         )
 
 
-def _duty(
-    name: str, recordings: Sequence[Recording], shares: list[float]
-) -> Iterator[OperatingShare]:
+def _duty(name: str, given: Sequence[Recording], shares: list[float]) -> Iterator[OperatingShare]:
     """Gather what recordings tell of one channel.
 
     Raises
@@ -523,7 +521,7 @@ def _duty(
     ArgumentError
         If a recording lacks the channel or its unit.
     """
-    for recording, share in zip(recordings, shares, strict=False):
+    for recording, share in zip(given, shares, strict=False):
         own, origin = recording.select(name), recording.origin
         if own.units[0] != "m/s2":
             raise ArgumentError(

@@ -181,12 +181,16 @@ def _filtered(filtering: Complex, block: Real, denser: int = 1) -> Real:
 def by_load(
     harvester: Harvester, loads: Real, vibration: Vibration, *, peaks: bool = True
 ) -> tuple[Real, Real]:
-    """Mean power [W], shape (loads,), and peaks, shape (4, loads), from lines or a spectrum.
+    """Mean power [W], shape (loads,), and peaks, shape (4, loads), under samples if there are any.
 
-    Peaks as `OUTPUTS` has them: the largest sum over lines while they wander together, or the crest
-    of the vibration times the rms if that is less, as it always is for the bins of a spectrum; 0
-    where they are not asked for, which takes a quarter of the time.
+    Otherwise from lines or a spectrum, with peaks as `OUTPUTS` has them: the largest sum over lines
+    while they wander together, or the crest of the vibration times the rms if that is less, as it
+    always is for the bins of a spectrum; 0 where they are not asked for, which takes a quarter of
+    the time.
     """
+    if len(vibration.samples_ms2):
+        heard = [answer(harvester.with_load(load), vibration) for load in loads]
+        return np.array([a.power_w for a in heard]), np.array([a.peaks for a in heard]).T
     frequency, weights = vibration.nodes(harvester.damping_ratio)
     answers = np.abs(harvester.transfer(loads, frequency.ravel(), 4 if peaks else 1))
     weights = (weights * vibration.mean_square_m2s4 * np.ones_like(frequency)).ravel()
@@ -386,8 +390,7 @@ def _memory(steps: Real) -> float:
     if first <= 2 / math.sqrt(count) * correlation[0]:
         return 1.0
     pairs = correlation[1:-1:2] + correlation[2::2]
-    negative = np.flatnonzero(pairs <= 0)
-    kept = pairs[: negative[0]] if len(negative) else pairs
+    kept = pairs[: np.flatnonzero(np.append(pairs, 0.0) <= 0)[0]]
     return max(1.0, 1 + 2 * float(np.minimum.accumulate(kept).sum() / first))
 
 

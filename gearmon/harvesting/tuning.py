@@ -3,7 +3,8 @@
 The full response, all modes and loads, is looked at over the whole range of natural frequencies;
 the best places are refined in frequency and load together (COBYLA of `scipy.optimize`, which keeps
 limits). Limits of travel and stress are held to the peaks of the recordings themselves: the search
-guesses them from the spectrum, and the recordings then correct how high a guess may be.
+guesses them from the spectrum, the recordings correct how high a guess may be, and the best tuning
+is refined on the recordings themselves.
 """
 
 from __future__ import annotations
@@ -100,32 +101,38 @@ def _tuned(harvester: H, points: Points, limited: bool) -> tuple[Tuned[H], float
     if tuned.within_limits or not limited:
         return tuned, 1.0
     rows, fine = _rows(harvester, points), _lightened(harvester, points, FINE_BINS)
-    allowed, nearest, most = [], tuned, 1.0
+    tried, most = [(tuned, 1.0)], 1.0
     for _ in range(CORRECTIONS):
         best, _ = _best(rows, points, most)
         tuned = replace(evaluate(best, points), rivals_hz=places)
-        nearest = min(nearest, tuned, key=lambda t: t.over)
-        if tuned.within_limits:
-            allowed.append((tuned, most))
+        tried.append((tuned, most))
         guessed = float(powers_and_shares(best, fine, np.array([best.load]))[1][0])
         measured = any(answer.quantiles for answer in tuned.answers)
         wanted = guessed / tuned.over * (AIMED if measured else 1.0)
         if abs(wanted / most - 1) < 1 - AIMED:
             break
         most = wanted
+    allowed = [one for one in tried if one[0].within_limits]
     if not allowed:
+        nearest, _ = min(tried, key=lambda one: one[0].over)
         raise OverLimitsError(_refusal(nearest), nearest.over)
-    return max(allowed, key=lambda pair: pair[0].power_w)
+    tuned, most = max(allowed, key=lambda one: one[0].power_w)
+    if measured:  # how far a guess is off differs from tuning to tuning: the recordings decide
+        with suppress(ArgumentError):  # too short for the ring-down of another
+            shares = np.array([[point.share for point in points]])
+            (best,), _ = _polished([tuned.harvester], points, shares, 1.0)
+            tuned = replace(evaluate(best, points), rivals_hz=places)
+    return tuned, most
 
 
 def tuned_among(harvester: H, points: Points, places_hz: Sequence[float]) -> H:
     """Return the harvester tuned near one of a few natural frequencies, whatever its limits."""
-    rows = _rows(harvester, points, np.array(places_hz), limited=False)
+    rows = _rows(harvester, points, places_hz, limited=False)
     return _best(rows, points, math.inf)[0]  # type: ignore[no-any-return]
 
 
 def _rows(
-    harvester: Harvester, points: Points, places: Real | None = None, *, limited: bool = True
+    harvester: Harvester, points: Points, places: Any = None, *, limited: bool = True
 ) -> list[Row]:
     """Look at natural frequencies, all there are if none are given, each with many loads."""
     light, rows = _lightened(harvester, points, ROUGH_BINS), []
