@@ -197,7 +197,7 @@ class SensorBudget(Checked):
         Parameters
         ----------
         tuned : Tuned
-        steps_w : sequence of ndarray
+        steps_w : sequence of ndarray, shape (n,)
             Steps of the power at every operating point [W], the duty cycle's own or others.
 
         Returns

@@ -29,10 +29,10 @@ def test_intervals_of_whole_surveys_hold():
     assert sum(bool(days.held(seed)) for seed in range(10)) >= 7
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_power_within_a_clearance_is_the_most_that_marching_allows(seed):
-    rng = np.random.default_rng([22, seed])
-    samples = heard(rng, 8.0, 0.005, 0.2, 0.1 + 0.4 * seed, line_hz=90.0, rate=600.0)
+@pytest.mark.parametrize(("wander", "noise"), [(0.01, 0.01), (0.003, 0.5)])
+def test_power_within_a_clearance_is_the_most_that_marching_allows(wander, noise):
+    rng = np.random.default_rng([22, 1])
+    samples = heard(rng, 8.0, wander, 0.2, noise, line_hz=90.0, rate=600.0)
     samples -= samples.mean()
     coil = CoilHarvester(
         mass_kg=5e-3,
@@ -46,7 +46,7 @@ def test_power_within_a_clearance_is_the_most_that_marching_allows(seed):
     )
     shaking = vibration_of_samples(samples, 600.0)
     free = tune_harvester(coil, shaking).answers[0].travel_m
-    tight = replace(coil, clearance_m=0.6 * free)
+    tight = replace(coil, clearance_m=0.75 * free)
     found = tune_harvester(tight, shaking)
     power, (_, travel) = marched_answer(found.harvester, samples, 600.0, times=8)
     assert found.power_w == pytest.approx(power, rel=0.01)
