@@ -120,7 +120,7 @@ class MeasuredSignature(Result):
         Levels of the broadband spectrum, see `broadband_levels` [dB re 1 unit^2/Hz].
     notes : tuple of str
         What the reader should know.
-    foreign : NonGearLines or None
+    foreign : NonGearLines
         Lines that no gear explains.
     digests : tuple of str
         Mark of the samples of each channel.
@@ -147,8 +147,8 @@ class MeasuredSignature(Result):
     heard: NDArray[np.bool_]
     band_db: FloatArray
     notes: tuple[str, ...]
-    foreign: NonGearLines | None = None
-    digests: tuple[str, ...] = ()
+    foreign: NonGearLines
+    digests: tuple[str, ...]
 
     @property
     def found(self) -> bool:

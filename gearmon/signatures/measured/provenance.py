@@ -119,12 +119,7 @@ def machine_notes(machine: Machine, reference: Reference) -> list[str]:
             f"the reference was learned from {reference.machine!r}, the machine file names "
             f"{machine.name!r}: is it the same machine?"
         )
-    if not reference.version:
-        notes.append(
-            "the reference is of an older format, which does not remember sampling rate and "
-            "machine data; learn it anew to have these checked"
-        )
-    elif reference.version != __version__:
+    if reference.version != __version__:
         notes.append(
             f"the reference was learned by gearmon {reference.version}, this is {__version__}; "
             "learn it anew if levels seem to have changed"
@@ -151,8 +146,6 @@ def _check_orders(machine: Machine, reference: Reference) -> None:
 
 
 def _changed_facts(then: dict[str, Any], now: dict[str, Any]) -> list[str]:
-    if not then:
-        return []
     names = [name for name in {**then, **now} if then.get(name) != now.get(name)]
     if not names:
         return []

@@ -8,7 +8,7 @@ healthy machine changes with load. Its file is a NumPy archive with a JSON heade
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -18,14 +18,14 @@ from numpy.typing import NDArray
 
 from gearmon import __version__
 from gearmon.errors import ArgumentError, check_type
-from gearmon.files import reading_archive, write_archive
+from gearmon.files import reading_archive, restored, stored, write_archive
 from gearmon.machine import Machine
 from gearmon.result import Result
 from gearmon.signals.array_types import ComplexArray, FloatArray
 from gearmon.signals.orders import OrderLines, variance_of_mean
 from gearmon.signatures.measured.line_plan import WheelLines
 from gearmon.signatures.measured.measurement import MeasuredSignature
-from gearmon.signatures.measured.nongear_lines import NonGearLines, line_arrays, lines_from_arrays
+from gearmon.signatures.measured.nongear_lines import NonGearLines, check_lines
 from gearmon.signatures.measured.provenance import (
     check_alike,
     machine_facts,
@@ -37,23 +37,7 @@ from gearmon.signatures.measured.provenance import (
 # the latter is far too large; with few blocks it is still the better guess.
 _FEW_BLOCKS = 9
 _LEAST_OF_FEW, _LEAST = 0.25, 0.01
-FORMAT = "gearmon reference 4"
-# Without lines of no gear, broadband levels, provenance; still read.
-_OLDER_FORMATS = tuple(f"gearmon reference {number}" for number in (1, 2, 3))
-# What stands in the header of the file, and what in arrays of their own.
-_OF_WHEEL, _WHEEL_ARRAYS = (
-    ("stage", "gear", "teeth", "order"),
-    ("number", "mesh", "amplitude", "variance"),
-)
-_OF_PROFILE, _PROFILE_ARRAYS = (
-    ("origin", "speed_hz", "duration_s", "tacho", "family_names"),
-    ("level_db", "band_db", "scatter_db", "heard"),
-)
-_OF_REFERENCE = ("machine", "teeth", "channel_names", "units", "family_names")
-# What older formats do not tell.
-_PROVENANCE, _OF_SAMPLES = ("version", "machine_facts", "notes"), ("sampling_rate_hz", "digests")
-# What a profile takes over from a measured signature.
-_OF_SIGNATURE = ("origin", "duration_s", "foreign", *_PROFILE_ARRAYS, *_OF_SAMPLES)
+FORMAT = "gearmon reference 5"
 # More than any recording gives: what claims to be larger is damaged, or made to do harm.
 _MOST_DB, _MOST_LINES, _MOST_AMPLITUDE = 7000.0, 10_000_000, 1e150
 
@@ -99,7 +83,12 @@ class WheelPattern:
         floor = lines.noise[:, wheel.lines] / max(1.0, lines.independent_blocks)
         least = _LEAST_OF_FEW if len(blocks) < _FEW_BLOCKS else _LEAST
         return cls(
-            **_named(wheel, (*_OF_WHEEL, "number", "mesh")),
+            stage=wheel.stage,
+            gear=wheel.gear,
+            teeth=wheel.teeth,
+            order=wheel.order,
+            number=wheel.number,
+            mesh=wheel.mesh,
             amplitude=blocks.mean(axis=0),
             variance=np.maximum(variance_of_mean(blocks), least * floor),
         )
@@ -128,12 +117,11 @@ class Profile:
     wheels : tuple of WheelPattern
         Patterns of the gears.
     band_db : ndarray of float, shape (channels, bands)
-        Levels of the broadband spectrum, see `broadband_levels`; no bands in references of an older
-        format.
-    foreign : NonGearLines or None
-        Lines that no gear explains; None in references of the oldest format.
+        Levels of the broadband spectrum, see `broadband_levels`.
+    foreign : NonGearLines
+        Lines that no gear explains.
     sampling_rate_hz : float
-        Sampling rate [Hz]; 0 where an older format does not tell.
+        Sampling rate [Hz].
     digests : tuple of str
         Mark of the samples of each channel.
     """
@@ -148,15 +136,23 @@ class Profile:
     heard: NDArray[np.bool_]
     wheels: tuple[WheelPattern, ...]
     band_db: FloatArray
-    foreign: NonGearLines | None = None
-    sampling_rate_hz: float = 0.0
-    digests: tuple[str, ...] = ()
+    foreign: NonGearLines
+    sampling_rate_hz: float
+    digests: tuple[str, ...]
 
     @classmethod
     def of(cls, signature: MeasuredSignature) -> Profile:
         """Condense a measured signature."""
         return cls(
-            **_named(signature, _OF_SIGNATURE),
+            origin=signature.origin,
+            duration_s=signature.duration_s,
+            sampling_rate_hz=signature.sampling_rate_hz,
+            digests=signature.digests,
+            level_db=signature.level_db,
+            scatter_db=signature.scatter_db,
+            heard=signature.heard,
+            band_db=signature.band_db,
+            foreign=signature.foreign,
             speed_hz=signature.speed.estimated_hz,
             tacho=signature.track.indexed,
             family_names=tuple(family.name for family in signature.plan.families),
@@ -185,7 +181,7 @@ class Reference(Result):
     profiles : tuple of Profile
         The recordings.
     version : str
-        Of gearmon that learned it; empty in older formats.
+        Of gearmon that learned it.
     machine_facts : dict
         What the machine file said.
     notes : tuple of str
@@ -320,27 +316,8 @@ def write_reference(reference: Reference, path: str | Path) -> None:
     >>> gearmon.write_reference(reference, "healthy.ref")
     """
     check_type("reference", reference, Reference, "what gearmon.learn returns")
-    named = _named(reference, (*_OF_REFERENCE, *_PROVENANCE))
-    header: dict[str, Any] = {"format": FORMAT, **named, "profiles": []}
     arrays: dict[str, NDArray[Any]] = {}
-    for row, profile in enumerate(reference.profiles):
-        wheels = [_named(wheel, _OF_WHEEL) for wheel in profile.wheels]
-        own = _named(profile, (*_OF_PROFILE, *_OF_SAMPLES))
-        header["profiles"].append({**own, "wheels": wheels})
-        arrays |= _prefixed(f"{row}", _named(profile, _PROFILE_ARRAYS))
-        for column, wheel in enumerate(profile.wheels):
-            arrays |= _prefixed(f"{row}/{column}", _named(wheel, _WHEEL_ARRAYS))
-        if profile.foreign is not None:
-            arrays |= _prefixed(f"{row}/foreign", line_arrays(profile.foreign))
-    write_archive(path, header, arrays)
-
-
-def _named(owner: object, names: Sequence[str]) -> dict[str, Any]:
-    return {name: getattr(owner, name) for name in names}
-
-
-def _prefixed(prefix: str, arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    return {f"{prefix}/{name}": values for name, values in arrays.items()}
+    write_archive(path, {"format": FORMAT, "reference": stored(reference, arrays)}, arrays)
 
 
 def is_reference(path: str | Path) -> bool:
@@ -374,26 +351,15 @@ def read_reference(path: str | Path) -> Reference:
     >>> gearmon.read_reference("healthy.ref").origins == reference.origins
     True
     """
-    formats = (FORMAT, *_OLDER_FORMATS)
     told_of = "gearmon reference", "learn it", "make one with gearmon learn"
-    with reading_archive(path, formats, *told_of) as (header, arrays):
-        profiles = tuple(
-            _read_profile(arrays, row, entry) for row, entry in enumerate(header["profiles"])
-        )
-        told = {name: _frozen(header[name]) for name in _OF_REFERENCE}
-        told |= {name: _frozen(header[name]) for name in _PROVENANCE if name in header}
-        reference = Reference(**told, profiles=profiles)
+    with reading_archive(path, (FORMAT,), *told_of) as (header, arrays):
+        reference: Reference = restored(Reference, header["reference"], arrays)
         _check(reference)
     return reference
 
 
 def _check(reference: Reference) -> None:
     """Refuse what no recording gives: a file may be damaged and still be an archive."""
-    names = (*reference.channel_names, *reference.family_names, *reference.notes)
-    told = (reference.machine, reference.teeth, reference.version, *names)
-    told += tuple(unit for unit in reference.units if unit is not None)
-    _need(all(isinstance(text, str) for text in told), "names")
-    _need(isinstance(reference.machine_facts, dict), "machine data")
     channels = len(reference.channel_names)
     _need(0 < channels == len(set(reference.channel_names)) == len(reference.units), "channels")
     _need(bool(reference.profiles) and bool(reference.family_names), "recordings")
@@ -411,33 +377,23 @@ def _check(reference: Reference) -> None:
 def _check_profile(profile: Profile, channels: int, families: set[str]) -> None:
     shape = channels, len(profile.family_names)
     _need(families <= set(profile.family_names), "families")
-    _need(all(isinstance(text, str) for text in (profile.origin, *profile.digests)), "origin")
-    for name in ("speed_hz", "duration_s"):
-        _need(1e-6 < float(getattr(profile, name)) < 1e9, name)
-    _need(0 <= float(profile.sampling_rate_hz) < 1e12 and isinstance(profile.tacho, bool), "rate")
-    for name in ("level_db", "scatter_db"):
-        values = getattr(profile, name)
-        _need(values.shape == shape and values.dtype.kind == "f", name)
-        _need(bool((np.abs(values) < _MOST_DB).all()), name)
+    for name in ("speed_hz", "duration_s", "sampling_rate_hz"):
+        _need(1e-6 < getattr(profile, name) < 1e12, name)
+    for values in (profile.level_db, profile.scatter_db, profile.heard):
+        _need(values.shape == shape and bool((np.abs(values) < _MOST_DB).all()), "levels")
     _need(bool((profile.scatter_db >= 0).all()), "scatter_db")
-    _need(profile.heard.shape == shape and profile.heard.dtype.kind == "b", "heard")
     _need(profile.band_db.ndim == 2 and len(profile.band_db) == channels, "band_db")
-    _need(profile.band_db.dtype.kind == "f", "band_db")
     # short recordings have bands without a bin
     _need(not bool((np.abs(profile.band_db) >= _MOST_DB).any()), "band_db")
-    foreign = profile.foreign
-    _need(foreign is None or len(foreign.in_time_db) == channels, "lines of no gear")
+    check_lines(profile.foreign, channels)
 
 
 def _check_wheel(wheel: WheelPattern, channels: int) -> None:
     lines = len(wheel.number)
-    _need(isinstance(wheel.gear, str) and 0 < wheel.stage < 100 and 0 < wheel.teeth < 1e5, "gear")
-    _need(0 < float(wheel.order) < 1e4, "order")
+    _need(0 < wheel.stage < 100 and 0 < wheel.teeth < 1e5 and 0 < wheel.order < 1e4, "gear")
     _need(wheel.number.shape == wheel.mesh.shape == (lines,), "lines")
-    _need(wheel.number.dtype.kind == "i" and wheel.mesh.dtype.kind == "b", "lines")
     _need(bool(((wheel.number > 0) & (wheel.number < _MOST_LINES)).all()), "lines")
     _need(wheel.amplitude.shape == wheel.variance.shape == (channels, lines), "amplitudes")
-    _need(wheel.amplitude.dtype.kind == "c" and wheel.variance.dtype.kind == "f", "amplitudes")
     _need(bool((np.abs(wheel.amplitude) < _MOST_AMPLITUDE).all()), "amplitudes")
     positive = (wheel.variance >= 0) & (wheel.variance < _MOST_AMPLITUDE**2)
     _need(bool(positive.all()), "variances")
@@ -446,33 +402,3 @@ def _check_wheel(wheel: WheelPattern, channels: int) -> None:
 def _need(ok: bool, what: str) -> None:
     if not ok:
         raise ValueError(f"its {what} cannot be")
-
-
-def _frozen(value: Any) -> Any:
-    return tuple(value) if isinstance(value, list) else value
-
-
-def _read_profile(archive: Mapping[str, Any], row: int, entry: dict[str, Any]) -> Profile:
-    wheels = tuple(
-        WheelPattern(
-            **{name: wheel[name] for name in _OF_WHEEL},
-            **{name: archive[f"{row}/{column}/{name}"] for name in _WHEEL_ARRAYS},
-        )
-        for column, wheel in enumerate(entry["wheels"])
-    )
-    arrays = {
-        name: archive[f"{row}/{name}"]
-        for name in _PROFILE_ARRAYS
-        if name != "band_db" or f"{row}/{name}" in archive
-    }
-    arrays.setdefault("band_db", np.zeros((len(arrays["level_db"]), 0)))
-    start = f"{row}/foreign/"
-    names = [name for name in archive if name.startswith(start)]
-    stored = {name.removeprefix(start): archive[name] for name in names}
-    return Profile(
-        **{name: _frozen(entry[name]) for name in _OF_PROFILE},
-        **{name: _frozen(entry[name]) for name in _OF_SAMPLES if name in entry},
-        **arrays,
-        wheels=wheels,
-        foreign=lines_from_arrays(stored) if stored else None,
-    )
