@@ -1,16 +1,16 @@
 """Gear data -> stiffness -> Hill's equation -> the lines that a machine should show.
 
 A mesh repeats after its mesh period, a turn of the gear that is marked by damage or errors, or the
-hunting period if both are. One that repeats after a turn is solved with a guaranteed bound of its
-error. What damage changes over a hunting period, and in a planetary set, is solved from corner to
-corner of the stiffness, in the few mesh periods that differ.
+hunting period if both are. Where faults change the stiffness of one gear only, the lines have a
+guaranteed bound of their error. What moves the flanks, damage of both gears and planetary sets are
+solved from corner to corner of stiffness and excitation, in the few mesh periods that differ.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -31,17 +31,14 @@ from gearmon.signatures.expected.mesh import (
     machine_header,
     operating_point,
     refuse_no_lines,
-    rms,
 )
-from gearmon.signatures.expected.planetary_set import PosedSet, posed_stage
+from gearmon.signatures.expected.planetary_set import posed_stage
 from gearmon.signatures.signature import Signature
 
 #: Most stiffness harmonics of one problem.
 MOST_HARMONICS = 200_000
 #: Effect of stiffness harmonics above J over A^2 (R/J)^3, see `_stiffness_harmonics`.
 CUT_FACTOR = 6.0
-#: The same for the harmonics of e, and of the stiffness that they meet, see `_excitation_cut`.
-EXCITATION_FACTOR = 4.0
 
 
 def expected_signature(
@@ -89,11 +86,12 @@ def expected_signature(
 
     Notes
     -----
-    `error_bound` is the guaranteed bound of the solution for the harmonics taken of stiffness and
-    excitation, plus an estimate of what the others would change (`stiffness_cut`, from their 1/n
-    fall). Damage of both gears (method "auto") and planetary sets have an estimate instead. Lines
-    are attributed to the nearest mesh harmonic. Lines that belong to neither shaft are not listed;
-    where they were solved for, their share of the acceleration is given as `cross_lines_share`.
+    `error_bound` is the guaranteed bound of the solution for the harmonics taken of the stiffness,
+    plus an estimate of what the others would change (`stiffness_cut`, from their 1/n fall). What
+    moves the flanks (errors, missing teeth, wear), damage of both gears (method "auto") and
+    planetary sets have an estimate instead. Lines are attributed to the nearest mesh harmonic.
+    Those that belong to neither shaft are not listed; where they were solved for, their share of
+    the acceleration is given as `cross_lines_share`.
 
     Examples
     --------
@@ -149,12 +147,17 @@ def _solved(
     posed: Posed, max_hz: float, tolerance: float, method: Method, order: int | None
 ) -> SteadyLines | ContactLines:
     """Solve one stage with all that is wrong with it."""
-    if isinstance(posed, PosedMesh) and not (
-        method == "auto" and posed.is_local and len(posed.marked) > 1
-    ):
-        return _steady_lines(posed, max_hz, tolerance, method, order)
+    what = "the whole set, as the housing hears it"
+    if isinstance(posed, PosedMesh):
+        if posed.excitation is None and (method != "auto" or len(posed.marked) < 2):
+            return _steady_lines(posed, max_hz, tolerance, method, order)
+        what = "from corner to corner"
+        if method != "auto":
+            raise ArgumentError(
+                f"method={method!r} takes faults that change the stiffness only, and those of "
+                f"stage {posed.mechanics.stage} move the flanks too; leave method out"
+            )
     (found,) = faulty_lines(posed.sound, [posed], max_hz, tolerance)
-    what = "the whole set, as the housing hears it" if isinstance(posed, PosedSet) else "both gears"
     return ContactLines(**vars(found), what=what)
 
 
@@ -196,22 +199,18 @@ class SteadyLines(MeshLines):
     Parameters
     ----------
     response : Response
-        The solution in z - e.
-    mean_m : float
-        Mean of z [m].
     cut : float
-        Share of `error` that is estimated: harmonics of stiffness and excitation left out.
+        Share of `error` that is estimated: harmonics of the stiffness left out.
     """
 
     response: Response
-    mean_m: float
     cut: float
 
     def header(self) -> dict[str, Any]:
         """Return what holds for all of its lines, with how they were solved."""
         response = self.response
         return super().header() | {
-            "mean_deflection_m": self.mean_m,
+            "mean_deflection_m": float(response.displacement[0].real),
             "order_used": response.order,
             "error_bound": self.error,
             "stiffness_harmonics": len(response.problem.stiffness_harmonics),
@@ -242,48 +241,30 @@ def _steady_lines(
     posed: PosedMesh, max_hz: float, tolerance: float, method: Method, order: int | None
 ) -> SteadyLines:
     """Solve a mesh over its true period."""
-    mechanics, excitation, period = posed.mechanics, posed.excitation, posed.period
+    mechanics, period = posed.mechanics, posed.period
     shown = max(1, math.floor(max_hz * period / mechanics.mesh_frequency_hz * (1 + 1e-12)))
-    least = shown * mechanics.stiffness.period_mesh // period
-    harmonics, cut = _stiffness_harmonics(mechanics, least, tolerance)
-    problem = posed.hill_problem(harmonics)
-    moved = np.zeros(shown + 1, dtype=np.complex128)
-    if excitation is not None:
-        moved = excitation.harmonics(max(shown, len(problem.stiffness_harmonics)), period)
-        problem = problem.with_transmission_error(_used(moved[1:]))
+    harmonics, cut = _stiffness_harmonics(mechanics, shown, tolerance)
     response = steady_state(
-        problem, max(0.6 * tolerance, 1e-13), method=method, order=order, harmonics=shown
+        posed.hill_problem(harmonics),
+        max(0.6 * tolerance, 1e-13),
+        method=method,
+        order=order,
+        harmonics=shown,
     )
-    if excitation is not None:
-        cut += _excitation_cut(response, moved, period)
-    displacement = response.displacement + moved[: shown + 1]
-    found = SteadyLines(
+    return SteadyLines(
         mechanics=mechanics,
         mesh_order=posed.order,
         period=period,
         number=np.arange(1, shown + 1),
         carrier=np.zeros(shown, dtype=int),
-        displacement=displacement[1:],
+        displacement=response.displacement[1:],
         marked=posed.marked,
         method=response.method,
         error=response.error_bound + cut,
         contact_lost=response.contact_loss_angle_rad is not None,
         response=response,
-        mean_m=float(displacement[0].real),
         cut=cut,
     )
-    if not (moved[: shown + 1].any() and found.rms):
-        return found
-    # the bound is of z - e, the lines are of z
-    grown = rms(response.acceleration[1:]) / found.rms
-    return replace(found, error=found.error * grown, cut=found.cut * grown)
-
-
-def _used(error: ComplexArray) -> ComplexArray:
-    """Return the harmonics up to the last that is more than rounding error."""
-    sizes = np.abs(error)
-    used = np.flatnonzero(sizes > 1e-15 * sizes.max(initial=0.0))
-    return error[: used[-1] + 1] if len(used) else error[:0]
 
 
 def _stiffness_harmonics(
@@ -307,24 +288,3 @@ def _stiffness_harmonics(
         if cut <= 0.3 * tolerance or count == most:
             return harmonics, cut
         count = min(most, math.ceil(1.05 * count * (cut / (0.3 * tolerance)) ** (1 / 3)) + 1)
-
-
-def _excitation_cut(response: Response, moved: ComplexArray, period: int) -> float:
-    """Estimate what the harmonics of e that were left out change in the lines.
-
-    Where e jumps, |e_n| = B/n against |c_n| = A/n; above resonance z - e follows -e, and the lines
-    above N reach those shown by sum c_{n-m} e_n, about A B/N, at most 1/(2 zeta) times amplified.
-    """
-
-    def falls(lines: ComplexArray) -> float:
-        """B: the rms of n |e_n| over the last four mesh orders."""
-        last = len(lines)
-        tail = np.arange(max(1, last - 4 * period), last + 1) / period
-        return float(np.sqrt(np.sum(np.abs(lines[-len(tail) :] * tail) ** 2) / 4))
-
-    problem = response.problem
-    left = falls(moved[1:]) * falls(problem.stiffness_harmonics)
-    left *= period / (len(moved) - 1) / (2 * problem.damping_ratio or 1.0)
-    natural = (2 * math.pi * problem.natural_frequency_hz) ** 2
-    size = rms(response.acceleration[1:])
-    return EXCITATION_FACTOR * natural * left / size if size else 0.0

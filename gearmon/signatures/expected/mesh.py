@@ -143,17 +143,14 @@ class PosedMesh:
         return max(10 * own.mesh_frequency_hz, 2 * own.natural_frequency_hz)
 
     def hill_problem(self, harmonics: ComplexArray) -> HillProblem:
-        """Return its equation, given the stiffness harmonics of the period of the stiffness."""
+        """Return its equation without excitation, given the harmonics of its stiffness."""
         own = self.mechanics
-        step = self.period // own.stiffness.period_mesh
-        spread = np.zeros(len(harmonics) * step, dtype=np.complex128)
-        spread[step - 1 :: step] = harmonics
         return HillProblem(
             mass_kg=own.equivalent_mass_kg,
             damping_ns_per_m=own.damping_ns_per_m,
             stiffness_n_per_m=own.stiffness.mean_n_per_m,
-            stiffness_harmonics=spread,
-            period_s=self.period / own.mesh_frequency_hz,
+            stiffness_harmonics=harmonics,
+            period_s=own.period_s,
             force_n=own.force_n,
         )
 
