@@ -32,7 +32,7 @@ import cmath
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import product
 
 import numpy as np
@@ -44,6 +44,7 @@ from gearmon.gears.faults import GearError
 from gearmon.gears.pairs import MeshPair
 from gearmon.gears.pulses import (
     LEAST_OVERLAP,
+    LEAST_PIECE,
     POINTS,
     ComplexArray,
     FloatArray,
@@ -54,8 +55,6 @@ from gearmon.gears.pulses import (
 
 #: Rounds of putting a corner where the contact is when it is reached; each gains two digits.
 ROUNDS = 8
-#: Corners closer than this are one [mesh periods].
-NEAREST_CORNERS = 1e-11
 #: Chebyshev points of the loss of contact tried one after the other, until pulses have converged.
 NODES = (3, 5, 9, 17)
 CONVERGED = 1e-10
@@ -347,13 +346,10 @@ class ModulationTrain:
     def at(self, phase: ArrayLike) -> FloatArray:
         """Return this part of the stiffness [N/m] at `phase` [mesh periods], any shape."""
         x = np.asarray(phase, dtype=np.float64)
-        flat = x.ravel()
-        total = np.zeros(len(flat))
-        angles = [2 * np.pi * flat / offset.teeth for offset in self.offsets]
+        total = np.zeros(x.shape)
         for sign, moving in self._signed:
-            state = state_of(moving, angles, self.free_gap_m)
-            total += sign * state.share * self.family.at(flat, state.leaving, state.entering)
-        return total.reshape(x.shape)
+            total += sign * self._stiffness(moving, x)
+        return total
 
     def coefficients(self, orders: ArrayLike) -> ComplexArray:
         """Return the Fourier coefficients [N/m] at whole orders of its period.
@@ -363,19 +359,30 @@ class ModulationTrain:
         orders : array_like of int, shape (n,)
             r: order r/period_mesh of the mesh frequency; 0 gives the mean.
         """
-        return self._curve.transform(np.asarray(orders) / self.period_mesh) / self.period_mesh
+        r = np.atleast_1d(np.asarray(orders, dtype=np.int64))
+        total = np.zeros(len(r), dtype=np.complex128)
+        for sign, moving in self._signed:
+            period = math.lcm(*(offset.teeth for offset in moving))
+            own = r % (self.period_mesh // period) == 0
+            edges = np.append(np.mod(self.corners(moving, period), period), [0.0, period])
+            curve = Pulse.of(
+                distinct(edges, LEAST_PIECE),
+                partial(self._stiffness, moving),
+                POINTS + self.family.series.shape[2],
+            )
+            total[own] += sign * curve.transform(r[own] / self.period_mesh) / period
+        return total
 
-    @cached_property
-    def _curve(self) -> Pulse:
-        """One period of it, smooth between its corners."""
-        found = [np.array([0.0, self.period_mesh])]
-        found += [
-            np.mod(self.corners(moving, self.period_mesh), self.period_mesh)
-            for _, moving in self._signed
-        ]
-        edges = distinct(np.concatenate(found), NEAREST_CORNERS)
-        edges[-1] = self.period_mesh
-        return Pulse.of(edges, self.at, POINTS + self.family.series.shape[2])
+    def _stiffness(self, moving: Sequence[ContactOffset], phase: FloatArray) -> FloatArray:
+        """Return the mesh stiffness [N/m] with some of the gears moving."""
+        flat = phase.ravel()
+        state = self._state(moving, flat)
+        found = state.share * self.family.at(flat, state.leaving, state.entering)
+        return np.asarray(found.reshape(phase.shape))
+
+    def _state(self, moving: Sequence[ContactOffset], phase: FloatArray) -> OffsetState:
+        angles = [2 * np.pi * phase / offset.teeth for offset in moving]
+        return state_of(moving, angles, self.free_gap_m)
 
     def corners(self, moving: Sequence[ContactOffset], period: int) -> FloatArray:
         """Return the phases of a period at which the stiffness of this contact is not smooth.
@@ -394,7 +401,7 @@ class ModulationTrain:
         # put where the contact is when it is reached
         for _ in range(ROUNDS):
             flat = place.ravel()
-            state = state_of(moving, [2 * np.pi * flat / o.teeth for o in moving], self.free_gap_m)
+            state = self._state(moving, flat)
             own = family.limits(state.leaving + state.entering).reshape(*place.shape, -1)
             entry = family.entry(state.leaving, state.entering).reshape(place.shape)
             place = entries + face + entry + own[..., edges, edges]
@@ -412,7 +419,7 @@ class ModulationTrain:
     @cached_property
     def _signed(self) -> list[tuple[int, tuple[ContactOffset, ...]]]:
         """What moves, with one gear or both standing still, and the sign with which it enters."""
-        choices = product(*((o, ContactOffset(gear=o.gear, teeth=o.teeth)) for o in self.offsets))
+        choices = product(*((own, ContactOffset(gear=own.gear, teeth=1)) for own in self.offsets))
         signs = (math.prod(s) for s in product((1, -1), repeat=len(self.offsets)))
         return list(zip(signs, choices, strict=True))
 

@@ -171,7 +171,6 @@ class ContactLines(MeshLines):
         """Return what holds for all of its lines, with how they were solved."""
         added = " of what the faults add" if self.period > 1 else ""
         return super().header() | {
-            "mean_deflection_m": self.mechanics.static_deflection_m,
             "order_used": 0,
             "error_bound": self.error,
             "stiffness_harmonics": 0,
@@ -210,7 +209,6 @@ class SteadyLines(MeshLines):
         """Return what holds for all of its lines, with how they were solved."""
         response = self.response
         return super().header() | {
-            "mean_deflection_m": float(response.displacement[0].real),
             "order_used": response.order,
             "error_bound": self.error,
             "stiffness_harmonics": len(response.problem.stiffness_harmonics),
@@ -262,6 +260,7 @@ def _steady_lines(
         method=response.method,
         error=response.error_bound + cut,
         contact_lost=response.contact_loss_angle_rad is not None,
+        mean_m=float(response.displacement[0].real),
         response=response,
         cut=cut,
     )

@@ -86,9 +86,9 @@ def faulty_lines(
     even = healthy.heard(found.mesh, count // period, 1)
     errors = np.maximum(found.unresolved, found.mesh.unresolved)
     return [
-        _lines(posed, period, _with(even, own, heard, period), "contact", error, least <= 0)
-        for posed, own, error, least in zip(
-            faulty, heard.lines, errors.tolist(), found.least_force.tolist(), strict=True
+        _lines(posed, period, _with(even, heard, turn, period), "contact", error, least <= 0)
+        for turn, (posed, error, least) in enumerate(
+            zip(faulty, errors.tolist(), found.least_force.tolist(), strict=True)
         )
     ]
 
@@ -165,8 +165,8 @@ def _refined(
     return found
 
 
-def _with(even: Heard, own: ComplexArray, added: Heard, period: int) -> Heard:
-    """Return what a fault adds together with the even lines."""
+def _with(even: Heard, added: Heard, turn: int, period: int) -> Heard:
+    """Return what a fault adds in one of the turns together with the even lines."""
     place = np.stack(
         [
             np.concatenate([added.number, even.number * period]),
@@ -175,8 +175,8 @@ def _with(even: Heard, own: ComplexArray, added: Heard, period: int) -> Heard:
     )
     found, where = np.unique(place, axis=1, return_inverse=True)
     lines = np.zeros(found.shape[1], dtype=np.complex128)
-    np.add.at(lines, where.ravel(), np.concatenate([own, even.lines[0]]))
-    return Heard(found[0], found[1], lines[None])
+    np.add.at(lines, where.ravel(), np.concatenate([added.lines[turn], even.lines[0]]))
+    return Heard(found[0], found[1], lines[None], even.mean + added.mean[turn])
 
 
 def _lines(
@@ -194,6 +194,7 @@ def _lines(
         method=method,
         error=error,
         contact_lost=lost,
+        mean_m=float(heard.mean[0]),
     )
 
 
@@ -434,9 +435,8 @@ def loss_response(
         changes = lines_per_unit(changes.mesh, teeth, where, _kappa(faulty, grid, where))
     added = healthy.heard(changes, count, teeth)
     sound = healthy.heard(changes.mesh, count // teeth, 1)
-    still = replace(sound, lines=0 * sound.lines)
-    table, change = _with(sound, 0 * added.lines[0], added, teeth), added.lines[0]
-    change = _with(still, change, added, teeth).lines[0]
+    still, none = (replace(own, lines=0 * own.lines) for own in (sound, added))
+    table, change = _with(sound, none, 0, teeth), _with(still, added, 0, teeth).lines[0]
     turns = table.number / teeth + table.carrier * float(healthy.pass_order)
     to_acceleration = -((2 * math.pi * turns * healthy.mechanics.mesh_frequency_hz) ** 2)
     return LossResponse(

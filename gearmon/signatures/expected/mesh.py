@@ -45,11 +45,14 @@ class Heard:
         A line lies at number/P mesh orders and `carrier` turns of the carrier.
     lines : ndarray of complex, shape (turns, n)
         As `MeshLines.displacement`.
+    mean : ndarray, shape (turns,)
+        Mean deflection of the mesh, of a set that of the first one [m].
     """
 
     number: IntArray
     carrier: IntArray
     lines: ComplexArray
+    mean: FloatArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -127,7 +130,8 @@ class PosedMesh:
         """Return the lines 1..highest of a period: those of the motion along the line of action."""
         del period
         lines = np.atleast_2d(made.lines(highest))
-        return Heard(np.arange(1, highest + 1), np.zeros(highest, dtype=int), lines)
+        still = np.zeros(highest, dtype=int)
+        return Heard(np.arange(1, highest + 1), still, lines, made.mean_deflection[:, 0])
 
     @property
     def sound(self) -> PosedMesh:
@@ -297,6 +301,8 @@ class MeshLines:
         Relative error of the acceleration.
     contact_lost : bool
         Whether teeth part: the linear model ends there.
+    mean_m : float
+        Mean of z [m].
     """
 
     mechanics: StageMechanics
@@ -310,6 +316,7 @@ class MeshLines:
     method: str
     error: float
     contact_lost: bool
+    mean_m: float
 
     @property
     def order(self) -> FloatArray:
@@ -425,6 +432,7 @@ class MeshLines:
             "period_mesh": self.period,
             "method": self.method,
             "contact_lost": self.contact_lost,
+            "mean_deflection_m": self.mean_m,
             "assumptions": list(own.assumptions),
             "warnings": list(own.warnings),
         }
