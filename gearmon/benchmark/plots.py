@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gearmon.benchmark.detection import detection_summary
-from gearmon.report.palette import (
+from gearmon.report.plots import (
     BLACK,
     BLUE,
     GREEN,

@@ -20,7 +20,7 @@ from gearmon.commands.command import (
 from gearmon.commands.inputs import followed, machine_of, recording_of
 from gearmon.commands.output import DONE, finish, finish_with, show
 from gearmon.errors import ArgumentError
-from gearmon.report.text_tables import table_lines
+from gearmon.report.wording import table_lines
 from gearmon.terminal import Progress
 
 if TYPE_CHECKING:

@@ -13,8 +13,7 @@ from gearmon.commands.command import command, machine_option, option, repeatable
 from gearmon.commands.inputs import machine_of
 from gearmon.commands.output import DONE, finish_with, show
 from gearmon.errors import ArgumentError
-from gearmon.report.text_tables import table_lines
-from gearmon.report.wording import printable
+from gearmon.report.wording import printable, table_lines
 from gearmon.units import is_unit
 
 if TYPE_CHECKING:

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 from gearmon.commands.command import command, number, option, recordings
 from gearmon.commands.inputs import in_turn, machine_of, recording_of
 from gearmon.commands.output import BAD_INPUT, DONE, Rows, finish, finish_with
-from gearmon.report.text_tables import table_lines
-from gearmon.report.wording import printable
+from gearmon.report.wording import printable, table_lines
 
 if TYPE_CHECKING:
     from gearmon.signatures.measured.indicators import IndicatorTable

@@ -9,7 +9,7 @@ from typing import Any
 
 from gearmon.commands.command import command, number, option
 from gearmon.commands.output import DONE, finish, show
-from gearmon.report.text_tables import table_lines
+from gearmon.report.wording import table_lines
 
 
 @command(

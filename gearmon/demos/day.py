@@ -15,7 +15,7 @@ from gearmon.demos.conveyor import conveyor, conveyor_recording, learned
 from gearmon.diagnosis.analysis import analyse
 from gearmon.diagnosis.decision import LIMITS
 from gearmon.diagnosis.results import Analysis
-from gearmon.report.demo_plots import day_figure
+from gearmon.report.history_plots import day_figure
 from gearmon.signals.recording import Recording
 from gearmon.terminal import Progress
 

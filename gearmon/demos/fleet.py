@@ -27,7 +27,7 @@ from gearmon.files import write_atomically
 from gearmon.fleet import Fleet, alarms, read_fleet, run_fleet
 from gearmon.fleet.pages import screenshot
 from gearmon.machine import Machine, load_machine
-from gearmon.report.text_tables import table_lines
+from gearmon.report.wording import table_lines
 from gearmon.signals.recording import read_recording
 from gearmon.signals.threads import cores
 from gearmon.signatures.measured.reference import write_reference

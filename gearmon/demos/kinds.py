@@ -20,9 +20,8 @@ from gearmon.diagnosis.hypotheses.fault_kinds import judge_kind
 from gearmon.diagnosis.results import Analysis
 from gearmon.gears.faults import Fault
 from gearmon.machine import Machine
-from gearmon.report.demo_plots import kind_figure
-from gearmon.report.text_tables import table_lines
-from gearmon.report.wording import percent
+from gearmon.report.analysis_plots import kind_figure
+from gearmon.report.wording import percent, table_lines
 from gearmon.signals.recording import Recording
 from gearmon.signatures.measured.reference import Reference
 from gearmon.simulation import Settings

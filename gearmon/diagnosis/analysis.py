@@ -38,6 +38,7 @@ from gearmon.diagnosis.hypotheses.tooth_damage import (
     told_losses,
 )
 from gearmon.diagnosis.law import HealthyMachine, MachineDeviation
+from gearmon.diagnosis.law.state import SPEED_UNIT
 from gearmon.diagnosis.nongear import disturbed, nongear_findings
 from gearmon.diagnosis.results import Analysis, Change, Flag, ToothProfile
 from gearmon.errors import GearmonError, check_range
@@ -440,10 +441,11 @@ class _Compared:
             )
         speeds = [profile.speed_hz for profile in reference.profiles]
         speed = signature.speed.estimated_hz
-        if not 0.97 * min(speeds) <= speed <= 1.03 * max(speeds):
+        if min(abs(speed / known - 1) for known in speeds) > SPEED_UNIT:
             notes.append(
-                f"speed {speed:.2f} Hz lies outside the reference's {min(speeds):.2f} to "
-                f"{max(speeds):.2f} Hz by more than 3 %: resonances may change levels"
+                f"speed {speed:.2f} Hz is more than {100 * SPEED_UNIT:g} % off that of every "
+                f"healthy recording ({min(speeds):.2f} to {max(speeds):.2f} Hz): resonances may "
+                "change levels, so that levels alone call no fault"
             )
         return tuple(notes)
 

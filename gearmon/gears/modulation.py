@@ -49,6 +49,7 @@ from gearmon.gears.pulses import (
     ComplexArray,
     FloatArray,
     Pulse,
+    PulseTrain,
     distinct,
     legendre,
 )
@@ -86,6 +87,11 @@ class ContactOffset:
     leaving: complex = 0j
     entering: complex = 0j
     lead_m: complex = 0j
+
+    @property
+    def moves(self) -> bool:
+        """Whether the contact of the pairs comes and goes at other times."""
+        return bool(self.leaving or self.entering)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -375,10 +381,14 @@ class ModulationTrain:
 
     def _stiffness(self, moving: Sequence[ContactOffset], phase: FloatArray) -> FloatArray:
         """Return the mesh stiffness [N/m] with some of the gears moving."""
-        flat = phase.ravel()
+        flat, family = phase.ravel(), self.family
         state = self._state(moving, flat)
-        found = state.share * self.family.at(flat, state.leaving, state.entering)
-        return np.asarray(found.reshape(phase.shape))
+        if any(offset.moves for offset in moving):
+            found = family.at(flat, state.leaving, state.entering)
+        else:
+            # every pair is like the next
+            found = PulseTrain.healthy(family.pulse(0.0), family.overlap_ratio).at(flat)
+        return np.asarray((state.share * found).reshape(phase.shape))
 
     def _state(self, moving: Sequence[ContactOffset], phase: FloatArray) -> OffsetState:
         angles = [2 * np.pi * phase / offset.teeth for offset in moving]

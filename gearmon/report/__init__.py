@@ -56,7 +56,7 @@ from gearmon.lazy import lazily
 _OFFERED = {
     "html": ("Failure", "write_report"),
     "text": ("analysis_text", "line_table_text", "reference_text"),
-    "text_tables": ("Table", "rows_as_csv", "table_lines"),
+    "wording": ("Table", "rows_as_csv", "table_lines"),
     "history_text": ("history_lines",),
     "harvest_text": ("harvest_lines",),
     "plots": ("Picture", "save", "save_all"),

@@ -20,9 +20,9 @@ from gearmon.machine import Machine
 from gearmon.report.analysis_plots import flagged_place, profile_of, tooth_numbers
 from gearmon.report.curves import angle_spectrum, time_spectrum, turn_waveform
 from gearmon.report.history_text import told_teeth
-from gearmon.report.palette import SERIES
+from gearmon.report.plots import SERIES
 from gearmon.report.spectrum_plots import last_harmonic_hz, mesh_marks, track_of, vibration_of
-from gearmon.report.verdict import far_from_nominal
+from gearmon.report.text import far_from_nominal
 from gearmon.report.wording import gear_text, printable, shaft_text, unit_text
 from gearmon.signals.orders.maps import order_map
 from gearmon.signals.recording import Recording

@@ -14,8 +14,14 @@ from gearmon.diagnosis.history import (
     ToothTrend,
 )
 from gearmon.diagnosis.history.changes import STRAIGHT
-from gearmon.report.text_tables import table_lines
-from gearmon.report.wording import counted, gear_text, percent, printable, probability_text
+from gearmon.report.wording import (
+    counted,
+    gear_text,
+    percent,
+    printable,
+    probability_text,
+    table_lines,
+)
 
 #: Histories shorter than this are told by the minute, longer ones by the day.
 _BY_MINUTE_S = 10 * SECONDS_PER_DAY

@@ -16,21 +16,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from numpy.typing import NDArray
 
 from gearmon.diagnosis.results import Analysis
+from gearmon.report import plots
 from gearmon.report.curves import angle_spectrum, max_hold, time_spectrum
-from gearmon.report.palette import BLACK, DASHED, GREY, VERMILLION, series_colour, series_marker
-from gearmon.report.plots import (
-    Picture,
-    above,
-    colour_scale,
-    common_scale,
-    left_label,
-    legend,
-    light_grid,
-    new_figure,
-    plot_marks,
-    spread,
-    style,
-)
 from gearmon.report.wording import (
     counted,
     left_out_text,
@@ -166,8 +153,8 @@ class Strips:
 AnyMark = TypeVar("AnyMark", LineMark, Mark)
 
 
-@style()
-def amplitude_figure(analysis: Analysis, recording: Recording) -> Picture:
+@plots.style()
+def amplitude_figure(analysis: Analysis, recording: Recording) -> plots.Picture:
     """Draw the amplitude spectrum of every channel with the mesh harmonics of all stages.
 
     Parameters
@@ -222,8 +209,10 @@ def _what_to_look_for(analysis: Analysis) -> str:
     )
 
 
-@style()
-def close_up_figure(analysis: Analysis, recording: Recording, mesh: MeshFinding) -> Picture | None:
+@plots.style()
+def close_up_figure(
+    analysis: Analysis, recording: Recording, mesh: MeshFinding
+) -> plots.Picture | None:
     """Draw the surroundings of one mesh harmonic, or where it was looked for, in every channel.
 
     Parameters
@@ -285,7 +274,7 @@ def _close_up_caption(analysis: Analysis, mesh: MeshFinding) -> str:
     )
 
 
-@style()
+@plots.style()
 def spectrum_figure(found: RecordingSpectrum, ax: Sequence[Axes] = ()) -> Figure:
     """Draw a spectrum of any kind, a strip a channel; of a kurtogram a map a channel.
 
@@ -315,7 +304,7 @@ def spectrum_figure(found: RecordingSpectrum, ax: Sequence[Axes] = ()) -> Figure
     return _on_given(strips, ax) if ax else _strips_figure(strips)
 
 
-@style()
+@plots.style()
 def order_figure(found: OrderSpectra, ax: Sequence[Axes] = ()) -> Figure:
     """Draw peak amplitudes against the orders of a shaft, a strip a channel.
 
@@ -348,28 +337,28 @@ def order_axis(found: OrderSpectra) -> str:
     return f"Order (cycles a turn of shaft {found.shaft})"
 
 
-def _strips_figure(strips: Strips, heights_in: tuple[float, float] = (0.9, 1.5)) -> Picture:
+def _strips_figure(strips: Strips, heights_in: tuple[float, float] = (0.9, 1.5)) -> plots.Picture:
     """Draw one strip above the other with a common axis; `heights_in`: of many, of few strips."""
     count = min(len(strips.names), MOST_STRIPS)
     height = heights_in[0] if count > 3 else heights_in[1]
     # room above for a legend, or for the names of the lines, sideways
     top = 0.45 if strips.sidebands else 0.7 if strips.marks else 0.26
-    figure, axes = new_figure([height] * count, top_in=top, sharex=True)
+    figure, axes = plots.new_figure([height] * count, top_in=top, sharex=True)
     for channel, ax in enumerate(axes):
         ax.set_ylabel(_plot_strip(strips, channel, ax), fontsize=7)
     if len(set(strips.units)) == 1:
-        common_scale(axes)
+        plots.common_scale(axes)
     if strips.sidebands:
         # the numbers of the sidebands of the widest spacing
         series, widest = max(enumerate(strips.sidebands), key=lambda own: np.ptp(own[1].place))
         for place, number in zip(widest.place, widest.number, strict=True):
             name = f"{number:+d}".replace("-", "−")
-            above(axes[0], place, name, 1.5, fontsize=6.5, color=series_colour(series))
-        legend(figure, axes)
+            plots.above(axes[0], place, name, 1.5, fontsize=6.5, color=plots.series_colour(series))
+        plots.legend(figure, axes)
     else:
         label_marks(strips.marks, axes[0])
     axes[-1].set_xlabel(strips.axis)
-    left_label(figure, axes, strips.what)
+    plots.left_label(figure, axes, strips.what)
     return figure
 
 
@@ -386,18 +375,18 @@ def _on_given(strips: Strips, axes: Sequence[Axes]) -> Figure:
 def _plot_strip(strips: Strips, channel: int, ax: Axes) -> str:
     """Draw the spectrum of a channel with its marks; return what its values are."""
     for mark in strips.marks:
-        colour = series_colour(mark.series)
+        colour = plots.series_colour(mark.series)
         if mark.half_width > 0:
             low, high = mark.place - mark.half_width, mark.place + mark.half_width
             ax.axvspan(low, high, color=colour, alpha=0.13, linewidth=0)
-        ax.axvline(mark.place, color=colour, linewidth=0.8, linestyle=DASHED, alpha=0.8)
+        ax.axvline(mark.place, color=colour, linewidth=0.8, linestyle=plots.DASHED, alpha=0.8)
     place, values = max_hold(strips.place, strips.values[channel])
-    ax.plot(place, values, color=BLACK, linewidth=0.55)
+    ax.plot(place, values, color=plots.BLACK, linewidth=0.55)
     for series, own in enumerate(strips.sidebands):
         _plot_sidebands(own, channel, series, ax)
     if len(place) > 1:
         ax.set_xlim(place[0], place[-1])
-    light_grid(ax)
+    plots.light_grid(ax)
     name = strips.names[channel]
     if strips.linear:
         return shortened(name, 12)
@@ -422,13 +411,13 @@ def _decades(values: FloatArray, everything: FloatArray, ax: Axes) -> None:
 
 
 def _plot_sidebands(own: Sidebands, channel: int, series: int, ax: Axes) -> None:
-    colour, detected = series_colour(series), np.isfinite(own.amplitude[channel])
+    colour, detected = plots.series_colour(series), np.isfinite(own.amplitude[channel])
     places, sizes = own.place[detected], own.amplitude[channel, detected]
     open_ = {"markerfacecolor": "none", "markeredgewidth": 1.0, "label": f"sidebands of {own.name}"}
-    plot_marks(ax, places, sizes, series_marker(series), 4.2, colour, **open_)
+    plots.plot_marks(ax, places, sizes, plots.series_marker(series), 4.2, colour, **open_)
     # ticks at the bottom show every place, detected or not
     foot = {"transform": ax.get_xaxis_transform(), "clip_on": False}
-    plot_marks(ax, own.place, 0 * own.place, TICKUP, 4 if series % 2 else 6, colour, **foot)
+    plots.plot_marks(ax, own.place, 0 * own.place, TICKUP, 4 if series % 2 else 6, colour, **foot)
 
 
 def label_marks(marks: Sequence[LineMark], ax: Axes) -> None:
@@ -437,14 +426,14 @@ def label_marks(marks: Sequence[LineMark], ax: Axes) -> None:
     share = [(mark.place - low) / (high - low) for mark in marks]
     widest = max((mark.label.count("\n") + 1 for mark in marks), default=1)
     narrow = min(1.0, ax.get_position().width / _USUAL_WIDTH)
-    places = spread(share, widest * _LABEL_WIDTH / narrow, 0.0, 1.0)
+    places = plots.spread(share, widest * _LABEL_WIDTH / narrow, 0.0, 1.0)
     up = 0.1 / (ax.get_position().height * ax.get_figure(root=True).get_figheight())  # type: ignore[union-attr]
-    line: dict[str, Any] = {"transform": ax.transAxes, "color": GREY, "linewidth": 0.4}
+    line: dict[str, Any] = {"transform": ax.transAxes, "color": plots.GREY, "linewidth": 0.4}
     text: dict[str, Any] = {"transform": ax.transAxes, "rotation": 90, "linespacing": 0.95}
     text |= {"ha": "center", "va": "bottom", "fontsize": 6.5}
     for mark, at, place in zip(marks, share, places, strict=True):
         ax.plot([at, place], [1.0, 1.0 + up], clip_on=False, **line)
-        ax.text(place, 1.0 + 1.2 * up, mark.label, color=series_colour(mark.series), **text)
+        ax.text(place, 1.0 + 1.2 * up, mark.label, color=plots.series_colour(mark.series), **text)
 
 
 def line_marks(marks: Sequence[Mark], low: float, high: float) -> tuple[LineMark, ...]:
@@ -624,9 +613,9 @@ def _strips(
     )
 
 
-def _kurtogram_figure(found: RecordingSpectrum) -> Picture:
+def _kurtogram_figure(found: RecordingSpectrum) -> plots.Picture:
     shown = found.kurtograms[:MOST_STRIPS]
-    figure, axes = new_figure(
+    figure, axes = plots.new_figure(
         [0.135 * len(own.bands) for own in shown],
         gap_in=0.55,
         right_in=0.85,
@@ -637,9 +626,9 @@ def _kurtogram_figure(found: RecordingSpectrum) -> Picture:
         image = _plot_kurtogram(own, ax)
         low, high, top = own.best
         ax.set_title(f"{shortened(name)}: most impulsive {low:.6g} to {high:.6g} Hz, K = {top:.3g}")
-        colour_scale(figure, ax, image).set_label("Kurtosis")
+        plots.colour_scale(figure, ax, image).set_label("Kurtosis")
     axes[-1].set_xlabel("Frequency (Hz)")
-    left_label(figure, axes, "Bandwidth (Hz)")
+    plots.left_label(figure, axes, "Bandwidth (Hz)")
     return figure
 
 
@@ -666,7 +655,9 @@ def _plot_kurtogram(own: Kurtogram, ax: Axes) -> AxesImage:
     )
     low, high, _ = own.best
     row = int(np.argmax([float(level.max()) for level in own.kurtosis]))
-    frame = Rectangle((low, row), high - low, 1, fill=False, edgecolor=VERMILLION, linewidth=1.4)
+    frame = Rectangle(
+        (low, row), high - low, 1, fill=False, edgecolor=plots.VERMILLION, linewidth=1.4
+    )
     ax.add_patch(frame).set_clip_on(False)
     widths = [own.rate / 2 / bands for bands in own.bands[::2]]
     ax.set_yticks(np.arange(rows)[::2] + 0.5, [f"{w:.0f}" if w > 1 else f"{w:.3g}" for w in widths])

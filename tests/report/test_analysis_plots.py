@@ -9,14 +9,12 @@ import pytest
 
 from gearmon.report.analysis_plots import (
     analysis_figures,
+    changes_figure,
+    family_groups,
     flagged_place,
     profile_of,
     speed_figure,
     turn_figure,
-)
-from gearmon.report.level_plots import (
-    changes_figure,
-    family_groups,
 )
 from gearmon.report.spectrum_plots import (
     amplitude_figure,

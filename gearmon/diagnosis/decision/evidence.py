@@ -69,6 +69,11 @@ class Evidence:
             # a shorter recording has shorter blocks, which part lines from their neighbours less
             "levels": levels * deviation.length,
             "path": path_strength(self.path) * deviation.length,
+        }
+        if deviation.speed_off > 1.0:
+            # lines have moved across the modes of the path, which may change levels by any amount
+            told = {name: min(value, LIMITS.off_speed) for name, value in told.items()}
+        told |= {
             "runout": rare_strength([one.log10_probability for one in self.runout]),
             "lines of no gear": rare_strength([one.log10_probability for one in self.nongear]),
         }

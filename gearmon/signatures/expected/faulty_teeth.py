@@ -167,16 +167,13 @@ def _refined(
 
 def _with(even: Heard, added: Heard, turn: int, period: int) -> Heard:
     """Return what a fault adds in one of the turns together with the even lines."""
-    place = np.stack(
-        [
-            np.concatenate([added.number, even.number * period]),
-            np.concatenate([added.carrier, even.carrier]),
-        ]
-    )
-    found, where = np.unique(place, axis=1, return_inverse=True)
-    lines = np.zeros(found.shape[1], dtype=np.complex128)
-    np.add.at(lines, where.ravel(), np.concatenate([added.lines[turn], even.lines[0]]))
-    return Heard(found[0], found[1], lines[None], even.mean + added.mean[turn])
+    number = np.concatenate([added.number, even.number * period])
+    carrier = np.concatenate([added.carrier, even.carrier])
+    span = 1 + 2 * int(np.abs(carrier).max(initial=0))
+    _, first, where = np.unique(number * span + carrier, return_index=True, return_inverse=True)
+    lines = np.zeros(len(first), dtype=np.complex128)
+    np.add.at(lines, where, np.concatenate([added.lines[turn], even.lines[0]]))
+    return Heard(number[first], carrier[first], lines[None], even.mean + added.mean[turn])
 
 
 def _lines(

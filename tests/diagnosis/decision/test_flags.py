@@ -33,7 +33,7 @@ def levels(standardised=0.0, gain_db=0.0):
     )
 
 
-def evidence(own=None, lines=0.0, noise=0.0, noise_gain_db=0.0, runout=(), heavy=0.0):
+def evidence(own=None, lines=0.0, noise=0.0, noise_gain_db=0.0, runout=(), **off):
     """Evidence of a departing gear, changed lines, changed noise or grown runout."""
     finding = None
     if own is not None:
@@ -52,8 +52,7 @@ def evidence(own=None, lines=0.0, noise=0.0, noise_gain_db=0.0, runout=(), heavy
     deviation = MachineDeviation(
         state=np.zeros(2),
         gap=0.0,
-        light=0.0,
-        heavy=heavy,
+        **({"light": 0.0, "heavy": 0.0, "speed_off": 0.0} | off),
         length=1.0,
         gears=(own.difference,) if own is not None else (),
         family_names=(),
@@ -223,6 +222,13 @@ def test_noise_that_fell_anywhere_was_not_added():
     fell = replace(rose.deviation, broadband=replace(rose.deviation.broadband, rest_db=rest))
     flags = flags_of(replace(rose, deviation=fell), None, [change(-10.0)], common=0.7)
     assert [flag.kind for flag in flags] == ["path changed"]
+
+
+@pytest.mark.parametrize(("off", "verdict"), [(0.5, "fault"), (1.6, "cannot tell")])
+def test_levels_alone_call_no_fault_at_a_speed_that_nobody_learned(off, verdict):
+    found = evidence(lines=4.0, speed_off=off)
+    assert decide(found).verdict == verdict
+    assert bool(flags_of(found, None, [change(-10.0)], 0.7)) == (verdict == "fault")
 
 
 @pytest.mark.parametrize(("heavy", "verdict"), [(0.6, "healthy"), (0.9, "cannot tell")])
