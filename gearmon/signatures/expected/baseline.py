@@ -169,7 +169,7 @@ class ContactLines(MeshLines):
 
     def header(self) -> dict[str, Any]:
         """Return what holds for all of its lines, with how they were solved."""
-        added = " of what the faults add" if self.period > 1 else ""
+        added = " of what the faults add" if self.period > 1 and self.method == "contact" else ""
         return super().header() | {
             "order_used": 0,
             "error_bound": self.error,
