@@ -12,7 +12,7 @@ A pair that lacks material gives way to its neighbours: the mesh sees ``sum_i k_
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -229,67 +229,6 @@ def _bridge(pair: ToothPair) -> Pulse | None:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FlankExcitation:
-    """Displacement excitation by one `FlankError`.
-
-    Parameters
-    ----------
-    stiffness : MeshStiffness
-    error : FlankError
-    """
-
-    stiffness: MeshStiffness
-    error: FlankError
-
-    @cached_property
-    def period_mesh(self) -> int:
-        """True period [mesh periods], with that of the stiffness that shares the load."""
-        return math.lcm(self.stiffness.period_mesh, self.error.period_mesh)
-
-    def at(self, phase: FloatArray) -> FloatArray:
-        """Return e [m] at mesh phases."""
-        stiffness = self.stiffness.at(phase)
-        # without any load nothing is transmitted either
-        return np.asarray(self.force.at(phase) / np.where(stiffness > 0, stiffness, 1.0))
-
-    @cached_property
-    def force(self) -> PulseTrain:
-        """sum_i k_i e_i [N], the force that would close all gaps."""
-        gaps: dict[int, Pulse] = {}
-        terms = []
-        for entry in self._entries:
-            for term in self._terms_of(entry):
-                key = id(term.pulse)
-                if key not in gaps:
-                    gaps[key] = term.pulse.times(self.error.gap.value, self.error.gap.edges)
-                terms.append(replace(term, pulse=gaps[key], offset=float(entry)))
-        healthy = self.stiffness.healthy
-        return replace(
-            healthy, gear=self.error.gear, period_mesh=self.period_mesh, terms=tuple(terms)
-        )
-
-    @property
-    def _entries(self) -> range:
-        found = range((self.error.tooth or 1) - 1, self.period_mesh, self.error.period_mesh)
-        if len(found) > MOST_CONTACTS:
-            raise ArgumentError(
-                f"the errors repeat after {self.period_mesh} mesh periods only, in which their "
-                f"flanks meet {len(found)} times, more than {MOST_CONTACTS}; ask for errors and "
-                f"faults of one gear at a time"
-            )
-        return found
-
-    def _terms_of(self, entry: int) -> Iterable[PulseTerm]:
-        """Give what makes up the stiffness of the pair that enters at `entry`."""
-        yield from self.stiffness.healthy.terms
-        for train in self.stiffness.pulses:
-            for term in train.terms:
-                # a term without pieces takes nothing
-                if (entry - round(term.offset)) % train.period_mesh == 0 and len(term.pulse.starts):
-                    yield term
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class Excitation:
     """Displacement excitation of a mesh.
 
@@ -305,15 +244,6 @@ class Excitation:
     errors: tuple[TurningError | FlankError, ...]
     warnings: tuple[str, ...] = ()
 
-    @cached_property
-    def parts(self) -> tuple[TurningError | FlankExcitation, ...]:
-        """What adds up to e, each with a period of its own."""
-        even = replace(self.stiffness, modulations=())
-        return tuple(
-            FlankExcitation(stiffness=even, error=e) if isinstance(e, FlankError) else e
-            for e in self.errors
-        )
-
     @property
     def period_mesh(self) -> int:
         """True period [mesh periods], of errors and stiffness together."""
@@ -322,7 +252,49 @@ class Excitation:
     def at(self, phase: ArrayLike) -> FloatArray:
         """Return e [m] at mesh phases, any shape; positive where material is missing."""
         x = np.asarray(phase, dtype=np.float64)
-        return np.asarray(sum((part.at(x) for part in self.parts), np.zeros(x.shape)))
+        total = np.zeros(x.shape)
+        for error in self.errors:
+            if isinstance(error, TurningError):
+                total += error.at(x)
+        if self._forces:
+            stiffness = replace(self.stiffness, modulations=()).at(x)
+            # without any load nothing is transmitted either
+            total += sum(force.at(x) for force in self._forces) / np.where(
+                stiffness > 0, stiffness, 1
+            )
+        return total
+
+    @cached_property
+    def _forces(self) -> list[PulseTrain]:
+        """sum_i k_i e_i [N] of every flank error: the force that would close all its gaps."""
+        found = []
+        for error in self.errors:
+            if isinstance(error, FlankError):
+                period = math.lcm(
+                    error.period_mesh, *(train.period_mesh for train in self.stiffness.pulses)
+                )
+                terms = tuple(self._closing(error, period))
+                healthy = self.stiffness.healthy
+                found.append(replace(healthy, gear=error.gear, period_mesh=period, terms=terms))
+        return found
+
+    def _closing(self, error: FlankError, period: int) -> Iterator[PulseTerm]:
+        """Give what makes up the stiffness of the pairs with an error, times the error."""
+        entries = range((error.tooth or 1) - 1, period, error.period_mesh)
+        if len(entries) > MOST_CONTACTS:
+            raise ArgumentError(
+                f"the errors repeat after {period} mesh periods only, in which their flanks meet "
+                f"{len(entries)} times, more than {MOST_CONTACTS}; ask for errors and faults of "
+                f"one gear at a time"
+            )
+        for train in self.stiffness.trains:
+            for term in train.terms:
+                # a term without pieces takes nothing
+                if len(term.pulse.series):
+                    gap = term.pulse.times(error.gap.value, error.gap.edges)
+                    for entry in entries:
+                        if (entry - round(term.offset)) % train.period_mesh == 0:
+                            yield replace(term, pulse=gap, offset=float(entry))
 
 
 def displacement_excitation(
