@@ -1,6 +1,6 @@
 """Condition indicators of a recording, gear by gear: values, what they are of, and their run.
 
-What a gear's signals hold and what was taken out of them is told in `gear_signals`. NA4 and NB4
+What a gear's signals hold and what was taken out of them is told in `gear_averages`. NA4 and NB4
 compare with the run before; what they remember of it is an `IndicatorHistory`, kept in a file.
 """
 
@@ -23,7 +23,7 @@ from gearmon.signals.array_types import FloatArray
 from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signals.threads import at_once
-from gearmon.signatures.measured.gear_signals import GearSignals, gear_signals
+from gearmon.signatures.gear_averages import GearSignals, gear_signals
 from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature
 
 Table = dict[str, dict[str, float]]

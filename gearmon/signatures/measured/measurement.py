@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -27,7 +28,6 @@ from gearmon.signals.tracking.sideband_spacing import (
 )
 from gearmon.signatures.measured.line_plan import LinePlan, line_plan, mesh_harmonics
 from gearmon.signatures.measured.nongear_lines import NonGearLines, nongear_lines
-from gearmon.signatures.measured.provenance import digests
 from gearmon.signatures.speed import (
     SPEED_TOLERANCE,
     Speed,
@@ -241,6 +241,17 @@ def measure_signature(
         foreign=foreign,
         digests=digests(samples),
     )
+
+
+def digests(samples: FloatArray) -> tuple[str, ...]:
+    """Return a mark of each channel that no other recording has.
+
+    Parameters
+    ----------
+    samples : ndarray of float, shape (channels, n)
+    """
+    rows = (np.ascontiguousarray(row) for row in samples)
+    return tuple(hashlib.blake2b(row.data, digest_size=12).hexdigest() for row in rows)
 
 
 def _tracked(
