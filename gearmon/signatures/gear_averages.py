@@ -221,6 +221,17 @@ class GearAverage:
         return np.arange(float(self.average.per_turn)) / self.average.per_turn
 
     @property
+    def columns(self) -> dict[str, FloatArray]:
+        """What is told of every angle, by name, shape (channels, per_turn)."""
+        return {
+            "average": self.average.waveform,
+            "standard_error": self.average.waveform_error,
+            "residual": self.signals.residual,
+            "difference": self.signals.difference,
+            "regular": self.signals.regular,
+        }
+
+    @property
     def removed_orders(self) -> dict[str, tuple[float, ...]]:
         """Orders of shaft 1 taken out to get the residual and the difference signal."""
         return self.signals.removed_orders
@@ -282,20 +293,13 @@ class GearAverages(Result):
         }
 
     def _waveform_rows(self, own: GearAverage) -> Iterator[dict[str, Any]]:
-        columns = {
-            "average": own.average.waveform,
-            "standard_error": own.average.waveform_error,
-            "residual": own.signals.residual,
-            "difference": own.signals.difference,
-            "regular": own.signals.regular,
-        }
         for row in range(len(self.channel_names)):
             for index, angle in enumerate(own.angle_turns.tolist()):
                 turned = {"angle_turns": angle, "angle_teeth": angle * own.teeth}
                 yield (
                     self._place(own, row)
                     | turned
-                    | {name: _short(values[row, index]) for name, values in columns.items()}
+                    | {name: _short(values[row, index]) for name, values in own.columns.items()}
                 )
 
     def _line_rows(self, own: GearAverage) -> Iterator[dict[str, Any]]:
@@ -319,7 +323,7 @@ class GearAverages(Result):
         return {"stage": own.stage, "gear": own.gear, "channel": channel, "unit": unit}
 
     def _brief(self, own: GearAverage) -> dict[str, Any]:
-        average, signals = own.average, own.signals
+        average = own.average
         return {
             "stage": own.stage,
             "gear": own.gear,
@@ -330,15 +334,8 @@ class GearAverages(Result):
             "per_turn": average.per_turn,
             "numbered": own.numbered,
             "channels": [
-                {
-                    "channel": channel,
-                    "unit": self.units[row] or "",
-                    "average_rms": float(np.std(average.waveform[row])),
-                    "standard_error_rms": float(np.sqrt(np.mean(average.waveform_error[row] ** 2))),
-                    "residual_rms": float(np.std(signals.residual[row])),
-                    "difference_rms": float(np.std(signals.difference[row])),
-                    "regular_rms": float(np.std(signals.regular[row])),
-                }
+                {"channel": channel, "unit": self.units[row] or ""}
+                | {f"{name}_rms": _rms(name, values[row]) for name, values in own.columns.items()}
                 for row, channel in enumerate(self.channel_names)
             ],
             "removed_orders": {name: list(taken) for name, taken in own.removed_orders.items()},
@@ -482,3 +479,9 @@ def wheel_lines(stage: int, wheel: Wheel, train: Kinematics, top: int) -> WheelL
 def _short(value: float) -> float:
     """Return a value to seven digits: tables of waveforms are long."""
     return float(f"{value:.7g}")
+
+
+def _rms(name: str, values: FloatArray) -> float:
+    """Return the size of a signal without its mean, or of its errors."""
+    centred = values if name == "standard_error" else values - values.mean()
+    return float(np.sqrt(np.mean(centred**2)))

@@ -245,7 +245,7 @@ def test_errors_of_helical_gears():
     ("fault", "words"),
     [
         ("excentricity:1:pinion:all:20um", "did you mean eccentricity"),
-        ("eccentricity:2:pinion:all:20um", "stage 2 must lie in"),
+        ("eccentricity:2:pinion:all:20um", "stage 2 does not exist"),
         ("pitch:1:pinion:10:20um", "tooth 10 does not exist"),
     ],
 )

@@ -20,7 +20,7 @@ from gearmon.dynamics import Method, Response, steady_state
 from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.gears.faults import faults_of
 from gearmon.gears.mechanics import StageMechanics
-from gearmon.machine import Machine, MachineLike, load_machine
+from gearmon.machine import MachineLike, load_machine
 from gearmon.signals.array_types import ComplexArray
 from gearmon.signatures.expected.faulty_teeth import Posed, faulty_lines
 from gearmon.signatures.expected.mesh import (
@@ -101,7 +101,7 @@ def expected_signature(
     """
     machine = load_machine(machine)
     operating_point(machine, operating)
-    known = _faults(machine, faults)
+    known = faults_of(faults, errors=True, stages=len(machine.stages))
     if max_hz is not None:
         check_positive("max_hz", max_hz, "Hz")
     check_range("tolerance", tolerance, 1e-13, 1.0)
@@ -121,16 +121,6 @@ def expected_signature(
         refuse_no_lines(mechanics, max_hz)
     header = machine_header(machine, operating, known, stages) | {"tolerance": tolerance}
     return Signature(machine=machine.name, origin="expected", header=header, columns=joined(tables))
-
-
-def _faults(machine: Machine, faults: Iterable[Wrong | str]) -> tuple[Wrong, ...]:
-    known = faults_of(faults, errors=True)
-    for fault in known:
-        if fault.stage > len(machine.stages):
-            raise ArgumentError(
-                f"fault {fault}: stage {fault.stage} must lie in [1, {len(machine.stages)}]"
-            )
-    return known
 
 
 def _listed(lines: MeshLines, max_hz: float) -> tuple[dict[str, npt.NDArray[Any]], float]:

@@ -136,7 +136,7 @@ class PosedMesh:
     @property
     def sound(self) -> PosedMesh:
         """The same mesh with nothing wrong."""
-        mechanics = replace(self.mechanics, stiffness=self.mechanics.stiffness.only(()))
+        mechanics = replace(self.mechanics, stiffness=self.mechanics.stiffness.unmarked)
         return replace(self, mechanics=mechanics, excitation=None)
 
     def limit_hz(self, max_hz: float | None) -> float:
