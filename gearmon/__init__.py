@@ -82,8 +82,8 @@ _OFFERED = {
     "machine": ("Machine", "load_machine"),
     "report.html": ("write_report",),
     "signals.orders.averages": ("time_synchronous_average",),
-    "signals.orders.maps": ("order_map",),
     "signals.orders.resampling": ("angular_waveform",),
+    "signals.orders.spectra": ("order_map",),
     "signals.recording": ("Recording", "read_recording", "open_recording"),
     "signatures.expected.baseline": ("expected_signature",),
     "signatures.expected.fault_family": ("fault_family",),
@@ -121,7 +121,7 @@ if TYPE_CHECKING:
     from gearmon.report.html import write_report as write_report
     from gearmon.signals.orders import angular_waveform as angular_waveform
     from gearmon.signals.orders.averages import time_synchronous_average as time_synchronous_average
-    from gearmon.signals.orders.maps import order_map as order_map
+    from gearmon.signals.orders.spectra import order_map as order_map
     from gearmon.signals.recording import Recording as Recording
     from gearmon.signals.recording import open_recording as open_recording
     from gearmon.signals.recording import read_recording as read_recording

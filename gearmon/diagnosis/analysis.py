@@ -321,9 +321,12 @@ class _Compared:
         whole = len(disturbed_families) == len(signature.plan.families)
         deviation = healthy.deviation(self.own, self.rows, () if whole else disturbed_families)
         theirs = [profile.wheels for profile in self.reference.profiles]
+        finding = find_tooth(self.own, deviation, healthy, self.machine)
         return Evidence(
             deviation=deviation,
-            finding=find_tooth(self.own, deviation, healthy, self.machine),
+            finding=finding,
+            recurrence=self._recurrence(finding),
+            knocks=signature.lines.knocked,
             path=path_change(deviation.levels, self._families(deviation)),
             runout=runout_growth(
                 turn_changes(self.own.wheels, self.rows, theirs, healthy.rows),
@@ -334,6 +337,15 @@ class _Compared:
             angle=signature.track.uncertainty_turns
             * max(mesh.order for mesh in kinematics(self.machine).meshes),
         )
+
+    def _recurrence(self, finding: ToothFinding | None) -> float:
+        """How surely what was found comes again with every turn; not asked where it is weak."""
+        if finding is None or tooth_strength(finding.evidence) < LIMITS.open:
+            return np.inf
+        found, plan, lines = finding.best, self.signature.plan, self.signature.lines
+        wheel = next(own for own in plan.wheels if (own.stage, own.gear) == found.key)
+        blocks = lines.amplitude[:, list(self.rows)][:, :, wheel.lines]
+        return found.deviation.recurrence(found.tooth, blocks, wheel.number)
 
     def _flags(
         self, evidence: Evidence, changes: tuple[Change, ...], profiles: Sequence[ToothProfile]

@@ -24,7 +24,7 @@ from gearmon.report.plots import SERIES
 from gearmon.report.spectrum_plots import last_harmonic_hz, mesh_marks, track_of, vibration_of
 from gearmon.report.text import far_from_nominal
 from gearmon.report.wording import gear_text, printable, shaft_text, unit_text
-from gearmon.signals.orders.maps import order_map
+from gearmon.signals.orders.spectra import order_map
 from gearmon.signals.recording import Recording
 from gearmon.signals.tracking.comb import scan_speed
 from gearmon.signals.transforms import fast_length

@@ -13,7 +13,7 @@ from gearmon.result import Result, with_units
 from gearmon.signals.array_types import FloatArray
 from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.orders import READ_UP_TO
-from gearmon.signals.orders.maps import OrderMap, order_map
+from gearmon.signals.orders.spectra import OrderMap, order_map
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signatures.measured.line_plan import MESH_HARMONICS, Mark, machine_marks, mark_near
 from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature

@@ -16,7 +16,7 @@ from gearmon.machine import Machine
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.array_types import FloatArray
-from gearmon.signals.orders.sums import OrderSums
+from gearmon.signals.orders.lines import OrderSums
 from gearmon.signals.threads import at_once
 from gearmon.signals.tracking.comb import Comb, SpeedScan, SpeedTrack, clearest, scan_speed
 from gearmon.signals.tracking.mesh_detection import (

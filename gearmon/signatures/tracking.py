@@ -17,10 +17,11 @@ from gearmon.errors import ArgumentError, RecordingError
 from gearmon.gears.kinematics import Kinematics
 from gearmon.machine import Machine
 from gearmon.signals.angle import AngleTrack
-from gearmon.signals.orders.fine_spectra import fine_order_spectrum
-from gearmon.signals.orders.sums import OrderSums
+from gearmon.signals.orders.lines import OrderSums
+from gearmon.signals.orders.spectra import fine_order_spectrum
 from gearmon.signals.recording import Recording
 from gearmon.signals.tracking.comb import SpeedScan, clearest, find_path, scan_speed
+from gearmon.signals.tracking.mesh_detection import sideband_spacing
 from gearmon.signals.tracking.phases import (
     coherent_share,
     follow_speed,
@@ -29,11 +30,9 @@ from gearmon.signals.tracking.phases import (
     refine_track,
     unwarp,
 )
-from gearmon.signals.tracking.sideband_spacing import sideband_spacing
+from gearmon.signals.tracking.pulses import TachoPulses, find_pulses
 from gearmon.signals.tracking.slips import LEAST_TURNS, SlipCheck, check_slips, mend_slips
 from gearmon.signals.tracking.tacho import (
-    TachoPulses,
-    find_pulses,
     join,
     pulse_angles,
     pulses_per_turn,

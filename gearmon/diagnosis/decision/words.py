@@ -90,7 +90,12 @@ def reason(
         return f"{fault_sentence(flags)} {rested}{most}"
     if verdict == "healthy":
         return f"The machine sounds as it did when it was healthy.{_noticed(profiles)} {rested}"
-    if evidence.strength >= LIMITS.open or evidence.probability < LIMITS.rare:
+    if evidence.knocked:
+        told = (
+            "Knocks drown the gears: what stands out came in single turns, not in each. Record "
+            "again where the machine runs more quietly, or longer."
+        )
+    elif evidence.strength >= LIMITS.open or evidence.probability < LIMITS.rare:
         told = "More changed than is usual, but not enough to call it a fault: record again."
     elif evidence.heavier_db:
         told = (

@@ -88,6 +88,13 @@ class GearEvidence:
         return self.deviation.stage, self.deviation.gear
 
     @property
+    def tooth(self) -> int:
+        """The tooth that is most likely damaged, from 0, as the recording counts them."""
+        if self.search is not None:
+            return self.search.match.best
+        return int(np.argmax(self.deviation.by_tooth))
+
+    @property
     def log_factor(self) -> float:
         """Logarithm of the Bayes factor of damage of some tooth against none.
 
@@ -391,13 +398,10 @@ def place(evidence: GearEvidence, indexed: bool) -> tuple[int, float]:
     """Tooth, counted from 1, and the middle of its contact in turns after the angle zero."""
     deviation = evidence.deviation
     teeth = deviation.teeth
-    if evidence.search is None:
-        index = int(np.argmax(deviation.by_tooth))
-        entry = float(index)
-    else:
-        match = evidence.search.match
-        index = match.best
-        entry = index + (0.0 if indexed else _between(match.log_place, index))
+    index = evidence.tooth
+    entry = float(index)
+    if evidence.search is not None and not indexed:
+        entry += _between(evidence.search.match.log_place, index)
     position = (entry + CONTACT_CENTRE) / teeth % 1.0
     if indexed:
         return index + 1, position

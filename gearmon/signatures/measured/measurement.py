@@ -16,13 +16,14 @@ from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.array_types import FloatArray
 from gearmon.signals.bad_samples import inspected, sound_part, sound_piece
-from gearmon.signals.orders import OrderLines, order_lines
-from gearmon.signals.orders.fine_spectra import FineSpectrum, fine_order_spectrum
+from gearmon.signals.orders import OrderLines, order_lines, without_knocks
+from gearmon.signals.orders.spectra import FineSpectrum, fine_order_spectrum
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signals.spectra import power_density
 from gearmon.signals.threads import at_once
-from gearmon.signals.tracking.mesh_detection import MeshComb, MeshEvidence
-from gearmon.signals.tracking.sideband_spacing import (
+from gearmon.signals.tracking.mesh_detection import (
+    MeshComb,
+    MeshEvidence,
     foreign_spacing,
     sideband_spacing,
 )
@@ -218,6 +219,8 @@ def measure_signature(
     lines, (spectrum, foreign) = at_once(
         planned, lambda: _others(piece, rate, part, train), samples.size
     )
+    for wheel in plan.wheels:
+        lines = without_knocks(lines, wheel.lines, wheel.number)
     level, scatter, heard = family_levels(lines, plan)
     peak_hz = line_peak(samples, rate, train, track, nominal_hz)
     speed = speed_of(track, nominal_hz, peak_hz, tracking.scan, recording.duration_s)
