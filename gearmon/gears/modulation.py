@@ -94,28 +94,6 @@ class ContactOffset:
         return bool(self.leaving or self.entering)
 
 
-@dataclass(frozen=True, kw_only=True)
-class OffsetState:
-    """Where the contact lies at some instants: arrays of one shape.
-
-    Parameters
-    ----------
-    leaving, entering : ndarray
-        a and b [mesh periods].
-    share : ndarray
-        Part of the face width that carries.
-    """
-
-    leaving: FloatArray
-    entering: FloatArray
-    share: FloatArray
-
-    @property
-    def lost(self) -> FloatArray:
-        """What the contact ratio loses."""
-        return self.leaving + self.entering
-
-
 def contact_offsets(pair: MeshPair, errors: Iterable[GearError]) -> tuple[ContactOffset, ...]:
     """Return how errors move the contact, one entry for each gear that has such errors.
 
@@ -139,14 +117,14 @@ def contact_offsets(pair: MeshPair, errors: Iterable[GearError]) -> tuple[Contac
 
 def state_of(
     offsets: Iterable[ContactOffset], angles: Iterable[FloatArray], free_gap_m: float
-) -> OffsetState:
-    """Return the contact with gears turned by angles [rad].
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return a and b [mesh periods] with gears turned, and the part of the face that carries.
 
     Parameters
     ----------
     offsets : iterable of ContactOffset
     angles : iterable of ndarray
-        Of each gear; shapes that broadcast.
+        Of each gear [rad]; shapes that broadcast.
     free_gap_m : float
         Lead deviation that the load just closes.
     """
@@ -156,8 +134,7 @@ def state_of(
         leaving = leaving + (offset.leaving * turned).real
         entering = entering + (offset.entering * turned).real
         lead = lead + (offset.lead_m * turned).real
-    share = carrying_share(np.abs(lead), free_gap_m)
-    return OffsetState(leaving=leaving, entering=entering, share=share)
+    return leaving, entering, carrying_share(np.abs(lead), free_gap_m)
 
 
 def first_gear_share(pair: MeshPair) -> float:
@@ -382,15 +359,17 @@ class ModulationTrain:
     def _stiffness(self, moving: Sequence[ContactOffset], phase: FloatArray) -> FloatArray:
         """Return the mesh stiffness [N/m] with some of the gears moving."""
         flat, family = phase.ravel(), self.family
-        state = self._state(moving, flat)
+        leaving, entering, share = self._state(moving, flat)
         if any(offset.moves for offset in moving):
-            found = family.at(flat, state.leaving, state.entering)
+            found = family.at(flat, leaving, entering)
         else:
             # every pair is like the next
             found = PulseTrain.healthy(family.pulse(0.0), family.overlap_ratio).at(flat)
-        return np.asarray((state.share * found).reshape(phase.shape))
+        return np.asarray((share * found).reshape(phase.shape))
 
-    def _state(self, moving: Sequence[ContactOffset], phase: FloatArray) -> OffsetState:
+    def _state(
+        self, moving: Sequence[ContactOffset], phase: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
         angles = [2 * np.pi * phase / offset.teeth for offset in moving]
         return state_of(moving, angles, self.free_gap_m)
 
@@ -411,9 +390,9 @@ class ModulationTrain:
         # put where the contact is when it is reached
         for _ in range(ROUNDS):
             flat = place.ravel()
-            state = self._state(moving, flat)
-            own = family.limits(state.leaving + state.entering).reshape(*place.shape, -1)
-            entry = family.entry(state.leaving, state.entering).reshape(place.shape)
+            leaving, entering, _ = self._state(moving, flat)
+            own = family.limits(leaving + entering).reshape(*place.shape, -1)
+            entry = family.entry(leaving, entering).reshape(place.shape)
             place = entries + face + entry + own[..., edges, edges]
         kinks = [np.zeros(0), *(self._kinks(offset, period) for offset in moving if offset.lead_m)]
         return np.concatenate([place.ravel(), *kinks])

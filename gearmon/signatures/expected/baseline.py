@@ -10,13 +10,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.dynamics import Method, Response, steady_state
+from gearmon.dynamics import Method, steady_state
 from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.gears.faults import faults_of
 from gearmon.gears.mechanics import StageMechanics
@@ -35,6 +34,8 @@ from gearmon.signatures.expected.mesh import (
 from gearmon.signatures.expected.planetary_set import posed_stage
 from gearmon.signatures.signature import Signature
 
+#: Lines, how they were solved, and what to warn of.
+Solved = tuple[MeshLines, dict[str, Any], list[str]]
 #: Most stiffness harmonics of one problem.
 MOST_HARMONICS = 200_000
 #: Effect of stiffness harmonics above J over A^2 (R/J)^3, see `_stiffness_harmonics`.
@@ -110,12 +111,20 @@ def expected_signature(
         ring = any(fault.stage == number and fault.gear == "ring" for fault in known)
         posed = posed_stage(machine, number, operating, known, form=form, mesh=int(ring))
         limit = posed.limit_hz(max_hz)
-        lines = _solved(posed, limit, tolerance, method, order)
+        lines, told, warnings = _solved(posed, limit, tolerance, method, order)
         columns, share = _listed(lines, limit)
-        warnings = [*posed.mechanics.warnings, *posed.warnings, *lines.warnings(tolerance)]
-        added = {"max_hz": limit, "cross_lines_share": share, "warnings": warnings}
         tables.append(columns)
-        stages.append(lines.header() | added)
+        stages.append(
+            lines.header()
+            | told
+            | {
+                "error_bound": lines.error,
+                "superposition_error": None,
+                "max_hz": limit,
+                "cross_lines_share": share,
+                "warnings": [*posed.mechanics.warnings, *posed.warnings, *warnings],
+            }
+        )
         mechanics.append(posed.mechanics)
     if max_hz is not None and not any(len(table["stage"]) for table in tables):
         refuse_no_lines(mechanics, max_hz)
@@ -135,111 +144,52 @@ def _listed(lines: MeshLines, max_hz: float) -> tuple[dict[str, npt.NDArray[Any]
 
 def _solved(
     posed: Posed, max_hz: float, tolerance: float, method: Method, order: int | None
-) -> SteadyLines | ContactLines:
+) -> Solved:
     """Solve one stage with all that is wrong with it."""
-    what = "the whole set, as the housing hears it"
     if isinstance(posed, PosedMesh):
         if posed.excitation is None and (method != "auto" or len(posed.marked) < 2):
-            return _steady_lines(posed, max_hz, tolerance, method, order)
-        what = "from corner to corner"
+            return _steady(posed, max_hz, tolerance, method, order)
         if method != "auto":
             raise ArgumentError(
                 f"method={method!r} takes faults that change the stiffness only, and those of "
                 f"stage {posed.mechanics.stage} move the flanks too; leave method out"
             )
-    (found,) = faulty_lines(posed.sound, [posed], max_hz, tolerance)
-    return ContactLines(**vars(found), what=what)
+    return _from_corners(posed, max_hz, tolerance)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ContactLines(MeshLines):
-    """Lines of a mesh or a planetary set, solved from corner to corner of its stiffnesses."""
-
-    what: str
-
-    def header(self) -> dict[str, Any]:
-        """Return what holds for all of its lines, with how they were solved."""
-        added = " of what the faults add" if self.period > 1 and self.method == "contact" else ""
-        return super().header() | {
-            "order_used": 0,
-            "error_bound": self.error,
-            "stiffness_harmonics": 0,
-            "stiffness_cut": 0.0,
-            "stable": True,
-            "contact_loss_angle_rad": None,
-            "superposition_error": None,
-            "message": f"{self.what}: error estimated as {self.error:.2g}{added}",
-        }
-
-    def warnings(self, tolerance: float) -> list[str]:
-        """Say where the linear model ends or the accuracy asked for was not reached."""
-        found = []
-        if self.error > tolerance:
-            found.append(f"error {self.error:.2g} misses the tolerance {tolerance:.2g}")
-        if self.contact_lost:
-            found.append("teeth lose contact: the linear model ends there")
-        return found
+def _from_corners(posed: Posed, max_hz: float, tolerance: float) -> Solved:
+    """Solve a mesh or a planetary set from corner to corner of its stiffnesses."""
+    (lines,) = faulty_lines(posed.sound, [posed], max_hz, tolerance)
+    alone = isinstance(posed, PosedMesh)
+    what = "from corner to corner" if alone else "the whole set, as the housing hears it"
+    added = " of what the faults add" if lines.period > 1 and lines.method == "contact" else ""
+    told = {
+        "order_used": 0,
+        "stiffness_harmonics": 0,
+        "stiffness_cut": 0.0,
+        "stable": True,
+        "contact_loss_angle_rad": None,
+        "message": f"{what}: error estimated as {lines.error:.2g}{added}",
+    }
+    warnings = []
+    if lines.error > tolerance:
+        warnings.append(f"error {lines.error:.2g} misses the tolerance {tolerance:.2g}")
+    if lines.contact_lost:
+        warnings.append("teeth lose contact: the linear model ends there")
+    return lines, told, warnings
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SteadyLines(MeshLines):
-    """Lines of one mesh with the bound of their error.
-
-    Parameters
-    ----------
-    response : Response
-    cut : float
-        Share of `error` that is estimated: harmonics of the stiffness left out.
-    """
-
-    response: Response
-    cut: float
-
-    def header(self) -> dict[str, Any]:
-        """Return what holds for all of its lines, with how they were solved."""
-        response = self.response
-        return super().header() | {
-            "order_used": response.order,
-            "error_bound": self.error,
-            "stiffness_harmonics": len(response.problem.stiffness_harmonics),
-            "stiffness_cut": self.cut,
-            "stable": response.stable,
-            "contact_loss_angle_rad": response.contact_loss_angle_rad,
-            "superposition_error": None,
-            "message": f"{response.message}; stiffness harmonics left out: {self.cut:.2g}",
-        }
-
-    def warnings(self, tolerance: float) -> list[str]:
-        """Say where the linear model ends or the accuracy asked for was not reached."""
-        found = []
-        if self.response.stable is False:
-            found.append(self.response.message)
-        elif self.error > tolerance:
-            found.append(f"error bound {self.error:.2g} misses the tolerance {tolerance:.2g}")
-        angle = self.response.contact_loss_angle_rad
-        if angle is not None:
-            found.append(
-                f"teeth lose contact, first at mesh phase {angle / (2 * math.pi) * self.period:.4g}"
-                ": the linear model ends there"
-            )
-        return found
-
-
-def _steady_lines(
+def _steady(
     posed: PosedMesh, max_hz: float, tolerance: float, method: Method, order: int | None
-) -> SteadyLines:
-    """Solve a mesh over its true period."""
+) -> Solved:
+    """Solve a mesh over its true period, with a bound of the error."""
     mechanics, period = posed.mechanics, posed.period
     shown = max(1, math.floor(max_hz * period / mechanics.mesh_frequency_hz * (1 + 1e-12)))
     harmonics, cut = _stiffness_harmonics(mechanics, shown, tolerance)
-    response = steady_state(
-        posed.hill_problem(harmonics),
-        max(0.6 * tolerance, 1e-13),
-        method=method,
-        order=order,
-        harmonics=shown,
-    )
-    return SteadyLines(
+    problem, least = posed.hill_problem(harmonics), max(0.6 * tolerance, 1e-13)
+    response = steady_state(problem, least, method=method, order=order, harmonics=shown)
+    angle = response.contact_loss_angle_rad
+    lines = MeshLines(
         mechanics=mechanics,
         mesh_order=posed.order,
         period=period,
@@ -249,11 +199,28 @@ def _steady_lines(
         marked=posed.marked,
         method=response.method,
         error=response.error_bound + cut,
-        contact_lost=response.contact_loss_angle_rad is not None,
+        contact_lost=angle is not None,
         mean_m=float(response.displacement[0].real),
-        response=response,
-        cut=cut,
     )
+    told = {
+        "order_used": response.order,
+        "stiffness_harmonics": len(harmonics),
+        "stiffness_cut": cut,
+        "stable": response.stable,
+        "contact_loss_angle_rad": angle,
+        "message": f"{response.message}; stiffness harmonics left out: {cut:.2g}",
+    }
+    warnings = []
+    if response.stable is False:
+        warnings.append(response.message)
+    elif lines.error > tolerance:
+        warnings.append(f"error bound {lines.error:.2g} misses the tolerance {tolerance:.2g}")
+    if angle is not None:
+        warnings.append(
+            f"teeth lose contact, first at mesh phase {angle / (2 * math.pi) * period:.4g}"
+            ": the linear model ends there"
+        )
+    return lines, told, warnings
 
 
 def _stiffness_harmonics(
