@@ -38,7 +38,11 @@ STYLES: dict[str, Style] = {
     "SciPy odeint": (VERMILLION, "D", "-"),
     "SciPy DOP853, as usually written": (BLACK, "s", ":"),
     "SciPy DOP853, shooting": (PURPLE, "P", "-"),
+    "sweep": (BLUE, "o", "-"),
+    "stability_chart": (BLUE, "o", "-"),
+    "fault_family": (BLUE, "o", "-"),
     "compiled RK4": (GREY, "X", "-"),
+    "compiled RK4 and its tables": (GREY, "x", ":"),
     "solve_banded": (BLACK, "*", "-"),
 }
 #: Colour, marker and dashes of every detector.

@@ -291,7 +291,7 @@ class _Compared:
             recording=signature.origin,
             machine=self.machine.name,
             verdict=decision.verdict,
-            reason=reason(decision.verdict, evidence, flags, changes, profiles, decision.unheard),
+            reason=reason(decision, evidence, flags, changes, profiles, must_notice),
             score=score_of(evidence.strength),
             false_alarm_probability=evidence.probability,
             compared_with="reference",
@@ -325,6 +325,7 @@ class _Compared:
         return Evidence(
             deviation=deviation,
             finding=finding,
+            lost=signature.angle_lost,
             recurrence=self._recurrence(finding),
             knocks=signature.lines.knocked,
             path=path_change(deviation.levels, self._families(deviation)),

@@ -227,8 +227,8 @@ def magnus_steps(left: Real, middle: Real, right: Real, length: Real) -> tuple[R
     square = -(d**2 + e * f)
     root = np.sqrt(np.abs(square))
     swings = square >= 0
-    if swings.all():
-        even, odd, logs = np.cos(root), np.sinc(root / math.pi), np.zeros(root.shape)
+    if root.all() and swings.all():
+        even, odd, logs = np.cos(root), np.sin(root) / root, np.zeros(root.shape)
     else:
         grown = np.where(swings, 0.0, root)
         twice = np.where(grown > 0, -2 * grown, 1.0)

@@ -20,7 +20,7 @@ from gearmon.signals.angle import AngleTrack
 from gearmon.signals.orders.lines import OrderSums
 from gearmon.signals.orders.spectra import fine_order_spectrum
 from gearmon.signals.recording import Recording
-from gearmon.signals.tracking.comb import SpeedScan, clearest, find_path, scan_speed
+from gearmon.signals.tracking.comb import SpeedScan, clearest
 from gearmon.signals.tracking.mesh_detection import sideband_spacing
 from gearmon.signals.tracking.phases import (
     coherent_share,
@@ -46,7 +46,6 @@ from gearmon.signatures.speed import (
     Tracking,
     evidence_of,
     judge,
-    machine_comb,
     mesh_combs,
     scan_nominal_speeds,
     speed_in_blocks,
@@ -112,8 +111,7 @@ def track_recording(recording: Recording, machine: Machine, train: Kinematics) -
     """
     vibration = recording.vibration()
     samples, rate = vibration.samples, vibration.sampling_rate_hz
-    nominal_hz, scan = scan_nominal_speeds(samples, rate, train, machine)
-    signal = GearVibration(samples=samples, rate=rate, train=train, nominal_hz=nominal_hz)
+    signal, scan = scan_nominal_speeds(samples, rate, train, machine)
     tacholess = _Tacholess(signal=signal, scan=scan, machine=machine)
     notes: list[str] = []
     for index, kind in enumerate(recording.channel_kinds):
@@ -302,10 +300,9 @@ def _wandering(
     """
     if first.detected < len(first.evidence) or wander(first.track) < _WANDERS:
         return None
-    comb = machine_comb(signal.train, signal.nominal_hz)
     track = first.track
     for _ in range(_UNWARPED):
-        track = unwarp(signal.samples, signal.rate, track, comb)
+        track = unwarp(signal.samples, signal.rate, track, signal.comb)
         locked = lock_track(sums, track)
         share = coherent_share(sums, locked)
         if share > _ALL_COHERENT:
@@ -324,15 +321,7 @@ def _elsewhere(signal: GearVibration, first: Tracking) -> bool:
         return first.detected == 0
     length = round(_LOOK_TURNS / signal.nominal_hz * signal.rate)
     begin = max(0, (signal.samples.shape[-1] - length) // 2)
-    part = signal.samples[:, begin : begin + length]
-    path = find_path(
-        part,
-        signal.rate,
-        machine_comb(signal.train, signal.nominal_hz),
-        signal.nominal_hz,
-        SPEED_REACH,
-    )
-    speed = path.track()
+    speed = replace(signal, samples=signal.samples[:, begin : begin + length]).path().track()
     known = first.scan.track().at(begin / signal.rate + speed.time_s)
     return bool(np.median(np.abs(speed.speed_hz / known - 1)) > _ELSEWHERE)
 
@@ -383,7 +372,7 @@ def _finer(
     signal: GearVibration, sums: OrderSums, first: Tracking, best: tuple[AngleTrack, float]
 ) -> tuple[AngleTrack, float]:
     """Follow a speed that wanders within the tolerance by scans in shorter blocks."""
-    comb, speed = machine_comb(signal.train, signal.nominal_hz), first.scan.track()
+    speed = first.scan.track()
     if best[1] <= _NEARLY:
         best = _better(sums, best, _in_short_blocks(sums, best[0]))
     enough = _COHERENT
@@ -391,13 +380,9 @@ def _finer(
         block_s = turns / signal.nominal_hz
         if best[1] > enough or signal.last_s < 8 * block_s:
             break
-        enough = (
-            _ALL_COHERENT  # once the speed is known to wander, even its last second must be right
-        )
-        finer = scan_speed(
-            signal.samples, signal.rate, comb, signal.nominal_hz, tolerance, block_s, around=speed
-        )
-        speed = finer.track()
+        # once the speed is known to wander, even its last second must be right
+        enough = _ALL_COHERENT
+        speed = signal.scan(block_s, tolerance, speed).track()
         other = _in_short_blocks(sums, integrate_speed(speed, signal.last_s))
         best = _better(sums, best, other)
     if best[1] > _COHERENT and wander(best[0]) > _WANDERS:
@@ -410,25 +395,21 @@ def _follow(signal: GearVibration, machine: Machine) -> tuple[Tracking, float, O
 
     Returns the track, the share of the lines that is coherent in it, and the lines.
     """
-    nominal = sorted({point.shaft1_hz for point in machine.operating})
-    combs = [machine_comb(signal.train, hz) for hz in nominal]
-    paths = [
-        find_path(signal.samples, signal.rate, comb, hz, SPEED_REACH)
-        for comb, hz in zip(combs, nominal, strict=True)
-    ]
-    meant = clearest(list(zip(paths, combs, strict=True)))
-    path, comb, nominal_hz = paths[meant], combs[meant], nominal[meant]
-    speed = path.track()
-    signal = replace(signal, nominal_hz=nominal_hz)
-    orders = signal.orders(0.5 * nominal_hz)
-    track = follow_speed(signal.samples, signal.rate, comb, orders, speed)
+    speeds = sorted({point.shaft1_hz for point in machine.operating})
+    signals = [replace(signal, nominal_hz=own) for own in speeds]
+    paths = [own.path() for own in signals]
+    meant = clearest([(path, own.comb) for path, own in zip(paths, signals, strict=True)])
+    signal, speed = signals[meant], paths[meant].track()
+    orders = signal.orders(0.5 * signal.nominal_hz)
+    track = follow_speed(signal.samples, signal.rate, signal.comb, orders, speed)
     judged = judge(signal, track)
     if not judged.convincing or not _spacing_agrees(signal, judged):
         return None
-    speeds = speed.speed_hz
+    course = speed.speed_hz
     note = (
-        f"the speed was followed over the recording, from {speeds[0]:.4g} to {speeds[-1]:.4g} Hz "
-        f"between {speeds.min():.4g} and {speeds.max():.4g} Hz; nominal is {nominal_hz:.4g} Hz"
+        f"the speed was followed over the recording, from {course[0]:.4g} to {course[-1]:.4g} Hz "
+        f"between {course.min():.4g} and {course.max():.4g} Hz; nominal is {signal.nominal_hz:.4g} "
+        "Hz"
     )
     sums = signal.sums(float(track.speed_hz.max()))
     if sums is None:
@@ -491,7 +472,7 @@ def _with_doubt(
             doubt, held_s = check.typical_turns(start, stop), (start, stop)
         notes += (_slips_told(check, held_s),)
     track = replace(track, uncertainty_turns=float(doubt))
-    return replace(tracking, track=track, notes=notes, held_s=held_s)
+    return replace(tracking, track=track, notes=notes, held_s=held_s, lost=share < _LOST)
 
 
 def _slips_told(check: SlipCheck, held_s: tuple[float, float] | None) -> str:

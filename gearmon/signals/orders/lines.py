@@ -40,7 +40,7 @@ from gearmon.signals.array_types import ComplexArray, FloatArray, IntArray
 from gearmon.signals.orders.resampling import AngleGrid, Kernel, Spreading
 from gearmon.signals.spectra.spectrum import hann, local_floor
 from gearmon.signals.threads import side_by_side
-from gearmon.signals.transforms import fast_length, window_powers, windowed_transforms
+from gearmon.signals.transforms import fast_length, transform, window_powers
 
 # What a line may add elsewhere where only the phase of strong ones is followed.
 _QUICK_ERROR = 1e-3
@@ -393,11 +393,7 @@ class GriddedPlan:
 
     def lines(self, halves: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Return the transforms under the rising and the falling half of the window."""
-        bins = np.empty((len(halves), len(self._taken)), dtype=np.complex128)
-        for row, own in zip(
-            bins, windowed_transforms(halves, self._flat, self.length), strict=True
-        ):
-            own.take(self._taken, out=row, mode="clip")
+        bins = transform(halves, self.length, self._flat).take(self._taken, axis=1)
         bins[:, self._mirrored] = np.conj(bins[:, self._mirrored])
         rising, falling = np.split((self._weights @ bins.T).T, 2, axis=1)
         return rising, falling

@@ -19,6 +19,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import ifft
 
 from gearmon.errors import ArgumentError, check_positive
 from gearmon.result import Result
@@ -28,7 +29,6 @@ from gearmon.signals.orders.resampling import READ_UP_TO, AngleGrid, Kernel, Spr
 from gearmon.signals.spectra.spectrum import amplitude_spectrum, hann, local_floor
 from gearmon.signals.threads import side_by_side
 from gearmon.signals.transforms import (
-    batch,
     fast_length,
     window_powers,
     windowed_transforms,
@@ -260,14 +260,12 @@ def _whitened_envelope(samples: FloatArray) -> FloatArray:
     count = samples.shape[-1]
     length = fast_length(count)
     squared = np.empty((len(samples), count // 2))
-    back = batch(length // 2, inverse=True)
     centred = (signal - signal.mean() for signal in samples)
     for row, whole in zip(squared, windowed_transforms(centred, 1.0, length), strict=True):
         lines = whole[: length // 2]
-        size = np.maximum(np.abs(lines), np.finfo(float).tiny)
-        np.divide(lines, size, out=back.input[0])
-        back.input[0, 0] = 0.0
-        analytic = back.run()[0, : count // 2]
+        lines /= np.maximum(np.abs(lines), np.finfo(float).tiny)
+        lines[0] = 0.0
+        analytic = ifft(lines, norm="forward", overwrite_x=True)[: count // 2]
         np.square(analytic.real, out=row)
         row += np.square(analytic.imag)
     return squared

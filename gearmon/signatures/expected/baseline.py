@@ -90,7 +90,8 @@ def expected_signature(
     `error_bound` is the guaranteed bound of the solution for the harmonics taken of the stiffness,
     plus an estimate of what the others would change (`stiffness_cut`, from their 1/n fall). What
     moves the flanks (errors, missing teeth, wear), damage of both gears (method "auto") and
-    planetary sets have an estimate instead. Lines are attributed to the nearest mesh harmonic.
+    planetary sets have no bound but an `error_estimate`. Lines are attributed to the nearest mesh
+    harmonic.
     Those that belong to neither shaft are not listed; where they were solved for, their share of
     the acceleration is given as `cross_lines_share`.
 
@@ -118,7 +119,6 @@ def expected_signature(
             lines.header()
             | told
             | {
-                "error_bound": lines.error,
                 "superposition_error": None,
                 "max_hz": limit,
                 "cross_lines_share": share,
@@ -165,6 +165,8 @@ def _from_corners(posed: Posed, max_hz: float, tolerance: float) -> Solved:
     added = " of what the faults add" if lines.period > 1 and lines.method == "contact" else ""
     told = {
         "order_used": 0,
+        "error_bound": None,
+        "error_estimate": lines.error,
         "stiffness_harmonics": 0,
         "stiffness_cut": 0.0,
         "stable": True,
@@ -204,6 +206,8 @@ def _steady(
     )
     told = {
         "order_used": response.order,
+        "error_bound": lines.error,
+        "error_estimate": None,
         "stiffness_harmonics": len(harmonics),
         "stiffness_cut": cut,
         "stable": response.stable,

@@ -31,6 +31,7 @@ from gearmon.signatures.measured.line_plan import LinePlan, line_plan, mesh_harm
 from gearmon.signatures.measured.nongear_lines import NonGearLines, nongear_lines
 from gearmon.signatures.speed import (
     SPEED_TOLERANCE,
+    GearVibration,
     Speed,
     Tracking,
     line_peak,
@@ -121,6 +122,8 @@ class MeasuredSignature(Result):
         Levels of the broadband spectrum, see `broadband_levels` [dB re 1 unit^2/Hz].
     notes : tuple of str
         What the reader should know.
+    angle_lost : bool
+        Whether the mesh lines do not stand still in the angle, all along.
     foreign : NonGearLines
         Lines that no gear explains.
     digests : tuple of str
@@ -148,6 +151,7 @@ class MeasuredSignature(Result):
     heard: NDArray[np.bool_]
     band_db: FloatArray
     notes: tuple[str, ...]
+    angle_lost: bool
     foreign: NonGearLines
     digests: tuple[str, ...]
 
@@ -222,7 +226,8 @@ def measure_signature(
     for wheel in plan.wheels:
         lines = without_knocks(lines, wheel.lines, wheel.number)
     level, scatter, heard = family_levels(lines, plan)
-    peak_hz = line_peak(samples, rate, train, track, nominal_hz)
+    signal = GearVibration(samples=samples, rate=rate, train=train, nominal_hz=nominal_hz)
+    peak_hz = line_peak(signal, track)
     speed = speed_of(track, nominal_hz, peak_hz, tracking.scan, recording.duration_s)
     findings = _findings(speed, spectrum, train, combs, tracking.evidence, lines, plan)
     return MeasuredSignature(
@@ -241,6 +246,7 @@ def measure_signature(
         heard=heard,
         band_db=broadband_levels(piece, rate),
         notes=tuple(recording.notes) + tracking.notes,
+        angle_lost=tracking.lost,
         foreign=foreign,
         digests=digests(samples),
     )
