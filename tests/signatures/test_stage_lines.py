@@ -268,3 +268,13 @@ def test_an_eccentric_gear_beside_a_crack_of_its_mate():
     )
     lines = [own["acceleration_ms2"] * np.exp(1j * own["phase_rad"]) for own in (coarse, fine)]
     assert np.linalg.norm(lines[0] - lines[1]) < 1e-7 * np.linalg.norm(lines[1])
+
+
+def test_a_missing_tooth_by_the_energy_of_the_teeth():
+    """A mesh period among those of its contact in which nothing differs does no harm."""
+    stage = replace(PAIR, pinion_teeth=25, gear_teeth=59, module_mm=3.0, face_width_mm=19.0)
+    found = expected_signature(
+        box(stage), ["missing:1:gear:2"], max_hz=2000.0, form="potential-energy"
+    )
+    assert set(found["sideband_of"]) == {"", "gear"}
+    assert found.header["error_estimate"] < 1e-6

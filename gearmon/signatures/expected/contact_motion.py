@@ -476,7 +476,7 @@ class _Changed:
         found = []
         for name in ("speed", "deflection"):
             own, by_force, by_e = (getattr(m, name) for m in (mesh.maps, forced, shifted))
-            flat = own.shape[0], -1
+            flat = own.shape[0], math.prod(own.shape[1:-1])
             moved = own[..., :-1].reshape(*flat, own.shape[-1] - 1) @ states[..., None]
             moved = moved + by_force[..., self.columns].reshape(*flat, len(self.columns)) @ force
             if self.excitation is not None:
