@@ -323,6 +323,7 @@ class _Compared:
         return Evidence(
             deviation=deviation,
             finding=finding,
+            lost=signature.angle_lost,
             recurrence=self._recurrence(finding),
             knocks=signature.lines.knocked,
             path=path_change(deviation.levels, self._families(deviation)),

@@ -122,6 +122,8 @@ class MeasuredSignature(Result):
         Levels of the broadband spectrum, see `broadband_levels` [dB re 1 unit^2/Hz].
     notes : tuple of str
         What the reader should know.
+    angle_lost : bool
+        Whether the mesh lines do not stand still in the angle, all along.
     foreign : NonGearLines or None
         Lines that no gear explains.
     digests : tuple of str
@@ -149,6 +151,7 @@ class MeasuredSignature(Result):
     heard: NDArray[np.bool_]
     band_db: FloatArray
     notes: tuple[str, ...]
+    angle_lost: bool = False
     foreign: NonGearLines | None = None
     digests: tuple[str, ...] = ()
 
@@ -243,6 +246,7 @@ def measure_signature(
         heard=heard,
         band_db=broadband_levels(piece, rate),
         notes=tuple(recording.notes) + tracking.notes,
+        angle_lost=tracking.lost,
         foreign=foreign,
         digests=digests(samples),
     )
