@@ -236,7 +236,7 @@ def test_levels_alone_call_no_fault_in_a_lost_angle_or_between_knocks(why):
     found = replace(evidence(lines=4.0), **why)
     assert decide(evidence(lines=4.0)).verdict == "fault"
     assert decide(found).verdict == "cannot tell"
-    told = reason("cannot tell", found, (), (), (), ())
+    told = reason(decide(found), found, (), (), (), 0.4)
     assert ("Knocks drown the gears" in told) == ("knocks" in why)
     # nor is a clean bill of health given in an angle that was lost
     assert (decide(replace(evidence(), **why)).verdict == "healthy") == ("knocks" in why)
