@@ -215,10 +215,8 @@ def measure_signature(
     block_turns = _block_turns(float(part.turns[-1] - part.turns[0]), train)
 
     def planned() -> OrderLines:
-        gaps = vibration.left_out or ()
-        return order_lines(
-            samples, rate, track, plan.orders, block_turns, error=LEAKAGE, left_out=gaps
-        )
+        gaps, orders = vibration.left_out or (), plan.orders
+        return order_lines(samples, rate, track, orders, block_turns, error=LEAKAGE, left_out=gaps)
 
     lines, (spectrum, foreign) = at_once(
         planned, lambda: _others(piece, rate, part, train), samples.size
