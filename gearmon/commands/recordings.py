@@ -254,7 +254,7 @@ def _classifier(arguments: argparse.Namespace, machine: Machine) -> tuple[KindCl
     from gearmon.diagnosis.fault_types.classifier import read_kinds, write_kinds
     from gearmon.diagnosis.fault_types.features import NAMES
     from gearmon.diagnosis.fault_types.training import EXAMPLES_BETWEEN, train_kinds
-    from gearmon.signatures.measured.provenance import tooth_counts
+    from gearmon.signatures.measured.reference import tooth_counts
 
     path = arguments.trained
     if path and Path(path).exists():
