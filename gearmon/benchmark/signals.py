@@ -30,7 +30,7 @@ from gearmon.benchmark.timing import (
 from gearmon.files import write_atomically
 from gearmon.gears.faults import parse_fault
 from gearmon.machine import Machine, load_machine
-from gearmon.machine.example import EXAMPLE
+from gearmon.machine.reading import example_machine
 from gearmon.signals.recording import Recording, read_recording
 from gearmon.signals.spectra import amplitude_spectrum, envelope_spectrum, kurtogram, power_density
 from gearmon.signatures.measured.indicators import indicator_table
@@ -310,7 +310,7 @@ def memory_of_long_recording(
 
 def _machine_file(folder: Path) -> Path:
     """Write the file of the example gearbox into a folder."""
-    write_atomically(folder / "machine.toml", EXAMPLE)
+    write_atomically(folder / "machine.toml", example_machine())
     return folder / "machine.toml"
 
 

@@ -307,7 +307,7 @@ def _modes_lines(found: Modes) -> list[str]:
 
 @command(
     MACHINE,
-    fault(),
+    fault(errors=True),
     *(number(*setting) for setting in _SETTINGS.values()),
     option("--tacho", action="store_true", help="add a column with one pulse a turn of shaft 1"),
     option("--no-time", action="store_true", help="leave out the time column"),

@@ -52,13 +52,15 @@ from gearmon.signatures.measured.measurement import (
     MeasuredSignature,
     measure_signature,
 )
-from gearmon.signatures.measured.provenance import machine_notes, other_speed, recording_notes
 from gearmon.signatures.measured.reference import (
     Profile,
     Reference,
     is_reference,
+    machine_notes,
     make_reference,
+    other_speed,
     read_reference,
+    recording_notes,
 )
 from gearmon.signatures.signature import Signature
 
@@ -323,6 +325,7 @@ class _Compared:
         return Evidence(
             deviation=deviation,
             finding=finding,
+            lost=signature.angle_lost,
             recurrence=self._recurrence(finding),
             knocks=signature.lines.knocked,
             path=path_change(deviation.levels, self._families(deviation)),

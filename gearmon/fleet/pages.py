@@ -29,10 +29,10 @@ from gearmon.diagnosis.history import HistoryTrends, history_trends, read_histor
 from gearmon.diagnosis.history.store import as_text, opened
 from gearmon.errors import ArgumentError, GearmonError
 from gearmon.fleet.alarm import acknowledge, alarms
-from gearmon.fleet.engines import at_hand, equipment
 from gearmon.fleet.ledger import recorded, writing
 from gearmon.fleet.plan import Fleet, FleetMachine, arrived
 from gearmon.fleet.rank import compare
+from gearmon.fleet.run import at_hand, equipment
 from gearmon.report.charts import history_charts
 from gearmon.report.history_text import history_lines, moment_text
 from gearmon.report.page import as_data, chart_script, report_style, shipped, template

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from itertools import groupby
-from typing import Any
 
 import matplotlib
 import numpy as np
@@ -30,7 +30,7 @@ from gearmon.report.wording import (
     unit_text,
 )
 from gearmon.signals.recording import Recording
-from gearmon.signals.transforms import fast_length
+from gearmon.signals.spectra.spectrum import fast_length
 from gearmon.signatures.measured.line_plan import Family, WheelLines
 from gearmon.signatures.measured.reference import WheelPattern
 
@@ -136,7 +136,11 @@ def turn_figure(analysis: Analysis, wheel: WheelLines, *, at_length: bool = True
     counted_from = None
     if profile is not None and profile.tooth is not None:
         counted_from = profile.counted_from or "tacho"
-    _label_teeth(wheel.teeth, _COUNTED.get(counted_from, _COUNTED[None]), axes[-1])
+    most = _MOST_TOOTH_LABELS
+    step = next(step for step in (1, 5, 20) if step == 20 or wheel.teeth <= step * most)
+    axes[-1].set_xlim(0.5, wheel.teeth + 0.5)
+    axes[-1].set_xticks(sorted({1, *range(step, wheel.teeth + 1, step)}))
+    axes[-1].set_xlabel(_COUNTED.get(counted_from, _COUNTED[None]))
     plots.legend(figure, axes[:1])
     alt = f"Synchronous average over one turn of the {wheel.gear} of stage {wheel.stage}"
     if profile is not None:
@@ -229,13 +233,6 @@ def _plot_teeth(profile: ToothProfile, flagged: bool, ax: Axes) -> None:
     ax.set_ylabel("Energy by tooth\n(elsewhere 1)", fontsize=7)
 
 
-def _label_teeth(teeth: int, text: str, ax: Axes) -> None:
-    step = 1 if teeth <= _MOST_TOOTH_LABELS else 5 if teeth <= 5 * _MOST_TOOTH_LABELS else 20
-    ax.set_xlim(0.5, teeth + 0.5)
-    ax.set_xticks([*range(1, teeth + 1)] if step == 1 else [1, *range(step, teeth + 1, step)])
-    ax.set_xlabel(text)
-
-
 def _mark_flagged(place: float | None, ax: Axes) -> None:
     if place is not None:
         ax.axvspan(place - 1.0, place + 1.0, color=plots.VERMILLION, alpha=0.15, linewidth=0)
@@ -289,14 +286,6 @@ def tooth_numbers(place: FloatArray, profile: ToothProfile | None, teeth: int) -
     return np.asarray((place + first - 0.5) % teeth + 0.5, dtype=float)
 
 
-def _rpm(speed_hz: Any) -> Any:
-    return 60.0 * speed_hz
-
-
-def _hz(speed_rpm: Any) -> Any:
-    return speed_rpm / 60.0
-
-
 @plots.style()
 def speed_figure(analysis: Analysis) -> plots.Picture:
     """Draw the speed of shaft 1 over time.
@@ -334,7 +323,8 @@ def speed_figure(analysis: Analysis) -> plots.Picture:
     ax.set_ylim(min(lowest, nominal) - room, max(highest, nominal) + room)
     ax.set(xlim=(float(time_s[0]), float(time_s[-1])), xlabel="Time (s)", ylabel="Shaft 1 (Hz)")
     ax.ticklabel_format(useOffset=False)
-    right = ax.secondary_yaxis("right", functions=(_rpm, _hz))
+    to_rpm, to_hz = partial(np.multiply, 60.0), partial(np.multiply, 1 / 60.0)
+    right = ax.secondary_yaxis("right", functions=(to_rpm, to_hz))
     right.set_ylabel("Shaft 1 (rpm)")
     plots.light_grid(ax)
     plots.legend(figure, [ax])

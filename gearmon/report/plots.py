@@ -271,13 +271,6 @@ def light_grid(ax: Axes, axis: str = "y") -> None:
     ax.set_axisbelow(True)
 
 
-def common_scale(axes: Sequence[Axes]) -> None:
-    """Give all axes one vertical scale: it shows which channel is loud and which is not."""
-    limits = [ax.get_ylim() for ax in axes]
-    for ax in axes:
-        ax.set_ylim(min(low for low, _ in limits), max(high for _, high in limits))
-
-
 def colour_scale(
     figure: Figure, ax: Axes, image: AxesImage, off: float = 0.0, **how: Any
 ) -> Colorbar:

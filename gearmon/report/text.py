@@ -6,16 +6,19 @@ and what that rests on: the reference, and the lines of a machine.
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 from gearmon import __version__
 from gearmon.diagnosis.decision.words import fault_sentence
 from gearmon.diagnosis.history import HistoryTrends
 from gearmon.diagnosis.results import Analysis, Change, Flag
 from gearmon.gears.kinematics import LineTable
-from gearmon.machine import Machine, ParallelStage
+from gearmon.machine import Machine
 from gearmon.report.history_text import moment_text
+from gearmon.report.page import shipped
 from gearmon.report.wording import (
     Table,
     counted,
@@ -29,43 +32,13 @@ from gearmon.report.wording import (
     unit_text,
     with_uncertainty,
 )
-from gearmon.signatures.measured.reference import Reference
+from gearmon.signatures.measured.reference import Reference, tooth_counts
 from gearmon.signatures.speed import SPEED_REACH, SPEED_TOLERANCE, Speed
 
 # Changes of more than this many standard deviations are highlighted in pictures and tables.
 BEYOND = 3.0
 # Sentences of evidence that a terminal shows of each flag; the report has them all.
 _SENTENCES = 2
-# Definitions of the usual condition indicators, by their name in lower case.
-INDICATOR_DEFINITIONS = {
-    "rms": "root mean square less the mean, in the unit of the signal",
-    "peak to peak": "largest less smallest value, in the unit of the signal",
-    "crest factor": "largest departure from the mean over the root mean square",
-    "kurtosis": "fourth central moment over the squared variance; 3 for Gaussian noise, 1.5 for a "
-    "sine",
-    "fm0": "peak to peak of the synchronous average over the summed amplitudes of its mesh "
-    "harmonics",
-    "fm4": "kurtosis of the difference signal: the synchronous average without shaft lines, mesh "
-    "harmonics and their first sidebands; 3 for Gaussian noise",
-    "m6a": "sixth moment of the difference signal over its variance cubed; 15 for Gaussian noise",
-    "m8a": "eighth moment of the difference signal over the fourth power of its variance; 105 for "
-    "Gaussian noise",
-    "energy ratio": "root mean square of the difference signal over that of the regular meshing "
-    "signal",
-    "ser": "sideband energy ratio: summed amplitudes of the sidebands up to the sixth over that of "
-    "the first mesh harmonic",
-    "sideband index": "mean amplitude of the sidebands ±1 of the first mesh harmonic, in the unit "
-    "of the signal",
-    "sideband level factor": "summed amplitudes of the sidebands ±1 of the first mesh harmonic "
-    "over the standard deviation of the synchronous average",
-    "na4": "fourth moment of the residual signal (the synchronous average without shaft lines and "
-    "mesh harmonics) over the squared mean of its variances in the run so far; 3 for steady "
-    "Gaussian noise",
-    "na4*": "as NA4, with the variance held at that of the healthy records at the start of the run",
-    "nb4": "as NA4, of the envelope of the synchronous average in a band about the first mesh "
-    "harmonic",
-    "nb4*": "as NB4, with the variance held at that of the healthy records at the start of the run",
-}
 #: From the worst to the best.
 WORST_FIRST = ("fault", "cannot tell", "no mesh found", "healthy")
 # No experiment has counted false alarms rarer than this: 2,000 healthy pairs and their fitted tail.
@@ -73,24 +46,12 @@ _RAREST = 1e-6
 _SURE = ((1e-5, "practically certain"), (1e-3, "very sure"), (1e-2, "sure"), (1.0, "likely"))
 # A slip of an induction motor is a few per cent; more is another speed than that of the file.
 _FAR_FROM_NOMINAL = 0.05
-_INSPECT = "Inspect {gear} at the next stop"
-_NEXT = {
-    "tooth damage": "Inspect {tooth} at the next stop; until then record more often.",
-    "several teeth": f"{_INSPECT}, all its teeth; until then record more often.",
-    "distributed pitting": f"{_INSPECT}, and the oil for particles.",
-    "wear": f"{_INSPECT}, and the oil for particles.",
-    "eccentricity": "Check the seat and the bearings of {gear}, and the alignment of its shaft.",
-    "misalignment": "Check the alignment and the bearings of the shaft of {gear}.",
-    "looseness": "Check bolts, fits and bearings about {gear}.",
-    "path changed": "Check that the sensor sits where it sat. If it was moved, or the gearbox "
-    "opened, learn a new reference.",
-    "broadband rise": "Look at bearings, mounts and neighbouring machines; record again.",
-    "broadband change": "Look at bearings, mounts and neighbouring machines; record again.",
-    "bearing": "Inspect the bearings that the evidence names at the next stop.",
-    "electrical": "Look at the motor and its supply; the gears are not to blame.",
-    "unknown lines": "Find what turns at these frequencies: a pump, a fan, a neighbour.",
-    "mesh lost": "Stop and look at the gearbox, unless it ran at quite another speed.",
-}
+
+
+@lru_cache(maxsize=1)
+def words() -> dict[str, dict[str, str]]:
+    """Return words.toml: definitions of "indicators", and by kind of fault what to do "next"."""
+    return tomllib.loads(shipped("words.toml"))
 
 
 def is_beyond(change: Change) -> bool:
@@ -288,19 +249,12 @@ def indicator_table(analysis: Analysis) -> tuple[Table, tuple[tuple[str, str], .
         (name, *(f"{values[c]:.4g}" if c in values else "–" for c in channels))
         for name, values in analysis.indicators.items()
     )
-    known = {_plain_name(name): None for name in analysis.indicators}
-    definitions = tuple(
-        (name, INDICATOR_DEFINITIONS[name.lower()])
-        for name in known
-        if name.lower() in INDICATOR_DEFINITIONS
-    )
+    # what comes after a comma only says of which gear
+    known = {name.split(",")[0].replace("_", " ").strip(): None for name in analysis.indicators}
+    defined = words()["indicators"]
+    definitions = tuple((name, defined[name.lower()]) for name in known if name.lower() in defined)
     table = Table(headings=("Indicator", *channels), rows=rows, align="l" + "r" * len(channels))
     return table, definitions
-
-
-def _plain_name(name: str) -> str:
-    """Name of an indicator; what comes after a comma only says of which gear."""
-    return name.split(",")[0].replace("_", " ").strip()
 
 
 def change_table(analysis: Analysis) -> Table:
@@ -323,12 +277,15 @@ def change_table(analysis: Analysis) -> Table:
 
 def settings_table(analysis: Analysis, reference: Reference | None, machine: Machine) -> Table:
     """Return how the answer was found: what was given, and the lengths and limits used."""
-    signature = analysis.signature
-    lines = signature.lines
+    signature, lines = analysis.signature, analysis.signature.lines
+    points = []
+    for point in machine.operating:
+        torque = "" if point.torque_nm is None else f", {point.torque_nm:g} N·m"
+        points.append(f"{point.name}: {point.speed_rpm:g} rpm{torque}".removeprefix(": "))
     rows = [
         ("Machine file", printable(machine.path) or "none (built in a program)"),
-        ("Teeth", "; ".join(_teeth(machine))),
-        ("Operating points", "; ".join(_operating(machine))),
+        ("Teeth", tooth_counts(machine)),
+        ("Operating points", "; ".join(points)),
         ("Reference", printable("; ".join(reference.origins)) if reference else "none"),
         (
             "Search for the speed",
@@ -345,30 +302,6 @@ def settings_table(analysis: Analysis, reference: Reference | None, machine: Mac
         ("Made with", f"gearmon {__version__}"),
     ]
     return Table(headings=("Setting", "Value"), rows=tuple(rows), align="ll")
-
-
-def _teeth(machine: Machine) -> list[str]:
-    parts = []
-    for number, stage in enumerate(machine.stages, start=1):
-        name = f" ({stage.name})" if stage.name else ""
-        if isinstance(stage, ParallelStage):
-            teeth = f"{stage.pinion_teeth}/{stage.gear_teeth}"
-        else:
-            teeth = (
-                f"sun {stage.sun_teeth}, {stage.planets} planets {stage.planet_teeth}, "
-                f"ring {stage.ring_teeth}"
-            )
-        parts.append(f"stage {number}{name}: {teeth}")
-    return parts
-
-
-def _operating(machine: Machine) -> list[str]:
-    parts = []
-    for point in machine.operating:
-        torque = "" if point.torque_nm is None else f", {point.torque_nm:g} N·m"
-        name = f"{point.name}: " if point.name else ""
-        parts.append(f"{name}{point.speed_rpm:g} rpm{torque}")
-    return parts
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -499,7 +432,7 @@ def _next(analysis: Analysis) -> str:
         gear = f"the {flag.gear} of stage {flag.stage}" if flag.gear else "the gearbox"
         tooth = f"tooth {flag.tooth} of {gear}" if flag.tooth else f"every tooth of {gear}"
         other = "Record again at the same load; if it stays, open the gearbox at the next stop."
-        return _NEXT.get(flag.kind, other).format(gear=gear, tooth=tooth)
+        return words()["next"].get(flag.kind, other).format(gear=gear, tooth=tooth)
     if analysis.compared_with != "reference":
         return "Record the machine while it is sound, and compare with that (gearmon learn)."
     return (

@@ -250,6 +250,8 @@ class Tracking:
         What the reader should know.
     held_s : tuple of float, optional
         The part of the recording in which the angle is known [s]; all of it if None.
+    lost : bool
+        Whether the lines do not stand still in the angle, all along.
     """
 
     track: AngleTrack
@@ -258,6 +260,7 @@ class Tracking:
     evidence: tuple[MeshEvidence, ...]
     notes: tuple[str, ...] = ()
     held_s: tuple[float, float] | None = None
+    lost: bool = False
 
     @property
     def plan_hz(self) -> float:

@@ -279,16 +279,16 @@ def track_tacholess(
     quick = _wandering(signal, sums, first)
     if quick is not None:
         return _with_doubt(signal, *quick)
-    steady, share = _steady(signal, sums, first)
-    calm = share > (_NEARLY if wander(steady) < _WANDERS else _COHERENT)
+    best = _steady(signal, sums, first)
+    calm = best.share > (_NEARLY if wander(best.track) < _WANDERS else _COHERENT)
     if not calm or _elsewhere(signal, first):
         followed = _follow(signal, machine)
-        if followed is not None and _outdoes(followed, (first, share)):
+        if followed is not None and _outdoes(followed, (first, best.share)):
             return _with_doubt(signal, *followed)
-        if share <= _COHERENT:
-            steady, share = _finer(signal, sums, first, (steady, share))
-    found = replace(first, track=steady)
-    return _with_doubt(signal, found, share, sums) if first.detected else found
+        if best.share <= _COHERENT:
+            _finer(signal, first, best)
+    found = replace(first, track=best.track)
+    return _with_doubt(signal, found, best.share, sums) if first.detected else found
 
 
 def _wandering(
@@ -332,62 +332,66 @@ def _outdoes(followed: tuple[Tracking, float, OrderSums], steady: tuple[Tracking
     return more > 0 or followed[1] > steady[1] + (_BETTER if more == 0 else _FAR_BETTER)
 
 
-def _steady(signal: GearVibration, sums: OrderSums, first: Tracking) -> tuple[AngleTrack, float]:
+class _Best:
+    """The best angle so far: that in which most of the lines' power is phase-coherent."""
+
+    def __init__(self, sums: OrderSums, track: AngleTrack) -> None:
+        self.sums, self.track, self.share = sums, track, coherent_share(sums, track)
+
+    @property
+    def wanders(self) -> bool:
+        """Whether the lines show it well, and that the speed wanders."""
+        return self.share > _COHERENT and wander(self.track) > _WANDERS
+
+    def offer(self, track: AngleTrack, leeway: float = 0.0) -> None:
+        """Take another angle if no less is coherent in it, but for a leeway."""
+        share = coherent_share(self.sums, track)
+        if share > self.share - leeway:
+            self.track, self.share = track, share
+
+    def offer_short_blocks(self, track: AngleTrack) -> None:
+        """Offer an angle, refined in blocks that are short enough for a speed that wanders."""
+        self.offer(refine_track(self.sums, track, block_turns=5.0, wander=0.01))
+
+    def lock_if_it_wanders(self) -> None:
+        """Lock it to the lines, which shorter blocks lose half a block from the ends.
+
+        A path whose delay changes makes lines that are coherent in a track turn a little.
+        """
+        if self.wanders:
+            self.offer(lock_track(self.sums, self.track), 0.01)
+
+
+def _steady(signal: GearVibration, sums: OrderSums, first: Tracking) -> _Best:
     """Refine the comb's track by phases; lock it to them if its speed wanders."""
     # long blocks part the mesh lines from the sidebands of slow shafts; a calm speed allows them
     slowest = min(shaft.order for shaft in signal.train.shafts)
     calm = float(np.clip(2.0 / slowest, 8.0, 20.0))
-    track = refine_track(sums, first.track, calm)
-    share = coherent_share(sums, track)
-    if share > _COHERENT and wander(track) > _WANDERS:
-        return _locked(sums, (track, share))
-    if _NEARLY < share < _ALL_COHERENT:
-        best = _better(sums, (track, share), _in_short_blocks(sums, track))
+    best = _Best(sums, refine_track(sums, first.track, calm))
+    if _NEARLY < best.share < _ALL_COHERENT and not best.wanders:
+        best.offer_short_blocks(best.track)
         # an angle that wobbles puts sidebands of slow shafts beside every mesh line
-        return _better(sums, best, lock_track(sums, best[0]))
-    return track, share
+        best.offer(lock_track(sums, best.track))
+    else:
+        best.lock_if_it_wanders()
+    return best
 
 
-def _locked(sums: OrderSums, known: tuple[AngleTrack, float]) -> tuple[AngleTrack, float]:
-    """Lock a track that wanders to the lines, which shorter blocks lose half a block from the end.
-
-    A path whose delay changes makes lines that are coherent in a track turn a little.
-    """
-    return _better(sums, known, lock_track(sums, known[0]), 0.01)
-
-
-def _in_short_blocks(sums: OrderSums, track: AngleTrack) -> AngleTrack:
-    return refine_track(sums, track, block_turns=5.0, wander=0.01)
-
-
-def _better(
-    sums: OrderSums, known: tuple[AngleTrack, float], track: AngleTrack, leeway: float = 0.0
-) -> tuple[AngleTrack, float]:
-    """Return the known track, or another one in which more of the lines is phase-coherent."""
-    share = coherent_share(sums, track)
-    return (track, share) if share > known[1] - leeway else known
-
-
-def _finer(
-    signal: GearVibration, sums: OrderSums, first: Tracking, best: tuple[AngleTrack, float]
-) -> tuple[AngleTrack, float]:
+def _finer(signal: GearVibration, first: Tracking, best: _Best) -> None:
     """Follow a speed that wanders within the tolerance by scans in shorter blocks."""
     speed = first.scan.track()
-    if best[1] <= _NEARLY:
-        best = _better(sums, best, _in_short_blocks(sums, best[0]))
+    if best.share <= _NEARLY:
+        best.offer_short_blocks(best.track)
     enough = _COHERENT
     for turns, tolerance in _FINER_SCANS:
         block_s = turns / signal.nominal_hz
-        if best[1] > enough or signal.last_s < 8 * block_s:
+        if best.share > enough or signal.last_s < 8 * block_s:
             break
         # once the speed is known to wander, even its last second must be right
         enough = _ALL_COHERENT
         speed = signal.scan(block_s, tolerance, speed).track()
-        other = _in_short_blocks(sums, integrate_speed(speed, signal.last_s))
-        best = _better(sums, best, other)
-    if best[1] > _COHERENT and wander(best[0]) > _WANDERS:
-        best = _locked(sums, best)
-    return best
+        best.offer_short_blocks(integrate_speed(speed, signal.last_s))
+    best.lock_if_it_wanders()
 
 
 def _follow(signal: GearVibration, machine: Machine) -> tuple[Tracking, float, OrderSums] | None:
@@ -472,7 +476,7 @@ def _with_doubt(
             doubt, held_s = check.typical_turns(start, stop), (start, stop)
         notes += (_slips_told(check, held_s),)
     track = replace(track, uncertainty_turns=float(doubt))
-    return replace(tracking, track=track, notes=notes, held_s=held_s)
+    return replace(tracking, track=track, notes=notes, held_s=held_s, lost=share < _LOST)
 
 
 def _slips_told(check: SlipCheck, held_s: tuple[float, float] | None) -> str:

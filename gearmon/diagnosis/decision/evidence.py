@@ -50,6 +50,8 @@ class Evidence:
     angle : float
         Standard deviation of the angle of shaft 1 [periods of the fastest mesh]; infinite where
         nothing is known of it.
+    lost : bool
+        Whether the lines do not stand still in it, all along.
     recurrence : float
         How surely the finding comes again with every turn, see `GearDeviation.recurrence`.
     knocks : float, in [0, 1]
@@ -63,6 +65,7 @@ class Evidence:
     nongear: tuple[NonGearFinding, ...] = ()
     references: int
     angle: float = 0.0
+    lost: bool = False
     recurrence: float = np.inf
     knocks: float = 0.0
 
@@ -76,9 +79,9 @@ class Evidence:
             "levels": levels * deviation.length,
             "path": path_strength(self.path) * deviation.length,
         }
-        # at another speed lines have moved across the modes of the path, and knocks are as loud
-        # as they are: either may change levels by any amount
-        if deviation.speed_off > 1.0 or self.knocks > LIMITS.knocks:
+        # at another speed lines have moved across the modes of the path, knocks are as loud as
+        # they are, in a lost angle they are smeared: all of it may change levels by any amount
+        if deviation.speed_off > 1.0 or self.knocks > LIMITS.knocks or self.lost:
             told = {name: min(value, LIMITS.levels_open) for name, value in told.items()}
         told |= {
             "runout": rare_strength([one.log10_probability for one in self.runout]),
@@ -104,7 +107,7 @@ class Evidence:
     @property
     def angle_lost(self) -> bool:
         """Whether lines and levels mean little: the angle is off throughout, not after a slip."""
-        return LIMITS.angle_unsure < self.angle < LIMITS.angle_slipped
+        return self.lost or LIMITS.angle_unsure < self.angle < LIMITS.angle_slipped
 
     @property
     def knocked(self) -> bool:

@@ -231,6 +231,25 @@ def test_levels_alone_call_no_fault_at_a_speed_that_nobody_learned(off, verdict)
     assert bool(flags_of(found, None, [change(-10.0)], 0.7)) == (verdict == "fault")
 
 
+@pytest.mark.parametrize("why", [{"lost": True}, {"knocks": 0.5}])
+def test_levels_alone_call_no_fault_in_a_lost_angle_or_between_knocks(why):
+    found = replace(evidence(lines=4.0), **why)
+    assert decide(evidence(lines=4.0)).verdict == "fault"
+    assert decide(found).verdict == "cannot tell"
+    told = reason(decide(found), found, (), (), (), 0.4)
+    assert ("Knocks drown the gears" in told) == ("knocks" in why)
+    # nor is a clean bill of health given in an angle that was lost
+    assert (decide(replace(evidence(), **why)).verdict == "healthy") == ("knocks" in why)
+
+
+def test_what_does_not_come_again_is_no_tooth():
+    again = evidence(gear(weights(4)))
+    once = replace(again, recurrence=2.0)
+    assert decide(again).verdict == "fault"
+    assert decide(once).verdict == "cannot tell"
+    assert not flags_of(once)
+
+
 @pytest.mark.parametrize(("heavy", "verdict"), [(0.6, "healthy"), (0.9, "cannot tell")])
 def test_a_mesh_far_louder_than_any_learned_load_leaves_the_answer_open(heavy, verdict):
     found = evidence(heavy=heavy)
