@@ -91,6 +91,11 @@ class PiezoMaterial(BeamMaterial):
     d31_m_per_v: float = within(-1e-8, 1e-8, "m/V", why="1 pC/N is 1e-12 m/V; is it in pC/N?")
     permittivity_f_per_m: float = within(0, 1e-6, "F/m", open_low=True)
 
+    @property
+    def e31_c_per_m2(self) -> float:
+        """Stress per field of a beam, d31 Y [C/m2]."""
+        return self.d31_m_per_v * self.youngs_modulus_pa
+
 
 @lru_cache(maxsize=1)
 def known() -> dict[str, Any]:
@@ -277,7 +282,7 @@ class PiezoCantilever(Harvester):
         hs, hp, axis = self.passive_thickness_m, self.piezo_thickness_m, self.neutral_axis_m
         layers, volts = WIRINGS[self.wiring]
         # stress of a layer by a volt, and the bending moment of all: with the arm to their middle
-        by_volt = self.piezo.d31_m_per_v * self.piezo.youngs_modulus_pa * volts / hp
+        by_volt = self.piezo.e31_c_per_m2 * volts / hp
         moment = -by_volt * hp * self.width_m * (hs + hp / 2 - axis) * layers
         coupling = moment / length / root_mass * slope
         # of the outer fibres of both layers, scaled to the piezoelectric limit
