@@ -37,14 +37,12 @@ from gearmon.signatures.measured.provenance import (
 # the latter is far too large; with few blocks it is still the better guess.
 _FEW_BLOCKS = 9
 _LEAST_OF_FEW, _LEAST = 0.25, 0.01
-FORMAT = "gearmon reference 4"
-# Without lines of no gear, broadband levels, provenance; still read.
-_OLDER_FORMATS = tuple(f"gearmon reference {number}" for number in (1, 2, 3))
+FORMAT = "gearmon reference 5"
+# Without lines of no gear, broadband levels, provenance, lines beside; still read.
+_OLDER_FORMATS = tuple(f"gearmon reference {number}" for number in (1, 2, 3, 4))
 # What stands in the header of the file, and what in arrays of their own.
-_OF_WHEEL, _WHEEL_ARRAYS = (
-    ("stage", "gear", "teeth", "order"),
-    ("number", "mesh", "amplitude", "variance"),
-)
+_OF_WHEEL, _BESIDE = ("stage", "gear", "teeth", "order"), ("beside", "beside_variance")
+_WHEEL_ARRAYS = ("number", "mesh", "amplitude", "variance", *_BESIDE)
 _OF_PROFILE, _PROFILE_ARRAYS = (
     ("origin", "speed_hz", "duration_s", "tacho", "family_names"),
     ("level_db", "band_db", "scatter_db", "heard"),
@@ -80,6 +78,9 @@ class WheelPattern:
         Variance of that mean, see `variance_of_mean`.
     order : float
         Rotation of the gear, in turns of shaft 1.
+    beside, beside_variance : ndarray, shape (2, channels, lines), or empty
+        The same a turn of the carrier below and above each, see `WheelLines`; variance 0 where
+        nothing was measured. References of older formats have none.
     """
 
     stage: int
@@ -90,18 +91,28 @@ class WheelPattern:
     mesh: NDArray[np.bool_]
     amplitude: ComplexArray
     variance: FloatArray
+    beside: ComplexArray = field(default_factory=lambda: np.zeros((0, 0, 0), dtype=complex))
+    beside_variance: FloatArray = field(default_factory=lambda: np.zeros((0, 0, 0)))
 
     @classmethod
     def of(cls, wheel: WheelLines, lines: OrderLines) -> WheelPattern:
         """Return the pattern of a gear from measured lines."""
-        blocks = lines.amplitude[:, :, wheel.lines]
+        places = np.concatenate([wheel.lines[None], wheel.beside])
+        blocks = lines.amplitude[:, :, places]
         # a few blocks tell little about their scatter: the noise between the lines helps
-        floor = lines.noise[:, wheel.lines] / max(1.0, lines.independent_blocks)
+        floor = lines.noise[:, places] / max(1.0, lines.independent_blocks)
         least = _LEAST_OF_FEW if len(blocks) < _FEW_BLOCKS else _LEAST
+        variance = np.maximum(variance_of_mean(blocks), least * floor)
+        amplitude, variance = (
+            np.where(places >= 0, own, 0.0).swapaxes(0, 1)
+            for own in (blocks.mean(axis=0), variance)
+        )
         return cls(
             **_named(wheel, (*_OF_WHEEL, "number", "mesh")),
-            amplitude=blocks.mean(axis=0),
-            variance=np.maximum(variance_of_mean(blocks), least * floor),
+            amplitude=amplitude[0],
+            variance=variance[0],
+            beside=amplitude[1:],
+            beside_variance=variance[1:],
         )
 
 
@@ -439,8 +450,13 @@ def _check_wheel(wheel: WheelPattern, channels: int) -> None:
     _need(wheel.amplitude.shape == wheel.variance.shape == (channels, lines), "amplitudes")
     _need(wheel.amplitude.dtype.kind == "c" and wheel.variance.dtype.kind == "f", "amplitudes")
     _need(bool((np.abs(wheel.amplitude) < _MOST_AMPLITUDE).all()), "amplitudes")
-    positive = (wheel.variance >= 0) & (wheel.variance < _MOST_AMPLITUDE**2)
-    _need(bool(positive.all()), "variances")
+    _need(wheel.beside.shape == wheel.beside_variance.shape, "amplitudes beside")
+    _need(not wheel.beside.size or wheel.beside.shape == (2, channels, lines), "amplitudes beside")
+    _need(wheel.beside.dtype.kind == "c", "amplitudes beside")
+    _need(bool((np.abs(wheel.beside) < _MOST_AMPLITUDE).all()), "amplitudes beside")
+    for variance in (wheel.variance, wheel.beside_variance):
+        positive = (variance >= 0) & (variance < _MOST_AMPLITUDE**2)
+        _need(variance.dtype.kind == "f" and bool(positive.all()), "variances")
 
 
 def _need(ok: bool, what: str) -> None:
@@ -456,7 +472,11 @@ def _read_profile(archive: Mapping[str, Any], row: int, entry: dict[str, Any]) -
     wheels = tuple(
         WheelPattern(
             **{name: wheel[name] for name in _OF_WHEEL},
-            **{name: archive[f"{row}/{column}/{name}"] for name in _WHEEL_ARRAYS},
+            **{
+                name: archive[place]
+                for name in _WHEEL_ARRAYS
+                if (place := f"{row}/{column}/{name}") in archive or name not in _BESIDE
+            },
         )
         for column, wheel in enumerate(entry["wheels"])
     )
