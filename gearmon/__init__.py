@@ -73,7 +73,7 @@ _HOMES = {
     "open_recording": "gearmon.signals.recording",
     "time_synchronous_average": "gearmon.signals.orders.averages",
     "angular_waveform": "gearmon.signals.orders.resampling",
-    "order_map": "gearmon.signals.orders.maps",
+    "order_map": "gearmon.signals.orders.spectra",
     "Signature": "gearmon.signatures.signature",
     "read_signature": "gearmon.signatures.signature",
     "write_signature": "gearmon.signatures.signature",
@@ -132,7 +132,7 @@ if TYPE_CHECKING:
     from gearmon.report.html import write_report as write_report
     from gearmon.signals.orders import angular_waveform as angular_waveform
     from gearmon.signals.orders.averages import time_synchronous_average as time_synchronous_average
-    from gearmon.signals.orders.maps import order_map as order_map
+    from gearmon.signals.orders.spectra import order_map as order_map
     from gearmon.signals.recording import Recording as Recording
     from gearmon.signals.recording import open_recording as open_recording
     from gearmon.signals.recording import read_recording as read_recording

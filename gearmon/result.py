@@ -196,13 +196,18 @@ def with_units(names: Sequence[str], units: Sequence[str | None]) -> list[str]:
     return [f"{name} [{unit}]" if unit and unit != "1" else name for name, unit in pairs]
 
 
+def channel_rows(axis: str, places: Any, values: Any, heads: Sequence[str]) -> list[dict[str, Any]]:
+    """Return a row a place on an axis: the place, and every channel under its head."""
+    rows = np.vstack([places, values]).T.tolist()
+    return [dict(zip([axis, *heads], row, strict=True)) for row in rows]
+
+
 def sample_rows(
     samples: Any, sampling_rate_hz: float, heads: Sequence[str]
 ) -> list[dict[str, Any]]:
     """Return a row a sample: the time, and every channel under its head."""
     times = np.arange(samples.shape[1]) / sampling_rate_hz
-    rows = np.vstack([times, samples]).T.tolist()
-    return [dict(zip(["time_s", *heads], row, strict=True)) for row in rows]
+    return channel_rows("time_s", times, samples, heads)
 
 
 def _chosen(figures: dict[str, Any], kind: str) -> Any:

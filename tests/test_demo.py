@@ -13,7 +13,7 @@ from gearmon.demos import run_demo
 from gearmon.demos.crack import FAULT
 from gearmon.errors import ArgumentError
 from gearmon.machine import load_machine
-from gearmon.machine.example import EXAMPLE
+from gearmon.machine.reading import example_machine
 from gearmon.signatures.measured.reference import read_reference
 
 
@@ -64,6 +64,6 @@ def test_a_file_where_the_folder_should_be_is_refused(tmp_path):
 
 def test_example_machine_has_a_baseline(tmp_path, capsys):
     path = tmp_path / "machine.toml"
-    path.write_text(EXAMPLE)
+    path.write_text(example_machine())
     assert main(["baseline", str(path), "--max-hz", "2000", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["rows"]

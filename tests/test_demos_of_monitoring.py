@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 from reference.small_gearbox import as_json
 
-from gearmon.demos import DEMOS, day, growth, kinds, run_demo
+from gearmon.demos import DEMOS, day, kinds, run_demo
+from gearmon.demos import crack as growth
 from gearmon.diagnosis.history import read_history
 from gearmon.machine import load_machine
 from gearmon.signatures.measured.reference import read_reference
@@ -15,7 +16,6 @@ from gearmon.signatures.measured.reference import read_reference
 def shortened():
     """Fewer recordings; a full demo takes half a minute of computing."""
     patch = pytest.MonkeyPatch()
-    patch.setattr(kinds, "DURATION_S", 3.0)
     patch.setattr(growth, "RECORDINGS", 5)
     patch.setattr(growth, "SOUND", 2)
     patch.setattr(growth, "HEALTHY_LOADS", (0.7, 0.85, 1.0))

@@ -10,7 +10,7 @@ from reference.small_gearbox import MACHINE_FILE, simulated
 
 from gearmon.simulation import write_simulation
 
-HEAVY = ("scipy.signal", "scipy.stats", "pandas", "matplotlib", "sklearn", "pyfftw")
+HEAVY = ("scipy.signal", "scipy.stats", "pandas", "matplotlib", "sklearn")
 
 LOADED = """
 import sys

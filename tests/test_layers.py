@@ -42,7 +42,6 @@ for front in FRONT:
 
 # Libraries that only some modules may load, wherever in the module the import stands.
 OWNED = {
-    "pyfftw": lambda module: module == "gearmon.signals.transforms",
     "matplotlib": lambda module: (
         (module.startswith("gearmon.report.") and "plots" in module)
         or module in ("gearmon.benchmark.plots", "gearmon.study.plots")
@@ -61,7 +60,7 @@ OWED_CYCLES: set[tuple[str, str]] = set()
 # A class that derives from one of scikit-learn's needs it when it is defined; every module that
 # imports this one does so inside a function.
 DERIVED = {"gearmon.diagnosis.fault_types.classifier": "sklearn"}
-HEAVY = ("scipy.signal", "scipy.stats", "pandas", "matplotlib", "sklearn", "pyfftw", "pyarrow")
+HEAVY = ("scipy.signal", "scipy.stats", "pandas", "matplotlib", "sklearn", "pyarrow")
 
 
 def modules():

@@ -27,7 +27,7 @@ from gearmon.commands import COMMANDS
 from gearmon.commands.output import judged
 from gearmon.errors import GearmonError
 from gearmon.files import protecting, table_cell, write_atomically
-from gearmon.report.text_tables import rows_as_csv
+from gearmon.report.wording import rows_as_csv
 from gearmon.signals.recording import open_recording, read_recording
 
 WRITING = [c for c in COMMANDS if "-o" in shlex.split(c.example) and not c.folder]

@@ -11,7 +11,7 @@ The errors of a method over many parameter sets are the largest over sets drawn 
 harmonics of a rival grow with w0/w by one rule, whose factor is the least with which all those sets
 are within the error. The growth of the cost is that with a stiffness that dips once in P mesh
 periods, P growing; natural frequency, damping and harmonics a mesh stay, so the number of unknowns
-grows in proportion.
+grows in proportion. A stability chart and a family of faults are in `jobs`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,19 @@ from typing import Any
 
 import numpy as np
 
-from gearmon.benchmark import rivals
+from gearmon.benchmark import jobs, rivals
+from gearmon.benchmark.contenders import (
+    COMPILED,
+    CUT_OFF,
+    NOT_INSTALLED,
+    OURS,
+    SETS_AT_ONCE,
+    TARGET,
+    Contender,
+    Row,
+    measured,
+    with_ratios,
+)
 from gearmon.benchmark.equations import (
     CASES,
     FORCE_N,
@@ -41,19 +53,14 @@ from gearmon.benchmark.equations import (
     solve_reference,
     square_wave,
 )
-from gearmon.benchmark.timing import Timing, facts_of_run, interleaved, task_time
+from gearmon.benchmark.timing import facts_of_run, task_time
 from gearmon.dynamics import HillProblem, steady_state
 from gearmon.dynamics.sweep import sweep as solve_sets
 from gearmon.terminal import Progress
 
-Row = dict[str, Any]
-
-#: Relative error of acceleration at which methods are set side by side.
-TARGET = 1e-6
 WANTED = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10)
-OURS, SETS_AT_ONCE = "steady_state", "sweep"
+BANDED = "solve_banded"
 AS_USUAL, FROM_REST, SHOOTING = "SciPy {}, as usually written", "SciPy {}", "SciPy {}, shooting"
-COMPILED, BANDED = "compiled RK4", "solve_banded"
 #: Every rival by the column of its factor in the headlines.
 RIVALS = {
     "as_usual": AS_USUAL.format(rivals.SHOT),
@@ -63,11 +70,9 @@ RIVALS = {
     "compiled": COMPILED,
     "solve_banded": BANDED,
 }
-#: What others are compared with: the first of these that a case has.
-BASES = (SETS_AT_ONCE, OURS)
 SWEEP, GROWTH = "parameter sets", "cost growth"
-CUT_OFF = "the error is that against the true jumps; a bound would be that of the sum"
-NOT_INSTALLED = "numba is not installed"
+#: Jobs of more than one solution.
+JOBS = {"stability chart": jobs.chart_rows, "fault family": jobs.family_rows}
 #: Share of the wanted error that may be left of the free vibration.
 SETTLED_SHARE = 0.3
 #: A run expected to take longer is left out [s]; of a hunting period, which runs once, more.
@@ -88,41 +93,6 @@ GROWING_BYTES = 3e8
 FIRST_FITTED = 2000
 
 
-@dataclass(frozen=True, eq=False)
-class Contender:
-    """One method with one setting.
-
-    Parameters
-    ----------
-    method : str
-        Name in tables and pictures.
-    setting : str
-        Tolerance, order, steps or harmonics, in words.
-    wanted : float or None
-        Relative error aimed at, where the setting was made for one.
-    run : callable or None
-        What is timed; None if it cannot run, for the reason in `note`.
-    motion : callable
-        Takes what `run` returned and gives what its error is measured on; not timed.
-    note : str
-    sets : int
-        How many solutions one run makes.
-    error, error_bound, unknowns : float, float, int or None
-        Where they are known before the run.
-    """
-
-    method: str
-    setting: str = ""
-    wanted: float | None = None
-    run: Callable[[], Any] | None = None
-    motion: Callable[[Any], Lines | Samples] = lambda found: found
-    note: str = ""
-    sets: int = 1
-    error: float | None = None
-    error_bound: float | None = None
-    unknowns: int | None = None
-
-
 def run_dynamics(
     quick: bool = False,
     cases: Sequence[str] | None = None,
@@ -137,7 +107,8 @@ def run_dynamics(
     quick : bool
         Few cases, settings and repeats: seconds in place of minutes. The figures are then rough.
     cases : sequence of str, optional
-        Names of cases, "parameter sets" or "cost growth"; all by default.
+        Names of cases, "parameter sets", "stability chart", "fault family" or "cost growth"; all by
+        default.
     seed : int
         Of the parameter sets.
     count : int, >= 1
@@ -160,7 +131,9 @@ def run_dynamics(
     ArgumentError
         If there is no such case.
     """
-    names = list(cases) if cases is not None else [*(QUICK if quick else CASES), SWEEP, GROWTH]
+    names = (
+        list(cases) if cases is not None else [*(QUICK if quick else CASES), SWEEP, *JOBS, GROWTH]
+    )
     facts = facts_of_run()
     rows: list[Row] = []
     for number, name in enumerate(names):
@@ -168,6 +141,8 @@ def run_dynamics(
             found = sweep_rows(200 if quick else count, seed, quick)
         elif name == GROWTH:
             found = growth_rows(quick)
+        elif name in JOBS:
+            found = JOBS[name](quick)
         else:
             found = case_rows(named_case(name), quick)
         rows += [{"case": name, **row, **facts} for row in found]
@@ -192,7 +167,7 @@ def case_rows(case: Case, quick: bool = False) -> list[Row]:
         *_compiled(case, reference, wanted),
         *([] if case.rectangle else _banded(case, reference, wanted)),
     ]
-    return _with_ratios(_measured(listed, 3 if quick else 31, 0.05 if quick else 0.6, reference))
+    return with_ratios(measured(listed, 3 if quick else 31, 0.05 if quick else 0.6, reference))
 
 
 def _own(case: Case, wanted: tuple[float, ...]) -> Iterator[Contender]:
@@ -367,7 +342,7 @@ def sweep_rows(count: int, seed: int, quick: bool = False) -> list[Row]:
     """
     sweep = draw_sweep(count, seed, 6 if quick else PROBES)
     listed = [_together(sweep), _own_loop(sweep), _banded_loop(sweep), _compiled_loop(sweep)]
-    return _with_ratios(_measured(listed, 2 if quick else 9, 0.1 if quick else 3.0))
+    return with_ratios(measured(listed, 2 if quick else 9, 0.1 if quick else 3.0))
 
 
 def _together(sweep: Sweep) -> Contender:
@@ -463,7 +438,7 @@ def growth_rows(quick: bool = False) -> list[Row]:
     quick : bool
         Three small sizes.
     """
-    rows = _measured(list(_growing(quick)), 3 if quick else 15, 0.05 if quick else 2.0)
+    rows = measured(list(_growing(quick)), 3 if quick else 15, 0.05 if quick else 2.0)
     for method in (OURS, BANDED):
         own = [row for row in rows if row["method"] == method]
         exponent = fitted_exponent(own)
@@ -472,7 +447,7 @@ def growth_rows(quick: bool = False) -> list[Row]:
     # sizes are compared each by itself
     settings = dict.fromkeys(row["setting"] for row in rows)
     groups = [[row for row in rows if row["setting"] == setting] for setting in settings]
-    return [row for group in groups for row in _with_ratios(group)]
+    return [row for group in groups for row in with_ratios(group)]
 
 
 def _growing(quick: bool) -> Iterator[Contender]:
@@ -501,66 +476,6 @@ def fitted_exponent(rows: Sequence[Row], least: int = FIRST_FITTED) -> float | N
         return None
     x, y = np.log(np.array(kept)).T
     return float(np.polyfit(x, y, 1)[0])
-
-
-def _measured(
-    listed: Sequence[Contender], most: int, budget_s: float, reference: Reference | None = None
-) -> list[Row]:
-    """Run contenders in turn; one row each, with the errors against a reference if there is one."""
-    running = [one for one in listed if one.run is not None]
-    timings = interleaved([one.run for one in running if one.run is not None], most, budget_s)
-    timed = dict(zip(map(id, running), timings, strict=True))
-    return [_row(one, timed.get(id(one)), reference) for one in listed]
-
-
-def _row(one: Contender, timing: Timing | None, reference: Reference | None) -> Row:
-    known = ("method", "setting", "wanted", "error", "error_bound", "unknowns", "sets", "note")
-    row: Row = {name: getattr(one, name) for name in known}
-    row |= {
-        "median_s": timing.median_s / one.sets if timing else None,
-        "fastest_s": timing.fastest_s / one.sets if timing else None,
-        "repeats": timing.repeats if timing else 0,
-        "exponent": None,
-    }
-    if timing is None or reference is None:
-        return row
-    motion = one.motion(timing.result)
-    values = motion.displacement if isinstance(motion, Lines) else motion.share
-    bound = getattr(timing.result, "error_bound", None)
-    if one.note == CUT_OFF or bound is None or math.isinf(bound):
-        bound = None  # an endless bound is no number in JSON
-    return row | {"error": reference.error(motion), "error_bound": bound, "unknowns": len(values)}
-
-
-def _with_ratios(rows: list[Row]) -> list[Row]:
-    """Add the run time over ours, and mark each method's cheapest row at the target."""
-    at_target = {row["method"]: row for row in rows if row["wanted"] == TARGET}
-    ours = next((at_target[name] for name in BASES if name in at_target), None)
-    cheapest: dict[str, Row] = {}
-    # of ours the row that a user gets who asks for this error, not one that is lucky
-    judged = [
-        row
-        for row in rows
-        if row["median_s"] is not None
-        and row["error"] is not None
-        and row["error"] <= TARGET
-        and (row["method"] != OURS or row["wanted"] == TARGET)
-    ]
-    for row in sorted(judged, key=lambda row: float(row["median_s"])):
-        cheapest.setdefault(row["method"], row)
-
-    def over_ours(row: Row, column: str) -> float | None:
-        return row[column] / ours[column] if ours and ours[column] and row[column] else None
-
-    return [
-        row
-        | {
-            "times_ours": over_ours(row, "median_s"),
-            "times_ours_fastest": over_ours(row, "fastest_s"),
-            "at_target": cheapest.get(row["method"]) is row,
-        }
-        for row in rows
-    ]
 
 
 def headlines(rows: Sequence[Row]) -> list[Row]:

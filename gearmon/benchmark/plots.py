@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gearmon.benchmark.detection import detection_summary
-from gearmon.report.palette import (
+from gearmon.report.plots import (
     BLACK,
     BLUE,
     GREEN,
@@ -38,7 +38,11 @@ STYLES: dict[str, Style] = {
     "SciPy odeint": (VERMILLION, "D", "-"),
     "SciPy DOP853, as usually written": (BLACK, "s", ":"),
     "SciPy DOP853, shooting": (PURPLE, "P", "-"),
+    "sweep": (BLUE, "o", "-"),
+    "stability_chart": (BLUE, "o", "-"),
+    "fault_family": (BLUE, "o", "-"),
     "compiled RK4": (GREY, "X", "-"),
+    "compiled RK4 and its tables": (GREY, "x", ":"),
     "solve_banded": (BLACK, "*", "-"),
 }
 #: Colour, marker and dashes of every detector.

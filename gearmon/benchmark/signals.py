@@ -30,10 +30,9 @@ from gearmon.benchmark.timing import (
 from gearmon.files import write_atomically
 from gearmon.gears.faults import parse_fault
 from gearmon.machine import Machine, load_machine
-from gearmon.machine.example import EXAMPLE
+from gearmon.machine.reading import example_machine
 from gearmon.signals.recording import Recording, read_recording
 from gearmon.signals.spectra import amplitude_spectrum, envelope_spectrum, kurtogram, power_density
-from gearmon.signals.transforms import batch
 from gearmon.signatures.measured.indicators import indicator_table
 from gearmon.simulation import simulate, write_simulation
 from gearmon.terminal import Progress
@@ -112,11 +111,10 @@ def _rows(
 
 
 def _spectra(count: int, repeats: int) -> Iterator[Row]:
+    from scipy.fft import rfft
     from scipy.signal import butter, hilbert, sosfiltfilt, welch
 
     samples = np.random.default_rng(0).normal(size=count)
-    bare = batch(count)
-    bare.input[0] = samples
     # 999,983 and 65,521 are primes
     prime = 999_983 if count > 1 << 18 else 65_521
     sections = butter(4, (0.2, 0.4), btype="bandpass", output="sos")
@@ -128,7 +126,7 @@ def _spectra(count: int, repeats: int) -> Iterator[Row]:
     cases: dict[str, Tasks] = {
         "amplitude spectrum": {
             "amplitude_spectrum": lambda: amplitude_spectrum(samples, 1.0),
-            "bare FFTW, planned by estimate": bare.run,
+            "scipy.fft.rfft": lambda: rfft(samples),
         },
         "amplitude spectrum of a prime length": {
             "prime length": lambda: amplitude_spectrum(samples[:prime], 1.0),
@@ -312,7 +310,7 @@ def memory_of_long_recording(
 
 def _machine_file(folder: Path) -> Path:
     """Write the file of the example gearbox into a folder."""
-    write_atomically(folder / "machine.toml", EXAMPLE)
+    write_atomically(folder / "machine.toml", example_machine())
     return folder / "machine.toml"
 
 

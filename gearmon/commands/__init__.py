@@ -9,7 +9,7 @@ Examples
 (True, ['init', 'lines', 'stiffness', 'baseline'])
 """
 
-from gearmon.commands import exposure, fleet, machines, recordings, setup, signals, trials
+from gearmon.commands import fleet, machines, recordings, setup, signals
 from gearmon.commands.command import Command
 
 #: All commands, in the order of a first use.
@@ -20,7 +20,7 @@ COMMANDS = (
     *(recordings.learn, setup.check, recordings.analyse, recordings.kinds, recordings.history),
     fleet.fleet,
     *(signals.indicators, signals.spectrum, signals.orders),
-    *(machines.harvest, exposure.exposure, trials.demo, trials.benchmark),
+    *(machines.harvest, signals.exposure, setup.demo, setup.benchmark),
 )
 
 __all__ = ["COMMANDS", "Command"]

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 from gearmon.commands.command import command, number, option
 from gearmon.commands.output import BAD_INPUT, DONE, FLAGGED, complain, finish
 from gearmon.errors import ArgumentError, check_range, check_word
-from gearmon.report.text_tables import table_lines
-from gearmon.report.wording import counted, printable
+from gearmon.report.wording import counted, printable, table_lines
 from gearmon.terminal import progress_line
 
 if TYPE_CHECKING:

@@ -20,7 +20,7 @@ from gearmon.commands.command import (
 from gearmon.commands.inputs import followed, machine_of, recording_of
 from gearmon.commands.output import DONE, finish, finish_with, show
 from gearmon.errors import ArgumentError
-from gearmon.report.text_tables import table_lines
+from gearmon.report.wording import table_lines
 from gearmon.terminal import Progress
 
 if TYPE_CHECKING:
@@ -307,7 +307,7 @@ def _modes_lines(found: Modes) -> list[str]:
 
 @command(
     MACHINE,
-    fault(),
+    fault(errors=True),
     *(number(*setting) for setting in _SETTINGS.values()),
     option("--tacho", action="store_true", help="add a column with one pulse a turn of shaft 1"),
     option("--no-time", action="store_true", help="leave out the time column"),

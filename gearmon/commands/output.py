@@ -169,7 +169,7 @@ def finish_with(
 def write_table(path: str, result: Mapping[str, Any], rows: list[dict[str, Any]]) -> None:
     """Write rows as CSV or the whole result as JSON, by the ending of the name."""
     from gearmon.files import write_atomically
-    from gearmon.report.text_tables import rows_as_csv
+    from gearmon.report.wording import rows_as_csv
 
     is_csv = Path(path).suffix.lower() == ".csv"
     write_atomically(path, rows_as_csv(rows) if is_csv else as_json(result) + "\n")

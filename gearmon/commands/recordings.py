@@ -173,8 +173,7 @@ def _past(arguments: argparse.Namespace, machine: Machine) -> HistoryTrends | No
 def _analysis_lines(
     result: dict[str, Any], analyses: list[Analysis], past: HistoryTrends | None
 ) -> list[str]:
-    from gearmon.report.text import analysis_text
-    from gearmon.report.verdict import overview_lines, worst_first
+    from gearmon.report.text import analysis_text, overview_lines, worst_first
 
     lines = overview_lines(analyses) if len(analyses) > 1 else []
     shown = [analyses[place] for place in worst_first(analyses)]

@@ -1,4 +1,4 @@
-"""Commands that come first: a machine file from a few facts, and what a reference is good for."""
+"""Commands for a start: init, check of a reference, demo and benchmark."""
 
 from __future__ import annotations
 
@@ -7,14 +7,15 @@ import json
 import re
 import sys
 import tomllib
+from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gearmon.commands.command import command, machine_option, option, repeatable
+from gearmon.commands.command import command, machine_option, number, option, repeatable
 from gearmon.commands.inputs import machine_of
-from gearmon.commands.output import DONE, finish_with, show
+from gearmon.commands.output import DONE, finish, finish_with, show
 from gearmon.errors import ArgumentError
-from gearmon.report.text_tables import table_lines
-from gearmon.report.wording import printable
+from gearmon.report.wording import printable, table_lines
 from gearmon.units import is_unit
 
 if TYPE_CHECKING:
@@ -148,18 +149,18 @@ def _doubts(machine: Machine) -> list[str]:
     from gearmon.machine import ParallelStage
 
     notes = list(machine.notes)
-    for number, stage in enumerate(machine.stages, start=1):
+    for place, stage in enumerate(machine.stages, start=1):
         if not isinstance(stage, ParallelStage):
             continue
         ratio = stage.gear_teeth / stage.pinion_teeth
         if ratio < 1.0:
             notes.append(
-                f"stage {number}: {stage.pinion_teeth} teeth drive {stage.gear_teeth}: it speeds "
+                f"stage {place}: {stage.pinion_teeth} teeth drive {stage.gear_teeth}: it speeds "
                 f"up by {1 / ratio:.3g}; if it slows down, swap them"
             )
         if max(ratio, 1 / ratio) > _USUAL_RATIO:
             notes.append(
-                f"stage {number}: a ratio of {max(ratio, 1 / ratio):.3g} is more than one stage "
+                f"stage {place}: a ratio of {max(ratio, 1 / ratio):.3g} is more than one stage "
                 "usually has; look at the tooth counts again"
             )
     return notes
@@ -183,12 +184,12 @@ def _columns(found: Recording) -> str:
     """Describe the columns of a recording; what their units are has to be filled in if unknown."""
     text = ""
     rows = zip(found.columns, found.channel_names, found.channel_kinds, found.units, strict=True)
-    for number, name, kind, unit in rows:
+    for column, name, kind, unit in rows:
         stated = unit is not None and is_unit(unit)
         known = f'unit = "{unit}"' if stated else '# unit = "m/s2"  # not known from the file'
         # samples of a known unit of acceleration are read as m/s2, whatever the file has
         mark = "# " if unit == "m/s2" else ""
-        text += f"\n[[sensor]]                # {' '.join(name.split())}\ncolumn = {number}\n"
+        text += f"\n[[sensor]]                # {' '.join(name.split())}\ncolumn = {column}\n"
         text += f'kind = "{kind}"\n{mark}{known}\n'
     return text
 
@@ -227,3 +228,70 @@ def _check_lines(found: ReferenceCheck) -> list[str]:
         told = "no loss is sure to be noticed" if loss is None else f"from {100 * loss:.2g} % on"
         lines.append(f"{gear['gear']} of stage {gear['stage']}: a weak tooth is noticed {told}")
     return lines
+
+
+@command(
+    option(
+        "name",
+        metavar="NAME",
+        nargs="?",
+        default="crack",
+        help="crack (found; default), growth (of a crack), kinds (pitting, wear and eccentricity "
+        "told apart), day (of a sound machine), harvest, exposure (of a driver), fleet (of twelve "
+        "machines), study",
+    ),
+    endings=(),
+    help="run a whole job on data it makes itself",
+    example="gearmon demo growth",
+    output="write into this folder (gearmon-NAME)",
+    folder=True,
+)
+def demo(arguments: argparse.Namespace) -> int:
+    """Run `gearmon demo`."""
+    from gearmon.demos import run_demo
+
+    usual = "gearmon-demo" if arguments.name == "crack" else f"gearmon-{arguments.name}"
+    result = run_demo(arguments.name, Path(arguments.output or usual), arguments.progress)
+    show(arguments, result.to_dict(), result.lines)
+    return DONE
+
+
+@command(
+    option("--quick", action="store_true", help="rough figures in seconds"),
+    number("--seed", 0, "N", "of what is drawn at random"),
+    option("--count", type=int, metavar="N", help="random systems, parameter sets or machines"),
+    option("--ross-python", metavar="PATH", help="interpreter of an environment with ROSS"),
+    option(
+        "case",
+        metavar="CASE",
+        nargs="?",
+        default="analyse",
+        help="analyse (default), memory, stiffness, signals, harvesting, dynamics, stress or "
+        "detection",
+    ),
+    help="measure run time, memory and error, side by side with named competitors",
+    example="gearmon benchmark dynamics --quick -o benchmark.csv",
+    beside=("{}.png", "{}-*.png"),
+)
+def benchmark(arguments: argparse.Namespace) -> int:
+    """Run `gearmon benchmark`."""
+    from gearmon.benchmark import PICTURED, case_figures, run_case, summary_rows
+
+    rows = run_case(
+        arguments.case,
+        arguments.progress,
+        ross_python=arguments.ross_python,
+        quick=arguments.quick,
+        seed=arguments.seed,
+        count=arguments.count,
+    )
+    result: dict[str, Any] = {"case": arguments.case, "rows": rows}
+
+    def lines() -> list[str]:
+        return table_lines(summary_rows(arguments.case, rows))
+
+    def figures() -> Mapping[str, Any]:
+        return case_figures(arguments.case, rows)
+
+    drawn = figures if arguments.case in PICTURED else None
+    return finish(arguments, result, lines, lambda: rows, drawn)

@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.demos import Demo, Steps, told
-from gearmon.demos.conveyor import conveyor, conveyor_recording, learned
+from gearmon.demos import Demo, Steps, conveyor, conveyor_recording, learned, told
 from gearmon.diagnosis.analysis import analyse
 from gearmon.diagnosis.decision import LIMITS
 from gearmon.diagnosis.results import Analysis
-from gearmon.report.demo_plots import day_figure
+from gearmon.report.history_plots import day_figure
 from gearmon.signals.recording import Recording
 from gearmon.terminal import Progress
 

@@ -20,14 +20,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.demos import Demo
+from gearmon.demos import Demo, given_file
 from gearmon.diagnosis.analysis import learn
 from gearmon.diagnosis.history import read_latest
 from gearmon.files import write_atomically
 from gearmon.fleet import Fleet, alarms, read_fleet, run_fleet
 from gearmon.fleet.pages import screenshot
 from gearmon.machine import Machine, load_machine
-from gearmon.report.text_tables import table_lines
+from gearmon.report.wording import table_lines
 from gearmon.signals.recording import read_recording
 from gearmon.signals.threads import cores
 from gearmon.signatures.measured.reference import write_reference
@@ -52,35 +52,6 @@ WRONG = {
 }
 #: Share of the whole difference at which a fault begins to grow.
 _FIRST = 0.1
-_MACHINE = """\
-name = "{kind}"
-[operating]
-speed_rpm = {speed}
-torque_nm = 120.0
-[[stage]]
-kind = "parallel"
-pinion_teeth = {pinion}
-gear_teeth = {gear}
-module_mm = 2.5
-face_width_mm = 28.0
-[[sensor]]
-column = 1
-unit = "m/s2"
-[[sensor]]
-column = 2
-unit = "m/s2"
-[[sensor]]
-column = 3
-kind = "tacho"
-"""
-_FLEET = """\
-name = "Contractor's fleet (simulated)"
-[defaults]
-recordings = "inbox"
-pattern = '(?P<machine>[a-z]+-\\d)_(?P<time>[\\dT-]+)_(?P<class>[a-z]+)\\.npy'
-sampling_rate_hz = {rate}
-limit = 0.3
-"""
 
 
 def fleet_demo(folder: Path, progress: Progress | None = None) -> Demo:
@@ -97,13 +68,11 @@ def fleet_demo(folder: Path, progress: Progress | None = None) -> Demo:
     (folder / "inbox").mkdir(exist_ok=True)
     with ProcessPoolExecutor(cores(), get_context("spawn")) as pool:
         list(pool.map(partial(_made, folder), names))
-    listed = [_FLEET.format(rate=RATE_HZ)]
-    listed += [
+    listed = "".join(
         f'[[machine]]\nname = "{name}"\nfile = "{name}.toml"\nreference = "{name}.ref"\n'
         for name in names
-    ]
-    path = folder / "fleet.toml"
-    write_atomically(path, "".join(listed))
+    )
+    path = given_file("fleet.toml", folder, "fleet.toml", rate=RATE_HZ, machines=listed)
     fleet = read_fleet(path)
     run = run_fleet(fleet, progress=progress)
     picture = folder / "fleet.png"
@@ -150,8 +119,7 @@ def _made(folder: Path, name: str) -> None:
     seed = 10 * list(KINDS).index(kind) + int(number)
     pinion, gear, speed = KINDS[kind]
     known = {"kind": kind, "pinion": pinion, "gear": gear, "speed": speed}
-    write_atomically(folder / f"{name}.toml", _MACHINE.format(**known))
-    machine = load_machine(folder / f"{name}.toml")
+    machine = load_machine(given_file("fleet_machine.toml", folder, f"{name}.toml", **known))
     what, first = WRONG.get(name, ("", RECORDINGS))
     heard = {
         c: _heard(machine, seed, what if ":" in what else "", load) for c, load in LOADS.items()

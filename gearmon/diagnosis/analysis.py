@@ -38,6 +38,7 @@ from gearmon.diagnosis.hypotheses.tooth_damage import (
     told_losses,
 )
 from gearmon.diagnosis.law import HealthyMachine, MachineDeviation
+from gearmon.diagnosis.law.state import SPEED_UNIT
 from gearmon.diagnosis.nongear import disturbed, nongear_findings
 from gearmon.diagnosis.results import Analysis, Change, Flag, ToothProfile
 from gearmon.errors import GearmonError, check_range
@@ -288,7 +289,7 @@ class _Compared:
             recording=signature.origin,
             machine=self.machine.name,
             verdict=decision.verdict,
-            reason=reason(decision.verdict, evidence, flags, changes, profiles, decision.unheard),
+            reason=reason(decision, evidence, flags, changes, profiles, must_notice),
             score=score_of(evidence.strength),
             false_alarm_probability=evidence.probability,
             compared_with="reference",
@@ -318,9 +319,13 @@ class _Compared:
         whole = len(disturbed_families) == len(signature.plan.families)
         deviation = healthy.deviation(self.own, self.rows, () if whole else disturbed_families)
         theirs = [profile.wheels for profile in self.reference.profiles]
+        finding = find_tooth(self.own, deviation, healthy, self.machine)
         return Evidence(
             deviation=deviation,
-            finding=find_tooth(self.own, deviation, healthy, self.machine),
+            finding=finding,
+            lost=signature.angle_lost,
+            recurrence=self._recurrence(finding),
+            knocks=signature.lines.knocked,
             path=path_change(deviation.levels, self._families(deviation)),
             runout=runout_growth(
                 turn_changes(self.own.wheels, self.rows, theirs, healthy.rows),
@@ -331,6 +336,15 @@ class _Compared:
             angle=signature.track.uncertainty_turns
             * max(mesh.order for mesh in kinematics(self.machine).meshes),
         )
+
+    def _recurrence(self, finding: ToothFinding | None) -> float:
+        """How surely what was found comes again with every turn; not asked where it is weak."""
+        if finding is None or tooth_strength(finding.evidence) < LIMITS.open:
+            return np.inf
+        found, plan, lines = finding.best, self.signature.plan, self.signature.lines
+        wheel = next(own for own in plan.wheels if (own.stage, own.gear) == found.key)
+        blocks = lines.amplitude[:, list(self.rows)][:, :, wheel.lines]
+        return found.deviation.recurrence(found.tooth, blocks, wheel.number)
 
     def _flags(
         self, evidence: Evidence, changes: tuple[Change, ...], profiles: Sequence[ToothProfile]
@@ -440,10 +454,11 @@ class _Compared:
             )
         speeds = [profile.speed_hz for profile in reference.profiles]
         speed = signature.speed.estimated_hz
-        if not 0.97 * min(speeds) <= speed <= 1.03 * max(speeds):
+        if min(abs(speed / known - 1) for known in speeds) > SPEED_UNIT:
             notes.append(
-                f"speed {speed:.2f} Hz lies outside the reference's {min(speeds):.2f} to "
-                f"{max(speeds):.2f} Hz by more than 3 %: resonances may change levels"
+                f"speed {speed:.2f} Hz is more than {100 * SPEED_UNIT:g} % off that of every "
+                f"healthy recording ({min(speeds):.2f} to {max(speeds):.2f} Hz): resonances may "
+                "change levels, so that levels alone call no fault"
             )
         return tuple(notes)
 

@@ -11,13 +11,19 @@ the unit circle for |H| <= 1 and are +-e^{+-arcosh|H|} beyond. H is returned as 
 For a Fourier stiffness the period is cut into steps of a Magnus expansion of sixth order (Gauss
 points; Blanes, Casas and Ros, BIT 40, 2000, 434), whose matrices are exponentials and so exact for
 constant q however fast the vibration; halving the step removes the next term of the error.
+
+H is an entire function of R and of eps, so that over a rectangle of both a few Chebyshev nodes tell
+all of it (`over`): a chart of 40,000 points takes some 300 period maps.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
+from numpy.polynomial import chebyshev
 
 from gearmon.dynamics.fourier import Complex, Real
 
@@ -26,6 +32,12 @@ Integers = np.ndarray[tuple[int, ...], np.dtype[np.int_]]
 #: Entries of one array of steps x systems.
 BLOCK = 1 << 18
 MOST_STEPS = 1 << 20
+#: Chebyshev nodes along w0/w and along eps at first, and factor by which they grow.
+NODES, MORE_NODES = (16, 12), 1.5
+#: Rounding of an interpolated half trace, relative to the largest on the rectangle.
+ROUNDING = 1e-14
+
+HalfTraces = Callable[[Real, Real], tuple[Real, Real]]
 
 
 def of_fourier(
@@ -61,6 +73,75 @@ def of_fourier(
             part = left[first : first + width]
             value[part], log[part] = _refined(systems[:, part], harmonics, int(count), tolerance)
     return value.reshape(shape), log.reshape(shape)
+
+
+def over(
+    ratios: Real, variations: Real, zeta: float, harmonics: Complex, tolerance: float, most: int
+) -> HalfTraces:
+    """Half traces within a rectangle of w0/w and eps, as a function of both.
+
+    Parameters
+    ----------
+    ratios, variations : float ndarray
+        Their extremes span the rectangle.
+    zeta, harmonics, tolerance
+        As of `of_fourier`.
+    most : int
+        Period maps beyond which interpolation is not worth while.
+
+    Returns
+    -------
+    callable
+        Takes arrays (E or 1, X) of w0/w and (E, 1) of eps; returns what `of_fourier` does.
+    """
+    known, share = {"zeta": np.asarray(zeta), "harmonics": harmonics}, 0.1 * tolerance
+    centres, halves = zip(*((_middle(v), np.ptp(v) / 2) for v in (ratios, variations)), strict=True)
+    counts = [int(n) if half else 1 for n, half in zip(NODES, halves, strict=True)]
+    while math.prod(counts) <= most:
+        points = [chebyshev.chebpts1(n) for n in counts]
+        x, y = (c + h * p for c, h, p in zip(centres, halves, points, strict=True))
+        value, log = of_fourier(x, y[:, None], **known, tolerance=share)
+        if not log.max() + math.log(ROUNDING) < math.log(tolerance):
+            break
+        terms = _analysis(points[1]) @ (value * np.exp(log)) @ _analysis(points[0]).T
+        open_ = [_tail(t) > share for t in (terms.T, terms)]
+        if not any(open_):
+            return partial(_interpolated, terms, centres, halves)
+        counts = [math.ceil(MORE_NODES * n) if o else n for n, o in zip(counts, open_, strict=True)]
+    return partial(of_fourier, **known, tolerance=tolerance)
+
+
+def _middle(values: Real) -> float:
+    return float(values.max() + values.min()) / 2
+
+
+def _analysis(points: Real) -> Real:
+    """Matrix that makes coefficients of values at Chebyshev nodes."""
+    rows = chebyshev.chebvander(points, len(points) - 1).T * (2 / len(points))
+    rows[0] /= 2
+    return np.asarray(rows)
+
+
+def _tail(terms: Real) -> float:
+    """Size of the last coefficients: two, since every other one may vanish."""
+    return float(np.abs(terms[-2:]).max()) if len(terms) > 1 else 0.0
+
+
+def _interpolated(
+    terms: Real,
+    centres: tuple[float, float],
+    halves: tuple[float, float],
+    ratio: Real,
+    variation: Real,
+) -> tuple[Real, Real]:
+    x, y = (
+        chebyshev.chebvander((v - c) / (h or 1.0), n - 1)
+        for v, c, h, n in zip((ratio, variation), centres, halves, terms.shape[::-1], strict=True)
+    )
+    rows = y @ terms
+    # one product of matrices where all rows share their w0/w
+    made = rows[:, 0] @ x[0].T if len(x) == 1 else (rows @ x.swapaxes(1, 2))[:, 0]
+    return np.asarray(made), np.zeros(made.shape)
 
 
 def _first_counts(systems: Real, harmonics: Complex) -> Integers:
@@ -146,8 +227,8 @@ def magnus_steps(left: Real, middle: Real, right: Real, length: Real) -> tuple[R
     square = -(d**2 + e * f)
     root = np.sqrt(np.abs(square))
     swings = square >= 0
-    if swings.all():
-        even, odd, logs = np.cos(root), np.sinc(root / math.pi), np.zeros(root.shape)
+    if root.all() and swings.all():
+        even, odd, logs = np.cos(root), np.sin(root) / root, np.zeros(root.shape)
     else:
         grown = np.where(swings, 0.0, root)
         twice = np.where(grown > 0, -2 * grown, 1.0)

@@ -162,7 +162,11 @@ def stability_chart(
             check_range(name, float(value), low, high)
     check_range("damping_ratio", damping_ratio, 0.0, 100.0)
     check_range("tolerance", tolerance, 1e-15, 0.1)
-    growth = growth_of(shape, 1 / x[None, :], eps[:, None], damping_ratio, tolerance)
+    traces = period_trace.over(
+        1 / x, eps, damping_ratio, shape.harmonics, tolerance, x.size * eps.size // 4
+    )
+    growth = period_trace.growth(*traces(1 / x[None, :], eps[:, None]))
+    growth -= 2 * math.pi * damping_ratio / x
     return StabilityChart(
         shape=shape, speeds=x, variations=eps, damping_ratio=float(damping_ratio), growth=growth
     )
@@ -188,6 +192,7 @@ def excess(
     variation: Real,
     zeta: Real | float,
     tolerance: float = 1e-12,
+    traces: period_trace.HalfTraces | None = None,
 ) -> tuple[Real, Real]:
     """Smooth measure of instability, by which of +1 and -1 it comes.
 
@@ -195,11 +200,13 @@ def excess(
     -------
     plus, minus : float ndarray
         e^{-u} (+-H - cosh u), u = 2 pi R zeta: above zero where a multiplier lies beyond +1, or
-        beyond -1.
+        beyond -1. H comes from `traces` where they are given.
     """
-    value, log = period_trace.of_fourier(
-        ratio, variation, np.asarray(zeta), shape.harmonics, tolerance
-    )
+    if traces is None:
+        known = np.asarray(zeta), shape.harmonics, tolerance
+        value, log = period_trace.of_fourier(ratio, variation, *known)
+    else:
+        value, log = traces(ratio, variation)
     decay = 2 * math.pi * zeta * ratio
     with np.errstate(over="ignore"):
         scaled = value * np.exp(np.minimum(log - decay, 700.0))

@@ -9,13 +9,20 @@ import numpy as np
 
 from gearmon.dynamics.fourier import Real
 from gearmon.dynamics.hill import HillProblem
+from gearmon.dynamics.period_trace import HalfTraces
 from gearmon.dynamics.stability import (
     FourierShape,
     StabilityChart,
     shape_of,
     stability_chart,
 )
-from gearmon.dynamics.tongues import MOST_TONGUE, expanded_tongue, is_open, tongue_edges
+from gearmon.dynamics.tongues import (
+    MOST_TONGUE,
+    expanded_tongue,
+    is_open,
+    tongue_edges,
+    traces_around,
+)
 from gearmon.errors import ArgumentError, check_range
 from gearmon.result import Result
 
@@ -132,11 +139,12 @@ def _tongue(
 ) -> Tongue:
     """Boundaries on a grid of eps that is fine at the tips."""
     coarse = highest * np.linspace(0.0, 1.0, 49)[1:]
-    eps = np.unique(np.concatenate([coarse, _near_tips(shape, number, coarse, zeta)]))
+    traces = traces_around(shape, number, np.concatenate([[0.0], coarse]), zeta)
+    eps = np.unique(np.concatenate([coarse, _near_tips(shape, number, coarse, zeta, traces)]))
     return Tongue(
         number=number,
         variations=eps,
-        exact=tongue_edges(shape, number, eps, zeta),
+        exact=tongue_edges(shape, number, eps, zeta, traces),
         expanded={k: _expanded(shape, number, eps, zeta, k) for k in orders},
     )
 
@@ -159,10 +167,12 @@ def _expanded(shape: FourierShape, number: int, eps: Real, zeta: float, order: i
     return edges
 
 
-def _near_tips(shape: FourierShape, number: int, coarse: Real, zeta: float) -> Real:
+def _near_tips(
+    shape: FourierShape, number: int, coarse: Real, zeta: float, traces: HalfTraces
+) -> Real:
     """Variations that crowd towards where the tongue opens or closes."""
     grid = np.concatenate([[0.0], coarse])
-    wide_open = is_open(shape, number, grid, zeta)
+    wide_open = is_open(shape, number, grid, zeta, traces)
     change = np.flatnonzero(wide_open[1:] != wide_open[:-1])
     shut, wide = (
         np.where(wide_open[change], grid[change + 1], grid[change]),
@@ -173,7 +183,7 @@ def _near_tips(shape: FourierShape, number: int, coarse: Real, zeta: float) -> R
     away = wide.copy()
     for _ in range(TIP_HALVINGS):
         middle = (shut + wide) / 2
-        opened = is_open(shape, number, middle, zeta)
+        opened = is_open(shape, number, middle, zeta, traces)
         wide, shut = np.where(opened, middle, wide), np.where(opened, shut, middle)
     # edges leave a tip like a square root
     share = np.linspace(0.0, 1.0, 9)[:-1] ** 2

@@ -61,6 +61,7 @@ import numpy.typing as npt
 from gearmon.dynamics.amplitude_equations import MOST_ORDERS
 from gearmon.dynamics.fourier import Complex, Real
 from gearmon.dynamics.hill import frozen_vector
+from gearmon.dynamics.period_trace import HalfTraces, over
 from gearmon.dynamics.slow_states import Coupling, State, reduce
 from gearmon.dynamics.stability import FourierShape, excess
 from gearmon.dynamics.system import HillSystem
@@ -70,7 +71,10 @@ MOST_HARMONICS = 600
 MOST_TONGUE = 200
 #: A tongue whose excess stays below this is closed as far as rounding can tell.
 CLOSED = 1e-13
-PEAK_ROUNDS = 7
+#: Rounds of the search for the top of a tongue, and points of each.
+PEAK_ROUNDS, PARTS = 7, 9
+#: Error of half traces where edges are told to rounding.
+ROUNDED = 1e-12
 
 
 def tongue_edges(
@@ -78,6 +82,7 @@ def tongue_edges(
     tongue: int,
     variations: npt.ArrayLike,
     damping_ratio: float = 0.0,
+    traces: HalfTraces | None = None,
 ) -> Real:
     """Lower and upper w/w0 of an unstable tongue.
 
@@ -91,6 +96,8 @@ def tongue_edges(
         eps; k(t) must stay > 0.
     damping_ratio : float
         zeta, 0 to below 1.
+    traces : callable, optional
+        What `traces_around` returned for eps that span these.
 
     Returns
     -------
@@ -122,7 +129,8 @@ def tongue_edges(
     around = _around(shape, tongue, eps, damping_ratio)
     if damping_ratio == 0:
         return around
-    return _inside(shape, tongue, eps, damping_ratio, around)
+    traces = traces or traces_around(shape, tongue, eps, damping_ratio)
+    return _inside(shape, tongue, eps, damping_ratio, around, traces)
 
 
 def _undamped(shape: FourierShape, tongue: int, eps: Real) -> Real:
@@ -157,11 +165,18 @@ def _matrices(f: Complex, tongue: int, eps: Real, highest: int) -> Complex | Rea
 
 
 def is_open(
-    shape: FourierShape, tongue: int, variations: Real, damping_ratio: float
+    shape: FourierShape, tongue: int, variations: Real, damping_ratio: float, traces: HalfTraces
 ) -> npt.NDArray[np.bool_]:
     """Whether a tongue is open at each eps; arguments as of `tongue_edges`, unchecked."""
     around = _around(shape, tongue, variations, damping_ratio)
-    return _opened(shape, tongue, variations, damping_ratio, around)[1]
+    return _opened(shape, tongue, variations, damping_ratio, around, traces)[1]
+
+
+def traces_around(shape: FourierShape, tongue: int, eps: Real, zeta: float) -> HalfTraces:
+    """Half traces in the rectangle that holds a tongue for these eps."""
+    around = _around(shape, tongue, eps, zeta)
+    most = PEAK_ROUNDS * PARTS * len(eps)
+    return over(1 / around, eps, zeta, shape.harmonics, ROUNDED, most)
 
 
 def _around(shape: FourierShape, tongue: int, eps: Real, zeta: float) -> Real:
@@ -171,38 +186,45 @@ def _around(shape: FourierShape, tongue: int, eps: Real, zeta: float) -> Real:
 
 
 def _opened(
-    shape: FourierShape, tongue: int, eps: Real, zeta: float, around: Real
+    shape: FourierShape,
+    tongue: int,
+    eps: Real,
+    zeta: float,
+    around: Real,
+    traces: HalfTraces,
 ) -> tuple[Real, npt.NDArray[np.bool_]]:
     """Where in the interval growth is largest, and whether there is any."""
     rows, side = np.arange(len(eps)), tongue % 2
     low, high = around.T
     for _ in range(PEAK_ROUNDS):
-        x = np.linspace(low, high, 9, axis=1)
-        values = excess(shape, 1 / x, eps[:, None], zeta)[side]
+        x = np.linspace(low, high, PARTS, axis=1)
+        values = excess(shape, 1 / x, eps[:, None], zeta, traces=traces)[side]
         best = np.argmax(values, axis=1)
-        low, high = x[rows, np.maximum(best - 1, 0)], x[rows, np.minimum(best + 1, 8)]
+        low, high = x[rows, np.maximum(best - 1, 0)], x[rows, np.minimum(best + 1, PARTS - 1)]
     return x[rows, best], values[rows, best] > CLOSED
 
 
-def _inside(shape: FourierShape, tongue: int, eps: Real, zeta: float, around: Real) -> Real:
+def _inside(
+    shape: FourierShape, tongue: int, eps: Real, zeta: float, around: Real, traces: HalfTraces
+) -> Real:
     """Edges within an interval of w/w0 for each eps."""
     from scipy.optimize.elementwise import find_root
 
-    top, grows = _opened(shape, tongue, eps, zeta, around)
+    top, grows = _opened(shape, tongue, eps, zeta, around, traces)
     edges = np.full((len(eps), 2), np.nan)
-    for column in (0, 1):
 
-        def value(x: Real, some: Real) -> Real:
-            return excess(shape, 1 / x, some, zeta)[tongue % 2]
+    def value(x: Real, some: Real) -> Real:
+        found = excess(shape, 1 / x[:, None], some[:, None], zeta, traces=traces)
+        return found[tongue % 2][:, 0]
 
-        if grows.any():
-            found = find_root(
-                value,
-                (around[grows, column], top[grows]),
-                args=(eps[grows],),
-                tolerances={"xatol": 0.0, "xrtol": 4e-16, "fatol": 0.0, "frtol": 0.0},
-            )
-            edges[grows, column] = found.x
+    for column in (0, 1) if grows.any() else ():
+        found = find_root(
+            value,
+            (around[grows, column], top[grows]),
+            args=(eps[grows],),
+            tolerances={"xatol": 0.0, "xrtol": 4e-16, "fatol": 0.0, "frtol": 0.0},
+        )
+        edges[grows, column] = found.x
     return edges
 
 

@@ -45,8 +45,13 @@ from gearmon.exposure.measures import (
 from gearmon.exposure.weighting import FloatArray
 from gearmon.machine import FieldError
 from gearmon.machine.fields import Choice, Several, Text, check_fields, held, within
-from gearmon.machine.reading import read_part, read_table, read_tables, refuse_unknown_keys
-from gearmon.machine.source import read_source
+from gearmon.machine.reading import (
+    read_part,
+    read_source,
+    read_table,
+    read_tables,
+    refuse_unknown_keys,
+)
 from gearmon.result import Result
 
 #: Relative standard error of an instrument: all of the tolerance of ISO 8041-1, table 2, for its

@@ -51,9 +51,8 @@ True
 """
 
 from gearmon.fleet.alarm import acknowledge, alarms, deliver
-from gearmon.fleet.engines import in_processes, on_dask
 from gearmon.fleet.plan import Fleet, FleetMachine, Hook, Job, read_fleet
-from gearmon.fleet.run import Run, run_fleet, watch_fleet
+from gearmon.fleet.run import Run, in_processes, on_dask, run_fleet, watch_fleet
 
 __all__ = [
     "Fleet",

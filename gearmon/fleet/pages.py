@@ -19,28 +19,25 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
-from importlib import resources
 from importlib.util import find_spec
 from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import urlencode
 
-from gearmon import __version__
 from gearmon.diagnosis.history import HistoryTrends, history_trends, read_history, read_latest
 from gearmon.diagnosis.history.store import as_text, opened
 from gearmon.errors import ArgumentError, GearmonError
 from gearmon.fleet.alarm import acknowledge, alarms
-from gearmon.fleet.engines import at_hand, equipment
 from gearmon.fleet.ledger import recorded, writing
 from gearmon.fleet.plan import Fleet, FleetMachine, arrived
 from gearmon.fleet.rank import compare
+from gearmon.fleet.run import at_hand, equipment
 from gearmon.report.charts import history_charts
 from gearmon.report.history_text import history_lines, moment_text
-from gearmon.report.html import as_data, chart_script, shipped
-from gearmon.report.palette import VERDICT_STYLE
-from gearmon.report.verdict import WORST_FIRST
-from gearmon.report.wording import loss_text, printable, score_text
+from gearmon.report.page import as_data, chart_script, report_style, shipped, template
+from gearmon.report.text import WORST_FIRST
+from gearmon.report.wording import loss_text, printable
 
 if TYPE_CHECKING:
     from starlette.applications import Starlette
@@ -145,16 +142,9 @@ class _Site:
     """The pages; each is a method that answers a request."""
 
     def __init__(self, fleet: Fleet) -> None:
-        import jinja2
-
+        known: dict[str, Any] = {"query": lambda **parts: urlencode(parts), "moment": moment_text}
         self.fleet = fleet
-        environment = jinja2.Environment(
-            autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
-        )
-        links: dict[str, Any] = {"query": lambda **parts: urlencode(parts), "moment": moment_text}
-        links |= {"printable": printable, "score": score_text, "version": __version__}
-        environment.globals |= links | {"signs": {v: s[2] for v, s in VERDICT_STYLE.items()}}
-        self.template = environment.from_string(_shipped("fleet.html"))
+        self.template = template("fleet.html", "gearmon.fleet", **known)
 
     def _page(self, kind: str, **content: Any) -> Response:
         from starlette.responses import HTMLResponse
@@ -234,7 +224,7 @@ class _Site:
     def table(self, request: Request) -> Response:
         from starlette.responses import Response
 
-        from gearmon.report.text_tables import rows_as_csv
+        from gearmon.report.wording import rows_as_csv
 
         if "machine" in request.query_params:
             rows = [self._tabled(row) for row in self._ledger(self._named(request).name)]
@@ -256,12 +246,7 @@ class _Site:
     def style(self, _: Request) -> Response:
         from starlette.responses import Response
 
-        colours = [
-            f".{verdict.replace(' ', '-')} {{ background: {back}; color: {colour}; }}"
-            for verdict, (back, colour, _) in VERDICT_STYLE.items()
-        ]
-        report = [shipped("uplot/uPlot.min.css"), shipped("report.css")]
-        text = "\n".join([*report, *colours, _shipped("fleet.css")])
+        text = "\n".join([report_style(), shipped("fleet.css", "gearmon.fleet")])
         return Response(text, media_type="text/css")
 
     def script(self, _: Request) -> Response:
@@ -401,10 +386,6 @@ def _report(fleet: Fleet, machine: FleetMachine, path: str, content: str) -> str
         target = Path(folder) / "report.html"
         write_report([analysis], [recording], reference, own, target, history=history)
         return target.read_text("utf-8")
-
-
-def _shipped(name: str) -> str:
-    return resources.files("gearmon.fleet").joinpath(name).read_text("utf-8")
 
 
 def screenshot(fleet: Fleet, target: Path) -> bool:

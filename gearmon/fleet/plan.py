@@ -30,13 +30,14 @@ from gearmon.machine.fields import (
     within,
 )
 from gearmon.machine.reading import (
+    MachineSource,
     load_machine,
     read_part,
+    read_source,
     read_table,
     read_tables,
     refuse_unknown_keys,
 )
-from gearmon.machine.source import MachineSource, read_source
 
 _GROUPS = ("machine", "time", "class")
 _TEXTS = Several(rule=Text(), example='["maize", "rented"]')

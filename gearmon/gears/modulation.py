@@ -42,7 +42,15 @@ from numpy.typing import ArrayLike
 
 from gearmon.gears.faults import GearError
 from gearmon.gears.pairs import MeshPair
-from gearmon.gears.pulses import LEAST_OVERLAP, ComplexArray, FloatArray, IntArray, Pulse, legendre
+from gearmon.gears.pulses import (
+    LEAST_OVERLAP,
+    ComplexArray,
+    FloatArray,
+    IntArray,
+    Pulse,
+    PulseTrain,
+    legendre,
+)
 
 #: Angles of a gear at which the carrying part of a misaligned face is taken; it has corners.
 SHARE_ANGLES, JOINT_SHARE_ANGLES = 4096, 64
@@ -81,6 +89,11 @@ class ContactOffset:
     leaving: complex = 0j
     entering: complex = 0j
     lead_m: complex = 0j
+
+    @property
+    def moves(self) -> bool:
+        """Whether the contact of the pairs comes and goes at other times."""
+        return bool(self.leaving or self.entering)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -362,9 +375,12 @@ class ModulationTrain:
         flat = x.ravel()
         total = np.zeros(len(flat))
         angles = [2 * np.pi * flat / offset.teeth for offset in self.offsets]
+        # where no contact moves every pair is like the next
+        still = PulseTrain.healthy(self.family.pulse(0.0), self.family.overlap_ratio).at(flat)
         for sign, moving in self._signed:
-            state = state_of(moving, angles, self.free_gap_m)
-            total += sign * state.share * self.family.at(flat, state.leaving, state.entering)
+            state, moves = state_of(moving, angles, self.free_gap_m), any(o.moves for o in moving)
+            own = self.family.at(flat, state.leaving, state.entering) if moves else still
+            total += sign * state.share * own
         return total.reshape(x.shape)
 
     def coefficients(self, orders: ArrayLike) -> ComplexArray:

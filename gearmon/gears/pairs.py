@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 from gearmon.errors import ArgumentError
 from gearmon.gears import iso6336
@@ -289,6 +289,8 @@ class MeshPair:
         return sign * height - member.teeth.tip_factor - member.teeth.profile_shift
 
 
+# the faults of a family all ask for the same pair, and share what it works out
+@lru_cache(maxsize=64)
 def mesh_pairs(stage: Stage, number: int | None = None, path: str = "") -> tuple[MeshPair, ...]:
     """Return the pairs of a stage: one, or sun-planet and planet-ring.
 

@@ -434,6 +434,12 @@ class PulseTrain:
                 turned = turned + self.period_mesh
         return total
 
+    @property
+    def mean(self) -> float:
+        """Mean [N/m] of this part."""
+        areas = (t.weight * (t.face_end - t.face_start) * t.pulse.area for t in self.terms)
+        return sum(areas) / self.period_mesh
+
     def coefficients(self, orders: ArrayLike) -> ComplexArray:
         """Return the Fourier coefficients [N/m] of this part at whole orders of its period.
 

@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Literal
 
 import numpy as np
@@ -237,6 +237,7 @@ def zone_means(contact_ratio: float, curvature: float = CURVATURE_CAI) -> tuple[
     return (low if part < 1e-12 else float(inside.sum()) / part), low
 
 
+@lru_cache(maxsize=64)
 def mesh_variation(pair: MeshPair, form: StiffnessForm) -> float:
     """Return half the peak to peak of the mesh stiffness over its mean, imposed or of the form.
 
@@ -268,6 +269,7 @@ def mesh_variation(pair: MeshPair, form: StiffnessForm) -> float:
     return wanted
 
 
+@lru_cache(maxsize=64)
 def unit_pulse(pair: MeshPair, form: StiffnessForm, lost: float = 0.0) -> Pulse:
     """Return the pulse of one pair that makes a mean stiffness of 1.
 
@@ -413,12 +415,13 @@ class MeshStiffness:
     @cached_property
     def mean_n_per_m(self) -> float:
         """Mean stiffness over the true period, with the damage [N/m]."""
-        return sum(float(train.coefficients([0])[0].real) for train in self.parts)
+        still = sum(train.mean for train in (self.healthy, *self.pulses))
+        return still + sum(float(t.coefficients([0])[0].real) for t in self.modulations)
 
     @cached_property
     def healthy_mean_n_per_m(self) -> float:
         """Mean stiffness without the damaged teeth [N/m]."""
-        return float(self.healthy.coefficients([0])[0].real)
+        return self.healthy.mean
 
     @property
     def period_mesh(self) -> int:

@@ -59,8 +59,7 @@ from gearmon.harvesting.cantilever import (
 from gearmon.harvesting.harvester import CoilHarvester, Harvester, InertialHarvester, number
 from gearmon.harvesting.response import Tuned
 from gearmon.machine.fields import Choice, Count, FieldError, Number, check_fields, obeys
-from gearmon.machine.reading import read_part, refuse_unknown_keys
-from gearmon.machine.source import read_source
+from gearmon.machine.reading import read_part, read_source, refuse_unknown_keys
 
 GRAVITY_MS2 = 9.81
 #: Degrees Celsius at which parts are measured, and the age from which tenfolds count [years].

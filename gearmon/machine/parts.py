@@ -17,8 +17,16 @@ from gearmon.machine.fields import (
     held,
     within,
 )
-from gearmon.machine.stage_data import INERTIA, MASS, MODULUS, PLACE, STIFFNESS, TORSION
-from gearmon.machine.stages import ParallelStage, PlanetaryStage
+from gearmon.machine.stages import (
+    INERTIA,
+    MASS,
+    MODULUS,
+    PLACE,
+    STIFFNESS,
+    TORSION,
+    ParallelStage,
+    PlanetaryStage,
+)
 from gearmon.result import Result
 
 Stage = ParallelStage | PlanetaryStage

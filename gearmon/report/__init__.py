@@ -57,7 +57,7 @@ from typing import Any
 _OFFERED = {
     "html": ("Failure", "write_report"),
     "text": ("analysis_text", "line_table_text", "reference_text"),
-    "text_tables": ("Table", "rows_as_csv", "table_lines"),
+    "wording": ("Table", "rows_as_csv", "table_lines"),
     "history_text": ("history_lines",),
     "harvest_text": ("harvest_lines",),
     "plots": ("Picture", "save", "save_all"),

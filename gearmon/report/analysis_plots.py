@@ -1,29 +1,46 @@
-"""The pictures of an analysis in the order of a report; here the turn of a gear and the speed."""
+"""The pictures of an analysis in the order of a report: here turns of gears, speed and changes."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from itertools import groupby
 
+import matplotlib
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.image import AxesImage
+from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from gearmon.diagnosis.results import Analysis, ToothProfile
+from gearmon.report import plots
 from gearmon.report.curves import extremes, turn_waveform
-from gearmon.report.level_plots import changes_figure
-from gearmon.report.palette import BLACK, BLUE, DASHED, GREY, LIGHT_GREY, SKY, VERMILLION
-from gearmon.report.plots import Picture, legend, light_grid, new_figure, style
 from gearmon.report.spectrum_plots import amplitude_figure, close_up_figure
-from gearmon.report.wording import percent, probability_text, strip_label, unit_text
+from gearmon.report.text import BEYOND, is_beyond
+from gearmon.report.wording import (
+    percent,
+    probability_text,
+    shaft_text,
+    shortened,
+    strip_label,
+    told_apart,
+    unit_text,
+)
 from gearmon.signals.recording import Recording
 from gearmon.signals.transforms import fast_length
-from gearmon.signatures.measured.line_plan import WheelLines
+from gearmon.signatures.measured.line_plan import Family, WheelLines
 from gearmon.signatures.measured.reference import WheelPattern
 
 FloatArray = NDArray[np.float64]
 
+_KINDS = ("mesh", "sidebands", "residual")
+# The colour scale of changes spans at least this and at most that [dB].
+_LEAST_LIMIT_DB, _MOST_LIMIT_DB = 6.0, 20.0
+# Cells narrower than this share of the page cannot hold a number.
+_NARROWEST_NUMBERED = 1 / 44
 # More channels than this make the picture of a turn unreadable: the strongest are taken.
 _MOST_CHANNELS = 4
 _MOST_TOOTH_LABELS = 34
@@ -37,7 +54,9 @@ _COUNTED = {
 }
 
 
-def analysis_figures(analysis: Analysis, recording: Recording | None = None) -> Iterator[Picture]:
+def analysis_figures(
+    analysis: Analysis, recording: Recording | None = None
+) -> Iterator[plots.Picture]:
     """Draw all pictures that an analysis bears, one at a time, in the order of a report.
 
     Parameters
@@ -69,13 +88,15 @@ def analysis_figures(analysis: Analysis, recording: Recording | None = None) -> 
     yield speed_figure(analysis)
 
 
-def analysis_pictures(analysis: Analysis, recording: Recording | None = None) -> dict[str, Picture]:
+def analysis_pictures(
+    analysis: Analysis, recording: Recording | None = None
+) -> dict[str, plots.Picture]:
     """Return the pictures of `analysis_figures` by their names."""
     return {own.name: own for own in analysis_figures(analysis, recording)}
 
 
-@style()
-def turn_figure(analysis: Analysis, wheel: WheelLines, *, at_length: bool = True) -> Picture:
+@plots.style()
+def turn_figure(analysis: Analysis, wheel: WheelLines, *, at_length: bool = True) -> plots.Picture:
     """Draw one turn of a gear: its synchronous average by channel, and its energy by tooth.
 
     Parameters
@@ -101,7 +122,7 @@ def turn_figure(analysis: Analysis, wheel: WheelLines, *, at_length: bool = True
     profile = profile_of(analysis, wheel.stage, wheel.gear)
     flagged = flagged_place(analysis, wheel.stage, wheel.gear)
     heights = [0.56 if len(channels) > 2 else 0.8] * len(channels)
-    figure, axes = new_figure([*heights, *([0.85] if profile else [])], sharex=True)
+    figure, axes = plots.new_figure([*heights, *([0.85] if profile else [])], sharex=True)
     number = tooth_numbers(wheel.teeth * np.arange(points) / points, profile, wheel.teeth)
     order = np.argsort(number, kind="stable")
     for channel, ax in zip(channels, axes, strict=False):
@@ -115,8 +136,12 @@ def turn_figure(analysis: Analysis, wheel: WheelLines, *, at_length: bool = True
     counted_from = None
     if profile is not None and profile.tooth is not None:
         counted_from = profile.counted_from or "tacho"
-    _label_teeth(wheel.teeth, _COUNTED.get(counted_from, _COUNTED[None]), axes[-1])
-    legend(figure, axes[:1])
+    most = _MOST_TOOTH_LABELS
+    step = next(step for step in (1, 5, 20) if step == 20 or wheel.teeth <= step * most)
+    axes[-1].set_xlim(0.5, wheel.teeth + 0.5)
+    axes[-1].set_xticks(sorted({1, *range(step, wheel.teeth + 1, step)}))
+    axes[-1].set_xlabel(_COUNTED.get(counted_from, _COUNTED[None]))
+    plots.legend(figure, axes[:1])
     alt = f"Synchronous average over one turn of the {wheel.gear} of stage {wheel.stage}"
     if profile is not None:
         alt += (
@@ -170,8 +195,8 @@ def _turn_caption(
 
 def _plot_turn(number: FloatArray, average: FloatArray, rest: FloatArray, ax: Axes) -> None:
     ax.plot(number, average, color="#a9adb4", linewidth=0.6, label="synchronous average")
-    ax.plot(number, rest, color=BLUE, linewidth=0.8, label="the same without mesh harmonics")
-    light_grid(ax)
+    ax.plot(number, rest, color=plots.BLUE, linewidth=0.8, label="the same without mesh harmonics")
+    plots.light_grid(ax)
     ax.margins(x=0)
     ax.yaxis.set_major_locator(MaxNLocator(4))
 
@@ -182,13 +207,13 @@ def _plot_teeth(profile: ToothProfile, flagged: bool, ax: Axes) -> None:
     number = tooth_numbers(np.arange(float(teeth)), profile, teeth)
     peak = int(np.argmax(profile.energy))
     place, ratio = number[peak], top
-    colours = [SKY] * teeth
+    colours = [plots.SKY] * teeth
     if flagged:  # found by its form, which may be clearest beside the highest bar
         place, ratio = peak_place(profile), profile.ratio
         peak = int(np.argmin(np.abs(number - place)))
-        colours[peak] = VERMILLION
-    ax.bar(number, profile.energy, width=0.8, color=colours, edgecolor=BLACK, linewidth=0.3)
-    ax.axhline(1.0, color=BLACK, linewidth=0.7, linestyle=DASHED)
+        colours[peak] = plots.VERMILLION
+    ax.bar(number, profile.energy, width=0.8, color=colours, edgecolor=plots.BLACK, linewidth=0.3)
+    ax.axhline(1.0, color=plots.BLACK, linewidth=0.7, linestyle=plots.DASHED)
     name = "" if profile.tooth is None else f"tooth {(round(place) - 1) % teeth + 1}: "
     left = place > 0.6 * teeth
     state = "flagged" if flagged else "highest, not flagged"
@@ -204,20 +229,13 @@ def _plot_teeth(profile: ToothProfile, flagged: bool, ax: Axes) -> None:
         fontweight="bold" if flagged else "normal",
     )
     ax.set_ylim(0, 1.25 * max(top, 1.6))
-    light_grid(ax)
+    plots.light_grid(ax)
     ax.set_ylabel("Energy by tooth\n(elsewhere 1)", fontsize=7)
-
-
-def _label_teeth(teeth: int, text: str, ax: Axes) -> None:
-    step = 1 if teeth <= _MOST_TOOTH_LABELS else 5 if teeth <= 5 * _MOST_TOOTH_LABELS else 20
-    ax.set_xlim(0.5, teeth + 0.5)
-    ax.set_xticks([*range(1, teeth + 1)] if step == 1 else [1, *range(step, teeth + 1, step)])
-    ax.set_xlabel(text)
 
 
 def _mark_flagged(place: float | None, ax: Axes) -> None:
     if place is not None:
-        ax.axvspan(place - 1.0, place + 1.0, color=VERMILLION, alpha=0.15, linewidth=0)
+        ax.axvspan(place - 1.0, place + 1.0, color=plots.VERMILLION, alpha=0.15, linewidth=0)
 
 
 def profile_of(analysis: Analysis, stage: int, gear: str) -> ToothProfile | None:
@@ -268,16 +286,8 @@ def tooth_numbers(place: FloatArray, profile: ToothProfile | None, teeth: int) -
     return np.asarray((place + first - 0.5) % teeth + 0.5, dtype=float)
 
 
-def _rpm(speed_hz: Any) -> Any:
-    return 60.0 * speed_hz
-
-
-def _hz(speed_rpm: Any) -> Any:
-    return speed_rpm / 60.0
-
-
-@style()
-def speed_figure(analysis: Analysis) -> Picture:
+@plots.style()
+def speed_figure(analysis: Analysis) -> plots.Picture:
     """Draw the speed of shaft 1 over time.
 
     Parameters
@@ -293,26 +303,31 @@ def speed_figure(analysis: Analysis) -> Picture:
     time_s, speed_hz = extremes(0.5 * (track.time_s[:-1] + track.time_s[1:]), track.speed_hz)
     if len(time_s) == 1:
         time_s, speed_hz = track.time_s, np.repeat(speed_hz, 2)
-    figure, (ax,) = new_figure([1.4], right_in=0.65)
+    figure, (ax,) = plots.new_figure([1.4], right_in=0.65)
     nominal, mean = speed.nominal_hz, speed.estimated_hz
     ax.axhline(
-        nominal, color=GREY, linewidth=0.9, linestyle=DASHED, label=f"nominal {nominal:.5g} Hz"
+        nominal,
+        color=plots.GREY,
+        linewidth=0.9,
+        linestyle=plots.DASHED,
+        label=f"nominal {nominal:.5g} Hz",
     )
-    ax.axhline(mean, color=BLACK, linewidth=0.7, label=f"mean {mean:.6g} Hz")
+    ax.axhline(mean, color=plots.BLACK, linewidth=0.7, label=f"mean {mean:.6g} Hz")
     if np.isfinite(speed.uncertainty_hz):
         low, high = mean - speed.uncertainty_hz, mean + speed.uncertainty_hz
-        ax.axhspan(low, high, color=LIGHT_GREY, linewidth=0)
-    ax.plot(time_s, speed_hz, color=BLUE, linewidth=1.0, label=f"speed, by {speed.method}")
+        ax.axhspan(low, high, color=plots.LIGHT_GREY, linewidth=0)
+    ax.plot(time_s, speed_hz, color=plots.BLUE, linewidth=1.0, label=f"speed, by {speed.method}")
     lowest, highest = float(speed_hz.min()), float(speed_hz.max())
     # a steady speed must not be blown up until its last digit looks like trouble
     room = max(0.15 * (highest - lowest), 0.002 * mean)
     ax.set_ylim(min(lowest, nominal) - room, max(highest, nominal) + room)
     ax.set(xlim=(float(time_s[0]), float(time_s[-1])), xlabel="Time (s)", ylabel="Shaft 1 (Hz)")
     ax.ticklabel_format(useOffset=False)
-    right = ax.secondary_yaxis("right", functions=(_rpm, _hz))
+    to_rpm, to_hz = partial(np.multiply, 60.0), partial(np.multiply, 1 / 60.0)
+    right = ax.secondary_yaxis("right", functions=(to_rpm, to_hz))
     right.set_ylabel("Shaft 1 (rpm)")
-    light_grid(ax)
-    legend(figure, [ax])
+    plots.light_grid(ax)
+    plots.legend(figure, [ax])
     how = (
         "from the tachometer pulses"
         if speed.method == "tacho"
@@ -329,3 +344,181 @@ def speed_figure(analysis: Analysis) -> Picture:
         alt=f"Speed of shaft 1 between {speed.lowest_hz:.5g} and {speed.highest_hz:.5g} Hz, mean "
         f"{mean:.6g} Hz, nominal {nominal:.5g} Hz.",
     )
+
+
+#: Stage, label, and families that differ only in the mesh harmonic, ascending.
+FamilyGroup = tuple[int, str, list[Family]]
+
+
+def family_groups(families: Sequence[Family]) -> list[FamilyGroup]:
+    """Return the families by stage, kind and what repeats, as rows of a picture."""
+
+    def rank(own: Family) -> tuple[int, int, float, str]:
+        return own.stage, _KINDS.index(own.kind), -own.spacing, own.gear
+
+    ordered = sorted(families, key=lambda own: (*rank(own), own.harmonic))
+    groups = [list(own) for _, own in groupby(ordered, key=rank)]
+    result: list[FamilyGroup] = []
+    for stage, of_stage in groupby(groups, key=lambda own: own[0].stage):
+        own = list(of_stage)
+        # two spacings of one gear in one stage are told apart by their order
+        names = told_apart([_label(one[0]) for one in own], [one[0].spacing for one in own])
+        result += [(stage, name, one) for name, one in zip(names, own, strict=True)]
+    return result
+
+
+def _label(family: Family) -> str:
+    if family.kind == "mesh":
+        return f"mesh {family.stage}"
+    return f"{family.kind}, {shaft_text(family.shaft, family.gear)}"
+
+
+@plots.style()
+def changes_figure(analysis: Analysis) -> plots.Picture:
+    """Draw the changes of every stage: groups of families by channels and mesh harmonics.
+
+    Parameters
+    ----------
+    analysis : Analysis
+        With changes.
+
+    Returns
+    -------
+    Picture
+    """
+    sizes = [abs(change.change_db) for change in analysis.changes]
+    limit = float(np.clip(np.percentile(sizes, 98), _LEAST_LIMIT_DB, _MOST_LIMIT_DB))
+    groups = family_groups(analysis.signature.plan.families)
+    stages = sorted({change.stage for change in analysis.changes})
+    own = [[group for group in groups if group[0] == stage] for stage in stages]
+    figure, axes = plots.new_figure(
+        [0.24 * len(rows) for rows in own],
+        left_in=1.25,
+        right_in=0.75,
+        gap_in=0.62,
+        many_colours=True,
+    )
+    for stage, rows, ax in zip(stages, own, axes, strict=True):
+        image = _plot_changes(analysis, rows, limit, ax)
+        ax.set_xlabel(f"Harmonic of mesh {stage}")
+    scale = figure.add_axes((1 - 0.65 / plots.PAGE_WIDTH_IN, 0.25, 0.11 / plots.PAGE_WIDTH_IN, 0.5))
+    figure.colorbar(image, cax=scale, extend="both").set_label("Change (dB)")
+    strongest = max(analysis.changes, key=lambda change: abs(change.standardised))
+    return figure.told(
+        name="changes",
+        heading="Changes against the reference",
+        caption="Measured less expected level in dB; red is louder, blue quieter than the healthy "
+        f"machine. Framed: more than {BEYOND:g} standard deviations. Look for a whole row that is "
+        "framed in several channels: its label names the shaft. A fault may make some lines "
+        "quieter.",
+        alt="Table of changes by channel and family of lines; the clearest is "
+        f"{strongest.family} in {strongest.channel}: {strongest.change_db:+.1f} dB, "
+        f"{abs(strongest.standardised):.1f} standard deviations.",
+    )
+
+
+def _plot_changes(
+    analysis: Analysis, rows: Sequence[FamilyGroup], limit_db: float, ax: Axes
+) -> AxesImage:
+    """Draw the changes of one stage as coloured cells, with numbers where they fit."""
+    channels = analysis.signature.channel_names
+    harmonics = sorted({family.harmonic for _, _, own in rows for family in own})
+    table, beyond = _change_table(analysis, rows, harmonics)
+    columns = table.shape[1]
+    image = ax.imshow(
+        np.ma.masked_invalid(table),
+        cmap=matplotlib.colormaps["RdBu_r"].with_extremes(bad="#f1f1f1"),
+        vmin=-limit_db,
+        vmax=limit_db,
+        aspect="auto",
+        interpolation="nearest",
+    )
+    numbered = 0.8 / columns > _NARROWEST_NUMBERED
+    for row, column in np.argwhere(np.isfinite(table)):
+        value = float(table[row, column])
+        number = "0" if abs(value) < 0.5 else f"{value:+.0f}".replace("-", "−")
+        colour = "white" if abs(value / limit_db) > 0.62 else plots.BLACK
+        place = (int(row), int(column))
+        _cell(ax, place, number if numbered else "", colour, bool(beyond[row, column]))
+    for edge in range(1, len(channels)):
+        ax.axvline(edge * len(harmonics) - 0.5, color="white", linewidth=3)
+    ax.set_yticks(range(len(rows)), [label for _, label, _ in rows])
+    every = 1 if columns <= 48 else 2
+    ticks = [c for c in range(columns) if c % len(harmonics) % every == 0]
+    ax.set_xticks(ticks, [str(harmonics[c % len(harmonics)]) for c in ticks], fontsize=6)
+    ax.tick_params(length=0, pad=2)
+    for spine in ax.spines.values():
+        spine.set_visible(False)
+    for block, channel in enumerate(channels):
+        middle = (block + 0.5) * len(harmonics) - 0.5
+        plots.above(ax, middle, shortened(channel), fontweight="bold", fontsize=7.5)
+    return image
+
+
+def _change_table(
+    analysis: Analysis, rows: Sequence[FamilyGroup], harmonics: Sequence[int]
+) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Return changes and whether they stand out: rows of groups, a block of columns a channel."""
+    channels = analysis.signature.channel_names
+    place = {
+        family.name: (row, harmonics.index(family.harmonic))
+        for row, (_, _, own) in enumerate(rows)
+        for family in own
+    }
+    shape = (len(rows), len(channels) * len(harmonics))
+    table, beyond = np.full(shape, np.nan), np.zeros(shape, dtype=bool)
+    for change in analysis.changes:
+        if change.family in place and change.channel in channels:
+            row, column = place[change.family]
+            column += channels.index(change.channel) * len(harmonics)
+            table[row, column] = change.change_db
+            beyond[row, column] = is_beyond(change)
+    return table, beyond
+
+
+def _cell(ax: Axes, place: tuple[int, int], number: str, colour: str, beyond: bool) -> None:
+    row, column = place
+    if number:
+        weight = "bold" if beyond else "normal"
+        ax.text(
+            column, row, number, ha="center", va="center", fontsize=6, color=colour, weight=weight
+        )
+    elif beyond:
+        ax.plot(column, row, marker="o", markersize=1.8, color=colour)
+    if beyond:
+        corner = (column - 0.44, row - 0.44)
+        ax.add_patch(
+            Rectangle(corner, 0.88, 0.88, fill=False, edgecolor=plots.BLACK, linewidth=0.9)
+        )
+
+
+@plots.style()
+def kind_figure(changes: Mapping[str, pd.DataFrame]) -> plots.Picture:
+    """Draw the changes of several states: one panel a state, bars of changes.
+
+    Parameters
+    ----------
+    changes : mapping of str to DataFrame
+        By the title of the panel: changes [dB], a row a recording, a column a feature; the same
+        features and recordings in all.
+    """
+    figure, axes = plots.new_figure(
+        [1.0] * len(changes), top_in=0.45, bottom_in=0.45, gap_in=0.32, left_in=0.6
+    )
+    low = min(0.0, *(float(frame.to_numpy().min()) for frame in changes.values()))
+    high = max(float(frame.to_numpy().max()) for frame in changes.values())
+    for (title, frame), ax in zip(changes.items(), axes, strict=True):
+        place, width = np.arange(len(frame.columns), dtype=float), 0.8 / len(frame)
+        for number, (name, row) in enumerate(frame.iterrows()):
+            shift = (number - 0.5 * (len(frame) - 1)) * width
+            ax.bar(
+                place + shift, row, 0.92 * width, color=plots.series_colour(number), label=str(name)
+            )
+        ax.axhline(0.0, color=plots.BLACK, linewidth=0.6)
+        ax.set_title(title, pad=3)
+        ax.set_xticks(place, frame.columns if ax is axes[-1] else [""] * len(place))
+        ax.set_ylim(1.08 * low - 0.5, 1.08 * high + 0.5)
+        plots.light_grid(ax)
+    plots.left_label(figure, axes, "Change, or height above the median (dB)")
+    plots.legend(figure, axes[:1], columns=6)
+    return figure

@@ -18,19 +18,28 @@ from gearmon.diagnosis.results import Analysis
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine
 from gearmon.report.analysis_plots import flagged_place, profile_of, tooth_numbers
-from gearmon.report.curves import angle_spectrum, time_spectrum, turn_waveform
+from gearmon.report.curves import (
+    angle_spectrum,
+    last_harmonic_hz,
+    mark_label,
+    mesh_marks,
+    time_spectrum,
+    track_of,
+    turn_waveform,
+    vibration_of,
+)
 from gearmon.report.history_text import told_teeth
-from gearmon.report.palette import SERIES
-from gearmon.report.spectrum_plots import last_harmonic_hz, mesh_marks, track_of, vibration_of
-from gearmon.report.verdict import far_from_nominal
+from gearmon.report.plots import SERIES
+from gearmon.report.text import far_from_nominal
 from gearmon.report.wording import gear_text, printable, shaft_text, unit_text
-from gearmon.signals.orders.maps import order_map
+from gearmon.signals.orders import READ_UP_TO
+from gearmon.signals.orders.spectra import order_map
 from gearmon.signals.recording import Recording
 from gearmon.signals.tracking.comb import scan_speed
 from gearmon.signals.transforms import fast_length
 from gearmon.signatures.measured.line_plan import Family, WheelLines
 from gearmon.signatures.measured.reference import Reference, WheelPattern
-from gearmon.signatures.speed import SPEED_REACH, machine_comb
+from gearmon.signatures.speed import SPEED_REACH, SPEED_TOLERANCE, machine_comb
 
 FloatArray = NDArray[np.float64]
 
@@ -178,16 +187,15 @@ def _speed_search(analysis: Analysis, recording: Recording, machine: Machine) ->
 
 def _in_orders(analysis: Analysis, recording: Recording, points: int) -> Iterator[dict[str, Any]]:
     """Give the order spectrum, where a wandering speed smears no line, and the order map."""
-    signature = analysis.signature
-    vibration, track = vibration_of(analysis, recording), track_of(analysis, recording)
+    vibration, track = (
+        vibration_of(analysis, recording),
+        track_of(analysis, recording),
+    )
     samples, rate = vibration.samples, vibration.sampling_rate_hz
-    speed = float(track.speed_hz.max())
-    top = min(0.45 * rate / speed, last_harmonic_hz(signature) / signature.speed.estimated_hz)
-    spectrum = angle_spectrum(samples, rate, track, 2 * signature.lines.block_turns, top)
-    inside = spectrum.frequency_hz <= top
-    inside[:2] = False
+    speed_hz, fastest_hz = analysis.signature.speed.estimated_hz, float(track.speed_hz.max())
+    top = min(READ_UP_TO * rate / fastest_hz, last_harmonic_hz(analysis.signature) / speed_hz)
+    orders, values = angle_spectrum(analysis, recording, top)
     axis = "Order (cycles a turn of shaft 1)"
-    orders, values = spectrum.frequency_hz[inside], spectrum.values[:, inside]
     yield _spectrum_chart("orders", axis, 1.0, orders, values, points)
     turns = float(track.turns[-1] - track.turns[0])
     block = float(np.clip(2 * turns / _MAP_ROWS, _LEAST_TURNS, _MOST_TURNS))
@@ -316,13 +324,12 @@ def _lines(analysis: Analysis, reference: Reference | None) -> dict[str, Any]:
 def _places(analysis: Analysis) -> dict[str, Any]:
     """Return where mesh harmonics were looked for, and not found."""
     marks, speed = mesh_marks(analysis.signature), analysis.signature.speed.estimated_hz
-    reach = max((mark.half_width / mark.place for mark in marks), default=0.0)
-    shared = {"group": "mesh, not found", "mesh": True, "reach": reach, "changes": []}
+    shared = {"group": "mesh, not found", "mesh": True, "reach": SPEED_TOLERANCE, "changes": []}
     return {
         "order": [mark.place / speed for mark in marks],
         "number": [0] * len(marks),
         "family": [*range(len(marks))],
-        "families": [shared | {"name": mark.label.replace("\n", ", ")} for mark in marks],
+        "families": [shared | {"name": mark_label(mark).replace("\n", ", ")} for mark in marks],
         "groups": [shared["group"]],
         "measured": [],
         "low": [],

@@ -1,4 +1,4 @@
-"""Thinned curves: what a picture can show of a long signal, and no more.
+"""What pictures and charts of an analysis show, computed once: spectra, turns, marks; thinned.
 
 Pictures have some thousand columns of pixels. A spectrum is thinned by holding the largest value of
 each column, so that no line is lost; waveforms keep the smallest and largest value of each column.
@@ -11,14 +11,21 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from gearmon.diagnosis.results import Analysis
 from gearmon.signals.angle import AngleTrack
-from gearmon.signals.orders import AngleGrid, angle_blocks, one_turn
-from gearmon.signals.spectra import Spectrum, amplitude_spectrum
-from gearmon.signals.transforms import fast_length
+from gearmon.signals.bad_samples import inspected, sound_part, sound_piece
+from gearmon.signals.orders import READ_UP_TO, one_turn
+from gearmon.signals.orders.spectra import order_map
+from gearmon.signals.recording import Recording
+from gearmon.signals.spectra import Spectrum, power_density
+from gearmon.signatures.measured.line_plan import Mark, mesh_harmonics
+from gearmon.signatures.measured.measurement import MeasuredSignature, MeshFinding
 from gearmon.signatures.measured.reference import WheelPattern
 
 FloatArray = NDArray[np.float64]
 
+# The axis ends this far beyond the last mesh harmonic that is looked at.
+_BEYOND_LAST = 1.12
 # Columns of pixels that a full-width picture has in print.
 COLUMNS = 1200
 _TIME_BLOCK = 1 << 17
@@ -96,51 +103,39 @@ def time_spectrum(samples: FloatArray, sampling_rate_hz: float) -> tuple[Spectru
     blocks : int
         Number of blocks.
     """
-    block = min(samples.shape[-1], _TIME_BLOCK)
-    block -= block % 2 if block > 2 else 0
-    starts = range(0, samples.shape[-1] - block + 1, max(1, block // 2))
-    power = np.zeros((len(samples), block // 2 + 1))
-    for start in starts:
-        part = samples[:, start : start + block]
-        part = part - part.mean(axis=-1, keepdims=True)
-        spectrum = amplitude_spectrum(part, sampling_rate_hz)
-        power += spectrum.values**2
-    return replace(spectrum, values=np.sqrt(power / len(starts))), len(starts)
+    block = min(samples.shape[-1], _TIME_BLOCK) // 2 * 2
+    level = samples.mean(axis=-1, keepdims=True)
+    found = power_density(samples - level, sampling_rate_hz, block)
+    # a sine of amplitude A on a line has the power A^2 / 2 in its noise bandwidth
+    peak = np.sqrt(2.0 * found.resolution_hz * found.values)
+    return replace(found, values=peak), 2 * (samples.shape[-1] - block) // block + 1
 
 
 def angle_spectrum(
-    samples: FloatArray, sampling_rate_hz: float, track: AngleTrack, block_turns: float, top: float
-) -> Spectrum:
-    """Return the amplitude spectrum in angle, where a wandering speed smears no line.
+    analysis: Analysis, recording: Recording, top: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return orders and amplitudes in angle, where a wandering speed smears no line.
 
     Parameters
     ----------
-    samples : ndarray of float, shape (channels, n)
-        The signals; of very long ones the first half million samples are taken.
-    sampling_rate_hz : float
-        Sampling rate [Hz].
-    track : AngleTrack
-        Angle of shaft 1 against time.
-    block_turns : float
-        Length of the Hann blocks [turns]; cut to the recording.
+    analysis : Analysis
+    recording : Recording
+        Its recording; of a very long one the first half million samples are taken.
     top : float
-        Highest order wanted.
+        Highest order wanted; cut to what the sampling rate allows.
 
     Returns
     -------
-    Spectrum
-        Its frequencies are orders: cycles a turn of shaft 1.
+    order : ndarray of float, shape (bins,)
+        Cycles a turn of shaft 1, without the mean and what leaks from it.
+    amplitude : ndarray of float, shape (channels, bins)
     """
-    part = samples[:, :_ANGLE_SAMPLES]
-    grid = AngleGrid.of(part.shape[-1], sampling_rate_hz, track, top)
-    block = min(grid.count, fast_length(max(8, int(block_turns * grid.per_turn))))
-    power, count = np.zeros((len(part), block // 2 + 1)), 0
-    for _, values in angle_blocks(part, sampling_rate_hz, track, grid, block):
-        level = values.mean(axis=-1, keepdims=True)
-        spectrum = amplitude_spectrum(values - level, float(grid.per_turn))
-        power += spectrum.values**2
-        count += 1
-    return replace(spectrum, values=np.sqrt(power / count))
+    vibration, track = vibration_of(analysis, recording), track_of(analysis, recording)
+    samples, rate = vibration.samples[:, :_ANGLE_SAMPLES], vibration.sampling_rate_hz
+    turns = 2 * analysis.signature.lines.block_turns
+    top = min(top, READ_UP_TO * rate / float(track.speed_hz.max()))
+    found = order_map(samples, rate, track, top=top, block_turns=turns, rows=1)
+    return found.order[2:], found.mean[:, 2:]
 
 
 def turn_waveform(pattern: WheelPattern, points: int, *, mesh: bool = True) -> FloatArray:
@@ -164,3 +159,56 @@ def turn_waveform(pattern: WheelPattern, points: int, *, mesh: bool = True) -> F
     chosen = (pattern.number < half.shape[1]) & (mesh | ~pattern.mesh)
     half[:, pattern.number[chosen]] = pattern.amplitude[:, chosen]
     return one_turn(half, points)
+
+
+def _harmonics(signature: MeasuredSignature, mesh: MeshFinding) -> int:
+    """Return how many harmonics of a mesh were looked at: more of a slow one."""
+    speed = signature.speed
+    return mesh_harmonics(mesh.frequency_hz * speed.nominal_hz / speed.peak_hz)
+
+
+def last_harmonic_hz(signature: MeasuredSignature) -> float:
+    """Return where a spectrum may end: a little beyond the last mesh harmonic looked at [Hz]."""
+    last = max(_harmonics(signature, mesh) * mesh.frequency_hz for mesh in signature.meshes)
+    return _BEYOND_LAST * last
+
+
+def mesh_marks(signature: MeasuredSignature) -> list[Mark]:
+    """Return the mesh harmonics of all stages [Hz], coinciding ones as one mark with both names.
+
+    Without a mesh the speed is unknown, and they stand in the middle of what was searched.
+    """
+    by_place: dict[float, Mark] = {}
+    speed = signature.speed
+    ratio = 1.0 if signature.found else speed.nominal_hz / speed.estimated_hz
+    for mesh in signature.meshes:
+        for k in range(1, _harmonics(signature, mesh) + 1):
+            place, name = k * mesh.frequency_hz * ratio, f"mesh {mesh.stage} ×{k}"
+            key = round(place / speed.estimated_hz, 6)
+            if known := by_place.get(key):
+                by_place[key] = replace(known, name=f"{known.name} = {name}")
+            else:
+                by_place[key] = Mark(place=place, name=name, kind="mesh", number=mesh.stage)
+    return [by_place[key] for key in sorted(by_place)]
+
+
+def mark_label(mark: Mark) -> str:
+    """Return the name of a mark as pictures have it, such as "GMF1 ×2"."""
+    return mark.name.replace("mesh ", "GMF").replace(" = ", "\n")
+
+
+def vibration_of(analysis: Analysis, recording: Recording) -> Recording:
+    """Return the channels of the recording that were analysed, in the order of the analysis."""
+    vibration, names = sound_part(recording, 0.0).vibration(), analysis.signature.channel_names
+    return vibration if vibration.channel_names == names else vibration.select(names)
+
+
+def track_of(analysis: Analysis, recording: Recording) -> AngleTrack:
+    """Return the angle of shaft 1 over the samples of `vibration_of`."""
+    signature = analysis.signature
+    if sound_part(recording, 0.0).duration_s >= signature.duration_s:
+        return signature.track
+    start, stop = sound_piece(inspected(recording))
+    return signature.track.between(
+        start / recording.sampling_rate_hz, stop / recording.sampling_rate_hz
+    )

@@ -14,38 +14,17 @@ from matplotlib.contour import QuadContourSet
 from gearmon.dynamics.fourier import Real
 from gearmon.dynamics.stability_map import StabilityMap, Tongue
 from gearmon.errors import ArgumentError
-from gearmon.report.palette import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    VERMILLION,
-    series_colour,
-    series_marker,
-)
-from gearmon.report.plots import (
-    Picture,
-    above,
-    legend,
-    light_grid,
-    named_handles,
-    new_figure,
-    plot_marks,
-    sheet,
-    sheet_style,
-    spread,
-    style,
-)
+from gearmon.report import plots
 from gearmon.signatures.expected.fault_family import FaultFamily
 from gearmon.signatures.expected.modes import Modes
 from gearmon.signatures.signature import Signature
 
-_ORDERS = {1: ("1st", GREEN, ":"), 2: ("2nd", BLUE, "--"), 3: ("3rd", GREY, "-.")}
+_ORDERS = {1: ("1st", plots.GREEN, ":"), 2: ("2nd", plots.BLUE, "--"), 3: ("3rd", plots.GREY, "-.")}
 # Colour and dashes of natural frequencies by the type of mode.
 _TYPE_LINES: dict[str, tuple[str, str]] = {
-    "rotational": (BLACK, "-"),
-    "translational": (GREY, "--"),
-    "planet": (GREY, ":"),
+    "rotational": (plots.BLACK, "-"),
+    "translational": (plots.GREY, "--"),
+    "planet": (plots.GREY, ":"),
 }
 # Below this growth nothing is drawn: it is rounding.
 _LEAST_GROWTH = 1e-9
@@ -59,8 +38,8 @@ _STEPS, _APART = (1, 2, 5, 10, 20, 50, 100, 200, 500), 0.03
 _LEAST_DB = -120.0
 
 
-@style()
-def signature_figure(signature: Signature) -> Picture:
+@plots.style()
+def signature_figure(signature: Signature) -> plots.Picture:
     """Draw the lines of each stage: mesh harmonics, and the sidebands of each gear.
 
     Parameters
@@ -80,7 +59,7 @@ def signature_figure(signature: Signature) -> Picture:
     stages = np.unique(signature["stage"][signature["acceleration_ms2"] > 0]).tolist()
     if not stages:
         raise ArgumentError(f"{signature.machine or 'machine'}: no line above 0 to draw")
-    figure, axes = new_figure([1.9] * len(stages), top_in=0.62, bottom_in=0.45, gap_in=0.62)
+    figure, axes = plots.new_figure([1.9] * len(stages), top_in=0.62, bottom_in=0.45, gap_in=0.62)
     level, hertz, beside = (
         signature[name] for name in ("acceleration_ms2", "frequency_hz", "sideband_of")
     )
@@ -92,7 +71,7 @@ def signature_figure(signature: Signature) -> Picture:
         for number, gear in enumerate(["", *gears]):
             chosen = own & (beside == gear) & (level > lowest)
             name = f"sidebands of the {gear}" if gear else "mesh lines"
-            colour = series_colour(number - 1) if gear else BLACK
+            colour = plots.series_colour(number - 1) if gear else plots.BLACK
             x, y = hertz[chosen], level[chosen]
             ax.vlines(x, lowest, y, color=colour, linewidth=0.6, label=name if x.size else "")
         right = 1.02 * float(hertz[own].max())
@@ -101,11 +80,11 @@ def signature_figure(signature: Signature) -> Picture:
         mesh_hz = float(np.median(each_hz)) if each_hz.size else right
         step = next((s for s in _STEPS if s * mesh_hz > _APART * right), _STEPS[-1])
         for harmonic in range(step, int(right / mesh_hz) + 1, step) if each_hz.size else ():
-            above(ax, harmonic * mesh_hz, f"{harmonic}", fontsize=6.5)
+            plots.above(ax, harmonic * mesh_hz, f"{harmonic}", fontsize=6.5)
         ax.set_yscale("log")
         ax.set(ylim=(lowest, None), xlim=(0, right))
         ax.set_ylabel("acceleration\nin m/s² (peak)")
-        light_grid(ax)
+        plots.light_grid(ax)
         title = f"stage {stage}" + (
             f", mesh harmonics of {mesh_hz:.5g} Hz:" if each_hz.size else ""
         )
@@ -113,12 +92,12 @@ def signature_figure(signature: Signature) -> Picture:
     axes[-1].set_xlabel("frequency in Hz")
     told = ", ".join(signature.header.get("faults", ())) or "healthy"
     figure.text(0.01, 1 - 0.05 / figure.get_figheight(), f"{signature.machine}: {told}", va="top")
-    legend(figure, axes)
+    plots.legend(figure, axes)
     return figure
 
 
-@sheet_style()
-def stability_figure(stability: StabilityMap) -> Picture:
+@plots.sheet_style()
+def stability_figure(stability: StabilityMap) -> plots.Picture:
     """Draw where free vibrations of a mesh grow: growth, boundaries, and where the pair runs.
 
     Parameters
@@ -130,7 +109,7 @@ def stability_figure(stability: StabilityMap) -> Picture:
     -------
     Picture
     """
-    figure = sheet(9.0, 5.6)
+    figure = plots.sheet(9.0, 5.6)
     ax = figure.add_subplot()
     filled = _plot_growth(stability, ax)
     if filled is not None:
@@ -138,18 +117,23 @@ def stability_figure(stability: StabilityMap) -> Picture:
         bar.set_label("growth: ln of the largest multiplier, per mesh period")
     else:
         middle: dict[str, Any] = {"transform": ax.transAxes, "ha": "center", "va": "center"}
-        ax.text(0.5, 0.5, "stable everywhere", color=GREY, fontsize=13, **middle)
+        ax.text(0.5, 0.5, "stable everywhere", color=plots.GREY, fontsize=13, **middle)
     for tongue in stability.tongues:
-        _plot_boundary(tongue, tongue.exact, BLACK, "-", "boundary, exact", ax)
+        _plot_boundary(tongue, tongue.exact, plots.BLACK, "-", "boundary, exact", ax)
         for order, edges in tongue.expanded.items():
-            name, colour, dashes = _ORDERS.get(order, (f"{order}th", GREY, "-."))
+            name, colour, dashes = _ORDERS.get(order, (f"{order}th", plots.GREY, "-."))
             label = f"multiple scales, {name} order"
             _plot_boundary(tongue, edges, colour, dashes, label, ax)
     if stability.mark is not None:
-        above = {"markeredgecolor": BLACK, "label": "this pair", "clip_on": False, "zorder": 5}
-        plot_marks(ax, *stability.mark, "*", 13, "white", **above)
+        above = {
+            "markeredgecolor": plots.BLACK,
+            "label": "this pair",
+            "clip_on": False,
+            "zorder": 5,
+        }
+        plots.plot_marks(ax, *stability.mark, "*", 13, "white", **above)
     ax.set_title(f"damping ratio {stability.chart.damping_ratio:.3g}", fontsize=10)
-    handles = named_handles([ax])
+    handles = plots.named_handles([ax])
     # below the axes, where it hides nothing
     place: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.13), "ncols": 5}
     ax.legend(list(handles.values()), list(handles), fontsize=8, frameon=False, **place)
@@ -169,7 +153,7 @@ def _plot_growth(stability: StabilityMap, ax: Axes) -> QuadContourSet | None:
     inside = [x for x in starts if chart.speeds[0] <= x <= chart.speeds[-1]]
     if inside:
         above = {"label": "2/n", "clip_on": False, "zorder": 4}
-        plot_marks(ax, inside, np.zeros(len(inside)), "^", 5, VERMILLION, **above)
+        plots.plot_marks(ax, inside, np.zeros(len(inside)), "^", 5, plots.VERMILLION, **above)
     top = float(chart.growth.max())
     if top <= _LEAST_GROWTH:
         return None
@@ -200,8 +184,8 @@ def _plot_boundary(
         ax.plot(x, y, color=colour, linestyle=dashes, linewidth=1.3, label=label)
 
 
-@sheet_style()
-def campbell_figure(found: Modes) -> Picture:
+@plots.sheet_style()
+def campbell_figure(found: Modes) -> plots.Picture:
     """Draw mesh harmonics against speed, natural frequencies, and where they meet.
 
     Parameters
@@ -210,7 +194,7 @@ def campbell_figure(found: Modes) -> Picture:
         Full marks: the mesh forces drive the mode, the more of its strain energy the meshes hold
         the larger; empty marks: they cancel.
     """
-    figure = sheet(9.0, 5.8)
+    figure = plots.sheet(9.0, 5.8)
     ax = figure.add_subplot()
     speeds = np.array([0.0, found.highest_rpm])
     top = max(found.mesh_orders) * found.harmonics * found.highest_rpm / 60
@@ -227,34 +211,36 @@ def campbell_figure(found: Modes) -> Picture:
         for harmonic in range(1, found.harmonics + 1):
             label = f"harmonics of mesh {stage + 1}"
             hertz = harmonic * order * speeds / 60
-            ax.plot(speeds, hertz, color=series_colour(stage), linewidth=1.0, label=label)
-            ends.append((hertz[1], f" {harmonic}", series_colour(stage)))
+            ax.plot(speeds, hertz, color=plots.series_colour(stage), linewidth=1.0, label=label)
+            ends.append((hertz[1], f" {harmonic}", plots.series_colour(stage)))
     ends.sort()
     # letters of 7 points on axes of five inches
-    heights = spread([hertz for hertz, _, _ in ends], 0.02 * top, 0.0, top)
+    heights = plots.spread([hertz for hertz, _, _ in ends], 0.02 * top, 0.0, top)
     for height, (_, text, colour) in zip(heights, ends, strict=True):
         ax.text(speeds[1], height, text, fontsize=7, color=colour, va="center")
     for speed in found.speeds_rpm:
         ax.axvline(
-            speed, color=BLACK, linewidth=1.2, linestyle=(0, (6, 2)), label="operating point"
+            speed, color=plots.BLACK, linewidth=1.2, linestyle=(0, (6, 2)), label="operating point"
         )
     for meeting in found.campbell:
         size = 2.5 + 6 * math.sqrt(meeting.mesh_share) * (meeting.in_phase if meeting.drives else 0)
-        face = series_colour(meeting.stage - 1) if meeting.drives else "white"
-        edge = {"markeredgecolor": series_colour(meeting.stage - 1), "markeredgewidth": 0.6}
-        plot_marks(ax, meeting.speed_rpm, meeting.frequency_hz, "o", size, face, zorder=4, **edge)
+        face = plots.series_colour(meeting.stage - 1) if meeting.drives else "white"
+        edge = {"markeredgecolor": plots.series_colour(meeting.stage - 1), "markeredgewidth": 0.6}
+        plots.plot_marks(
+            ax, meeting.speed_rpm, meeting.frequency_hz, "o", size, face, zorder=4, **edge
+        )
     ax.set(xlim=(0, found.highest_rpm), ylim=(0, top), xlabel="speed of shaft 1 in rpm")
     ax.set_ylabel("frequency in Hz")
     told = "filled: driven by the mesh, larger where it holds more of the strain energy"
     ax.set_title(f"{found.machine}: natural frequencies and mesh harmonics\n{told}", fontsize=9)
-    handles = named_handles([ax])
+    handles = plots.named_handles([ax])
     place: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.1), "ncols": 5}
     ax.legend(list(handles.values()), list(handles), fontsize=8, frameon=False, **place)
     return figure
 
 
-@style()
-def family_figure(family: FaultFamily, operating: int | None = None) -> Picture:
+@plots.style()
+def family_figure(family: FaultFamily, operating: int | None = None) -> plots.Picture:
     """Draw a panel for each kind of fault: levels of its sidebands against its size.
 
     Parameters
@@ -273,7 +259,7 @@ def family_figure(family: FaultFamily, operating: int | None = None) -> Picture:
     kinds, gears = members["kind"].unique(), members["member"].unique().tolist()
     columns = min(_COLUMNS, len(kinds))
     down = math.ceil(len(kinds) / columns)
-    figure = sheet(max(2, columns) * _PANEL_IN[0], 0.9 + down * _PANEL_IN[1])
+    figure = plots.sheet(max(2, columns) * _PANEL_IN[0], 0.9 + down * _PANEL_IN[1])
     figure.set_dpi(150)
     axes = figure.subplots(down, columns, sharey=True, squeeze=False)
     for kind, ax in zip(kinds, axes.flat, strict=False):
@@ -282,9 +268,9 @@ def family_figure(family: FaultFamily, operating: int | None = None) -> Picture:
         ax.set_visible(False)
     for ax in axes[:, 0]:
         ax.set_ylabel("dB re healthy mesh lines")
-    named = named_handles(list(axes.flat[: len(kinds)]))
+    named = plots.named_handles(list(axes.flat[: len(kinds)]))
     named["teeth part: beyond the linear model"] = axes.flat[0].plot(
-        [], [], "o", markersize=9, markerfacecolor="none", markeredgecolor=GREY
+        [], [], "o", markersize=9, markerfacecolor="none", markeredgecolor=plots.GREY
     )[0]
     figure.legend(
         list(named.values()), list(named), loc="outside lower center", ncols=min(6, len(named))
@@ -313,12 +299,12 @@ def _plot_kind(rows: pd.DataFrame, gears: Sequence[str], ax: Axes) -> None:
             continue
         order = sizes[chosen].sort_values().index
         x, y, lost = sizes[order], levels[order], rows["contact_lost"][order].astype(bool)
-        colour = series_colour(number)
+        colour = plots.series_colour(number)
         ax.plot(x, y, color=colour, linewidth=1.1)
         # gears that behave alike lie upon one another: the first ones stay to be seen behind
         size = max(3.5, 6.5 - number)
-        plot_marks(ax, x, y, series_marker(number), size, colour, label=gear)
-        plot_marks(ax, x[lost], y[lost], "o", 9, GREY, markerfacecolor="none")
+        plots.plot_marks(ax, x, y, plots.series_marker(number), size, colour, label=gear)
+        plots.plot_marks(ax, x[lost], y[lost], "o", 9, plots.GREY, markerfacecolor="none")
     ax.set_xscale("log")
     # gears of one kind differ a little in what a size takes
     ticks = sorted({float(f"{size:.2g}") for size in sizes})
@@ -326,7 +312,7 @@ def _plot_kind(rows: pd.DataFrame, gears: Sequence[str], ax: Axes) -> None:
     ax.xaxis.set_major_formatter(lambda value, _: f"{value:.3g}")
     if min(levels) <= _LEAST_DB:
         note = f"not shown: below {_LEAST_DB:g} dB"
-        ax.text(0.03, 0.04, note, transform=ax.transAxes, fontsize=7, color=GREY)
+        ax.text(0.03, 0.04, note, transform=ax.transAxes, fontsize=7, color=plots.GREY)
     ax.minorticks_off()
     ax.set(
         xlim=(0.85 * min(sizes), 1.18 * max(sizes)),

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Mapping, Sequence
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from gearmon import __version__
 from gearmon.exposure.day import DayExposure
 from gearmon.exposure.gearbox import GearShare
 from gearmon.exposure.measures import Exposure, SeatFactor
 from gearmon.files import write_atomically
-from gearmon.report.text_tables import Table, table_lines
-from gearmon.report.wording import printable
+from gearmon.report.page import base64_text, template
+from gearmon.report.wording import Table, printable, table_lines
 
 #: Results that have words: in a command's answer in this order.
 Told = Exposure | SeatFactor | GearShare | DayExposure
@@ -135,20 +132,13 @@ def write_exposure_report(found: Sequence[Told], path: str | Path) -> Path:
     ArgumentError
         If the file cannot be written.
     """
-    import jinja2
-
     from gearmon.report.plots import as_png
 
     sections = []
     for own in found:
         title, rows, notes = _told(own)
         pictures = [as_png(figure) for figure in own.figures().values()] if own.picture else []
-        encoded = [base64.b64encode(png).decode("ascii") for png in pictures]
-        sections.append(
-            {"title": title, "table": Table.of(rows), "notes": notes, "pictures": encoded}
-        )
-    source = resources.files("gearmon.report").joinpath("exposure.html").read_text("utf-8")
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
-    page = environment.from_string(source).render(sections=sections, version=__version__)
-    write_atomically(path, page)
+        told = {"title": title, "table": Table.of(rows), "notes": notes}
+        sections.append(told | {"pictures": map(base64_text, pictures)})
+    write_atomically(path, template("exposure.html").render(sections=sections))
     return Path(path)

@@ -11,9 +11,8 @@ from matplotlib.ticker import FuncFormatter
 from gearmon.harvesting.placement import Placed, Survey
 from gearmon.harvesting.tuning import power_against_tuning
 from gearmon.harvesting.vibration import Vibration, operating_lines
+from gearmon.report import plots
 from gearmon.report.harvest_text import spoken_time
-from gearmon.report.palette import BLACK, BLUE, GREY, VERMILLION, series_colour
-from gearmon.report.plots import Picture, sheet, sheet_style
 
 _MICRO = 1e6
 _SIZE_IN = (8.0, 4.6)
@@ -31,7 +30,7 @@ _RESPONSES = (
 _CURVE_STEP = 0.01
 
 
-def harvest_figures(survey: Survey) -> dict[str, Picture]:
+def harvest_figures(survey: Survey) -> dict[str, plots.Picture]:
     """Draw the four pictures of a survey: "-energy", "-tuning", "-positions" and "-response".
 
     Parameters
@@ -51,8 +50,8 @@ def harvest_figures(survey: Survey) -> dict[str, Picture]:
     }
 
 
-@sheet_style()
-def response_figure(survey: Survey) -> Picture:
+@plots.sheet_style()
+def response_figure(survey: Survey) -> plots.Picture:
     """Draw power, voltage, tip displacement and peak stress at 1 m/s2 against frequency.
 
     Parameters
@@ -60,7 +59,7 @@ def response_figure(survey: Survey) -> Picture:
     survey : Survey
         Of what is not modelled no panel is drawn.
     """
-    figure, rows = sheet(*_SIZE_IN), survey.response()
+    figure, rows = plots.sheet(*_SIZE_IN), survey.response()
     panels = [
         (name, label, factor) for name, label, factor in _RESPONSES if rows[0][name] is not None
     ]
@@ -68,7 +67,7 @@ def response_figure(survey: Survey) -> Picture:
     grid = figure.subplots(-(-len(panels) // 2), 2, squeeze=False, sharex=True)
     for number, (ax, (name, label, factor)) in enumerate(zip(grid.flat, panels, strict=True)):
         values = factor * np.array([row[name] for row in rows])
-        ax.plot(frequency, values, color=series_colour(number), linewidth=1.2)
+        ax.plot(frequency, values, color=plots.series_colour(number), linewidth=1.2)
         ax.set(xscale="log", yscale="log", xlim=(frequency[0], frequency[-1]), ylabel=label)
         ax.set_ylim(bottom=max(values.min() / 2, values.max() * 1e-6))
         ax.grid(alpha=0.25)
@@ -84,20 +83,20 @@ def response_figure(survey: Survey) -> Picture:
     return figure
 
 
-@sheet_style()
-def energy_figure(survey: Survey) -> Picture:
+@plots.sheet_style()
+def energy_figure(survey: Survey) -> plots.Picture:
     """Draw the energy of the lines at the best position, and the harvester's response over them.
 
     Parameters
     ----------
     survey : Survey
     """
-    figure = sheet(*_SIZE_IN)
+    figure = plots.sheet(*_SIZE_IN)
     ax = figure.add_subplot()
     best = survey.best
     for number, point in enumerate(best.position.healthy):
         label = f"{_short(point.vibration.name)} ({100 * point.share:.0f} % of the time)"
-        _draw_energy(ax, point.vibration, series_colour(number), label)
+        _draw_energy(ax, point.vibration, plots.series_colour(number), label)
     low, high = _span(best)
     inside = [_between(point.vibration, low, high) for point in best.position.healthy]
     top = max(inside)
@@ -107,7 +106,7 @@ def energy_figure(survey: Survey) -> Picture:
     beside = ax.twinx()
     grid = np.geomspace(low, high, 4000)
     gain = survey.tuned.harvester.gains(grid).power_w
-    beside.plot(grid, gain * _MICRO, color=BLACK, linewidth=1.0, linestyle="--")
+    beside.plot(grid, gain * _MICRO, color=plots.BLACK, linewidth=1.0, linestyle="--")
     beside.set(yscale="log", ylim=(gain.max() * _MICRO * 1e-6, gain.max() * _MICRO * 30))
     beside.set_ylabel("harvester: µW per (m/s²)² (dashed)")
     ax.set_title(f"{_short(best.position.name)}: energy of the lines and what is tuned to them")
@@ -115,15 +114,15 @@ def energy_figure(survey: Survey) -> Picture:
     return figure
 
 
-@sheet_style()
-def tuning_figure(survey: Survey) -> Picture:
+@plots.sheet_style()
+def tuning_figure(survey: Survey) -> plots.Picture:
     """Draw mean power against natural frequency for the best positions, with the load found.
 
     Parameters
     ----------
     survey : Survey
     """
-    figure = sheet(*_SIZE_IN)
+    figure = plots.sheet(*_SIZE_IN)
     ax = figure.add_subplot()
     for number, place in enumerate(survey.placed[:3]):
         if place.tuned is None:
@@ -135,7 +134,7 @@ def tuning_figure(survey: Survey) -> Picture:
         grid = np.unique(np.concatenate([np.geomspace(low, high, 240), near]))
         grid = grid[(grid >= low) & (grid <= high)]
         power = power_against_tuning(harvester, place.position.healthy, grid) * _MICRO
-        colour = series_colour(number)
+        colour = plots.series_colour(number)
         label = f"{_short(place.position.name)}: best at {middle:.4g} Hz"
         ax.plot(grid, power, color=colour, linewidth=1.2, label=label)
         ax.plot(middle, place.tuned.power_w * _MICRO, "o", color=colour, markersize=5)
@@ -161,15 +160,15 @@ def _plain_frequencies(ax: Axes) -> None:
         )
 
 
-@sheet_style()
-def positions_figure(survey: Survey) -> Picture:
+@plots.sheet_style()
+def positions_figure(survey: Survey) -> plots.Picture:
     """Draw the mean power at every position, sound and damaged, with its uncertainty.
 
     Parameters
     ----------
     survey : Survey
     """
-    figure = sheet(*_SIZE_IN)
+    figure = plots.sheet(*_SIZE_IN)
     ax = figure.add_subplot()
     names = [_short(place.position.name) for place in survey.placed]
     rows = np.arange(len(names))
@@ -177,7 +176,7 @@ def positions_figure(survey: Survey) -> Picture:
     low = np.array([place.power_low_w for place in survey.placed]) * _MICRO
     high = np.array([place.power_high_w for place in survey.placed]) * _MICRO
     degraded = np.array([place.degraded_power_w for place in survey.placed]) * _MICRO
-    ax.barh(rows, power, height=0.5, color=BLUE, alpha=0.85, label="gears sound")
+    ax.barh(rows, power, height=0.5, color=plots.BLUE, alpha=0.85, label="gears sound")
     known = np.isfinite(low)
     if known.any():
         ax.errorbar(
@@ -185,12 +184,14 @@ def positions_figure(survey: Survey) -> Picture:
             rows[known],
             xerr=(high - low)[known] / 2,
             fmt="none",
-            ecolor=BLACK,
+            ecolor=plots.BLACK,
             capsize=4,
             label="90 % interval",
         )
     if np.isfinite(degraded).any():
-        ax.plot(degraded, rows - 0.16, "D", color=VERMILLION, label="same tuning, gear damaged")
+        ax.plot(
+            degraded, rows - 0.16, "D", color=plots.VERMILLION, label="same tuning, gear damaged"
+        )
     for row, place in zip(rows, survey.placed, strict=True):
         ax.annotate(
             _remark(place),
@@ -199,7 +200,7 @@ def positions_figure(survey: Survey) -> Picture:
             textcoords="offset points",
             va="center",
             fontsize=9,
-            color=GREY if place.tuned is None else BLACK,
+            color=plots.GREY if place.tuned is None else plots.BLACK,
         )
     ax.set_yticks(rows, names)
     ax.set_ylim(len(names) - 0.35, -0.6)

@@ -7,7 +7,7 @@ from typing import Any
 
 from gearmon.harvesting.placement import Placed, Survey
 from gearmon.harvesting.response import Tuned
-from gearmon.report.text_tables import table_lines
+from gearmon.report.wording import table_lines
 
 MICRO = 1e6
 #: Units of time with their lengths [s], and how many of them are needed to be spoken of.

@@ -1,4 +1,4 @@
-"""The picture of a history: losses with intervals, when they began, the limit; the score below."""
+"""Pictures over time: the losses and scores of a history, and a day of changing load and speed."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 
 from gearmon.diagnosis.history import SECONDS_PER_DAY, ChangePoint, HistoryTrends, ToothTrend
+from gearmon.report import plots
 from gearmon.report.history_text import told_teeth
-from gearmon.report.palette import BLACK, GREY, VERMILLION, series_colour, series_marker
-from gearmon.report.plots import Picture, legend, light_grid, new_figure, plot_verdicts, style
 from gearmon.report.wording import counted, gear_text
 
 #: Teeth that get a colour, and others that are drawn behind them in grey.
@@ -25,8 +25,10 @@ _LEAST_SHOWN = 5.0
 _LEAST_SCORE = 2.0
 
 
-@style()
-def history_figure(found: HistoryTrends, known_loss: Sequence[float] | None = None) -> Picture:
+@plots.style()
+def history_figure(
+    found: HistoryTrends, known_loss: Sequence[float] | None = None
+) -> plots.Picture:
     """Draw losses over time, if any were estimated or are known, and the scores.
 
     Parameters
@@ -43,14 +45,14 @@ def history_figure(found: HistoryTrends, known_loss: Sequence[float] | None = No
     losses = bool(found.teeth) or known_loss is not None
     heights = [2.3, 1.15] if losses else [1.8]
     top = 0.74 if found.shown else 0.45 if losses else 0.35
-    figure, axes = new_figure(heights, top_in=top, bottom_in=0.45, sharex=True)
+    figure, axes = plots.new_figure(heights, top_in=top, bottom_in=0.45, sharex=True)
     if losses:
         _losses(found, axes[0])
     if known_loss is not None:
         axes[0].plot(
             _days([entry.time_s for entry in found.history.entries]),
             100 * np.asarray(known_loss, dtype=float),
-            color=BLACK,
+            color=plots.BLACK,
             linewidth=0.9,
             linestyle=(0, (1, 1.5)),
             label="known loss",
@@ -60,7 +62,7 @@ def history_figure(found: HistoryTrends, known_loss: Sequence[float] | None = No
     axes[-1].xaxis.set_major_locator(locator)
     axes[-1].xaxis.set_major_formatter(ConciseDateFormatter(locator))  # type: ignore[no-untyped-call]
     axes[-1].set_xlabel("Time (UTC)")
-    legend(figure, axes, columns=3)
+    plots.legend(figure, axes, columns=3)
     return figure
 
 
@@ -77,7 +79,7 @@ def _losses(found: HistoryTrends, ax: Axes) -> None:
         ax.plot(
             _days(series.time_s),
             100 * series.value,
-            color=GREY,
+            color=plots.GREY,
             linewidth=0.5,
             zorder=1,
             label=_others_label(others, bool(shown or new)) if number == 0 else "_",
@@ -88,13 +90,17 @@ def _losses(found: HistoryTrends, ax: Axes) -> None:
         _estimates(tooth, number, ", not yet over several recordings", ax)
     if found.limit is not None:
         ax.axhline(
-            100 * found.limit, color=VERMILLION, linewidth=0.9, linestyle=(0, (5, 2)), label="limit"
+            100 * found.limit,
+            color=plots.VERMILLION,
+            linewidth=0.9,
+            linestyle=(0, (5, 2)),
+            label="limit",
         )
     # what sound teeth seem to lose is next to nothing, and is not to fill the picture
     low, high = ax.get_ylim()
     ax.set_ylim(min(low, -0.1 * _LEAST_SHOWN), max(high, _LEAST_SHOWN))
     ax.set_ylabel("Loss of pair stiffness (%)")
-    light_grid(ax)
+    plots.light_grid(ax)
 
 
 def _others_label(others: Sequence[ToothTrend], beside_shown: bool) -> str:
@@ -114,14 +120,14 @@ def _newly_lost(found: HistoryTrends) -> list[ToothTrend]:
 
 
 def _estimates(tooth: ToothTrend, number: int, more: str, ax: Axes) -> None:
-    series, colour = tooth.trend.series, series_colour(number)
+    series, colour = tooth.trend.series, plots.series_colour(number)
     # the recordings' own 90 % intervals
     reach = np.maximum([series.value - tooth.low, tooth.high - series.value], 0.0)
     ax.errorbar(
         _days(series.time_s),
         100 * series.value,
         yerr=100 * reach,
-        fmt=series_marker(number),
+        fmt=plots.series_marker(number),
         markersize=3.2,
         color=colour,
         elinewidth=0.6,
@@ -131,7 +137,7 @@ def _estimates(tooth: ToothTrend, number: int, more: str, ax: Axes) -> None:
 
 def _one_loss(tooth: ToothTrend, number: int, ax: Axes) -> None:
     _estimates(tooth, number, "", ax)
-    series, colour = tooth.trend.series, series_colour(number)
+    series, colour = tooth.trend.series, plots.series_colour(number)
     start, now = float(series.time_s[0]), float(series.time_s[-1])
     crossing, end = tooth.crossing, now
     if crossing is not None and crossing.status == "ahead" and crossing.time_s is not None:
@@ -190,11 +196,48 @@ def _scores(found: HistoryTrends, ax: Axes) -> None:
     entries = found.history.entries
     times = _days([entry.time_s for entry in entries])
     verdicts = [entry.verdict for entry in entries]
-    plot_verdicts(times, [entry.score for entry in entries], verdicts, ax, 4)
+    plots.plot_verdicts(times, [entry.score for entry in entries], verdicts, ax, 4)
     if found.evidence:
-        shade = {"color": GREY, "alpha": 0.2}
+        shade = {"color": plots.GREY, "alpha": 0.2}
         _mark_changes(found.evidence.changes, "evidence changed (interval shaded)", shade, ax)
     ax.set_ylabel("Score (−log₁₀ p)")
     low, high = ax.get_ylim()
     ax.set_ylim(min(0.0, low), max(high, _LEAST_SCORE))
-    light_grid(ax)
+    plots.light_grid(ax)
+
+
+@plots.style()
+def day_figure(day: pd.DataFrame, limit_db: float) -> plots.Picture:
+    """Draw a day: load, speed, level of the vibration, and what was concluded.
+
+    Parameters
+    ----------
+    day : DataFrame
+        A row a recording, by hour of the day: `load` as a share of the nominal torque, `speed_hz`
+        of shaft 1, `score`, `verdict`, and one or more columns "level of ..." less the mean level
+        of the reference [dB].
+    limit_db : float
+        A limit on the levels [dB].
+    """
+    figure, axes = plots.new_figure([0.8, 0.8, 1.2, 1.2], top_in=0.4, sharex=True)
+    load, speed, level, score = axes
+    load.plot(day.index, 100 * day["load"], color=plots.BLACK, marker="o", markersize=2.5)
+    load.set_ylabel("Load\n(% of nominal)")
+    speed.plot(day.index, day["speed_hz"], color=plots.BLACK, marker="o", markersize=2.5)
+    speed.set_ylabel("Speed of\nshaft 1 (Hz)")
+    for number, (name, moved) in enumerate(day.filter(like="level of ").items()):
+        marker, colour = plots.series_marker(number), plots.series_colour(number)
+        level.plot(day.index, moved, color=colour, marker=marker, markersize=3, label=str(name))
+    level.axhline(
+        limit_db, color=plots.VERMILLION, linewidth=0.9, linestyle=(0, (5, 2)), label="level limit"
+    )
+    level.set_ylabel("Level re mean of\nreference (dB)")
+    scores = day["score"].tolist()
+    plots.plot_verdicts(day.index.tolist(), scores, day["verdict"].tolist(), score, 4.5)
+    lowest, highest = min(scores), max(scores)
+    score.set(ylim=(min(-0.1, 1.1 * lowest), max(2.5, 1.1 * highest)), ylabel="Score")
+    for ax in axes:
+        plots.light_grid(ax)
+    score.set_xlabel("Hour of the day (UTC)")
+    plots.legend(figure, axes, columns=6)
+    return figure

@@ -14,8 +14,7 @@ from gearmon.diagnosis.history import (
     ToothTrend,
 )
 from gearmon.diagnosis.history.changes import STRAIGHT
-from gearmon.report.text_tables import table_lines
-from gearmon.report.wording import counted, gear_text, percent, printable, probability_text
+from gearmon.report import wording
 
 #: Histories shorter than this are told by the minute, longer ones by the day.
 _BY_MINUTE_S = 10 * SECONDS_PER_DAY
@@ -36,16 +35,16 @@ def history_lines(found: HistoryTrends) -> list[str]:
     """
     history = found.history
     fine = _fine(found)
-    title = f"{printable(history.machine) or 'machine without a name'}: "
-    lines = [title + counted(len(history.entries), "recording") + ", times in UTC"]
-    lines += table_lines(
+    title = f"{wording.printable(history.machine) or 'machine without a name'}: "
+    lines = [title + wording.counted(len(history.entries), "recording") + ", times in UTC"]
+    lines += wording.table_lines(
         [
             {
                 "time": moment_text(entry.time_s, fine=True),
-                "recording": printable(entry.recording),
+                "recording": wording.printable(entry.recording),
                 "verdict": entry.verdict,
                 "score": round(entry.score, 2) + 0.0,
-                "finding": printable(finding_text(found, entry)),
+                "finding": wording.printable(finding_text(found, entry)),
             }
             for entry in history.entries
         ]
@@ -109,13 +108,14 @@ def _others_line(found: HistoryTrends, told: int) -> list[str]:
     left_out = len(found.shown) - told
     if left_out:
         lines.append(
-            f"{counted(left_out, 'other tooth', 'other teeth')} of the same gears stand out too, "
-            "as they do where one tooth is damaged; --json and the files of -o have them all"
+            f"{wording.counted(left_out, 'other tooth', 'other teeth')} of the same gears stand "
+            "out too, as they do where one tooth is damaged; --json and the files of -o have them "
+            "all"
         )
     sound = len(found.teeth) - len(found.shown)
     if sound:
         whole = all(tooth.tooth is None for tooth in found.teeth)
-        what = counted(sound, "gear") if whole else counted(sound, "tooth", "teeth")
+        what = wording.counted(sound, "gear") if whole else wording.counted(sound, "tooth", "teeth")
         lines.append(
             f"{what} followed without a loss that stands clear of its noise and of zero over "
             "several recordings"
@@ -150,7 +150,7 @@ def tooth_lines(tooth: ToothTrend, *, fine: bool) -> list[str]:
     -------
     list of str
     """
-    place = gear_text(tooth.stage, tooth.gear, tooth.tooth)
+    place = wording.gear_text(tooth.stage, tooth.gear, tooth.tooth)
     value, low, high = tooth.now
     lines = [f"{place}: loss of pair stiffness now {_interval(value, low, high)}"]
     unseen = tooth.low[0] <= 0
@@ -160,7 +160,7 @@ def tooth_lines(tooth: ToothTrend, *, fine: bool) -> list[str]:
         lines.append(f"  {change_text(change, fine=fine, growth=(rise, 'shrinks'))}")
     rises = [change for change in tooth.trend.changes if change.size > 0]
     if rises and unseen:
-        missed = percent(tooth.trend.missed, 1)
+        missed = wording.percent(tooth.trend.missed, 1)
         lines.append(
             f"  where none was found, a loss of up to {missed} may have been missed: it may have "
             "begun earlier"
@@ -192,7 +192,7 @@ def change_text(change: ChangePoint, *, fine: bool, growth: tuple[str, str]) -> 
     return (
         f"{what} {moment_text(change.time_s, fine)}{bent} "
         f"(between {low} and {moment_text(change.high_s, fine)}; false-alarm probability "
-        f"{probability_text(change.false_alarm_probability)})"
+        f"{wording.probability_text(change.false_alarm_probability)})"
     )
 
 
@@ -230,5 +230,5 @@ def _fine(found: HistoryTrends) -> bool:
 def _interval(value: float, low: float, high: float, *, signed: bool = False) -> str:
     width = high - low
     decimals = 1 if width >= 0.01 or not math.isfinite(width) else 2 if width >= 1e-3 else 3
-    one, two, three = (percent(x, decimals, signed=signed) for x in (value, low, high))
+    one, two, three = (wording.percent(x, decimals, signed=signed) for x in (value, low, high))
     return f"{one} ({two} to {three})"

@@ -1,7 +1,8 @@
-"""Figures: size, lettering and files. The modules `*plots` are the only users of matplotlib.
+"""Figures: size, lettering, colours and files.
 
-A function `..._figure` takes a result and returns a `Picture`: a matplotlib figure that keeps its
-style wherever it is drawn, and carries its words where a report needs them.
+The modules `*plots` are the only users of matplotlib. A function `..._figure` takes a result and
+returns a `Picture`: a matplotlib figure that keeps its style wherever it is drawn, and carries its
+words where a report needs them.
 """
 
 from __future__ import annotations
@@ -27,10 +28,29 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from gearmon.files import replacing, write_atomically
-from gearmon.report.palette import BLACK, LIGHT_GREY, VERDICT_STYLE
+from gearmon.report.page import VERDICT_STYLE
 from gearmon.report.wording import power_of_ten
 
 _Floats = Sequence[float] | NDArray[np.float64]
+
+# Colours that stay apart for colour-blind readers and in grey print: Okabe and Ito, Color Universal
+# Design, 2008.
+BLACK = "#1a1a1a"
+GREY = "#8a8f98"
+LIGHT_GREY = "#d5d8dd"
+BLUE = "#0072B2"
+SKY = "#56B4E9"
+GREEN = "#009E73"
+ORANGE = "#E69F00"
+VERMILLION = "#D55E00"
+PURPLE = "#B0508A"
+
+# In the order in which stages, gears or channels take them.
+SERIES = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK, GREY)
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
+
+#: Dashes of limits, nominal values and marks of lines.
+DASHED = (0, (4, 2))
 
 # Width of the text on an A4 page with 15 mm margins [inch].
 PAGE_WIDTH_IN = 7.1
@@ -144,6 +164,16 @@ class _PowersOfTen(LogFormatterSciNotation):
         return re.sub(r"\$\\mathdefault\{(.*)\}\$", r"\1", text)
 
 
+def series_colour(index: int) -> str:
+    """Return the colour of the item with this index, from 0; colours repeat after eight."""
+    return SERIES[index % len(SERIES)]
+
+
+def series_marker(index: int) -> str:
+    """Return the marker of the item with this index, from 0; markers repeat after eight."""
+    return MARKERS[index % len(MARKERS)]
+
+
 def sheet(width_in: float, height_in: float) -> Picture:
     """Return an empty figure for several axes that make room for their own letters."""
     return Picture(
@@ -239,13 +269,6 @@ def light_grid(ax: Axes, axis: str = "y") -> None:
     """Put a grid behind the data that does not compete with it."""
     ax.grid(visible=True, axis=axis, color=LIGHT_GREY, linewidth=0.5)  # type: ignore[arg-type]
     ax.set_axisbelow(True)
-
-
-def common_scale(axes: Sequence[Axes]) -> None:
-    """Give all axes one vertical scale: it shows which channel is loud and which is not."""
-    limits = [ax.get_ylim() for ax in axes]
-    for ax in axes:
-        ax.set_ylim(min(low for low, _ in limits), max(high for _, high in limits))
 
 
 def colour_scale(

@@ -13,27 +13,7 @@ from matplotlib.image import AxesImage
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from gearmon.report.palette import (
-    BLACK,
-    BLUE,
-    DASHED,
-    GREY,
-    LIGHT_GREY,
-    SKY,
-    VERMILLION,
-    series_colour,
-    series_marker,
-)
-from gearmon.report.plots import (
-    PAGE_WIDTH_IN,
-    Picture,
-    colour_scale,
-    left_label,
-    legend,
-    light_grid,
-    new_figure,
-    style,
-)
+from gearmon.report import plots
 from gearmon.report.spectrum_plots import MOST_STRIPS, label_marks, line_marks, order_axis
 from gearmon.report.wording import shortened, strip_label, unit_text
 from gearmon.signals.orders.averages import one_turn
@@ -61,8 +41,8 @@ _GAUSSIAN = {"kurtosis": 3.0, "FM4": 3.0, "NA4": 3.0, "NA4*": 3.0, "M6A": 15.0, 
 _PANELS, _PANEL_IN = 4, 1.05
 
 
-@style()
-def order_map_figure(found: OrderSpectra) -> Picture:
+@plots.style()
+def order_map_figure(found: OrderSpectra) -> plots.Picture:
     """Draw a map a channel: amplitude in colour over order and time, or order and speed.
 
     Parameters
@@ -76,7 +56,7 @@ def order_map_figure(found: OrderSpectra) -> Picture:
     """
     names = found.channel_names[:MOST_STRIPS]
     over_time = found.map.against == "time"
-    figure, axes = new_figure(
+    figure, axes = plots.new_figure(
         [2.2 if len(names) < 3 else 1.3] * len(names),
         top_in=0.78,
         right_in=_SCALE_IN + (_SPEED_IN if over_time else 0.0),
@@ -88,12 +68,14 @@ def order_map_figure(found: OrderSpectra) -> Picture:
         image = _plot_order_map(found, row, ax)
         off = _plot_speed(found, ax, row == len(names) - 1) if over_time else 0.0
         label = f"{shortened(name)}\npeak amplitude ({unit_text(found.units[row])})"
-        colour_scale(figure, ax, image, off, extend="min").set_label(label, fontsize=6.5)
+        plots.colour_scale(figure, ax, image, off, extend="min").set_label(label, fontsize=6.5)
         if row < len(names) - 1:
             ax.tick_params(labelbottom=False)
     label_marks(line_marks(found.marks, *_ends(found)), axes[0])
     axes[-1].set_xlabel(order_axis(found))
-    left_label(figure, axes, "Time (s)" if over_time else f"Speed of shaft {found.shaft} (Hz)")
+    plots.left_label(
+        figure, axes, "Time (s)" if over_time else f"Speed of shaft {found.shaft} (Hz)"
+    )
     if not over_time and np.ma.is_masked(axes[0].images[0].get_array()):
         figure.text(0.995, 0.004, "grey: speeds that were not recorded", ha="right", fontsize=6)
     return figure
@@ -120,7 +102,7 @@ def _plot_order_map(found: OrderSpectra, row: int, ax: Axes) -> AxesImage:
         aspect="auto",
         origin="lower",
         extent=(first, last, low, high),
-        cmap=colormaps["viridis"].with_extremes(bad=LIGHT_GREY),
+        cmap=colormaps["viridis"].with_extremes(bad=plots.LIGHT_GREY),
         norm=LogNorm(vmin=low_end, vmax=top),
         interpolation="nearest",
     )
@@ -144,10 +126,10 @@ def _evenly(found: OrderSpectra, values: FloatArray) -> tuple[FloatArray, float,
 def _plot_speed(found: OrderSpectra, ax: Axes, lowest: bool) -> float:
     """Draw the speed along time at the right of a map; return how wide that is."""
     own, place = found.map, ax.get_position()
-    width = _SPEED_IN / PAGE_WIDTH_IN
+    width = _SPEED_IN / plots.PAGE_WIDTH_IN
     # the numbers at the ends of both scales need room beside each other
     beside = ax.figure.add_axes((place.x1 + 0.03, place.y0, width - 0.045, place.height))
-    beside.plot(own.speed_hz, own.time_s, color=BLUE, linewidth=1.0)
+    beside.plot(own.speed_hz, own.time_s, color=plots.BLUE, linewidth=1.0)
     low, high = float(own.speed_hz.min()), float(own.speed_hz.max())
     # a steady speed must not be blown up until its last digit looks like trouble
     room = max(0.15 * (high - low), 0.005 * high)
@@ -156,14 +138,14 @@ def _plot_speed(found: OrderSpectra, ax: Axes, lowest: bool) -> float:
     beside.yaxis.set_major_locator(MaxNLocator(5))
     beside.xaxis.set_major_locator(MaxNLocator(2))
     beside.tick_params(labelleft=False, labelsize=6, labelbottom=lowest)
-    light_grid(beside, "both")
+    plots.light_grid(beside, "both")
     if lowest:
         beside.set_xlabel(f"Shaft {found.shaft} (Hz)", fontsize=6.5)
         beside.ticklabel_format(useOffset=False, axis="x")
     return width - 0.015
 
 
-def average_figures(found: GearAverages) -> dict[str, Picture]:
+def average_figures(found: GearAverages) -> dict[str, plots.Picture]:
     """Draw one turn of every gear; keys such as "-1-pinion" tell stage and gear.
 
     Parameters
@@ -178,8 +160,8 @@ def average_figures(found: GearAverages) -> dict[str, Picture]:
     return {f"-{own.stage}-{own.gear}": average_figure(found, own) for own in found.gears}
 
 
-@style()
-def average_figure(found: GearAverages, own: GearAverage) -> Picture:
+@plots.style()
+def average_figure(found: GearAverages, own: GearAverage) -> plots.Picture:
     """Draw two strips a channel: the synchronous average, and what is left of it.
 
     Parameters
@@ -197,26 +179,26 @@ def average_figure(found: GearAverages, own: GearAverage) -> Picture:
     whole, signals = one_turn(average.lines, count), own.signals
     if count > average.per_turn:
         signals = gear_signals(average.lines, own.signals.wheel, per_turn=count)
-    figure, axes = new_figure([0.85, 0.85] * len(names), top_in=0.52, sharex=True)
+    figure, axes = plots.new_figure([0.85, 0.85] * len(names), top_in=0.52, sharex=True)
     for row, name in enumerate(names):
         error = _BAND * np.interp(angle, known, _closed(average.waveform_error[row]))
         turn, residual = _closed(whole[row]), _closed(signals.residual[row])
         upper, lower = axes[2 * row], axes[2 * row + 1]
         _band(angle, turn, error, upper)
-        upper.plot(angle, turn, color=BLACK, linewidth=0.6, label="synchronous average")
+        upper.plot(angle, turn, color=plots.BLACK, linewidth=0.6, label="synchronous average")
         _band(angle, 0.0 * turn, error, lower)
         # a mark for the legend: a filled area has no data that it could be told by
         label = f"± {_BAND:g} standard errors"
-        lower.plot([0.0], [0.0], color=LIGHT_GREY, linewidth=4, label=label)
+        lower.plot([0.0], [0.0], color=plots.LIGHT_GREY, linewidth=4, label=label)
         # wider and lighter: where both are the same it still shows behind the difference
-        lower.plot(angle, residual, color=SKY, linewidth=1.6, label="residual")
+        lower.plot(angle, residual, color=plots.SKY, linewidth=1.6, label="residual")
         difference = _closed(signals.difference[row])
-        lower.plot(angle, difference, color=VERMILLION, linewidth=0.6, label="difference")
+        lower.plot(angle, difference, color=plots.VERMILLION, linewidth=0.6, label="difference")
         for ax in (upper, lower):
             ax.set_ylabel(strip_label(name, unit_text(found.units[row])), fontsize=7)
             ax.yaxis.set_major_locator(MaxNLocator(4))
             ax.set_xlim(0.0, own.teeth)
-            light_grid(ax)
+            plots.light_grid(ax)
     zero = (
         "at the tachometer pulse"
         if own.numbered
@@ -224,7 +206,7 @@ def average_figure(found: GearAverages, own: GearAverage) -> Picture:
     )
     axes[-1].set_xlabel(f"Angle of the {own.gear} (tooth pitches; 0 {zero})")
     accelerations = all(unit in ("m/s2", "m/s^2", "g") for unit in found.units)
-    left_label(figure, axes, "Acceleration" if accelerations else "Signal")
+    plots.left_label(figure, axes, "Acceleration" if accelerations else "Signal")
     figure.text(
         0.012,
         1 - 0.09 / figure.get_figheight(),
@@ -233,14 +215,14 @@ def average_figure(found: GearAverages, own: GearAverage) -> Picture:
         va="top",
         fontsize=8,
     )
-    legend(figure, axes)
+    plots.legend(figure, axes)
     # the legend goes below the line that says what is drawn
     figure.legends[0].set_bbox_to_anchor((1.0, 1 - 0.24 / figure.get_figheight()))
     return figure
 
 
 def _band(angle: FloatArray, value: FloatArray, error: FloatArray, ax: Axes) -> None:
-    ax.fill_between(angle, value - error, value + error, color=LIGHT_GREY, linewidth=0)
+    ax.fill_between(angle, value - error, value + error, color=plots.LIGHT_GREY, linewidth=0)
 
 
 def _closed(values: FloatArray) -> FloatArray:
@@ -248,8 +230,8 @@ def _closed(values: FloatArray) -> FloatArray:
     return np.append(values, values[0])
 
 
-@style()
-def indicator_figure(tables: IndicatorTable | Sequence[IndicatorTable]) -> Picture:
+@plots.style()
+def indicator_figure(tables: IndicatorTable | Sequence[IndicatorTable]) -> plots.Picture:
     """Draw a panel for every condition indicator and input.
 
     Of several recordings the values run along the horizontal axis; of one the gears stand side by
@@ -276,7 +258,7 @@ def indicator_figure(tables: IndicatorTable | Sequence[IndicatorTable]) -> Pictu
     gears, channels = every["who"].unique().tolist(), every["channel"].unique().tolist()
     panels = every.groupby(["indicator", "of"], sort=False)
     height = 0.55 + -(-len(panels) // _PANELS) * (_PANEL_IN + 0.55)
-    figure = Picture((PAGE_WIDTH_IN, height))
+    figure = plots.Picture((plots.PAGE_WIDTH_IN, height))
     for number, ((name, of), panel) in enumerate(panels):
         ax = figure.add_axes(_panel_place(number, height))
         shown = [gear for gear in gears if gear in set(panel["who"])]
@@ -284,8 +266,8 @@ def indicator_figure(tables: IndicatorTable | Sequence[IndicatorTable]) -> Pictu
             ax.plot(
                 own["record"] if len(tables) > 1 else [shown.index(gear)] * len(own),
                 own["value"],
-                color=series_colour(gears.index(gear)),
-                marker=series_marker(channels.index(channel)),
+                color=plots.series_colour(gears.index(gear)),
+                marker=plots.series_marker(channels.index(channel)),
                 markersize=3.2,
                 linewidth=0.8 if len(tables) > 1 else 0.0,
                 markerfacecolor="none",
@@ -296,24 +278,24 @@ def indicator_figure(tables: IndicatorTable | Sequence[IndicatorTable]) -> Pictu
         stated = "" if unit == "1" else f" ({unit_text(unit)})"
         ax.set_title(f"{name}{stated}\nof {of}", fontsize=6.5, pad=3)
         _finish_panel(ax, _GAUSSIAN.get(str(name)), shown, len(tables))
-    legend(figure, figure.axes, columns=5)
+    plots.legend(figure, figure.axes, columns=5)
     if not _GAUSSIAN.keys().isdisjoint(every["indicator"]):
         top = 1 - 0.06 / height
-        figure.text(0.012, top, "dashed:\nGaussian noise", va="top", fontsize=6.5, color=GREY)
+        figure.text(0.012, top, "dashed:\nGaussian noise", va="top", fontsize=6.5, color=plots.GREY)
     return figure
 
 
 def _panel_place(number: int, height: float) -> tuple[float, float, float, float]:
     row, column = divmod(number, _PANELS)
-    cell = PAGE_WIDTH_IN / _PANELS
+    cell = plots.PAGE_WIDTH_IN / _PANELS
     left, bottom = column * cell + 0.45, height - 0.75 - (row + 1) * _PANEL_IN - row * 0.55
-    width = (cell - 0.55) / PAGE_WIDTH_IN
-    return left / PAGE_WIDTH_IN, bottom / height, width, _PANEL_IN / height
+    width = (cell - 0.55) / plots.PAGE_WIDTH_IN
+    return left / plots.PAGE_WIDTH_IN, bottom / height, width, _PANEL_IN / height
 
 
 def _finish_panel(ax: Axes, gaussian: float | None, gears: Sequence[str], records: int) -> None:
     if gaussian is not None:
-        ax.axhline(gaussian, color=GREY, linewidth=0.7, linestyle=DASHED)
+        ax.axhline(gaussian, color=plots.GREY, linewidth=0.7, linestyle=plots.DASHED)
     if records > 1:
         ax.set_xlim(0.7, records + 0.3)
         ax.set_xticks(sorted({1, (records + 1) // 2, records}))
@@ -324,4 +306,4 @@ def _finish_panel(ax: Axes, gaussian: float | None, gears: Sequence[str], record
     low, high = ax.get_ylim()
     ax.set_ylim(min(0.0, low), 1.06 * high if high > 0 else 1.0)
     ax.tick_params(labelsize=6)
-    light_grid(ax)
+    plots.light_grid(ax)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar, cast
+from typing import Any, cast
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,38 +16,10 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from numpy.typing import NDArray
 
 from gearmon.diagnosis.results import Analysis
-from gearmon.report.curves import angle_spectrum, max_hold, time_spectrum
-from gearmon.report.palette import BLACK, DASHED, GREY, VERMILLION, series_colour, series_marker
-from gearmon.report.plots import (
-    Picture,
-    above,
-    colour_scale,
-    common_scale,
-    left_label,
-    legend,
-    light_grid,
-    new_figure,
-    plot_marks,
-    spread,
-    style,
-)
-from gearmon.report.wording import (
-    counted,
-    left_out_text,
-    percent,
-    power_of_ten,
-    shaft_text,
-    shortened,
-    strip_label,
-    told_apart,
-    unit_text,
-)
-from gearmon.signals.angle import AngleTrack
-from gearmon.signals.bad_samples import inspected, sound_part, sound_piece
+from gearmon.report import curves, plots, wording
 from gearmon.signals.recording import Recording
-from gearmon.signals.spectra import Spectrum
 from gearmon.signals.spectra.demodulation import Kurtogram
-from gearmon.signatures.measured.line_plan import NEAR_SIDEBANDS, Family, Mark, mesh_harmonics
+from gearmon.signatures.measured.line_plan import NEAR_SIDEBANDS, Family, Mark
 from gearmon.signatures.measured.measurement import MeasuredSignature, MeshFinding
 from gearmon.signatures.order_spectra import OrderSpectra
 from gearmon.signatures.recording_spectrum import RecordingSpectrum
@@ -57,8 +29,6 @@ FloatArray = NDArray[np.float64]
 
 # More channels than this get no readable strip each: the report says which are shown.
 MOST_STRIPS = 8
-# The axis ends this far beyond the last mesh harmonic that is looked at.
-_BEYOND_LAST = 1.12
 # A close-up shows this many sidebands of the fastest shaft, and some air.
 _CLOSE_UP_SPACINGS = NEAR_SIDEBANDS + 0.7
 # It never reaches the neighbouring mesh harmonics.
@@ -78,34 +48,11 @@ _USUAL_WIDTH = 0.86
 # Heights of strips in a report, of many and of few: two pictures of four channels, with their
 # words, fit on a page [inch].
 _REPORT_IN = (0.74, 1.2)
-_GREY_SERIES = 7
 _AXES = {
     "frequency_hz": "Frequency (Hz)",
     "quefrency_s": "Quefrency (s)",
     "cyclic_frequency_hz": "Modulation frequency (Hz)",
 }
-
-
-@dataclass(frozen=True, kw_only=True)
-class LineMark:
-    """A place on the axis of a spectrum where the machine puts, or should put, a line.
-
-    Parameters
-    ----------
-    place : float
-        In the unit of the axis.
-    label : str
-        Short text ("GMF1 ×2").
-    series : int
-        Which colour, from 0.
-    half_width : float
-        Half of the range in which it was looked for, 0 if the place is known.
-    """
-
-    place: float
-    label: str
-    series: int
-    half_width: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -144,8 +91,10 @@ class Strips:
         What the horizontal axis and the values are.
     place : ndarray of float, shape (points,)
     values : ndarray of float, shape (channels, points)
-    marks : sequence of LineMark
+    marks : sequence of Mark
         Mesh and shaft harmonics.
+    reach : float
+        Half of the range about each mark that was searched, as a share of its place.
     sidebands : sequence of Sidebands
         In a close-up.
     linear : bool
@@ -158,16 +107,14 @@ class Strips:
     what: str = "Peak amplitude"
     place: FloatArray
     values: FloatArray
-    marks: Sequence[LineMark]
+    marks: Sequence[Mark]
+    reach: float = 0.0
     sidebands: Sequence[Sidebands] = ()
     linear: bool = False
 
 
-AnyMark = TypeVar("AnyMark", LineMark, Mark)
-
-
-@style()
-def amplitude_figure(analysis: Analysis, recording: Recording) -> Picture:
+@plots.style()
+def amplitude_figure(analysis: Analysis, recording: Recording) -> plots.Picture:
     """Draw the amplitude spectrum of every channel with the mesh harmonics of all stages.
 
     Parameters
@@ -182,16 +129,19 @@ def amplitude_figure(analysis: Analysis, recording: Recording) -> Picture:
     Picture
     """
     signature = analysis.signature
-    spectrum, blocks, nyquist = _time_spectrum(analysis, recording)
-    high = min(nyquist, last_harmonic_hz(signature))
-    marks = [mark for mark in mesh_marks(signature) if mark.place < 0.999 * high]
+    vibration = curves.vibration_of(analysis, recording)
+    spectrum, blocks = curves.time_spectrum(vibration.samples, vibration.sampling_rate_hz)
+    nyquist = 0.5 * vibration.sampling_rate_hz
+    high = min(nyquist, curves.last_harmonic_hz(signature))
+    marks = [mark for mark in curves.mesh_marks(signature) if mark.place < 0.999 * high]
     if len(marks) > _MOST_MARKS:
-        marks = _wide_apart(marks, high / _MOST_MARKS, lambda mark: mark.series)
-    strips = _strips(analysis, spectrum, (2 * float(spectrum.frequency_hz[1]), high), marks)
+        marks = _wide_apart(marks, high / _MOST_MARKS)
+    place, values = spectrum.frequency_hz, spectrum.values
+    strips = _strips(analysis, place, values, (2 * float(place[1]), high), marks)
     made = f"{blocks} Hann blocks, averaged in power" if blocks > 1 else "one Hann window"
     cut = "" if high == nyquist else f", shown up to {high:.0f} of {nyquist:.0f} Hz"
     peaks = [
-        f"{name} peaks with {values.max():.3g} {unit_text(unit)} at "
+        f"{name} peaks with {values.max():.3g} {wording.unit_text(unit)} at "
         f"{strips.place[np.argmax(values)]:.1f} Hz"
         for name, unit, values in zip(strips.names, strips.units, strips.values, strict=True)
         if len(values)
@@ -201,8 +151,8 @@ def amplitude_figure(analysis: Analysis, recording: Recording) -> Picture:
         name="spectrum",
         heading="Amplitude spectrum",
         caption=f"{_what_to_look_for(analysis)} Peak amplitudes, {made}, resolution "
-        f"{spectrum.resolution_hz:.2g} Hz{cut}.{left_out_text(count, MOST_STRIPS)}",
-        alt=f"Amplitude spectra of {counted(count, 'channel')}: {'; '.join(peaks)}.",
+        f"{spectrum.resolution_hz:.2g} Hz{cut}.{wording.left_out_text(count, MOST_STRIPS)}",
+        alt=f"Amplitude spectra of {wording.counted(count, 'channel')}: {'; '.join(peaks)}.",
     )
 
 
@@ -210,10 +160,11 @@ def _what_to_look_for(analysis: Analysis) -> str:
     if not analysis.signature.found:
         return (
             "Dashed lines: where the mesh harmonics (GMF) of the machine file should be; shaded: "
-            f"the ± {percent(SPEED_TOLERANCE, 0)} about the nominal speed that were searched. Look "
-            "for a row of lines, one in each shaded range: none was found that stands out from "
-            "those of other tooth counts. Lines may come from bearings, the electrical supply or "
-            "another machine; check tooth counts, speed and channel before trusting the verdict."
+            f"the ± {wording.percent(SPEED_TOLERANCE, 0)} about the nominal speed that were "
+            "searched. Look for a row of lines, one in each shaded range: none was found that "
+            "stands out from those of other tooth counts. Lines may come from bearings, the "
+            "electrical supply or another machine; check tooth counts, speed and channel before "
+            "trusting the verdict."
         )
     return (
         "Look for the mesh harmonics (dashed, GMF1 ×2 is the second harmonic of mesh 1) standing "
@@ -222,8 +173,10 @@ def _what_to_look_for(analysis: Analysis) -> str:
     )
 
 
-@style()
-def close_up_figure(analysis: Analysis, recording: Recording, mesh: MeshFinding) -> Picture | None:
+@plots.style()
+def close_up_figure(
+    analysis: Analysis, recording: Recording, mesh: MeshFinding
+) -> plots.Picture | None:
     """Draw the surroundings of one mesh harmonic, or where it was looked for, in every channel.
 
     Parameters
@@ -260,7 +213,8 @@ def close_up_figure(analysis: Analysis, recording: Recording, mesh: MeshFinding)
     return _strips_figure(strips, _REPORT_IN).told(
         name=f"{'sidebands' if found else 'searched'}-mesh-{mesh.stage}",
         heading=f"Around mesh {mesh.stage}, harmonic {harmonic}",
-        caption=_close_up_caption(analysis, mesh) + left_out_text(len(strips.names), MOST_STRIPS),
+        caption=_close_up_caption(analysis, mesh)
+        + wording.left_out_text(len(strips.names), MOST_STRIPS),
         alt=alt,
     )
 
@@ -285,7 +239,7 @@ def _close_up_caption(analysis: Analysis, mesh: MeshFinding) -> str:
     )
 
 
-@style()
+@plots.style()
 def spectrum_figure(found: RecordingSpectrum, ax: Sequence[Axes] = ()) -> Figure:
     """Draw a spectrum of any kind, a strip a channel; of a kurtogram a map a channel.
 
@@ -315,7 +269,7 @@ def spectrum_figure(found: RecordingSpectrum, ax: Sequence[Axes] = ()) -> Figure
     return _on_given(strips, ax) if ax else _strips_figure(strips)
 
 
-@style()
+@plots.style()
 def order_figure(found: OrderSpectra, ax: Sequence[Axes] = ()) -> Figure:
     """Draw peak amplitudes against the orders of a shaft, a strip a channel.
 
@@ -348,28 +302,31 @@ def order_axis(found: OrderSpectra) -> str:
     return f"Order (cycles a turn of shaft {found.shaft})"
 
 
-def _strips_figure(strips: Strips, heights_in: tuple[float, float] = (0.9, 1.5)) -> Picture:
+def _strips_figure(strips: Strips, heights_in: tuple[float, float] = (0.9, 1.5)) -> plots.Picture:
     """Draw one strip above the other with a common axis; `heights_in`: of many, of few strips."""
     count = min(len(strips.names), MOST_STRIPS)
     height = heights_in[0] if count > 3 else heights_in[1]
     # room above for a legend, or for the names of the lines, sideways
     top = 0.45 if strips.sidebands else 0.7 if strips.marks else 0.26
-    figure, axes = new_figure([height] * count, top_in=top, sharex=True)
+    figure, axes = plots.new_figure([height] * count, top_in=top, sharex=True)
     for channel, ax in enumerate(axes):
         ax.set_ylabel(_plot_strip(strips, channel, ax), fontsize=7)
     if len(set(strips.units)) == 1:
-        common_scale(axes)
+        # one scale shows which channel is loud and which is not
+        lows, highs = zip(*(ax.get_ylim() for ax in axes), strict=True)
+        for ax in axes:
+            ax.set_ylim(min(lows), max(highs))
     if strips.sidebands:
         # the numbers of the sidebands of the widest spacing
         series, widest = max(enumerate(strips.sidebands), key=lambda own: np.ptp(own[1].place))
         for place, number in zip(widest.place, widest.number, strict=True):
             name = f"{number:+d}".replace("-", "−")
-            above(axes[0], place, name, 1.5, fontsize=6.5, color=series_colour(series))
-        legend(figure, axes)
+            plots.above(axes[0], place, name, 1.5, fontsize=6.5, color=plots.series_colour(series))
+        plots.legend(figure, axes)
     else:
         label_marks(strips.marks, axes[0])
     axes[-1].set_xlabel(strips.axis)
-    left_label(figure, axes, strips.what)
+    plots.left_label(figure, axes, strips.what)
     return figure
 
 
@@ -386,24 +343,24 @@ def _on_given(strips: Strips, axes: Sequence[Axes]) -> Figure:
 def _plot_strip(strips: Strips, channel: int, ax: Axes) -> str:
     """Draw the spectrum of a channel with its marks; return what its values are."""
     for mark in strips.marks:
-        colour = series_colour(mark.series)
-        if mark.half_width > 0:
-            low, high = mark.place - mark.half_width, mark.place + mark.half_width
+        colour = _colour(mark)
+        if strips.reach:
+            low, high = mark.place * (1 - strips.reach), mark.place * (1 + strips.reach)
             ax.axvspan(low, high, color=colour, alpha=0.13, linewidth=0)
-        ax.axvline(mark.place, color=colour, linewidth=0.8, linestyle=DASHED, alpha=0.8)
-    place, values = max_hold(strips.place, strips.values[channel])
-    ax.plot(place, values, color=BLACK, linewidth=0.55)
+        ax.axvline(mark.place, color=colour, linewidth=0.8, linestyle=plots.DASHED, alpha=0.8)
+    place, values = curves.max_hold(strips.place, strips.values[channel])
+    ax.plot(place, values, color=plots.BLACK, linewidth=0.55)
     for series, own in enumerate(strips.sidebands):
         _plot_sidebands(own, channel, series, ax)
     if len(place) > 1:
         ax.set_xlim(place[0], place[-1])
-    light_grid(ax)
+    plots.light_grid(ax)
     name = strips.names[channel]
     if strips.linear:
-        return shortened(name, 12)
+        return wording.shortened(name, 12)
     detected = [own.amplitude[channel] for own in strips.sidebands]
     _decades(values, np.concatenate([values, *detected]), ax)
-    return strip_label(name, unit_text(strips.units[channel]))
+    return wording.strip_label(name, wording.unit_text(strips.units[channel]))
 
 
 def _decades(values: FloatArray, everything: FloatArray, ax: Axes) -> None:
@@ -417,95 +374,55 @@ def _decades(values: FloatArray, everything: FloatArray, ax: Axes) -> None:
     ax.yaxis.set_major_locator(LogLocator(numticks=6))
     ax.yaxis.set_minor_locator(NullLocator())
     ax.yaxis.set_major_formatter(
-        FuncFormatter(lambda v, _: power_of_ten(round(float(np.log10(v)))) if v > 0 else "")
+        FuncFormatter(lambda v, _: wording.power_of_ten(round(float(np.log10(v)))) if v > 0 else "")
     )
 
 
 def _plot_sidebands(own: Sidebands, channel: int, series: int, ax: Axes) -> None:
-    colour, detected = series_colour(series), np.isfinite(own.amplitude[channel])
+    colour, detected = plots.series_colour(series), np.isfinite(own.amplitude[channel])
     places, sizes = own.place[detected], own.amplitude[channel, detected]
     open_ = {"markerfacecolor": "none", "markeredgewidth": 1.0, "label": f"sidebands of {own.name}"}
-    plot_marks(ax, places, sizes, series_marker(series), 4.2, colour, **open_)
+    plots.plot_marks(ax, places, sizes, plots.series_marker(series), 4.2, colour, **open_)
     # ticks at the bottom show every place, detected or not
     foot = {"transform": ax.get_xaxis_transform(), "clip_on": False}
-    plot_marks(ax, own.place, 0 * own.place, TICKUP, 4 if series % 2 else 6, colour, **foot)
+    plots.plot_marks(ax, own.place, 0 * own.place, TICKUP, 4 if series % 2 else 6, colour, **foot)
 
 
-def label_marks(marks: Sequence[LineMark], ax: Axes) -> None:
+def label_marks(marks: Sequence[Mark], ax: Axes) -> None:
     """Write the names of marks above the axes, sideways, each with a line to its place."""
     low, high = ax.get_xlim()
     share = [(mark.place - low) / (high - low) for mark in marks]
-    widest = max((mark.label.count("\n") + 1 for mark in marks), default=1)
+    labels = [curves.mark_label(mark) for mark in marks]
+    widest = max((label.count("\n") + 1 for label in labels), default=1)
     narrow = min(1.0, ax.get_position().width / _USUAL_WIDTH)
-    places = spread(share, widest * _LABEL_WIDTH / narrow, 0.0, 1.0)
+    places = plots.spread(share, widest * _LABEL_WIDTH / narrow, 0.0, 1.0)
     up = 0.1 / (ax.get_position().height * ax.get_figure(root=True).get_figheight())  # type: ignore[union-attr]
-    line: dict[str, Any] = {"transform": ax.transAxes, "color": GREY, "linewidth": 0.4}
+    line: dict[str, Any] = {"transform": ax.transAxes, "color": plots.GREY, "linewidth": 0.4}
     text: dict[str, Any] = {"transform": ax.transAxes, "rotation": 90, "linespacing": 0.95}
     text |= {"ha": "center", "va": "bottom", "fontsize": 6.5}
-    for mark, at, place in zip(marks, share, places, strict=True):
+    for mark, label, at, place in zip(marks, labels, share, places, strict=True):
         ax.plot([at, place], [1.0, 1.0 + up], clip_on=False, **line)
-        ax.text(place, 1.0 + 1.2 * up, mark.label, color=series_colour(mark.series), **text)
+        ax.text(place, 1.0 + 1.2 * up, label, color=_colour(mark), **text)
 
 
-def line_marks(marks: Sequence[Mark], low: float, high: float) -> tuple[LineMark, ...]:
-    """Return the marks that can be told apart on an axis: meshes first, then shafts.
+def _colour(mark: Mark) -> str:
+    """Meshes have the colour of their stage, shafts are grey."""
+    return plots.series_colour(mark.number - 1) if mark.kind == "mesh" else plots.GREY
 
-    Meshes have the colour of their stage, shafts are grey.
-    """
+
+def line_marks(marks: Sequence[Mark], low: float, high: float) -> list[Mark]:
+    """Return the marks that can be told apart on an axis: meshes first, then shafts."""
     inside = [mark for mark in marks if low <= mark.place <= high]
-    return tuple(
-        LineMark(
-            place=mark.place,
-            label=mark.name.replace("mesh ", "GMF").replace(" = ", "\n"),
-            series=mark.number - 1 if mark.kind == "mesh" else _GREY_SERIES,
-        )
-        for mark in _wide_apart(inside, _LEAST_GAP * (high - low), lambda mark: mark.kind)
-    )
+    return _wide_apart(inside, _LEAST_GAP * (high - low))
 
 
-def _wide_apart(
-    marks: Sequence[AnyMark], gap: float, rank: Callable[[AnyMark], Any]
-) -> list[AnyMark]:
-    """Return the marks that stand so far from one another, the lowest ranks before others."""
-    kept: list[AnyMark] = []
-    for mark in sorted(marks, key=rank):
+def _wide_apart(marks: Sequence[Mark], gap: float) -> list[Mark]:
+    """Return the marks that stand so far from one another, those of a first mesh before others."""
+    kept: list[Mark] = []
+    for mark in sorted(marks, key=lambda mark: (mark.kind, mark.number * (mark.kind == "mesh"))):
         if all(abs(mark.place - other.place) >= gap for other in kept):
             kept.append(mark)
     return sorted(kept, key=lambda mark: mark.place)
-
-
-def _harmonics(signature: MeasuredSignature, mesh: MeshFinding) -> int:
-    """Return how many harmonics of a mesh were looked at: more of a slow one."""
-    speed = signature.speed
-    return mesh_harmonics(mesh.frequency_hz * speed.nominal_hz / speed.peak_hz)
-
-
-def last_harmonic_hz(signature: MeasuredSignature) -> float:
-    """Return where a spectrum may end: a little beyond the last mesh harmonic looked at [Hz]."""
-    last = max(_harmonics(signature, mesh) * mesh.frequency_hz for mesh in signature.meshes)
-    return _BEYOND_LAST * last
-
-
-def mesh_marks(signature: MeasuredSignature) -> list[LineMark]:
-    """Return the mesh harmonics of all stages [Hz], coinciding ones as one mark with both names."""
-    by_place: dict[float, LineMark] = {}
-    # without a mesh the speed is unknown, and the nominal one was the middle of the search
-    speed = signature.speed
-    ratio = 1.0 if signature.found else speed.nominal_hz / speed.estimated_hz
-    for mesh in signature.meshes:
-        for k in range(1, _harmonics(signature, mesh) + 1):
-            place, label = k * mesh.frequency_hz * ratio, f"GMF{mesh.stage} ×{k}"
-            key = round(place / speed.estimated_hz, 6)
-            if key in by_place:
-                by_place[key] = replace(by_place[key], label=f"{by_place[key].label}\n{label}")
-                continue
-            by_place[key] = LineMark(
-                place=place,
-                label=label,
-                series=mesh.stage - 1,
-                half_width=0.0 if signature.found else SPEED_TOLERANCE * place,
-            )
-    return [by_place[key] for key in sorted(by_place)]
 
 
 def close_up_harmonic(analysis: Analysis, stage: int) -> int:
@@ -526,35 +443,12 @@ def close_up_harmonic(analysis: Analysis, stage: int) -> int:
     return max(strong)[1] if strong else 1
 
 
-def vibration_of(analysis: Analysis, recording: Recording) -> Recording:
-    """Return the channels of the recording that were analysed, in the order of the analysis."""
-    vibration, names = sound_part(recording, 0.0).vibration(), analysis.signature.channel_names
-    return vibration if vibration.channel_names == names else vibration.select(names)
-
-
-def track_of(analysis: Analysis, recording: Recording) -> AngleTrack:
-    """Return the angle of shaft 1 over the samples of `vibration_of`."""
-    signature = analysis.signature
-    if sound_part(recording, 0.0).duration_s >= signature.duration_s:
-        return signature.track
-    start, stop = sound_piece(inspected(recording))
-    return signature.track.between(
-        start / recording.sampling_rate_hz, stop / recording.sampling_rate_hz
-    )
-
-
-def _time_spectrum(analysis: Analysis, recording: Recording) -> tuple[Spectrum, int, float]:
-    """Return the spectrum of the analysed channels, its number of blocks and its end [Hz]."""
-    vibration = vibration_of(analysis, recording)
-    spectrum, blocks = time_spectrum(vibration.samples, vibration.sampling_rate_hz)
-    return spectrum, blocks, 0.5 * vibration.sampling_rate_hz
-
-
 def _searched_strips(analysis: Analysis, recording: Recording, mesh: MeshFinding) -> Strips:
-    spectrum, _, _ = _time_spectrum(analysis, recording)
-    mark = mesh_marks(replace(analysis.signature, meshes=(mesh,)))[0]
+    vibration = curves.vibration_of(analysis, recording)
+    spectrum, _ = curves.time_spectrum(vibration.samples, vibration.sampling_rate_hz)
+    mark = curves.mesh_marks(replace(analysis.signature, meshes=(mesh,)))[0]
     band = (mark.place * (1 - _SEARCH_SHOWN), mark.place * (1 + _SEARCH_SHOWN))
-    return _strips(analysis, spectrum, band, [mark])
+    return _strips(analysis, spectrum.frequency_hz, spectrum.values, band, [mark])
 
 
 def _sideband_strips(
@@ -562,8 +456,7 @@ def _sideband_strips(
 ) -> Strips:
     """Return the spectrum in angle about a mesh harmonic, with the sidebands of every spacing."""
     signature = analysis.signature
-    vibration, track = vibration_of(analysis, recording), track_of(analysis, recording)
-    speed, rate = signature.speed.estimated_hz, vibration.sampling_rate_hz
+    speed = signature.speed.estimated_hz
     families = [
         family
         for family in signature.plan.families
@@ -573,14 +466,11 @@ def _sideband_strips(
     spacing = max((family.spacing for family in families), default=1.0)
     half = min(_CLOSE_UP_SPACINGS * spacing, _CLOSE_UP_MESHES * mesh_order)
     centre = harmonic * mesh_order
-    high = min(0.48 * rate / speed, centre + half)
-    turns = 2 * signature.lines.block_turns
-    orders = angle_spectrum(vibration.samples, rate, track, turns, high)
-    spectrum = replace(orders, frequency_hz=orders.frequency_hz * speed)
-    band = (max(centre - half, 0.0) * speed, high * speed)
-    marks = [mark for mark in mesh_marks(signature) if band[0] < mark.place < band[1]]
+    order, values = curves.angle_spectrum(analysis, recording, centre + half)
+    band = (max(centre - half, 0.0) * speed, float(order[-1]) * speed)
+    marks = [mark for mark in curves.mesh_marks(signature) if band[0] < mark.place < band[1]]
     return replace(
-        _strips(analysis, spectrum, band, marks),
+        _strips(analysis, speed * order, values, band, marks),
         axis="Frequency at the mean speed (Hz)",
         sidebands=_sidebands(signature, centre, families),
     )
@@ -591,8 +481,8 @@ def _sidebands(
 ) -> list[Sidebands]:
     power, noise = signature.lines.cross_power(), signature.lines.noise
     amplitude = np.sqrt(np.where(power > noise, power, np.nan))
-    names = told_apart(
-        [shaft_text(family.shaft, family.gear) for family in families],
+    names = wording.told_apart(
+        [wording.shaft_text(family.shaft, family.gear) for family in families],
         [family.spacing for family in families],
     )
     result = []
@@ -610,23 +500,27 @@ def _sidebands(
 
 
 def _strips(
-    analysis: Analysis, spectrum: Spectrum, band: tuple[float, float], marks: Sequence[LineMark]
+    analysis: Analysis,
+    place: FloatArray,
+    values: FloatArray,
+    band: tuple[float, float],
+    marks: Sequence[Mark],
 ) -> Strips:
-    place = spectrum.frequency_hz
     inside = (place >= band[0]) & (place <= band[1])
     return Strips(
         names=analysis.signature.channel_names,
         units=analysis.signature.units,
         axis="Frequency (Hz)",
         place=place[inside],
-        values=spectrum.values[:, inside],
+        values=values[:, inside],
         marks=marks,
+        reach=0.0 if analysis.signature.found else SPEED_TOLERANCE,
     )
 
 
-def _kurtogram_figure(found: RecordingSpectrum) -> Picture:
+def _kurtogram_figure(found: RecordingSpectrum) -> plots.Picture:
     shown = found.kurtograms[:MOST_STRIPS]
-    figure, axes = new_figure(
+    figure, axes = plots.new_figure(
         [0.135 * len(own.bands) for own in shown],
         gap_in=0.55,
         right_in=0.85,
@@ -636,10 +530,12 @@ def _kurtogram_figure(found: RecordingSpectrum) -> Picture:
     for own, name, ax in zip(shown, found.channel_names, axes, strict=False):
         image = _plot_kurtogram(own, ax)
         low, high, top = own.best
-        ax.set_title(f"{shortened(name)}: most impulsive {low:.6g} to {high:.6g} Hz, K = {top:.3g}")
-        colour_scale(figure, ax, image).set_label("Kurtosis")
+        ax.set_title(
+            f"{wording.shortened(name)}: most impulsive {low:.6g} to {high:.6g} Hz, K = {top:.3g}"
+        )
+        plots.colour_scale(figure, ax, image).set_label("Kurtosis")
     axes[-1].set_xlabel("Frequency (Hz)")
-    left_label(figure, axes, "Bandwidth (Hz)")
+    plots.left_label(figure, axes, "Bandwidth (Hz)")
     return figure
 
 
@@ -666,7 +562,9 @@ def _plot_kurtogram(own: Kurtogram, ax: Axes) -> AxesImage:
     )
     low, high, _ = own.best
     row = int(np.argmax([float(level.max()) for level in own.kurtosis]))
-    frame = Rectangle((low, row), high - low, 1, fill=False, edgecolor=VERMILLION, linewidth=1.4)
+    frame = Rectangle(
+        (low, row), high - low, 1, fill=False, edgecolor=plots.VERMILLION, linewidth=1.4
+    )
     ax.add_patch(frame).set_clip_on(False)
     widths = [own.rate / 2 / bands for bands in own.bands[::2]]
     ax.set_yticks(np.arange(rows)[::2] + 0.5, [f"{w:.0f}" if w > 1 else f"{w:.3g}" for w in widths])

@@ -15,9 +15,8 @@ from gearmon.gears.stiffness_report import (
     StiffnessReport,
 )
 from gearmon.gears.tooth_outline import TeethPicture
-from gearmon.report.palette import BLUE, GREEN, ORANGE
-from gearmon.report.palette import VERMILLION as RED
-from gearmon.report.plots import Picture, sheet, sheet_style
+from gearmon.report.plots import BLUE, GREEN, ORANGE, Picture, sheet, sheet_style
+from gearmon.report.plots import VERMILLION as RED
 
 _GREY = "#777777"
 _CAUSES = {

@@ -63,7 +63,7 @@ class AngleTrack:
             if falling.mean() > _WAVEFORM:
                 text += (
                     "; time_s looks like a tacho waveform, not like times of pulses: find them "
-                    "with gearmon.signals.tracking.tacho.find_pulses"
+                    "with gearmon.signals.tracking.find_pulses"
                 )
             raise ArgumentError(text)
 

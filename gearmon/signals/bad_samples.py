@@ -364,10 +364,8 @@ def _level_changes(values: FloatArray, still: Sequence[BadStretch]) -> Iterator[
 
 def _offset_steps(middle: FloatArray, spread: FloatArray) -> list[tuple[int, int]]:
     """First frame and end of where the middle steps by more than the samples spread."""
-    middles = np.median(sliding_window_view(middle, 3), axis=1)
-    at_once = middles[4:] - middles[:-4]
+    at_once = _at_once(middle)
     least = max(float(np.median(spread)), _STEP_TIMES * _scatter(at_once))
-    # windows of three frames with one between them, of which it is a bit of both
     return [(start + 2, stop + 4) for start, stop in _runs(np.abs(at_once) > least)]
 
 
@@ -380,9 +378,7 @@ def _finest_step(values: FloatArray) -> float:
 def _step(level: FloatArray) -> tuple[int, float, str] | None:
     """First frame behind a step, its height [dB] and which side is silent; None without one."""
     best = None
-    # three frames behind against three before: the frame in which it happens is a bit of both
-    middles = np.median(sliding_window_view(level, 3), axis=1)
-    at_once = middles[4:] - middles[:-4]
+    at_once = _at_once(level)
     for first in (np.flatnonzero(np.abs(at_once) > _STEP_DB) + 4).tolist():
         before, after = level[: first - 1], level[first:]
         change = float(np.median(after) - np.median(before))
@@ -395,6 +391,12 @@ def _step(level: FloatArray) -> tuple[int, float, str] | None:
     _, first, change = best
     quieter = "" if abs(change) < _SILENT_DB else "before" if change > 0 else "after"
     return first, change, quieter
+
+
+def _at_once(level: FloatArray) -> FloatArray:
+    """Three frames behind against three before: the frame in which it happens is a bit of both."""
+    middles = np.median(sliding_window_view(level, 3), axis=1)
+    return np.asarray(middles[4:] - middles[:-4])
 
 
 def _scatter(level: FloatArray) -> float:

@@ -16,6 +16,7 @@ from gearmon.errors import ArgumentError, RecordingError, check_range
 from gearmon.result import Result, sample_rows, with_units
 from gearmon.signals.reading import (
     Content,
+    DataColumn,
     Progress,
     SensorLike,
     Wanted,
@@ -162,8 +163,11 @@ class Recording(Result):
             If there is no such channel, or several have the name.
         """
         keys = [channels] if isinstance(channels, str | int) else list(channels)
-        names = [(name,) for name in self.channel_names]
-        return self.part([find_column(self.origin, key, names, self.columns) for key in keys])
+        known = [
+            DataColumn(number=number, name=name)
+            for number, name in zip(self.columns, self.channel_names, strict=True)
+        ]
+        return self.part([find_column(self.origin, key, known) for key in keys])
 
     def vibration(self) -> Recording:
         """Return the recording with its vibration channels only.
@@ -291,7 +295,7 @@ def read_recording(
     file = open_source(source)
     found = identify(file)
     if found.is_text:
-        return _recorded(read_table(file, progress, room).content(), wanted)
+        return _recorded(read_table(file, progress, room), wanted)
     return _recorded(*read_arrays(file, found, wanted, progress, room))
 
 

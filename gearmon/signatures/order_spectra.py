@@ -9,11 +9,11 @@ import numpy as np
 
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import MachineLike, load_machine
-from gearmon.result import Result, with_units
+from gearmon.result import Result, channel_rows, with_units
 from gearmon.signals.array_types import FloatArray
 from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.orders import READ_UP_TO
-from gearmon.signals.orders.maps import OrderMap, order_map
+from gearmon.signals.orders.spectra import OrderMap, order_map
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signatures.measured.line_plan import MESH_HARMONICS, Mark, machine_marks, mark_near
 from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature
@@ -70,9 +70,7 @@ class OrderSpectra(Result):
     def rows(self) -> list[dict[str, Any]]:
         """Return the averaged spectrum as rows, one column a channel."""
         heads = with_units(self.channel_names, self.units)
-        columns = zip(heads, self.amplitude.tolist(), strict=True)
-        named = {"order": self.order.tolist(), **dict(columns)}
-        return [dict(zip(named, row, strict=True)) for row in zip(*named.values(), strict=True)]
+        return channel_rows("order", self.order, self.amplitude, heads)
 
     def map_rows(self, most: int | None = None) -> list[dict[str, Any]]:
         """Return the map as rows: time, speed, blocks, channel and the amplitude at every order.

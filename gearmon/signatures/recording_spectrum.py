@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError, check_range
 from gearmon.machine import Machine, MachineLike, load_machine
-from gearmon.result import Result, with_units
+from gearmon.result import Result, channel_rows, with_units
 from gearmon.signals.array_types import FloatArray
 from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
@@ -88,9 +88,7 @@ class RecordingSpectrum(Result):
                 for row in own.rows()
             ]
         heads = with_units(self.channel_names, self.units)
-        columns = zip(heads, self.values.tolist(), strict=True)
-        named = {self.axis: self.place.tolist(), **dict(columns)}
-        return [dict(zip(named, row, strict=True)) for row in zip(*named.values(), strict=True)]
+        return channel_rows(self.axis, self.place, self.values, heads)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the peaks and what they mean, in built-in types."""

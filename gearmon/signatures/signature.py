@@ -464,6 +464,7 @@ def _stage_lines(stage: dict[str, object]) -> list[str]:
         ("natural frequency", "natural_frequency_hz", "Hz"),
         ("damping ratio", "damping_ratio", ""),
         ("error bound", "error_bound", ""),
+        ("estimated error", "error_estimate", ""),
     )
     parts = [
         f"{label} {stage[key]:.5g}{' ' + unit if unit else ''}"

@@ -7,6 +7,7 @@ with the evidence of every mesh, and the speed that is reported.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -16,9 +17,16 @@ from gearmon.machine import Machine
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.array_types import FloatArray
-from gearmon.signals.orders.sums import OrderSums
+from gearmon.signals.orders.lines import OrderSums
 from gearmon.signals.threads import at_once
-from gearmon.signals.tracking.comb import Comb, SpeedScan, SpeedTrack, clearest, scan_speed
+from gearmon.signals.tracking.comb import (
+    Comb,
+    SpeedScan,
+    SpeedTrack,
+    clearest,
+    find_path,
+    scan_speed,
+)
 from gearmon.signals.tracking.mesh_detection import (
     MeshComb,
     MeshEvidence,
@@ -105,101 +113,9 @@ def machine_comb(train: Kinematics, shaft1_hz: float) -> Comb:
     return combined_comb(mesh_combs(train, shaft1_hz), [shaft.order for shaft in train.shafts])
 
 
-def scan_nominal_speeds(
-    samples: FloatArray,
-    rate: float,
-    train: Kinematics,
-    machine: Machine,
-) -> tuple[float, SpeedScan]:
-    """Scan about every nominal speed of the machine; the one whose own lines are clearest is meant.
-
-    Parameters
-    ----------
-    samples : ndarray of float, shape (channels, n)
-        Vibration.
-    rate : float
-        Sampling rate [Hz].
-    train : Kinematics
-        Orders of the machine.
-    machine : Machine
-        Its operating points.
-
-    Returns
-    -------
-    nominal_hz : float
-        The nominal speed [Hz].
-    scan : SpeedScan
-        The scan about it.
-
-    Raises
-    ------
-    ArgumentError
-        If the machine has no operating point.
-    """
-    duration = samples.shape[-1] / rate
-
-    def scanned(nominal: float, turns: float) -> tuple[SpeedScan, Comb]:
-        comb = machine_comb(train, nominal)
-        block_s = turns / nominal if duration >= 4 * turns / nominal else duration
-        return scan_speed(samples, rate, comb, nominal, SPEED_TOLERANCE, block_s), comb
-
-    speeds = sorted({point.shaft1_hz for point in machine.operating})
-    if not speeds:
-        raise ArgumentError("machine has no operating point: add [operating] speed_rpm = ...")
-    nominal = speeds[0]
-    if len(speeds) > 1:
-        nominal = speeds[clearest([scanned(own, _COMPARED_TURNS) for own in speeds])]
-    slow = any(mesh_harmonics(m.order * nominal) > MESH_HARMONICS for m in train.meshes)
-    return nominal, scanned(nominal, _SLOW_MESH_TURNS if slow else _SCAN_TURNS)[0]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Tracking:
-    """The angle of shaft 1, and what was found on the way.
-
-    Parameters
-    ----------
-    track : AngleTrack
-        Angle of shaft 1.
-    nominal_hz : float
-        The nominal speed that is meant [Hz].
-    scan : SpeedScan
-        Scan about the speed, from which the evidence comes.
-    evidence : tuple of MeshEvidence
-        How clearly each mesh stands out.
-    notes : tuple of str
-        What the reader should know.
-    held_s : tuple of float, optional
-        The part of the recording in which the angle is known [s]; all of it if None.
-    """
-
-    track: AngleTrack
-    nominal_hz: float
-    scan: SpeedScan
-    evidence: tuple[MeshEvidence, ...]
-    notes: tuple[str, ...] = ()
-    held_s: tuple[float, float] | None = None
-
-    @property
-    def plan_hz(self) -> float:
-        """Speed for which orders are planned [Hz]: nominal, unless they would leave the band."""
-        highest = float(self.track.speed_hz.max())
-        return self.nominal_hz if highest < 1.06 * self.nominal_hz else highest
-
-    @property
-    def detected(self) -> int:
-        """Meshes that stand out."""
-        return sum(seen.stands_out for seen in self.evidence)
-
-    @property
-    def convincing(self) -> bool:
-        """Whether several harmonics of meshes that stand out are clear."""
-        return sum(seen.clear for seen in self.evidence if seen.stands_out) >= 2
-
-
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class GearVibration:
-    """Vibration of a gearbox, and the orders that its angle is followed by.
+    """Vibration of a gearbox, and the lines that its speed and angle are known by.
 
     Parameters
     ----------
@@ -222,6 +138,26 @@ class GearVibration:
     def last_s(self) -> float:
         """Time of the last sample [s]."""
         return float((self.samples.shape[-1] - 1) / self.rate)
+
+    @cached_property
+    def comb(self) -> Comb:
+        """Lines that the speed is known by: meshes, sidebands, shafts."""
+        return machine_comb(self.train, self.nominal_hz)
+
+    def scan(
+        self,
+        block_s: float,
+        tolerance: float = SPEED_TOLERANCE,
+        around: SpeedTrack | None = None,
+        about_hz: float | None = None,
+    ) -> SpeedScan:
+        """Scan for the comb about the nominal speed, or another one, as `scan_speed` does."""
+        about = self.nominal_hz if about_hz is None else about_hz
+        return scan_speed(self.samples, self.rate, self.comb, about, tolerance, block_s, around)
+
+    def path(self) -> SpeedScan:
+        """Follow the comb in short blocks far about the nominal speed."""
+        return find_path(self.samples, self.rate, self.comb, self.nominal_hz, SPEED_REACH)
 
     def orders(self, speed_hz: float) -> FloatArray:
         """Mesh harmonics whose phases are followed while the speed is at most `speed_hz`."""
@@ -249,6 +185,100 @@ class GearVibration:
         return OrderSums(self.samples, self.rate, orders) if len(orders) else None
 
 
+def scan_nominal_speeds(
+    samples: FloatArray, rate: float, train: Kinematics, machine: Machine
+) -> tuple[GearVibration, SpeedScan]:
+    """Scan about every nominal speed of the machine; the one whose own lines are clearest is meant.
+
+    Parameters
+    ----------
+    samples : ndarray of float, shape (channels, n)
+        Vibration.
+    rate : float
+        Sampling rate [Hz].
+    train : Kinematics
+        Orders of the machine.
+    machine : Machine
+        Its operating points.
+
+    Returns
+    -------
+    signal : GearVibration
+        The vibration, with the nominal speed that is meant.
+    scan : SpeedScan
+        The scan about it.
+
+    Raises
+    ------
+    ArgumentError
+        If the machine has no operating point.
+    """
+    duration = samples.shape[-1] / rate
+
+    def scanned(signal: GearVibration, turns: float) -> SpeedScan:
+        block_s = turns / signal.nominal_hz
+        return signal.scan(block_s if duration >= 4 * block_s else duration)
+
+    signals = [
+        GearVibration(samples=samples, rate=rate, train=train, nominal_hz=speed)
+        for speed in sorted({point.shaft1_hz for point in machine.operating})
+    ]
+    if not signals:
+        raise ArgumentError("machine has no operating point: add [operating] speed_rpm = ...")
+    meant = signals[0]
+    if len(signals) > 1:
+        meant = signals[clearest([(scanned(own, _COMPARED_TURNS), own.comb) for own in signals])]
+    slow = any(mesh_harmonics(m.order * meant.nominal_hz) > MESH_HARMONICS for m in train.meshes)
+    return meant, scanned(meant, _SLOW_MESH_TURNS if slow else _SCAN_TURNS)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tracking:
+    """The angle of shaft 1, and what was found on the way.
+
+    Parameters
+    ----------
+    track : AngleTrack
+        Angle of shaft 1.
+    nominal_hz : float
+        The nominal speed that is meant [Hz].
+    scan : SpeedScan
+        Scan about the speed, from which the evidence comes.
+    evidence : tuple of MeshEvidence
+        How clearly each mesh stands out.
+    notes : tuple of str
+        What the reader should know.
+    held_s : tuple of float, optional
+        The part of the recording in which the angle is known [s]; all of it if None.
+    lost : bool
+        Whether the lines do not stand still in the angle, all along.
+    """
+
+    track: AngleTrack
+    nominal_hz: float
+    scan: SpeedScan
+    evidence: tuple[MeshEvidence, ...]
+    notes: tuple[str, ...] = ()
+    held_s: tuple[float, float] | None = None
+    lost: bool = False
+
+    @property
+    def plan_hz(self) -> float:
+        """Speed for which orders are planned [Hz]: nominal, unless they would leave the band."""
+        highest = float(self.track.speed_hz.max())
+        return self.nominal_hz if highest < 1.06 * self.nominal_hz else highest
+
+    @property
+    def detected(self) -> int:
+        """Meshes that stand out."""
+        return sum(seen.stands_out for seen in self.evidence)
+
+    @property
+    def convincing(self) -> bool:
+        """Whether several harmonics of meshes that stand out are clear."""
+        return sum(seen.clear for seen in self.evidence if seen.stands_out) >= 2
+
+
 def judge(signal: GearVibration, track: AngleTrack) -> Tracking:
     """Judge the meshes on a scan about a track whose speed changes or is far from nominal.
 
@@ -268,10 +298,7 @@ def judge(signal: GearVibration, track: AngleTrack) -> Tracking:
     speed = np.diff(track.turns_at(time_s)) / np.diff(time_s)
     around = SpeedTrack(time_s=middle, speed_hz=speed, resolution_hz=float("nan"))
     block_s = min(_JUDGED_TURNS / float(speed.mean()), 0.25 * signal.last_s)
-    comb = machine_comb(signal.train, signal.nominal_hz)
-    scan = scan_speed(
-        signal.samples, signal.rate, comb, signal.nominal_hz, _JUDGED_REACH, block_s, around=around
-    )
+    scan = signal.scan(block_s, _JUDGED_REACH, around)
     centre_hz = float(np.mean(scan.middle_hz))
     return Tracking(
         track=track,
@@ -399,23 +426,15 @@ def wander(track: AngleTrack) -> float:
     return float(np.std(turns) / np.mean(turns))
 
 
-def line_peak(
-    samples: FloatArray, rate: float, train: Kinematics, track: AngleTrack, nominal_hz: float
-) -> float:
+def line_peak(signal: GearVibration, track: AngleTrack) -> float:
     """Find the speed at which lines stand in one spectrum of the whole recording.
 
     Parameters
     ----------
-    samples : ndarray of float, shape (channels, n)
-        Vibration.
-    rate : float
-        Sampling rate [Hz].
-    train : Kinematics
-        Orders of the machine.
+    signal : GearVibration
+        The recording.
     track : AngleTrack
         Angle of shaft 1.
-    nominal_hz : float
-        Nominal speed [Hz].
 
     Returns
     -------
@@ -424,13 +443,7 @@ def line_peak(
         it wanders by more than 0.1 % (standard deviation over half seconds) or there are more than
         half a million samples: then the lines have no one place in such a spectrum.
     """
-    mean, whole = track.mean_hz, samples.shape[-1] / rate
-    if (
-        track.method == "tacho"
-        or wander(track) > _PEAK_TOLERANCE
-        or samples.shape[-1] > _PEAK_SAMPLES
-    ):
+    mean, count = track.mean_hz, signal.samples.shape[-1]
+    if track.method == "tacho" or wander(track) > _PEAK_TOLERANCE or count > _PEAK_SAMPLES:
         return mean
-    comb = machine_comb(train, nominal_hz)
-    scan = scan_speed(samples, rate, comb, mean, _PEAK_TOLERANCE, whole)
-    return scan.track().mean_hz
+    return signal.scan(count / signal.rate, _PEAK_TOLERANCE, about_hz=mean).track().mean_hz

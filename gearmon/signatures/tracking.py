@@ -17,10 +17,11 @@ from gearmon.errors import ArgumentError, RecordingError
 from gearmon.gears.kinematics import Kinematics
 from gearmon.machine import Machine
 from gearmon.signals.angle import AngleTrack
-from gearmon.signals.orders.fine_spectra import fine_order_spectrum
-from gearmon.signals.orders.sums import OrderSums
+from gearmon.signals.orders.lines import OrderSums
+from gearmon.signals.orders.spectra import fine_order_spectrum
 from gearmon.signals.recording import Recording
-from gearmon.signals.tracking.comb import SpeedScan, clearest, find_path, scan_speed
+from gearmon.signals.tracking.comb import SpeedScan, clearest
+from gearmon.signals.tracking.mesh_detection import sideband_spacing
 from gearmon.signals.tracking.phases import (
     coherent_share,
     follow_speed,
@@ -29,11 +30,9 @@ from gearmon.signals.tracking.phases import (
     refine_track,
     unwarp,
 )
-from gearmon.signals.tracking.sideband_spacing import sideband_spacing
+from gearmon.signals.tracking.pulses import TachoPulses, find_pulses
 from gearmon.signals.tracking.slips import LEAST_TURNS, SlipCheck, check_slips, mend_slips
 from gearmon.signals.tracking.tacho import (
-    TachoPulses,
-    find_pulses,
     join,
     pulse_angles,
     pulses_per_turn,
@@ -47,7 +46,6 @@ from gearmon.signatures.speed import (
     Tracking,
     evidence_of,
     judge,
-    machine_comb,
     mesh_combs,
     scan_nominal_speeds,
     speed_in_blocks,
@@ -113,8 +111,7 @@ def track_recording(recording: Recording, machine: Machine, train: Kinematics) -
     """
     vibration = recording.vibration()
     samples, rate = vibration.samples, vibration.sampling_rate_hz
-    nominal_hz, scan = scan_nominal_speeds(samples, rate, train, machine)
-    signal = GearVibration(samples=samples, rate=rate, train=train, nominal_hz=nominal_hz)
+    signal, scan = scan_nominal_speeds(samples, rate, train, machine)
     tacholess = _Tacholess(signal=signal, scan=scan, machine=machine)
     notes: list[str] = []
     for index, kind in enumerate(recording.channel_kinds):
@@ -282,16 +279,16 @@ def track_tacholess(
     quick = _wandering(signal, sums, first)
     if quick is not None:
         return _with_doubt(signal, *quick)
-    steady, share = _steady(signal, sums, first)
-    calm = share > (_NEARLY if wander(steady) < _WANDERS else _COHERENT)
+    best = _steady(signal, sums, first)
+    calm = best.share > (_NEARLY if wander(best.track) < _WANDERS else _COHERENT)
     if not calm or _elsewhere(signal, first):
         followed = _follow(signal, machine)
-        if followed is not None and _outdoes(followed, (first, share)):
+        if followed is not None and _outdoes(followed, (first, best.share)):
             return _with_doubt(signal, *followed)
-        if share <= _COHERENT:
-            steady, share = _finer(signal, sums, first, (steady, share))
-    found = replace(first, track=steady)
-    return _with_doubt(signal, found, share, sums) if first.detected else found
+        if best.share <= _COHERENT:
+            _finer(signal, first, best)
+    found = replace(first, track=best.track)
+    return _with_doubt(signal, found, best.share, sums) if first.detected else found
 
 
 def _wandering(
@@ -303,10 +300,9 @@ def _wandering(
     """
     if first.detected < len(first.evidence) or wander(first.track) < _WANDERS:
         return None
-    comb = machine_comb(signal.train, signal.nominal_hz)
     track = first.track
     for _ in range(_UNWARPED):
-        track = unwarp(signal.samples, signal.rate, track, comb)
+        track = unwarp(signal.samples, signal.rate, track, signal.comb)
         locked = lock_track(sums, track)
         share = coherent_share(sums, locked)
         if share > _ALL_COHERENT:
@@ -325,15 +321,7 @@ def _elsewhere(signal: GearVibration, first: Tracking) -> bool:
         return first.detected == 0
     length = round(_LOOK_TURNS / signal.nominal_hz * signal.rate)
     begin = max(0, (signal.samples.shape[-1] - length) // 2)
-    part = signal.samples[:, begin : begin + length]
-    path = find_path(
-        part,
-        signal.rate,
-        machine_comb(signal.train, signal.nominal_hz),
-        signal.nominal_hz,
-        SPEED_REACH,
-    )
-    speed = path.track()
+    speed = replace(signal, samples=signal.samples[:, begin : begin + length]).path().track()
     known = first.scan.track().at(begin / signal.rate + speed.time_s)
     return bool(np.median(np.abs(speed.speed_hz / known - 1)) > _ELSEWHERE)
 
@@ -344,66 +332,66 @@ def _outdoes(followed: tuple[Tracking, float, OrderSums], steady: tuple[Tracking
     return more > 0 or followed[1] > steady[1] + (_BETTER if more == 0 else _FAR_BETTER)
 
 
-def _steady(signal: GearVibration, sums: OrderSums, first: Tracking) -> tuple[AngleTrack, float]:
+class _Best:
+    """The best angle so far: that in which most of the lines' power is phase-coherent."""
+
+    def __init__(self, sums: OrderSums, track: AngleTrack) -> None:
+        self.sums, self.track, self.share = sums, track, coherent_share(sums, track)
+
+    @property
+    def wanders(self) -> bool:
+        """Whether the lines show it well, and that the speed wanders."""
+        return self.share > _COHERENT and wander(self.track) > _WANDERS
+
+    def offer(self, track: AngleTrack, leeway: float = 0.0) -> None:
+        """Take another angle if no less is coherent in it, but for a leeway."""
+        share = coherent_share(self.sums, track)
+        if share > self.share - leeway:
+            self.track, self.share = track, share
+
+    def offer_short_blocks(self, track: AngleTrack) -> None:
+        """Offer an angle, refined in blocks that are short enough for a speed that wanders."""
+        self.offer(refine_track(self.sums, track, block_turns=5.0, wander=0.01))
+
+    def lock_if_it_wanders(self) -> None:
+        """Lock it to the lines, which shorter blocks lose half a block from the ends.
+
+        A path whose delay changes makes lines that are coherent in a track turn a little.
+        """
+        if self.wanders:
+            self.offer(lock_track(self.sums, self.track), 0.01)
+
+
+def _steady(signal: GearVibration, sums: OrderSums, first: Tracking) -> _Best:
     """Refine the comb's track by phases; lock it to them if its speed wanders."""
     # long blocks part the mesh lines from the sidebands of slow shafts; a calm speed allows them
     slowest = min(shaft.order for shaft in signal.train.shafts)
     calm = float(np.clip(2.0 / slowest, 8.0, 20.0))
-    track = refine_track(sums, first.track, calm)
-    share = coherent_share(sums, track)
-    if share > _COHERENT and wander(track) > _WANDERS:
-        return _locked(sums, (track, share))
-    if _NEARLY < share < _ALL_COHERENT:
-        best = _better(sums, (track, share), _in_short_blocks(sums, track))
+    best = _Best(sums, refine_track(sums, first.track, calm))
+    if _NEARLY < best.share < _ALL_COHERENT and not best.wanders:
+        best.offer_short_blocks(best.track)
         # an angle that wobbles puts sidebands of slow shafts beside every mesh line
-        return _better(sums, best, lock_track(sums, best[0]))
-    return track, share
+        best.offer(lock_track(sums, best.track))
+    else:
+        best.lock_if_it_wanders()
+    return best
 
 
-def _locked(sums: OrderSums, known: tuple[AngleTrack, float]) -> tuple[AngleTrack, float]:
-    """Lock a track that wanders to the lines, which shorter blocks lose half a block from the end.
-
-    A path whose delay changes makes lines that are coherent in a track turn a little.
-    """
-    return _better(sums, known, lock_track(sums, known[0]), 0.01)
-
-
-def _in_short_blocks(sums: OrderSums, track: AngleTrack) -> AngleTrack:
-    return refine_track(sums, track, block_turns=5.0, wander=0.01)
-
-
-def _better(
-    sums: OrderSums, known: tuple[AngleTrack, float], track: AngleTrack, leeway: float = 0.0
-) -> tuple[AngleTrack, float]:
-    """Return the known track, or another one in which more of the lines is phase-coherent."""
-    share = coherent_share(sums, track)
-    return (track, share) if share > known[1] - leeway else known
-
-
-def _finer(
-    signal: GearVibration, sums: OrderSums, first: Tracking, best: tuple[AngleTrack, float]
-) -> tuple[AngleTrack, float]:
+def _finer(signal: GearVibration, first: Tracking, best: _Best) -> None:
     """Follow a speed that wanders within the tolerance by scans in shorter blocks."""
-    comb, speed = machine_comb(signal.train, signal.nominal_hz), first.scan.track()
-    if best[1] <= _NEARLY:
-        best = _better(sums, best, _in_short_blocks(sums, best[0]))
+    speed = first.scan.track()
+    if best.share <= _NEARLY:
+        best.offer_short_blocks(best.track)
     enough = _COHERENT
     for turns, tolerance in _FINER_SCANS:
         block_s = turns / signal.nominal_hz
-        if best[1] > enough or signal.last_s < 8 * block_s:
+        if best.share > enough or signal.last_s < 8 * block_s:
             break
-        enough = (
-            _ALL_COHERENT  # once the speed is known to wander, even its last second must be right
-        )
-        finer = scan_speed(
-            signal.samples, signal.rate, comb, signal.nominal_hz, tolerance, block_s, around=speed
-        )
-        speed = finer.track()
-        other = _in_short_blocks(sums, integrate_speed(speed, signal.last_s))
-        best = _better(sums, best, other)
-    if best[1] > _COHERENT and wander(best[0]) > _WANDERS:
-        best = _locked(sums, best)
-    return best
+        # once the speed is known to wander, even its last second must be right
+        enough = _ALL_COHERENT
+        speed = signal.scan(block_s, tolerance, speed).track()
+        best.offer_short_blocks(integrate_speed(speed, signal.last_s))
+    best.lock_if_it_wanders()
 
 
 def _follow(signal: GearVibration, machine: Machine) -> tuple[Tracking, float, OrderSums] | None:
@@ -411,25 +399,21 @@ def _follow(signal: GearVibration, machine: Machine) -> tuple[Tracking, float, O
 
     Returns the track, the share of the lines that is coherent in it, and the lines.
     """
-    nominal = sorted({point.shaft1_hz for point in machine.operating})
-    combs = [machine_comb(signal.train, hz) for hz in nominal]
-    paths = [
-        find_path(signal.samples, signal.rate, comb, hz, SPEED_REACH)
-        for comb, hz in zip(combs, nominal, strict=True)
-    ]
-    meant = clearest(list(zip(paths, combs, strict=True)))
-    path, comb, nominal_hz = paths[meant], combs[meant], nominal[meant]
-    speed = path.track()
-    signal = replace(signal, nominal_hz=nominal_hz)
-    orders = signal.orders(0.5 * nominal_hz)
-    track = follow_speed(signal.samples, signal.rate, comb, orders, speed)
+    speeds = sorted({point.shaft1_hz for point in machine.operating})
+    signals = [replace(signal, nominal_hz=own) for own in speeds]
+    paths = [own.path() for own in signals]
+    meant = clearest([(path, own.comb) for path, own in zip(paths, signals, strict=True)])
+    signal, speed = signals[meant], paths[meant].track()
+    orders = signal.orders(0.5 * signal.nominal_hz)
+    track = follow_speed(signal.samples, signal.rate, signal.comb, orders, speed)
     judged = judge(signal, track)
     if not judged.convincing or not _spacing_agrees(signal, judged):
         return None
-    speeds = speed.speed_hz
+    course = speed.speed_hz
     note = (
-        f"the speed was followed over the recording, from {speeds[0]:.4g} to {speeds[-1]:.4g} Hz "
-        f"between {speeds.min():.4g} and {speeds.max():.4g} Hz; nominal is {nominal_hz:.4g} Hz"
+        f"the speed was followed over the recording, from {course[0]:.4g} to {course[-1]:.4g} Hz "
+        f"between {course.min():.4g} and {course.max():.4g} Hz; nominal is {signal.nominal_hz:.4g} "
+        "Hz"
     )
     sums = signal.sums(float(track.speed_hz.max()))
     if sums is None:
@@ -492,7 +476,7 @@ def _with_doubt(
             doubt, held_s = check.typical_turns(start, stop), (start, stop)
         notes += (_slips_told(check, held_s),)
     track = replace(track, uncertainty_turns=float(doubt))
-    return replace(tracking, track=track, notes=notes, held_s=held_s)
+    return replace(tracking, track=track, notes=notes, held_s=held_s, lost=share < _LOST)
 
 
 def _slips_told(check: SlipCheck, held_s: tuple[float, float] | None) -> str:

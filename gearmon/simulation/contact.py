@@ -9,6 +9,7 @@ accelerates the mesh.
 
 from __future__ import annotations
 
+import cmath
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -16,7 +17,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gearmon.errors import check_positive, check_range
+from gearmon.errors import ArgumentError, check_positive, check_range
+from gearmon.gears.faults import GearError
 from gearmon.gears.pulses import LEAST_OVERLAP, PulseTrain
 from gearmon.gears.stiffness import MeshStiffness
 from gearmon.simulation.integrate import Course, divided_course
@@ -60,15 +62,43 @@ class GearErrors:
         Amplitude of the once-per-turn part [m].
     eccentricity_phase_rad : float
         Angle of the gear, from the entry of tooth 1, at which that part is largest, negated.
+    profile_m : float
+        Missing at both ends of the contact of all teeth, with nothing missing in its middle [m].
     """
 
     pitch_m: FloatArray
     eccentricity_m: float
     eccentricity_phase_rad: float
+    profile_m: float = 0.0
 
     def __post_init__(self) -> None:
         # deviations are read by tooth number for as long as the machine exists
         self.pitch_m.setflags(write=False)
+
+    def with_error(self, error: GearError) -> GearErrors:
+        """Return the errors with a further one.
+
+        Raises
+        ------
+        ArgumentError
+            If it is of a kind that is not simulated, or there is no such tooth.
+        """
+        place, size = np.arange(len(self.pitch_m)), error.size_m
+        if error.kind == "eccentricity":
+            own = cmath.rect(self.eccentricity_m, self.eccentricity_phase_rad)
+            size, phase = cmath.polar(own + cmath.rect(size, error.phase_rad))
+            return replace(self, eccentricity_m=size, eccentricity_phase_rad=phase)
+        if error.kind == "cumulative":
+            wave = np.cos(2 * math.pi * place / len(place) + error.phase_rad)
+            return replace(self, pitch_m=self.pitch_m + size * wave)
+        if error.kind == "pitch" and (error.tooth or 0) <= len(place):
+            return replace(self, pitch_m=self.pitch_m + size * (place + 1 == error.tooth))
+        if error.kind == "profile" and error.tooth is None:
+            return replace(self, profile_m=self.profile_m + size)
+        raise ArgumentError(
+            f"error {error}: of a gear of {len(place)} teeth eccentricity, cumulative, pitch and, "
+            "of all teeth alike, profile are simulated"
+        )
 
 
 def single_pitch_tolerance_m(diameter_m: float, module_m: float, grade: float) -> float:

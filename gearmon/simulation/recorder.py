@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from gearmon import __version__
 from gearmon.errors import ArgumentError
 from gearmon.files import replacing, write_atomically
-from gearmon.gears.faults import Fault, faults_of
+from gearmon.gears.faults import Fault, GearError, faults_of
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, MachineLike, OperatingPoint, load_machine
 from gearmon.result import Result, sample_rows, with_units
@@ -97,7 +97,7 @@ class SimulatedRecording(Result):
 
 def simulate(
     machine: MachineLike,
-    faults: Fault | str | Iterable[Fault | str] = (),
+    faults: Fault | GearError | str | Iterable[Fault | GearError | str] = (),
     duration_s: float = 10.0,
     sampling_rate_hz: float = 20_000.0,
     seed: int = 0,
@@ -125,8 +125,9 @@ def simulate(
     ----------
     machine : Machine, path or dict
         With module, face width and torque, or the overrides in their place.
-    faults : iterable of Fault or str
-        As "crack:1:pinion:5:20%".
+    faults : iterable of Fault, GearError or str
+        As "crack:1:pinion:5:20%", and errors as "eccentricity:1:pinion:all:20um" that come to
+        those of manufacture: eccentricity, cumulative, pitch, and profile of all teeth.
     duration_s, sampling_rate_hz : float
         Length [s], at least one turn of the slowest shaft, and rate [Hz].
     seed : int
@@ -162,10 +163,11 @@ def simulate(
     zero; k_p is the parabolic stiffness of pair p times the health of its two teeth and e_p the sum
     of their pitch deviations. Beyond the backlash the opposite flanks push back. W couples the
     meshes of all stages through the inertia of the gears and the torsion of the shafts between
-    them. The steps of the integration end where pairs enter and leave contact. The mesh forces pass
-    through random modes of the housing to the sensors, those of planets louder when they pass. Left
-    out are friction, lubrication, profile relief, contact beyond the line of action and the
-    yielding of bearings.
+    them. A profile error moves all pairs alike; its force is that of the linear mesh with its
+    mean stiffness. The steps of the integration end where pairs enter and leave contact. The
+    mesh forces pass through random modes of the housing to the sensors, those of planets louder
+    when they pass. Left out are friction, lubrication, profile relief, contact beyond the line
+    of action and the yielding of bearings.
 
     Examples
     --------
@@ -192,13 +194,13 @@ def simulate(
         mains_hz=mains_hz,
         tacho_shaft=tacho_shaft,
     )
-    known = faults_of(faults, errors=False)
+    known = faults_of(faults, errors=True)
     return record(load_machine(machine), known, settings, point=point, progress=progress)
 
 
 def record(
     machine: Machine,
-    faults: tuple[Fault, ...] = (),
+    faults: tuple[Fault | GearError, ...] = (),
     settings: Settings | None = None,
     *,
     point: OperatingPoint | None = None,
@@ -209,7 +211,7 @@ def record(
     Parameters
     ----------
     machine : Machine
-    faults : tuple of Fault
+    faults : tuple of Fault or GearError
     settings : Settings, optional
     point : OperatingPoint, optional
         By default the machine's first.
@@ -313,7 +315,7 @@ def _tacho(
 
 def _truth(
     machine: Machine,
-    faults: tuple[Fault, ...],
+    faults: tuple[Fault | GearError, ...],
     settings: Settings,
     point: OperatingPoint,
     train: Train,
@@ -340,7 +342,7 @@ def _truth(
         "duration_s": settings.samples / settings.sampling_rate_hz,
         "samples": settings.samples,
         # a fault that is given as a loss of nothing changes nothing
-        "condition": "fault" if any(not f.is_loss or f.loss > 0 for f in faults) else "healthy",
+        "condition": "fault" if any(_stiffness_loss(own) != 0 for own in faults) else "healthy",
         "faults": [_fault(fault) for fault in faults],
         "speed": speed,
         "load": _load(settings, point, drive),
@@ -363,11 +365,15 @@ def _truth(
     }
 
 
-def _fault(fault: Fault) -> dict[str, Any]:
+def _stiffness_loss(fault: Fault | GearError) -> float | None:
+    return fault.loss if isinstance(fault, Fault) and fault.is_loss else None
+
+
+def _fault(fault: Fault | GearError) -> dict[str, Any]:
     return {
         "fault": str(fault),
         **{name: getattr(fault, name) for name in ("kind", "stage", "gear", "tooth")},
-        "stiffness_loss": fault.loss if fault.is_loss else None,
+        "stiffness_loss": _stiffness_loss(fault),
         "size": str(fault).rsplit(":", 1)[-1],
     }
 
@@ -422,11 +428,7 @@ def _mesh(train: Train, drive: Drive, number: int) -> dict[str, Any]:
 
 def _errors(mesh: ToothMesh) -> list[dict[str, Any]]:
     return [
-        {
-            "eccentricity_m": errors.eccentricity_m,
-            "eccentricity_phase_rad": errors.eccentricity_phase_rad,
-            "pitch_m": np.round(errors.pitch_m, 12).tolist(),
-        }
+        {name: np.round(value, 12).tolist() for name, value in vars(errors).items()}
         for errors in mesh.errors
     ]
 

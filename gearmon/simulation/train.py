@@ -21,7 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from gearmon.gears.faults import Fault
+from gearmon.errors import ArgumentError
+from gearmon.gears.faults import Fault, GearError
 from gearmon.gears.kinematics import kinematics, planetary_speeds
 from gearmon.gears.mechanics import StageMechanics, stage_mechanics
 from gearmon.gears.pairs import Member, MeshPair, Stage, mesh_pairs
@@ -72,16 +73,6 @@ class Part:
     mechanics: tuple[StageMechanics, ...]
     notes: tuple[str, ...]
 
-    @property
-    def torque_in_nm(self) -> float:
-        """Torque on the input shaft under the static mesh forces [Nm]."""
-        return float(self.rows[:, 0] @ [m.force_n for m in self.mechanics])
-
-    @property
-    def lever_m(self) -> float:
-        """Lever of a mesh force on the input shaft [m]."""
-        return float(np.abs(self.rows[:, 0]).max())
-
 
 @dataclass(frozen=True, kw_only=True)
 class PartData:
@@ -93,6 +84,7 @@ class PartData:
     number : int
         Stage, counted from 1.
     faults : sequence of Fault
+    errors : sequence of GearError
     point : OperatingPoint
         Speed and mean torque.
     load : float
@@ -106,6 +98,7 @@ class PartData:
     machine: Machine
     number: int
     faults: Sequence[Fault]
+    errors: Sequence[GearError]
     point: OperatingPoint
     load: float
     seed: int
@@ -273,16 +266,21 @@ def _backlash_m(pair: MeshPair) -> float:
 
 def _errors(data: PartData, pair: MeshPair, member: Member, suffix: str) -> GearErrors:
     if data.accuracy_grade is None:
-        return ideal(member.teeth.teeth)
-    # a planet has two flanks at work, and there are several planets
-    flank = f"{pair.name}{suffix}" if member.name == "planet" else ""
-    return random_errors(
-        member.teeth.teeth,
-        transverse_module_m(pair) * member.teeth.teeth,
-        1e-3 * pair.need("module_mm", "pitch errors"),
-        data.accuracy_grade,
-        stream(data.seed, "errors", data.number, member.name, flank),
-    )
+        own = ideal(member.teeth.teeth)
+    else:
+        # a planet has two flanks at work, and there are several planets
+        flank = f"{pair.name}{suffix}" if member.name == "planet" else ""
+        own = random_errors(
+            member.teeth.teeth,
+            transverse_module_m(pair) * member.teeth.teeth,
+            1e-3 * pair.need("module_mm", "pitch errors"),
+            data.accuracy_grade,
+            stream(data.seed, "errors", data.number, member.name, flank),
+        )
+    for error in data.errors:
+        if (error.stage, error.gear) == (data.number, member.name):
+            own = own.with_error(error)
+    return own
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -332,7 +330,7 @@ class Train:
 
 def build_train(
     machine: Machine,
-    faults: Sequence[Fault] = (),
+    faults: Sequence[Fault | GearError] = (),
     *,
     point: OperatingPoint | None = None,
     load: float = 1.0,
@@ -346,7 +344,7 @@ def build_train(
     machine : Machine
         Every stage needs its module, and face width or the overrides in its place; the machine
         needs a torque.
-    faults : sequence of Fault
+    faults : sequence of Fault or GearError
     point : OperatingPoint, optional
         By default the machine's first.
     load : float, > 0
@@ -368,12 +366,20 @@ def build_train(
     running = machine.operating[0] if point is None else point
     if running.torque_nm is not None:
         running = replace(running, torque_nm=load * running.torque_nm)
+    errors = [own for own in faults if isinstance(own, GearError)]
+    numbered = list(enumerate(machine.stages, start=1))
+    pairs = [(number, pair) for number, stage in numbered for pair in mesh_pairs(stage, number)]
+    gears = {(number, member.name) for number, pair in pairs for member in pair.members}
+    for error in errors:
+        if (error.stage, error.gear) not in gears:
+            raise ArgumentError(f"error {error}: {machine.name} has no such gear")
     parts = [
         part(
             PartData(
                 machine=machine,
                 number=number,
-                faults=faults,
+                faults=[own for own in faults if isinstance(own, Fault)],
+                errors=errors,
                 point=running,
                 load=load,
                 seed=seed,
@@ -404,11 +410,12 @@ def _shaft(number: int, driving: Stage, driven: Stage, after: Part) -> _Shaft:
     diameter, source = _diameter(driving, driven)
     length = SHAFT_OVER_WIDTHS * (_width(driving) + _width(driven))
     torsion = SHEAR_MODULUS_PA * math.pi * diameter**4 / (32 * length)
-    radius = after.lever_m
+    radius = float(np.abs(after.rows[:, 0]).max())
+    torque_nm = float(after.rows[:, 0] @ [own.force_n for own in after.mechanics])
     return _Shaft(
         radius_m=radius,
         stiffness=torsion / radius**2,
-        force_n=after.torque_in_nm / radius,
+        force_n=torque_nm / radius,
         note=f"shaft {number}: torsional stiffness {torsion:.3g} Nm/rad, of a steel bar "
         f"{1e3 * diameter:.3g} mm in diameter ({source}) and {1e3 * length:.3g} mm long",
     )

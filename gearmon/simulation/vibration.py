@@ -245,6 +245,7 @@ def mesh_vibration(
     frequencies = train.system.natural_frequencies_hz(train.greatest_stiffness)
     grid = _grid(settings, path, frequencies[-1])
     forces, integration = _stage_forces(train, drive, grid, frequencies, progress)
+    _add_profile(forces, train, drive, grid)
     fade_ends(forces, math.ceil(_FLANK_S / grid.cell_s))
     spectra = band_spectrum(forces, grid.oversampling)
     heard = through_path(path, spectra, grid.samples, grid.rate_hz)
@@ -306,6 +307,25 @@ def _add_to_stages(
             passing = 0.5 + 0.5 * np.cos(2 * np.pi * (carrier * turns + mesh.place_turns))
             mean *= 1 - PLANET_PASS_DEPTH * (1 - passing)
         forces[mesh.stage - 1] += mean
+
+
+def _add_profile(forces: FloatArray, train: Train, drive: Drive, grid: _Grid) -> None:
+    """Add to the stages the forces of profile that is missing at the ends of all contacts.
+
+    It moves all pairs alike, with the mesh: through the linear mesh with its mean stiffness.
+    """
+    angular = 2 * math.pi * np.fft.rfftfreq(grid.cells, grid.cell_s)
+    for number, mesh in enumerate(train.meshes):
+        depth = sum(errors.profile_m for errors in mesh.errors)
+        if not depth:
+            continue
+        times = grid.edge_s(0) + grid.cell_s * np.arange(grid.cells)
+        phase = mesh.phase(drive.motion.turns(times))
+        missing = np.fft.rfft(depth * (2 / math.pi - np.abs(np.sin(math.pi * phase))))
+        inertia = angular**2 / train.system.coupling[number, number]
+        spring = train.mean_stiffness[number] + 1j * angular * train.system.damping[number]
+        force = spring * inertia / (spring - inertia) * missing
+        forces[mesh.stage - 1] += np.fft.irfft(force, grid.cells)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -16,7 +16,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike, NDArray
 
 from gearmon.files import replacing
-from gearmon.report.palette import (
+from gearmon.report.plots import (
     BLACK,
     BLUE,
     GREY,

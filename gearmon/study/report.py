@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import base64
 import math
 import textwrap
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from datetime import datetime
-from importlib import resources
 from pathlib import Path
 from typing import Any, get_args
 
-from gearmon import __version__
 from gearmon.errors import ArgumentError
 from gearmon.files import write_atomically
-from gearmon.report.text_tables import rows_as_csv
+from gearmon.report.page import base64_text, template
+from gearmon.report.wording import rows_as_csv
 from gearmon.study.claims import Evidence, Finding, Verdict, judge, study_table
 from gearmon.study.experiments import StudyResults, run_study
 from gearmon.study.pair import Operation
@@ -146,18 +143,11 @@ def write_results(
 
 
 def _rendered(results: StudyResults, judged: tuple[Finding, ...], pictures: list[Path]) -> str:
-    import jinja2
-
-    source = resources.files("gearmon.study").joinpath("study.html").read_text("utf-8")
-    environment = jinja2.Environment(
-        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    environment.filters.update(number=shown_number, difference=shown_difference)
-    data = [base64.b64encode(path.read_bytes()).decode("ascii") for path in pictures]
+    data = [base64_text(path.read_bytes()) for path in pictures]
     pairs = zip(PICTURES, data, strict=True)
-    return environment.from_string(source).render(
-        made=datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
-        version=__version__,
+    return template("study.html", "gearmon.study").render(
+        number=shown_number,
+        difference=shown_difference,
         parameters=results.reference.parameters,
         problem=results.reference.response.problem,
         judged=judged,

@@ -49,6 +49,19 @@ def test_traces_match_time_integration(seed):
     assert found == pytest.approx(exact, abs=2e-10)
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_a_chart_from_few_period_maps_is_that_of_every_point(seed):
+    rng = np.random.default_rng(seed)
+    c = (rng.normal(size=7) + 1j * rng.normal(size=7)) / np.arange(1, 8)
+    shape, zeta = FourierShape(c / np.abs(c).sum()), float(rng.choice([0.0, 0.03, 1.2]))
+    low, tolerance = rng.uniform(0.4, 2), 10 ** rng.uniform(-11, -6)
+    x, eps = np.linspace(low, 1.5 * low, 60), np.linspace(-0.3, 0.4, 50)
+    chart = stability_chart(shape, x, eps, zeta, tolerance)
+    each = growth_of(shape, 1 / x, eps[:, None], zeta, 1e-13)
+    traces = (np.cosh(growth + 2 * math.pi * zeta / x) for growth in (chart.growth, each))
+    np.testing.assert_allclose(*traces, rtol=tolerance)
+
+
 @pytest.mark.parametrize(("ratio", "count"), [(0.05, 1), (3.3, 5), (50.0, 64), (120.0, 3)])
 def test_traces_match_floquet_steps(ratio, count):
     rng = np.random.default_rng(count)

@@ -9,8 +9,8 @@ from reference.fleet_stand_in import arrive, content, made_fleet, said
 
 from gearmon.errors import ArgumentError
 from gearmon.fleet import on_dask, run_fleet
-from gearmon.fleet.engines import _KILLED
 from gearmon.fleet.ledger import Outcome
+from gearmon.fleet.run import _KILLED
 
 dask, distributed = pytest.importorskip("dask"), pytest.importorskip("distributed")
 
@@ -45,6 +45,6 @@ def test_a_cluster_says_the_same_and_survives_a_recording_that_kills_workers(tmp
 def test_a_scheduler_that_does_not_answer_is_said(tmp_path, monkeypatch):
     fleet = made_fleet(tmp_path)
     arrive(tmp_path, "a_{}.txt", "0.1")
-    monkeypatch.setattr("gearmon.fleet.engines._CONNECT_S", 0.5)
+    monkeypatch.setattr("gearmon.fleet.run._CONNECT_S", 0.5)
     with pytest.raises(ArgumentError, match="run again to go on"):
         run_fleet(fleet, partial(on_dask, scheduler="tcp://127.0.0.1:9"))

@@ -29,10 +29,10 @@ from gearmon.diagnosis.history import read_history, read_latest
 from gearmon.errors import ArgumentError, GearmonError, MachineFileError, SignatureError
 from gearmon.fleet import alarms, read_fleet, run_fleet, watch_fleet
 from gearmon.fleet import run as running
-from gearmon.fleet.engines import analysed
 from gearmon.fleet.ledger import write_results
 from gearmon.fleet.plan import arrived
 from gearmon.fleet.rank import compare, rank
+from gearmon.fleet.run import analysed
 
 
 def test_what_is_new_is_analysed_once_and_kept_in_one_store(tmp_path):
@@ -251,7 +251,7 @@ def test_two_runners_do_not_share_a_fleet(tmp_path):
 
 
 def test_a_recording_that_kills_its_process_is_isolated(tmp_path, monkeypatch):
-    monkeypatch.setattr("gearmon.fleet.engines._FORGIVEN", 1)
+    monkeypatch.setattr("gearmon.fleet.run._FORGIVEN", 1)
     fleet = made_fleet(tmp_path)
     for day in range(6):
         arrive(tmp_path, "a_{}.txt", "kill" if day == 2 else "0.1", days=day)

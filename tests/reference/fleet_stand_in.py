@@ -31,7 +31,7 @@ PATTERN = r"(?P<machine>[a-z]+\d*)_(?P<time>[\dT-]+)(_(?P<class>\w+))?\.txt"
 
 
 def said(job):
-    """The stand-in for `gearmon.fleet.engines.analysed`."""
+    """The stand-in for `gearmon.fleet.run.analysed`."""
     text = Path(job.path).read_text()
     digest = hashlib.blake2b(text.encode()).hexdigest()
     words = text.split()

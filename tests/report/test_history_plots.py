@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 
 from gearmon.diagnosis.history import Entry, History, Place, history_trends
-from gearmon.report.demo_plots import day_figure, kind_figure
-from gearmon.report.history_plots import history_figure
+from gearmon.report.analysis_plots import kind_figure
+from gearmon.report.history_plots import day_figure, history_figure
 from gearmon.report.plots import as_png
 
 

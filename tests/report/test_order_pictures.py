@@ -11,7 +11,7 @@ from gearmon.report.recording_plots import (
     indicator_figure,
     order_map_figure,
 )
-from gearmon.report.text import INDICATOR_DEFINITIONS
+from gearmon.report.text import words
 from gearmon.signals.orders import order_map
 from gearmon.signatures.gear_averages import gear_averages
 from gearmon.signatures.measured.indicators import indicator_table
@@ -101,7 +101,7 @@ def test_indicators_say_what_is_dashed():
 
 def test_every_indicator_of_the_table_is_defined():
     names = {row.indicator.lower() for row in indicator_table(recording(), machine()).rows}
-    assert names <= set(INDICATOR_DEFINITIONS)
+    assert names <= set(words()["indicators"])
 
 
 def test_order_map_of_signals_is_that_of_the_recording(spectra):

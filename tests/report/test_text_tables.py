@@ -8,7 +8,7 @@ import io
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gearmon.report.text_tables import Table, rows_as_csv, table_lines
+from gearmon.report.wording import Table, rows_as_csv, table_lines
 
 ROWS = [
     {"name": "mesh 1", "stage": 1, "order": 23.0, "shaft": None},

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from gearmon.report.html import Failure, write_report
-from gearmon.report.verdict import overall, overview_lines, summary, worst_first
+from gearmon.report.text import overall, overview_lines, summary, worst_first
 
 
 def slowed(analysis, factor):

@@ -135,7 +135,7 @@ def test_against_steps_in_time(fault, teeth):
     coarse, fine = (stepped(machine, [fault], teeth, highest, n) for n in (200, 400))
     forces = (4 * fine - coarse) / 3
     found, force = expected(machine, [fault], max_hz=3.0001 * 144.0)
-    assert found.header["stages"][0]["error_bound"] < 1e-6
+    assert found.header["stages"][0]["error_estimate"] < 1e-6
     psi = 2 * math.pi * np.arange(3) / 3
     sides = {s: (0.2 if s else 0.6) * np.exp(1j * s * psi) @ forces for s in (-1, 0, 1)}
     places = []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ PURE = {
     "accuracy_grade": None,
     "unbalance": 0.0,
 }
+QUIET = PURE | {"channels": 1}
 CRACK = parse_fault("crack:1:pinion:9:20%")
 
 
@@ -262,3 +264,56 @@ def test_machine_without_torque_is_refused():
     machine = Machine(operating=(OperatingPoint(speed_rpm=1500.0),), stages=two_stages().stages)
     with pytest.raises(ArgumentError, match="torque_nm"):
         simulate(machine, (), 1.0, 5_000.0)
+
+
+def test_an_eccentric_gear_makes_sidebands_of_its_own_shaft():
+    recording = simulate(one_pair(), "eccentricity:1:gear:all:20um", 1.0, 20_000.0, **QUIET)
+    _, amplitude = spectrum(recording)
+    driving, driven = (amplitude[round(625 + 625.0 / teeth)] for teeth in (13, 17))
+    assert driven > 2e-4 * amplitude.max() > 20 * driving
+
+
+def test_errors_come_to_those_of_manufacture():
+    errors = ["eccentricity:1:gear:all:20um", "pitch:1:pinion:5:8um", "cumulative:1:gear:all:15um"]
+    made, known = (
+        simulate(one_pair(), faults, 0.3, 5_000.0, channels=1).truth for faults in ((), errors)
+    )
+    (pinion, gear), (own, other) = (own["meshes"][0]["errors"] for own in (made, known))
+    added = np.array(own["pitch_m"]) - pinion["pitch_m"]
+    np.testing.assert_allclose(added, 8e-6 * (np.arange(13) == 4), atol=1e-11)
+    wave = 15e-6 * np.cos(2 * np.pi * np.arange(17) / 17)
+    np.testing.assert_allclose(np.subtract(other["pitch_m"], gear["pitch_m"]), wave, atol=1e-11)
+    one, two = (
+        e["eccentricity_m"] * np.exp(1j * e["eccentricity_phase_rad"]) for e in (gear, other)
+    )
+    assert two - one == pytest.approx(20e-6, abs=1e-11)
+    assert known["condition"] == "fault"
+    assert [own["fault"] for own in known["faults"]] == errors
+    assert all(own["stiffness_loss"] is None for own in known["faults"])
+
+
+def test_worn_profiles_move_the_mesh_in_proportion():
+    sound, worn, twice = (
+        simulate(one_pair(), faults, 1.0, 20_000.0, **QUIET)
+        for faults in ((), ["profile:1:gear:all:5um"], ["profile:1:gear:all:10um"])
+    )
+    added = worn.samples - sound.samples
+    np.testing.assert_allclose(twice.samples - sound.samples, 2 * added, atol=1e-6 * added.max())
+    frequency, amplitude = spectrum(replace(worn, samples=added))
+    distance = np.abs(frequency - 625.0 * np.round(frequency / 625.0))
+    assert amplitude[distance > 10].max() < 1e-4 * amplitude.max()
+
+
+@pytest.mark.parametrize(
+    ("error", "told"),
+    [
+        ("misalignment:1:gear:all:20um", "are simulated"),
+        ("profile:1:gear:3:20um", "are simulated"),
+        ("pitch:1:pinion:14:8um", "13 teeth"),
+        ("pitch:2:pinion:1:8um", "no such gear"),
+        ("eccentricity:1:sun:all:8um", "no such gear"),
+    ],
+)
+def test_errors_that_cannot_be_simulated_are_refused(error, told):
+    with pytest.raises(ArgumentError, match=told):
+        simulate(one_pair(), error, 0.3, 5_000.0)

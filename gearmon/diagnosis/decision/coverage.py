@@ -50,9 +50,12 @@ def heard_from(gear: GearEvidence) -> float | None:
     little to touch as they should the loss must be larger in proportion: a simulated rig at 18 and
     44 N/mm did not show 30 % of one tooth in 9 of 12 analyses, where 20 % would be stated; three
     times the load showed it. Below half of that load such teeth depart by themselves as damage
-    does, and only what would be called a fault counts as heard.
+    does, and only what would be called a fault counts as heard. Of a mesh that is not heard by
+    itself nothing is.
     """
-    if gear.search is None or gear.loaded < LIMITS.lightly_loaded:
+    if gear.search is None or not gear.shown:
+        return None
+    if gear.loaded < LIMITS.lightly_loaded:
         return noticed_from(gear)
     return _first(gear, _log_ratio(gear.search) - _prior(gear), LIMITS.open)
 
@@ -69,7 +72,7 @@ def noticed_from(gear: GearEvidence) -> float | None:
     expected = search.match.expected - _prior(gear)
     lines = sum(band.rest.size for band in deviation.bands)
     beside = 2.0 * lines * deviation.meetings / deviation.teeth
-    peak = 1.0 + search.match.stands_out / max(1.0, beside)
+    peak = 1.0 + np.maximum(search.match.stands_out - _prior(gear), 0.0) / max(1.0, beside)
     believed = [gear.believes(*each) for each in zip(expected.tolist(), peak.tolist(), strict=True)]
     return _first(gear, np.array(believed), LIMITS.fault)
 

@@ -50,6 +50,12 @@ class Evidence:
     angle : float
         Standard deviation of the angle of shaft 1 [periods of the fastest mesh]; infinite where
         nothing is known of it.
+    lost : bool
+        Whether the lines do not stand still in it, all along.
+    recurrence : float
+        How surely the finding comes again with every turn, see `GearDeviation.recurrence`.
+    knocks : float, in [0, 1]
+        Share of the recording that bears knocks from outside.
     """
 
     deviation: MachineDeviation
@@ -59,6 +65,9 @@ class Evidence:
     nongear: tuple[NonGearFinding, ...] = ()
     references: int
     angle: float = 0.0
+    lost: bool = False
+    recurrence: float = np.inf
+    knocks: float = 0.0
 
     @cached_property
     def strengths(self) -> dict[str, float]:
@@ -69,11 +78,18 @@ class Evidence:
             # a shorter recording has shorter blocks, which part lines from their neighbours less
             "levels": levels * deviation.length,
             "path": path_strength(self.path) * deviation.length,
+        }
+        # at another speed lines have moved across the modes of the path, knocks are as loud as
+        # they are, in a lost angle they are smeared: all of it may change levels by any amount
+        if deviation.speed_off > 1.0 or self.knocks > LIMITS.knocks or self.lost:
+            told = {name: min(value, LIMITS.levels_open) for name, value in told.items()}
+        told |= {
             "runout": rare_strength([one.log10_probability for one in self.runout]),
             "lines of no gear": rare_strength([one.log10_probability for one in self.nongear]),
         }
         if self.finding is not None:
-            told["tooth"] = tooth_strength(self.finding.evidence)
+            strength = tooth_strength(self.finding.evidence)
+            told["tooth"] = min(strength, 0.0 if self.recurrence < LIMITS.recurs else np.inf)
         unsure = np.isfinite(self.angle) and self.angle > LIMITS.angle_unsure
         # gears that begin to lose contact, and what a smeared angle does to their lines
         lighter = 1.0 + LIMITS.light_weight * max(0.0, min(deviation.light, LENGTH) - FAR)
@@ -91,7 +107,14 @@ class Evidence:
     @property
     def angle_lost(self) -> bool:
         """Whether lines and levels mean little: the angle is off throughout, not after a slip."""
-        return LIMITS.angle_unsure < self.angle < LIMITS.angle_slipped
+        return self.lost or LIMITS.angle_unsure < self.angle < LIMITS.angle_slipped
+
+    @property
+    def knocked(self) -> bool:
+        """Whether what stands out came in single turns, as knocks from outside do."""
+        levels = max(self.strengths["levels"], self.strengths["path"])
+        drowned = self.knocks > LIMITS.knocks and levels >= LIMITS.open
+        return self.recurrence < LIMITS.recurs or drowned
 
     @property
     def heavier_db(self) -> float:
@@ -168,7 +191,7 @@ def decide(evidence: Evidence, unheard: Sequence[str] = ()) -> Decision:
     if evidence.strength >= LIMITS.fault:
         return Decision(verdict="fault", unheard=tuple(unheard))
     open_ = evidence.strength >= LIMITS.open or evidence.probability < LIMITS.rare
-    if open_ or unheard or evidence.angle_lost or evidence.heavier_db:
+    if open_ or unheard or evidence.angle_lost or evidence.heavier_db or evidence.knocked:
         return Decision(verdict="cannot tell", unheard=tuple(unheard))
     return Decision(verdict="healthy")
 

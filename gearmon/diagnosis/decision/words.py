@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from gearmon.diagnosis.decision.evidence import Evidence
+import numpy as np
+
+from gearmon.diagnosis.decision.evidence import Decision, Evidence
 from gearmon.diagnosis.decision.flags import sentences
 from gearmon.diagnosis.decision.thresholds import LIMITS
 from gearmon.diagnosis.results import Change, Flag, ToothProfile
@@ -63,34 +65,40 @@ def _gear(stage: int | None, gear: str | None) -> str:
 
 
 def reason(
-    verdict: str,
+    decision: Decision,
     evidence: Evidence,
     flags: Sequence[Flag],
     changes: Sequence[Change],
     profiles: Sequence[ToothProfile],
-    unheard: Sequence[str],
+    must_notice: float,
 ) -> str:
     """Give the reason of a verdict on a recording that was compared with a reference.
 
     Parameters
     ----------
-    verdict : str
+    decision : Decision
         The verdict.
     evidence : Evidence
         What was compared.
     flags, changes, profiles
         Of the analysis.
-    unheard : sequence of str
-        Gears of which gross damage might not have been noticed.
+    must_notice : float
+        Loss of one tooth's pair that a healthy verdict has to exclude.
     """
     rested = f"{_levels(evidence)} {_tooth(profiles)}"
-    if verdict == "fault":
+    if decision.verdict == "fault":
         strongest = sentences(changes)[:1]
         most = f" Most of all, {strongest[0]}." if strongest else ""
         return f"{fault_sentence(flags)} {rested}{most}"
-    if verdict == "healthy":
-        return f"The machine sounds as it did when it was healthy.{_noticed(profiles)} {rested}"
-    if evidence.strength >= LIMITS.open or evidence.probability < LIMITS.rare:
+    if decision.verdict == "healthy":
+        noticed = f"{_noticed(profiles)} {_wear(evidence)}"
+        return f"The machine sounds as it did when it was healthy.{noticed} {rested}"
+    if evidence.knocked:
+        told = (
+            "Knocks drown the gears: what stands out came in single turns, not in each. Record "
+            "again where the machine runs more quietly, or longer."
+        )
+    elif evidence.strength >= LIMITS.open or evidence.probability < LIMITS.rare:
         told = "More changed than is usual, but not enough to call it a fault: record again."
     elif evidence.heavier_db:
         told = (
@@ -104,12 +112,22 @@ def reason(
         )
     else:
         told = "Nothing speaks against the machine, but not all of it was heard."
-    if unheard:
+    if decision.unheard:
         told += (
-            f" Even a loss of {100 * LIMITS.must_notice:.0f} % of a tooth's stiffness might have "
-            f"gone unnoticed on {', '.join(unheard)}: record longer, under load, or nearer to it."
+            f" Even a loss of {100 * must_notice:.0f} % of a tooth's stiffness might have gone "
+            f"unnoticed on {', '.join(decision.unheard)}: record longer, under load, or nearer to "
+            "it."
         )
     return f"{told} {rested}"
+
+
+def _wear(evidence: Evidence) -> str:
+    """Say how much wear of all teeth would not pass for a heavier load."""
+    loss = 1.0 - np.exp(evidence.deviation.heavy - LIMITS.heaviest)
+    return (
+        "Wear of all teeth alike sounds like a heavier load: it would not have been noticed below "
+        f"a loss of about {100 * loss:.0f} %."
+    )
 
 
 def _levels(evidence: Evidence) -> str:

@@ -276,6 +276,34 @@ class GearDeviation:
         """`expected_around` at each tooth's contact, shape (teeth,)."""
         return self.expected_around[np.arange(self.teeth) * _STEPS]
 
+    def recurrence(self, tooth: int, blocks: ComplexArray, number: IntArray) -> float:
+        """Return the energy at a tooth over what the scatter of the blocks leaves there.
+
+        Parameters
+        ----------
+        tooth : int
+            From 0.
+        blocks : ndarray of complex, shape (blocks, channels, lines)
+            The recording's lines of this gear, block by block.
+        number : ndarray of int, shape (lines,)
+            Which multiple of the rotation each is, ascending.
+
+        Notes
+        -----
+        About 1 for what came in one block alone, however loud; k for what came in k of many.
+        """
+        count, scatter = len(blocks), np.zeros(_STEPS * self.teeth)
+        if count < 2:
+            return float("inf")
+        parts = [blocks[:, :, np.searchsorted(number, band.number)] for band in self.bands]
+        parts = [
+            (part - part.mean(axis=0)) / band.deviation
+            for part, band in zip(parts, self.bands, strict=True)
+        ]
+        for each in zip(*parts, strict=True):
+            scatter += self._around(each)
+        return float(self._energy[tooth * _STEPS] * count * (count - 1) / scatter[tooth * _STEPS])
+
     @cached_property
     def _energy(self) -> FloatArray:
         """Energy of the rest around the turn."""

@@ -157,6 +157,8 @@ class MachineDeviation:
         By how much its load is lighter than that of every reference [Np]; negative if it is not.
     heavy : float
         By how much it is heavier.
+    speed_off : float, >= 0
+        By how much its speed is off that of the nearest reference [`SPEED_UNIT`].
     length : float, in (0, 1]
         Its length over that of the shortest reference, at most 1.
     gears : tuple of GearDeviation
@@ -173,6 +175,7 @@ class MachineDeviation:
     gap: float
     light: float
     heavy: float
+    speed_off: float
     length: float
     gears: tuple[GearDeviation, ...]
     family_names: tuple[str, ...]
@@ -271,6 +274,7 @@ class HealthyMachine:
             gap=float(np.min(np.linalg.norm(self.states - state, axis=1))),
             light=float(self.states[:, 0].min() - state[0]),
             heavy=float(state[0] - self.states[:, 0].max()),
+            speed_off=float(np.abs(self.states[:, 1] - state[1]).min()),
             length=min(1.0, own.duration_s / min(p.duration_s for p in self.profiles)),
             gears=tuple(gears),
             family_names=tuple(names),

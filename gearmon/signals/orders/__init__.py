@@ -1,10 +1,9 @@
 """From samples to orders: everything that is read at angles of a shaft.
 
-Two ways lead there. `resampling` reads signals between their samples at equal steps of angle, for
-waveforms, maps and synchronous averages that must show what was recorded. `nonuniform_fft` spreads
-samples onto steps of angle for transforms at given orders; `lines` (a short-time order transform),
-`fine_spectra` and, for many angle tracks of one recording, `sums` build on it. All work block by
-block.
+Two ways lead there, both in `resampling`. Signals are read between their samples at equal steps of
+angle for waveforms, maps and synchronous averages, which must show what was recorded; samples are
+spread onto steps of angle for transforms at given orders, on which `lines` (a short-time order
+transform) and the fine ones of `spectra` build. All work block by block.
 
 >>> import numpy as np
 >>> from gearmon.signals.angle import AngleTrack
@@ -25,15 +24,14 @@ from gearmon.signals.orders.averages import (
     one_turn,
     time_synchronous_average,
 )
-from gearmon.signals.orders.fine_spectra import (
-    FineSpectrum,
-    clear_peaks,
-    fine_envelope_spectrum,
-    fine_order_spectrum,
-    fine_spectrum,
+from gearmon.signals.orders.lines import (
+    OrderLines,
+    OrderSums,
+    SlidingLines,
+    order_lines,
+    variance_of_mean,
+    without_knocks,
 )
-from gearmon.signals.orders.lines import OrderLines, order_lines, variance_of_mean
-from gearmon.signals.orders.maps import OrderMap, order_map
 from gearmon.signals.orders.resampling import (
     READ_UP_TO,
     AngleGrid,
@@ -42,7 +40,15 @@ from gearmon.signals.orders.resampling import (
     resample_to_angle,
     whole_turns,
 )
-from gearmon.signals.orders.sums import OrderSums, SlidingLines
+from gearmon.signals.orders.spectra import (
+    FineSpectrum,
+    OrderMap,
+    clear_peaks,
+    fine_envelope_spectrum,
+    fine_order_spectrum,
+    fine_spectrum,
+    order_map,
+)
 
 __all__ = [
     "READ_UP_TO",
@@ -66,4 +72,5 @@ __all__ = [
     "time_synchronous_average",
     "variance_of_mean",
     "whole_turns",
+    "without_knocks",
 ]

@@ -9,23 +9,38 @@ How far the mean of a line over the blocks may be off, the blocks themselves tel
 scatter, for half-overlapped blocks share noise, a line of another stage beside the own one turns
 from block to block and all but cancels in the mean, and a slow drift hardly cancels at all. What
 tells is the spectrum of the block series near zero (`variance_of_mean`).
+
+Where the angle is still sought the same lines are asked for in many tracks (`OrderSums`). A line of
+order o in a block of angle is the sum of x_n exp(-2 pi i o a_n) w_n over the samples, a_n their
+angles. Within a stretch of some cycles of the highest order the angle is a straight line of known
+slope, and the window is constant, so that the sum over the stretch
+
+    R_k = sum over n of x_n exp(-2 pi i o f_k (t_n - t_k)),     t_k its middle, f_k the speed there,
+
+hardly depends on the track: another track only turns it by exp(-2 pi i o a(t_k)). The samples go
+through one matrix product, once; blocks of any length in any angle that is sought are then sums of
+a hundredth of their number.
+
+A speed that is wrong by a share d within a stretch of c cycles takes (pi c d)^2 / 6 of a line and
+lets c d of a line one over the stretch's length away through: beyond a limit of c d the samples are
+read again.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
 from gearmon.errors import ArgumentError
 from gearmon.signals.angle import AngleTrack, phasors
-from gearmon.signals.array_types import ComplexArray, FloatArray
-from gearmon.signals.orders.nonuniform_fft import Kernel, Spreading
-from gearmon.signals.orders.resampling import AngleGrid
+from gearmon.signals.array_types import ComplexArray, FloatArray, IntArray
+from gearmon.signals.orders.resampling import AngleGrid, Kernel, Spreading
 from gearmon.signals.spectra.spectrum import hann, local_floor
 from gearmon.signals.threads import side_by_side
-from gearmon.signals.transforms import fast_length, window_powers, windowed_transforms
+from gearmon.signals.transforms import fast_length, transform, window_powers
 
 # What a line may add elsewhere where only the phase of strong ones is followed.
 _QUICK_ERROR = 1e-3
@@ -37,14 +52,30 @@ _FLOOR_BLOCKS, _QUICK_BLOCKS = 32, 8
 _PRECISE, _MIDDLE, _QUICK = (8, 2.6, 1.0), (6, 3.2, 0.25), (4, 2.6, 0.25)
 _MIDDLE_FROM, _QUICK_FROM = 1e-4, 1e-3
 # Steps taken at a time.
-_TOGETHER = 1 << 18
+_STEPS_TOGETHER = 1 << 18
 # Correlation of the amplitudes of noise in neighbouring half-overlapped Hann blocks (Harris 1978).
 _SHARED = 1 / 6
 # Fewer blocks than this tell a mean, but no median and no slow drift.
 _FEW = 9
+# Fewest blocks whose median tells of a knock, and what comes with every turn; power of a block's
+# departures over that of the median block from which there is one (without knocks 1.6 at most, with
+# one of twice the peak 9 and more); standard deviations to which departures around the turn are
+# clipped (median of a normal variable's size: 0.6745); blocks that a long recording has compared.
+_FEWEST_BLOCKS, _CLIPPED_FROM, _KNOCKED, _FARTHEST, _NORMAL_MEDIAN = 4, 8, 2.0, 4.0, 0.6745
+_BESIDE_KNOCK = 64
 # Slowest frequencies of the block series to either side that drift and near lines fill, and excess
 # over the median from which they are believed: six values of noise reach it in 2 % of cases.
 _SLOW, _EXCESS = 3, 2.0
+# Tracks whose angle is remembered.
+_REMEMBERED = 2
+# Edges of stretches whose angles are found together.
+_EDGES = 1 << 14
+# Cycles a stretch, root mean square, by which another track may differ before it is read anew.
+_NEAR = 0.02
+# Cycles of the highest order in a stretch, its longest [turns], and the least number of them.
+_CYCLES, _LONGEST, _LEAST = 18.0, 0.125, 256
+# Stretches that share a speed, steps of its logarithm, and how many are read together.
+_SHARING, _SPEED_STEP, _TOGETHER = 8, 2e-4, 1 << 12
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,6 +94,8 @@ class OrderLines:
         Angle at which the first block starts [turns].
     noise : ndarray of float, shape (channels, lines)
         Mean power |A|^2 that noise alone would show at each line: median of the off-line spectrum.
+    knocked : float, in [0, 1]
+        Share of the blocks that bear a knock from outside, see `without_knocks`.
     """
 
     orders: FloatArray
@@ -70,6 +103,7 @@ class OrderLines:
     block_turns: float
     first_turn: float
     noise: FloatArray
+    knocked: float = 0.0
 
     @property
     def mean(self) -> ComplexArray:
@@ -123,13 +157,13 @@ def order_lines(
 ) -> OrderLines:
     """Measure complex line amplitudes at arbitrary orders in half-overlapped Hann blocks of angle.
 
-    The samples are spread onto equal steps of angle (`nonuniform_fft`) half a block at a time, so
-    that memory stays bounded, by all cores. Each half is transformed once: its transform at the
-    orders comes from a non-uniform transform (zero padding to twice the length, Kaiser-Bessel
-    kernel of eight bins), those of the rising and of the falling half of the Hann window from the
-    bins next to it. Relative error below `error` at a steady speed, for orders below half the
-    sampling rate; a speed that changes leaves more, as the kernel's weights follow it only to first
-    order.
+    The samples are spread onto equal steps of angle (`resampling.Spreading`) half a block at a
+    time, so that memory stays bounded, by all cores. Each half is transformed once: its transform
+    at the orders comes from a non-uniform transform (zero padding to twice the length,
+    Kaiser-Bessel kernel of eight bins), those of the rising and of the falling half of the Hann
+    window from the bins next to it. Relative error below `error` at a steady speed, for orders
+    below half the sampling rate; a speed that changes leaves more, as the kernel's weights follow
+    it only to first order.
 
     Parameters
     ----------
@@ -269,7 +303,7 @@ class _Halves:
             Number of a half whose block tells the noise -> the half, shape (channels, steps).
         """
         plan = GriddedPlan(self.steps, 0.5 * self.orders * self.block_turns, self.beside)
-        together = max(1, _TOGETHER // self.steps)
+        together = max(1, _STEPS_TOGETHER // self.steps)
 
         def part(first: int) -> tuple[ComplexArray, ComplexArray, dict[int, FloatArray]]:
             cut = self._spread(first, min(together, self.count - first))
@@ -359,11 +393,7 @@ class GriddedPlan:
 
     def lines(self, halves: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Return the transforms under the rising and the falling half of the window."""
-        bins = np.empty((len(halves), len(self._taken)), dtype=np.complex128)
-        for row, own in zip(
-            bins, windowed_transforms(halves, self._flat, self.length), strict=True
-        ):
-            own.take(self._taken, out=row, mode="clip")
+        bins = transform(halves, self.length, self._flat).take(self._taken, axis=1)
         bins[:, self._mirrored] = np.conj(bins[:, self._mirrored])
         rising, falling = np.split((self._weights @ bins.T).T, 2, axis=1)
         return rising, falling
@@ -420,3 +450,356 @@ def variance_of_mean(blocks: ComplexArray) -> FloatArray:
     usual = np.median(told, axis=0) / np.median(reached)
     slow = 0.5 * (told[:_SLOW].mean(axis=0) + told[-_SLOW:].mean(axis=0))
     return np.where(slow > _EXCESS * usual, slow, usual)
+
+
+def without_knocks(lines: OrderLines, chosen: IntArray, number: IntArray) -> OrderLines:
+    """Clip what comes in single turns: of a knock from outside the mean would keep an event.
+
+    Parameters
+    ----------
+    lines : OrderLines
+    chosen : ndarray of int, shape (k,)
+        Places of the multiples of one rotation among the lines.
+    number : ndarray of int, shape (k,)
+        Which multiple each is.
+
+    Returns
+    -------
+    OrderLines
+        The same where there is no knock.
+
+    Notes
+    -----
+    Noise is alike around the turn; a knock is at one place of it, and would pass for a damaged
+    tooth. What departs from the median of the blocks is put together around the turn, each line in
+    units of its own scatter, and clipped where it is farther out than noise reaches. An event that
+    comes again with every turn stands in the median and is not touched.
+    """
+    count, amplitude, knocked = len(lines.amplitude), lines.amplitude, 0
+    edges = np.linspace(0, count, max(1, count // _BESIDE_KNOCK) + 1).astype(int).tolist()
+    for start, stop in pairwise(edges):
+        number_of, beyond = _knocks(lines.amplitude[start:stop][:, :, chosen], number)
+        knocked += number_of
+        if beyond is not None:
+            amplitude = lines.amplitude.copy() if amplitude is lines.amplitude else amplitude
+            amplitude[start:stop, :, chosen] -= beyond
+    return replace(lines, amplitude=amplitude, knocked=max(lines.knocked, knocked / max(count, 1)))
+
+
+def _knocks(blocks: ComplexArray, number: IntArray) -> tuple[int, ComplexArray | None]:
+    """Return how many blocks bear knocks, and what is clipped of them, None if nothing is."""
+    if len(blocks) < _FEWEST_BLOCKS or not len(number):
+        return 0, None
+    middle = np.median(blocks.real, axis=0) + 1j * np.median(blocks.imag, axis=0)
+    scale = np.sqrt(np.median(np.abs(blocks - middle) ** 2, axis=0))
+    scale = np.maximum(scale, np.finfo(float).tiny)
+    rest = (blocks - middle) / scale
+    power = np.mean(np.abs(rest) ** 2, axis=2)
+    knocked = int(np.sum((power > _KNOCKED * np.median(power)).any(axis=1)))
+    if not knocked or len(blocks) < _CLIPPED_FROM:
+        return knocked, None
+    size = fast_length(2 * (int(number.max()) + 1))
+    half = np.zeros((*blocks.shape[:2], size // 2 + 1), dtype=complex)
+    half[..., number] = rest
+    around = np.fft.irfft(half, n=size)
+    limit = _FARTHEST * float(np.median(np.abs(around))) / _NORMAL_MEDIAN
+    beyond = np.fft.rfft(around - np.clip(around, -limit, limit))
+    return knocked, np.asarray(scale * beyond[..., number])
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlidingLines:
+    """Complex amplitudes of order lines in sliding blocks.
+
+    Parameters
+    ----------
+    angle : ndarray of float, shape (blocks,)
+        Centres of gravity of the blocks' windows [turns].
+    orders : ndarray of float, shape (votes,)
+        Order of each vote: every line in every channel.
+    amplitude : ndarray of complex, shape (blocks, votes)
+        Amplitudes; their phases count from angle zero.
+    """
+
+    angle: FloatArray
+    orders: FloatArray
+    amplitude: ComplexArray
+
+
+class OrderSums:
+    """Lines of a recording at some orders, in the angle of any track.
+
+    Parameters
+    ----------
+    samples : ndarray of float, shape (channels, n)
+        Vibration.
+    sampling_rate_hz : float
+        Sampling rate [Hz].
+    orders : ndarray of float, shape (lines,)
+        Orders of shaft 1, > 0, ascending.
+
+    Notes
+    -----
+    It keeps the sums of the track that was asked for last, and makes others for one that is not
+    near. The angle of the last two tracks is remembered.
+    """
+
+    def __init__(self, samples: FloatArray, sampling_rate_hz: float, orders: FloatArray) -> None:
+        self.samples = samples
+        self.sampling_rate_hz = sampling_rate_hz
+        self.orders = orders
+        self._read: Stretches | None = None
+        self._tracks: list[tuple[AngleTrack, FloatArray]] = []
+        self._noise: dict[float, FloatArray] = {}
+
+    def blocks(self, track: AngleTrack, block_turns: float, top: float = np.inf) -> OrderLines:
+        """Return the lines in half-overlapped Hann blocks, as `order_lines` does.
+
+        Parameters
+        ----------
+        track : AngleTrack
+            Angle of shaft 1 against time.
+        block_turns : float
+            Length of a block [turns]; cut to the recording.
+        top : float
+            Lines above this order are left out; the lowest one never.
+
+        Returns
+        -------
+        OrderLines
+            Amplitudes right to a few thousandths. The noise is that of the first track asked for
+            with blocks of this length and near this one.
+
+        Raises
+        ------
+        ArgumentError
+            If the recording holds too few samples.
+        """
+        top_order = float(self.orders.max())
+        grid = AngleGrid.of(self.samples.shape[-1], self.sampling_rate_hz, track, top_order)
+        block = steps_of_block(grid, block_turns)
+        turns = block / grid.per_turn
+        halves = 2 * (grid.count - block) // block + 2
+        edges: FloatArray = grid.first_turn + 0.5 * turns * np.arange(halves + 1.0)
+        chosen = np.flatnonzero(self.orders <= max(top, float(self.orders.min())))
+        angle, read = self._near(track)
+        share, sums = _cut(angle, edges)
+        rising = np.cos(np.pi * share)
+
+        def half_sums(wave: ComplexArray) -> ComplexArray:
+            even, odd = sums(wave), sums(wave * rising)
+            return np.asarray(0.5 * (even[:-1] + even[1:] - odd[:-1] + odd[1:]))
+
+        amplitude = self._turned(angle, read, chosen.tolist(), half_sums)
+        if block_turns not in self._noise:
+            self._noise[block_turns] = line_noise(
+                self.samples, self.sampling_rate_hz, track, self.orders, block_turns
+            )
+        return OrderLines(
+            orders=self.orders[chosen],
+            amplitude=amplitude * (2.0 / (0.5 * turns)),
+            block_turns=turns,
+            first_turn=grid.first_turn,
+            noise=self._noise[block_turns][:, chosen],
+        )
+
+    def sliding(self, track: AngleTrack, block_turns: float) -> SlidingLines:
+        """Return the lines in Hann blocks a quarter of their length apart, cut at the ends.
+
+        Parameters
+        ----------
+        track : AngleTrack
+            Angle of shaft 1 against time.
+        block_turns : float
+            Length of a block [turns]; at most a quarter of the recording.
+
+        Returns
+        -------
+        SlidingLines
+        """
+        angle, read = self._near(track)
+        low, high = float(angle[0]), float(angle[-1])
+        hop = min(block_turns, 0.25 * (high - low)) / 4
+        count = int((high - low) / hop + 1e-9) + 1
+        # two hops before the first centre and two after the last one
+        edges: FloatArray = low + hop * np.arange(-2.0, count + 2.0)
+        share, sums = _cut(angle, edges)
+        cosine, sine = np.cos(0.5 * np.pi * share), np.sin(0.5 * np.pi * share)
+
+        def block_sums(wave: ComplexArray) -> ComplexArray:
+            # 1/2 + 1/2 cos about the centre, in the two hops before and the two after it
+            plain, near, far = sums(wave), sums(wave * cosine), sums(wave * sine)
+            total: ComplexArray = plain[:-3] + plain[1:-2] + plain[2:-1] + plain[3:]
+            total += near[2:-1] + far[1:-2] - far[3:] - near[:-3]
+            return 0.5 * total
+
+        amplitude = self._turned(angle, read, range(len(self.orders)), block_sums)
+        steps, middle = np.diff(angle), 0.5 * (angle[1:] + angle[:-1])
+        weight = block_sums(_padded(steps)).real
+        moment = block_sums(_padded(steps * (middle - low))).real
+        return SlidingLines(
+            angle=low + moment / weight,
+            orders=np.tile(self.orders, len(self.samples)),
+            amplitude=(amplitude / weight[:, None, None]).reshape(count, -1),
+        )
+
+    def _near(self, track: AngleTrack) -> tuple[FloatArray, Stretches]:
+        """Return the angle of a track at the edges of stretches, and sums that suit it."""
+        if self._read is not None:
+            for known, angle in self._tracks:
+                if known is track:
+                    return angle, self._read
+            angle = self._read.angle_in(track)
+            if self._read.departure(angle) < _NEAR:
+                self._tracks = [*self._tracks[1 - _REMEMBERED :], (track, angle)]
+                return angle, self._read
+            self._noise = {}
+        self._read = Stretches.of(self.samples, self.sampling_rate_hz, track, self.orders)
+        self._tracks = [(track, self._read.angle_in(track))]
+        return self._tracks[0][1], self._read
+
+    def _turned(
+        self,
+        angle: FloatArray,
+        read: Stretches,
+        lines: Sequence[int],
+        sums_of: Callable[[ComplexArray], ComplexArray],
+    ) -> ComplexArray:
+        """Return what `sums_of` makes of each line in the angle of a track.
+
+        Parameters
+        ----------
+        angle : ndarray of float
+            That of the track at the edges of the stretches [turns].
+        read : Stretches
+            The sums.
+        lines : sequence of int
+            Numbers of the lines.
+        sums_of : callable
+            Takes a line, stretch by stretch, each times the angle that it spans, and a zero.
+
+        Returns
+        -------
+        ndarray of complex, shape (sums, channels, lines)
+        """
+        middle, steps = 0.5 * (angle[1:] + angle[:-1]), np.diff(angle) / read.length
+
+        def line(number: int) -> ComplexArray:
+            turn = phasors(-self.orders[number] * middle) * steps
+            found = []
+            for real, imag in read.sums[:, :, number]:
+                wave = _padded(real)
+                wave.imag[:-1] = imag
+                wave[:-1] *= turn
+                found.append(sums_of(wave))
+            return np.stack(found, axis=-1)
+
+        work = 4 * len(lines) * len(self.samples) * len(steps)
+        return np.stack(side_by_side(line, lines, work), axis=-1)
+
+
+def _padded(values: FloatArray) -> ComplexArray:
+    """Return values as complex numbers, and a zero behind them."""
+    padded = np.zeros(len(values) + 1, dtype=np.complex128)
+    padded.real[:-1] = values
+    return padded
+
+
+def _cut(
+    angle: FloatArray, edges: FloatArray
+) -> tuple[FloatArray, Callable[[ComplexArray], ComplexArray]]:
+    """Share stretches out among parts of the angle by where their middles lie.
+
+    Returns
+    -------
+    share : ndarray of float, shape (stretches + 1,)
+        Where each lies in its part, 0 to 1, and a zero.
+    sums : callable
+        Adds up a wave over each part; a zero at its end keeps parts behind the last stretch.
+    """
+    middle = 0.5 * (angle[1:] + angle[:-1])
+    first = np.searchsorted(middle, edges)
+    # an edge more has passed from the first stretch behind it on
+    sizes = np.diff(np.concatenate([[0], first, [len(middle)]]))
+    part = np.repeat(np.clip(np.arange(-1, len(edges)), 0, len(edges) - 2), sizes)
+    share = (middle - edges[part]) / (edges[1] - edges[0])
+
+    def sums(wave: ComplexArray) -> ComplexArray:
+        total: ComplexArray = np.add.reduceat(wave, first)[:-1]
+        total[first[:-1] == first[1:]] = 0.0
+        return total
+
+    return np.append(share, 0.0), sums
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stretches:
+    """Sums of samples under waves of each order, stretch by stretch.
+
+    `sums` has shape (channels, 2, lines, stretches), real and imaginary parts; `length` is the
+    samples of a stretch, `slopes` the logarithms of the turns that each was made with, `cycles` the
+    cycles of the highest order in one.
+    """
+
+    edges_s: FloatArray
+    length: int
+    sums: FloatArray
+    slopes: FloatArray
+    cycles: float
+
+    @classmethod
+    def of(
+        cls, samples: FloatArray, rate: float, track: AngleTrack, orders: FloatArray
+    ) -> Stretches:
+        """Read a recording in the angle of a track."""
+        top, fastest = float(orders.max()), float(track.speed_hz.max())
+        turns = min(_CYCLES / top, _LONGEST)
+        length = max(1, int(min(turns * rate / fastest, samples.shape[-1] / _LEAST)))
+        count = samples.shape[-1] // length
+        edges_s = (length * np.arange(count + 1) - 0.5) / rate
+        # some stretches share a speed, rounded to whole steps of its logarithm
+        shared = np.arange(0, count, _SHARING)
+        sizes = np.diff(np.append(shared, count))
+        mean = np.add.reduceat(np.diff(track.turns_at(edges_s)), shared) / sizes
+        number = np.repeat(np.rint(np.log(mean) / _SPEED_STEP), sizes)
+        sums = np.empty((len(samples), 2, len(orders), count))
+        starts = np.concatenate([[0], np.flatnonzero(np.diff(number)) + 1, [count]])
+        runs = [
+            (first, min(first + _TOGETHER, int(end)))
+            for begin, end in pairwise(starts)
+            for first in range(int(begin), int(end), _TOGETHER)
+        ]
+        place = (np.arange(length) - 0.5 * (length - 1)) / length
+        known: dict[float, FloatArray] = {}
+
+        def waves_at(speed: float) -> FloatArray:
+            if speed not in known:
+                wave = 2 * np.pi * np.exp(speed * _SPEED_STEP) * np.outer(orders, place)
+                known[speed] = np.concatenate([np.cos(wave), -np.sin(wave)])
+            return known[speed]
+
+        def read(row: int) -> None:
+            begin, end = runs[row]
+            waves = waves_at(float(number[begin]))
+            for channel, out in zip(samples, sums, strict=True):
+                part = channel[begin * length : end * length].reshape(end - begin, length)
+                np.matmul(waves, part.T, out=out.reshape(len(waves), count)[:, begin:end])
+
+        side_by_side(read, range(len(runs)), samples.size)
+        return cls(
+            edges_s=edges_s,
+            length=length,
+            sums=sums,
+            slopes=number * _SPEED_STEP,
+            cycles=top * float(np.exp(np.mean(number) * _SPEED_STEP)),
+        )
+
+    def angle_in(self, track: AngleTrack) -> FloatArray:
+        """Angle of a track at the edges of the stretches [turns]."""
+        parts = np.split(self.edges_s, range(_EDGES, len(self.edges_s), _EDGES))
+        return np.concatenate(side_by_side(track.turns_at, parts, 16 * len(self.edges_s)))
+
+    def departure(self, angle: FloatArray) -> float:
+        """Cycles a stretch that a track differs by from the one these sums were made with."""
+        change = np.log(np.diff(angle)) - self.slopes
+        return float(np.sqrt(np.mean(change**2))) * self.cycles

@@ -6,11 +6,11 @@
 >>> source = open_source("recording.csv")                           # doctest: +SKIP
 >>> identify(source).is_text                                        # doctest: +SKIP
 True
->>> interpret(read_table(source).content(), Wanted()).columns[0].unit   # doctest: +SKIP
+>>> interpret(read_table(source), Wanted()).columns[0].unit   # doctest: +SKIP
 'm/s2'
 
-Text: `source` (bytes to whole lines), `fields` (what a number is), `layout` (separator,
-decimal character, first row, names) and `text` (lines to numbers, compiled or with care). Other
+Text: `source` (bytes to whole lines, and what a number is), `layout` (separator, decimal character,
+first row, names) and `text` (lines to numbers, compiled or with care). Other
 files, arrays and frames: `formats`. Then for all: `columns` (names, units, kinds, defects),
 `timebase` (the sampling rate) and `channels` (which columns are the recording).
 """
@@ -18,20 +18,21 @@ files, arrays and frames: `formats`. Then for all: `columns` (names, units, kind
 from gearmon.signals.reading.channels import SensorLike, Wanted, interpret
 from gearmon.signals.reading.columns import (
     Content,
+    DataColumn,
     describe_columns,
     find_column,
     find_defect,
     survey,
 )
-from gearmon.signals.reading.fields import Progress
 from gearmon.signals.reading.formats import identify, read_arrays
-from gearmon.signals.reading.formats.named_arrays import content_of
-from gearmon.signals.reading.source import Source, open_source
+from gearmon.signals.reading.formats.arrays import content_of
+from gearmon.signals.reading.source import Progress, Source, open_source
 from gearmon.signals.reading.text import read_table
 from gearmon.signals.reading.timebase import counts_evenly, rises_evenly, spacing
 
 __all__ = [
     "Content",
+    "DataColumn",
     "Progress",
     "SensorLike",
     "Source",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -19,7 +20,7 @@ from gearmon.signals.reading.columns import (
     missing_values,
     survey,
 )
-from gearmon.signals.reading.fields import Floats, shortened
+from gearmon.signals.reading.source import Floats, shortened
 from gearmon.signals.reading.timebase import counts_evenly, rises_evenly, sampling_rate
 from gearmon.signals.threads import side_by_side
 from gearmon.units import KNOWN_UNITS, acceleration_factor, is_unit, plain_unit
@@ -174,12 +175,7 @@ def _one_line(note: str) -> str:
 
 def _spoken(content: Content, wanted: Wanted) -> tuple[_Spoken, list[str]]:
     """Return the columns that the user spoke of, and notes on sensors that are not in the file."""
-    names = [(column.name, column.cell) for column in content.columns]
-    numbers = [column.number for column in content.columns]
-
-    def index(key: str | int) -> int:
-        return find_column(content.path, key, names, numbers)
-
+    index = partial(find_column, content.path, columns=content.columns)
     told: dict[int, SensorLike] = {}
     absent = []
     for sensor in wanted.sensors:

@@ -12,8 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gearmon.errors import RecordingError, nearest_name
-from gearmon.signals.reading.fields import Floats, Room, shortened
-from gearmon.signals.reading.layout import Header
+from gearmon.signals.reading.source import Floats, Room, shortened
 from gearmon.units import is_trusted_unit, is_unit, kind_of_unit
 
 _SQUARE = re.compile(r"(.*?)\s*\[\s*([^\]]*?)\s*\]")
@@ -138,23 +137,22 @@ def reserved(path: str, room: Room, shape: tuple[int, int]) -> Floats:
         ) from None
 
 
-def describe_columns(header: Header, count: int) -> tuple[DataColumn, ...]:
-    """Return the columns of a table, as far as the lines above the numbers tell.
+def describe_columns(cells: Sequence[str], units: Sequence[str] = ()) -> tuple[DataColumn, ...]:
+    """Return the columns of a table, as far as their heads tell.
 
     Parameters
     ----------
-    header : Header
-        Names and units.
-    count : int > 0
-        Number of columns.
+    cells : sequence of str
+        The head of each column; "" where there is none.
+    units : sequence of str
+        What stands in a row of units below them, if there is one.
     """
-    cells = header.names or ("",) * count
-    units = header.units or ("",) * count
     parted = [_name_and_unit(cell) for cell in cells]
-    if not header.units:
+    if not units:
         parted = _without_doubtful_units(parted, cells)
-    columns = []
-    for number, (cell, (name, unit), below) in enumerate(zip(cells, parted, units, strict=True), 1):
+    columns, below_them = [], units or ("",) * len(cells)
+    for number, (cell, below) in enumerate(zip(cells, below_them, strict=True), 1):
+        name, unit = parted[number - 1]
         text = below.strip().strip("[]()<> ")
         own = unit or (text if text not in ("", "-", "--", "1") else None)
         kind = _kind_of(name, own, named=cell != "")
@@ -217,9 +215,7 @@ def _kind_of(name: str, unit: str | None, *, named: bool) -> str:
     return "vibration" if moves else by_name
 
 
-def find_column(
-    origin: str, key: str | int, names: Sequence[Sequence[str]], numbers: Sequence[int]
-) -> int:
+def find_column(origin: str, key: str | int, columns: Sequence[DataColumn]) -> int:
     """Return the index of the channel that is meant by a name or by a column number.
 
     Parameters
@@ -229,10 +225,8 @@ def find_column(
     key : str or int
         A name, or the number of a column counted from 1. Digits are a number unless a channel has
         that name.
-    names : sequence of sequences of str
-        The names of each channel.
-    numbers : sequence of int
-        The column number of each channel.
+    columns : sequence of DataColumn
+        The channels.
 
     Raises
     ------
@@ -240,6 +234,8 @@ def find_column(
         If there is no such channel, or several have that name.
     """
     text = str(key)
+    names = [(own.name, own.cell) if own.cell else (own.name,) for own in columns]
+    numbers = [own.number for own in columns]
     if isinstance(key, str):
         for spelling in (str.strip, str.lower):
             wanted = spelling(text)

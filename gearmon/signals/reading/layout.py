@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 from itertools import islice
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.fields import (
+from gearmon.signals.reading.columns import DataColumn, describe_columns
+from gearmon.signals.reading.source import (
     LONGEST_QUOTE,
     is_comment,
     is_missing,
@@ -99,37 +100,36 @@ class Dialect:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Header:
-    """What the lines above the numbers say about the columns.
+class Layout:
+    """Where the rows of a table begin, how they are written, and what stands above them.
 
     Parameters
     ----------
-    names : tuple of str or None
-        The cells of the line of names; None if there is none.
-    units : tuple of str or None
-        The cells of the line of units below it.
-    line : int
-        Number of the line of names.
+    dialect : Dialect
+        How they are written.
+    first_line : int
+        Number of the first row's line.
+    names : sequence of str
+        The cells of the line of names; none if there is no such line.
+    units : sequence of str
+        The cells of the line of units below it, likewise.
     remark : str
         Why a line that looks like names was not used.
     rate_hint : str
         The line that seems to tell the sampling rate.
     """
 
-    names: tuple[str, ...] | None = None
-    units: tuple[str, ...] | None = None
-    line: int = 0
+    dialect: Dialect
+    first_line: int
+    names: Sequence[str] = ()
+    units: Sequence[str] = ()
     remark: str = ""
     rate_hint: str = ""
 
-
-@dataclass(frozen=True, kw_only=True)
-class Layout:
-    """Where the rows of a table begin, how they are written, and what stands above them."""
-
-    dialect: Dialect
-    first_line: int
-    header: Header
+    @property
+    def columns(self) -> tuple[DataColumn, ...]:
+        """The columns of the table, as far as the lines above the numbers tell."""
+        return describe_columns(self.names or ("",) * self.dialect.columns, self.units)
 
 
 def find_layout(path: str, lines: Sequence[str]) -> Layout | None:
@@ -174,9 +174,8 @@ def find_layout(path: str, lines: Sequence[str]) -> Layout | None:
             )
     dialect = _clear_decimals(path, dialect, sample, joined)
     dialect = _widened(dialect, sample, joined)
-    header = _find_header(path, joined, dialect)
-    layout = Layout(dialect=dialect, first_line=first, header=header)
-    return _with_counted_names(layout, lines)
+    layout = Layout(dialect=dialect, first_line=first, rate_hint=_rate_hint(joined))
+    return _with_counted_names(_with_names(path, layout, joined), lines)
 
 
 def _sample(lines: Sequence[str], count: int) -> list[str]:
@@ -329,7 +328,7 @@ def _digit_verdict(rows: Sequence[Sequence[str]]) -> int | None:
 def _with_counted_names(layout: Layout, lines: Sequence[str]) -> Layout:
     """Take a first row 0, 1, 2 ... above rows of decimals as the names that it is."""
     dialect = layout.dialect
-    if layout.header.names is not None or dialect.columns < 3:
+    if layout.names or dialect.columns < 3:
         return layout
     numbered = [
         (number, row)
@@ -342,29 +341,29 @@ def _with_counted_names(layout: Layout, lines: Sequence[str]) -> Layout:
         return layout
     if len(later) < 5 or any(field.isdigit() for _, row in later for field in row):
         return layout
-    header = Header(names=tuple(names), line=layout.first_line)
-    return replace(layout, first_line=later[0][0], header=header)
+    return replace(layout, first_line=later[0][0], names=names)
 
 
-def _find_header(path: str, above: Sequence[Line], dialect: Dialect) -> Header:
-    """Return what the lines of text above the first row say.
+def _rate_hint(above: Sequence[Line]) -> str:
+    """Return what seems to tell the sampling rate in the lines of text above the first row."""
+    for number, text in above:
+        if _RATE.search(text) and any(character.isdigit() for character in text):
+            return f"line {number} says '{shortened(text.strip())}'"
+    return ""
+
+
+def _with_names(path: str, layout: Layout, above: Sequence[Line]) -> Layout:
+    """Add the names and units that the lines of text above the first row tell.
 
     Raises
     ------
     RecordingError
         If the last of them is a row with a damaged field, or one with another number of fields.
     """
-    hint = next(
-        (
-            f"line {number} says '{shortened(text.strip())}'"
-            for number, text in above
-            if _RATE.search(text) and any(character.isdigit() for character in text)
-        ),
-        "",
-    )
+    dialect = layout.dialect
     lines = [line for line in above if line[1] and not _is_marker(line[1])]
     if not lines:
-        return Header(rate_hint=hint)
+        return layout
     number, text = lines[-1]
     cells = _cells(text, dialect)
     _check_no_odd_line(path, lines[-1], dialect)
@@ -375,20 +374,18 @@ def _find_header(path: str, above: Sequence[Line], dialect: Dialect) -> Header:
             "columns are numbered"
         )
         told = len(named) >= 2 and not _is_metadata(text)
-        return Header(remark=remark if told else "", rate_hint=hint)
+        return replace(layout, remark=remark) if told else layout
     upper = _cells(lines[-2][1], dialect) if len(lines) > 1 else None
     if upper is not None and dialect.numbers(upper):
         upper = None
     if are_units(cells) and (upper is not None or cells[0].startswith(("[", "("))):
-        names = None if upper is None else tuple(upper)
-        line = number if upper is None else lines[-2][0]
-        return Header(names=names, units=tuple(cells), line=line, rate_hint=hint)
+        return replace(layout, names=upper or (), units=cells)
     if dialect.numbers(cells) and not _are_numbered(cells):
         _check_no_damaged_row(path, lines, cells, dialect)
-        return Header(rate_hint=hint)
+        return layout
     if dialect.columns == 1 and (_is_metadata(text) or len(text) > LONGEST_QUOTE):
-        return Header(rate_hint=hint)
-    return Header(names=tuple(cells), line=number, rate_hint=hint)
+        return layout
+    return replace(layout, names=cells)
 
 
 def _joined_lines(lines: Sequence[Line]) -> list[Line]:

@@ -13,19 +13,23 @@ import io
 import re
 from collections import deque
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import islice
 from typing import Literal
 
 import numpy as np
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.columns import Content, describe_columns, reserved
-from gearmon.signals.reading.fields import (
+from gearmon.signals.reading.columns import Content, reserved
+from gearmon.signals.reading.layout import Dialect, Layout, counted, find_layout
+from gearmon.signals.reading.source import (
     MISSING,
+    Block,
     Floats,
     Progress,
     Room,
+    Source,
+    count_of,
     decoded,
     is_comment,
     is_missing,
@@ -36,8 +40,6 @@ from gearmon.signals.reading.fields import (
     to_number,
     without_empty_end,
 )
-from gearmon.signals.reading.layout import Dialect, Layout, counted, find_layout
-from gearmon.signals.reading.source import Block, Source, count_of
 from gearmon.signals.threads import cores
 
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
@@ -322,59 +324,8 @@ def _is_shorter(field: str, above: Sequence[Sequence[str]], dialect: Dialect) ->
     return enough and len(ending(field)) < len(endings.pop())
 
 
-@dataclass(frozen=True, kw_only=True)
-class TextTable:
-    """The numbers of a text file.
-
-    Parameters
-    ----------
-    source : Source
-        The file.
-    layout : Layout
-        Where and how the rows are written.
-    values : ndarray of float64, shape (columns, rows)
-        The numbers; NaN where one is missing.
-    """
-
-    source: Source
-    layout: Layout
-    values: Floats
-
-    def line(self, row: int) -> tuple[int, list[str]]:
-        """Return the number of the line that holds the row (counted from 0), and its fields."""
-        dialect = self.layout.dialect
-        for block in _blocks_from(self.source, self.layout.first_line):
-            for number, line in enumerate(decoded(block.text).split("\n"), block.first_line):
-                if _is_row(line, dialect):
-                    if row == 0:
-                        return number, dialect.split(line)
-                    row -= 1
-        raise IndexError("the file became shorter while it was read")
-
-    def content(self) -> Content:
-        """Return the numbers with what the lines above them say."""
-        header = self.layout.header
-        return Content(
-            path=self.source.path,
-            values=self.values,
-            columns=describe_columns(header, len(self.values)),
-            stamp=self.layout.dialect.stamp,
-            rate_hint=header.rate_hint,
-            notes=(header.remark,) if header.remark else (),
-            is_text=True,
-            place=lambda row: f"line {self.line(row)[0]}",
-            shown=self._shown,
-        )
-
-    def _shown(self, row: int, index: int) -> str:
-        field = ([*self.line(row)[1][index:], ""])[0]
-        return f"'{shortened(field)}'" if field else "an empty field"
-
-
-def read_table(
-    source: Source, progress: Progress | None = None, room: Room = np.empty
-) -> TextTable:
-    """Return all rows of numbers in a text file.
+def read_table(source: Source, progress: Progress | None = None, room: Room = np.empty) -> Content:
+    """Return all rows of numbers in a text file, with what the lines above them say.
 
     Parameters
     ----------
@@ -406,16 +357,39 @@ def read_table(
             progress(min(1.0, done / size))
     if progress is not None:
         progress(1.0)
-    return TextTable(source=source, layout=layout, values=values[:, :count])
+
+    def shown(row: int, index: int) -> str:
+        field = ([*_line_of(source, layout, row)[1][index:], ""])[0]
+        return f"'{shortened(field)}'" if field else "an empty field"
+
+    return Content(
+        path=source.path,
+        values=values[:, :count],
+        columns=layout.columns,
+        stamp=layout.dialect.stamp,
+        rate_hint=layout.rate_hint,
+        notes=(layout.remark,) if layout.remark else (),
+        is_text=True,
+        place=lambda row: f"line {_line_of(source, layout, row)[0]}",
+        shown=shown,
+    )
+
+
+def _line_of(source: Source, layout: Layout, row: int) -> tuple[int, list[str]]:
+    """Return the number of the line that holds a row (counted from 0), and its fields."""
+    rows = (
+        (number, line)
+        for block in _blocks_from(source, layout.first_line)
+        for number, line in enumerate(decoded(block.text).split("\n"), block.first_line)
+        if _is_row(line, layout.dialect)
+    )
+    number, line = next(islice(rows, row, None))
+    return number, layout.dialect.split(line)
 
 
 def _parsed_blocks(source: Source, layout: Layout) -> Iterator[tuple[Block, Floats]]:
     """Yield the blocks with their rows, in order; the plain ones are parsed ahead by threads."""
-    names = layout.header.names or ("",) * layout.dialect.columns
-    labels = [
-        f"column {number} ('{shortened(name)}')" if name else f"column {number}"
-        for number, name in enumerate(names, 1)
-    ]
+    labels = [column.label for column in layout.columns]
     before, empty_line = b"", 0
     for block, rows in _parsed_ahead(source, layout):
         if not block.closed:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from gearmon.errors import RecordingError
 from gearmon.signals.reading.columns import Content, DataColumn, missing_values
-from gearmon.signals.reading.fields import Floats
+from gearmon.signals.reading.source import Floats
 from gearmon.units import time_factor
 
 Flags = npt.NDArray[np.bool_]

@@ -38,12 +38,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.fft import ifft
 
 from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.signals.array_types import ComplexArray, FloatArray
 from gearmon.signals.spectra.spectrum import Spectrum, amplitude_spectrum, hann
 from gearmon.signals.transforms import (
-    batch,
     fast_length,
     is_smooth,
     quick_length,
@@ -124,16 +124,13 @@ def band_envelope(samples: FloatArray, rate: float, low: float, high: float) -> 
         lines[:, 0] *= 0.5  # the mean has no conjugate to be folded in
     middle = (first + last) // 2  # what is shifted to zero
     length = fast_length(2 * (last - middle) + 2)
-    work = batch(length, inverse=True)
-    # of a record that was padded the padding is left out again
-    values = np.empty((len(signals), -(-length * samples_in // count)), dtype=np.complex128)
-    work.input[:] = 0.0
-    for row in range(len(signals)):
-        work.input[0, : last - middle + 1] = lines[row, middle - first :]
-        work.input[0, first - middle :] = lines[row, : middle - first]
-        values[row] = work.run()[0, : values.shape[-1]]
+    shifted = np.zeros((len(signals), length), dtype=np.complex128)
+    shifted[:, : last - middle + 1] = lines[:, middle - first :]
+    shifted[:, first - middle :] = lines[:, : middle - first]
+    values = ifft(shifted, axis=-1, norm="forward", overwrite_x=True)
     return Envelope(
-        values=values,
+        # of a record that was padded the padding is left out again
+        values=values[:, : -(-length * samples_in // count)],
         rate=length * rate / count,
         centre=middle * rate / count,
         low=first * rate / count,
@@ -280,16 +277,13 @@ def _band_kurtosis(lines: ComplexArray, count: int, share: float) -> FloatArray:
     # mean square is exact wherever the impacts fall between the points
     length = 2 * width if is_smooth(width) else fast_length(2 * width)
     rows = min(count, rows_in_cache(length))
-    work = batch(length, rows, inverse=True)
-    work.input[:, width:] = 0.0
     kept = max(2, int(length * share))
     bands = lines[: width * count].reshape(count, width)
     mean, square = np.empty(count), np.empty(count)
     for first in range(0, count, rows):
-        group = slice(first, min(count, first + rows))
-        size = group.stop - first
-        work.input[:size, :width] = bands[group]
-        mean[group], square[group] = _power_sums(work.run()[:size, :kept])
+        group = slice(first, first + rows)
+        envelopes = ifft(bands[group], length, axis=-1, norm="forward")
+        mean[group], square[group] = _power_sums(envelopes[:, :kept])
     mean /= kept
     square /= kept
     # an empty band has no kurtosis; rounding noise beside strong bands must not be taken for one
@@ -392,9 +386,7 @@ def _coherence(blocks: FloatArray, hop: int, alpha: float) -> FloatArray:
     half = block // 2 + 1
     shift = hann(block) * np.exp(-1j * np.pi * alpha * np.arange(block))
     # the conjugate of an inverse transform is the forward one of the conjugate
-    work = batch(block, count, inverse=True)
-    np.multiply(blocks, shift.conj(), out=work.input)
-    lines = work.run().conj()
+    lines = ifft(blocks * shift.conj(), axis=-1, norm="forward", overwrite_x=True).conj()
     # f - alpha/2 of a real signal is the conjugate of the same shift at -f
     upper, lower = lines[:, :half], lines[:, -np.arange(half) % block]
     cross = np.exp(-2j * np.pi * alpha * hop * np.arange(count)) @ (upper * lower)

@@ -30,7 +30,6 @@ from numpy.typing import ArrayLike, NDArray
 from gearmon.errors import ArgumentError, check_positive, check_range, nearest_name
 from gearmon.signals.array_types import ComplexArray, FloatArray
 from gearmon.signals.transforms import (
-    batch,
     quick_length,
     rows_in_cache,
     transform,
@@ -205,7 +204,7 @@ def amplitude_spectrum(
         mean square of the signal (weighted by the squared window).
     length : int, optional
         Transform length, >= n; the signal is padded with zeros. By default `quick_length(n)`: n
-        itself unless n is above 16,384 and has a prime factor above seven.
+        itself unless n is above 16,384 and has a prime factor above eleven.
 
     Returns
     -------
@@ -306,16 +305,11 @@ def _mean_power(signal: FloatArray, weights: FloatArray, length: int) -> FloatAr
     """Mean squared magnitude of half-overlapped windowed blocks, some blocks at a time."""
     block = len(weights)
     blocks = np.lib.stride_tricks.sliding_window_view(signal, block)[:: max(1, block // 2)]
-    rows = min(rows_in_cache(length), len(blocks))
-    work = batch(length, rows)
-    parts = work.output.view(np.float64)
-    work.input[:, block:] = 0.0
-    power = np.zeros(parts.shape[-1])
+    rows = rows_in_cache(length)
+    power = np.zeros(2 * (length // 2 + 1))
     for first in range(0, len(blocks), rows):
-        group = blocks[first : first + rows]
-        np.multiply(group, weights, out=work.input[: len(group), :block])
-        work.run()
-        power += np.einsum("ij,ij->j", parts[: len(group)], parts[: len(group)])
+        parts = transform(blocks[first : first + rows], length, weights).view(np.float64)
+        power += np.einsum("ij,ij->j", parts, parts)
     return np.asarray((power[0::2] + power[1::2]) / len(blocks), dtype=np.float64)
 
 

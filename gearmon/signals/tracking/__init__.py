@@ -1,10 +1,9 @@
 """Speed and angle of shaft 1: from a tachometer, from the lines of the vibration, or from both.
 
-With a tachometer `tacho` finds the pulses (`pulse_repair` mends their train) and lets the phases
-of the mesh lines tell the angle between them. Without one `comb` finds the speed that puts known
+With a tachometer `pulses` finds its pulses and mends their train, and `tacho` lets the phases of
+the mesh lines tell the angle between them. Without one `comb` finds the speed that puts known
 orders onto the lines of the spectrum, steady or changing, `phases` makes an angle of it, `slips`
-tells where that is lost; `mesh_detection` and `sideband_spacing` judge whether the mesh is there at
-all.
+tells where that is lost; `mesh_detection` judges whether the mesh is there at all.
 
 >>> import numpy as np
 >>> from gearmon.signals.tracking import find_pulses, track_from_pulses
@@ -20,7 +19,9 @@ from gearmon.signals.tracking.mesh_detection import (
     MeshComb,
     MeshEvidence,
     combined_comb,
+    foreign_spacing,
     mesh_evidence,
+    sideband_spacing,
 )
 from gearmon.signals.tracking.phases import (
     coherent_share,
@@ -29,14 +30,11 @@ from gearmon.signals.tracking.phases import (
     lock_track,
     refine_track,
 )
-from gearmon.signals.tracking.sideband_spacing import foreign_spacing, sideband_spacing
+from gearmon.signals.tracking.pulses import TachoPulses, find_pulses, pulses_from_times
 from gearmon.signals.tracking.slips import LEAST_TURNS, SlipCheck, check_slips
 from gearmon.signals.tracking.tacho import (
-    TachoPulses,
-    find_pulses,
     join,
     pulse_angles,
-    pulses_from_times,
     pulses_per_turn,
     track_from_pulse_times,
     track_from_pulses,

@@ -20,10 +20,8 @@ import numpy as np
 
 from gearmon.signals.angle import AngleTrack, phasors
 from gearmon.signals.array_types import FloatArray
-from gearmon.signals.orders.lines import OrderLines
-from gearmon.signals.orders.nonuniform_fft import Kernel, Spreading
-from gearmon.signals.orders.resampling import AngleGrid
-from gearmon.signals.orders.sums import OrderSums, SlidingLines
+from gearmon.signals.orders.lines import OrderLines, OrderSums, SlidingLines
+from gearmon.signals.orders.resampling import AngleGrid, Kernel, Spreading
 from gearmon.signals.tracking.comb import Comb, SpeedTrack, scan_speed
 from gearmon.signals.tracking.thresholds import LIMITS, QUARTER_HOP
 

@@ -11,30 +11,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gearmon.errors import ArgumentError, RecordingError, check_positive, check_range
+from gearmon.errors import ArgumentError, RecordingError, check_positive
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.array_types import FloatArray
-from gearmon.signals.orders.sums import OrderSums
+from gearmon.signals.orders.lines import OrderSums
 from gearmon.signals.tracking.phases import lock_track, roughness
-from gearmon.signals.tracking.pulse_repair import (
-    Repaired,
-    is_even,
-    learn_spacing,
-    misplaced,
-    repair_even,
-    repair_uneven,
-)
+from gearmon.signals.tracking.pulses import TachoPulses, learn_spacing, pulses_from_times
 from gearmon.signals.tracking.thresholds import LIMITS
 
 # Knots a turn that an angle track gets; of an encoder's many pulses neighbours are averaged.
 _KNOTS_PER_TURN = 16
 
-Edge = Literal["rising", "falling"]
 # Blocks in which lines are judged [turns]: those that they are locked in.
 _JUDGED_TURNS = 4.0
 # Stiffness that smooths pulses over a block before lines are locked: what they scatter faster than
@@ -42,172 +33,6 @@ _JUDGED_TURNS = 4.0
 _STIFF = 8.0
 # Stiffnesses that are tried, powers of two.
 _TRIED = np.arange(-4.0, 31.0, 2.0)
-
-
-@dataclass(frozen=True, kw_only=True)
-class TachoPulses:
-    """Times of the pulses of a tachometer.
-
-    Parameters
-    ----------
-    time_s : ndarray of float, shape (pulses,)
-        Edges [s], ascending, missing ones filled in, extra ones left out.
-    missing, extra : int
-        Pulses that were filled in and left out.
-
-    Raises
-    ------
-    RecordingError
-        If these are no times of pulses: they do not ascend (a waveform, perhaps), or are not
-        finite.
-    """
-
-    time_s: FloatArray
-    missing: int = 0
-    extra: int = 0
-
-    def __post_init__(self) -> None:
-        """Check the times."""
-        times = self.time_s
-        if times.ndim != 1:
-            raise RecordingError(
-                f"pulse times: an array of shape {times.shape}; a row of times is needed"
-            )
-        if not np.all(np.isfinite(times)):
-            place = int(np.argmin(np.isfinite(times)))
-            raise RecordingError(f"pulse times: pulse {place + 1} has no finite time")
-        falls = np.flatnonzero(np.diff(times) <= 0)
-        if len(falls):
-            first = int(falls[0])
-            raise RecordingError(
-                f"pulse times: pulse {first + 2} at {times[first + 1]:g} s does not come after "
-                f"pulse {first + 1} at {times[first]:g} s, nor do {len(falls) - 1} others after "
-                "theirs; if this is the waveform of a tachometer, give it to find_pulses with its "
-                "sampling rate"
-            )
-
-
-def find_pulses(
-    waveform: FloatArray,
-    sampling_rate_hz: float,
-    per_turn: int | None = None,
-    edge: Edge = "rising",
-    hysteresis: float = 0.1,
-) -> TachoPulses:
-    """Find the edges of a tachometer waveform.
-
-    The threshold is half way between the extremes, with a hysteresis on either side; edges are
-    interpolated between samples. Missing pulses are filled in and extra ones left out
-    (`gearmon.signals.tracking.pulse_repair`); of several pulses a turn the spacing is learned first
-    (`gearmon.signals.tracking.pulse_repair`), so that uneven ones are left alone.
-
-    Parameters
-    ----------
-    waveform : ndarray of float, shape (n,)
-        The channel, any unit.
-    sampling_rate_hz : float
-        Sampling rate [Hz].
-    per_turn : int, optional
-        Pulses a turn, if known.
-    edge : {"rising", "falling"}
-        Which edge of the pulses to take: the sharper one, if they differ.
-    hysteresis : float
-        Part of the distance between the extremes that the waveform must pass the threshold by,
-        on either side, before a next edge counts; in [0.001, 0.45].
-
-    Returns
-    -------
-    TachoPulses
-
-    Raises
-    ------
-    RecordingError
-        If there are fewer than four pulses, or more than 2 % have to be repaired.
-    ArgumentError
-        If an argument is out of its range.
-    """
-    check_range("hysteresis", hysteresis, 1e-3, 0.45)
-    if edge not in ("rising", "falling"):
-        raise ArgumentError(f'edge must be "rising" or "falling", got {edge!r}')
-    low, high = float(np.min(waveform)), float(np.max(waveform))
-    middle, margin = 0.5 * (low + high), hysteresis * (high - low)
-    turned, middle = (waveform, middle) if edge == "rising" else (-np.asarray(waveform), -middle)
-    raw = _edges(turned, middle, margin) / sampling_rate_hz
-    if len(raw) < LIMITS.fewest_pulses:
-        times = len(waveform) > LIMITS.fewest_pulses and bool(np.all(np.diff(waveform) > 0))
-        rise = "; its values only rise, as times of pulses do: give those to track_from_pulse_times"
-        hint = rise if times else ""
-        raise RecordingError(
-            f"tacho channel: {len(raw)} pulses found between {low:g} and {high:g}; at least 4 are "
-            f"needed. Name the right channel with --tacho, or leave the tacho out{hint}"
-        )
-    return _repaired_pulses(raw, per_turn)
-
-
-def _repaired_pulses(raw: FloatArray, per_turn: int | None) -> TachoPulses:
-    """Fill in and leave out pulses up to the limit, refuse beyond it.
-
-    Parameters
-    ----------
-    raw : ndarray of float, shape (pulses,)
-        Times as they were found [s], ascending.
-    per_turn : int, optional
-        Pulses a turn, if known: the spacing of several is learned.
-
-    Raises
-    ------
-    RecordingError
-        If more than 2 % have to be repaired, or it is unclear how.
-    """
-    if per_turn is None or is_even(raw, per_turn):
-        found = repair_even(raw)
-    else:
-        filled, missing, extra = repair_uneven(raw, per_turn)
-        wrong = misplaced(filled, per_turn) if missing or extra else None
-        unclear_s = None if wrong is None else float(filled[wrong])
-        found = Repaired(time_s=filled, missing=missing, extra=extra, unclear_s=unclear_s)
-    if found.missing + found.extra > max(2, LIMITS.repairable * len(found.time_s)):
-        raise RecordingError(
-            f"tacho channel: {found.missing} pulses missing and {found.extra} too many among "
-            f"{len(found.time_s)}; at most 2 % can be repaired. Check the sensor, or leave the "
-            "tacho out"
-        )
-    if found.unclear_s is not None:
-        raise RecordingError(
-            f"tacho channel: pulses about {found.unclear_s:.4g} s come at times that fit no steady "
-            "or slowly changing speed, and it is unclear which are missing or too many. Check the "
-            "sensor, or leave the tacho out"
-        )
-    return TachoPulses(time_s=found.time_s, missing=found.missing, extra=found.extra)
-
-
-def pulses_from_times(time_s: ArrayLike, per_turn: int | None = None) -> TachoPulses:
-    """Take pulses whose times were measured already, as a counter board gives them.
-
-    Parameters
-    ----------
-    time_s : array_like of float, shape (pulses,)
-        Times of the pulses [s], ascending.
-    per_turn : int, optional
-        Pulses a turn, if known.
-
-    Returns
-    -------
-    TachoPulses
-        Repaired as those of a waveform.
-
-    Raises
-    ------
-    RecordingError
-        If these are no times of pulses (they do not ascend: a waveform, perhaps), there are fewer
-        than four, or more than 2 % have to be repaired.
-    """
-    times = np.asarray(time_s, dtype=np.float64)
-    if times.ndim != 1 or len(times) < LIMITS.fewest_pulses:
-        raise RecordingError(
-            f"pulse times: an array of shape {times.shape}; a row of at least 4 times is needed"
-        )
-    return _repaired_pulses(TachoPulses(time_s=times).time_s, per_turn)
 
 
 def track_from_pulse_times(
@@ -238,20 +63,6 @@ def track_from_pulse_times(
     """
     pulses = pulses_from_times(time_s, per_turn)
     return track_from_pulses(pulses, per_turn, shaft_order, duration_s)
-
-
-def _edges(waveform: FloatArray, middle: float, margin: float) -> FloatArray:
-    """Fractional samples at which the waveform rises through the middle, with hysteresis."""
-    state = np.zeros(len(waveform), dtype=np.int8)
-    state[waveform > middle + margin] = 1
-    state[waveform < middle - margin] = -1
-    known = np.flatnonzero(state)
-    rises = np.flatnonzero((state[known[1:]] == 1) & (state[known[:-1]] == -1))
-    # of each rise the first sample above the middle, and how far before it
-    ups = np.flatnonzero((waveform[:-1] <= middle) & (waveform[1:] > middle))
-    before = ups[np.searchsorted(ups, known[rises])]
-    height = waveform[before]
-    return np.asarray(before + (middle - height) / (waveform[before + 1] - height))
 
 
 def track_from_pulses(

@@ -91,9 +91,10 @@ def expected_signature(
     -----
     `error_bound` is the guaranteed bound of the solution for the harmonics taken of stiffness and
     excitation, plus an estimate of what the others would change (`stiffness_cut`, from their 1/n
-    fall). Damage of both gears (method "auto") and planetary sets have an estimate instead. Lines
-    are attributed to the nearest mesh harmonic. Lines that belong to neither shaft are not listed;
-    where they were solved for, their share of the acceleration is given as `cross_lines_share`.
+    fall). Damage of both gears (method "auto") and planetary sets have no bound but an
+    `error_estimate`. Lines are attributed to the nearest mesh harmonic. Lines that belong to
+    neither shaft are not listed; where they were solved for, their share of the acceleration is
+    given as `cross_lines_share`.
 
     Examples
     --------
@@ -170,7 +171,8 @@ class ContactLines(MeshLines):
         return super().header() | {
             "mean_deflection_m": self.mechanics.static_deflection_m,
             "order_used": 0,
-            "error_bound": self.error,
+            "error_bound": None,
+            "error_estimate": self.error,
             "stiffness_harmonics": 0,
             "stiffness_cut": 0.0,
             "stable": True,
@@ -214,6 +216,7 @@ class SteadyLines(MeshLines):
             "mean_deflection_m": self.mean_m,
             "order_used": response.order,
             "error_bound": self.error,
+            "error_estimate": None,
             "stiffness_harmonics": len(response.problem.stiffness_harmonics),
             "stiffness_cut": self.cut,
             "stable": response.stable,

@@ -165,16 +165,13 @@ def _refined(
 
 def _with(even: Heard, own: ComplexArray, added: Heard, period: int) -> Heard:
     """Return what a fault adds together with the even lines."""
-    place = np.stack(
-        [
-            np.concatenate([added.number, even.number * period]),
-            np.concatenate([added.carrier, even.carrier]),
-        ]
-    )
-    found, where = np.unique(place, axis=1, return_inverse=True)
-    lines = np.zeros(found.shape[1], dtype=np.complex128)
-    np.add.at(lines, where.ravel(), np.concatenate([own, even.lines[0]]))
-    return Heard(found[0], found[1], lines[None])
+    number = np.concatenate([added.number, even.number * period])
+    carrier = np.concatenate([added.carrier, even.carrier])
+    span = 1 + 2 * int(np.abs(carrier).max(initial=0))
+    _, first, where = np.unique(number * span + carrier, return_index=True, return_inverse=True)
+    lines = np.zeros(len(first), dtype=np.complex128)
+    np.add.at(lines, where, np.concatenate([own, even.lines[0]]))
+    return Heard(number[first], carrier[first], lines[None])
 
 
 def _lines(
@@ -291,7 +288,7 @@ def _turn_grid(posed: Posed, highest_hz: float) -> PhaseGrid:
         moving = [
             train
             for train in stiffness.modulations
-            if any(offset.leaving or offset.entering for offset in train.offsets)
+            if any(offset.moves for offset in train.offsets)
         ]
         own = [_moved_corners(train, period, stiffness.overlap_ratio) for train in moving]
         if not moving:

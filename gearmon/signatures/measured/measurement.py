@@ -15,13 +15,14 @@ from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.array_types import FloatArray
 from gearmon.signals.bad_samples import inspected, sound_part, sound_piece
-from gearmon.signals.orders import OrderLines, order_lines
-from gearmon.signals.orders.fine_spectra import FineSpectrum, fine_order_spectrum
+from gearmon.signals.orders import OrderLines, order_lines, without_knocks
+from gearmon.signals.orders.spectra import FineSpectrum, fine_order_spectrum
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signals.spectra import power_density
 from gearmon.signals.threads import at_once
-from gearmon.signals.tracking.mesh_detection import MeshComb, MeshEvidence
-from gearmon.signals.tracking.sideband_spacing import (
+from gearmon.signals.tracking.mesh_detection import (
+    MeshComb,
+    MeshEvidence,
     foreign_spacing,
     sideband_spacing,
 )
@@ -30,6 +31,7 @@ from gearmon.signatures.measured.nongear_lines import NonGearLines, nongear_line
 from gearmon.signatures.measured.provenance import digests
 from gearmon.signatures.speed import (
     SPEED_TOLERANCE,
+    GearVibration,
     Speed,
     Tracking,
     line_peak,
@@ -120,6 +122,8 @@ class MeasuredSignature(Result):
         Levels of the broadband spectrum, see `broadband_levels` [dB re 1 unit^2/Hz].
     notes : tuple of str
         What the reader should know.
+    angle_lost : bool
+        Whether the mesh lines do not stand still in the angle, all along.
     foreign : NonGearLines or None
         Lines that no gear explains.
     digests : tuple of str
@@ -147,6 +151,7 @@ class MeasuredSignature(Result):
     heard: NDArray[np.bool_]
     band_db: FloatArray
     notes: tuple[str, ...]
+    angle_lost: bool = False
     foreign: NonGearLines | None = None
     digests: tuple[str, ...] = ()
 
@@ -218,8 +223,11 @@ def measure_signature(
     lines, (spectrum, foreign) = at_once(
         planned, lambda: _others(piece, rate, part, train), samples.size
     )
+    for wheel in plan.wheels:
+        lines = without_knocks(lines, wheel.lines, wheel.number)
     level, scatter, heard = family_levels(lines, plan)
-    peak_hz = line_peak(samples, rate, train, track, nominal_hz)
+    signal = GearVibration(samples=samples, rate=rate, train=train, nominal_hz=nominal_hz)
+    peak_hz = line_peak(signal, track)
     speed = speed_of(track, nominal_hz, peak_hz, tracking.scan, recording.duration_s)
     findings = _findings(speed, spectrum, train, combs, tracking.evidence, lines, plan)
     return MeasuredSignature(
@@ -238,6 +246,7 @@ def measure_signature(
         heard=heard,
         band_db=broadband_levels(piece, rate),
         notes=tuple(recording.notes) + tracking.notes,
+        angle_lost=tracking.lost,
         foreign=foreign,
         digests=digests(samples),
     )

@@ -18,7 +18,7 @@ from scipy.special import gammaincc, gammainccinv
 from gearmon.gears.kinematics import Kinematics
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.array_types import FloatArray
-from gearmon.signals.orders.fine_spectra import (
+from gearmon.signals.orders.spectra import (
     FineSpectrum,
     clear_peaks,
     fine_envelope_spectrum,

@@ -33,7 +33,7 @@ def levels(standardised=0.0, gain_db=0.0):
     )
 
 
-def evidence(own=None, lines=0.0, noise=0.0, noise_gain_db=0.0, runout=(), heavy=0.0):
+def evidence(own=None, lines=0.0, noise=0.0, noise_gain_db=0.0, runout=(), **off):
     """Evidence of a departing gear, changed lines, changed noise or grown runout."""
     finding = None
     if own is not None:
@@ -52,8 +52,7 @@ def evidence(own=None, lines=0.0, noise=0.0, noise_gain_db=0.0, runout=(), heavy
     deviation = MachineDeviation(
         state=np.zeros(2),
         gap=0.0,
-        light=0.0,
-        heavy=heavy,
+        **({"light": 0.0, "heavy": 0.0, "speed_off": 0.0} | off),
         length=1.0,
         gears=(own.difference,) if own is not None else (),
         family_names=(),
@@ -225,12 +224,45 @@ def test_noise_that_fell_anywhere_was_not_added():
     assert [flag.kind for flag in flags] == ["path changed"]
 
 
+@pytest.mark.parametrize(("off", "verdict"), [(0.5, "fault"), (1.6, "cannot tell")])
+def test_levels_alone_call_no_fault_at_a_speed_that_nobody_learned(off, verdict):
+    found = evidence(lines=4.0, speed_off=off)
+    assert decide(found).verdict == verdict
+    assert bool(flags_of(found, None, [change(-10.0)], 0.7)) == (verdict == "fault")
+
+
+@pytest.mark.parametrize("why", [{"lost": True}, {"knocks": 0.5}])
+def test_levels_alone_call_no_fault_in_a_lost_angle_or_between_knocks(why):
+    found = replace(evidence(lines=4.0), **why)
+    assert decide(evidence(lines=4.0)).verdict == "fault"
+    assert decide(found).verdict == "cannot tell"
+    told = reason(decide(found), found, (), (), (), 0.4)
+    assert ("Knocks drown the gears" in told) == ("knocks" in why)
+    # nor is a clean bill of health given in an angle that was lost
+    assert (decide(replace(evidence(), **why)).verdict == "healthy") == ("knocks" in why)
+
+
+def test_what_does_not_come_again_is_no_tooth():
+    again = evidence(gear(weights(4)))
+    once = replace(again, recurrence=2.0)
+    assert decide(again).verdict == "fault"
+    assert decide(once).verdict == "cannot tell"
+    assert not flags_of(once)
+
+
 @pytest.mark.parametrize(("heavy", "verdict"), [(0.6, "healthy"), (0.9, "cannot tell")])
 def test_a_mesh_far_louder_than_any_learned_load_leaves_the_answer_open(heavy, verdict):
     found = evidence(heavy=heavy)
-    assert decide(found).verdict == verdict
-    told = reason(verdict, found, (), (), (), ())
+    decision = decide(found)
+    assert decision.verdict == verdict
+    told = reason(decision, found, (), (), (), 0.4)
     assert ("8 dB louder" in told) == (verdict == "cannot tell")
+
+
+def test_a_healthy_verdict_says_how_much_wear_would_pass_for_load():
+    found = evidence(heavy=-0.1)
+    told = reason(decide(found), found, (), (), (), 0.4)
+    assert f"below a loss of about {100 * (1 - np.exp(-0.85)):.0f} %" in told
 
 
 def test_runout_is_not_blamed_for_a_bearing_or_a_moved_sensor():

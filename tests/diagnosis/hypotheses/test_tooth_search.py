@@ -8,7 +8,11 @@ import numpy as np
 import pytest
 from reference.gear_departures import held_against
 
-from gearmon.diagnosis.hypotheses.tooth_damage import losses_by_tooth, own_mesh_power
+from gearmon.diagnosis.hypotheses.tooth_damage import (
+    losses_by_tooth,
+    mesh_shown,
+    own_mesh_power,
+)
 from gearmon.diagnosis.hypotheses.tooth_match import LOSSES, log_mean, match_teeth, path_power
 from gearmon.diagnosis.hypotheses.tooth_search import (
     loss_estimate,
@@ -315,6 +319,13 @@ def test_meshes_that_stand_on_one_another_are_told_apart_by_the_harmonics_that_s
     assert np.max(heard[1][1:] / slow[1:]) > 10
     # the first stage has no harmonic of its own
     assert told[0] == pytest.approx(heard[0])
+    assert mesh_shown(gears[0], gears, train)
+    assert mesh_shown(gears[1], gears, train)
+    slow[3::3] *= 0.9
+    hidden = [gears[0], one_of(2, "pinion", 32, 1 / 3, slow)]
+    # what stands out of the second stage's harmonics there is not louder than they let expect
+    assert not mesh_shown(hidden[0], hidden, train)
+    assert mesh_shown(hidden[1], hidden, train)
 
 
 def test_a_mesh_that_stands_alone_keeps_its_power():

@@ -13,7 +13,7 @@ from gearmon.signals.orders import (
     fine_order_spectrum,
     fine_spectrum,
 )
-from gearmon.signals.orders import fine_spectra as module
+from gearmon.signals.orders import spectra as module
 
 RATE, DURATION, SPEED = 4000.0, 6.0, 20.0
 TIME = np.arange(round(RATE * DURATION)) / RATE

@@ -16,6 +16,7 @@ from gearmon.signals.orders import (
     OrderLines,
     one_turn,
     order_lines,
+    without_knocks,
 )
 from gearmon.signals.orders import lines as lines_module
 
@@ -243,3 +244,47 @@ def test_error_that_is_allowed_is_not_exceeded(tone):
     assert np.abs(exact[:, 0] - slow)[:, known].max() < 3e-5
     assert np.abs(quicker - exact).max() < 1e-4
     assert np.abs(quicker - exact).max() > 0.0  # another kernel
+
+
+def blocks_of_a_turn(count, knock_at=(), event=0.0, seed=0):
+    """Lines 1 to 60 of unit noise, an event in every block, a knock of 30 times it in some."""
+    noise, number = np.random.default_rng(seed), np.arange(1, 61)
+    blocks = noise.normal(size=(count, 1, 60)) + 1j * noise.normal(size=(count, 1, 60))
+    blocks += event * np.exp(-2j * np.pi * 0.25 * number)
+    for block in knock_at:
+        blocks[block] += 30 * np.exp(-2j * np.pi * noise.uniform() * number)
+    lines = OrderLines(
+        orders=number * 1.0,
+        amplitude=blocks,
+        block_turns=5.0,
+        first_turn=0.0,
+        noise=np.full((1, 60), 2.0),
+    )
+    return lines, number
+
+
+def test_a_knock_is_clipped_and_an_event_of_every_turn_is_not():
+    places = np.arange(60)
+    quiet, number = blocks_of_a_turn(16, event=3.0)
+    assert np.array_equal(without_knocks(quiet, places, number).amplitude, quiet.amplitude)
+    knocked, _ = blocks_of_a_turn(16, knock_at=(2, 9), event=3.0)
+    told = without_knocks(knocked, places, number)
+    assert told.knocked == pytest.approx(2 / 16)
+
+    def around(lines):
+        half = np.zeros(257, dtype=complex)
+        half[number] = lines.mean[0]
+        return np.fft.irfft(half)
+
+    # what is left of a knock is as large as noise; the event at a quarter of the turn stands
+    clean = around(quiet)
+    assert int(np.argmax(around(told))) == int(np.argmax(clean)) == 128
+    assert np.abs(around(told) - clean).max() < 0.5 * np.abs(around(knocked) - clean).max()
+    assert around(told).max() == pytest.approx(clean.max(), rel=0.15)
+
+
+def test_too_few_blocks_are_told_of_but_not_clipped():
+    few, number = blocks_of_a_turn(5, knock_at=(1,))
+    told = without_knocks(few, np.arange(60), number)
+    assert told.knocked == pytest.approx(0.2)
+    assert np.array_equal(told.amplitude, few.amplitude)

@@ -8,7 +8,7 @@ from reference.synthetic_signals import constant_track, lines_on, track_of, whit
 
 from gearmon.errors import ArgumentError
 from gearmon.signals.orders import AngleGrid, angle_blocks, order_map
-from gearmon.signals.orders import maps as module
+from gearmon.signals.orders import spectra as module
 from gearmon.signals.spectra import amplitude_spectrum
 
 RATE, DURATION = 4000.0, 30.0

@@ -7,8 +7,8 @@ import pytest
 from reference.synthetic_signals import track_of, wandering_turns, white
 
 from gearmon.signals.angle import AngleTrack
-from gearmon.signals.orders import nonuniform_fft
-from gearmon.signals.orders.nonuniform_fft import Kernel, Spreading
+from gearmon.signals.orders import resampling
+from gearmon.signals.orders.resampling import Kernel, Spreading
 
 RATE = 2000.0
 
@@ -109,7 +109,7 @@ def test_stretches_do_not_depend_on_where_they_begin(monkeypatch):
     )
     samples, kernel = white((2, 8001), seed=4), Kernel.of(8, 1.5)
     whole = spread_of(samples, track, 120.0, kernel, 0.0, 9600)
-    monkeypatch.setattr(nonuniform_fft, "_PIECE", 700)
+    monkeypatch.setattr(resampling, "_PIECE", 700)
     parts = spread_of(samples, track, 120.0, kernel, 0.0, 9600)
     np.testing.assert_allclose(parts, whole, atol=5e-6)
 

@@ -247,7 +247,6 @@ class TestSeveralArrays:
     @pytest.mark.parametrize(
         ("facts", "hint"),
         [
-            ({"sr": 97656.0}, "sr = 97656 may be it"),
             ({"rate": 25.0}, "rate = 25 may be it"),
             ({"fs": 5000.0, "sampling_rate": 4000.0}, "fs = 5000, sampling_rate = 4000"),
             ({"fs": -1.0}, "fs = -1"),
@@ -260,6 +259,12 @@ class TestSeveralArrays:
         assert f"give --sampling-rate HZ{' (' if hint else ''}" in refused(path)
         assert hint in refused(path)
         assert read_recording(path, 5000.0).sampling_rate_hz == 5000.0
+
+    def test_a_plausible_number_under_a_usual_name_is_the_rate(self, tmp_path):
+        path = self.saved(tmp_path / "a.npz", acc=X[0], sr=97_656.0, rate=25.0)
+        found = read_recording(path)
+        assert found.sampling_rate_hz == 97_656.0
+        assert "sampling rate 97656 Hz taken from sr, not rate = 25" in found.notes
 
     def test_nothing_but_numbers_and_text(self, tmp_path):
         path = self.saved(tmp_path / "a.npz", fs=5000.0, name=np.array("x"))

@@ -9,7 +9,6 @@ import pytest
 
 from gearmon.errors import RecordingError
 from gearmon.signals.reading import describe_columns, find_defect
-from gearmon.signals.reading.layout import Header
 from gearmon.signals.recording import read_recording
 from gearmon.units import acceleration_factor, time_factor
 
@@ -40,7 +39,7 @@ def write(tmp_path):
 
 
 def column(cell, below=""):
-    return describe_columns(Header(names=(cell,), units=(below,) if below else None), 1)[0]
+    return describe_columns((cell,), (below,) if below else ())[0]
 
 
 @pytest.mark.parametrize(
@@ -65,9 +64,9 @@ def test_names_and_units(cell, name, unit):
 
 
 def test_a_last_letter_is_a_unit_only_if_all_columns_have_one():
-    lettered = describe_columns(Header(names=("acc_e", "acc_f", "acc_g")), 3)
+    lettered = describe_columns(("acc_e", "acc_f", "acc_g"))
     assert [found.unit for found in lettered] == [None, None, None]
-    ends = describe_columns(Header(names=("time_s", "drive_g", "fan_g")), 3)
+    ends = describe_columns(("time_s", "drive_g", "fan_g"))
     assert [found.unit for found in ends] == ["s", "g", "g"]
 
 

@@ -9,9 +9,8 @@ from hypothesis import strategies as st
 
 from gearmon.errors import RecordingError
 from gearmon.signals.reading import open_source, read_table
-from gearmon.signals.reading.fields import is_number, to_number
 from gearmon.signals.reading.layout import Dialect
-from gearmon.signals.reading.source import Block
+from gearmon.signals.reading.source import Block, is_number, to_number
 from gearmon.signals.reading.text import parse_rows, read_rows
 from gearmon.signals.recording import read_recording
 

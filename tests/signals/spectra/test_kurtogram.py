@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import sys
-import threading
-
 import numpy as np
 import pytest
 
 from gearmon.errors import ArgumentError
-from gearmon.signals import transforms
 from gearmon.signals.spectra import kurtogram
 
 RATE = 20_000.0
@@ -105,12 +101,3 @@ def test_awkward_lengths_give_the_same_map(count):
     odd, even = kurtogram(signal, RATE, 4), kurtogram(signal[: count // 256 * 256], RATE, 4)
     for a, b, bands in zip(odd.kurtosis, even.kurtosis, odd.bands, strict=True):
         np.testing.assert_allclose(a, b, rtol=0.1, atol=20 / np.sqrt(count / bands))
-
-
-def test_either_library_gives_the_same_map(monkeypatch):
-    signal = impacts(4096)
-    expected = kurtogram(signal, RATE, 3)
-    monkeypatch.setitem(sys.modules, "pyfftw", None)
-    monkeypatch.setattr(transforms, "_HELD", threading.local())
-    for a, b in zip(kurtogram(signal, RATE, 3).kurtosis, expected.kurtosis, strict=True):
-        np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9)

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-import threading
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -13,7 +10,6 @@ from reference.slow_orders import hann_values, slow_floor, smallest_smooth
 from reference.synthetic_signals import white
 
 from gearmon.errors import ArgumentError
-from gearmon.signals import transforms
 from gearmon.signals.spectra import amplitude_spectrum, hann, local_floor, power_density, window
 from gearmon.signals.transforms import fast_length, is_smooth, quick_length, transform
 
@@ -118,11 +114,7 @@ def direct_transform(block, length, bins):
     return np.array([block @ np.exp(-2j * np.pi * k * number / length) for k in bins])
 
 
-@pytest.mark.parametrize("with_fftw", [True, False])
-def test_transform_equals_the_direct_sum_in_either_library(monkeypatch, with_fftw):
-    if not with_fftw:
-        monkeypatch.setitem(sys.modules, "pyfftw", None)
-    monkeypatch.setattr(transforms, "_HELD", threading.local())
+def test_transform_equals_the_direct_sum():
     blocks = white((2, 3000), seed=4)
     bins = [0, 1, 77, 2047, 2048]
     found = transform(blocks, 4096)[:, bins]
@@ -135,13 +127,6 @@ def test_transform_leaves_its_input_alone():
     kept = blocks.copy()
     transform(blocks, 4096)
     np.testing.assert_array_equal(blocks, kept)
-
-
-def test_without_fftw_the_product_is_complete(monkeypatch):
-    monkeypatch.setitem(sys.modules, "pyfftw", None)
-    monkeypatch.setattr(transforms, "_HELD", threading.local())
-    blocks = white((1, 4100), seed=6)
-    np.testing.assert_allclose(transform(blocks, 4100), np.fft.rfft(blocks), atol=1e-9)
 
 
 @given(st.integers(2, 60), st.integers(1, 80), st.integers(0, 1000))
@@ -242,17 +227,13 @@ def test_long_awkward_lengths_are_padded_and_others_kept():
 @given(st.integers(1, 2000))
 def test_smooth_numbers_have_no_large_prime_factor(number):
     rest = number
-    for prime in (2, 3, 5, 7):
+    for prime in (2, 3, 5, 7, 11):
         while rest % prime == 0:
             rest //= prime
     assert is_smooth(number) == (rest == 1)
 
 
-@pytest.mark.parametrize("with_fftw", [True, False])
-def test_spectra_are_the_same_in_either_library(monkeypatch, with_fftw):
-    if not with_fftw:
-        monkeypatch.setitem(sys.modules, "pyfftw", None)
-    monkeypatch.setattr(transforms, "_HELD", threading.local())
+def test_spectra_are_those_of_the_definition():
     samples = white((2, 3000), seed=9)
     expected = np.abs(np.fft.rfft(samples * hann(3000))) * 2 / 1500
     expected[:, [0, -1]] *= 0.5
@@ -261,14 +242,6 @@ def test_spectra_are_the_same_in_either_library(monkeypatch, with_fftw):
     power = np.mean([np.abs(np.fft.rfft(b)) ** 2 for b in blocks], axis=0) / np.sum(hann(500) ** 2)
     power[:, 1:-1] *= 2
     np.testing.assert_allclose(power_density(samples, 1.0, 500).values, power, rtol=1e-10)
-
-
-def test_results_are_not_overwritten_by_the_next_call():
-    first, second = white(4096, seed=1), white(4096, seed=2)
-    kept = transform(first[None], 4096)
-    copy = kept.copy()
-    transform(second[None], 4096)
-    np.testing.assert_array_equal(kept, copy)
 
 
 @pytest.mark.parametrize(

@@ -15,9 +15,8 @@ from typing import cast
 from gearmon.errors import RecordingError
 from gearmon.signals.reading.channels import Wanted
 from gearmon.signals.reading.columns import Content
-from gearmon.signals.reading.fields import Progress, Room
 from gearmon.signals.reading.formats.arrays import Holding, choose, reading
-from gearmon.signals.reading.source import Source
+from gearmon.signals.reading.source import Progress, Room, Source
 
 __all__ = ["Format", "identify", "read_arrays"]
 
@@ -60,17 +59,17 @@ class Format:
 TEXT = Format("text")
 _BINARY = Format("a binary file of unknown kind")
 _UFF = Format("a universal file (UFF)", (), "extras.read_universal", "pyuff", "uff")
-_NPZ = Format("a NumPy archive (npz)", (), "named_arrays.read_npz")
+_NPZ = Format("a NumPy archive (npz)", (), "plain.read_npz")
 _XLSX = Format("an Excel workbook (xlsx)")
 _ZIP = Format("a zip archive", (b"PK\x05\x06",), remedy=_UNPACK)
 _TAR = Format("a tar archive", remedy=_UNPACK)
 _PAGE = "save the file itself, not the page that offers it"
 # First match wins.
 _FORMATS = (
-    Format("a WAV sound file", (b"RIFF", b"RF64", b"BW64"), "wav.read_wav"),
+    Format("a WAV sound file", (b"RIFF", b"RF64", b"BW64"), "plain.read_wav"),
     Format("a FLAC sound file", (b"fLaC",), "extras.read_flac", "soundfile", "flac"),
-    Format("a NumPy array (npy)", (b"\x93NUMPY",), "named_arrays.read_npy"),
-    Format("a MATLAB file", (b"MATLAB 5.0 MAT-file",), "named_arrays.read_mat"),
+    Format("a NumPy array (npy)", (b"\x93NUMPY",), "plain.read_npy"),
+    Format("a MATLAB file", (b"MATLAB 5.0 MAT-file",), "plain.read_mat"),
     Format(
         "an HDF5 or MATLAB 7.3 file",
         (b"\x89HDF\r\n\x1a\n", b"MATLAB 7.3 MAT-file"),

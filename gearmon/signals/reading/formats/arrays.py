@@ -1,4 +1,4 @@
-"""Arrays in a file: those that may be signals, facts that stand beside them, and which are taken.
+"""Arrays in a file or in memory: those that may be signals, and the facts that stand beside them.
 
 Taken are the arrays that the user names, or the only ones that can be the recording.
 """
@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from gearmon.errors import GearmonError, RecordingError
+from gearmon.errors import ArgumentError, GearmonError, RecordingError
 from gearmon.files import most_unpacked
 from gearmon.signals.reading.channels import Wanted
 from gearmon.signals.reading.columns import (
@@ -25,8 +25,7 @@ from gearmon.signals.reading.columns import (
     find_column,
     reserved,
 )
-from gearmon.signals.reading.fields import Floats, Progress, Room, shortened
-from gearmon.signals.reading.layout import Header
+from gearmon.signals.reading.source import Floats, Progress, Room, shortened
 
 Read = Callable[[int, int], Floats]
 
@@ -35,14 +34,24 @@ _RATE_NAMES = frozenset(
     | {"samplingfrequency", "samplingfrequencyhz", "samplefrequency", "samplefrequencyhz"}
     | {"samplingfreq", "samplefreq", "abtastrate", "abtastfrequenz"}
 )
+# Names that mean it nearly always, and between which numbers they are believed: a shaft of 30,000
+# 1/min turns at 500 Hz, so what is slower may be a speed and can sample no mesh; nothing that is
+# recorded as vibration is faster than 100 MHz.
+_LIKELY_NAMES = frozenset({"sr", "sampfreq", "samprate"})
+_PLAUSIBLE_HZ = (500.0, 1e8)
 # What may be the rate or the interval, and may be something else, such as the rate of a shaft.
-_HINT_NAMES = frozenset({"sr", "rate", "dt", "ts", "deltat", "timestep", "sampletime", "f"})
+_HINT_NAMES = frozenset({"rate", "dt", "ts", "deltat", "timestep", "sampletime", "f"})
 _MOST_AXES = 2
 _FEWEST_SAMPLES = 2
 _BLOCK = 1 << 18
 _LISTED = 12
 _SAME_RATE = 1e-9
 _HALF_SAMPLE = 0.5
+# What is taken of arrays and frames in memory.
+_ACCEPTED = (
+    "give the name of a file, an array of shape (n,) or (channels, n) with sampling_rate_hz=, a "
+    "DataFrame (columns are channels), or a Recording"
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -191,29 +200,89 @@ def as_array(
     )
 
 
-def stated_rate(facts: Mapping[str, float]) -> tuple[float | None, str]:
-    """Return the sampling rate among the facts, and a hint where nothing is certain.
+def hold(path: str, items: dict[str, Any], left_out: tuple[str, ...] = ()) -> Holding:
+    """Return named arrays and single numbers as what a file holds.
 
-    Only a name that means nothing else counts, and only if all of them agree.
+    Parameters
+    ----------
+    path : str
+        The file, for messages.
+    items : dict of str to array-like
+        Arrays and single numbers by name.
+    left_out : tuple of str
+        What else is in the file.
+
+    Raises
+    ------
+    RecordingError
+        If the only array has two axes of the same length.
+    """
+    arrays, facts, others = [], {}, list(left_out)
+    for name, data in items.items():
+        if data.dtype.kind in "fiu" and all(size == 1 for size in data.shape):
+            facts[name] = float(np.asarray(data[()]).reshape(-1)[0])
+            continue
+        array = as_array(name, data)
+        if array is None:
+            others.append(f"{name} of shape {data.shape} and type {data.dtype}")
+        else:
+            arrays.append(array)
+    if not arrays and len(items) - len(facts) == 1:
+        shape = next(data.shape for name, data in items.items() if name not in facts)
+        check_not_square(path, shape)
+    left = tuple(others)
+    return Holding(arrays=tuple(arrays), facts=facts, left_out=left)
+
+
+def check_not_square(path: str, shape: tuple[int, ...]) -> None:
+    """Raise if both axes of an array are equally long."""
+    long_axes = [size for size in shape if size != 1]
+    if len(long_axes) == 2 and long_axes[0] == long_axes[1]:
+        raise RecordingError(
+            f"{path}: an array of shape {shape}: which axis is time cannot be told; store one "
+            "channel, or more samples than channels"
+        )
+
+
+def stated_rate(facts: Mapping[str, float]) -> tuple[float | None, str]:
+    """Return the sampling rate among the facts, and a remark where that is not certain.
+
+    A name that means nothing else counts if all such names agree; else the plausible number under
+    such a name, or one that nearly always means it, if there is one only.
 
     Examples
     --------
     >>> stated_rate({"data.Fs": 12000.0, "rpm": 1796.0})
     (12000.0, '')
     >>> stated_rate({"sr": 97656.0})
-    (None, 'sr = 97656 may be it')
+    (97656.0, 'sampling rate 97656 Hz taken from sr')
+    >>> stated_rate({"rate": 97656.0})
+    (None, 'rate = 97656 may be it')
     """
-    named = {name: value for name, value in facts.items() if _plain(name) in _RATE_NAMES}
-    usable = {value for value in named.values() if math.isfinite(value) and value > 0}
-    if len(usable) == 1 and len(usable) == len(set(named.values())):
-        return usable.pop(), ""
-    if named:
-        listed = ", ".join(f"{shortened(name)} = {value:g}" for name, value in named.items())
-        return None, f"in the file: {listed}"
-    for name, value in facts.items():
-        if _plain(name) in _HINT_NAMES:
-            return None, f"{shortened(name)} = {value:g} may be it"
-    return None, ""
+
+    def told(names: frozenset[str]) -> dict[str, float]:
+        return {shortened(name): own for name, own in facts.items() if _plain(name) in names}
+
+    low, high = _PLAUSIBLE_HZ
+    sure, likely, hints = told(_RATE_NAMES), told(_LIKELY_NAMES), told(_HINT_NAMES)
+    if len(set(sure.values())) == 1 and 0 < min(sure.values()) < math.inf:
+        return next(iter(sure.values())), ""
+    believed = {name: own for name, own in (sure | likely).items() if low <= own <= high}
+    if len(set(believed.values())) == 1:
+        name, rate = next(iter(believed.items()))
+        others = _shown(sure | likely | hints, without=believed)
+        remark = f"sampling rate {rate:g} Hz taken from {name}"
+        return rate, f"{remark}, not {others}" if others else remark
+    if sure:
+        return None, f"in the file: {_shown(sure)}"
+    # of what may be the rate a plausible number first
+    doubtful = sorted((likely | hints).items(), key=lambda own: not low <= own[1] <= high)
+    return None, f"{_shown(dict(doubtful[:1]))} may be it" if doubtful else ""
+
+
+def _shown(facts: Mapping[str, float], without: Iterable[str] = ()) -> str:
+    kept = {name: value for name, value in facts.items() if name not in without}
+    return ", ".join(f"{name} = {value:g}" for name, value in kept.items())
 
 
 def _stated_speed(facts: Mapping[str, float]) -> tuple[float | None, str]:
@@ -305,8 +374,8 @@ def choose(
 def _candidates(holding: Holding) -> list[_Candidate]:
     found, number = [], 1
     for array in holding.arrays:
-        cells = tuple(unit or "" for unit in array.units) if any(array.units) else None
-        described = describe_columns(Header(names=array.names, units=cells), len(array.names))
+        cells = [unit or "" for unit in array.units] if any(array.units) else ()
+        described = describe_columns(array.names, cells)
         columns = tuple(
             replace(own, number=k, name=own.name if own.cell else f"channel {k}")
             for k, own in enumerate(described, number)
@@ -331,9 +400,7 @@ def _expanded(holding: Holding, candidates: Sequence[_Candidate], wanted: Wanted
 
 def _number(holding: Holding, candidates: Sequence[_Candidate], key: str | int) -> int:
     columns = [column for one in candidates for column in one.columns]
-    names = [(column.name, column.cell) for column in columns]
-    numbers = [column.number for column in columns]
-    return numbers[find_column(holding.path, key, names, numbers)]
+    return columns[find_column(holding.path, key, columns)].number
 
 
 def _named(holding: Holding, candidates: Sequence[_Candidate], wanted: Wanted) -> list[_Candidate]:
@@ -440,10 +507,14 @@ def _filled(
 def _content(
     holding: Holding, taken: Sequence[_Candidate], values: Floats, *, others: bool
 ) -> Content:
-    rate, hint = stated_rate(holding.facts)
+    rate, remark = stated_rate(holding.facts)
     own = next((one.array.rate_hz for one in taken if one.array.rate_hz is not None), None)
     speed, name = _stated_speed(holding.facts)
-    notes = list(holding.notes)
+    notes = (
+        [*holding.notes, remark]
+        if remark and rate is not None and own is None
+        else list(holding.notes)
+    )
     if speed is not None:
         notes.append(f"the file states a speed of {speed:g} rpm ({shortened(name)})")
     if others and not holding.together:
@@ -453,7 +524,101 @@ def _content(
         values=values,
         columns=tuple(column for one in taken for column in one.columns),
         rate_hz=rate if own is None else own,
-        rate_hint=hint,
+        rate_hint=remark,
         speed_rpm=speed,
         notes=tuple(notes),
     )
+
+
+def content_of(data: Any, rate_hz: float | None) -> Content:
+    """Return what stands in an array or a frame, as if it had been read from a file.
+
+    Parameters
+    ----------
+    data : array-like, DataFrame or Series
+        An array of shape (n,), (channels, n) or (n, channels), the longer axis being time; or
+        anything of pandas, whose columns may be named with their units, as "a1 [m/s2]", and whose
+        index, of moments, durations or numbers, is the time.
+    rate_hz : float > 0 or None
+        Sampling rate of an array.
+
+    Returns
+    -------
+    Content
+        With copies of the numbers.
+
+    Raises
+    ------
+    ArgumentError
+        If it is none of these, or the sampling rate is not known.
+    RecordingError
+        If there are no numbers in it.
+    """
+    if hasattr(data, "to_frame") and hasattr(data, "index"):
+        data = data.to_frame("" if data.name is None else data.name)  # a series is one column
+    if hasattr(data, "columns") and hasattr(data, "iloc"):
+        return _of_frame(data, rate_hz)
+    if not hasattr(data, "__array__"):
+        raise ArgumentError(f"recording: {type(data).__name__} is no recording; {_ACCEPTED}")
+    return _of_array(np.asarray(data), rate_hz)
+
+
+def _of_array(data: Any, rate_hz: float | None) -> Content:
+    found = as_array("", data)
+    if found is None:
+        raise ArgumentError(
+            f"recording: an array of shape {data.shape} and type {data.dtype} is none; "
+            f"{_ACCEPTED}, with more samples than channels"
+        )
+    if rate_hz is None:
+        raise ArgumentError(
+            f"recording: the sampling rate of an array of shape {data.shape} cannot be known; give "
+            "sampling_rate_hz="
+        )
+    numbers = range(1, len(found.names) + 1)
+    return Content(
+        path="array",
+        values=np.array(found.read(0, found.count)),
+        columns=tuple(DataColumn(number=number, name=f"channel {number}") for number in numbers),
+        rate_hz=rate_hz,
+    )
+
+
+def _of_frame(frame: Any, rate_hz: float | None) -> Content:
+    """Take the columns of numbers, and the index as one more where it may be the time."""
+    kinds = [getattr(dtype, "kind", "O") for dtype in frame.dtypes]
+    taken = [number for number, kind in enumerate(kinds) if kind in "fiub"]
+    if not taken or len(frame) < 2:
+        raise RecordingError(
+            f"DataFrame of shape {frame.shape}: holds no recording; columns of numbers are channels"
+        )
+    names = [str(frame.columns[number]) for number in taken]
+    rows = [frame.iloc[:, number].to_numpy(np.float64, na_value=np.nan) for number in taken]
+    name, stamps = _time_of(frame.index)
+    columns = describe_columns((*names, name))
+    timed = any(column.kind == "time" for column in columns[:-1])
+    if stamps is not None and not timed:
+        rows.append(stamps)
+    elif rate_hz is None and not timed:
+        raise ArgumentError(
+            f"DataFrame of shape {frame.shape}: its sampling rate is not known; give "
+            "sampling_rate_hz=, or the time as index"
+        )
+    left_out = [str(name) for name, kind in zip(frame.columns, kinds, strict=True) if kind == "O"]
+    return Content(
+        path="DataFrame",
+        values=np.array(rows),
+        columns=columns[: len(rows)],
+        notes=(f"no numbers, left out: {', '.join(left_out)}",) if left_out else (),
+    )
+
+
+def _time_of(index: Any) -> tuple[str, Floats | None]:
+    """Return name and numbers of an index that may be the time."""
+    kind = getattr(index.dtype, "kind", "O")
+    if kind in "mM":
+        # whole nanoseconds, as pandas has them: seconds would not show where they were rounded
+        return "time_ns", np.asarray((index - index[0]) / np.timedelta64(1, "ns"), np.float64)
+    if kind not in "fiu" or type(index).__name__ == "RangeIndex":
+        return "", None
+    return str(index.name or "time"), index.to_numpy(np.float64)

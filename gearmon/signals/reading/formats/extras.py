@@ -13,21 +13,20 @@ import resource
 import struct
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.fields import Floats
-from gearmon.signals.reading.formats.arrays import Array, Holding, as_array, stated_rate
+from gearmon.signals.reading.formats.arrays import Array, Holding, as_array, hold, stated_rate
+from gearmon.signals.reading.source import Floats
 
-_UNIT_KEYS = (b"unit", b"units")
-_UNIT_NAMES = ("unit", "units", "Unit", "Units")
+_UNIT_NAMES = ("unit", "units", "Unit", "Units", "unit_string")
 _MOST_TRIAL_S = 10  # of processor time, to look through what an HDF5 file holds
 # MATLAB stores text as numbers, and cells as references to what lies in #refs#.
 _NO_SIGNALS = ("char", "cell", "struct", "function_handle")
@@ -46,6 +45,30 @@ _DIRECTIONS = {
 }  # fmt: skip
 # What soundfile says of a file that does not tell how long it is.
 _ENDLESS = 1 << 62
+
+
+def _text(value: Any) -> str:
+    """Return a text without blanks around it; "" for what is none or says NONE."""
+    text = value.decode(errors="replace") if isinstance(value, bytes) else value
+    stripped = text.strip() if isinstance(text, str) else ""
+    return "" if stripped.upper() == "NONE" else stripped
+
+
+def _unit(metadata: Mapping[Any, Any] | None) -> str | None:
+    """Return the unit that stands beside an array."""
+    named = {_text(key): _text(value) for key, value in (metadata or {}).items()}
+    return next((named[key] for key in _UNIT_NAMES if named.get(key)), None)
+
+
+def _numbers(metadata: Mapping[Any, Any] | None, prefix: str = "") -> dict[str, float]:
+    """Return the single numbers that stand beside the arrays."""
+    found = {}
+    for key, value in (metadata or {}).items():
+        single = np.asarray(value).reshape(-1)
+        with suppress(TypeError, ValueError):  # a text, a moment
+            if single.size == 1:
+                found[f"{prefix}{_text(key)}"] = float(single[0])
+    return found
 
 
 def _kept_open(file: Any, holding: Callable[[Any], Holding]) -> Holding:
@@ -72,7 +95,7 @@ def read_hdf5(path: str) -> Holding:
 
     def trial() -> None:
         with h5py.File(path, "r") as file:
-            _hdf5_arrays(file)
+            _hdf5_arrays(path, file)
             for _, item in _walk(file):
                 # the index of its chunks; what they hold is unpacked by zlib
                 if getattr(item, "chunks", None) and item.id.get_num_chunks():
@@ -82,7 +105,7 @@ def read_hdf5(path: str) -> Holding:
         raise RecordingError(
             f"{path}: an HDF5 or MATLAB 7.3 file so damaged that reading it crashes; copy it again"
         )
-    return _kept_open(h5py.File(path, "r"), _hdf5_arrays)
+    return _kept_open(h5py.File(path, "r"), partial(_hdf5_arrays, path))
 
 
 def _outlived(task: Callable[[], None]) -> bool:
@@ -106,22 +129,32 @@ def _outlived(task: Callable[[], None]) -> bool:
     return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 0
 
 
-def _hdf5_arrays(file: Any) -> Holding:
+def _hdf5_arrays(path: str, file: Any) -> Holding:
     import h5py
 
-    arrays: list[Array] = []
-    facts = _attributes(file.attrs, "")
-    others: list[str] = []
+    items: dict[str, Any] = {}
+    facts, others = _numbers(file.attrs), []
     for name, item in _walk(file):
         if isinstance(item, h5py.Group):
-            facts |= _attributes(item.attrs, f"{name}.")
+            facts |= _numbers(item.attrs, f"{name}.")
         elif isinstance(item, h5py.Dataset):
-            _gather(name, item, arrays, facts, others)
-    return Holding(
-        arrays=tuple(arrays),
-        facts=facts,
-        left_out=tuple(others),
-        close=file.close,
+            kind = _text(item.attrs.get("MATLAB_class"))
+            if item.shape is None or item.dtype.kind not in "fiub" or kind in _NO_SIGNALS:
+                others.append(f"{name} ({kind or item.dtype})")
+            else:
+                items[name] = item
+    held = hold(path, items, tuple(others))
+    arrays = tuple(_described(array, items[array.name].attrs) for array in held.arrays)
+    return replace(held, arrays=arrays, facts=facts | dict(held.facts), close=file.close)
+
+
+def _described(array: Array, attributes: Any) -> Array:
+    """Add what the attributes of an array tell of it."""
+    return replace(
+        array,
+        names=_names(attributes, array.names),
+        units=(_unit(attributes),) * len(array.names),
+        rate_hz=stated_rate(_numbers(attributes))[0],
     )
 
 
@@ -135,43 +168,6 @@ def _walk(group: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
         yield prefix + key, item
         if hasattr(item, "keys") and group.get(key, getlink=True).__class__.__name__ == "HardLink":
             yield from _walk(item, f"{prefix}{key}/")
-
-
-def _gather(
-    name: str, item: Any, arrays: list[Array], facts: dict[str, float], others: list[str]
-) -> None:
-    text = _text(item.attrs.get("MATLAB_class", b""))
-    if item.shape is None or item.dtype.kind not in "fiub" or text in _NO_SIGNALS:
-        others.append(f"{name} ({text or item.dtype})")
-        return
-    if all(size == 1 for size in item.shape):
-        facts[name] = float(np.asarray(item[()], dtype=np.float64).reshape(-1)[0])
-        return
-    rate, _ = stated_rate(_attributes(item.attrs, ""))
-    array = as_array(name, item, unit=_unit_of_array(item.attrs), rate_hz=rate)
-    if array is None:
-        others.append(f"{name} of shape {item.shape}")
-    else:
-        arrays.append(replace(array, names=_names(item.attrs, array.names)))
-
-
-def _attributes(attributes: Any, prefix: str) -> dict[str, float]:
-    found = {}
-    for key in attributes:
-        value = np.asarray(attributes[key])
-        if value.dtype.kind in "fiu" and value.size == 1:
-            found[f"{prefix}{key}"] = float(value.reshape(-1)[0])
-    return found
-
-
-def _unit_of_array(attributes: Any) -> str | None:
-    values = (attributes.get(key) for key in _UNIT_NAMES)
-    texts = (_text(value).strip() for value in values if isinstance(value, str | bytes))
-    return next(filter(None, texts), None)
-
-
-def _text(value: Any) -> str:
-    return value.decode(errors="replace") if isinstance(value, bytes) else str(value)
 
 
 def _names(attributes: Any, usual: tuple[str, ...]) -> tuple[str, ...]:
@@ -232,15 +228,15 @@ def _parquet_columns(path: str, file: Any) -> Holding:
         def read(start: int, stop: int) -> Floats:
             return np.asarray(whole(field.name)[None, start:stop])
 
-        units = (_unit_of_column(pyarrow, field),)
-        return Array(name=field.name, names=(field.name,), count=rows, read=read, units=units)
+        unit = "s" if pyarrow.types.is_timestamp(field.type) else _unit(field.metadata)
+        return Array(name=field.name, names=(field.name,), count=rows, read=read, units=(unit,))
 
     # the row labels of a data frame are no channel
     channels = [field for field in kept if not field.name.startswith("__index_level_")]
     return Holding(
         arrays=tuple(column(field) for field in channels) if rows >= _FEWEST_SAMPLES else (),
         together=True,
-        facts=_facts(schema.metadata or {}),
+        facts=_numbers(schema.metadata),
         left_out=tuple(f"{field.name} ({field.type})" for field in dropped),
         notes=tuple(f"column '{field.name}' holds no numbers: left out" for field in dropped),
         close=file.close,
@@ -251,26 +247,6 @@ def _is_numeric(pyarrow: Any, kind: Any) -> bool:
     types = pyarrow.types
     numeric = (types.is_integer, types.is_floating, types.is_decimal, types.is_timestamp)
     return any(is_such(kind) for is_such in numeric)
-
-
-def _unit_of_column(pyarrow: Any, field: Any) -> str | None:
-    if pyarrow.types.is_timestamp(field.type):
-        return "s"
-    for key in _UNIT_KEYS:
-        text = (field.metadata or {}).get(key, b"").decode(errors="replace").strip()
-        if text:
-            return str(text)
-    return None
-
-
-def _facts(metadata: dict[bytes, bytes]) -> dict[str, float]:
-    found = {}
-    for key, value in metadata.items():
-        try:
-            found[key.decode(errors="replace")] = float(value)
-        except ValueError:
-            continue
-    return found
 
 
 def _floats(column: Any) -> Floats:
@@ -358,9 +334,9 @@ def _tdms_channels(path: str, file: Any, close: Callable[[], object]) -> Holding
             arrays.append(_tdms_array(shown, channel))
         else:
             others.append(shown)
-    facts = _properties(file.properties)
+    facts = _numbers(file.properties)
     for group in file.groups():
-        facts |= {f"{group.name}.{key}": v for key, v in _properties(group.properties).items()}
+        facts |= _numbers(group.properties, f"{group.name}.")
     return Holding(
         arrays=tuple(arrays),
         together=True,
@@ -377,11 +353,11 @@ def _tdms_array(name: str, channel: Any) -> Array:
             part = channel.read_data(offset=start, length=stop - start)
         return np.asarray(part, dtype=np.float64).reshape(1, -1)
 
-    step = _number(channel.properties.get("wf_increment"))
+    told = _numbers(channel.properties)
+    step = told.get("wf_increment", 0.0)
     # LabVIEW's frequency spectra are waveforms as well; only those over time are signals
     over = str(channel.properties.get("wf_xname", "Time") or "Time").strip().lower()
-    timed = step is not None and step > 0 and over in ("time", "zeit")
-    unit = str(channel.properties.get("unit_string", "") or "").strip()
+    timed = step > 0 and over in ("time", "zeit")
     begin = channel.properties.get("wf_start_time", None)
     start = 0.0 if begin is None else float(np.datetime64(begin, "us").astype(np.int64)) * 1e-6
     return Array(
@@ -389,19 +365,10 @@ def _tdms_array(name: str, channel: Any) -> Array:
         names=(name,),
         count=len(channel),
         read=read,
-        units=(unit or None,),
-        rate_hz=float(f"{1.0 / step:.13g}") if step and timed else None,
-        start_s=start + (_number(channel.properties.get("wf_start_offset")) or 0.0),
+        units=(_unit(channel.properties),),
+        rate_hz=float(f"{1.0 / step:.13g}") if timed else None,
+        start_s=start + told.get("wf_start_offset", 0.0),
     )
-
-
-def _properties(properties: Any) -> dict[str, float]:
-    found = {key: _number(value) for key, value in properties.items()}
-    return {key: value for key, value in found.items() if value is not None}
-
-
-def _number(value: Any) -> float | None:
-    return float(value) if isinstance(value, int | float | np.number) else None
 
 
 def read_universal(path: str) -> Holding:
@@ -458,7 +425,7 @@ def _functions(path: str, number: int, one: dict[str, Any], taken: set[str]) -> 
             f"{one['num_pts']}; copy the file again"
         )
     name = _place(number, one, taken)
-    unit = _label(one["ordinate_axis_units_lab"])
+    unit = _text(one["ordinate_axis_units_lab"]) or None
     if one["abscissa_spacing"]:
         step = float(one["abscissa_inc"])
         if not step > 0:
@@ -469,7 +436,7 @@ def _functions(path: str, number: int, one: dict[str, Any], taken: set[str]) -> 
     else:
         times = np.asarray(one["x"], dtype=np.float64).reshape(-1)
         found = [
-            as_array(f"time of {name}", times, unit=_label(one["abscissa_axis_units_lab"]) or "s"),
+            as_array(f"time of {name}", times, unit=_text(one["abscissa_axis_units_lab"]) or "s"),
             as_array(name, samples, unit=unit),
         ]
     return [array for array in found if array is not None]
@@ -478,18 +445,13 @@ def _functions(path: str, number: int, one: dict[str, Any], taken: set[str]) -> 
 def _place(number: int, one: dict[str, Any], taken: set[str]) -> str:
     """Return a name that says where the signal was taken, as far as the file tells."""
     direction = _DIRECTIONS.get(int(one["rsp_dir"]), "")
-    entity = _label(one["rsp_ent_name"]) or ""
+    entity = _text(one["rsp_ent_name"])
     node = str(one["rsp_node"]) if one["rsp_node"] else ""
     name = " ".join(part for part in (entity, node, direction) if part)
-    name = name or _label(one["id1"]) or f"function {number}"
+    name = name or _text(one["id1"]) or f"function {number}"
     name = name if name not in taken else f"{name} ({number})"
     taken.add(name)
     return name
-
-
-def _label(text: Any) -> str | None:
-    stripped = str(text or "").strip()
-    return stripped if stripped and stripped.upper() != "NONE" else None
 
 
 def read_flac(path: str) -> Holding:

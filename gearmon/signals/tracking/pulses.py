@@ -1,4 +1,4 @@
-"""Repair of a train of pulses: missing ones filled in, extra ones left out.
+"""Pulses of a tachometer: found in its waveform, missing ones filled in, extra ones left out.
 
 Even pulses: those that the spacing of their neighbours does not explain form stretches between
 sound ones. The sound pulses on either side of a stretch tell where its pulses belong: those that
@@ -18,7 +18,9 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from gearmon.errors import RecordingError, check_range
 from gearmon.signals.array_types import BoolArray, FloatArray, IntArray
 from gearmon.signals.tracking.thresholds import LIMITS
 
@@ -30,6 +32,175 @@ _BESIDE, _CONTINUED = 5, 8
 _ROUNDS = 4
 # Turns from which the spacing is first learned.
 _FIRST_TURNS = 6
+
+
+@dataclass(frozen=True, kw_only=True)
+class TachoPulses:
+    """Times of the pulses of a tachometer.
+
+    Parameters
+    ----------
+    time_s : ndarray of float, shape (pulses,)
+        Edges [s], ascending, missing ones filled in, extra ones left out.
+    missing, extra : int
+        Pulses that were filled in and left out.
+
+    Raises
+    ------
+    RecordingError
+        If these are no times of pulses: they do not ascend (a waveform, perhaps), or are not
+        finite.
+    """
+
+    time_s: FloatArray
+    missing: int = 0
+    extra: int = 0
+
+    def __post_init__(self) -> None:
+        """Check the times."""
+        times = self.time_s
+        if times.ndim != 1:
+            raise RecordingError(
+                f"pulse times: an array of shape {times.shape}; a row of times is needed"
+            )
+        if not np.all(np.isfinite(times)):
+            place = int(np.argmin(np.isfinite(times)))
+            raise RecordingError(f"pulse times: pulse {place + 1} has no finite time")
+        falls = np.flatnonzero(np.diff(times) <= 0)
+        if len(falls):
+            first = int(falls[0])
+            raise RecordingError(
+                f"pulse times: pulse {first + 2} at {times[first + 1]:g} s does not come after "
+                f"pulse {first + 1} at {times[first]:g} s, nor do {len(falls) - 1} others after "
+                "theirs; if this is the waveform of a tachometer, give it to find_pulses with its "
+                "sampling rate"
+            )
+
+
+def find_pulses(
+    waveform: FloatArray,
+    sampling_rate_hz: float,
+    per_turn: int | None = None,
+    hysteresis: float = 0.1,
+) -> TachoPulses:
+    """Find the rising edges of a tachometer waveform.
+
+    The threshold is half way between the extremes, with a hysteresis on either side; edges are
+    interpolated between samples. Missing pulses are filled in and extra ones left out; of several
+    pulses a turn the spacing is learned first, so that uneven ones are left alone.
+
+    Parameters
+    ----------
+    waveform : ndarray of float, shape (n,)
+        The channel, any unit.
+    sampling_rate_hz : float
+        Sampling rate [Hz].
+    per_turn : int, optional
+        Pulses a turn, if known.
+    hysteresis : float
+        Part of the distance between the extremes that the waveform must pass the threshold by,
+        on either side, before a next edge counts; in [0.001, 0.45].
+
+    Returns
+    -------
+    TachoPulses
+
+    Raises
+    ------
+    RecordingError
+        If there are fewer than four pulses, or more than 2 % have to be repaired.
+    ArgumentError
+        If the hysteresis is out of its range.
+    """
+    check_range("hysteresis", hysteresis, 1e-3, 0.45)
+    low, high = float(np.min(waveform)), float(np.max(waveform))
+    raw = _edges(waveform, 0.5 * (low + high), hysteresis * (high - low)) / sampling_rate_hz
+    if len(raw) < LIMITS.fewest_pulses:
+        times = len(waveform) > LIMITS.fewest_pulses and bool(np.all(np.diff(waveform) > 0))
+        rise = "; its values only rise, as times of pulses do: give those to track_from_pulse_times"
+        hint = rise if times else ""
+        raise RecordingError(
+            f"tacho channel: {len(raw)} pulses found between {low:g} and {high:g}; at least 4 are "
+            f"needed. Name the right channel with --tacho, or leave the tacho out{hint}"
+        )
+    return _repaired_pulses(raw, per_turn)
+
+
+def _edges(waveform: FloatArray, middle: float, margin: float) -> FloatArray:
+    """Fractional samples at which the waveform rises through the middle, with hysteresis."""
+    state = np.zeros(len(waveform), dtype=np.int8)
+    state[waveform > middle + margin] = 1
+    state[waveform < middle - margin] = -1
+    known = np.flatnonzero(state)
+    rises = np.flatnonzero((state[known[1:]] == 1) & (state[known[:-1]] == -1))
+    # of each rise the first sample above the middle, and how far before it
+    ups = np.flatnonzero((waveform[:-1] <= middle) & (waveform[1:] > middle))
+    before = ups[np.searchsorted(ups, known[rises])]
+    height = waveform[before]
+    return np.asarray(before + (middle - height) / (waveform[before + 1] - height))
+
+
+def _repaired_pulses(raw: FloatArray, per_turn: int | None) -> TachoPulses:
+    """Fill in and leave out pulses up to the limit, refuse beyond it.
+
+    Parameters
+    ----------
+    raw : ndarray of float, shape (pulses,)
+        Times as they were found [s], ascending.
+    per_turn : int, optional
+        Pulses a turn, if known: the spacing of several is learned.
+
+    Raises
+    ------
+    RecordingError
+        If more than 2 % have to be repaired, or it is unclear how.
+    """
+    if per_turn is None or is_even(raw, per_turn):
+        found = repair_even(raw)
+    else:
+        found = repair_uneven(raw, per_turn)
+    if found.missing + found.extra > max(2, LIMITS.repairable * len(found.time_s)):
+        raise RecordingError(
+            f"tacho channel: {found.missing} pulses missing and {found.extra} too many among "
+            f"{len(found.time_s)}; at most 2 % can be repaired. Check the sensor, or leave the "
+            "tacho out"
+        )
+    if found.unclear_s is not None:
+        raise RecordingError(
+            f"tacho channel: pulses about {found.unclear_s:.4g} s come at times that fit no steady "
+            "or slowly changing speed, and it is unclear which are missing or too many. Check the "
+            "sensor, or leave the tacho out"
+        )
+    return TachoPulses(time_s=found.time_s, missing=found.missing, extra=found.extra)
+
+
+def pulses_from_times(time_s: ArrayLike, per_turn: int | None = None) -> TachoPulses:
+    """Take pulses whose times were measured already, as a counter board gives them.
+
+    Parameters
+    ----------
+    time_s : array_like of float, shape (pulses,)
+        Times of the pulses [s], ascending.
+    per_turn : int, optional
+        Pulses a turn, if known.
+
+    Returns
+    -------
+    TachoPulses
+        Repaired as those of a waveform.
+
+    Raises
+    ------
+    RecordingError
+        If these are no times of pulses (they do not ascend: a waveform, perhaps), there are fewer
+        than four, or more than 2 % have to be repaired.
+    """
+    times = np.asarray(time_s, dtype=np.float64)
+    if times.ndim != 1 or len(times) < LIMITS.fewest_pulses:
+        raise RecordingError(
+            f"pulse times: an array of shape {times.shape}; a row of at least 4 times is needed"
+        )
+    return _repaired_pulses(TachoPulses(time_s=times).time_s, per_turn)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -244,7 +415,7 @@ class _Repair:
                 self.filled.append(where)
 
 
-def repair_uneven(time_s: FloatArray, per_turn: int) -> tuple[FloatArray, int, int]:
+def repair_uneven(time_s: FloatArray, per_turn: int) -> Repaired:
     """Fill in missing pulses and leave out extra ones of an uneven sequence.
 
     Parameters
@@ -256,10 +427,7 @@ def repair_uneven(time_s: FloatArray, per_turn: int) -> tuple[FloatArray, int, i
 
     Returns
     -------
-    time_s : ndarray of float
-        The repaired sequence.
-    missing, extra : int
-        Pulses filled in and left out.
+    Repaired
 
     Notes
     -----
@@ -268,7 +436,7 @@ def repair_uneven(time_s: FloatArray, per_turn: int) -> tuple[FloatArray, int, i
     0.35 of the smaller interval beside its place is taken for it.
     """
     if len(time_s) < 3 * per_turn + 1:
-        return time_s, 0, 0
+        return Repaired(time_s=time_s)
     start, gaps = _repeating(time_s, per_turn)
     ahead, missing, extra = _walk(time_s[start:], gaps, per_turn)
     # the same backwards, for what lies before
@@ -276,7 +444,14 @@ def repair_uneven(time_s: FloatArray, per_turn: int) -> tuple[FloatArray, int, i
     behind, more_missing, more_extra = _walk(mirrored, gaps[::-1], per_turn)
     before = -behind[::-1]
     before = before[before < time_s[start] - 1e-12]
-    return np.concatenate([before, ahead]), missing + more_missing, extra + more_extra
+    repaired, changed = np.concatenate([before, ahead]), missing + more_missing + extra + more_extra
+    wrong = misplaced(repaired, per_turn) if changed else None
+    return Repaired(
+        time_s=repaired,
+        missing=missing + more_missing,
+        extra=extra + more_extra,
+        unclear_s=None if wrong is None else float(repaired[wrong]),
+    )
 
 
 def _repeating(time_s: FloatArray, per_turn: int) -> tuple[int, FloatArray]:
