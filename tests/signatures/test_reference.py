@@ -264,7 +264,7 @@ def test_a_reference_of_the_older_format_is_read_without_foreign_lines(stored, t
 def test_a_reference_of_an_unknown_format_is_refused(stored, tmp_path):
     newer = tmp_path / "newer.ref"
     rewritten(stored, newer, "gearmon reference 99")
-    with pytest.raises(SignatureError, match="'gearmon reference 99' is not 'gearmon reference 4'"):
+    with pytest.raises(SignatureError, match="'gearmon reference 99' is not 'gearmon reference 5'"):
         read_reference(newer)
 
 

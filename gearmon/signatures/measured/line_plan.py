@@ -152,7 +152,7 @@ class WheelLines:
             number=number,
             lines=lines,
             mesh=mesh,
-            beside=np.array(beside, dtype=np.int64).reshape(-1, len(number)),
+            beside=np.array(beside, dtype=np.int64).reshape(len(beside), len(number)),
         )
 
 
