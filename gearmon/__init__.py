@@ -61,58 +61,47 @@ Those of all other names go on from here.
 
 from __future__ import annotations
 
+from gearmon.lazy import lazily
+
 TYPE_CHECKING = False  # typing takes a moment, in which Ctrl-C would end in a traceback
 
 __version__ = "0.1.0"
 
-_HOMES = {
-    "Machine": "gearmon.machine",
-    "load_machine": "gearmon.machine",
-    "Recording": "gearmon.signals.recording",
-    "read_recording": "gearmon.signals.recording",
-    "open_recording": "gearmon.signals.recording",
-    "time_synchronous_average": "gearmon.signals.orders.averages",
-    "angular_waveform": "gearmon.signals.orders.resampling",
-    "order_map": "gearmon.signals.orders.spectra",
-    "Signature": "gearmon.signatures.signature",
-    "read_signature": "gearmon.signatures.signature",
-    "write_signature": "gearmon.signatures.signature",
-    "expected_signature": "gearmon.signatures.expected.baseline",
-    "fault_family": "gearmon.signatures.expected.fault_family",
-    "modes": "gearmon.signatures.expected.modes",
-    "loss_response": "gearmon.signatures.expected.faulty_teeth",
-    "MeasuredSignature": "gearmon.signatures.measured.measurement",
-    "measure_signature": "gearmon.signatures.measured.measurement",
-    "indicator_table": "gearmon.signatures.measured.indicators",
-    "recording_spectrum": "gearmon.signatures.recording_spectrum",
-    "order_spectra": "gearmon.signatures.order_spectra",
-    "gear_averages": "gearmon.signatures.gear_averages",
-    "Reference": "gearmon.signatures.measured.reference",
-    "read_reference": "gearmon.signatures.measured.reference",
-    "check_reference": "gearmon.diagnosis.reference_check",
-    "write_reference": "gearmon.signatures.measured.reference",
-    "Analysis": "gearmon.diagnosis.results",
-    "analyse": "gearmon.diagnosis.analysis",
-    "learn": "gearmon.diagnosis.analysis",
-    "features": "gearmon.diagnosis.fault_types.judgement",
-    "train_kinds": "gearmon.diagnosis.fault_types.training",
-    "simulate": "gearmon.simulation",
-    "tune_harvester": "gearmon.harvesting.tuning",
-    "Exposure": "gearmon.exposure.measures",
-    "vibration_exposure": "gearmon.exposure.measures",
-    "seat_factor": "gearmon.exposure.measures",
-    "exposure_day": "gearmon.exposure.day",
-    "gear_share": "gearmon.exposure.gearbox",
-    "frequency_weighting": "gearmon.exposure.weighting",
-    "write_report": "gearmon.report.html",
-    "GearmonError": "gearmon.errors",
+_OFFERED = {
+    "diagnosis.analysis": ("analyse", "learn"),
+    "diagnosis.fault_types.judgement": ("features",),
+    "diagnosis.fault_types.training": ("train_kinds",),
+    "diagnosis.reference_check": ("check_reference",),
+    "diagnosis.results": ("Analysis",),
+    "errors": ("GearmonError",),
+    "exposure.day": ("exposure_day",),
+    "exposure.gearbox": ("gear_share",),
+    "exposure.measures": ("Exposure", "vibration_exposure", "seat_factor"),
+    "exposure.weighting": ("frequency_weighting",),
+    "harvesting.tuning": ("tune_harvester",),
+    "machine": ("Machine", "load_machine"),
+    "report.html": ("write_report",),
+    "signals.orders.averages": ("time_synchronous_average",),
+    "signals.orders.resampling": ("angular_waveform",),
+    "signals.orders.spectra": ("order_map",),
+    "signals.recording": ("Recording", "read_recording", "open_recording"),
+    "signatures.expected.baseline": ("expected_signature",),
+    "signatures.expected.fault_family": ("fault_family",),
+    "signatures.expected.faulty_teeth": ("loss_response",),
+    "signatures.expected.modes": ("modes",),
+    "signatures.gear_averages": ("gear_averages",),
+    "signatures.measured.indicators": ("indicator_table",),
+    "signatures.measured.measurement": ("MeasuredSignature", "measure_signature"),
+    "signatures.measured.reference": ("Reference", "read_reference", "write_reference"),
+    "signatures.order_spectra": ("order_spectra",),
+    "signatures.recording_spectrum": ("recording_spectrum",),
+    "signatures.signature": ("Signature", "read_signature", "write_signature"),
+    "simulation": ("simulate",),
 }
 
-__all__ = ["__version__", *sorted(_HOMES)]
+__all__ = ["__version__", *sorted(name for names in _OFFERED.values() for name in names)]
 
 if TYPE_CHECKING:
-    from typing import Any
-
     from gearmon.diagnosis.analysis import analyse as analyse
     from gearmon.diagnosis.analysis import learn as learn
     from gearmon.diagnosis.fault_types.judgement import features as features
@@ -155,19 +144,7 @@ if TYPE_CHECKING:
     from gearmon.simulation import simulate as simulate
 
 
-def __getattr__(name: str) -> Any:
-    """Load a public name from its home."""
-    from importlib import import_module
-
-    try:
-        home = _HOMES[name]
-    except KeyError:
-        from gearmon.errors import nearest_name
-
-        near = nearest_name(name, _HOMES)
-        hint = f"; did you mean {near}?" if near else ""
-        raise AttributeError(f"module 'gearmon' has no attribute {name!r}{hint}") from None
-    return getattr(import_module(home), name)
+__getattr__ = lazily(__name__, _OFFERED)
 
 
 def __dir__() -> list[str]:

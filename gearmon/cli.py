@@ -16,12 +16,23 @@ from contextlib import nullcontext, suppress
 from typing import NoReturn
 
 from gearmon import __version__
-from gearmon.commands import COMMANDS
+from gearmon.commands import fleet, machines, recordings, setup, signals
 from gearmon.commands.inputs import check_names, outputs_claimed, recordings_named
 from gearmon.commands.output import BAD_INPUT, DONE, OWN_FAULT, STOPPED, complain, flushed
 from gearmon.errors import GearmonError, nearest_name
 from gearmon.signals.threads import cores
 from gearmon.terminal import progress_line
+
+#: All commands, in the order of a first use.
+COMMANDS = (
+    setup.init,
+    *(machines.lines, machines.stiffness, machines.baseline, machines.family),
+    *(machines.stability, machines.modes, machines.simulate),
+    *(recordings.learn, setup.check, recordings.analyse, recordings.kinds, recordings.history),
+    fleet.fleet,
+    *(signals.indicators, signals.spectrum, signals.orders),
+    *(machines.harvest, signals.exposure, setup.demo, setup.benchmark),
+)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -16,9 +16,11 @@ import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
+from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from types import UnionType
+from typing import TYPE_CHECKING, Any, get_args, get_origin, get_type_hints
 
 from gearmon.errors import ArgumentError, GearmonError, SignatureError
 
@@ -293,6 +295,75 @@ def reading_archive(
         name = type(error).__name__
         why = str(error) if name == "ValueError" and len(str(error)) < 80 else name
         raise SignatureError(f"{path}: not a readable {what} ({why}); {remedy} anew") from None
+
+
+def stored(value: Any, arrays: dict[str, NDArray[Any]], place: str = "") -> Any:
+    """Take a value object apart for `write_archive`.
+
+    Parameters
+    ----------
+    value : dataclass, tuple, ndarray, or what JSON holds
+    arrays : dict of str to ndarray
+        Every array of the value is added, under its place in it.
+    place : str
+        Place of the value itself.
+
+    Returns
+    -------
+    dict, list, str, int, float, bool or None
+        What `restored` puts together again.
+    """
+    if is_dataclass(value):
+        named = {field.name: getattr(value, field.name) for field in fields(value)}
+        return {name: stored(own, arrays, f"{place}/{name}") for name, own in named.items()}
+    if isinstance(value, tuple):
+        return [stored(own, arrays, f"{place}/{i}") for i, own in enumerate(value)]
+    if not hasattr(value, "dtype") or isinstance(value, float):
+        return value
+    arrays[place] = value
+    return place
+
+
+def restored(kind: Any, told: Any, arrays: Mapping[str, NDArray[Any]]) -> Any:
+    """Put together again what `stored` took apart.
+
+    Parameters
+    ----------
+    kind : type
+        A dataclass, or the type of one of its fields.
+    told : dict, list, str, int, float, bool or None
+    arrays : mapping of str to ndarray
+
+    Raises
+    ------
+    KeyError, TypeError, ValueError
+        If something is missing or of another type: the file is damaged or made to do harm.
+    """
+    if isinstance(kind, type) and is_dataclass(kind):
+        hints = _hints(kind)
+        return kind(**{name: restored(hint, told[name], arrays) for name, hint in hints.items()})
+    origin, parts = get_origin(kind), get_args(kind)
+    if origin is UnionType:
+        return None if told is None else restored(parts[0], told, arrays)
+    if origin is tuple:
+        return tuple(restored(parts[0], own, arrays) for own in told)
+    if hasattr(origin, "dtype"):
+        array = arrays[told]
+        if array.dtype != get_args(parts[1])[0]:
+            raise ValueError(f"its {told.strip('/')} cannot be")
+        return array
+    if kind is float:
+        return float(told)
+    if type(told) is not (origin or kind):
+        raise ValueError(f"{told!r:.40} cannot be")
+    return told
+
+
+@lru_cache(maxsize=32)
+def _hints(kind: Any) -> dict[str, Any]:
+    """Return the types of the fields of a dataclass."""
+    known = get_type_hints(kind)
+    return {field.name: known[field.name] for field in fields(kind)}
 
 
 def most_unpacked(packed: int) -> int:

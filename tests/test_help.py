@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 
 from gearmon import demos
-from gearmon.cli import main, parsed
-from gearmon.commands import COMMANDS
+from gearmon.cli import COMMANDS, main, parsed
 from gearmon.commands.inputs import output_files
 from gearmon.dynamics import stability_map
 from gearmon.gears.faults import ERROR_KINDS, KINDS

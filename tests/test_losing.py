@@ -8,7 +8,7 @@ from pathlib import Path
 
 from losing import COMMAND_LINES
 
-from gearmon.commands import COMMANDS
+from gearmon.cli import COMMANDS
 
 SCRIPT = Path(__file__).parent / "losing.py"
 

@@ -12,8 +12,8 @@ import pytest
 from reference.small_gearbox import CRACK, machine, simulated
 
 import gearmon
+from gearmon.cli import COMMANDS as ALL
 from gearmon.cli import main
-from gearmon.commands import COMMANDS as ALL
 from gearmon.exposure import DayPlan, Job, sum_up
 from gearmon.harvesting import InertialHarvester, vibration_of_lines
 from gearmon.result import Result

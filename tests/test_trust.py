@@ -22,8 +22,7 @@ from scipy.io import savemat
 
 import gearmon.signals.recording
 from gearmon import cli
-from gearmon.cli import main
-from gearmon.commands import COMMANDS
+from gearmon.cli import COMMANDS, main
 from gearmon.commands.output import judged
 from gearmon.errors import GearmonError
 from gearmon.files import protecting, table_cell, write_atomically

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from gearmon.commands.output import complain, complain_of
 from gearmon.errors import ArgumentError, GearmonError, check_positive
@@ -144,18 +144,14 @@ def recordings_named(given: Sequence[str]) -> list[str]:
     return named
 
 
-def _kept_input(file: IO[bytes]) -> str:
-    """Copy standard input to a file: readers go back and forth."""
-    shutil.copyfileobj(sys.stdin.buffer, file)
-    file.flush()
-    return file.name
-
-
 def recording_of(path: str, arguments: argparse.Namespace, machine: Machine | None) -> Recording:
     """Read a recording as the options of the command, and the sensors of the machine, say."""
     if path == STANDARD_INPUT:
         with tempfile.NamedTemporaryFile(suffix=".csv") as file:
-            return replace(_read(_kept_input(file), arguments, machine), origin="standard input")
+            # readers go back and forth
+            shutil.copyfileobj(sys.stdin.buffer, file)
+            file.flush()
+            return replace(_read(file.name, arguments, machine), origin="standard input")
     return _read(path, arguments, machine)
 
 

@@ -97,9 +97,12 @@ def learn(arguments: argparse.Namespace) -> int:
 )
 def analyse(arguments: argparse.Namespace) -> int:
     """Run `gearmon analyse`."""
+    from gearmon.diagnosis.history import history_trends, read_history
+
     must_notice = loss_of(arguments.must_notice, "--must-notice")
     machine = machine_of(arguments.machine, arguments.speed_hint)
-    reference, past = reference_of(arguments, machine), _past(arguments, machine)
+    reference = reference_of(arguments, machine)
+    past = history_trends(read_history(arguments.past, machine.name)) if arguments.past else None
     # reports take longer than analyses
     done = 0.3 if arguments.report else 1.0
     reported = part_of(arguments.progress, done, 1.0 - done)
@@ -161,13 +164,6 @@ def _analysed(
     if arguments.json and not arguments.report:
         return analysis.to_dict(), None
     return analysis.to_dict(), (analysis, recording if arguments.report else None)
-
-
-def _past(arguments: argparse.Namespace, machine: Machine) -> HistoryTrends | None:
-    """Read the history that is named, to be looked at only."""
-    from gearmon.diagnosis.history import history_trends, read_history
-
-    return history_trends(read_history(arguments.past, machine.name)) if arguments.past else None
 
 
 def _analysis_lines(
@@ -258,7 +254,7 @@ def _classifier(arguments: argparse.Namespace, machine: Machine) -> tuple[KindCl
     from gearmon.diagnosis.fault_types.classifier import read_kinds, write_kinds
     from gearmon.diagnosis.fault_types.features import NAMES
     from gearmon.diagnosis.fault_types.training import EXAMPLES_BETWEEN, train_kinds
-    from gearmon.signatures.measured.provenance import tooth_counts
+    from gearmon.signatures.measured.reference import tooth_counts
 
     path = arguments.trained
     if path and Path(path).exists():
@@ -346,14 +342,22 @@ def _kind_lines(result: dict[str, Any]) -> list[str]:
 )
 def history(arguments: argparse.Namespace) -> int:
     """Run `gearmon history`."""
-    from gearmon.diagnosis.history import History, append, history_trends, read_history
+    from gearmon.diagnosis.history import (
+        History,
+        append,
+        history_trends,
+        read_history,
+        recording_times,
+    )
 
     if not arguments.recording and not arguments.store:
         raise ArgumentError("history: name recordings, or with --store a history file to look at")
     limit = loss_of(arguments.limit, "--limit")
     machine = machine_of(arguments.machine, arguments.speed_hint)
     machine = replace(machine, name=arguments.name or machine.name)
-    times = _history_times(arguments)
+    times = []
+    if arguments.recording:
+        times = recording_times(arguments.recording, arguments.times, arguments.time_from)
     _refuse_known(arguments, machine, times)
     entries, errors = _history_entries(arguments, machine, times)
     replaced = 0
@@ -371,14 +375,6 @@ def history(arguments: argparse.Namespace) -> int:
         result["files"] = _history_written(arguments.output, found, result)
     show(arguments, result, lambda: _history_lines(found, result))
     return judged((entry.verdict for entry in entries), flagged=found.raised, bad=bool(errors))
-
-
-def _history_times(arguments: argparse.Namespace) -> list[datetime]:
-    from gearmon.diagnosis.history import recording_times
-
-    if not arguments.recording:
-        return []
-    return recording_times(arguments.recording, arguments.times, arguments.time_from)
 
 
 def _refuse_known(arguments: argparse.Namespace, machine: Machine, times: list[datetime]) -> None:

@@ -88,7 +88,9 @@ def init(arguments: argparse.Namespace) -> int:
         notes += list(found.notes)
     write_atomically(arguments.output, text)
     result = {"machine": arguments.output, "mesh_hz": meshes, "warnings": notes}
-    show(arguments, result, lambda: _init_lines(result))
+    lines = [f"meshes at nominal speed: {', '.join(f'{own:.4g} Hz' for own in meshes)}"]
+    lines += [*(f"note: {note}" for note in notes), f"wrote {arguments.output}"]
+    show(arguments, result, lambda: lines)
     return DONE
 
 
@@ -192,13 +194,6 @@ def _columns(found: Recording) -> str:
         text += f"\n[[sensor]]                # {' '.join(name.split())}\ncolumn = {column}\n"
         text += f'kind = "{kind}"\n{mark}{known}\n'
     return text
-
-
-def _init_lines(result: dict[str, Any]) -> list[str]:
-    listed = ", ".join(f"{own:.4g} Hz" for own in result["mesh_hz"])
-    lines = [f"meshes at nominal speed: {listed}"]
-    lines += [f"note: {note}" for note in result["warnings"]]
-    return [*lines, f"wrote {result['machine']}"]
 
 
 @command(

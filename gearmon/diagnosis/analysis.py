@@ -52,13 +52,15 @@ from gearmon.signatures.measured.measurement import (
     MeasuredSignature,
     measure_signature,
 )
-from gearmon.signatures.measured.provenance import machine_notes, other_speed, recording_notes
 from gearmon.signatures.measured.reference import (
     Profile,
     Reference,
     is_reference,
+    machine_notes,
     make_reference,
+    other_speed,
     read_reference,
+    recording_notes,
 )
 from gearmon.signatures.signature import Signature
 

@@ -17,8 +17,7 @@ from gearmon.diagnosis.law.state import LENGTH
 from gearmon.errors import check_type
 from gearmon.machine import MachineLike, load_machine
 from gearmon.result import Result
-from gearmon.signatures.measured.provenance import machine_notes
-from gearmon.signatures.measured.reference import Reference, read_reference
+from gearmon.signatures.measured.reference import Reference, machine_notes, read_reference
 
 #: Loads less than this factor apart count as one.
 ONE_LOAD = 1.25

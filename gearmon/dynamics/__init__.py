@@ -17,12 +17,12 @@ True
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from gearmon.dynamics.hill import HillProblem, Response
 from gearmon.dynamics.steady_state import Method, steady_state
 from gearmon.dynamics.system import HillSystem, SystemResponse
+from gearmon.lazy import lazily
 
 if TYPE_CHECKING:
     from gearmon.dynamics.amplitude_equations import forced_resonance as forced_resonance
@@ -33,14 +33,13 @@ if TYPE_CHECKING:
     from gearmon.dynamics.time_domain import integrate as integrate
     from gearmon.dynamics.tongues import combination_tongues as combination_tongues
 
-_HOMES = {
-    "combination_tongues": "tongues",
-    "expand": "multiple_scales",
-    "forced_resonance": "amplitude_equations",
-    "integrate": "time_domain",
-    "parametric_resonance": "amplitude_equations",
-    "stability_chart": "stability",
-    "transient": "free_vibration",
+_OFFERED = {
+    "amplitude_equations": ("forced_resonance", "parametric_resonance"),
+    "free_vibration": ("transient",),
+    "multiple_scales": ("expand",),
+    "stability": ("stability_chart",),
+    "time_domain": ("integrate",),
+    "tongues": ("combination_tongues",),
 }
 
 __all__ = [
@@ -50,17 +49,7 @@ __all__ = [
     "Response",
     "SystemResponse",
     "steady_state",
-    *sorted(_HOMES),
+    *sorted(name for names in _OFFERED.values() for name in names),
 ]
 
-
-def __getattr__(name: str) -> Any:
-    """Load a public name from its module."""
-    if name not in _HOMES:
-        raise AttributeError(f"module 'gearmon.dynamics' has no attribute {name!r}")
-    return getattr(import_module(f"gearmon.dynamics.{_HOMES[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    """List the public names."""
-    return sorted(__all__)
+__getattr__ = lazily(__name__, _OFFERED)

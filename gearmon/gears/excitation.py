@@ -7,40 +7,32 @@ no sharing. What eccentricity, cumulative pitch error and misalignment do to the
 in `modulation`; the sharing of the errors of single flanks is that of the stiffness without it.
 
 A pair that lacks material gives way to its neighbours: the mesh sees ``sum_i k_i e_i / sum_i k_i``.
-Numerator and denominator are sums of pulses, so within each mesh period the quotient is smooth
-between known corners, and its Fourier integrals are exact.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
-from gearmon.errors import ArgumentError, check_range
+from gearmon.errors import ArgumentError
 from gearmon.gears.faults import WHOLE_KINDS, Fault, GearError
 from gearmon.gears.modulation import carrying_share
 from gearmon.gears.pairs import MeshPair
-from gearmon.gears.pulses import ComplexArray, FloatArray, Pulse, PulseTerm, PulseTrain, distinct
+from gearmon.gears.pulses import FloatArray, Pulse, PulseTerm, PulseTrain
 from gearmon.gears.stiffness import MeshStiffness
 from gearmon.gears.tooth_damage import tooth_damage
 from gearmon.gears.tooth_pairs import ToothPair, teeth_of
 
-#: Lines of the turn of a misaligned gear under load; they fall with their square at least.
-GAP_LINES = 2048
 #: Gauss points on either side of where the neighbours of a missing tooth change over.
 GAP_POINTS = 32
 #: Most contacts of faulty teeth, each computed by itself, in a true period.
 MOST_CONTACTS = 5_000
-Windows = dict[tuple[tuple[int, int, int], ...], list[int]]
-#: Largest turn of an oscillating part across one piece where it is sampled [rad].
-LARGEST_TURN = 6.0
 
 
 def tip_corner_gap(pair: ToothPair, beyond_m: FloatArray, *, leaving: bool) -> FloatArray:
@@ -124,33 +116,6 @@ class TurningError:
         gap = self.size_m * np.abs(turned)
         share = carrying_share(np.abs(gap), self.free_gap_m)
         return np.asarray(0.5 * gap * (share - 1))
-
-    def lines(self, count: int) -> ComplexArray:
-        """Return the Fourier coefficients 0 ... count [m] over `period_mesh`.
-
-        Notes
-        -----
-        ``|cos x| = 2/pi + (4/pi) sum_k (-1)^(k+1) cos(2 k x)/(4 k^2 - 1)``.
-        """
-        total = np.zeros(count + 1, dtype=np.complex128)
-        if self.kind == "wear":
-            total[0] = self.size_m
-        elif self.kind != "misalignment":
-            total[1:2] = 0.5 * self.size_m * np.exp(1j * self.phase_rad)
-        elif self.free_gap_m:
-            total[:GAP_LINES] = self._loaded_lines()[: count + 1]
-        else:
-            k = np.arange(count // 2 + 1)
-            signs = np.where(k % 2, 1.0, -1.0) / (4 * k**2 - 1)
-            total[::2] = -self.size_m / math.pi * signs * np.exp(2j * k * self.phase_rad)
-        return total
-
-    def _loaded_lines(self) -> ComplexArray:
-        phase = np.arange(4 * GAP_LINES) / (4 * GAP_LINES) * self.teeth
-        lines = np.fft.rfft(self.at(phase), norm="forward")[:GAP_LINES]
-        # what samples of so little make are rounding errors
-        lines[np.abs(lines) < 1e-16 * abs(self.size_m)] = 0
-        return np.asarray(lines)
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,120 +229,6 @@ def _bridge(pair: ToothPair) -> Pulse | None:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FlankExcitation:
-    """Displacement excitation by one `FlankError`.
-
-    Parameters
-    ----------
-    stiffness : MeshStiffness
-    error : FlankError
-    """
-
-    stiffness: MeshStiffness
-    error: FlankError
-
-    @cached_property
-    def period_mesh(self) -> int:
-        """True period [mesh periods], with that of the stiffness that shares the load."""
-        return math.lcm(self.stiffness.period_mesh, self.error.period_mesh)
-
-    def at(self, phase: FloatArray) -> FloatArray:
-        """Return e [m] at mesh phases."""
-        stiffness = self.stiffness.at(phase)
-        # without any load nothing is transmitted either
-        return np.asarray(self.force.at(phase) / np.where(stiffness > 0, stiffness, 1.0))
-
-    def lines(self, count: int) -> ComplexArray:
-        """Return the Fourier coefficients 0 ... count [m] over `period_mesh`; none aliased."""
-        v = np.arange(count + 1) / self.period_mesh
-        total = np.zeros(count + 1, dtype=np.complex128)
-        for windows in self._windows.values():
-            pulse = self._quotient(windows[0])
-            places = [np.exp(-2j * np.pi * v * n) for n in windows]
-            total += pulse.transform(v) * np.sum(places, axis=0)
-        return total / self.period_mesh
-
-    @cached_property
-    def force(self) -> PulseTrain:
-        """sum_i k_i e_i [N], the force that would close all gaps."""
-        gaps: dict[int, Pulse] = {}
-        terms = []
-        for entry in self._entries:
-            for term in self._terms_of(entry):
-                key = id(term.pulse)
-                if key not in gaps:
-                    gaps[key] = term.pulse.times(self.error.gap.value, self.error.gap.edges)
-                terms.append(replace(term, pulse=gaps[key], offset=float(entry)))
-        healthy = self.stiffness.healthy
-        return replace(
-            healthy, gear=self.error.gear, period_mesh=self.period_mesh, terms=tuple(terms)
-        )
-
-    @property
-    def _entries(self) -> range:
-        found = range((self.error.tooth or 1) - 1, self.period_mesh, self.error.period_mesh)
-        if len(found) > MOST_CONTACTS:
-            raise ArgumentError(
-                f"the errors repeat after {self.period_mesh} mesh periods only, in which their "
-                f"flanks meet {len(found)} times, more than {MOST_CONTACTS}; ask for errors and "
-                f"faults of one gear at a time"
-            )
-        return found
-
-    def _terms_of(self, entry: int) -> Iterable[PulseTerm]:
-        """Give what makes up the stiffness of the pair that enters at `entry`."""
-        yield from self.stiffness.healthy.terms
-        for train in self.stiffness.pulses:
-            for term in train.terms:
-                # a term without pieces takes nothing
-                if (entry - round(term.offset)) % train.period_mesh == 0 and len(term.pulse.starts):
-                    yield term
-
-    @cached_property
-    def _windows(self) -> Windows:
-        """Mesh periods in which the error acts, grouped by what acts in them."""
-        reach = math.ceil(self.stiffness.total_contact_ratio + 1e-9)
-        active = {
-            (entry + n) % self.period_mesh: n for entry in self._entries for n in range(reach)
-        }
-        if self.error.period_mesh < reach:
-            active = dict.fromkeys(range(self.period_mesh), 0)
-        grouped: Windows = {}
-        for window, since in sorted(active.items()):
-            key = [(-1, 0, since)]
-            for t, train in enumerate(self.stiffness.pulses):
-                for i, term in enumerate(train.terms):
-                    ago = (window - round(term.offset)) % train.period_mesh
-                    if ago < reach:
-                        key.append((t, i, ago))
-            grouped.setdefault(tuple(key), []).append(window)
-        return grouped
-
-    def _quotient(self, window: int) -> Pulse:
-        """Return e within one mesh period, as a pulse that begins at phase 0."""
-        return Pulse.of(self._edges, lambda phase: self.at(window + phase))
-
-    @cached_property
-    def _edges(self) -> FloatArray:
-        """Corners of everything, folded into one mesh period."""
-        trains = (self.force, self.stiffness.healthy, *self.stiffness.pulses)
-        found = [np.array([0.0, 1.0])]
-        fastest = 2 * LARGEST_TURN
-        for train in trains:
-            for term in train.terms:
-                faces = np.array([term.face_start, term.face_end]) * train.overlap_ratio
-                found.append(np.add.outer(term.offset + term.pulse.edges, faces).ravel())
-                fastest = max(fastest, term.pulse.fastest)
-        edges = distinct(np.append(np.mod(np.concatenate(found), 1.0), 1.0), 1e-11)
-        edges[-1] = 1.0
-        parts = np.ceil(np.diff(edges) * fastest / LARGEST_TURN).astype(int)
-        cut = [
-            np.linspace(*ends, n + 1)[:-1] for ends, n in zip(pairwise(edges), parts, strict=True)
-        ]
-        return np.append(np.concatenate(cut), 1.0)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class Excitation:
     """Displacement excitation of a mesh.
 
@@ -393,15 +244,6 @@ class Excitation:
     errors: tuple[TurningError | FlankError, ...]
     warnings: tuple[str, ...] = ()
 
-    @cached_property
-    def parts(self) -> tuple[TurningError | FlankExcitation, ...]:
-        """What adds up to e, each with a period of its own."""
-        even = replace(self.stiffness, modulations=())
-        return tuple(
-            FlankExcitation(stiffness=even, error=e) if isinstance(e, FlankError) else e
-            for e in self.errors
-        )
-
     @property
     def period_mesh(self) -> int:
         """True period [mesh periods], of errors and stiffness together."""
@@ -410,39 +252,49 @@ class Excitation:
     def at(self, phase: ArrayLike) -> FloatArray:
         """Return e [m] at mesh phases, any shape; positive where material is missing."""
         x = np.asarray(phase, dtype=np.float64)
-        return np.asarray(sum((part.at(x) for part in self.parts), np.zeros(x.shape)))
-
-    def harmonics(self, count: int, period_mesh: int | None = None) -> ComplexArray:
-        """Return e_0 ... e_count [m] of ``e = e_0 + sum_r (e_r exp(2 pi i r phase/P) + conj)``.
-
-        Parameters
-        ----------
-        count : int, >= 0
-        period_mesh : int, optional
-            P, a multiple of the true period [mesh periods]; by default that.
-
-        Returns
-        -------
-        ndarray of complex, shape (count + 1,)
-            Exact, none aliased.
-
-        Raises
-        ------
-        ArgumentError
-            If an argument is out of its range.
-        """
-        check_range("count", count, 0, 10_000_000)
-        period = self.period_mesh if period_mesh is None else period_mesh
-        total = np.zeros(count + 1, dtype=np.complex128)
-        for part, error in zip(self.parts, self.errors, strict=True):
-            if period % part.period_mesh:
-                raise ArgumentError(
-                    f"period_mesh={period} must be a multiple of {part.period_mesh}, after which "
-                    f"the errors of the {error.gear} repeat"
-                )
-            step = period // part.period_mesh
-            total[::step] += part.lines(count // step)
+        total = np.zeros(x.shape)
+        for error in self.errors:
+            if isinstance(error, TurningError):
+                total += error.at(x)
+        if self._forces:
+            stiffness = replace(self.stiffness, modulations=()).at(x)
+            # without any load nothing is transmitted either
+            total += sum(force.at(x) for force in self._forces) / np.where(
+                stiffness > 0, stiffness, 1
+            )
         return total
+
+    @cached_property
+    def _forces(self) -> list[PulseTrain]:
+        """sum_i k_i e_i [N] of every flank error: the force that would close all its gaps."""
+        found = []
+        for error in self.errors:
+            if isinstance(error, FlankError):
+                period = math.lcm(
+                    error.period_mesh, *(train.period_mesh for train in self.stiffness.pulses)
+                )
+                terms = tuple(self._closing(error, period))
+                healthy = self.stiffness.healthy
+                found.append(replace(healthy, gear=error.gear, period_mesh=period, terms=terms))
+        return found
+
+    def _closing(self, error: FlankError, period: int) -> Iterator[PulseTerm]:
+        """Give what makes up the stiffness of the pairs with an error, times the error."""
+        entries = range((error.tooth or 1) - 1, period, error.period_mesh)
+        if len(entries) > MOST_CONTACTS:
+            raise ArgumentError(
+                f"the errors repeat after {period} mesh periods only, in which their flanks meet "
+                f"{len(entries)} times, more than {MOST_CONTACTS}; ask for errors and faults of "
+                f"one gear at a time"
+            )
+        for train in self.stiffness.trains:
+            for term in train.terms:
+                # a term without pieces takes nothing
+                if len(term.pulse.series):
+                    gap = term.pulse.times(error.gap.value, error.gap.edges)
+                    for entry in entries:
+                        if (entry - round(term.offset)) % train.period_mesh == 0:
+                            yield replace(term, pulse=gap, offset=float(entry))
 
 
 def displacement_excitation(

@@ -428,7 +428,7 @@ def parse_fault(text: str) -> Fault:
     )
 
 
-def faults_of(given: object, *, errors: bool) -> tuple[Any, ...]:
+def faults_of(given: object, *, errors: bool, stages: int | None = None) -> tuple[Any, ...]:
     """Return faults, one or several, of which some may be text.
 
     Parameters
@@ -436,11 +436,13 @@ def faults_of(given: object, *, errors: bool) -> tuple[Any, ...]:
     given : Fault, GearError, str, or iterable of these
     errors : bool
         Whether errors of gears are taken too.
+    stages : int, optional
+        Stages of the machine that they are to be of.
 
     Raises
     ------
     ArgumentError
-        If something else stands there, or a text says no fault.
+        If something else stands there, a text says no fault, or there is no such stage.
 
     Examples
     --------
@@ -452,6 +454,11 @@ def faults_of(given: object, *, errors: bool) -> tuple[Any, ...]:
     if isinstance(several, Iterable):
         faults = tuple(parsed(own) if isinstance(own, str) else own for own in several)
         if all(isinstance(own, kinds) for own in faults):
+            for own in faults:
+                if stages is not None and own.stage > stages:
+                    raise ArgumentError(
+                        f"fault {own}: stage {own.stage} does not exist, the machine has {stages}"
+                    )
             return faults
     raise ArgumentError(
         f"faults={given!r}: must be faults or their text, such as ['crack:1:pinion:5:20%']"

@@ -14,11 +14,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 from itertools import combinations
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from gearmon.errors import ArgumentError, check_range
 from gearmon.machine import Bearing, Machine, OperatingPoint, ParallelStage, PlanetaryStage
@@ -349,11 +349,6 @@ class LineTable(Result):
 
     def __len__(self) -> int:
         return len(self.rows)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return built-in types only, ready for JSON."""
-        rows = [asdict(row) for row in self.rows]
-        return {"machine": self.machine, "rows": rows, "notes": list(self.notes)}
 
 
 def _numbered(what: str, items: tuple[_Item, ...], number: int) -> _Item:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 
 from gearmon.errors import ArgumentError, check_range
-from gearmon.gears.faults import Fault, GearError, faults_of_stage
+from gearmon.gears.faults import Fault, GearError, faults_of, faults_of_stage
 from gearmon.gears.iso6336 import (
     LOW_LOAD_N_PER_MM,
     Resonance,
@@ -145,8 +145,9 @@ def stage_mechanics(
     train = kinematics(machine)
     notes: list[str] = []
     force, torque = static_force(pair, running, train.shaft(number).order)
-    own = _own_faults(machine, number, faults)
+    given = faults_of(faults, errors=False, stages=len(machine.stages))
     wrong = [error for error in errors if error.stage == number]
+    own = faults_of_stage(given, number)
     stiffness = mesh_stiffness(pair, own, form, force_n=force, errors=wrong)
     mass = equivalent_mass(pair, notes)
     ratio, damping = mesh_damping(pair, math.sqrt(stiffness.healthy_mean_n_per_m * mass), notes)
@@ -265,16 +266,6 @@ def _pair(machine: Machine, number: int, mesh: int) -> MeshPair:
         names = ", ".join(f"{i} ({pair.name})" for i, pair in enumerate(pairs))
         raise ArgumentError(f"mesh={mesh} of stage {number} must be one of {names}")
     return pairs[mesh]
-
-
-def _own_faults(machine: Machine, number: int, faults: Iterable[Fault]) -> tuple[Fault, ...]:
-    given, last = tuple(faults), len(machine.stages)
-    for fault in given:
-        if fault.stage > last:
-            raise ArgumentError(
-                f"fault {fault}: stage {fault.stage} does not exist, the machine has {last}"
-            )
-    return faults_of_stage(given, number)
 
 
 def static_force(

@@ -30,9 +30,9 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import product
 
 import numpy as np
@@ -44,20 +44,18 @@ from gearmon.gears.faults import GearError
 from gearmon.gears.pairs import MeshPair
 from gearmon.gears.pulses import (
     LEAST_OVERLAP,
+    LEAST_PIECE,
+    POINTS,
     ComplexArray,
     FloatArray,
-    IntArray,
     Pulse,
     PulseTrain,
+    distinct,
     legendre,
 )
 
-#: Angles of a gear at which the carrying part of a misaligned face is taken; it has corners.
-SHARE_ANGLES, JOINT_SHARE_ANGLES = 4096, 64
-#: Gear orders beyond the index of modulation at which its lines are below rounding error.
-SPARE_ORDERS = 14
-#: Mesh orders computed together; bounds the memory.
-ORDERS_PER_BLOCK, JOINT_ORDERS_PER_BLOCK = 1024, 128
+#: Rounds of putting a corner where the contact is when it is reached; each gains two digits.
+ROUNDS = 8
 #: Chebyshev points of the loss of contact tried one after the other, until pulses have converged.
 NODES = (3, 5, 9, 17)
 CONVERGED = 1e-10
@@ -96,28 +94,6 @@ class ContactOffset:
         return bool(self.leaving or self.entering)
 
 
-@dataclass(frozen=True, kw_only=True)
-class OffsetState:
-    """Where the contact lies at some instants: arrays of one shape.
-
-    Parameters
-    ----------
-    leaving, entering : ndarray
-        a and b [mesh periods].
-    share : ndarray
-        Part of the face width that carries.
-    """
-
-    leaving: FloatArray
-    entering: FloatArray
-    share: FloatArray
-
-    @property
-    def lost(self) -> FloatArray:
-        """What the contact ratio loses."""
-        return self.leaving + self.entering
-
-
 def contact_offsets(pair: MeshPair, errors: Iterable[GearError]) -> tuple[ContactOffset, ...]:
     """Return how errors move the contact, one entry for each gear that has such errors.
 
@@ -141,14 +117,14 @@ def contact_offsets(pair: MeshPair, errors: Iterable[GearError]) -> tuple[Contac
 
 def state_of(
     offsets: Iterable[ContactOffset], angles: Iterable[FloatArray], free_gap_m: float
-) -> OffsetState:
-    """Return the contact with gears turned by angles [rad].
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return a and b [mesh periods] with gears turned, and the part of the face that carries.
 
     Parameters
     ----------
     offsets : iterable of ContactOffset
     angles : iterable of ndarray
-        Of each gear; shapes that broadcast.
+        Of each gear [rad]; shapes that broadcast.
     free_gap_m : float
         Lead deviation that the load just closes.
     """
@@ -158,8 +134,7 @@ def state_of(
         leaving = leaving + (offset.leaving * turned).real
         entering = entering + (offset.entering * turned).real
         lead = lead + (offset.lead_m * turned).real
-    share = carrying_share(np.abs(lead), free_gap_m)
-    return OffsetState(leaving=leaving, entering=entering, share=share)
+    return leaving, entering, carrying_share(np.abs(lead), free_gap_m)
 
 
 def first_gear_share(pair: MeshPair) -> float:
@@ -265,35 +240,17 @@ class ContactFamily:
         (terms,) = self._terms(np.array([lost]))
         return Pulse(terms @ self.edges, np.tensordot(terms, self.series, 1))
 
+    def limits(self, lost: FloatArray) -> FloatArray:
+        """Return the edges of the pieces for losses of contact ratio, shape (n, pieces + 1)."""
+        return np.asarray(self._terms(lost) @ self.edges)
+
     def entry(self, leaving: FloatArray, entering: FloatArray) -> FloatArray:
         """Return when a pair enters [mesh periods]: the middle of its contact shifts by (b - a)/2.
 
         A contact whose length is nominal, as that of the half-duty forms, keeps it.
         """
-        lengths = self._terms(leaving + entering) @ self.edges[:, -1]
+        lengths = self.limits(leaving + entering)[:, -1]
         return np.asarray(0.5 * (entering - leaving + self.pulse(0.0).length - lengths))
-
-    def coefficients(
-        self, orders: IntArray, leaving: FloatArray, entering: FloatArray
-    ) -> ComplexArray:
-        """Return the coefficients [N/m] of a mesh whose contact stays as in each state.
-
-        Parameters
-        ----------
-        orders : ndarray of int, shape (m,)
-        leaving, entering : ndarray, shape (n,)
-
-        Returns
-        -------
-        ndarray of complex, shape (n, m)
-        """
-        entry = self.entry(leaving, entering)
-        lost, place = np.unique(np.round(leaving + entering, 15), return_inverse=True)
-        own = np.array([self.pulse(float(value)).transform(orders) for value in lost])
-        eps = self.overlap_ratio
-        spread = np.sinc(orders * eps) * np.exp(-1j * np.pi * orders * eps)
-        turned = np.exp(-2j * np.pi * orders * entry[:, None])
-        return np.asarray(own[place.reshape(-1)] * turned * spread)
 
     def at(self, phase: FloatArray, leaving: FloatArray, entering: FloatArray) -> FloatArray:
         """Return the mesh stiffness [N/m] at phases with a contact each, shape (n,)."""
@@ -305,7 +262,7 @@ class ContactFamily:
 
     def _at(self, phase: FloatArray, leaving: FloatArray, entering: FloatArray) -> FloatArray:
         terms = self._terms(leaving + entering)
-        edges = terms @ self.edges
+        edges = self.limits(leaving + entering)
         turned = np.mod(phase - self.entry(leaving, entering), 1.0)
         eps = self.overlap_ratio
         total = np.zeros(len(phase))
@@ -372,16 +329,10 @@ class ModulationTrain:
     def at(self, phase: ArrayLike) -> FloatArray:
         """Return this part of the stiffness [N/m] at `phase` [mesh periods], any shape."""
         x = np.asarray(phase, dtype=np.float64)
-        flat = x.ravel()
-        total = np.zeros(len(flat))
-        angles = [2 * np.pi * flat / offset.teeth for offset in self.offsets]
-        # where no contact moves every pair is like the next
-        still = PulseTrain.healthy(self.family.pulse(0.0), self.family.overlap_ratio).at(flat)
+        total = np.zeros(x.shape)
         for sign, moving in self._signed:
-            state, moves = state_of(moving, angles, self.free_gap_m), any(o.moves for o in moving)
-            own = self.family.at(flat, state.leaving, state.entering) if moves else still
-            total += sign * state.share * own
-        return total.reshape(x.shape)
+            total += sign * self._stiffness(moving, x)
+        return total
 
     def coefficients(self, orders: ArrayLike) -> ComplexArray:
         """Return the Fourier coefficients [N/m] at whole orders of its period.
@@ -392,74 +343,74 @@ class ModulationTrain:
             r: order r/period_mesh of the mesh frequency; 0 gives the mean.
         """
         r = np.atleast_1d(np.asarray(orders, dtype=np.int64))
-        wanted = np.zeros(int(np.abs(r).max(initial=0)) + 1, dtype=np.complex128)
-        period = self.period_mesh
-        most = len(wanted) // period + 1
-        reach = max(self._sidebands(most, len(self.offsets)) // o.teeth for o in self.offsets)
-        below = len(self.offsets) * (reach + 1)
-        block = ORDERS_PER_BLOCK if len(self.offsets) == 1 else JOINT_ORDERS_PER_BLOCK
-        for low in range(0, most + below + 1, block):
-            meshes = np.arange(low, min(low + block, most + below + 1))
-            self._add(wanted, meshes)
-        found = wanted[np.abs(r)]
-        return np.asarray(np.where(r < 0, found.conj(), found))
+        total = np.zeros(len(r), dtype=np.complex128)
+        for sign, moving in self._signed:
+            period = math.lcm(*(offset.teeth for offset in moving))
+            own = r % (self.period_mesh // period) == 0
+            edges = np.append(np.mod(self.corners(moving, period), period), [0.0, period])
+            curve = Pulse.of(
+                distinct(edges, LEAST_PIECE),
+                partial(self._stiffness, moving),
+                POINTS + self.family.series.shape[2],
+            )
+            total[own] += sign * curve.transform(r[own] / self.period_mesh) / period
+        return total
+
+    def _stiffness(self, moving: Sequence[ContactOffset], phase: FloatArray) -> FloatArray:
+        """Return the mesh stiffness [N/m] with some of the gears moving."""
+        flat, family = phase.ravel(), self.family
+        leaving, entering, share = self._state(moving, flat)
+        if any(offset.moves for offset in moving):
+            found = family.at(flat, leaving, entering)
+        else:
+            # every pair is like the next
+            found = PulseTrain.healthy(family.pulse(0.0), family.overlap_ratio).at(flat)
+        return np.asarray((share * found).reshape(phase.shape))
+
+    def _state(
+        self, moving: Sequence[ContactOffset], phase: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        angles = [2 * np.pi * phase / offset.teeth for offset in moving]
+        return state_of(moving, angles, self.free_gap_m)
+
+    def corners(self, moving: Sequence[ContactOffset], period: int) -> FloatArray:
+        """Return the phases of a period at which the stiffness of this contact is not smooth.
+
+        Parameters
+        ----------
+        moving : sequence of ContactOffset
+            Of all gears; `offsets`, or some of them standing still.
+        period : int
+            [mesh periods].
+        """
+        family, entries = self.family, np.arange(period)[:, None, None]
+        edges = np.arange(family.edges.shape[1])
+        face = np.array([0.0, family.overlap_ratio])[:, None]
+        place = entries + face + family.limits(np.zeros(1))[:, edges]
+        # put where the contact is when it is reached
+        for _ in range(ROUNDS):
+            flat = place.ravel()
+            leaving, entering, _ = self._state(moving, flat)
+            own = family.limits(leaving + entering).reshape(*place.shape, -1)
+            entry = family.entry(leaving, entering).reshape(place.shape)
+            place = entries + face + entry + own[..., edges, edges]
+        kinks = [np.zeros(0), *(self._kinks(offset, period) for offset in moving if offset.lead_m)]
+        return np.concatenate([place.ravel(), *kinks])
+
+    def _kinks(self, offset: ContactOffset, period: int) -> FloatArray:
+        """Return phases at which a wobbling gear changes the end of its face or lifts off."""
+        size, angle = abs(offset.lead_m), cmath.phase(offset.lead_m)
+        inner = math.acos(min(1.0, self.free_gap_m / size))
+        ends = [inner, math.pi - inner, math.pi + inner, -inner, 0.5 * math.pi, 1.5 * math.pi]
+        turns = np.arange(0, period, offset.teeth)
+        return np.add.outer(turns, (np.array(ends) - angle) / (2 * math.pi) * offset.teeth).ravel()
 
     @cached_property
     def _signed(self) -> list[tuple[int, tuple[ContactOffset, ...]]]:
         """What moves, with one gear or both standing still, and the sign with which it enters."""
-        choices = product(*((o, ContactOffset(gear=o.gear, teeth=o.teeth)) for o in self.offsets))
+        choices = product(*((own, ContactOffset(gear=own.gear, teeth=1)) for own in self.offsets))
         signs = (math.prod(s) for s in product((1, -1), repeat=len(self.offsets)))
         return list(zip(signs, choices, strict=True))
-
-    def _sidebands(self, order: int, gears: int) -> int:
-        """Return up to which gear order lines about a mesh order are to be had."""
-        reach = self._shifted(order)
-        if any(offset.lead_m for offset in self.offsets):
-            reach = max(reach, (SHARE_ANGLES if gears == 1 else JOINT_SHARE_ANGLES) // 4)
-        return reach
-
-    def _shifted(self, order: int) -> int:
-        """Return the same without misalignment, whose corners reach farther."""
-        largest = max(max(abs(o.leaving), abs(o.entering)) for o in self.offsets)
-        index = 2 * math.pi * order * largest
-        return math.ceil(index + 3 * math.cbrt(index)) + SPARE_ORDERS if largest else 0
-
-    def _add(self, wanted: ComplexArray, meshes: IntArray) -> None:
-        """Add the lines about some mesh orders to the half spectrum `wanted`."""
-        reach = self._sidebands(int(meshes[-1]), len(self.offsets))
-        lines = self._lines(meshes, reach)
-        period = self.period_mesh
-        place = meshes * period
-        for offset in self.offsets:
-            steps = np.arange(-reach, reach + 1) * (period // offset.teeth)
-            place = place[..., None] + steps
-        values = np.moveaxis(lines, -1, 0)
-        # mesh order 0 holds its own conjugates already; of the others those below 0 are mirrored
-        mirrored = np.broadcast_to((meshes > 0).reshape(-1, *[1] * (place.ndim - 1)), place.shape)
-        inside = (place >= 0) & (place < len(wanted))
-        np.add.at(wanted, place[inside], values[inside])
-        inside = mirrored & (place <= 0) & (place > -len(wanted))
-        np.add.at(wanted, -place[inside], values[inside].conj())
-
-    def _lines(self, meshes: IntArray, reach: int) -> ComplexArray:
-        """Return c_{m,s} or c_{m,s1,s2} less those of fewer gears, mesh orders along the last axis.
-
-        The others run over the gear orders -reach ... reach of each gear.
-        """
-        gears, corners = len(self.offsets), any(offset.lead_m for offset in self.offsets)
-        # lines of a misaligned face fall slowly: room for those that would fold
-        count = 4 * reach if corners else 2 * reach + 2
-        angle = 2 * np.pi * np.arange(count) / count
-        angles = [own.ravel() for own in np.meshgrid(*[angle] * gears, indexing="ij")]
-        total = np.zeros((len(angles[0]), len(meshes)), dtype=np.complex128)
-        for sign, moving in self._signed:
-            state = state_of(moving, angles, self.free_gap_m)
-            lines = self.family.coefficients(meshes, state.leaving, state.entering)
-            total += sign * state.share[:, None] * lines
-        whole = total.reshape(*[count] * gears, len(meshes))
-        lines = np.fft.fftn(whole, axes=tuple(range(gears)), norm="forward")
-        wanted = [np.arange(-reach, reach + 1)] * gears
-        return np.asarray(lines[np.ix_(*wanted, np.arange(len(meshes)))])
 
 
 def modulation_trains(

@@ -404,13 +404,10 @@ class MeshStiffness:
         """What makes the mesh differ from one mesh period to the next."""
         return *self.pulses, *self.modulations
 
-    def only(self, gears: Sequence[str]) -> MeshStiffness:
-        """Return the same with no gear marked but these."""
-        return replace(
-            self,
-            pulses=tuple(train for train in self.pulses if train.gear in gears),
-            modulations=tuple(train for train in self.modulations if train.gear in gears),
-        )
+    @property
+    def unmarked(self) -> MeshStiffness:
+        """The same with all mesh periods alike."""
+        return replace(self, pulses=(), modulations=())
 
     @cached_property
     def mean_n_per_m(self) -> float:

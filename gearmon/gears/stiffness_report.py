@@ -400,11 +400,8 @@ def stiffness_report(
         If the machine lacks data, its gears cannot run, or a fault does not fit.
     """
     check_range("points_per_mesh", points_per_mesh, 2, 100_000)
-    known = faults_of(faults, errors=False)
     last = len(machine.stages)
-    for fault in known:
-        if fault.stage > last:
-            raise ArgumentError(f"fault {fault}: stage {fault.stage} must lie in [1, {last}]")
+    known = faults_of(faults, errors=False, stages=last)
     if stage is not None:
         check_range("stage", stage, 1, last)
     numbers = range(1, last + 1) if stage is None else [stage]

@@ -69,8 +69,7 @@ The modules inside: `vibration` (what shakes), `harvester` (what all are; spring
 `request` (the harvester's file and what a sensor gets of it) and `placement` (where to put it).
 """
 
-from importlib import import_module
-from typing import Any
+from gearmon.lazy import lazily
 
 _OFFERED = {
     "cantilever": ("BEAM_MATERIALS", "PIEZO_MATERIALS", "PiezoCantilever"),
@@ -87,12 +86,5 @@ _OFFERED = {
         "vibration_of_signature",
     ),
 }
-_HOMES = {name: home for home, names in _OFFERED.items() for name in names}
-__all__ = sorted(_HOMES)
-
-
-def __getattr__(name: str) -> Any:
-    """Load a public name from its home."""
-    if name not in _HOMES:
-        raise AttributeError(f"module 'gearmon.harvesting' has no attribute {name!r}")
-    return getattr(import_module(f"gearmon.harvesting.{_HOMES[name]}"), name)
+__all__ = sorted(name for names in _OFFERED.values() for name in names)
+__getattr__ = lazily(__name__, _OFFERED)

@@ -51,8 +51,7 @@ Examples
 'drive: 1 position(s), expected vibration'
 """
 
-from importlib import import_module
-from typing import Any
+from gearmon.lazy import lazily
 
 _OFFERED = {
     "html": ("Failure", "write_report"),
@@ -66,12 +65,5 @@ _OFFERED = {
     "exposure_text": ("exposure_lines", "write_exposure_report"),
     "expected_plots": ("stability_figure",),
 }
-_HOMES = {name: home for home, names in _OFFERED.items() for name in names}
-__all__ = sorted(_HOMES)
-
-
-def __getattr__(name: str) -> Any:
-    """Load a public name from its home."""
-    if name not in _HOMES:
-        raise AttributeError(f"module 'gearmon.report' has no attribute {name!r}")
-    return getattr(import_module(f"gearmon.report.{_HOMES[name]}"), name)
+__all__ = sorted(name for names in _OFFERED.values() for name in names)
+__getattr__ = lazily(__name__, _OFFERED)

@@ -35,8 +35,8 @@ from gearmon.report.wording import gear_text, printable, shaft_text, unit_text
 from gearmon.signals.orders import READ_UP_TO
 from gearmon.signals.orders.spectra import order_map
 from gearmon.signals.recording import Recording
+from gearmon.signals.spectra.spectrum import fast_length
 from gearmon.signals.tracking.comb import scan_speed
-from gearmon.signals.transforms import fast_length
 from gearmon.signatures.measured.line_plan import Family, WheelLines
 from gearmon.signatures.measured.reference import Reference, WheelPattern
 from gearmon.signatures.speed import SPEED_REACH, SPEED_TOLERANCE, machine_comb

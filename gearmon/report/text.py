@@ -32,8 +32,7 @@ from gearmon.report.wording import (
     unit_text,
     with_uncertainty,
 )
-from gearmon.signatures.measured.provenance import tooth_counts
-from gearmon.signatures.measured.reference import Reference
+from gearmon.signatures.measured.reference import Reference, tooth_counts
 from gearmon.signatures.speed import SPEED_REACH, SPEED_TOLERANCE, Speed
 
 # Changes of more than this many standard deviations are highlighted in pictures and tables.

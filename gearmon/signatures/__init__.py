@@ -19,32 +19,19 @@ Examples
 23
 """
 
-from __future__ import annotations
+from gearmon.lazy import lazily
 
-from importlib import import_module
-from typing import Any
-
-_HOMES = {
-    "Signature": "signature",
-    "expected_signature": "expected.baseline",
-    "fault_family": "expected.fault_family",
-    "indicator_table": "measured.indicators",
-    "loss_response": "expected.faulty_teeth",
-    "make_reference": "measured.reference",
-    "measure_signature": "measured.measurement",
-    "mesh_problem": "expected.mesh",
-    "read_reference": "measured.reference",
-    "read_signature": "signature",
-    "tooth_response": "expected.tooth_response",
-    "write_reference": "measured.reference",
-    "write_signature": "signature",
+_OFFERED = {
+    "expected.baseline": ("expected_signature",),
+    "expected.fault_family": ("fault_family",),
+    "expected.faulty_teeth": ("loss_response",),
+    "expected.mesh": ("mesh_problem",),
+    "expected.tooth_response": ("tooth_response",),
+    "measured.indicators": ("indicator_table",),
+    "measured.measurement": ("measure_signature",),
+    "measured.reference": ("make_reference", "read_reference", "write_reference"),
+    "signature": ("Signature", "read_signature", "write_signature"),
 }
 
-__all__ = [*_HOMES]
-
-
-def __getattr__(name: str) -> Any:
-    """Load a public name from its module."""
-    if name not in _HOMES:
-        raise AttributeError(f"module 'gearmon.signatures' has no attribute {name!r}")
-    return getattr(import_module(f"gearmon.signatures.{_HOMES[name]}"), name)
+__all__ = sorted(name for names in _OFFERED.values() for name in names)
+__getattr__ = lazily(__name__, _OFFERED)

@@ -1,8 +1,22 @@
 """Synchronous averages of every gear of a recording, and the signals made of them.
 
 One call gives, gear by gear, one turn of the gear (its exact rotation follows from the tooth
-counts), the standard error of every value and every line, and the residual, difference and regular
-signals with the list of the orders that were taken out.
+counts), the standard error of every value and every line, and the signals that indicators are
+computed of, with the list of the orders that were taken out:
+
+- the *residual* is the average less the harmonics 1 and 2 of the gear's rotation and less every
+  mesh harmonic on it, also of other meshes;
+- the *difference* is the residual less the first sidebands of all these mesh harmonics;
+- the *regular* signal is what was taken out to get the difference;
+- the *envelope* is that of the average in a band about the first mesh harmonic.
+
+Of the lines of a whole machine an average holds the multiples of the rotation that lie up to half a
+mesh order from one of the first eight mesh harmonics, as far as the sampling rate reaches.
+
+References
+----------
+Lebold, McClintic, Campbell, Byington and Maynard, MFPT 54 (2000) 623-634; Zakrajsek, Townsend and
+Decker, NASA TM-105950 (1993).
 """
 
 from __future__ import annotations
@@ -15,18 +29,155 @@ from typing import Any
 
 import numpy as np
 
-from gearmon.errors import RecordingError
+from gearmon.errors import ArgumentError, RecordingError
 from gearmon.gears.kinematics import Kinematics, Wheel, kinematics
 from gearmon.machine import MachineLike, load_machine
 from gearmon.result import Result
-from gearmon.signals.array_types import FloatArray
+from gearmon.signals.array_types import ComplexArray, FloatArray, IntArray
 from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.orders import whole_turns
 from gearmon.signals.orders.averages import SynchronousAverage, time_synchronous_average
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
-from gearmon.signatures.measured.gear_signals import GearSignals, gear_signals
-from gearmon.signatures.measured.line_plan import MESH_HARMONICS, WheelLines
+from gearmon.signatures.measured.line_plan import MESH_HARMONICS, NEAR_SIDEBANDS, WheelLines
 from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature
+
+#: Harmonics of the rotation that count as the shaft's own.
+SHAFT_HARMONICS = 2
+# Samples of a turn over its highest multiple: sums of eighth powers are then exact.
+_OVERSAMPLING = 8.5
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GearSignals:
+    """Signals over one turn of a gear, and lines about its mesh.
+
+    Parameters
+    ----------
+    wheel : WheelLines
+        The gear.
+    average, residual, difference, regular, envelope : ndarray of float, shape (channels, n)
+        See the module; without mean, but for the envelope.
+    mesh_amplitude : ndarray of float, shape (channels, harmonics)
+        Peak amplitudes of the gear's own mesh harmonics.
+    fundamental : ndarray of float, shape (channels,)
+        That of the first.
+    first_sidebands : ndarray of float, shape (channels, 2)
+        Peak amplitudes of the lines -1 and +1 of the first mesh harmonic; 0 where not measured.
+    near_sidebands : ndarray of float, shape (channels, 12)
+        The same of -6 to +6.
+    shaft, mesh, first : tuple of int
+        Multiples of the rotation taken out: the shaft's own, all mesh harmonics, their first
+        sidebands.
+    band : (int, int)
+        Lowest and highest multiple of the envelope's band.
+    """
+
+    wheel: WheelLines
+    average: FloatArray
+    residual: FloatArray
+    difference: FloatArray
+    regular: FloatArray
+    envelope: FloatArray
+    mesh_amplitude: FloatArray
+    fundamental: FloatArray
+    first_sidebands: FloatArray
+    near_sidebands: FloatArray
+    shaft: tuple[int, ...]
+    mesh: tuple[int, ...]
+    first: tuple[int, ...]
+    band: tuple[int, int]
+
+    @property
+    def removed_orders(self) -> dict[str, tuple[float, ...]]:
+        """Orders of shaft 1 taken out of the average, by the signal that was left."""
+        residual = sorted(self.shaft + self.mesh)
+        difference = sorted(self.shaft + self.mesh + self.first)
+        return {
+            "residual": tuple(n * self.wheel.order for n in residual),
+            "difference": tuple(n * self.wheel.order for n in difference),
+        }
+
+
+def gear_signals(
+    mean: ComplexArray, wheel: WheelLines, *, per_turn: int | None = None
+) -> GearSignals:
+    """Build the signals of a gear from the lines of its machine.
+
+    Parameters
+    ----------
+    mean : ndarray of complex, shape (channels, lines)
+        Complex peak amplitudes of all lines of the plan.
+    wheel : WheelLines
+        Which of them belong to the gear.
+    per_turn : int, optional
+        Values a turn, more than twice the highest multiple; by default so many that sums of eighth
+        powers over them are exact.
+
+    Returns
+    -------
+    GearSignals
+
+    Raises
+    ------
+    ArgumentError
+        If `per_turn` is too small for the lines.
+    """
+    number, teeth = wheel.number, wheel.teeth
+    top = int(number.max(initial=0))
+    if per_turn is None:
+        per_turn = 1 << int(np.ceil(np.log2(_OVERSAMPLING * (top + 1))))
+    elif per_turn <= 2 * top:
+        raise ArgumentError(
+            f"per_turn={per_turn} must be above {2 * top}, twice the highest multiple"
+        )
+    spectrum = np.zeros((len(mean), max(top, teeth + NEAR_SIDEBANDS) + 1), dtype=complex)
+    spectrum[:, number] = mean[:, wheel.lines]
+    meshes = number[wheel.mesh]
+    shaft = (number <= SHAFT_HARMONICS) & ~wheel.mesh
+    first = np.isin(number, np.concatenate([meshes - 1, meshes + 1])) & ~wheel.mesh & ~shaft
+    taken = wheel.mesh | shaft
+    near = [teeth + r for r in range(-NEAR_SIDEBANDS, NEAR_SIDEBANDS + 1) if r and teeth + r > 0]
+    size = np.abs(spectrum)
+    reach = max(1, min(teeth // 2, teeth - 1))
+    band = (teeth - reach, teeth + reach)
+    return GearSignals(
+        wheel=wheel,
+        average=_waveform(spectrum, number, per_turn),
+        residual=_waveform(spectrum, number[~taken], per_turn),
+        difference=_waveform(spectrum, number[~(taken | first)], per_turn),
+        regular=_waveform(spectrum, number[taken | first], per_turn),
+        envelope=_envelope(spectrum, number[(number >= band[0]) & (number <= band[1])], per_turn),
+        mesh_amplitude=size[:, number[(number % teeth == 0) & (number >= teeth)]],
+        fundamental=size[:, teeth],
+        first_sidebands=size[:, [teeth - 1, teeth + 1]],
+        near_sidebands=size[:, near],
+        shaft=_listed(number[shaft]),
+        mesh=_listed(meshes),
+        first=_listed(number[first]),
+        band=band,
+    )
+
+
+def _listed(number: IntArray) -> tuple[int, ...]:
+    return tuple(int(n) for n in number)
+
+
+def _part(spectrum: ComplexArray, chosen: IntArray, size: int) -> ComplexArray:
+    part = np.zeros((len(spectrum), size), dtype=complex)
+    part[:, chosen] = spectrum[:, chosen]
+    return part
+
+
+def _waveform(spectrum: ComplexArray, chosen: IntArray, per_turn: int) -> FloatArray:
+    """One turn of the gear from the chosen multiples of its rotation."""
+    part = _part(spectrum, chosen, per_turn // 2 + 1)
+    result: FloatArray = np.fft.irfft(part, n=per_turn, axis=-1) * per_turn / 2
+    return result
+
+
+def _envelope(spectrum: ComplexArray, chosen: IntArray, per_turn: int) -> FloatArray:
+    part = _part(spectrum, chosen, per_turn)
+    return np.asarray(np.abs(np.fft.ifft(part, axis=-1, norm="forward")), dtype=np.float64)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -68,6 +219,17 @@ class GearAverage:
     def angle_turns(self) -> FloatArray:
         """Share of the turn at every value, shape (per_turn,)."""
         return np.arange(float(self.average.per_turn)) / self.average.per_turn
+
+    @property
+    def columns(self) -> dict[str, FloatArray]:
+        """What is told of every angle, by name, shape (channels, per_turn)."""
+        return {
+            "average": self.average.waveform,
+            "standard_error": self.average.waveform_error,
+            "residual": self.signals.residual,
+            "difference": self.signals.difference,
+            "regular": self.signals.regular,
+        }
 
     @property
     def removed_orders(self) -> dict[str, tuple[float, ...]]:
@@ -131,20 +293,13 @@ class GearAverages(Result):
         }
 
     def _waveform_rows(self, own: GearAverage) -> Iterator[dict[str, Any]]:
-        columns = {
-            "average": own.average.waveform,
-            "standard_error": own.average.waveform_error,
-            "residual": own.signals.residual,
-            "difference": own.signals.difference,
-            "regular": own.signals.regular,
-        }
         for row in range(len(self.channel_names)):
             for index, angle in enumerate(own.angle_turns.tolist()):
                 turned = {"angle_turns": angle, "angle_teeth": angle * own.teeth}
                 yield (
                     self._place(own, row)
                     | turned
-                    | {name: _short(values[row, index]) for name, values in columns.items()}
+                    | {name: _short(values[row, index]) for name, values in own.columns.items()}
                 )
 
     def _line_rows(self, own: GearAverage) -> Iterator[dict[str, Any]]:
@@ -168,7 +323,7 @@ class GearAverages(Result):
         return {"stage": own.stage, "gear": own.gear, "channel": channel, "unit": unit}
 
     def _brief(self, own: GearAverage) -> dict[str, Any]:
-        average, signals = own.average, own.signals
+        average = own.average
         return {
             "stage": own.stage,
             "gear": own.gear,
@@ -179,15 +334,8 @@ class GearAverages(Result):
             "per_turn": average.per_turn,
             "numbered": own.numbered,
             "channels": [
-                {
-                    "channel": channel,
-                    "unit": self.units[row] or "",
-                    "average_rms": float(np.std(average.waveform[row])),
-                    "standard_error_rms": float(np.sqrt(np.mean(average.waveform_error[row] ** 2))),
-                    "residual_rms": float(np.std(signals.residual[row])),
-                    "difference_rms": float(np.std(signals.difference[row])),
-                    "regular_rms": float(np.std(signals.regular[row])),
-                }
+                {"channel": channel, "unit": self.units[row] or ""}
+                | {f"{name}_rms": _rms(name, values[row]) for name, values in own.columns.items()}
                 for row, channel in enumerate(self.channel_names)
             ],
             "removed_orders": {name: list(taken) for name, taken in own.removed_orders.items()},
@@ -331,3 +479,9 @@ def wheel_lines(stage: int, wheel: Wheel, train: Kinematics, top: int) -> WheelL
 def _short(value: float) -> float:
     """Return a value to seven digits: tables of waveforms are long."""
     return float(f"{value:.7g}")
+
+
+def _rms(name: str, values: FloatArray) -> float:
+    """Return the size of a signal without its mean, or of its errors."""
+    centred = values if name == "standard_error" else values - values.mean()
+    return float(np.sqrt(np.mean(centred**2)))

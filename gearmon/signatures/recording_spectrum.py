@@ -23,7 +23,7 @@ from gearmon.signals.spectra.demodulation import (
     kurtogram,
     real_cepstrum,
 )
-from gearmon.signals.transforms import fast_length
+from gearmon.signals.spectra.spectrum import fast_length
 from gearmon.signatures.measured.line_plan import Mark, machine_marks, mark_near
 from gearmon.signatures.measured.measurement import measure_signature
 

@@ -17,14 +17,15 @@ from reference.nongear_cases import (
 )
 from reference.simulated_machines import planetary
 
+from gearmon.files import restored, stored
 from gearmon.gears.kinematics import kinematics
 from gearmon.signals.orders import fine_order_spectrum
 from gearmon.signatures.measured.line_plan import distance_to, known_orders
 from gearmon.signatures.measured.nongear_lines import (
     NonGearLine,
+    NonGearLines,
+    check_lines,
     contaminated,
-    line_arrays,
-    lines_from_arrays,
     noise_exceeds,
     nongear_lines,
     taken,
@@ -130,7 +131,9 @@ def test_noise_law(pieces):
 
 def test_storage_gives_back_every_bit():
     for known in (heard(1, orders=TURNING, tones_hz=(100.0,)), heard(3)):
-        back = lines_from_arrays(line_arrays(known))
+        arrays = {}
+        back = restored(NonGearLines, stored(known, arrays), arrays)
+        check_lines(back, channels=2)
         assert back.lines == known.lines
         assert (back.speed_hz, back.cell_hz) == (known.speed_hz, known.cell_hz)
         np.testing.assert_array_equal(back.in_time_db, known.in_time_db)

@@ -11,10 +11,9 @@ draws machines with every type of fault, superposed from the order lines of one 
 The names load what they need when they are first used: judging by rules needs no scikit-learn.
 """
 
-from importlib import import_module
-from typing import Any
+from gearmon.lazy import lazily
 
-_HOMES = {
+_OFFERED = {
     "classifier": ("KindClassifier", "read_kinds", "write_kinds"),
     "features": ("FEATURES", "KINDS", "NAMES", "NONE", "FeatureVector", "kind_features"),
     "judgement": ("analysis_features", "kind_of_analysis"),
@@ -29,12 +28,5 @@ _HOMES = {
     ),
 }
 
-__all__ = sorted(name for names in _HOMES.values() for name in names)
-
-
-def __getattr__(name: str) -> Any:
-    """Load a public name from its home."""
-    for home, names in _HOMES.items():
-        if name in names:
-            return getattr(import_module(f"{__name__}.{home}"), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+__all__ = sorted(name for names in _OFFERED.values() for name in names)
+__getattr__ = lazily(__name__, _OFFERED)

@@ -25,8 +25,7 @@ from gearmon.diagnosis.hypotheses.runout import TurnChange, turn_changes
 from gearmon.diagnosis.results import Change
 from gearmon.errors import check_range
 from gearmon.machine import Machine, MachineLike, load_machine
-from gearmon.signatures.measured.provenance import tooth_counts
-from gearmon.signatures.measured.reference import WheelPattern
+from gearmon.signatures.measured.reference import WheelPattern, tooth_counts
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

@@ -4,8 +4,9 @@ A damaged tooth answers with one short event a turn, so that the lines about a m
 step with one another. Damage of many teeth, or a mesh that changes over the whole turn (a gear that
 stands askew or runs out), fills the same lines without that step; a second damaged tooth makes
 their power come and go. The share of a departure that one tooth leaves unexplained is common to all
-bands, its power is not: the likelihood of the share tells how much of a departure one tooth leaves
-unexplained, whatever its size, and that of two teeth whether a second one explains it.
+bands, and so is how long the path rings; its power is not: the likelihood of the share tells how
+much of a departure one tooth leaves unexplained, whatever its size, and that of two teeth whether a
+second one explains it.
 
 What two teeth do in turn repeats after as many tooth pitches as they stand apart, whatever the path
 makes of it: the power of the lines then comes and goes with their number. Where it does so is
@@ -212,16 +213,15 @@ _TOLD = 1
 SIZES = (0.4, 0.7, 1.0)
 # Distances that are tried beside the two nearest teeth on either side.
 _DISTANCES, _NEAR = 3, 2
-# Logarithm of the factor by which a second tooth has to explain a departure better than one does:
-# for teeth apart (beside the number of places and sizes it may have) and for neighbours; beyond 25
-# for neighbours went two of 275 simulated single teeth and cracks of a slow heavy gearbox, which
-# ring on (27).
-_CLEAR, _CLEAR_OF_NEIGHBOUR = 8.0, 40.0
-# The least that factor has to be as a share of what speaks for the first: what the imperfect model
-# of the first leaves behind grows with it, and looks like a small second one. Of 317 simulated
-# single teeth, a sixth of them at another load, speed and gain, all but three are followed best by
-# a second event of the least size, of 57 pairs of damaged teeth two apart six.
-_SHARES_OF_FIRST, _SHARE_OF_NEIGHBOUR = np.array([0.1, 0.04, 0.04]), 0.08
+# Logarithm of the factor by which a second tooth has to explain a departure better than one does,
+# beside the number of places and sizes it may have: for the least size, and for neighbours; beyond
+# 25 for neighbours went two of 275 simulated single teeth and cracks of a slow heavy gearbox, which
+# ring on (27). The least that factor has to be as a share of what speaks for the first: what the
+# imperfect model of the first leaves behind grows with it, and looks like a small second one. A
+# larger second tooth needs neither: of 327 simulated single teeth (46 machines, losses of 10 to
+# 40 %) two are explained better by one, of 220 pairs of damaged teeth two apart 186 are.
+_CLEAR, _SHARE_OF_FIRST = 8.0, 0.1
+_CLEAR_OF_NEIGHBOUR, _SHARE_OF_NEIGHBOUR = 40.0, 0.08
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -318,13 +318,13 @@ def departure_spread(gear: SearchedGear) -> DepartureSpread | None:
 
     Notes
     -----
-    A second tooth is told where its event is about half of the first's or more and three or more
+    A second tooth is told where its event is about half of the first's or more and two or more
     teeth away; a damaged neighbour mostly passes for the same tooth.
     """
     if gear.difference.meetings > 1:
         return None
     tried = np.argsort(-gear.match.log_tooth, kind="stable")[:_TRIED]
-    total: FloatArray = np.zeros((len(SHARES), len(tried)))
+    by_ringing: FloatArray = np.zeros((len(RINGING), len(SHARES), len(tried)))
     by_tooth = np.zeros(gear.match.teeth)
     bands = list(bands_of(gear))
     if not bands:
@@ -332,13 +332,12 @@ def departure_spread(gear: SearchedGear) -> DepartureSpread | None:
     contact_ratio = gear.response.contact_ratio
     events = [[event(band, contact_ratio, ringing) for ringing in RINGING] for band in bands]
     for band, of_band in zip(bands, events, strict=True):
-        parts = []
         for number, (power, direction) in enumerate(of_band):
-            parts.append(log_likelihood(band, power, energies(band, direction, tried)))
+            energy = energies(band, direction, slice(None))
+            by_ringing[number] += log_likelihood(band, power, energy[tried])
             if number == _TOLD:
-                energy = energies(band, direction, slice(None))
                 by_tooth += energy @ (power / power.sum()) / len(bands)
-        total += log_mean(np.array(parts))
+    total = log_mean(by_ringing)
     # the tooth that explains most of it, which may be another than the likeliest to be damaged
     first = int(tried[np.argmax(log_mean(total[SHARES < ONE_TOOTH_BELOW]))])
     return DepartureSpread(
@@ -381,18 +380,17 @@ def second_tooth(
     distances = _distances(bands, first, by_tooth)
     tried = [(distance, size) for distance in distances for size in SIZES]
     distance, size = (np.array(each) for each in zip(*tried, strict=True))
-    total = np.zeros((len(SHARES), len(tried)))
+    by_ringing = np.zeros((len(RINGING), len(SHARES), len(tried)))
     for band, of_band in zip(bands, events, strict=True):
         turn = np.exp(-2j * np.pi / teeth * np.outer(distance, band.number))
         factor = np.asarray(1.0 + size[:, None] * turn, dtype=np.complex128)
-        parts = []
-        for power, direction in of_band:
-            parts.append(log_likelihood(band, *weighted(band, power, direction, first, factor)))
-        total += log_mean(np.array(parts))
-    share = np.tile(_SHARES_OF_FIRST, len(distances))
-    apart = np.maximum(_CLEAR + float(np.log(teeth * len(SIZES))), share * log_first)
+        for number, (power, direction) in enumerate(of_band):
+            told = weighted(band, power, direction, first, factor)
+            by_ringing[number] += log_likelihood(band, *told)
+    small = max(_CLEAR, _SHARE_OF_FIRST * log_first)
     beside = max(_CLEAR_OF_NEIGHBOUR, _SHARE_OF_NEIGHBOUR * log_first)
-    total -= np.where(np.abs(distance) > 1, apart, beside)
+    asked = np.where(np.abs(distance) > 1, np.where(size > SIZES[0], 0.0, small), beside)
+    total = log_mean(by_ringing) - asked - float(np.log(teeth * len(SIZES)))
     best = int(np.argmax(total.max(axis=0)))
     return SecondTooth(
         log_likelihood=total[:, best], distance=int(distance[best]), size=float(size[best])

@@ -32,8 +32,7 @@ from gearmon.signals.orders.resampling import (
     steps_to_keep_all,
     whole_turns,
 )
-from gearmon.signals.spectra.spectrum import half_lobe, window
-from gearmon.signals.transforms import fast_length
+from gearmon.signals.spectra.spectrum import fast_length, half_lobe, window
 
 # Neighbours of a line that tell its error: at least so many on either side, at most an eighth of
 # the way to the next multiple, so that the noise there is the noise here.

@@ -38,9 +38,14 @@ from gearmon.errors import ArgumentError
 from gearmon.signals.angle import AngleTrack, phasors
 from gearmon.signals.array_types import ComplexArray, FloatArray, IntArray
 from gearmon.signals.orders.resampling import AngleGrid, Kernel, Spreading
-from gearmon.signals.spectra.spectrum import hann, local_floor
+from gearmon.signals.spectra.spectrum import (
+    fast_length,
+    hann,
+    local_floor,
+    transform,
+    window_powers,
+)
 from gearmon.signals.threads import side_by_side
-from gearmon.signals.transforms import fast_length, transform, window_powers
 
 # What a line may add elsewhere where only the phase of strong ones is followed.
 _QUICK_ERROR = 1e-3

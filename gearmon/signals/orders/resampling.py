@@ -37,7 +37,7 @@ from gearmon.errors import ArgumentError, RecordingError, check_positive
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack, check_track
 from gearmon.signals.array_types import FloatArray
-from gearmon.signals.transforms import fast_length
+from gearmon.signals.spectra.spectrum import fast_length
 
 #: Share of the sampling rate up to which tones are read; above, they fade towards half the rate.
 READ_UP_TO = 0.45

@@ -26,13 +26,15 @@ from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack, check_track
 from gearmon.signals.array_types import FloatArray, IntArray
 from gearmon.signals.orders.resampling import READ_UP_TO, AngleGrid, Kernel, Spreading, angle_blocks
-from gearmon.signals.spectra.spectrum import amplitude_spectrum, hann, local_floor
-from gearmon.signals.threads import side_by_side
-from gearmon.signals.transforms import (
+from gearmon.signals.spectra.spectrum import (
+    amplitude_spectrum,
     fast_length,
+    hann,
+    local_floor,
     window_powers,
     windowed_transforms,
 )
+from gearmon.signals.threads import side_by_side
 
 # Bins of the running median that tells the noise under the lines.
 _FLOOR_BINS = 384

@@ -289,8 +289,6 @@ class Extremes:
         Extremes.
     at_low, at_high : int
         Samples that equal them.
-    first_low, first_high : int
-        Index of the first sample that does.
     """
 
     finite: bool
@@ -298,8 +296,6 @@ class Extremes:
     high: float = 0.0
     at_low: int = 0
     at_high: int = 0
-    first_low: int = 0
-    first_high: int = 0
 
 
 def survey(values: Floats) -> Extremes:
@@ -320,8 +316,6 @@ def survey(values: Floats) -> Extremes:
         high=high,
         at_low=int(np.count_nonzero(values == low)),
         at_high=int(np.count_nonzero(values == high)),
-        first_low=int(values.argmin()),
-        first_high=int(values.argmax()),
     )
 
 
@@ -367,10 +361,10 @@ def find_defect(values: Floats, found: Extremes | None = None) -> Defect | None:
     if at_low + at_high == len(values):
         text = f"has only two values, {low:g} and {high:g}: is it a tacho or a switch?"
         return Defect(text=text, row=-1)
-    extremes = ((at_high, high, found.first_high), (at_low, low, found.first_low))
-    for count, extreme, first in extremes:
+    for count, extreme in ((at_high, high), (at_low, low)):
         if count < _FEWEST_SAMPLES:
             continue
+        first = int(np.argmax(values == extreme))
         if _is_piled_up(values[first:], high - low):
             share = count / len(values)
             text = f"is clipped: {count} samples ({100 * share:.2g} %) are exactly {extreme:g}"

@@ -42,9 +42,11 @@ from scipy.fft import ifft
 
 from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.signals.array_types import ComplexArray, FloatArray
-from gearmon.signals.spectra.spectrum import Spectrum, amplitude_spectrum, hann
-from gearmon.signals.transforms import (
+from gearmon.signals.spectra.spectrum import (
+    Spectrum,
+    amplitude_spectrum,
     fast_length,
+    hann,
     is_smooth,
     quick_length,
     rows_in_cache,

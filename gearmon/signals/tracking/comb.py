@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.signals.array_types import FloatArray, IntArray
-from gearmon.signals.spectra.spectrum import hann, local_floor
+from gearmon.signals.spectra.spectrum import fast_length, hann, local_floor, windowed_transforms
 from gearmon.signals.threads import side_by_side
-from gearmon.signals.transforms import fast_length, windowed_transforms
 
 # Most candidates of a scan, and of a path, whose search takes the longer the more blocks there are.
 _MAX_CANDIDATES, _PATH_CANDIDATES = 6000, 4000

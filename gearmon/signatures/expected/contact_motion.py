@@ -214,6 +214,12 @@ class PeriodicMotion:
         return np.asarray((self.load * weights).sum(axis=(1, 2)) / weights.sum())
 
     @property
+    def mean_deflection(self) -> FloatArray:
+        """Mean deflection of each mesh [m], shape (1, meshes)."""
+        weights = self.grid.weights
+        return np.asarray((self.motion[0] * weights).sum(axis=(1, 2)) / weights.sum())[None]
+
+    @property
     def least_force(self) -> float:
         """Least mesh force over its mean; at or below 0 teeth part."""
         force = self.load + self.around.dampers[:, None, None] * self.motion[1]
@@ -284,17 +290,24 @@ class Deviations:
         Of one mesh period.
     where : tuple of int
         Mesh periods of the turn that differ.
-    speed, load : ndarray of float, shape (turns, P, meshes, panels, points)
-        Change of the speeds of the deflections, and of kappa (d - e), in all P mesh periods.
+    deflection, speed, load : ndarray of float, shape (turns, P, meshes, panels, points)
+        Change of the deflections, of their speeds, and of kappa (d - e), in all P mesh periods.
     excitation : ndarray, same shape, optional
         e [m].
     """
 
     mesh: PeriodicMotion
     where: tuple[int, ...]
+    deflection: FloatArray
     speed: FloatArray
     load: FloatArray
     excitation: FloatArray | None = None
+
+    @property
+    def mean_deflection(self) -> FloatArray:
+        """Change of the mean deflection of each mesh [m], shape (turns, meshes)."""
+        weighted = self.deflection * self.mesh.grid.weights
+        return np.asarray(weighted.sum(axis=(1, 3, 4)) / self.deflection.shape[1])
 
     @property
     def least_force(self) -> FloatArray:
@@ -384,16 +397,19 @@ def deviations(
         state = np.asarray(state @ free.T if met is None else _applied(met.maps.whole, state))
     shape = (turns, period, *mesh.kappa.shape)
     speed = (states @ mesh.maps.free[0].T).reshape(shape)
-    load = (states @ mesh.maps.free[1].T).reshape(shape) * mesh.kappa
+    deflection = (states @ mesh.maps.free[1].T).reshape(shape)
+    load = deflection * mesh.kappa
     e = None if excitation is None else np.zeros(shape)
     for i, (here, own) in enumerate(places.items()):
-        speed[:, here], deflected = own.motion(mesh, states[:, here])
-        moved = deflected + mesh.motion[0]
+        speed[:, here], deflection[:, here] = own.motion(mesh, states[:, here])
+        moved = deflection[:, here] + mesh.motion[0]
         if e is not None and excitation is not None:
             e[:, here] = excitation[:, i]
             moved = moved - e[:, here]
         load[:, here] = kappa[:, i] * moved - mesh.load
-    return Deviations(mesh=mesh, where=where, speed=speed, load=load, excitation=e)
+    return Deviations(
+        mesh=mesh, where=where, deflection=deflection, speed=speed, load=load, excitation=e
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -460,7 +476,7 @@ class _Changed:
         found = []
         for name in ("speed", "deflection"):
             own, by_force, by_e = (getattr(m, name) for m in (mesh.maps, forced, shifted))
-            flat = own.shape[0], -1
+            flat = own.shape[0], math.prod(own.shape[1:-1])
             moved = own[..., :-1].reshape(*flat, own.shape[-1] - 1) @ states[..., None]
             moved = moved + by_force[..., self.columns].reshape(*flat, len(self.columns)) @ force
             if self.excitation is not None:
@@ -490,8 +506,12 @@ def lines_per_unit(
     """
     small = SMALL_SHARE * (kappa - mesh.kappa)
     found = deviations(mesh, period, where, np.stack([mesh.kappa + small, mesh.kappa - small]))
-    speed, load = ((part[:1] - part[1:]) / (2 * SMALL_SHARE) for part in (found.speed, found.load))
-    return Deviations(mesh=mesh, where=where, speed=speed, load=load)
+    parts = {
+        name: (part[:1] - part[1:]) / (2 * SMALL_SHARE)
+        for name, part in vars(found).items()
+        if name in ("deflection", "speed", "load")
+    }
+    return Deviations(mesh=mesh, where=where, **parts)
 
 
 class _Panels:

@@ -9,7 +9,7 @@ the corners of the stiffness; their turns are solved as a whole, on panels that 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -17,7 +17,6 @@ import numpy as np
 
 from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.gears.excitation import FlankError, TurningError
-from gearmon.gears.modulation import ModulationTrain, state_of
 from gearmon.gears.pulses import PulseTrain
 from gearmon.machine import MachineLike, load_machine
 from gearmon.result import Result
@@ -37,8 +36,6 @@ _Motion = TypeVar("_Motion", PeriodicMotion, Deviations)
 
 #: How often panels are halved at most.
 MOST_HALVINGS = 4
-#: Rounds of putting a corner where the contact is when it is reached: a shift of 1e-2 is then 1e-8.
-ROUNDS = 4
 #: Loss of a tooth at whose contact the answer per unit of loss is taken.
 SMALL_LOSS = 1e-3
 
@@ -89,9 +86,9 @@ def faulty_lines(
     even = healthy.heard(found.mesh, count // period, 1)
     errors = np.maximum(found.unresolved, found.mesh.unresolved)
     return [
-        _lines(posed, period, _with(even, own, heard, period), "contact", error, least <= 0)
-        for posed, own, error, least in zip(
-            faulty, heard.lines, errors.tolist(), found.least_force.tolist(), strict=True
+        _lines(posed, period, _with(even, heard, turn, period), "contact", error, least <= 0)
+        for turn, (posed, error, least) in enumerate(
+            zip(faulty, errors.tolist(), found.least_force.tolist(), strict=True)
         )
     ]
 
@@ -120,7 +117,12 @@ def periodic_motion(posed: Posed, grid: PhaseGrid) -> PeriodicMotion:
 
 def contact_grid(cases: Sequence[Posed], max_hz: float) -> PhaseGrid:
     """Return panels of a mesh period on which all these cases can be solved."""
-    corners = [_corners(mesh) - lead for posed in cases for mesh, lead in posed.members]
+    corners = [
+        own - lead
+        for posed in cases
+        for mesh, lead in posed.members
+        for _, own in _corners(mesh, mesh.mechanics.stiffness.trains)
+    ]
     return PhaseGrid.between(
         np.concatenate(corners), max(_cycles(posed, max_hz) for posed in cases)
     )
@@ -163,15 +165,15 @@ def _refined(
     return found
 
 
-def _with(even: Heard, own: ComplexArray, added: Heard, period: int) -> Heard:
-    """Return what a fault adds together with the even lines."""
+def _with(even: Heard, added: Heard, turn: int, period: int) -> Heard:
+    """Return what a fault adds in one of the turns together with the even lines."""
     number = np.concatenate([added.number, even.number * period])
     carrier = np.concatenate([added.carrier, even.carrier])
     span = 1 + 2 * int(np.abs(carrier).max(initial=0))
     _, first, where = np.unique(number * span + carrier, return_index=True, return_inverse=True)
     lines = np.zeros(len(first), dtype=np.complex128)
-    np.add.at(lines, where, np.concatenate([own, even.lines[0]]))
-    return Heard(number[first], carrier[first], lines[None])
+    np.add.at(lines, where, np.concatenate([added.lines[turn], even.lines[0]]))
+    return Heard(number[first], carrier[first], lines[None], even.mean + added.mean[turn])
 
 
 def _lines(
@@ -189,6 +191,7 @@ def _lines(
         method=method,
         error=error,
         contact_lost=lost,
+        mean_m=float(heard.mean[0]),
     )
 
 
@@ -260,24 +263,19 @@ def _cycles(posed: Posed, highest_hz: float) -> float:
     return max(max(2 * natural, natural + highest_hz) / mesh_hz, fastest)
 
 
-def _corners(posed: PosedMesh) -> FloatArray:
-    """Mesh phases at which stiffness or excitation are not smooth."""
-    stiffness = posed.mechanics.stiffness
-    found = [np.zeros(1), *(_pulse_corners(train) for train in stiffness.trains)]
+def _corners(posed: PosedMesh, trains: Iterable[PulseTrain]) -> Iterator[tuple[int, FloatArray]]:
+    """Give mesh phases at which stiffness or excitation are not smooth, and when they repeat."""
+    yield 1, np.zeros(1)
+    for train in trains:
+        for term in train.terms:
+            faces = np.array([term.face_start, term.face_end]) * train.overlap_ratio
+            limits = term.offset + term.pulse.edges
+            yield train.period_mesh, np.add.outer(np.unique(faces), limits).ravel()
+    overlap = posed.mechanics.stiffness.overlap_ratio
     for error in _errors(posed):
         if isinstance(error, FlankError):
-            limits = error.gap.edges
-            found += [limits, limits + stiffness.overlap_ratio]
-    return np.concatenate(found)
-
-
-def _pulse_corners(train: PulseTrain) -> FloatArray:
-    found = [np.zeros(0)]
-    for term in train.terms:
-        limits = term.offset + np.concatenate([term.pulse.starts, term.pulse.ends])
-        faces = (term.face_start, term.face_end) if train.overlap_ratio else (0.0,)
-        found += [limits + face * train.overlap_ratio for face in faces]
-    return np.concatenate(found)
+            limits = (error.tooth or 1) - 1 + error.gap.edges
+            yield error.period_mesh, np.add.outer([0.0, overlap], limits).ravel()
 
 
 def _turn_grid(posed: Posed, highest_hz: float) -> PhaseGrid:
@@ -285,64 +283,16 @@ def _turn_grid(posed: Posed, highest_hz: float) -> PhaseGrid:
     period, found = posed.period, []
     for mesh, lead in posed.members:
         stiffness = mesh.mechanics.stiffness
-        moving = [
-            train
-            for train in stiffness.modulations
-            if any(offset.moves for offset in train.offsets)
-        ]
-        own = [_moved_corners(train, period, stiffness.overlap_ratio) for train in moving]
-        if not moving:
-            own = [np.add.outer(np.arange(period), _corners(mesh)).ravel()]
-        found += [corners - lead for corners in (*own, _kinks(mesh))]
+        # the last one moves with all gears
+        moving = stiffness.modulations[-1:]
+        found += [train.corners(train.offsets, period) - lead for train in moving]
+        # damaged teeth lose what they lose where the teeth would be without the errors, and single
+        # errors are shared as by these
+        apart = moving and not any(isinstance(error, FlankError) for error in _errors(mesh))
+        still = stiffness.pulses if apart else stiffness.trains
+        for repeats, corners in _corners(mesh, still):
+            found.append(np.add.outer(np.arange(0, period, repeats), corners).ravel() - lead)
     return PhaseGrid.between(np.concatenate(found), _cycles(posed, highest_hz), period)
-
-
-def _moved_corners(train: ModulationTrain, period: int, overlap: float) -> FloatArray:
-    """Return where corners of the pulses of all pairs lie [mesh periods]."""
-    family = train.family
-    at_rest = family.pulse(0.0)
-    edges = np.append(at_rest.starts, at_rest.ends[-1:])
-    place = np.add.outer(np.arange(period), edges)
-    spread = np.array([0.0, overlap] if overlap else [0.0])
-    place = place[..., None] + spread
-    home = place.copy()
-    for _ in range(ROUNDS):
-        flat = place.ravel()
-        state = state_of(
-            train.offsets, [2 * np.pi * flat / o.teeth for o in train.offsets], train.free_gap_m
-        )
-        shift = family.entry(state.leaving, state.entering)
-        grown = _edge_shifts(train, state.lost.reshape(place.shape))
-        place = home + shift.reshape(place.shape) + grown
-    return np.asarray(place.ravel())
-
-
-def _edge_shifts(train: ModulationTrain, lost: FloatArray) -> FloatArray:
-    """Return by how much the edges of a pulse lie later where its contact ratio is smaller."""
-    if not train.family.largest:
-        return np.zeros(lost.shape)
-    # the edges are linear in the contact ratio but for rounding: two pulses tell all
-    half = 0.5 * train.family.largest
-    more, less = (train.family.pulse(value) for value in (half, -half))
-    slope = (
-        np.append(more.starts, more.ends[-1:]) - np.append(less.starts, less.ends[-1:])
-    ) / train.family.largest
-    return np.asarray(lost * slope[:, None])
-
-
-def _kinks(posed: PosedMesh) -> FloatArray:
-    """Return phases at which a wobbling gear changes the end of its face, or lifts off a part."""
-    found = [np.zeros(1)]
-    gap = posed.mechanics.stiffness.free_gap_m
-    for train in posed.mechanics.stiffness.modulations:
-        for offset in train.offsets:
-            size, angle = abs(offset.lead_m), math.atan2(offset.lead_m.imag, offset.lead_m.real)
-            if size:
-                inner = math.acos(min(1.0, gap / size))
-                ends = np.array([inner, math.pi - inner, math.pi + inner, -inner])
-                whole = np.concatenate([ends, [0.5 * math.pi, 1.5 * math.pi]]) - angle
-                found.append(whole / (2 * math.pi) * offset.teeth)
-    return np.concatenate(found)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -482,9 +432,8 @@ def loss_response(
         changes = lines_per_unit(changes.mesh, teeth, where, _kappa(faulty, grid, where))
     added = healthy.heard(changes, count, teeth)
     sound = healthy.heard(changes.mesh, count // teeth, 1)
-    still = replace(sound, lines=0 * sound.lines)
-    table, change = _with(sound, 0 * added.lines[0], added, teeth), added.lines[0]
-    change = _with(still, change, added, teeth).lines[0]
+    still, none = (replace(own, lines=0 * own.lines) for own in (sound, added))
+    table, change = _with(sound, none, 0, teeth), _with(still, added, 0, teeth).lines[0]
     turns = table.number / teeth + table.carrier * float(healthy.pass_order)
     to_acceleration = -((2 * math.pi * turns * healthy.mechanics.mesh_frequency_hz) ** 2)
     return LossResponse(

@@ -45,11 +45,14 @@ class Heard:
         A line lies at number/P mesh orders and `carrier` turns of the carrier.
     lines : ndarray of complex, shape (turns, n)
         As `MeshLines.displacement`.
+    mean : ndarray, shape (turns,)
+        Mean deflection of the mesh, of a set that of the first one [m].
     """
 
     number: IntArray
     carrier: IntArray
     lines: ComplexArray
+    mean: FloatArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -127,12 +130,13 @@ class PosedMesh:
         """Return the lines 1..highest of a period: those of the motion along the line of action."""
         del period
         lines = np.atleast_2d(made.lines(highest))
-        return Heard(np.arange(1, highest + 1), np.zeros(highest, dtype=int), lines)
+        still = np.zeros(highest, dtype=int)
+        return Heard(np.arange(1, highest + 1), still, lines, made.mean_deflection[:, 0])
 
     @property
     def sound(self) -> PosedMesh:
         """The same mesh with nothing wrong."""
-        mechanics = replace(self.mechanics, stiffness=self.mechanics.stiffness.only(()))
+        mechanics = replace(self.mechanics, stiffness=self.mechanics.stiffness.unmarked)
         return replace(self, mechanics=mechanics, excitation=None)
 
     def limit_hz(self, max_hz: float | None) -> float:
@@ -143,17 +147,14 @@ class PosedMesh:
         return max(10 * own.mesh_frequency_hz, 2 * own.natural_frequency_hz)
 
     def hill_problem(self, harmonics: ComplexArray) -> HillProblem:
-        """Return its equation, given the stiffness harmonics of the period of the stiffness."""
+        """Return its equation without excitation, given the harmonics of its stiffness."""
         own = self.mechanics
-        step = self.period // own.stiffness.period_mesh
-        spread = np.zeros(len(harmonics) * step, dtype=np.complex128)
-        spread[step - 1 :: step] = harmonics
         return HillProblem(
             mass_kg=own.equivalent_mass_kg,
             damping_ns_per_m=own.damping_ns_per_m,
             stiffness_n_per_m=own.stiffness.mean_n_per_m,
-            stiffness_harmonics=spread,
-            period_s=self.period / own.mesh_frequency_hz,
+            stiffness_harmonics=harmonics,
+            period_s=own.period_s,
             force_n=own.force_n,
         )
 
@@ -300,6 +301,8 @@ class MeshLines:
         Relative error of the acceleration.
     contact_lost : bool
         Whether teeth part: the linear model ends there.
+    mean_m : float
+        Mean of z [m].
     """
 
     mechanics: StageMechanics
@@ -313,6 +316,7 @@ class MeshLines:
     method: str
     error: float
     contact_lost: bool
+    mean_m: float
 
     @property
     def order(self) -> FloatArray:
@@ -428,6 +432,7 @@ class MeshLines:
             "period_mesh": self.period,
             "method": self.method,
             "contact_lost": self.contact_lost,
+            "mean_deflection_m": self.mean_m,
             "assumptions": list(own.assumptions),
             "warnings": list(own.warnings),
         }

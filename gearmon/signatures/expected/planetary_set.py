@@ -179,7 +179,7 @@ class PosedSet:
         angular = 2 * math.pi * self.mechanics.mesh_frequency_hz * turn[kept]
         # the dynamic force of a pair is -m z''
         moved = lines[:, which, line] / (self.mechanics.equivalent_mass_kg * angular**2)
-        return Heard(number[line], sides[which], np.asarray(moved))
+        return Heard(number[line], sides[which], np.asarray(moved), made.mean_deflection[:, 0])
 
 
 def posed_set(

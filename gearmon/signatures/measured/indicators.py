@@ -1,6 +1,6 @@
 """Condition indicators of a recording, gear by gear: values, what they are of, and their run.
 
-What a gear's signals hold and what was taken out of them is told in `gear_signals`. NA4 and NB4
+What a gear's signals hold and what was taken out of them is told in `gear_averages`. NA4 and NB4
 compare with the run before; what they remember of it is an `IndicatorHistory`, kept in a file.
 """
 
@@ -23,47 +23,76 @@ from gearmon.signals.array_types import FloatArray
 from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signals.threads import at_once
-from gearmon.signatures.measured.gear_signals import GearSignals, gear_signals
+from gearmon.signatures.gear_averages import GearSignals, gear_signals
 from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature
 
 Table = dict[str, dict[str, float]]
 
 _HISTORY = "gearmon indicator history"
-# Indicators of a gear's signals: the signal they are of, the value in every channel, and whether
-# they have the unit of the channel.
-_OF_GEAR: dict[str, tuple[str, Callable[[GearSignals], FloatArray], bool]] = {
-    "RMS": ("average", lambda own: indicators.rms(own.average), True),
-    "peak to peak": ("average", lambda own: indicators.peak_to_peak(own.average), True),
-    "crest factor": ("average", lambda own: indicators.crest_factor(own.average), False),
-    "kurtosis": ("average", lambda own: indicators.kurtosis(own.average), False),
-    "FM0": ("average", lambda own: indicators.fm0(own.average, own.mesh_amplitude), False),
-    "SER": (
-        "average",
-        lambda own: indicators.sideband_energy_ratio(own.near_sidebands, own.fundamental),
-        False,
-    ),
-    "sideband index": (
-        "average",
-        lambda own: indicators.sideband_index(own.first_sidebands),
-        True,
-    ),
-    "sideband level factor": (
-        "average",
-        lambda own: indicators.sideband_level_factor(own.first_sidebands, own.average),
-        False,
-    ),
-    "FM4": ("difference", lambda own: indicators.fm4(own.difference), False),
-    "M6A": ("difference", lambda own: indicators.m6a(own.difference), False),
-    "M8A": ("difference", lambda own: indicators.m8a(own.difference), False),
-    "energy ratio": (
-        "regular",
-        lambda own: indicators.energy_ratio(own.difference, own.regular),
-        False,
-    ),
-}
-# Those that compare with the run, of the signals that they are of.
-_OF_RUN = {"NA4": "residual", "NB4": "envelope"}
+# Signals of which those that compare with the run remember the variance.
+_REMEMBERED = ("residual", "envelope")
 _BRIEF = ("FM0", "FM4", "M6A", "M8A", "energy ratio", "SER")
+
+
+@dataclass(frozen=True)
+class Indicator:
+    """Definition of an indicator of a gear.
+
+    Parameters
+    ----------
+    of : str
+        The signal that it is told to be of.
+    formula : callable
+        Gives the value in every channel.
+    takes : tuple of str
+        What the formula takes of a gear's signals; by default the one that it is of.
+    has_unit : bool
+        Whether it has the unit of the channel.
+    compares : {"", "run", "baseline"}
+        Whether it compares with the variances of the run so far, or of its healthy beginning.
+    """
+
+    of: str
+    formula: Callable[..., FloatArray]
+    takes: tuple[str, ...] = ()
+    has_unit: bool = False
+    compares: str = ""
+
+    def value(self, own: GearSignals, run: IndicatorHistory, baseline: int) -> FloatArray:
+        """Return the value in every channel."""
+        given = [getattr(own, name) for name in self.takes or (self.of,)]
+        if self.compares:
+            given.append(run.variances[_input_name(self.of, own)])
+        if self.compares == "baseline":
+            given.append(baseline)
+        return self.formula(*given)
+
+
+#: Indicators of a gear, in the order in which they are told.
+INDICATORS = {
+    "RMS": Indicator("average", indicators.rms, has_unit=True),
+    "peak to peak": Indicator("average", indicators.peak_to_peak, has_unit=True),
+    "crest factor": Indicator("average", indicators.crest_factor),
+    "kurtosis": Indicator("average", indicators.kurtosis),
+    "FM0": Indicator("average", indicators.fm0, ("average", "mesh_amplitude")),
+    "SER": Indicator(
+        "average", indicators.sideband_energy_ratio, ("near_sidebands", "fundamental")
+    ),
+    "sideband index": Indicator(
+        "average", indicators.sideband_index, ("first_sidebands",), has_unit=True
+    ),
+    "sideband level factor": Indicator(
+        "average", indicators.sideband_level_factor, ("first_sidebands", "average")
+    ),
+    "NA4": Indicator("residual", indicators.na4, compares="run"),
+    "NA4*": Indicator("residual", indicators.na4, compares="baseline"),
+    "FM4": Indicator("difference", indicators.fm4),
+    "M6A": Indicator("difference", indicators.m6a),
+    "M8A": Indicator("difference", indicators.m8a),
+    "energy ratio": Indicator("regular", indicators.energy_ratio, ("difference", "regular")),
+    "NB4": Indicator("envelope", indicators.na4, compares="run"),
+    "NB4*": Indicator("envelope", indicators.na4, compares="baseline"),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -200,10 +229,11 @@ def gear_indicators(signature: MeasuredSignature) -> Table:
         FM0, FM4, M6A, M8A, energy ratio, SER, each with the gear in its name.
     """
     table: Table = {}
+    none = IndicatorHistory(channel_names=signature.channel_names)
     for wheel in signature.plan.wheels:
         own = gear_signals(signature.lines.mean, wheel)
         for name in _BRIEF:
-            values = _OF_GEAR[name][1](own).tolist()
+            values = INDICATORS[name].value(own, none, 1).tolist()
             row = dict(zip(signature.channel_names, values, strict=True))
             table[f"{name}, {wheel.gear} of stage {wheel.stage}"] = row
     return table
@@ -339,34 +369,22 @@ def _listed(numbers: tuple[int, ...]) -> str:
     return ", ".join(str(n) for n in numbers)
 
 
-def _values(
-    own: GearSignals, run: IndicatorHistory, baseline: int
-) -> dict[str, tuple[str, FloatArray, bool]]:
-    """All indicators of a gear in their order: input, value in every channel, with its unit."""
-    found = {name: (of, value(own), unit) for name, (of, value, unit) in _OF_GEAR.items()}
-    for name, of in _OF_RUN.items():
-        signal, known = getattr(own, of), run.variances[_input_name(of, own)]
-        found[name] = (of, indicators.na4(signal, known), False)
-        found[f"{name}*"] = (of, indicators.na4(signal, known, baseline), False)
-    order = ("average", "residual", "difference", "regular", "envelope")
-    return dict(sorted(found.items(), key=lambda item: order.index(item[1][0])))
-
-
 def _of_gear(
     own: GearSignals, signature: MeasuredSignature, run: IndicatorHistory, baseline: int
 ) -> Iterator[IndicatorRow]:
-    inputs, wheel, values = _inputs(own), own.wheel, _values(own, run, baseline)
+    inputs, wheel = _inputs(own), own.wheel
+    values = {name: known.value(own, run, baseline) for name, known in INDICATORS.items()}
     channels = zip(signature.channel_names, signature.units, strict=True)
     for row, (channel, unit) in enumerate(channels):
-        for name, (key, value, has_unit) in values.items():
-            what, removed, numbers = inputs[key]
+        for name, known in INDICATORS.items():
+            what, removed, numbers = inputs[known.of]
             yield IndicatorRow(
                 channel=channel,
                 stage=wheel.stage,
                 gear=wheel.gear,
                 indicator=name,
-                value=float(value[row]),
-                unit=unit if has_unit else "1",
+                value=float(values[name][row]),
+                unit=unit if known.has_unit else "1",
                 input=what,
                 removed=removed,
                 removed_orders=tuple(n * wheel.order for n in numbers),
@@ -409,7 +427,7 @@ class IndicatorHistory:
     def with_gear(self, own: GearSignals) -> IndicatorHistory:
         """Return the history with one more record of a gear's signals."""
         variances = dict(self.variances)
-        for signal in _OF_RUN.values():
+        for signal in _REMEMBERED:
             name = _input_name(signal, own)
             known = variances.get(name, np.empty((0, len(self.channel_names))))
             variances[name] = np.vstack([known, np.var(getattr(own, signal), axis=-1)])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -28,7 +29,6 @@ from gearmon.signals.tracking.mesh_detection import (
 )
 from gearmon.signatures.measured.line_plan import LinePlan, line_plan, mesh_harmonics
 from gearmon.signatures.measured.nongear_lines import NonGearLines, nongear_lines
-from gearmon.signatures.measured.provenance import digests
 from gearmon.signatures.speed import (
     SPEED_TOLERANCE,
     GearVibration,
@@ -124,7 +124,7 @@ class MeasuredSignature(Result):
         What the reader should know.
     angle_lost : bool
         Whether the mesh lines do not stand still in the angle, all along.
-    foreign : NonGearLines or None
+    foreign : NonGearLines
         Lines that no gear explains.
     digests : tuple of str
         Mark of the samples of each channel.
@@ -151,9 +151,9 @@ class MeasuredSignature(Result):
     heard: NDArray[np.bool_]
     band_db: FloatArray
     notes: tuple[str, ...]
-    angle_lost: bool = False
-    foreign: NonGearLines | None = None
-    digests: tuple[str, ...] = ()
+    angle_lost: bool
+    foreign: NonGearLines
+    digests: tuple[str, ...]
 
     @property
     def found(self) -> bool:
@@ -215,10 +215,8 @@ def measure_signature(
     block_turns = _block_turns(float(part.turns[-1] - part.turns[0]), train)
 
     def planned() -> OrderLines:
-        gaps = vibration.left_out or ()
-        return order_lines(
-            samples, rate, track, plan.orders, block_turns, error=LEAKAGE, left_out=gaps
-        )
+        gaps, orders = vibration.left_out or (), plan.orders
+        return order_lines(samples, rate, track, orders, block_turns, error=LEAKAGE, left_out=gaps)
 
     lines, (spectrum, foreign) = at_once(
         planned, lambda: _others(piece, rate, part, train), samples.size
@@ -250,6 +248,17 @@ def measure_signature(
         foreign=foreign,
         digests=digests(samples),
     )
+
+
+def digests(samples: FloatArray) -> tuple[str, ...]:
+    """Return a mark of each channel that no other recording has.
+
+    Parameters
+    ----------
+    samples : ndarray of float, shape (channels, n)
+    """
+    rows = (np.ascontiguousarray(row) for row in samples)
+    return tuple(hashlib.blake2b(row.data, digest_size=12).hexdigest() for row in rows)
 
 
 def _tracked(

@@ -1,4 +1,4 @@
-"""Lines of a recording that no gear explains: found, kept as value objects, stored.
+"""Lines of a recording that no gear explains: found and kept as value objects.
 
 Such lines come from bearings, the mains, loose parts, other machines: they stand at no order that
 the gears and shafts of the machine can have. On which of two grids one is sharper, angle or time,
@@ -7,9 +7,8 @@ tells whether it follows the shafts or stays where it is when the speed wanders.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,10 +49,8 @@ _BANDS = 128
 _ENVELOPE_ORDER, _ENVELOPE_HARMONICS = 20.0, 3.5
 KINDS = ("spectrum", "envelope")
 LOCKS = ("shaft", "time", "either")
-_PLACES = ("order", "frequency_hz", "low_order", "high_order")
 # No level, order, frequency or count is larger.
 _MUCH = 1e12
-_GRID = ("width", "top", "pieces", "least_db", "looked_at")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -520,97 +517,29 @@ def _of_envelope(
         yield found.line(i, np.repeat(found.places[i], 3), "shaft", course.mean)
 
 
-def line_arrays(lines: NonGearLines) -> dict[str, NDArray[Any]]:
-    """Return arrays that hold all of the lines.
-
-    Parameters
-    ----------
-    lines : NonGearLines
-
-    Returns
-    -------
-    dict of str to ndarray
-        "speed_hz", with the width of the cells of "in_time_db"; "kind" and "locked" (positions in
-        `KINDS` and `LOCKS`), "place" and "level" with one row a line; "grid", "noise/KIND" and
-        "hidden/KIND" of each grid.
-    """
-    arrays: dict[str, NDArray[Any]] = {
-        "speed_hz": np.array([lines.speed_hz, lines.cell_hz]),
-        "in_time_db": lines.in_time_db,
-        "kind": np.array([KINDS.index(line.kind) for line in lines], dtype=np.int8),
-        "locked": np.array([LOCKS.index(line.locked) for line in lines], dtype=np.int8),
-        "place": np.array([[getattr(line, name) for name in _PLACES] for line in lines]),
-        "level": np.array([[line.level_db, line.over_noise_db] for line in lines]),
-        "grid": np.array([[getattr(grid, name) for name in _GRID] for grid in lines.grids]),
-    }
-    for grid in lines.grids:
-        arrays |= {f"noise/{grid.kind}": grid.noise_db, f"hidden/{grid.kind}": grid.hidden_db}
-    return arrays
-
-
-def lines_from_arrays(arrays: Mapping[str, NDArray[Any]]) -> NonGearLines:
-    """Return the lines that `line_arrays` took apart.
-
-    Parameters
-    ----------
-    arrays : mapping of str to ndarray
-
-    Returns
-    -------
-    NonGearLines
+def check_lines(lines: NonGearLines, channels: int) -> None:
+    """Refuse what no recording of so many channels gives: a file may be damaged.
 
     Raises
     ------
-    KeyError, ValueError, IndexError
-        If something is missing or does not fit.
+    ValueError
     """
-    _check_arrays(arrays)
-    rows = zip(arrays["kind"], arrays["locked"], arrays["place"], arrays["level"], strict=True)
-    lines = tuple(
-        NonGearLine(
-            kind=KINDS[kind],
-            locked=LOCKS[locked],
-            level_db=tuple(level[0].tolist()),
-            over_noise_db=tuple(level[1].tolist()),
-            **dict(zip(_PLACES, place.tolist(), strict=True)),
-        )
-        for kind, locked, place, level in rows
-    )
-    grids = []
-    for kind, values in zip(KINDS, arrays["grid"].tolist(), strict=True):
-        known = dict(zip(_GRID, values, strict=True))
-        known["pieces"] = int(known["pieces"])
-        noise, hidden = arrays[f"noise/{kind}"], arrays[f"hidden/{kind}"]
-        grids.append(NoiseGrid(kind=kind, noise_db=noise, hidden_db=hidden, **known))
-    speed_hz, cell_hz = arrays["speed_hz"].tolist()
-    return NonGearLines(
-        lines=lines,
-        grids=tuple(grids),
-        speed_hz=speed_hz,
-        cell_hz=cell_hz,
-        in_time_db=arrays["in_time_db"],
-    )
-
-
-def _check_arrays(arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Refuse what no recording gives."""
-    channels, count = len(arrays["in_time_db"]), len(arrays["kind"])
-    by_channel = [
-        arrays["in_time_db"],
-        *(arrays[f"{what}/{kind}"] for kind in KINDS for what in ("noise", "hidden")),
-    ]
+    by_channel: list[NDArray[np.floating]] = [lines.in_time_db]
+    by_channel += [part for grid in lines.grids for part in (grid.noise_db, grid.hidden_db)]
+    # nothing at all is minus infinity
     right = all(
-        part.ndim == 2 and len(part) == channels and part.shape[1] > 0 and part.dtype.kind == "f"
+        part.ndim == 2 and len(part) == channels and part.size and bool((part < _MUCH).all())
         for part in by_channel
     )
-    right &= not count or arrays["level"].shape == (count, 2, channels)
-    right &= arrays["kind"].dtype.kind == arrays["locked"].dtype.kind == "i"
-    right &= bool((arrays["kind"] >= 0).all() and (arrays["locked"] >= 0).all())
-    told = [*by_channel, *(arrays[name] for name in ("place", "level", "grid", "speed_hz"))]
-    # nothing at all is minus infinity
-    right &= all(bool((part < _MUCH).all()) for part in told)
-    right &= all(bool(np.isfinite(arrays[name]).all()) for name in ("place", "grid", "speed_hz"))
-    # widths, orders, pieces and speeds
-    right &= bool((arrays["speed_hz"] > 0).all() and (arrays["grid"][:, :3] > 0).all())
-    if not right:
+    right &= tuple(grid.kind for grid in lines.grids) == KINDS
+    positive = [lines.speed_hz, lines.cell_hz]
+    positive += [own for grid in lines.grids for own in (grid.width, grid.top, grid.pieces)]
+    right &= all(0 < own < _MUCH for own in positive)
+    numbers = [own for grid in lines.grids for own in (grid.least_db, grid.looked_at)]
+    for line in lines:
+        right &= line.kind in KINDS and line.locked in LOCKS
+        right &= len(line.level_db) == len(line.over_noise_db) == channels
+        right &= all(own < _MUCH for own in (*line.level_db, *line.over_noise_db))
+        numbers += [line.order, line.frequency_hz, line.low_order, line.high_order]
+    if not (right and all(abs(own) < _MUCH for own in numbers)):
         raise ValueError("its lines of no gear cannot be")
