@@ -58,7 +58,7 @@ def response():
 
 
 def test_a_louder_path_lets_smaller_losses_be_heard():
-    losses = [heard_from(gear(power)) for power in (1e4, 1e5, 1e6)]
+    losses = [heard_from(gear(power)) for power in (1e2, 1e3, 1e4)]
     assert losses == sorted(losses, reverse=True)
     # ten times the power is sqrt(10) times the amplitude
     assert losses[1] / losses[2] == pytest.approx(10**0.5, rel=0.25)
