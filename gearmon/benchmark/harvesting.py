@@ -16,8 +16,9 @@ from gearmon.dynamics.hill import HillProblem
 from gearmon.dynamics.steady_state import steady_state
 from gearmon.harvesting.harvester import Harvester, InertialHarvester
 from gearmon.harvesting.request import built_in
+from gearmon.harvesting.response import mean_power_w
 from gearmon.harvesting.tuning import tune_harvester
-from gearmon.harvesting.vibration import OperatingShare, vibration_of_lines
+from gearmon.harvesting.vibration import OperatingShare, Points, vibration_of_lines
 from gearmon.terminal import Progress
 
 Real = npt.NDArray[np.float64]
@@ -166,29 +167,25 @@ def _optimum_row(harvester: Harvester, quick: bool) -> dict[str, Any]:
     return _row(case, 1, seconds, rival, rival_s, ours[0][1].power_w / rivals[0][1])
 
 
-def _brute_force(
-    harvester: Harvester, duty: list[OperatingShare], frequencies: int, loads: int
-) -> float:
+def _brute_force(harvester: Harvester, duty: Points, frequencies: int, loads: int) -> float:
     """Largest power on a grid, all loads of a natural frequency at once."""
     low, high = harvester.frequency_range_hz
-    lines = np.concatenate([point.vibration.frequency_hz for point in duty])
-    weights = np.concatenate([p.share * p.vibration.mean_square_m2s4 for p in duty])
     best = 0.0
     for frequency in np.geomspace(low, high, frequencies):
         tuned = harvester.retuned(float(min(frequency, high)))
         tried = np.geomspace(*tuned.load_range, loads)
-        best = max(best, float((2 * tuned.power_by_load(tried, lines) @ weights).max()))
+        best = max(best, float(mean_power_w(tuned, duty, tried).max()))
     return best
 
 
-def _duty() -> list[OperatingShare]:
+def _duty() -> Points:
     """Two operating points of five mesh harmonics with four sidebands to either side."""
     rng = np.random.default_rng(1)
     frequency = np.concatenate([540.0 * k + 18.0 * np.arange(-4, 5) for k in range(1, 6)])
     amplitude = rng.lognormal(-1, 1, frequency.size)
     full = vibration_of_lines(frequency, acceleration_ms2=amplitude)
     part = vibration_of_lines(0.6 * frequency, acceleration_ms2=0.5 * amplitude)
-    return [OperatingShare(vibration=full, share=0.8), OperatingShare(vibration=part, share=0.2)]
+    return OperatingShare(vibration=full, share=0.8), OperatingShare(vibration=part, share=0.2)
 
 
 def _inertial() -> InertialHarvester:

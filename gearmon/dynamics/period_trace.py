@@ -32,8 +32,9 @@ Integers = np.ndarray[tuple[int, ...], np.dtype[np.int_]]
 #: Entries of one array of steps x systems.
 BLOCK = 1 << 18
 MOST_STEPS = 1 << 20
-#: Chebyshev nodes along w0/w and along eps at first, and factor by which they grow.
-NODES, MORE_NODES = (16, 12), 1.5
+#: Chebyshev nodes along w0/w and along eps at first, so many more for each unit of w0/w and for
+#: each of eps times the largest w0/w, and factor by which they grow.
+NODES, NODES_A_UNIT, MORE_NODES = (12, 12), (7.0, 2.0), 1.3
 #: Rounding of an interpolated half trace, relative to the largest on the rectangle.
 ROUNDING = 1e-14
 
@@ -96,7 +97,11 @@ def over(
     """
     known, share = {"zeta": np.asarray(zeta), "harmonics": harmonics}, 0.1 * tolerance
     centres, halves = zip(*((_middle(v), np.ptp(v) / 2) for v in (ratios, variations)), strict=True)
-    counts = [int(n) if half else 1 for n, half in zip(NODES, halves, strict=True)]
+    spans = 2 * halves[0], 2 * halves[1] * float(ratios.max())
+    counts = [
+        math.ceil(least + each * span) if span else 1
+        for least, each, span in zip(NODES, NODES_A_UNIT, spans, strict=True)
+    ]
     while math.prod(counts) <= most:
         points = [chebyshev.chebpts1(n) for n in counts]
         x, y = (c + h * p for c, h, p in zip(centres, halves, points, strict=True))

@@ -163,7 +163,7 @@ def stability_chart(
     check_range("damping_ratio", damping_ratio, 0.0, 100.0)
     check_range("tolerance", tolerance, 1e-15, 0.1)
     traces = period_trace.over(
-        1 / x, eps, damping_ratio, shape.harmonics, tolerance, x.size * eps.size // 4
+        1 / x, eps, damping_ratio, shape.harmonics, tolerance, x.size * eps.size // 2
     )
     growth = period_trace.growth(*traces(1 / x[None, :], eps[:, None]))
     growth -= 2 * math.pi * damping_ratio / x

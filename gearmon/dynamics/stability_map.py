@@ -126,20 +126,21 @@ def stability_map(
     # tongues bend to lower speeds, so that some begin outside
     first, last = max(1, math.ceil(1.7 / high)), math.floor(2 / low)
     numbers = range(first, min(last, first + MOST_TONGUES - 1, MOST_TONGUE) + 1)
-    tongues = tuple(_tongue(shape, n, highest_variation, damping_ratio, orders) for n in numbers)
+    coarse = highest_variation * np.linspace(0.0, 1.0, 49)
+    traces = traces_around(shape, numbers, coarse, damping_ratio) if numbers else None
+    tongues = tuple(_tongue(shape, n, coarse[1:], damping_ratio, orders, traces) for n in numbers)
     return StabilityMap(chart=chart, tongues=tongues, mark=mark)
 
 
 def _tongue(
     shape: FourierShape,
     number: int,
-    highest: float,
+    coarse: Real,
     zeta: float,
     orders: tuple[int, ...],
+    traces: HalfTraces | None,
 ) -> Tongue:
     """Boundaries on a grid of eps that is fine at the tips."""
-    coarse = highest * np.linspace(0.0, 1.0, 49)[1:]
-    traces = traces_around(shape, number, np.concatenate([[0.0], coarse]), zeta)
     eps = np.unique(np.concatenate([coarse, _near_tips(shape, number, coarse, zeta, traces)]))
     return Tongue(
         number=number,
@@ -168,7 +169,7 @@ def _expanded(shape: FourierShape, number: int, eps: Real, zeta: float, order: i
 
 
 def _near_tips(
-    shape: FourierShape, number: int, coarse: Real, zeta: float, traces: HalfTraces
+    shape: FourierShape, number: int, coarse: Real, zeta: float, traces: HalfTraces | None
 ) -> Real:
     """Variations that crowd towards where the tongue opens or closes."""
     grid = np.concatenate([[0.0], coarse])

@@ -53,6 +53,7 @@ J. Vib. Acoust. 124 (2002) 68.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -129,7 +130,7 @@ def tongue_edges(
     around = _around(shape, tongue, eps, damping_ratio)
     if damping_ratio == 0:
         return around
-    traces = traces or traces_around(shape, tongue, eps, damping_ratio)
+    traces = traces or traces_around(shape, [tongue], eps, damping_ratio)
     return _inside(shape, tongue, eps, damping_ratio, around, traces)
 
 
@@ -165,17 +166,23 @@ def _matrices(f: Complex, tongue: int, eps: Real, highest: int) -> Complex | Rea
 
 
 def is_open(
-    shape: FourierShape, tongue: int, variations: Real, damping_ratio: float, traces: HalfTraces
+    shape: FourierShape,
+    tongue: int,
+    variations: Real,
+    damping_ratio: float,
+    traces: HalfTraces | None,
 ) -> npt.NDArray[np.bool_]:
     """Whether a tongue is open at each eps; arguments as of `tongue_edges`, unchecked."""
     around = _around(shape, tongue, variations, damping_ratio)
     return _opened(shape, tongue, variations, damping_ratio, around, traces)[1]
 
 
-def traces_around(shape: FourierShape, tongue: int, eps: Real, zeta: float) -> HalfTraces:
-    """Half traces in the rectangle that holds a tongue for these eps."""
-    around = _around(shape, tongue, eps, zeta)
-    most = PEAK_ROUNDS * PARTS * len(eps)
+def traces_around(
+    shape: FourierShape, tongues: Sequence[int], eps: Real, zeta: float
+) -> HalfTraces:
+    """Half traces in the rectangle that holds some tongues for these eps."""
+    around = np.array([_around(shape, tongue, eps, zeta) for tongue in tongues])
+    most = PEAK_ROUNDS * PARTS * len(eps) * len(tongues)
     return over(1 / around, eps, zeta, shape.harmonics, ROUNDED, most)
 
 
@@ -191,7 +198,7 @@ def _opened(
     eps: Real,
     zeta: float,
     around: Real,
-    traces: HalfTraces,
+    traces: HalfTraces | None,
 ) -> tuple[Real, npt.NDArray[np.bool_]]:
     """Where in the interval growth is largest, and whether there is any."""
     rows, side = np.arange(len(eps)), tongue % 2

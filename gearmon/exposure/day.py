@@ -44,7 +44,7 @@ from gearmon.exposure.measures import (
 )
 from gearmon.exposure.weighting import FloatArray
 from gearmon.machine import FieldError
-from gearmon.machine.fields import Choice, Several, Text, check_fields, held, within
+from gearmon.machine.fields import Checked, Choice, Several, Text, check_fields, held, within
 from gearmon.machine.reading import (
     read_part,
     read_source,
@@ -63,7 +63,7 @@ _POINTS_A_JOB = 60
 
 
 @dataclass(frozen=True, kw_only=True)
-class Job:
+class Job(Checked):
     """A job of the day.
 
     Parameters
@@ -88,9 +88,6 @@ class Job:
     )
     hours: float = within(0, 24, "h", open_low=True)
     hours_error: float = within(0, 12, "h", default=0.0)
-
-    def __post_init__(self) -> None:
-        check_fields(self)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -24,19 +24,19 @@ from __future__ import annotations
 
 import math
 import tomllib
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from importlib import resources
-from typing import Any, Literal, get_args
+from typing import Any, ClassVar
 
 import numpy as np
 
 from gearmon.errors import ArgumentError, check_positive, check_range
-from gearmon.harvesting.harvester import Harvester, Modes, Real, number
-from gearmon.machine.fields import Choice, FieldError, Number, check_fields, obeys
+from gearmon.harvesting.harvester import Harvester, Modes, Real
+from gearmon.machine.fields import Checked, Choice, FieldError, Number, held, within
 
-Wiring = Literal["unimorph", "series", "parallel"]
-
+#: Piezoelectric layers, and the share of the voltage that each of them sees.
+WIRINGS = {"unimorph": (1, 1.0), "series": (2, 0.5), "parallel": (2, 1.0)}
 #: Shapes that the modes are made of: the first four frequencies come out to 1e-8.
 SHAPES = 12
 #: Least length over thickness that is taken; 20 and more is better.
@@ -49,7 +49,7 @@ AIR_PA_S, AIR_KG_M3 = 1.81e-5, 1.19
 
 
 @dataclass(frozen=True, kw_only=True)
-class BeamMaterial:
+class BeamMaterial(Checked):
     """What the passive part of a beam is made of.
 
     Parameters
@@ -67,13 +67,10 @@ class BeamMaterial:
     """
 
     name: str
-    youngs_modulus_pa: float = number(0, 1e13, "Pa", open_low=True)
-    density_kg_m3: float = number(0, 1e5, "kg/m3", open_low=True)
-    safe_stress_pa: float = number(0, 1e11, "Pa", open_low=True)
+    youngs_modulus_pa: float = within(0, 1e13, "Pa", open_low=True)
+    density_kg_m3: float = within(0, 1e5, "kg/m3", open_low=True)
+    safe_stress_pa: float = within(0, 1e11, "Pa", open_low=True)
     source: str = ""
-
-    def __post_init__(self) -> None:
-        check_fields(self)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,13 +88,8 @@ class PiezoMaterial(BeamMaterial):
     """
 
     # the most that is known, of single crystals, is some 2e-9
-    d31_m_per_v: float = number(-1e-8, 1e-8, "m/V", why="1 pC/N is 1e-12 m/V; is it in pC/N?")
-    permittivity_f_per_m: float = number(0, 1e-6, "F/m", open_low=True)
-
-    @property
-    def e31_c_per_m2(self) -> float:
-        """Stress per field of a beam, d31 Y [C/m2]."""
-        return self.d31_m_per_v * self.youngs_modulus_pa
+    d31_m_per_v: float = within(-1e-8, 1e-8, "m/V", why="1 pC/N is 1e-12 m/V; is it in pC/N?")
+    permittivity_f_per_m: float = within(0, 1e-6, "F/m", open_low=True)
 
 
 @lru_cache(maxsize=1)
@@ -172,21 +164,28 @@ class PiezoCantilever(Harvester):
         If a value is out of its range.
     """
 
-    wiring: Wiring = field(metadata=obeys(Choice(options=get_args(Wiring))))
+    kind: ClassVar[str] = "cantilever"
+    told: ClassVar[tuple[str, ...]] = (
+        *("wiring", "length_m", "width_m", "passive_thickness_m", "piezo_thickness_m"),
+        *("tip_mass_kg", "tip_gyration_m", "tip_offset_m", "load_ohm", "natural_frequency_hz"),
+        *("open_circuit_hz", "damping_ratio", "capacitance_f"),
+    )
+    other_damping: ClassVar[tuple[str, ...]] = ("mass_rate_per_s", "stiffness_time_s", "in_air")
+    wiring: str = held(Choice(options=tuple(WIRINGS)))
     piezo: PiezoMaterial
     passive: BeamMaterial
-    length_m: float = number(0, 1, "m", open_low=True, why="is it in mm?")
-    width_m: float = number(0, 1, "m", open_low=True, why="is it in mm?")
-    passive_thickness_m: float = number(0, 1, "m", open_low=True, why="is it in mm?")
-    piezo_thickness_m: float = number(0, 1, "m", open_low=True, why="is it in mm?")
+    length_m: float = within(0, 1, "m", open_low=True, why="is it in mm?")
+    width_m: float = within(0, 1, "m", open_low=True, why="is it in mm?")
+    passive_thickness_m: float = within(0, 1, "m", open_low=True, why="is it in mm?")
+    piezo_thickness_m: float = within(0, 1, "m", open_low=True, why="is it in mm?")
     tip_mass_kg: float = 0.0
     tip_gyration_m: float = 0.0
-    tip_block_height_m: float = number(0, 1, "m", default=0.0)
-    tip_block_density_kg_m3: float = number(0, 1e5, "kg/m3", open_low=True, default=7850.0)
-    load_ohm: float = number(0, 1e12, "ohm", open_low=True, default=1e5)
-    mechanical_damping_ratio: float = number(0, 1, default=0.01)
-    mass_rate_per_s: float = number(0, 1e6, "1/s", default=0.0)
-    stiffness_time_s: float = number(0, 1, "s", default=0.0)
+    tip_block_height_m: float = within(0, 1, "m", default=0.0)
+    tip_block_density_kg_m3: float = within(0, 1e5, "kg/m3", open_low=True, default=7850.0)
+    load_ohm: float = within(0, 1e12, "ohm", open_low=True, default=1e5)
+    mechanical_damping_ratio: float = within(0, 1, default=0.01)
+    mass_rate_per_s: float = within(0, 1e6, "1/s", default=0.0)
+    stiffness_time_s: float = within(0, 1, "s", default=0.0)
     in_air: bool = False
     most_tip_mass_kg: float = 0.05
 
@@ -200,26 +199,27 @@ class PiezoCantilever(Harvester):
             raise ArgumentError("damping: all parts are 0, at least one must be > 0")
         check_range("tip_gyration_m", self.tip_gyration_m, 0.0, self.length_m, "m")
         roomy = DENSEST_KG_M3 * (2 * self.length_m) ** 3
-        room = Number(
-            low=0, high=roomy, unit="kg", why="a cube of tungsten twice as long as the beam"
-        )
+        room = Number(low=0, high=roomy, unit="kg", why="a cube of tungsten twice its length")
         room.checked("most_tip_mass_kg", self.most_tip_mass_kg)
         check_range("tip_mass_kg", self.tip_mass_kg, 0.0, self.most_tip_mass_kg * (1 + 1e-9), "kg")
 
     @property
     def thickness_m(self) -> float:
         """Of all layers together [m]."""
-        return self.passive_thickness_m + self._layers * self.piezo_thickness_m
+        return self.passive_thickness_m + WIRINGS[self.wiring][0] * self.piezo_thickness_m
 
     @cached_property
     def _section(self) -> tuple[float, float, float]:
         """Height of the neutral axis [m], YI [N m2], and mass per length [kg/m]."""
-        hs, hp = self.passive_thickness_m, self.piezo_thickness_m
-        parts = [self.passive, self.piezo, self.piezo][: 1 + self._layers]
-        middle = np.array([hs / 2, hs + hp / 2, -hp / 2])[: len(parts)]
-        thick = np.array([hs, hp, hp])[: len(parts)]
-        stiff = np.array([part.youngs_modulus_pa for part in parts]) * thick * self.width_m
-        heavy = np.array([part.density_kg_m3 for part in parts]) * thick * self.width_m
+        hs, hp, count = (
+            self.passive_thickness_m,
+            self.piezo_thickness_m,
+            1 + WIRINGS[self.wiring][0],
+        )
+        parts = [self.passive, self.piezo, self.piezo][:count]
+        thick, middle = np.array([[hs, hp, hp], [hs / 2, hs + hp / 2, -hp / 2]])[:, :count]
+        told = np.array([[part.youngs_modulus_pa, part.density_kg_m3] for part in parts]).T
+        stiff, heavy = told * thick * self.width_m
         axis = float(stiff @ middle / stiff.sum())
         return axis, float(stiff @ (thick**2 / 12 + (middle - axis) ** 2)), float(heavy.sum())
 
@@ -246,9 +246,9 @@ class PiezoCantilever(Harvester):
     @property
     def capacitance_f(self) -> float:
         """Of the electrodes as wired, at constant strain [F]."""
+        layers, volts = WIRINGS[self.wiring]
         one = self.piezo.permittivity_f_per_m * self.length_m * self.width_m
-        one /= self.piezo_thickness_m
-        return one * {"unimorph": 1.0, "series": 0.5, "parallel": 2.0}[self.wiring]
+        return one / self.piezo_thickness_m * layers * volts**2
 
     @property
     def volume_m3(self) -> float:
@@ -259,32 +259,32 @@ class PiezoCantilever(Harvester):
     @property
     def tip_offset_m(self) -> float:
         """Distance of the middle of the tip mass beyond the end of the beam [m]."""
-        return self._body(self.tip_mass_kg / self.beam_mass_kg)[0] * self.length_m
+        return float(self._inertia(self.tip_mass_kg / self.beam_mass_kg)[0, 1]) * self.length_m
 
     @cached_property
     def modes(self) -> Modes:
         """Modes of Ritz; u is the voltage, and the stresses are those at the clamp."""
         length, ratio = self.length_m, self.tip_mass_kg / self.beam_mass_kg
         own, values, bent = _shapes()
-        offset, gyration = self._body(ratio)
-        crossed = np.outer(values[1], values[2])
-        body = np.outer(values[1], values[1]) + offset * (crossed + crossed.T)
-        body += gyration**2 * np.outer(values[2], values[2])
-        squares, shares = np.linalg.eigh(own + ratio * body)
+        body = ratio * self._inertia(ratio)
+        squares, shares = np.linalg.eigh(own + values[1:].T @ body @ values[1:])
         # the heaviest swings slowest; of unit modal mass
         shares = (shares / np.sqrt(squares))[:, ::-1]
         mean, tip, slope = values @ shares
         root_mass = math.sqrt(self.beam_mass_kg)
-        pulled = mean + ratio * (tip + offset * slope)
+        pulled = mean + body[0] @ (tip, slope)
         natural = math.sqrt(self._scale) / np.sqrt(squares[::-1])
         hs, hp, axis = self.passive_thickness_m, self.piezo_thickness_m, self.neutral_axis_m
-        curved = bent @ shares / length**2 / root_mass
+        layers, volts = WIRINGS[self.wiring]
+        # stress of a layer by a volt, and the bending moment of all: with the arm to their middle
+        by_volt = self.piezo.d31_m_per_v * self.piezo.youngs_modulus_pa * volts / hp
+        moment = -by_volt * hp * self.width_m * (hs + hp / 2 - axis) * layers
+        coupling = moment / length / root_mass * slope
         # of the outer fibres of both layers, scaled to the piezoelectric limit
+        curved = bent @ shares / length**2 / root_mass
         layer = self.piezo.youngs_modulus_pa * (hs + hp - axis)
         plate = self.passive.youngs_modulus_pa * max(axis, hs - axis)
         plate *= self.piezo.safe_stress_pa / self.passive.safe_stress_pa
-        coupling = self._moment_per_volt / length / root_mass * slope
-        by_volt = self.piezo.e31_c_per_m2 * (0.5 if self.wiring == "series" else 1.0) / hp
         return Modes(
             natural_rad_s=natural,
             damping_ratio=self._ratios(natural, (shares * (own @ shares)).sum(axis=0)),
@@ -293,10 +293,6 @@ class PiezoCantilever(Harvester):
             direct=np.array([0.0, 0.0, -by_volt, 0.0]),
             store=self.capacitance_f,
         )
-
-    def circuit(self, loads: Any) -> tuple[Any, Any]:
-        """G and k of several loads."""
-        return 1 / loads, 1 / np.sqrt(loads)
 
     @property
     def natural_frequency_hz(self) -> float:
@@ -344,24 +340,21 @@ class PiezoCantilever(Harvester):
         """
         from scipy.optimize import brentq
 
-        own, (_, *ends), _ = _shapes()
+        own, values, _ = _shapes()
+        bare = float(np.linalg.eigvalsh(own)[-1])
         wanted = self._scale / (2 * math.pi * check_positive("frequency_hz", frequency_hz)) ** 2
         # what the bare beam answers to a body at its tip: value and slope, to a force and a moment
-        answer = np.array(ends) @ np.linalg.solve(wanted * np.eye(SHAPES) - own, np.array(ends).T)
-        (a, b), (_, c) = answer.tolist()
+        answer = values[1:] @ np.linalg.solve(wanted * np.eye(SHAPES) - own, values[1:].T)
 
         def left(ratio: float) -> float:
-            offset, gyration = self._body(ratio)
-            moments = ratio * (a + 2 * offset * b + gyration**2 * c)
-            turning = ratio**2 * (gyration**2 - offset**2) * (a * c - b**2)
-            return float(1 - moments + turning)
+            return float(np.linalg.det(np.eye(2) - ratio * self._inertia(ratio) @ answer))
 
-        ratio = math.nan
-        if a > 0:
+        # the end of the range is reached to rounding; beyond it only a higher mode would answer
+        ratio = 0.0 if wanted > bare * (1 - 1e-9) else math.nan
+        if wanted > bare and answer[0, 0] > 0:
             # a point of this mass has that root, so that a body of its mass has a lower one
-            ratio = 1 / a if left(1 / a) >= 0 else brentq(left, 0.0, 1 / a, xtol=1e-15 / a)
-        elif wanted > float(np.linalg.eigvalsh(own)[-1]) * (1 - 1e-9):
-            ratio = 0.0  # the end of the range is reached to rounding
+            most = 1 / float(answer[0, 0])
+            ratio = most if left(most) >= 0 else brentq(left, 0.0, most, xtol=1e-15 * most)
         mass = ratio * self.beam_mass_kg
         if not mass <= self.most_tip_mass_kg * (1 + 1e-9):
             low, high = self.frequency_range_hz
@@ -372,11 +365,6 @@ class PiezoCantilever(Harvester):
             )
         return replace(self, tip_mass_kg=mass)
 
-    def with_damping_ratio(self, ratio: float) -> PiezoCantilever:
-        """Return the same with another damping ratio, that of every mode."""
-        others: dict[str, Any] = {"mass_rate_per_s": 0.0, "stiffness_time_s": 0.0, "in_air": False}
-        return replace(self, mechanical_damping_ratio=float(ratio), **others)
-
     def best_load_ohm(self, frequency_hz: float) -> float:
         """Load that takes the most from a single line, 1/|Y(w)| [ohm]."""
         circular = np.array([2 * math.pi * check_positive("frequency_hz", frequency_hz, "Hz")])
@@ -385,63 +373,34 @@ class PiezoCantilever(Harvester):
 
     def to_dict(self) -> dict[str, Any]:
         """Return dimensions and what follows from them in built-in types; no clearance is null."""
-        sizes = ("length_m", "width_m", "passive_thickness_m", "piezo_thickness_m")
-        names = (*sizes, "tip_mass_kg", "tip_gyration_m", "tip_offset_m", "load_ohm")
-        derived = ("natural_frequency_hz", "open_circuit_hz", "damping_ratio", "capacitance_f")
-        return {
-            "kind": "cantilever",
-            "wiring": self.wiring,
-            "piezo": self.piezo.name,
-            "passive": self.passive.name,
-            "clearance_m": None if math.isinf(self.clearance_m) else self.clearance_m,
-            **{name: getattr(self, name) for name in (*names, *derived)},
-        }
-
-    @property
-    def _layers(self) -> int:
-        return 1 if self.wiring == "unimorph" else 2
+        return super().to_dict() | {"piezo": self.piezo.name, "passive": self.passive.name}
 
     @property
     def _scale(self) -> float:
         """Squared circular frequency that the unit beam's 1 stands for [1/s2]."""
         return self.flexural_stiffness_nm2 / (self.mass_per_length_kg_m * self.length_m**4)
 
-    @property
-    def _moment_per_volt(self) -> float:
-        """Bending moment that a volt makes [N m/V]."""
-        # of both layers a volt drives each, or half of one drives both
-        arm = self.passive_thickness_m / 2 + self.piezo_thickness_m / 2
-        arm += self.passive_thickness_m / 2 - self.neutral_axis_m
-        arm *= 2 if self.wiring == "parallel" else 1
-        return -self.piezo.e31_c_per_m2 * self.width_m * arm
+    def _inertia(self, ratio: float) -> Real:
+        """Inertia of a tip mass of so many times the beam's against value and slope at the end.
 
-    def _body(self, ratio: float) -> tuple[float, float]:
-        """Offset of the middle of a tip mass of so many times the beam's, and radius of gyration.
-
-        Both about the end of the beam, over its length.
+        Over the mass, and lengths over that of the beam: 1, the offset of its middle and the square
+        of its radius of gyration about the end.
         """
-        height = self.tip_block_height_m
-        if height == 0:
-            return 0.0, self.tip_gyration_m / self.length_m
-        section = self.tip_block_density_kg_m3 * self.width_m * height
-        long = ratio * self.beam_mass_kg / section
-        return long / 2 / self.length_m, math.sqrt(long**2 / 3 + height**2 / 12) / self.length_m
+        offset, square, height = 0.0, self.tip_gyration_m**2, self.tip_block_height_m
+        if height > 0:
+            section = self.tip_block_density_kg_m3 * self.width_m * height
+            offset = ratio * self.beam_mass_kg / section / 2
+            square = 4 * offset**2 / 3 + height**2 / 12
+        offset, square = offset / self.length_m, square / self.length_m**2
+        return np.array([[1.0, offset], [offset, square]])
 
     def _ratios(self, natural: Real, in_beam: Real) -> Real:
         """Damping ratios of the modes, each with the share of its mass that is the beam's own."""
         rate = self.mass_rate_per_s / natural + self.stiffness_time_s * natural
         found = self.mechanical_damping_ratio + rate / 2
-        if not self.in_air:
-            return np.asarray(found)
-        viscous = 3 * math.pi * AIR_PA_S * self.width_m
-        layer = 0.75 * math.pi * self.width_m**2 * np.sqrt(2 * AIR_KG_M3 * AIR_PA_S * natural)
-        drag = (viscous + layer) / self.width_m * in_beam
-        return np.asarray(found + drag / (2 * self.mass_per_length_kg_m * natural))
-
-
-def published_beam(told: dict[str, Any], load_ohm: float) -> PiezoCantilever:
-    """Build a beam from the dimensions and materials that somebody published, see known.toml."""
-    piezo = PiezoMaterial(name="published", **told["piezo"])
-    passive = BeamMaterial(name="published", **told["passive"])
-    values = told | {"piezo": piezo, "passive": passive, "load_ohm": load_ohm}
-    return PiezoCantilever(**values)
+        if self.in_air:
+            viscous = 3 * math.pi * AIR_PA_S * self.width_m
+            layer = 0.75 * math.pi * self.width_m**2 * np.sqrt(2 * AIR_KG_M3 * AIR_PA_S * natural)
+            drag = (viscous + layer) / self.width_m * in_beam
+            found = found + drag / (2 * self.mass_per_length_kg_m * natural)
+        return np.asarray(found)

@@ -34,15 +34,15 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import MISSING, asdict, dataclass, field, replace
-from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.errors import ArgumentError, check_positive, check_range
-from gearmon.machine.fields import Number, check_fields, obeys
+from gearmon.errors import ArgumentError, check_range
+from gearmon.machine.fields import Checked, Number, held, within
 
 Real = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
@@ -50,17 +50,12 @@ Complex = npt.NDArray[np.complex128]
 #: Rows of `transfer`: root of the power [W^(1/2)], travel [m], and the stresses of both layers,
 #: each over its safe stress and times that of the first [Pa]; zero where they are not modelled.
 OUTPUTS = ("root_power", "travel_m", "stress_pa", "other_stress_pa")
+FREQUENCY = Number(low=0, high=1e6, unit="Hz", open_low=True)
 #: Points of a response table, half of them about the resonance.
 POINTS = 240
 
 
-def number(low: float, high: float, unit: str = "", default: Any = MISSING, **rule: Any) -> Any:
-    """Return a field of a dataclass that is held to a range; `rule` as for a `Number`."""
-    return field(default=default, metadata=obeys(Number(low=low, high=high, unit=unit, **rule)))
-
-
-@dataclass(frozen=True, eq=False)
-class Gains:
+class Gains(NamedTuple):
     """Answers of a harvester to a unit acceleration amplitude of its base, by frequency.
 
     Attributes
@@ -117,7 +112,7 @@ class Modes:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Harvester(ABC):
+class Harvester(Checked, ABC):
     """A linear harvester on a moving base.
 
     Parameters
@@ -133,17 +128,17 @@ class Harvester(ABC):
         Whether the load is given, not tuned.
     """
 
+    #: What it is called in a file.
+    kind: ClassVar[str]
+    #: What `to_dict` tells of it, and what else than `mechanical_damping_ratio` damps it if given.
+    told: ClassVar[tuple[str, ...]] = ()
+    other_damping: ClassVar[tuple[str, ...]] = ()
     #: Field that holds the load: a resistance [ohm], or a ratio where there is no circuit.
     load_name: ClassVar[str] = "load_ohm"
-    clearance_m: float = math.inf
-    weight_ms2: float = number(-1e3, 1e3, "m/s2", default=0.0)
-    restitution: float = number(0, 1, default=0.5)
+    clearance_m: float = within(0, math.inf, "m", default=math.inf, open_low=True)
+    weight_ms2: float = within(-1e3, 1e3, "m/s2", default=0.0)
+    restitution: float = within(0, 1, default=0.5)
     load_kept: bool = False
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-        if self.clearance_m != math.inf:
-            check_positive("clearance_m", self.clearance_m, "m")
 
     if TYPE_CHECKING:
         # a field of some, a property of others
@@ -172,21 +167,23 @@ class Harvester(ABC):
     def modes(self) -> Modes:
         """Modes, which do not depend on the load."""
 
-    @abstractmethod
     def circuit(self, loads: Any) -> tuple[Any, Any]:
-        """G and k of several loads."""
+        """G and k of several loads: of a voltage at a resistance, if nothing else is said."""
+        return 1 / loads, 1 / np.sqrt(loads)
 
     @abstractmethod
     def retuned(self, frequency_hz: float) -> Self:
         """Return the same harvester with another natural frequency [Hz]."""
 
-    @abstractmethod
     def with_damping_ratio(self, ratio: float) -> Self:
         """Return the same harvester with another mechanical damping ratio, of every mode."""
+        changed: dict[str, Any] = {name: getattr(type(self), name) for name in self.other_damping}
+        return replace(self, **changed | {"mechanical_damping_ratio": float(ratio)})
 
-    @abstractmethod
     def to_dict(self) -> dict[str, Any]:
-        """Return dimensions and values in built-in types; no clearance is null."""
+        """Return dimensions and what follows from them in built-in types; no clearance is null."""
+        told = {name: getattr(self, name) for name in ("kind", *self.told)}
+        return told | {"clearance_m": None if math.isinf(self.clearance_m) else self.clearance_m}
 
     @property
     def load(self) -> float:
@@ -197,11 +194,6 @@ class Harvester(ABC):
     def resistance_ohm(self) -> float:
         """Load resistance [ohm]; NaN where there is no circuit."""
         return self.load if self.load_name == "load_ohm" else math.nan
-
-    @property
-    def volume_m3(self) -> float:
-        """Of what moves and bends [m3]; NaN where it is not known."""
-        return math.nan
 
     @property
     def load_range(self) -> tuple[float, float]:
@@ -239,14 +231,10 @@ class Harvester(ABC):
         circular, modes = 2 * math.pi * frequency_hz, self.modes
         by_push, by_circuit = modes.compliance(circular, rows)
         leak, worth = self.circuit(loads[:, None])
-        driven = -1j * circular * by_push[0]
-        driven = driven / (leak + 1j * circular * (modes.store + by_circuit[0]))
+        around = leak + 1j * circular * (modes.store + by_circuit[0])
+        driven = -1j * circular * by_push[0] / around
         others = [(modes.direct[k] - by_circuit[k]) * driven - by_push[k] for k in range(1, rows)]
         return np.array([worth * driven, *others])
-
-    def power_by_load(self, loads: Real, frequency_hz: Real) -> Real:
-        """Mean power per squared acceleration amplitude, shape (loads, frequencies)."""
-        return np.asarray(np.abs(self.transfer(loads, frequency_hz, 1)[0]) ** 2 / 2)
 
     def gains(self, frequency_hz: npt.ArrayLike) -> Gains:
         """Answers to a unit acceleration amplitude of the base, with the load as it is.
@@ -256,9 +244,14 @@ class Harvester(ABC):
         frequency_hz : float array, shape (n,) or a number, >= 0
         """
         frequency = np.atleast_1d(np.asarray(frequency_hz, dtype=np.float64))
-        root_power, travel, *stress = np.abs(self.transfer(np.array([self.load]), frequency)[:, 0])
+        answers = np.abs(self.transfer(np.array([self.load]), frequency)[:, 0])
+        return Gains(frequency_hz=frequency, power_w=answers[0] ** 2 / 2, **self.sizes(answers))
+
+    def sizes(self, answers: Real) -> dict[str, Real]:
+        """Travel, stress and voltage of sizes that are as `OUTPUTS` has them."""
+        root_power, travel, *stress = answers
         voltage = np.nan_to_num(root_power * math.sqrt(self.resistance_ohm))
-        return Gains(frequency, root_power**2 / 2, travel, np.maximum(*stress), voltage)
+        return {"travel_m": travel, "stress_pa": np.maximum(*stress), "voltage_v": voltage}
 
     def power_bound_w(self) -> float:
         """Sum over modes of F^2/(16 z w): no load takes more, at no frequency [W/(m/s2)^2].
@@ -277,11 +270,11 @@ H = TypeVar("H", bound=Harvester)
 class _MassOnSpring(Harvester):
     """What harvesters with a stiff mass share; the electrical side is theirs."""
 
-    mass_kg: float = number(0, 1e6, "kg", open_low=True)
-    natural_frequency_hz: float = number(0, 1e6, "Hz", open_low=True)
-    mechanical_damping_ratio: float = number(1e-6, 0.999, default=0.01)
-    lowest_hz: float = number(0, 1e6, "Hz", open_low=True, default=5.0)
-    highest_hz: float = number(0, 1e6, "Hz", open_low=True, default=20_000.0)
+    mass_kg: float = within(0, 1e6, "kg", open_low=True)
+    natural_frequency_hz: float = held(FREQUENCY)
+    mechanical_damping_ratio: float = within(1e-6, 0.999, default=0.01)
+    lowest_hz: float = held(FREQUENCY, 5.0)
+    highest_hz: float = held(FREQUENCY, 20_000.0)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -308,15 +301,9 @@ class _MassOnSpring(Harvester):
         """
         return replace(self, natural_frequency_hz=float(frequency_hz))
 
-    def with_damping_ratio(self, ratio: float) -> Self:
-        """Return the same with another mechanical damping ratio."""
-        return replace(self, mechanical_damping_ratio=float(ratio))
-
     def to_dict(self) -> dict[str, Any]:
         """Return the values in built-in types; no clearance is null."""
-        kind = type(self).__name__.removesuffix("Harvester").lower()
-        values = asdict(self) | {"kind": kind, "stiffness_n_per_m": self.stiffness_n_per_m}
-        return values | {"clearance_m": None if math.isinf(self.clearance_m) else self.clearance_m}
+        return asdict(self) | {"stiffness_n_per_m": self.stiffness_n_per_m} | super().to_dict()
 
     @property
     def _natural(self) -> float:
@@ -365,8 +352,9 @@ class InertialHarvester(_MassOnSpring):
     1.0
     """
 
+    kind: ClassVar[str] = "inertial"
     load_name: ClassVar[str] = "electrical_damping_ratio"
-    electrical_damping_ratio: float = number(0, 10, open_low=True, default=0.01)
+    electrical_damping_ratio: float = within(0, 10, open_low=True, default=0.01)
 
     @property
     def usual_loads(self) -> tuple[float, float]:
@@ -380,8 +368,7 @@ class InertialHarvester(_MassOnSpring):
 
     def circuit(self, loads: Any) -> tuple[Any, Any]:
         """G and k of several loads, by u = 2 ze wn eta'."""
-        damper = 2 * loads * self._natural
-        return 1 / damper, 1 / np.sqrt(damper)
+        return super().circuit(2 * loads * self._natural)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -411,11 +398,12 @@ class CoilHarvester(_MassOnSpring):
         If a value is out of its range.
     """
 
-    turns: float = number(0, 1e7, open_low=True)
-    field_length_tm: float = number(0, 1e3, "T m", open_low=True)
-    coil_ohm: float = number(0, 1e9, "ohm", open_low=True)
-    coil_henry: float = number(0, 1e3, "H", default=0.0)
-    load_ohm: float = number(0, 1e12, "ohm", open_low=True, default=100.0)
+    kind: ClassVar[str] = "coil"
+    turns: float = within(0, 1e7, open_low=True)
+    field_length_tm: float = within(0, 1e3, "T m", open_low=True)
+    coil_ohm: float = within(0, 1e9, "ohm", open_low=True)
+    coil_henry: float = within(0, 1e3, "H", default=0.0)
+    load_ohm: float = within(0, 1e12, "ohm", open_low=True, default=100.0)
 
     @property
     def transduction_n_per_a(self) -> float:
@@ -425,10 +413,8 @@ class CoilHarvester(_MassOnSpring):
     @property
     def usual_loads(self) -> tuple[float, float]:
         """From a hundredth of the coil to a hundred times it with what the motion stands for."""
-        motional = self.transduction_n_per_a**2 / (
-            2 * self.mass_kg * self.mechanical_damping_ratio * self._natural
-        )
-        return self.coil_ohm / 100, 100 * (self.coil_ohm + motional)
+        heat = 2 * self.mass_kg * self.mechanical_damping_ratio * self._natural
+        return self.coil_ohm / 100, 100 * (self.coil_ohm + self.transduction_n_per_a**2 / heat)
 
     @cached_property
     def modes(self) -> Modes:
@@ -483,17 +469,15 @@ def half_power_band(harvester: Harvester) -> dict[str, float]:
     near, fine = (grid[max(top - 1, 0)], grid[top + 1]), {"xatol": 1e-9 * natural}
     peak = float(minimize_scalar(lambda f: -power(f), bounds=near, options=fine).x)
     half = power(peak) / 2
-    below = np.flatnonzero(found < half)
-    left, right = below[below < top], below[below > top]
-    if not (len(left) and len(right)):
+    crossed = np.flatnonzero(np.diff(found < half))
+    sides = [*crossed[crossed < top][-1:], *crossed[crossed >= top][:1]]
+    if len(sides) < 2:
         raise ArgumentError(
             f"load={harvester.load:g}: the power does not fall to a half within a factor of 3 of "
             f"{natural:.4g} Hz; there is no band"
         )
-    low, high = (
-        float(brentq(lambda f: power(f) - half, grid[i], grid[i + 1], xtol=1e-12 * natural))
-        for i in (left[-1], right[0] - 1)
-    )
+    cross = partial(brentq, lambda f: power(f) - half, xtol=1e-12 * natural)
+    low, high = (float(cross(grid[i], grid[i + 1])) for i in sides)
     ends = {"peak_hz": peak, "low_hz": low, "high_hz": high, "power_w": 2 * half}
     return ends | {"width_hz": high - low, "quality_factor": peak / (high - low)}
 

@@ -15,11 +15,10 @@ import numpy as np
 
 from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.harvesting import response, tuning, vibration
-from gearmon.harvesting.harvester import Harvester, Real, half_power_band, response_rows
+from gearmon.harvesting.harvester import Harvester, Real, response_rows
 from gearmon.harvesting.request import SensorBudget
-from gearmon.harvesting.response import Tuned, evaluate
-from gearmon.harvesting.tuning import OverLimitsError, tune_harvester
-from gearmon.harvesting.vibration import OperatingShare, Points, vibration_of_samples
+from gearmon.harvesting.response import Tuned
+from gearmon.harvesting.vibration import OperatingShare, Points
 from gearmon.machine import Machine
 from gearmon.result import Result
 from gearmon.signals.recording import Recording
@@ -36,6 +35,7 @@ FEWEST_RECORDINGS = 5
 BOUND = 0.9
 #: Quality factors of the mechanics that the bandwidth is given for.
 QUALITY_FACTORS = (10.0, 25.0, 50.0, 100.0, 200.0)
+USUAL_BUDGET = SensorBudget()
 
 
 @dataclass(frozen=True)
@@ -79,10 +79,9 @@ class Placed:
         Best for the damaged gear.
     supply : dict
         What the sensor gets of it, see `SensorBudget.supply`; empty where nothing.
-    refusal : str
-        Why nothing can be had here, in one line.
-    over_limits : float
-        Where a limit of travel or stress is why: peak over limit of the nearest tuning; else NaN.
+    error : ArgumentError or None
+        Why nothing can be had here; with peak over limit of the nearest tuning, `over`, where a
+        limit of travel or stress is why.
     power_unseen_w : float
         Mean power on stretches of the recordings by tunings that did not know them; NaN without.
     power_low_w, power_high_w : float
@@ -105,8 +104,7 @@ class Placed:
     tuned: Tuned[Any] | None = None
     tuned_degraded: Tuned[Any] | None = None
     supply: dict[str, Any] = field(default_factory=dict)
-    refusal: str = ""
-    over_limits: float = math.nan
+    error: ArgumentError | None = None
     power_unseen_w: float = math.nan
     power_low_w: float = math.nan
     power_high_w: float = math.nan
@@ -130,16 +128,13 @@ class Placed:
     @property
     def interval_s(self) -> float:
         """Between recordings [s]; infinite if there can be none."""
-        found = self.supply.get("interval_s")
-        return math.inf if found is None else float(found)
+        return self.supply.get("interval_s") or math.inf
 
     @property
     def good_only_when_damaged(self) -> bool:
         """Whether its best tuning for the damaged gear is a poor one for the sound gear."""
-        if self.tuned_degraded is None:
-            return False
-        least = (1 - LOST_SHARE) * self.tuned_degraded.power_w
-        return max(self.degraded_best_power_when_healthy_w, self.power_w) < least
+        best, sound_w = self.tuned_degraded, self.degraded_best_power_when_healthy_w
+        return best is not None and max(sound_w, self.power_w) < (1 - LOST_SHARE) * best.power_w
 
     def to_dict(self) -> dict[str, Any]:
         """Return the row in built-in types; what is unknown or infinite is null."""
@@ -153,115 +148,104 @@ class Placed:
         row |= {"natural_frequency_hz": best[0], "load": best[1]}
         row |= {"power_on_recordings_w": best[2] if self.position.folds else math.nan}
         row |= {"degraded_best_hz": degraded[0], "degraded_best_power_w": degraded[2]}
+        row |= {"over_limits": getattr(self.error, "over", math.nan)}
         known = {name: x if math.isfinite(x) else None for name, x in row.items()}
-        told = {"good_only_when_damaged": self.good_only_when_damaged, "refusal": self.refusal}
-        return {"position": self.position.name} | known | told
+        told = {"position": self.position.name, "refusal": str(self.error or "")}
+        return told | known | {"good_only_when_damaged": self.good_only_when_damaged}
 
 
 def _placed(harvester: Harvester, position: Position, budget: SensorBudget) -> Placed:
-    found: dict[str, Any] = {}
+    found: dict[str, Any]
     try:
-        tuned = tune_harvester(harvester, position.healthy)
-        judged, unseen = _judged(harvester, tuned, position)
-        supply = budget.supply(unseen, [point.share for point in position.healthy])
-        found |= {"tuned": tuned, "supply": supply} | judged
-        found |= {"line_share": _line_share(tuned.harvester, position.healthy)}
+        tuned = tuning.tune_harvester(harvester, position.healthy)
+        judged, steps = _judged(harvester, tuned, position)
+        supply, share = budget.supply(tuned, steps), _line_share(tuned)
+        found = {"tuned": tuned, "supply": supply, "line_share": share, **judged}
     except ArgumentError as error:
-        found = {"refusal": str(error), "over_limits": getattr(error, "over", math.nan)}
+        found = {"error": error}
     with suppress(ArgumentError):
-        found |= _beyond_stops(harvester, position, found.get("tuned"))
-    with suppress(ArgumentError):
-        if position.degraded and "tuned" in found:
-            worse = evaluate(found["tuned"].harvester, position.degraded)
-            found["degraded_power_w"] = worse.power_w
-    with suppress(ArgumentError):
-        if position.degraded:
-            found["tuned_degraded"] = best = tune_harvester(harvester, position.degraded)
-            sound = evaluate(best.harvester, position.healthy)
-            found["degraded_best_power_when_healthy_w"] = sound.power_w
+        found |= _beyond_stops(harvester, position.healthy, found.get("tuned"))
+    if position.degraded:
+        found["degraded_power_w"] = _power_w(found.get("tuned"), position.degraded)
+        with suppress(ArgumentError):
+            found["tuned_degraded"] = tuning.tune_harvester(harvester, position.degraded)
+        sound_w = _power_w(found.get("tuned_degraded"), position.healthy)
+        found["degraded_best_power_when_healthy_w"] = sound_w
     return Placed(position=position, **found)
 
 
-def _limited(tuned: Tuned[Any] | None) -> bool:
-    return tuned is None or tuned.over > BOUND
+def _power_w(tuned: Tuned[Any] | None, duty: Points) -> float:
+    """Power of a tuned harvester over another duty cycle; NaN where none can be told."""
+    with suppress(ArgumentError):
+        return response.evaluate(tuned.harvester, duty).power_w if tuned else math.nan
+    return math.nan
 
 
-def _beyond_stops(
-    harvester: Harvester, position: Position, tuned: Tuned[Any] | None
-) -> dict[str, Any]:
+def _beyond_stops(harvester: Harvester, duty: Points, tuned: Tuned[Any] | None) -> dict[str, Any]:
     """Tell what the best tuning gives whose mass hits its stops, if they are in the way."""
-    points = [p for p in position.healthy if len(p.vibration.samples_ms2)]
-    if not points or not _limited(tuned) or math.isinf(harvester.clearance_m):
+    points = [point for point in duty if len(point.vibration.samples_ms2)]
+    if not points or (tuned and tuned.over <= BOUND) or math.isinf(harvester.clearance_m):
         return {}
-    free = tune_harvester(harvester, position.healthy, limited=False)
+    free = tuning.tune_harvester(harvester, duty, limited=False)
     if free.travel_share <= 1:
         return {}
     heard = [(p.vibration.samples_ms2, p.vibration.sampling_rate_hz) for p in points]
     powers = [response.power_with_stops(free.harvester, *samples) for samples in heard]
-    power = math.fsum(p.share * power for p, power in zip(points, powers, strict=True))
+    power = float(np.dot([p.share for p in points], powers))
     return {"power_with_stops_w": power, "stops_hz": free.harvester.natural_frequency_hz}
 
 
-def _line_share(harvester: Harvester, duty: Points) -> float:
+def _line_share(tuned: Tuned[Any]) -> float:
     """Share of the power that lines give."""
-    load = np.array([harvester.load])
-    whole = float(response.mean_power_w(harvester, duty, load)[0])
-    numbers = [vibration.line_numbers(point.vibration) > 0 for point in duty]
-    clear = [
-        replace(point, vibration=point.vibration.only(own))
-        for point, own in zip(duty, numbers, strict=True)
-        if own.any()
-    ]
-    known = clear and whole > 0
-    return float(response.mean_power_w(harvester, clear, load)[0]) / whole if known else 0.0
+    own = whole = 0.0
+    for point in tuned.duty:
+        heard = point.vibration
+        gains = tuned.harvester.gains(heard.frequency_hz).power_w
+        power = point.share * gains * heard.mean_square_m2s4
+        whole += float(power.sum())
+        own += float(power[vibration.line_numbers(heard) > 0].sum())
+    return own / whole if whole > 0 else 0.0
 
 
 def _judged(
     harvester: Harvester, tuned: Tuned[Any], position: Position
-) -> tuple[dict[str, float], Tuned[Any]]:
+) -> tuple[dict[str, float], list[Real]]:
     """Judge on every part what the others would have chosen, and how well the mean is known.
 
-    Returned with the tuned harvester that gives what they give.
+    Returned with the steps of the power at every operating point, as they give it.
     """
-    if len(position.folds) < 2:
-        return {}, tuned
-    judged = []
+    folds, known = position.folds, [a.power_steps_w for a in tuned.answers]
+    if len(folds) < 2:
+        return {}, known
+    # of every operating point the stretches that a tuning did not know, or of every block all of it
+    heard: list[list[Real]] = [[] for _ in position.healthy]
     try:
-        for number in range(len(position.folds)):
-            others = position.folds[:number] + position.folds[number + 1 :]
-            duty = [replace(p, share=p.share / len(others)) for own in others for p in own]
+        for number, fold in enumerate(folds):
+            others = folds[:number] + folds[number + 1 :]
+            duty = tuple(replace(p, share=p.share / len(others)) for own in others for p in own)
             # where the limits chose the tuning, the noise did not
-            kept = _limited(tuned) or not duty
+            kept = tuned.over > BOUND or not duty
             one = tuned.harvester if kept else tuning.tuned_among(harvester, duty, tuned.rivals_hz)
-            heard = position.folds[number] if position.sampled else position.healthy
-            judged.append(evaluate(one, heard))
+            judged = response.evaluate(one, fold if position.sampled else position.healthy).answers
+            if position.sampled:
+                heard[number].append(judged[0].power_steps_w)
+                continue
+            for part, found in zip(heard, judged, strict=True):
+                part.append(np.array_split(found.power_steps_w, len(folds))[number])
     except ArgumentError:
         # shorter than the ring-down: that tells nothing
-        return {"independent_stretches": 0.0}, tuned
-    steps = _unseen_steps(judged, position)
+        return {"independent_stretches": 0.0}, known
+    steps = [np.concatenate(parts) for parts in heard]
     if position.sampled:
-        found = response.between([own.mean() for own in steps])
+        scatter = response.between([own.mean() for own in steps])
+        enough = scatter.stretches >= FEWEST_RECORDINGS
     else:
-        shares, known = [p.share for p in position.healthy], map(response.scatter_of_mean, steps)
-        found = response.combined(list(known), shares, position.share_error)
-    fewest = FEWEST_RECORDINGS if position.sampled else response.FEWEST_STRETCHES
-    low, high = response.interval_90(found) if found.stretches >= fewest else (math.nan, math.nan)
-    pairs = zip(tuned.answers, steps, strict=True)
-    answers = tuple(replace(a, power_w=float(x.mean()), power_steps_w=x) for a, x in pairs)
-    powers = {"power_unseen_w": found.mean, "power_low_w": low, "power_high_w": high}
-    unseen = replace(tuned, power_w=found.mean, answers=answers)
-    return powers | {"independent_stretches": found.stretches}, unseen
-
-
-def _unseen_steps(judged: Sequence[Tuned[Any]], position: Position) -> list[Real]:
-    """Of every operating point the power that tunings gave which did not know the stretch."""
-    if position.sampled:
-        return [tuned.answers[0].power_steps_w for tuned in judged]
-    every = zip(*(tuned.answers for tuned in judged), strict=True)
-    cut = (
-        [np.array_split(a.power_steps_w, len(own))[k] for k, a in enumerate(own)] for own in every
-    )
-    return [np.concatenate(parts) for parts in cut]
+        own, shares = map(response.scatter_of_mean, steps), [p.share for p in position.healthy]
+        scatter = response.combined(list(own), shares, position.share_error)
+        enough = scatter.stretches >= response.FEWEST_STRETCHES
+    low, high = response.interval_90(scatter) if enough else (math.nan, math.nan)
+    powers = {"power_unseen_w": scatter.mean, "power_low_w": low, "power_high_w": high}
+    return powers | {"independent_stretches": scatter.stretches}, steps
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -272,11 +256,11 @@ class Survey(Result):
     ----------
     machine : str
     origin : {"expected", "measured"}
-    placed : tuple of Placed
-        The best on the recordings first.
     budget : SensorBudget
     notes : tuple of str
         What was assumed, in sentences.
+    placed : tuple of Placed
+        The best on the recordings first.
     together : tuple of Tuned
         Best set of several harvesters at the best position, for the worst operating point; empty
         if only one was asked for.
@@ -286,9 +270,9 @@ class Survey(Result):
 
     machine: str
     origin: str
-    placed: tuple[Placed, ...]
     budget: SensorBudget
     notes: tuple[str, ...] = ()
+    placed: tuple[Placed, ...] = ()
     together: tuple[Tuned[Any], ...] = ()
 
     @property
@@ -320,8 +304,7 @@ class Survey(Result):
 
     def bandwidths(self) -> list[dict[str, float]]:
         """Return bandwidth and power of the best harvester against its quality factor."""
-        best = self.tuned.harvester
-        return tuning.bandwidth_against_quality(best, QUALITY_FACTORS, self.wander)
+        return tuning.bandwidth_against_quality(self.tuned.harvester, QUALITY_FACTORS, self.wander)
 
     def published(self) -> list[dict[str, Any]]:
         """Return published harvesters with the best one here beside them."""
@@ -330,9 +313,9 @@ class Survey(Result):
     @property
     def wander(self) -> float:
         """Standard deviation over its frequency of the line that gives most, where that is most."""
-        tuned, points = self.tuned, self.best.position.healthy
-        powers = [p.share * a.power_w for p, a in zip(points, tuned.answers, strict=True)]
-        shaking = points[int(np.argmax(powers))].vibration
+        tuned = self.tuned
+        powers = [p.share * a.power_w for p, a in zip(tuned.duty, tuned.answers, strict=True)]
+        shaking = tuned.duty[int(np.argmax(powers))].vibration
         lines = vibration.operating_lines(shaking, len(shaking.frequency_hz))
         gains = tuned.harvester.gains([line["frequency_hz"] for line in lines]).power_w
         taken = [g * line["acceleration_ms2"] ** 2 for g, line in zip(gains, lines, strict=True)]
@@ -340,38 +323,23 @@ class Survey(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything in built-in types that JSON can hold."""
-        best = self.best
+        told, damaged = super().to_dict(), self.best.tuned_degraded
         return {
-            "machine": self.machine,
-            "origin": self.origin,
-            "positions": self.rows(),
-            "best": _described(best.tuned, best.position.healthy),
-            "best_when_damaged": _described(best.tuned_degraded, best.position.degraded),
-            "set": [tuned.to_dict() for tuned in self.together],
+            "positions": told.pop("placed"),
+            "best": self.tuned.to_dict(),
+            "best_when_damaged": damaged.to_dict() if damaged else None,
+            "set": told.pop("together"),
             "response": self.response(),
             "bandwidth_against_quality": self.bandwidths(),
             "energy_lines": self.lines(),
             "published": self.published(),
-            "budget": self.budget.to_dict(),
-            "notes": list(self.notes),
-        }
-
-
-def _described(tuned: Tuned[Any] | None, duty: Sequence[OperatingShare]) -> dict[str, Any] | None:
-    """Return a tuning with its operating points and its band; null if there is none."""
-    if tuned is None:
-        return None
-    band = None
-    with suppress(ArgumentError):  # so heavily loaded that there is none
-        band = half_power_band(tuned.harvester)
-    names = [point.vibration.name for point in duty]
-    return tuned.to_dict() | {"operating_points": names, "half_power_band": band}
+        } | told
 
 
 def survey_expected(
     machine: Machine,
     harvester: Harvester,
-    budget: SensorBudget | None = None,
+    budget: SensorBudget = USUAL_BUDGET,
     *,
     faults: Iterable[str] = (),
     path_gain: float = 1.0,
@@ -420,17 +388,17 @@ def survey_expected(
 
     degraded = tuple(expected(damage)) if damage else ()
     position = Position(name="the mesh", healthy=tuple(expected(())), degraded=degraded)
-    notes = (
+    told = (
         f"lines are those of the teeth along the line of action, times a path gain of {path_gain:g}"
         "; only recordings tell what reaches a place on the housing",
         f"the speed of each operating point wanders by {100 * wander:g} % (standard deviation)",
     )
+    survey = Survey(machine=machine.name, origin="expected", budget=budget, notes=told)
     try:
-        about = {"machine": machine.name, "origin": "expected", "notes": notes}
-        return _survey(harvester, [position], budget or SensorBudget(), count, None, **about)
+        return _surveyed(survey, harvester, [position], count)
     except ArgumentError as error:
         hint = "less reaches the housing"
-        if isinstance(error, OverLimitsError):
+        if isinstance(error, tuning.OverLimitsError):
             # rounded to two digits it stays within
             hint = f"a path gain of {0.9 * path_gain / error.over:.2g} would be within"
         raise ArgumentError(
@@ -442,7 +410,7 @@ def survey_measured(
     machine: Machine,
     harvester: Harvester,
     recordings: Sequence[Recording],
-    budget: SensorBudget | None = None,
+    budget: SensorBudget = USUAL_BUDGET,
     *,
     shares: Sequence[float] = (),
     share_error: float = 0.0,
@@ -494,57 +462,45 @@ def survey_measured(
     places = {str(s.column): f": {s.position}" for s in machine.sensors if s.position}
     positions = []
     for name in recordings[0].vibration().channel_names:
-        healthy, damaged = (_duty(name, given, parts) for given in (recordings, degraded))
+        healthy, damaged = (tuple(_duty(name, own, parts)) for own in (recordings, degraded))
         folds = tuple((replace(p, share=1.0),) for p in healthy) if sampled else _cut(healthy)
         title = name + places.get(name, "")
         positions.append(Position(title, healthy, damaged, folds, sampled, share_error))
     how = "a block of operation like any other" if sampled else "an equal share of the time"
     notes = (f"every recording counts for {how}",) if not shares and number > 1 else ()
-    about = {"machine": machine.name, "origin": "measured", "notes": notes}
-    return _survey(harvester, positions, budget or SensorBudget(), count, progress, **about)
+    survey = Survey(machine=machine.name, origin="measured", budget=budget, notes=notes)
+    return _surveyed(survey, harvester, positions, count, progress)
 
 
-def _survey(
-    harvester: Harvester,
-    positions: list[Position],
-    budget: SensorBudget,
-    count: int,
-    progress: Callable[[float], None] | None,
-    **about: Any,
+def _surveyed(
+    survey: Survey, harvester: Harvester, positions: list[Position], count: int, tell: Any = None
 ) -> Survey:
-    """Place and rank; `about` is what else a `Survey` says of the machine."""
+    """Place and rank, and complete a survey by that."""
     placed = []
     for number, position in enumerate(positions, start=1):
-        placed.append(_placed(harvester, position, budget))
-        if progress is not None:
-            progress(number / len(positions))
+        placed.append(_placed(harvester, position, survey.budget))
+        if tell is not None:
+            tell(number / len(positions))
     # on the same recordings: of what is to be expected every place errs by itself
     placed.sort(key=lambda own: -own.tuned.power_w if own.tuned else 0.0)
     best = placed[0]
-    if best.tuned is None:
-        if math.isfinite(best.over_limits):
-            raise OverLimitsError(best.refusal, best.over_limits)
-        raise ArgumentError(best.refusal)
+    if best.error:
+        raise best.error
     sets = tuning.tune_set(harvester, best.position.healthy, count) if count != 1 else ()
-    about["notes"] += (*_at_the_end(placed), *_doubts(best))
-    return Survey(placed=tuple(placed), budget=budget, together=tuple(sets), **about)
+    notes = (*survey.notes, *_doubts(placed))
+    return replace(survey, placed=tuple(placed), together=tuple(sets), notes=notes)
 
 
-def _at_the_end(placed: Sequence[Placed]) -> Iterator[str]:
-    """Say where the best tuning is only the last one that the harvester reaches."""
-    for place in placed:
-        best: Any = place.tuned.harvester if place.tuned else None
-        for number, which in enumerate(("lower", "upper") if best else ()):
-            end = best.frequency_range_hz[number]
-            if abs(best.natural_frequency_hz / end - 1) < best.damping_ratio / 5:
+def _doubts(placed: Sequence[Placed]) -> Iterator[str]:
+    """Say where a tuning is only the last one in reach, and what the best figures do not hold."""
+    for name, own in [(p.position.name, p.tuned.harvester) for p in placed if p.tuned]:
+        for end, which in zip(own.frequency_range_hz, ("lower", "upper"), strict=True):
+            if abs(own.natural_frequency_hz / end - 1) < own.damping_ratio / 5:
                 yield (
-                    f"{place.position.name}: {end:.4g} Hz is the {which} end of what this "
-                    "harvester can be tuned to; another size might yield more"
+                    f"{name}: {end:.4g} Hz is the {which} end of what this harvester can be tuned "
+                    "to; another size might yield more"
                 )
-
-
-def _doubts(best: Placed) -> Iterator[str]:
-    """Say what the best place's figures do not hold."""
+    best = placed[0]
     if best.position.folds and not math.isfinite(best.power_low_w):
         yield (
             f"the recordings hold {best.independent_stretches:.2g} independent stretches, too few "
@@ -557,7 +513,7 @@ def _doubts(best: Placed) -> Iterator[str]:
         )
 
 
-def _duty(name: str, recordings: Sequence[Recording], shares: list[float]) -> Points:
+def _duty(name: str, given: Sequence[Recording], shares: list[float]) -> Iterator[OperatingShare]:
     """Gather what recordings tell of one channel.
 
     Raises
@@ -565,17 +521,15 @@ def _duty(name: str, recordings: Sequence[Recording], shares: list[float]) -> Po
     ArgumentError
         If a recording lacks the channel or its unit.
     """
-    points = []
-    for recording, share in zip(recordings, shares, strict=False):
+    for recording, share in zip(given, shares, strict=False):
         own, origin = recording.select(name), recording.origin
         if own.units[0] != "m/s2":
             raise ArgumentError(
                 f"{origin}: channel '{name}' has the unit {own.units[0] or 'unknown'}, m/s2 is "
                 'needed for a power; say unit = "m/s2" or "g" in a [[sensor]] of the machine file'
             )
-        heard = vibration_of_samples(own.samples[0], own.sampling_rate_hz, name=origin)
-        points.append(OperatingShare(vibration=heard, share=share))
-    return tuple(points)
+        heard = vibration.vibration_of_samples(own.samples[0], own.sampling_rate_hz, name=origin)
+        yield OperatingShare(vibration=heard, share=share)
 
 
 def _cut(points: Points) -> tuple[Points, ...]:
@@ -585,6 +539,6 @@ def _cut(points: Points) -> tuple[Points, ...]:
         own = point.vibration
         for part, heard in zip(np.array_split(own.samples_ms2, FOLDS), found, strict=True):
             if len(part) >= 16 and part.any():
-                cut = vibration_of_samples(part, own.sampling_rate_hz, own.name)
+                cut = vibration.vibration_of_samples(part, own.sampling_rate_hz, own.name)
                 heard.append(replace(point, vibration=cut))
     return tuple(map(tuple, found))

@@ -22,8 +22,9 @@
     [budget]                      # all optional, see `SensorBudget`
     duration_s = 10.0
 
-An inertial one has mass_g, damping_ratio, clearance_mm, restitution, tilt_deg, lowest_hz and
-highest_hz; one with a coil also turns, field_length_tm (B l of a turn), coil_ohm and coil_mh.
+An inertial one has mass_g, damping_ratio, clearance_mm, restitution, tilt_deg, lowest_hz,
+highest_hz and, as its load, electrical_damping_ratio; one with a coil has load_ohm instead, and
+turns, field_length_tm (B l of a turn), coil_ohm and coil_mh.
 
 From the harvester to the sensor (`SensorBudget`):
 
@@ -42,34 +43,37 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.errors import ArgumentError, check_positive
-from gearmon.harvesting.cantilever import (
-    BEAM_MATERIALS,
-    PIEZO_MATERIALS,
-    PiezoCantilever,
-    known,
-)
-from gearmon.harvesting.harvester import CoilHarvester, Harvester, InertialHarvester, number
+from gearmon.errors import ArgumentError
+from gearmon.harvesting.cantilever import BEAM_MATERIALS, PIEZO_MATERIALS, PiezoCantilever, known
+from gearmon.harvesting.harvester import FREQUENCY, CoilHarvester, Harvester, InertialHarvester
 from gearmon.harvesting.response import Tuned
-from gearmon.machine.fields import Choice, Count, FieldError, Number, check_fields, obeys
-from gearmon.machine.reading import read_part, read_source, refuse_unknown_keys
+from gearmon.machine.fields import Checked, Choice, Count, FieldError, Number, held, within
+from gearmon.machine.reading import read_part, read_source, read_table, refuse_unknown_keys
 
 GRAVITY_MS2 = 9.81
 #: Degrees Celsius at which parts are measured, and the age from which tenfolds count [years].
 REFERENCE_C, FIRST_YEARS = 20.0, 1.0 / 365.0
 #: Units of keys that are a thousandth of those that a harvester takes.
 _THOUSANDTHS = {"mm": "m", "g": "kg", "mh": "henry"}
+#: What the words of a file stand for, by key.
+_WORDS: dict[str, dict[str, Any]] = {
+    "piezo": PIEZO_MATERIALS,
+    "passive": BEAM_MATERIALS,
+    "tip_block_material": BEAM_MATERIALS,
+    "air": {"included": False, "added": True},
+}
+_KINDS = {own.kind: own for own in (PiezoCantilever, InertialHarvester, CoilHarvester)}
 
 
 @dataclass(frozen=True, kw_only=True)
-class SensorBudget:
+class SensorBudget(Checked):
     """Energy that one recording takes, from sampling to sending it, and what is lost on the way.
 
     The defaults are round figures of a battery-free node with a low-power radio: 12 bit at 10 kHz
@@ -115,27 +119,24 @@ class SensorBudget:
         If a value is out of its range.
     """
 
-    duration_s: float = number(0, 1e6, "s", open_low=True, default=10.0)
-    sampling_rate_hz: float = number(0, 1e7, "Hz", open_low=True, default=10_000.0)
-    bits: int = field(default=12, metadata=obeys(Count(low=1, high=64)))
-    recording_power_w: float = number(0, 1e3, "W", default=3e-3)
-    energy_per_bit_j: float = number(0, 1, "J", default=100e-9)
-    sleep_power_w: float = number(0, 1e3, "W", default=5e-6)
-    efficiency: float = number(0, 1, open_low=True, default=0.7)
-    rectifier_drop_v: float = number(0, 100, "V", default=0.6)
-    regulator: str = field(default="tracking", metadata=obeys(Choice(options=("tracking", "none"))))
-    quiescent_power_w: float = number(0, 1e3, "W", default=0.0)
-    store_f: float = number(0, 1e4, "F", open_low=True, default=1e-3)
-    store_v: float = number(0, 1e3, "V", open_low=True, default=3.0)
-    leakage_a: float = number(0, 1, "A", default=0.0)
-    cold_start_v: float = number(0, 1e3, "V", default=0.0)
-    temperature_c: float = number(-60, 200, "degrees C", default=REFERENCE_C)
-    loss_per_k: float = number(0, 0.05, "1/K", default=0.0)
-    years: float = number(0, 100, "years", default=0.0)
-    loss_per_decade: float = number(0, 0.5, default=0.0)
-
-    def __post_init__(self) -> None:
-        check_fields(self)
+    duration_s: float = within(0, 1e6, "s", open_low=True, default=10.0)
+    sampling_rate_hz: float = within(0, 1e7, "Hz", open_low=True, default=10_000.0)
+    bits: int = held(Count(low=1, high=64), 12)
+    recording_power_w: float = within(0, 1e3, "W", default=3e-3)
+    energy_per_bit_j: float = within(0, 1, "J", default=100e-9)
+    sleep_power_w: float = within(0, 1e3, "W", default=5e-6)
+    efficiency: float = within(0, 1, open_low=True, default=0.7)
+    rectifier_drop_v: float = within(0, 100, "V", default=0.6)
+    regulator: str = held(Choice(options=("tracking", "none")), "tracking")
+    quiescent_power_w: float = within(0, 1e3, "W", default=0.0)
+    store_f: float = within(0, 1e4, "F", open_low=True, default=1e-3)
+    store_v: float = within(0, 1e3, "V", open_low=True, default=3.0)
+    leakage_a: float = within(0, 1, "A", default=0.0)
+    cold_start_v: float = within(0, 1e3, "V", default=0.0)
+    temperature_c: float = within(-60, 200, "degrees C", default=REFERENCE_C)
+    loss_per_k: float = within(0, 0.05, "1/K", default=0.0)
+    years: float = within(0, 100, "years", default=0.0)
+    loss_per_decade: float = within(0, 0.5, default=0.0)
 
     @property
     def energy_j(self) -> float:
@@ -188,14 +189,16 @@ class SensorBudget:
         lost = np.arcsin(dead) + dead * np.sqrt(1 - dead**2)
         return np.asarray(power * (1 - 2 / math.pi * lost))
 
-    def supply(self, tuned: Tuned[Any], shares: Sequence[float]) -> dict[str, Any]:
+    def supply(
+        self, tuned: Tuned[Any], steps_w: Sequence[npt.NDArray[np.float64]]
+    ) -> dict[str, Any]:
         """Follow the power of a tuned harvester over a duty cycle to the sensor.
 
         Parameters
         ----------
         tuned : Tuned
-        shares : sequence of float
-            Share of time of each operating point.
+        steps_w : sequence of ndarray, shape (n,)
+            Steps of the power at every operating point [W], the duty cycle's own or others.
 
         Returns
         -------
@@ -204,13 +207,9 @@ class SensorBudget:
             infinite), starts (whether the cold start is reached) and charging_s (of the empty
             store; None if never).
         """
-        load, answers = tuned.harvester.resistance_ohm, tuned.answers
-        rectified = math.fsum(
-            share * float(self.rectified_w(a.power_steps_w, load).mean())
-            for share, a in zip(shares, answers, strict=True)
-        )
-        most = max(float(a.power_steps_w.max()) for a in answers)
-        volts = math.sqrt(2 * self.kept_share * most * load)
+        load, shares = tuned.harvester.resistance_ohm, [point.share for point in tuned.duty]
+        rectified = float(np.dot(shares, [self.rectified_w(own, load).mean() for own in steps_w]))
+        volts = math.sqrt(2 * self.kept_share * max(float(own.max()) for own in steps_w) * load)
         starts = not volts - self.rectifier_drop_v < self.cold_start_v
         interval = self.interval_s(rectified) if starts else math.inf
         regulated = self.efficiency * rectified
@@ -218,7 +217,7 @@ class SensorBudget:
         spare = left + self.sleep_power_w
         charging = 0.5 * self.store_f * self.store_v**2 / spare if starts and spare > 0 else None
         return {
-            "harvested_w": tuned.power_w,
+            "harvested_w": float(np.dot(shares, [own.mean() for own in steps_w])),
             "rectified_w": rectified,
             "regulated_w": regulated,
             "constant_w": self.constant_power_w,
@@ -260,61 +259,47 @@ def load_harvester(path: str | Path) -> tuple[Harvester, SensorBudget]:
         If the file cannot be read, or a key is unknown or out of its range; with file and line.
     """
     source = read_source(path)
-    document = dict(source.document)
-    kind = document.pop("kind", None)
-    if kind not in ("cantilever", "inertial", "coil"):
+    kind = source.document.get("kind")
+    if not isinstance(kind, str) or kind not in _KINDS:
         raise source.error("kind", f'kind = {kind!r} must be "cantilever" or "inertial" or "coil"')
-    budget = document.pop("budget", {})
-    if not isinstance(budget, dict):
-        raise source.error("budget", "budget must be a table, written [budget]")
-    keys = (*known()[kind], "load_ohm")[: None if kind != "inertial" else -1]
+    document = {key: own for key, own in source.document.items() if key not in ("kind", "budget")}
+    keys = (*known()[kind], _KINDS[kind].load_name)
     refuse_unknown_keys(source, document, keys, "", homes={})
     try:
         harvester = _built(kind, document)
     except FieldError as error:
-        key = next((key for key in keys if _name(key) == error.key), error.key)
+        key = next((key for key in keys if _in_si(key)[0] == error.key), error.key)
         said = FieldError(key, error.reason, document.get(key, error.value)).message(key)
         raise source.error(key, said) from None
     except ArgumentError as error:
         raise source.error("kind", str(error)) from None
-    return harvester, read_part(source, SensorBudget, "budget", budget)
+    return harvester, read_part(source, SensorBudget, "budget", read_table(source, "budget"))
 
 
 def _built(kind: str, given: dict[str, Any]) -> Harvester:
     """Build a harvester from the keys of its file; what is left out has its default."""
     table = known()[kind] | given
+    for key, options in _WORDS.items():
+        if key in table:
+            table[key] = options[Choice(options=tuple(options)).checked(key, table[key])]
     tilt = Number(low=0, high=90, unit="degrees").checked("tilt_deg", table.pop("tilt_deg"))
-    values = {_name(key): _in_si(key, value) for key, value in table.items()}
+    values = dict(_in_si(key, value) for key, value in table.items())
     values["weight_ms2"] = GRAVITY_MS2 * math.cos(math.radians(tilt))
-    values["load_kept"] = "load_ohm" in values
+    values["load_kept"] = _KINDS[kind].load_name in values
     if kind == "cantilever":
-        block = _one_of(BEAM_MATERIALS, "tip_block_material", values.pop("tip_block_material"))
-        return PiezoCantilever(
-            piezo=_one_of(PIEZO_MATERIALS, "piezo", values.pop("piezo")),
-            passive=_one_of(BEAM_MATERIALS, "passive", values.pop("passive")),
-            in_air=_one_of({"included": False, "added": True}, "air", values.pop("air")),
-            tip_block_density_kg_m3=block.density_kg_m3,
-            **values,
-        )
-    ends = [check_positive(key, values[key], "Hz") for key in ("lowest_hz", "highest_hz")]
-    values["natural_frequency_hz"] = math.sqrt(math.prod(ends))
-    return (InertialHarvester if kind == "inertial" else CoilHarvester)(**values)
+        values["in_air"] = values.pop("air")
+        values["tip_block_density_kg_m3"] = values.pop("tip_block_material").density_kg_m3
+    else:
+        ends = [FREQUENCY.checked(key, values[key]) for key in ("lowest_hz", "highest_hz")]
+        values["natural_frequency_hz"] = math.sqrt(math.prod(ends))
+    return _KINDS[kind](**values)
 
 
-def _name(key: str) -> str:
-    """Return the field of a harvester that a key stands for."""
+def _in_si(key: str, value: Any = 0.0) -> tuple[str, Any]:
+    """Return the field of a harvester that a key stands for, and its value there."""
     name, _, unit = key.rpartition("_")
     if unit in _THOUSANDTHS:
-        return f"{name}_{_THOUSANDTHS[unit]}"
-    return {"damping_ratio": "mechanical_damping_ratio"}.get(key, key)
-
-
-def _in_si(key: str, value: Any) -> Any:
-    if key.rpartition("_")[2] not in _THOUSANDTHS:
-        return value
-    # the range is that of the field itself
-    return 1e-3 * Number(low=-math.inf, high=math.inf).checked(key, value)
-
-
-def _one_of(options: dict[str, Any], key: str, value: object) -> Any:
-    return options[Choice(options=tuple(options)).checked(key, value)]
+        # the range is that of the field itself
+        any_number = Number(low=-math.inf, high=math.inf)
+        return f"{name}_{_THOUSANDTHS[unit]}", 1e-3 * any_number.checked(key, value)
+    return {"damping_ratio": "mechanical_damping_ratio"}.get(key, key), value

@@ -14,14 +14,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, Generic
+from typing import Any, Generic, NamedTuple
 
 import numpy as np
 
 from gearmon.errors import ArgumentError, check_positive
-from gearmon.harvesting.harvester import Complex, H, Harvester, Modes, Real
-from gearmon.harvesting.vibration import DRIFT_HZ, OperatingShare, Shaking, Vibration, check_duty
+from gearmon.harvesting.harvester import Complex, H, Harvester, Real, half_power_band
+from gearmon.harvesting.vibration import DRIFT_HZ, Points, Shaking, Vibration, check_duty
 from gearmon.result import Result
 
 #: Time constants of the ring-down that are let pass before anything counts: what the unknown past
@@ -43,7 +44,7 @@ FEWEST_STRETCHES = 8.0
 #: Draws behind the interval of blocks of operation.
 DRAWN = 4000
 #: Steps of a natural period while the mass may hit its stops, and the most that are taken.
-STRIKE_STEPS, MOST_STRIKE_STEPS = 60, 2_000_000
+STRIKE_STEPS, MOST_STRIKE_STEPS = 120, 2_000_000
 #: Standard deviations of speed that peaks are looked for in.
 PEAK_REACH = 3.0
 #: Shares of the steps of a recording whose peaks stay below what is told.
@@ -86,16 +87,13 @@ def answer(harvester: Harvester, vibration: Vibration) -> Answer:
     ArgumentError
         If a recording is too short for the harvester.
     """
-    if len(vibration.samples_ms2):
-        try:
-            return respond(harvester, vibration.samples_ms2, vibration.sampling_rate_hz)
-        except ArgumentError as error:
-            raise ArgumentError(f"{vibration.name or 'vibration'}: {error}") from None
+    if len(samples := vibration.samples_ms2):
+        return respond(harvester, samples, vibration.sampling_rate_hz, vibration.name)
     power, peaks = by_load(harvester, np.array([harvester.load]), vibration)
     return _answer(harvester, power, peaks[:, 0], np.empty((4, 0)))
 
 
-def respond(harvester: Harvester, samples_ms2: Real, sampling_rate_hz: float) -> Answer:
+def respond(harvester: Harvester, samples_ms2: Real, rate: float, name: str = "") -> Answer:
     """Send a recording through a harvester.
 
     Parameters
@@ -103,18 +101,21 @@ def respond(harvester: Harvester, samples_ms2: Real, sampling_rate_hz: float) ->
     harvester : Harvester
     samples_ms2 : ndarray, shape (n,)
         Acceleration of the base without its mean [m/s2].
-    sampling_rate_hz : float, > 0
+    rate : float, > 0
+        Sampling rate [Hz].
+    name : str
+        Of the recording.
 
     Raises
     ------
     ArgumentError
         If the recording is too short for the ring-down.
     """
-    rate, settling, count = sampling_rate_hz, harvester.settling_s, len(samples_ms2)
+    settling, count = harvester.settling_s, len(samples_ms2)
     if count / rate < SHORTEST * settling:
         raise ArgumentError(
-            f"a recording of {count / rate:.3g} s is too short for a ring-down of {settling:.3g} "
-            f"s; record at least {2 * SETTLED * settling:.3g} s in one piece"
+            f"{name or 'vibration'}: a recording of {count / rate:.3g} s is too short for a ring-"
+            f"down of {settling:.3g} s; record at least {2 * SETTLED * settling:.3g} s in one piece"
         )
     lead = min(math.ceil(SETTLED * settling * rate), count // 2)
     step = max(1, min(round(STEP_S * rate), (count - lead) // FEWEST_STEPS))
@@ -135,9 +136,7 @@ def respond(harvester: Harvester, samples_ms2: Real, sampling_rate_hz: float) ->
 
 def _answer(harvester: Harvester, power_steps_w: Real, peaks: Real, steps: Real) -> Answer:
     quantiles = np.quantile(steps, QUANTILES, axis=-1).T if steps.size else steps
-    root, travel, *stress = np.column_stack([peaks, quantiles])
-    volts = np.nan_to_num(root * math.sqrt(harvester.resistance_ohm))
-    rows = {"voltage_v": volts, "travel_m": travel, "stress_pa": np.maximum(*stress)}
+    rows = harvester.sizes(np.column_stack([peaks, quantiles]))
     told = {name: row[1:].tolist() for name, row in rows.items() if steps.size and row[-1] > 0}
     return Answer(
         power_w=float(power_steps_w.mean()),
@@ -182,12 +181,16 @@ def _filtered(filtering: Complex, block: Real, denser: int = 1) -> Real:
 def by_load(
     harvester: Harvester, loads: Real, vibration: Vibration, *, peaks: bool = True
 ) -> tuple[Real, Real]:
-    """Mean power [W], shape (loads,), and peaks, shape (4, loads), from lines or a spectrum.
+    """Mean power [W], shape (loads,), and peaks, shape (4, loads), under samples if there are any.
 
-    Peaks as `OUTPUTS` has them: the largest sum over lines while they wander together, or the crest
-    of the vibration times the rms if that is less, as it always is for the bins of a spectrum; 0
-    where they are not asked for, which takes a quarter of the time.
+    Otherwise from lines or a spectrum, with peaks as `OUTPUTS` has them: the largest sum over lines
+    while they wander together, or the crest of the vibration times the rms if that is less, as it
+    always is for the bins of a spectrum; 0 where they are not asked for, which takes a quarter of
+    the time.
     """
+    if len(vibration.samples_ms2):
+        heard = [answer(harvester.with_load(load), vibration) for load in loads]
+        return np.array([a.power_w for a in heard]), np.array([a.peaks for a in heard]).T
     frequency, weights = vibration.nodes(harvester.damping_ratio)
     answers = np.abs(harvester.transfer(loads, frequency.ravel(), 4 if peaks else 1))
     weights = (weights * vibration.mean_square_m2s4 * np.ones_like(frequency)).ravel()
@@ -211,6 +214,8 @@ class Tuned(Result, Generic[H]):
     ----------
     harvester : Harvester
         Tuned, with its load.
+    duty : tuple of OperatingShare
+        What shakes it.
     power_w : float
         Mean over the duty cycle [W].
     answers : tuple of Answer
@@ -224,6 +229,7 @@ class Tuned(Result, Generic[H]):
     """
 
     harvester: H
+    duty: Points
     power_w: float
     answers: tuple[Answer, ...]
     static_travel_m: float
@@ -243,16 +249,18 @@ class Tuned(Result, Generic[H]):
         return self.over <= 1 + 1e-9
 
     def to_dict(self) -> dict[str, Any]:
-        """Return values in built-in types."""
+        """Return values in built-in types; the band is null where there is none."""
         peaks = ("travel_m", "stress_pa", "voltage_v")
-        own = ("static_travel_m", "static_stress_pa", "travel_share", "stress_share")
-        return {
+        told = {name: max(getattr(a, name) for a in self.answers) for name in peaks}
+        own = ("power_w", "static_travel_m", "static_stress_pa", "travel_share", "stress_share")
+        told |= {name: getattr(self, name) for name in own} | {"half_power_band": None}
+        with suppress(ArgumentError):  # so heavily loaded that there is none
+            told["half_power_band"] = half_power_band(self.harvester)
+        return told | {
             "harvester": self.harvester.to_dict(),
-            "power_w": self.power_w,
+            "operating_points": [point.vibration.name for point in self.duty],
             "power_by_operating_point_w": [a.power_w for a in self.answers],
-            **{name: max(getattr(a, name) for a in self.answers) for name in peaks},
             "peaks_half_and_99_percent_of_steps": [a.quantiles for a in self.answers],
-            **{name: getattr(self, name) for name in own},
         }
 
 
@@ -288,6 +296,7 @@ def evaluate(harvester: H, duty: Shaking) -> Tuned[H]:
     travel, *stress = (static + np.max([a.peaks[1:] for a in answers], axis=0)) / limits
     return Tuned(
         harvester=harvester,
+        duty=points,
         power_w=math.fsum(p.share * a.power_w for p, a in zip(points, answers, strict=True)),
         answers=answers,
         static_travel_m=float(static[0]),
@@ -298,7 +307,7 @@ def evaluate(harvester: H, duty: Shaking) -> Tuned[H]:
 
 
 def powers_and_shares(
-    harvester: Harvester, points: Sequence[OperatingShare], loads: Real, *, limited: bool = True
+    harvester: Harvester, points: Points, loads: Real, *, limited: bool = True
 ) -> tuple[Real, Real]:
     """Power of each point, shape (points, loads), and the largest peak over its limit, (loads,).
 
@@ -313,14 +322,13 @@ def powers_and_shares(
     return powers, over.max(axis=0)
 
 
-def mean_power_w(harvester: Harvester, points: Sequence[OperatingShare], loads: Real) -> Real:
+def mean_power_w(harvester: Harvester, points: Points, loads: Real) -> Real:
     """Mean power over a duty cycle from lines or spectra [W], shape (loads,)."""
-    powers, _ = powers_and_shares(harvester, points, loads, limited=False)
-    return np.array([point.share for point in points]) @ powers
+    powers = (p.share * by_load(harvester, loads, p.vibration, peaks=False)[0] for p in points)
+    return sum(powers, np.zeros(len(loads)))
 
 
-@dataclass(frozen=True, kw_only=True)
-class Scatter:
+class Scatter(NamedTuple):
     """How well a mean over time is known.
 
     Attributes
@@ -364,9 +372,7 @@ def scatter_of_mean(steps: Real) -> Scatter:
     sums = dct(steps - steps.mean())[1 : weights + 1] / math.sqrt(2 * count)
     fallen = math.pi * weights / (2 * stretches)
     variance = float(np.mean(sums**2)) / count * fallen / math.atan(fallen)
-    return Scatter(
-        mean=float(steps.mean()), variance=variance, freedom=float(weights), stretches=stretches
-    )
+    return Scatter(float(steps.mean()), variance, weights, stretches)
 
 
 def _memory(steps: Real) -> float:
@@ -375,19 +381,16 @@ def _memory(steps: Real) -> float:
     Twice the sum of its autocorrelation, over that at the first lag: what changes from step to step
     by chance is no part of it, and would make it look shorter.
     """
-    from scipy.fft import irfft, next_fast_len, rfft
+    from scipy.signal import correlate
 
-    count = len(steps)
-    length = next_fast_len(2 * count, real=True)
-    spectrum = np.abs(rfft(steps - steps.mean(), length)) ** 2
-    correlation = irfft(spectrum, length)[: count // 2 * 2 + 1]
+    count, own = len(steps), steps - steps.mean()
+    correlation = correlate(own, own)[count - 1 :][: count // 2 * 2 + 1]
     first = correlation[1]
     # two standard deviations of the first one without any memory
     if first <= 2 / math.sqrt(count) * correlation[0]:
         return 1.0
     pairs = correlation[1:-1:2] + correlation[2::2]
-    negative = np.flatnonzero(pairs <= 0)
-    kept = pairs[: negative[0]] if len(negative) else pairs
+    kept = pairs[: np.flatnonzero(np.append(pairs, 0.0) <= 0)[0]]
     return max(1.0, 1 + 2 * float(np.minimum.accumulate(kept).sum() / first))
 
 
@@ -402,22 +405,16 @@ def combined(parts: Sequence[Scatter], shares: Sequence[float], share_error: flo
         Standard deviation of every share, that of standing still included.
     """
     weights = np.asarray(shares, dtype=np.float64)
-    means, variances, freedoms, stretches = np.array(
-        [(p.mean, p.variance, p.freedom, p.stretches) for p in parts]
-    ).T
+    means, variances, freedoms, stretches, _ = np.array(parts).T
     own = weights**2 * variances
     # shares err so that their sum stays 1, that of standing still included
     powers = np.append(means, 0.0) if 1 - weights.sum() > 1e-6 else means
     many = len(powers)
     by_share = share_error**2 * float(powers.var()) * many**2 / max(many - 1, 1)
     variance, spread = float(own.sum()) + by_share, float((own**2 / freedoms).sum())
-    return Scatter(
-        mean=float(weights @ means),
-        variance=variance,
-        # Welch and Satterthwaite; the shares' own error counts as known
-        freedom=variance**2 / spread if spread > 0 else math.inf,
-        stretches=float(stretches.min()),
-    )
+    # Welch and Satterthwaite; the shares' own error counts as known
+    freedom = variance**2 / spread if spread > 0 else math.inf
+    return Scatter(float(weights @ means), variance, freedom, float(stretches.min()))
 
 
 def between(means: Sequence[float]) -> Scatter:
@@ -429,13 +426,8 @@ def between(means: Sequence[float]) -> Scatter:
         Of each block.
     """
     known = np.asarray(means, dtype=np.float64)
-    return Scatter(
-        mean=float(known.mean()),
-        variance=float(known.var(ddof=1)) / len(known),
-        freedom=len(known) - 1.0,
-        stretches=float(len(known)),
-        blocks=len(known),
-    )
+    count, variance = len(known), float(known.var(ddof=1)) / len(known)
+    return Scatter(float(known.mean()), variance, count - 1, float(count), count)
 
 
 def interval_90(scatter: Scatter) -> tuple[float, float]:
@@ -476,9 +468,9 @@ def interval_90(scatter: Scatter) -> tuple[float, float]:
 def power_with_stops(harvester: Harvester, samples_ms2: Real, sampling_rate_hz: float) -> float:
     """Mean power [W] of the first mode of a harvester whose mass hits a stop on either side.
 
-    Marched step by step, exactly between two steps for an acceleration that is straight there; at
-    the end of its clearance the mass turns with a share of its speed, `harvester.restitution`,
-    which should be measured. Where the mass stays within the clearance this is the linear answer.
+    Marched step by step, exactly for the mean acceleration of a step; at the end of its clearance,
+    within the step, the mass turns with a share of its speed, `harvester.restitution`, which should
+    be measured. Where the mass stays within the clearance this is the linear answer.
 
     Parameters
     ----------
@@ -511,40 +503,37 @@ def power_with_stops(harvester: Harvester, samples_ms2: Real, sampling_rate_hz: 
 
 def _marched(harvester: Harvester, push: Real, rate: float) -> Real:
     """Power at every step of the first mode; with no store u follows the velocity."""
+    from scipy.signal import cont2discrete
+
     limit, kept, modes = harvester.clearance_m, harvester.restitution, harvester.modes
     leak, worth = harvester.circuit(harvester.load)
     drive = float(modes.rows[0, 0] / modes.rows[1, 0])
     # the modes above follow at once
     store = modes.store + float(np.sum((modes.rows[0] / modes.natural_rad_s)[1:] ** 2))
-    (a, b, c, p, q), (d, e, f, r, s), (g, h, i, t, w) = _step(
-        modes, drive, store, leak, 1 / rate
-    ).tolist()
+    natural, back = modes.natural_rad_s[0], modes.rows[0, 0] * modes.rows[1, 0]
+    lost, force = 2 * modes.damping_ratio[0] * natural, -modes.forcing[0] * modes.rows[1, 0]
+    rates = np.array([[0.0, 1.0, 0.0], [-(natural**2), -lost, -back], [0.0, drive, -leak]])
+    if store > 0:
+        rates[2] /= store
+    else:
+        rates[1:, 1:] = (-lost - back * drive / leak, 0.0), (0.0, 0.0)
+    system = rates, np.array([[0.0], [force], [0.0]]), np.eye(3), np.zeros((3, 1))
+    step, pushed, *_ = cont2discrete(system, 1 / rate)
+    (a, b, c), (d, e, f), (g, h, i) = step.tolist()
+    p, q, r = pushed[:, 0].tolist()
     x = v = u = 0.0
     out = np.empty(len(push) - 1)
-    for number, (now, then) in enumerate(zip(push.tolist(), push[1:].tolist(), strict=False)):
+    for number, now in enumerate(((push[1:] + push[:-1]) / 2).tolist()):
+        before = v
         x, v, u = (
-            a * x + b * v + c * u + p * now + q * then,
-            d * x + e * v + f * u + r * now + s * then,
-            g * x + h * v + i * u + t * now + w * then,
+            a * x + b * v + c * u + p * now,
+            d * x + e * v + f * u + q * now,
+            g * x + h * v + i * u + r * now,
         )
-        if (x > limit and v > 0) or (x < -limit and v < 0):
-            x, v = math.copysign(limit, x), -kept * v
+        if abs(x) > limit and x * v > 0:
+            # the blow fell within the step: what is beyond it, of way and of speed, is put back
+            beyond = x - math.copysign(limit, x)
+            gained = (v - before) * min(beyond / v * rate, 1.0)
+            x, v = x - (1 + kept) * beyond, gained - kept * (v - gained)
         out[number] = u if store > 0 else v * drive / leak
     return np.asarray((worth * out) ** 2)
-
-
-def _step(modes: Modes, drive: float, store: float, leak: float, step_s: float) -> Real:
-    """Map of travel, velocity, u and two accelerations to the next three, shape (3, 5)."""
-    from scipy.linalg import expm
-
-    natural, heat = modes.natural_rad_s[0], 2 * modes.damping_ratio[0] * modes.natural_rad_s[0]
-    back, rates = modes.rows[0, 0] * modes.rows[1, 0], np.zeros((5, 5))
-    rates[0, 1], rates[1, :3] = 1.0, (-(natural**2), -heat, -back)
-    if store > 0:
-        rates[2, 1:3] = drive / store, -leak / store
-    else:
-        rates[1, 1:3] = -heat - back * drive / leak, 0.0
-    # the acceleration and its change over the step
-    rates[1, 3], rates[3, 4] = -modes.forcing[0] * modes.rows[1, 0], 1 / step_s
-    whole = expm(rates * step_s)[:3]
-    return np.column_stack([whole[:, :3], whole[:, 3] - whole[:, 4], whole[:, 4]])

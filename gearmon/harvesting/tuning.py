@@ -3,7 +3,8 @@
 The full response, all modes and loads, is looked at over the whole range of natural frequencies;
 the best places are refined in frequency and load together (COBYLA of `scipy.optimize`, which keeps
 limits). Limits of travel and stress are held to the peaks of the recordings themselves: the search
-guesses them from the spectrum, and the recordings then correct how high a guess may be.
+guesses them from the spectrum, the recordings correct how high a guess may be, and the best tuning
+is refined on the recordings themselves.
 """
 
 from __future__ import annotations
@@ -19,12 +20,13 @@ import numpy as np
 import numpy.typing as npt
 
 from gearmon.errors import ArgumentError, check_range
-from gearmon.harvesting.cantilever import known, published_beam
+from gearmon.harvesting.cantilever import BeamMaterial, PiezoCantilever, PiezoMaterial, known
 from gearmon.harvesting.harvester import H, Harvester, Real, half_power_band
 from gearmon.harvesting.response import Tuned, evaluate, mean_power_w, powers_and_shares
 from gearmon.harvesting.vibration import Points, Shaking, check_duty, vibration_of_lines
 
-#: A harvester at one natural frequency, loads, their power, and their largest peak over its limit.
+#: A harvester at one natural frequency, loads, their power at every operating point, and their
+#: largest peak over its limit.
 Row = tuple[Any, Real, Real, Real]
 
 #: Step of the first look, in damping ratios, and the most natural frequencies looked at; loads.
@@ -94,76 +96,77 @@ def tune_harvester(harvester: H, duty: Shaking, *, limited: bool = True) -> Tune
 
 def _tuned(harvester: H, points: Points, limited: bool) -> tuple[Tuned[H], float]:
     """Tune, and tell how high a guessed peak over its limit may be."""
-    light = _lightened(harvester, points, ROUGH_BINS)
-    grid = _grid(harvester, light)
-    best, places = _best([_row(harvester, light, f, False) for f in grid], points, math.inf)
+    best, places = _best(_rows(harvester, points, limited=False), points, math.inf)
     tuned = replace(evaluate(best, points), rivals_hz=places)
     if tuned.within_limits or not limited:
         return tuned, 1.0
-    rows = [_row(harvester, light, f, True) for f in grid]
-    fine = _lightened(harvester, points, FINE_BINS)
-    allowed, nearest, most = [], tuned, 1.0
+    rows, fine = _rows(harvester, points), _lightened(harvester, points, FINE_BINS)
+    tried, most = [(tuned, 1.0)], 1.0
     for _ in range(CORRECTIONS):
         best, _ = _best(rows, points, most)
         tuned = replace(evaluate(best, points), rivals_hz=places)
-        nearest = min(nearest, tuned, key=lambda t: t.over)
-        if tuned.within_limits:
-            allowed.append((tuned, most))
+        tried.append((tuned, most))
         guessed = float(powers_and_shares(best, fine, np.array([best.load]))[1][0])
         measured = any(answer.quantiles for answer in tuned.answers)
         wanted = guessed / tuned.over * (AIMED if measured else 1.0)
         if abs(wanted / most - 1) < 1 - AIMED:
             break
         most = wanted
+    allowed = [one for one in tried if one[0].within_limits]
     if not allowed:
+        nearest, _ = min(tried, key=lambda one: one[0].over)
         raise OverLimitsError(_refusal(nearest), nearest.over)
-    return max(allowed, key=lambda pair: pair[0].power_w)
+    tuned, most = max(allowed, key=lambda one: one[0].power_w)
+    if measured:  # how far a guess is off differs from tuning to tuning: the recordings decide
+        with suppress(ArgumentError):  # too short for the ring-down of another
+            shares = np.array([[point.share for point in points]])
+            (best,), _ = _polished([tuned.harvester], points, shares, 1.0)
+            tuned = replace(evaluate(best, points), rivals_hz=places)
+    return tuned, most
 
 
-def tuned_among(harvester: H, duty: Shaking, places_hz: Sequence[float]) -> H:
+def tuned_among(harvester: H, points: Points, places_hz: Sequence[float]) -> H:
     """Return the harvester tuned near one of a few natural frequencies, whatever its limits."""
-    points = check_duty(duty)
-    light = _lightened(harvester, points, ROUGH_BINS)
-    rows = [_row(harvester, light, place, False) for place in places_hz]
-    return _best(rows, points, math.inf, everywhere=True)[0]  # type: ignore[no-any-return]
+    rows = _rows(harvester, points, places_hz, limited=False)
+    return _best(rows, points, math.inf)[0]  # type: ignore[no-any-return]
 
 
-def _row(harvester: Harvester, light: Points, frequency: float, limited: bool) -> Row:
-    """Look at one natural frequency with many loads."""
-    low, high = harvester.frequency_range_hz
-    tuned = harvester.retuned(min(max(float(frequency), low), high))
-    loads = np.geomspace(*tuned.load_range, LOADS)
-    power, over = powers_and_shares(tuned, light, loads, limited=limited)
-    return tuned, loads, np.array([point.share for point in light]) @ power, over
+def _rows(
+    harvester: Harvester, points: Points, places: Any = None, *, limited: bool = True
+) -> list[Row]:
+    """Look at natural frequencies, all there are if none are given, each with many loads."""
+    light, rows = _lightened(harvester, points, ROUGH_BINS), []
+    wanted = _grid(harvester, light) if places is None else places
+    for frequency in np.clip(wanted, *harvester.frequency_range_hz):
+        tuned = harvester.retuned(float(frequency))
+        loads = np.geomspace(*tuned.load_range, LOADS)
+        rows.append((tuned, loads, *powers_and_shares(tuned, light, loads, limited=limited)))
+    return rows
 
 
-def _best(
-    rows: Sequence[Row], points: Points, most: float, *, everywhere: bool = False
-) -> tuple[Any, tuple[float, ...]]:
+def _best(rows: Sequence[Row], points: Points, most: float) -> tuple[Any, tuple[float, ...]]:
     """Refine the best places of a first look; return the best, and where they are."""
-    starts, worths = [], [-math.inf]
-    for tuned, loads, power, over in rows:
-        worth = np.where(over <= most, power, -over)
-        top = int(np.argmax(worth))
-        starts.append(tuned.with_load(loads[top]))
-        worths.append(float(worth[top]))
-    worths.append(-math.inf)
-    each = range(len(starts))
-    tops = [i for i in each if everywhere or worths[i] <= worths[i + 1] >= worths[i + 2]]
-    tops = sorted(tops, key=lambda i: -worths[i + 1])[:PLACES]
+    shares = np.array([point.share for point in points])
+    worths = np.array([np.where(over <= most, shares @ p, -over) for _, _, p, over in rows])
+    heights, loads = worths.max(axis=1), worths.argmax(axis=1)
+    edged = np.pad(heights, 1, constant_values=-math.inf)
+    few = len(rows) <= PLACES
+    tops = np.flatnonzero((heights >= np.maximum(edged[:-2], edged[2:])) | few)
+    tops = tops[np.argsort(-heights[tops], kind="stable")][:PLACES]
+    starts = [rows[i][0].with_load(rows[i][1][loads[i]]) for i in tops.tolist()]
     light = _lightened(starts[0], points, FINE_BINS)
-    best, reached = starts[tops[0]], -math.inf
-    for i in tops:
-        if PRUNED_FROM * worths[i + 1] < reached:
+    best, reached = starts[0], -math.inf
+    for start, height in zip(starts, heights[tops], strict=True):
+        if PRUNED_FROM * height < reached:
             break
-        (found,), power_w = _polished([starts[i]], light, most)
+        (found,), power_w = _polished([start], light, shares[None], most)
         if power_w > reached:
             best, reached = found, power_w
-    return best, tuple(starts[i].natural_frequency_hz for i in tops)
+    return best, tuple(start.natural_frequency_hz for start in starts)
 
 
 def _polished(
-    members: Sequence[H], light: Points, most: float, *, worst: bool = False
+    members: Sequence[H], light: Points, shares: Real, most: float
 ) -> tuple[list[H], float]:
     """Move frequencies and loads together to where their power is largest.
 
@@ -172,30 +175,22 @@ def _polished(
     """
     from scipy.optimize import minimize
 
-    low, high = members[0].frequency_range_hz
-    shares = np.eye(len(light)) if worst else np.array([[point.share for point in light]])
-    known: dict[bytes, tuple[Real, float]] = {}
+    worst = len(shares) > 1
+    known: dict[tuple[float, ...], tuple[Real, float]] = {}
 
-    def moved(x: Real) -> list[H]:
-        found = []
-        for member, (shift, factor) in zip(members, x.reshape(-1, 2), strict=True):
-            wanted = member.natural_frequency_hz * math.exp(member.damping_ratio * shift)
-            tuned = member.retuned(min(max(wanted, low), high))
-            load = np.clip(member.load * math.exp(factor), *tuned.load_range)
-            found.append(tuned.with_load(load))
-        return found
+    def moved(x: Sequence[float]) -> list[H]:
+        steps = np.reshape(x, (-1, 2))
+        return [_moved(own, *step) for own, step in zip(members, steps, strict=True)]
 
     def told(x: Real) -> tuple[Real, float]:
         """Power of what counts, and the largest peak over its limit."""
-        x = x[: 2 * len(members)]
-        if x.tobytes() not in known:
-            total, over = np.zeros(len(shares)), 0.0
-            for one in moved(x):
-                load, limited = np.array([one.load]), math.isfinite(most)
-                power, peak = powers_and_shares(one, light, load, limited=limited)
-                total, over = total + shares @ power[:, 0], max(over, float(peak[0]))
-            known[x.tobytes()] = np.maximum(total, 1e-300), over
-        return known[x.tobytes()]
+        steps = tuple(x[: 2 * len(members)].tolist())
+        if steps not in known:
+            how: dict[str, Any] = {"limited": math.isfinite(most)}
+            looks = [powers_and_shares(m, light, np.array([m.load]), **how) for m in moved(steps)]
+            total = shares @ sum(power[:, 0] for power, _ in looks)
+            known[steps] = np.maximum(total, 1e-300), max(float(peak[0]) for _, peak in looks)
+        return known[steps]
 
     start = np.zeros(2 * len(members))
     # the last variable stays below the power of every point
@@ -211,7 +206,14 @@ def _polished(
     )
     ranks = {x: float(p.min()) if over <= most else -over for x, (p, over) in known.items()}
     top = max(ranks, key=ranks.__getitem__)
-    return moved(np.frombuffer(top)), ranks[top]
+    return moved(top), ranks[top]
+
+
+def _moved(harvester: H, shift: float, factor: float) -> H:
+    """Shift the natural frequency by so many damping ratios, and the load by a logarithm."""
+    wanted = harvester.natural_frequency_hz * math.exp(harvester.damping_ratio * shift)
+    tuned = harvester.retuned(float(np.clip(wanted, *harvester.frequency_range_hz)))
+    return tuned.with_load(np.clip(harvester.load * math.exp(factor), *tuned.load_range))
 
 
 def power_against_tuning(harvester: H, duty: Shaking, frequency_hz: npt.ArrayLike) -> Real:
@@ -305,38 +307,37 @@ def beside_published(harvester: Harvester) -> list[dict[str, Any]]:
     >>> rows[0]["power_uw"], round(rows[0]["model_uw"]), rows[0]["checked"]
     (11950.0, 11896, 'no')
     """
-    told = ("name", "source", "checked", "kind", "frequency_hz", "acceleration_ms2", "load_ohm")
     rows = []
     for one in known()["published"]:
-        row = {name: one.get(name) for name in (*told, "volume_cm3", "remark", "power_uw")}
+        row = dict.fromkeys(("load_ohm", "volume_cm3", "remark", "beam")) | one
         frequency, square = one["frequency_hz"], one["acceleration_ms2"] ** 2
         row["uw_per_cm3"] = one["power_uw"] / square / one.get("volume_cm3", math.nan)
-        beam = published_beam(one["beam"], one["load_ohm"]) if "beam" in one else None
-        model = float(beam.gains(frequency).power_w[0]) if beam else math.nan
-        row["model_uw"] = 1e6 * square * model
-        row |= {"own_uw": math.nan, "own_uw_per_cm3": math.nan}
+        row |= {"model_uw": math.nan, "own_uw": math.nan, "own_uw_per_cm3": math.nan}
+        if beam := row.pop("beam"):
+            kinds = {"piezo": PiezoMaterial, "passive": BeamMaterial}
+            parts = {part: kind(name="published", **beam[part]) for part, kind in kinds.items()}
+            model = PiezoCantilever(**beam | parts, load_ohm=one["load_ohm"])
+            row["model_uw"] = 1e6 * square * float(model.gains(frequency).power_w[0])
         with suppress(ArgumentError):  # out of reach
             own = harvester.retuned(frequency)
             line = vibration_of_lines([frequency], acceleration_ms2=[one["acceleration_ms2"]])
             row["own_uw"] = 1e6 * _best_load(own, check_duty(line))[1]
-            row["own_uw_per_cm3"] = row["own_uw"] / square / (1e6 * own.volume_m3)
+            volume_cm3 = 1e6 * getattr(own, "volume_m3", math.nan)
+            row["own_uw_per_cm3"] = row["own_uw"] / square / volume_cm3
         rows.append({name: None if own != own else own for name, own in row.items()})
     return rows
 
 
 def _refusal(nearest: Tuned[Any]) -> str:
     """Name the nearest tuning, and how far it is over its limit."""
-    one, travels = nearest.harvester, nearest.travel_share >= nearest.stress_share
-    limit = 1e3 * one.clearance_m if travels else one.stress_limit_pa / 1e6
-    what, unit, does, cure = (
-        ("mass within its clearance of", "mm", "travels", "allow that, or a smaller mass")
-        if travels
-        else ("stress within", "MPa", "reaches", "use a thicker beam, or a lighter tip mass")
-    )
-    return (
-        f"no tuning keeps the {what} {limit:.3g} {unit}: the nearest, "
-        f"{one.natural_frequency_hz:.4g} Hz, {does} {nearest.over * limit:.3g} {unit}; {cure}"
-    )
+    one, wanted = nearest.harvester, "stress within {:.3g} MPa"
+    limit = one.stress_limit_pa / 1e6
+    does = "reaches {:.3g} MPa; use a thicker beam, or a lighter tip mass"
+    if nearest.travel_share >= nearest.stress_share:
+        limit, wanted = 1e3 * one.clearance_m, "mass within its clearance of {:.3g} mm"
+        does = "travels {:.3g} mm; allow that, or a smaller mass"
+    at = f"{one.natural_frequency_hz:.4g} Hz, {does.format(nearest.over * limit)}"
+    return f"no tuning keeps the {wanted.format(limit)}: the nearest, {at}"
 
 
 def _lightened(harvester: Harvester, points: Points, bins: float) -> Points:
@@ -346,17 +347,15 @@ def _lightened(harvester: Harvester, points: Points, bins: float) -> Points:
     kept = []
     for point in points:
         vibration = point.vibration
-        heard = (vibration.frequency_hz >= low) & (vibration.frequency_hz <= high)
-        heard &= vibration.mean_square_m2s4 > 0
+        loud = vibration.mean_square_m2s4 > 0
+        heard = loud & (vibration.frequency_hz >= low) & (vibration.frequency_hz <= high)
         if not heard.any():
             raise ArgumentError(
                 f"{vibration.name or 'vibration'}: nothing vibrates between {low:g} and {high:g} "
                 f"Hz; it holds {vibration.frequency_hz[0]:g} to {vibration.frequency_hz[-1]:g} Hz"
             )
-        vibration = vibration.only(heard)
-        if vibration.resolution_hz > 0:
-            vibration = vibration.merged(harvester.damping_ratio * bins)
-        kept.append(replace(point, vibration=vibration))
+        heard_of = vibration.only(heard).merged(harvester.damping_ratio * bins)
+        kept.append(replace(point, vibration=heard_of))
     return tuple(kept)
 
 
@@ -366,8 +365,8 @@ def _grid(harvester: Harvester, points: Points) -> Real:
     count = math.ceil(math.log(high / low) / (STEP * harvester.damping_ratio)) + 2
     even = np.geomspace(low, high, min(count, MOST_SCANNED))
     heard = [point.vibration for point in points]
-    loudest = [v.frequency_hz[np.argsort(-v.energy_j_per_kg)[:LOUDEST]] for v in heard]
-    lines = np.concatenate(loudest)
+    tops = [v.frequency_hz[np.argsort(-v.energy_j_per_kg)[:LOUDEST]] for v in heard]
+    lines = np.concatenate(tops)
     # an open circuit may raise the natural frequency to a line
     middle = harvester.retuned(math.sqrt(low * high))
     raised = getattr(middle, "open_circuit_hz", middle.natural_frequency_hz)
@@ -404,36 +403,19 @@ def tune_set(harvester: H, duty: Shaking, count: int = 3) -> list[Tuned[H]]:
     best, most = _tuned(harvester, points, True)
     if len(points) == 1:
         return [best] * count
-    candidates, powers = _candidates(harvester, points, most)
-    sets_of = np.array(list(combinations_with_replacement(range(len(powers)), count)))
+    rows = _rows(harvester, points)
+    found = [own.with_load(load) for own, loads, _, over in rows for load in loads[over <= most]]
+    powers = np.concatenate([power[:, over <= most] for *_, power, over in rows], axis=1).T
+    # tunings that no other beats at every point: the best for the worst point when the points'
+    # powers are wanted in some mixture
+    mixtures = np.random.default_rng(0).dirichlet(np.ones(len(points)), MIXTURES)
+    mixtures = np.maximum(mixtures * powers.max(axis=0), 1e-300)
+    unbeaten = np.unique([np.argmax((powers / mixture).min(axis=1)) for mixture in mixtures])
+    sets_of = np.array(list(combinations_with_replacement(unbeaten, count)))
     chosen = sets_of[powers[sets_of].sum(axis=1).min(axis=1).argmax()]
     light = _lightened(harvester, points, FINE_BINS)
-    refined, _ = _polished([candidates[i] for i in chosen], light, most, worst=True)
-
-    def worst_w(group: list[Tuned[H]]) -> float:
-        if not all(tuned.within_limits for tuned in group):
-            return -1.0
-        return min(sum(t.answers[k].power_w for t in group) for k in range(len(points)))
-
-    return max([best] * count, [evaluate(one, points) for one in refined], key=worst_w)
-
-
-def _candidates(harvester: H, points: Points, most: float) -> tuple[list[H], Real]:
-    """Tunings that no other beats at every point, and their powers, shape (tunings, points).
-
-    Each is the best for the worst point when the points' powers are wanted in some mixture.
-    """
-    light = _lightened(harvester, points, ROUGH_BINS)
-    found, powers = [], []
-    for frequency in _grid(harvester, light):
-        tuned = harvester.retuned(float(frequency))
-        loads = np.geomspace(*tuned.load_range, LOADS)
-        power, over = powers_and_shares(tuned, light, loads)
-        within = over <= most
-        found += [tuned.with_load(load) for load in loads[within]]
-        powers.append(power[:, within])
-    table = np.concatenate(powers, axis=1).T
-    mixtures = np.random.default_rng(0).dirichlet(np.ones(len(points)), MIXTURES)
-    mixtures = np.maximum(mixtures * table.max(axis=0), 1e-300)
-    chosen = np.unique([np.argmax((table / mixture).min(axis=1)) for mixture in mixtures])
-    return [found[i] for i in chosen], table[chosen]
+    refined, _ = _polished([found[i] for i in chosen], light, np.eye(len(points)), most)
+    group, same = [evaluate(one, points) for one in refined], [best] * count
+    ours, copies = (np.array([[a.power_w for a in t.answers] for t in g]) for g in (group, same))
+    better = ours.sum(axis=0).min() > copies.sum(axis=0).min()
+    return group if better and all(tuned.within_limits for tuned in group) else same

@@ -22,9 +22,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.errors import ArgumentError, check_positive, check_range, check_type
-from gearmon.harvesting.harvester import Real, number
-from gearmon.machine.fields import check_fields
+from gearmon.errors import ArgumentError, check_positive, check_type
+from gearmon.harvesting.harvester import Real
+from gearmon.machine.fields import Checked, check_fields, within
 from gearmon.signatures.signature import Signature
 
 #: Standard deviations of speed to either side that wander is followed over.
@@ -82,17 +82,17 @@ class Vibration:
     frequency_hz: Real
     mean_square_m2s4: Real
     resolution_hz: float = 0.0
-    wander: float = 0.0
-    wander_time_s: float = math.inf
+    wander: float = within(0, 0.2, default=0.0)
+    wander_time_s: float = within(0, math.inf, "s", default=math.inf, open_low=True)
     name: str = ""
     samples_ms2: Real = field(default_factory=lambda: np.empty(0))
     sampling_rate_hz: float = 0.0
     crest: float = 4.5
 
     def __post_init__(self) -> None:
-        frequency = np.array(self.frequency_hz, dtype=np.float64)
-        power = np.array(self.mean_square_m2s4, dtype=np.float64)
-        name = self.name or "vibration"
+        check_fields(self)
+        names, name = ("frequency_hz", "mean_square_m2s4"), self.name or "vibration"
+        frequency, power = (np.array(getattr(self, own), dtype=np.float64) for own in names)
         if frequency.ndim != 1 or frequency.shape != power.shape:
             raise ArgumentError(f"{name}: frequencies and mean squares must be rows of one length")
         known = np.isfinite([frequency, power]).all()
@@ -106,12 +106,9 @@ class Vibration:
         for why, found in wrong.items():
             if found:
                 raise ArgumentError(f"{name}: {why}")
-        check_range("wander", self.wander, 0.0, 0.2)
-        if not self.wander_time_s > 0:
-            raise ArgumentError(f"wander_time_s={self.wander_time_s} s must be > 0")
-        for field_name, values in (("frequency_hz", frequency), ("mean_square_m2s4", power)):
+        for own, values in zip(names, (frequency, power), strict=True):
             values.flags.writeable = False
-            object.__setattr__(self, field_name, values)
+            object.__setattr__(self, own, values)
 
     @property
     def amplitude_ms2(self) -> Real:
@@ -177,7 +174,9 @@ class Vibration:
         return replace(heard, samples_ms2=np.empty(0))
 
     def merged(self, width: float) -> Vibration:
-        """Return it with bins or lines within a relative width of each other as one."""
+        """Return it with bins within a relative width of each other as one; lines stay apart."""
+        if self.resolution_hz == 0:
+            return self
         group = np.floor(np.log(self.frequency_hz) / width).astype(np.int64)
         starts = np.flatnonzero(np.diff(group, prepend=group[0] - 1))
         power = np.add.reduceat(self.mean_square_m2s4, starts)
@@ -220,8 +219,7 @@ def vibration_of_lines(
     if (acceleration_ms2 is None) == (displacement_m is None):
         raise ArgumentError("lines: give acceleration_ms2 or displacement_m, one of the two")
     given = displacement_m if acceleration_ms2 is None else acceleration_ms2
-    both = [np.atleast_1d(np.asarray(x, dtype=np.float64)) for x in (frequency_hz, given)]
-    frequency, amplitude = both
+    frequency, amplitude = (np.atleast_1d(np.array(x, float)) for x in (frequency_hz, given))
     if amplitude.shape != frequency.shape:
         raise ArgumentError(f"lines: {amplitude.size} amplitudes for {frequency.size} frequencies")
     if (frequency < 0).any():
@@ -229,7 +227,7 @@ def vibration_of_lines(
     if acceleration_ms2 is None:
         amplitude = amplitude * (2 * math.pi * frequency) ** 2
     order = np.argsort(frequency, kind="stable")
-    order = order[frequency[order] > 0]
+    order = order[frequency[order] != 0]
     power = (gain * amplitude[order]) ** 2 / 2
     return Vibration(frequency_hz=frequency[order], mean_square_m2s4=power, **about)
 
@@ -381,7 +379,7 @@ def operating_lines(vibration: Vibration, most: int = 8) -> list[dict[str, Any]]
 
 
 @dataclass(frozen=True, kw_only=True)
-class OperatingShare:
+class OperatingShare(Checked):
     """One operating point of a duty cycle.
 
     Parameters
@@ -397,10 +395,7 @@ class OperatingShare:
     """
 
     vibration: Vibration
-    share: float = number(0, 1, open_low=True, default=1.0)
-
-    def __post_init__(self) -> None:
-        check_fields(self)
+    share: float = within(0, 1, open_low=True, default=1.0)
 
 
 Points = tuple[OperatingShare, ...]
@@ -420,12 +415,10 @@ def check_duty(duty: Shaking) -> Points:
     duty = OperatingShare(vibration=duty) if isinstance(duty, Vibration) else duty
     points = (duty,) if isinstance(duty, OperatingShare) else duty
     check_type("duty cycle", points, Iterable, "a Vibration, a Signature or OperatingShares")
-    points = tuple(points)
-    if not points:
+    if not (points := tuple(points)):
         raise ArgumentError("duty cycle: no operating point is given")
     for point in points:
         check_type("duty cycle", point, OperatingShare, "OperatingShares, each with its share")
-    total = math.fsum(point.share for point in points)
-    if total > 1 + 1e-6:
+    if (total := math.fsum(point.share for point in points)) > 1 + 1e-6:
         raise ArgumentError(f"duty cycle: the shares sum to {total:.6g}, at most 1 is possible")
     return points

@@ -206,7 +206,7 @@ def within(low: float, high: float, unit: str = "", default: Any = MISSING, **ru
 def check_fields(part: Any) -> None:
     """Hold every field of a dataclass object to its rule and store it in its proper type.
 
-    A field whose default is None, or an empty string, may be left at that.
+    A field whose default is None, an empty string or infinite may be left at that.
 
     Raises
     ------
@@ -216,9 +216,16 @@ def check_fields(part: Any) -> None:
     for own in fields(part):
         rule = own.metadata.get("rule")
         value = getattr(part, own.name)
-        left_out = (value is None or value == "") and value == own.default
-        if rule is not None and not left_out:
-            object.__setattr__(part, own.name, rule.checked(own.name, value))
+        if rule is None or (value in (None, "", math.inf) and value == own.default):
+            continue
+        object.__setattr__(part, own.name, rule.checked(own.name, value))
+
+
+class Checked:
+    """What a dataclass is whose fields are held to their rules as soon as it is made."""
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
 
 def shown_value(value: object) -> str:

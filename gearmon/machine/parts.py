@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 from gearmon.machine.fields import (
+    Checked,
     Choice,
     Column,
     Count,
@@ -41,7 +42,7 @@ MOST_SPEEDS_APART = 100.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class OperatingPoint:
+class OperatingPoint(Checked):
     """A speed and torque at which the machine runs, and for what share of its time.
 
     Parameters
@@ -74,9 +75,6 @@ class OperatingPoint:
     )
     share: float = within(0, 1, default=1.0, open_low=True, why="a share of the running time")
     name: str = held(Text(example='"full load"'), "")
-
-    def __post_init__(self) -> None:
-        check_fields(self)
 
     @property
     def shaft1_hz(self) -> float:
@@ -210,7 +208,7 @@ class ShaftSection:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Disc:
+class Disc(Checked):
     """A body on a shaft that is no gear: motor, load, flywheel, coupling.
 
     Parameters
@@ -237,12 +235,9 @@ class Disc:
     mass_kg: float | None = held(MASS, None)
     position_mm: float | None = held(PLACE, None)
 
-    def __post_init__(self) -> None:
-        check_fields(self)
-
 
 @dataclass(frozen=True, kw_only=True)
-class Sensor:
+class Sensor(Checked):
     """What stands in one column of the recordings.
 
     Parameters
@@ -276,9 +271,6 @@ class Sensor:
     kind: str = held(Choice(options=SENSOR_KINDS), "vibration")
     shaft: int = held(Count(low=1, high=1000), 1)
     pulses_per_turn: int = held(Count(low=1, high=100_000), 1)
-
-    def __post_init__(self) -> None:
-        check_fields(self)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -77,7 +77,7 @@ def _row(place: Placed) -> dict[str, Any]:
         "best_damaged_hz": row["degraded_best_hz"],
         "best_damaged_uw": _micro(row["degraded_best_power_w"]),
         "a_recording_every": spoken_time(place.interval_s),
-        "remark": place.refusal
+        "remark": row["refusal"]
         or ("better only when damaged" if place.good_only_when_damaged else ""),
     }
 

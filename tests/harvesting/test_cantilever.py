@@ -198,6 +198,10 @@ def test_frequencies_out_of_reach_are_refused_with_the_range():
         bimorph().retuned(1e5)
     with pytest.raises(ArgumentError, match=r"reaches .* Hz"):
         bimorph().retuned(1.0)
+    # a mass may bring the second mode there, which is not what is wanted
+    second = bimorph(tip_mass_kg=1e-4).modes.natural_rad_s[1] / (2 * np.pi)
+    with pytest.raises(ArgumentError, match=r"reaches .* Hz"):
+        bimorph().retuned(second)
 
 
 #: The brass-reinforced PZT-5H bimorph of Erturk and Inman, Piezoelectric Energy Harvesting, Wiley
@@ -222,6 +226,36 @@ def test_bimorph_of_the_book_peaks_where_its_model_and_the_experiment_do():
     assert printed == pytest.approx([502.5, 524.7], abs=0.15)
     peaks = [grid[beam.gains(grid).voltage_v.argmax()] for beam in beams]
     assert peaks == pytest.approx([502.6, 524.2], rel=5e-4)
+
+
+#: The bimorph with a tip mass of Erturk and Inman, Smart Mater. Struct. 18 (2009) 025009.
+WEIGHTED = replace(
+    BOOK,
+    piezo=replace(
+        PUBLISHED.piezo, permittivity_f_per_m=13.28e-9, youngs_modulus_pa=66e9, d31_m_per_v=-190e-12
+    ),
+    length_m=50.8e-3,
+    width_m=31.8e-3,
+    passive_thickness_m=0.14e-3,
+    piezo_thickness_m=0.26e-3,
+    tip_mass_kg=0.012,
+    mechanical_damping_ratio=0.027,
+)
+
+
+@pytest.mark.parametrize("beam", [PUBLISHED, BOOK, replace(BOOK, wiring="parallel"), WEIGHTED])
+@pytest.mark.parametrize("load_ohm", 10.0 ** np.arange(0, 10, 3))
+def test_published_beams_equal_finite_elements_from_short_to_open_circuit(beam, load_ohm):
+    loaded, (short, opened) = beam.with_load(load_ohm), natural_hz(beam)
+    np.testing.assert_allclose(beam.modes.natural_rad_s[:2] / (2 * np.pi), short[:2], rtol=1e-5)
+    assert beam.open_circuit_hz == pytest.approx(opened[0], rel=1e-5)
+    grid = np.concatenate([short[0] * np.linspace(0.5, 1.4, 10), opened[0] * np.array([0.99, 1.0])])
+    grid = np.append(grid, short[1] * np.array([0.98, 1.0]))
+    gains, (voltage, travel, stress) = loaded.gains(grid), answers(loaded, grid)
+    np.testing.assert_allclose(gains.voltage_v, voltage, rtol=1e-3)
+    np.testing.assert_allclose(gains.power_w, voltage**2 / load_ohm / 2, rtol=1e-3)
+    np.testing.assert_allclose(gains.travel_m, travel, rtol=1e-3)
+    np.testing.assert_allclose(gains.stress_pa, stress, rtol=1e-3)
 
 
 @pytest.mark.parametrize("seed", range(9))

@@ -128,12 +128,15 @@ def marched_answer(harvester, samples, rate, *, times=16, settled=5.0):
     return total / count, peaks
 
 
-def marched_with_stops(harvester, samples, rate, restitution, *, per_period=400):
-    """Mean power of the first mode with stops, in small steps of classical Runge-Kutta."""
+def marched_with_stops(harvester, samples, rate, restitution, *, per_period=120, finer=64):
+    """Mean power of the first mode with stops, in small steps of classical Runge-Kutta.
+
+    A step with a blow is gone through again in steps that are so many times finer.
+    """
     natural = 2 * np.pi * harvester.natural_frequency_hz
     times = int(np.ceil(per_period * harvester.natural_frequency_hz / rate))
-    push = denser(samples, 2 * times)
-    step = 1 / (rate * times)
+    push = denser(samples, 2 * times) + harvester.weight_ms2
+    step, limit = 1 / (rate * times), harvester.clearance_m
     heat = 2 * harvester.damping_ratio * natural
     if hasattr(harvester, "piezo"):
         _, _, forcing, (chi, tip, _), rest = modal(harvester, 1)
@@ -141,28 +144,45 @@ def marched_with_stops(harvester, samples, rate, restitution, *, per_period=400)
         force, back, drive = forcing[0] * tip[0], chi[0] * tip[0], chi[0] / tip[0] / capacitance
         leak = 1 / (harvester.load_ohm * capacitance)
         worth = 1 / harvester.load_ohm
+    elif hasattr(harvester, "turns"):
+        theta, worth = harvester.turns * harvester.field_length_tm, harvester.load_ohm
+        force, back, drive = 1.0, theta / harvester.mass_kg, theta / harvester.coil_henry
+        leak = (harvester.coil_ohm + harvester.load_ohm) / harvester.coil_henry
     else:
         force, back, drive, leak = 1.0, 0.0, 0.0, 0.0
         damper = 2 * harvester.electrical_damping_ratio * natural
         heat, worth = heat + damper, harvester.mass_kg * damper
 
-    def slope(x, v, u, a):
-        return v, -force * a - heat * v - natural**2 * x - back * u, drive * v - leak * u
+    def slope(state, a):
+        x, v, u = state
+        return np.array(
+            [v, -force * a - heat * v - natural**2 * x - back * u, drive * v - leak * u]
+        )
 
-    x = v = u = 0.0
-    powers, limit = [], harvester.clearance_m
-    weight = harvester.weight_ms2
+    def stepped(state, a0, a1, a2, h):
+        k1 = slope(state, a0)
+        k2 = slope(state + h / 2 * k1, a1)
+        k3 = slope(state + h / 2 * k2, a1)
+        k4 = slope(state + h * k3, a2)
+        return state + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+
+    def beyond(state):
+        return abs(state[0]) > limit and state[0] * state[1] > 0
+
+    state, powers = np.zeros(3), []
     for k in range(0, len(push) - 2, 2):
-        a0, a1, a2 = push[k] + weight, push[k + 1] + weight, push[k + 2] + weight
-        k1 = slope(x, v, u, a0)
-        k2 = slope(x + step / 2 * k1[0], v + step / 2 * k1[1], u + step / 2 * k1[2], a1)
-        k3 = slope(x + step / 2 * k2[0], v + step / 2 * k2[1], u + step / 2 * k2[2], a1)
-        k4 = slope(x + step * k3[0], v + step * k3[1], u + step * k3[2], a2)
-        x += step / 6 * (k1[0] + 2 * k2[0] + 2 * k3[0] + k4[0])
-        v += step / 6 * (k1[1] + 2 * k2[1] + 2 * k3[1] + k4[1])
-        u += step / 6 * (k1[2] + 2 * k2[2] + 2 * k3[2] + k4[2])
-        if abs(x) > limit and x * v > 0:
-            x, v = np.sign(x) * limit, -restitution * v
-        powers.append(worth * (u if drive else v) ** 2)
+        after = stepped(state, *push[k : k + 3], step)
+        if beyond(after):
+            after, at = (
+                state,
+                np.interp(np.arange(2 * finer + 1) / finer, range(3), push[k : k + 3]),
+            )
+            for j in range(0, 2 * finer, 2):
+                after = stepped(after, *at[j : j + 3], step / finer)
+                if beyond(after):
+                    turned = [np.sign(after[0]) * limit, -restitution * after[1], after[2]]
+                    after = np.array(turned)
+        state = after
+        powers.append(worth * (state[2] if drive else state[1]) ** 2)
     fade = int(5 / (harvester.damping_ratio * natural) / step)
     return float(np.mean(powers[min(fade, len(powers) // 2) :]))

@@ -471,7 +471,12 @@ def _level_in(
     order = moved if line.locked == "time" else line.order
     if max(order, moved) > grid.top:
         return None, False
-    same = [x for x in other if x.kind == line.kind and _same(line, x, width)]
+    order_of, frequency_hz = _places(other)
+    near = np.abs(order_of - line.order) / line.order
+    near = np.minimum(near, np.abs(frequency_hz - line.frequency_hz) / line.frequency_hz)
+    near_by = np.flatnonzero(near <= 2.0 * _reach(line, width) / line.order)
+    close = [other.lines[i] for i in near_by.tolist()]
+    same = [x for x in close if x.kind == line.kind and _same(line, x, width)]
     if not same and line.locked != "time":
         away = distance_to(known(grid.top, width), np.array([order]))[0]
         # there it was taken for a gear's
@@ -489,13 +494,25 @@ def _level_in(
 
 def _same(line: NonGearLine, other: NonGearLine, width: float) -> bool:
     """Whether lines of two recordings may be one and the same."""
-    near = max(_SAME_WIDTHS * width, _SAME_SHARE * line.order)
+    near = _reach(line, width)
     if "time" not in (line.locked, other.locked) and abs(other.order - line.order) <= near:
         return True
     if "shaft" in (line.locked, other.locked):
         return False
     # against time widths are those of the same pieces
     return abs(other.frequency_hz - line.frequency_hz) * line.order <= near * line.frequency_hz
+
+
+def _reach(line: NonGearLine, width: float) -> float:
+    """How far apart [orders] a line may be measured in two recordings."""
+    return max(_SAME_WIDTHS * width, _SAME_SHARE * line.order)
+
+
+@lru_cache(maxsize=64)
+def _places(lines: NonGearLines) -> tuple[FloatArray, FloatArray]:
+    """Orders and frequencies of all lines."""
+    told = np.array([(line.order, line.frequency_hz) for line in lines.lines]).reshape(-1, 2)
+    return told[:, 0], told[:, 1]
 
 
 def _of_the_mains(line: NonGearLine) -> bool:

@@ -40,7 +40,7 @@ TERMS = {
     "rectangular": (1.0,),
 }
 # Longer windows are made anew each time instead of being held in memory.
-_LONGEST_HELD = 1 << 21
+_LONGEST_HELD = 1 << 19
 # The search narrows to three steps of the grid before; eight times come to 1e-7 bins.
 _GRID = np.linspace(-1.0, 1.0, 21)
 _NARROWER, _SEARCHES = 0.15, 8
@@ -212,7 +212,7 @@ def _dirichlet(offset: FloatArray, length: int) -> ComplexArray:
     return np.asarray(size * np.exp(-1j * np.pi * x * (length - 1) / length), dtype=np.complex128)
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=16)
 def _weights(terms: tuple[float, ...], length: int) -> FloatArray:
     weights = np.full(length, terms[0])
     turn = 2 * np.pi * np.arange(length) / length
