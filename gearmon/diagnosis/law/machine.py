@@ -168,7 +168,7 @@ class MachineDeviation:
     levels : LevelDeviation
         Of those families.
     broadband : LevelDeviation or None
-        Of the broadband spectrum; None if the reference is of an older format.
+        Of the broadband spectrum; None where the recordings have other bands.
     """
 
     state: FloatArray

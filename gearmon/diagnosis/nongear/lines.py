@@ -168,14 +168,14 @@ def nongear_findings(
     Returns
     -------
     tuple of NonGearFinding
-        Most striking first; none if the reference is of a format that holds no lines of no gear.
+        Most striking first.
     """
     shared = [name for name in signature.channel_names if name in reference.channel_names]
     rows = [signature.channel_names.index(name) for name in shared]
     theirs = tuple(reference.channel_names.index(name) for name in shared)
-    healthy = _healthy_lines(reference, theirs)
-    if not shared or not healthy or signature.foreign is None:
+    if not shared:
         return ()
+    healthy = _healthy_lines(reference, theirs)
     gain_db = family_gain_db(signature, reference, rows, theirs)
     return compare_lines(taken(signature.foreign, rows), healthy, train, gain_db, shared)
 
@@ -183,8 +183,7 @@ def nongear_findings(
 # several recordings are held against one reference
 @lru_cache(maxsize=4)
 def _healthy_lines(reference: Reference, rows: tuple[int, ...]) -> tuple[NonGearLines, ...]:
-    known = (profile.foreign for profile in reference.profiles)
-    return tuple(taken(lines, rows) for lines in known if lines is not None)
+    return tuple(taken(profile.foreign, rows) for profile in reference.profiles)
 
 
 def family_gain_db(

@@ -25,8 +25,8 @@ from gearmon.signals.array_types import ComplexArray, FloatArray
 from gearmon.signatures.expected.faulty_teeth import (
     Posed,
     faulty_lines,
-    healthy_lines,
     pair_loss,
+    periodic_lines,
 )
 from gearmon.signatures.expected.mesh import (
     AMPLITUDES,
@@ -417,7 +417,7 @@ def fault_family(
         place: mesh if (points[0], place[0], mesh) in posed else 0 for place, mesh in places.items()
     }
     healthy = {
-        key: healthy_lines(mesh, mesh.limit_hz(max_hz), tolerance) for key, mesh in posed.items()
+        key: periodic_lines(mesh, mesh.limit_hz(max_hz), tolerance) for key, mesh in posed.items()
     }
     if not any(len(lines.displacement) for lines in healthy.values()):
         refuse_no_lines((lines.mechanics for lines in healthy.values()), max_hz)
@@ -475,7 +475,7 @@ class _Job:
         if isinstance(healthy, PosedSet) and not all(isinstance(own, PosedSet) for own in faulty):
             # what the set cannot be solved with is taken against the same mesh alone
             healthy = posed_mesh(self.machine, stage, operating, form=self.form, mesh=mesh)
-            sound = healthy_lines(healthy, limit, self.tolerance)
+            sound = periodic_lines(healthy, limit, self.tolerance)
         found = faulty_lines(healthy, faulty, limit, self.tolerance)
         return [
             FamilyMember(

@@ -40,8 +40,8 @@ MOST_HALVINGS = 4
 SMALL_LOSS = 1e-3
 
 
-def healthy_lines(posed: Posed, max_hz: float, tolerance: float) -> MeshLines:
-    """Solve a mesh, or a planetary set, whose mesh periods are all alike.
+def periodic_lines(posed: Posed, max_hz: float, tolerance: float) -> MeshLines:
+    """Solve a mesh, or a planetary set, over its whole period: one mesh period where all are alike.
 
     Parameters
     ----------
@@ -51,7 +51,17 @@ def healthy_lines(posed: Posed, max_hz: float, tolerance: float) -> MeshLines:
     tolerance : float
         Relative error of the acceleration (an estimate).
     """
-    return _periodic(posed, max_hz, tolerance)
+    local = _is_local(posed)
+    found = _refined(
+        contact_grid([posed], max_hz) if local else _turn_grid(posed, max_hz),
+        tolerance,
+        lambda grid: periodic_motion(posed, grid),
+        lambda made: made.unresolved,
+    )
+    period = posed.period
+    heard = posed.heard(found, _count(posed, max_hz, period), period)
+    method, lost = "contact" if local else "whole turn", found.least_force <= 0
+    return _lines(posed, period, heard, method, found.unresolved, lost)
 
 
 def faulty_lines(
@@ -70,10 +80,8 @@ def faulty_lines(
         Relative error of what the fault adds (an estimate), or of the whole for turns that are
         solved as a whole.
     """
-    if not all(_is_local(posed) for posed in faulty):
-        return [_periodic(posed, max_hz, tolerance) for posed in faulty]
-    if all(posed.period == 1 for posed in faulty):
-        return [_periodic(posed, max_hz, tolerance) for posed in faulty]
+    if not all(map(_is_local, faulty)) or all(posed.period == 1 for posed in faulty):
+        return [periodic_lines(posed, max_hz, tolerance) for posed in faulty]
     period = max(posed.period for posed in faulty)
     count = _count(healthy, max_hz, period)
     found = _refined(
@@ -132,21 +140,6 @@ def pair_loss(faulty: PosedMesh, healthy: PosedMesh) -> float:
     """Return the share of the stiffness of a pair, integrated over its contact, that is lost."""
     own, whole = faulty.mechanics.stiffness, healthy.mechanics.stiffness
     return float(own.period_mesh * (1 - own.mean_n_per_m / whole.mean_n_per_m))
-
-
-def _periodic(posed: Posed, max_hz: float, tolerance: float) -> MeshLines:
-    """Solve a case over its period, on panels that are halved until nothing is left unresolved."""
-    local = _is_local(posed)
-    found = _refined(
-        contact_grid([posed], max_hz) if local else _turn_grid(posed, max_hz),
-        tolerance,
-        lambda grid: periodic_motion(posed, grid),
-        lambda made: made.unresolved,
-    )
-    period = posed.period
-    heard = posed.heard(found, _count(posed, max_hz, period), period)
-    method, lost = "contact" if local else "whole turn", found.least_force <= 0
-    return _lines(posed, period, heard, method, found.unresolved, lost)
 
 
 def _refined(
