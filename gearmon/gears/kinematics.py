@@ -165,6 +165,26 @@ class Mesh(Turning):
         known = ", ".join(wheel.gear for wheel in self.wheels)
         raise ArgumentError(f"gear={gear!r} is not in stage {self.stage}; it has {known}")
 
+    def brought_alike(self, gear: str, side: int) -> tuple[int, int]:
+        """Return which lines of damage of a tooth all planets bring alike; the others cancel.
+
+        Parameters
+        ----------
+        gear : str
+            Gear of the tooth. One of a planet meets no other planet.
+        side : {-1, 0, 1}
+            Turns of the carrier beside multiples of the gear's own relative to the carrier.
+
+        Returns
+        -------
+        step, first : int
+            Multiples n with n % step == first.
+        """
+        if gear not in ("sun", "ring") or not self.equally_spaced:
+            return 1, 0
+        # planets come to a tooth of the ring in the other sense
+        return self.planets, side * (-1 if gear == "ring" else 1) % self.planets
+
     def healthy_orders(self, harmonic: int, reach: int = 2) -> tuple[float, ...]:
         """Return where a sensor on the housing sees one mesh harmonic of a faultless stage.
 

@@ -24,6 +24,7 @@ def wheel(meshes=(20, 40, 60)):
         number=NUMBER,
         lines=np.arange(len(NUMBER)),
         mesh=np.isin(NUMBER, meshes),
+        beside=np.zeros((0, len(NUMBER)), dtype=int),
     )
 
 

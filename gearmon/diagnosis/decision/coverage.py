@@ -15,6 +15,7 @@ from gearmon.diagnosis.decision.evidence import tooth_strength
 from gearmon.diagnosis.decision.thresholds import LIMITS
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence
 from gearmon.diagnosis.hypotheses.tooth_match import LOSSES
+from gearmon.diagnosis.hypotheses.tooth_search import SearchedGear
 
 FloatArray = NDArray[np.float64]
 
@@ -24,13 +25,6 @@ _LOSSES_IN_FIVE = 5.0
 # the path being unknown: (sum of the eigenvalues)^2 over the sum of their squares is 2.1 to 2.8 for
 # gears of 17 to 96 teeth and the two shorter decay times of `tooth_match`.
 _DIRECTIONS = 2.4
-# Share of a mesh's stiffness that one pair carries, about: with a contact ratio of 1.3 to 2.
-_PAIR_SHARE = 0.65
-
-# Amplitude that is left of what a tooth of a sun or planet adds, where it is heard in a turn of its
-# own: the carrier turns it past the sensor, and of the path only the mean remains. A simulated set
-# of 24/30/84 teeth with four planets does not show 30 % on the sun, and 21 % would be stated.
-_OF_TURNING_PATH = 0.5
 
 
 def heard_from(gear: GearEvidence) -> float | None:
@@ -44,7 +38,8 @@ def heard_from(gear: GearEvidence) -> float | None:
     Returns
     -------
     float or None
-        Loss of the pair's stiffness; None if even the largest of `LOSSES` might not be.
+        Loss of the pair's stiffness; None if even the largest of `LOSSES` might not be, or nothing
+        is known of how loud it would be.
 
     Notes
     -----
@@ -58,11 +53,11 @@ def heard_from(gear: GearEvidence) -> float | None:
     does, and only what would be called a fault counts as heard. Of a mesh that is not heard by
     itself nothing is.
     """
-    if not gear.shown:
+    if gear.search is None or not gear.shown:
         return None
     if gear.loaded < LIMITS.lightly_loaded:
         return noticed_from(gear)
-    return _first(gear, _log_ratio(gear) - _prior(gear), LIMITS.open)
+    return _first(gear, _log_ratio(gear.search) - _prior(gear), LIMITS.open)
 
 
 def noticed_from(gear: GearEvidence) -> float | None:
@@ -73,12 +68,11 @@ def noticed_from(gear: GearEvidence) -> float | None:
     """
     deviation, search = gear.deviation, gear.search
     if search is None:
-        return _first(
-            gear, _log_ratio(gear) / max(1.0, deviation.misfit) - _prior(gear), LIMITS.fault
-        )
+        return None
     expected = search.match.expected - _prior(gear)
     lines = sum(band.rest.size for band in deviation.bands)
-    peak = 1.0 + np.maximum(expected, 0.0) / max(1.0, 2.0 * lines / deviation.teeth)
+    beside = 2.0 * lines * deviation.meetings / deviation.teeth
+    peak = 1.0 + np.maximum(search.match.stands_out - _prior(gear), 0.0) / max(1.0, beside)
     believed = [gear.believes(*each) for each in zip(expected.tolist(), peak.tolist(), strict=True)]
     return _first(gear, np.array(believed), LIMITS.fault)
 
@@ -96,28 +90,12 @@ def _first(gear: GearEvidence, evidence: FloatArray, strength: float) -> float |
     return loss if loss <= LOSSES[-1] else None
 
 
-def _log_ratio(gear: GearEvidence) -> FloatArray:
-    """Mean log likelihood ratio of damage, for each of `LOSSES`.
-
-    Without a template: a pulse of one of z teeth modulates every mesh harmonic X_k by the depth a,
-    lines of X_k a / z each (McFadden 1986). Of n meshes in parallel it modulates one at a time, m
-    times a turn: energies of m / n^2 of that.
-    """
-    deviation, search = gear.deviation, gear.search
-    if search is None:
-        size = _PAIR_SHARE * np.sqrt(gear.deviation.meetings) / gear.meshes * LOSSES
-        if gear.meshes > 1 and gear.heard_in is None and deviation.gear != "ring":
-            size = _OF_TURNING_PATH * size
-    else:
-        size = search.response.amplitude(LOSSES)
+def _log_ratio(search: SearchedGear) -> FloatArray:
+    """Mean log likelihood ratio of damage, for each of `LOSSES`."""
+    size = search.response.amplitude(LOSSES)
     total = np.zeros(len(LOSSES))
-    for band in deviation.bands:
-        if search is not None:
-            power = search.expected_power(band.number.astype(np.float64))
-        elif band.harmonic < deviation.mesh_power.shape[1]:
-            power = (deviation.mesh_power[:, band.harmonic] / deviation.teeth**2)[:, None]
-        else:
-            continue
+    for band in search.difference.bands:
+        power = search.expected_power(band.number.astype(np.float64))
         energy = np.sum(power / band.noise**2, axis=1)[:, None] * size**2
         total += np.sum(energy - _DIRECTIONS * np.log1p(energy / _DIRECTIONS), axis=0)
     return total

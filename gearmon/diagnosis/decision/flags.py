@@ -288,7 +288,7 @@ def _alike(finding: ToothFinding) -> list[str]:
     best = finding.best
     count, teeth = best.deviation.meetings, best.deviation.teeth
     if count > 1 and best.deviation.gear == "planet":
-        return [f"which of the {best.meshes} planets it is of cannot be told"]
+        return ["which of the planets it is of cannot be told"]
     others = sorted(
         {round(finding.tooth - 1 + k * teeth / count) % teeth + 1 for k in range(count)}
     )

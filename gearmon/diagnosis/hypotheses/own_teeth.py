@@ -115,11 +115,11 @@ def _departure(
     counted = np.zeros(new.amplitude.shape, dtype=bool)
     share = _DEPARTURE.get(len(known), _DEPARTURE_FROM_THREE)
     for number, band in enumerate(bands, start=1):
-        use = band[new.usable[band]]
+        use = band[new.usable[0, band]]
         if len(use) < 4:
             continue
         offset = use - teeth * number
-        for channel in range(len(new.amplitude)):
+        for channel in range(new.channels):
             value = new.amplitude[channel, use]
             variance = new.variance[channel, use]
             rest = value

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
@@ -21,6 +22,8 @@ from gearmon.diagnosis.hypotheses.tooth_search import (
 )
 from gearmon.diagnosis.law import GearDeviation, HealthyMachine, MachineDeviation
 from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE
+from gearmon.errors import ArgumentError
+from gearmon.gears.kinematics import kinematics
 from gearmon.gears.mechanics import low_load_share
 from gearmon.machine import Machine, PlanetaryStage
 from gearmon.signatures.expected.tooth_response import ToothResponse, tooth_response
@@ -65,13 +68,8 @@ class GearEvidence:
     deviation : GearDeviation
         The gear's deviation from the healthy law.
     search : SearchedGear or None
-        The matched search of its teeth; None where there is no template of the response (suns and
-        planets: each meeting of their teeth is heard through a path of its own).
-    heard_in : GearDeviation, optional
-        The deviation in whose turn a damaged tooth without a template comes again; the gear's own
-        by default.
-    meshes : int, >= 1
-        Meshes of the gear's stage that share the load in parallel.
+        The matched search of its teeth; None where there is no template of the response: of a
+        planetary set whose file says too little.
     loaded : float, 0 to 1
         How nearly the teeth are loaded as much as the response supposes (`low_load_share`).
     shown : bool
@@ -80,8 +78,6 @@ class GearEvidence:
 
     deviation: GearDeviation
     search: SearchedGear | None
-    heard_in: GearDeviation | None = None
-    meshes: int = 1
     loaded: float = 1.0
     shown: bool = True
 
@@ -106,21 +102,16 @@ class GearEvidence:
         """
         if self.search is not None:
             return self.search.match.log_gear
-        turn = self._turn
-        lines = sum(band.rest.size for band in turn.bands)
-        shape = max(0.5, 2.0 * lines / turn.teeth / _OVERDISPERSION)
+        lines = sum(band.rest.size for band in self.deviation.bands)
+        shape = max(0.5, 2.0 * lines / self.deviation.teeth / _OVERDISPERSION)
         # the meetings of one turn depart together on a healthy machine, too: however many there
         # are, the largest mean over them scatters as one of them would
-        return self._of_gamma(shape, turn.peak)
-
-    @property
-    def _turn(self) -> GearDeviation:
-        return self.heard_in or self.deviation
+        return self._of_gamma(shape, self.deviation.peak)
 
     @property
     def believed(self) -> float:
         """`log_factor`, as far as it is believed."""
-        return self.believes(self.log_factor, self._turn.peak)
+        return self.believes(self.log_factor, self.deviation.peak)
 
     def believes(self, log_factor: float, peak: float) -> float:
         """Return how much is believed of a log Bayes factor.
@@ -137,13 +128,13 @@ class GearEvidence:
         float
             At most what the energy at one tooth, beyond noise, tells among teeth that all depart.
         """
-        departs = max(self._turn.departs, _NOISE_ALONE)
+        departs = max(self.deviation.departs, _NOISE_ALONE)
         by_teeth = self._of_gamma(_TEETH_SCATTER, 1.0 + max(0.0, peak - 1.0) / departs)
         return min(log_factor, by_teeth) if log_factor > 0 else log_factor
 
     def _of_gamma(self, shape: float, peak: float) -> float:
         """Log likelihood ratio of the largest of gamma variables, the tooth unknown."""
-        teeth = self._turn.teeth / self._turn.meetings
+        teeth = self.deviation.teeth / self.deviation.meetings
         return float(shape * (peak - 1.0 - np.log(peak)) - np.log(max(1.0, teeth)))
 
 
@@ -236,98 +227,64 @@ def _searched(
     own: Profile, deviation: MachineDeviation, machine: Machine
 ) -> Iterator[GearEvidence]:
     for gear in deviation.gears:
-        stage = machine.stages[gear.stage - 1]
         loaded = low_load_share(machine, gear.stage)
-        if isinstance(stage, PlanetaryStage) and not _meets_in_one_place(gear, stage):
-            if _told_in_its_turn(stage):
-                yield replace(planetary_evidence(gear, deviation.gears, stage), loaded=loaded)
+        alone = as_heard(gear, machine)
+        if not alone.bands:
             continue
-        top = max(int(band.number[-1]) for band in gear.bands) + gear.teeth
-        response = tooth_response(machine, gear.stage, gear.gear, top * gear.order)
-        alone = replace(gear, mesh_power=own_mesh_power(gear, response, deviation.gears))
-        if isinstance(stage, PlanetaryStage):
-            alone = of_ring(alone, stage)
-        found = search_gear(alone, response, own.speed_hz) if alone.bands else None
-        if found is not None:
+        top = max(int(band.number[-1]) for band in alone.bands) + gear.teeth
+        found = None
+        # of a set whose file says too little, only an event of unknown form is looked for
+        with suppress(ArgumentError):
+            response = tooth_response(machine, gear.stage, gear.gear, top * gear.order)
+            power = own_mesh_power(gear, response, deviation.gears)
+            # where planets cancel, neighbours do not tell the path: it falls below its resonances
+            told = tuple(b for b in alone.bands if np.all(response.mesh[b.harmonic :][:1]))
+            found = search_gear(
+                replace(alone, bands=told, mesh_power=power), response, own.speed_hz
+            )
+            alone = found.difference if found is not None else alone
+        if found is not None or alone.meetings > 1:
             shown = mesh_shown(gear, deviation.gears, machine)
             yield GearEvidence(deviation=alone, search=found, loaded=loaded, shown=shown)
 
 
-def _meets_in_one_place(gear: GearDeviation, stage: PlanetaryStage) -> bool:
-    """Whether a tooth is met by planets at equal distances, always at one place of the housing."""
-    return gear.gear == "ring" and stage.fixed == "ring" and stage.equally_spaced
-
-
-def _told_in_its_turn(stage: PlanetaryStage) -> bool:
-    """Whether damage can be told in the turn of its gear.
-
-    Planets that pass the sensor out of phase cancel the mesh harmonics that would tell the path.
-    """
-    in_phase = stage.equally_spaced and stage.ring_teeth % stage.planets == 0
-    return stage.fixed == "carrier" or in_phase
-
-
-def of_ring(gear: GearDeviation, stage: PlanetaryStage) -> GearDeviation:
-    """Return a ring's deviation as a damaged tooth is heard in it.
+def as_heard(gear: GearDeviation, machine: Machine) -> GearDeviation:
+    """Return a gear's deviation at the lines in which a damaged tooth is heard.
 
     Parameters
     ----------
     gear : GearDeviation
-        Of the ring.
-    stage : PlanetaryStage
-        With N planets at equal distances, the ring fixed.
+        Of every line of its turn and beside it.
+    machine : Machine
+        Its machine.
 
     Returns
     -------
     GearDeviation
-        The lines at multiples of N: the planets come to a tooth one after the other, N times in a
-        turn of the carrier, and always at the same place of the housing.
+        Of a pair all lines. Where planets pass the sensor those beside the multiples of the
+        gear's turn: of a sun or ring that meets N planets at equal distances one in N. Of a gear
+        that stands still those at multiples of N. `meetings` tells how often an event comes again
+        in a turn: a tooth of a planet meets sun and ring.
 
     Notes
     -----
-    Of what 30 % on a tooth of the ring adds these lines have 97 % of the power (simulated sets of
-    18/27/72 and 19/26/71 teeth). Final drive of the catalogue, two simulated machines, loads of 0.5
-    to 1 learned singly and together, recordings at 0.6 and 0.9: log factors of 52 to 253 with the
-    template of a tooth, 8 to 32 by the energy in these lines, 2 to 21 in all; sound ones -3 to 12,
-    of which 5 are believed. Told are losses of 17 to 24 %.
+    These lines have 97 to 99 % of the power of what 30 % on a tooth adds (simulated sets of
+    18/27/72 and 19/26/71 teeth).
     """
-    bands = []
+    mesh = kinematics(machine).mesh(gear.stage)
+    if not mesh.planets:
+        return gear
+    bands, beside = [], any(band.side for band in gear.bands)
     for band in gear.bands:
-        met = band.number % stage.planets == 0
-        if np.count_nonzero(met) >= _LEAST_LINES:
-            kept = {
-                name: getattr(band, name)[..., met]
-                for name in ("number", "rest", "deviation", "noise", "pattern")
-            }
-            bands.append(replace(band, **kept))
-    return replace(gear, bands=tuple(bands), meetings=stage.planets)
-
-
-def planetary_evidence(
-    gear: GearDeviation, gears: Sequence[GearDeviation], stage: PlanetaryStage
-) -> GearEvidence:
-    """Evidence of a sun or planet, in the turn in which a damaged tooth comes again.
-
-    A tooth of the sun meets every planet in a turn about the carrier, one of a planet the sun and
-    the ring. Where the sun turns a whole number of times while the carrier does, its
-    tooth is heard at as many places of the housing: the turn of the carrier, that of the ring's
-    pattern, tells them apart.
-
-    Notes
-    -----
-    Simulated final drive of the catalogue, 30 % on a tooth of the sun: a log factor of 7 to 16 in
-    its own turn counted as one place, 30 in the ring's (which was blamed), 31 at twelve places
-    there; healthy ones 3 at most.
-    """
-    met = 2 if gear.gear == "planet" else stage.planets
-    heard_in = None
-    for other in gears if gear.gear == "sun" else ():
-        times = gear.order / other.order
-        alike = (other.stage, other.gear) == (gear.stage, "ring")
-        if alike and abs(times - round(times)) <= 1e-9 * times:
-            heard_in = replace(other, meetings=met * round(times))
-    own = replace(gear, meetings=met)
-    return GearEvidence(deviation=own, search=None, heard_in=heard_in, meshes=stage.planets)
+        step, first = mesh.brought_alike(gear.gear, band.side)
+        met = band.number % step == first
+        # where nothing is beside a gear, its own turn is the carrier's, or the carrier stands
+        if (band.side != 0) == beside and np.count_nonzero(met) >= _LEAST_LINES:
+            names = ("rest", "deviation", "noise", "pattern")
+            kept = {name: getattr(band, name)[:, met] for name in names}
+            bands.append(replace(band, number=band.number[met], **kept))
+    others = mesh.planets if mesh.equally_spaced else 1
+    return replace(gear, bands=tuple(bands), meetings=2 if gear.gear == "planet" else others)
 
 
 def own_mesh_power(
@@ -356,7 +313,10 @@ def own_mesh_power(
     mesh all of whose harmonics are another's, too, keeps the power of both: its path may be taken
     for too good.
     """
-    power = gear.mesh_power.copy()
+    # in a set the turns of some gears miss the lines where planets put the mesh harmonics
+    alike = [one.mesh_power for one in gears if one.stage == gear.stage]
+    known = min(one.shape[1] for one in alike)
+    power: FloatArray = np.max([one[:, :known] for one in alike], axis=0)
     expected = np.abs(response.mesh) ** 2
     last = min(len(expected), power.shape[1]) - 1
     for other in gears:
@@ -397,7 +357,9 @@ def mesh_shown(gear: GearDeviation, gears: Sequence[GearDeviation], machine: Mac
     for other in gears:
         ratio = gear.order * gear.teeth / (other.order * other.teeth)
         step = round(ratio)
-        if other.stage == gear.stage or step < 2 or abs(ratio / step - 1) > 1e-9:
+        # planets put their mesh harmonics, or cancel them, as their phases have it
+        of_set = isinstance(machine.stages[other.stage - 1], PlanetaryStage)
+        if other.stage == gear.stage or of_set or step < 2 or abs(ratio / step - 1) > 1e-9:
             continue
         top = other.mesh_power.shape[1] - 1
         response = tooth_response(machine, other.stage, other.gear, top * other.order * other.teeth)

@@ -81,6 +81,8 @@ class ToothMatch:
         more of the departure held for noise, see `PLACE_MISFIT`.
     expected : ndarray of float, shape (losses,)
         What the first would be on average at a tooth that has lost as much.
+    stands_out : ndarray of float, shape (losses,)
+        The same if nothing of the damage itself counted as noise: as its energy grows.
     """
 
     stage: int
@@ -90,6 +92,7 @@ class ToothMatch:
     log_likelihood: FloatArray
     log_place: FloatArray
     expected: FloatArray
+    stands_out: FloatArray
 
     @property
     def log_tooth(self) -> FloatArray:
@@ -150,14 +153,18 @@ def match_teeth(
     path = path_power(difference.mesh_power, response.mesh)
     rotation_hz = difference.order * speed_hz
     delays = [
-        _delays(decay_s, rotation_hz * difference.teeth, response.contact_ratio)
+        _again(
+            _delays(decay_s, rotation_hz * difference.teeth, response.contact_ratio),
+            response.gear,
+            rotation_hz,
+        )
         for decay_s in DECAY_S
     ]
     turns = np.exp(2j * np.pi / difference.teeth * np.arange(difference.teeth))
     size = response.amplitude(LOSSES)
     around = difference.expected_by_tooth if against_others else None
     total = np.zeros((2, len(LOSSES), difference.teeth))
-    expected = np.zeros(len(LOSSES))
+    expected = np.zeros((2, len(LOSSES)))
     heard = list(_heard(difference, response, path))
     if not heard:
         return None
@@ -178,7 +185,7 @@ def match_teeth(
             strict=True,
         )
         total += _with_unsure_path(log_mean(np.array(told))).sum(axis=0)
-        expected += np.mean(mean, axis=0).sum(axis=0)
+        expected += np.mean(mean, axis=0)
     return ToothMatch(
         stage=difference.stage,
         gear=difference.gear,
@@ -186,7 +193,8 @@ def match_teeth(
         order=difference.order,
         log_likelihood=total[0],
         log_place=_any_loss(total[1]),
-        expected=expected,
+        expected=expected[0],
+        stands_out=expected[1],
     )
 
 
@@ -280,6 +288,11 @@ def _delays(decay_s: float, mesh_hz: float, contact_ratio: float) -> FloatArray:
     return delay
 
 
+def _again(delay: FloatArray, gear: str, rotation_hz: float) -> FloatArray:
+    """Delays of all of a tooth's meetings: that of a planet meets the ring half a turn later."""
+    return np.concatenate([delay, delay + 0.5 / rotation_hz]) if gear == "planet" else delay
+
+
 def _ringing(frequency_hz: FloatArray, delay_s: FloatArray) -> ComplexArray:
     """Square roots of the covariances of bands at unit power, shape (bands, lines, delays).
 
@@ -307,7 +320,8 @@ def _log_likelihood(
     """Logarithm of the likelihood ratio of each band, shape (bands, 2, losses, teeth).
 
     The first to tell whether there is damage or how much, the second to tell where. With it the
-    mean of the first at a tooth that has lost as much, shape (bands, losses).
+    mean of the first at a tooth that has lost as much, all bands together, as far as it counts and
+    in full, shape (2, losses).
 
     Parameters
     ----------
@@ -335,17 +349,21 @@ def _log_likelihood(
         beside = np.minimum(_beside(energy, spread, leak), 1.0)
         least = np.maximum(beside, np.maximum(SIZE_MISFIT * whole, _LEAST_NOISE))
     power = size[:, None] ** 2 * spread[:, None]
-    told, expected = _beside_noise(power, energy, least)
+    told, mostly = _beside_noise(power, energy, least), least
     if around is not None:
         noise = beside[:, None] * around
         # most places are as quiet as the quietest
         band, tooth = np.nonzero(noise > least[:, None])
-        there, mean = _beside_noise(power[band], energy[band, tooth, None], noise[band, tooth])
+        there = _beside_noise(power[band], energy[band, tooth, None], noise[band, tooth])
         told[band, :, tooth] = there[:, :, 0]
-        np.add.at(expected, band, (mean - expected[band]) / len(around))
+        mostly = 1.0 / np.mean(1.0 / np.maximum(noise, least[:, None]), axis=1)
     # beside the tooth that speaks, its neighbours are held against each other on equal terms
-    place, _ = _beside_noise(power, energy, np.maximum(least, PLACE_MISFIT * whole))
-    return np.stack([told, place], axis=1), expected
+    place = _beside_noise(power, energy, np.maximum(least, PLACE_MISFIT * whole))
+    # a share of what the damage itself adds will count as noise
+    added = whole[:, None] + power.sum(axis=2) / turned.shape[2]
+    counted = np.maximum(mostly[:, None], SEARCH_MISFIT * added)
+    ratio = power / np.stack(np.broadcast_arrays(counted, mostly[:, None]))[..., None]
+    return np.stack([told, place], axis=1), np.sum(ratio - np.log1p(ratio), axis=3).sum(axis=1)
 
 
 def _directions(root: ComplexArray) -> tuple[FloatArray, ComplexArray]:
@@ -362,10 +380,8 @@ def _directions(root: ComplexArray) -> tuple[FloatArray, ComplexArray]:
     return np.where(kept, spread, 0.0), ((root @ vector) * over[:, None]).conj()
 
 
-def _beside_noise(
-    power: FloatArray, energy: FloatArray, noise: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Logarithm of the likelihood ratio, shape (bands, losses, teeth), and its mean for each loss.
+def _beside_noise(power: FloatArray, energy: FloatArray, noise: FloatArray) -> FloatArray:
+    """Logarithm of the likelihood ratio, shape (bands, losses, teeth).
 
     Parameters
     ----------
@@ -379,7 +395,7 @@ def _beside_noise(
     ratio = power / noise[:, None, None]
     less = np.log1p(ratio).sum(axis=2)
     told = (ratio / (1.0 + ratio) / noise[:, None, None]) @ energy.swapaxes(1, 2)
-    return told - less[:, :, None], ratio.sum(axis=2) - less
+    return np.asarray(told - less[:, :, None])
 
 
 _STEPS = np.log(LOSSES)[:, None] - np.log(LOSSES)

@@ -71,14 +71,9 @@ class SearchedGear:
         Between mesh harmonics the path is interpolated in its logarithm.
         """
         path = path_power(self.difference.mesh_power, self.response.mesh, mean=True)
-        harmonic = np.arange(1, path.shape[1])
-        tiny = np.finfo(float).tiny
-        levels = [
-            np.interp(number / self.match.teeth, harmonic, row)
-            for row in np.log(np.maximum(path[:, 1:], tiny))
-        ]
-        smooth = self.response.band_power(number)
-        power: FloatArray = np.exp(np.array(levels)) * smooth
+        told, place = np.flatnonzero(path.all(axis=0)), number / self.match.teeth
+        levels = [np.interp(place, told, row) for row in np.log(path[:, told])]
+        power: FloatArray = np.exp(np.array(levels)) * self.response.band_power(number)
         return power
 
 
@@ -143,7 +138,12 @@ def most_likely(
 
 
 def share_lines(one: SearchedGear, other: SearchedGear) -> bool:
-    """Tell whether one gear turns a whole number of times as often as the other."""
+    """Tell whether one gear turns a whole number of times as often as the other.
+
+    Damage of suns and planets stands beside the lines of their turn, which nobody shares.
+    """
+    if {one.match.gear, other.match.gear} & {"sun", "planet"}:
+        return False
     slow, fast = sorted((one.match.order, other.match.order))
     ratio = fast / slow
     return abs(ratio - round(ratio)) <= 1e-9 * ratio

@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,8 @@ NEAR = 2
 # Standard deviations of a band's complex gain about one, and of its slope and bend across the band:
 # healthy simulated pairs from 40 to 115 % load with sensor gains left alone stay within 0.2.
 _GAIN = np.array([0.3, 0.3, 0.3])
+# Lines of a band for each of them: with fewer they would follow what one tooth does.
+_LINES_A_GAIN = 4
 # Departure of a line from recording to recording and per unit of state, over the loudness about it.
 _SCATTER, _SLOPE = 0.03, 0.5
 # Recordings that the prior of the scale of departures is worth, and the least scale.
@@ -38,6 +41,8 @@ _WORTH, _LEAST_SCALE, _MOST_SCALE = 4.0, 0.25, 1e4
 # Lines to either side that tell how loud the pattern is about a line.
 _BESIDE = 2
 _LEAST_LINES = 4
+# Turns of the carrier beside the lines, by row of a pattern.
+_SIDES = (0, -1, 1)
 # Angles that are tried, a good half of a tooth apart, and the share of the teeth, the quietest,
 # that choose among them: a damaged tooth and those about it must not.
 _ANGLES, _APART, _SOUND_TEETH = 8, 0.4, 0.7
@@ -55,6 +60,9 @@ _BEFORE, _AFTER, _STEP, _RANK = 2, 5, 0.5, 1e-2
 # 14 teeth nothing would be left, and a healthy one seem to stand out 20 times.
 _EVENT_OF_TURN = 0.25
 _EVENT_TEETH, _PLACES = 3, 8
+# Share of the lines that the fit must leave to tell of anything beside the event: one in N lines of
+# a sun that meets N planets are too few.
+_LEAST_LEFT = 0.1
 # Mean square of the rest that noise leaves at least: of 1,500 healthy gears one in a thousand has
 # left less than 0.12.
 _LEAST_MISFIT = 0.1
@@ -71,37 +79,63 @@ class GearPattern:
 
     Parameters
     ----------
-    amplitude : ndarray of complex, shape (channels, top + 1)
-        Lines; 0 where none was measured.
-    variance : ndarray of float, shape (channels, top + 1)
+    amplitude : ndarray of complex, shape (rows, top + 1)
+        Lines; 0 where none was measured. A row for each channel or, where planets pass the sensor,
+        three: of the lines themselves, then of those beside them (`WheelPattern.beside`).
+    variance : ndarray of float, shape (rows, top + 1)
         Mean square error of each.
-    usable : ndarray of bool, shape (top + 1,)
-        Whether the line was measured and is no mesh harmonic of any stage.
+    usable : ndarray of bool, shape (1 or 3, top + 1)
+        Whether the line was measured there and is no mesh harmonic of any stage.
+    channels : int
+        Number of channels.
     """
 
     amplitude: ComplexArray
     variance: FloatArray
     usable: NDArray[np.bool_]
+    channels: int
 
     @classmethod
     def of(cls, wheel: WheelPattern, channels: Sequence[int], top: int) -> GearPattern:
         """Return the pattern of some channels up to a multiple of the rotation."""
         inside = wheel.number <= top
-        number = wheel.number[inside]
-        amplitude = np.zeros((len(channels), top + 1), dtype=complex)
-        variance = np.ones((len(channels), top + 1))
-        usable = np.zeros(top + 1, dtype=bool)
-        amplitude[:, number] = wheel.amplitude[list(channels)][:, inside]
-        variance[:, number] = np.maximum(
-            wheel.variance[list(channels)][:, inside], np.finfo(float).tiny
-        )
-        usable[number] = ~wheel.mesh[inside]
-        return cls(amplitude=amplitude, variance=variance, usable=usable)
+        number, chosen = wheel.number[inside], list(channels)
+        lines = np.concatenate([own[chosen][:, inside] for own in (wheel.amplitude, *wheel.beside)])
+        beside = [own[chosen][:, inside] for own in wheel.beside_variance]
+        own = np.maximum(wheel.variance[chosen][:, inside], np.finfo(float).tiny)
+        amplitude = np.zeros((len(lines), top + 1), dtype=complex)
+        variance = np.ones((len(lines), top + 1))
+        usable = np.zeros((1 + len(beside), top + 1), dtype=bool)
+        amplitude[:, number] = lines
+        variance[:, number] = np.concatenate([own, *(np.where(e > 0, e, 1.0) for e in beside)])
+        usable[:, number] = [~wheel.mesh[inside], *(np.all(e > 0, axis=0) for e in beside)]
+        return cls(amplitude=amplitude, variance=variance, usable=usable, channels=len(chosen))
+
+    @property
+    def top(self) -> int:
+        """Highest multiple of the rotation."""
+        return int(self.usable.shape[1]) - 1
 
     def turned(self, angle: float) -> GearPattern:
         """Return the same pattern `angle` turns later."""
-        turn = np.exp(2j * np.pi * angle * np.arange(len(self.usable)))
+        turn = np.exp(2j * np.pi * angle * np.arange(self.top + 1))
         return replace(self, amplitude=self.amplitude * turn)
+
+    def turned_to(self, new: GearPattern, teeth: int) -> tuple[GearPattern, float]:
+        """Return the same pattern at the angles of another, and by how many turns it is later.
+
+        The carrier stands anywhere when the gear comes to the same angle again: that turns all
+        lines at one place beside the gear's by one phase.
+        """
+        angle = turning(self, new, teeth)
+        found = self.turned(angle)
+        told = found.amplitude.conj() * new.amplitude / (found.variance + new.variance)
+        told = told.reshape(len(self.usable), self.channels, -1).sum(axis=1)
+        phase = np.where(self.usable & new.usable, told, 0.0).sum(axis=1)
+        phase[0] = 1.0
+        phase /= np.maximum(np.abs(phase), np.finfo(float).tiny)
+        turned = found.amplitude * np.repeat(phase, self.channels)[:, None]
+        return replace(found, amplitude=turned), angle
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -124,6 +158,8 @@ class BandDeviation:
         The healthy pattern, over `deviation`.
     scale : float
         Variance of departures here over its prior, as the references tell; 1 for one reference.
+    side : {0, -1, 1}
+        Turns of the carrier beside the multiples.
     """
 
     harmonic: int
@@ -133,6 +169,7 @@ class BandDeviation:
     noise: FloatArray
     pattern: ComplexArray
     scale: float = 1.0
+    side: int = 0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -144,7 +181,7 @@ class GearDeviation:
     stage, gear, teeth, order
         Which gear; `order` is its rotation in turns of shaft 1.
     bands : tuple of BandDeviation
-        One for each mesh harmonic that bears enough lines.
+        One for each mesh harmonic, and side of the lines, that bears enough of them.
     mesh_power : ndarray of float, shape (channels, harmonics)
         |A|^2 of the recording's mesh harmonics 0, 1, ...
     shift_turns : float
@@ -179,7 +216,8 @@ class GearDeviation:
         for band in self.bands:
             waves = np.exp(-2j * np.pi * np.outer(band.number, delay))
             offset = (band.number - self.teeth * band.harmonic) / self.teeth
-            gains = offset[:, None] ** np.arange(len(_GAIN))
+            told = max(1, min(len(_GAIN), len(offset) // _LINES_A_GAIN))
+            gains = offset[:, None] ** np.arange(told)
             for rest, deviation, pattern in zip(
                 band.rest, band.deviation, band.pattern, strict=True
             ):
@@ -190,8 +228,10 @@ class GearDeviation:
                 followed = float(np.sum(np.abs(event.conj().T @ rest) ** 2))
                 left += float(np.sum(np.abs(rest) ** 2)) - followed
                 freedom += len(rest) - event.shape[1]
-        left /= max(freedom, 1.0)
         lines = sum(band.rest.size for band in self.bands)
+        if freedom < _LEAST_LEFT * lines:
+            return 1.0
+        left /= max(freedom, 1.0)
         leaked = _LEFT_BY_EVENT * float(self._energy.max()) / lines
         return max(left - leaked, min(left, 1.0), _LEAST_MISFIT)
 
@@ -319,25 +359,25 @@ class GearLaw:
     states: FloatArray
 
     @cached_property
-    def _scales(self) -> dict[int, FloatArray]:
+    def _scales(self) -> dict[tuple[int, int], FloatArray]:
         """Variance of departures over its prior, by band: how references depart from each other."""
         count = len(self.patterns)
         if count < 2:
             return {}
-        found: dict[int, list[FloatArray]] = {}
+        found: dict[tuple[int, int], list[FloatArray]] = {}
         for row in range(count):
             rest = [n for n in range(count) if n != row]
             others = replace(
                 self, patterns=tuple(self.patterns[n] for n in rest), states=self.states[rest]
             )
-            for band in others._bands(self.patterns[row], self.states[row], 0.0, {}):
+            for band in others._bands(self.patterns[row], *others._predicted(self.states[row]), {}):
                 seen = np.mean(np.abs(band.rest) ** 2, axis=1)
-                found.setdefault(band.harmonic, []).append(seen)
+                found.setdefault((band.side, band.harmonic), []).append(seen)
         return {
-            harmonic: np.clip(
+            place: np.clip(
                 (_WORTH + np.sum(seen, axis=0)) / (_WORTH + len(seen)), _LEAST_SCALE, _MOST_SCALE
             )
-            for harmonic, seen in found.items()
+            for place, seen in found.items()
         }
 
     def deviation(
@@ -361,12 +401,13 @@ class GearLaw:
         GearDeviation or None
             None if too few lines are shared.
         """
-        top = min(len(self.patterns[0].usable) - 1, int(wheel.number.max(initial=0)))
+        top = min(self.patterns[0].top, int(wheel.number.max(initial=0)))
         new = GearPattern.of(wheel, channels, top)
         law = self._cut(top)
-        known = law._predicted(state)[0]
-        angle = 0.0 if same_zero else turning(known, new, wheel.teeth)
-        bands = tuple(law._bands(new, state, angle, self._scales))
+        known, spread = law._predicted(state)
+        known, angle = (known, 0.0) if same_zero else known.turned_to(new, wheel.teeth)
+        bands = tuple(law._bands(new, known, spread, self._scales))
+        meshes = np.abs(new.amplitude[:, :: wheel.teeth]) ** 2
         if not bands:
             return None
         return GearDeviation(
@@ -375,7 +416,8 @@ class GearLaw:
             teeth=wheel.teeth,
             order=wheel.order,
             bands=bands,
-            mesh_power=np.abs(new.amplitude[:, :: wheel.teeth]) ** 2,
+            # planets may put a mesh harmonic a turn of the carrier beside its place
+            mesh_power=meshes.reshape(-1, new.channels, meshes.shape[1]).sum(axis=0),
             shift_turns=angle,
         )
 
@@ -384,10 +426,11 @@ class GearLaw:
         return replace(
             self,
             patterns=tuple(
-                GearPattern(
+                replace(
+                    p,
                     amplitude=p.amplitude[:, short],
                     variance=p.variance[:, short],
-                    usable=p.usable[short],
+                    usable=p.usable[:, short],
                 )
                 for p in self.patterns
             ),
@@ -397,7 +440,8 @@ class GearLaw:
         """Healthy pattern at a state, and the variance of departures from it."""
         kriging = Kriging.of(self.states, state, _SCATTER, _SLOPE)
         weights = kriging.weights
-        pattern = GearPattern(
+        pattern = replace(
+            self.patterns[0],
             amplitude=np.tensordot(weights, [p.amplitude for p in self.patterns], 1),
             variance=np.tensordot(weights**2, [p.variance for p in self.patterns], 1),
             usable=np.logical_and.reduce([p.usable for p in self.patterns]),
@@ -405,23 +449,30 @@ class GearLaw:
         return pattern, kriging.spread
 
     def _bands(
-        self, new: GearPattern, state: FloatArray, angle: float, scales: dict[int, FloatArray]
+        self,
+        new: GearPattern,
+        known: GearPattern,
+        spread: float,
+        scales: dict[tuple[int, int], FloatArray],
     ) -> list[BandDeviation]:
-        known, spread = self._predicted(state)
-        known = known.turned(angle)
-        usable = known.usable & new.usable
         teeth, found = self.wheel.teeth, []
-        for harmonic, band in enumerate(mesh_bands(teeth, len(usable) - 1), start=1):
-            use = band[usable[band]]
+        harmonics = list(enumerate(mesh_bands(teeth, new.top), start=1))
+        for (place, usable), (harmonic, band) in product(
+            enumerate(known.usable & new.usable), harmonics
+        ):
+            use, side = band[usable[band]], _SIDES[place]
             offset = use - teeth * harmonic
             far = np.abs(offset) > NEAR
             if far.sum() < _LEAST_LINES:
                 continue
-            scale = scales.get(harmonic, np.ones(len(new.amplitude)))
-            pattern = known.amplitude[:, use]
-            noise = new.variance[:, use] + known.variance[:, use]
+            rows = slice(place * new.channels, (place + 1) * new.channels)
+            scale = scales.get((side, harmonic), np.ones(new.channels))
+            pattern = known.amplitude[rows, use]
+            noise = new.variance[rows, use] + known.variance[rows, use]
             variance = noise + (spread * scale)[:, None] * _loudness(pattern, offset)
-            rest = _without_gain(new.amplitude[:, use] - pattern, pattern, variance, offset / teeth)
+            rest = _without_gain(
+                new.amplitude[rows, use] - pattern, pattern, variance, offset / teeth
+            )
             found.append(
                 BandDeviation(
                     harmonic=harmonic,
@@ -431,6 +482,7 @@ class GearLaw:
                     noise=np.sqrt(noise[:, far]),
                     pattern=(pattern / np.sqrt(variance))[:, far],
                     scale=float(np.mean(scale)),
+                    side=side,
                 )
             )
         return found
@@ -444,13 +496,14 @@ def _without_gain(
     Ridge regression with the gains' prior; what it takes away of the degrees of freedom is made up.
     """
     weight = 1.0 / np.sqrt(variance)
-    powers = place ** np.arange(len(_GAIN))[:, None]
-    columns = _GAIN[:, None] * powers * (pattern * weight)[:, None, :]
+    told = max(1, min(len(_GAIN), len(place) // _LINES_A_GAIN))
+    powers = place ** np.arange(told)[:, None]
+    columns = _GAIN[:told, None] * powers * (pattern * weight)[:, None, :]
     value = rest * weight
     gram = columns.conj() @ columns.swapaxes(1, 2)
-    inverse = np.linalg.inv(gram + np.eye(len(_GAIN)))
-    told = np.einsum("cij,cjn,cn->ci", inverse, columns.conj(), value)
-    left = value - np.einsum("ci,cin->cn", told, columns)
+    inverse = np.linalg.inv(gram + np.eye(told))
+    gain = np.einsum("cij,cjn,cn->ci", inverse, columns.conj(), value)
+    left = value - np.einsum("ci,cin->cn", gain, columns)
     freedom = np.einsum("cij,cji->c", inverse, gram).real
     lines = value.shape[1]
     return np.asarray(left * np.sqrt(lines / np.maximum(1.0, lines - freedom))[:, None])
@@ -494,10 +547,8 @@ def turning(known: GearPattern, new: GearPattern, teeth: int) -> float:
         leaves least at most of the teeth: a damaged tooth may be louder than all else and draws the
         pattern to whichever healthy tooth departs most.
     """
-    bands = [
-        band[new.usable[band] & known.usable[band]]
-        for band in mesh_bands(teeth, len(new.usable) - 1)
-    ]
+    usable = new.usable[0] & known.usable[0]
+    bands = [band[usable[band]] for band in mesh_bands(teeth, new.top)]
     bands = [band for band in bands if len(band) >= _LEAST_LINES]
     if not bands:
         return 0.0
@@ -578,7 +629,7 @@ def _likely_angles(
     known: GearPattern, new: GearPattern, bands: Sequence[IntArray], teeth: int
 ) -> FloatArray:
     """Angles [turns] at which the healthy pattern explains most of the new one, best first."""
-    top = len(new.usable) - 1
+    top = new.top
     # eight steps per cycle of the highest line: the best angle is met within 3 per cent of power
     steps = 1 << int(np.ceil(np.log2(8 * (top + 1))))
     explained = np.zeros(steps)
@@ -641,11 +692,12 @@ def turned_alike(
         pattern = GearPattern.of(wheel, own, top)
         if found and not same_zero:
             # the mean of those that are turned already: it is surer than any one
-            mean = GearPattern(
+            mean = replace(
+                found[0],
                 amplitude=np.mean([p.amplitude for p in found], axis=0),
                 variance=np.mean([p.variance for p in found], axis=0) / len(found),
                 usable=np.logical_and.reduce([p.usable for p in found]),
             )
-            pattern = pattern.turned(turning(pattern, mean, wheel.teeth))
+            pattern, _ = pattern.turned_to(mean, wheel.teeth)
         found.append(pattern)
     return tuple(found)

@@ -9,7 +9,7 @@ harmonics also have names (`machine_marks`), for the peaks of a spectrum.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
@@ -115,6 +115,11 @@ class WheelLines:
         Position of each in the plan's orders.
     mesh : ndarray of bool, shape (lines,)
         Whether the line is a harmonic of any mesh.
+    beside : ndarray of int, shape (0 or 2, lines)
+        Position of the lines a turn of the carrier below and above each, where passing planets put
+        what damage of a tooth adds (`Mesh.brought_alike`); -1 elsewhere and for harmonics of a
+        mesh. None of gears that planets do not pass, and of one that stands still: its own turn is
+        the carrier's.
     """
 
     stage: int
@@ -125,10 +130,17 @@ class WheelLines:
     number: IntArray
     lines: IntArray
     mesh: BoolArray
+    beside: IntArray
 
     @classmethod
     def of(
-        cls, stage: int, wheel: Wheel, number: IntArray, lines: IntArray, mesh: BoolArray
+        cls,
+        stage: int,
+        wheel: Wheel,
+        number: IntArray,
+        lines: IntArray,
+        mesh: BoolArray,
+        beside: Sequence[IntArray] = (),
     ) -> WheelLines:
         """Return the lines of a gear."""
         return cls(
@@ -140,6 +152,7 @@ class WheelLines:
             number=number,
             lines=lines,
             mesh=mesh,
+            beside=np.array(beside, dtype=np.int64).reshape(len(beside), len(number)),
         )
 
 
@@ -207,6 +220,11 @@ def line_plan(
         for k in claims.harmonics(mesh):
             for r in range(-(wheel.teeth // 2), wheel.teeth // 2 + 1):
                 claims.add(k * centre + r * turning, 10**6, None)
+                for side in _sides(mesh, wheel, finest_spacing):
+                    order = k * centre + r * turning + side * claims.units(mesh.carrier)
+                    step, first = mesh.brought_alike(wheel.gear, side)
+                    if (k * wheel.teeth + r) % step == first:
+                        claims.add(order, 10**6, None)
     if not claims.owner:  # no mesh can be seen at this sampling rate: at least the shafts
         for rotation in train.shafts:
             claims.add(claims.units(rotation.exact), 10**6, None)
@@ -221,9 +239,16 @@ def line_plan(
         orders=np.array([order / unit for order in exact]),
         families=tuple(_families(claims, position)),
         wheels=tuple(
-            _wheel_lines(mesh.stage, wheel, position, meshes, claims) for mesh, wheel in wheels
+            _wheel_lines(mesh, wheel, position, meshes, claims, _sides(mesh, wheel, finest_spacing))
+            for mesh, wheel in wheels
         ),
     )
+
+
+def _sides(mesh: Mesh, wheel: Wheel, finest_spacing: float) -> tuple[int, ...]:
+    """Return on which sides of multiples of a gear's turn passing planets are heard."""
+    told = mesh.carrier != 0 and abs(mesh.carrier) >= finest_spacing
+    return (-1, 1) if told and wheel.exact != 0 else ()
 
 
 def _common_denominator(train: Kinematics) -> int:
@@ -359,15 +384,26 @@ def _families(claims: _Claims, position: dict[int, int]) -> Iterator[Family]:
 
 
 def _wheel_lines(
-    stage: int, wheel: Wheel, position: dict[int, int], meshes: set[int], claims: _Claims
+    mesh: Mesh,
+    wheel: Wheel,
+    position: dict[int, int],
+    meshes: set[int],
+    claims: _Claims,
+    sides: tuple[int, ...],
 ) -> WheelLines:
     turning = claims.units(wheel.exact_relative)
     last = int(claims.top / wheel.exact_relative)
     multiples = ((n, n * turning) for n in range(1, last + 1))
     held = [(n, order, position[order]) for n, order in multiples if order in position]
     number, lines = (np.array([one[k] for one in held], dtype=np.int64) for k in (0, 2))
-    mesh = np.array([order in meshes for _, order, _ in held], dtype=bool)
-    return WheelLines.of(stage, wheel, number, lines, mesh)
+    of_mesh = np.array([order in meshes for _, order, _ in held], dtype=bool)
+    beside = []
+    for side in sides:
+        step, first = mesh.brought_alike(wheel.gear, side)
+        orders = [order + side * claims.units(mesh.carrier) for _, order, _ in held]
+        places = np.array([-1 if n in meshes else position.get(n, -1) for n in orders])
+        beside.append(np.where(number % step == first, places, -1))
+    return WheelLines.of(mesh.stage, wheel, number, lines, of_mesh, beside)
 
 
 def known_orders(train: Kinematics, top: float, width: float) -> FloatArray:

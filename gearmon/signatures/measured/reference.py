@@ -78,6 +78,9 @@ class WheelPattern:
         Variance of that mean, see `variance_of_mean`.
     order : float
         Rotation of the gear, in turns of shaft 1.
+    beside, beside_variance : ndarray, shape (2, channels, lines), or empty
+        The same a turn of the carrier below and above each, see `WheelLines`; variance 0 where
+        nothing was measured.
     """
 
     stage: int
@@ -88,14 +91,22 @@ class WheelPattern:
     mesh: NDArray[np.bool_]
     amplitude: ComplexArray
     variance: FloatArray
+    beside: ComplexArray = field(default_factory=lambda: np.zeros((0, 0, 0), dtype=complex))
+    beside_variance: FloatArray = field(default_factory=lambda: np.zeros((0, 0, 0)))
 
     @classmethod
     def of(cls, wheel: WheelLines, lines: OrderLines) -> WheelPattern:
         """Return the pattern of a gear from measured lines."""
-        blocks = lines.amplitude[:, :, wheel.lines]
+        places = np.concatenate([wheel.lines[None], wheel.beside])
+        blocks = lines.amplitude[:, :, places]
         # a few blocks tell little about their scatter: the noise between the lines helps
-        floor = lines.noise[:, wheel.lines] / max(1.0, lines.independent_blocks)
+        floor = lines.noise[:, places] / max(1.0, lines.independent_blocks)
         least = _LEAST_OF_FEW if len(blocks) < _FEW_BLOCKS else _LEAST
+        variance = np.maximum(variance_of_mean(blocks), least * floor)
+        amplitude, variance = (
+            np.where(places >= 0, own, 0.0).swapaxes(0, 1)
+            for own in (blocks.mean(axis=0), variance)
+        )
         return cls(
             stage=wheel.stage,
             gear=wheel.gear,
@@ -103,8 +114,10 @@ class WheelPattern:
             order=wheel.order,
             number=wheel.number,
             mesh=wheel.mesh,
-            amplitude=blocks.mean(axis=0),
-            variance=np.maximum(variance_of_mean(blocks), least * floor),
+            amplitude=amplitude[0],
+            variance=variance[0],
+            beside=amplitude[1:],
+            beside_variance=variance[1:],
         )
 
 
@@ -408,9 +421,13 @@ def _check_wheel(wheel: WheelPattern, channels: int) -> None:
     _need(wheel.number.shape == wheel.mesh.shape == (lines,), "lines")
     _need(bool(((wheel.number > 0) & (wheel.number < _MOST_LINES)).all()), "lines")
     _need(wheel.amplitude.shape == wheel.variance.shape == (channels, lines), "amplitudes")
-    _need(bool((np.abs(wheel.amplitude) < _MOST_AMPLITUDE).all()), "amplitudes")
-    positive = (wheel.variance >= 0) & (wheel.variance < _MOST_AMPLITUDE**2)
-    _need(bool(positive.all()), "variances")
+    _need(wheel.beside.shape == wheel.beside_variance.shape, "amplitudes")
+    _need(not wheel.beside.size or wheel.beside.shape == (2, channels, lines), "amplitudes")
+    for amplitude in (wheel.amplitude, wheel.beside):
+        _need(bool((np.abs(amplitude) < _MOST_AMPLITUDE).all()), "amplitudes")
+    for variance in (wheel.variance, wheel.beside_variance):
+        positive = (variance >= 0) & (variance < _MOST_AMPLITUDE**2)
+        _need(bool(positive.all()), "variances")
 
 
 def _need(ok: bool, what: str) -> None:

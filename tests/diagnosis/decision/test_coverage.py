@@ -1,6 +1,7 @@
 """What a healthy verdict is worth: the damage that would have been heard."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -9,8 +10,11 @@ from reference.gear_departures import complex_noise
 from gearmon.diagnosis.decision.coverage import heard_from, noticed_from
 from gearmon.diagnosis.decision.thresholds import LIMITS
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence
+from gearmon.diagnosis.hypotheses.tooth_search import search_gear
 from gearmon.diagnosis.law import GearDeviation
 from gearmon.diagnosis.law.gear_lines import BandDeviation
+from gearmon.machine import Machine, OperatingPoint, ParallelStage
+from gearmon.signatures.expected.tooth_response import tooth_response
 
 TEETH, BANDS = 23, 6
 
@@ -18,7 +22,7 @@ TEETH, BANDS = 23, 6
 def gear(mesh_power=1e5, departs=1.0, loaded=1.0):
     """A sound gear whose lines depart by some times what noise lets expect."""
     rng = np.random.default_rng(5)
-    bands = []
+    bands, mesh = [], response().mesh[: BANDS + 1]
     for k in range(1, BANDS + 1):
         number = k * TEETH + np.setdiff1d(np.arange(-11, 12), range(-2, 3))
         noise = np.ones((2, len(number)))
@@ -38,14 +42,23 @@ def gear(mesh_power=1e5, departs=1.0, loaded=1.0):
         teeth=TEETH,
         order=1.0,
         bands=tuple(bands),
-        mesh_power=np.full((2, BANDS + 1), mesh_power),
+        mesh_power=mesh_power * np.abs(np.tile(mesh / mesh[1], (2, 1))) ** 2,
         shift_turns=0.0,
     )
-    return GearEvidence(deviation=deviation, search=None, loaded=loaded)
+    return GearEvidence(
+        deviation=deviation, search=search_gear(deviation, response(), 25.0), loaded=loaded
+    )
+
+
+@cache
+def response():
+    stage = ParallelStage(pinion_teeth=TEETH, gear_teeth=47, module_mm=2.0, face_width_mm=20.0)
+    pair = Machine(name="pair", operating=(OperatingPoint(speed_rpm=1500.0),), stages=(stage,))
+    return tooth_response(pair, 1, "pinion", (BANDS + 1.0) * TEETH)
 
 
 def test_a_louder_path_lets_smaller_losses_be_heard():
-    losses = [heard_from(gear(power)) for power in (1e4, 1e5, 1e6)]
+    losses = [heard_from(gear(power)) for power in (1e2, 1e3, 1e4)]
     assert losses == sorted(losses, reverse=True)
     # ten times the power is sqrt(10) times the amplitude
     assert losses[1] / losses[2] == pytest.approx(10**0.5, rel=0.25)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -21,7 +23,8 @@ def pattern(lines, noise, rng):
     return GearPattern(
         amplitude=lines + noise * complex_noise(rng, *lines.shape),
         variance=np.full(lines.shape, max(noise, 1e-6) ** 2),
-        usable=(NUMBER > 0) & (NUMBER % TEETH > 0),
+        usable=((NUMBER > 0) & (NUMBER % TEETH > 0))[None],
+        channels=2,
     )
 
 
@@ -64,13 +67,7 @@ def test_a_loud_tooth_does_not_turn_the_gear(event):
 @pytest.mark.parametrize("event", [0.0, 5.0])
 def test_nothing_healthy_to_turn_is_no_error(event):
     known, new = pair(1, 0.3, event=event)
-    silent = GearPattern(
-        amplitude=np.zeros_like(known.amplitude), variance=known.variance, usable=known.usable
-    )
+    silent = replace(known, amplitude=np.zeros_like(known.amplitude))
     assert 0.0 <= turning(silent, new, TEETH) < 1.0
-    none = GearPattern(
-        amplitude=known.amplitude,
-        variance=known.variance,
-        usable=np.zeros_like(known.usable),
-    )
+    none = replace(known, usable=np.zeros_like(known.usable))
     assert 0.0 <= turning(none, new, TEETH) < 1.0
