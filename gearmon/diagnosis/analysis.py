@@ -345,10 +345,7 @@ class _Compared:
             return np.inf
         found, plan, lines = finding.best, self.signature.plan, self.signature.lines
         wheel = next(own for own in plan.wheels if (own.stage, own.gear) == found.key)
-        if len(wheel.beside):  # planets pass: damage is heard beside these lines, not in them
-            return np.inf
-        blocks = lines.amplitude[:, list(self.rows)][:, :, wheel.lines]
-        return found.deviation.recurrence(found.tooth, blocks, wheel.number)
+        return found.deviation.recurrence(found.tooth, lines.amplitude[:, list(self.rows)], wheel)
 
     def _flags(
         self, evidence: Evidence, changes: tuple[Change, ...], profiles: Sequence[ToothProfile]

@@ -70,7 +70,8 @@ class Limits:
     recurs : float
         Energy at a tooth over what the scatter of its blocks leaves there, below which it does not
         come again with every turn. Recordings of four drawn machines with 1 to 20 knocks of up to
-        twenty times the rest: 2.4 at most; 15 % on a tooth, in 2 s with 3 blocks too: 16 and more.
+        twenty times the rest: 2.4 at most; 15 % on a tooth, in 2 s with 3 blocks too: 16 and more,
+        7 to 15 % on a planet, beside its lines: 5 and more.
     knocks : float
         Share of the blocks with knocks from which levels call no fault.
     lightly_loaded : float
@@ -102,7 +103,7 @@ class Limits:
     angle_unsure: float = 0.1
     angle_slipped: float = 0.5
     unsure_share: float = 0.5
-    recurs: float = 6.0
+    recurs: float = 4.0
     knocks: float = 0.2
     lightly_loaded: float = 0.5
     must_notice: float = 0.4

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.diagnosis.law.state import Kriging
+from gearmon.signatures.measured.line_plan import WheelLines
 from gearmon.signatures.measured.reference import WheelPattern
 
 FloatArray = NDArray[np.float64]
@@ -276,7 +277,7 @@ class GearDeviation:
         """`expected_around` at each tooth's contact, shape (teeth,)."""
         return self.expected_around[np.arange(self.teeth) * _STEPS]
 
-    def recurrence(self, tooth: int, blocks: ComplexArray, number: IntArray) -> float:
+    def recurrence(self, tooth: int, blocks: ComplexArray, wheel: WheelLines) -> float:
         """Return the energy at a tooth over what the scatter of the blocks leaves there.
 
         Parameters
@@ -284,9 +285,9 @@ class GearDeviation:
         tooth : int
             From 0.
         blocks : ndarray of complex, shape (blocks, channels, lines)
-            The recording's lines of this gear, block by block.
-        number : ndarray of int, shape (lines,)
-            Which multiple of the rotation each is, ascending.
+            The recording's lines, block by block.
+        wheel : WheelLines
+            Which of them are this gear's.
 
         Notes
         -----
@@ -295,11 +296,11 @@ class GearDeviation:
         count, scatter = len(blocks), np.zeros(_STEPS * self.teeth)
         if count < 2:
             return float("inf")
-        parts = [blocks[:, :, np.searchsorted(number, band.number)] for band in self.bands]
-        parts = [
-            (part - part.mean(axis=0)) / band.deviation
-            for part, band in zip(parts, self.bands, strict=True)
-        ]
+        sides = dict(zip(_SIDES, (wheel.lines, *wheel.beside), strict=False))
+        parts = []
+        for band in self.bands:
+            own = blocks[:, :, sides[band.side][np.searchsorted(wheel.number, band.number)]]
+            parts.append((own - own.mean(axis=0)) / band.deviation)
         for each in zip(*parts, strict=True):
             scatter += self._around(each)
         return float(self._energy[tooth * _STEPS] * count * (count - 1) / scatter[tooth * _STEPS])
