@@ -340,12 +340,15 @@ class _Compared:
         )
 
     def _recurrence(self, finding: ToothFinding | None) -> float:
-        """How surely what was found comes again with every turn; not asked where it is weak."""
+        """How surely what was found comes again; not asked where it is weak or nothing knocks."""
         if finding is None or tooth_strength(finding.evidence) < LIMITS.open:
             return np.inf
         found, plan, lines = finding.best, self.signature.plan, self.signature.lines
         wheel = next(own for own in plan.wheels if (own.stage, own.gear) == found.key)
-        return found.deviation.recurrence(found.tooth, lines.amplitude[:, list(self.rows)], wheel)
+        blocks = lines.amplitude[:, list(self.rows)]
+        again, scatter = found.deviation.recurrence(found.tooth, blocks, wheel)
+        knocked = scatter > LIMITS.knock_scatter or lines.knocked > LIMITS.knocks
+        return again if knocked else np.inf
 
     def _flags(
         self, evidence: Evidence, changes: tuple[Change, ...], profiles: Sequence[ToothProfile]

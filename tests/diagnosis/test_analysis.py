@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -26,7 +27,7 @@ from gearmon.diagnosis.decision import LIMITS
 from gearmon.diagnosis.results import VERDICTS
 from gearmon.errors import ArgumentError, RecordingError
 from gearmon.gears.faults import parse_fault
-from gearmon.machine import Machine, OperatingPoint, ParallelStage
+from gearmon.machine import Machine, OperatingPoint, ParallelStage, load_machine
 from gearmon.signals.recording import Recording
 from gearmon.signals.tracking import find_pulses
 from gearmon.simulation import simulate
@@ -445,3 +446,14 @@ def test_a_tooth_is_found_between_knocks():
     told = analyse(replace(own, samples=samples), machine(), reference())
     assert told.verdict == "fault"
     assert (told.flags[0].gear, told.flags[0].tooth) == ("pinion", 7)
+
+
+def test_a_tooth_that_few_lines_tell_of_is_no_knock():
+    # most lines of this pinion are noise: its own scatter there is that of everywhere
+    combine = load_machine(Path(__file__).parents[2] / "signatures" / "combine_gearbox.toml")
+    own = {"machine_seed": 2}
+    healthy = learn([simulate(combine, load=0.8, recording_seed=1, **own)], combine)
+    cracked = simulate(combine, "crack:1:pinion:3:30%", load=0.9, recording_seed=2, **own)
+    told = analyse(cracked, combine, healthy)
+    assert told.verdict == "fault"
+    assert (told.flags[0].stage, told.flags[0].gear) == (1, "pinion")

@@ -53,7 +53,8 @@ class Evidence:
     lost : bool
         Whether the lines do not stand still in it, all along.
     recurrence : float
-        How surely the finding comes again with every turn, see `GearDeviation.recurrence`.
+        How surely the finding comes again with every turn, see `GearDeviation.recurrence`; infinite
+        where nothing knocks.
     knocks : float, in [0, 1]
         Share of the recording that bears knocks from outside.
     """

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.diagnosis.law.state import Kriging
+from gearmon.signals.orders import variance_of_mean
 from gearmon.signatures.measured.line_plan import WheelLines
 from gearmon.signatures.measured.reference import WheelPattern
 
@@ -277,8 +278,10 @@ class GearDeviation:
         """`expected_around` at each tooth's contact, shape (teeth,)."""
         return self.expected_around[np.arange(self.teeth) * _STEPS]
 
-    def recurrence(self, tooth: int, blocks: ComplexArray, wheel: WheelLines) -> float:
-        """Return the energy at a tooth over what the scatter of the blocks leaves there.
+    def recurrence(
+        self, tooth: int, blocks: ComplexArray, wheel: WheelLines
+    ) -> tuple[float, float]:
+        """Tell whether what is at a tooth comes again with every turn.
 
         Parameters
         ----------
@@ -289,21 +292,36 @@ class GearDeviation:
         wheel : WheelLines
             Which of them are this gear's.
 
+        Returns
+        -------
+        again : float
+            Energy over what the scatter of the blocks leaves there: about 1 for what came in one
+            block alone, however loud, k for what came in k of many. Low, too, where few of the
+            lines tell of a weak event.
+        scatter : float
+            That scatter over the one at the median tooth: knocks scatter where they are.
+
         Notes
         -----
-        About 1 for what came in one block alone, however loud; k for what came in k of many.
+        Lines of another stage, which turn from block to block, cancel in the mean as
+        `variance_of_mean` has it.
         """
-        count, scatter = len(blocks), np.zeros(_STEPS * self.teeth)
-        if count < 2:
-            return float("inf")
+        if len(blocks) < 2:
+            return float("inf"), 1.0
+        together = -(-len(blocks) // _MOST_BLOCKS)
+        some = blocks[: len(blocks) // together * together]
+        some = some.reshape(-1, together, *blocks.shape[1:]).mean(axis=1)
+        steps = np.add.outer(np.arange(self.teeth) * _STEPS + _WINDOW, np.arange(0, 2 * _STEPS, 4))
+        met = np.add.outer(np.arange(self.meetings) / self.meetings, steps / _STEPS / self.teeth)
         sides = dict(zip(_SIDES, (wheel.lines, *wheel.beside), strict=False))
-        parts = []
+        scatter = np.zeros(self.teeth)
         for band in self.bands:
-            own = blocks[:, :, sides[band.side][np.searchsorted(wheel.number, band.number)]]
-            parts.append((own - own.mean(axis=0)) / band.deviation)
-        for each in zip(*parts, strict=True):
-            scatter += self._around(each)
-        return float(self._energy[tooth * _STEPS] * count * (count - 1) / scatter[tooth * _STEPS])
+            own = some[:, :, sides[band.side][np.searchsorted(wheel.number, band.number)]]
+            waves = np.exp(2j * np.pi * np.outer(band.number, met.ravel()))
+            told = variance_of_mean((own / band.deviation) @ waves).reshape(-1, *met.shape)
+            scatter += told.sum(axis=0).mean(axis=(0, 2))
+        again = float(self._energy[tooth * _STEPS] / scatter[tooth])
+        return again, float(scatter[tooth] / np.median(scatter))
 
     @cached_property
     def _energy(self) -> FloatArray:
@@ -325,9 +343,8 @@ class GearDeviation:
             lines[:, band.number % steps] = values
             energy += np.sum(np.abs(np.fft.ifft(lines, axis=1) * steps) ** 2, axis=0)
         wide = 2 * _STEPS
-        middle = round((_CONTACT_CENTRE - 1.0) * _STEPS)
         ends = np.concatenate([[0.0], np.cumsum(np.tile(energy, 3))])
-        first = steps + np.arange(steps) + middle
+        first = steps + np.arange(steps) + _WINDOW
         window: FloatArray = (ends[first + wide] - ends[first]) / wide
         again = np.rint(np.arange(self.meetings) * steps / self.meetings).astype(int)
         met: FloatArray = window[(np.arange(steps)[:, None] + again) % steps].mean(axis=1)
@@ -337,6 +354,10 @@ class GearDeviation:
 # Steps of the waveform for each tooth, and the middle of the contact of tooth 1 [teeth] after the
 # angle zero: tooth j is in contact from j - 1 to about j + 0.6 mesh periods after it.
 _STEPS, _CONTACT_CENTRE = 8, 0.8
+# Blocks by which it is told whether an event comes again, at most.
+_MOST_BLOCKS = 256
+# Step at which the window of two teeth about that middle begins.
+_WINDOW = round((_CONTACT_CENTRE - 1.0) * _STEPS)
 #: The same for others.
 CONTACT_CENTRE = _CONTACT_CENTRE
 
