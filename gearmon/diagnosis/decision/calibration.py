@@ -21,6 +21,8 @@ SHARES = (0.9, 0.7, 0.5, 0.3, 0.2, 0.1, 0.05, 0.02, 0.01)
 #: Distance of states [nepers of load] from which a recording counts as far from its references.
 FAR = 0.25
 _DECADE = 1.0
+# Least logarithm of a probability: it stays a number above 0, whatever the strength.
+_LEAST = -300.0
 
 
 def situation(references: int, gap: float) -> str:
@@ -62,7 +64,8 @@ def probability_of(strength: float, known: Sequence[float], shares: Sequence[flo
         # weaker than what nine of ten show: between there and certainty
         return float(shares[0] + (1.0 - shares[0]) * min(1.0, known[0] - strength))
     if strength >= known[-1]:
-        return float(10.0 ** (logs[-1] - (strength - known[-1]) / _DECADE))
+        beyond = logs[-1] - (strength - known[-1]) / _DECADE
+        return float(10.0 ** max(beyond, _LEAST))
     return float(10.0 ** np.interp(strength, known, logs))
 
 

@@ -45,3 +45,7 @@ def test_situations_tell_one_reference_from_several_and_near_from_far():
     names = {situation(n, gap) for n in (1, 2, 5) for gap in (0.0, 2 * FAR)}
     assert names == {"one, near", "one, far", "several, near", "several, far"}
     assert list(SHARES) == sorted(SHARES, reverse=True)
+
+
+def test_however_strong_the_evidence_a_probability_is_above_zero():
+    assert 0.0 < false_alarm_probability(1e6, 3, 0.0) < 1e-290
