@@ -319,16 +319,15 @@ def _modes_lines(found: Modes) -> list[str]:
 )
 def simulate(arguments: argparse.Namespace) -> int:
     """Run `gearmon simulate`."""
-    from gearmon.gears.faults import parse_fault
     from gearmon.simulation import simulate, write_simulation
 
     if not arguments.output:
         raise ArgumentError("simulate: -o PATH is missing; name the CSV file to write")
     machine = machine_of(arguments.machine)
-    faults, given = [parse_fault(text) for text in arguments.fault], vars(arguments)
+    given = vars(arguments)
     settings = {name: given[own[0][2:].replace("-", "_")] for name, own in _SETTINGS.items()}
     tacho, progress = 1 if arguments.tacho else None, arguments.progress
-    recording = simulate(machine, faults, **settings, tacho_shaft=tacho, progress=progress)
+    recording = simulate(machine, arguments.fault, **settings, tacho_shaft=tacho, progress=progress)
     files = write_simulation(recording, arguments.output, with_time=not arguments.no_time)
     result = {"recording": str(files[0]), "truth": str(files[1])}
     show(arguments, result, lambda: [f"wrote {files[0]} and {files[1]}"])
