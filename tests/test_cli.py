@@ -181,6 +181,17 @@ def test_simulate_writes_recording_and_truth(run, tmp_path):
     assert again.read_bytes() == target.read_bytes()
 
 
+def test_simulate_takes_errors_of_gears_or_says_why_not(run, tmp_path):
+    target = tmp_path / "runout.csv"
+    options = ["--duration", "0.3", "--sampling-rate", "8000", "-o", target]
+    runout = "eccentricity:1:pinion:all:20um"
+    assert run("simulate", "machine.toml", "--fault", runout, *options)[0] == 0
+    assert json.loads(target.with_suffix(".json").read_text())["faults"][0]["fault"] == runout
+    code, out, err = run("simulate", "machine.toml", "--fault", "profile:1:pinion:3:8um", *options)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "of all teeth alike, profile" in err
+
+
 def test_healthy_recording_exits_with_0(run):
     code, out, err = run(*analyse("new.csv"), "--reference", "healthy.ref", "--json")
     assert (code, err) == (0, "")

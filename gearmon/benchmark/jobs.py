@@ -33,7 +33,7 @@ from gearmon.benchmark.contenders import (
     with_ratios,
 )
 from gearmon.benchmark.equations import Case, Complex, Real, folded, pair, solve_reference
-from gearmon.benchmark.rivals import least_within, numba_is_installed
+from gearmon.benchmark.rivals import least_within, numba_is_installed, rk4_step
 from gearmon.dynamics.stability import FourierShape, stability_chart
 from gearmon.machine import load_machine
 from gearmon.signatures.expected.contact_motion import fourier_sums
@@ -229,17 +229,7 @@ def _kernels() -> tuple[Callable[..., Any], Callable[..., Any]]:
     """Compile the loops over the points of a chart, and over the steps of a turn."""
     from numba import njit, prange  # type: ignore[import-not-found,import-untyped,unused-ignore]
 
-    @njit(fastmath=True)  # type: ignore[untyped-decorator,unused-ignore]
-    def move(z, v, force, k1, k2, k3, damping, h):  # type: ignore[no-untyped-def]
-        a1 = force - damping * v - k1 * z
-        v2 = v + 0.5 * h * a1
-        a2 = force - damping * v2 - k2 * (z + 0.5 * h * v)
-        v3 = v + 0.5 * h * a2
-        a3 = force - damping * v3 - k2 * (z + 0.5 * h * v2)
-        v4 = v + h * a3
-        a4 = force - damping * v4 - k3 * (z + h * v3)
-        sixth = h / 6
-        return z + sixth * (v + 2 * (v2 + v3) + v4), v + sixth * (a1 + 2 * (a2 + a3) + a4)
+    move = rk4_step()
 
     @njit(fastmath=True, parallel=True)  # type: ignore[untyped-decorator,unused-ignore]
     def chart(ratios, variations, zeta, values, found):  # type: ignore[no-untyped-def]

@@ -92,7 +92,8 @@ def dynamics_figures(rows: Sequence[Row]) -> dict[str, Figure]:
     for ax, name in zip(axes, cases, strict=False):
         plot_work_precision(table[table["case"] == name], ax)
         ax.set_title(name, fontsize=9)
-    figure.supxlabel("relative L2 error of acceleration, more accurate to the right", fontsize=9)
+    told = "relative L2 error of acceleration (of a chart: error of ln of the multiplier)"
+    figure.supxlabel(f"{told}, more accurate to the right", fontsize=9)
     figure.supylabel("median run time in s", fontsize=9)
     drawn = [name for name in STYLES if name in set(table["method"])]
     handles = [axes[-1].plot([], [], **_line(STYLES[name]), label=name)[0] for name in drawn]

@@ -361,8 +361,8 @@ def _shares(steps: int) -> Real:
 
 
 @lru_cache(maxsize=1)
-def _kernels() -> tuple[Callable[..., Any], Callable[..., Any]]:
-    """Compile both loops; the step is written out, so that nothing is called within."""
+def rk4_step() -> Callable[..., Any]:
+    """Compile one step of a motion; it is written out, so that nothing is called within."""
     from numba import njit  # type: ignore[import-not-found,import-untyped,unused-ignore]
 
     @njit(fastmath=True)  # type: ignore[untyped-decorator,unused-ignore]
@@ -376,6 +376,16 @@ def _kernels() -> tuple[Callable[..., Any], Callable[..., Any]]:
         a4 = force - damping * v4 - k3 * (z + h * v3)
         sixth = h / 6
         return z + sixth * (v + 2 * (v2 + v3) + v4), v + sixth * (a1 + 2 * (a2 + a3) + a4)
+
+    return move  # type: ignore[no-any-return,unused-ignore]
+
+
+@lru_cache(maxsize=1)
+def _kernels() -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """Compile both loops over the steps of a period."""
+    from numba import njit  # type: ignore[import-not-found,import-untyped,unused-ignore]
+
+    move = rk4_step()
 
     @njit(fastmath=True)  # type: ignore[untyped-decorator,unused-ignore]
     def from_rest(begin, middle, end, zeta, h, before, z, v, out):  # type: ignore[no-untyped-def]

@@ -89,8 +89,9 @@ class Evidence:
             "lines of no gear": rare_strength([one.log10_probability for one in self.nongear]),
         }
         if self.finding is not None:
-            strength = tooth_strength(self.finding.evidence)
-            told["tooth"] = min(strength, 0.0 if self.recurrence < LIMITS.recurs else np.inf)
+            told["tooth"] = tooth_strength(self.finding.evidence)
+            if self.recurrence < LIMITS.recurs:
+                told["tooth"] = min(0.0, told["tooth"])
         unsure = np.isfinite(self.angle) and self.angle > LIMITS.angle_unsure
         # gears that begin to lose contact, and what a smeared angle does to their lines
         lighter = 1.0 + LIMITS.light_weight * max(0.0, min(deviation.light, LENGTH) - FAR)
