@@ -201,7 +201,7 @@ def reference_of(arguments: argparse.Namespace, machine: Machine) -> Reference |
         metavar="FILE",
         help="classifier of this machine; trained and written to this file if there is none",
     ),
-    number("--examples", EXAMPLES, "N", "simulated machines to train it on, in a minute"),
+    number("--examples", EXAMPLES, "N", "simulated machines to train it on, in ten seconds"),
     number("--seed", 0, "N", "of what is drawn at random"),
     help="how probable each kind of fault is, by a classifier trained on this machine file",
     example="gearmon kinds new.csv --machine machine.toml --reference healthy.ref "
