@@ -191,6 +191,8 @@ class GearDeviation:
     meetings : int, >= 1
         How often a damaged tooth is heard in a turn, at equal distances: energies are means over
         these.
+    mesh_lines : ndarray of complex, shape (channels, harmonics), or None
+        The mesh harmonics themselves; None where planets may put them elsewhere.
     """
 
     stage: int
@@ -201,6 +203,7 @@ class GearDeviation:
     mesh_power: FloatArray
     shift_turns: float
     meetings: int = 1
+    mesh_lines: ComplexArray | None = None
 
     @cached_property
     def misfit(self) -> float:
@@ -429,7 +432,8 @@ class GearLaw:
         known, spread = law._predicted(state)
         known, angle = (known, 0.0) if same_zero else known.turned_to(new, wheel.teeth)
         bands = tuple(law._bands(new, known, spread, self._scales))
-        meshes = np.abs(new.amplitude[:, :: wheel.teeth]) ** 2
+        lines = new.amplitude[:, :: wheel.teeth]
+        meshes = np.abs(lines) ** 2
         if not bands:
             return None
         return GearDeviation(
@@ -441,6 +445,7 @@ class GearLaw:
             # planets may put a mesh harmonic a turn of the carrier beside its place
             mesh_power=meshes.reshape(-1, new.channels, meshes.shape[1]).sum(axis=0),
             shift_turns=angle,
+            mesh_lines=None if len(wheel.beside) else lines,
         )
 
     def _cut(self, top: int) -> GearLaw:
