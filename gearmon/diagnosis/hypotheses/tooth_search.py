@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,11 +53,17 @@ class SearchedGear:
 
         Between mesh harmonics the path is interpolated in its logarithm.
         """
-        path = path_power(self.difference.mesh_power, self.response.mesh, mean=True)
-        told, place = np.flatnonzero(path.all(axis=0)), number / self.match.teeth
-        levels = [np.interp(place, told, row) for row in np.log(path[:, told])]
+        told, path = self._path
+        levels = [np.interp(number / self.match.teeth, told, row) for row in path]
         power: FloatArray = np.exp(np.array(levels)) * self.response.band_power(number)
         return power
+
+    @cached_property
+    def _path(self) -> tuple[NDArray[np.int64], FloatArray]:
+        """Mesh harmonics that tell of the path, and the logarithm of its power there."""
+        path = path_power(self.difference.mesh_power, self.response.mesh, mean=True)
+        told = np.flatnonzero(path.all(axis=0))
+        return told, np.log(path[:, told])
 
 
 def search_gear(
