@@ -145,7 +145,7 @@ class AmplitudeEquations(Result):
         """Steady vibration as z_0..z_n [m], whole harmonics."""
         total = self.forced_terms.sum(axis=0)
         total += self.shape_terms.sum(axis=0) @ self.steady_amplitudes()
-        whole = total[(self.lines >= 0) & (self.lines % 1 == 0)]
+        whole: Complex = total[(self.lines >= 0) & (self.lines % 1 == 0)]
         whole[0] = whole[0].real
         return whole
 
