@@ -79,40 +79,25 @@ class HillProblem:
         self._check_numbers()
 
     def _check_numbers(self) -> None:
-        mass, stiffness, damping = self.mass_kg, self.stiffness_n_per_m, self.damping_ns_per_m
-        period = self.period_s
-        try:
-            positive = mass > 0 and stiffness > 0 and period > 0 and damping >= 0
-            # a sum is finite only if all its terms are, and complex if one is
-            total = mass + damping + stiffness + period + self.force_n
-            usable = positive and not isinstance(total, complex) and math.isfinite(total)
-        except TypeError:  # complex numbers and text have no order
-            usable = False
-        if not usable:
-            self._refuse_numbers()
-        ratio = math.sqrt(stiffness) / math.sqrt(mass) * period / (2 * math.pi)
-        zeta = damping / (2 * math.sqrt(stiffness) * math.sqrt(mass))
-        static = abs(self.force_n) / stiffness
-        if not (1 / LARGEST <= ratio <= LARGEST and zeta <= LARGEST and static <= LARGEST):
-            self._refuse_derived(ratio, zeta, static)
-
-    def _refuse_numbers(self) -> None:
-        check_positive("mass_kg", self.mass_kg, "kg")
-        check_finite("damping_ns_per_m", self.damping_ns_per_m, "N s/m")
-        if self.damping_ns_per_m < 0:
+        mass = check_positive("mass_kg", self.mass_kg, "kg")
+        damping = check_finite("damping_ns_per_m", self.damping_ns_per_m, "N s/m")
+        if damping < 0:
             raise ArgumentError(f"damping_ns_per_m={self.damping_ns_per_m} N s/m must be >= 0")
-        check_positive("stiffness_n_per_m", self.stiffness_n_per_m, "N/m")
-        check_positive("period_s", self.period_s, "s")
-        check_finite("force_n", self.force_n, "N")
-
-    def _refuse_derived(self, ratio: float, zeta: float, static: float) -> None:
+        stiffness = check_positive("stiffness_n_per_m", self.stiffness_n_per_m, "N/m")
+        period = check_positive("period_s", self.period_s, "s")
+        force = check_finite("force_n", self.force_n, "N")
+        ratio = math.sqrt(stiffness) / math.sqrt(mass) * period / (2 * math.pi)
+        zeta, static = damping / (2 * math.sqrt(stiffness) * math.sqrt(mass)), force / stiffness
+        if 1 / LARGEST <= ratio <= LARGEST and zeta <= LARGEST and abs(static) <= LARGEST:
+            return
         values = (
             f"mass_kg={self.mass_kg}, damping_ns_per_m={self.damping_ns_per_m}, "
             f"stiffness_n_per_m={self.stiffness_n_per_m}, period_s={self.period_s}"
         )
         check_range(f"{values}: natural over mesh frequency", ratio, 1 / LARGEST, LARGEST)
         check_range(f"{values}: damping ratio", zeta, 0.0, LARGEST)
-        check_range(f"force_n={self.force_n}: force over stiffness", static, 0.0, LARGEST, "m")
+        name = f"force_n={self.force_n}: force over stiffness"
+        check_range(name, abs(static), 0.0, LARGEST, "m")
 
     @property
     def angular_frequency(self) -> float:
