@@ -10,7 +10,7 @@ from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 from gearmon import __version__
-from gearmon.report.wording import printable, score_text
+from gearmon.report.wording import cell_text, printable, score_text
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -47,6 +47,7 @@ def template(name: str, package: str = "gearmon.report", **known: Any) -> Templa
         "signs": {verdict: sign for verdict, (_, _, sign) in VERDICT_STYLE.items()},
         "printable": printable,
         "score": score_text,
+        "cell": cell_text,
     }
     return environment.from_string(shipped(name, package), known)
 
