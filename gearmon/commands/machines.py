@@ -18,6 +18,7 @@ from gearmon.terminal import Progress
 if TYPE_CHECKING:
     from gearmon.dynamics import HillProblem
     from gearmon.signatures.expected.modes import Modes
+    from gearmon.signatures.signature import Signature
 
 #: Natural over mesh frequency up to which the instability is searched for, and drawn: beyond, the
 #: tongues are many and too narrow to be seen.
@@ -25,7 +26,19 @@ MOST_RATIO_SEARCHED, MOST_RATIO_DRAWN = 50.0, 15.0
 CHART_POINTS = (120, 48)
 #: What the terminal does not show of each member of a family.
 HIDDEN_OF_FAMILY = {"teeth", "lines", "method"}
-MOST_ROWS, MOST_MEETINGS = 60, 20
+MOST_ROWS, MOST_MEETINGS, MOST_LINES = 60, 20, 30
+#: What it shows of each stage of a signature.
+_STAGE_SHOWN = (
+    "stage",
+    "mesh_frequency_hz",
+    "mean_stiffness_n_per_m",
+    "stiffness_variation",
+    "contact_ratio",
+    "natural_frequency_hz",
+    "damping_ratio",
+    "error_bound",
+    "error_estimate",
+)
 #: What is assumed of expected lines, and known of recordings.
 ASSUMED = ("path_gain", "wander", "wander_time_s")
 #: Settings of a simulation.
@@ -119,7 +132,7 @@ def _stiffness_lines(rows: list[dict[str, Any]]) -> list[str]:
 def baseline(arguments: argparse.Namespace) -> int:
     """Run `gearmon baseline`."""
     from gearmon.signatures.expected.baseline import expected_signature
-    from gearmon.signatures.signature import signature_lines, write_signature
+    from gearmon.signatures.signature import write_signature
 
     machine, faults = machine_of(arguments.machine), tuple(arguments.fault)
     signature = expected_signature(
@@ -129,8 +142,22 @@ def baseline(arguments: argparse.Namespace) -> int:
     if arguments.output:
         write_signature(signature, arguments.output)
         result["tables"] = [arguments.output]
-    lines = [*signature_lines(signature), f"note: {_ALONG_ACTION}"]
-    return finish(arguments, result, lambda: lines, figures=signature.figures)
+    return finish(arguments, result, lambda: _baseline_lines(signature), figures=signature.figures)
+
+
+def _baseline_lines(signature: Signature) -> list[str]:
+    """Show what holds for each stage, and the strongest lines."""
+    stages, rows = signature.header["stages"], list(signature.rows())
+    told = [{name: stage[name] for name in _STAGE_SHOWN} for stage in stages]
+    strongest = sorted(rows, key=lambda row: -row["acceleration_ms2"])[:MOST_LINES]
+    shown = table_lines(sorted(strongest, key=lambda row: row["frequency_hz"]))
+    words = [
+        f"stage {stage['stage']}: {word}"
+        for stage in stages
+        for word in (stage["message"], *stage["warnings"])
+    ]
+    count = f"({len(strongest)} strongest of {len(rows)} lines; peak amplitudes)"
+    return [*table_lines(told), *words, "", *shown, count, f"note: {_ALONG_ACTION}"]
 
 
 @command(
