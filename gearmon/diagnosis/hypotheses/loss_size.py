@@ -35,9 +35,8 @@ _FINE = np.geomspace(LOSSES[0], 0.95, 200)
 # its own pitch error; and of a mesh harmonic, whose line flank errors make as well, and that of the
 # response over the logarithm of its correction. With droop and run-in of the pairs' stiffness drawn
 # at random the response is 0.1 off at the first harmonics, where that logarithm is 0.05, and 0.5
-# where it is 0.45; of a Student's law a part. Set on losses of 10 to 40 %
-# on 84 machines of both kinds; of 139 losses of 20 % on 76 others, intervals of a factor of 2.1 hold
-# 91 %.
+# where it is 0.45; of a Student's law a part. Set on losses of 10 to 40 % on 84 machines of both
+# kinds; of 139 losses of 20 % on 76 others, intervals of a factor of 2.1 hold 91 %.
 _SEARCHED, _COMMON, _LINE, _RESPONSE = 0.35, 0.16, 0.2, 0.2
 # Share of a departure's mean square that is noise at least: no event is all of it.
 _MISFIT = 0.03
