@@ -43,6 +43,8 @@ _LINES = 4
 # those of a bearing that slips are smeared.
 _PARTS, _TIMES, _AVERAGED = 40, (1, 2, 3), (1, 4)
 _RATIOS = np.array([t / n for n in range(2, _PARTS + 1) for t in _TIMES if gcd(n, t) == 1])
+# Departures of a spacing at which any sideband of the other gear may stand.
+_NEARBY = 0.03
 # Mesh harmonics looked at, and the share of the bins that is highest: a harmonic is clear.
 _HARMONICS, _CLEAREST = 12, 0.02
 
@@ -375,11 +377,16 @@ def sideband_spacing(
     # a line width at the second sideband: finer departures cannot be told from none
     near = max(2 * bin_order / spacing, 1e-3)
     departures = np.linspace(-tolerance, tolerance, 2 * max(20, int(4 * tolerance / near)) + 1)
-    # where the second sideband of one gear nearly meets the first of the other, it is that one's
-    others, small = [other for other in mesh.spacings if other != spacing], range(1, 5)
-    for ratio in (j * other / (i * spacing) for other in others for i in small for j in small):
-        elsewhere = np.abs(1 + departures - ratio) > 2 * near  # and the skirts of its lines
-        departures = departures[elsewhere | (np.abs(departures) <= near)]
+    # where the second sideband of one gear nearly meets the first of the other, it is that one's;
+    # nearby it may be any of them: a broken tooth fills all orders of its gear
+    low = np.arange(1, 5)
+    for other in (other for other in mesh.spacings if other != spacing):
+        share = other / (spacing * low)
+        nearest = share * np.rint(1 / share)
+        near_ones = nearest[np.abs(nearest - 1) <= _NEARBY]
+        for ratio in [*np.outer(share, low).ravel(), *near_ones]:
+            elsewhere = np.abs(1 + departures - ratio) > 2 * near  # and the skirts of its lines
+            departures = departures[elsewhere | (np.abs(departures) <= near)]
     total = np.zeros(len(departures))
     for k in range(1, len(mesh.groups) + 1):
         for r in (-4, -3, -2, -1, 1, 2, 3, 4):
