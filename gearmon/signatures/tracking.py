@@ -478,8 +478,8 @@ def _with_doubt(
             doubt, held_s = check.typical_turns(start, stop), (start, stop)
         notes += (_slips_told(check, held_s),)
     track = replace(track, uncertainty_turns=float(doubt))
-    known = {"coherent": share, "lost": share < _LOST}
-    return replace(tracking, track=track, notes=notes, held_s=held_s, **known)
+    told = replace(tracking, track=track, notes=notes, held_s=held_s)
+    return replace(told, coherent=share, lost=share < _LOST)
 
 
 def _slips_told(check: SlipCheck, held_s: tuple[float, float] | None) -> str:
