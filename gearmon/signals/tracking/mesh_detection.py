@@ -377,16 +377,11 @@ def sideband_spacing(
     # a line width at the second sideband: finer departures cannot be told from none
     near = max(2 * bin_order / spacing, 1e-3)
     departures = np.linspace(-tolerance, tolerance, 2 * max(20, int(4 * tolerance / near)) + 1)
-    # where the second sideband of one gear nearly meets the first of the other, it is that one's;
-    # nearby it may be any of them: a broken tooth fills all orders of its gear
-    low = np.arange(1, 5)
-    for other in (other for other in mesh.spacings if other != spacing):
-        share = other / (spacing * low)
-        nearest = share * np.rint(1 / share)
-        near_ones = nearest[np.abs(nearest - 1) <= _NEARBY]
-        for ratio in [*np.outer(share, low).ravel(), *near_ones]:
-            elsewhere = np.abs(1 + departures - ratio) > 2 * near  # and the skirts of its lines
-            departures = departures[elsewhere | (np.abs(departures) <= near)]
+    # where the second sideband of one gear nearly meets the first of the other, it is that one's
+    others, low = [other for other in mesh.spacings if other != spacing], np.arange(1, 5)
+    for ratio in (j * other / (i * spacing) for other in others for i in low for j in low):
+        elsewhere = np.abs(1 + departures - ratio) > 2 * near  # and the skirts of its lines
+        departures = departures[elsewhere | (np.abs(departures) <= near)]
     total = np.zeros(len(departures))
     for k in range(1, len(mesh.groups) + 1):
         for r in (-4, -3, -2, -1, 1, 2, 3, 4):
@@ -397,6 +392,12 @@ def sideband_spacing(
     spread = 1.4826 * float(np.median(np.abs(total - middle)))
     standard = (total - middle) / spread if spread > 0 else np.zeros(len(total))
     expected = float(standard[np.abs(departures) <= near].max())
+    # nearby it may be any sideband of the other gear: a broken tooth fills all orders of its gear
+    for share in (other / (spacing * i) for other in others for i in low):
+        ratio = share * np.rint(1 / share)
+        if abs(ratio - 1) <= _NEARBY:
+            its = np.abs(1 + departures - ratio) <= 2 * near
+            standard[its & (np.abs(departures) > near)] = -np.inf
     best = int(np.argmax(standard))
     found = standard[best] >= FOUND_FROM
     return SidebandSpacing(
