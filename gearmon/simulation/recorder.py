@@ -24,6 +24,7 @@ from gearmon.simulation.settings import Settings, check_seed, stream
 from gearmon.simulation.train import Train, build_train
 from gearmon.simulation.vibration import (
     BEARING_SLIP,
+    CARRIED_SHARE,
     Integration,
     Progress,
     mesh_vibration,
@@ -233,8 +234,9 @@ def record(
         load=wanted.load,
         seed=wanted.machine_seed,
         accuracy_grade=wanted.accuracy_grade,
+        carried_hz=CARRIED_SHARE * wanted.sampling_rate_hz,
     )
-    drive = _drive(machine, train, wanted, running)
+    drive = _drive(machine, wanted, running)
     vibration, integration = mesh_vibration(train, drive, wanted, progress)
     times = np.arange(wanted.samples) / wanted.sampling_rate_hz
     turns, speed = drive.motion.turns(times), drive.motion.speed_hz(times)
@@ -253,7 +255,7 @@ def record(
     )
 
 
-def _drive(machine: Machine, train: Train, settings: Settings, point: OperatingPoint) -> Drive:
+def _drive(machine: Machine, settings: Settings, point: OperatingPoint) -> Drive:
     ripples = []
     for shaft in kinematics(machine).shafts:
         generator = stream(settings.machine_seed, "ripple", shaft.number)
@@ -270,7 +272,6 @@ def _drive(machine: Machine, train: Train, settings: Settings, point: OperatingP
         ),
         load=random_wander(settings.load_drift, stream(seed, "load")),
         ripples=tuple(ripples),
-        static_forcing=train.static_forcing,
     )
 
 

@@ -10,7 +10,6 @@ import gearmon
 from gearmon.errors import ArgumentError
 from gearmon.gears.drive_train import drive_train
 from gearmon.gears.kinematics import kinematics
-from gearmon.signatures.expected.modes import natural
 from gearmon.signatures.expected.planetary_set import posed_set
 from gearmon.simulation.train import build_train
 from gearmon.simulation.vibration import random_path
@@ -92,7 +91,7 @@ def test_against_a_simulated_recording(teeth, gear, fault):
 def stepped(machine, fault, gear_teeth, highest, steps):
     """Lines of the forces of each planet, in steps of constant stiffness from drive train alone."""
     train, posed = drive_train(machine), posed_set(machine, 1, wrong=fault)
-    squares, shapes = natural(train)
+    squares, shapes = train.modes
     shapes = shapes[:, squares > 0]
     meshes, mesh_hz = train.meshes(1), posed.mechanics.mesh_frequency_hz
     vectors = np.array([own.rows[0] for own in meshes]) @ shapes
@@ -106,7 +105,7 @@ def stepped(machine, fault, gear_teeth, highest, steps):
     matrix[:, n:-1, :n] = -rest - np.einsum("mt,ma,mb->tab", stiffness, vectors, vectors)
     matrix[:, n:-1, n:-1] = -shapes.T @ train.damping @ shapes
     load = np.zeros(len(train.mass))
-    rigid = natural(train)[1][:, 0]
+    rigid = train.modes[1][:, 0]
     load[0], load[1] = 850.0, -850.0 * rigid[0] / rigid[1]
     matrix[:, n:-1, -1] = shapes.T @ load
     maps = expm(matrix * h)
