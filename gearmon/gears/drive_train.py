@@ -71,8 +71,8 @@ RIGID = 1e-11
 #: ball bearings have c/k of 0.25e-5 to 2.5e-5 s (E. Kraemer, Dynamics of Rotors and Foundations,
 #: 1993), which is 0.02 to 0.16 at 2 kHz.
 ELASTIC_DAMPING_RATIO = 0.05
-#: Share of a mesh's compliance that modes may take with them that are left out.
-NEGLIGIBLE = 0.01
+#: Share of the compliance of meshes up to which what is in fast modes only is left out.
+NEGLIGIBLE = 1e-3
 #: A shaft between two gears that has no section: its diameter over the smaller gear's reference
 #: diameter where neither has a bore, its length over both face widths; these, where not given, over
 #: the module.
@@ -148,6 +148,19 @@ class Around:
     dampers: FloatArray
     stiffness: FloatArray
     damping: FloatArray
+
+
+def _residual(
+    vectors: FloatArray, means: FloatArray, squares: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return squares and shapes of what modes do at rest under forces of meshes, in these modes."""
+    from scipy.linalg import eigh
+
+    forced = (vectors / squares).T * np.sqrt(means)
+    share, parts = np.linalg.eigh(forced.T @ (squares[:, None] * forced))
+    forced = forced @ parts[:, share > NEGLIGIBLE]
+    found, mixed = eigh(forced.T @ (squares[:, None] * forced), forced.T @ forced)
+    return np.asarray(found), np.asarray(forced @ mixed)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -267,16 +280,19 @@ class DriveTrain:
         ----------
         meshes : sequence of Spring
         carried_hz : float
-            Modes above this natural frequency are left out from the highest down, as long as all
-            that are left out hold less than `NEGLIGIBLE` of the strain energy of any of the meshes.
+            Natural frequency up to which modes are kept as they are. Of those above, the motions
+            are kept by which they follow forces of these meshes without inertia (residual modes,
+            MacNeal 1971): the flexibility of the machine at the meshes stays whole, and nothing
+            swings faster than it needs to.
         """
         squares, shapes = self.elastic
         rows = np.array([own.rows[0] for own in meshes])
         means = np.array([own.stiffness[0, 0] for own in meshes])
-        shares = means[:, None] * (rows @ shapes) ** 2 / squares
-        above = np.cumsum(shares[:, ::-1], axis=1)[:, ::-1].max(axis=0)
-        kept = (squares <= (2 * math.pi * carried_hz) ** 2) | (above > NEGLIGIBLE)
-        squares, shapes = squares[kept], shapes[:, kept]
+        fast = squares > (2 * math.pi * carried_hz) ** 2
+        if fast.any():
+            own, more = _residual(rows @ shapes[:, fast], means, squares[fast])
+            squares = np.append(squares[~fast], own)
+            shapes = np.hstack([shapes[:, ~fast], shapes[:, fast] @ more])
         vectors = rows @ shapes
         dampers = np.array([own.damping_ns_per_m for own in meshes])
         return Around(

@@ -24,7 +24,6 @@ from gearmon.simulation.settings import Settings, check_seed, stream
 from gearmon.simulation.train import Train, build_train
 from gearmon.simulation.vibration import (
     BEARING_SLIP,
-    CARRIED_SHARE,
     Integration,
     Progress,
     mesh_vibration,
@@ -234,7 +233,7 @@ def record(
         load=wanted.load,
         seed=wanted.machine_seed,
         accuracy_grade=wanted.accuracy_grade,
-        carried_hz=CARRIED_SHARE * wanted.sampling_rate_hz,
+        carried_hz=wanted.sampling_rate_hz,
     )
     drive = _drive(machine, wanted, running)
     vibration, integration = mesh_vibration(train, drive, wanted, progress)
