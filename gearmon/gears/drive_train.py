@@ -67,10 +67,9 @@ PIECES = 12
 BEND_RESOLVED, TWIST_RESOLVED = 1.2, 0.5
 #: Share of the largest eigenvalue below which a mode is a rigid one: they are rounding, some 1e-14.
 RIGID = 1e-11
-#: Damping ratio of a mode whose energy is all in shafts, bearings and supports that tell no damper;
-#: ball bearings have c/k of 0.25e-5 to 2.5e-5 s (E. Kraemer, Dynamics of Rotors and Foundations,
-#: 1993), which is 0.02 to 0.16 at 2 kHz.
-ELASTIC_DAMPING_RATIO = 0.05
+#: Damping over stiffness of shafts, bearings and supports that tell no damper [s]; ball bearings
+#: have 0.25e-5 to 2.5e-5 s (E. Kraemer, Dynamics of Rotors and Foundations, 1993).
+ELASTIC_DAMPING_S = 1e-5
 #: Share of the compliance of meshes up to which what is in fast modes only is left out.
 NEGLIGIBLE = 1e-3
 #: A shaft between two gears that has no section: its diameter over the smaller gear's reference
@@ -78,6 +77,10 @@ NEGLIGIBLE = 1e-3
 #: the module.
 SHAFT_OVER_GEAR, SHAFT_OVER_WIDTHS, WIDTH_OVER_MODULE = 0.6, 4.5, 10.0
 _LEFT_OUT = "tilting gears, axial motion and gyroscopic moments are left out"
+_DAMPED = (
+    "shafts, bearings and supports that tell no damper have "
+    f"{ELASTIC_DAMPING_S:g} s of damping over stiffness"
+)
 _PAIR, _SPREAD = np.array([[1.0, -1.0], [-1.0, 1.0]]), np.array([[2.0, 1.0], [1.0, 2.0]]) / 6
 
 
@@ -203,18 +206,13 @@ class DriveTrain:
     @cached_property
     def damping(self) -> FloatArray:
         """C with that of all meshes, shape (n, n)."""
-        springs = (own.damping_ns_per_m * own.rows.T @ own.rows for own in self.springs)
-        told = sum(springs, np.zeros_like(self.mass))
-        squares, shapes = self.elastic
-        strain = np.zeros(len(squares))
+        whole = np.zeros_like(self.mass)
         for own in self.springs:
+            told = own.damping_ns_per_m * np.eye(len(own.rows))
             if not own.damping_ns_per_m and not own.part.startswith("mesh"):
-                moved = own.rows @ shapes
-                strain += np.sum(moved * (own.stiffness @ moved), axis=0)
-        carried = self.mass @ shapes
-        return (
-            told + (carried * (2 * ELASTIC_DAMPING_RATIO * strain / np.sqrt(squares))) @ carried.T
-        )
+                told = ELASTIC_DAMPING_S * own.stiffness
+            whole += own.rows.T @ told @ own.rows
+        return whole
 
     @cached_property
     def modes(self) -> tuple[FloatArray, FloatArray]:
@@ -346,7 +344,7 @@ class _Assembly:
     """Collects coordinates, masses and springs; rows have room for more coordinates than come."""
 
     def __init__(self, machine: Machine, point: OperatingPoint, form: str) -> None:
-        self.machine, self.form, self.notes = machine, form, [_LEFT_OUT]
+        self.machine, self.form, self.notes = machine, form, [_LEFT_OUT, _DAMPED]
         self.pairs = [mesh_pairs(s, i, machine.path) for i, s in enumerate(machine.stages, 1)]
         shafts = range(1, machine.shaft_count + 1)
         planets = sum(getattr(stage, "planets", 0) for stage in machine.stages)

@@ -77,12 +77,17 @@ class GearedSystem:
         return np.asarray(np.sqrt(squares) / (2 * math.pi))
 
     @property
-    def decay_rate(self) -> float:
-        """Decay rate of the slowest transient with mean mesh stiffnesses [1/s]."""
+    def rates(self) -> NDArray[np.complex128]:
+        """Of free motion with mean mesh stiffnesses: exp(rate t) [1/s]."""
         damping = self.damping + (self.rows.T * self.mesh_damping) @ self.rows
         none, one = np.zeros_like(damping), np.eye(len(damping))
         matrix = np.block([[none, one], [-self.whole_stiffness(), -damping]])
-        return float(-np.linalg.eigvals(matrix).real.max())
+        return np.asarray(np.linalg.eigvals(matrix), dtype=np.complex128)
+
+    @property
+    def decay_rate(self) -> float:
+        """Decay rate of the slowest transient with mean mesh stiffnesses [1/s]."""
+        return float(-self.rates.real.max())
 
     @property
     def at_rest(self) -> FloatArray:

@@ -256,7 +256,8 @@ def _stage_forces(
     train: Train, drive: Drive, grid: _Grid, frequencies_hz: FloatArray, progress: Progress | None
 ) -> tuple[FloatArray, Integration]:
     """Return the dynamic force that every stage puts on the housing, cell by cell."""
-    step_s = _longest_step_s(frequencies_hz, grid.rate_hz)
+    fastest_hz = float(np.abs(train.system.rates).max()) / (2 * math.pi)
+    step_s = _longest_step_s(np.append(frequencies_hz, fastest_hz), grid.rate_hz)
     run_in_s = RUN_IN_CONSTANTS / train.system.decay_rate
     run_in = math.ceil(run_in_s / (SUBSTEPS * step_s))
     in_memory = STEPS_PER_BLOCK // len(train.meshes) * step_s
@@ -285,7 +286,7 @@ def _stage_forces(
 def _longest_step_s(frequencies_hz: FloatArray, rate_hz: float) -> float:
     carried = frequencies_hz[frequencies_hz <= CARRIED_SHARE * rate_hz]
     slow = STEPS_PER_PERIOD * float(carried.max(initial=0.0))
-    return 1 / max(slow, STEPS_PER_FAST_PERIOD * float(frequencies_hz[-1]))
+    return 1 / max(slow, STEPS_PER_FAST_PERIOD * float(frequencies_hz.max()))
 
 
 def _share(progress: Progress | None, start: float, part: float) -> Progress | None:
