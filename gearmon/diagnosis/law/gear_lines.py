@@ -191,6 +191,8 @@ class GearDeviation:
     meetings : int, >= 1
         How often a damaged tooth is heard in a turn, at equal distances: energies are means over
         these.
+    light : float, >= 0
+        By how much the load is lighter than that of every reference [Np].
     """
 
     stage: int
@@ -201,6 +203,7 @@ class GearDeviation:
     mesh_power: FloatArray
     shift_turns: float
     meetings: int = 1
+    light: float = 0.0
 
     @cached_property
     def misfit(self) -> float:
@@ -441,6 +444,7 @@ class GearLaw:
             # planets may put a mesh harmonic a turn of the carrier beside its place
             mesh_power=meshes.reshape(-1, new.channels, meshes.shape[1]).sum(axis=0),
             shift_turns=angle,
+            light=max(0.0, float(self.states[:, 0].min() - state[0])),
         )
 
     def _cut(self, top: int) -> GearLaw:
