@@ -23,8 +23,8 @@ Examples
 >>> from gearmon.gears import line_table
 >>> report.line_table_text(line_table(machine)).splitlines()[0]
 'drive'
->>> found = report.Table.of([{"gear": "pinion", "teeth": 23}, {"gear": "gear", "teeth": 57}])
->>> report.table_lines(found), report.rows_as_csv([{"gear": "pinion", "teeth": 23}]).splitlines()[1]
+>>> rows = [{"gear": "pinion", "teeth": 23}, {"gear": "gear", "teeth": 57}]
+>>> report.table_lines(rows), report.rows_as_csv(rows).splitlines()[1]
 (['gear    teeth', 'pinion     23', 'gear       57'], 'pinion,23')
 >>> recording = gearmon.read_recording(new)
 >>> picture = next(report.analysis_figures(analysis, recording))
@@ -56,7 +56,7 @@ from gearmon.lazy import lazily
 _OFFERED = {
     "html": ("Failure", "write_report"),
     "text": ("analysis_text", "line_table_text", "reference_text"),
-    "wording": ("Table", "rows_as_csv", "table_lines"),
+    "wording": ("rows_as_csv", "table_lines"),
     "history_text": ("history_lines",),
     "harvest_text": ("harvest_lines",),
     "plots": ("Picture", "save", "save_all"),

@@ -11,7 +11,7 @@ from gearmon.exposure.gearbox import GearShare
 from gearmon.exposure.measures import Exposure, SeatFactor
 from gearmon.files import write_atomically
 from gearmon.report.page import base64_text, template
-from gearmon.report.wording import Table, printable, table_lines
+from gearmon.report.wording import printable, table_lines
 
 #: Results that have words: in a command's answer in this order.
 Told = Exposure | SeatFactor | GearShare | DayExposure
@@ -138,7 +138,7 @@ def write_exposure_report(found: Sequence[Told], path: str | Path) -> Path:
     for own in found:
         title, rows, notes = _told(own)
         pictures = [as_png(figure) for figure in own.figures().values()] if own.picture else []
-        told = {"title": title, "table": Table.of(rows), "notes": notes}
+        told = {"title": title, "rows": rows, "notes": notes}
         sections.append(told | {"pictures": map(base64_text, pictures)})
     write_atomically(path, template("exposure.html").render(sections=sections))
     return Path(path)

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from gearmon.diagnosis.history import HistoryTrends
 from gearmon.diagnosis.results import Analysis
 from gearmon.errors import ArgumentError
 from gearmon.files import write_atomically
 from gearmon.machine import Machine
-from gearmon.report import text
+from gearmon.report import text, wording
 from gearmon.report.page import (
     as_data,
     base64_text,
@@ -21,9 +20,9 @@ from gearmon.report.page import (
     report_style,
     template,
 )
-from gearmon.report.wording import gear_text, printable, probability_text
 from gearmon.signals.recording import Recording
-from gearmon.signatures.measured.reference import Reference
+from gearmon.signatures.measured.reference import Reference, tooth_counts
+from gearmon.signatures.speed import SPEED_REACH, SPEED_TOLERANCE
 
 # Changes shown at once; the rest folds away.
 _CHANGES_SHOWN = 30
@@ -107,13 +106,11 @@ def write_report(
     points = max(POINTS // 8, POINTS // max(1, len(analyses)))
     pairs = zip(analyses, recordings, strict=False)
     for number, (analysis, recording) in enumerate(pairs, start=1):
-        section = _contents(analysis, reference, machine, history)
-        section["anchor"] = f"recording-{number}"
-        section["pictures"], files = _pictures(number, analysis, recording, target)
-        charts[section["anchor"]] = recording_charts(
-            analysis, recording, reference, machine, points
-        )
-        sections.append(section)
+        anchor, answer = f"recording-{number}", text.summary(analysis, history)
+        pictures, files = _pictures(number, analysis, recording, target)
+        charts[anchor] = recording_charts(analysis, recording, reference, machine, points)
+        section = {"analysis": analysis, "summary": answer, "anchor": anchor}
+        sections.append(section | {"pictures": pictures})
         written += files
         if progress:
             progress(number / len(analyses))
@@ -128,10 +125,11 @@ def write_report(
         verdict, counts = text.overall(analyses, len(failures))
     script, styles = chart_script(), report_style()
     page = template("analysis.html").render(
-        gear_text=gear_text,
-        probability=probability_text,
-        loss=text.flag_loss,
-        machine=printable(machine.name) or "machine without a name",
+        text=text,
+        machine=machine,
+        reference=reference,
+        teeth=tooth_counts(machine),
+        searched=(SPEED_TOLERANCE, SPEED_REACH),
         sections=[sections[place] for place in text.worst_first(analyses)],
         overall={"verdict": verdict, "counts": counts},
         failures=failures,
@@ -170,31 +168,10 @@ def _pictures(
         png = as_png(figure)
         files.append(target.with_name(f"{target.stem}-{number:02d}-{figure.name}.png"))
         write_atomically(files[-1], png)
-        told = {"title": figure.heading, "caption": figure.caption, "alt": printable(figure.alt)}
+        told = {
+            "title": figure.heading,
+            "caption": figure.caption,
+            "alt": wording.printable(figure.alt),
+        }
         shown.append(told | {"data": base64_text(png)})
     return shown, files
-
-
-def _contents(
-    analysis: Analysis,
-    reference: Reference | None,
-    machine: Machine,
-    history: HistoryTrends | None,
-) -> dict[str, Any]:
-    indicators, definitions = text.indicator_table(analysis)
-    own = text.summary(analysis, history)
-    return {
-        "verdict": analysis.verdict,
-        "recording": printable(analysis.recording),
-        "what": own.what,
-        "told": own.lines(),
-        "because": own.because,
-        "facts": text.facts(analysis),
-        "flags": analysis.flags,
-        "warnings": list(dict.fromkeys([*analysis.warnings, *analysis.signature.notes])),
-        "meshes": text.mesh_table(analysis),
-        "indicators": indicators,
-        "definitions": definitions,
-        "changes": text.change_table(analysis),
-        "settings": text.settings_table(analysis, reference, machine),
-    }

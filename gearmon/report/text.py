@@ -11,16 +11,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
-from gearmon import __version__
 from gearmon.diagnosis.decision.words import fault_sentence
 from gearmon.diagnosis.history import HistoryTrends
 from gearmon.diagnosis.results import Analysis, Change, Flag
 from gearmon.gears.kinematics import LineTable
-from gearmon.machine import Machine
 from gearmon.report.history_text import moment_text
 from gearmon.report.page import shipped
 from gearmon.report.wording import (
-    Table,
     counted,
     gear_text,
     loss_text,
@@ -29,11 +26,10 @@ from gearmon.report.wording import (
     probability_text,
     score_text,
     table_lines,
-    unit_text,
     with_uncertainty,
 )
-from gearmon.signatures.measured.reference import Reference, tooth_counts
-from gearmon.signatures.speed import SPEED_REACH, SPEED_TOLERANCE, Speed
+from gearmon.signatures.measured.reference import Reference
+from gearmon.signatures.speed import Speed
 
 # Changes of more than this many standard deviations are highlighted in pictures and tables.
 BEYOND = 3.0
@@ -84,7 +80,7 @@ def analysis_text(
     lines += ["  evidence:", *([f"  {own.because}"] if own.because else [])]
     lines.append(f"  score {score_text(analysis.score)}, compared with {analysis.compared_with}")
     if analysis.signature.found:
-        lines.append(f"  shaft 1 at {_running(analysis.signature.speed)}")
+        lines.append(f"  shaft 1 at {running_text(analysis.signature.speed)}")
     lines += [f"  {sentence}" for sentence in mesh_sentences(analysis)]
     for flag in analysis.flags:
         lines += _flag_lines(flag)
@@ -104,10 +100,7 @@ def _flag_lines(flag: Flag) -> list[str]:
 
 
 def _change_lines(analysis: Analysis, most: int) -> list[str]:
-    changed = sorted(
-        (change for change in analysis.changes if is_beyond(change)),
-        key=lambda change: -abs(change.standardised),
-    )
+    changed = [change for change in strongest_changes(analysis) if is_beyond(change)]
     if not analysis.changes:
         return []
     head = (
@@ -178,33 +171,13 @@ def line_table_text(lines: LineTable) -> str:
         }
         for row in lines
     ]
-    table = Table.of(rows, "l" * several + "rllrrr")
+    table = table_lines(rows, "l" * several + "rllrrr")
     notes = [f"note: {note}" for note in lines.notes]
-    return "\n".join([lines.machine or "machine", *table_lines(table), *notes])
+    return "\n".join([lines.machine or "machine", *table, *notes])
 
 
-def facts(analysis: Analysis) -> tuple[tuple[str, str], ...]:
-    """Return what a reader wants to know first: names with values."""
-    signature, running = analysis.signature, "not known: no line of the machine was found"
-    if signature.found:
-        running = _running(signature.speed)
-    channels = ", ".join(
-        f"{name} ({unit_text(unit)})"
-        for name, unit in zip(signature.channel_names, signature.units, strict=True)
-    )
-    return (
-        ("Machine", printable(analysis.machine) or "without a name"),
-        ("Recording", printable(analysis.recording)),
-        ("Score", score_text(analysis.score)),
-        ("Compared with", analysis.compared_with),
-        ("Speed of shaft 1", running),
-        ("Meshes", "; ".join(mesh_sentences(analysis))),
-        ("Channels", printable(channels)),
-        ("Length", f"{signature.duration_s:.4g} s at {signature.sampling_rate_hz:.6g} Hz"),
-    )
-
-
-def _running(speed: Speed) -> str:
+def running_text(speed: Speed) -> str:
+    """Return a speed with its uncertainty, and how it was found."""
     running = with_uncertainty(speed.estimated_hz, speed.uncertainty_hz, "Hz")
     return f"{running} ({60 * speed.estimated_hz:.1f} rpm), by {speed.method}"
 
@@ -221,87 +194,24 @@ def mesh_sentences(analysis: Analysis) -> list[str]:
     return sentences
 
 
-def mesh_table(analysis: Analysis) -> Table:
-    """Return the meshes, how clear they are and why they count as found or not."""
-    rows = [
-        {
-            "Mesh": mesh.stage,
-            "Frequency (Hz)": f"{mesh.frequency_hz:.3f}",
-            "Found": "yes" if mesh.found else "no",
-            "Over floor (dB)": "–" if mesh.snr_db is None else f"{mesh.snr_db:.1f}",
-            "Score (σ)": f"{mesh.score:.1f}",
-            "Why": mesh.reason,
-        }
-        for mesh in analysis.signature.meshes
-    ]
-    return Table.of(rows, "rrlrrl")
-
-
 def flag_loss(flag: Flag) -> str:
     """Return the estimated loss of stiffness with its interval, "" if there is none."""
     return loss_text(flag.stiffness_loss, flag.stiffness_loss_low, flag.stiffness_loss_high)
 
 
-def indicator_table(analysis: Analysis) -> tuple[Table, tuple[tuple[str, str], ...]]:
-    """Return the condition indicators by channel, and the definitions of those that are known."""
-    channels = analysis.signature.channel_names
-    rows = tuple(
-        (name, *(f"{values[c]:.4g}" if c in values else "–" for c in channels))
-        for name, values in analysis.indicators.items()
-    )
+def indicator_definitions(analysis: Analysis) -> list[tuple[str, str]]:
+    """Return the condition indicators of an analysis that are known, and what they are."""
     # what comes after a comma only says of which gear
-    known = {name.split(",")[0].replace("_", " ").strip(): None for name in analysis.indicators}
+    names = dict.fromkeys(
+        own.split(",")[0].replace("_", " ").strip() for own in analysis.indicators
+    )
     defined = words()["indicators"]
-    definitions = tuple((name, defined[name.lower()]) for name in known if name.lower() in defined)
-    table = Table(headings=("Indicator", *channels), rows=rows, align="l" + "r" * len(channels))
-    return table, definitions
+    return [(name, defined[name.lower()]) for name in names if name.lower() in defined]
 
 
-def change_table(analysis: Analysis) -> Table:
-    """Return all changes, the most significant first, those beyond `BEYOND` marked."""
-    changes = sorted(analysis.changes, key=lambda change: -abs(change.standardised))
-    rows = [
-        {
-            "Channel": change.channel,
-            "Family of lines": change.family,
-            "Level (dB)": f"{change.level_db:.1f}",
-            "Healthy (dB)": f"{change.reference_db:.1f}",
-            "Change (dB)": f"{change.change_db:+.1f}".replace("-", "−"),
-            "Scatter (dB)": f"{change.scatter_db:.1f}",
-            "Change / scatter": f"{change.standardised:+.1f}".replace("-", "−"),
-        }
-        for change in changes
-    ]
-    return Table.of(rows, "llrrrrr", marked=[is_beyond(change) for change in changes])
-
-
-def settings_table(analysis: Analysis, reference: Reference | None, machine: Machine) -> Table:
-    """Return how the answer was found: what was given, and the lengths and limits used."""
-    signature, lines = analysis.signature, analysis.signature.lines
-    points = []
-    for point in machine.operating:
-        torque = "" if point.torque_nm is None else f", {point.torque_nm:g} N·m"
-        points.append(f"{point.name}: {point.speed_rpm:g} rpm{torque}".removeprefix(": "))
-    rows = [
-        ("Machine file", printable(machine.path) or "none (built in a program)"),
-        ("Teeth", tooth_counts(machine)),
-        ("Operating points", "; ".join(points)),
-        ("Reference", printable("; ".join(reference.origins)) if reference else "none"),
-        (
-            "Search for the speed",
-            f"± {percent(SPEED_TOLERANCE, 0)} about each nominal speed; where that shows no clear "
-            f"mesh, or not all of them, ± {percent(SPEED_REACH, 0)}",
-        ),
-        (
-            "Order analysis",
-            f"{lines.amplitude.shape[0]} half-overlapped Hann blocks of {lines.block_turns:.4g} "
-            f"turns of shaft 1; {len(lines.orders)} lines in {len(signature.plan.families)} "
-            "families",
-        ),
-        ("Highlighted", f"changes beyond {BEYOND:g} standard deviations"),
-        ("Made with", f"gearmon {__version__}"),
-    ]
-    return Table(headings=("Setting", "Value"), rows=tuple(rows), align="ll")
+def strongest_changes(analysis: Analysis) -> list[Change]:
+    """Return all changes, the most significant first."""
+    return sorted(analysis.changes, key=lambda change: -abs(change.standardised))
 
 
 @dataclass(frozen=True, kw_only=True)

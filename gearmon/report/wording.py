@@ -6,8 +6,7 @@ import csv
 import io
 import math
 import unicodedata
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from gearmon.files import table_cell
@@ -156,69 +155,21 @@ def counted(number: int, noun: str, plural: str = "") -> str:
     return f"{number} {noun if number == 1 else plural or noun + 's'}"
 
 
-def left_out_text(channels: int, most: int) -> str:
-    """Return a sentence on channels that a picture leaves out, "" if it shows all."""
-    return f" The first {most} of {channels} channels are shown." if channels > most else ""
-
-
 def printable(text: str) -> str:
     """Return a text without control characters: file names may hold any."""
     return "".join(c if unicodedata.category(c)[0] != "C" else "�" for c in text)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Table:
-    """A table of texts.
+def table_lines(rows: Sequence[Mapping[str, Any]], align: str = "") -> list[str]:
+    """Return a table in columns of equal width, two spaces apart.
 
     Parameters
     ----------
-    headings : tuple of str
-        Headings of the columns.
-    rows : tuple of tuple of str
-        The rows.
+    rows : sequence of mapping
+        With the same keys, the headings; see `cell_text`.
     align : str
-        One letter a column: "l" for text, "r" for numbers.
-    marked : tuple of bool
-        Rows to highlight; empty for none.
-    """
-
-    headings: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    align: str
-    marked: tuple[bool, ...] = ()
-
-    @staticmethod
-    def of(
-        rows: Sequence[dict[str, Any]], align: str | None = None, marked: Sequence[bool] = ()
-    ) -> Table:
-        """Make a table of rows with the same keys: six figures of a number, nothing for None.
-
-        Parameters
-        ----------
-        rows : sequence of dict
-            Without rows there are no headings either.
-        align : str, optional
-            As in the table; by default columns of numbers stand to the right.
-        marked : sequence of bool
-            As in the table.
-        """
-        names = tuple(rows[0]) if rows else ()
-        number = [all(_is_number(row[name]) for row in rows) for name in names]
-        return Table(
-            headings=names,
-            rows=tuple(tuple(_cell(row[name]) for name in names) for row in rows),
-            align=align or "".join("r" if right else "l" for right in number),
-            marked=tuple(marked),
-        )
-
-
-def table_lines(table: Table | Sequence[dict[str, Any]]) -> list[str]:
-    """Return a table in columns of equal width, two spaces apart: numbers stand to the right.
-
-    Parameters
-    ----------
-    table : Table or sequence of dict
-        A table, or rows with the same keys.
+        One letter a column: "l" for text, "r" for numbers; by default columns of numbers stand to
+        the right.
 
     Returns
     -------
@@ -230,18 +181,27 @@ def table_lines(table: Table | Sequence[dict[str, Any]]) -> list[str]:
     >>> table_lines([{"name": "mesh", "Hz": 4.25}])
     ['name    Hz', 'mesh  4.25']
     """
-    table = table if isinstance(table, Table) else Table.of(table)
-    if not table.headings:
+    if not rows:
         return ["(nothing)"]
-    everything = (table.headings, *table.rows)
+    names = list(rows[0])
+    numbers = [all(isinstance(row[name], int | float | None) for row in rows) for name in names]
+    sides = align or "".join("r" if right else "l" for right in numbers)
+    everything = [names, *([cell_text(row[name]) for name in names] for row in rows)]
     widths = [max(map(len, column)) for column in zip(*everything, strict=True)]
     return [
         "  ".join(
             cell.rjust(width) if side == "r" else cell.ljust(width)
-            for cell, width, side in zip(row, widths, table.align, strict=True)
+            for cell, width, side in zip(row, widths, sides, strict=True)
         ).rstrip()
         for row in everything
     ]
+
+
+def cell_text(value: Any) -> str:
+    """Return what a table shows of a value: six figures of a number, nothing for None."""
+    if value is None:
+        return ""
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def rows_as_csv(rows: Sequence[dict[str, Any]]) -> str:
@@ -263,13 +223,3 @@ def rows_as_csv(rows: Sequence[dict[str, Any]]) -> str:
         writer.writerow(map(table_cell, rows[0]))
         writer.writerows([table_cell(row.get(name)) for name in rows[0]] for row in rows)
     return text.getvalue()
-
-
-def _is_number(value: Any) -> bool:
-    return value is None or isinstance(value, int | float)
-
-
-def _cell(value: Any) -> str:
-    if value is None:
-        return ""
-    return f"{value:.6g}" if isinstance(value, float) else str(value)

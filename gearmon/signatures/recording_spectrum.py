@@ -28,6 +28,8 @@ from gearmon.signatures.measured.line_plan import Mark, machine_marks, mark_near
 from gearmon.signatures.measured.measurement import measure_signature
 
 Band = tuple[float, float] | None
+_Made = dict[str, Any]  # fields of a result
+_Compute = Callable[[Recording, Band, str], _Made]
 
 # Modulation frequencies and pieces of a coherence, and the block of its carriers [samples].
 _CYCLIC, _PIECES, _CARRIER_BLOCK = 300, 2, 256
@@ -103,63 +105,39 @@ class RecordingSpectrum(Result):
         }
 
 
-def _plain(
-    vibration: Recording,
-    kind: str,
-    course: tuple[FloatArray, FloatArray],
-    value_name: str,
-    units: tuple[str, ...],
-    **more: Any,
-) -> RecordingSpectrum:
-    return RecordingSpectrum(
-        recording=vibration.origin,
-        kind=kind,
-        channel_names=vibration.channel_names,
-        place=course[0],
-        values=course[1],
-        value_name=value_name,
-        units=units,
-        **more,
-    )
-
-
-def _cut(place: FloatArray, values: FloatArray, band: Band) -> tuple[FloatArray, FloatArray]:
+def _cut(place: FloatArray, values: FloatArray, band: Band) -> _Made:
     if band is None:
-        return place, values
+        return {"place": place, "values": values}
     inside = (place >= band[0]) & (place <= band[1])
     if inside.sum() < 2:
         raise ArgumentError(
             f"band {band[0]:g} to {band[1]:g} holds fewer than two lines; they are "
             f"{place[1] - place[0]:.3g} apart: give a wider one or record longer"
         )
-    return place[inside], values[:, inside]
+    return {"place": place[inside], "values": values[:, inside]}
 
 
-def _amplitudes(
-    kind: Literal["amplitude", "rms", "energy"], value_name: str, unit: str = "{}"
-) -> Callable[[Recording, Band, str], RecordingSpectrum]:
-    def compute(vibration: Recording, band: Band, window_name: str) -> RecordingSpectrum:
+def _amplitudes(kind: Literal["amplitude", "rms", "energy"]) -> _Compute:
+    def compute(vibration: Recording, band: Band, window_name: str) -> _Made:
         rate = vibration.sampling_rate_hz
         found = amplitude_spectrum(vibration.samples, rate, window_name=window_name, quantity=kind)
-        course = _cut(found.frequency_hz, found.values, band)
         note = f"{window_name} window, noise bandwidth {found.resolution_hz:.3g} Hz"
-        return _plain(vibration, kind, course, value_name, _units(vibration, unit), notes=(note,))
+        return _cut(found.frequency_hz, found.values, band) | {"notes": (note,)}
 
     return compute
 
 
-def _density(vibration: Recording, band: Band, window_name: str) -> RecordingSpectrum:
+def _density(vibration: Recording, band: Band, window_name: str) -> _Made:
     samples, rate = vibration.samples, vibration.sampling_rate_hz
     count = samples.shape[-1]
     wanted = fast_length(max(16, count // _DENSITY_BLOCKS))
     block = min(count, _DENSITY_LONGEST, wanted)
     found = power_density(samples, rate, block, window_name=window_name)
-    course, units = _cut(found.frequency_hz, found.values, band), _units(vibration, "({})^2/Hz")
     note = f"Welch, blocks of {block} samples, half overlap, {window_name} window"
-    return _plain(vibration, "density", course, "power spectral density", units, notes=(note,))
+    return _cut(found.frequency_hz, found.values, band) | {"notes": (note,)}
 
 
-def _envelope(vibration: Recording, band: Band, _window_name: str) -> RecordingSpectrum:
+def _envelope(vibration: Recording, band: Band, _window_name: str) -> _Made:
     rate, notes = vibration.sampling_rate_hz, []
     if band is None:
         # narrow bands through which a wandering line passes now and then would look impulsive
@@ -173,31 +151,32 @@ def _envelope(vibration: Recording, band: Band, _window_name: str) -> RecordingS
             f"{vibration.channel_names[channel]} (kurtosis {height:.3g})"
         )
     found = envelope_spectrum(vibration.samples, rate, *band)
-    course, units = (found.frequency_hz[1:], found.values[:, 1:]), _units(vibration)
-    name = f"envelope of {band[0]:.6g} to {band[1]:.6g} Hz"
-    return _plain(vibration, "envelope", course, name, units, notes=tuple(notes))
+    return {
+        "place": found.frequency_hz[1:],
+        "values": found.values[:, 1:],
+        "value_name": f"envelope of {band[0]:.6g} to {band[1]:.6g} Hz",
+        "notes": tuple(notes),
+    }
 
 
-def _cepstrum(vibration: Recording, band: Band, _window_name: str) -> RecordingSpectrum:
-    rate, units = vibration.sampling_rate_hz, ("1",) * len(vibration.samples)
+def _cepstrum(vibration: Recording, band: Band, _window_name: str) -> _Made:
+    rate = vibration.sampling_rate_hz
     found = real_cepstrum(vibration.samples, rate)
     # the first quefrencies hold the coarse shape of the spectrum, many times higher than the rest
     chosen = band or (16 / rate, min(0.5, float(found.quefrency_s[-1])))
-    course = _cut(found.quefrency_s, found.values, chosen)
-    return _plain(vibration, "cepstrum", course, "real cepstrum", units, axis="quefrency_s")
+    return _cut(found.quefrency_s, found.values, chosen) | {"axis": "quefrency_s"}
 
 
-def _kurtogram(vibration: Recording, band: Band, _window_name: str) -> RecordingSpectrum:
+def _kurtogram(vibration: Recording, band: Band, _window_name: str) -> _Made:
     if band is not None:
         raise ArgumentError("band: a kurtogram covers all frequencies; leave the band out")
     samples, rate = vibration.samples, vibration.sampling_rate_hz
     levels = max(0, min(_MAP_LEVELS, int(np.log2(samples.shape[-1] / 64))))
     maps = tuple(kurtogram(channel, rate, levels) for channel in samples)
-    none, name = (np.zeros(0), np.zeros((len(maps), 0))), "kurtosis of the envelope"
-    return _plain(vibration, "kurtogram", none, name, ("1",) * len(maps), kurtograms=maps)
+    return {"place": np.zeros(0), "values": np.zeros((len(maps), 0)), "kurtograms": maps}
 
 
-def _coherence(vibration: Recording, band: Band, _window_name: str) -> RecordingSpectrum:
+def _coherence(vibration: Recording, band: Band, _window_name: str) -> _Made:
     rate, count = vibration.sampling_rate_hz, vibration.samples.shape[-1]
     low, high = band or (1.0, min(200.0, rate / 8))
     # modulation is resolved to rate over length: so long a piece that no line falls between
@@ -214,30 +193,25 @@ def _coherence(vibration: Recording, band: Band, _window_name: str) -> Recording
         found = [cyclic_coherence(part, rate, cyclic, block) for part in parts]
         return np.asarray(np.mean([one.enhanced_envelope_spectrum for one in found], axis=0))
 
-    values = np.array([mean(samples) for samples in vibration.samples])
     note = (
         f"modulation resolved to {step:.3g} Hz, carriers to {1.5 * rate / block:.3g} Hz, from "
         f"the first {pieces * piece / rate:.3g} s"
     )
-    name, more = "squared cyclic coherence, mean over carriers", {"axis": "cyclic_frequency_hz"}
-    units = ("1",) * len(values)
-    return _plain(vibration, "coherence", (cyclic, values), name, units, notes=(note,), **more)
+    values = np.array([mean(samples) for samples in vibration.samples])
+    return {"place": cyclic, "values": values, "axis": "cyclic_frequency_hz", "notes": (note,)}
 
 
-def _units(vibration: Recording, form: str = "{}") -> tuple[str, ...]:
-    return tuple(form.format(unit) if unit else "" for unit in vibration.units)
-
-
-# Each takes the vibration, the band or none, and the name of the window.
-COMPUTE: dict[str, Callable[[Recording, Band, str], RecordingSpectrum]] = {
-    "amplitude": _amplitudes("amplitude", "peak amplitude"),
-    "rms": _amplitudes("rms", "RMS of the line"),
-    "density": _density,
-    "energy": _amplitudes("energy", "energy per line", "({})^2"),
-    "envelope": _envelope,
-    "cepstrum": _cepstrum,
-    "kurtogram": _kurtogram,
-    "coherence": _coherence,
+# What each is called, the unit of its values from that of the channel, and how it is computed: of
+# the vibration, the band or none, and the name of the window.
+COMPUTE: dict[str, tuple[str, str, _Compute]] = {
+    "amplitude": ("peak amplitude", "{}", _amplitudes("amplitude")),
+    "rms": ("RMS of the line", "{}", _amplitudes("rms")),
+    "density": ("power spectral density", "({})^2/Hz", _density),
+    "energy": ("energy per line", "({})^2", _amplitudes("energy")),
+    "envelope": ("envelope", "{}", _envelope),
+    "cepstrum": ("real cepstrum", "1", _cepstrum),
+    "kurtogram": ("kurtosis of the envelope", "1", _kurtogram),
+    "coherence": ("squared cyclic coherence, mean over carriers", "1", _coherence),
 }
 
 KINDS = tuple(COMPUTE)
@@ -300,8 +274,12 @@ def recording_spectrum(
     recording = sound_part(read_recording(recording, sampling_rate_hz, sensors=sensors, unit=unit))
     vibration = recording.vibration()
     _check_band(band, vibration, kind)
-    result = COMPUTE[kind](vibration, band, window_name)
-    result = replace(result, notes=tuple(recording.notes) + result.notes)
+    value_name, unit_of, compute = COMPUTE[kind]
+    made: _Made = {"value_name": value_name, "notes": ()} | compute(vibration, band, window_name)
+    units = (unit_of.format(own) if own or unit_of == "1" else "" for own in vibration.units)
+    made |= {"units": tuple(units), "notes": (*recording.notes, *made["notes"])}
+    names = vibration.channel_names
+    result = RecordingSpectrum(recording=recording.origin, kind=kind, channel_names=names, **made)
     if machine is not None:
         result = _marked(result, recording, machine)
     return replace(result, peaks=_peaks(result, vibration, window_name, most_peaks))
@@ -331,59 +309,62 @@ def _marked(result: RecordingSpectrum, recording: Recording, machine: Machine) -
     if not signature.found:
         speed = signature.speed.nominal_hz
         note = f"no mesh found: lines are marked at the nominal speed of {speed:.6g} Hz"
+    marks = machine_marks(machine, speed, np.inf)
     if result.kind == "cepstrum":
         # a family of sidebands stands at the reciprocal of its spacing
-        marks = tuple(
-            replace(mark, place=1.0 / mark.place)
-            for mark in reversed(machine_marks(machine, speed, np.inf))
-            if mark.name.endswith("×1")
-        )
-    elif result.kind == "kurtogram":
-        marks = ()
-    else:
-        marks = machine_marks(machine, speed, np.inf)
-    inside = tuple(
-        mark
-        for mark in marks
-        if len(result.place) and result.place[0] <= mark.place <= result.place[-1]
-    )
+        turning = [mark for mark in reversed(marks) if mark.name.endswith("×1")]
+        marks = tuple(replace(mark, place=1.0 / mark.place) for mark in turning)
+    ends = result.place[[0, -1]] if len(result.place) else (np.inf, 0.0)
+    inside = tuple(mark for mark in marks if ends[0] <= mark.place <= ends[1])
     return replace(result, marks=inside, wander=wander, notes=(*result.notes, note))
 
 
 def _peaks(
     result: RecordingSpectrum, vibration: Recording, window_name: str, most: int
 ) -> tuple[dict[str, Any], ...]:
-    if result.kurtograms:
-        heads, named = (
-            ("low_hz", "high_hz", "kurtosis"),
-            zip(result.channel_names, result.kurtograms, strict=True),
-        )
-        return tuple(
-            {"channel": name, **dict(zip(heads, own.best, strict=True))} for name, own in named
-        )
+    maps = zip(result.channel_names, result.kurtograms, strict=False)
+    heads = ("low_hz", "high_hz", "kurtosis")
+    rows = [{"channel": name, **dict(zip(heads, own.best, strict=True))} for name, own in maps]
     reach = half_lobe(window_name) if result.kind in ("amplitude", "rms", "energy") else 2
-    exact = result.kind in ("amplitude", "rms")
-    rows: list[dict[str, Any]] = []
-    for row, name in enumerate(result.channel_names):
-        chosen = highest_peaks(result.values[row], most, reach)
-        place, value = result.place[chosen], result.values[row, chosen]
-        if exact and len(chosen):
+    for row, values in enumerate(result.values if len(result.place) else ()):
+        chosen = highest_peaks(values, most, reach)
+        place, value = result.place[chosen], values[chosen]
+        if result.kind in ("amplitude", "rms"):
             place, value = _read(vibration.samples[row], vibration, place, value, window_name)
             value = value / np.sqrt(2) if result.kind == "rms" else value
-            ranked = np.argsort(-value, kind="stable")
-            place, value = place[ranked], value[ranked]
-        within = 3 * float(result.place[1] - result.place[0])
-        rows += [
-            {
-                "channel": name,
-                result.axis: float(at),
-                "value": float(height),
-                "unit": result.units[row],
-                "near": mark_near(result.marks, float(at), max(within, result.wander * float(at))),
-            }
-            for at, height in zip(place, value, strict=True)
-        ]
+        within = np.maximum(3 * (result.place[1] - result.place[0]), result.wander * place)
+        about = {"channel": result.channel_names[row]}, {"unit": result.units[row]}
+        rows += peak_rows(about, {result.axis: place, "value": value}, result.marks, within)
     return tuple(rows)
+
+
+def peak_rows(
+    about: tuple[dict[str, str], dict[str, str]],
+    found: dict[str, FloatArray],
+    marks: tuple[Mark, ...],
+    within: FloatArray,
+) -> list[dict[str, Any]]:
+    """Return a row a peak, highest first.
+
+    Parameters
+    ----------
+    about : (dict, dict)
+        What stands before and behind the numbers of every row.
+    found : dict of str to ndarray
+        Places, then heights, under their names.
+    marks : tuple of Mark
+        Lines of the machine.
+    within : ndarray
+        How near to one of them a peak has its name.
+    """
+    place, height = found.values()
+    return [
+        about[0]
+        | {name: float(values[i]) for name, values in found.items()}
+        | about[1]
+        | {"near": mark_near(marks, float(place[i]), float(within[i]))}
+        for i in np.argsort(-height, kind="stable")
+    ]
 
 
 def _read(
@@ -424,9 +405,7 @@ def highest_peaks(values: FloatArray, most: int, reach: int) -> NDArray[np.intp]
     inner = (values[1:-1] >= values[:-2]) & (values[1:-1] > values[2:])
     tops = np.flatnonzero(inner) + 1
     kept: list[int] = []
-    for top in tops[np.argsort(-values[tops], kind="stable")]:
-        if len(kept) == most:
-            break
-        if all(abs(int(top) - other) >= reach for other in kept):
-            kept.append(int(top))
+    for top in tops[np.argsort(-values[tops], kind="stable")].tolist():
+        if len(kept) < most and all(abs(top - other) >= reach for other in kept):
+            kept.append(top)
     return np.array(kept, dtype=np.intp)

@@ -7,12 +7,11 @@ the names.
 
 from __future__ import annotations
 
-import csv
 import io
 import json
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import takewhile
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -238,15 +237,21 @@ def read_signature(path: str | Path) -> Signature:
     """
     source = Path(path)
     suffix = _suffix(source)
-    if not source.is_file():
-        raise SignatureError(f"{source}: there is no such file")
-    if suffix == ".parquet":
-        return _read_parquet(source)
     try:
-        text = source.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):
-        raise SignatureError(f"{source}: cannot be read as text; not a signature") from None
-    return _from_csv(text, source) if suffix == ".csv" else _from_json(text, source)
+        data = source.read_bytes()
+    except OSError as error:
+        raise SignatureError(f"{source}: cannot be read ({error.strerror})") from None
+    if suffix == ".parquet":
+        _parquet()
+    try:
+        if suffix == ".parquet":
+            return _from_parquet(data)
+        text = data.decode("utf-8")
+        return _from_csv(text) if suffix == ".csv" else _from_json(text)
+    except (ValueError, TypeError, KeyError, OSError) as error:
+        # of a damaged file pandas and pyarrow tell the line where they can
+        why = str(error).strip().splitlines()[0]
+        raise SignatureError(f"{source}: not a signature, or a damaged one ({why})") from None
 
 
 def _suffix(path: Path) -> str:
@@ -264,77 +269,48 @@ def _about(signature: Signature) -> dict[str, Any]:
     return about | {key: plain(value) for key, value in signature.header.items()}
 
 
-def _check_format(about: dict[str, Any], path: Path) -> None:
-    if about.get("format") != FORMAT:
-        raise SignatureError(
-            f"{path}: is not a signature: it must say format {FORMAT!r}, and says "
-            f"{about.get('format')!r}"
-        )
-
-
-def _assembled(about: dict[str, Any], columns: dict[str, Any], path: Path) -> Signature:
-    """Put a signature together from what was read, or say what is wrong with it."""
-    header = _restored({key: value for key, value in about.items() if key not in RESERVED})
-    machine, origin = (str(about.get(key, "")) for key in ("machine", "origin"))
-    try:
-        return Signature(machine=machine, origin=origin, header=header, columns=columns)
-    except (ArgumentError, ValueError, TypeError) as error:
-        raise SignatureError(f"{path}: {error}") from None
+def _assembled(about: Any, columns: dict[str, Any]) -> Signature:
+    """Put a signature together from what was read."""
+    if not isinstance(about, dict) or about.get("format") != FORMAT:
+        says = about.get("format") if isinstance(about, dict) else about
+        raise ArgumentError(f"is not a signature: it must say format {FORMAT!r}, and says {says!r}")
+    return Signature(
+        machine=str(about.get("machine", "")),
+        origin=str(about.get("origin", "")),
+        header=_restored({key: value for key, value in about.items() if key not in RESERVED}),
+        columns=columns,
+    )
 
 
 def _to_csv(signature: Signature) -> str:
-    text = io.StringIO()
-    for key, value in _about(signature).items():
-        text.write(f"# {key}: {json.dumps(value, allow_nan=False, ensure_ascii=False)}\n")
-    rows = csv.writer(text, lineterminator="\n")
-    rows.writerow(signature.columns)
-    # Python writes the shortest digits that give the same number back
-    rows.writerows(zip(*(c.tolist() for c in signature.columns.values()), strict=True))
-    return text.getvalue()
+    import pandas as pd
+
+    told = (
+        f"# {key}: {json.dumps(value, allow_nan=False, ensure_ascii=False)}\n"
+        for key, value in _about(signature).items()
+    )
+    # the shortest digits that give the same number back
+    return "".join(told) + pd.DataFrame(dict(signature.columns)).to_csv(index=False)
 
 
-def _from_csv(text: str, path: Path) -> Signature:
+def _from_csv(text: str) -> Signature:
+    import pandas as pd
+
     lines = text.splitlines()
-    count = next((i for i, line in enumerate(lines) if not line.startswith("#")), len(lines))
-    about: dict[str, Any] = {}
-    for number, line in enumerate(lines[:count], start=1):
-        key, _, value = line[1:].strip().partition(": ")
-        try:
-            about[key] = json.loads(value)
-        except json.JSONDecodeError:
-            raise SignatureError(f"{path}, line {number}: {line!r} is not '# key: value'") from None
-    _check_format(about, path)
-    return _assembled(about, _csv_columns(lines, count, path), path)
-
-
-def _csv_columns(lines: list[str], start: int, path: Path) -> dict[str, Any]:
-    table = csv.reader(lines[start:])
-    names = next(table, [])
-    missing = [name for name in COLUMNS if name not in names]
-    if missing:
-        raise SignatureError(f"{path}, line {start + 1}: column {missing[0]} is missing")
-    columns: dict[str, list[Any]] = {name: [] for name in names}
-    for number, row in enumerate(table, start=start + 2):
-        if len(row) != len(names):
-            raise SignatureError(
-                f"{path}, line {number}: {len(row)} values for {len(names)} columns; truncated?"
-            )
-        for name, word in zip(names, row, strict=True):
-            columns[name].append(_value(name, word, number, path))
-    return columns
-
-
-def _value(name: str, word: str, number: int, path: Path) -> str | float:
-    if name in TEXT_COLUMNS:
-        return word
-    try:
-        return float(word)
-    except ValueError:
-        if name not in COLUMNS:
-            return word
-        raise SignatureError(
-            f"{path}, line {number}, column {name}: {word!r} is not a number"
-        ) from None
+    told = list(takewhile(lambda line: line.startswith("#"), lines))
+    pairs = (line[1:].strip().partition(": ") for line in told)
+    about = {key: json.loads(value) for key, _, value in pairs}
+    table = pd.read_csv(
+        io.StringIO(text),
+        skiprows=len(told),
+        index_col=False,
+        keep_default_na=False,
+        dtype=dict.fromkeys(TEXT_COLUMNS, str),
+    )
+    # what is no number is not finite
+    numeric = [name for name in COLUMNS if name not in TEXT_COLUMNS and name in table]
+    table[numeric] = table[numeric].apply(pd.to_numeric, errors="coerce")
+    return _assembled(about, {str(name): table[name].tolist() for name in table})
 
 
 def _to_json(signature: Signature) -> str:
@@ -344,28 +320,15 @@ def _to_json(signature: Signature) -> str:
     return f'{about.removesuffix("}").rstrip()},\n "rows": [\n{rows}\n]}}\n'
 
 
-def _from_json(text: str, path: Path) -> Signature:
-    try:
-        whole = json.loads(text)
-    except json.JSONDecodeError as error:
-        raise SignatureError(
-            f"{path}, line {error.lineno}: not valid JSON ({error.msg}); truncated?"
-        ) from None
-    about = whole if isinstance(whole, dict) else {}
-    _check_format(about, path)
-    rows = about.get("rows")
-    if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
-        raise SignatureError(f"{path}: rows must be a list of mappings")
-    names = about.get("columns", list(COLUMNS))
-    for number, row in enumerate(rows, start=1):
-        if row.keys() != set(names):
-            raise SignatureError(f"{path}, row {number}: its columns are not those announced")
-    return _assembled(about, {name: [row[name] for row in rows] for name in names}, path)
+def _from_json(text: str) -> Signature:
+    whole = json.loads(text)
+    told = whole if isinstance(whole, dict) else {}
+    names, rows = told.get("columns", ()), told.get("rows", ())
+    return _assembled(whole, {name: [row[name] for row in rows] for name in names})
 
 
 def _parquet() -> Any:
     try:
-        import pyarrow
         import pyarrow.parquet
     except ImportError:
         raise ArgumentError(
@@ -383,97 +346,8 @@ def _write_parquet(signature: Signature, path: Path) -> None:
         pyarrow.parquet.write_table(table, temporary)
 
 
-def _read_parquet(path: Path) -> Signature:
+def _from_parquet(data: bytes) -> Signature:
     pyarrow = _parquet()
-    try:
-        table = pyarrow.parquet.read_table(path)
-    except (pyarrow.ArrowException, OSError):
-        raise SignatureError(f"{path}: not a Parquet file, or a damaged one") from None
-    stored = (table.schema.metadata or {}).get(b"gearmon")
-    about = json.loads(stored) if stored else {}
-    _check_format(about, path)
-    return _assembled(about, {name: table[name].to_pylist() for name in table.column_names}, path)
-
-
-def signature_lines(signature: Signature, most: int = 30) -> list[str]:
-    """Return a compact table: what holds for each stage, then its strongest lines by frequency.
-
-    Parameters
-    ----------
-    signature : Signature
-        What to show.
-    most : int
-        Largest number of lines, taken by acceleration.
-    """
-    lines = [f"{signature.machine or 'machine'}: {signature.origin} signature"]
-    for stage in signature.header.get("stages", []):
-        lines += _stage_lines(stage)
-    strongest = np.sort(np.argsort(-signature["acceleration_ms2"], kind="stable")[:most])
-    strongest = strongest[np.argsort(signature["frequency_hz"][strongest], kind="stable")]
-    lines.append("")
-    lines.append(
-        f"{'stage':>5} {'line':<18} {'order':>10} {'Hz':>10} {'displacement um':>16} "
-        f"{'velocity mm/s':>14} {'acceleration m/s2':>18} {'phase deg':>10}"
-    )
-    lines += [_line(signature, int(index)) for index in strongest]
-    if len(signature) > len(strongest):
-        lines.append(f"({len(strongest)} strongest of {len(signature)} lines; peak amplitudes)")
-    else:
-        lines.append("(peak amplitudes)")
-    return lines
-
-
-def line_name(mesh_harmonic: int, sideband: int, sideband_of: str) -> str:
-    """Return the name of a line, such as "mesh 2", "mesh 2 -3 pinion" or "5 pinion".
-
-    Examples
-    --------
-    >>> line_name(2, -3, "pinion")
-    'mesh 2 -3 pinion'
-    """
-    if not sideband:
-        return f"mesh {mesh_harmonic}"
-    if not mesh_harmonic:
-        return f"{sideband} {sideband_of}"
-    return f"mesh {mesh_harmonic} {sideband:+d} {sideband_of}"
-
-
-def _line(signature: Signature, index: int) -> str:
-    name = line_name(
-        int(signature["mesh_harmonic"][index]),
-        int(signature["sideband"][index]),
-        str(signature["sideband_of"][index]),
-    )
-    return (
-        f"{signature['stage'][index]:>5} {name:<18} {signature['order'][index]:>10.4f} "
-        f"{signature['frequency_hz'][index]:>10.2f} "
-        f"{1e6 * signature['displacement_m'][index]:>16.4g} "
-        f"{1e3 * signature['velocity_ms'][index]:>14.4g} "
-        f"{signature['acceleration_ms2'][index]:>18.4g} "
-        f"{math.degrees(signature['phase_rad'][index]):>10.1f}"
-    )
-
-
-def _stage_lines(stage: dict[str, object]) -> list[str]:
-    """Return what holds for one stage, as far as the header tells it."""
-    shown = (
-        ("mesh frequency", "mesh_frequency_hz", "Hz"),
-        ("mean stiffness", "mean_stiffness_n_per_m", "N/m"),
-        ("stiffness variation", "stiffness_variation", ""),
-        ("contact ratio", "contact_ratio", ""),
-        ("natural frequency", "natural_frequency_hz", "Hz"),
-        ("damping ratio", "damping_ratio", ""),
-        ("error bound", "error_bound", ""),
-        ("estimated error", "error_estimate", ""),
-    )
-    parts = [
-        f"{label} {stage[key]:.5g}{' ' + unit if unit else ''}"
-        for label, key, unit in shown
-        if isinstance(stage.get(key), float)
-    ]
-    lines = [f"stage {stage.get('stage', 1)}: {', '.join(parts)}"]
-    if stage.get("message"):
-        lines.append(f"  {stage['message']}")
-    if stage.get("contact_lost"):
-        lines.append("  teeth lose contact in every period: the linear model ends there")
-    return lines
+    table = pyarrow.parquet.read_table(pyarrow.BufferReader(data))
+    stored = (table.schema.metadata or {}).get(b"gearmon", "null")
+    return _assembled(json.loads(stored), table.to_pydict())

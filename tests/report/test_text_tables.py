@@ -8,7 +8,7 @@ import io
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gearmon.report.wording import Table, rows_as_csv, table_lines
+from gearmon.report.wording import rows_as_csv, table_lines
 
 ROWS = [
     {"name": "mesh 1", "stage": 1, "order": 23.0, "shaft": None},
@@ -25,8 +25,7 @@ def test_numbers_stand_to_the_right_and_words_to_the_left():
 
 
 def test_a_table_of_texts_is_aligned_as_it_says():
-    table = Table(headings=("name", "Hz"), rows=(("mesh", "4.25"),), align="lr")
-    assert table_lines(table) == ["name    Hz", "mesh  4.25"]
+    assert table_lines([{"name": "mesh", "Hz": "4.25"}], "lr") == ["name    Hz", "mesh  4.25"]
 
 
 def test_no_rows():

@@ -11,9 +11,7 @@ from gearmon.errors import ArgumentError, SignatureError
 from gearmon.signatures.signature import (
     COLUMNS,
     Signature,
-    line_name,
     read_signature,
-    signature_lines,
     write_signature,
 )
 
@@ -137,17 +135,22 @@ def damaged(tmp_path, name, change):
 @pytest.mark.parametrize(
     ("name", "change", "words"),
     [
-        ("s.csv", lambda t: t[: t.rindex(",")], r"s\.csv, line 8: 9 values for 10 columns"),
-        ("s.csv", lambda t: t.replace("0.3333", "x.3333"), r"line \d+, column order: 'x"),
+        ("s.csv", lambda t: t[: t.rindex(",")], r"s\.csv: .*phase_rad of line 3 is not a finite"),
+        ("s.csv", lambda t: t.replace("0.3333", "x.3333"), r"\w+ of line 3 is not a finite"),
+        ("s.csv", lambda t: t.replace("\n1,", "\n1,1,"), "Expected 10 fields in line 7, saw 11"),
         ("s.csv", lambda t: t.replace("velocity_ms", "speed"), "column velocity_ms is missing"),
-        ("s.csv", lambda t: t.replace("# machine: ", "# machine "), "line 2: .*is not '# key"),
-        ("s.csv", lambda _: "", "is not a signature"),
+        (
+            "s.csv",
+            lambda t: t.replace("# machine: ", "# machine "),
+            "damaged one .Expecting value",
+        ),
+        ("s.csv", lambda _: "", "not a signature"),
         ("s.csv", lambda t: t.replace("signature 1", "signature 9"), "says 'gearmon signature 9'"),
-        ("s.json", lambda t: t[:-30], "not valid JSON .*truncated"),
-        ("s.json", lambda _: "[1, 2]", "is not a signature"),
-        ("s.json", lambda t: t.replace('"stage": 1', '"stag": 1'), "row 2: its columns are not"),
-        ("s.json", lambda t: t.replace('"rows": [', '"rows": [5,'), "rows must be a list"),
-        ("s.parquet", lambda _: "PAR1", "not a Parquet file"),
+        ("s.json", lambda t: t[:-30], r"damaged one \(.*line \d+"),
+        ("s.json", lambda _: "[1, 2]", "not a signature"),
+        ("s.json", lambda t: t.replace('"stage": 1', '"stag": 1'), "damaged one .'stage'"),
+        ("s.json", lambda t: t.replace('"rows": [', '"rows": [5,'), "damaged one"),
+        ("s.parquet", lambda _: "PAR1", "not a signature, or a damaged one"),
     ],
 )
 def test_damaged_files_are_refused_in_one_line(tmp_path, name, change, words):
@@ -163,12 +166,12 @@ def test_damaged_files_are_refused_in_one_line(tmp_path, name, change, words):
 
 
 def test_other_files_are_refused(tmp_path):
-    with pytest.raises(SignatureError, match="there is no such file"):
+    with pytest.raises(SignatureError, match="No such file"):
         read_signature(tmp_path / "none.csv")
     with pytest.raises(ArgumentError, match=r"suffix must be one of .*did you mean \.json"):
         write_signature(signature(), tmp_path / "s.jsn")
     (tmp_path / "b.csv").write_bytes(b"\xff\xfe\x00binary")
-    with pytest.raises(SignatureError, match="cannot be read as text"):
+    with pytest.raises(SignatureError, match="damaged one"):
         read_signature(tmp_path / "b.csv")
 
 
@@ -191,30 +194,3 @@ def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
     with pytest.raises(ArgumentError, match="disk full"):
         write_signature(signature(3), path)
     assert path.read_bytes() == before
-
-
-def test_listing_shows_the_strongest_lines_by_frequency():
-    one = signature(
-        4,
-        {"stages": [{"stage": 1, "mesh_frequency_hz": 600.0, "message": "fine"}]},
-        acceleration_ms2=np.array([1.0, 9.0, 5.0, 0.1]),
-        frequency_hz=np.array([30.0, 20.0, 10.0, 5.0]),
-    )
-    lines = signature_lines(one, 2)
-    assert lines[1] == "stage 1: mesh frequency 600 Hz"
-    assert lines[2] == "  fine"
-    assert [line.split()[0] for line in lines[-3:-1]] == ["2", "1"]
-    assert "2 strongest of 4" in lines[-1]
-
-
-@pytest.mark.parametrize(
-    ("line", "name"),
-    [
-        ((3, 0, ""), "mesh 3"),
-        ((2, -3, "pinion"), "mesh 2 -3 pinion"),
-        ((1, 12, "gear"), "mesh 1 +12 gear"),
-        ((0, 5, "pinion"), "5 pinion"),
-    ],
-)
-def test_names_of_lines(line, name):
-    assert line_name(*line) == name

@@ -10,14 +10,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import combinations
+from operator import itemgetter
 
 import numpy as np
 
-from gearmon.gears.kinematics import Kinematics, Mesh, Wheel, kinematics
+from gearmon.gears.kinematics import Kinematics, Mesh, Modulation, Wheel, kinematics
 from gearmon.machine import Machine
 from gearmon.signals.array_types import BoolArray, FloatArray, IntArray
 
@@ -75,11 +76,11 @@ class Family:
 
     kind: str
     stage: int
-    gear: str
+    gear: str = ""
     harmonic: int
-    spacing: float
-    shaft: int | None
-    lines: tuple[int, ...]
+    spacing: float = 0.0
+    shaft: int | None = None
+    lines: tuple[int, ...] = ()
 
     @property
     def name(self) -> str:
@@ -140,7 +141,7 @@ class WheelLines:
         number: IntArray,
         lines: IntArray,
         mesh: BoolArray,
-        beside: Sequence[IntArray] = (),
+        beside: Sequence[Sequence[int]] = (),
     ) -> WheelLines:
         """Return the lines of a gear."""
         return cls(
@@ -200,110 +201,145 @@ def line_plan(
         The mesh harmonics of `mesh_harmonics`, sidebands of every modulation, all multiples of
         every gear's rotation up to half a mesh order beyond.
     """
-    unit = _common_denominator(train)
-    counts = {mesh.stage: mesh_harmonics(mesh.order * shaft1_hz) for mesh in train.meshes}
-    claims = _Claims(Fraction(top_order).limit_denominator(10**6), unit, counts)
-    for mesh in train.meshes:
-        _claim_mesh(claims, mesh)
-    for mesh in train.meshes:
-        for spacing, gear, shaft, teeth in _spacings(mesh):
-            if float(spacing) >= finest_spacing:
-                _claim_sidebands(claims, mesh, spacing, gear, shaft, teeth)
-    wheels = [
-        (mesh, wheel)
-        for mesh in train.meshes
-        for wheel in mesh.wheels
-        if wheel.relative_order >= finest_spacing
-    ]
-    for mesh, wheel in wheels:
-        centre, turning = claims.units(mesh.exact), claims.units(wheel.exact_relative)
-        for k in claims.harmonics(mesh):
-            for r in range(-(wheel.teeth // 2), wheel.teeth // 2 + 1):
-                claims.add(k * centre + r * turning, 10**6, None)
-                for side in _sides(mesh, wheel, finest_spacing):
-                    order = k * centre + r * turning + side * claims.units(mesh.carrier)
-                    step, first = mesh.brought_alike(wheel.gear, side)
-                    if (k * wheel.teeth + r) % step == first:
-                        claims.add(order, 10**6, None)
-    if not claims.owner:  # no mesh can be seen at this sampling rate: at least the shafts
-        for rotation in train.shafts:
-            claims.add(claims.units(rotation.exact), 10**6, None)
-    exact = sorted(claims.owner)
-    position = {order: index for index, order in enumerate(exact)}
-    meshes = {
-        k * claims.units(mesh.exact)
-        for mesh in train.meshes
-        for k in range(1, int(claims.top / mesh.exact) + 1)
-    }
+    plan = _Planning(
+        train=train,
+        top=Fraction(top_order).limit_denominator(10**6),
+        finest=finest_spacing,
+        shaft1_hz=shaft1_hz,
+    )
+    # the strongest claim wins, of equal ones the first
+    claims = sorted(plan.claims(), key=itemgetter(1))
+    end = math.ceil(plan.top * plan.unit)
+    # a family that the sampling rate cuts short would differ from recording to recording
+    cut = {family for order, _, family in claims if order >= end}
+    owner: dict[int, Family | None] = {}
+    for order, _, family in claims:
+        if 0 < order < end:
+            owner.setdefault(order, family)
+    if not owner:  # no mesh can be seen at this sampling rate: at least the shafts
+        turning = (plan.units(shaft.exact) for shaft in train.shafts)
+        owner = dict.fromkeys(order for order in turning if order < end)
+    position = {order: index for index, order in enumerate(sorted(owner))}
+    members: dict[Family, list[int]] = {}
+    for order, index in position.items():
+        known = owner[order]
+        if known is not None and known not in cut:
+            members.setdefault(known, []).append(index)
+    ranked = sorted(members, key=lambda own: (own.stage, own.kind, own.spacing, own.harmonic))
     return LinePlan(
-        orders=np.array([order / unit for order in exact]),
-        families=tuple(_families(claims, position)),
-        wheels=tuple(
-            _wheel_lines(mesh, wheel, position, meshes, claims, _sides(mesh, wheel, finest_spacing))
-            for mesh, wheel in wheels
-        ),
+        orders=np.array([order / plan.unit for order in position]),
+        families=tuple(replace(own, lines=tuple(members[own])) for own in ranked),
+        wheels=tuple(plan.wheel_lines(*own, position) for own in plan.wheels),
     )
 
 
-def _sides(mesh: Mesh, wheel: Wheel, finest_spacing: float) -> tuple[int, ...]:
-    """Return on which sides of multiples of a gear's turn passing planets are heard."""
-    told = mesh.carrier != 0 and abs(mesh.carrier) >= finest_spacing
-    return (-1, 1) if told and wheel.exact != 0 else ()
+@dataclass(frozen=True, kw_only=True)
+class _Planning:
+    """The lines of a train; orders are counted in whole parts of one, exact as fractions."""
 
+    train: Kinematics
+    top: Fraction
+    finest: float
+    shaft1_hz: float
 
-def _common_denominator(train: Kinematics) -> int:
-    """Return the least number of parts of an order of which all lines of a train are multiples."""
-    exact = [rotation.exact for rotation in train.shafts]
-    for mesh in train.meshes:
-        exact += [mesh.exact, Fraction(mesh.carrier)]
-        exact += [wheel.exact_relative for wheel in mesh.wheels]
-        exact += [family.exact for family in mesh.modulations]
-    return math.lcm(*(order.denominator for order in exact))
-
-
-_Key = tuple[str, int, str, int, Fraction, int | None]
-
-
-class _Claims:
-    """Lines and the family each belongs to: the strongest claim wins.
-
-    Orders are counted in whole parts of one, `unit` of them: that is as exact as fractions.
-    """
-
-    def __init__(self, top: Fraction, unit: int, counts: dict[int, int]) -> None:
-        self.top = top
-        self.counts = counts
-        self.unit = unit
-        self.owner: dict[int, tuple[int, _Key | None]] = {}
-        self.cut: set[_Key] = set()
-        # the first whole number that is not below the top
-        self._end = math.ceil(top * unit)
-
-    def harmonics(self, mesh: Mesh) -> range:
-        """Return the harmonics of a mesh that are planned."""
-        return range(1, min(self.counts[mesh.stage], int(self.top / mesh.exact)) + 1)
+    @cached_property
+    def unit(self) -> int:
+        """The least number of parts of an order of which all lines are multiples."""
+        turning = [*self.train.shafts, *self.train.meshes]
+        turning += [own for mesh in self.train.meshes for own in mesh.modulations]
+        exact = [own.exact for own in turning] + [mesh.carrier for mesh in self.train.meshes]
+        exact += [wheel.exact_relative for mesh in self.train.meshes for wheel in mesh.wheels]
+        return math.lcm(*(order.denominator for order in exact))
 
     def units(self, order: Fraction) -> int:
         """Return an order in parts."""
         return int(order * self.unit)
 
-    def add(self, order: int, rank: int, key: _Key | None) -> None:
-        if order >= self._end and key is not None:
-            # a family that the sampling rate cuts short would differ from recording to recording
-            self.cut.add(key)
-        if not 0 < order < self._end:
-            return
-        held = self.owner.get(order)
-        if held is None or rank < held[0]:
-            self.owner[order] = (rank, key)
+    @property
+    def wheels(self) -> list[tuple[Mesh, Wheel]]:
+        """The gears whose turn can be resolved."""
+        every = [(mesh, wheel) for mesh in self.train.meshes for wheel in mesh.wheels]
+        return [own for own in every if own[1].relative_order >= self.finest]
 
+    def harmonics(self, mesh: Mesh) -> range:
+        """Return the harmonics of a mesh that are planned."""
+        count = mesh_harmonics(mesh.order * self.shaft1_hz)
+        return range(1, min(count, int(self.top / mesh.exact)) + 1)
 
-def _claim_mesh(claims: _Claims, mesh: Mesh) -> None:
-    for k in claims.harmonics(mesh):
-        key = ("mesh", mesh.stage, "", k, Fraction(0), None)
-        claims.add(k * claims.units(mesh.exact), -1000 + k, key)
-        for order in group_orders(mesh, k):
-            claims.add(claims.units(order), -500 + k, key)
+    def claims(self) -> Iterator[tuple[int, int, Family | None]]:
+        """Give lines in parts of an order, the rank of each claim, and the family if it has one."""
+        for mesh in self.train.meshes:
+            for k in self.harmonics(mesh):
+                family = Family(kind="mesh", stage=mesh.stage, harmonic=k)
+                for order in group_orders(mesh, k):
+                    rank = k - (1000 if order == k * mesh.exact else 500)
+                    yield self.units(order), rank, family
+        for mesh in self.train.meshes:
+            spacings = {own.exact: own for own in reversed(mesh.modulations)}
+            for modulation in mesh.modulations:
+                if spacings[modulation.exact] is modulation and modulation.order >= self.finest:
+                    yield from self._sidebands(mesh, modulation)
+        for mesh, wheel in self.wheels:
+            turning, half = self.units(wheel.exact_relative), wheel.teeth // 2
+            for k in self.harmonics(mesh):
+                for n in range(k * wheel.teeth - half, k * wheel.teeth + half + 1):
+                    yield n * turning, 10**6, None
+                    for aside, step, first in self._sides(mesh, wheel):
+                        if n % step == first:
+                            yield n * turning + aside, 10**6, None
+
+    def _sidebands(
+        self, mesh: Mesh, modulation: Modulation
+    ) -> Iterator[tuple[int, int, Family | None]]:
+        teeth = {wheel.gear: wheel.teeth for wheel in mesh.wheels}.get(modulation.gear, 0)
+        centre, apart = self.units(mesh.exact), self.units(modulation.exact)
+        reach = min(max(NEAR_SIDEBANDS, teeth // 2), centre // (2 * apart))
+        for k in self.harmonics(mesh):
+            near, far = (
+                Family(
+                    kind=kind,
+                    stage=mesh.stage,
+                    gear=modulation.gear,
+                    harmonic=k,
+                    spacing=modulation.order,
+                    shaft=modulation.shaft,
+                )
+                for kind in ("sidebands", "residual")
+            )
+            for r in range(1, reach + 1):
+                for order in (k * centre - r * apart, k * centre + r * apart):
+                    yield order, r, near if r <= NEAR_SIDEBANDS else far
+
+    def _sides(self, mesh: Mesh, wheel: Wheel) -> list[tuple[int, int, int]]:
+        """Return how far beside multiples of a gear's turn passing planets are heard, and which."""
+        if not mesh.carrier or abs(mesh.carrier) < self.finest or not wheel.exact:
+            return []
+        carrier = self.units(mesh.carrier)
+        return [(s * carrier, *mesh.brought_alike(wheel.gear, s)) for s in (-1, 1)]
+
+    def wheel_lines(self, mesh: Mesh, wheel: Wheel, position: dict[int, int]) -> WheelLines:
+        """Return the lines of a gear among those of the plan."""
+        turning = self.units(wheel.exact_relative)
+        meshing = [self.units(own.exact) for own in self.train.meshes]
+
+        def of_mesh(order: int) -> bool:
+            return any(order % own == 0 for own in meshing)
+
+        last = int(self.top / wheel.exact_relative)
+        held = [n for n in range(1, last + 1) if n * turning in position]
+        beside = [
+            [
+                position.get(n * turning + aside, -1)
+                if n % step == first and not of_mesh(n * turning + aside)
+                else -1
+                for n in held
+            ]
+            for aside, step, first in self._sides(mesh, wheel)
+        ]
+        number = np.array(held, dtype=np.int64)
+        lines = np.array([position[n * turning] for n in held], dtype=np.int64)
+        meshes = np.array([of_mesh(n * turning) for n in held], dtype=bool)
+        return WheelLines.of(mesh.stage, wheel, number, lines, meshes, beside)
 
 
 def group_orders(mesh: Mesh, harmonic: int) -> tuple[Fraction, ...]:
@@ -338,72 +374,6 @@ def group_orders(mesh: Mesh, harmonic: int) -> tuple[Fraction, ...]:
                 centre + (shift - mesh.planets) * mesh.carrier,
             }
     return tuple(sorted(order for order in orders if order > 0))
-
-
-def _spacings(mesh: Mesh) -> Iterator[tuple[Fraction, str, int | None, int]]:
-    """Distinct sideband spacings of a mesh, with the member to name and its tooth count."""
-    teeth = {wheel.gear: wheel.teeth for wheel in mesh.wheels}
-    seen: set[Fraction] = set()
-    for family in mesh.modulations:
-        if family.exact not in seen:
-            seen.add(family.exact)
-            yield family.exact, family.gear, family.shaft, teeth.get(family.gear, 0)
-
-
-def _claim_sidebands(
-    claims: _Claims, mesh: Mesh, spacing: Fraction, gear: str, shaft: int | None, teeth: int
-) -> None:
-    half = max(NEAR_SIDEBANDS, teeth // 2)
-    centre, apart = claims.units(mesh.exact), claims.units(spacing)
-    for k in claims.harmonics(mesh):
-        for r in range(1, half + 1):
-            if 2 * r * apart > centre:
-                break
-            kind = "sidebands" if r <= NEAR_SIDEBANDS else "residual"
-            key = (kind, mesh.stage, gear, k, spacing, shaft)
-            claims.add(k * centre - r * apart, r, key)
-            claims.add(k * centre + r * apart, r, key)
-
-
-def _families(claims: _Claims, position: dict[int, int]) -> Iterator[Family]:
-    members: dict[_Key, list[int]] = {}
-    for order, (_, key) in claims.owner.items():
-        if key is not None and key not in claims.cut:
-            members.setdefault(key, []).append(position[order])
-    for key in sorted(members, key=lambda item: (item[1], item[0], item[4], item[3])):
-        kind, stage, gear, harmonic, spacing, shaft = key
-        yield Family(
-            kind=kind,
-            stage=stage,
-            gear=gear,
-            harmonic=harmonic,
-            spacing=float(spacing),
-            shaft=shaft,
-            lines=tuple(sorted(members[key])),
-        )
-
-
-def _wheel_lines(
-    mesh: Mesh,
-    wheel: Wheel,
-    position: dict[int, int],
-    meshes: set[int],
-    claims: _Claims,
-    sides: tuple[int, ...],
-) -> WheelLines:
-    turning = claims.units(wheel.exact_relative)
-    last = int(claims.top / wheel.exact_relative)
-    multiples = ((n, n * turning) for n in range(1, last + 1))
-    held = [(n, order, position[order]) for n, order in multiples if order in position]
-    number, lines = (np.array([one[k] for one in held], dtype=np.int64) for k in (0, 2))
-    of_mesh = np.array([order in meshes for _, order, _ in held], dtype=bool)
-    beside = []
-    for side in sides:
-        step, first = mesh.brought_alike(wheel.gear, side)
-        orders = [order + side * claims.units(mesh.carrier) for _, order, _ in held]
-        places = np.array([-1 if n in meshes else position.get(n, -1) for n in orders])
-        beside.append(np.where(number % step == first, places, -1))
-    return WheelLines.of(mesh.stage, wheel, number, lines, of_mesh, beside)
 
 
 def known_orders(train: Kinematics, top: float, width: float) -> FloatArray:
@@ -496,27 +466,23 @@ def machine_marks(machine: Machine, per_order: float, top: float) -> tuple[Mark,
         No marks above this place.
     """
     train = kinematics(machine)
+    named = [
+        (k * mesh.order, f"mesh {mesh.stage} ×{k}", "mesh", mesh.stage)
+        for mesh in train.meshes
+        for k in range(1, MESH_HARMONICS + 1)
+    ]
+    named += [
+        (k * shaft.order, f"shaft {shaft.number} ×{k}", "shaft", shaft.number)
+        for shaft in train.shafts
+        for k in range(1, _SHAFT_HARMONICS + 1)
+    ]
     found: dict[float, Mark] = {}
-
-    def add(order: float, name: str, kind: str, number: int) -> None:
-        place = order * per_order
-        if place > top:
-            return
-        key = round(order, 9)
-        known = found.get(key)
-        if known is None:
-            found[key] = Mark(place=place, name=name, kind=kind, number=number)
-        else:
-            joined = f"{known.name} = {name}"
-            found[key] = Mark(place=place, name=joined, kind=known.kind, number=known.number)
-
-    for mesh in train.meshes:
-        for k in range(1, MESH_HARMONICS + 1):
-            add(k * mesh.order, f"mesh {mesh.stage} ×{k}", "mesh", mesh.stage)
-    for shaft in train.shafts:
-        for k in range(1, _SHAFT_HARMONICS + 1):
-            add(k * shaft.order, f"shaft {shaft.number} ×{k}", "shaft", shaft.number)
-    return tuple(found[key] for key in sorted(found))
+    for order, name, kind, number in named:
+        mark = Mark(place=order * per_order, name=name, kind=kind, number=number)
+        known = found.setdefault(round(order, 9), mark)
+        if known is not mark:
+            found[round(order, 9)] = replace(known, name=f"{known.name} = {name}")
+    return tuple(found[key] for key in sorted(found) if found[key].place <= top)
 
 
 def mark_near(marks: tuple[Mark, ...], place: float, within: float) -> str:
