@@ -27,7 +27,8 @@ _UNHEARD_DB = 10.0 / np.log(10.0) * (1.0 - 1e-9)
 # What the growth of a healthy gear scatters by before any is seen [dB], and the gears that this is
 # worth. Simulated healthy machines at loads, speeds and gains of their own: 0.75 dB.
 PRIOR_DB, PRIOR_WORTH = 1.2, 10.0
-#: Its growth with the distance from the nearest healthy state [dB per unit of state].
+#: Its growth with the distance from the nearest healthy state [dB per unit of state]: of healthy
+#: pairs of `gearmon.simulation` at loads 0.4 to 0.7 Np lighter 95 % grow by less than 15 dB.
 SLOPE_DB = 8.0
 # Sidebands held against the first and the second.
 _OTHERS = slice(3, 6)

@@ -39,7 +39,10 @@ FloatArray = NDArray[np.float64]
 # one of the 36 losses of 15 % that were found.
 _TEETH_SCATTER = 2.0
 # Growth of the inverse of that shape with each neper by which the load is lighter than all that
-# were learned, over its value: pairs of teeth that are off lose their contact one by one.
+# were learned, over its value: pairs of teeth that are off lose their contact one by one. At loads
+# 0.1 to 0.7 Np lighter the largest energy over the median is up to 19 and 28 on two of fourteen
+# machines of three simulators (90 % points), 10 on a third and 6 elsewhere; of 32 such pairs of
+# eight of them 4 were called faults, none is with it, with the slopes of levels and runout.
 _LIGHTER_SCATTER = 5.0
 # Healthy departures scatter like noise with a fraction of its degrees of freedom.
 _OVERDISPERSION = 3.0
