@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.errors import RecordingError
-from gearmon.gears.kinematics import Kinematics, kinematics
+from gearmon.gears.kinematics import Kinematics, Mesh, kinematics
 from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack
@@ -482,16 +482,8 @@ def _findings(
             found, reason = False, _disowned(spacing)
         if found and not several and seen.visible > 1 and support < _SUPPORTED:
             found, reason = False, _lonely(seen.visible - 1)
-        chosen = [
-            line
-            for family in plan.families
-            if family.kind == "mesh" and family.stage == mesh.stage
-            for line in family.lines
-        ]
         held = holds and not misled and _spaced(quality, bin_order, comb)
-        last = mesh_harmonics(mesh.order * speed.nominal_hz)
-        shared = np.isin(np.round(plan.orders / mesh.order, 9), np.arange(1, last + 1))
-        chosen += [int(i) for i in np.flatnonzero(shared)]
+        chosen = _mesh_lines(plan, mesh, speed.nominal_hz)
         findings.append(
             MeshFinding(
                 stage=mesh.stage,
@@ -504,6 +496,19 @@ def _findings(
             )
         )
     return tuple(findings)
+
+
+def _mesh_lines(plan: LinePlan, mesh: Mesh, shaft1_hz: float) -> list[int]:
+    """Lines of a plan on the harmonics of a mesh, be they its own or of another one as well."""
+    own = [
+        line
+        for family in plan.families
+        if family.kind == "mesh" and family.stage == mesh.stage
+        for line in family.lines
+    ]
+    last = mesh_harmonics(mesh.order * shaft1_hz)
+    shared = np.isin(np.round(plan.orders / mesh.order, 9), np.arange(1, last + 1))
+    return [*own, *np.flatnonzero(shared).tolist()]
 
 
 def _spaced(quality: FloatArray, bin_order: float, comb: MeshComb) -> bool:
