@@ -113,75 +113,85 @@ def command(*arguments: Argument, **said: Any) -> Callable[[Run], Command]:
     return made
 
 
-def option(*names: str, **settings: Any) -> Argument:
-    """Describe an argument as `ArgumentParser.add_argument` takes it."""
-    return names, settings
+#: What stands behind an option; any other word is text.
+NUMBERS: dict[str, type] = {"N": int} | dict.fromkeys(
+    ("DB", "F", "G", "HZ", "LO", "MM", "MS2", "NM", "RPM", "S", "X"), float
+)
 
 
-def repeatable(flag: str, metavar: str, told: str, **more: Any) -> Argument:
-    """Describe an option that may be given several times; its values make a list."""
-    return option(flag, action="append", metavar=metavar, help=f"{told}; repeatable", **more)
+def argument(usage: str, told: str, default: Any = None, **more: Any) -> Argument:
+    """Describe an argument by what a line of usage says of it.
 
+    Parameters
+    ----------
+    usage : str
+        "--again" is a flag; "--peaks N" takes a number, "--band LO HI" two; "--gear GEAR..." may be
+        given several times. "MACHINE" stands in its place, "RECORDING..." several; "[NAME]" and
+        "[RECORDING...]" may be left out.
+    told : str
+        Its help; a number taken by default is put behind.
+    default : optional
+    **more
+        Further settings, as `ArgumentParser.add_argument` takes them.
 
-def number(flag: str, default: float, metavar: str, told: str) -> Argument:
-    """Describe an option that takes a number of the kind of its default, which the help names."""
-    shown = f"{told} ({f'{default:g}'.replace('e-0', 'e-')})"
-    return option(flag, type=type(default), default=default, metavar=metavar, help=shown)
+    Examples
+    --------
+    >>> argument("--peaks N", "peaks listed", 12)[1]["help"]
+    'peaks listed (12)'
+    """
+    optional, several = usage.startswith("["), usage.rstrip("]").endswith("...")
+    name, *words = usage.strip("[]").removesuffix("...").split(" ")
+    if isinstance(default, int | float):
+        told += f" ({f'{default:g}'.replace('e-0', 'e-')})"
+    settings: dict[str, Any] = {"help": told, "default": default}
+    if not name.startswith("-"):
+        counts = {(True, False): "?", (False, True): "+", (True, True): "*"}
+        settings |= {"metavar": name, "nargs": counts.get((optional, several))}
+        return (name.lower(),), settings | more
+    if not words:
+        return (name,), {"help": told, "action": "store_true"} | more
+    settings |= {"metavar": words[0], "type": NUMBERS.get(words[0], str)}
+    if several:
+        settings |= {"action": "append", "default": [], "help": f"{told}; repeatable"}
+    if len(words) > 1:
+        settings |= {"metavar": tuple(words), "nargs": len(words)}
+    return (name,), settings | more
 
 
 def fault(*, errors: bool = False) -> Argument:
     """Describe --fault; `errors` tells of those that only a baseline knows."""
     told = f"{_FAULT}; {_ERRORS}" if errors else _FAULT
-    return repeatable("--fault", "KIND:STAGE:GEAR:TOOTH:SIZE", told, default=[])
+    return argument("--fault KIND:STAGE:GEAR:TOOTH:SIZE...", told)
 
 
-MACHINE = option("machine", metavar="MACHINE", help="machine file (TOML)")
-SAMPLING_RATE = option(
-    "--sampling-rate", type=float, metavar="HZ", help="needed if the file does not hold it"
-)
-REFERENCE = option(
-    "--reference", metavar="PATH", help="what gearmon learn wrote, or one healthy recording"
-)
-TACHO = option("--tacho", metavar="NAME|N", help="channel with tachometer pulses")
+MACHINE = argument("MACHINE", "machine file (TOML)")
+OF_MACHINE = argument("--machine MACHINE", "machine file (TOML)", required=True)
+SAMPLING_RATE = argument("--sampling-rate HZ", "needed if the file does not hold it")
+REFERENCE = argument("--reference PATH", "what gearmon learn wrote, or one healthy recording")
+TACHO = argument("--tacho NAME|N", "channel with tachometer pulses")
 
 
 def recordings(
-    *, machine_required: bool = True, several: bool = True, least: int = 1
+    usage: str = "RECORDING...", *, machine_required: bool = True
 ) -> tuple[Argument, ...]:
     """Describe recordings, their machine, and how they are to be read.
 
     Parameters
     ----------
+    usage : {"RECORDING...", "[RECORDING...]", "RECORDING"}
+        Whether there may be more than one, or none.
     machine_required : bool
-    several : bool
-        Whether more than one recording may be named.
-    least : {0, 1}
-        Recordings to be named at least.
     """
+    kinds = "CSV, plain or gzip; also WAV, FLAC, MATLAB, HDF5, TDMS, UFF 58, Parquet, NPY"
+    names, settings = argument(usage, f"{kinds}; a folder of these; - for standard input")
+    hint = "speed of shaft 1, where the machine file's is far off; it is looked for about this"
+    channels = "vibration channel by name or column number (all by default)"
     return (
-        option(
-            "recording",
-            metavar="RECORDING",
-            nargs=("+" if least else "*") if several else 1,
-            help="CSV, plain or gzip; also WAV, FLAC, MATLAB, HDF5, TDMS, UFF 58, Parquet, NPY; a "
-            "folder of these; - for standard input",
-        ),
-        machine_option(required=machine_required),
-        option(
-            "--speed-hint",
-            type=float,
-            metavar="RPM",
-            help="speed of shaft 1, where the machine file's is far off; it is looked for about "
-            "this",
-        ),
+        # one is a list too
+        (names, settings | {"nargs": settings["nargs"] or 1}),
+        (OF_MACHINE[0], OF_MACHINE[1] | {"required": machine_required}),
+        argument("--speed-hint RPM", hint),
         SAMPLING_RATE,
-        repeatable(
-            "--channel", "NAME|N", "vibration channel by name or column number (all by default)"
-        ),
+        argument("--channel NAME|N...", channels),
         TACHO,
     )
-
-
-def machine_option(*, required: bool = True) -> Argument:
-    """Describe --machine."""
-    return option("--machine", metavar="MACHINE", required=required, help="machine file (TOML)")

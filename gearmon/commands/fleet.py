@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from gearmon.commands.command import command, number, option
+from gearmon.commands.command import argument, command
 from gearmon.commands.output import BAD_INPUT, DONE, FLAGGED, complain, finish
 from gearmon.errors import ArgumentError, check_range, check_word
 from gearmon.report.wording import counted, printable, table_lines
@@ -21,23 +21,20 @@ _SHOWN, _EVERY_S = 20, 60.0
 
 
 @command(
-    option(
-        "action",
-        metavar="ACTION",
-        help="run (analyse what is new), watch (what arrives), serve (web pages), rank (indicators "
+    argument(
+        "ACTION",
+        "run (analyse what is new), watch (what arrives), serve (web pages), rank (indicators "
         "by how clearly they change), or compare (machines that have the same gears)",
     ),
-    option("fleet", metavar="FLEET", help="fleet file (TOML)"),
-    option("--engine", default="processes", metavar="NAME", help="processes (default) or dask"),
-    option("--scheduler", metavar="ADDRESS", help="of dask, such as tcp://10.0.0.1:8786"),
-    number("--patience", 3600.0, "S", "until dask is given up, with no batch done"),
-    option("--again", action="store_true", help="also what failed, or another version analysed"),
-    number("--every", _EVERY_S, "S", "of watch: time between two looks"),
-    option(
-        "--host", default="127.0.0.1", help="of serve; others are asked for a token (%(default)s)"
-    ),
-    number("--port", 8765, "N", "of serve"),
-    option("--token", help="of serve; made up where one is needed and none is given"),
+    argument("FLEET", "fleet file (TOML)"),
+    argument("--engine NAME", "processes (default) or dask", "processes"),
+    argument("--scheduler ADDRESS", "of dask, such as tcp://10.0.0.1:8786"),
+    argument("--patience S", "until dask is given up, with no batch done", 3600.0),
+    argument("--again", "also what failed, or another version analysed"),
+    argument("--every S", "of watch: time between two looks", _EVERY_S),
+    argument("--host HOST", "of serve; others are asked for a token (%(default)s)", "127.0.0.1"),
+    argument("--port N", "of serve", 8765),
+    argument("--token TOKEN", "of serve; made up where one is needed and none is given"),
     help="look after many machines: analyse what arrives, raise alarms, show who needs somebody",
     example="gearmon fleet run fleet.toml",
     waits=True,

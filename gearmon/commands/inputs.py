@@ -38,10 +38,10 @@ _RECORDED = (
 )
 # Pictures beside a report.
 _PICTURES = ("{}-[0-9][0-9]-*.png",)
-_NEVER_EMPTY = (
-    *("output", "report", "reference", "tacho", "machine", "harvester", "history", "trained"),
-    *("store", "past", "day", "floor"),
-)
+# Arguments that name files that are read, and files that are gone on with: whoever reads these
+# knows whether they are what they should be.
+_READ = ("machine", "reference", "harvester", "past", "day", "floor")
+_KEPT = ("history", "store", "trained")
 
 
 def check_names(arguments: argparse.Namespace) -> None:
@@ -58,7 +58,7 @@ def check_names(arguments: argparse.Namespace) -> None:
         If a name is empty, has the wrong ending, or stands for two files.
     """
     given = vars(arguments)
-    for name in _NEVER_EMPTY:
+    for name in ("output", "report", "tacho", *_READ, *_KEPT):
         if given.get(name) == "":
             raise ArgumentError(f"--{name}: the name is empty")
     if given.get("report") and Path(given["report"]).suffix.lower() not in (".html", ".htm"):
@@ -81,13 +81,8 @@ def outputs_claimed(arguments: argparse.Namespace) -> Iterator[None]:
     """
     given = vars(arguments)
     read = [*given.get("recording", ()), *given.get("degraded", ())]
-    read += [
-        path
-        for name in ("machine", "reference", "harvester", "past", "day", "floor")
-        if (path := given.get(name))
-    ]
-    # these are gone on with: whoever reads them knows whether they are what they should be
-    kept = [path for name in ("history", "store", "trained") if (path := given.get(name))]
+    read += [path for name in _READ if (path := given.get(name))]
+    kept = [path for name in _KEPT if (path := given.get(name))]
     written = [*map(Path, kept), *output_files(arguments)]
     with protecting(arguments.command, read, kept):
         checked = [check_output(path) for path in written]

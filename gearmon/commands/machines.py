@@ -8,15 +8,7 @@ from collections.abc import Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from gearmon.commands.command import (
-    MACHINE,
-    SAMPLING_RATE,
-    command,
-    fault,
-    number,
-    option,
-    repeatable,
-)
+from gearmon.commands.command import MACHINE, SAMPLING_RATE, TACHO, argument, command, fault
 from gearmon.commands.inputs import followed, machine_of, recording_of
 from gearmon.commands.output import DONE, finish, finish_with, show
 from gearmon.errors import ArgumentError
@@ -49,21 +41,21 @@ _STAGE_SHOWN = (
 )
 #: What is assumed of expected lines, and known of recordings.
 ASSUMED = ("path_gain", "wander", "wander_time_s")
-#: Settings of a simulation: flag, default, unit and what they are.
-_SETTINGS: dict[str, tuple[str, float, str, str]] = {
-    "duration_s": ("--duration", 10.0, "S", "length in s"),
-    "sampling_rate_hz": ("--sampling-rate", 20000.0, "HZ", "in Hz"),
-    "channels": ("--channels", 2, "N", "vibration channels"),
-    "load": ("--load", 1.0, "F", "share of the nominal torque"),
-    "speed_drift": ("--speed-drift", 0.005, "F", "wander, relative"),
-    "load_drift": ("--load-drift", 0.03, "F", "wander, relative"),
-    "snr_db": ("--snr-db", 20.0, "DB", "vibration over noise"),
-    "recording_seed": ("--seed", 0, "N", "seed of the recording"),
-    "machine_seed": ("--machine-seed", 0, "N", "seed of the machine"),
+#: Settings of a simulation.
+_SETTINGS: dict[str, tuple[str, str, float]] = {
+    "duration_s": ("--duration S", "length in s", 10.0),
+    "sampling_rate_hz": ("--sampling-rate HZ", "in Hz", 20000.0),
+    "channels": ("--channels N", "vibration channels", 2),
+    "load": ("--load F", "share of the nominal torque", 1.0),
+    "speed_drift": ("--speed-drift F", "wander, relative", 0.005),
+    "load_drift": ("--load-drift F", "wander, relative", 0.03),
+    "snr_db": ("--snr-db DB", "vibration over noise", 20.0),
+    "recording_seed": ("--seed N", "seed of the recording", 0),
+    "machine_seed": ("--machine-seed N", "seed of the machine", 0),
 }
-_STAGE = option("--stage", type=int, metavar="N", help="only this stage, from 1")
-_FORM = option("--form", default="parabolic", help="stiffness form (parabolic)")
-_MAX_HZ = option("--max-hz", type=float, metavar="F", help="no lines above this frequency")
+_STAGE = argument("--stage N", "only this stage, from 1")
+_FORM = argument("--form FORM", "stiffness form (parabolic)", "parabolic")
+_MAX_HZ = argument("--max-hz F", "no lines above this frequency")
 _ALONG_ACTION = (
     "levels are those of the teeth along the line of action; what reaches a sensor on the housing "
     "differs by the path, often tenfold"
@@ -87,10 +79,10 @@ def lines(arguments: argparse.Namespace) -> int:
 @command(
     MACHINE,
     fault(),
-    option(
-        "--form",
-        default="potential-energy",
-        help="stiffness form (potential-energy), or all: four forms and their spectra side by side",
+    argument(
+        "--form FORM",
+        "stiffness form (potential-energy), or all: four forms and their spectra side by side",
+        "potential-energy",
     ),
     _STAGE,
     help="mesh stiffness over a mesh period or a turn, healthy and damaged, as table and picture",
@@ -130,7 +122,7 @@ def _stiffness_lines(rows: list[dict[str, Any]]) -> list[str]:
 @command(
     MACHINE,
     fault(errors=True),
-    number("--tolerance", 1e-6, "X", "relative error of the acceleration"),
+    argument("--tolerance X", "relative error of the acceleration", 1e-6),
     _MAX_HZ,
     help="the spectrum that a healthy (or damaged) machine should emit, as table and picture",
     example="gearmon baseline machine.toml --fault crack:1:pinion:5:20% -o lines.csv",
@@ -170,21 +162,20 @@ def _baseline_lines(signature: Signature) -> list[str]:
 
 @command(
     MACHINE,
-    repeatable(
-        "--kind",
-        "KIND",
+    argument(
+        "--kind KIND...",
         "stiffness, crack, breakage, pitting, spall, wear or missing; of errors pitch, profile, "
         "cumulative, eccentricity or misalignment (nine of these)",
     ),
-    repeatable(
-        "--size", "SIZE", "such as 20%% or 1.5mm, of errors 20um (2.5%% to 40%%, 5um to 40um)"
+    argument(
+        "--size SIZE...", "such as 20%% or 1.5mm, of errors 20um (2.5%% to 40%%, 5um to 40um)"
     ),
-    repeatable("--gear", "STAGE:GEAR", "such as 1:pinion (all)"),
-    repeatable("--operating", "N", "operating point, from 0 (all)", type=int),
-    number("--tolerance", 1e-6, "X", "relative error of what a fault adds"),
+    argument("--gear STAGE:GEAR...", "such as 1:pinion (all)"),
+    argument("--operating N...", "operating point, from 0 (all)"),
+    argument("--tolerance X", "relative error of what a fault adds", 1e-6),
     _MAX_HZ,
-    option("--mesh-harmonics", type=int, metavar="N", help="write no lines about higher ones"),
-    option("--sidebands", type=int, metavar="N", help="write no sidebands farther off"),
+    argument("--mesh-harmonics N", "write no lines about higher ones"),
+    argument("--sidebands N", "write no sidebands farther off"),
     help="the spectra of every kind and size of fault of every gear, as table and picture",
     example="gearmon family machine.toml --kind crack --kind pitting --size 5% --size 20% -o f.csv",
     endings=(".csv", ".json", ".parquet"),
@@ -230,7 +221,7 @@ def _family_lines(result: dict[str, Any]) -> list[str]:
     MACHINE,
     _FORM,
     _STAGE,
-    number("--harmonics", 12, "N", "stiffness harmonics taken"),
+    argument("--harmonics N", "stiffness harmonics taken", 12),
     help="how far each mesh is from parametric instability, as table and chart",
     example="gearmon stability machine.toml -o stability.csv",
     beside=("{}-stage*.png",),
@@ -284,13 +275,8 @@ def _stability_charts(
 
 @command(
     MACHINE,
-    number("--harmonics", 10, "N", "mesh harmonics of the Campbell table"),
-    option(
-        "--to-rpm",
-        type=float,
-        metavar="RPM",
-        help="its highest speed of shaft 1 (1.5 times the nominal)",
-    ),
+    argument("--harmonics N", "mesh harmonics of the Campbell table", 10),
+    argument("--to-rpm RPM", "its highest speed of shaft 1 (1.5 times the nominal)"),
     _FORM,
     help="natural frequencies of the whole machine, and at which speeds mesh harmonics meet them",
     example="gearmon modes machine.toml -o modes.csv",
@@ -337,9 +323,9 @@ def _modes_lines(found: Modes) -> list[str]:
 @command(
     MACHINE,
     fault(errors=True),
-    *(number(*setting) for setting in _SETTINGS.values()),
-    option("--tacho", action="store_true", help="add a column with one pulse a turn of shaft 1"),
-    option("--no-time", action="store_true", help="leave out the time column"),
+    *(argument(*told, dest=name) for name, told in _SETTINGS.items()),
+    argument("--tacho", "add a column with one pulse a turn of shaft 1"),
+    argument("--no-time", "leave out the time column"),
     help="write a recording of a simulated machine (CSV), with the truth beside it (JSON)",
     example="gearmon simulate machine.toml --fault crack:1:pinion:5:20% -o cracked.csv",
     endings=(".csv",),
@@ -353,8 +339,7 @@ def simulate(arguments: argparse.Namespace) -> int:
     if not arguments.output:
         raise ArgumentError("simulate: -o PATH is missing; name the CSV file to write")
     machine = machine_of(arguments.machine)
-    given = vars(arguments)
-    settings = {name: given[own[0][2:].replace("-", "_")] for name, own in _SETTINGS.items()}
+    settings = {name: vars(arguments)[name] for name in _SETTINGS}
     tacho, progress = 1 if arguments.tacho else None, arguments.progress
     recording = simulate(machine, arguments.fault, **settings, tacho_shaft=tacho, progress=progress)
     files = write_simulation(recording, arguments.output, with_time=not arguments.no_time)
@@ -365,40 +350,30 @@ def simulate(arguments: argparse.Namespace) -> int:
 
 @command(
     MACHINE,
-    option(
-        "recording",
-        metavar="RECORDING",
-        nargs="*",
-        default=[],
-        help="one for each operating point, every vibration channel a position; without any, the "
+    argument(
+        "[RECORDING...]",
+        "one for each operating point, every vibration channel a position; without any, the "
         "expected lines of the machine are used",
     ),
-    option("--harvester", metavar="FILE", help="harvester file (TOML); a 15 mm bimorph by default"),
-    number("--count", 1, "N", "harvesters of a set, 1 to 3"),
-    repeatable("--share", "F", "share of time of each recording, in their order", type=float),
-    repeatable(
-        "--degraded",
-        "RECORDING",
-        "the same operating point with a damaged gear, in the same order",
-        default=[],
+    argument("--harvester FILE", "harvester file (TOML); a 15 mm bimorph by default"),
+    argument("--count N", "harvesters of a set, 1 to 3", 1),
+    argument("--share F...", "share of time of each recording, in their order"),
+    argument(
+        "--degraded RECORDING...", "the same operating point with a damaged gear, in the same order"
     ),
     fault(),
-    option("--path-gain", type=float, metavar="G", help="mesh to harvester (1)"),
-    option("--wander", type=float, metavar="F", help="of speed, relative (0.005)"),
-    option(
-        "--wander-time",
-        type=float,
+    argument("--path-gain G", "mesh to harvester (1)"),
+    argument("--wander F", "of speed, relative (0.005)"),
+    argument(
+        "--wander-time S",
+        "over which it is forgotten, in s (long beside a ring-down)",
         dest="wander_time_s",
-        metavar="S",
-        help="over which it is forgotten, in s (long beside a ring-down)",
     ),
-    option(
-        "--published", action="store_true", help="show published harvesters beside the best one"
-    ),
-    option("--share-error", type=float, metavar="F", help="standard deviation of the shares (0)"),
+    argument("--published", "show published harvesters beside the best one"),
+    argument("--share-error F", "standard deviation of the shares (0)"),
     SAMPLING_RATE,
-    repeatable("--channel", "NAME|N", "only these channels"),
-    option("--tacho", metavar="NAME|N", help=argparse.SUPPRESS),
+    argument("--channel NAME|N...", "only these channels"),
+    TACHO,
     help="say where to put a vibration energy harvester, how to tune it and what it will power",
     example="gearmon harvest machine.toml full.csv idle.csv --share 0.7 --share 0.3 "
     "-o harvest.json",

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gearmon.commands.command import REFERENCE, command, number, option, recordings
+from gearmon.commands.command import REFERENCE, argument, command, recordings
 from gearmon.commands.inputs import each_of, followed, in_turn, loss_of, machine_of, recording_of
 from gearmon.commands.output import DONE, complain, complain_of, finish, judged, show, write_table
 from gearmon.errors import ArgumentError, GearmonError, check_range
@@ -73,21 +73,15 @@ def learn(arguments: argparse.Namespace) -> int:
 @command(
     *recordings(),
     REFERENCE,
-    option(
-        "--must-notice",
-        metavar="LOSS",
-        help="of one tooth pair's stiffness; healthy is said only where it would have been noticed "
+    argument(
+        "--must-notice LOSS",
+        "of one tooth pair's stiffness; healthy is said only where it would have been noticed "
         "on every gear (default 40%%)",
     ),
-    option(
-        "--history",
-        dest="past",
-        metavar="DB",
-        help="what gearmon history keeps (--store): says since when; only read",
+    argument(
+        "--history FILE", "what gearmon history keeps: says since when; only read", dest="past"
     ),
-    option(
-        "--report", metavar="HTML", help="write a report (.html), and a PNG a picture beside it"
-    ),
+    argument("--report HTML", "write a report (.html), and a PNG a picture beside it"),
     help="say whether the machine of a recording is healthy, and why",
     example="gearmon analyse new.csv --machine machine.toml --reference healthy.ref "
     "--report report.html",
@@ -194,15 +188,14 @@ def reference_of(arguments: argparse.Namespace, machine: Machine) -> Reference |
 
 
 @command(
-    *recordings(least=0),
+    *recordings("[RECORDING...]"),
     REFERENCE,
-    option(
-        "--trained",
-        metavar="FILE",
-        help="classifier of this machine; trained and written to this file if there is none",
+    argument(
+        "--trained FILE",
+        "classifier of this machine; trained and written to this file if there is none",
     ),
-    number("--examples", EXAMPLES, "N", "simulated machines to train it on, in ten seconds"),
-    number("--seed", 0, "N", "of what is drawn at random"),
+    argument("--examples N", "simulated machines to train it on, in ten seconds", EXAMPLES),
+    argument("--seed N", "of what is drawn at random", 0),
     help="how probable each kind of fault is, by a classifier trained on this machine file",
     example="gearmon kinds new.csv --machine machine.toml --reference healthy.ref "
     "--trained drive.kinds --examples 400 -o kinds.json",
@@ -311,26 +304,22 @@ def _kind_lines(result: dict[str, Any]) -> list[str]:
 
 
 @command(
-    *recordings(least=0),
+    *recordings("[RECORDING...]"),
     REFERENCE,
-    option(
-        "--store",
-        metavar="DB",
-        help="keep the history in this file; next time name the new recordings only, or none",
+    argument(
+        "--store FILE", "keep the history in it; next time name the new recordings only, or none"
     ),
-    option("--name", help="of the machine in the store, where it is not that of the machine file"),
-    option(
-        "--times",
-        metavar="ISO8601,...",
-        help="when each was made, such as 2026-03-01T08:00; UTC where there is no offset",
+    argument("--name NAME", "of the machine in the store, if it is not that of the machine file"),
+    argument(
+        "--times ISO8601,ISO8601",
+        "when each was made, such as 2026-03-01T08:00; UTC where there is no offset",
     ),
-    option(
-        "--time-from",
-        metavar="SOURCE",
-        help="name (of the file, such as drive-2026-03-01.csv) or modified (when it was)",
+    argument(
+        "--time-from SOURCE",
+        "name (of the file, such as drive-2026-03-01.csv) or modified (when it was)",
     ),
-    option("--limit", metavar="LOSS", help="of pair stiffness at which to act, such as 20%%"),
-    option("--replace", action="store_true", help="recordings of the same time give way"),
+    argument("--limit LOSS", "of pair stiffness at which to act, such as 20%%"),
+    argument("--replace", "recordings of the same time give way"),
     help="follow a machine through recordings: loss of each tooth, when it began, what is left",
     example="gearmon history drive-*.csv --machine machine.toml --reference healthy.ref "
     "--time-from name --store history.db --limit 20% -o history.csv",

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gearmon.commands.command import command, machine_option, number, option, repeatable
+from gearmon.commands.command import OF_MACHINE, SAMPLING_RATE, argument, command
 from gearmon.commands.inputs import machine_of
 from gearmon.commands.output import DONE, finish, finish_with, show
 from gearmon.errors import ArgumentError
@@ -47,18 +47,16 @@ _MORE = "# needed for what a healthy gearbox should sound like, and for sizes of
 
 
 @command(
-    option(
-        "recording", metavar="RECORDING", nargs="*", default=[], help="one that tells the columns"
+    argument("[RECORDING...]", "one that tells the columns"),
+    argument(
+        "--teeth A/B...", "of a stage, driver/driven, or sun/planet/ring and planets as 30/35/100x3"
     ),
-    repeatable(
-        "--teeth", "A/B", "of a stage, driver/driven, or sun/planet/ring and planets as 30/35/100x3"
-    ),
-    option("--speed", metavar="SPEED", help="of shaft 1 with its unit: 1480rpm or 24.7hz"),
-    option("--torque", dest="torque_nm", type=float, metavar="NM", help="on shaft 1"),
-    option("--module", dest="module_mm", type=float, metavar="MM", help="of all stages"),
-    option("--face-width", dest="face_width_mm", type=float, metavar="MM", help="of all stages"),
-    option("--name", default="my gearbox", metavar="NAME", help="of the machine"),
-    option("--sampling-rate", type=float, metavar="HZ", help="of the recording, if it tells none"),
+    argument("--speed SPEED", "of shaft 1 with its unit: 1480rpm or 24.7hz"),
+    argument("--torque NM", "on shaft 1", dest="torque_nm"),
+    argument("--module MM", "of all stages", dest="module_mm"),
+    argument("--face-width MM", "of all stages", dest="face_width_mm"),
+    argument("--name NAME", "of the machine", "my gearbox"),
+    SAMPLING_RATE,
     help="write a machine file from tooth counts and speed, and the columns of a recording",
     example="gearmon init new.csv --teeth 23/57 --speed 1480rpm -o mine.toml",
     endings=(".toml",),
@@ -197,8 +195,8 @@ def _columns(found: Recording) -> str:
 
 
 @command(
-    option("reference", metavar="REFERENCE", help="what gearmon learn wrote"),
-    machine_option(),
+    argument("REFERENCE", "what gearmon learn wrote"),
+    OF_MACHINE,
     help="say what a reference covers, what it would find, and which recording to add",
     example="gearmon check healthy.ref --machine machine.toml -o check.csv",
 )
@@ -226,14 +224,12 @@ def _check_lines(found: ReferenceCheck) -> list[str]:
 
 
 @command(
-    option(
-        "name",
-        metavar="NAME",
-        nargs="?",
-        default="crack",
-        help="crack (found; default), growth (of a crack), kinds (pitting, wear and eccentricity "
+    argument(
+        "[NAME]",
+        "crack (found; default), growth (of a crack), kinds (pitting, wear and eccentricity "
         "told apart), day (of a sound machine), harvest, exposure (of a driver), fleet (of twelve "
         "machines), study",
+        "crack",
     ),
     endings=(),
     help="run a whole job on data it makes itself",
@@ -252,17 +248,14 @@ def demo(arguments: argparse.Namespace) -> int:
 
 
 @command(
-    option("--quick", action="store_true", help="rough figures in seconds"),
-    number("--seed", 0, "N", "of what is drawn at random"),
-    option("--count", type=int, metavar="N", help="random systems, parameter sets or machines"),
-    option("--ross-python", metavar="PATH", help="interpreter of an environment with ROSS"),
-    option(
-        "case",
-        metavar="CASE",
-        nargs="?",
-        default="analyse",
-        help="analyse (default), memory, stiffness, signals, harvesting, dynamics, stress or "
-        "detection",
+    argument("--quick", "rough figures in seconds"),
+    argument("--seed N", "of what is drawn at random", 0),
+    argument("--count N", "random systems, parameter sets or machines"),
+    argument("--ross-python PATH", "interpreter of an environment with ROSS"),
+    argument(
+        "[CASE]",
+        "analyse (default), memory, stiffness, signals, harvesting, dynamics, stress or detection",
+        "analyse",
     ),
     help="measure run time, memory and error, side by side with named competitors",
     example="gearmon benchmark dynamics --quick -o benchmark.csv",

@@ -8,15 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gearmon.commands.command import (
-    SAMPLING_RATE,
-    TACHO,
-    command,
-    fault,
-    number,
-    option,
-    recordings,
-)
+from gearmon.commands.command import SAMPLING_RATE, TACHO, argument, command, fault, recordings
 from gearmon.commands.inputs import channel_of, in_turn, machine_of, recording_of
 from gearmon.commands.output import BAD_INPUT, DONE, FLAGGED, Rows, finish, finish_with
 from gearmon.errors import ArgumentError
@@ -35,23 +27,18 @@ _AVERAGE_SHOWN = ("stage", "gear", "teeth", "rotation_order", "turns")
 _MAP_COLUMNS = 1000
 _WRITTEN = "write the table to this file, and a picture beside it"
 _ORDERS_BESIDE = ("{}.png", "{}-map.*", "{}-averages.*", "{}-lines.*", "{}-average-[0-9]*-*.png")
-_WINDOW = option(
-    "--window",
-    default="hann",
-    metavar="NAME",
-    help="hann (default), flat-top, blackman-harris or rectangular",
+_WINDOW = argument(
+    "--window NAME", "hann (default), flat-top, blackman-harris or rectangular", "hann"
 )
-_PEAKS = number("--peaks", 12, "N", "peaks listed a channel")
+_PEAKS = argument("--peaks N", "peaks listed a channel", 12)
 
 
 @command(
     *recordings(machine_required=False),
-    number(
-        "--baseline", 1, "N", "records at the start of the run that were healthy, for NA4* and NB4*"
+    argument(
+        "--baseline N", "records at the start of the run that were healthy, for NA4* and NB4*", 1
     ),
-    option(
-        "--history", metavar="FILE", help="go on with the run in this file (JSON), and write it"
-    ),
+    argument("--history FILE", "go on with the run in this file (JSON), and write it"),
     help="every condition indicator of recordings, with its input; several are those of a run",
     example="gearmon indicators monday.csv tuesday.csv --machine machine.toml -o indicators.csv",
     endings=(".csv", ".json", ".png"),
@@ -113,20 +100,16 @@ def _indicator_lines(result: dict[str, Any], tables: list[IndicatorTable]) -> li
 
 
 @command(
-    *recordings(machine_required=False, several=False),
-    option(
-        "--kind",
-        default="amplitude",
-        metavar="KIND",
-        help="amplitude (peak; default), rms, density, energy, envelope, cepstrum, kurtogram or "
+    *recordings("RECORDING", machine_required=False),
+    argument(
+        "--kind KIND",
+        "amplitude (peak; default), rms, density, energy, envelope, cepstrum, kurtogram or "
         "coherence",
+        "amplitude",
     ),
-    option(
-        "--band",
-        type=float,
-        nargs=2,
-        metavar=("LO", "HI"),
-        help="in Hz: what is shown; for envelope the band that is demodulated; for coherence the "
+    argument(
+        "--band LO HI",
+        "in Hz: what is shown; for envelope the band that is demodulated; for coherence the "
         "modulation frequencies; for cepstrum quefrencies in s",
     ),
     _WINDOW,
@@ -157,11 +140,11 @@ def spectrum(arguments: argparse.Namespace) -> int:
 
 
 @command(
-    *recordings(several=False),
-    number("--shaft", 1, "N", "whose turns orders count"),
-    option("--map", action="store_true", help="write the map only, in full resolution"),
-    option("--against", default="time", metavar="WHAT", help="of the map: time (default) or speed"),
-    option("--max-order", type=float, metavar="X", help="no orders above this one"),
+    *recordings("RECORDING"),
+    argument("--shaft N", "whose turns orders count", 1),
+    argument("--map", "write the map only, in full resolution"),
+    argument("--against WHAT", "of the map: time (default) or speed", "time"),
+    argument("--max-order X", "no orders above this one"),
     _WINDOW,
     _PEAKS,
     help="order spectrum, order map, and the synchronous average of every gear with its scatter",
@@ -242,28 +225,18 @@ _POSITIONS = "seat (default), hand, standing, backrest, feet or building"
 
 
 @command(
-    option(
-        "recording",
-        metavar="RECORDING",
-        nargs="*",
-        default=[],
-        help="on the seat, the hand or where the person is: CSV, WAV, ...",
-    ),
-    option("--axes", metavar="x=A,y=B,z=C", help="channels of the axes; by default named so"),
-    option("--position", default="seat", metavar="WHERE", help=_POSITIONS),
-    option("--day", metavar="PLAN", help="jobs of a day with hours and recordings (TOML)"),
-    option("--floor", metavar="RECORDING", help="made at once on the floor: tells the SEAT factor"),
-    option(
-        "--machine", metavar="MACHINE", help="share of its shafts and meshes, best operating point"
-    ),
+    argument("[RECORDING...]", "on the seat, the hand or where the person is: CSV, WAV, ..."),
+    argument("--axes x=A,y=B,z=C", "channels of the axes; by default named so"),
+    argument("--position WHERE", _POSITIONS, "seat"),
+    argument("--day PLAN", "jobs of a day with hours and recordings (TOML)"),
+    argument("--floor RECORDING", "made at once on the floor: tells the SEAT factor"),
+    argument("--machine MACHINE", "share of its shafts and meshes, best operating point"),
     fault(),
     TACHO,
     SAMPLING_RATE,
-    option("--unit", metavar="UNIT", help="m/s2 or g, where nothing else states it"),
-    option(
-        "--range", type=float, metavar="MS2", help="of the sensor in m/s2: nothing may reach it"
-    ),
-    option("--report", metavar="HTML", help="write a report (.html)"),
+    argument("--unit UNIT", "m/s2 or g, where nothing else states it"),
+    argument("--range MS2", "of the sensor in m/s2: nothing may reach it"),
+    argument("--report HTML", "write a report (.html)"),
     help="what a driver or a hand feels, by ISO 2631-1 and ISO 5349-1, and what gears add to it",
     example="gearmon exposure new.csv --position hand --axes x=a1,y=a2 --machine machine.toml "
     "-o exposure.csv",

@@ -51,7 +51,7 @@ import numpy as np
 
 from gearmon.dynamics.fourier import Complex, Real
 from gearmon.dynamics.hill import HillProblem
-from gearmon.dynamics.slow_states import Coupling, State, answer_forces, reduce
+from gearmon.dynamics.slow_states import Coupling, State, reduce
 from gearmon.errors import ArgumentError, check_range
 from gearmon.result import Result
 
@@ -78,12 +78,10 @@ class AmplitudeEquations(Result):
     forcing_terms : complex ndarray, shape (K+1, p)
         b_0..b_K [m/s].
     lines : float ndarray, shape (M,)
-        Harmonics n that the slow states reach (whole or half numbers).
+        Harmonics n: whole numbers, and halves where the slow states are such.
     shape_terms : complex ndarray, shape (N+1, M, p)
         Orders of U [1].
-    forced_lines : float ndarray, shape (Q,)
-        Harmonics of q.
-    forced_terms : complex ndarray, shape (N+1, Q)
+    forced_terms : complex ndarray, shape (N+1, M)
         Orders of q [m].
     smallest_divisor : float
         Smallest difference of exponents that was divided by, relative to w0. The expansion is
@@ -97,7 +95,6 @@ class AmplitudeEquations(Result):
     forcing_terms: Complex
     lines: Real
     shape_terms: Complex
-    forced_lines: Real
     forced_terms: Complex
     smallest_divisor: float
 
@@ -146,60 +143,11 @@ class AmplitudeEquations(Result):
 
     def steady_displacement(self) -> Complex:
         """Steady vibration as z_0..z_n [m], whole harmonics."""
-        amplitudes = self.steady_amplitudes()
-        highest = round(max(self.forced_lines[-1], np.floor(self.lines[-1])))
-        whole: Complex = np.zeros(highest + 1, dtype=complex)
-        upper = self.forced_lines >= 0
-        whole[np.rint(self.forced_lines[upper]).astype(int)] = self.forced_terms.sum(axis=0)[upper]
-        if amplitudes.any():
-            upper = self.lines >= 0
-            carried = self.shape_terms.sum(axis=0) @ amplitudes
-            whole[np.rint(self.lines[upper]).astype(int)] += carried[upper]
+        total = self.forced_terms.sum(axis=0)
+        total += self.shape_terms.sum(axis=0) @ self.steady_amplitudes()
+        whole: Complex = total[(self.lines >= 0) & (self.lines % 1 == 0)]
         whole[0] = whole[0].real
         return whole
-
-    @property
-    def text(self) -> str:
-        """The equations in words of one line each, A(n) for the state of line n.
-
-        Examples
-        --------
-        >>> p = HillProblem(1.0, 0.02, 1.0, [0.05], 2 * math.pi / 1.02, 1.0)
-        >>> e = amplitude_equations(p, [(1, 1.0), (-1, -1.0)], 0, 1, small_damping=True)
-        >>> print(e.text.splitlines()[0])
-        A(1)' = (-0.01-0.02i) A(1) + (0+0.025i) m/s
-        """
-        rows = []
-        for p, (_, line) in enumerate(self.slow):
-            terms = [
-                f"{_shown(self.rate[p, r])} A({n:g})"
-                for r, (_, n) in enumerate(self.slow)
-                if abs(self.rate[p, r]) > 1e-15 * np.abs(self.rate).max()
-            ]
-            if self.forcing[p] != 0:
-                terms.append(f"{_shown(self.forcing[p])} m/s")
-            rows.append(f"A({line:g})' = " + " + ".join(terms or ["0"]))
-        return "\n".join(rows)
-
-
-def _shown(value: complex) -> str:
-    return f"({value.real:.6g}{value.imag:+.6g}i)"
-
-
-def check_orders(order: int, rate_order: int) -> None:
-    """Check the orders asked for; ArgumentError if one is out of range."""
-    check_range("order", order, 0, MOST_ORDERS)
-    check_range("rate_order", rate_order, 0, MOST_ORDERS)
-
-
-def coupling_of(problem: HillProblem, small_damping: bool) -> Coupling:
-    """`Coupling` of a problem."""
-    return Coupling(
-        ratio=problem.frequency_ratio,
-        zeta=problem.damping_ratio,
-        harmonics=problem.stiffness_harmonics,
-        small_damping=small_damping,
-    )
 
 
 def amplitude_equations(
@@ -208,6 +156,7 @@ def amplitude_equations(
     order: int,
     rate_order: int,
     small_damping: bool = False,
+    apart: bool = False,
 ) -> AmplitudeEquations:
     """Amplitude equations for any choice of slow states.
 
@@ -225,6 +174,9 @@ def amplitude_equations(
         of order N+1 if K >= N + r.
     small_damping : bool
         Damping of order one instead of zero.
+    apart : bool
+        Whether each state is expanded by itself, as if it alone were slow, and the forces without
+        any: L is diagonal and b is zero.
 
     Raises
     ------
@@ -232,26 +184,31 @@ def amplitude_equations(
         If orders are out of range, two states coincide, damping is critical, or a harmonic that is
         not kept lies on the natural frequency.
     """
-    check_orders(order, rate_order)
+    check_range("order", order, 0, MOST_ORDERS)
+    check_range("rate_order", rate_order, 0, MOST_ORDERS)
     offsets = {n % 1 for _, n in slow}
     if not slow or len(set(slow)) < len(slow) or offsets not in ({0.0}, {0.5}):
         raise ArgumentError(f"slow={slow} must be different states, all on whole or on half lines")
-    coupling = coupling_of(problem, small_damping)
-    reduction = reduce(coupling, slow, order, rate_order)
-    forced = answer_forces(coupling, problem, slow, reduction, order)
-    w0 = 2 * math.pi * problem.natural_frequency_hz
-    shapes = reduction.states[: order + 1].sum(axis=1)
+    coupling = Coupling(
+        ratio=problem.frequency_ratio,
+        zeta=problem.damping_ratio,
+        harmonics=problem.stiffness_harmonics,
+        small_damping=small_damping,
+    )
+    forces = problem.static_forcing(len(problem.force_harmonics_n))
+    found = reduce(coupling, slow, order, rate_order, forces, apart)
+    rates = 2 * math.pi * problem.natural_frequency_hz * found.rates[:, :-1]
+    terms = found.states[: order + 1].sum(axis=1)
     return AmplitudeEquations(
         problem=problem,
         slow=tuple(slow),
         small_damping=small_damping,
-        rate_terms=w0 * reduction.rates,
-        forcing_terms=w0 * forced.forcing,
-        lines=reduction.lines,
-        shape_terms=shapes,
-        forced_lines=forced.lines,
-        forced_terms=forced.terms,
-        smallest_divisor=min(reduction.smallest_divisor, forced.smallest_divisor),
+        rate_terms=rates[..., :-1],
+        forcing_terms=rates[..., -1],
+        lines=found.lines,
+        shape_terms=terms[..., :-1],
+        forced_terms=terms[..., -1],
+        smallest_divisor=found.smallest_divisor,
     )
 
 

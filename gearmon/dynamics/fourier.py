@@ -8,6 +8,7 @@ as c_1..c_J. All products are exact up to rounding: grids are long enough that n
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
 from functools import lru_cache
 
 import numpy as np
@@ -155,58 +156,51 @@ class Curve:
 
     def lowest(self) -> float:
         """Return min y(x), to 1e-12 of the sum of all amplitudes."""
-        left, low, high, width = self._grid()
-        best = float(low.min())
-        while self.bend * width**2 / 8 > FINEST * self.size:
-            open_ = np.minimum(low, high) - self.bend * width**2 / 8 < best
-            if not open_.any() or self._too_many(int(open_.sum())):
-                break
-            left, low, high, width = self._divided(left[open_], low[open_], high[open_], width)
-            best = min(best, float(low.min()))
-        return best
+        known = [math.inf]
+        for _, low, _, _ in self._parts(lambda least, slack, _: least - slack < known[0]):
+            known[0] = min(known[0], float(low.min()))
+        return known[0]
 
     def first_not_positive(self) -> float | None:
         """Return the smallest x in [0, 2 pi) with y(x) <= 0, to 1e-12 of a turn, or None."""
-        left, low, high, width = self._grid()
-        while True:
-            lost = np.flatnonzero(low <= 0)
-            if len(lost):
-                # what follows the first known loss does not matter, what comes before might
-                first = int(lost[0])
-                if first == 0 and left[0] == 0.0:
-                    return 0.0
-                keep = slice(0, first)
-                left, low, high = left[keep], low[keep], high[keep]
-            slack = self.bend * width**2 / 8
-            open_ = np.minimum(low, high) <= slack
-            if not open_.any():
-                return None
-            left, low, high = left[open_], low[open_], high[open_]
-            if slack <= FINEST * self.size or width <= FINEST or self._too_many(len(left)):
-                crossed = np.flatnonzero(high <= 0)
-                if not len(crossed):
-                    return None
-                at = int(crossed[0])
-                return float(left[at] + width * low[at] / (low[at] - high[at]))
-            left, low, high, width = self._divided(left, low, high, width)
+        angle = None
 
-    def _too_many(self, intervals: int) -> bool:
-        """Whether dividing would take longer than it is worth, as for a curve that hugs zero."""
-        return intervals * PARTS * len(self.half) > MOST_TERMS
+        def before_loss(least: Real, slack: float, low: Real) -> npt.NDArray[np.bool_]:
+            # what follows the first known loss does not matter, what comes before might
+            return (least <= slack) & ~np.logical_or.accumulate(low <= 0)
 
-    def _grid(self) -> tuple[Real, Real, Real, float]:
+        for left, low, high, width in self._parts(before_loss):
+            if left[0] == 0 and low[0] <= 0:
+                return 0.0
+            crossed = np.flatnonzero((low > 0) & (high <= 0))
+            if len(crossed):
+                at = crossed[0]
+                angle = float(left[at] + width * low[at] / (low[at] - high[at]))
+        return angle
+
+    def _parts(
+        self, wanted: Callable[[Real, float, Real], npt.NDArray[np.bool_]]
+    ) -> Iterator[tuple[Real, Real, Real, float]]:
+        """Yield left ends of intervals, values at both ends, and width, finer and finer.
+
+        Those are cut that are `wanted`: it is given the least value at the ends, how far below it
+        y may fall between them, and the value at the left end.
+        """
         length = fast_length(max(256, 16 * len(self.half)))
-        low = samples(self.half, length)
-        return 2 * math.pi * np.arange(length) / length, low, np.roll(low, -1), 2 * math.pi / length
-
-    def _divided(
-        self, left: Real, low: Real, high: Real, width: float
-    ) -> tuple[Real, Real, Real, float]:
-        """Cut every interval into equal parts."""
-        part = width / PARTS
-        starts = left[:, None] + part * np.arange(PARTS)
-        values = np.empty((len(left), PARTS + 1))
-        values[:, 0] = low
-        values[:, -1] = high
-        values[:, 1:-1] = self.at(starts[:, 1:])
-        return starts.ravel(), values[:, :-1].ravel(), values[:, 1:].ravel(), part
+        low, width = samples(self.half, length), 2 * math.pi / length
+        left: Real = width * np.arange(length, dtype=float)
+        high = np.roll(low, -1)
+        while True:
+            yield left, low, high, width
+            slack = self.bend * width**2 / 8
+            keep = wanted(np.minimum(low, high), slack, low)
+            work = int(keep.sum()) * PARTS * len(self.half)
+            # a curve that hugs zero would take longer than it is worth
+            if not work or slack <= FINEST * self.size or width <= FINEST or work > MOST_TERMS:
+                return
+            width /= PARTS
+            starts = left[keep, None] + width * np.arange(PARTS)
+            inner = self.at(starts[:, 1:])
+            low = np.column_stack([low[keep], inner]).ravel()
+            high = np.column_stack([inner, high[keep]]).ravel()
+            left = starts.ravel()

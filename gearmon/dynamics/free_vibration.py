@@ -40,15 +40,9 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.dynamics.amplitude_equations import (
-    AmplitudeEquations,
-    amplitude_equations,
-    check_orders,
-    coupling_of,
-)
+from gearmon.dynamics.amplitude_equations import AmplitudeEquations, amplitude_equations
 from gearmon.dynamics.fourier import Complex, Real
 from gearmon.dynamics.hill import KINDS, HillProblem, check_kind
-from gearmon.dynamics.slow_states import answer_forces, reduce
 from gearmon.errors import ArgumentError, check_finite
 from gearmon.result import Result
 
@@ -88,20 +82,11 @@ class Motion(Result):
     @cached_property
     def start_amplitudes(self) -> Complex:
         """A(0) [m], shape (2,)."""
-        e = self.equations
-        # z and z' at t = 0 per amplitude and per rate of amplitude
-        carried = self._shape.sum(axis=0)
-        turning = (1j * e.problem.angular_frequency * e.lines) @ self._shape
-        matrix = np.array([carried, carried @ e.rate + turning])
-        still = self._forced.sum()
-        moving = (1j * e.problem.angular_frequency * e.forced_lines) @ self._forced
-        wanted = np.array(
-            [
-                self.displacement_m - still,
-                self.velocity_ms - moving - carried @ e.forcing,
-            ]
-        )
-        scale = np.array([1.0, 2 * math.pi * e.problem.natural_frequency_hz])
+        # z and z' at t = 0 per amplitude, and without any
+        sums = np.array([shape.sum(axis=0) for shape in self._shapes[:2]])
+        matrix = sums[:, :2]
+        wanted = np.array([self.displacement_m, self.velocity_ms]) - sums[:, 2]
+        scale = np.array([1.0, 2 * math.pi * self.equations.problem.natural_frequency_hz])
         if np.linalg.cond(matrix / scale[:, None]) > 1e12:
             raise ArgumentError(
                 "the two slow states look alike at t = 0 and cannot carry the initial conditions; "
@@ -135,7 +120,7 @@ class Motion(Result):
         """
         derivative = KINDS.index(check_kind(kind))
         time = np.asarray(time_s, dtype=float)
-        rows = max(1, VALUES_AT_ONCE // max(len(self._shape), len(self._forced)))
+        rows = max(1, VALUES_AT_ONCE // len(self.equations.lines))
         flat = time.ravel()
         found = np.empty(len(flat))
         for first in range(0, len(flat), rows):
@@ -147,12 +132,16 @@ class Motion(Result):
         return found.reshape(time.shape)
 
     @cached_property
-    def _shape(self) -> Complex:
-        return np.asarray(self.equations.shape_terms.sum(axis=0), dtype=np.complex128)
-
-    @cached_property
-    def _forced(self) -> Complex:
-        return np.asarray(self.equations.forced_terms.sum(axis=0), dtype=np.complex128)
+    def _shapes(self) -> list[Complex]:
+        """Lines of z, z' and z'' per amplitude, and without any, shape (M, 3) each."""
+        e = self.equations
+        rates = np.zeros((3, 3), dtype=complex)
+        rates[:2, :2], rates[:2, 2] = e.rate, e.forcing
+        turning = 1j * e.problem.angular_frequency * e.lines[:, None]
+        shapes = [np.column_stack([e.shape_terms.sum(axis=0), e.forced_terms.sum(axis=0)])]
+        for _ in range(2):
+            shapes.append(turning * shapes[-1] + shapes[-1] @ rates)
+        return shapes
 
     @cached_property
     def _middle(self) -> complex:
@@ -166,30 +155,18 @@ class Motion(Result):
 
     def _exponential(self, time: Real) -> tuple[Complex, Complex]:
         """e^{Lt} = even + odd (L - middle): the two factors."""
-        split = self._half_split
-        first, second = (np.exp((self._middle + s * split) * time) for s in (1, -1))
-        even = (first + second) / 2
-        x = split * time
-        near = np.abs(x) < 1e-2
-        series = np.exp(self._middle * time) * time * (1 + x**2 / 6 * (1 + x**2 / 20))
-        odd = (first - second) / (2 * split) if split != 0 else series
-        return even, np.where(near, series, odd)
+        # the root of the slower exponent has the positive real part: nothing overflows
+        first, twice = np.exp((self._middle + self._half_split) * time), 2 * self._half_split * time
+        safe = np.where(twice == 0, 1.0, twice)
+        share = np.where(twice == 0, 1.0, -np.expm1(-safe) / safe)
+        return first * (1 + np.exp(-twice)) / 2, first * time * share
 
     def _values(self, time: Real, derivative: int) -> Real:
         """Differentiate the displacement at a few times."""
         e = self.equations
-        w = e.problem.angular_frequency
-        a = self.amplitudes(time)
-        rates = [a]
-        for _ in range(derivative):
-            rates.append(rates[-1] @ e.rate.T + (e.forcing if len(rates) == 1 else 0))
-        turning = np.exp(1j * w * np.multiply.outer(time, e.lines))
-        z = np.zeros(len(time), dtype=complex)
-        for k, rate in enumerate(rates):
-            weight = math.comb(derivative, k) * (1j * w * e.lines) ** (derivative - k)
-            z += ((turning * weight) @ self._shape * rate).sum(axis=1)
-        still = (1j * w * e.forced_lines) ** derivative * self._forced
-        z += np.exp(1j * w * np.multiply.outer(time, e.forced_lines)) @ still
+        turning = np.exp(1j * e.problem.angular_frequency * np.multiply.outer(time, e.lines))
+        moved = turning @ self._shapes[derivative]
+        z = (moved[:, :2] * self.amplitudes(time)).sum(axis=1) + moved[:, 2]
         return np.asarray(z.real, dtype=np.float64)
 
     def _mesh_force(self, time: Real) -> Real:
@@ -260,28 +237,9 @@ def free_vibration(
     3.29155616
     """
     rate_order = order if rate_order is None else rate_order
-    check_orders(order, rate_order)
-    coupling = coupling_of(problem, small_damping)
-    up, down = (reduce(coupling, [(sign, 0.0)], order, rate_order) for sign in (1, -1))
-    rates = np.zeros((rate_order + 1, 2, 2), dtype=complex)
-    shapes = np.zeros((order + 1, len(up.lines), 2), dtype=complex)
-    for p, one in enumerate((up, down)):
-        rates[:, p, p] = one.rates[:, 0, 0]
-        shapes[:, :, p] = one.states[: order + 1].sum(axis=1)[:, :, 0]
-    steady = answer_forces(coupling, problem, [], up, order)
-    w0 = 2 * math.pi * problem.natural_frequency_hz
-    return FreeVibration(
-        problem=problem,
-        slow=((1, 0.0), (-1, 0.0)),
-        small_damping=small_damping,
-        rate_terms=np.asarray(w0 * rates),
-        forcing_terms=np.zeros((rate_order + 1, 2), dtype=complex),
-        lines=up.lines,
-        shape_terms=shapes,
-        forced_lines=steady.lines,
-        forced_terms=steady.terms,
-        smallest_divisor=min(one.smallest_divisor for one in (up, down, steady)),
-    )
+    slow = [(1, 0.0), (-1, 0.0)]
+    found = amplitude_equations(problem, slow, order, rate_order, small_damping, apart=True)
+    return FreeVibration(**vars(found))
 
 
 def transient(

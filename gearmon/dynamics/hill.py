@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -49,7 +49,8 @@ class HillProblem:
     force_n : float
         F, constant force.
     force_harmonics_n : complex array, shape (G,), optional
-        f_1..f_G of a periodic force f(t) = sum (f_n e^{inwt} + conjugate).
+        f_1..f_G of a periodic force f(t) = sum (f_n e^{inwt} + conjugate). Teeth with the profile
+        error e(t) are forced by m (n w)^2 e_n in the coordinate z - e.
 
     Raises
     ------
@@ -78,40 +79,25 @@ class HillProblem:
         self._check_numbers()
 
     def _check_numbers(self) -> None:
-        mass, stiffness, damping = self.mass_kg, self.stiffness_n_per_m, self.damping_ns_per_m
-        period = self.period_s
-        try:
-            positive = mass > 0 and stiffness > 0 and period > 0 and damping >= 0
-            # a sum is finite only if all its terms are, and complex if one is
-            total = mass + damping + stiffness + period + self.force_n
-            usable = positive and not isinstance(total, complex) and math.isfinite(total)
-        except TypeError:  # complex numbers and text have no order
-            usable = False
-        if not usable:
-            self._refuse_numbers()
-        ratio = math.sqrt(stiffness) / math.sqrt(mass) * period / (2 * math.pi)
-        zeta = damping / (2 * math.sqrt(stiffness) * math.sqrt(mass))
-        static = abs(self.force_n) / stiffness
-        if not (1 / LARGEST <= ratio <= LARGEST and zeta <= LARGEST and static <= LARGEST):
-            self._refuse_derived(ratio, zeta, static)
-
-    def _refuse_numbers(self) -> None:
-        check_positive("mass_kg", self.mass_kg, "kg")
-        check_finite("damping_ns_per_m", self.damping_ns_per_m, "N s/m")
-        if self.damping_ns_per_m < 0:
+        mass = check_positive("mass_kg", self.mass_kg, "kg")
+        damping = check_finite("damping_ns_per_m", self.damping_ns_per_m, "N s/m")
+        if damping < 0:
             raise ArgumentError(f"damping_ns_per_m={self.damping_ns_per_m} N s/m must be >= 0")
-        check_positive("stiffness_n_per_m", self.stiffness_n_per_m, "N/m")
-        check_positive("period_s", self.period_s, "s")
-        check_finite("force_n", self.force_n, "N")
-
-    def _refuse_derived(self, ratio: float, zeta: float, static: float) -> None:
+        stiffness = check_positive("stiffness_n_per_m", self.stiffness_n_per_m, "N/m")
+        period = check_positive("period_s", self.period_s, "s")
+        force = check_finite("force_n", self.force_n, "N")
+        ratio = math.sqrt(stiffness) / math.sqrt(mass) * period / (2 * math.pi)
+        zeta, static = damping / (2 * math.sqrt(stiffness) * math.sqrt(mass)), force / stiffness
+        if 1 / LARGEST <= ratio <= LARGEST and zeta <= LARGEST and abs(static) <= LARGEST:
+            return
         values = (
             f"mass_kg={self.mass_kg}, damping_ns_per_m={self.damping_ns_per_m}, "
             f"stiffness_n_per_m={self.stiffness_n_per_m}, period_s={self.period_s}"
         )
         check_range(f"{values}: natural over mesh frequency", ratio, 1 / LARGEST, LARGEST)
         check_range(f"{values}: damping ratio", zeta, 0.0, LARGEST)
-        check_range(f"force_n={self.force_n}: force over stiffness", static, 0.0, LARGEST, "m")
+        name = f"force_n={self.force_n}: force over stiffness"
+        check_range(name, abs(static), 0.0, LARGEST, "m")
 
     @property
     def angular_frequency(self) -> float:
@@ -146,27 +132,6 @@ class HillProblem:
         forcing[1 : count + 1] = self.force_harmonics_n[:count]
         forcing /= self.stiffness_n_per_m
         return forcing
-
-    def with_transmission_error(self, error_m: npt.ArrayLike) -> HillProblem:
-        """Return the problem for the deflection z - e(t) when the teeth carry a profile error e(t).
-
-        Parameters
-        ----------
-        error_m : complex array, shape (E,)
-            e_1..e_E, e(t) = sum (e_n e^{inwt} + conjugate) [m].
-
-        Returns
-        -------
-        HillProblem
-            The same with the force m (n w)^2 e_n added: m z'' + c (z-e)' + k(t) (z-e) = F in the
-            coordinate z - e, whose mesh force is again k (z-e) + c (z-e)'.
-        """
-        error = frozen_vector("error_m", error_m)
-        total = np.zeros(max(len(error), len(self.force_harmonics_n)), dtype=complex)
-        total[: len(self.force_harmonics_n)] = self.force_harmonics_n
-        orders = np.arange(1, len(error) + 1)
-        total[: len(error)] += self.mass_kg * (orders * self.angular_frequency) ** 2 * error
-        return replace(self, force_harmonics_n=total)
 
 
 def frozen_vector(name: str, values: npt.ArrayLike) -> Complex:
@@ -334,6 +299,15 @@ class PeriodicVibration(Result, ABC):
         return np.asarray(half[0].real + 2 * (phase @ half[1:]).real, dtype=np.float64)
 
 
+def least_over_mean(force: Complex) -> float:
+    """Smallest value over the mean of a force, counted in the direction of its mean."""
+    mean = float(force[0].real)
+    lowest = Curve(force * math.copysign(1.0, mean)).lowest()
+    if mean:
+        return lowest / abs(mean)
+    return 0.0 if lowest == 0 else -math.inf
+
+
 KINDS = ("displacement", "velocity", "acceleration", "mesh_force")
 
 
@@ -406,11 +380,7 @@ class Response(PeriodicVibration):
 
         Minus infinity without a mean force; dips between samples are searched for.
         """
-        pressing = self._pressing()
-        mean, lowest = pressing[0].real, Curve(pressing).lowest()
-        if mean > 0:
-            return float(lowest / mean)
-        return 0.0 if lowest == mean == 0 else -math.inf
+        return least_over_mean(self.mesh_force)
 
     @property
     def contact_lost(self) -> bool:
@@ -420,8 +390,6 @@ class Response(PeriodicVibration):
     @cached_property
     def contact_loss_angle_rad(self) -> float | None:
         """First angle w t in [0, 2 pi) with mesh force <= 0, or None."""
-        return Curve(self._pressing()).first_not_positive()
-
-    def _pressing(self) -> Complex:
-        """Mesh force counted positive in the direction of F, which presses the teeth together."""
-        return self.mesh_force * math.copysign(1.0, self.problem.force_n)
+        # positive in the direction of F, which presses the teeth together
+        pressing = self.mesh_force * math.copysign(1.0, self.problem.force_n)
+        return Curve(pressing).first_not_positive()

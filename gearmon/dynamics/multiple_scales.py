@@ -34,12 +34,13 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from gearmon.dynamics.fourier import FEWEST_FOR_A_MATRIX, Complex, Modulation, Real
-from gearmon.dynamics.hill import HillProblem, broadcast_values
+from gearmon.dynamics.hill import HillProblem, broadcast_values, dynamic_stiffness
 from gearmon.errors import ArgumentError, check_range
 from gearmon.result import Result
 
@@ -126,67 +127,55 @@ def expand(
         forced = len(problem.force_harmonics_n)
         highest = max(1, forced + order * len(problem.stiffness_harmonics))
     check_range("highest", highest, 1, 10_000_000)
-    stream = orders(problem, highest, small_damping)
+    stream = _orders(
+        Zeroth.of(problem.frequency_ratio, problem.damping_ratio, highest, small_damping),
+        problem.static_forcing(highest),
+        Modulation(problem.stiffness_harmonics, highest, highest),
+    )
     return Expansion(
         problem=problem,
-        terms=np.array([next(stream) for _ in range(order + 1)]),
+        terms=np.array(list(itertools.islice(stream, order + 1))),
         small_damping=small_damping,
     )
 
 
-def orders(problem: HillProblem, highest: int, small_damping: bool = False) -> Iterator[Complex]:
-    """Yield Z^(0), Z^(1), ... [m] without end, harmonics 0..highest.
+class Zeroth(NamedTuple):
+    """What acts in order zero on every line, and what is left to the next.
 
-    Raises
-    ------
-    ArgumentError
-        If a harmonic has |D_n| < 1e-13: undamped resonance.
+    Attributes
+    ----------
+    compliance : complex ndarray, shape (..., N+1)
+        1/D_n.
+    damping : complex ndarray, shape (..., N+1)
+        2 i zeta n/R where damping is small, else zeros.
     """
-    stiffness, damping = zeroth_stiffness(problem, highest, small_damping)
-    modulate = Modulation(problem.stiffness_harmonics, highest, highest)
-    start = problem.static_forcing(highest) / stiffness
-    return _stream(start, 1 / stiffness, damping if small_damping else None, modulate)
+
+    compliance: Complex
+    damping: Complex
+
+    @classmethod
+    def of(cls, ratio: Real | float, zeta: Real | float, highest: int, small: bool) -> Zeroth:
+        """Of R and zeta, or of columns of them; ArgumentError where a |D_n| is rounding only."""
+        stiffness = dynamic_stiffness(ratio, zeta, highest)
+        damping = np.asarray(1j * stiffness.imag * small, dtype=np.complex128)
+        stiffness -= damping
+        if np.abs(stiffness).min() < NO_STIFFNESS:
+            n = int(np.abs(stiffness).argmin()) % stiffness.shape[-1]
+            raise ArgumentError(
+                f"harmonic {n} lies on the natural frequency and has no damping in order zero: its "
+                f"terms are secular; use forced_resonance(problem, lines=[{n}])"
+            )
+        return cls(1 / stiffness, damping)
 
 
-def _stream(
-    term: Complex,
-    compliance: Complex,
-    damping: Real | None,
-    modulate: Callable[[Complex], Complex],
+def _orders(
+    zeroth: Zeroth, forcing: Complex, modulate: Callable[[Complex], Complex]
 ) -> Iterator[Complex]:
-    """Yield the orders of one or many systems, shape (..., N+1)."""
+    """Yield Z^(0), Z^(1), ... [m] without end, of one or many systems, shape (..., N+1)."""
+    term = forcing * zeroth.compliance
     while True:
         yield term
-        following = modulate(term)
-        if damping is not None:
-            following = following + 1j * damping * term
-        term = -following * compliance
-
-
-def zeroth_stiffness(
-    problem: HillProblem, highest: int, small_damping: bool
-) -> tuple[Complex, Real]:
-    """D_n of order zero and the damping 2 zeta n/R that is left to order one, (highest+1,) each.
-
-    Raises
-    ------
-    ArgumentError
-        If a harmonic has |D_n| < 1e-13: undamped resonance.
-    """
-    stiffness = problem.dynamic_stiffness(highest)
-    damping = stiffness.imag * small_damping
-    return check_divisors(stiffness - 1j * damping), damping
-
-
-def check_divisors(stiffness: Complex) -> Complex:
-    """Return D_n of order zero, shape (..., N+1), or raise if one of them is rounding only."""
-    if np.abs(stiffness).min() < NO_STIFFNESS:
-        n = int(np.abs(stiffness).argmin()) % stiffness.shape[-1]
-        raise ArgumentError(
-            f"harmonic {n} lies on the natural frequency and has no damping in order zero: its "
-            f"terms are secular; use forced_resonance(problem, lines=[{n}])"
-        )
-    return stiffness
+        term = -(modulate(term) + zeroth.damping * term) * zeroth.compliance
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,18 +243,15 @@ class Formula:
     def _sum(self, sets: Real) -> Complex:
         """All orders for sets of shape (6, B, 1)."""
         mass, damping, stiffness, period, force, scale = sets
-        angular = np.arange(self.highest + 1) * (2 * math.pi / period)
-        friction = angular * (damping / stiffness)
-        diagonal = 1 - angular**2 * (mass / stiffness) + 1j * friction * (not self.small_damping)
-        compliance = 1 / check_divisors(diagonal)
+        root = np.sqrt(stiffness * mass)
+        ratio, zeta = root / mass * period / (2 * math.pi), damping / (2 * root)
         forcing = np.zeros((len(force), self.highest + 1), dtype=complex)
         given = self.problem.force_harmonics_n[: self.highest]
         forcing[:, :1], forcing[:, 1 : len(given) + 1] = force, given
         product = self._products[len(force) >= FEWEST_FOR_A_MATRIX]
-        terms = _stream(
-            forcing / stiffness * compliance,
-            compliance,
-            friction if self.small_damping else None,
+        terms = _orders(
+            Zeroth.of(ratio, zeta, self.highest, self.small_damping),
+            forcing / stiffness,
             lambda half: scale * product(half),
         )
         return np.asarray(sum(itertools.islice(terms, self.order + 1)))

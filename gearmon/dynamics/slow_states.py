@@ -19,7 +19,8 @@ in the slow states) go into L and b, and the rest is divided by a difference of 
     U_k = [V U_{k-1} - sum_{i=1..k-1} U_{k-i} L_i]/(h_slow - h)       in the other states
     b_k = slow part of V q_{k-1},   q_k = -[g + V q_{k-1} - sum_i U_i b_{k-i}]/h
 
-with h = s -+ i n/R and V the coupling. L_k A is what textbooks call D_k A, the derivative on the
+with h = s -+ i n/R and V the coupling: q and b are one more column of U and L, that of a state
+which stays as it is. L_k A is what textbooks call D_k A, the derivative on the
 scale T_k = eps^k t; L is their reconstituted sum. Nothing is divided by the distance between slow
 states, so a resonance between them does no harm; all other differences must be large beside
 |phi|/2, and are reported as `smallest_divisor`.
@@ -35,13 +36,13 @@ from __future__ import annotations
 
 import cmath
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from gearmon.dynamics.fourier import Complex, Real
-from gearmon.dynamics.hill import HillProblem
 from gearmon.errors import ArgumentError
 
 State = tuple[int, float]
@@ -109,16 +110,16 @@ class Coupling:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reduction:
-    """U and L of a set of slow states, in the time s = w0 t.
+    """U and L of some slow states, in the time s = w0 t; q and b are their last columns.
 
     Attributes
     ----------
     lines : float ndarray, shape (M,)
-        Harmonics, consecutive; halves where the slow states are.
-    states : complex ndarray, shape (K, 2, M, p)
-        U_0..U_{K-1}; exact on every line for orders up to the one asked for.
-    rates : complex ndarray, shape (K+1, p, p)
-        L_0..L_K.
+        Harmonics in ascending order.
+    states : complex ndarray, shape (K', 2, M, p+1)
+        U_k and q_k [m]; exact on every line for orders up to the one asked for.
+    rates : complex ndarray, shape (K+1, p+1, p+1)
+        L_k and b_k [m] above a row of zeros.
     smallest_divisor : float
         Smallest |h_slow - h| that was divided by.
     """
@@ -129,135 +130,103 @@ class Reduction:
     smallest_divisor: float
 
 
-def reduce(coupling: Coupling, slow: list[State], order: int, rate_order: int) -> Reduction:
+def reduce(
+    coupling: Coupling,
+    slow: Sequence[State],
+    order: int,
+    rate_order: int,
+    forces: Complex | None = None,
+    apart: bool = False,
+) -> Reduction:
     """Eliminate all states but the slow ones.
 
     Parameters
     ----------
     coupling : Coupling
         The system.
-    slow : list of (sign, harmonic)
+    slow : sequence of (sign, harmonic)
         States kept; their harmonics differ by integers.
     order, rate_order : int
         Highest orders of U and of L.
+    forces : complex ndarray, shape (G+1,), optional
+        (F, f_1..f_G)/k0 [m]; by default there are neither q nor b, nor their columns.
+    apart : bool
+        Whether every state is kept by itself, all others following it; L is then diagonal.
 
     Raises
     ------
     ArgumentError
-        If another state within reach has the same exponent as one of the slow ones.
+        If another state within reach has the same exponent as one of the slow ones, or a harmonic
+        that forces reach lies on the natural frequency, undamped.
     """
-    reach = max(order, rate_order // 2) * len(coupling.harmonics)
-    ends = [n for _, n in slow]
-    first = min(ends) - reach
-    lines: Real = np.arange(round(max(ends) + reach - first) + 1, dtype=np.float64) + first
-    where = _places(slow, lines)
+    forced = forces is not None
+    reach = max(order, (rate_order + forced) // 2) * len(coupling.harmonics)
+    coupling, lines, moved = _start(coupling, slow, forces, reach)
+    count, columns = len(slow), moved.shape[-1]
+    where = [0 if sign > 0 else 1 for sign, _ in slow], np.searchsorted(lines, [n for _, n in slow])
     h = coupling.exponents(lines)
-    own = h[where]
+    # a force is a slow state that stays as it is
+    own = np.append(h[where], [0j] * forced)
+    kept = np.eye(count, columns) if apart else np.ones((count, columns))
     divisor = own - h[:, :, None]
-    divisor[where] = math.inf
-    smallest = float(np.abs(divisor).min())
-    if smallest < SAME_FREQUENCY:
-        raise ArgumentError(
-            f"slow={slow}: another state has the same frequency, and the terms that it makes are "
-            "secular: keep it among the slow ones; parametric_resonance(problem) does"
-        )
-    count = max(order, rate_order - 1) + 1
-    states = np.zeros((count, 2, len(lines), len(slow)), dtype=complex)
-    states[0][where] = np.eye(len(slow))
-    rates = np.zeros((rate_order + 1, len(slow), len(slow)), dtype=complex)
-    rates[0] = np.diag(own)
-    for k in range(1, max(order, rate_order) + 1):
-        moved = coupling(states[k - 1])
+    divisor[where] = np.where(kept, math.inf, divisor[where])
+    _check_divisors(divisor, lines, slow)
+    states = np.zeros((max(order, rate_order - 1) + 1, *divisor.shape), dtype=complex)
+    rates = np.zeros((rate_order + 1, columns, columns), dtype=complex)
+    states[0][where], rates[0] = np.eye(count, columns), np.diag(own)
+    for k in range(max(order, rate_order) + 1):
+        if k:
+            moved = coupling(states[k - 1])
         if k <= rate_order:
-            rates[k] = moved[where]
-        if k < count:
+            rates[k, :count] += moved[where] * kept
+        if k < len(states):
             for i in range(1, min(k - 1, rate_order) + 1):
                 moved -= states[k - i] @ rates[i]
-            states[k] = moved / divisor
-    return Reduction(
-        lines=lines,
-        states=states,
-        rates=rates,
-        smallest_divisor=smallest,
-    )
+            states[k] += moved / divisor
+            if k and forced:
+                states[k, ..., -1] -= states[k] @ np.append(rates[0, :-1, -1], 0) / divisor[..., -1]
+    smallest = float(np.abs(divisor).min())
+    return Reduction(lines=lines, states=states, rates=rates, smallest_divisor=smallest)
 
 
-def _places(slow: list[State], lines: Real) -> tuple[list[int], list[int]]:
-    """Index of each slow state in arrays of shape (2, M)."""
-    return [0 if sign > 0 else 1 for sign, _ in slow], [round(n - lines[0]) for _, n in slow]
+def _start(
+    coupling: Coupling, slow: Sequence[State], forces: Complex | None, reach: int
+) -> tuple[Coupling, Real, Complex]:
+    """Lines within reach, what couples them, and the rates that forces give to order zero."""
+    edge = max(abs(n) for _, n in slow)
+    if forces is None:
+        lines: Real = np.linspace(-edge - reach, edge + reach, round(2 * (edge + reach)) + 1)
+        return coupling, lines, np.zeros((2, len(lines), len(slow)), dtype=complex)
+    steps, edge = 1, max(math.ceil(edge), len(forces) - 1)
+    if slow[0][1] % 1:
+        # forces act on whole lines: half ones stand between them, each kind coupled to its own
+        steps, apart = 2, np.zeros(2 * len(coupling.harmonics), dtype=complex)
+        apart[1::2] = coupling.harmonics
+        coupling = replace(coupling, harmonics=apart)
+    highest = edge + reach
+    lines = np.linspace(-highest, highest, 2 * highest * steps + 1)
+    force = np.zeros(len(lines), dtype=complex)
+    middle = highest * steps
+    force[middle : middle + steps * len(forces) : steps] = forces
+    force[:middle] = force[:middle:-1].conj()
+    start = np.zeros((2, len(lines), len(slow) + 1), dtype=complex)
+    start[..., -1] = coupling.driven(force)
+    return coupling, lines, start
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Forced:
-    """Answer of the fast states to the forces, and what the forces do to the slow ones.
-
-    Attributes
-    ----------
-    lines : float ndarray, shape (M,)
-        Harmonics -n..n.
-    terms : complex ndarray, shape (order+1, M)
-        Lines of q [m].
-    forcing : complex ndarray, shape (K+1, p)
-        b_0..b_K [m], per unit of s.
-    smallest_divisor : float
-        Smallest |h| that was divided by.
-    """
-
-    lines: Real
-    terms: Complex
-    forcing: Complex
-    smallest_divisor: float
-
-
-def answer_forces(
-    coupling: Coupling, problem: HillProblem, slow: list[State], reduction: Reduction, order: int
-) -> Forced:
-    """Expand q and b; slow states are those of `reduction`, on whole harmonics or none of them.
-
-    Raises
-    ------
-    ArgumentError
-        If a harmonic that is not among the slow ones lies on the natural frequency, undamped.
-    """
-    rate_order = len(reduction.rates) - 1
-    whole = [state for state in slow if float(state[1]).is_integer()]
-    most_orders = max(order, math.ceil(rate_order / 2) if whole else 0)
-    edge = max([len(problem.force_harmonics_n), *(math.ceil(abs(n)) for _, n in whole)])
-    highest = edge + most_orders * len(coupling.harmonics)
-    lines = np.arange(-highest, highest + 1.0)
-    half = problem.static_forcing(highest)
-    rate = coupling.driven(np.concatenate([half[:0:-1].conj(), half]))
-    h = coupling.exponents(lines)
-    where = _places(whole, lines)
-    h[where] = math.inf
-    if np.abs(h).min() < SAME_FREQUENCY:
-        n = int(abs(lines[int(np.abs(h).argmin()) % len(lines)]))
+def _check_divisors(divisor: Complex, lines: Real, slow: Sequence[State]) -> None:
+    """Leave out what slow states and forces do not reach, and raise if another is resonant."""
+    ends = [*(n for _, n in slow), 0.0][: divisor.shape[-1]]
+    divisor[:, np.subtract.outer(lines, ends) % 1 != 0] = math.inf
+    sizes = np.abs(divisor)
+    if sizes[..., : len(slow)].min() < SAME_FREQUENCY:
+        raise ArgumentError(
+            f"slow={list(slow)}: another state has the same frequency, and the terms that it makes "
+            "are secular: keep it among the slow ones; parametric_resonance(problem) does"
+        )
+    if sizes.min() < SAME_FREQUENCY:
+        n = int(abs(lines[int(sizes[..., -1].argmin()) % len(lines)]))
         raise ArgumentError(
             f"harmonic {n} lies on the natural frequency and has no damping in order zero; use "
             f"forced_resonance(problem, lines=[{n}])"
         )
-    forcing = np.zeros((rate_order + 1, len(slow)), dtype=complex)
-    last = max(order, rate_order) if whole else order
-    q: list[Complex] = []
-    for k in range(last + 1):
-        moved = coupling(q[-1]) if q else rate
-        if whole and k <= rate_order:
-            forcing[k] = moved[where]
-        for i in range(1, k + 1):
-            if whole and i < len(reduction.states) and k - i <= rate_order:
-                moved = moved - _placed(reduction, i, forcing[k - i], lines)
-        q.append(-moved / h)
-    terms = np.array([y[0] + y[1] for y in q[: order + 1]])
-    return Forced(
-        lines=lines, terms=terms, forcing=forcing, smallest_divisor=float(np.abs(h).min())
-    )
-
-
-def _placed(reduction: Reduction, order: int, amplitudes: Complex, lines: Real) -> Complex:
-    """U_order times amplitudes, cut or filled with zeros to other lines."""
-    made = np.zeros((2, len(lines)), dtype=complex)
-    offset = round(reduction.lines[0] - lines[0])
-    start, stop = max(0, offset), min(len(lines), offset + len(reduction.lines))
-    part = reduction.states[order] @ amplitudes
-    made[:, start:stop] = part[:, start - offset : stop - offset]
-    return made

@@ -227,30 +227,21 @@ class StabilityMargin:
     ----------
     multipliers : (complex, complex)
         Floquet multipliers, the larger modulus first.
-    growth_per_period : float
-        ln |larger multiplier|: > 0 grows, < 0 decays.
-    growth_rate_per_s : float
-        The same over the period [1/s].
     variation_factor : float
         The stiffness variation k(t)/k0 - 1 may be multiplied by this before free vibrations grow;
         below 1 if they do already. Infinite if none does while k(t) stays > 0; NaN if not
         searched for.
     positive_factor : float
         Factor at which k(t) first touches zero: beyond it there is no spring.
-    doubles_period : bool or None
-        Whether the vibration that grows at `variation_factor` has twice the mesh period; None if
-        there is none.
     stable : bool
+        Whether free vibrations die out.
     message : str
         One line with the numbers.
     """
 
     multipliers: tuple[complex, complex]
-    growth_per_period: float
-    growth_rate_per_s: float
     variation_factor: float
     positive_factor: float
-    doubles_period: bool | None
     stable: bool
     message: str
 
@@ -284,18 +275,12 @@ def stability_margin(problem: HillProblem, search: bool = True) -> StabilityMarg
     growth = float(growth_of(shape, np.array(ratio), np.array(1.0), zeta))
     low = -shape.extremes[0]
     positive = 1 / low if low > 0 else math.inf
-    factor, doubles = math.nan, None
-    if search:
-        factor, doubles = _first_unstable(shape, ratio, zeta, positive)
-    stable = growth < 0
+    factor = _first_unstable(shape, ratio, zeta, positive) if search else math.nan
     return StabilityMargin(
         multipliers=pair,
-        growth_per_period=growth,
-        growth_rate_per_s=growth / problem.period_s,
         variation_factor=factor,
         positive_factor=positive,
-        doubles_period=doubles,
-        stable=stable,
+        stable=growth < 0,
         message=_margin_message(growth, zeta, factor, positive),
     )
 
@@ -313,28 +298,22 @@ def _margin_message(growth: float, zeta: float, factor: float, positive: float) 
     return f"{text}; unstable from {factor:.6g} times the stiffness variation on"
 
 
-def _first_unstable(
-    shape: FourierShape, ratio: float, zeta: float, most: float
-) -> tuple[float, bool | None]:
-    """Smallest factor in (0, most) with a multiplier beyond the unit circle, and which."""
+def _first_unstable(shape: FourierShape, ratio: float, zeta: float, most: float) -> float:
+    """Smallest factor in (0, most) with a multiplier beyond the unit circle."""
     if not math.isfinite(most):
-        return math.inf, None
+        return math.inf
     least = certainly_stable_up_to(shape, ratio, zeta, most)
     if least >= most:
-        return math.inf, None
+        return math.inf
     if ratio > MOST_SEARCHED:
-        return math.nan, None
-    count = 64 + 16 * math.ceil(2 * ratio)
-    grid = np.linspace(least, most, count + 1)
+        return math.nan
+    grid = np.linspace(least, most, 64 + 16 * math.ceil(2 * ratio) + 1)
 
-    values = excess(shape, np.array(ratio), grid, zeta, SCAN_TOLERANCE)
+    def values(factors: Real | float, tolerance: float = 1e-12) -> Real:
+        sides = excess(shape, np.array(ratio), np.asarray(factors), zeta, tolerance)
+        return np.maximum(*sides)
 
-    def one(side: int) -> Callable[[float], float]:
-        return lambda s: float(excess(shape, np.array(ratio), np.array(s), zeta)[side])
-
-    plus, minus = (_first_crossing(one(side), grid, values[side]) for side in (0, 1))
-    first = min(plus, minus)
-    return first, None if math.isinf(first) else minus < plus
+    return _first_crossing(lambda s: float(values(s)), grid, values(grid, SCAN_TOLERANCE))
 
 
 def certainly_stable_up_to(shape: FourierShape, ratio: float, zeta: float, most: float) -> float:

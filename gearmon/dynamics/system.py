@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.dynamics.fourier import Complex, Curve, Real
-from gearmon.dynamics.hill import PeriodicVibration, check_swing
+from gearmon.dynamics.fourier import Complex, Real
+from gearmon.dynamics.hill import PeriodicVibration, check_swing, least_over_mean
 from gearmon.errors import ArgumentError, check_positive
 
 #: Share of the largest eigenvalue below which a mode is a rigid one: rounding of the eigenvalues of
@@ -81,10 +81,10 @@ class HillSystem:
 
     def __post_init__(self) -> None:
         check_positive("period_s", self.period_s, "s")
-        for name, kind in _KINDS.items():
+        for name, (kind, axes) in _FIELDS.items():
             value = getattr(self, name)
             if value is not None:
-                object.__setattr__(self, name, _frozen(name, value, kind))
+                object.__setattr__(self, name, _frozen(name, value, kind, len(axes)))
         self._check_shapes()
         for name in ("mass", "damping", "stiffness"):
             _check_symmetry(name, getattr(self, name), 1.0)
@@ -101,25 +101,21 @@ class HillSystem:
         self._check_equilibrium()
 
     def _check_shapes(self) -> None:
-        n, meshes = len(self.mass), len(self.mesh_vectors)
-        shared = np.broadcast_to(self.mesh_harmonics, (meshes, self.mesh_harmonics.shape[-1]))
-        object.__setattr__(self, "mesh_harmonics", shared)
-        wanted: dict[str, tuple[int, ...]] = {
-            "mass": (n, n),
-            "damping": (n, n),
-            "stiffness": (n, n),
-            "gyroscopic": (n, n),
-            "mesh_vectors": (meshes, n),
-            "mesh_stiffness_n_per_m": (meshes,),
-            "mesh_damping_ns_per_m": (meshes,),
-            "force_n": (n,),
-        }
-        for name, shape in wanted.items():
+        sizes = {"n": len(self.mass), "m": len(self.mesh_vectors)}
+        if len(self.mesh_harmonics) == 1:
+            shared = np.broadcast_to(
+                self.mesh_harmonics, (sizes["m"], *self.mesh_harmonics.shape[1:])
+            )
+            object.__setattr__(self, "mesh_harmonics", shared)
+        for name, (_, axes) in _FIELDS.items():
             value = getattr(self, name)
-            if value is not None and value.shape != shape:
-                raise ArgumentError(f"{name}: shape {value.shape} must be {shape}")
-        if self.force_harmonics_n is not None and self.force_harmonics_n.shape[-1] != n:
-            raise ArgumentError(f"force_harmonics_n: shape must be (lines, {n})")
+            if value is None:
+                continue
+            wanted = tuple(
+                sizes.get(axis, own) for axis, own in zip(axes, value.shape, strict=True)
+            )
+            if value.shape != wanted:
+                raise ArgumentError(f"{name}: shape {value.shape} must be {wanted}")
 
     def _check_equilibrium(self) -> None:
         squares = self.modes[0]
@@ -188,25 +184,26 @@ class HillSystem:
         return np.asarray(np.sqrt(squares) / (2 * math.pi))
 
 
-_KINDS = {
-    "mass": (float, 2),
-    "damping": (float, 2),
-    "stiffness": (float, 2),
-    "mesh_vectors": (float, 2),
-    "mesh_stiffness_n_per_m": (float, 1),
-    "mesh_damping_ns_per_m": (float, 1),
-    "mesh_harmonics": (complex, 2),
-    "force_n": (float, 1),
-    "gyroscopic": (float, 2),
-    "force_harmonics_n": (complex, 2),
+#: Kind of number, and axes: n coordinates, m meshes, or any number of J harmonics.
+_FIELDS = {
+    "mass": (float, "nn"),
+    "damping": (float, "nn"),
+    "stiffness": (float, "nn"),
+    "mesh_vectors": (float, "mn"),
+    "mesh_stiffness_n_per_m": (float, "m"),
+    "mesh_damping_ns_per_m": (float, "m"),
+    "mesh_harmonics": (complex, "mJ"),
+    "force_n": (float, "n"),
+    "gyroscopic": (float, "nn"),
+    "force_harmonics_n": (complex, "Jn"),
 }
 
 
-def _frozen(name: str, value: npt.ArrayLike, kind: tuple[type, int]) -> npt.NDArray[Any]:
+def _frozen(name: str, value: npt.ArrayLike, kind: type, axes: int) -> npt.NDArray[Any]:
     """Return a read-only array of finite numbers; a number is a matrix of one."""
-    array: npt.NDArray[Any] = np.array(value, dtype=kind[0], ndmin=kind[1])
-    if array.ndim != kind[1]:
-        raise ArgumentError(f"{name}: {array.ndim} axes, must have {kind[1]}")
+    array: npt.NDArray[Any] = np.array(value, dtype=kind, ndmin=axes)
+    if array.ndim != axes:
+        raise ArgumentError(f"{name}: {array.ndim} axes, must have {axes}")
     if not np.isfinite(array).all():
         where = ", ".join(str(int(i)) for i in np.argwhere(~np.isfinite(array))[0])
         raise ArgumentError(f"{name}: entry [{where}] must be finite")
@@ -290,17 +287,9 @@ class SystemResponse(PeriodicVibration):
     @cached_property
     def mesh_force_margin(self) -> Real:
         """Smallest force of every mesh over its mean [1]; <= 0 where contact is lost."""
-        return np.array([_margin(force) for force in self.mesh_force.T])
+        return np.array([least_over_mean(force) for force in self.mesh_force.T])
 
     @property
     def contact_lost(self) -> npt.NDArray[np.bool_]:
         """Whether a mesh force passes zero, shape (meshes,): there the linear model ends."""
         return np.asarray(self.mesh_force_margin <= 0)
-
-
-def _margin(force: Complex) -> float:
-    mean = float(force[0].real)
-    lowest = Curve(force * math.copysign(1.0, mean)).lowest()
-    if mean:
-        return lowest / abs(mean)
-    return 0.0 if lowest == 0 else -math.inf

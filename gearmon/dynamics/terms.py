@@ -15,12 +15,12 @@ Source: the recursion of `multiple_scales`, written out.
 from __future__ import annotations
 
 import heapq
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from gearmon.dynamics.multiple_scales import Expansion, zeroth_stiffness
+from gearmon.dynamics.fourier import Complex
+from gearmon.dynamics.multiple_scales import Expansion, Zeroth
 from gearmon.errors import ArgumentError, check_range
 
 MOST_PATHS = 200_000
@@ -120,13 +120,10 @@ def paths(expansion: Expansion, line: int, order: int, most: int | None = None) 
     if most is not None:
         check_range("most", most, 1, MOST_PATHS)
     p = expansion.problem
-    stiffness, damping = zeroth_stiffness(p, highest, expansion.small_damping)
-    half, gains = p.static_forcing(highest), 1 / stiffness
-    both = np.arange(-highest, highest + 1)
-    gain = {int(n): complex(gains[n] if n >= 0 else gains[-n].conj()) for n in both}
-    force = {int(n): complex(half[n] if n >= 0 else half[-n].conj()) for n in both}
-    c = {j: complex(x) for j, x in enumerate(p.stiffness_harmonics, start=1) if x != 0}
-    steps = c | {-j: x.conjugate() for j, x in c.items()} | ({0: 0j} if damping.any() else {})
+    zeroth = Zeroth.of(p.frequency_ratio, p.damping_ratio, highest, expansion.small_damping)
+    gain, own, force = map(_by_line, (*zeroth, p.static_forcing(highest)))
+    c = _by_line(np.append(0, p.stiffness_harmonics))
+    steps = {j: x for j, x in c.items() if x} | ({0: 0j} if zeroth.damping.any() else {})
     widest = max(map(abs, steps), default=0)
     # the best paths to every line after every step: the rest of a path has the same factor
     kept = {n: [Path((n,), (), (gain[n],), f * gain[n])] for n, f in force.items() if f != 0}
@@ -134,12 +131,11 @@ def paths(expansion: Expansion, line: int, order: int, most: int | None = None) 
         reach = widest * (order - k)
         found: dict[int, list[Path]] = {}
         for n in range(max(-highest, line - reach), min(highest, line + reach) + 1):
-            own = 1j * math.copysign(damping[abs(n)], n)
             longer = [
-                path.extended(n, j, (own if j == 0 else x) * gain[n], gain[n])
+                path.extended(n, j, (x if j else own[n]) * gain[n], gain[n])
                 for j, x in steps.items()
                 for path in kept.get(n - j, ())
-                if j or own
+                if j or own[n]
             ]
             if most is None and len(longer) > MOST_PATHS:
                 raise ArgumentError(
@@ -152,37 +148,12 @@ def paths(expansion: Expansion, line: int, order: int, most: int | None = None) 
     return sorted(kept.get(line, []), key=_order)[:most]
 
 
+def _by_line(half: Complex) -> dict[int, complex]:
+    """Entries of lines -N..N, those below zero conjugate."""
+    up = {n: complex(x) for n, x in enumerate(half)}
+    return {-n: x.conjugate() for n, x in up.items()} | up
+
+
 def _order(path: Path) -> tuple[float, tuple[int, ...]]:
     """Largest first; equal ones by their steps, so that the order is always the same."""
     return -abs(path.contribution), path.steps
-
-
-def rows(
-    expansion: Expansion, line: int, order: int, most: int | None = 12
-) -> list[dict[str, float | str]]:
-    """Terms of one order of one line as a table.
-
-    Parameters
-    ----------
-    expansion, line, order, most
-        As in `paths`.
-
-    Returns
-    -------
-    list of dict
-        term (formula), path ("0 > 1 > 3"), amplitude_m (2|.|, or |.| for line 0), phase_rad, share
-        (part of the line's order, in phase with it; all shares of an order sum to 1, unless that
-        order vanishes: then 0), weakest_stiffness (smallest |D| on the way: how near a resonance).
-    """
-    whole = complex(expansion.terms[order, line])
-    return [
-        {
-            "term": path.text,
-            "path": " > ".join(map(str, path.lines)),
-            "amplitude_m": (2 if line else 1) * abs(path.contribution),
-            "phase_rad": float(np.angle(path.contribution)),
-            "share": (path.contribution / whole).real if whole != 0 else 0.0,
-            "weakest_stiffness": 1 / max(map(abs, path.gains)),
-        }
-        for path in paths(expansion, line, order, most)
-    ]

@@ -52,7 +52,6 @@ class TimeHistory(Result):
 
 def system_of(p: HillProblem) -> HillSystem:
     """Return a pair as a machine of one coordinate, its damper between the teeth."""
-    rows = [p.force_harmonics_n] if len(p.force_harmonics_n) else None
     return HillSystem(
         np.array(p.mass_kg),
         np.zeros(1),
@@ -62,7 +61,7 @@ def system_of(p: HillProblem) -> HillSystem:
         p.stiffness_harmonics[None],
         p.period_s,
         np.array(p.force_n),
-        force_harmonics_n=None if rows is None else np.transpose(rows),
+        force_harmonics_n=p.force_harmonics_n[:, None],
         mesh_damping_ns_per_m=np.array(p.damping_ns_per_m),
     )
 

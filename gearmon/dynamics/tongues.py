@@ -146,18 +146,17 @@ def _undamped(shape: FourierShape, tongue: int, eps: Real) -> Real:
 
 def _matrices(f: Complex, tongue: int, eps: Real, highest: int) -> Complex | Real:
     """1/m (I + eps F) 1/j, without the static row, whose harmonic follows the others."""
-    whole = np.arange(-highest, highest + 1)
-    order = whole + 0.5 if tongue % 2 else whole.astype(np.float64)
-    if tongue % 2:
-        order = order[:-1]
-    row = np.zeros(4 * highest + 1, dtype=complex)
-    row[2 * highest + 1 : 2 * highest + 1 + len(f)] = f
-    row[2 * highest - len(f) : 2 * highest] = f[::-1].conj()
+    from scipy.linalg import toeplitz
+
+    odd = tongue % 2
+    order = np.arange(-highest, highest + 1 - odd) + odd / 2
+    column = np.zeros(len(order), dtype=complex)
+    column[1 : 1 + len(f)] = f[: len(order) - 1]
     if np.abs(f.imag).max() <= 1e-15 * np.abs(f).max():
-        row = row.real
-    difference = np.subtract.outer(np.arange(len(order)), np.arange(len(order))) + 2 * highest
-    matrix = eps[:, None, None] * row[difference] + np.eye(len(order))
-    if tongue % 2 == 0:
+        column = column.real
+    # Hermitian: the first row is the conjugate of the first column
+    matrix = eps[:, None, None] * toeplitz(column) + np.eye(len(order))
+    if not odd:
         keep = order != 0
         static = matrix[:, keep][:, :, ~keep]
         matrix = matrix[:, keep][:, :, keep] - static @ static.conj().transpose(0, 2, 1)

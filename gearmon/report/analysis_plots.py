@@ -21,8 +21,6 @@ from gearmon.report.curves import extremes, turn_waveform
 from gearmon.report.spectrum_plots import amplitude_figure, close_up_figure
 from gearmon.report.text import BEYOND, is_beyond
 from gearmon.report.wording import (
-    percent,
-    probability_text,
     shaft_text,
     shortened,
     strip_label,
@@ -142,55 +140,16 @@ def turn_figure(analysis: Analysis, wheel: WheelLines, *, at_length: bool = True
     axes[-1].set_xticks(sorted({1, *range(step, wheel.teeth + 1, step)}))
     axes[-1].set_xlabel(_COUNTED.get(counted_from, _COUNTED[None]))
     plots.legend(figure, axes[:1])
-    alt = f"Synchronous average over one turn of the {wheel.gear} of stage {wheel.stage}"
-    if profile is not None:
-        alt += (
-            f" and energy by tooth: highest at place {round(peak_place(profile))} of "
-            f"{wheel.teeth}, {profile.ratio:.1f} times the median, "
-            f"{'not ' if flagged is None else ''}flagged"
-        )
     return figure.told(
-        name=f"turn-{wheel.stage}-{wheel.gear}",
-        heading=f"One turn of the {wheel.gear} of stage {wheel.stage} ({wheel.teeth} teeth)",
-        caption=_turn_caption(analysis, profile, flagged is not None, at_length),
-        alt=f"{alt}.",
+        f"turn-{wheel.stage}-{wheel.gear}",
+        wheel=wheel,
+        profile=profile,
+        place=None if profile is None else round(peak_place(profile)),
+        flagged=flagged is not None,
+        at_length=at_length,
+        channels=len(signature.channel_names),
+        most=_MOST_CHANNELS,
     )
-
-
-def _turn_caption(
-    analysis: Analysis, profile: ToothProfile | None, flagged: bool, at_length: bool
-) -> str:
-    said = []
-    if at_length:
-        said.append(
-            "Grey: synchronous average, what repeats with every turn of this gear. Blue: the same "
-            "without the mesh harmonics, on the same scale. A damaged tooth shows as a short burst "
-            "at one place of the blue curve in every channel; a slow wave over the turn is "
-            "eccentricity."
-        )
-    if at_length and len(analysis.signature.channel_names) > _MOST_CHANNELS:
-        said.append(f"The {_MOST_CHANNELS} strongest channels are shown.")
-    if profile is None:
-        said.append("The recording resolves too few lines of this gear for an energy by tooth.")
-        return " ".join(said)
-    if at_length:
-        against = (
-            "the departure from the healthy reference"
-            if profile.against == "reference"
-            else "what sets each tooth apart from the others of this gear (no reference)"
-        )
-        said.append(f"Bars: energy of {against}, all channels, over two teeth, elsewhere 1.")
-    said.append(
-        f"The highest of the {profile.teeth} is {profile.ratio:.1f} times that elsewhere; a "
-        "healthy gear shows as much somewhere in its turn with probability "
-        f"{probability_text(10.0**profile.log10_probability)}{': flagged' if flagged else ''}."
-    )
-    if at_length and profile.tooth is None:
-        said.append(
-            "Without a tachometer pulse on this shaft the tooth numbers count from where the "
-            "recording happens to start: the pattern is real, the number is not that of the gear."
-        )
-    return " ".join(said)
 
 
 def _plot_turn(number: FloatArray, average: FloatArray, rest: FloatArray, ax: Axes) -> None:
@@ -328,22 +287,7 @@ def speed_figure(analysis: Analysis) -> plots.Picture:
     right.set_ylabel("Shaft 1 (rpm)")
     plots.light_grid(ax)
     plots.legend(figure, [ax])
-    how = (
-        "from the tachometer pulses"
-        if speed.method == "tacho"
-        else "from the mesh and shaft lines of all stages together"
-    )
-    wander = percent((speed.highest_hz - speed.lowest_hz) / mean)
-    return figure.told(
-        name="speed",
-        heading="Speed over time",
-        caption=f"Speed of shaft 1 {how}: {percent(mean / nominal - 1, signed=True)} from nominal, "
-        f"wandering over {wander} within the recording. Steps or spikes here mean that the speed "
-        "was lost, and that all else in this report should be taken with care; a smooth wander is "
-        "harmless.",
-        alt=f"Speed of shaft 1 between {speed.lowest_hz:.5g} and {speed.highest_hz:.5g} Hz, mean "
-        f"{mean:.6g} Hz, nominal {nominal:.5g} Hz.",
-    )
+    return figure.told("speed", speed=speed)
 
 
 #: Stage, label, and families that differ only in the mesh harmonic, ascending.
@@ -404,17 +348,7 @@ def changes_figure(analysis: Analysis) -> plots.Picture:
     scale = figure.add_axes((1 - 0.65 / plots.PAGE_WIDTH_IN, 0.25, 0.11 / plots.PAGE_WIDTH_IN, 0.5))
     figure.colorbar(image, cax=scale, extend="both").set_label("Change (dB)")
     strongest = max(analysis.changes, key=lambda change: abs(change.standardised))
-    return figure.told(
-        name="changes",
-        heading="Changes against the reference",
-        caption="Measured less expected level in dB; red is louder, blue quieter than the healthy "
-        f"machine. Framed: more than {BEYOND:g} standard deviations. Look for a whole row that is "
-        "framed in several channels: its label names the shaft. A fault may make some lines "
-        "quieter.",
-        alt="Table of changes by channel and family of lines; the clearest is "
-        f"{strongest.family} in {strongest.channel}: {strongest.change_db:+.1f} dB, "
-        f"{abs(strongest.standardised):.1f} standard deviations.",
-    )
+    return figure.told("changes", beyond=BEYOND, strongest=strongest)
 
 
 def _plot_changes(

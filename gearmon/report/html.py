@@ -126,7 +126,6 @@ def write_report(
     script, styles = chart_script(), report_style()
     page = template("analysis.html").render(
         text=text,
-        wording=wording,
         machine=machine,
         reference=reference,
         teeth=tooth_counts(machine),

@@ -10,7 +10,7 @@ from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 from gearmon import __version__
-from gearmon.report.wording import cell_text, printable, score_text
+from gearmon.report import wording
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -39,15 +39,16 @@ def template(name: str, package: str = "gearmon.report", **known: Any) -> Templa
     import jinja2
 
     environment = jinja2.Environment(
-        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+        autoescape=name.endswith(".html"),
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
     )
     environment.globals |= {
         "made": datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
         "version": __version__,
         "signs": {verdict: sign for verdict, (_, _, sign) in VERDICT_STYLE.items()},
-        "printable": printable,
-        "score": score_text,
-        "cell": cell_text,
+        "wording": wording,
     }
     return environment.from_string(shipped(name, package), known)
 

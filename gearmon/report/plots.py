@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from gearmon.files import replacing, write_atomically
-from gearmon.report.page import VERDICT_STYLE
+from gearmon.report.page import VERDICT_STYLE, template
 from gearmon.report.wording import power_of_ten
 
 _Floats = Sequence[float] | NDArray[np.float64]
@@ -132,15 +132,21 @@ class Picture(Figure):
         settings: Any = matplotlib.rcParams
         self._style: Any = {name: settings[name] for name in _STYLE}
 
-    def told(self, *, name: str, heading: str, caption: str, alt: str) -> Picture:
-        """Give the figure its words, and return it.
+    def told(self, name: str, **facts: Any) -> Picture:
+        """Give the figure its name and words, and return it.
 
         Parameters
         ----------
-        name, heading, caption, alt : str
-            See the attributes.
+        name : str
+            See the attributes; its first part chooses the words of captions.txt.
+        **facts
+            What these tell.
         """
-        self.name, self.heading, self.caption, self.alt = name, heading, caption, alt
+        words = template("captions.txt").render(name=name, **facts)
+        self.name = name
+        self.heading, self.caption, self.alt = (
+            " ".join(part.split()) for part in words.split("\n--\n")
+        )
         return self
 
     def draw(self, renderer: Any) -> None:

@@ -138,38 +138,22 @@ def amplitude_figure(analysis: Analysis, recording: Recording) -> plots.Picture:
         marks = _wide_apart(marks, high / _MOST_MARKS)
     place, values = spectrum.frequency_hz, spectrum.values
     strips = _strips(analysis, place, values, (2 * float(place[1]), high), marks)
-    made = f"{blocks} Hann blocks, averaged in power" if blocks > 1 else "one Hann window"
-    cut = "" if high == nyquist else f", shown up to {high:.0f} of {nyquist:.0f} Hz"
     peaks = [
-        f"{name} peaks with {values.max():.3g} {wording.unit_text(unit)} at "
-        f"{strips.place[np.argmax(values)]:.1f} Hz"
-        for name, unit, values in zip(strips.names, strips.units, strips.values, strict=True)
-        if len(values)
+        {"name": name, "unit": unit, "value": own.max(), "hertz": strips.place[np.argmax(own)]}
+        for name, unit, own in zip(strips.names, strips.units, strips.values, strict=True)
+        if len(own)
     ]
-    count = len(strips.names)
     return _strips_figure(strips, _REPORT_IN).told(
-        name="spectrum",
-        heading="Amplitude spectrum",
-        caption=f"{_what_to_look_for(analysis)} Peak amplitudes, {made}, resolution "
-        f"{spectrum.resolution_hz:.2g} Hz{cut}.{wording.left_out_text(count, MOST_STRIPS)}",
-        alt=f"Amplitude spectra of {wording.counted(count, 'channel')}: {'; '.join(peaks)}.",
-    )
-
-
-def _what_to_look_for(analysis: Analysis) -> str:
-    if not analysis.signature.found:
-        return (
-            "Dashed lines: where the mesh harmonics (GMF) of the machine file should be; shaded: "
-            f"the ± {wording.percent(SPEED_TOLERANCE, 0)} about the nominal speed that were "
-            "searched. Look for a row of lines, one in each shaded range: none was found that "
-            "stands out from those of other tooth counts. Lines may come from bearings, the "
-            "electrical supply or another machine; check tooth counts, speed and channel before "
-            "trusting the verdict."
-        )
-    return (
-        "Look for the mesh harmonics (dashed, GMF1 ×2 is the second harmonic of mesh 1) standing "
-        "out of the floor, and for skirts of sidebands around them. Strong lines between the "
-        "marks come from something other than these gears."
+        "spectrum",
+        found=signature.found,
+        tolerance=SPEED_TOLERANCE,
+        blocks=blocks,
+        resolution_hz=spectrum.resolution_hz,
+        high_hz=high,
+        nyquist_hz=nyquist,
+        channels=len(strips.names),
+        most=MOST_STRIPS,
+        peaks=peaks,
     )
 
 
@@ -203,39 +187,16 @@ def close_up_figure(
     )
     if not len(strips.place):
         return None
-    frequency = harmonic * mesh.frequency_hz
-    alt = f"Spectrum around {frequency:.1f} Hz, where mesh {mesh.stage} was looked for."
-    if found:
-        alt = (
-            f"Spectrum around harmonic {harmonic} of mesh {mesh.stage} at {frequency:.1f} Hz with "
-            "the places of the sidebands of each shaft."
-        )
+    changes = analysis.changes
     return _strips_figure(strips, _REPORT_IN).told(
-        name=f"{'sidebands' if found else 'searched'}-mesh-{mesh.stage}",
-        heading=f"Around mesh {mesh.stage}, harmonic {harmonic}",
-        caption=_close_up_caption(analysis, mesh)
-        + wording.left_out_text(len(strips.names), MOST_STRIPS),
-        alt=alt,
-    )
-
-
-def _close_up_caption(analysis: Analysis, mesh: MeshFinding) -> str:
-    """Tell what to look for, at length for the first mesh."""
-    if not analysis.signature.found:
-        return (
-            f"The place of mesh {mesh.stage} at the nominal speed. A mesh would show a line inside "
-            f"the shaded range, with others at its multiples. Not found: {mesh.reason}."
-        )
-    told = any(c.stage == mesh.stage and c.kind == "sidebands" for c in analysis.changes)
-    why = "its sidebands changed most" if told else "it is the strongest"
-    chosen = f"This harmonic is shown because {why}."
-    if mesh.stage != 1:
-        return f"{chosen} Ticks and symbols as above."
-    return (
-        f"{chosen} Ticks along the bottom: every place of a sideband up to the "
-        f"{NEAR_SIDEBANDS}th; open symbols: those heard above the floor. A row of sidebands at the "
-        "spacing of one shaft points at a gear on that shaft; which shaft is the question to ask "
-        "of this picture. Sampled at equal angles, so that a wandering speed smears nothing."
+        f"{'sidebands' if found else 'searched'}-mesh-{mesh.stage}",
+        mesh=mesh,
+        harmonic=harmonic,
+        hertz=harmonic * mesh.frequency_hz,
+        changed=any(c.stage == mesh.stage and c.kind == "sidebands" for c in changes),
+        reach=NEAR_SIDEBANDS,
+        channels=len(strips.names),
+        most=MOST_STRIPS,
     )
 
 

@@ -155,11 +155,6 @@ def counted(number: int, noun: str, plural: str = "") -> str:
     return f"{number} {noun if number == 1 else plural or noun + 's'}"
 
 
-def left_out_text(channels: int, most: int) -> str:
-    """Return a sentence on channels that a picture leaves out, "" if it shows all."""
-    return f" The first {most} of {channels} channels are shown." if channels > most else ""
-
-
 def printable(text: str) -> str:
     """Return a text without control characters: file names may hold any."""
     return "".join(c if unicodedata.category(c)[0] != "C" else "�" for c in text)

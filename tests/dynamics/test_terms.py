@@ -54,11 +54,10 @@ def test_origin_of_the_lines_of_the_published_pair():
     expansion = expand(published_pair(9), 2)
     # odd harmonics only: line 2 is made of pairs of them, c_1 twice above all
     assert not terms.paths(expansion, 2, 1)
-    rows = terms.rows(expansion, 2, 2, most=None)
-    assert rows[0]["term"] == "(F/k0) (c_1/D_1) (c_1/D_2)"
-    assert rows[0]["path"] == "0 > 1 > 2"
-    assert sum(row["share"] for row in rows) == pytest.approx(1)
-    assert terms.rows(expansion, 3, 1)[0]["term"] == "-(F/k0) (c_3/D_3)"
+    largest = terms.paths(expansion, 2, 2)[0]
+    assert largest.text == "(F/k0) (c_1/D_1) (c_1/D_2)"
+    assert largest.lines == (0, 1, 2)
+    assert terms.paths(expansion, 3, 1)[0].text == "-(F/k0) (c_3/D_3)"
 
 
 def test_small_damping_takes_steps():

@@ -119,7 +119,6 @@ def expected_signature(
             lines.header()
             | told
             | {
-                "superposition_error": None,
                 "max_hz": limit,
                 "cross_lines_share": share,
                 "warnings": [*posed.mechanics.warnings, *posed.warnings, *warnings],
