@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.errors import RecordingError
-from gearmon.gears.kinematics import Kinematics, Mesh, kinematics
+from gearmon.gears.kinematics import Kinematics, kinematics
 from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack
@@ -24,7 +24,6 @@ from gearmon.signals.threads import at_once
 from gearmon.signals.tracking.mesh_detection import (
     MeshComb,
     MeshEvidence,
-    SidebandSpacing,
     foreign_spacing,
     sideband_spacing,
 )
@@ -207,6 +206,7 @@ def measure_signature(
     vibration = recording.vibration()
     samples, rate = vibration.samples, vibration.sampling_rate_hz
     track, nominal_hz = tracking.track, tracking.nominal_hz
+    combs = mesh_combs(train, nominal_hz)
     start, stop = sound_piece(vibration)
     # what is sound in one piece sets the length of blocks, and has the spectra
     part = track.between(start / rate, stop / rate) if vibration.left_out else track
@@ -227,7 +227,7 @@ def measure_signature(
     signal = GearVibration(samples=samples, rate=rate, train=train, nominal_hz=nominal_hz)
     peak_hz = line_peak(signal, track)
     speed = speed_of(track, nominal_hz, peak_hz, tracking.scan, recording.duration_s)
-    findings = _findings(speed, spectrum, train, tracking.evidence, lines, plan)
+    findings = _findings(speed, spectrum, train, combs, tracking.evidence, lines, plan)
     return MeasuredSignature(
         origin=recording.origin,
         duration_s=recording.duration_s,
@@ -430,116 +430,128 @@ def family_levels(
     return 10 * np.log10(shown), 10 / np.log(10) * relative, heard
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Shown:
-    """What a spectrum shows of one mesh.
-
-    `told` says how its sidebands are spaced, `support` how clearly it has those of a gear that does
-    not turn with shaft 1, and `other` what else its lines belong to, such as a bearing: their
-    spacing, or None.
-    """
-
-    seen: MeshEvidence
-    told: tuple[SidebandSpacing, ...] = ()
-    support: float = 0.0
-    other: float | None = None
-
-    @classmethod
-    def of(
-        cls, mesh: Mesh, comb: MeshComb, seen: MeshEvidence, spectrum: FineSpectrum, kin: Kinematics
-    ) -> _Shown:
-        if not seen.stands_out:
-            return cls(seen=seen)
-        step, spacings = spectrum.step, comb.spacings if mesh.carrier == 0 else ()
-        told = tuple(
-            sideband_spacing(spectrum.quality, step, comb, own, SPEED_TOLERANCE) for own in spacings
-        )
-        # a machine without gears has lines at multiples of shaft 1 about anything: a gear is left
-        # out when one of its first four sidebands falls on these
-        support = 0.0
-        for spacing, one in zip(spacings, told, strict=True):
-            multiples = spacing * np.arange(1, 5)
-            if np.abs(multiples - np.rint(multiples)).min() > max(4 * step, 1e-3):
-                support = max(support, one.support)
-        turning = {line.order for line in kin.lines if line.kind in _TURNING}
-        meshing = {own.order for own in kin.meshes if own.order != comb.order}
-        other = foreign_spacing(spectrum, comb, sorted(turning), sorted(meshing))
-        return cls(seen=seen, told=told, support=support, other=other)
-
-    def objection(self, *, sure: bool, misled: bool, several: bool) -> str:
-        """Return why it does not count as found, "" if it does."""
-        seen = self.seen
-        if not seen.visible:
-            return "too few of its harmonics lie below half the sampling rate to judge it"
-        if not seen.stands_out:
-            return f"{self}, {seen.decoys_above} of {seen.decoys} of which are as clear"
-        for told in () if sure else self.told:
-            if told.excess > 0 and seen.score - told.excess < _FOUND_DESPITE_MISMATCH:
-                return (
-                    "a line suits it, but the sidebands about it are spaced "
-                    f"{told.departure:+.1%} from the rotation that this mesh would need: it "
-                    "belongs to something else"
-                )
-        if self.other is not None:
-            return (
-                f"lines suit it, but others as clear stand every {self.other:.4g} orders between "
-                "them, and nothing in this machine turns so: they belong to something else, such "
-                "as a bearing"
-            )
-        if misled:
-            return (
-                "lines suit it, but at a speed at which those of another stage belong to something "
-                "else, such as a bearing"
-            )
-        if not several and seen.visible > 1 and self.support < _SUPPORTED:
-            return (
-                f"one line suits it, but none of the {seen.visible - 1} other harmonics that could "
-                "be seen: it may be a tone of anything"
-            )
-        return ""
-
-    def __str__(self) -> str:
-        score = self.seen.score
-        return f"its lines stand {score:.1f} standard deviations above those of other tooth counts"
-
-
 def _findings(
     speed: Speed,
     spectrum: FineSpectrum,
     train: Kinematics,
+    combs: Sequence[MeshComb],
     evidence: Sequence[MeshEvidence],
     lines: OrderLines,
     plan: LinePlan,
 ) -> tuple[MeshFinding, ...]:
-    combs = mesh_combs(train, speed.nominal_hz)
-    shown = [
-        _Shown.of(*own, spectrum, train) for own in zip(train.meshes, combs, evidence, strict=True)
-    ]
+    quality, bin_order = spectrum.quality, spectrum.step
     snr = 10 * np.log10(np.maximum(lines.cross_power() / lines.noise, 1e-3))
-    # one harmonic could be a tone of anything; two, of whichever stage, fix the speed as well
-    several = sum(seen.clear for seen in evidence if seen.stands_out) >= 2
-    # a tachometer tells the speed, as do the sidebands of a gear about a mesh of several harmonics
-    tacho = speed.method == "tacho"
-    told = tacho or any(own.support >= _SUPPORTED and own.seen.clear >= 2 for own in shown)
-    # what stands at a speed that was told by lines of something else is no mesh either
-    misled = not tacho and any(own.other is not None for own in shown)
     findings = []
-    for mesh, own in zip(train.meshes, shown, strict=True):
-        sure = told and own.seen.clear >= 2
-        objection = own.objection(sure=sure, misled=misled, several=several)
+    # one harmonic could be a tone of anything; two, of whichever stage, fix the speed as well
+    candidates = [seen for seen in evidence if seen.stands_out]
+    several = sum(seen.clear for seen in candidates) >= 2
+    supports = [
+        _support(quality, bin_order, comb) if seen.stands_out and mesh.carrier == 0 else 0.0
+        for mesh, comb, seen in zip(train.meshes, combs, evidence, strict=True)
+    ]
+    # a tachometer tells the speed, as do the sidebands of a gear about a mesh of several harmonics
+    told = speed.method == "tacho" or any(
+        support >= _SUPPORTED and seen.clear >= 2
+        for support, seen in zip(supports, evidence, strict=True)
+    )
+    foreign = [
+        _foreign(spectrum, train, comb) if seen.stands_out else None
+        for comb, seen in zip(combs, evidence, strict=True)
+    ]
+    # what stands at a speed that was told by lines of something else is no mesh either
+    misled = speed.method != "tacho" and any(spacing is not None for spacing in foreign)
+    for mesh, comb, seen, support, spacing in zip(
+        train.meshes, combs, evidence, supports, foreign, strict=True
+    ):
+        sure = told and seen.clear >= 2
+        found, reason = _judge(seen, quality, bin_order, comb, mesh.carrier == 0 and not sure)
+        if found and (misled or spacing is not None):
+            found, reason = False, _disowned(spacing)
+        if found and not several and seen.visible > 1 and support < _SUPPORTED:
+            found, reason = False, _lonely(seen.visible - 1)
+        chosen = [
+            line
+            for family in plan.families
+            if family.kind == "mesh" and family.stage == mesh.stage
+            for line in family.lines
+        ]
         last = mesh_harmonics(mesh.order * speed.nominal_hz)
-        chosen = np.isin(np.round(plan.orders / mesh.order, 9), np.arange(1, last + 1))
-        for family in plan.families:
-            if family.kind == "mesh" and family.stage == mesh.stage:
-                chosen[list(family.lines)] = True
+        shared = np.isin(np.round(plan.orders / mesh.order, 9), np.arange(1, last + 1))
+        chosen += [int(i) for i in np.flatnonzero(shared)]
         findings.append(
             MeshFinding(
                 stage=mesh.stage,
                 frequency_hz=mesh.order * speed.peak_hz,
-                found=not objection,
-                snr_db=float(snr[:, chosen].max()) if chosen.any() else None,
-                score=float(own.seen.score),
-                reason=objection or str(own),
+                found=found,
+                snr_db=float(snr[:, chosen].max()) if chosen else None,
+                score=float(seen.score),
+                reason=reason,
             )
         )
     return tuple(findings)
+
+
+def _support(quality: FloatArray, bin_order: float, comb: MeshComb) -> float:
+    """How clearly a mesh has sidebands of a gear that does not turn with shaft 1.
+
+    A machine without gears has lines at multiples of shaft 1 about anything: a gear is left out
+    when one of its first four sidebands falls on these.
+    """
+    found = 0.0
+    for spacing in comb.spacings:
+        multiples = spacing * np.arange(1, 5)
+        if np.abs(multiples - np.rint(multiples)).min() > max(4 * bin_order, 1e-3):
+            told = sideband_spacing(quality, bin_order, comb, spacing, SPEED_TOLERANCE)
+            found = max(found, told.support)
+    return found
+
+
+def _foreign(spectrum: FineSpectrum, train: Kinematics, comb: MeshComb) -> float | None:
+    """Spacing of what else the lines of a mesh belong to, such as a bearing; None if to nothing."""
+    turning = {line.order for line in train.lines if line.kind in _TURNING}
+    meshing = {mesh.order for mesh in train.meshes if mesh.order != comb.order}
+    return foreign_spacing(spectrum, comb, sorted(turning), sorted(meshing))
+
+
+def _disowned(spacing: float | None) -> str:
+    if spacing is None:
+        return (
+            "lines suit it, but at a speed at which those of another stage belong to something "
+            "else, such as a bearing"
+        )
+    return (
+        f"lines suit it, but others as clear stand every {spacing:.4g} orders between them, and "
+        "nothing in this machine turns so: they belong to something else, such as a bearing"
+    )
+
+
+def _lonely(others: int) -> str:
+    return (
+        f"one line suits it, but none of the {others} other harmonics that could be seen: "
+        "it may be a tone of anything"
+    )
+
+
+def _judge(
+    seen: MeshEvidence, quality: FloatArray, bin_order: float, comb: MeshComb, doubted: bool
+) -> tuple[bool, str]:
+    """Whether a mesh is found, and why; `doubted` if its sidebands may yet tell another speed."""
+    if not seen.visible:
+        return False, "too few of its harmonics lie below half the sampling rate to judge it"
+    if not seen.stands_out:
+        return False, (
+            f"its lines stand {seen.score:.1f} standard deviations above those of other tooth "
+            f"counts, {seen.decoys_above} of {seen.decoys} of which are as clear"
+        )
+    if doubted:
+        for spacing in comb.spacings:
+            told = sideband_spacing(quality, bin_order, comb, spacing, SPEED_TOLERANCE)
+            if told.excess > 0 and seen.score - told.excess < _FOUND_DESPITE_MISMATCH:
+                return False, (
+                    "a line suits it, but the sidebands about it are spaced "
+                    f"{told.departure:+.1%} from the rotation that this mesh would need: it "
+                    "belongs to something else"
+                )
+    return True, (
+        f"its lines stand {seen.score:.1f} standard deviations above those of other tooth counts"
+    )
