@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, closing, nullcontext
 from threading import Event, Thread
 from time import monotonic
+from typing import TypeVar
 
 Progress = Callable[[float], None]
+Found = TypeVar("Found")
 
 # Who waits less wonders about nothing [s].
 _PATIENCE_S = 2.0
@@ -83,6 +85,14 @@ def progress_line(what: str) -> AbstractContextManager[ProgressLine | None]:
 def line_cleared() -> str:
     """Return what takes away a line that is told on standard error, where that is a terminal."""
     return "\r\033[K" if sys.stderr.isatty() else ""
+
+
+def followed(items: Iterable[Found], count: int, progress: Progress | None) -> Iterator[Found]:
+    """Give so many items, and tell after each how far that is."""
+    for number, item in enumerate(items, start=1):
+        yield item
+        if progress is not None:
+            progress(number / count)
 
 
 def part_of(progress: Progress | None, start: float, part: float) -> Progress | None:

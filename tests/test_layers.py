@@ -32,7 +32,7 @@ ALLOWED["report"] = COMPUTING
 ALLOWED["terminal"] = {"errors"}
 ALLOWED["fleet"] = COMPUTING | {"report"}
 ALLOWED["benchmark"] = COMPUTING | {"report", "terminal"}
-ALLOWED["study"] = FOUNDATIONS | {"gears", "dynamics", "harvesting", "report"}
+ALLOWED["study"] = FOUNDATIONS | {"gears", "dynamics", "harvesting", "report", "benchmark"}
 # the front door hands out public names; the commands may use everything
 ALLOWED["gearmon"] = COMPUTING | {"report"}
 ALLOWED["__main__"] = {"cli"}

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
+from gearmon.benchmark.timing import facts_of_run
 from gearmon.errors import ArgumentError
 from gearmon.terminal import Progress
 
@@ -106,7 +107,8 @@ def run_case(
     given = {"progress": progress, "ross_python": ross_python, "quick": quick, "seed": seed}
     given |= {} if count is None else {"count": count}
     taken = {name: given[name] for name in CASES[case].takes if name in given}
-    return list(_function(CASES[case].run)(**taken))
+    facts = facts_of_run()
+    return [row | facts for row in _function(CASES[case].run)(**taken)]
 
 
 def summary_rows(case: str, rows: Sequence[Row]) -> list[Row]:

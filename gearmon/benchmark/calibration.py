@@ -22,7 +22,7 @@ from gearmon.errors import GearmonError
 from gearmon.files import write_atomically
 from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature
 from gearmon.signatures.measured.reference import make_reference
-from gearmon.terminal import progress_line
+from gearmon.terminal import followed, progress_line
 
 MACHINES, SEED = 40, 2026
 #: Loads of the recordings that are learned from, and which of them each reference holds.
@@ -104,11 +104,9 @@ def calibrate(machines: int = MACHINES, seed: int = SEED) -> dict[str, Any]:
     """
     found: dict[str, list[float]] = {}
     with progress_line("calibrating") as progress:
-        for number in range(machines):
+        for number in followed(range(machines), machines, progress):
             for name, strength in healthy_strengths(number, seed):
                 found.setdefault(name, []).append(strength)
-            if progress is not None:
-                progress((number + 1) / machines)
     origin = (
         f"python -m gearmon.benchmark.calibration --machines {machines} --seed {seed}: healthy "
         "recordings of drawn machines, loads 50 to 115 %, speeds +-2 %, gains to a factor of 2, "

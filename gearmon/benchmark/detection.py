@@ -44,7 +44,7 @@ from gearmon.signals.recording import Recording
 from gearmon.signatures.gear_averages import gear_signals
 from gearmon.signatures.measured.measurement import MeasuredSignature
 from gearmon.signatures.measured.reference import Profile
-from gearmon.terminal import Progress
+from gearmon.terminal import Progress, followed
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -137,11 +137,8 @@ def run_detection(
     check_range("seed", seed, 0, 2**63 - 1)
     if quick:
         count = min(count, QUICK_MACHINES)
-    outcomes: list[Outcome] = []
-    for number in range(first, first + count):
-        outcomes += machine_trials(number, seed, quick)
-        if progress is not None:
-            progress((number - first + 1) / count)
+    numbers = followed(range(first, first + count), count, progress)
+    outcomes = [one for number in numbers for one in machine_trials(number, seed, quick)]
     return with_learning(outcomes, seed)
 
 

@@ -53,10 +53,10 @@ from gearmon.benchmark.equations import (
     solve_reference,
     square_wave,
 )
-from gearmon.benchmark.timing import facts_of_run, task_time
+from gearmon.benchmark.timing import task_time
 from gearmon.dynamics import HillProblem, steady_state
 from gearmon.dynamics.sweep import sweep as solve_sets
-from gearmon.terminal import Progress
+from gearmon.terminal import Progress, followed
 
 WANTED = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10)
 BANDED = "solve_banded"
@@ -119,7 +119,7 @@ def run_dynamics(
     Returns
     -------
     list of dict
-        One row a method and setting, with machine and versions in each. `median_s` is the run time
+        One row a method and setting. `median_s` is the run time
         [s] of one solution, of a sweep that of one set; `times_ours` is it over ours at 1e-6 in the
         same case (of parameter sets `sweep`), and
         `times_ours_fastest` the same of the fastest runs, which a busy machine disturbs less;
@@ -134,9 +134,8 @@ def run_dynamics(
     names = (
         list(cases) if cases is not None else [*(QUICK if quick else CASES), SWEEP, *JOBS, GROWTH]
     )
-    facts = facts_of_run()
     rows: list[Row] = []
-    for number, name in enumerate(names):
+    for name in followed(names, len(names), progress):
         if name == SWEEP:
             found = sweep_rows(200 if quick else count, seed, quick)
         elif name == GROWTH:
@@ -145,9 +144,7 @@ def run_dynamics(
             found = JOBS[name](quick)
         else:
             found = case_rows(named_case(name), quick)
-        rows += [{"case": name, **row, **facts} for row in found]
-        if progress is not None:
-            progress((number + 1) / len(names))
+        rows += [{"case": name, **row} for row in found]
     return rows
 
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from gearmon.benchmark.equations import FORCE_N, PERIOD_S, Case, square_wave
 from gearmon.benchmark.rivals import Oscillator
-from gearmon.benchmark.timing import facts_of_run, task_time
+from gearmon.benchmark.timing import task_time
 from gearmon.dynamics.hill import HillProblem
 from gearmon.dynamics.steady_state import steady_state
 from gearmon.harvesting.harvester import Harvester, InertialHarvester
@@ -61,8 +61,7 @@ def time_harvesting(progress: Progress | None = None, quick: bool = False) -> li
     rows = [_pairs_row(1 if quick else 6, tell)]
     rows += [_optimum_row(harvester, quick) for harvester in (_inertial(), built_in()[0])]
     tell(1.0)
-    facts = facts_of_run()
-    return [row | facts for row in rows]
+    return rows
 
 
 def _pairs_row(sample: int, tell: Progress) -> dict[str, Any]:

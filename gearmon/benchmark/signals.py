@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 from gearmon.benchmark.timing import (
     Timing,
     competitor,
-    facts_of_run,
     in_turn,
     interleaved,
     other_python,
@@ -35,7 +34,7 @@ from gearmon.signals.recording import Recording, read_recording
 from gearmon.signals.spectra import amplitude_spectrum, envelope_spectrum, kurtogram, power_density
 from gearmon.signatures.measured.indicators import indicator_table
 from gearmon.simulation import simulate, write_simulation
-from gearmon.terminal import Progress
+from gearmon.terminal import Progress, followed
 
 FloatArray = NDArray[np.float64]
 Row = dict[str, Any]
@@ -84,13 +83,7 @@ def run_signals(progress: Progress | None = None, *, quick: bool = False) -> lis
         lambda: _reading(long, 1, 2 if quick else 4),
         lambda: _reading(long, 4, 1 if quick else 3),
     ]
-    rows: list[Row] = []
-    for number, step in enumerate(steps, start=1):
-        rows += step()
-        if progress is not None:
-            progress(number / len(steps))
-    facts = facts_of_run()
-    return [{**row, **facts} for row in rows]
+    return [row for step in followed(steps, len(steps), progress) for row in step()]
 
 
 def signals_summary(rows: Sequence[Row]) -> list[Row]:
@@ -235,10 +228,8 @@ def analysis_against_reading(repeats: int = 7, progress: Progress | None = None)
             for arguments in processes.values()
         ]
         timings = interleaved(tasks, repeats, NO_LIMIT_S)
-    if progress is not None:
-        progress(1.0)
-    sizes, facts = {"rows": round(WHOLE_RATE_HZ * WHOLE_S), "channels": 4}, facts_of_run()
-    pandas_s = timings[-1].median_s
+    sizes = {"rows": round(WHOLE_RATE_HZ * WHOLE_S), "channels": 4}
+    pandas_s, measured = timings[-1].median_s, zip(processes, timings, strict=True)
     return [
         {
             "process": name,
@@ -246,8 +237,7 @@ def analysis_against_reading(repeats: int = 7, progress: Progress | None = None)
             **timing.columns(),
             "ratio_to_pandas": timing.median_s / pandas_s,
         }
-        | facts
-        for name, timing in zip(processes, timings, strict=True)
+        for name, timing in followed(measured, len(timings), progress)
     ]
 
 
@@ -291,7 +281,7 @@ def memory_of_long_recording(
         One row a number of channels.
     """
     results = []
-    for number, count in enumerate(columns, start=1):
+    for count in followed(columns, len(columns), progress):
         with tempfile.TemporaryDirectory() as folder:
             place = Path(folder)
             known = ["--machine", str(_machine_file(place)), "--sampling-rate", str(RATE_HZ)]
@@ -301,10 +291,7 @@ def memory_of_long_recording(
             peak, elapsed = _peak_memory([*command, *known, "--json"])
         numbers = 8 * rows * count
         sizes = {"numbers_mib": numbers / 2**20, "peak_mib": peak / 2**20, "ratio": peak / numbers}
-        row = {"rows": rows, "channels": count, **sizes, "elapsed_s": elapsed}
-        results.append(row | facts_of_run())
-        if progress is not None:
-            progress(number / len(columns))
+        results.append({"rows": rows, "channels": count, **sizes, "elapsed_s": elapsed})
     return results
 
 

@@ -31,10 +31,10 @@ from gearmon.benchmark.equations import (
     pair,
     reference_and_doubt,
 )
-from gearmon.benchmark.timing import facts_of_run, task_time
+from gearmon.benchmark.timing import task_time
 from gearmon.dynamics import HillProblem, Response, period_trace, steady_state
 from gearmon.errors import ArgumentError, check_range
-from gearmon.terminal import Progress
+from gearmon.terminal import Progress, followed
 
 Row = dict[str, Any]
 
@@ -178,13 +178,11 @@ def run_stress(
     if quick:
         count = min(count, QUICK)
     rng = np.random.default_rng(seed)
-    facts, rows = facts_of_run(), []
-    for number in range(count):
-        found = judged(draw_system(rng), tolerances)
-        rows += [{"system": number, **row, **facts} for row in found]
-        if progress is not None:
-            progress((number + 1) / count)
-    return rows
+    return [
+        {"system": number, **row}
+        for number in followed(range(count), count, progress)
+        for row in judged(draw_system(rng), tolerances)
+    ]
 
 
 def judged(system: System, tolerances: Sequence[float]) -> list[Row]:

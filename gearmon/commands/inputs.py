@@ -9,7 +9,7 @@ import shutil
 import signal
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +19,7 @@ from gearmon.commands.output import complain, complain_of
 from gearmon.errors import ArgumentError, GearmonError, check_positive
 from gearmon.files import check_output, protecting
 from gearmon.signals.threads import THREADS, cores
-from gearmon.terminal import Progress
+from gearmon.terminal import Progress, followed
 
 if TYPE_CHECKING:
     from gearmon.machine import Machine
@@ -167,14 +167,6 @@ def _read(path: str, arguments: argparse.Namespace, machine: Machine | None) -> 
 def channel_of(text: str) -> str | int:
     """Return the name of a channel, or its column if the text is a number."""
     return int(text) if text.isdecimal() else text
-
-
-def followed(items: Iterable[Found], count: int, progress: Progress | None) -> Iterator[Found]:
-    """Give so many items, and tell after each how far that is."""
-    for number, item in enumerate(items, start=1):
-        yield item
-        if progress is not None:
-            progress(number / count)
 
 
 def each_of(

@@ -9,11 +9,11 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from gearmon.commands.command import MACHINE, SAMPLING_RATE, TACHO, argument, command, fault
-from gearmon.commands.inputs import followed, machine_of, recording_of
+from gearmon.commands.inputs import machine_of, recording_of
 from gearmon.commands.output import DONE, finish, finish_with, show
 from gearmon.errors import ArgumentError
 from gearmon.report.wording import table_lines
-from gearmon.terminal import Progress
+from gearmon.terminal import Progress, followed
 
 if TYPE_CHECKING:
     from gearmon.dynamics import HillProblem

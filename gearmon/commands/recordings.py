@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gearmon.commands.command import REFERENCE, argument, command, recordings
-from gearmon.commands.inputs import each_of, followed, in_turn, loss_of, machine_of, recording_of
+from gearmon.commands.inputs import each_of, in_turn, loss_of, machine_of, recording_of
 from gearmon.commands.output import DONE, complain, complain_of, finish, judged, show, write_table
 from gearmon.errors import ArgumentError, GearmonError, check_range
 from gearmon.report.wording import gear_text, percent, printable
-from gearmon.terminal import part_of
+from gearmon.terminal import followed, part_of
 
 if TYPE_CHECKING:
     from gearmon.diagnosis.fault_types.classifier import KindClassifier

@@ -8,6 +8,7 @@ import re
 import sys
 import tomllib
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,22 +29,6 @@ if TYPE_CHECKING:
 _USUAL_RATIO, _SLOWEST_RPM = 10.0, 100.0
 _SPEED = re.compile(r"\s*([0-9]*[.,]?[0-9]+)\s*(rpm|1/min|hz|)\s*", re.IGNORECASE)
 _TEETH = re.compile(r"\s*(\d+)\s*/\s*(\d+)\s*(?:/\s*(\d+)\s*x\s*(\d+))?\s*", re.IGNORECASE)
-_PARALLEL = """
-[[stage]]                 # in the order of power flow
-kind = "parallel"
-pinion_teeth = {0}        # on the driving shaft
-gear_teeth = {1}
-"""
-_PLANETARY = """
-[[stage]]                 # in the order of power flow
-kind = "planetary"
-sun_teeth = {0}
-planet_teeth = {1}
-ring_teeth = {2}
-planets = {3}
-fixed = "ring"
-"""
-_MORE = "# needed for what a healthy gearbox should sound like, and for sizes of damage in mm:\n"
 
 
 @command(
@@ -70,19 +55,25 @@ def init(arguments: argparse.Namespace) -> int:
     from gearmon.files import write_atomically
     from gearmon.gears.kinematics import kinematics
     from gearmon.machine import load_machine
+    from gearmon.report.page import template
 
     if not arguments.output:
         raise ArgumentError("init: -o MACHINE is missing; name the machine file to write")
     teeth = arguments.teeth or [_asked("teeth", "teeth of the first stage, driver/driven: ")]
     stages = [_stage(text) for text in teeth]
     rpm = _rpm(arguments.speed or _asked("speed", "speed of shaft 1, such as 1480rpm or 24.7hz: "))
-    text = _file(arguments, stages, rpm)
+    # a string of JSON is one of TOML, but for DEL, which the latter wants escaped too
+    name = json.dumps(arguments.name, ensure_ascii=False).replace("\x7f", "\\u007f")
+    known = {"name": name, "rpm": rpm, "stages": stages, "given": vars(arguments)}
+    written = partial(template("init.toml", "gearmon.commands").render, known, is_unit=is_unit)
+    text = written(columns=())
     machine = load_machine(tomllib.loads(text))
     meshes = [mesh.order * rpm / 60.0 for mesh in kinematics(machine).meshes]
     notes = _doubts(machine)
     if arguments.recording:
         found = _recorded(arguments, machine, max(meshes))
-        text += _columns(found)
+        columns = found.columns, found.channel_names, found.channel_kinds, found.units
+        text = written(columns=zip(*columns, strict=True))
         notes += list(found.notes)
     write_atomically(arguments.output, text)
     result = {"machine": arguments.output, "mesh_hz": meshes, "warnings": notes}
@@ -114,34 +105,15 @@ def _rpm(text: str) -> float:
     return 60.0 * number if unit == "hz" else number
 
 
-def _stage(text: str) -> str:
+def _stage(text: str) -> list[str]:
+    """Return the tooth counts of a stage: two, or three and the number of planets."""
     match = _TEETH.fullmatch(text)
     if match is None:
         raise ArgumentError(
             f"--teeth {text}: must be driver/driven, such as 23/57, or sun/planet/ring and "
             "planets, such as 30/35/100x3"
         )
-    counts = [own for own in match.groups() if own is not None]
-    return (_PLANETARY if len(counts) > 2 else _PARALLEL).format(*counts)
-
-
-def _file(arguments: argparse.Namespace, stages: list[str], rpm: float) -> str:
-    """Return the text of a machine file."""
-    more = _MORE + _line(arguments, "module_mm", 2.5) + _line(arguments, "face_width_mm", 28.0)
-    torque = _line(arguments, "torque_nm", 120.0, "      # on shaft 1")
-    # a string of JSON is one of TOML, but for DEL, which the latter wants escaped too
-    name = json.dumps(arguments.name, ensure_ascii=False).replace("\x7f", "\\u007f")
-    return (
-        f"name = {name}\n\n[operating]\n"
-        f"speed_rpm = {rpm:g}         # shaft 1, 1/min; the true speed is looked for about it\n"
-        f"{torque}{''.join(stage + more for stage in stages)}"
-    )
-
-
-def _line(arguments: argparse.Namespace, name: str, usual: float, told: str = "") -> str:
-    """Return a line of a machine file; with a usual value, as a comment, if none is given."""
-    given = vars(arguments)[name]
-    return f"# {name} = {usual}{told}\n" if given is None else f"{name} = {given}{told}\n"
+    return [own for own in match.groups() if own is not None]
 
 
 def _doubts(machine: Machine) -> list[str]:
@@ -178,20 +150,6 @@ def _recorded(arguments: argparse.Namespace, machine: Machine, mesh_hz: float) -
             "time_ms), or the speed in Hz?"
         )
     return found
-
-
-def _columns(found: Recording) -> str:
-    """Describe the columns of a recording; what their units are has to be filled in if unknown."""
-    text = ""
-    rows = zip(found.columns, found.channel_names, found.channel_kinds, found.units, strict=True)
-    for column, name, kind, unit in rows:
-        stated = unit is not None and is_unit(unit)
-        known = f'unit = "{unit}"' if stated else '# unit = "m/s2"  # not known from the file'
-        # samples of a known unit of acceleration are read as m/s2, whatever the file has
-        mark = "# " if unit == "m/s2" else ""
-        text += f"\n[[sensor]]                # {' '.join(name.split())}\ncolumn = {column}\n"
-        text += f'kind = "{kind}"\n{mark}{known}\n'
-    return text
 
 
 @command(

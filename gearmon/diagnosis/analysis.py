@@ -45,7 +45,7 @@ from gearmon.errors import GearmonError, check_range
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.signals.bad_samples import inspected, sound_part
-from gearmon.signals.recording import RecordingLike, read_recording, read_recordings
+from gearmon.signals.recording import Recording, RecordingLike, read_recording, read_recordings
 from gearmon.signatures.measured.indicators import gear_indicators, waveform_indicators
 from gearmon.signatures.measured.line_plan import Family
 from gearmon.signatures.measured.measurement import (
@@ -202,10 +202,10 @@ def analyse(
     if reference is not None:
         machine_notes(machine, reference)  # refuses other gears before any work
     recording = inspected(read_recording(recording, sensors=machine.sensors, **known))
-    signature = measure_signature(recording, machine)
+    signature = _measured(recording, machine, reference)
     vibration = sound_part(recording, 0.0).vibration()
     indicators = waveform_indicators(vibration.samples, vibration.channel_names)
-    told = signature.found or (reference is not None and signature.track.indexed)
+    told = signature.found or (reference is not None and signature.held)
     if told:
         indicators |= gear_indicators(signature)
     if reference is None:
@@ -220,6 +220,27 @@ def analyse(
     if elsewhere := other_speed(signature, reference):
         return _alone(signature, machine, indicators, elsewhere)
     return compared.judged(indicators, must_notice)
+
+
+def _measured(
+    recording: Recording, machine: Machine, reference: Reference | None
+) -> MeasuredSignature:
+    """Measure a recording; where no mesh stands out, at the speeds that were learned.
+
+    The lines of a broken tooth, which fill all orders of its gear, suit half the speed as well.
+    """
+    signature = measure_signature(recording, machine)
+    if signature.found or reference is None:
+        return signature
+    speeds = {
+        min(machine.operating, key=lambda point: abs(point.shaft1_hz - profile.speed_hz))
+        for profile in reference.profiles
+    }
+    if {own.shaft1_hz for own in machine.operating} == {own.shaft1_hz for own in speeds}:
+        return signature
+    learned_at = tuple(replace(point, share=1.0 / len(speeds)) for point in speeds)
+    again = measure_signature(recording, replace(machine, operating=learned_at))
+    return again if again.found or again.held else signature
 
 
 def evidence_against(

@@ -13,7 +13,7 @@ points; Blanes, Casas and Ros, BIT 40, 2000, 434), whose matrices are exponentia
 constant q however fast the vibration; halving the step removes the next term of the error.
 
 H is an entire function of R and of eps, so that over a rectangle of both a few Chebyshev nodes tell
-all of it (`over`): a chart of 40,000 points takes some 300 period maps.
+all of it (`over`): a chart of 40,000 points takes some 250 period maps.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ from gearmon.dynamics.fourier import Complex, Real
 Integers = np.ndarray[tuple[int, ...], np.dtype[np.int_]]
 
 #: Entries of one array of steps x systems.
-BLOCK = 1 << 18
+BLOCK = 1 << 14
 MOST_STEPS = 1 << 20
-#: Chebyshev nodes along w0/w and along eps at first, so many more for each unit of w0/w and for
-#: each of eps times the largest w0/w, and factor by which they grow.
-NODES, NODES_A_UNIT, MORE_NODES = (12, 12), (7.0, 2.0), 1.3
+#: Chebyshev nodes along w0/w and along eps at first, for each digit of the tolerance, for each unit
+#: of w0/w and for each of eps times the largest w0/w, and factor by which they grow.
+NODES_A_DIGIT, NODES_A_UNIT, MORE_NODES = (1.3, 0.8), (5.5, 2.5), 1.3
 #: Rounding of an interpolated half trace, relative to the largest on the rectangle.
 ROUNDING = 1e-14
 
@@ -66,7 +66,7 @@ def of_fourier(
     shape = ratio.shape
     systems = np.stack([ratio.ravel(), variation.ravel(), zeta.ravel()])
     value, log = np.empty(systems.shape[1]), np.empty(systems.shape[1])
-    counts = _first_counts(systems, harmonics)
+    counts = _first_counts(systems, harmonics, tolerance)
     for count in np.unique(counts):
         left = np.flatnonzero(counts == count)
         width = max(1, BLOCK // int(count))
@@ -99,16 +99,18 @@ def over(
     centres, halves = zip(*((_middle(v), np.ptp(v) / 2) for v in (ratios, variations)), strict=True)
     spans = 2 * halves[0], 2 * halves[1] * float(ratios.max())
     counts = [
-        math.ceil(least + each * span) if span else 1
-        for least, each, span in zip(NODES, NODES_A_UNIT, spans, strict=True)
+        math.ceil(1 - least * math.log10(share) + each * span) if span else 1
+        for least, each, span in zip(NODES_A_DIGIT, NODES_A_UNIT, spans, strict=True)
     ]
     while math.prod(counts) <= most:
         points = [chebyshev.chebpts1(n) for n in counts]
         x, y = (c + h * p for c, h, p in zip(centres, halves, points, strict=True))
         value, log = of_fourier(x, y[:, None], **known, tolerance=share)
-        if not log.max() + math.log(ROUNDING) < math.log(tolerance):
+        with np.errstate(over="ignore"):
+            traces = value * np.exp(log)
+        if not ROUNDING * np.abs(traces).max() < tolerance:
             break
-        terms = _analysis(points[1]) @ (value * np.exp(log)) @ _analysis(points[0]).T
+        terms = _analysis(points[1]) @ traces @ _analysis(points[0]).T
         open_ = [_tail(t) > share for t in (terms.T, terms)]
         if not any(open_):
             return partial(_interpolated, terms, centres, halves)
@@ -146,15 +148,16 @@ def _interpolated(
     rows = y @ terms
     # one product of matrices where all rows share their w0/w
     made = rows[:, 0] @ x[0].T if len(x) == 1 else (rows @ x.swapaxes(1, 2))[:, 0]
-    return np.asarray(made), np.zeros(made.shape)
+    return np.asarray(made), np.zeros(1)
 
 
-def _first_counts(systems: Real, harmonics: Complex) -> Integers:
-    """Powers of two: about half a radian a step of the vibration and of the highest harmonic."""
+def _first_counts(systems: Real, harmonics: Complex, tolerance: float) -> Integers:
+    """Powers of two: at 1e-7 a step a radian of the vibration or more, which the next doubles."""
     ratio, variation, zeta = systems
     size = 2 * float(np.abs(harmonics).sum())
     radians = 2 * math.pi * ratio * np.sqrt(np.abs(1 - zeta**2) + np.abs(variation) * size)
-    least = np.maximum(np.maximum(8, 2 * radians), 2.5 * len(harmonics) + 3)
+    each = (1e-7 / max(tolerance, 1e-12)) ** (1 / 6)
+    least = np.maximum(each * radians, 2.5 * len(harmonics) + 3)
     return np.asarray(2 ** np.ceil(np.log2(np.minimum(least, MOST_STEPS / 4)))).astype(np.int_)
 
 
@@ -180,16 +183,22 @@ def _refined(systems: Real, harmonics: Complex, count: int, tolerance: float) ->
 
 
 def _magnus(systems: Real, harmonics: Complex, count: int) -> tuple[Real, Real]:
-    """Half traces with `count` equal steps."""
+    """Half traces with `count` equal steps, a power of two."""
     ratio, variation, zeta = systems
     length = 2 * math.pi * ratio / count
-    values = [variation * f[:, None] + (1 - zeta**2) for f in gauss_values(harmonics, count)]
-    matrices, logs = magnus_steps(values[0], values[1], values[2], length)
-    product, log = scaled_product(matrices, logs)
-    return (product[0, 0] + product[1, 1]) / 2, log
+    known = variation * length**2, (1 - zeta**2) * length**2
+    values = [known[0] * f[:, None] + known[1] for f in _at_gauss(harmonics, count)]
+    matrices, log = _steps(values, length)
+    for left in range(count.bit_length() - 2, -1, -1):
+        matrices = multiply(matrices[:, :, 1::2], matrices[:, :, ::2])
+        if left % 4 == 0:
+            size = np.abs(matrices).max(axis=(0, 1))
+            matrices /= size
+            log += np.log(size).sum(axis=0)
+    return (matrices[0, 0, 0] + matrices[1, 1, 0]) / 2, log
 
 
-def gauss_values(harmonics: Complex, count: int) -> list[Real]:
+def _at_gauss(harmonics: Complex, count: int) -> list[Real]:
     """Values of f at the three Gauss points of each of `count` equal steps of the period."""
     found = []
     orders = np.arange(1, len(harmonics) + 1)
@@ -200,82 +209,44 @@ def gauss_values(harmonics: Complex, count: int) -> list[Real]:
     return found
 
 
-def magnus_steps(left: Real, middle: Real, right: Real, length: Real) -> tuple[Real, Real]:
-    """Step matrices of y'' + q y = 0 of sixth order, as e^log * matrix of determinant one.
+def _steps(values: list[Real], length: Real) -> tuple[Real, Real]:
+    """Step matrices of sixth order, less the growth of all steps, and its logarithm.
 
     Parameters
     ----------
-    left, middle, right : float ndarray, shape (n, ...)
-        Values q at the Gauss points of each step.
-    length : float ndarray, shape (...,)
-        Step.
+    values : list of float ndarray, shape (n, ...)
+        h^2 q at the three Gauss points of each step.
+    length : float ndarray, shape (...)
+        h.
     """
-    # elements of Omega = [[d, e], [f, -d]] from the commutators of a1, a2, a3 with
-    # a1 = h A_middle, a2 = h sqrt(15)/3 (A_right - A_left),
-    # a3 = h 10/3 (A_right - 2 A_middle + A_left)
-    h = length
-    a2 = -(math.sqrt(15) / 3) * h * (right - left)
-    a3 = -(10 / 3) * h * (right - 2 * middle + left)
-    f1 = -h * middle
-    # C1 = [a1, a2] is diagonal, (h a2) on top
-    c1 = h * a2
-    # C2 = -[a1, 2 a3 + C1]/60 : diagonal, upper, lower
-    c2d = -h * (2 * a3) / 60
-    c2e = 2 * h * c1 / 60
-    c2f = -2 * f1 * c1 / 60
-    # [-20 a1 - a3 + C1, a2 + C2]/240
-    xd, xe, xf = c1, -20 * h, -20 * f1 - a3
-    yd, ye, yf = c2d, c2e, a2 + c2f
-    d = (xe * yf - ye * xf) / 240
-    e = h + (xd * ye - xe * yd) / 120
-    f = f1 + a3 / 12 + (xf * yd - xd * yf) / 120
-    square = -(d**2 + e * f)
-    root = np.sqrt(np.abs(square))
-    swings = square >= 0
-    if root.all() and swings.all():
-        even, odd, logs = np.cos(root), np.sin(root) / root, np.zeros(root.shape)
-    else:
-        grown = np.where(swings, 0.0, root)
-        twice = np.where(grown > 0, -2 * grown, 1.0)
-        even = np.where(swings, np.cos(root), (1 + np.exp(-2 * grown)) / 2)
-        odd = np.where(swings, np.sinc(root / math.pi), np.expm1(twice) / twice)
-        odd = np.where(~swings & (grown == 0), 1.0, odd)
-        logs = grown
-    return np.array([[even + odd * d, odd * e], [odd * f, even - odd * d]]), logs
+    left, middle, right = values
+    first, second = math.sqrt(15) / 3 * (right - left), 10 / 3 * (right - 2 * middle + left)
+    # Omega = [[d, h e], [f/h, -d]], its commutators written out
+    d = first * (20 + 4 / 3 * middle + second / 30) / 240
+    e = 1 + (first**2 + 20 * second) / 3600
+    f = (20 * middle + second) * second / 3600 - first**2 * (1 / 120 + middle / 3600)
+    f -= middle + second / 12
+    square = d**2 + e * f
+    root = np.sqrt(np.maximum(np.abs(square), 1e-300))
+    even, odd = np.cos(root), np.sin(root) / root
+    grows = square > 0
+    if grows.any():
+        own = root[grows]
+        even[grows], odd[grows] = (1 + np.exp(-2 * own)) / 2, -np.expm1(-2 * own) / (2 * own)
+    e, f = odd * e * length, odd * f / length
+    matrices = np.array([[even + odd * d, e], [f, even - odd * d]])
+    return matrices, np.where(grows, root, 0.0).sum(axis=0)
 
 
 def growth(value: Real, log: Real) -> Real:
     """Logarithm >= 0 of the larger eigenvalue of the map whose half trace is value * e^log."""
-    size = np.abs(value)
     large = log > 30
-    safe = np.where(size > 0, size, 1.0)
-    with np.errstate(over="ignore"):
-        small = np.arccosh(np.maximum(1.0, size * np.exp(np.minimum(log, 30.0))))
-    return np.asarray(np.where(large & (size > 0), np.log(2 * safe) + log, small))
-
-
-def scaled_product(matrices: Real, logs: Real) -> tuple[Real, Real]:
-    """Product of e^log * matrix in order along the first axis behind the 2 x 2, by halving.
-
-    Parameters
-    ----------
-    matrices : float ndarray, shape (2, 2, n, ...)
-    logs : float ndarray, shape (n, ...)
-
-    Returns
-    -------
-    matrix : float ndarray, shape (2, 2, ...)
-        Of size about one.
-    log : float ndarray, shape (...,)
-    """
-    while matrices.shape[2] > 1:
-        even = matrices.shape[2] // 2 * 2
-        a, b = matrices[:, :, 0:even:2], matrices[:, :, 1:even:2]
-        pairs = multiply(b, a)
-        size = np.abs(pairs).max(axis=(0, 1))
-        matrices = np.concatenate([pairs / size, matrices[:, :, even:]], axis=2)
-        logs = np.concatenate([logs[1:even:2] + logs[0:even:2] + np.log(size), logs[even:]])
-    return matrices[:, :, 0], logs[0]
+    size = np.maximum(1.0, np.abs(value) * np.exp(np.minimum(log, 30.0)))
+    small = np.log(size + np.sqrt((size - 1) * (size + 1)))
+    if not large.any():
+        return np.asarray(small)
+    known = np.log(np.where(value == 0, 1.0, 2 * np.abs(value)))
+    return np.asarray(np.where(large & (value != 0), known + log, small))
 
 
 def multiply(left: Real, right: Real) -> Real:

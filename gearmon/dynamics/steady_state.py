@@ -32,6 +32,15 @@ from gearmon.errors import ArgumentError, check_range
 
 Method = Literal["auto", "msm", "msm least residual", "harmonic balance"]
 
+UNDAMPED = "undamped: free vibrations never die out, so no steady state is reached"
+#: What to say of each method, its orders to be filled in, and why there is no bound.
+_HOW = {
+    "msm": "plain expansion to order {}",
+    "msm least residual": "{} orders recombined by least residual",
+    "harmonic balance": "all harmonics solved together",
+}
+_NO_INVERSE = "the inverse operator could not be bounded"
+_TOO_LARGE = "the residual leaves an error as large as the vibration"
 #: w0/w up to which the harmonics are solved for.
 MOST_RATIO = 1e6
 
@@ -111,7 +120,10 @@ def steady_state(
         if method == "auto" and order is None:
             solution = direct.solve(problem, tolerance, harmonics)
             if solution is not None:
-                return _respond_directly(problem, solution, tolerance)
+                displacement, bound, stable, solved, pressed = solution
+                text = f"small enough to solve directly, harmonics 0 to {solved} together: "
+                how = "harmonic balance", 0, text + _verdict(bound, tolerance)
+                return _response(problem, displacement, bound, how, stable, pressed)
         equations = equations_of(problem, harmonics)
         return _respond(problem, equations, *_solve(equations, tolerance, method, order), tolerance)
     equations = equations_of(problem, harmonics)
@@ -200,27 +212,32 @@ def _worth_a_matrix(equations: MeshEquations, found: Approximation, tolerance: f
     return small and not (known and found.bound.above > found.bound.core + found.bound.rounding)
 
 
-def _respond_directly(
-    problem: HillProblem, solution: direct.Solution, tolerance: float
+def _response(
+    problem: HillProblem,
+    displacement: Complex,
+    bound: float,
+    how: tuple[str, int, str],
+    stable: bool,
+    pressed: bool = False,
 ) -> Response:
-    if solution.stable:
-        message = (
-            f"small enough to solve directly, harmonics 0 to {solution.solved} together: "
-            + _verdict(solution.bound, tolerance)
-        )
-    else:
-        ratio, zeta = problem.frequency_ratio, problem.damping_ratio
-        message = _growth(floquet.multipliers(ratio, zeta, problem.stiffness_harmonics))
+    """Put an answer into words: `how` is method, orders and what to say of a steady vibration."""
+    method, order, message = how
+    if problem.damping_ns_per_m == 0:
+        stable, message = False, UNDAMPED
+    elif not stable:
+        p = problem
+        known = floquet.multipliers(p.frequency_ratio, p.damping_ratio, p.stiffness_harmonics)
+        message = growing_by(abs(known[0]))
     response = Response(
         problem=problem,
-        displacement=solution.displacement,
-        error_bound=solution.bound,
-        method="harmonic balance",
-        order=0,
-        stable=solution.stable,
+        displacement=displacement,
+        error_bound=bound if stable else math.inf,
+        method=method,
+        order=order,
+        stable=stable,
         message=message,
     )
-    return response if solution.pressed else _with_contact(response)
+    return response if pressed else _with_contact(response)
 
 
 def _with_contact(response: Response) -> Response:
@@ -243,13 +260,6 @@ def _with_contact(response: Response) -> Response:
     return replace(response, message=response.message + lost)
 
 
-def _growth(multipliers: tuple[complex, complex]) -> str:
-    return (
-        f"unstable: free vibrations grow by {abs(multipliers[0]):.6g} a period (largest Floquet "
-        "multiplier), so there is no steady state"
-    )
-
-
 def _cut(half: Complex, shown: int | None) -> Complex:
     """Lines 0..shown of the last axis, zeros where there are none."""
     if shown is None:
@@ -266,17 +276,15 @@ def _respond(
     tolerance: float,
 ) -> Response:
     """Hand out the harmonics asked for, with what there is to say about them."""
-    stable = problem.damping_ns_per_m > 0 and bool(equations.gain.stable)
-    response = Response(
-        problem=problem,
-        displacement=_cut(found.motion, equations.shown),
-        error_bound=float(found.bound.relative) if stable else math.inf,
-        method=method,
-        order=found.orders,
-        stable=stable,
-        message="",
-    )
-    return _with_contact(replace(response, message=_message(response, found, tolerance)))
+    bound = float(found.bound.relative)
+    text = f"{_HOW[method].format(found.orders)}, harmonics 0 to {found.highest}"
+    if math.isfinite(bound):
+        text += f": {_verdict(bound, tolerance)}"
+    else:
+        unknown = math.isinf(found.bound.core)
+        text += f": no error bound could be given ({_NO_INVERSE if unknown else _TOO_LARGE})"
+    shown, how = _cut(found.motion, equations.shown), (method, found.orders, text)
+    return _response(problem, shown, bound, how, bool(equations.gain.stable))
 
 
 def _respond_of_system(
@@ -295,17 +303,12 @@ def _respond_of_system(
     if system.mesh_damping_ns_per_m is not None:
         rates = 1j * system.angular_frequency * np.arange(u.shape[1]) * u
         force += system.mesh_damping_ns_per_m[:, None] / scale * rates
-    if stable:
-        message = (
-            f"{method}, {found.orders} orders, {len(u)} meshes, harmonics 0 to {found.highest}: "
-            + _verdict(bound, tolerance)
-        )
-    else:
-        radius = float(np.abs(equations.multipliers[:1]).max(initial=0.0))
-        message = (
-            f"unstable: free vibrations change by {radius:.6g} a period (largest Floquet "
-            "multiplier), so there is no steady state"
-        )
+    message = (
+        f"{method}, {found.orders} orders, {len(u)} meshes, harmonics 0 to {found.highest}: "
+        + _verdict(bound, tolerance)
+    )
+    if not stable:
+        message = growing_by(float(np.abs(equations.multipliers[:1]).max(initial=0.0)))
     return SystemResponse(
         system=system,
         displacement=_cut(found.motion, equations.shown).T,
@@ -319,28 +322,14 @@ def _respond_of_system(
     )
 
 
-def _message(response: Response, found: Approximation, tolerance: float) -> str:
-    if response.problem.damping_ns_per_m == 0:
-        return "undamped: free vibrations never die out, so no steady state is reached"
-    if response.stable is False:
-        return _growth(response.floquet_multipliers)
-    how = {
-        "msm": f"plain expansion to order {found.orders}",
-        "msm least residual": f"{found.orders} orders recombined by least residual",
-        "harmonic balance": "all harmonics solved together",
-    }[response.method]
-    text = f"{how}, harmonics 0 to {found.highest}"
-    if math.isinf(response.error_bound):
-        return f"{text}: no error bound could be given ({_reason(found)})"
-    return f"{text}: {_verdict(response.error_bound, tolerance)}"
-
-
 def _verdict(bound: float, tolerance: float) -> str:
     verdict = "meets" if bound <= tolerance else "misses"
     return f"error bound {bound:.2g} {verdict} the tolerance {tolerance:.2g}"
 
 
-def _reason(found: Approximation) -> str:
-    if math.isinf(found.bound.core):
-        return "the inverse operator could not be bounded"
-    return "the residual leaves an error as large as the vibration"
+def growing_by(size: float) -> str:
+    """Say that there is no steady state: `size` is the modulus of the largest multiplier."""
+    return (
+        f"unstable: free vibrations grow by {size:.6g} a period (largest Floquet multiplier), so "
+        "there is no steady state"
+    )

@@ -30,7 +30,7 @@ from gearmon.dynamics.mesh_equations import (
     sum_orders,
     widen,
 )
-from gearmon.dynamics.steady_state import MOST_RATIO, steady_state
+from gearmon.dynamics.steady_state import MOST_RATIO, UNDAMPED, growing_by, steady_state
 from gearmon.errors import ArgumentError, check_range
 from gearmon.result import Result
 
@@ -281,7 +281,9 @@ class _Work:
         gain = best_gain(self.ratio[at], self.zeta[at], scale, pattern)
         self.stable[at] = gain.stable
         for i in np.flatnonzero(~gain.stable):
-            self.reason[at[i]] = _why_unstable(float(gain.growth[i]))
+            growth = float(gain.growth[i])
+            grown = growing_by(math.exp(min(growth, 700.0)))
+            self.reason[at[i]] = UNDAMPED if math.isinf(growth) else grown
         known = np.flatnonzero(gain.stable & np.isfinite(gain.acceleration))
         if not len(known):
             return at[gain.stable]
@@ -351,12 +353,3 @@ class _Work:
             self._parts.append((np.array([i]), np.array(response.displacement)[None]))
         if self.bound[i] > self.tolerance:
             self.reason[i] = response.message
-
-
-def _why_unstable(growth: float) -> str:
-    if math.isinf(growth):
-        return "undamped: free vibrations never die out, so no steady state is reached"
-    return (
-        f"unstable: free vibrations grow by {math.exp(min(growth, 700.0)):.6g} a period (largest "
-        "Floquet multiplier), so there is no steady state"
-    )

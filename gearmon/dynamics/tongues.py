@@ -62,7 +62,7 @@ import numpy.typing as npt
 from gearmon.dynamics.amplitude_equations import MOST_ORDERS
 from gearmon.dynamics.fourier import Complex, Real
 from gearmon.dynamics.hill import frozen_vector
-from gearmon.dynamics.period_trace import HalfTraces, over
+from gearmon.dynamics.period_trace import HalfTraces, Integers, over
 from gearmon.dynamics.slow_states import Coupling, State, reduce
 from gearmon.dynamics.stability import FourierShape, excess
 from gearmon.dynamics.system import HillSystem
@@ -362,7 +362,10 @@ def combination_tongues(system: HillSystem) -> list[CombinationTongue]:
     squares, shapes = system.modes
     natural = np.sqrt(np.where(system.rigid, 0.0, squares))
     damping = 0.5 * np.diag(shapes.T @ system.velocity_matrix @ shapes)
-    groups = _groups(natural)
+    # modes of one frequency together, rigid-body motions left out
+    elastic = np.flatnonzero(natural)
+    rising = natural[elastic]
+    groups = np.split(elastic, np.flatnonzero(np.diff(rising) > SAME * rising[1:]) + 1)
     meshes = shapes.T @ system.mesh_vectors.T
     found = []
     for index, c in enumerate(system.mesh_harmonics.T):
@@ -376,21 +379,8 @@ def combination_tongues(system: HillSystem) -> list[CombinationTongue]:
     return sorted(open_, key=lambda tongue: (-tongue.half_width_hz, -tongue.coupling_per_s))
 
 
-def _groups(natural: Real) -> list[list[int]]:
-    """Modes of one frequency together, rigid-body motions left out."""
-    groups: list[list[int]] = []
-    for mode, frequency in enumerate(natural):
-        if frequency == 0:
-            continue
-        if groups and frequency - natural[groups[-1][0]] <= SAME * frequency:
-            groups[-1].append(mode)
-        else:
-            groups.append([mode])
-    return groups
-
-
 def _tongues(
-    harmonic: int, p: list[int], q: list[int], sizes: Real, natural: Real, damping: Real
+    harmonic: int, p: Integers, q: Integers, sizes: Real, natural: Real, damping: Real
 ) -> list[CombinationTongue]:
     """One tongue for every different coupling of two frequencies."""
     one, other = float(natural[p[0]]), float(natural[q[0]])
@@ -407,7 +397,7 @@ def _tongues(
         found.append(
             CombinationTongue(
                 harmonic=harmonic,
-                modes=(p[0], q[0]),
+                modes=(int(p[0]), int(q[0])),
                 frequency_hz=(one + other) / (2 * math.pi * harmonic),
                 half_width_hz=width / (2 * math.pi * harmonic),
                 coupling_per_s=kappa,

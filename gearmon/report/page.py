@@ -49,6 +49,7 @@ def template(name: str, package: str = "gearmon.report", **known: Any) -> Templa
         "version": __version__,
         "signs": {verdict: sign for verdict, (_, _, sign) in VERDICT_STYLE.items()},
         "wording": wording,
+        "table": lambda rows: "\n".join(wording.table_lines(rows)),
     }
     return environment.from_string(shipped(name, package), known)
 

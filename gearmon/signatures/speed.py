@@ -252,6 +252,9 @@ class Tracking:
         The part of the recording in which the angle is known [s]; all of it if None.
     lost : bool
         Whether the lines do not stand still in the angle, all along.
+    coherent : float
+        Share of the power of the mesh lines that stands still in an angle told without a
+        tachometer; 0 where it was not asked.
     """
 
     track: AngleTrack
@@ -261,6 +264,7 @@ class Tracking:
     notes: tuple[str, ...] = ()
     held_s: tuple[float, float] | None = None
     lost: bool = False
+    coherent: float = 0.0
 
     @property
     def plan_hz(self) -> float:

@@ -288,7 +288,9 @@ def track_tacholess(
         if best.share <= _COHERENT:
             _finer(signal, first, best)
     found = replace(first, track=best.track)
-    return _with_doubt(signal, found, best.share, sums) if first.detected else found
+    if first.detected:
+        return _with_doubt(signal, found, best.share, sums)
+    return replace(found, coherent=best.share)
 
 
 def _wandering(
@@ -476,7 +478,8 @@ def _with_doubt(
             doubt, held_s = check.typical_turns(start, stop), (start, stop)
         notes += (_slips_told(check, held_s),)
     track = replace(track, uncertainty_turns=float(doubt))
-    return replace(tracking, track=track, notes=notes, held_s=held_s, lost=share < _LOST)
+    told = replace(tracking, track=track, notes=notes, held_s=held_s)
+    return replace(told, coherent=share, lost=share < _LOST)
 
 
 def _slips_told(check: SlipCheck, held_s: tuple[float, float] | None) -> str:

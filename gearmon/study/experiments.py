@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import math
-import os
-import platform
-import statistics
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 
+from gearmon.benchmark.contenders import Contender, measured
+from gearmon.benchmark.equations import Case, Lines, as_lines, solve_reference
+from gearmon.benchmark.rivals import PlainOscillator, integrate
+from gearmon.benchmark.timing import facts_of_run
 from gearmon.dynamics import HillProblem, Response, steady_state
 from gearmon.dynamics.fourier import fast_length, rms, samples
 from gearmon.dynamics.multiple_scales import Expansion, expand
@@ -27,11 +28,8 @@ from gearmon.study.pair import (
     StiffnessSignal,
     Trajectory,
     acceleration_error,
-    motion,
     operate,
-    series,
     simulate,
-    slope_of,
     solved,
     solved_start,
     stiffness_signals,
@@ -74,11 +72,12 @@ HARVESTER = InertialHarvester(
 )
 
 METHODS = ("RK45", "DOP853", "LSODA")
-#: Tolerances of the simulations that are timed, orders of the expansion, points of a mesh period.
+#: Tolerances of the simulations that are timed, and orders of the expansion.
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 QUICK_TOLERANCES = (1e-2, 1e-6)
 ORDERS = (1, 2, 3, 4, 6, 8, 10)
-TIMED_POINTS = 400
+#: Time for each way [s].
+LONGEST_S = 60.0
 #: Highest response harmonic of the expansion, and number of sets that are substituted together.
 HIGHEST, AT_ONCE = 200, 500
 SUBSTITUTION, MANY = "substitution", f"substitution, {AT_ONCE} sets at once"
@@ -490,16 +489,11 @@ class SpeedStudy:
         return min(matched, key=lambda cost: cost.error)
 
 
-#: From parameters to harmonics of the displacement, or to the motion over a steady period.
-_Run = Callable[[MeshParameters], "ComplexArray | Trajectory"]
-
-
 def study_speed(repeats: int = 3, tolerances: Sequence[float] = TOLERANCES) -> SpeedStudy:
-    """Measure all ways on neighbours of the reference case, interleaved; the median of repeats.
+    """Measure all ways on the reference case, interleaved; the median of repeats.
 
-    Every repeat takes another mass and damping, so that nothing can be kept from the one before.
-    The expansion is planned once, for the reference case. A simulation starts from rest, lets one
-    mesh period pass and records the next: with e^(-c T/(2 m)) = 7e-12 the start is forgotten then.
+    The expansion is planned once. A simulation starts from rest, lets one mesh period pass and
+    records the next: with e^(-c T/(2 m)) = 7e-12 the start is forgotten then.
 
     Parameters
     ----------
@@ -507,83 +501,37 @@ def study_speed(repeats: int = 3, tolerances: Sequence[float] = TOLERANCES) -> S
     tolerances : sequence of float
         Of the simulations.
     """
-    ways = _ways(tolerances)
-    seconds: dict[tuple[str, str], list[float]] = {key: [] for key in ways}
-    # the first round warms lazy imports up and is not counted
-    for number in range(repeats + 1):
-        mass, damping = 0.28 * (1 + 0.01 * number), 9e3 * (1 - 0.01 * number)
-        parameters = replace(REFERENCE, mass_kg=mass, damping_ns_per_m=damping)
-        for key, (run, at_once) in ways.items():
-            run(parameters)  # what the other ways pushed out of the caches comes back
-            begin = time.perf_counter()
-            run(parameters)
-            if number:
-                seconds[key].append((time.perf_counter() - begin) / at_once)
-    exact = solved(REFERENCE.problem())
-    costs = tuple(
-        Cost(way, setting, _error(run(REFERENCE), exact), statistics.median(seconds[way, setting]))
-        for (way, setting), (run, _) in ways.items()
+    case, facts = Case(name="reference", problem=REFERENCE.problem()), facts_of_run()
+    rows = measured(list(_ways(case, tolerances)), repeats, LONGEST_S, solve_reference(case))
+    columns = ("method", "setting", "error", "median_s")
+    return SpeedStudy(
+        costs=tuple(Cost(*(row[name] for name in columns)) for row in rows),
+        repeats=repeats,
+        machine="{processor}, {cores} processors, Python {python}, NumPy {numpy}".format(**facts),
     )
-    text = f"{platform.machine()}, {os.cpu_count()} processors, "
-    text += f"Python {platform.python_version()}, NumPy {np.__version__}"
-    return SpeedStudy(costs=costs, repeats=repeats, machine=text)
 
 
-def _error(answer: ComplexArray | Trajectory, exact: Response) -> float:
-    """Relative L2 error of the acceleration, from lines or from a record."""
-    if not isinstance(answer, Trajectory):
-        return acceleration_error(answer, exact)
-    true = exact.at(answer.time_s, "acceleration")
-    return float(np.linalg.norm(answer.acceleration_ms2 - true) / np.linalg.norm(true))
-
-
-def _ways(tolerances: Sequence[float]) -> dict[tuple[str, str], tuple[_Run, int]]:
-    """Return every way with the number of parameter sets that one run solves."""
-    ways: dict[tuple[str, str], tuple[_Run, int]] = {}
+def _ways(case: Case, tolerances: Sequence[float]) -> Iterator[Contender]:
+    """Yield every way; of many sets that are substituted at once the first is the reference."""
+    p, oscillator = REFERENCE, PlainOscillator(case)
     for order in ORDERS:
-        ways[SUBSTITUTION, f"{order}"] = _substituting(order, 1), 1
-        ways[MANY, f"{order}"] = _substituting(order, AT_ONCE), AT_ONCE
+        formula = expand(case.problem, order, HIGHEST).formula
+        for way, sets in ((SUBSTITUTION, 1), (MANY, AT_ONCE)):
+            masses = p.mass_kg * np.linspace(1.0, 1.5, sets)
+            of_sets = partial(formula.at, mass_kg=masses, damping_ns_per_m=p.damping_ns_per_m)
+            yield Contender(way, f"{order}", run=of_sets, motion=_first_set, sets=sets)
     for tolerance in (1e-3, 1e-6, 1e-8):
-        ways[SOLUTION, f"{tolerance:.0e}"] = _solving(tolerance), 1
+        anew = partial(steady_state, case.problem, tolerance)
+        yield Contender(SOLUTION, f"{tolerance:.0e}", run=anew, motion=as_lines)
     for method in METHODS:
         for tolerance in tolerances:
-            ways[method, f"{tolerance:.0e}"] = _simulating(method, tolerance), 1
-    return ways
+            rest: dict[str, Any] = {"state": (0.0, 0.0), "settling": oscillator.period}
+            stepping = partial(integrate, oscillator, method, tolerance, **rest)
+            yield Contender(method, f"{tolerance:.0e}", run=stepping)
 
 
-def _substituting(order: int, sets: int) -> _Run:
-    formula = expand(REFERENCE.problem(), order, HIGHEST).formula
-    spread = np.linspace(1.0, 1.5, sets)
-
-    def run(parameters: MeshParameters) -> ComplexArray:
-        mass, damping = parameters.mass_kg * spread, parameters.damping_ns_per_m
-        return np.asarray(formula.at(mass_kg=mass, damping_ns_per_m=damping)[0], np.complex128)
-
-    return run
-
-
-def _solving(tolerance: float) -> _Run:
-    return lambda parameters: steady_state(parameters.problem(), tolerance).displacement
-
-
-def _simulating(method: str, tolerance: float) -> _Run:
-    def run(parameters: MeshParameters) -> Trajectory:
-        from scipy.integrate import solve_ivp
-
-        modulation, period = series(parameters.problem().stiffness_harmonics), parameters.period_s
-        scale = np.array([1.0, 2 * math.pi / period]) * parameters.static_deflection_m
-        solution = solve_ivp(
-            slope_of(parameters, modulation, 0.0, 2.0),
-            (0.0, 2 * period),
-            np.zeros(2),
-            method=method,
-            t_eval=period * (1 + np.arange(TIMED_POINTS) / TIMED_POINTS),
-            rtol=tolerance,
-            atol=tolerance * scale,
-        )
-        return motion(parameters, modulation, solution.t, *solution.y)
-
-    return run
+def _first_set(found: ComplexArray) -> Lines:
+    return Lines(found[0] / REFERENCE.static_deflection_m)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -45,7 +45,7 @@ COLUMNS = {
 @pytest.fixture(scope="module")
 def rows():
     seen = []
-    found = run_dynamics(quick=True, progress=seen.append)
+    found = run_case("dynamics", seen.append, quick=True)
     assert seen == sorted(seen)
     assert seen[-1] == 1.0
     return found

@@ -11,8 +11,6 @@ from gearmon.benchmark.timing import facts_of_run
 from gearmon.errors import ArgumentError
 from gearmon.simulation import simulate
 
-FACTS = set(facts_of_run())
-
 
 def test_facts_of_run():
     facts = facts_of_run()
@@ -26,7 +24,7 @@ def test_analysis_against_reading(monkeypatch):
     rows = signals.analysis_against_reading(repeats=1, progress=seen.append)
     assert [row["process"] for row in rows] == ["analyse", "pandas.read_csv"]
     for row in rows:
-        assert set(row) == FACTS | {
+        assert set(row) == {
             "process",
             "rows",
             "channels",
@@ -37,7 +35,7 @@ def test_analysis_against_reading(monkeypatch):
         }
         assert 0 < row["fastest_s"] <= row["median_s"]
     assert rows[1]["ratio_to_pandas"] == 1.0
-    assert seen == [1.0]
+    assert seen == [0.5, 1.0]
     json.dumps(rows, allow_nan=False)
 
 
@@ -48,7 +46,7 @@ def test_memory_of_a_long_recording(monkeypatch):
     monkeypatch.setattr(signals, "simulate", shortly)
     seen = []
     (row,) = signals.memory_of_long_recording(200_000, (1,), seen.append)
-    assert set(row) == FACTS | {
+    assert set(row) == {
         "rows",
         "channels",
         "numbers_mib",

@@ -457,3 +457,16 @@ def test_a_tooth_that_few_lines_tell_of_is_no_knock():
     told = analyse(cracked, combine, healthy)
     assert told.verdict == "fault"
     assert (told.flags[0].stage, told.flags[0].gear) == (1, "pinion")
+
+
+@pytest.mark.parametrize(("gear", "loss"), [("pinion", 60), ("pinion", 90), ("gear", 90)])
+def test_a_broken_tooth_fills_all_orders_of_its_gear_and_is_still_found(gear, loss):
+    # its lines drown the mesh, and suit the lower of the machine's two speeds as well
+    tractor, own = load_machine("signatures/tractor_pto.toml"), {"duration_s": 6.0, "channels": 1}
+    healthy = learn([simulate(tractor, recording_seed=1, **own)], tractor)
+    broken = simulate(tractor, f"crack:1:{gear}:5:{loss}%", recording_seed=5, **own)
+    told = analyse(broken, tractor, healthy)
+    assert told.verdict == "fault"
+    assert [(flag.kind, flag.gear) for flag in told.flags[:1]] == [("tooth damage", gear)]
+    assert told.score > 10
+    assert told.signature.speed.estimated_hz == pytest.approx(31.4, rel=0.01)

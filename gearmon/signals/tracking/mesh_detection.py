@@ -43,6 +43,8 @@ _LINES = 4
 # those of a bearing that slips are smeared.
 _PARTS, _TIMES, _AVERAGED = 40, (1, 2, 3), (1, 4)
 _RATIOS = np.array([t / n for n in range(2, _PARTS + 1) for t in _TIMES if gcd(n, t) == 1])
+# Departures of a spacing at which any sideband of the other gear may stand.
+_NEARBY = 0.03
 # Mesh harmonics looked at, and the share of the bins that is highest: a harmonic is clear.
 _HARMONICS, _CLEAREST = 12, 0.02
 
@@ -376,8 +378,8 @@ def sideband_spacing(
     near = max(2 * bin_order / spacing, 1e-3)
     departures = np.linspace(-tolerance, tolerance, 2 * max(20, int(4 * tolerance / near)) + 1)
     # where the second sideband of one gear nearly meets the first of the other, it is that one's
-    others, small = [other for other in mesh.spacings if other != spacing], range(1, 5)
-    for ratio in (j * other / (i * spacing) for other in others for i in small for j in small):
+    others, low = [other for other in mesh.spacings if other != spacing], np.arange(1, 5)
+    for ratio in (j * other / (i * spacing) for other in others for i in low for j in low):
         elsewhere = np.abs(1 + departures - ratio) > 2 * near  # and the skirts of its lines
         departures = departures[elsewhere | (np.abs(departures) <= near)]
     total = np.zeros(len(departures))
@@ -390,6 +392,12 @@ def sideband_spacing(
     spread = 1.4826 * float(np.median(np.abs(total - middle)))
     standard = (total - middle) / spread if spread > 0 else np.zeros(len(total))
     expected = float(standard[np.abs(departures) <= near].max())
+    # nearby it may be any sideband of the other gear: a broken tooth fills all orders of its gear
+    for share in (other / (spacing * i) for other in others for i in low):
+        ratio = share * np.rint(1 / share)
+        if abs(ratio - 1) <= _NEARBY:
+            its = np.abs(1 + departures - ratio) <= 2 * near
+            standard[its & (np.abs(departures) > near)] = -np.inf
     best = int(np.argmax(standard))
     found = standard[best] >= FOUND_FROM
     return SidebandSpacing(

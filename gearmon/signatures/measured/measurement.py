@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.errors import RecordingError
-from gearmon.gears.kinematics import Kinematics, kinematics
+from gearmon.gears.kinematics import Kinematics, Mesh, kinematics
 from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack
@@ -52,6 +52,9 @@ _BANDS, _BAND_SAMPLES = 40, 2048
 # A mesh whose sidebands would rather stand elsewhere must be far clearer than others.
 # Height of a gear's own sidebands, in robust standard deviations, from which they count.
 _SUPPORTED = 4.0
+# Share of the power of mesh lines that stands still in the angle, from which they hold it. Of
+# 12 recordings of teeth that had lost 70 to 95 % it was 0.995 to 1.
+_HELD = 0.9
 _FOUND_DESPITE_MISMATCH = 6.0
 # Speed of shaft 1 up to which it is asked whether Hz were meant [1/min].
 _SLOW_RPM = 100.0
@@ -78,6 +81,9 @@ class MeshFinding(Result):
         Distance from the lines of other tooth counts, in standard deviations.
     reason : str
         Why it counts as found or not.
+    held : bool
+        Whether its lines hold the angle of the gears, with sidebands at the rotation of one: a
+        broken tooth fills all orders of its gear, and no mesh stands out of these.
     """
 
     stage: int
@@ -86,6 +92,7 @@ class MeshFinding(Result):
     snr_db: float | None
     score: float
     reason: str
+    held: bool
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,6 +167,11 @@ class MeasuredSignature(Result):
         """Whether any mesh was found."""
         return any(mesh.found for mesh in self.meshes)
 
+    @property
+    def held(self) -> bool:
+        """Whether the angle of the gears is held, be it by pulses or by lines of any mesh."""
+        return self.track.indexed or any(mesh.held for mesh in self.meshes)
+
 
 def measure_signature(
     recording: RecordingLike,
@@ -227,7 +239,7 @@ def measure_signature(
     signal = GearVibration(samples=samples, rate=rate, train=train, nominal_hz=nominal_hz)
     peak_hz = line_peak(signal, track)
     speed = speed_of(track, nominal_hz, peak_hz, tracking.scan, recording.duration_s)
-    findings = _findings(speed, spectrum, train, combs, tracking.evidence, lines, plan)
+    findings = _findings(speed, spectrum, train, combs, tracking, lines, plan)
     return MeasuredSignature(
         origin=recording.origin,
         duration_s=recording.duration_s,
@@ -435,10 +447,11 @@ def _findings(
     spectrum: FineSpectrum,
     train: Kinematics,
     combs: Sequence[MeshComb],
-    evidence: Sequence[MeshEvidence],
+    tracking: Tracking,
     lines: OrderLines,
     plan: LinePlan,
 ) -> tuple[MeshFinding, ...]:
+    evidence, holds = tracking.evidence, tracking.coherent >= _HELD
     quality, bin_order = spectrum.quality, spectrum.step
     snr = 10 * np.log10(np.maximum(lines.cross_power() / lines.noise, 1e-3))
     findings = []
@@ -469,15 +482,8 @@ def _findings(
             found, reason = False, _disowned(spacing)
         if found and not several and seen.visible > 1 and support < _SUPPORTED:
             found, reason = False, _lonely(seen.visible - 1)
-        chosen = [
-            line
-            for family in plan.families
-            if family.kind == "mesh" and family.stage == mesh.stage
-            for line in family.lines
-        ]
-        last = mesh_harmonics(mesh.order * speed.nominal_hz)
-        shared = np.isin(np.round(plan.orders / mesh.order, 9), np.arange(1, last + 1))
-        chosen += [int(i) for i in np.flatnonzero(shared)]
+        held = holds and not misled and _spaced(quality, bin_order, comb)
+        chosen = _mesh_lines(plan, mesh, speed.nominal_hz)
         findings.append(
             MeshFinding(
                 stage=mesh.stage,
@@ -486,9 +492,33 @@ def _findings(
                 snr_db=float(snr[:, chosen].max()) if chosen else None,
                 score=float(seen.score),
                 reason=reason,
+                held=held,
             )
         )
     return tuple(findings)
+
+
+def _mesh_lines(plan: LinePlan, mesh: Mesh, shaft1_hz: float) -> list[int]:
+    """Lines of a plan on the harmonics of a mesh, be they its own or of another one as well."""
+    own = [
+        line
+        for family in plan.families
+        if family.kind == "mesh" and family.stage == mesh.stage
+        for line in family.lines
+    ]
+    last = mesh_harmonics(mesh.order * shaft1_hz)
+    shared = np.isin(np.round(plan.orders / mesh.order, 9), np.arange(1, last + 1))
+    return [*own, *np.flatnonzero(shared).tolist()]
+
+
+def _spaced(quality: FloatArray, bin_order: float, comb: MeshComb) -> bool:
+    """Whether sidebands stand at the rotation of a gear, and nowhere else."""
+    told = [
+        sideband_spacing(quality, bin_order, comb, spacing, SPEED_TOLERANCE)
+        for spacing in comb.spacings
+    ]
+    support = max(one.support for one in told)
+    return support >= _SUPPORTED and support > max(one.excess for one in told)
 
 
 def _support(quality: FloatArray, bin_order: float, comb: MeshComb) -> float:
