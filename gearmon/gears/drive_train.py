@@ -28,15 +28,23 @@ bearings); G. R. Cowper, J. Appl. Mech. 33 (1966) 335 (shear of round sections).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
+from gearmon.errors import ArgumentError
 from gearmon.gears.kinematics import kinematics, planetary_speeds
-from gearmon.gears.mechanics import equivalent_mass, gear_disc, mesh_damping, static_force
+from gearmon.gears.mechanics import (
+    disc_body,
+    equivalent_mass,
+    gear_disc,
+    mesh_damping,
+    static_force,
+)
 from gearmon.gears.pairs import MeshPair, mesh_pairs
 from gearmon.gears.stiffness import mesh_stiffness
 from gearmon.machine import (
@@ -57,7 +65,22 @@ BALL_BEARING = 13e6
 #: piece) up to which they tell bending and twist: frequencies are then 0.5 and 1 % too high.
 PIECES = 12
 BEND_RESOLVED, TWIST_RESOLVED = 1.2, 0.5
+#: Share of the largest eigenvalue below which a mode is a rigid one: they are rounding, some 1e-14.
+RIGID = 1e-11
+#: Damping over stiffness of shafts, bearings and supports that tell no damper [s]; ball bearings
+#: have 0.25e-5 to 2.5e-5 s (E. Kraemer, Dynamics of Rotors and Foundations, 1993).
+ELASTIC_DAMPING_S = 1e-5
+#: Share of the compliance of meshes up to which what is in fast modes only is left out.
+NEGLIGIBLE = 1e-3
+#: A shaft between two gears that has no section: its diameter over the smaller gear's reference
+#: diameter where neither has a bore, its length over both face widths; these, where not given, over
+#: the module.
+SHAFT_OVER_GEAR, SHAFT_OVER_WIDTHS, WIDTH_OVER_MODULE = 0.6, 4.5, 10.0
 _LEFT_OUT = "tilting gears, axial motion and gyroscopic moments are left out"
+_DAMPED = (
+    "shafts, bearings and supports that tell no damper have "
+    f"{ELASTIC_DAMPING_S:g} s of damping over stiffness"
+)
 _PAIR, _SPREAD = np.array([[1.0, -1.0], [-1.0, 1.0]]), np.array([[2.0, 1.0], [1.0, 2.0]]) / 6
 
 
@@ -108,6 +131,42 @@ class Planets:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Around:
+    """What is around some meshes, in m modes of unit mass of the whole machine.
+
+    Parameters
+    ----------
+    shapes : ndarray, shape (n, m)
+    vectors : ndarray, shape (meshes, m)
+        v_j.
+    means, dampers : ndarray, shape (meshes,)
+        Mean stiffness [N/m] and damping [Ns/m] of the meshes.
+    stiffness, damping : ndarray, shape (m, m)
+        K and C without these meshes [1/s2, 1/s].
+    """
+
+    shapes: FloatArray
+    vectors: FloatArray
+    means: FloatArray
+    dampers: FloatArray
+    stiffness: FloatArray
+    damping: FloatArray
+
+
+def _residual(
+    vectors: FloatArray, means: FloatArray, squares: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return squares and shapes of what modes do at rest under forces of meshes, in these modes."""
+    from scipy.linalg import eigh
+
+    forced = (vectors / squares).T * np.sqrt(means)
+    share, parts = np.linalg.eigh(forced.T @ (squares[:, None] * forced))
+    forced = forced @ parts[:, share > NEGLIGIBLE]
+    found, mixed = eigh(forced.T @ (squares[:, None] * forced), forced.T @ forced)
+    return np.asarray(found), np.asarray(forced @ mixed)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class DriveTrain:
     """Matrices of a machine.
 
@@ -120,6 +179,8 @@ class DriveTrain:
     springs : tuple of Spring
         Shafts, bearings, pins, supports and meshes.
     planets : tuple of Planets
+    shafts : tuple of int
+        Coordinate of the rotation where torque comes to each shaft: of the last one its end.
     notes : tuple of str
         What is left out, and what was taken where the machine file says nothing.
     """
@@ -129,23 +190,117 @@ class DriveTrain:
     mass: FloatArray
     springs: tuple[Spring, ...]
     planets: tuple[Planets, ...]
+    shafts: tuple[int, ...]
     notes: tuple[str, ...]
 
     def meshes(self, stage: int) -> list[Spring]:
         """Return the meshes of a stage, counted from 1."""
         return [own for own in self.springs if own.part.startswith(f"mesh {stage} ")]
 
-    @property
+    @cached_property
     def stiffness(self) -> FloatArray:
         """K with the means of all meshes, shape (n, n)."""
         springs = (own.rows.T @ own.stiffness @ own.rows for own in self.springs)
         return sum(springs, np.zeros_like(self.mass))
 
-    @property
+    @cached_property
     def damping(self) -> FloatArray:
         """C with that of all meshes, shape (n, n)."""
-        springs = (own.damping_ns_per_m * own.rows.T @ own.rows for own in self.springs)
-        return sum(springs, np.zeros_like(self.mass))
+        whole = np.zeros_like(self.mass)
+        for own in self.springs:
+            told = own.damping_ns_per_m * np.eye(len(own.rows))
+            if not own.damping_ns_per_m and not own.part.startswith("mesh"):
+                told = ELASTIC_DAMPING_S * own.stiffness
+            whole += own.rows.T @ told @ own.rows
+        return whole
+
+    @cached_property
+    def modes(self) -> tuple[FloatArray, FloatArray]:
+        """Squares of angular natural frequencies [1/s2], ascending, and shapes of unit mass.
+
+        Rigid-body motions have 0. Coordinates without mass follow those that have it.
+        """
+        from scipy.linalg import eigh
+
+        carried = self._carried_by_mass()
+        squares, shapes = eigh(
+            carried.T @ self.stiffness @ carried, carried.T @ self.mass @ carried
+        )
+        squares[squares < RIGID * squares[-1]] = 0.0
+        return np.asarray(squares), np.asarray(carried @ shapes)
+
+    @property
+    def elastic(self) -> tuple[FloatArray, FloatArray]:
+        """The modes without rigid-body motions."""
+        squares, shapes = self.modes
+        return squares[squares > 0], shapes[:, squares > 0]
+
+    def _carried_by_mass(self) -> FloatArray:
+        """Return how all coordinates follow those that have mass, shape (n, m)."""
+        heavy = np.diag(self.mass) > 0
+        carried = np.zeros((len(heavy), int(heavy.sum())))
+        carried[heavy] = np.eye(carried.shape[1])
+        light = self.stiffness[~heavy][:, ~heavy]
+        carried[~heavy] = -np.linalg.pinv(light, hermitian=True) @ self.stiffness[~heavy][:, heavy]
+        return carried
+
+    def load(self, forces_n: Mapping[int, float]) -> FloatArray:
+        """Return the torques on shafts that load meshes statically, shape (n,).
+
+        Parameters
+        ----------
+        forces_n : mapping of int to float
+            Of stages, counted from 1, the static force of each of their meshes [N]. Torques come
+            in at the beginning of the first shaft and go out at the end of the last one.
+
+        Raises
+        ------
+        ArgumentError
+            If shafts are held against rotation.
+        """
+        (squares, shapes), total = self.elastic, np.zeros(len(self.mass))
+        if len(squares) == len(self.modes[0]):
+            raise ArgumentError("the machine cannot turn: its shafts are held against rotation")
+        turned = self.modes[1][:, 0]
+        for stage, force in forces_n.items():
+            one, two = self.shafts[stage - 1 : stage + 1]
+            pair = np.zeros(len(total))
+            pair[one], pair[two] = 1.0, -turned[one] / turned[two]
+            mesh = self.meshes(stage)[0]
+            carried = mesh.stiffness[0, 0] * (mesh.rows[0] @ shapes) @ ((pair @ shapes) / squares)
+            total += force / carried * pair
+        return total
+
+    def around(self, meshes: Sequence[Spring], carried_hz: float = math.inf) -> Around:
+        """Return the machine without some of its meshes, in its elastic modes.
+
+        Parameters
+        ----------
+        meshes : sequence of Spring
+        carried_hz : float
+            Natural frequency up to which modes are kept as they are. Of those above, the motions
+            are kept by which they follow forces of these meshes without inertia (residual modes,
+            MacNeal 1971): the flexibility of the machine at the meshes stays whole, and nothing
+            swings faster than it needs to.
+        """
+        squares, shapes = self.elastic
+        rows = np.array([own.rows[0] for own in meshes])
+        means = np.array([own.stiffness[0, 0] for own in meshes])
+        fast = squares > (2 * math.pi * carried_hz) ** 2
+        if fast.any():
+            own, more = _residual(rows @ shapes[:, fast], means, squares[fast])
+            squares = np.append(squares[~fast], own)
+            shapes = np.hstack([shapes[:, ~fast], shapes[:, fast] @ more])
+        vectors = rows @ shapes
+        dampers = np.array([own.damping_ns_per_m for own in meshes])
+        return Around(
+            shapes=shapes,
+            vectors=vectors,
+            means=means,
+            dampers=dampers,
+            stiffness=np.diag(squares) - (vectors.T * means) @ vectors,
+            damping=shapes.T @ self.damping @ shapes - (vectors.T * dampers) @ vectors,
+        )
 
 
 def drive_train(
@@ -156,8 +311,8 @@ def drive_train(
     Parameters
     ----------
     machine : Machine
-        What it says nothing of is taken as said in `notes`: a shaft without section or a bearing
-        without stiffness is rigid.
+        What it says nothing of is taken as said in `notes`: a shaft without section twists between
+        its gears, a bearing without stiffness is rigid.
     point : OperatingPoint, optional
         Its torque loads the teeth and the ball bearings; by default the machine's first.
     form : str
@@ -189,7 +344,8 @@ class _Assembly:
     """Collects coordinates, masses and springs; rows have room for more coordinates than come."""
 
     def __init__(self, machine: Machine, point: OperatingPoint, form: str) -> None:
-        self.machine, self.form, self.notes = machine, form, [_LEFT_OUT]
+        self.machine, self.form, self.notes = machine, form, [_LEFT_OUT, _DAMPED]
+        self.pairs = [mesh_pairs(s, i, machine.path) for i, s in enumerate(machine.stages, 1)]
         shafts = range(1, machine.shaft_count + 1)
         planets = sum(getattr(stage, "planets", 0) for stage in machine.stages)
         width = 3 * (sum(len(self.places(i)) + 2 for i in shafts) + planets)
@@ -198,7 +354,6 @@ class _Assembly:
         self.mass = np.zeros((width, width))
         self.springs: list[Spring] = []
         self.planets: list[Planets] = []
-        self.pairs = [mesh_pairs(s, i, machine.path) for i, s in enumerate(machine.stages, 1)]
         train = kinematics(machine)
         self.forces = [
             static_force(pairs[0], point, train.shaft(i).order)[0]
@@ -207,6 +362,8 @@ class _Assembly:
             for i, pairs in enumerate(self.pairs, 1)
         ]
         lines = [self.shaft(number) for number in shafts]
+        places = [line.rows[-1 if line is lines[-1] else 0, 2] for line in lines]
+        self.torques = tuple(int(row.argmax()) for row in places)
         sense = 1
         for i, stage in enumerate(machine.stages):
             if isinstance(stage, ParallelStage):
@@ -224,6 +381,7 @@ class _Assembly:
             mass=self.mass[:n, :n],
             springs=tuple(replace(own, rows=own.rows[:, :n]) for own in self.springs),
             planets=tuple(replace(own, rows=own.rows[..., :n]) for own in self.planets),
+            shafts=self.torques,
             notes=tuple(dict.fromkeys(self.notes)),
         )
 
@@ -251,7 +409,32 @@ class _Assembly:
     def sections(self, number: int) -> tuple[list[ShaftSection], FloatArray]:
         """Sections of a shaft, and where they begin and end [m]."""
         found = [own for own in self.machine.sections if own.shaft == number]
+        if not found and len(self.gears(number)) == 2:
+            found = [self.usual_section(number)]
         return found, 1e-3 * np.cumsum([0.0, *(own.length_mm for own in found)])
+
+    def usual_section(self, number: int) -> ShaftSection:
+        """Return a section that lets two gears on a shaft twist against each other."""
+        gears = [(self.pairs[i][0], member) for i, member in self.gears(number)]
+        bores = [getattr(pair.stage, f"bore_diameter_{member}_mm", None) for pair, member in gears]
+        diameter = min(filter(None, bores), default=0.0)
+        source = "the bore of its gear"
+        if not diameter:
+            diameter = 1e3 * SHAFT_OVER_GEAR * min(_diameter_m(*own) for own in gears)
+            source = f"{SHAFT_OVER_GEAR:g} of the smaller gear on it"
+        widths = [
+            pair.stage.face_width_mm
+            or 1e3 * WIDTH_OVER_MODULE * pair.unchecked_geometry.transverse_module_m
+            for pair, _ in gears
+        ]
+        length = SHAFT_OVER_WIDTHS * sum(widths)
+        bar = ShaftSection(shaft=number, length_mm=length, diameter_mm=diameter)
+        torsion = _section(bar)[0] / (1e-3 * length)
+        self.notes.append(
+            f"shaft {number}: torsional stiffness {3 * torsion:.3g} Nm/rad between its gears, of a "
+            f"steel bar {diameter:.3g} mm in diameter ({source}) and {length / 3:.3g} mm long"
+        )
+        return replace(bar, diameter_mm=None, torsional_stiffness_nm_per_rad=torsion)
 
     def places(self, number: int) -> FloatArray:
         """Places [m] along a shaft that move by themselves."""
@@ -458,9 +641,9 @@ class _Assembly:
         mass, inertia = stage.mass_carrier_kg, stage.inertia_carrier_kgm2
         if (mass is None or inertia is None) and rows.any():
             instead = "mass_carrier_kg and inertia_carrier_kgm2"
-            width = 1e-3 * pair.need("face_width_mm", "mass of the carrier", instead)
+            width, density = disc_body(pair, "mass of the carrier", instead)
             radius = pair.unchecked_geometry.centre_distance_m
-            mass = mass or stage.density_kgm3 * math.pi * radius**2 * width
+            mass = mass or density * math.pi * radius**2 * width
             inertia = inertia or 0.5 * mass * radius**2
             told = f"stage {pair.number}: the carrier is a disc of {mass:.3g} kg to the planet axes"
             self.notes.append(told)
@@ -520,6 +703,13 @@ def _placed(items: list[_Standing], usual_m: Sequence[float]) -> list[tuple[floa
     told = [own.position_mm for own in items]
     places = [u if p is None else 1e-3 * p for p, u in zip(told, usual_m, strict=True)]
     return list(zip(places, items, strict=True))
+
+
+def _diameter_m(pair: MeshPair, member: str) -> float:
+    """Return the reference diameter of a gear, of a carrier the circle of its planets [m]."""
+    names = ("sun", "planet") if member == "carrier" else (member,)
+    teeth = sum(getattr(pair.stage, f"{name}_teeth") for name in names)
+    return float(teeth * pair.unchecked_geometry.transverse_module_m)
 
 
 def _push(pair: MeshPair) -> float:

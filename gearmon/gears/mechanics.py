@@ -334,29 +334,60 @@ def gear_disc(
     purpose, instead : str
         For the message where data are missing, see `MeshPair.need`.
     """
-    member = pair.members[index]
-    mass, inertia = _told(pair, member.name)
+    mass, inertia = _told(pair, pair.members[index].name)
     if mass is not None and inertia is not None:
         return mass, inertia
-    width = 1e-3 * pair.need("face_width_mm", purpose, instead)
-    module = 1e-3 * pair.need("module_mm", purpose, instead)
-    circles = pair.unchecked_geometry
+    width, density = disc_body(pair, purpose, instead)
+    volume, second = _disc(pair, index, width)
+    return mass or density * volume, inertia or density * second
+
+
+def disc_body(pair: MeshPair, purpose: str, instead: str) -> tuple[float, float]:
+    """Return width [m] and density [kg/m3] of the discs of a stage.
+
+    Where the stage gives its equivalent mass the density is what makes it, at any width.
+
+    Parameters
+    ----------
+    pair : MeshPair
+    purpose, instead : str
+        For the message where the width is missing, see `MeshPair.need`.
+    """
+    main = pair if pair.inner is None else pair.inner
+    known = main.given("equivalent_mass_kg")
+    if known is None:
+        width = 1e-3 * pair.need("face_width_mm", purpose, instead)
+        pair.need("module_mm", purpose, instead)
+        return width, pair.stage.density_kgm3
+    width = 1e-3 * (pair.stage.face_width_mm or 1e3)
+    yielding = [
+        times * radius**2 / _disc(main, index, width)[1]
+        for index, (times, radius) in enumerate(
+            zip((main.planets, 1), main.base_radii_m, strict=True)
+        )
+    ]
+    return width, known * sum(yielding)
+
+
+def _disc(pair: MeshPair, index: int, width_m: float) -> tuple[float, float]:
+    """Return volume [m3] and polar moment of inertia over density [m5] of a gear as a disc."""
+    member, circles = pair.members[index], pair.unchecked_geometry
     root = circles.root_radii_m[index]
     outer = 0.5 * (circles.tip_radii_m[index] + root)
     bore = 0.5 * member.bore_m
     if member.internal:
-        rim = RING_RIM * module if member.rim_m is None else member.rim_m
-        outer, bore = root + rim, outer
+        usual = RING_RIM * circles.normal_module_m
+        outer, bore = root + (usual if member.rim_m is None else member.rim_m), outer
     elif bore >= root:
         raise ArgumentError(
             f"{pair.where}: bore_diameter_{member.name}_mm={1e3 * member.bore_m:g} must be less "
             f"than the root diameter {2e3 * root:.5g} mm"
         )
-    areas = math.pi * pair.stage.density_kgm3
-    held = {power: _web(member, root, bore, width, power) for power in (2, 4)}
-    disc_mass = areas * (width * (outer**2 - bore**2) - held[2])
-    disc_inertia = 0.5 * areas * (width * (outer**4 - bore**4) - held[4])
-    return mass or disc_mass, inertia or disc_inertia
+    volume, second = (
+        math.pi * (width_m * (outer**n - bore**n) - _web(member, root, bore, width_m, n))
+        for n in (2, 4)
+    )
+    return volume, 0.5 * second
 
 
 def _web(member: Member, root_m: float, bore_m: float, width_m: float, power: int) -> float:

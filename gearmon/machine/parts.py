@@ -289,7 +289,7 @@ class Machine(Result):
         At least one, in the order of power flow.
     bearings : tuple of Bearing
     sections : tuple of ShaftSection
-        Of all shafts, those of each in their order; a shaft without any is rigid.
+        Of all shafts, those of each in their order; a shaft without any twists between its gears.
     discs : tuple of Disc
     sensors : tuple of Sensor
         At most one for a column.

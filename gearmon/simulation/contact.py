@@ -419,14 +419,11 @@ class Drive:
     load : Wander
         Departure of the load from its mean.
     ripples : tuple of Ripple
-    static_forcing : ndarray, shape (elements,)
-        Accelerations [m/s2] that the mean torques alone would give.
     """
 
     motion: ShaftMotion
     load: Wander
     ripples: tuple[Ripple, ...]
-    static_forcing: FloatArray
 
     def load_factor(self, time_s: FloatArray, turns: FloatArray) -> FloatArray:
         """Load over its mean."""
@@ -460,8 +457,8 @@ def contact_course(
     rows = [_pairs(mesh, phase, pairs, nodes) for mesh, phase in zip(meshes, phases, strict=True)]
     stiffness = np.stack([row[0] for row in rows], axis=2)
     deviation = np.stack([row[1] for row in rows], axis=1)
-    forcing = _forcing(meshes, drive, times, turns, phases)
-    return divided_course(times, stiffness, deviation, forcing, longest_step_s)
+    inputs = _inputs(meshes, drive, times, turns, phases)
+    return divided_course(times, stiffness, deviation, inputs, longest_step_s)
 
 
 def _events(
@@ -499,18 +496,19 @@ def _pairs(
     return stiffness, deviation
 
 
-def _forcing(
+def _inputs(
     meshes: tuple[ToothMesh, ...],
     drive: Drive,
     times: FloatArray,
     turns: FloatArray,
     phases: FloatArray,
 ) -> FloatArray:
-    factor = drive.load_factor(times, turns)
-    forcing = drive.static_forcing[:, None] * factor
+    """Return the load over its mean, and the acceleration of every runout that is felt [m/s2]."""
     speed = drive.motion.speed_hz(times)
-    for row, mesh, phase in zip(forcing, meshes, phases, strict=False):
-        if not mesh.floating:
-            # q is counted from the flanks as runout has them: they accelerate under it
-            row -= mesh.runout_m(phase, 2) * (mesh.order * speed) ** 2
-    return forcing
+    # deflections are counted from the flanks as runout has them
+    runouts = [
+        mesh.runout_m(phase, 2) * (mesh.order * speed) ** 2
+        for mesh, phase in zip(meshes, phases, strict=True)
+        if not mesh.floating
+    ]
+    return np.stack([drive.load_factor(times, turns), *runouts])

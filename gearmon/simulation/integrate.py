@@ -19,8 +19,6 @@ import numpy as np
 from numpy.polynomial.polynomial import polyval
 from numpy.typing import NDArray
 
-from gearmon.errors import ArgumentError
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
@@ -32,7 +30,7 @@ SUBSTEPS = 8
 COARSE_SUBSTEPS = 4
 #: That part of the run-in.
 COARSE_SHARE = 0.65
-#: Largest disagreement of two chunks at their joint, relative to the static deformation.
+#: Largest disagreement of two chunks at their joint, root of its energy over that at rest.
 JOINT_TOLERANCE = 3e-6
 #: Most passes over chunks that do not join; only irregular (rattling) motion is not done then.
 REPAIR_PASSES = 6
@@ -42,80 +40,64 @@ _CHUNKS_PER_CALL = 600.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GearedSystem:
-    """Inertias, dampers and shafts of a drive train, seen from the deformations of its elements.
+    """A drive train in m modes: p'' + C p' + K p = G u(t) - V' s with the mesh forces s.
+
+    The deflections of the meshes are V p; all free motion strains something.
 
     Parameters
     ----------
-    coupling : ndarray, shape (elements, elements)
-        W = B M^-1 B' [1/kg for meshes], symmetric and positive semidefinite.
-    damping : ndarray, shape (elements,)
-        Damping of every element [N s/m].
-    shaft_stiffness : ndarray, shape (elements - meshes,)
-        Stiffness of the elements that are not meshes [N/m]; the meshes come first.
+    rows : ndarray, shape (meshes, m)
+        V.
+    stiffness, damping : ndarray, shape (m, m)
+        K and C, of all but the meshes.
+    mesh_stiffness, mesh_damping : ndarray, shape (meshes,)
+        Mean stiffness of the meshes [N/m], that of their opposite flanks, and damping [N s/m].
+    inputs : ndarray, shape (m, inputs)
+        G; the first input is the load over its mean.
     backlash_m : ndarray, shape (meshes,), optional
         Way from contact to contact of the opposite flanks [m]; endless without it.
-    back_stiffness : ndarray, shape (meshes,), optional
-        Stiffness of the opposite flanks [N/m]; goes with `backlash_m`.
     """
 
-    coupling: FloatArray
+    rows: FloatArray
+    stiffness: FloatArray
     damping: FloatArray
-    shaft_stiffness: FloatArray
+    mesh_stiffness: FloatArray
+    mesh_damping: FloatArray
+    inputs: FloatArray
     backlash_m: FloatArray | None = None
-    back_stiffness: FloatArray | None = None
 
-    def __post_init__(self) -> None:
-        size = len(self.damping)
-        if self.coupling.shape != (size, size) or len(self.shaft_stiffness) > size:
-            raise ArgumentError(f"coupling of shape {self.coupling.shape} must be square, {size=}")
+    def whole_stiffness(self, mesh_stiffness: FloatArray | None = None) -> FloatArray:
+        """K with constant meshes, by default with their means."""
+        means = self.mesh_stiffness if mesh_stiffness is None else mesh_stiffness
+        return np.asarray(self.stiffness + (self.rows.T * means) @ self.rows)
 
-    @property
-    def elements(self) -> int:
-        """Number of meshes and shafts."""
-        return len(self.damping)
-
-    @property
-    def meshes(self) -> int:
-        """Number of meshes."""
-        return len(self.damping) - len(self.shaft_stiffness)
-
-    def natural_frequencies_hz(self, mesh_stiffness: FloatArray) -> FloatArray:
-        """Undamped natural frequencies with constant mesh stiffnesses [Hz], increasing.
-
-        Elements that cannot deform independently of one another give zeros, which are left out.
-        """
-        root = np.sqrt(np.concatenate([mesh_stiffness, self.shaft_stiffness]))
-        squares = np.linalg.eigvalsh(root[:, None] * self.coupling * root)
-        return np.asarray(np.sqrt(squares[squares > 1e-9 * squares[-1]]) / (2 * math.pi))
-
-    def decay_rate(self, mesh_stiffness: FloatArray) -> float:
-        """Decay rate of the slowest transient with constant mesh stiffnesses [1/s]."""
-        stiffness, base = np.concatenate([mesh_stiffness, self.shaft_stiffness]), self._base
-        size = base.shape[1]
-        matrix = np.zeros((2 * size, 2 * size))
-        matrix[:size, size:] = np.eye(size)
-        matrix[size:, :size] = -(base.T * stiffness) @ base
-        matrix[size:, size:] = -(base.T * self.damping) @ base
-        return float(-np.linalg.eigvals(matrix).real.max())
-
-    def static_deformation(self, forcing: FloatArray, mesh_stiffness: FloatArray) -> FloatArray:
-        """Deformations at rest under constant `forcing` [m], shape (elements,)."""
-        stiffness, base = np.concatenate([mesh_stiffness, self.shaft_stiffness]), self._base
-        # q = base x and W = base base', so that base' k base x = base^+ g
-        load = np.linalg.pinv(base) @ forcing
-        return np.asarray(base @ np.linalg.solve((base.T * stiffness) @ base, load))
+    def natural_frequencies_hz(self, mesh_stiffness: FloatArray | None = None) -> FloatArray:
+        """Undamped natural frequencies with constant meshes [Hz], increasing."""
+        squares = np.linalg.eigvalsh(self.whole_stiffness(mesh_stiffness))
+        return np.asarray(np.sqrt(squares) / (2 * math.pi))
 
     @property
-    def _base(self) -> FloatArray:
-        """Root of W: eigenvectors times roots of eigenvalues; elsewhere nothing moves or decays."""
-        values, vectors = np.linalg.eigh(self.coupling)
-        kept = values > 1e-9 * values[-1]
-        return np.asarray(vectors[:, kept] * np.sqrt(values[kept]))
+    def rates(self) -> NDArray[np.complex128]:
+        """Of free motion with mean mesh stiffnesses: exp(rate t) [1/s]."""
+        damping = self.damping + (self.rows.T * self.mesh_damping) @ self.rows
+        none, one = np.zeros_like(damping), np.eye(len(damping))
+        matrix = np.block([[none, one], [-self.whole_stiffness(), -damping]])
+        return np.asarray(np.linalg.eigvals(matrix), dtype=np.complex128)
+
+    @property
+    def decay_rate(self) -> float:
+        """Decay rate of the slowest transient with mean mesh stiffnesses [1/s]."""
+        return float(-self.rates.real.max())
+
+    @property
+    def at_rest(self) -> FloatArray:
+        """Modes p under the mean load with mean mesh stiffnesses."""
+        return np.asarray(np.linalg.solve(self.whole_stiffness(), self.inputs[:, 0]))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Course:
-    """Stiffnesses, deviations and forcing over time, in intervals within which they are smooth.
+    """Stiffnesses, deviations and inputs over time, in intervals within which they are smooth.
 
     Intervals end at events; each is cut into equal pieces that the integration takes one by one.
 
@@ -132,8 +114,8 @@ class Course:
         zero for pairs that are not in contact.
     deviation : ndarray, shape (pairs, meshes, intervals)
         Missing material of each pair in contact [m].
-    forcing : ndarray, shape (elements, intervals + 1)
-        g at the ends of the intervals [m/s2]; straight in between.
+    inputs : ndarray, shape (inputs, intervals + 1)
+        u at the ends of the intervals; straight in between.
     """
 
     times_s: FloatArray
@@ -142,7 +124,7 @@ class Course:
     width: FloatArray
     stiffness: FloatArray
     deviation: FloatArray
-    forcing: FloatArray
+    inputs: FloatArray
 
     @property
     def pieces(self) -> int:
@@ -154,7 +136,7 @@ def divided_course(
     times_s: FloatArray,
     stiffness: FloatArray,
     deviation: FloatArray,
-    forcing: FloatArray,
+    inputs: FloatArray,
     longest_step_s: float,
 ) -> Course:
     """Return a course whose intervals are cut so that no step is longer than `longest_step_s`.
@@ -163,7 +145,7 @@ def divided_course(
     ----------
     times_s : ndarray, shape (intervals + 1,)
         Ends of the intervals [s].
-    stiffness, deviation, forcing
+    stiffness, deviation, inputs
         See `Course`.
     longest_step_s : float
         [s].
@@ -181,7 +163,7 @@ def divided_course(
         width=width,
         stiffness=stiffness,
         deviation=deviation,
-        forcing=forcing,
+        inputs=inputs,
     )
 
 
@@ -195,10 +177,10 @@ class MeshForces:
         Each of its pieces holds `SUBSTEPS` equal steps.
     impulses_ns, starts_n, ends_n : ndarray of float32, shape (meshes, steps)
         Integral of the force over each step [N s] and its limits at the ends of the step [N].
-    end_state : ndarray, shape (2, elements)
-        Deformations [m] and their rates [m/s] at the end.
+    end_state : ndarray, shape (2, m)
+        p and p' at the end.
     joint_mismatch : float
-        Largest disagreement of two chunks at their joint, relative to the static deformation.
+        Largest disagreement of two chunks at their joint: root of its energy over that at rest.
     """
 
     course: Course
@@ -228,7 +210,6 @@ class March:
     def __init__(self, system: GearedSystem, course: Course) -> None:
         self.system, self.course = system, course
         self._lengths_s = np.diff(course.times_s)
-        self.longest_step_s = float(self._lengths_s.max(initial=0.0)) / SUBSTEPS or 1.0
 
     def run(
         self,
@@ -243,8 +224,8 @@ class March:
 
         Parameters
         ----------
-        state : ndarray, shape (2 elements, chunks)
-            Deformations [m] and their rates [m/s].
+        state : ndarray, shape (2 m, chunks)
+            p, then p'.
         first : ndarray of int, shape (chunks,)
             First piece of each chunk. Pieces before the beginning or after the end of the course
             last no time.
@@ -259,7 +240,7 @@ class March:
 
         Returns
         -------
-        ndarray, shape (2 elements, chunks)
+        ndarray, shape (2 m, chunks)
             The state reached.
         """
         stepper = _Stepper(self.system, self.course.deviation.shape[0], state, substeps)
@@ -278,8 +259,8 @@ class March:
         course = self.course
         piece = np.clip(wanted, 0, course.pieces - 1)
         interval, start, width = course.interval[piece], course.start[piece], course.width[piece]
-        before = np.take(course.forcing, interval, axis=-1)
-        slope = np.take(course.forcing, interval + 1, axis=-1) - before
+        before = np.take(course.inputs, interval, axis=-1)
+        slope = np.take(course.inputs, interval + 1, axis=-1) - before
         stiffness = np.take(course.stiffness, interval, axis=-1)
         # one more axis in front: the nodes of the steps
         place = (start + width * nodes[:, None])[:, None, None]
@@ -287,8 +268,7 @@ class March:
             np.where(piece == wanted, self._lengths_s[piece], 0.0),
             np.asarray(polyval(place, stiffness, tensor=False), dtype=np.float64),
             np.take(course.deviation, interval, axis=-1),
-            before + slope * start,
-            slope * width,
+            np.concatenate([before + slope * start, slope * width]),
         )
 
 
@@ -296,21 +276,22 @@ class _Stepper:
     """The Runge-Kutta step; its arrays are filled again and again, for that is where time goes."""
 
     def __init__(self, system: GearedSystem, pairs: int, state: FloatArray, substeps: int) -> None:
-        size, meshes, chunks = system.elements, system.meshes, state.shape[1]
-        self._system = system
-        self._size, self._meshes, self._substeps = size, meshes, substeps
-        self._matrices = _acceleration_matrices(system.coupling, substeps)
+        (meshes, size), chunks = system.rows.shape, state.shape[1]
+        self._system, self._substeps, self._size = system, substeps, size
+        self._sight = np.kron(np.eye(2), system.rows)
+        self._matrices = _acceleration_matrices(system, substeps)
         # equal shapes multiply much faster than broadcast ones
-        self._damping = np.repeat(system.damping[:, None], chunks, axis=1)
-        self._shafts = np.repeat(system.shaft_stiffness[:, None], chunks, axis=1)
-        # states at the four stages, and the rates there
-        self._states = np.empty((4, 2 * size, chunks))
+        self._damping = np.repeat(system.mesh_damping[:, None], chunks, axis=1)
+        # rows of the four stages: state, mesh forces, inputs of the piece, their change over it
+        self._rows = np.zeros((4, self._matrices.shape[2], chunks))
+        self._states, self._inputs = self._rows[:, : 2 * size], self._rows[:, 2 * size + meshes :]
+        self._forces = self._rows[:, 2 * size : 2 * size + meshes]
         self._rates = np.empty((4, 2 * size, chunks))
         self.state = self._states[0]
         self.state[:] = state
-        # rows: elastic mesh forces, element forces, forcing of the piece, its change over the piece
-        self._rows = np.zeros((4, meshes + 3 * size, chunks))
+        self._seen = np.empty((2, meshes, chunks))
         self._gap = np.empty((pairs, meshes, chunks))
+        self._elastic = np.empty((meshes, chunks))
         self._step, self._half, self._sixth = np.empty((3, 2 * size, chunks))
         self._total = np.empty((2 * size, chunks))
 
@@ -319,22 +300,19 @@ class _Stepper:
         length: FloatArray,
         stiffness: FloatArray,
         deviation: FloatArray,
-        forcing: FloatArray,
-        change: FloatArray,
+        inputs: FloatArray,
     ) -> None:
         """Begin a piece.
 
         Given are its length [s], the pair stiffnesses [N/m] at the ends and middles of its steps,
-        the deviations [m], the forcing at its beginning and the change of that over it [m/s2].
+        the deviations [m], the inputs at its beginning and below them their change over it.
         """
         np.multiply(length, 1 / self._substeps, out=self._step[0])
         self._step[1:] = self._step[0]
         np.multiply(self._step, 0.5, out=self._half)
         np.multiply(self._step, 1 / 6, out=self._sixth)
         self._stiffness, self._deviation = stiffness, deviation
-        first = self._meshes + self._size
-        self._rows[:, first : first + self._size] = forcing
-        self._rows[:, first + self._size :] = change
+        self._inputs[:] = inputs
 
     def advance(self, node: int, record: NDArray[np.float32] | None) -> None:
         """Make the step that begins at a node of the piece (two to a step) and write its forces."""
@@ -361,61 +339,56 @@ class _Stepper:
         moved += self.state
 
     def _rate(self, stage: int, node: int) -> None:
-        size, meshes, gap = self._size, self._meshes, self._gap
-        state, rate, rows = self._states[stage], self._rates[stage], self._rows[stage]
-        np.subtract(state[:meshes], self._deviation, out=gap)
+        size, rate, rows, gap = self._size, self._rates[stage], self._rows[stage], self._gap
+        place, speed = self._seen
+        np.matmul(self._sight, rows[: 2 * size], out=self._seen.reshape(len(self._sight), -1))
+        np.subtract(place, self._deviation, out=gap)
         np.maximum(gap, 0.0, out=gap)
         gap *= self._stiffness[node]
-        elastic = gap.sum(axis=0, out=rows[:meshes])
-        np.multiply(self._damping, state[size:], out=rows[meshes : meshes + size])
-        force = rows[meshes : 2 * meshes]
+        elastic, force = gap.sum(axis=0, out=self._elastic), self._forces[stage]
+        np.multiply(self._damping, speed, out=force)
         force += elastic
-        if len(self._shafts):
-            rows[2 * meshes : meshes + size] += self._shafts * state[meshes:size]
-        if rows[: 2 * meshes].min() <= 0.0:
+        if elastic.min() <= 0.0 or force.min() <= 0.0:
             # a mesh pushes or lets go; its damper does not hold it
             np.maximum(force, 0.0, out=force)
             force *= elastic > 0.0
-            self._push_back(state, force)
-        rate[:size] = state[size:]
-        np.matmul(self._matrices[node], rows[meshes:], out=rate[size:])
+            self._push_back(place, speed, force)
+        rate[:size] = rows[size : 2 * size]
+        np.matmul(self._matrices[node], rows, out=rate[size:])
 
-    def _push_back(self, state: FloatArray, force: FloatArray) -> None:
+    def _push_back(self, place: FloatArray, speed: FloatArray, force: FloatArray) -> None:
         """Add the forces of opposite flanks, in place, where meshes have opened that far."""
-        backlash, stiffness = self._system.backlash_m, self._system.back_stiffness
-        if backlash is None or stiffness is None:
+        backlash = self._system.backlash_m
+        if backlash is None:
             return
-        beyond = state[: self._meshes] + backlash[:, None]
+        beyond = place + backlash[:, None]
         if beyond.min() < 0.0:
-            speed = state[self._size : self._size + self._meshes]
-            push = stiffness[:, None] * beyond + self._damping[: self._meshes] * speed
+            push = self._system.mesh_stiffness[:, None] * beyond + self._damping * speed
             force += np.where(beyond < 0.0, np.minimum(push, 0.0), 0.0)
 
     def _note(self, record: NDArray[np.float32]) -> None:
         """Write the impulse of a step and the forces at its ends."""
-        s = self._rows[:, self._meshes : 2 * self._meshes]
+        s = self._forces
         impulse = s[1] + s[2]
         impulse += impulse
         impulse += s[0]
         impulse += s[3]
-        impulse *= self._sixth[: self._meshes]
+        impulse *= self._sixth[0]
         record[0] = impulse
         record[1] = s[0]
         record[2] = s[3]
 
 
-def _acceleration_matrices(coupling: FloatArray, substeps: int) -> FloatArray:
-    """Return what turns element forces, forcing and its change into accelerations, by node."""
-    size = len(coupling)
+def _acceleration_matrices(system: GearedSystem, substeps: int) -> FloatArray:
+    """Return what turns state, mesh forces, inputs and their change into accelerations, by node."""
+    fixed = (-system.stiffness, -system.damping, -system.rows.T, system.inputs)
     passed = np.linspace(0.0, 1.0, 2 * substeps + 1)
-    fixed = np.hstack([-coupling, np.eye(size)])
-    return np.stack([np.hstack([fixed, share * np.eye(size)]) for share in passed])
+    return np.stack([np.hstack([*fixed, share * system.inputs]) for share in passed])
 
 
 def integrate(
     system: GearedSystem,
     course: Course,
-    static_m: FloatArray,
     *,
     run_in: int,
     start: FloatArray | None = None,
@@ -428,12 +401,10 @@ def integrate(
     ----------
     system : GearedSystem
     course : Course
-    static_m : ndarray, shape (elements,)
-        Static deformation [m]: the first guess of every chunk and the scale of the joints.
     run_in : int, >= 0
         Pieces that a chunk starts early.
-    start : ndarray, shape (2, elements), optional
-        State at the beginning of the course; the static one at rest by default.
+    start : ndarray, shape (2, m), optional
+        p and p' at the beginning of the course; the static one at rest by default.
     chunks : int, optional
         Number of chunks; by default what costs least, and one without a run-in.
     progress : callable, optional
@@ -448,7 +419,7 @@ def integrate(
     # rounded lengths may leave nothing for the last chunks
     count = -(-course.pieces // length)
     first = np.arange(count) * length
-    at_rest = np.concatenate([static_m, np.zeros_like(static_m)])
+    at_rest = np.append(system.at_rest, np.zeros(len(system.stiffness)))
     state = np.repeat(at_rest[:, None], count, axis=1)
     if start is not None:
         state[:, first <= run_in] = start.reshape(-1, 1)
@@ -456,11 +427,12 @@ def integrate(
     coarse = int(COARSE_SHARE * run_in)
     state = march.run(state, first - run_in, coarse, COARSE_SUBSTEPS)
     begun = march.run(state, first - run_in + coarse, run_in - coarse, SUBSTEPS)
-    record = np.empty((3, system.meshes, length * SUBSTEPS, count), dtype=np.float32)
+    meshes = len(system.rows)
+    record = np.empty((3, meshes, length * SUBSTEPS, count), dtype=np.float32)
     ended = march.run(begun, first, length, SUBSTEPS, record, progress)
-    mismatch = _join(march, record, begun, ended, first, static_m)
+    mismatch = _join(march, record, begun, ended, first)
     # the last chunk goes on beyond the end of the course with steps that last no time
-    ordered = record.swapaxes(2, 3).reshape(3, system.meshes, -1)
+    ordered = record.swapaxes(2, 3).reshape(3, meshes, -1)
     impulses, starts, ends = ordered[:, :, : course.pieces * SUBSTEPS]
     return MeshForces(
         course=course,
@@ -486,14 +458,13 @@ def _join(
     begun: FloatArray,
     ended: FloatArray,
     first: IntArray,
-    static_m: FloatArray,
 ) -> float:
     """Make the chunks continue one another, in place; return how well they did by themselves."""
-    size, length = len(static_m), record.shape[2] // SUBSTEPS
-    # rates are compared by the deformation that they make within a radian of the fastest mode
-    scale = np.abs(static_m).max() / np.repeat([1.0, march.longest_step_s], size)[:, None]
+    length, stiffness = record.shape[2] // SUBSTEPS, march.system.whole_stiffness()
+    rest = math.sqrt(float(march.system.at_rest @ march.system.inputs[:, 0]))
     for passes in range(REPAIR_PASSES + 1):
-        mismatch = (np.abs(begun[:, 1:] - ended[:, :-1]) / scale).max(axis=0, initial=0.0)
+        moved, speed = np.split(begun[:, 1:] - ended[:, :-1], 2)
+        mismatch = np.sqrt(np.sum(moved * (stiffness @ moved) + speed**2, axis=0)) / rest
         loose = 1 + np.flatnonzero(mismatch > JOINT_TOLERANCE)
         if not len(loose):
             break

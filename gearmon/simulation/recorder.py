@@ -43,11 +43,11 @@ TACHO_HIGH_V, TACHO_WIDTH_TURNS = 5.0, 0.05
 ROWS_AT_A_TIME = 20_000
 
 MODEL = (
-    "equations of motion integrated in time: gears as discs, every tooth pair with its own "
-    "parabolic stiffness, damage and pitch deviation, meshes that cannot pull but meet their "
-    "opposite flanks beyond the backlash, runout of the gears, stages coupled by the torsion of "
-    "the shafts between them; mesh forces heard through random modes of the housing; without "
-    "friction, profile relief and yielding bearings"
+    "equations of motion integrated in time: the elastic system of the machine file with shafts "
+    "(torsion, and bending where they are told), bearings, carriers, planets and pins; every tooth "
+    "pair with its own parabolic stiffness, damage and pitch deviation, meshes that cannot pull "
+    "but meet their opposite flanks beyond the backlash, runout of the gears; mesh forces heard "
+    "through random modes of the housing; without friction and profile relief"
 )
 # Settings that are told as they were given.
 _TOLD = (
@@ -158,16 +158,17 @@ def simulate(
 
     Notes
     -----
-    For every mesh, in terms of its deformation q beyond the runout e of its gears,
-    ``q'' = g(t) - e'' - W s`` with ``s = sum_p k_p(theta) max(0, q - e_p) + c q'``, never below
-    zero; k_p is the parabolic stiffness of pair p times the health of its two teeth and e_p the sum
-    of their pitch deviations. Beyond the backlash the opposite flanks push back. W couples the
-    meshes of all stages through the inertia of the gears and the torsion of the shafts between
-    them. A profile error moves all pairs alike; its force is that of the linear mesh with its
-    mean stiffness. The steps of the integration end where pairs enter and leave contact. The
-    mesh forces pass through random modes of the housing to the sensors, those of planets louder
-    when they pass. Left out are friction, lubrication, profile relief, contact beyond the line
-    of action and the yielding of bearings.
+    The machine is the elastic system of `gearmon.modes`, in its modes up to the sampling rate and
+    those by which it yields to mesh forces beyond: ``p'' + C p' + K p = G u(t) - V' s`` with
+    ``s = sum_p k_p(theta) max(0, d - e_p) + c d'``, never below zero, for every mesh with its
+    deflection d = V p beyond the runout of its gears; k_p is the parabolic stiffness of pair p
+    times the health of its two teeth and e_p the sum of their pitch deviations. Beyond the backlash
+    the opposite flanks push back; u are the load and the acceleration of runout, which a set with
+    a floating sun does not feel. A profile error moves all pairs alike; its force is that of the
+    linear mesh with its mean stiffness. The steps of the integration end where pairs enter and
+    leave contact. The mesh forces pass through random modes of the housing to the sensors, those
+    of planets louder when they pass. Left out are friction, lubrication, profile relief and
+    contact beyond the line of action.
 
     Examples
     --------
@@ -233,8 +234,9 @@ def record(
         load=wanted.load,
         seed=wanted.machine_seed,
         accuracy_grade=wanted.accuracy_grade,
+        carried_hz=wanted.sampling_rate_hz,
     )
-    drive = _drive(machine, train, wanted, running)
+    drive = _drive(machine, wanted, running)
     vibration, integration = mesh_vibration(train, drive, wanted, progress)
     times = np.arange(wanted.samples) / wanted.sampling_rate_hz
     turns, speed = drive.motion.turns(times), drive.motion.speed_hz(times)
@@ -253,7 +255,7 @@ def record(
     )
 
 
-def _drive(machine: Machine, train: Train, settings: Settings, point: OperatingPoint) -> Drive:
+def _drive(machine: Machine, settings: Settings, point: OperatingPoint) -> Drive:
     ripples = []
     for shaft in kinematics(machine).shafts:
         generator = stream(settings.machine_seed, "ripple", shaft.number)
@@ -270,7 +272,6 @@ def _drive(machine: Machine, train: Train, settings: Settings, point: OperatingP
         ),
         load=random_wander(settings.load_drift, stream(seed, "load")),
         ripples=tuple(ripples),
-        static_forcing=train.static_forcing,
     )
 
 

@@ -76,7 +76,7 @@ class Integration:
         [s].
     steps : int
     joint_mismatch : float
-        Largest disagreement where chunks join, relative to the static deformation.
+        Largest disagreement where chunks join: root of its energy over that at rest.
     frequencies_hz : ndarray
         Natural frequencies of the train at the greatest mesh stiffnesses [Hz].
     """
@@ -256,12 +256,12 @@ def _stage_forces(
     train: Train, drive: Drive, grid: _Grid, frequencies_hz: FloatArray, progress: Progress | None
 ) -> tuple[FloatArray, Integration]:
     """Return the dynamic force that every stage puts on the housing, cell by cell."""
-    step_s = _longest_step_s(frequencies_hz, grid.rate_hz)
-    run_in_s = RUN_IN_CONSTANTS / train.system.decay_rate(train.mean_stiffness)
+    fastest_hz = float(np.abs(train.system.rates).max()) / (2 * math.pi)
+    step_s = _longest_step_s(np.append(frequencies_hz, fastest_hz), grid.rate_hz)
+    run_in_s = RUN_IN_CONSTANTS / train.system.decay_rate
     run_in = math.ceil(run_in_s / (SUBSTEPS * step_s))
     in_memory = STEPS_PER_BLOCK // len(train.meshes) * step_s
     per_block = max(1, min(grid.cells, int(in_memory / grid.cell_s)))
-    static = train.static_deformation
     forces = np.zeros((len(train.carrier_orders), grid.cells))
     state, carried, mismatch, steps = None, None, 0.0, 0
     before_s = grid.edge_s(0) - run_in_s
@@ -270,11 +270,11 @@ def _stage_forces(
         span = (before_s, grid.edge_s(last))
         course = contact_course(train.meshes, drive, span, step_s)
         share = _share(progress, first / grid.cells, (last - first) / grid.cells)
-        result = integrate(train.system, course, static, run_in=run_in, start=state, progress=share)
+        result = integrate(train.system, course, run_in=run_in, start=state, progress=share)
         means, carried = triangle_means(
             result, grid.edge_s(first), grid.cell_s, last - first, carried
         )
-        means -= train.static_force[: len(means), None]
+        means -= train.static_force[:, None]
         _add_to_stages(forces[:, first:last], train, drive, means, grid, first)
         state, before_s = result.end_state, span[1]
         mismatch, steps = max(mismatch, result.joint_mismatch), steps + course.pieces * SUBSTEPS
@@ -286,7 +286,7 @@ def _stage_forces(
 def _longest_step_s(frequencies_hz: FloatArray, rate_hz: float) -> float:
     carried = frequencies_hz[frequencies_hz <= CARRIED_SHARE * rate_hz]
     slow = STEPS_PER_PERIOD * float(carried.max(initial=0.0))
-    return 1 / max(slow, STEPS_PER_FAST_PERIOD * float(frequencies_hz[-1]))
+    return 1 / max(slow, STEPS_PER_FAST_PERIOD * float(frequencies_hz.max()))
 
 
 def _share(progress: Progress | None, start: float, part: float) -> Progress | None:
@@ -322,8 +322,9 @@ def _add_profile(forces: FloatArray, train: Train, drive: Drive, grid: _Grid) ->
         times = grid.edge_s(0) + grid.cell_s * np.arange(grid.cells)
         phase = mesh.phase(drive.motion.turns(times))
         missing = np.fft.rfft(depth * (2 / math.pi - np.abs(np.sin(math.pi * phase))))
-        inertia = angular**2 / train.system.coupling[number, number]
-        spring = train.mean_stiffness[number] + 1j * angular * train.system.damping[number]
+        system = train.system
+        inertia = angular**2 / float(system.rows[number] @ system.rows[number])
+        spring = system.mesh_stiffness[number] + 1j * angular * system.mesh_damping[number]
         force = spring * inertia / (spring - inertia) * missing
         forces[mesh.stage - 1] += np.fft.irfft(force, grid.cells)
 

@@ -19,7 +19,7 @@ def forces_of(force, integral, times):
         width=np.ones(pieces),
         stiffness=np.zeros((1, 1, 1, pieces)),
         deviation=np.zeros((1, 1, pieces)),
-        forcing=np.zeros((1, pieces + 1)),
+        inputs=np.zeros((1, pieces + 1)),
     )
     share = np.arange(SUBSTEPS) / SUBSTEPS
     start = (times[:-1, None] + np.diff(times)[:, None] * share).ravel()

@@ -21,8 +21,6 @@ from gearmon.result import Result
 from gearmon.signals.array_types import FloatArray
 
 TYPES = ("rotational", "translational", "planet")
-#: Share of the largest eigenvalue below which a mode is a rigid one: they are rounding, some 1e-14.
-RIGID = 1e-11
 #: Share of strain energy in shafts too coarse for a mode from which it is left out.
 COARSE = 0.1
 #: Share of strain energy from which a mesh takes part in a mode, and is said to drive it.
@@ -42,7 +40,8 @@ class Mode:
     frequency_hz : float
         0 for a motion that strains nothing.
     damping_ratio : float
-        Of what meshes and bearings damp; 0 for a rigid-body motion.
+        Of meshes and told dampers; shafts, bearings and supports without one as the notes say. 0
+        for a rigid-body motion.
     type : {"rigid body", "rotational", "translational", "planet"}
         What holds most of the kinetic energy: shafts and members of planetary sets turning, with
         their planets in step; the same moving across their axes, with the planets' motion once
@@ -247,33 +246,9 @@ def modes(
     )
 
 
-def natural(train: DriveTrain) -> tuple[FloatArray, FloatArray]:
-    """Return squares of angular natural frequencies [1/s2], ascending, and shapes of unit mass.
-
-    Rigid-body motions have 0. Coordinates without mass follow those that have it.
-    """
-    from scipy.linalg import eigh
-
-    carried, stiffness = carried_by_mass(train), train.stiffness
-    squares, shapes = eigh(carried.T @ stiffness @ carried, carried.T @ train.mass @ carried)
-    squares[squares < RIGID * squares[-1]] = 0.0
-    return np.asarray(squares), np.asarray(carried @ shapes)
-
-
-def carried_by_mass(train: DriveTrain) -> FloatArray:
-    """Return how all coordinates follow those that have mass, shape (n, m)."""
-    stiffness = train.stiffness
-    heavy = np.diag(train.mass) > 0
-    carried = np.zeros((len(heavy), int(heavy.sum())))
-    carried[heavy] = np.eye(carried.shape[1])
-    light = stiffness[~heavy][:, ~heavy]
-    carried[~heavy] = -np.linalg.pinv(light, hermitian=True) @ stiffness[~heavy][:, heavy]
-    return carried
-
-
 def _modes(train: DriveTrain) -> tuple[Mode, ...]:
     """Return the modes, without those of shafts that are too coarse for them."""
-    squares, shapes = natural(train)
+    squares, shapes = train.modes
     angular = np.sqrt(squares)
     hertz = angular / (2 * math.pi)
     strain = {spring.part: np.zeros(len(hertz)) for spring in train.springs}

@@ -39,7 +39,6 @@ from gearmon.machine import Machine, PlanetaryStage
 from gearmon.signals.array_types import FloatArray
 from gearmon.signatures.expected.contact_motion import Deviations, PeriodicMotion, Surroundings
 from gearmon.signatures.expected.mesh import Heard, PosedMesh, Wrong, operating_point, posed_mesh
-from gearmon.signatures.expected.modes import natural
 
 #: Share of what planets bring to a line up to which they cancel.
 CANCELLED = 1e-9
@@ -120,47 +119,25 @@ class PosedSet:
         """T^2 [s2]: coordinates are modes of unit mass."""
         return self.mechanics.mesh_frequency_hz**-2
 
-    @cached_property
-    def _modes(self) -> tuple[FloatArray, FloatArray]:
-        """Squares of the angular natural frequencies, without rigid bodies, and shapes."""
-        squares, shapes = natural(self.train)
-        if squares[0] > 0:
-            raise ArgumentError("the machine cannot turn: its shafts are held against rotation")
-        return squares[squares > 0], shapes[:, squares > 0]
-
     @property
     def highest_natural_hz(self) -> float:
         """Highest natural frequency [Hz]."""
-        return math.sqrt(self._modes[0][-1]) / (2 * math.pi)
+        return math.sqrt(self.train.modes[0][-1]) / (2 * math.pi)
 
     @cached_property
     def around(self) -> Surroundings:
         """The machine around its meshes, in modes."""
-        (squares, shapes), meshes = self._modes, self.train.meshes(self.mechanics.stage)
-        vectors = np.array([own.rows[0] for own in meshes]) @ shapes
-        means = np.array([own.stiffness[0, 0] for own in meshes])
-        dampers = np.array([own.damping_ns_per_m for own in meshes])
-        period_s, force = 1 / self.mechanics.mesh_frequency_hz, self.mechanics.force_n
-        torques = shapes.T @ self._torques()
-        # that load the first mesh with its static force
-        torques *= force / (means[0] * float(vectors[0] @ (torques / squares)))
-        rest = np.diag(squares) - vectors.T @ (means[:, None] * vectors)
+        own, stage = self.mechanics, self.mechanics.stage
+        around, period_s = self.train.around(self.train.meshes(stage)), 1 / own.mesh_frequency_hz
+        torques = around.shapes.T @ self.train.load({stage: own.force_n})
+        whole = around.damping + (around.vectors.T * around.dampers) @ around.vectors
         return Surroundings(
-            stiffness=rest * period_s**2,
-            damping=shapes.T @ self.train.damping @ shapes * period_s,
-            vectors=vectors,
-            dampers=dampers * period_s,
+            stiffness=around.stiffness * period_s**2,
+            damping=whole * period_s,
+            vectors=around.vectors,
+            dampers=around.dampers * period_s,
             force=torques * period_s**2,
         )
-
-    def _torques(self) -> FloatArray:
-        """Return balanced torques on the first and the last shaft."""
-        train, load = self.train, np.zeros(len(self.train.mass))
-        rigid = natural(train)[1][:, 0]
-        ends = [i for i, name in enumerate(train.coordinates) if name.startswith("shaft")]
-        first, last = ends[0], [i for i in ends if train.turning[i]][-1]
-        load[first], load[last] = 1.0, -rigid[first] / rigid[last]
-        return load
 
     def heard(self, made: PeriodicMotion | Deviations, highest: int, period: int) -> Heard:
         """Return the lines 1..highest of a period, with the sidebands of the planet pass."""

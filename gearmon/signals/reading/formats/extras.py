@@ -5,13 +5,10 @@ HDF5 (MATLAB 7.3 among them), Parquet, TDMS (LabVIEW), UFF 58 and FLAC.
 
 from __future__ import annotations
 
-import faulthandler
 import logging
 import os
 import re
-import resource
 import struct
-import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -23,11 +20,17 @@ from typing import Any
 import numpy as np
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.formats.arrays import Array, Holding, as_array, hold, stated_rate
+from gearmon.signals.reading.formats.arrays import (
+    Array,
+    Holding,
+    as_array,
+    hold,
+    outlived,
+    stated_rate,
+)
 from gearmon.signals.reading.source import Floats
 
 _UNIT_NAMES = ("unit", "units", "Unit", "Units", "unit_string")
-_MOST_TRIAL_S = 10  # of processor time, to look through what an HDF5 file holds
 # MATLAB stores text as numbers, and cells as references to what lies in #refs#.
 _NO_SIGNALS = ("char", "cell", "struct", "function_handle")
 _FEWEST_SAMPLES = 2
@@ -101,32 +104,11 @@ def read_hdf5(path: str) -> Holding:
                 if getattr(item, "chunks", None) and item.id.get_num_chunks():
                     item.id.get_chunk_info(item.id.get_num_chunks() - 1)
 
-    if not _outlived(trial):
+    if not outlived(trial):
         raise RecordingError(
             f"{path}: an HDF5 or MATLAB 7.3 file so damaged that reading it crashes; copy it again"
         )
     return _kept_open(h5py.File(path, "r"), partial(_hdf5_arrays, path))
-
-
-def _outlived(task: Callable[[], None]) -> bool:
-    """Tell whether a process of its own outlives a task; what it raises does not matter.
-
-    Of 1,000 damaged files three crash the HDF5 library, and gearmon with all that was
-    still to be analysed.
-    """
-    with warnings.catch_warnings():
-        # threads that draw a progress bar hold nothing that is needed here
-        warnings.simplefilter("ignore", DeprecationWarning)
-        pid = os.fork()
-    if not pid:
-        try:
-            faulthandler.disable()
-            resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-            resource.setrlimit(resource.RLIMIT_CPU, (_MOST_TRIAL_S, _MOST_TRIAL_S))
-            task()
-        finally:
-            os._exit(0)
-    return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 0
 
 
 def _hdf5_arrays(path: str, file: Any) -> Holding:
