@@ -184,6 +184,7 @@ def _baseline_lines(signature: Signature) -> list[str]:
 def family(arguments: argparse.Namespace) -> int:
     """Run `gearmon family`."""
     from gearmon.signatures.expected.fault_family import fault_family
+    from gearmon.signatures.signature import write_signature
 
     family = fault_family(
         machine_of(arguments.machine),
@@ -198,7 +199,8 @@ def family(arguments: argparse.Namespace) -> int:
         raise ArgumentError("no fault is left: " + "; ".join(family.notes))
     result = family.to_dict()
     if arguments.output:
-        family.write(arguments.output, arguments.mesh_harmonics, arguments.sidebands)
+        table = family.table(arguments.mesh_harmonics, arguments.sidebands)
+        write_signature(table, arguments.output)
         result["tables"] = [arguments.output]
     return finish(arguments, result, lambda: _family_lines(result), figures=family.figures)
 

@@ -353,6 +353,7 @@ class _Compared:
             runout=runout_growth(
                 turn_changes(self.own.wheels, self.rows, theirs, healthy.rows),
                 _healthy_turns(self.reference, healthy.rows),
+                deviation.gap,
             ),
             nongear=nongear,
             references=len(theirs),

@@ -20,7 +20,7 @@ from gearmon.signatures.expected.baseline import expected_signature
 from gearmon.signatures.expected.fault_family import FAMILY_KINDS, fault_family
 from gearmon.signatures.expected.faulty_teeth import contact_changes, contact_grid, loss_response
 from gearmon.signatures.expected.mesh import posed_mesh
-from gearmon.signatures.signature import read_signature
+from gearmon.signatures.signature import read_signature, write_signature
 
 FOLDER = Path(__file__).resolve().parents[2] / "signatures"
 PAIR = load_machine(FOLDER / "reference_pair.toml")
@@ -76,7 +76,7 @@ def test_member_is_the_full_solve(machine, kind, stage, gear, size, tooth):
     )
     (member,) = family
     full = expected_signature(machine, faults=[member.fault(tooth)], tolerance=1e-5)
-    whole, side = distances(family.signature(member, tooth), full, stage)
+    whole, side = distances(member.lines.columns(tooth), full, stage)
     # the bound of the full solve; the share of cut harmonics in it is an estimate, off by up to 2
     told = full.header["stages"][stage - 1]
     bound = 2 * (told["error_bound"] or told["error_estimate"])
@@ -91,16 +91,16 @@ def test_misalignment_is_the_full_solve():
     family = fault_family(
         COMBINE, kinds=["misalignment"], sizes={"misalignment": ["20um"]}, gears=["1:gear"]
     )
-    member = family.select(operating=0)[0]
+    member = family.members[0]
     full = expected_signature(COMBINE, faults=[member.fault()], tolerance=1e-6)
-    assert max(distances(family.signature(member), full, 1)) < 1e-6
+    assert max(distances(member.lines.columns(), full, 1)) < 1e-6
 
 
 def test_healthy_is_the_expected_signature():
     family = fault_family(COMBINE, kinds=["wear"], sizes=["5%"])
     full = expected_signature(COMBINE, operating=1)
     for stage in (1, 2):
-        assert max(distances(family.signature(operating=1), full, stage)) < 1e-6
+        assert max(distances(family.healthy[1, stage, 0].columns(), full, stage)) < 1e-6
 
 
 def test_wear_is_a_softer_mesh():
@@ -228,10 +228,8 @@ def test_turns_of_the_family_are_faults_of_other_teeth():
     delay = np.exp(-2j * np.pi * 6 * member.lines.number / 28)
     assert seventh == pytest.approx(first * delay)
     assert order == pytest.approx(member.lines.number * 61 / 28)
-    signature = family.signature(member, 7)
-    assert signature.header["faults"] == ["crack:1:gear:7:20%"]
-    own = signature["stage"] == 1
-    assert signature["acceleration_ms2"][own] == pytest.approx(2 * abs(first))
+    assert str(member.fault(7)) == "crack:1:gear:7:20%"
+    assert member.lines.columns(7)["acceleration_ms2"] == pytest.approx(2 * abs(first))
 
 
 def test_family_costs_far_less_than_full_solves():
@@ -275,7 +273,7 @@ def test_files_give_back_the_table(tmp_path, suffix):
         pytest.importorskip("pyarrow")
     family = fault_family(COMBINE, kinds=["crack", "missing"], sizes=["5%"], max_hz=2e3)
     path = tmp_path / f"family{suffix}"
-    family.write(path, mesh_harmonics=1, sidebands=2)
+    write_signature(family.table(mesh_harmonics=1, sidebands=2), path)
     table, back = family.table(1, 2), read_signature(path)
     assert abs(back["sideband"]).max() == 2
     assert set(back["kind"]) == {"healthy", "crack", "missing"}
@@ -313,10 +311,11 @@ def test_bad_arguments_get_one_line(arguments, says):
 
 def test_teeth_that_are_not_there_are_refused():
     family = fault_family(PAIR, kinds=["crack", "wear"], sizes=["5%"], gears=["pinion"])
-    with pytest.raises(ArgumentError, match=r"tooth=27 .* must be a whole number in \[1, 26\]"):
-        family.signature(family.select(kind="crack")[0], 27)
-    with pytest.raises(ArgumentError, match="of the whole gear"):
-        family.signature(family.select(kind="wear")[0], 2)
+    crack, wear = family.members
+    with pytest.raises(ArgumentError, match=r"tooth=27 must lie in \[1, 26\]"):
+        crack.response(27)
+    with pytest.raises(ArgumentError, match=r"tooth=2 must lie in \[1, 1\]"):
+        wear.response(2)
     with pytest.raises(ArgumentError, match="kind='wear'"):
         loss_response(PAIR, 1, "pinion", kind="wear")
     with pytest.raises(ArgumentError, match="gear 'sun' is not in stage 1"):

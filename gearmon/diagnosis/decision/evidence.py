@@ -15,13 +15,12 @@ from functools import cached_property
 
 import numpy as np
 
-from gearmon.diagnosis.decision.calibration import FAR, false_alarm_probability
+from gearmon.diagnosis.decision.calibration import false_alarm_probability
 from gearmon.diagnosis.decision.thresholds import LIMITS
 from gearmon.diagnosis.hypotheses.changed_path import UNCHANGED, PathChange
 from gearmon.diagnosis.hypotheses.runout import RunoutGrowth
 from gearmon.diagnosis.hypotheses.tooth_damage import ToothFinding
 from gearmon.diagnosis.law import LevelDeviation, MachineDeviation
-from gearmon.diagnosis.law.state import LENGTH
 from gearmon.diagnosis.nongear import NonGearFinding
 
 # Quantile of the broadband spectrum's changes that tells whether any part of it fell: with added
@@ -93,16 +92,13 @@ class Evidence:
             if self.recurrence < LIMITS.recurs:
                 told["tooth"] = min(0.0, told["tooth"])
         unsure = np.isfinite(self.angle) and self.angle > LIMITS.angle_unsure
-        # gears that begin to lose contact, and what a smeared angle does to their lines
-        lighter = 1.0 + LIMITS.light_weight * max(0.0, min(deviation.light, LENGTH) - FAR)
-        borne = (LIMITS.unsure_share if unsure else 1.0) / lighter
-        told |= {
-            name: min(value, value * borne)
-            for name, value in told.items()
-            if name != "lines of no gear"
-        }
         if unsure:
-            # single sidebands are smeared most
+            # what a smeared angle does to lines; single sidebands are smeared most
+            told |= {
+                name: min(value, value * LIMITS.unsure_share)
+                for name, value in told.items()
+                if name != "lines of no gear"
+            }
             told["runout"] = min(0.0, told["runout"])
         return told
 

@@ -36,11 +36,6 @@ class Limits:
     lines_weight, broadband_weight : float
         Strength for one unit of mean square of the families of lines, and of the broadband levels,
         which move more easily: with a bearing, a fan, a neighbouring machine.
-    light_weight : float
-        What the strength of the gears' evidence is divided by, beside 1, for one unit of load (Np)
-        by which the recording is lighter than all references, beyond `calibration.FAR` and up to
-        a factor of two: simulated gears that begin to lose contact below half load reach three
-        times the strength of steady ones. A load that seems heavier tells of no such thing.
     heaviest : float
         Load [Np] beyond that of every reference from which the answer stays open: twice as heavy,
         and how well that is heard. Teeth that yield more, by wear of all of them, raise mesh
@@ -95,7 +90,6 @@ class Limits:
     bands_weight: float = 0.35
     lines_weight: float = 0.65
     broadband_weight: float = 0.35
-    light_weight: float = 1.5
     heaviest: float = 0.75
     levels_open: float = 1.9
     rare_share: float = 1.3

@@ -288,8 +288,7 @@ def ringing(frequency_hz: FloatArray, delay_s: FloatArray) -> ComplexArray:
 def _ramp(time: FloatArray, decay_s: float) -> FloatArray:
     """Integral from 0 of 1 - exp(-t/tau), 0 before."""
     late = np.maximum(time, 0.0)
-    value: FloatArray = late + decay_s * np.expm1(-late / decay_s)
-    return value
+    return np.asarray(late + decay_s * np.expm1(-late / decay_s))
 
 
 def _log_likelihood(

@@ -193,6 +193,8 @@ class GearDeviation:
         these.
     mesh_lines : ndarray of complex, shape (channels, harmonics), or None
         The mesh harmonics themselves; None where planets may put them elsewhere.
+    light : float, >= 0
+        By how much the load is lighter than that of every reference [Np].
     """
 
     stage: int
@@ -204,6 +206,7 @@ class GearDeviation:
     shift_turns: float
     meetings: int = 1
     mesh_lines: ComplexArray | None = None
+    light: float = 0.0
 
     @cached_property
     def misfit(self) -> float:
@@ -213,7 +216,7 @@ class GearDeviation:
         before to five after it, a quarter of the turn at most; it draws the gain of the healthy
         pattern too.
         """
-        place = int(np.argmax(self._energy)) / _STEPS + _CONTACT_CENTRE
+        place = int(np.argmax(self._energy)) / _STEPS + CONTACT_CENTRE
         reach = min(1.0, _EVENT_OF_TURN * self.teeth / (_BEFORE + _AFTER) / self.meetings)
         after = (place + reach * np.arange(-_BEFORE, _AFTER + 0.25, _STEP)) / self.teeth
         delay = (np.arange(self.meetings)[:, None] / self.meetings + after).ravel()
@@ -354,15 +357,13 @@ class GearDeviation:
         return met
 
 
-# Steps of the waveform for each tooth, and the middle of the contact of tooth 1 [teeth] after the
-# angle zero: tooth j is in contact from j - 1 to about j + 0.6 mesh periods after it.
-_STEPS, _CONTACT_CENTRE = 8, 0.8
+#: Steps of the waveform for each tooth, and the middle of the contact of tooth 1 [teeth] after the
+#: angle zero: tooth j is in contact from j - 1 to about j + 0.6 mesh periods after it.
+_STEPS, CONTACT_CENTRE = 8, 0.8
 # Blocks by which it is told whether an event comes again, at most.
 _MOST_BLOCKS = 256
 # Step at which the window of two teeth about that middle begins.
-_WINDOW = round((_CONTACT_CENTRE - 1.0) * _STEPS)
-#: The same for others.
-CONTACT_CENTRE = _CONTACT_CENTRE
+_WINDOW = round((CONTACT_CENTRE - 1.0) * _STEPS)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -446,6 +447,7 @@ class GearLaw:
             mesh_power=meshes.reshape(-1, new.channels, meshes.shape[1]).sum(axis=0),
             shift_turns=angle,
             mesh_lines=None if len(wheel.beside) else lines,
+            light=max(0.0, float(self.states[:, 0].min() - state[0])),
         )
 
     def _cut(self, top: int) -> GearLaw:

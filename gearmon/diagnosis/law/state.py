@@ -67,8 +67,7 @@ class Kriging:
 
         def shared(a: FloatArray, b: FloatArray) -> FloatArray:
             far = np.sum((a[:, None] - b[None]) ** 2, axis=-1)
-            value: FloatArray = size * np.exp(-0.5 * far / LENGTH**2)
-            return value
+            return np.asarray(size * np.exp(-0.5 * far / LENGTH**2))
 
         system = np.ones((count + 1, count + 1))
         system[:count, :count] = shared(known, known) + scatter**2 * np.eye(count)

@@ -23,11 +23,11 @@ from gearmon.machine import MachineLike, load_machine
 from gearmon.signals.array_types import ComplexArray
 from gearmon.signatures.expected.faulty_teeth import Posed, faulty_lines
 from gearmon.signatures.expected.mesh import (
+    AMPLITUDES,
     MeshLines,
     PosedMesh,
     Wrong,
     joined,
-    machine_header,
     operating_point,
     refuse_no_lines,
 )
@@ -102,7 +102,7 @@ def expected_signature(
     (567.3333333333334, [1, 2, 3])
     """
     machine = load_machine(machine)
-    operating_point(machine, operating)
+    point = operating_point(machine, operating)
     known = faults_of(faults, errors=True, stages=len(machine.stages))
     if max_hz is not None:
         check_positive("max_hz", max_hz, "Hz")
@@ -127,7 +127,15 @@ def expected_signature(
         mechanics.append(posed.mechanics)
     if max_hz is not None and not any(len(table["stage"]) for table in tables):
         refuse_no_lines(mechanics, max_hz)
-    header = machine_header(machine, operating, known, stages) | {"tolerance": tolerance}
+    header = {key: value for key, value in stages[0].items() if key != "stage"} | {
+        "speed_rpm": point.speed_rpm,
+        "torque_nm": point.torque_nm,
+        "operating": point.name,
+        "faults": [str(one) for one in known],
+        "amplitudes": AMPLITUDES,
+        "stages": stages,
+        "tolerance": tolerance,
+    }
     return Signature(machine=machine.name, origin="expected", header=header, columns=joined(tables))
 
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -34,7 +33,6 @@ from gearmon.signatures.expected.mesh import (
     PosedMesh,
     Wrong,
     joined,
-    machine_header,
     mesh_with,
     operating_point,
     posed_mesh,
@@ -42,7 +40,7 @@ from gearmon.signatures.expected.mesh import (
     rms,
 )
 from gearmon.signatures.expected.planetary_set import PosedSet, posed_stage
-from gearmon.signatures.signature import Signature, write_signature
+from gearmon.signatures.signature import Signature
 
 #: What a family holds unless told otherwise. A crack in % is a uniform loss of stiffness.
 FAMILY_KINDS = (
@@ -129,18 +127,8 @@ class FamilyMember:
         ArgumentError
             If the gear has no such tooth.
         """
-        self.check_tooth(tooth)
         lines = self.lines.of_tooth(tooth)
         return lines.order, lines.acceleration
-
-    def check_tooth(self, tooth: int) -> None:
-        """Refuse teeth that the gear does not have."""
-        if not 1 <= tooth <= self.teeth or tooth != int(tooth):
-            why = "it is of the whole gear" if self.is_whole else f"the gear has {self.teeth} teeth"
-            raise ArgumentError(
-                f"tooth={tooth} of {self.kind} of the {self.gear} must be a whole number in "
-                f"[1, {self.teeth}]: {why}"
-            )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -175,58 +163,6 @@ class FaultFamily(Result):
 
     def __iter__(self) -> Iterator[FamilyMember]:
         return iter(self.members)
-
-    def select(
-        self,
-        kind: str | None = None,
-        stage: int | None = None,
-        gear: str | None = None,
-        operating: int | None = None,
-    ) -> tuple[FamilyMember, ...]:
-        """Return the members of a kind, stage, gear or operating point; None takes all."""
-        wanted = {"kind": kind, "stage": stage, "gear": gear, "operating": operating}
-        asked = {name: value for name, value in wanted.items() if value is not None}
-        return tuple(
-            m for m in self.members if all(getattr(m, name) == v for name, v in asked.items())
-        )
-
-    def signature(
-        self, member: FamilyMember | None = None, tooth: int = 1, operating: int = 0
-    ) -> Signature:
-        """Return the lines of the machine with one of its faults, or healthy.
-
-        Parameters
-        ----------
-        member : FamilyMember, optional
-            By default none: the healthy machine.
-        tooth : int
-            Faulty tooth, from 1.
-        operating : int
-            Of the healthy machine; a member has its own.
-
-        Returns
-        -------
-        Signature
-            Origin "expected": the lines of `expected_signature` for the same fault.
-        """
-        number = operating if member is None else member.operating
-        operating_point(self.machine, number)
-        stages = range(1, len(self.machine.stages) + 1)
-        meshes = {stage: self.healthy[(number, stage, 0)] for stage in stages}
-        tables = {stage: lines.columns() for stage, lines in meshes.items()}
-        if member is not None:
-            member.check_tooth(tooth)
-            meshes[member.stage] = member.lines
-            tables[member.stage] = member.lines.columns(tooth)
-        headers = [lines.header() | {"error": lines.error} for lines in meshes.values()]
-        faults = [] if member is None else [member.fault(tooth)]
-        header = machine_header(self.machine, number, faults, headers)
-        return Signature(
-            machine=self.machine.name,
-            origin="expected",
-            header=header | {"tolerance": self.tolerance},
-            columns=joined(tables.values()),
-        )
 
     def table(self, mesh_harmonics: int | None = None, sidebands: int | None = None) -> Signature:
         """Return all lines of the family as one table.
@@ -279,15 +215,6 @@ class FaultFamily(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return machine, rows and notes as built-in types that JSON can hold."""
         return {"machine": self.machine.name, "rows": self.rows(), "notes": list(self.notes)}
-
-    def write(
-        self,
-        path: str | Path,
-        mesh_harmonics: int | None = None,
-        sidebands: int | None = None,
-    ) -> None:
-        """Write `table` as CSV, JSON or Parquet, by the suffix of `path`."""
-        write_signature(self.table(mesh_harmonics, sidebands), path)
 
     def _row(self, member: FamilyMember) -> dict[str, Any]:
         lines, even = member.lines.of_tooth(), member.sound

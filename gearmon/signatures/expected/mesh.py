@@ -343,8 +343,8 @@ class MeshLines:
         """Rms of the acceleration of all lines [m/s2]."""
         return rms(self.acceleration)
 
-    def turned(self, tooth: int) -> ComplexArray:
-        """Return the factors that turn lines of tooth 1 into those of another, shape (n,).
+    def of_tooth(self, tooth: int = 1) -> MeshLines:
+        """Return the lines for another tooth, in order; those that fall together are added.
 
         Raises
         ------
@@ -352,11 +352,7 @@ class MeshLines:
             If the gear has no such tooth.
         """
         check_range("tooth", tooth, 1, self.period)
-        return np.asarray(np.exp(-2j * np.pi * (tooth - 1) / self.period * self.number))
-
-    def of_tooth(self, tooth: int = 1) -> MeshLines:
-        """Return the lines for another tooth, in order; those that fall together are added."""
-        z = self.displacement if tooth == 1 else self.displacement * self.turned(tooth)
+        z = self.displacement * np.exp(-2j * np.pi * (tooth - 1) / self.period * self.number)
         if not self.pass_order:
             return replace(self, displacement=z)
         steps, parts = self.pass_order.numerator * self.period, self.pass_order.denominator
@@ -436,21 +432,6 @@ class MeshLines:
             "assumptions": list(own.assumptions),
             "warnings": list(own.warnings),
         }
-
-
-def machine_header(
-    machine: Machine, operating: int, wrong: Iterable[Wrong], stages: list[dict[str, Any]]
-) -> dict[str, Any]:
-    """Return the header of a signature: numbers of stage 1, of the machine, and of each stage."""
-    point = machine.operating[operating]
-    return {key: value for key, value in stages[0].items() if key != "stage"} | {
-        "speed_rpm": point.speed_rpm,
-        "torque_nm": point.torque_nm,
-        "operating": point.name,
-        "faults": [str(one) for one in wrong],
-        "amplitudes": AMPLITUDES,
-        "stages": stages,
-    }
 
 
 def joined(tables: Iterable[dict[str, Any]]) -> dict[str, Any]:

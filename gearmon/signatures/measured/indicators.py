@@ -7,7 +7,7 @@ compare with the run before; what they remember of it is an `IndicatorHistory`, 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,7 @@ from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signals.threads import at_once
 from gearmon.signatures.gear_averages import GearSignals, gear_signals
+from gearmon.signatures.measured.line_plan import WheelLines
 from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature
 
 Table = dict[str, dict[str, float]]
@@ -31,6 +32,7 @@ Table = dict[str, dict[str, float]]
 _HISTORY = "gearmon indicator history"
 # Signals of which those that compare with the run remember the variance.
 _REMEMBERED = ("residual", "envelope")
+_RAW = {"rms": "RMS"}
 _BRIEF = ("FM0", "FM4", "M6A", "M8A", "energy ratio", "SER")
 
 
@@ -325,21 +327,40 @@ def indicator_table(
 
 def _of_waveforms(vibration: Recording) -> list[IndicatorRow]:
     table = waveform_indicators(vibration.samples, vibration.channel_names)
-    has_unit = ("rms", "peak to peak")
-    return [
-        IndicatorRow(
-            channel=channel,
-            stage=None,
-            gear=None,
-            indicator="RMS" if name == "rms" else name,
-            value=values[channel],
-            unit=unit if name in has_unit else "1",
-            input="raw vibration",
-            removed="mean",
-        )
-        for channel, unit in zip(vibration.channel_names, vibration.units, strict=True)
-        for name, values in table.items()
-    ]
+    values = {_RAW.get(name, name): list(own.values()) for name, own in table.items()}
+    told = dict.fromkeys(values, ("raw vibration", "mean", ()))
+    return list(_rows(vibration, values, told))
+
+
+def _of_gear(
+    own: GearSignals, signature: MeasuredSignature, run: IndicatorHistory, baseline: int
+) -> Iterator[IndicatorRow]:
+    inputs = _inputs(own)
+    values = {name: known.value(own, run, baseline) for name, known in INDICATORS.items()}
+    told = {name: inputs[known.of] for name, known in INDICATORS.items()}
+    return _rows(signature, values, told, own.wheel)
+
+
+def _rows(
+    source: Recording | MeasuredSignature,
+    values: Mapping[str, Sequence[float] | FloatArray],
+    told: Mapping[str, tuple[str, str, tuple[int, ...]]],
+    wheel: WheelLines | None = None,
+) -> Iterator[IndicatorRow]:
+    """Give a row for every value of every channel, of a gear or of the raw vibration."""
+    for row, (channel, unit) in enumerate(zip(source.channel_names, source.units, strict=True)):
+        for name, (what, removed, numbers) in told.items():
+            yield IndicatorRow(
+                channel=channel,
+                stage=wheel.stage if wheel else None,
+                gear=wheel.gear if wheel else None,
+                indicator=name,
+                value=float(values[name][row]),
+                unit=unit if INDICATORS[name].has_unit else "1",
+                input=what,
+                removed=removed,
+                removed_orders=tuple(n * wheel.order for n in numbers) if wheel else (),
+            )
 
 
 def _inputs(own: GearSignals) -> dict[str, tuple[str, str, tuple[int, ...]]]:
@@ -367,28 +388,6 @@ def _listed(numbers: tuple[int, ...]) -> str:
     if len(numbers) > 6:
         return ", ".join(str(n) for n in (*numbers[:3], "...", numbers[-1]))
     return ", ".join(str(n) for n in numbers)
-
-
-def _of_gear(
-    own: GearSignals, signature: MeasuredSignature, run: IndicatorHistory, baseline: int
-) -> Iterator[IndicatorRow]:
-    inputs, wheel = _inputs(own), own.wheel
-    values = {name: known.value(own, run, baseline) for name, known in INDICATORS.items()}
-    channels = zip(signature.channel_names, signature.units, strict=True)
-    for row, (channel, unit) in enumerate(channels):
-        for name, known in INDICATORS.items():
-            what, removed, numbers = inputs[known.of]
-            yield IndicatorRow(
-                channel=channel,
-                stage=wheel.stage,
-                gear=wheel.gear,
-                indicator=name,
-                value=float(values[name][row]),
-                unit=unit if known.has_unit else "1",
-                input=what,
-                removed=removed,
-                removed_orders=tuple(n * wheel.order for n in numbers),
-            )
 
 
 def _input_name(signal: str, own: GearSignals) -> str:
@@ -460,13 +459,8 @@ def read_history(path: str | Path) -> IndicatorHistory:
     """
     try:
         content = json.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise SignatureError(f"{path}: cannot be read ({error.strerror})") from None
-    except ValueError:
-        raise SignatureError(f"{path}: is no history of indicators (not JSON)") from None
-    if not isinstance(content, dict) or content.get("kind") != _HISTORY:
-        raise SignatureError(f"{path}: is no history of indicators")
-    try:
+        if content["kind"] != _HISTORY:
+            raise ValueError(f"kind {content['kind']!r}")
         names = tuple(str(name) for name in content["channels"])
         variances = {
             str(name): np.array(rows, dtype=float).reshape(-1, len(names))
@@ -474,6 +468,7 @@ def read_history(path: str | Path) -> IndicatorHistory:
         }
         if not all(np.all((run >= 0) & (run < np.inf)) for run in variances.values()):
             raise ValueError("variances must be finite and >= 0")
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise SignatureError(f"{path}: damaged history of indicators ({error})") from None
+    except (OSError, KeyError, TypeError, ValueError, AttributeError) as error:
+        why = f"{type(error).__name__}: {error}".splitlines()[0]
+        raise SignatureError(f"{path}: no readable history of indicators ({why})") from None
     return IndicatorHistory(channel_names=names, variances=variances)

@@ -52,7 +52,7 @@ def evidence(own=None, lines=0.0, noise=0.0, noise_gain_db=0.0, runout=(), **off
     deviation = MachineDeviation(
         state=np.zeros(2),
         gap=0.0,
-        **({"light": 0.0, "heavy": 0.0, "speed_off": 0.0} | off),
+        **({"heavy": 0.0, "speed_off": 0.0} | off),
         length=1.0,
         gears=(own.difference,) if own is not None else (),
         family_names=(),
