@@ -139,7 +139,7 @@ class Picture(Figure):
         ----------
         name : str
             See the attributes; its first part chooses the words of captions.txt.
-        **facts
+        **facts : Any
             What these tell.
         """
         words = template("captions.txt").render(name=name, **facts)

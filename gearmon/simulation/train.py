@@ -138,7 +138,14 @@ def build_train(
         seed=seed,
         accuracy_grade=accuracy_grade,
     )
-    train = drive_train(machine, running)
+    # what only tells the lines of a bearing leaves it stiff here: its softness is in the path
+    modelled = {section.shaft for section in machine.sections}
+    yielding = [
+        own
+        for own in machine.bearings
+        if own.stiffness_n_per_m is not None or own.shaft in modelled
+    ]
+    train = drive_train(replace(machine, bearings=tuple(yielding)), running)
     springs = [train.meshes(number) for number in range(1, len(pairs) + 1)]
     sides = [
         side for own in zip(pairs, springs, strict=True) for side in _meshes(made, train, *own)

@@ -44,12 +44,10 @@ PATH_DEVIATION = 0.45
 # Points a mesh period at which the decaying impulse response is taken, how far, and at most.
 _POINTS, _REACH, _MOST_POINTS = 2.0, 3.0, 40
 # Share of a departure's mean square that counts as noise, since even the right tooth does not
-# explain all of it: when damage is looked for, when its size is estimated, and when one tooth is
-# held against its neighbours. Those differ in detail, and in detail the model is wrong: however
-# strong a departure, it then tells the place no better than one that just stands out of the noise.
-SEARCH_MISFIT, SIZE_MISFIT, PLACE_MISFIT = 0.3, 0.03, 1.0
-# Mean square of a departure that is noise at least, where a recording is held against itself.
-_LEAST_NOISE = 1e-6
+# explain all of it: when damage is looked for, and when one tooth is held against its neighbours.
+# Those differ in detail, and in detail the model is wrong: however strong a departure, it then
+# tells the place no better than one that just stands out of the noise.
+SEARCH_MISFIT, PLACE_MISFIT = 0.3, 1.0
 # Where logarithms of likelihoods are cut off, below the largest.
 _FAR_BELOW = -600.0
 # Numbers that are worked on at once.
@@ -125,11 +123,7 @@ def log_mean(logarithms: FloatArray, weight: FloatArray | None = None) -> FloatA
 
 
 def match_teeth(
-    difference: GearDeviation,
-    response: ToothResponse,
-    speed_hz: float,
-    *,
-    against_others: bool = True,
+    difference: GearDeviation, response: ToothResponse, speed_hz: float
 ) -> ToothMatch | None:
     """Compare the departure of a gear with what damage on each of its teeth should leave.
 
@@ -141,9 +135,6 @@ def match_teeth(
         Expected lines of this gear.
     speed_hz : float
         Speed of shaft 1 [Hz].
-    against_others : bool
-        Whether a departure at most other teeth counts as noise. Right for finding damage; its size
-        would come out too small, since a large event leaks around the turn.
 
     Returns
     -------
@@ -152,17 +143,10 @@ def match_teeth(
     """
     path = path_power(difference.mesh_power, response.mesh)
     rotation_hz = difference.order * speed_hz
-    delays = [
-        _again(
-            _delays(decay_s, rotation_hz * difference.teeth, response.contact_ratio),
-            response.gear,
-            rotation_hz,
-        )
-        for decay_s in DECAY_S
-    ]
+    delays = [event_delays(response, rotation_hz, decay_s) for decay_s in DECAY_S]
     turns = np.exp(2j * np.pi / difference.teeth * np.arange(difference.teeth))
     size = response.amplitude(LOSSES)
-    around = difference.expected_by_tooth if against_others else None
+    around = difference.expected_by_tooth
     total = np.zeros((2, len(LOSSES), difference.teeth))
     expected = np.zeros((2, len(LOSSES)))
     heard = list(_heard(difference, response, path))
@@ -176,7 +160,7 @@ def match_teeth(
                 _log_likelihood(
                     turned,
                     number,
-                    signal[:, :, None] * _ringing(number * rotation_hz, delay),
+                    signal[:, :, None] * ringing(number * rotation_hz, delay),
                     size,
                     around,
                 )
@@ -272,28 +256,26 @@ def _near(values: NDArray[Any]) -> FloatArray:
     return np.convolve(values, [0.5, 1.0, 0.5], "same")
 
 
-def _delays(decay_s: float, mesh_hz: float, contact_ratio: float) -> FloatArray:
+def event_delays(response: ToothResponse, rotation_hz: float, decay_s: float) -> FloatArray:
     """Delays [s] of equal probability: of a moment of contact, any being likely, and of the path.
 
-    That of the path has the density exp(-t/tau)/tau.
+    That of the path has the density exp(-t/tau)/tau. A tooth of a planet meets the ring half a turn
+    after the sun.
     """
-    span = contact_ratio / mesh_hz + _REACH * decay_s
-    count = min(_MOST_POINTS, 2 + int(np.ceil(_POINTS * span * mesh_hz)))
+    contact_s = response.contact_ratio / (rotation_hz * response.teeth)
+    span = contact_s + _REACH * decay_s
+    count = min(_MOST_POINTS, 2 + int(np.ceil(_POINTS * span * rotation_hz * response.teeth)))
     time = np.linspace(0.0, span, 400)
     # integral of the density of the sum over its first argument
-    below = _ramp(time, decay_s) - _ramp(time - contact_ratio / mesh_hz, decay_s)
+    below = _ramp(time, decay_s) - _ramp(time - contact_s, decay_s)
     share = (np.arange(count) + 0.5) / count
     # delays of equal probability, so that the likely ones lie densest
     delay: FloatArray = np.interp(share * below[-1], below, time)
-    return delay
+    again = response.gear == "planet"
+    return np.concatenate([delay, delay + 0.5 / rotation_hz]) if again else delay
 
 
-def _again(delay: FloatArray, gear: str, rotation_hz: float) -> FloatArray:
-    """Delays of all of a tooth's meetings: that of a planet meets the ring half a turn later."""
-    return np.concatenate([delay, delay + 0.5 / rotation_hz]) if gear == "planet" else delay
-
-
-def _ringing(frequency_hz: FloatArray, delay_s: FloatArray) -> ComplexArray:
+def ringing(frequency_hz: FloatArray, delay_s: FloatArray) -> ComplexArray:
     """Square roots of the covariances of bands at unit power, shape (bands, lines, delays).
 
     The covariance is a mean over delays of rank-one parts: as few numbers as delays tell the same
@@ -314,7 +296,7 @@ def _log_likelihood(
     number: IntArray,
     root: ComplexArray,
     size: FloatArray,
-    around: FloatArray | None,
+    around: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
     """Logarithm of the likelihood ratio of each band, shape (bands, 2, losses, teeth).
 
@@ -332,30 +314,23 @@ def _log_likelihood(
         Square root of the covariance of the response to a unit loss.
     size : ndarray of float, shape (losses,)
         Size of the response to each loss.
-    around : ndarray of float, shape (teeth,), or None
-        Mean square of healthy departures at each tooth over that of the median. None where the
-        departure of other teeth is no noise, see `match_teeth`.
+    around : ndarray of float, shape (teeth,)
+        Mean square of healthy departures at each tooth over that of the median.
     """
     spread, projection = _directions(root)
     energy = np.abs(turned @ projection) ** 2
     whole = np.mean(np.abs(turned[:, 0]) ** 2, axis=1)
     leak = _leak(projection, spread, number, turned.shape[1])
-    if around is not None:
-        beside = np.maximum(_beside(energy / around[:, None], spread, leak), 1.0)
-        least = np.maximum(beside, SEARCH_MISFIT * whole)
-    else:
-        # where there is less noise than stated, a weak event would be taken for too small
-        beside = np.minimum(_beside(energy, spread, leak), 1.0)
-        least = np.maximum(beside, np.maximum(SIZE_MISFIT * whole, _LEAST_NOISE))
+    beside = np.maximum(_beside(energy / around[:, None], spread, leak), 1.0)
+    least = np.maximum(beside, SEARCH_MISFIT * whole)
     power = size[:, None] ** 2 * spread[:, None]
-    told, mostly = _beside_noise(power, energy, least), least
-    if around is not None:
-        noise = beside[:, None] * around
-        # most places are as quiet as the quietest
-        band, tooth = np.nonzero(noise > least[:, None])
-        there = _beside_noise(power[band], energy[band, tooth, None], noise[band, tooth])
-        told[band, :, tooth] = there[:, :, 0]
-        mostly = 1.0 / np.mean(1.0 / np.maximum(noise, least[:, None]), axis=1)
+    told = _beside_noise(power, energy, least)
+    noise = beside[:, None] * around
+    # most places are as quiet as the quietest
+    band, tooth = np.nonzero(noise > least[:, None])
+    there = _beside_noise(power[band], energy[band, tooth, None], noise[band, tooth])
+    told[band, :, tooth] = there[:, :, 0]
+    mostly = 1.0 / np.mean(1.0 / np.maximum(noise, least[:, None]), axis=1)
     # beside the tooth that speaks, its neighbours are held against each other on equal terms
     place = _beside_noise(power, energy, np.maximum(least, PLACE_MISFIT * whole))
     # a share of what the damage itself adds will count as noise

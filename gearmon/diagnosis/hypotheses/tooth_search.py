@@ -1,4 +1,4 @@
-"""Which gear and which tooth explains a departure best, and how much stiffness it lost.
+"""Which gear and which tooth explains a departure best.
 
 Gears on one shaft turn together, and where one turns a whole number of times as often as another
 every line of the first is one of the second: damage of one then departs in the pattern of both.
@@ -9,16 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.diagnosis.hypotheses.tooth_match import (
-    LOSSES,
-    ToothMatch,
-    match_teeth,
-    path_power,
-)
+from gearmon.diagnosis.hypotheses.tooth_match import ToothMatch, match_teeth, path_power
 from gearmon.diagnosis.law.gear_lines import NEAR, GearDeviation
 from gearmon.signatures.expected.tooth_response import ToothResponse
 
@@ -26,23 +22,10 @@ FloatArray = NDArray[np.float64]
 
 # A gear competes for the blame if damage explains its own pattern by this factor (logarithm).
 _COMPETES = 2.3
-# Standard deviation of the logarithm of the loss that all bands have in common: the stiffness of
-# the teeth in contact and the level of the mesh harmonics are not what the gear data say. Estimates
-# of 84 losses of 20 % scatter by 0.27 over machines; this and the path make the interval as wide.
-COMMON_DEVIATION = 0.15
-# Logarithm by which losses come out too large, between two kinds of simulated machines. The path
-# is told by a geometric mean of mesh lines: through a reverberant body that lies exp(-0.577) below
-# the mean power, and losses come out a third too large where only the stiffness makes the lines;
-# errors of the flanks make them louder, which takes it back. Medians of the told over the true
-# loss: 1.24 with flanks of ISO class 6 (`gearmon simulate`, 58 losses of 20 % on 29 machines), 1.01
-# on the detection benchmark's (95 losses of 5 to 40 % on 13), whose hidden stiffness differs more.
-_TOO_LARGE = 0.11
 # Weight of the logarithm of the ratio of two gears' log factors beside that of the cells. Of 96
 # pairs of gears on one shaft (17 simulated machines, one or three references) the cells alone blame
 # the right one 81 times, with a weight of 8 to 12 it is 89.
 _BY_FACTORS = 10.0
-# The largest loss there is.
-_LARGEST = 0.99
 # Lines of a cell in which gears are told apart, at least; standard deviation of the logarithm of
 # its amplitude about what is expected, and freedom of Student's law for it.
 _LEAST_CELL, _CELL_DEVIATION, _FREEDOM = 4, 0.6, 4.0
@@ -70,28 +53,17 @@ class SearchedGear:
 
         Between mesh harmonics the path is interpolated in its logarithm.
         """
-        path = path_power(self.difference.mesh_power, self.response.mesh, mean=True)
-        told, place = np.flatnonzero(path.all(axis=0)), number / self.match.teeth
-        levels = [np.interp(place, told, row) for row in np.log(path[:, told])]
+        told, path = self._path
+        levels = [np.interp(number / self.match.teeth, told, row) for row in path]
         power: FloatArray = np.exp(np.array(levels)) * self.response.band_power(number)
         return power
 
-
-@dataclass(frozen=True, kw_only=True)
-class LossEstimate:
-    """Loss of stiffness of a tooth pair.
-
-    Parameters
-    ----------
-    loss : float
-        Median of what the recording leaves possible.
-    low, high : float
-        5 and 95 per cent points of it.
-    """
-
-    loss: float
-    low: float
-    high: float
+    @cached_property
+    def _path(self) -> tuple[NDArray[np.int64], FloatArray]:
+        """Mesh harmonics that tell of the path, and the logarithm of its power there."""
+        path = path_power(self.difference.mesh_power, self.response.mesh, mean=True)
+        told = np.flatnonzero(path.all(axis=0))
+        return told, np.log(path[:, told])
 
 
 def search_gear(
@@ -216,33 +188,3 @@ class _Cells:
         spread = np.log1p((departure / _CELL_DEVIATION) ** 2 / _FREEDOM)
         each = -0.5 * (_FREEDOM + 1.0) * spread.sum(axis=(1, 2))
         return float(each.max())
-
-
-def loss_estimate(gear: SearchedGear, speed_hz: float) -> LossEstimate:
-    """Estimate the loss of the most likely tooth of a gear.
-
-    Parameters
-    ----------
-    gear : SearchedGear
-        The gear to blame.
-    speed_hz : float
-        Speed of shaft 1 [Hz].
-
-    Returns
-    -------
-    LossEstimate
-        Of the distribution proportional to the likelihood over the logarithm of the loss, widened
-        by what all bands may have wrong in common.
-    """
-    match = match_teeth(gear.difference, gear.response, speed_hz, against_others=False)
-    match = gear.match if match is None else match
-    steps = np.log(LOSSES)
-    likelihood = match.log_likelihood[:, gear.match.best]
-    chance = np.exp(likelihood - likelihood.max())
-    blur = np.exp(-0.5 * ((steps[:, None] - steps) / COMMON_DEVIATION) ** 2)
-    chance = (blur / blur.sum(axis=0)) @ chance
-    share = np.cumsum(chance) - 0.5 * chance
-    share /= chance.sum()
-    told = np.exp(np.interp([0.05, 0.5, 0.95], share, steps) - _TOO_LARGE)
-    low, middle, high = np.minimum(told, _LARGEST).tolist()
-    return LossEstimate(loss=middle, low=low, high=high)

@@ -191,6 +191,8 @@ class GearDeviation:
     meetings : int, >= 1
         How often a damaged tooth is heard in a turn, at equal distances: energies are means over
         these.
+    mesh_lines : ndarray of complex, shape (channels, harmonics), or None
+        The mesh harmonics themselves; None where planets may put them elsewhere.
     light : float, >= 0
         By how much the load is lighter than that of every reference [Np].
     """
@@ -203,6 +205,7 @@ class GearDeviation:
     mesh_power: FloatArray
     shift_turns: float
     meetings: int = 1
+    mesh_lines: ComplexArray | None = None
     light: float = 0.0
 
     @cached_property
@@ -430,7 +433,8 @@ class GearLaw:
         known, spread = law._predicted(state)
         known, angle = (known, 0.0) if same_zero else known.turned_to(new, wheel.teeth)
         bands = tuple(law._bands(new, known, spread, self._scales))
-        meshes = np.abs(new.amplitude[:, :: wheel.teeth]) ** 2
+        lines = new.amplitude[:, :: wheel.teeth]
+        meshes = np.abs(lines) ** 2
         if not bands:
             return None
         return GearDeviation(
@@ -442,6 +446,7 @@ class GearLaw:
             # planets may put a mesh harmonic a turn of the carrier beside its place
             mesh_power=meshes.reshape(-1, new.channels, meshes.shape[1]).sum(axis=0),
             shift_turns=angle,
+            mesh_lines=None if len(wheel.beside) else lines,
             light=max(0.0, float(self.states[:, 0].min() - state[0])),
         )
 

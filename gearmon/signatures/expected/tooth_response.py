@@ -34,6 +34,8 @@ from gearmon.signals.array_types import ComplexArray, FloatArray
 from gearmon.signatures.expected.faulty_teeth import LossResponse, loss_response
 
 _POINTS = 512
+# Mesh harmonics whose growth with the loss is told.
+_HARMONICS = 8
 _SMALL_LOSS = 1e-3
 # Face width over module where the file gives no geometry: it does not enter the ratio of lines.
 _STANDARD_WIDTH = 10.0
@@ -64,6 +66,8 @@ class ToothResponse(Result):
         Acceleration of the healthy mesh at harmonics 0.. of the mesh, in the same unit.
     pair_share : ndarray of float, shape (points,)
         Share of the mesh stiffness that the tooth's pair carries along its contact.
+    deflection : ndarray of float, shape (points,)
+        Deflection of the healthy mesh there over its mean.
     contact_ratio : float
         Mesh periods that the pair is in contact.
     from_teeth_alone : bool
@@ -76,6 +80,7 @@ class ToothResponse(Result):
     lines: ComplexArray
     mesh: ComplexArray
     pair_share: FloatArray
+    deflection: FloatArray
     contact_ratio: float
     from_teeth_alone: bool
 
@@ -102,6 +107,24 @@ class ToothResponse(Result):
         size: FloatArray = np.sqrt(np.sum(grown**2 * self._weight, axis=-1))
         return size
 
+    def mesh_growth(self, loss: FloatArray) -> FloatArray:
+        """Size of the response to a loss at the mesh harmonics, in units of `lines`.
+
+        It grows faster than `amplitude`: what the pair carries alone counts there for more than
+        what it shares with the next. All harmonics grow alike; the mean power of the first is told.
+
+        Parameters
+        ----------
+        loss : ndarray of float, in [0, 1)
+            Loss of the pair's stiffness.
+        """
+        period = (np.arange(len(self.pair_share)) + 0.5) / _POINTS
+        waves = np.exp(-2j * np.pi * np.outer(period, np.arange(1, _HARMONICS + 1)))
+        shed = self.pair_share * self.deflection
+        grown = shed * loss[:, None] / (1.0 - loss[:, None] * self.pair_share)
+        size: FloatArray = np.linalg.norm(grown @ waves, axis=1) / np.linalg.norm(shed @ waves)
+        return size
+
     def band_power(self, number: FloatArray) -> FloatArray:
         """Power of the response to a unit loss about multiples of the rotation.
 
@@ -116,7 +139,14 @@ class ToothResponse(Result):
             Mean of |lines|^2 over one mesh order about each: single lines of a pulse may vanish for
             a contact ratio that is a little different.
         """
-        return _mean_about(np.abs(self.lines) ** 2, number, self.teeth)
+        known = np.rint(number).astype(int)
+        heard = self._power_about[np.minimum(known, len(self.lines) - 1)]
+        return np.where(known < len(self.lines), heard, 0.0)
+
+    @cached_property
+    def _power_about(self) -> FloatArray:
+        every = np.arange(len(self.lines), dtype=np.float64)
+        return _mean_about(np.abs(self.lines) ** 2, every, self.teeth)
 
 
 def _mean_about(power: FloatArray, number: FloatArray, teeth: int) -> FloatArray:
@@ -168,6 +198,7 @@ def tooth_response(
     pair, stiffness, standard = _teeth(own, stage, gear)
     teeth, planets = pair.member(gear).teeth.teeth, isinstance(own, PlanetaryStage)
     share, phase = _pair_share(pair, stiffness, stage, gear)
+    deflection = 1.0 / stiffness.at(phase)
     lines = mesh = None
     # nothing is found where the file bears no baseline: no torque, no module, or teeth that would
     # not run
@@ -187,6 +218,7 @@ def tooth_response(
         lines=lines,
         mesh=mesh,
         pair_share=share,
+        deflection=deflection / deflection.mean(),
         contact_ratio=stiffness.total_contact_ratio,
         from_teeth_alone=standard,
     )

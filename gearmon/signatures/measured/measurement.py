@@ -139,8 +139,8 @@ class MeasuredSignature(Result):
     Examples
     --------
     >>> signature = analysis.signature
-    >>> signature.found, round(signature.speed.estimated_hz, 1)
-    (True, 24.5)
+    >>> signature.found, signature.held, round(signature.speed.estimated_hz, 1)
+    (True, True, 24.5)
     """
 
     origin: str

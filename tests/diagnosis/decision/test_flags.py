@@ -15,10 +15,10 @@ from gearmon.diagnosis.decision.words import fault_sentence, own_teeth_reason, r
 from gearmon.diagnosis.fault_types import NAMES, FeatureVector
 from gearmon.diagnosis.hypotheses.changed_path import PathChange
 from gearmon.diagnosis.hypotheses.fault_kinds import rule_probabilities
+from gearmon.diagnosis.hypotheses.loss_size import LossEstimate
 from gearmon.diagnosis.hypotheses.runout import TurnChange, runout_growth
 from gearmon.diagnosis.hypotheses.several_teeth import departure_spread
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, ToothFinding
-from gearmon.diagnosis.hypotheses.tooth_search import LossEstimate
 from gearmon.diagnosis.law import LevelDeviation, MachineDeviation
 from gearmon.diagnosis.results import Change, ToothProfile
 

