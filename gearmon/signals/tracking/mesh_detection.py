@@ -351,7 +351,12 @@ class SidebandSpacing:
 
 
 def sideband_spacing(
-    quality: FloatArray, bin_order: float, mesh: MeshComb, spacing: float, tolerance: float = 0.03
+    quality: FloatArray,
+    bin_order: float,
+    mesh: MeshComb,
+    spacing: float,
+    tolerance: float = 0.03,
+    broken: bool = False,
 ) -> SidebandSpacing:
     """Compare the sidebands at a shaft's spacing with those at slightly different spacings.
 
@@ -368,6 +373,8 @@ def sideband_spacing(
         Order of the shaft.
     tolerance : float
         Departures of the spacing to try, as a fraction.
+    broken : bool
+        Whether the other gear may have a broken tooth, whose lines fill all of its orders.
 
     Returns
     -------
@@ -392,8 +399,7 @@ def sideband_spacing(
     spread = 1.4826 * float(np.median(np.abs(total - middle)))
     standard = (total - middle) / spread if spread > 0 else np.zeros(len(total))
     expected = float(standard[np.abs(departures) <= near].max())
-    # nearby it may be any sideband of the other gear: a broken tooth fills all orders of its gear
-    for share in (other / (spacing * i) for other in others for i in low):
+    for share in (other / (spacing * i) for other in others if broken for i in low):
         ratio = share * np.rint(1 / share)
         if abs(ratio - 1) <= _NEARBY:
             its = np.abs(1 + departures - ratio) <= 2 * near

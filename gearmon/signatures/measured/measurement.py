@@ -514,7 +514,7 @@ def _mesh_lines(plan: LinePlan, mesh: Mesh, shaft1_hz: float) -> list[int]:
 def _spaced(quality: FloatArray, bin_order: float, comb: MeshComb) -> bool:
     """Whether sidebands stand at the rotation of a gear, and nowhere else."""
     told = [
-        sideband_spacing(quality, bin_order, comb, spacing, SPEED_TOLERANCE)
+        sideband_spacing(quality, bin_order, comb, spacing, SPEED_TOLERANCE, broken=True)
         for spacing in comb.spacings
     ]
     support = max(one.support for one in told)
