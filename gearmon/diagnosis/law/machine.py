@@ -25,10 +25,8 @@ FloatArray = NDArray[np.float64]
 _DB = float(20.0 / np.log(10.0))
 # Standard deviation from recording to recording [Np], and its growth per unit of state, of families
 # of lines and of broadband levels: half a decibel, and what a factor of e in load leaves after the
-# common gain. Healthy simulated pairs, loads from 40 to 115 %, gears of accuracy grade 5 to 8:
-# three of eight machines of `gearmon.simulation` depart by 0.75 to 0.87 Np, the others by 0.7 at
-# most.
-_LINES, _BROADBAND = (0.06, 0.85), (0.15, 0.6)
+# common gain. Healthy simulated pairs, loads from 40 to 115 %, gears of accuracy grade 6.
+_LINES, _BROADBAND = (0.06, 0.6), (0.15, 0.6)
 # Recordings that the prior of the scale is worth, and the least scale.
 _WORTH, _LEAST_SCALE = 4.0, 1.0
 #: Squares of standardised deviations are cut off here, lest one line decide for all.
