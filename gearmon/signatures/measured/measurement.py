@@ -53,7 +53,7 @@ _BANDS, _BAND_SAMPLES = 40, 2048
 # Height of a gear's own sidebands, in robust standard deviations, from which they count.
 _SUPPORTED = 4.0
 # Share of the power of mesh lines that stands still in the angle, from which they hold it. Of
-# 12 recordings of teeth that had lost 70 to 95 % it was 0.995 to 1.
+# 12 simulated teeth that had lost 70 to 90 % it was 0.995 to 1.
 _HELD = 0.9
 _FOUND_DESPITE_MISMATCH = 6.0
 # Speed of shaft 1 up to which it is asked whether Hz were meant [1/min].
@@ -82,8 +82,9 @@ class MeshFinding(Result):
     reason : str
         Why it counts as found or not.
     held : bool
-        Whether its lines hold the angle of the gears, with sidebands at the rotation of one: a
-        broken tooth fills all orders of its gear, and no mesh stands out of these.
+        Whether it is found, or its lines hold the angle of the gears, with sidebands at the
+        rotation of one: a broken tooth fills all orders of its gear, and no mesh stands out of
+        these.
     """
 
     stage: int
@@ -482,7 +483,7 @@ def _findings(
             found, reason = False, _disowned(spacing)
         if found and not several and seen.visible > 1 and support < _SUPPORTED:
             found, reason = False, _lonely(seen.visible - 1)
-        held = holds and not misled and _spaced(quality, bin_order, comb)
+        held = found or (holds and not misled and _spaced(quality, bin_order, comb))
         chosen = _mesh_lines(plan, mesh, speed.nominal_hz)
         findings.append(
             MeshFinding(
