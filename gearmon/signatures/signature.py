@@ -248,7 +248,7 @@ def read_signature(path: str | Path) -> Signature:
             return _from_parquet(data)
         text = data.decode("utf-8")
         return _from_csv(text) if suffix == ".csv" else _from_json(text)
-    except (ValueError, TypeError, KeyError, OSError) as error:
+    except (ValueError, TypeError, KeyError, OSError, RecursionError) as error:
         # of a damaged file pandas and pyarrow tell the line where they can
         why = str(error).strip().splitlines()[0]
         raise SignatureError(f"{source}: not a signature, or a damaged one ({why})") from None

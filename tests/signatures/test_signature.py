@@ -148,6 +148,7 @@ def damaged(tmp_path, name, change):
         ("s.csv", lambda t: t.replace("signature 1", "signature 9"), "says 'gearmon signature 9'"),
         ("s.json", lambda t: t[:-30], r"damaged one \(.*line \d+"),
         ("s.json", lambda _: "[1, 2]", "not a signature"),
+        ("s.json", lambda _: 200_000 * "[", "damaged one .*recursion"),
         ("s.json", lambda t: t.replace('"stage": 1', '"stag": 1'), "damaged one .'stage'"),
         ("s.json", lambda t: t.replace('"rows": [', '"rows": [5,'), "damaged one"),
         ("s.parquet", lambda _: "PAR1", "not a signature, or a damaged one"),
