@@ -291,7 +291,7 @@ class Excitation:
             for term in train.terms:
                 # a term without pieces takes nothing
                 if len(term.pulse.series):
-                    gap = term.pulse.times(error.gap.value, error.gap.edges)
+                    gap = term.pulse * error.gap
                     for entry in entries:
                         if (entry - round(term.offset)) % train.period_mesh == 0:
                             yield replace(term, pulse=gap, offset=float(entry))

@@ -66,63 +66,7 @@ def panel_nodes(edges: FloatArray, points: int = POINTS) -> FloatArray:
 def distinct(edges: ArrayLike, apart: float) -> FloatArray:
     """Return edges in order, of those closer than `apart` the first."""
     found = np.unique(np.asarray(edges, dtype=np.float64))
-    return np.asarray(found[np.concatenate([[True], np.diff(found) > apart])])
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PanelCurves:
-    """Several curves over the same panels.
-
-    Parameters
-    ----------
-    edges : ndarray, shape (panels + 1,)
-        Increasing.
-    coefficients : ndarray, shape (panels, degree + 1, curves)
-        Legendre coefficients on each panel.
-    """
-
-    edges: FloatArray
-    coefficients: FloatArray
-
-    @classmethod
-    def through(cls, edges: FloatArray, values: FloatArray) -> PanelCurves:
-        """Return the curves with these values, shape (panels, points, curves), at `panel_nodes`."""
-        analysis = gauss(values.shape[1])[2]
-        return cls(edges=edges, coefficients=np.asarray(analysis @ values))
-
-    def integral(self, start: ArrayLike = 0.0) -> PanelCurves:
-        """Return the running integrals from the first edge, plus `start` of each curve."""
-        c = self.coefficients
-        half = 0.5 * np.diff(self.edges)[:, None, None]
-        total = half * legint(c, lbnd=-1, axis=1)
-        whole = np.cumsum(2 * half[:, 0] * c[:, 0], axis=0)
-        total[1:, 0] += whole[:-1]
-        total[:, 0] += np.asarray(start)
-        return PanelCurves(edges=self.edges, coefficients=total)
-
-    @property
-    def totals(self) -> FloatArray:
-        """Integrals over all panels, shape (curves,)."""
-        return np.asarray(np.diff(self.edges) @ self.coefficients[:, 0])
-
-    def at(self, x: ArrayLike) -> FloatArray:
-        """Return the curves at `x` (any shape), shape (curves, *x.shape).
-
-        Outside the panels the curve of the nearest one is continued.
-        """
-        where = np.asarray(x, dtype=np.float64)
-        flat, edges = where.ravel(), self.edges
-        panel = np.searchsorted(edges[1:-1], flat, side="right")
-        low, high = edges[panel], edges[panel + 1]
-        series = legendre(self.coefficients.shape[1], (2 * flat - low - high) / (high - low))
-        values = np.empty((self.coefficients.shape[2], len(flat)))
-        for number, coefficients in enumerate(self.coefficients):
-            inside = np.flatnonzero(panel == number)
-            if len(inside) == len(flat):
-                values[:] = coefficients.T @ series
-            elif len(inside):
-                values[:, inside] = coefficients.T @ series[:, inside]
-        return values.reshape((len(values), *where.shape))
+    return np.asarray(found[np.diff(found, prepend=-np.inf) > apart])
 
 
 def legendre(count: int, x: FloatArray) -> FloatArray:
@@ -157,8 +101,8 @@ class Pulse:
     ----------
     edges : ndarray, shape (pieces + 1,)
         Increasing limits of the pieces [mesh periods]; the first >= 0.
-    series : ndarray, shape (pieces, degree + 1)
-        Legendre coefficients on each piece.
+    series : ndarray, shape (pieces, degree + 1) or (pieces, degree + 1, curves)
+        Legendre coefficients on each piece; of several curves over the same pieces side by side.
     fastest : float
         Circular rate of the fastest part of an oscillating curve [rad per mesh period].
     """
@@ -187,9 +131,18 @@ class Pulse:
 
     @classmethod
     def through(cls, edges: FloatArray, values: FloatArray, fastest: float = 0.0) -> Pulse:
-        """Return the pulse with these values, shape (pieces, points), at `panel_nodes(edges)`."""
-        series = np.asarray(values @ gauss(values.shape[1])[2].T)
-        return cls(edges, series[:, : _used(series, np.abs(series).max(initial=0.0))], fastest)
+        """Return the pulse with these values at `panel_nodes(edges)`.
+
+        Parameters
+        ----------
+        edges : ndarray, shape (pieces + 1,)
+        values : ndarray, shape (pieces, points) or (pieces, points, curves)
+        fastest : float
+            See `Pulse`.
+        """
+        series = np.moveaxis(np.tensordot(gauss(values.shape[1])[2], values, (1, 1)), 0, 1)
+        scale = np.abs(series).max(axis=(0, 1), initial=0.0)
+        return cls(edges, series[:, : _used(series, scale)], fastest)
 
     @classmethod
     def constant(cls, start: float, end: float, value: float = 1.0) -> Pulse:
@@ -200,16 +153,6 @@ class Pulse:
     def points(self) -> int:
         """Gauss points on a piece that follow the curve times another smooth one."""
         return POINTS + (self.series.shape[1] if self.fastest else 0)
-
-    @property
-    def starts(self) -> FloatArray:
-        """Where the pieces begin [mesh periods]."""
-        return self.edges[:-1]
-
-    @property
-    def ends(self) -> FloatArray:
-        """Where the pieces end [mesh periods]."""
-        return self.edges[1:]
 
     @property
     def length(self) -> float:
@@ -227,13 +170,32 @@ class Pulse:
         signs = (-1.0) ** np.arange(self.series.shape[1])
         return np.stack([self.series @ signs, self.series.sum(axis=1)], axis=1)
 
-    @cached_property
-    def _curve(self) -> PanelCurves:
-        return PanelCurves(edges=self.edges, coefficients=self.series[:, :, None])
+    def running(self, start: ArrayLike = 0.0) -> Pulse:
+        """Return the integral from the first edge on, plus `start` of each curve."""
+        half = 0.5 * np.diff(self.edges).reshape(-1, *[1] * (self.series.ndim - 1))
+        total = half * legint(self.series, lbnd=-1, axis=1)
+        total[1:, 0] += np.cumsum(2 * half[:, 0] * self.series[:, 0], axis=0)[:-1]
+        total[:, 0] += np.asarray(start)
+        return Pulse(self.edges, total)
 
-    @cached_property
-    def _running(self) -> PanelCurves:
-        return self._curve.integral()
+    def at(self, x: ArrayLike) -> FloatArray:
+        """Return the curves at `x` (any shape), shape (*curves, *x.shape).
+
+        Outside the pieces the curve of the nearest one is continued.
+        """
+        where = np.asarray(x, dtype=np.float64)
+        flat, edges = where.ravel(), self.edges
+        panel = np.searchsorted(edges[1:-1], flat, side="right")
+        low, high = edges[panel], edges[panel + 1]
+        terms = legendre(self.series.shape[1], (2 * flat - low - high) / (high - low))
+        values = np.empty((*self.series.shape[2:], len(flat)))
+        for number, coefficients in enumerate(self.series):
+            inside = np.flatnonzero(panel == number)
+            if len(inside) == len(flat):
+                values[:] = coefficients.T @ terms
+            elif len(inside):
+                values[..., inside] = coefficients.T @ terms[:, inside]
+        return values.reshape((*values.shape[:-1], *where.shape))
 
     def value(self, phase: ArrayLike) -> FloatArray:
         """Curve at `phase` (any shape); pieces include their start and not their end."""
@@ -241,7 +203,7 @@ class Pulse:
         total = np.zeros(x.shape)
         inside = (x >= self.edges[0]) & (x < self.edges[-1])
         if inside.any():
-            total[inside] = self._curve.at(x[inside])[0]
+            total[inside] = self.at(x[inside])
         return total
 
     def integral(self, phase: ArrayLike) -> FloatArray:
@@ -249,7 +211,11 @@ class Pulse:
         x = np.asarray(phase, dtype=np.float64)
         if not len(self.series):
             return np.zeros(x.shape)
-        return np.asarray(self._running.at(np.clip(x, self.edges[0], self.edges[-1]))[0])
+        return self._running.at(np.clip(x, self.edges[0], self.edges[-1]))
+
+    @cached_property
+    def _running(self) -> Pulse:
+        return self.running()
 
     def transform(self, orders: ArrayLike) -> ComplexArray:
         """Fourier integral of p(x) exp(-2 pi i v x) over the pulse, at the orders v.
@@ -271,7 +237,9 @@ class Pulse:
         total = np.zeros(len(v), dtype=np.complex128)
         signs = np.where(np.arange(self.series.shape[1]) % 4 < 2, 1.0, -1.0)
         scale = np.abs(self.series).max(initial=0.0)
-        for low, high, signed in zip(self.starts, self.ends, self.series * signs, strict=True):
+        for low, high, signed in zip(
+            self.edges[:-1], self.edges[1:], self.series * signs, strict=True
+        ):
             series = signed[: _used(signed[None], scale)]
             step = max(1, BLOCK // len(series))
             for start in range(0, len(v), step):
@@ -290,47 +258,24 @@ class Pulse:
         """Return the same pulse over a contact that is `factor` times as long."""
         return replace(self, edges=factor * self.edges, fastest=self.fastest / factor)
 
-    def window(self, start: float, end: float) -> Pulse:
-        """Return the part of the pulse with start <= phase < end."""
-        low, high = max(start, float(self.edges[0])), min(end, float(self.edges[-1]))
-        if not (high > low and len(self.series)):
-            return replace(self, edges=self.edges[:1], series=self.series[:0])
-        inner = self.edges[(self.edges > low) & (self.edges < high)]
-        return self._on(np.concatenate([[low], inner, [high]]))
-
-    def cut(self, limits: ArrayLike) -> Pulse:
-        """Return the same pulse with its pieces cut at `limits`."""
-        return self._on(self._edges_with(limits))
-
-    def times(self, factor: Callable[[FloatArray], FloatArray], corners: ArrayLike) -> Pulse:
-        """Return the pulse times a factor that is smooth between `corners`.
-
-        Parameters
-        ----------
-        factor : callable
-            Maps phases, shape (pieces, points), to factors.
-        corners : array_like
-            Phases at which the factor is not smooth [mesh periods].
-        """
-        edges = self._edges_with(corners)
-        return Pulse.of(edges, lambda phase: self.value(phase) * factor(phase), self.points)
-
-    def _edges_with(self, corners: ArrayLike) -> FloatArray:
-        inner = np.asarray(corners, dtype=np.float64)
-        low, high = self.edges[0] + LEAST_PIECE, self.edges[-1] - LEAST_PIECE
-        inner = inner[(inner > low) & (inner < high)]
-        return distinct(np.concatenate([self.edges, inner]), LEAST_PIECE)
-
-    def _on(self, edges: FloatArray) -> Pulse:
-        if not len(self.series):
-            return self
-        again = Pulse.of(edges, lambda x: self._curve.at(x)[0], self.series.shape[1])
-        return replace(again, fastest=self.fastest)
+    def __mul__(self, other: Pulse) -> Pulse:
+        """Return the product of two pulses: zero where either is, perhaps without any pieces."""
+        low = max(self.edges[0], other.edges[0])
+        high = min(self.edges[-1], other.edges[-1])
+        if high <= low:
+            return Pulse(self.edges[:1], self.series[:0])
+        edges = np.concatenate([self.edges, other.edges])
+        inner = edges[(edges > low + LEAST_PIECE) & (edges < high - LEAST_PIECE)]
+        limits = np.concatenate([[low], distinct(inner, LEAST_PIECE), [high]])
+        # as many as the degree of the product takes: it is exact
+        points = self.series.shape[1] + other.series.shape[1] - 1
+        return Pulse.of(limits, lambda x: self.value(x) * other.value(x), points)
 
 
-def _used(series: FloatArray, scale: float) -> int:
-    """Return how many coefficients are more than rounding error."""
-    used = np.flatnonzero(np.abs(series).max(axis=0, initial=0.0) > TRIM * scale)
+def _used(series: FloatArray, scale: ArrayLike) -> int:
+    """Return how many coefficients are more than rounding error, beside the scale of each curve."""
+    large = np.abs(series) > TRIM * np.asarray(scale)
+    used = np.flatnonzero(large.any(axis=(0, *range(2, series.ndim))))
     return int(used[-1]) + 1 if len(used) else 1
 
 
@@ -368,9 +313,8 @@ def overlap(one: Sequence[PulseTerm], other: Sequence[PulseTerm]) -> Losses:
     found = []
     for a, b in product(one, other):
         low, high = max(a.face_start, b.face_start), min(a.face_end, b.face_end)
-        pulse = a.pulse.window(*b.pulse.edges[[0, -1]].tolist())
-        if len(pulse.series) and low < high:
-            both = pulse.times(b.pulse.value, b.pulse.edges)
+        both = a.pulse * b.pulse
+        if len(both.series) and low < high:
             found.append(PulseTerm(both, a.weight * b.weight, 0.0, low, high))
     return tuple(found)
 

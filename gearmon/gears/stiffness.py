@@ -297,7 +297,8 @@ def _stretched(pulse: Pulse, factor: float) -> Pulse:
     The constant that this adds is shared among the pairs in contact as they share the stiffness
     at the ends of each zone, linearly between.
     """
-    parts = pulse.cut(_zones(pulse.length)[0])
+    zones, pairs = _zones(pulse.length)
+    parts = pulse * Pulse(zones, np.ones((len(pairs), 1)))
     kinds = np.arange(len(parts.series)) % (2 if pulse.length % 1 > 1e-12 else 1)
     sums = np.array([parts.limits[kinds == kind].sum(axis=0) for kind in range(kinds.max() + 1)])
     share = parts.limits / sums[kinds]

@@ -28,7 +28,7 @@ from scipy.optimize import brentq
 
 from gearmon.errors import ArgumentError
 from gearmon.gears.geometry import PairGeometry, Rack
-from gearmon.gears.pulses import FloatArray, PanelCurves, distinct, gauss, panel_nodes
+from gearmon.gears.pulses import FloatArray, Pulse, distinct, gauss, panel_nodes
 from gearmon.gears.tooth_damage import SOUND, ToothDamage, crossings, sections
 
 #: Tangent angle of the critical section of a fillet, ISO 6336-3 [rad].
@@ -448,7 +448,7 @@ class ToothBeam:
         return float(self.tooth.height(self.tooth.start))
 
     @cached_property
-    def _integrals(self) -> PanelCurves:
+    def _integrals(self) -> Pulse:
         """Running integrals of 1/A and of (1, y, y^2)/I along the involute."""
         tooth = self.tooth
         splits = tooth.start + (tooth.tip - tooth.start) * np.array(SPLITS)
@@ -458,7 +458,7 @@ class ToothBeam:
         height, half = tooth.height(t), tooth.half_thickness(t)
         slope = tooth.roll(t) * np.cos(t)
         curves = self._integrands(height, half, slope, np.cos(t))
-        return PanelCurves.through(edges, curves).integral(self._root())
+        return Pulse.through(edges, curves).running(self._root())
 
     def _root(self) -> FloatArray:
         part = self.tooth.root_part
@@ -467,7 +467,7 @@ class ToothBeam:
         edges = part.edges(self.damage.root_levels(self.tooth))
         height, half, slope = part.points(edges)
         curves = self._integrands(height, half, slope, None)
-        return PanelCurves.through(edges, curves).totals
+        return Pulse.through(edges, curves).running().at(1.0)
 
     def _integrands(
         self, height: FloatArray, half: FloatArray, slope: FloatArray, cosine: FloatArray | None

@@ -118,7 +118,7 @@ class PairsInMesh(ABC):
         parts = (
             (names[0], z[0], self._terms(one, {}, z)),
             (names[1], z[1], self._terms({}, two, z)),
-            (" and ".join(names), math.lcm(*z), self._meeting_terms(one, two, z)),
+            (" and ".join(names), math.lcm(*z), self._terms(one, two, z) if one and two else ()),
         )
         return [
             PulseTrain(gear=gear, period_mesh=period, overlap_ratio=pair.overlap_ratio, terms=terms)
@@ -127,68 +127,61 @@ class PairsInMesh(ABC):
         ]
 
     def _terms(self, one: GearLosses, two: GearLosses, teeth: tuple[int, int]) -> Losses:
-        """Return what damaged teeth of one gear take from the pairs near them."""
-        period = teeth[0] if one else teeth[1]
+        """Return what damaged teeth take from the pairs near them.
+
+        Of both gears, where their damaged teeth meet: what they take less than by themselves.
+        """
         found: list[PulseTerm] = []
         # teeth that are damaged alike, with neighbours alike, lose the same
         known: dict[tuple[PairState, ...], Pulse] = {}
         for low, high in _face_parts(one, two):
             first, second = _inside(one, low, high), _inside(two, low, high)
-            for entry in sorted(self._near(first or second, period)):
+            near = self._near(first, teeth[0]), self._near(second, teeth[1])
+            entries = near[0] | near[1]
+            if one and two:
+                met = {meeting(a, teeth[0], b, teeth[1]) for a, b in product(*near)}
+                entries = {place for place in met if place is not None}
+            for entry in sorted(entries):
                 states = self._states(entry, first, second, teeth)
                 if states not in known:
                     known[states] = self._lost(states)
-                found += _term(known[states], entry, low, high)
+                if len(known[states].series):
+                    found.append(PulseTerm(known[states], -1.0, float(entry), low, high))
         return tuple(found)
-
-    def _meeting_terms(self, one: GearLosses, two: GearLosses, teeth: tuple[int, int]) -> Losses:
-        """Return what the terms of each gear alone miss where damaged teeth of both meet."""
-        found: list[PulseTerm] = []
-        for low, high in _face_parts(one, two):
-            first, second = _inside(one, low, high), _inside(two, low, high)
-            near = (self._near(first, teeth[0]), self._near(second, teeth[1]))
-            met = {meeting(a, teeth[0], b, teeth[1]) for a, b in product(*near)}
-            for entry in sorted(place for place in met if place is not None):
-                lost = self._difference(entry, first, second, teeth)
-                found += _term(lost, entry, low, high)
-        return tuple(found)
-
-    def _difference(
-        self, entry: int, one: GearLosses, two: GearLosses, teeth: tuple[int, int]
-    ) -> Pulse:
-        """Return the loss near damage of both gears, less that near either."""
-        joint, first, second = (
-            self._states(entry, *losses, teeth) for losses in ((one, two), (one, {}), ({}, two))
-        )
-        edges = self._edges(joint)
-        phase = panel_nodes(edges, self.points)
-        sound, *hurt = (
-            self.loads(phase, states)[self.reach] for states in (None, first, second, joint)
-        )
-        return self._trimmed(edges, hurt[0] + hurt[1] - sound - hurt[2], float(sound.max()))
 
     def _lost(self, states: Sequence[PairState]) -> Pulse:
+        """Return the loss near damage; near that of both gears, less that near either."""
         edges = self._edges(states)
+        lost = self._missing(edges, states)
+        apart = [(own, ()) for own, _ in states], [((), own) for _, own in states]
+        if all(any(map(any, alone)) for alone in apart):
+            lost -= sum(self._missing(edges, alone) for alone in apart)
+        # nothing is lost in the pieces at its ends
+        used = np.flatnonzero(np.abs(lost).max(axis=1) > 1e-12 * self.healthy.area)
+        first, last = (int(used[0]), int(used[-1]) + 1) if len(used) else (0, 0)
+        return Pulse.through(edges[first : last + 1], lost[first:last], self.healthy.fastest)
+
+    def _missing(self, edges: FloatArray, states: Sequence[PairState]) -> FloatArray:
+        """Return what the middle pair carries less than among sound ones, at the panel nodes."""
         # where no damaged tooth is in contact nothing changes
         middle = 0.5 * (edges[:-1] + edges[1:])
         here = np.zeros(len(middle), dtype=bool)
-        for n, state in zip(range(-self.reach, self.reach + 1), states, strict=True):
+        for n, state in zip(self._places, states, strict=True):
             here |= any(state) & (middle > n) & (middle < n + self.length)
         phase = panel_nodes(edges, self.points)
         lost = np.zeros(phase.shape)
-        sound = self.healthy.value(phase[here])
-        lost[here] = sound - self.loads(phase[here], states)[self.reach]
-        return self._trimmed(edges, lost, float(sound.max(initial=0.0)))
+        carried = self.loads(phase[here], states)[self.reach]
+        lost[here] = self.healthy.value(phase[here]) - carried
+        return lost
 
-    def _trimmed(self, edges: FloatArray, values: FloatArray, scale: float) -> Pulse:
-        """Return the pulse without the pieces at its ends where nothing is lost."""
-        used = np.flatnonzero(np.abs(values).max(axis=1) > 1e-12 * scale)
-        first, last = (int(used[0]), int(used[-1]) + 1) if len(used) else (0, 0)
-        return Pulse.through(edges[first : last + 1], values[first:last], self.healthy.fastest)
+    @property
+    def _places(self) -> range:
+        """Mesh periods from a pair to those that feel it."""
+        return range(-self.reach, self.reach + 1)
 
     def _edges(self, states: Sequence[PairState]) -> FloatArray:
         edges = [self.corners]
-        for n, state in zip(range(-self.reach, self.reach + 1), states, strict=True):
+        for n, state in zip(self._places, states, strict=True):
             edges += [part.pulse.edges + n for part in chain(*self.worn, *state)]
         limits = distinct(np.clip(np.concatenate(edges), 0.0, self.length), 1e-10)
         limits[-1] = self.length
@@ -203,13 +196,12 @@ class PairsInMesh(ABC):
     ) -> tuple[PairState, ...]:
         return tuple(
             (one.get((entry + n) % teeth[0] + 1, ()), two.get((entry + n) % teeth[1] + 1, ()))
-            for n in range(-self.reach, self.reach + 1)
+            for n in self._places
         )
 
     def _near(self, losses: GearLosses, period: int) -> set[int]:
         """Return the mesh phases at which pairs enter that damage affects."""
-        places = range(-self.reach, self.reach + 1)
-        return {(tooth - 1 + n) % period for tooth in losses for n in places}
+        return {(tooth - 1 + n) % period for tooth in losses for n in self._places}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -306,26 +298,24 @@ class TeethInMesh(PairsInMesh):
         self, phase: FloatArray, states: Sequence[PairState], force: FloatArray | None
     ) -> FloatArray:
         middle = phase.mean(axis=-1)
-        places = range(-self.reach, self.reach + 1)
-        present = np.array([(middle - n > 0) & (middle - n < self.length) for n in places])
+        present = np.array([(middle > n) & (middle - n < self.length) for n in self._places])
         total = np.full((len(states), *phase.shape), np.inf)
-        bodies = np.zeros((2, *total.shape))
-        for i, (n, here) in enumerate(zip(places, present, strict=True)):
+        bodies = np.zeros((len(states), 2, *phase.shape))
+        for i, (n, here) in enumerate(zip(self._places, present, strict=True)):
             if not here.any():
                 continue
             own = phase[here] - n
             own_force = None if force is None else force[i][here]
             parts = self.pair.compliances(self.pair.roll(own), force_n=own_force)
             total[i][here] = parts.total * self._ratio(states[i], own)
-            bodies[0][i][here], bodies[1][i][here] = parts.foundation
+            bodies[i][:, here] = parts.foundation
         loads = np.zeros(total.shape)
         for pattern in np.unique(present, axis=1).T:
             rows = np.flatnonzero((present == pattern[:, None]).all(axis=0))
             who = np.flatnonzero(pattern)
             chosen = np.ix_(who, rows)
-            loads[chosen] = self._solve(
-                phase[rows], total[chosen], bodies[0][chosen], bodies[1][chosen], who
-            )
+            own = bodies[who][:, :, rows]
+            loads[chosen] = self._solve(phase[rows], total[chosen], own, who)
         return loads
 
     def _ratio(self, state: PairState, phase: FloatArray) -> FloatArray:
@@ -339,31 +329,20 @@ class TeethInMesh(PairsInMesh):
         return total
 
     def _solve(
-        self,
-        phase: FloatArray,
-        total: FloatArray,
-        first: FloatArray,
-        second: FloatArray,
-        who: NDArray[np.intp],
+        self, phase: FloatArray, total: FloatArray, bodies: FloatArray, who: NDArray[np.intp]
     ) -> FloatArray:
         """Return C^-1 (1, 1, ...) for the pairs in contact."""
         if len(total) == 1 or not self.is_coupled:
             return np.asarray(1 / total)
         own = [phase - (int(place) - self.reach) for place in who]
-
-        def shared(i: int, j: int) -> FloatArray:
-            bodies = [(first[i], first[j]), (second[i], second[j])]
-            return self.pair.coupling(int(who[j] - who[i]), bodies, (own[i], own[j]))
-
-        if len(total) == 2:
-            (a, b), c = total, shared(0, 1)
-            return np.asarray(np.stack([b - c, a - c]) / (a * b - c * c))
-        matrix = np.zeros((*total.shape[1:], len(who), len(who)))
+        matrix = np.zeros((*phase.shape, len(who), len(who)))
         for i in range(len(who)):
             matrix[..., i, i] = total[i]
             for j in range(i):
-                matrix[..., i, j] = matrix[..., j, i] = shared(j, i)
-        ones = np.ones((*total.shape[1:], len(who), 1))
+                apart, both = int(who[i] - who[j]), (own[j], own[i])
+                shared = self.pair.coupling(apart, bodies[[j, i]], both)
+                matrix[..., i, j] = matrix[..., j, i] = shared
+        ones = np.ones((*phase.shape, len(who), 1))
         return np.moveaxis(np.linalg.solve(matrix, ones)[..., 0], -1, 0)
 
 
@@ -395,7 +374,3 @@ def _inside(losses: GearLosses, low: float, high: float) -> GearLosses:
         if own:
             found[tooth] = own
     return found
-
-
-def _term(pulse: Pulse, offset: int, low: float, high: float) -> list[PulseTerm]:
-    return [PulseTerm(pulse, -1.0, float(offset), low, high)] if len(pulse.series) else []

@@ -309,7 +309,7 @@ class ToothPair:
     def coupling(
         self,
         apart: int,
-        bodies: list[tuple[FloatArray, FloatArray]],
+        bodies: FloatArray,
         phases: tuple[FloatArray, FloatArray],
     ) -> FloatArray:
         """Return the compliance [m/N] that two pairs share through the bodies of the gears.
@@ -318,19 +318,20 @@ class ToothPair:
         ----------
         apart : int, >= 1
             Distance of the pairs [teeth].
-        bodies : list of two (ndarray, ndarray)
-            Foundation compliances of both gears at the one and at the other contact.
+        bodies : ndarray, shape (2, 2, *phase)
+            Foundation compliances at the one and at the other contact, of both gears.
         phases : (ndarray, ndarray)
             Contact phases of the pair that entered first and of the other one [mesh periods].
         """
+        total = np.zeros(bodies.shape[2:])
         if not self.has_foundation:
-            return np.zeros_like(bodies[0][0])
-        total = np.zeros_like(bodies[0][0])
+            return total
         ahead, behind = (self.angles(phase) for phase in phases)
-        for index, (body, own) in enumerate(zip(self.foundations, bodies, strict=True)):
+        least = bodies.min(axis=0)
+        for index, body in enumerate(self.foundations):
             shared = self.oblique * body.coupling(apart, ahead[index], behind[index])
             # no more can be shared than each of them has
-            total += np.minimum(shared, np.minimum(*own))
+            total += np.minimum(shared, least[index])
         return total
 
     @property

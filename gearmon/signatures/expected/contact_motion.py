@@ -31,7 +31,7 @@ import numpy as np
 from scipy.fft import next_fast_len
 
 from gearmon.errors import ArgumentError
-from gearmon.gears.pulses import PanelCurves, gauss, panel_nodes
+from gearmon.gears.pulses import Pulse, gauss, panel_nodes
 from gearmon.signals.array_types import ComplexArray, FloatArray, IntArray
 
 #: Collocation points of a panel, and the largest turn [rad] of the fastest part over half of it:
@@ -654,7 +654,7 @@ def _after(later: FloatArray, earlier: FloatArray) -> FloatArray:
 def _integrals() -> FloatArray:
     """Return the matrix from values at the points to integrals from the start of [0, 1] to them."""
     edges = np.array([0.0, 1.0])
-    each = PanelCurves.through(edges, np.eye(POINTS)[None]).integral()
+    each = Pulse.through(edges, np.eye(POINTS)[None]).running()
     return np.asarray(each.at(panel_nodes(edges, POINTS)[0]).T)
 
 
