@@ -356,7 +356,7 @@ def acting_faults(pair: MeshPair, faults: Iterable[Fault]) -> tuple[list[Fault],
         if fault.gear not in stage_gears:
             pair.member(fault.gear)
             continue
-        teeth = pair.member(fault.gear).teeth.teeth if fault.gear in own else math.inf
+        teeth = pair.member(fault.gear).teeth if fault.gear in own else math.inf
         # the flank of a planet that meets the ring is not the one that is hurt
         far = fault.gear == "planet" and pair.second.internal
         if fault.gear not in own or (far and fault.kind in ("crack", *BANDS)):

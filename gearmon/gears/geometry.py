@@ -238,7 +238,7 @@ def contact_zones(contact_ratio: float) -> list[tuple[float, float, int]]:
 
 @dataclass(frozen=True, kw_only=True)
 class GearTeeth:
-    """Teeth of one gear, in modules.
+    """One gear: its teeth, in modules, and what is known of its body.
 
     Parameters
     ----------
@@ -254,6 +254,16 @@ class GearTeeth:
         What messages call the gear; the ending of its keys in a machine file.
     virtual : bool
         Whether it is one of the spur gears of `normal_section`.
+    internal : bool
+        Whether it is a ring.
+    elastic_modulus_pa : float
+        Young's modulus [Pa].
+    bore_m : float
+        Bore diameter [m], 0 for a solid disc.
+    tip_diameter_m : float or None
+        Finished tip diameter [m] where it is given.
+    web_m, rim_m : float or None
+        Width of the web and thickness of the rim [m]; both None for a solid disc.
     """
 
     teeth: int
@@ -262,6 +272,12 @@ class GearTeeth:
     root_factor: float = 1.25
     name: str = "gear"
     virtual: bool = False
+    internal: bool = False
+    elastic_modulus_pa: float = 206e9
+    bore_m: float = 0.0
+    tip_diameter_m: float | None = None
+    web_m: float | None = None
+    rim_m: float | None = None
 
     def __post_init__(self) -> None:
         if (self.teeth != int(self.teeth) and not self.virtual) or self.teeth < 5:

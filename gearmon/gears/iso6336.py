@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 from gearmon.errors import ArgumentError, check_positive, check_range
+from gearmon.gears.geometry import GearTeeth
 
 #: What warnings begin with.
 METHOD = "ISO 6336-1 Method B"
@@ -20,31 +21,6 @@ WEB_RATIOS = (0.2, 1.2)
 LEAST_RIM = 1.0
 #: 1 N/(mm um) in N/m2: stiffness per face width.
 N_PER_MM_UM = 1e9
-
-
-@dataclass(frozen=True)
-class ToothData:
-    """What Method B asks of one gear.
-
-    Parameters
-    ----------
-    teeth : int
-        Positive, for internal gears too.
-    profile_shift : float
-        x.
-    root_factor : float
-        h_fP/m_n of the basic rack.
-    elastic_modulus_pa : float
-        Young's modulus [Pa].
-    internal : bool
-        Whether it is a ring.
-    """
-
-    teeth: int
-    profile_shift: float = 0.0
-    root_factor: float = 1.25
-    elastic_modulus_pa: float = MODULUS_STEEL_PA
-    internal: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,8 +136,8 @@ class MethodB:
 
 
 def method_b(
-    one: ToothData,
-    other: ToothData,
+    one: GearTeeth,
+    other: GearTeeth,
     *,
     contact_ratio: float,
     pressure_angle_rad: float = math.radians(20),
@@ -173,7 +149,7 @@ def method_b(
 
     Parameters
     ----------
-    one, other : ToothData
+    one, other : GearTeeth
         In any order: the standard's index 1 is the gear with fewer teeth.
     contact_ratio : float
         Transverse contact ratio eps_alpha.
@@ -211,7 +187,8 @@ def method_b(
 
     Examples
     --------
-    >>> b = method_b(ToothData(teeth=26), ToothData(teeth=53), contact_ratio=1.412)
+    >>> from gearmon.gears.geometry import GearTeeth
+    >>> b = method_b(GearTeeth(teeth=26), GearTeeth(teeth=53), contact_ratio=1.412)
     >>> round(b.single, 5), round(b.mesh_alpha, 4)
     (13.43036, 17.5803)
     """
@@ -318,7 +295,7 @@ def resonance_margin(load_n_per_mm: float) -> float:
     return 0.5 + 0.35 * math.sqrt(load_n_per_mm / LOW_LOAD_N_PER_MM)
 
 
-def _ordered(one: ToothData, other: ToothData) -> tuple[ToothData, ToothData]:
+def _ordered(one: GearTeeth, other: GearTeeth) -> tuple[GearTeeth, GearTeeth]:
     if one.internal and other.internal:
         raise ArgumentError("internal gears do not mesh with each other: one must be external")
     if one.internal or other.internal:
@@ -327,11 +304,11 @@ def _ordered(one: ToothData, other: ToothData) -> tuple[ToothData, ToothData]:
     return (other, one) if _rank(other) < _rank(one) else (one, other)
 
 
-def _rank(gear: ToothData) -> tuple[float, ...]:
+def _rank(gear: GearTeeth) -> tuple[float, ...]:
     return gear.teeth, -gear.profile_shift, gear.root_factor, gear.elastic_modulus_pa
 
 
-def _theoretical(first: ToothData, second: ToothData, virtual: tuple[float, float]) -> float:
+def _theoretical(first: GearTeeth, second: GearTeeth, virtual: tuple[float, float]) -> float:
     x1, x2 = first.profile_shift, second.profile_shift
     r1, r2 = 1 / virtual[0], 1 / virtual[1]
     compliance = 0.04723 + 0.15551 * r1 + 0.25791 * r2 - 0.00635 * x1 - 0.11654 * x1 * r1
@@ -344,7 +321,7 @@ def _theoretical(first: ToothData, second: ToothData, virtual: tuple[float, floa
     return 1 / compliance
 
 
-def _rack_factor(first: ToothData, second: ToothData, alpha: float) -> float:
+def _rack_factor(first: GearTeeth, second: GearTeeth, alpha: float) -> float:
     angle = 1 - 0.02 * (20 - math.degrees(alpha))
     return 0.5 * sum((1 + 0.5 * (1.2 - gear.root_factor)) * angle for gear in (first, second))
 
@@ -356,14 +333,14 @@ def _load_factor(load_n_per_mm: float | None) -> float:
     return math.sqrt(math.sqrt(load_n_per_mm / LOW_LOAD_N_PER_MM))
 
 
-def _pair_modulus(first: ToothData, second: ToothData) -> float:
+def _pair_modulus(first: GearTeeth, second: GearTeeth) -> float:
     one, two = first.elastic_modulus_pa, second.elastic_modulus_pa
     check_positive("elastic_modulus_pa", min(one, two), "Pa")
     return 2 * one * two / (one + two)
 
 
 def _limits(
-    first: ToothData, second: ToothData, eps: float, beta: float, load: float | None
+    first: GearTeeth, second: GearTeeth, eps: float, beta: float, load: float | None
 ) -> tuple[str, ...]:
     x1, x2 = first.profile_shift, second.profile_shift
     notes = []

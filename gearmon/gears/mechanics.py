@@ -9,6 +9,7 @@ from functools import lru_cache
 
 from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.faults import Fault, GearError, faults_of, faults_of_stage
+from gearmon.gears.geometry import GearTeeth
 from gearmon.gears.iso6336 import (
     LOW_LOAD_N_PER_MM,
     Resonance,
@@ -17,7 +18,7 @@ from gearmon.gears.iso6336 import (
     resonance_speed_rpm,
 )
 from gearmon.gears.kinematics import kinematics
-from gearmon.gears.pairs import Member, MeshPair, mesh_pairs
+from gearmon.gears.pairs import MeshPair, mesh_pairs
 from gearmon.gears.stiffness import MeshStiffness, StiffnessForm, mesh_stiffness
 from gearmon.machine import Machine, OperatingPoint, PlanetaryStage
 
@@ -232,9 +233,9 @@ def pair_resonance(pair: MeshPair, force_n: float | None = None) -> Resonance:
         )
     pair.need("module_mm", "reduced mass")
     circles = pair.unchecked_geometry
-    one, two = sorted((0, 1), key=lambda index: pair.members[index].teeth.teeth)
+    one, two = sorted((0, 1), key=lambda index: pair.members[index].teeth)
     means = [a + b for a, b in zip(circles.tip_radii_m, circles.root_radii_m, strict=True)]
-    teeth = pair.members[one].teeth.teeth, pair.members[two].teeth.teeth
+    teeth = pair.members[one].teeth, pair.members[two].teeth
     mass = reduced_mass_per_width(
         teeth,
         (means[one], means[two]),
@@ -390,7 +391,7 @@ def _disc(pair: MeshPair, index: int, width_m: float) -> tuple[float, float]:
     return volume, 0.5 * second
 
 
-def _web(member: Member, root_m: float, bore_m: float, width_m: float, power: int) -> float:
+def _web(member: GearTeeth, root_m: float, bore_m: float, width_m: float, power: int) -> float:
     """Return what a web lacks of a solid disc, as width times that power of radius."""
     if member.web_m is None or member.rim_m is None or member.internal:
         return 0.0

@@ -19,52 +19,12 @@ Stage = ParallelStage | PlanetaryStage
 
 
 @dataclass(frozen=True, kw_only=True)
-class Member:
-    """One gear of a pair.
-
-    Parameters
-    ----------
-    teeth : GearTeeth
-        Its `name` is the ending of the gear's keys in the machine file.
-    bore_m : float
-        Bore diameter [m], 0 for a solid disc.
-    elastic_modulus_pa : float
-        Young's modulus [Pa].
-    internal : bool
-        Whether it is a ring.
-    tip_diameter_m : float or None
-        Finished tip diameter [m] where it is given.
-    web_m, rim_m : float or None
-        Width of the web and thickness of the rim [m]; both None for a solid disc.
-    """
-
-    teeth: GearTeeth
-    bore_m: float
-    elastic_modulus_pa: float
-    internal: bool = False
-    tip_diameter_m: float | None = None
-    web_m: float | None = None
-    rim_m: float | None = None
-
-    @property
-    def name(self) -> str:
-        """Name of the gear: pinion, gear, sun, planet or ring."""
-        return self.teeth.name
-
-    @property
-    def iso(self) -> iso6336.ToothData:
-        """What ISO 6336-1 asks of it."""
-        known = self.teeth.teeth, self.teeth.profile_shift, self.teeth.root_factor
-        return iso6336.ToothData(*known, self.elastic_modulus_pa, self.internal)
-
-
-@dataclass(frozen=True, kw_only=True)
 class MeshPair:
     """A pair of gears in mesh and the stage that it belongs to.
 
     Parameters
     ----------
-    first, second : Member
+    first, second : GearTeeth
         The first is taken to drive; a ring is always second.
     stage : ParallelStage or PlanetaryStage
     number : int or None
@@ -78,8 +38,8 @@ class MeshPair:
         the planet.
     """
 
-    first: Member
-    second: Member
+    first: GearTeeth
+    second: GearTeeth
     stage: Stage
     number: int | None = None
     path: str = ""
@@ -92,14 +52,14 @@ class MeshPair:
         return f"{self.first.name}-{self.second.name}"
 
     @property
-    def members(self) -> tuple[Member, Member]:
+    def members(self) -> tuple[GearTeeth, GearTeeth]:
         """Both gears."""
         return self.first, self.second
 
     @property
     def teeth(self) -> tuple[int, int]:
         """Numbers of teeth of both gears."""
-        return self.first.teeth.teeth, self.second.teeth.teeth
+        return self.first.teeth, self.second.teeth
 
     @property
     def is_main(self) -> bool:
@@ -112,7 +72,7 @@ class MeshPair:
         stage = "[[stage]]" if self.number is None else f"[[stage]] {self.number}"
         return f"{self.path}: {stage}" if self.path else stage
 
-    def member(self, name: str) -> Member:
+    def member(self, name: str) -> GearTeeth:
         """Return the gear of this name.
 
         Raises
@@ -212,7 +172,7 @@ class MeshPair:
             Static force on the line of action [N]; below 100 N/mm the stiffness falls.
         """
         return iso6336.method_b(
-            *(member.iso for member in self.members),
+            *self.members,
             contact_ratio=self.contact_ratio,
             pressure_angle_rad=self.pressure_angle_rad,
             helix_angle_rad=self.helix_angle_rad,
@@ -253,8 +213,7 @@ class MeshPair:
         width, (distance, shortening) = self.stage.face_width_mm, self._fixed_by_others()
         try:
             return pair_geometry(
-                self.first.teeth,
-                self.second.teeth,
+                *self.members,
                 module_m=module,
                 pressure_angle_rad=self.pressure_angle_rad,
                 helix_angle_rad=self.helix_angle_rad,
@@ -283,10 +242,10 @@ class MeshPair:
         member, module = self.members[index], self.stage.module_mm
         if member.tip_diameter_m is None or module is None:
             return None
-        reference = member.teeth.teeth * module / math.cos(self.helix_angle_rad)
+        reference = member.teeth * module / math.cos(self.helix_angle_rad)
         height = (1e3 * member.tip_diameter_m - reference) / (2 * module)
         sign = -1 if member.internal else 1
-        return sign * height - member.teeth.tip_factor - member.teeth.profile_shift
+        return sign * height - member.tip_factor - member.profile_shift
 
 
 # the faults of a family all ask for the same pair, and share what it works out
@@ -316,18 +275,16 @@ def mesh_pairs(stage: Stage, number: int | None = None, path: str = "") -> tuple
     return inner, replace(inner, first=planet, second=ring, inner=inner)
 
 
-def _member(stage: Stage, name: str) -> Member:
-    return Member(
-        teeth=GearTeeth(
-            teeth=getattr(stage, f"{name}_teeth"),
-            profile_shift=getattr(stage, f"profile_shift_{name}"),
-            tip_factor=getattr(stage, f"tip_factor_{name}"),
-            root_factor=_root_factor(stage, name),
-            name=name,
-        ),
-        bore_m=_length(stage, f"bore_diameter_{name}_mm") or 0.0,
-        elastic_modulus_pa=getattr(stage, f"elastic_modulus_{name}_pa"),
+def _member(stage: Stage, name: str) -> GearTeeth:
+    return GearTeeth(
+        teeth=getattr(stage, f"{name}_teeth"),
+        profile_shift=getattr(stage, f"profile_shift_{name}"),
+        tip_factor=getattr(stage, f"tip_factor_{name}"),
+        root_factor=_root_factor(stage, name),
+        name=name,
         internal=name == "ring",
+        elastic_modulus_pa=getattr(stage, f"elastic_modulus_{name}_pa"),
+        bore_m=_length(stage, f"bore_diameter_{name}_mm") or 0.0,
         tip_diameter_m=_length(stage, f"tip_diameter_{name}_mm"),
         web_m=_length(stage, f"web_width_{name}_mm"),
         rim_m=_length(stage, f"rim_thickness_{name}_mm"),

@@ -21,8 +21,8 @@ from numpy.typing import ArrayLike
 
 from gearmon.errors import ArgumentError, check_word
 from gearmon.gears.foundation import Foundation, RingBody
-from gearmon.gears.geometry import PairGeometry, normal_section
-from gearmon.gears.pairs import Member, MeshPair
+from gearmon.gears.geometry import GearTeeth, PairGeometry, normal_section
+from gearmon.gears.pairs import MeshPair
 from gearmon.gears.pulses import FloatArray
 from gearmon.gears.tooth import ROOTS, Root, Tooth, ToothBeam, tooth_of
 from gearmon.gears.tooth_damage import LARGEST_WIDTH, ToothDamage
@@ -558,7 +558,7 @@ def teeth_of(pair: MeshPair, form: PotentialEnergy = USUAL) -> ToothPair:
         raise ArgumentError(f"{pair.where}: {error}") from None
 
 
-def _held_radius(geometry: PairGeometry, index: int, member: Member, notes: list[str]) -> float:
+def _held_radius(geometry: PairGeometry, index: int, member: GearTeeth, notes: list[str]) -> float:
     if member.internal:
         return geometry.root_radii_m[index] + _rim(geometry, member, notes)
     if member.web_m is not None:
@@ -576,7 +576,7 @@ def _held_radius(geometry: PairGeometry, index: int, member: Member, notes: list
     return held
 
 
-def _within_fit(root_m: float, member: Member, notes: list[str]) -> float:
+def _within_fit(root_m: float, member: GearTeeth, notes: list[str]) -> float:
     """Return the radius of a bore, or the nearest one for which the yielding of a body is known.
 
     The fit of Sainsot, Velex & Duverger reaches from 1.4 to 7 times the bore, but towards 7 most of
@@ -596,7 +596,7 @@ def _within_fit(root_m: float, member: Member, notes: list[str]) -> float:
     return held
 
 
-def _rim(geometry: PairGeometry, member: Member, notes: list[str]) -> float:
+def _rim(geometry: PairGeometry, member: GearTeeth, notes: list[str]) -> float:
     if member.rim_m is not None:
         return member.rim_m
     thickness = USUAL_RIM * geometry.normal_module_m

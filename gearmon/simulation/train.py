@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 from gearmon.errors import ArgumentError
 from gearmon.gears.drive_train import WIDTH_OVER_MODULE, DriveTrain, Spring, drive_train
 from gearmon.gears.faults import Fault, GearError
+from gearmon.gears.geometry import GearTeeth
 from gearmon.gears.kinematics import kinematics
 from gearmon.gears.mechanics import StageMechanics, stage_mechanics
-from gearmon.gears.pairs import Member, MeshPair, mesh_pairs
+from gearmon.gears.pairs import MeshPair, mesh_pairs
 from gearmon.machine import Machine, OperatingPoint, PlanetaryStage
 from gearmon.simulation.contact import GearErrors, ToothMesh, ideal, random_errors
 from gearmon.simulation.integrate import GearedSystem
@@ -220,15 +221,15 @@ def _backlash_m(pair: MeshPair) -> float:
     return 2e-3 / 3 * (0.06 + 0.0005 * distance_mm + 0.03 * module_mm)
 
 
-def _errors(made: _Made, pair: MeshPair, member: Member, planet: str) -> GearErrors:
+def _errors(made: _Made, pair: MeshPair, member: GearTeeth, planet: str) -> GearErrors:
     if made.accuracy_grade is None:
-        own = ideal(member.teeth.teeth)
+        own = ideal(member.teeth)
     else:
         # a planet has two flanks at work, and there are several planets
         flank = f"{pair.name}{planet}" if member.name == "planet" else ""
         own = random_errors(
-            member.teeth.teeth,
-            pair.unchecked_geometry.transverse_module_m * member.teeth.teeth,
+            member.teeth,
+            pair.unchecked_geometry.transverse_module_m * member.teeth,
             1e-3 * pair.need("module_mm", "pitch errors"),
             made.accuracy_grade,
             stream(made.seed, "errors", pair.number or 1, member.name, flank),

@@ -62,7 +62,7 @@ def test_a_fault_acts_on_its_tooth_only(gear, text, form):
     """Bit by bit the same everywhere but in the contact of tooth 4; softer there, never stiffer."""
     pair, healthy = mesh_of(gear, [], form)
     _, hurt = mesh_of(gear, [text], form)
-    teeth = pair.member(gear).teeth.teeth
+    teeth = pair.member(gear).teeth
     assert hurt.period_mesh == teeth
     x = (np.arange(40 * teeth) + 0.37) / 40
     length = max(healthy.healthy.terms[0].pulse.length, pair.contact_ratio) + pair.overlap_ratio

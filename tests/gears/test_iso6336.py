@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gearmon.errors import ArgumentError
+from gearmon.gears.geometry import GearTeeth
 from gearmon.gears.iso6336 import (
     Body,
-    ToothData,
     method_b,
     reduced_mass_per_width,
     resonance_margin,
@@ -26,7 +26,7 @@ DEG = math.pi / 180
 
 
 def tooth(teeth, shift=0.0, root=1.25, **data):
-    return ToothData(teeth=teeth, profile_shift=shift, root_factor=root, **data)
+    return GearTeeth(teeth=teeth, profile_shift=shift, root_factor=root, **data)
 
 
 # Row 1: ISO/TR 6336-30 example 1; row 2: DIN 3990 example; rows 3 and 5: reports of a commercial

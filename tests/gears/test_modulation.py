@@ -100,7 +100,7 @@ def test_contact_begins_and_ends_where_circles_say(stage, mesh, index, monkeypat
     """What is left out is of the second order: it falls with the square of the size."""
     pair = mesh_pairs(stage, 1)[mesh]
     geometry = pair.geometry
-    teeth = tuple(member.teeth.teeth for member in pair.members)
+    teeth = tuple(member.teeth for member in pair.members)
     gear = pair.members[index].name
     rolls = [
         math.sqrt(tip**2 - base**2)

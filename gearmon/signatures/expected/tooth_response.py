@@ -196,7 +196,7 @@ def tooth_response(
     check_range("stage", stage, 1, len(machine.stages))
     own = machine.stages[stage - 1]
     pair, stiffness, standard = _teeth(own, stage, gear)
-    teeth, planets = pair.member(gear).teeth.teeth, isinstance(own, PlanetaryStage)
+    teeth, planets = pair.member(gear).teeth, isinstance(own, PlanetaryStage)
     share, phase = _pair_share(pair, stiffness, stage, gear)
     deflection = 1.0 / stiffness.at(phase)
     lines = mesh = None
