@@ -423,8 +423,7 @@ class _Assembly:
             diameter = 1e3 * SHAFT_OVER_GEAR * min(_diameter_m(*own) for own in gears)
             source = f"{SHAFT_OVER_GEAR:g} of the smaller gear on it"
         widths = [
-            pair.stage.face_width_mm
-            or 1e3 * WIDTH_OVER_MODULE * pair.unchecked_geometry.transverse_module_m
+            pair.stage.face_width_mm or 1e3 * WIDTH_OVER_MODULE * pair.geometry.transverse_module_m
             for pair, _ in gears
         ]
         length = SHAFT_OVER_WIDTHS * sum(widths)
@@ -642,7 +641,7 @@ class _Assembly:
         if (mass is None or inertia is None) and rows.any():
             instead = "mass_carrier_kg and inertia_carrier_kgm2"
             width, density = disc_body(pair, "mass of the carrier", instead)
-            radius = pair.unchecked_geometry.centre_distance_m
+            radius = pair.geometry.centre_distance_m
             mass = mass or density * math.pi * radius**2 * width
             inertia = inertia or 0.5 * mass * radius**2
             told = f"stage {pair.number}: the carrier is a disc of {mass:.3g} kg to the planet axes"
@@ -655,7 +654,7 @@ class _Assembly:
         """Return how the planets of a set move, and add their inertia and pins."""
         inner = self.pairs[i][0]
         cos, sin = np.cos(angles)[:, None], np.sin(angles)[:, None]
-        radius = inner.unchecked_geometry.centre_distance_m
+        radius = inner.geometry.centre_distance_m
         pins = np.stack(
             [
                 cos * carrier[0] + sin * carrier[1],
@@ -709,12 +708,12 @@ def _diameter_m(pair: MeshPair, member: str) -> float:
     """Return the reference diameter of a gear, of a carrier the circle of its planets [m]."""
     names = ("sun", "planet") if member == "carrier" else (member,)
     teeth = sum(getattr(pair.stage, f"{name}_teeth") for name in names)
-    return float(teeth * pair.unchecked_geometry.transverse_module_m)
+    return float(teeth * pair.geometry.transverse_module_m)
 
 
 def _push(pair: MeshPair) -> float:
     """Angle from the line of centres to the line of action [rad]."""
-    return 0.5 * math.pi - pair.unchecked_geometry.working_pressure_angle_rad
+    return 0.5 * math.pi - pair.geometry.working_pressure_angle_rad
 
 
 def _mesh(

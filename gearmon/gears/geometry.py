@@ -17,6 +17,7 @@ from functools import cached_property
 from typing import cast
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import bisect, brentq
 
 from gearmon.errors import ArgumentError, check_positive, check_range
@@ -209,8 +210,8 @@ def inverse_involute(value: float) -> float:
     return float(brentq(lambda x: involute(x) - value, 0.0, highest, xtol=1e-300, maxiter=2000))
 
 
-def contact_zones(contact_ratio: float) -> list[tuple[float, float, int]]:
-    """Zones that one pair passes from entry to exit.
+def contact_zones(contact_ratio: float) -> tuple[FloatArray, NDArray[np.int64]]:
+    """Return the zones that one pair passes from entry to exit.
 
     Parameters
     ----------
@@ -218,22 +219,23 @@ def contact_zones(contact_ratio: float) -> list[tuple[float, float, int]]:
 
     Returns
     -------
-    list of (start, end, pairs)
-        Start and end [mesh periods] and the number of pairs that carry there.
+    edges : ndarray, shape (zones + 1,)
+        [mesh periods]
+    pairs : ndarray of int, shape (zones,)
+        Number of pairs that carry there.
 
     Examples
     --------
-    >>> contact_zones(1.5)
-    [(0.0, 0.5, 2), (0.5, 1.0, 1), (1.0, 1.5, 2)]
+    >>> edges, pairs = contact_zones(1.5)
+    >>> edges.tolist(), pairs.tolist()
+    ([0.0, 0.5, 1.0, 1.5], [2, 1, 2])
     """
     few = math.floor(contact_ratio)
-    part = contact_ratio - few
+    part, entries = contact_ratio - few, np.arange(few + 1)
     if part < 1e-12:
-        return [(float(i), float(i + 1), few) for i in range(few)]
-    zones = []
-    for i in range(few):
-        zones += [(float(i), i + part, few + 1), (i + part, float(i + 1), few)]
-    return [*zones, (float(few), contact_ratio, few + 1)]
+        return entries.astype(np.float64), np.full(few, few)
+    edges = np.stack([entries, np.append(entries[:-1] + part, contact_ratio)], axis=1).ravel()
+    return edges, few + 1 - np.arange(2 * few + 1) % 2
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -232,7 +232,7 @@ def pair_resonance(pair: MeshPair, force_n: float | None = None) -> Resonance:
             f"ask for the sun-planet mesh"
         )
     pair.need("module_mm", "reduced mass")
-    circles = pair.unchecked_geometry
+    circles = pair.geometry
     one, two = sorted((0, 1), key=lambda index: pair.members[index].teeth)
     means = [a + b for a, b in zip(circles.tip_radii_m, circles.root_radii_m, strict=True)]
     teeth = pair.members[one].teeth, pair.members[two].teeth
@@ -257,7 +257,7 @@ def _inner_diameter(pair: MeshPair, index: int) -> float:
     member = pair.members[index]
     if member.rim_m is None:
         return member.bore_m
-    return 2 * (pair.unchecked_geometry.root_radii_m[index] - member.rim_m)
+    return 2 * (pair.geometry.root_radii_m[index] - member.rim_m)
 
 
 def _pair(machine: Machine, number: int, mesh: int) -> MeshPair:
@@ -372,7 +372,7 @@ def disc_body(pair: MeshPair, purpose: str, instead: str) -> tuple[float, float]
 
 def _disc(pair: MeshPair, index: int, width_m: float) -> tuple[float, float]:
     """Return volume [m3] and polar moment of inertia over density [m5] of a gear as a disc."""
-    member, circles = pair.members[index], pair.unchecked_geometry
+    member, circles = pair.members[index], pair.geometry
     root = circles.root_radii_m[index]
     outer = 0.5 * (circles.tip_radii_m[index] + root)
     bore = 0.5 * member.bore_m

@@ -148,7 +148,7 @@ def _moved(error: GearError, pair: MeshPair, index: int) -> tuple[complex, compl
     size = error.size_m * cmath.exp(1j * error.phase_rad)
     if error.kind == "misalignment":
         return 0j, 0j, size
-    geometry = pair.unchecked_geometry
+    geometry = pair.geometry
     share = first_gear_share(pair)
     along = size / geometry.base_pitch_m
     if error.kind == "cumulative":

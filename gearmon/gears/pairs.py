@@ -126,16 +126,6 @@ class MeshPair:
         return math.radians(self.stage.pressure_angle_deg)
 
     @cached_property
-    def geometry(self) -> PairGeometry:
-        """Full geometry; the pair must be able to run."""
-        return self._geometry(check=True)
-
-    @cached_property
-    def unchecked_geometry(self) -> PairGeometry:
-        """Circles of the pair, also where the contact ratio is known from elsewhere."""
-        return self._geometry(check=False)
-
-    @cached_property
     def contact_ratio(self) -> float:
         """Transverse contact ratio: the override, or that of the geometry."""
         known = self.given("contact_ratio")
@@ -148,7 +138,7 @@ class MeshPair:
             return 0.0
         self.need("module_mm", "overlap ratio")
         self.need("face_width_mm", "overlap ratio")
-        return self.unchecked_geometry.overlap_ratio
+        return self.geometry.overlap_ratio
 
     @property
     def pitch_phase(self) -> float:
@@ -161,7 +151,7 @@ class MeshPair:
     def base_radii_m(self) -> tuple[float, float]:
         """Base radii [m]."""
         self.need("module_mm", "base circle", "force_n and equivalent_mass_kg")
-        return self.unchecked_geometry.base_radii_m
+        return self.geometry.base_radii_m
 
     def method_b(self, force_n: float | None = None) -> iso6336.MethodB:
         """Return the stiffness by ISO 6336-1 Method B.
@@ -206,7 +196,9 @@ class MeshPair:
                 )
         return min(found, key=lambda body: body.factor, default=None)
 
-    def _geometry(self, *, check: bool) -> PairGeometry:
+    @cached_property
+    def geometry(self) -> PairGeometry:
+        """Circles of the pair, which must be able to run where its contact ratio is not given."""
         module = 1e-3 * self.need(
             "module_mm", "contact ratio", "contact_ratio" if self.is_main else ""
         )
@@ -221,7 +213,7 @@ class MeshPair:
                 centre_distance_m=distance,
                 internal=self.second.internal,
                 tip_shortening=shortening,
-                check=check,
+                check=self.given("contact_ratio") is None,
             )
         except ArgumentError as error:
             raise ArgumentError(f"{self.where}: {error}") from None
@@ -231,7 +223,7 @@ class MeshPair:
         one, two = self._told_shortening(0), self._told_shortening(1)
         if self.inner is not None:
             # the planet is one body on one axis, which its mesh with the sun has placed
-            inner = self.inner.unchecked_geometry
+            inner = self.inner.geometry
             return inner.centre_distance_m, (inner.tip_shortening[1], two or 0.0)
         distance, usual = self.stage.centre_distance_mm, self.stage.tip_shortening
         told = usual if one is None else one, usual if two is None else two

@@ -108,7 +108,7 @@ class Wave(Parabolic):
 
     def pulse(self, contact_ratio: float) -> Pulse:
         """Return the stiffness of one pair over its contact, in units of its maximum."""
-        edges, pairs = _zones(contact_ratio)
+        edges, pairs = contact_zones(contact_ratio)
         width = np.diff(edges)
         at = np.stack([edges[:-1], edges[:-1] + 0.5 * width], axis=1) % 1.0
         levels = np.array([self._sum(x, n, contact_ratio) for x, n in zip(at, pairs, strict=True)])
@@ -155,7 +155,7 @@ class Rectangular(Parabolic):
     def pulse(self, contact_ratio: float) -> Pulse:
         """Return the stiffness of one pair over its contact, in units of its maximum."""
         high, low = zone_means(contact_ratio, self.curvature)
-        edges, pairs = _zones(self.length(contact_ratio))
+        edges, pairs = contact_zones(self.length(contact_ratio))
         level = np.where(pairs == math.floor(contact_ratio), low, high) / pairs
         return Pulse(edges, level[:, None])
 
@@ -205,7 +205,7 @@ class FourierSum(Rectangular):
             orders = 2 * orders - 1
         rectangle = self.outline(contact_ratio)
         mean, amplitudes = rectangle.area, 2 * rectangle.transform(orders)
-        edges, pairs = _zones(self.length(contact_ratio))
+        edges, pairs = contact_zones(self.length(contact_ratio))
         rates = 2 * np.pi * orders
 
         def terms(t: FloatArray) -> FloatArray:
@@ -297,7 +297,7 @@ def _stretched(pulse: Pulse, factor: float) -> Pulse:
     The constant that this adds is shared among the pairs in contact as they share the stiffness
     at the ends of each zone, linearly between.
     """
-    zones, pairs = _zones(pulse.length)
+    zones, pairs = contact_zones(pulse.length)
     parts = pulse * Pulse(zones, np.ones((len(pairs), 1)))
     kinds = np.arange(len(parts.series)) % (2 if pulse.length % 1 > 1e-12 else 1)
     sums = np.array([parts.limits[kinds == kind].sum(axis=0) for kind in range(kinds.max() + 1)])
@@ -322,14 +322,6 @@ def _mesh_curve(pulse: Pulse, overlap: float) -> FloatArray:
 
 def _variation(pulse: Pulse, overlap: float) -> float:
     return 0.5 * float(np.ptp(_mesh_curve(pulse, overlap))) / pulse.area
-
-
-def _zones(contact_ratio: float) -> tuple[FloatArray, FloatArray]:
-    """Return the edges of the zones that a pair passes, and how many pairs carry in each."""
-    starts, ends, pairs = (
-        np.array(part) for part in zip(*contact_zones(contact_ratio), strict=True)
-    )
-    return np.append(starts, ends[-1]), pairs
 
 
 #: Forms by name.
@@ -610,7 +602,7 @@ def _from_teeth(
     def member(lost: float = 0.0, wear: Sequence[Fault] = acting) -> TeethInMesh:
         moved = teeth.parted(lost)
         worn = worn_losses(pair, wear, teeth=moved)
-        return TeethInMesh(pair=moved, worn=worn, is_coupled=form.is_coupled, force_n=force_n)
+        return TeethInMesh(pair=moved, worn=worn, force_n=force_n)
 
     factor, imposed = _worn_share(acting), pair.given("mesh_stiffness_n_per_m")
     if imposed is not None:

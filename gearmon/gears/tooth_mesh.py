@@ -252,14 +252,11 @@ class TeethInMesh(PairsInMesh):
     ----------
     pair : ToothPair
         Sound teeth.
-    is_coupled : bool
-        Whether neighbouring teeth share the yielding of the bodies.
     force_n : float or None
         Static force that the pairs carry together; only load-dependent contacts need it.
     """
 
     pair: ToothPair
-    is_coupled: bool = True
     force_n: float | None = None
 
     @property
@@ -270,7 +267,7 @@ class TeethInMesh(PairsInMesh):
     @cached_property
     def corners(self) -> FloatArray:
         """Where another pair enters or leaves."""
-        return np.array([limit for zone in contact_zones(self.length) for limit in zone[:2]])
+        return contact_zones(self.length)[0]
 
     @cached_property
     def reach(self) -> int:
@@ -280,7 +277,7 @@ class TeethInMesh(PairsInMesh):
     def loads(self, phase: FloatArray, states: Sequence[PairState] | None = None) -> FloatArray:
         """Return what each pair carries per unit of deflection [N/m]."""
         known = self._sound if states is None else states
-        if self.pair.contact == "constant" or self.force_n is None:
+        if self.pair.form.contact == "constant" or self.force_n is None:
             return self._share(phase, known, None)
         force = np.full((len(known), *phase.shape), self.force_n / self.length)
         for _ in range(LOAD_ROUNDS):
@@ -290,7 +287,7 @@ class TeethInMesh(PairsInMesh):
         return loads
 
     def _near(self, losses: GearLosses, period: int) -> set[int]:
-        if self.is_coupled:
+        if self.pair.form.is_coupled:
             return super()._near(losses, period)
         return {tooth - 1 for tooth in losses}
 
@@ -332,7 +329,7 @@ class TeethInMesh(PairsInMesh):
         self, phase: FloatArray, total: FloatArray, bodies: FloatArray, who: NDArray[np.intp]
     ) -> FloatArray:
         """Return C^-1 (1, 1, ...) for the pairs in contact."""
-        if len(total) == 1 or not self.is_coupled:
+        if len(total) == 1 or not self.pair.form.is_coupled:
             return np.asarray(1 / total)
         own = [phase - (int(place) - self.reach) for place in who]
         matrix = np.zeros((*phase.shape, len(who), len(who)))

@@ -112,6 +112,47 @@ def weber_banaschek_compliance(
     return np.asarray(4 * plane / np.asarray(width_m) * np.maximum(bracket, 0.25))
 
 
+@dataclass(frozen=True, kw_only=True)
+class PotentialEnergy:
+    """Energy of both teeth, of their contact and of the bodies that carry them.
+
+    Parameters
+    ----------
+    root : {"fillet", "straight", "base"}
+        See `gears.tooth.Tooth`.
+    contact : {"constant", "load-dependent"}
+        Load-independent Hertz stiffness (Yang & Sun), or Weber & Banaschek's form.
+    has_foundation : bool
+        Whether the bodies of the gears yield.
+    is_coupled : bool
+        Whether neighbouring teeth feel each other through the bodies. The classical sum of the
+        pairs counts each body twice and exaggerates the step from one pair to two by 24 to 40 %.
+
+    Notes
+    -----
+    With C_i the compliance of pair i and C_ij what pairs i and j share, the pairs carry
+    ``k = C^-1 (1, 1, ...)`` per unit of deflection; the mesh stiffness is the sum of k.
+    """
+
+    root: Root = "fillet"
+    contact: Contact = "constant"
+    has_foundation: bool = True
+    is_coupled: bool = True
+
+    def __post_init__(self) -> None:
+        check_word("root=", self.root, ROOTS)
+        check_word("contact=", self.contact, CONTACTS)
+
+    @property
+    def name(self) -> str:
+        """Name under which the form is chosen."""
+        return POTENTIAL_ENERGY
+
+
+#: The form with its usual choices.
+USUAL = PotentialEnergy()
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PairCompliance:
     """Compliances of a pair of teeth [m/N], each of shape (n,) for n contacts.
@@ -172,10 +213,7 @@ class ToothPair:
     base_pitch_m : float
         Roll length of a mesh period [m].
     base_helix_angle_rad : float
-    contact : {"constant", "load-dependent"}
-        Load-independent Hertz stiffness (Yang & Sun), or Weber & Banaschek's form.
-    has_foundation : bool
-        Whether the bodies of the gears yield.
+    form : PotentialEnergy
     """
 
     first: Tooth
@@ -184,8 +222,7 @@ class ToothPair:
     path_m: tuple[float, float]
     base_pitch_m: float
     base_helix_angle_rad: float = 0.0
-    contact: Contact = "constant"
-    has_foundation: bool = True
+    form: PotentialEnergy = USUAL
     notes: tuple[str, ...] = field(default=())
 
     @property
@@ -324,7 +361,7 @@ class ToothPair:
             Contact phases of the pair that entered first and of the other one [mesh periods].
         """
         total = np.zeros(bodies.shape[2:])
-        if not self.has_foundation:
+        if not self.form.has_foundation:
             return total
         ahead, behind = (self.angles(phase) for phase in phases)
         least = bodies.min(axis=0)
@@ -337,13 +374,13 @@ class ToothPair:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What was assumed, and what lies outside a range of validity."""
-        if not self.has_foundation:
+        if not self.form.has_foundation:
             return self.notes
         one, two = self.foundations
         return (*self.notes, *one.warnings, *two.warnings)
 
     def _foundation(self, angles: list[FloatArray]) -> tuple[FloatArray, FloatArray]:
-        if not self.has_foundation:
+        if not self.form.has_foundation:
             return np.zeros_like(angles[0]), np.zeros_like(angles[1])
         one, two = self.foundations
         return one.compliance(angles[0]) * self.oblique, two.compliance(angles[1]) * self.oblique
@@ -358,7 +395,7 @@ class ToothPair:
         moduli = (self.first.elastic_modulus_pa, self.second.elastic_modulus_pa)
         nu = self.first.poisson_ratio
         width = self._touching(beams, angles)
-        if self.contact == "constant" or force_n is None:
+        if self.form.contact == "constant" or force_n is None:
             return self.oblique * hertz_compliance(width, moduli, nu)
         depths = [
             tooth.half_thickness(angle) / np.cos(angle)
@@ -384,13 +421,11 @@ class ToothPair:
 
 def tooth_pair(
     geometry: PairGeometry,
+    form: PotentialEnergy = USUAL,
     *,
     bore_radii_m: tuple[float, float],
     moduli_pa: tuple[float, float] = (206e9, 206e9),
     poisson_ratio: float = 0.3,
-    root: Root = "fillet",
-    contact: Contact = "constant",
-    has_foundation: bool = True,
     contact_ratio: float | None = None,
     notes: tuple[str, ...] = (),
 ) -> ToothPair:
@@ -400,13 +435,12 @@ def tooth_pair(
     ----------
     geometry : PairGeometry
         With its face width.
+    form : PotentialEnergy
     bore_radii_m : (float, float)
         Radii on which the gears are held [m]; of a ring the outer one.
     moduli_pa : (float, float)
         Young's moduli [Pa].
     poisson_ratio : float
-    root, contact, has_foundation
-        See `Tooth` and `ToothPair`.
     contact_ratio : float, optional
         A contact ratio known from elsewhere, at most that of the geometry: the middle of the path
         is kept.
@@ -438,7 +472,7 @@ def tooth_pair(
             bore_radius_m=_held_alike(geometry, section, index, bore_radii_m[index]),
             elastic_modulus_pa=moduli_pa[index],
             poisson_ratio=poisson_ratio,
-            root=root,
+            root=form.root,
         )
         for index in (0, 1)
     )
@@ -449,8 +483,7 @@ def tooth_pair(
         path_m=path,
         base_pitch_m=(path[1] - path[0]) / ratio,
         base_helix_angle_rad=geometry.base_helix_angle_rad,
-        contact=contact,
-        has_foundation=has_foundation,
+        form=form,
         notes=notes,
     )
 
@@ -476,47 +509,6 @@ def _held_alike(
     return bore_radius_m * root / real
 
 
-@dataclass(frozen=True, kw_only=True)
-class PotentialEnergy:
-    """Energy of both teeth, of their contact and of the bodies that carry them.
-
-    Parameters
-    ----------
-    root : {"fillet", "straight", "base"}
-        See `gears.tooth.Tooth`.
-    contact : {"constant", "load-dependent"}
-        See `gears.tooth_pairs.ToothPair`.
-    has_foundation : bool
-        Whether the bodies of the gears yield.
-    is_coupled : bool
-        Whether neighbouring teeth feel each other through the bodies. The classical sum of the
-        pairs counts each body twice and exaggerates the step from one pair to two by 24 to 40 %.
-
-    Notes
-    -----
-    With C_i the compliance of pair i and C_ij what pairs i and j share, the pairs carry
-    ``k = C^-1 (1, 1, ...)`` per unit of deflection; the mesh stiffness is the sum of k.
-    """
-
-    root: Root = "fillet"
-    contact: Contact = "constant"
-    has_foundation: bool = True
-    is_coupled: bool = True
-
-    def __post_init__(self) -> None:
-        check_word("root=", self.root, ROOTS)
-        check_word("contact=", self.contact, CONTACTS)
-
-    @property
-    def name(self) -> str:
-        """Name under which the form is chosen."""
-        return POTENTIAL_ENERGY
-
-
-#: The form with its usual choices.
-USUAL = PotentialEnergy()
-
-
 def teeth_of(pair: MeshPair, form: PotentialEnergy = USUAL) -> ToothPair:
     """Return the teeth of a mesh of a machine.
 
@@ -540,17 +532,15 @@ def teeth_of(pair: MeshPair, form: PotentialEnergy = USUAL) -> ToothPair:
     pair.need("face_width_mm", "stiffness of its teeth")
     notes: list[str] = []
     known = pair.given("contact_ratio")
-    geometry = pair.geometry if known is None else pair.unchecked_geometry
+    geometry = pair.geometry
     bores = [_held_radius(geometry, i, member, notes) for i, member in enumerate(pair.members)]
     try:
         return tooth_pair(
             geometry,
+            form,
             bore_radii_m=(bores[0], bores[1]),
             moduli_pa=(pair.first.elastic_modulus_pa, pair.second.elastic_modulus_pa),
             poisson_ratio=pair.stage.poisson_ratio,
-            root=form.root,
-            contact=form.contact,
-            has_foundation=form.has_foundation,
             contact_ratio=known,
             notes=tuple(notes) if form.has_foundation else (),
         )

@@ -202,7 +202,7 @@ def _mesh(
         offset=spring.phase,
         teeth=pair.teeth,
         errors=(first, second),
-        base_pitch_m=pair.unchecked_geometry.base_pitch_m,
+        base_pitch_m=pair.geometry.base_pitch_m,
         stiffness=mechanics.stiffness,
         backlash_m=_backlash_m(pair),
         place_turns=angle_rad / (2 * math.pi),
@@ -216,7 +216,7 @@ def _backlash_m(pair: MeshPair) -> float:
 
     ``j_bn = 2/3 (0.06 + 0.0005 a + 0.03 m_n)``, all in mm.
     """
-    distance_mm = 1e3 * pair.unchecked_geometry.centre_distance_m
+    distance_mm = 1e3 * pair.geometry.centre_distance_m
     module_mm = pair.need("module_mm", "backlash")
     return 2e-3 / 3 * (0.06 + 0.0005 * distance_mm + 0.03 * module_mm)
 
@@ -229,7 +229,7 @@ def _errors(made: _Made, pair: MeshPair, member: GearTeeth, planet: str) -> Gear
         flank = f"{pair.name}{planet}" if member.name == "planet" else ""
         own = random_errors(
             member.teeth,
-            pair.unchecked_geometry.transverse_module_m * member.teeth,
+            pair.geometry.transverse_module_m * member.teeth,
             1e-3 * pair.need("module_mm", "pitch errors"),
             made.accuracy_grade,
             stream(made.seed, "errors", pair.number or 1, member.name, flank),
@@ -241,7 +241,7 @@ def _errors(made: _Made, pair: MeshPair, member: GearTeeth, planet: str) -> Gear
 
 
 def _gear_mass_kg(pair: MeshPair) -> float:
-    module, width = pair.unchecked_geometry.transverse_module_m, pair.stage.face_width_mm
+    module, width = pair.geometry.transverse_module_m, pair.stage.face_width_mm
     radii = [0.5 * module * teeth for teeth in pair.teeth]
     area = math.pi * (radii[0] ** 2 + pair.planets * radii[1] ** 2)
     width_m = WIDTH_OVER_MODULE * module if width is None else 1e-3 * width

@@ -58,7 +58,7 @@ def ring_pair(planet=36, ring=93, shifts=(0.0, 0.0), held=None, geometry=None, *
     )
     outside = pair.root_radii_m[1] + 7e-3 if held is None else held
     bores = (0.4 * pair.reference_radii_m[0], outside)
-    return pair, tooth_pair(pair, bore_radii_m=bores, **choices)
+    return pair, tooth_pair(pair, PotentialEnergy(**choices), bore_radii_m=bores)
 
 
 @st.composite
@@ -260,7 +260,8 @@ def test_planet_and_ring_against_the_standard():
 def test_planet_and_ring_step_and_couple():
     """A ring held all round its outside couples neighbours less than a disc on its bore does."""
     _, pair = ring_pair(shifts=(0.3, 0.1))
-    mesh, loose = TeethInMesh(pair=pair), TeethInMesh(pair=pair, is_coupled=False)
+    _, apart = ring_pair(shifts=(0.3, 0.1), is_coupled=False)
+    mesh, loose = TeethInMesh(pair=pair), TeethInMesh(pair=apart)
     phase = np.linspace(0.02, pair.contact_ratio - 1.02, 5)[:, None]
     pairs = [SOUND_PAIR] * (2 * mesh.reach + 1)
     both, sums = (np.asarray(m.loads(phase, pairs)).sum(axis=0) for m in (mesh, loose))

@@ -205,7 +205,7 @@ def test_names():
 
 
 def test_zones_of_a_short_helical_contact():
-    assert contact_zones(0.8) == [(0.0, 0.8, 1)]
+    assert [own.tolist() for own in contact_zones(0.8)] == [[0.0, 0.8], [1]]
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gearmon.gears.geometry import GearTeeth, pair_geometry
-from gearmon.gears.tooth_pairs import tooth_pair
+from gearmon.gears.tooth_pairs import PotentialEnergy, tooth_pair
 
 
 def teeth(z1, z2, m, b, bores, E=206e9, x=(0.0, 0.0), **choices):
@@ -16,9 +16,9 @@ def teeth(z1, z2, m, b, bores, E=206e9, x=(0.0, 0.0), **choices):
     )
     return tooth_pair(
         geometry,
+        PotentialEnergy(**choices),
         bore_radii_m=(1e-3 * bores[0], 1e-3 * bores[1]),
         moduli_pa=(E, E),
-        **choices,
     )
 
 
