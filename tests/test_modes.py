@@ -12,7 +12,7 @@ from scipy.linalg import eigh
 import gearmon
 from gearmon.cli import main
 from gearmon.errors import GearmonError
-from gearmon.gears.drive_train import drive_train
+from gearmon.gears.assembly import drive_train
 
 POINT = {"speed_rpm": 1500.0, "torque_nm": 100.0}
 PAIR = {

@@ -25,7 +25,8 @@ The modules: `kinematics`; `geometry` (circles, rack, whether a pair can run); `
 a tooth and from its pair); `tooth`, `foundation` and `tooth_pairs` (potential energy); `pulses`
 (whatever a pair has, loses or lacks over its contact) and `tooth_mesh` (pairs that carry together,
 sound and damaged, by a given curve or by their teeth); `stiffness`, with `modulation` by turning
-gears; `excitation`; `mechanics`; `stiffness_report` and `tooth_outline` (what pictures need).
+gears; `excitation`; `mechanics`; `drive_train` (the machine as one elastic system) and `assembly`
+(how it is put together); `stiffness_report` and `tooth_outline` (what pictures need).
 
 Examples
 --------

@@ -7,9 +7,9 @@ stiffness that is gone.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, reduce
 from itertools import pairwise
 
 import numpy as np
@@ -124,16 +124,12 @@ def measured_losses(
     length : float, optional
         Nominal length of the contact on which the true one is laid [mesh periods].
     """
-    tooth, losses = pair.teeth[index], Losses()
-    for fault in faults:
-        if fault.kind == "breakage":
-            losses = union(losses, _broken(fault, pair, index))
-    damage = tooth_damage(faults, tooth)
-    for hole in damage.holes:
-        if not hole.round:
-            losses = union(losses, _without_flank(hole, pair, index))
+    damage = tooth_damage(faults, pair.teeth[index])
+    parts = [_broken(fault, pair, index) for fault in faults if fault.kind == "breakage"]
+    parts += [_without_flank(hole, pair, index) for hole in damage.holes if not hole.round]
     if not damage.is_none:
-        losses = union(losses, _weaker_sections(damage, pair, index, is_helical))
+        parts.append(_weaker_sections(damage, pair, index, is_helical))
+    losses: Losses = reduce(union, parts, ())
     nominal = pair.contact_ratio if length is None else length
     factor = nominal / pair.contact_ratio
     if abs(factor - 1) > 1e-9:
@@ -277,11 +273,8 @@ def _bridged(pair: ToothPair, length: float) -> Pulse:
         alone = (few == 1) & (phase >= part) & (phase < 1)
         return np.where(alone, 1 - np.minimum(ends / own, 1.0), 1.0)
 
-    return _loss(share, [0.0, *(x for x in (part, 1.0) if 0 < x < length), length])
-
-
-def _loss(share: Callable[[FloatArray], FloatArray], edges: Sequence[float]) -> Pulse:
-    return Pulse.of(distinct(edges, 1e-12), share, LOSS_POINTS)
+    edges = distinct([0.0, *(x for x in (part, 1.0) if 0 < x < length), length], 1e-12)
+    return Pulse.of(edges, share, LOSS_POINTS)
 
 
 def _weaker_sections(damage: ToothDamage, pair: ToothPair, index: int, is_helical: bool) -> Losses:
@@ -303,7 +296,8 @@ def _weaker(damage: ToothDamage, pair: ToothPair, index: int) -> Pulse:
         roll = pair.roll(phase)
         return 1 - pair.compliances(roll).total / pair.compliances(roll, beams).total
 
-    return _loss(share, [0.0, *pair.corners(beams).tolist(), pair.contact_ratio])
+    edges = distinct([0.0, *pair.corners(beams), pair.contact_ratio], 1e-12)
+    return Pulse.of(edges, share, LOSS_POINTS)
 
 
 def _face_edges(damage: ToothDamage, pair: ToothPair) -> list[float]:
@@ -402,19 +396,16 @@ def gear_losses(
     pitch = pair.pitch_phase * length / pair.contact_ratio if _needs_pitch(faults) else 0.0
     found: tuple[dict[int, Losses], dict[int, Losses]] = {}, {}
     for index, (member, losses) in enumerate(zip(pair.members, found, strict=True)):
-        own = [f for f in faults if f.gear == member.name and f.tooth is not None]
-        together: dict[int, list[Fault]] = {}
-        for fault in own:
-            tooth = int(fault.tooth or 0)
-            if not fault.is_loss:
-                together.setdefault(tooth, []).append(fault)
-            elif fault.loss:
-                alone = loss_in_contact(fault, length, pitch)
-                losses[tooth] = union(losses.get(tooth, ()), alone)
-        for tooth, measured in sorted(together.items()):
-            lost = _measured(pair, index, measured, length, teeth)
+        hurt = [fault for fault in faults if fault.gear == member.name and fault.tooth is not None]
+        for tooth in sorted({fault.tooth or 0 for fault in hurt}):
+            own = [fault for fault in hurt if fault.tooth == tooth]
+            parts = [loss_in_contact(fault, length, pitch) for fault in own if fault.is_loss]
+            measured = [fault for fault in own if not fault.is_loss]
+            if measured:
+                parts.append(_measured(pair, index, measured, length, teeth))
+            lost: Losses = reduce(union, parts, ())
             if lost:
-                losses[tooth] = union(losses.get(tooth, ()), lost)
+                losses[tooth] = lost
     return found
 
 

@@ -114,7 +114,7 @@ class TurningError:
             return np.asarray(self.size_m * turned)
         # whichever end of the face stands out carries: twice per turn
         gap = self.size_m * np.abs(turned)
-        share = carrying_share(np.abs(gap), self.free_gap_m)
+        share = carrying_share(gap, self.free_gap_m)
         return np.asarray(0.5 * gap * (share - 1))
 
 

@@ -478,22 +478,15 @@ def _parts(
     check_word("gear ", parts[2], GEARS)
     numbers: list[int | None] = []
     for name, word in (("STAGE", parts[1]), ("TOOTH", parts[3])):
-        if name == "TOOTH" and word == "all":
-            numbers.append(None)
-            continue
+        is_all = name == "TOOTH" and word == "all"
         try:
-            numbers.append(int(word))
+            numbers.append(None if is_all else int(word))
         except ValueError:
             hint = " or 'all'" if name == "TOOTH" else ""
             raise ArgumentError(
                 f"{what} {text!r}: {name} {word!r} must be a whole number{hint}; {syntax}"
             ) from None
     return parts[0], numbers[0] or 0, parts[2], numbers[1], parts[4]
-
-
-def faults_of_stage(faults: Iterable[Fault], stage: int) -> tuple[Fault, ...]:
-    """Return the faults of one stage, counted from 1."""
-    return tuple(fault for fault in faults if fault.stage == stage)
 
 
 @dataclass(frozen=True, kw_only=True)

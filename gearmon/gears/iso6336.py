@@ -83,10 +83,6 @@ class Resonance:
     speed_rpm: float
     margin: float
 
-    def ratio(self, speed_rpm: float) -> float:
-        """Return N, a speed of gear 1 in units of the resonance speed."""
-        return speed_rpm / self.speed_rpm
-
 
 @dataclass(frozen=True, kw_only=True)
 class MethodB:
@@ -226,7 +222,7 @@ def method_b(
 def reduced_mass_per_width(
     teeth: tuple[int, int],
     mean_diameters_m: tuple[float, float],
-    base_diameters_m: tuple[float, float],
+    base_diameter_m: float,
     bores_m: tuple[float, float] = (0.0, 0.0),
     densities_kgm3: tuple[float, float] = (7850.0, 7850.0),
 ) -> float:
@@ -238,8 +234,8 @@ def reduced_mass_per_width(
         Fewer teeth first.
     mean_diameters_m : (float, float)
         d_m = (d_a + d_f)/2 [m].
-    base_diameters_m : (float, float)
-        [m]
+    base_diameter_m : float
+        d_b1, of gear 1 [m].
     bores_m : (float, float)
         Inner diameters d_i of rim or body [m].
     densities_kgm3 : (float, float)
@@ -250,14 +246,14 @@ def reduced_mass_per_width(
     ``m_red = (pi/8)(d_m1/d_b1)^2 d_m1^2/[1/((1-q1^4) rho1) + 1/((1-q2^4) rho2 u^2)]``,
     q = d_i/d_m, u = z2/z1: the standard sets d_m2/d_m1 = u. 1 kg/mm = 1000 kg/m.
     """
-    (dm1, dm2), db1 = mean_diameters_m, base_diameters_m[0]
+    dm1, dm2 = mean_diameters_m
     ratio = teeth[1] / teeth[0]
     full = [1 - (bore / dm) ** 4 for bore, dm in zip(bores_m, (dm1, dm2), strict=True)]
     for bore, share in zip(bores_m, full, strict=True):
         if share <= 0:
             raise ArgumentError(f"bore of {bore} m must be less than the mean diameter")
     compliance = 1 / (full[0] * densities_kgm3[0]) + 1 / (full[1] * densities_kgm3[1] * ratio**2)
-    return math.pi / 8 * (dm1 / db1) ** 2 * dm1**2 / compliance
+    return math.pi / 8 * (dm1 / base_diameter_m) ** 2 * dm1**2 / compliance
 
 
 def resonance_speed_rpm(teeth: int, mesh_alpha: float, reduced_mass_kg_per_m: float) -> float:

@@ -233,20 +233,21 @@ class Line:
         "shaft", "mesh", "assembly phase", "hunting tooth", "rotation", "planet pass",
         "local fault" or "bearing".
     name : str
-    stage : int or None
-    shaft : int or None
-    order : float
-        In turns of shaft 1.
-    exact : Fraction or None
-        The same, exactly; None where angles enter (bearings).
+    exact : Fraction or float
+        Order, in turns of shaft 1; a float where angles enter (bearings).
+    stage, shaft : int or None
     """
 
     kind: str
     name: str
-    stage: int | None
-    shaft: int | None
-    order: float
-    exact: Fraction | None = None
+    exact: Fraction | float
+    stage: int | None = None
+    shaft: int | None = None
+
+    @property
+    def order(self) -> float:
+        """The order as a number."""
+        return float(self.exact)
 
 
 @dataclass(frozen=True)
@@ -395,7 +396,7 @@ def kinematics(machine: Machine) -> Kinematics:
         for number, order in enumerate(orders, start=1)
     )
     lines = [
-        _line("shaft", f"{shaft.name} shaft", shaft.exact, shaft=shaft.number) for shaft in shafts
+        Line("shaft", f"{shaft.name} shaft", shaft.exact, shaft=shaft.number) for shaft in shafts
     ]
     for mesh in meshes:
         lines += _mesh_lines(mesh)
@@ -550,7 +551,7 @@ def _mesh_name(stage_name: str, *teeth: int) -> str:
 
 
 def _mesh_lines(mesh: Mesh) -> list[Line]:
-    lines = [_line("mesh", mesh.name, mesh.exact, stage=mesh.stage)]
+    lines = [Line("mesh", mesh.name, mesh.exact, stage=mesh.stage)]
     if not mesh.planets:
         return [*lines, *_pair_lines(mesh, mesh.name, *mesh.teeth)]
     sun, planet, ring = mesh.teeth
@@ -558,12 +559,12 @@ def _mesh_lines(mesh: Mesh) -> list[Line]:
     lines += _pair_lines(mesh, f"sun-planet, {sun}/{planet}", sun, planet)
     lines += _pair_lines(mesh, f"planet-ring, {planet}/{ring}", planet, ring)
     if turning:
-        lines.append(_line("rotation", "planet, seen from the housing", turning, stage=mesh.stage))
+        lines.append(Line("rotation", "planet, seen from the housing", turning, stage=mesh.stage))
     for family in mesh.modulations:
         if family.shaft is None:  # the others are shafts and stand among them
             kind = "local fault" if family.name.endswith("fault") else "rotation"
             kind = "planet pass" if family.name == "planet pass" else kind
-            lines.append(_line(kind, family.name, family.exact, stage=mesh.stage))
+            lines.append(Line(kind, family.name, family.exact, stage=mesh.stage))
     return lines
 
 
@@ -575,8 +576,8 @@ def _pair_lines(mesh: Mesh, name: str, teeth: int, other_teeth: int) -> list[Lin
     """
     common = math.gcd(teeth, other_teeth)
     return [
-        _line("assembly phase", name, mesh.exact / common, stage=mesh.stage),
-        _line("hunting tooth", name, mesh.exact / math.lcm(teeth, other_teeth), stage=mesh.stage),
+        Line("assembly phase", name, mesh.exact / common, stage=mesh.stage),
+        Line("hunting tooth", name, mesh.exact / math.lcm(teeth, other_teeth), stage=mesh.stage),
     ]
 
 
@@ -607,19 +608,13 @@ def _bearing_lines(
         ("inner race (BPFI)", bearing.balls * (1 + g) / 2),
     ):
         named = f"{bearing.name}: {name}"
-        yield Line("bearing", named, stage, bearing.shaft, factor * turning)
-
-
-def _line(
-    kind: str, name: str, exact: Fraction, stage: int | None = None, shaft: int | None = None
-) -> Line:
-    return Line(kind, name, stage, shaft, float(exact), exact)
+        yield Line("bearing", named, factor * turning, stage, bearing.shaft)
 
 
 def _row(line: Line, point: OperatingPoint) -> LineRow:
-    exact, hertz = line.exact, line.order * point.shaft1_hz
-    if exact is not None:  # one rounding only: 500 Hz reads 500.0
-        hertz = float(exact * Fraction(point.speed_rpm) / 60)
+    hertz = line.order * point.shaft1_hz
+    if isinstance(line.exact, Fraction):  # one rounding only: 500 Hz reads 500.0
+        hertz = float(line.exact * Fraction(point.speed_rpm) / 60)
     known = {name: getattr(line, name) for name in ("stage", "kind", "name", "shaft", "order")}
     name = point.name or f"{point.speed_rpm:g} rpm"
     return LineRow(operating=name, speed_rpm=point.speed_rpm, frequency_hz=hertz, **known)

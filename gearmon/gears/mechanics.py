@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 
 from gearmon.errors import ArgumentError, check_range
-from gearmon.gears.faults import Fault, GearError, faults_of, faults_of_stage
+from gearmon.gears.faults import Fault, GearError, faults_of
 from gearmon.gears.geometry import GearTeeth
 from gearmon.gears.iso6336 import (
     LOW_LOAD_N_PER_MM,
@@ -148,7 +148,7 @@ def stage_mechanics(
     force, torque = static_force(pair, running, train.shaft(number).order)
     given = faults_of(faults, errors=False, stages=len(machine.stages))
     wrong = [error for error in errors if error.stage == number]
-    own = faults_of_stage(given, number)
+    own = [fault for fault in given if fault.stage == number]
     stiffness = mesh_stiffness(pair, own, form, force_n=force, errors=wrong)
     mass = equivalent_mass(pair, notes)
     ratio, damping = mesh_damping(pair, math.sqrt(stiffness.healthy_mean_n_per_m * mass), notes)
@@ -232,22 +232,21 @@ def pair_resonance(pair: MeshPair, force_n: float | None = None) -> Resonance:
             f"ask for the sun-planet mesh"
         )
     pair.need("module_mm", "reduced mass")
-    circles = pair.geometry
-    one, two = sorted((0, 1), key=lambda index: pair.members[index].teeth)
+    circles, members = pair.geometry, pair.members
+    one, two = sorted((0, 1), key=lambda index: members[index].teeth)
     means = [a + b for a, b in zip(circles.tip_radii_m, circles.root_radii_m, strict=True)]
-    teeth = pair.members[one].teeth, pair.members[two].teeth
     mass = reduced_mass_per_width(
-        teeth,
+        (members[one].teeth, members[two].teeth),
         (means[one], means[two]),
-        (2 * circles.base_radii_m[one], 2 * circles.base_radii_m[two]),
+        2 * circles.base_radii_m[one],
         (_inner_diameter(pair, one), _inner_diameter(pair, two)),
         (pair.stage.density_kgm3, pair.stage.density_kgm3),
     )
-    load = pair.specific_load(force_n)
+    load, alpha = pair.specific_load(force_n), pair.method_b(force_n).mesh_alpha
     return Resonance(
-        gear=pair.members[one].name,
+        gear=members[one].name,
         reduced_mass_kg_per_m=mass,
-        speed_rpm=resonance_speed_rpm(teeth[0], pair.method_b(force_n).mesh_alpha, mass),
+        speed_rpm=resonance_speed_rpm(members[one].teeth, alpha, mass),
         margin=resonance_margin(LOW_LOAD_N_PER_MM if load is None else load),
     )
 

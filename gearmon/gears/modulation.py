@@ -37,7 +37,7 @@ from itertools import product
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from numpy.polynomial.legendre import legint
+from numpy.polynomial.legendre import legint, legvander
 from numpy.typing import ArrayLike
 
 from gearmon.gears.faults import GearError
@@ -51,7 +51,6 @@ from gearmon.gears.pulses import (
     Pulse,
     PulseTrain,
     distinct,
-    legendre,
 )
 
 #: Rounds of putting a corner where the contact is when it is reached; each gains two digits.
@@ -87,11 +86,6 @@ class ContactOffset:
     leaving: complex = 0j
     entering: complex = 0j
     lead_m: complex = 0j
-
-    @property
-    def moves(self) -> bool:
-        """Whether the contact of the pairs comes and goes at other times."""
-        return bool(self.leaving or self.entering)
 
 
 def contact_offsets(pair: MeshPair, errors: Iterable[GearError]) -> tuple[ContactOffset, ...]:
@@ -209,17 +203,17 @@ class ContactFamily:
     @classmethod
     def of(
         cls, member: Callable[[float], Pulse], largest: float, overlap_ratio: float
-    ) -> ContactFamily | None:
+    ) -> ContactFamily:
         """Return the family through the pulses that `member` gives for losses of contact ratio.
 
-        None where the pulses have not the same pieces: a zone of contact vanishes.
+        One that keeps its length where they have not the same pieces: a zone of contact vanishes.
         """
         pieces = len(member(0.0).series)
         for count in NODES if largest else (1,):
             x = chebyshev.chebpts1(count)
             pulses = [member(float(largest * value)) for value in x]
             if any(len(pulse.series) != pieces for pulse in pulses):
-                return None
+                return cls.of(member, 0.0, overlap_ratio)
             width = max(pulse.series.shape[1] for pulse in pulses)
             wide = [(0, width - pulse.series.shape[1]) for pulse in pulses]
             padded = [np.pad(p.series, ((0, 0), w)) for p, w in zip(pulses, wide, strict=True)]
@@ -229,11 +223,6 @@ class ContactFamily:
             if np.abs(series[-1]).max() <= CONVERGED * np.abs(series[0]).max():
                 break
         return cls(largest, edges, series, overlap_ratio)
-
-    @classmethod
-    def rigid(cls, pulse: Pulse, overlap_ratio: float) -> ContactFamily:
-        """Return the family of a contact that keeps its length."""
-        return cls(0.0, pulse.edges[None], pulse.series[None], overlap_ratio)
 
     def pulse(self, lost: float) -> Pulse:
         """Return the pulse for one loss of contact ratio."""
@@ -286,7 +275,7 @@ class ContactFamily:
             low, high = low[here], high[here]
             powers = (2 * np.minimum(x[here], high) - low - high) / (high - low)
             found = np.einsum(
-                "pn,np->p", terms[here] @ series[:, piece], legendre(series.shape[2], powers)
+                "pn,pn->p", terms[here] @ series[:, piece], legvander(powers, series.shape[2] - 1)
             )
             total[here] += 0.5 * (high - low) * found if running else found
         return total
@@ -360,7 +349,7 @@ class ModulationTrain:
         """Return the mesh stiffness [N/m] with some of the gears moving."""
         flat, family = phase.ravel(), self.family
         leaving, entering, share = self._state(moving, flat)
-        if any(offset.moves for offset in moving):
+        if any(offset.leaving or offset.entering for offset in moving):
             found = family.at(flat, leaving, entering)
         else:
             # every pair is like the next
@@ -438,13 +427,12 @@ def modulation_trains(
     largest = sum(abs(offset.leaving + offset.entering) for offset in offsets)
     family = ContactFamily.of(member, largest, pair.overlap_ratio)
     notes = []
-    if family is None:
+    if family.largest < largest:
         notes.append(
             f"the errors of {' and '.join(o.gear for o in offsets)} change the contact ratio "
             f"{pair.contact_ratio:.4g} by up to {largest:.2g}, across a whole number: only the "
             f"delay of the contact modulates the stiffness, not its length"
         )
-        family = ContactFamily.rigid(member(0.0), pair.overlap_ratio)
     moving = [(offset,) for offset in offsets] + ([offsets] if len(offsets) == 2 else [])
     trains = [
         ModulationTrain(

@@ -51,7 +51,7 @@ def gauss(points: int) -> tuple[FloatArray, FloatArray, FloatArray]:
         Legendre coefficients are ``analysis @ values``; exact for polynomials of lower degree.
     """
     nodes, weights = roots_legendre(points)
-    analysis = (np.arange(points)[:, None] + 0.5) * legendre(points, nodes) * weights
+    analysis = (np.arange(points)[:, None] + 0.5) * legvander(nodes, points - 1).T * weights
     for array in (nodes, weights, analysis):
         array.setflags(write=False)
     return nodes, weights, analysis
@@ -67,11 +67,6 @@ def distinct(edges: ArrayLike, apart: float) -> FloatArray:
     """Return edges in order, of those closer than `apart` the first."""
     found = np.unique(np.asarray(edges, dtype=np.float64))
     return np.asarray(found[np.diff(found, prepend=-np.inf) > apart])
-
-
-def legendre(count: int, x: FloatArray) -> FloatArray:
-    """Return the Legendre polynomials P_0 ... P_{count-1} at `x`, shape (count, len(x))."""
-    return np.asarray(legvander(x, count - 1).T)
 
 
 def spherical_bessel(count: int, x: FloatArray) -> FloatArray:
@@ -187,7 +182,7 @@ class Pulse:
         flat, edges = where.ravel(), self.edges
         panel = np.searchsorted(edges[1:-1], flat, side="right")
         low, high = edges[panel], edges[panel + 1]
-        terms = legendre(self.series.shape[1], (2 * flat - low - high) / (high - low))
+        terms = legvander((2 * flat - low - high) / (high - low), self.series.shape[1] - 1).T
         values = np.empty((*self.series.shape[2:], len(flat)))
         for number, coefficients in enumerate(self.series):
             inside = np.flatnonzero(panel == number)

@@ -526,17 +526,25 @@ def mesh_stiffness(
         parts = _from_teeth(pair, acting, chosen, force_n)
     else:
         parts = _from_form(pair, acting, chosen, force_n)
-    pulse, overlap = parts.pulse(0.0), pair.overlap_ratio
-    gap = 0.0 if force_n is None else 2 * abs(force_n) / pulse.area
+    # what wear that is given as a loss leaves
+    left = math.prod(1 - fault.loss for fault in acting if fault.kind == "wear" and fault.is_loss)
+
+    def pulse(lost: float) -> Pulse:
+        """Return the pulse [N/m] of a pair whose contact ratio is so much smaller."""
+        return parts.pairs(lost).healthy.scaled(left * parts.factor)
+
+    pairs, overlap, whole = parts.pairs(0.0), pair.overlap_ratio, pulse(0.0)
+    missing = pairs.trains(pair, gear_losses(pair, acting, pairs.length, parts.teeth))
+    gap = 0.0 if force_n is None else 2 * abs(force_n) / whole.area
     moving, still = _moving(pair, errors, force_n)
-    modulations, more = modulation_trains(pair, moving, parts.pulse, gap)
+    modulations, more = modulation_trains(pair, moving, pulse, gap)
     geometry = pair.geometry.warnings if pair.given("contact_ratio") is None else ()
     return MeshStiffness(
-        healthy=PulseTrain.healthy(pulse, overlap),
-        pulses=parts.missing(pair, acting),
+        healthy=PulseTrain.healthy(whole, overlap),
+        pulses=tuple(train.scaled(left * parts.factor) for train in missing),
         contact_ratio=pair.contact_ratio,
         overlap_ratio=overlap,
-        variation=_variation(pulse, overlap) if parts.variation is None else parts.variation,
+        variation=_variation(whole, overlap) if parts.variation is None else parts.variation,
         form=chosen,
         iso=parts.iso,
         modulations=modulations,
@@ -549,39 +557,37 @@ def mesh_stiffness(
 class _Parts:
     """What a form says of a mesh.
 
-    `member` gives the pairs, sound or worn, of a contact ratio that is so much smaller, and `teeth`
+    `pairs` gives the pairs, sound or worn, of a contact ratio that is so much smaller, and `teeth`
     the teeth behind them if the form has any; `factor` scales what they carry.
     """
 
-    member: Callable[[float], PairsInMesh]
-    factor: float = 1.0
+    pairs: Callable[[float], PairsInMesh]
+    factor: float
     teeth: ToothPair | None = None
     variation: float | None = None
     iso: MethodB | None = None
     warnings: tuple[str, ...] = ()
 
-    def pulse(self, lost: float) -> Pulse:
-        """Return the pulse [N/m] of a pair whose contact ratio is so much smaller."""
-        return self.member(lost).healthy.scaled(self.factor)
-
-    def missing(self, pair: MeshPair, acting: Sequence[Fault]) -> tuple[PulseTrain, ...]:
-        """Return what damaged teeth take away."""
-        pairs = self.member(0.0)
-        trains = pairs.trains(pair, gear_losses(pair, acting, pairs.length, self.teeth))
-        return tuple(train.scaled(self.factor) for train in trains)
-
 
 def _from_form(
     pair: MeshPair, acting: list[Fault], form: StiffnessForm, force_n: float | None
 ) -> _Parts:
-    variation = mesh_variation(pair, form)
-    mean, iso = _mean(pair, form, force_n)
+    variation, mean = mesh_variation(pair, form), pair.given("mesh_stiffness_n_per_m")
+    iso = None
+    if mean is None:
+        instead = "mesh_stiffness_n_per_m" if pair.is_main else ""
+        width = 1e-3 * pair.need("face_width_mm", "mean stiffness", instead)
+        iso = pair.method_b(force_n)
+        mean = iso.mean_n_per_m(width)
+        if form.normalisation == "maximum":
+            mean = iso.single_n_per_m(width) * form.pulse(pair.contact_ratio).area
 
-    def member(lost: float) -> CurvePairs:
-        pulse = unit_pulse(pair, form, lost).scaled(mean * _worn_share(acting))
+    def pairs(lost: float) -> CurvePairs:
+        pulse = unit_pulse(pair, form, lost)
         return CurvePairs(pulse=pulse, worn=worn_losses(pair, acting, pulse.length))
 
-    return _Parts(member=member, variation=variation, iso=iso, warnings=iso.warnings if iso else ())
+    notes = iso.warnings if iso else ()
+    return _Parts(pairs=pairs, factor=mean, variation=variation, iso=iso, warnings=notes)
 
 
 def _from_teeth(
@@ -599,20 +605,13 @@ def _from_teeth(
         )
     teeth = teeth_of(pair, form)
 
-    def member(lost: float = 0.0, wear: Sequence[Fault] = acting) -> TeethInMesh:
+    def pairs(lost: float, wear: Sequence[Fault] = acting) -> TeethInMesh:
         moved = teeth.parted(lost)
-        worn = worn_losses(pair, wear, teeth=moved)
-        return TeethInMesh(pair=moved, worn=worn, force_n=force_n)
+        return TeethInMesh(pair=moved, worn=worn_losses(pair, wear, teeth=moved), force_n=force_n)
 
-    factor, imposed = _worn_share(acting), pair.given("mesh_stiffness_n_per_m")
-    if imposed is not None:
-        factor *= imposed / member(wear=()).healthy.area
-    return _Parts(member=member, factor=factor, teeth=teeth, warnings=teeth.warnings)
-
-
-def _worn_share(acting: Sequence[Fault]) -> float:
-    """Return what wear that is given as a loss leaves of the stiffness."""
-    return math.prod(1 - f.loss for f in acting if f.kind == "wear" and f.is_loss)
+    imposed = pair.given("mesh_stiffness_n_per_m")
+    factor = 1.0 if imposed is None else imposed / pairs(0.0, ()).healthy.area
+    return _Parts(pairs=pairs, factor=factor, teeth=teeth, warnings=teeth.warnings)
 
 
 def _moving(
@@ -649,18 +648,3 @@ def _check_contact(pair: MeshPair) -> None:
             f"{pair.where}: total contact ratio {total:.4f} is below 1: no pair would carry for a "
             f"while; raise contact_ratio={pair.contact_ratio:g} or face_width_mm"
         )
-
-
-def _mean(
-    pair: MeshPair, form: StiffnessForm, force_n: float | None
-) -> tuple[float, MethodB | None]:
-    """Return the mean stiffness of the healthy mesh [N/m] and the ISO stiffness behind it."""
-    known = pair.given("mesh_stiffness_n_per_m")
-    if known is not None:
-        return known, None
-    instead = "mesh_stiffness_n_per_m" if pair.is_main else ""
-    width = 1e-3 * pair.need("face_width_mm", "mean stiffness", instead)
-    iso = pair.method_b(force_n)
-    if form.normalisation == "mean":
-        return iso.mean_n_per_m(width), iso
-    return iso.single_n_per_m(width) * form.pulse(pair.contact_ratio).area, iso

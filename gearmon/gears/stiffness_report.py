@@ -18,7 +18,6 @@ from gearmon.gears.faults import (
     LEVELS,
     Fault,
     faults_of,
-    faults_of_stage,
     flank_level,
     flank_share,
     size_text,
@@ -408,7 +407,7 @@ def stiffness_report(
     stages = []
     for number in numbers:
         pairs = mesh_pairs(machine.stages[number - 1], number, machine.path)
-        own = faults_of_stage(known, number)
+        own = tuple(fault for fault in known if fault.stage == number)
         for mesh, pair in enumerate(pairs):
             # overrides of a planetary stage are meant for sun and planet
             if pair.is_main or pair.stage.module_mm is not None:

@@ -483,7 +483,6 @@ def tooth_of(
     index: int,
     *,
     bore_radius_m: float,
-    elastic_modulus_pa: float = 206e9,
     poisson_ratio: float = 0.3,
     root: Root = "fillet",
 ) -> Tooth:
@@ -496,7 +495,7 @@ def tooth_of(
     index : {0, 1}
     bore_radius_m : float
         Radius on which the gear is held [m]; of a ring the outer one.
-    elastic_modulus_pa, poisson_ratio : float
+    poisson_ratio : float
     root : {"fillet", "straight", "base"}
 
     Raises
@@ -520,7 +519,7 @@ def tooth_of(
         form_roll_m=_form_roll(pair, index),
         bore_radius_m=bore_radius_m,
         face_width_m=pair.face_width_m,
-        elastic_modulus_pa=elastic_modulus_pa,
+        elastic_modulus_pa=gear.elastic_modulus_pa,
         poisson_ratio=poisson_ratio,
         root=root,
         internal=pair.sign(index) < 0,

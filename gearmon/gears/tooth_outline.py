@@ -150,14 +150,12 @@ def _frames(pair: ToothPair, roll: float) -> tuple[_Frame, _Frame]:
     The second gear stands above the first, a ring around it with its centre below.
     """
     centres, working = pair.centres_m
-    found = []
-    rolls = pair.rolls(np.array(roll))
-    for tooth, own, centre in zip(pair.teeth, rolls, (0.0, centres), strict=True):
-        # the normal of the flank turns into the line of action
-        angle = working - float(tooth.slope(tooth.angle(own)))
-        side = 1.0 if centre == 0 else -1.0
-        found.append(_Frame(1j * centre, side * cmath.exp(1j * angle)))
-    return found[0], found[1]
+    # the normal of the flank turns into the line of action
+    one, two = (
+        cmath.exp(1j * (working - float(tooth.slope(tooth.angle(own)))))
+        for tooth, own in zip(pair.teeth, pair.rolls(np.array(roll)), strict=True)
+    )
+    return _Frame(0j, one), _Frame(1j * centres, -two)
 
 
 def _outline(tooth: Tooth, frame: _Frame) -> FloatArray:

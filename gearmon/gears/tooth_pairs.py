@@ -424,7 +424,6 @@ def tooth_pair(
     form: PotentialEnergy = USUAL,
     *,
     bore_radii_m: tuple[float, float],
-    moduli_pa: tuple[float, float] = (206e9, 206e9),
     poisson_ratio: float = 0.3,
     contact_ratio: float | None = None,
     notes: tuple[str, ...] = (),
@@ -438,8 +437,6 @@ def tooth_pair(
     form : PotentialEnergy
     bore_radii_m : (float, float)
         Radii on which the gears are held [m]; of a ring the outer one.
-    moduli_pa : (float, float)
-        Young's moduli [Pa].
     poisson_ratio : float
     contact_ratio : float, optional
         A contact ratio known from elsewhere, at most that of the geometry: the middle of the path
@@ -470,7 +467,6 @@ def tooth_pair(
             section,
             index,
             bore_radius_m=_held_alike(geometry, section, index, bore_radii_m[index]),
-            elastic_modulus_pa=moduli_pa[index],
             poisson_ratio=poisson_ratio,
             root=form.root,
         )
@@ -539,7 +535,6 @@ def teeth_of(pair: MeshPair, form: PotentialEnergy = USUAL) -> ToothPair:
             geometry,
             form,
             bore_radii_m=(bores[0], bores[1]),
-            moduli_pa=(pair.first.elastic_modulus_pa, pair.second.elastic_modulus_pa),
             poisson_ratio=pair.stage.poisson_ratio,
             contact_ratio=known,
             notes=tuple(notes) if form.has_foundation else (),

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.errors import ArgumentError
-from gearmon.gears.drive_train import WIDTH_OVER_MODULE, DriveTrain, Spring, drive_train
+from gearmon.gears.assembly import WIDTH_OVER_MODULE, drive_train
+from gearmon.gears.drive_train import DriveTrain, Spring
 from gearmon.gears.faults import Fault, GearError
 from gearmon.gears.geometry import GearTeeth
 from gearmon.gears.kinematics import kinematics

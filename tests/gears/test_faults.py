@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from gearmon.errors import ArgumentError
 from gearmon.gears.damage import loss_in_contact
-from gearmon.gears.faults import KINDS, Fault, faults_of_stage, parse_fault
+from gearmon.gears.faults import KINDS, Fault, parse_fault
 from gearmon.gears.pulses import Pulse, PulseTerm, overlap, union
 
 
@@ -77,11 +77,6 @@ def test_refusals(text, match):
 def test_a_size_that_is_no_number_is_refused():
     with pytest.raises(ArgumentError, match="must lie in"):
         fault(size=float("nan"))
-
-
-def test_faults_of_one_stage():
-    one, two = fault(stage=1), fault(stage=2)
-    assert faults_of_stage([one, two], 2) == (two,)
 
 
 # --- losses --------------------------------------------------------------------------------------

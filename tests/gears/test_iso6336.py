@@ -104,7 +104,7 @@ def test_reference_pair(root, ratio, single, mesh):
 def test_reduced_mass_and_resonance_speed_of_the_published_pair():
     """DIN 3990 example: m_red = 0.0074 kg/mm, n_E1 = 18419 1/min."""
     mass = reduced_mass_per_width(
-        (25, 40), (0.053628, 0.085277), (0.049617, 1.6 * 0.049617), densities_kgm3=(7800.0, 7800.0)
+        (25, 40), (0.053628, 0.085277), 0.049617, densities_kgm3=(7800.0, 7800.0)
     )
     assert mass == pytest.approx(7.4, abs=0.05)
     speed = resonance_speed_rpm(25, 17.21, 7.4)
@@ -119,7 +119,7 @@ def test_resonance_speed_puts_the_mesh_on_the_natural_frequency():
 
 
 def test_hollow_gears_are_lighter():
-    data = ((20, 40), (0.02, 0.04), (0.0188, 0.0376))
+    data = ((20, 40), (0.02, 0.04), 0.0188)
     solid = reduced_mass_per_width(*data)
     hollow = reduced_mass_per_width(*data, bores_m=(0.01, 0.02))
     assert hollow == pytest.approx(solid * (1 - 0.5**4))
@@ -305,7 +305,6 @@ def test_resonance_speed_of_the_published_helical_pair():
     found = pair_resonance(pair)
     assert found.reduced_mass_kg_per_m == pytest.approx(7.4, abs=0.05)
     assert found.speed_rpm == pytest.approx(18419, rel=3e-3)
-    assert found.ratio(1500.0) == pytest.approx(1500 / found.speed_rpm)
     assert pair.method_b().mesh_alpha == pytest.approx(17.21, rel=5e-4)
     # reduced to its rim, a gear is lighter
     rim = replace(stage, web_width_gear_mm=6.0, rim_thickness_gear_mm=7.0)

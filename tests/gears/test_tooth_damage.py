@@ -209,17 +209,6 @@ def test_parabolic_line_runs_from_the_crack_to_the_corner_of_the_tip():
     assert middle[0] ** 2 == pytest.approx(0.5 * (cut**2 + tip**2), rel=1e-12)
 
 
-@given(st.floats(0.0, 1.0), st.floats(0.1, 2.9), st.sampled_from(["flat", "parabolic"]))
-def test_depth_from_which_a_section_is_bitten(place, depth, limit):
-    tooth = PAPER.first
-    damage = crack(1.0, 60.0, limit=limit).crack
-    low, top = tooth.crack_start[0], float(tooth.height(tooth.tip))
-    height = np.array([low + 0.98 * place * (top - low)])
-    half = damage.carrying(tooth, height, np.zeros(1), 1e-3 * depth)
-    if half[0] > 0:
-        assert damage.biting(tooth, height, half)[0] == pytest.approx(1e-3 * depth, rel=1e-9)
-
-
 @pytest.mark.parametrize("depth", [0.8e-3, 1.5e-3, 2.4e-3])
 def test_parabolic_line_against_sums_of_thin_slices(depth):
     """Involute and the straight root below it, from where the crack starts."""

@@ -9,8 +9,8 @@ from gearmon.gears.tooth_pairs import PotentialEnergy, tooth_pair
 def teeth(z1, z2, m, b, bores, E=206e9, x=(0.0, 0.0), **choices):
     """Pair of gears from millimetres."""
     geometry = pair_geometry(
-        GearTeeth(teeth=z1, profile_shift=x[0], name="pinion"),
-        GearTeeth(teeth=z2, profile_shift=x[1], name="gear"),
+        GearTeeth(teeth=z1, profile_shift=x[0], name="pinion", elastic_modulus_pa=E),
+        GearTeeth(teeth=z2, profile_shift=x[1], name="gear", elastic_modulus_pa=E),
         module_m=1e-3 * m,
         face_width_m=1e-3 * b,
     )
@@ -18,7 +18,6 @@ def teeth(z1, z2, m, b, bores, E=206e9, x=(0.0, 0.0), **choices):
         geometry,
         PotentialEnergy(**choices),
         bore_radii_m=(1e-3 * bores[0], 1e-3 * bores[1]),
-        moduli_pa=(E, E),
     )
 
 

@@ -10,7 +10,7 @@ from scipy.linalg import expm
 
 import gearmon
 from gearmon.errors import ArgumentError
-from gearmon.gears.drive_train import drive_train
+from gearmon.gears.assembly import drive_train
 from gearmon.gears.kinematics import kinematics
 from gearmon.signatures.expected.planetary_set import posed_set
 from gearmon.simulation.train import build_train

@@ -10,7 +10,7 @@ import pytest
 import gearmon
 from gearmon.dynamics import HillSystem, steady_state
 from gearmon.dynamics import integrate as by_dop853
-from gearmon.gears.drive_train import drive_train
+from gearmon.gears.assembly import drive_train
 from gearmon.simulation.contact import Drive, ShaftMotion, contact_course, random_wander
 from gearmon.simulation.integrate import integrate
 from gearmon.simulation.train import build_train

@@ -14,7 +14,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from gearmon.errors import check_range
-from gearmon.gears.drive_train import DriveTrain, Planets, drive_train
+from gearmon.gears.assembly import drive_train
+from gearmon.gears.drive_train import DriveTrain, Planets
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import MachineLike, load_machine
 from gearmon.result import Result

@@ -30,7 +30,8 @@ from functools import cached_property
 import numpy as np
 
 from gearmon.errors import ArgumentError, check_range
-from gearmon.gears.drive_train import DriveTrain, drive_train
+from gearmon.gears.assembly import drive_train
+from gearmon.gears.drive_train import DriveTrain
 from gearmon.gears.excitation import Excitation
 from gearmon.gears.faults import parse_fault_or_error
 from gearmon.gears.kinematics import PLANET_PASS_DEPTH, Mesh, kinematics
