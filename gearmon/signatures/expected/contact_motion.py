@@ -16,8 +16,7 @@ whatever the machine. Through the rest of the turn what the tooth has set off di
 vibration of the healthy machine, ``y_{p+1} = M y_p``. Every size of damage is exact, without an
 expansion in it.
 
-Lines of a deflection are those of its speed, which has no jumps that displacement excitation could
-make infinite: ``d_r = speed_r / (2 pi i r/P)``.
+What is told of all is the force of each mesh: its lines are those of the force on what is around.
 """
 
 from __future__ import annotations
@@ -29,6 +28,7 @@ from itertools import pairwise
 
 import numpy as np
 from scipy.fft import next_fast_len
+from scipy.sparse import csr_array
 
 from gearmon.errors import ArgumentError
 from gearmon.gears.pulses import PanelCurves, gauss, panel_nodes
@@ -39,9 +39,6 @@ from gearmon.signals.array_types import ComplexArray, FloatArray, IntArray
 POINTS, LARGEST_HALF_TURN = 16, 9.0
 #: Points of the grid that each value is spread over for its lines, and nodes of their weights.
 SPREAD, BELL_POINTS = 14, 40
-#: Share of the change at which a response per unit of it is taken, by central differences: they
-#: leave out some 1e-8 of it and lose as much to rounding.
-SMALL_SHARE = 1e-4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -89,6 +86,10 @@ class PhaseGrid:
         """Weights of integrals over the mesh period, shape (panels, points)."""
         return np.asarray(self.widths[:, None] * (0.5 * gauss(POINTS)[1]))
 
+    def mean(self, values: FloatArray) -> FloatArray:
+        """Return the means over the period of values at the points, the last two axes."""
+        return np.asarray((values * self.weights).sum(axis=(-2, -1)) / self.edges[-1])
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Surroundings:
@@ -116,6 +117,11 @@ class Surroundings:
         """Return what is around a single mesh."""
         one, c = np.ones((1, 1)), np.array([damping])
         return cls(stiffness=0 * one, damping=c * one, vectors=one, dampers=c, force=force * one[0])
+
+    def moved(self, lines: ComplexArray, period: int) -> ComplexArray:
+        """Return the lines of c e' over P mesh periods by those of e, (..., meshes, lines)."""
+        rates = 2j * np.pi / period * np.arange(1, lines.shape[-1] + 1)
+        return np.asarray(self.dampers[:, None] * rates * lines)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -171,18 +177,23 @@ class PeriodicMotion:
         return self.panels.answer(push, shift, np.eye(2 * size, 2 * size + 1))
 
     @cached_property
-    def answers(self) -> tuple[_PanelMaps, _PanelMaps]:
-        """Motion on the panels from rest, by forces in the meshes and by e of their dampers.
+    def forced(self) -> _PanelMaps:
+        """Motion on the panels from rest, by forces in the meshes: a column each mesh and point."""
+        return self._pushed(shifts=False)
 
-        One column for each mesh and point, in this order.
-        """
+    @cached_property
+    def shifted(self) -> _PanelMaps:
+        """The same by e of the dampers."""
+        return self._pushed(shifts=True)
+
+    def _pushed(self, *, shifts: bool) -> _PanelMaps:
         vectors, dampers = self.around.vectors, self.around.dampers
         each = np.einsum("ma,il->iaml", vectors, np.eye(POINTS)).reshape(POINTS, len(vectors.T), -1)
         push = np.broadcast_to(each, (self.kappa.shape[1], *each.shape))
-        shift = push * np.repeat(dampers, POINTS)
         none = np.zeros((2 * len(vectors.T), each.shape[-1]))
-        still = np.zeros_like(shift)
-        return self.panels.answer(push, None, none), self.panels.answer(still, shift, none)
+        if not shifts:
+            return self.panels.answer(push, None, none)
+        return self.panels.answer(np.zeros_like(push), push * np.repeat(dampers, POINTS), none)
 
     @cached_property
     def monodromy(self) -> FloatArray:
@@ -208,72 +219,79 @@ class PeriodicMotion:
         return np.asarray(self.kappa * (self.motion[0] - moved))
 
     @cached_property
+    def force(self) -> FloatArray:
+        """Mesh forces at the points but for those of e', shape (meshes, panels, points)."""
+        return np.asarray(self.load + self.around.dampers[:, None, None] * self.motion[1])
+
+    @cached_property
+    def free_force(self) -> FloatArray:
+        """The same of free vibration, by the state when the period begins: one axis more, 2n."""
+        speed, deflection = (
+            part.reshape(*self.kappa.shape, part.shape[-1]) for part in self.maps.free
+        )
+        dampers = self.around.dampers[:, None, None, None]
+        return np.asarray(self.kappa[..., None] * deflection + dampers * speed)
+
+    @cached_property
     def mean_load(self) -> FloatArray:
         """Mean force of each mesh."""
-        weights = self.grid.weights
-        return np.asarray((self.load * weights).sum(axis=(1, 2)) / weights.sum())
+        return self.grid.mean(self.load)
 
     @property
     def mean_deflection(self) -> FloatArray:
         """Mean deflection of each mesh [m], shape (1, meshes)."""
-        weights = self.grid.weights
-        return np.asarray((self.motion[0] * weights).sum(axis=(1, 2)) / weights.sum())[None]
+        return self.grid.mean(self.motion[0])[None]
 
     @property
-    def least_force(self) -> float:
-        """Least mesh force over its mean; at or below 0 teeth part."""
-        force = self.load + self.around.dampers[:, None, None] * self.motion[1]
-        return float((force.min(axis=(1, 2)) / self.mean_load).min())
+    def least_force(self) -> FloatArray:
+        """Least mesh force over its mean, shape (1,); at or below 0 teeth part."""
+        return np.asarray((self.force.min(axis=(1, 2)) / self.mean_load).min())[None]
 
     @property
-    def unresolved(self) -> float:
+    def unresolved(self) -> FloatArray:
         """Share of the speeds in the last two Legendre terms of the panels; see `Deviations`."""
-        return float(_unresolved(self.motion[1][None], self.grid.widths)[0])
+        return _unresolved(self.motion[1][None], self.grid.widths)
 
     @property
     def period(self) -> int:
         """P, mesh periods of the grid."""
         return round(float(self.grid.edges[-1]))
 
-    def lines(self, highest: int, mesh: int = 0) -> ComplexArray:
-        """Return the harmonics 1..highest of the period of a deflection [m]."""
-        found = self._transform(self.motion[1][mesh], highest)
-        return np.asarray(found / (2j * np.pi * np.arange(1, highest + 1)))
-
     def force_lines(self, highest: int) -> ComplexArray:
-        """Return the harmonics 1..highest of all mesh forces, shape (meshes, highest)."""
-        rates = 2j * np.pi / self.period * np.arange(1, highest + 1)
-        found = []
-        for number, c in enumerate(self.around.dampers):
-            own = self._transform(self.load[number] + c * self.motion[1][number], highest)
-            if self.excitation is not None:
-                own = own - c * rates * self._transform(self.excitation[number], highest)
-            found.append(own)
-        return np.array(found) / self.period
-
-    def _transform(self, values: FloatArray, highest: int) -> ComplexArray:
-        """Return the integrals of values times exp(-2 pi i r s/P), r = 1..highest."""
-        turns = self.grid.phase.ravel() / self.period
-        return fourier_sums(turns, self.grid.weights.ravel() * values.ravel(), highest)
+        """Return the harmonics 1..highest of all mesh forces, shape (1, meshes, highest)."""
+        turns = self.grid.phase / self.period
+        found = fourier_sums(turns, self.force * self.grid.weights, highest)
+        if self.excitation is not None:
+            moved = fourier_sums(turns, self.excitation * self.grid.weights, highest)
+            found -= self.around.moved(moved, self.period)
+        return found[None] / self.period
 
 
 def fourier_sums(turns: FloatArray, values: FloatArray, highest: int) -> ComplexArray:
     """Return the sums of values times exp(-2 pi i r turn), r = 1..highest, at any turns.
 
-    Every value is spread over the points next to it of a grid that the fast transform takes, by
+    The last axes of `values` are those of `turns`; in their place are the lines. Every value is
+    spread over the points next to it of a grid that the fast transform takes, by
     exp(b (sqrt(1 - t^2) - 1)), whose own lines are divided out: right to 1e-12 of their size with
     14 points and twice as many as there are lines (Barnett, Magland and af Klinteberg, SIAM J. Sci.
     Comput. 41, 2019, C479).
     """
     length = next_fast_len(2 * (2 * highest + 1), real=True)
-    place = turns * length
+    place = turns.ravel() * length
     points = np.ceil(place - SPREAD / 2).astype(int)[:, None] + np.arange(SPREAD)
-    spread = _bell((points - place[:, None]) * (2 / SPREAD)) * values[:, None]
-    grid = np.bincount(points.ravel() % length, spread.ravel(), length)
-    numbers = np.arange(1, highest + 1)
-    nodes, weights, _ = gauss(BELL_POINTS)
-    own = np.cos(np.pi * SPREAD / length * np.outer(numbers, nodes)) @ (weights * _bell(nodes))
-    return np.asarray(np.fft.rfft(grid)[1 : highest + 1] / (SPREAD / 2 * own))
+    spread = _bell((points - place[:, None]) * (2 / SPREAD))
+    starts = np.arange(0, spread.size + 1, SPREAD)
+    grid = csr_array((spread.ravel(), points.ravel() % length, starts), shape=(len(place), length))
+    before = values.shape[: values.ndim - turns.ndim]
+    found = np.fft.rfft(values.reshape(-1, len(place)) @ grid)[:, 1 : highest + 1]
+    return np.asarray((found / _bell_lines(length, highest)).reshape(*before, highest))
+
+
+@lru_cache(maxsize=8)
+def _bell_lines(length: int, highest: int) -> FloatArray:
+    numbers, (nodes, weights, _) = np.arange(1, highest + 1), gauss(BELL_POINTS)
+    waves = np.cos(np.pi * SPREAD / length * np.outer(numbers, nodes))
+    return np.asarray(SPREAD / 2 * (waves @ (weights * _bell(nodes))))
 
 
 def _bell(t: FloatArray) -> FloatArray:
@@ -290,31 +308,53 @@ class Deviations:
         Of one mesh period.
     where : tuple of int
         Mesh periods of the turn that differ.
-    deflection, speed, load : ndarray of float, shape (turns, P, meshes, panels, points)
-        Change of the deflections, of their speeds, and of kappa (d - e), in all P mesh periods.
+    states : ndarray of float, shape (turns, P, 2n)
+        Change of the state (q, u) when each mesh period begins: all there is to say of those that
+        do not differ.
+    deflection, speed, load : ndarray of float, shape (turns, W, meshes, panels, points)
+        Change of the deflections, of their speeds, and of kappa (d - e), in those that differ.
     excitation : ndarray, same shape, optional
         e [m].
     """
 
     mesh: PeriodicMotion
     where: tuple[int, ...]
+    states: FloatArray
     deflection: FloatArray
     speed: FloatArray
     load: FloatArray
     excitation: FloatArray | None = None
 
     @property
+    def _even(self) -> FloatArray:
+        """States with zeros where mesh periods differ."""
+        states = self.states.copy()
+        states[:, list(self.where)] = 0.0
+        return states
+
+    @property
+    def _force(self) -> FloatArray:
+        return np.asarray(self.load + self.mesh.around.dampers[:, None, None] * self.speed)
+
+    @property
     def mean_deflection(self) -> FloatArray:
         """Change of the mean deflection of each mesh [m], shape (turns, meshes)."""
-        weighted = self.deflection * self.mesh.grid.weights
-        return np.asarray(weighted.sum(axis=(1, 3, 4)) / self.deflection.shape[1])
+        mesh, period = self.mesh, self.states.shape[1]
+        free = mesh.maps.free[1].T.reshape(-1, *mesh.kappa.shape)
+        total = self._even.sum(axis=1) @ mesh.grid.mean(free)
+        return np.asarray((total + mesh.grid.mean(self.deflection).sum(axis=1)) / period)
 
     @property
     def least_force(self) -> FloatArray:
         """Least mesh force over its mean, shape (turns,); at or below 0 teeth part."""
-        dampers, mean = self.mesh.around.dampers[:, None, None], self.mesh.mean_load
-        force = self.load + dampers * self.speed + self.mesh.load + dampers * self.mesh.motion[1]
-        return np.asarray((force.min(axis=(1, 3, 4)) / mean).min(axis=1))
+        mesh, mean = self.mesh, self.mesh.mean_load
+        changed = (self._force + mesh.force).min(axis=(1, 3, 4)) / mean
+        found = [changed.min(axis=1)]
+        for free, even, own in zip(mesh.free_force, mesh.force, mean, strict=True):
+            states = self._even.reshape(-1, free.shape[-1])
+            least = (states @ free.reshape(-1, free.shape[-1]).T + even.ravel()).min(axis=1)
+            found.append(least.reshape(len(self.states), -1).min(axis=1) / own)
+        return np.asarray(np.min(found, axis=0))
 
     @property
     def unresolved(self) -> FloatArray:
@@ -323,40 +363,36 @@ class Deviations:
         An estimate of the relative error: where the panels suffice the terms fall fast, and what
         is left out is less than what is still seen.
         """
-        return _unresolved(self.speed[:, list(self.where)], self.mesh.grid.widths)
-
-    def lines(self, highest: int, mesh: int = 0) -> ComplexArray:
-        """Return harmonics 1..highest of the turn of the change of a deflection [m], by turn."""
-        found = self._transform(self.speed[:, :, mesh : mesh + 1], highest)[:, 0]
-        return np.asarray(found / (2j * np.pi * np.arange(1, highest + 1)))
+        return np.maximum(_unresolved(self.speed, self.mesh.grid.widths), self.mesh.unresolved)
 
     def force_lines(self, highest: int) -> ComplexArray:
-        """Return harmonics 1..highest of the change of the forces, (turns, meshes, highest)."""
-        dampers, period = self.mesh.around.dampers[:, None, None], self.speed.shape[1]
-        found = self._transform(self.load + dampers * self.speed, highest) / period
-        if self.excitation is not None:
-            rates = 2j * np.pi / period**2 * np.arange(1, highest + 1)
-            found -= dampers[..., 0] * rates * self._transform(self.excitation, highest)
-        return np.asarray(found)
+        """Return harmonics 1..highest of the change of the forces, (turns, meshes, highest).
 
-    def _transform(self, values: FloatArray, highest: int) -> ComplexArray:
-        """Return the integrals over the turn of values times exp(-2 pi i r s/P), r = 1..highest."""
-        grid, (turns, period, meshes) = self.mesh.grid, values.shape[:3]
-        phase, numbers = grid.phase.ravel(), np.arange(period)
-        # r = a + P b: over the mesh periods by a transform, within one by the points
-        slow = np.fft.fft(values.reshape(turns, period, meshes, -1), axis=1)
-        slow *= np.exp(-2j * np.pi / period * np.outer(numbers, phase))[:, None]
-        fast = np.exp(-2j * np.pi * np.outer(phase, np.arange(highest // period + 1)))
-        found = slow @ (grid.weights.ravel()[:, None] * fast)
-        lines = found.transpose(0, 2, 3, 1).reshape(turns, meshes, -1)
-        return np.asarray(lines[..., 1 : highest + 1])
+        Of a mesh period that does not differ they follow from its state: the sum over the turn is
+        a transform of the states.
+        """
+        mesh, period = self.mesh, self.states.shape[1]
+        grid, numbers = mesh.grid, np.arange(1, highest + 1)
+        free = np.moveaxis(mesh.free_force * grid.weights[..., None], -1, 1)
+        by_state = fourier_sums(grid.phase / period, free, highest)
+        states = np.fft.fft(self._even, axis=1)[:, numbers % period]
+        found = np.einsum("mkr,trk->tmr", by_state, states)
+        turns = (np.array(self.where)[:, None, None] + grid.phase) / period
+
+        def met(values: FloatArray) -> ComplexArray:
+            return fourier_sums(turns, values.swapaxes(1, 2) * grid.weights, highest)
+
+        found += met(self._force)
+        if self.excitation is not None:
+            found -= mesh.around.moved(met(self.excitation), period)
+        return np.asarray(found / period)
 
 
 def deviations(
     mesh: PeriodicMotion,
     period: int,
     where: tuple[int, ...],
-    kappa: FloatArray,
+    delta: FloatArray,
     excitation: FloatArray | None = None,
 ) -> Deviations:
     """Solve turns in which some mesh periods differ.
@@ -369,16 +405,16 @@ def deviations(
         P, mesh periods of the turn.
     where : tuple of int, increasing
         Those that differ, 0 to P - 1.
-    kappa : ndarray, shape (turns, W, meshes, panels, points)
-        k T^2 in these periods.
+    delta : ndarray, shape (turns, W, meshes, panels, points)
+        Change of k T^2 in these periods.
     excitation : ndarray, same shape, optional
         e [m] in these periods; zero in the others.
     """
     still = [None] * len(where) if excitation is None else list(excitation.swapaxes(0, 1))
     changed = [
-        _Changed.of(mesh, own, e) for own, e in zip(kappa.swapaxes(0, 1), still, strict=True)
+        _Changed.of(mesh, own, e) for own, e in zip(delta.swapaxes(0, 1), still, strict=True)
     ]
-    free, turns = mesh.monodromy, len(kappa)
+    free, turns = mesh.monodromy, len(delta)
     size = len(free)
     total = np.broadcast_to(np.eye(size, size + 1), (turns, size, size + 1)).copy()
     # from the first changed period on; those before it come last
@@ -395,20 +431,19 @@ def deviations(
         states[:, number] = state
         met = places.get(number)
         state = np.asarray(state @ free.T if met is None else _applied(met.maps.whole, state))
-    shape = (turns, period, *mesh.kappa.shape)
-    speed = (states @ mesh.maps.free[0].T).reshape(shape)
-    deflection = (states @ mesh.maps.free[1].T).reshape(shape)
-    load = deflection * mesh.kappa
-    e = None if excitation is None else np.zeros(shape)
+    speed, deflection = np.empty(delta.shape), np.empty(delta.shape)
     for i, (here, own) in enumerate(places.items()):
-        speed[:, here], deflection[:, here] = own.motion(mesh, states[:, here])
-        moved = deflection[:, here] + mesh.motion[0]
-        if e is not None and excitation is not None:
-            e[:, here] = excitation[:, i]
-            moved = moved - e[:, here]
-        load[:, here] = kappa[:, i] * moved - mesh.load
+        speed[:, i], deflection[:, i] = own.motion(mesh, states[:, here])
+    moved = deflection if excitation is None else deflection - excitation
+    load = delta * mesh.motion[0] + (mesh.kappa + delta) * moved
     return Deviations(
-        mesh=mesh, where=where, deflection=deflection, speed=speed, load=load, excitation=e
+        mesh=mesh,
+        where=where,
+        states=states,
+        deflection=deflection,
+        speed=speed,
+        load=load,
+        excitation=excitation,
     )
 
 
@@ -437,9 +472,8 @@ class _Changed:
     maps: _PanelMaps
 
     @classmethod
-    def of(cls, mesh: PeriodicMotion, kappa: FloatArray, excitation: FloatArray | None) -> _Changed:
-        """Pose a mesh period by kappa and e, shape (turns, meshes, panels, points)."""
-        delta = kappa - mesh.kappa
+    def of(cls, mesh: PeriodicMotion, delta: FloatArray, excitation: FloatArray | None) -> _Changed:
+        """Pose a mesh period by its change of kappa and e, (turns, meshes, panels, points)."""
         marked = delta if excitation is None else (delta != 0) | (excitation != 0)
         acting = np.flatnonzero(marked.any(axis=(0, 2, 3)))
         columns = (acting[:, None] * POINTS + np.arange(POINTS)).ravel()
@@ -449,15 +483,15 @@ class _Changed:
             chosen = np.moveaxis(values[..., acting, :, :], -3, -2)
             return np.asarray(chosen.reshape(*chosen.shape[:-2], -1))
 
-        forced, shifted = mesh.answers
+        forced = mesh.forced
         free = np.asarray(mesh.maps.rows(acting))
         free[..., -1] = rows(mesh.motion[0])
         own = rows(delta)
         right = -own[..., None] * free
         if excitation is not None:
-            moved = rows(excitation)
+            moved, shifted = rows(excitation), mesh.shifted
             by_e = (shifted.rows(acting)[..., columns] @ moved[..., None])[..., 0]
-            right[..., -1] += rows(kappa) * moved - own * by_e
+            right[..., -1] += rows(mesh.kappa + delta) * moved - own * by_e
         matrix = own[..., None] * forced.rows(acting)[..., columns]
         matrix += np.eye(len(columns))
         force = np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
@@ -472,46 +506,18 @@ class _Changed:
         """Return deviations of speeds and deflections, (turns, meshes, panels, points)."""
         states = self.maps.states(start)
         force = _applied(self.force, states)[..., None]
-        forced, shifted = mesh.answers
         found = []
         for name in ("speed", "deflection"):
-            own, by_force, by_e = (getattr(m, name) for m in (mesh.maps, forced, shifted))
+            own, by_force = getattr(mesh.maps, name), getattr(mesh.forced, name)
             flat = own.shape[0], math.prod(own.shape[1:-1])
             moved = own[..., :-1].reshape(*flat, own.shape[-1] - 1) @ states[..., None]
             moved = moved + by_force[..., self.columns].reshape(*flat, len(self.columns)) @ force
             if self.excitation is not None:
-                e = self.excitation[..., None]
+                by_e, e = getattr(mesh.shifted, name), self.excitation[..., None]
                 moved = moved + by_e[..., self.columns].reshape(*flat, len(self.columns)) @ e
             shape = (*moved.shape[:-2], *own.shape[1:-1])
             found.append(np.moveaxis(moved.reshape(shape), -1, -3))
         return found[0], found[1]
-
-
-def lines_per_unit(
-    mesh: PeriodicMotion, period: int, where: tuple[int, ...], kappa: FloatArray
-) -> Deviations:
-    """Return what the first part of a change of stiffness makes, per whole change.
-
-    Parameters
-    ----------
-    mesh, period, where
-        As in `deviations`.
-    kappa : ndarray, shape (W, meshes, panels, points)
-        k T^2 with the whole change.
-
-    Returns
-    -------
-    Deviations
-        Of one turn; only what is linear in the motion holds: speeds, loads and their lines.
-    """
-    small = SMALL_SHARE * (kappa - mesh.kappa)
-    found = deviations(mesh, period, where, np.stack([mesh.kappa + small, mesh.kappa - small]))
-    parts = {
-        name: (part[:1] - part[1:]) / (2 * SMALL_SHARE)
-        for name, part in vars(found).items()
-        if name in ("deflection", "speed", "load")
-    }
-    return Deviations(mesh=mesh, where=where, **parts)
 
 
 class _Panels:

@@ -7,7 +7,7 @@ gear's turn.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -16,30 +16,34 @@ import numpy as np
 import numpy.typing as npt
 
 from gearmon.errors import ArgumentError, check_positive, check_range, check_word
-from gearmon.gears.faults import ERROR_KINDS, KINDS, parse_fault_or_error
+from gearmon.gears.faults import ERROR_KINDS, KINDS, Fault, parse_fault_or_error
 from gearmon.gears.pairs import mesh_pairs
+from gearmon.gears.pulses import LEAST_OVERLAP
+from gearmon.gears.tooth_pairs import POTENTIAL_ENERGY
 from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.result import Result
 from gearmon.signals.array_types import ComplexArray, FloatArray
 from gearmon.signatures.expected.faulty_teeth import (
-    Posed,
+    contact_grid,
     faulty_lines,
-    pair_loss,
+    is_of_teeth,
     periodic_lines,
 )
 from gearmon.signatures.expected.mesh import (
-    AMPLITUDES,
-    MeshLines,
-    PosedMesh,
+    PosedStage,
     Wrong,
-    joined,
     mesh_with,
     operating_point,
     posed_mesh,
+    posed_stage,
+)
+from gearmon.signatures.expected.mesh_lines import (
+    AMPLITUDES,
+    MeshLines,
+    joined,
     refuse_no_lines,
     rms,
 )
-from gearmon.signatures.expected.planetary_set import PosedSet, posed_stage
 from gearmon.signatures.signature import Signature
 
 #: What a family holds unless told otherwise. A crack in % is a uniform loss of stiffness.
@@ -59,9 +63,12 @@ ERROR_SIZES = ("5um", "10um", "20um", "40um")
 GONE = ("1tooth",)
 #: Kinds that concern all teeth of a gear.
 ALL_TEETH = ("wear", "eccentricity", "cumulative", "misalignment", "profile")
+#: Kinds whose loss of stiffness is as large all along their part of the contact.
+UNIFORM_KINDS = ("crack", "stiffness", "pitting", "spall")
+#: Panels of a mesh period up to which all kinds of a gear are solved on the same ones.
+MOST_PANELS = 48
 
 Size = float | str
-Sizes = Sequence[Size] | Mapping[str, Sequence[Size]] | None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -184,7 +191,7 @@ class FaultFamily(Result):
             for (operating, _, mesh), lines in self.healthy.items()
         ]
         parts += [(m.lines, m.kind, m.gear, m.size, m.loss, m.operating) for m in self.members]
-        tables = [_limited(_with_member(*part), mesh_harmonics, sidebands) for part in parts]
+        tables = [_columns(mesh_harmonics, sidebands, *part) for part in parts]
         header = {
             "operating_points": [
                 {"speed_rpm": point.speed_rpm, "torque_nm": point.torque_nm, "name": point.name}
@@ -237,37 +244,35 @@ class FaultFamily(Result):
         }
 
 
-def _with_member(
-    lines: MeshLines, kind: str, gear: str, size: str, loss: float, operating: int
-) -> dict[str, Any]:
+def _columns(
+    mesh_harmonics: int | None,
+    sidebands: int | None,
+    lines: MeshLines,
+    kind: str,
+    gear: str,
+    size: str,
+    loss: float,
+    operating: int,
+) -> dict[str, npt.NDArray[Any]]:
+    """Return the columns of a member, of the lines that are wanted."""
+    told = {"kind": kind, "gear": gear, "size": size, "loss": loss, "operating": float(operating)}
+    types = {"kind": None, "gear": "U16", "size": "U64", "loss": None, "operating": None}
     columns = lines.columns()
     count = len(columns["stage"])
-    return {
-        "kind": np.full(count, kind),
-        "gear": np.full(count, gear, dtype="U16"),
-        "size": np.full(count, size, dtype="U64"),
-        "loss": np.full(count, loss),
-        "operating": np.full(count, float(operating)),
-        **columns,
-    }
-
-
-def _limited(
-    columns: dict[str, npt.NDArray[Any]], mesh_harmonics: int | None, sidebands: int | None
-) -> dict[str, npt.NDArray[Any]]:
-    kept = np.ones(len(columns["stage"]), dtype=bool)
+    kept = np.ones(count, dtype=bool)
     if mesh_harmonics is not None:
         # lines below the first mesh harmonic are multiples of the turn, not its sidebands
         kept &= (columns["mesh_harmonic"] >= 1) & (columns["mesh_harmonic"] <= mesh_harmonics)
     if sidebands is not None:
         kept &= np.abs(columns["sideband"]) <= sidebands
-    return {name: column[kept] for name, column in columns.items()}
+    same = {name: np.full(count, own, dtype=types[name]) for name, own in told.items()}
+    return {name: column[kept] for name, column in (same | columns).items()}
 
 
 def fault_family(
     machine: MachineLike,
     kinds: Iterable[str] | None = None,
-    sizes: Sizes = None,
+    sizes: Iterable[Size] | str | None = None,
     gears: Iterable[tuple[int, str] | str] | None = None,
     operating: Iterable[int] | int | None = None,
     max_hz: float | None = None,
@@ -285,10 +290,10 @@ def fault_family(
         Kinds of `gears.faults.KINDS` and `gears.faults.ERROR_KINDS`; by default
         `FAMILY_KINDS`, of which those that the machine file has too little data for are left out
         and named in `FaultFamily.notes`.
-    sizes : sequence or mapping of str to sequence, optional
-        As in ``KIND:STAGE:GEAR:TOOTH:SIZE``, or numbers: losses of pair stiffness in [0, 1). By
-        kind, or for all kinds that understand them (of a plain sequence, um are errors and mm
-        damage). By default 2.5, 5, 10, 20 and 40 % and 5, 10, 20 and 40 um.
+    sizes : iterable of str or float, optional
+        As in ``KIND:STAGE:GEAR:TOOTH:SIZE``, or numbers: losses of pair stiffness in [0, 1). Each
+        is taken for all kinds that understand it (um are errors, mm damage). By default 2.5, 5,
+        10, 20 and 40 % and 5, 10, 20 and 40 um.
     gears : iterable of (int, str) or str, optional
         Stages and gears, such as (1, "pinion"), "1:pinion" or "pinion"; by default all.
     operating : iterable of int, or int, optional
@@ -332,103 +337,146 @@ def fault_family(
     for name, part in (("kinds", texts), ("gears", places), ("operating", points)):
         if not part:
             raise ArgumentError(f"{name}: none given, at least one is needed")
-    job = _Job(machine=machine, max_hz=max_hz, tolerance=tolerance, form=form)
-    posed: dict[tuple[int, int, int], Posed] = {}
-    for number, stage in product(points, range(1, len(machine.stages) + 1)):
-        for mesh in sorted({0, *(mesh for (own, _), mesh in places.items() if own == stage)}):
-            even = posed_stage(machine, stage, number, form=form, mesh=mesh)
-            # a set that is taken as a whole has all of its gears in one
-            whole = isinstance(even, PosedSet)
-            posed[number, stage, 0 if whole else mesh] = even
-    meshes = {
-        place: mesh if (points[0], place[0], mesh) in posed else 0 for place, mesh in places.items()
-    }
+    posed: dict[tuple[int, int, int], PosedStage] = {}
+    every = {(number, 0) for number in range(1, len(machine.stages) + 1)}
+    every |= {(stage, mesh) for (stage, _), mesh in places.items()}
+    for number, (stage, mesh) in product(points, sorted(every)):
+        even = posed_stage(machine, stage, number, form=form, mesh=mesh)
+        # a set that is taken as a whole has all of its gears in one
+        posed.setdefault((number, stage, mesh if even.train is None else 0), even)
     healthy = {
-        key: periodic_lines(mesh, mesh.limit_hz(max_hz), tolerance) for key, mesh in posed.items()
+        key: periodic_lines(own, own.limit_hz(max_hz), tolerance) for key, own in posed.items()
     }
     if not any(len(lines.displacement) for lines in healthy.values()):
         refuse_no_lines((lines.mechanics for lines in healthy.values()), max_hz)
     members: list[FamilyMember] = []
-    notes: dict[str, None] = {}
-    for number in points:
-        for (stage, gear), mesh in meshes.items():
-            even, sound = posed[number, stage, mesh], healthy[number, stage, mesh]
-            for kind, own in texts.items():
-                try:
-                    members += job.members(
-                        even, sound, number, gear, places[stage, gear], kind, own
-                    )
-                except ArgumentError as error:
-                    if kinds is not None:
-                        raise
-                    notes[f"{kind} of the {gear} of stage {stage} left out: {error}"] = None
+    notes: list[str] = []
+    for number, ((stage, gear), mesh) in product(points, places.items()):
+        key = (number, stage, mesh if (number, stage, mesh) in posed else 0)
+        one = _Gear(
+            machine=machine,
+            stage=stage,
+            gear=gear,
+            mesh=mesh,
+            operating=number,
+            form=form,
+            limit_hz=posed[key].limit_hz(max_hz),
+            tolerance=tolerance,
+            sizes=texts,
+            even=posed[key],
+            sound=healthy[key],
+        )
+        found, left_out = one.members()
+        if left_out and kinds is not None:
+            raise next(iter(left_out.values()))
+        members += found
+        notes += [
+            f"{kind} of the {gear} of stage {stage} left out: {error}"
+            for kind, error in left_out.items()
+        ]
     return FaultFamily(
         machine=machine,
         members=tuple(members),
         healthy=healthy,
         max_hz=max_hz,
         tolerance=tolerance,
-        notes=tuple(notes),
+        notes=tuple(dict.fromkeys(notes)),
     )
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Job:
-    """What all members of a family are solved with."""
+class _Gear:
+    """A gear at an operating point, what can be wrong with it, and the same stage without."""
 
     machine: Machine
-    max_hz: float | None
-    tolerance: float
+    stage: int
+    gear: str
+    mesh: int
+    operating: int
     form: str
+    limit_hz: float
+    tolerance: float
+    sizes: Mapping[str, tuple[str, ...]]
+    even: PosedStage
+    sound: MeshLines
 
-    def members(
-        self,
-        healthy: Posed,
-        sound: MeshLines,
-        operating: int,
-        gear: str,
-        mesh: int,
-        kind: str,
-        sizes: Sequence[str],
-    ) -> list[FamilyMember]:
-        """Solve one kind of fault of one gear at several sizes."""
-        stage = sound.mechanics.stage
-        faults = [parse_fault_or_error(_words(kind, stage, gear, size)) for size in sizes]
-        faulty = [
-            posed_stage(self.machine, stage, operating, [fault], form=self.form, mesh=mesh)
-            for fault in faults
+    def members(self) -> tuple[list[FamilyMember], dict[str, ArgumentError]]:
+        """Return all members of the gear, and why kinds are left out."""
+        found: dict[str, list[FamilyMember]] = {}
+        left_out: dict[str, ArgumentError] = {}
+        teeth: dict[str, list[PosedStage]] = {}
+        for kind in self.sizes:
+            try:
+                posed = self._posed(kind)
+                if is_of_teeth(posed):
+                    teeth[kind] = posed
+                else:
+                    found |= self._solved({kind: posed})
+            except ArgumentError as error:
+                left_out[kind] = error
+        for group in self._groups(teeth):
+            found |= self._solved(group)
+        return [own for kind in self.sizes for own in found.get(kind, [])], left_out
+
+    def _posed(self, kind: str) -> list[PosedStage]:
+        """Pose all sizes of a kind; where they take the same pulse more or less, the largest."""
+        faults = [
+            parse_fault_or_error(_words(kind, self.stage, self.gear, size))
+            for size in self.sizes[kind]
         ]
-        limit = healthy.limit_hz(self.max_hz)
-        if isinstance(healthy, PosedSet) and not all(isinstance(own, PosedSet) for own in faulty):
-            # what the set cannot be solved with is taken against the same mesh alone
-            healthy = posed_mesh(self.machine, stage, operating, form=self.form, mesh=mesh)
-            sound = periodic_lines(healthy, limit, self.tolerance)
-        found = faulty_lines(healthy, faulty, limit, self.tolerance)
-        return [
-            FamilyMember(
-                kind=kind,
-                stage=stage,
-                gear=gear,
-                size=size,
-                loss=_loss(own, healthy),
-                operating=operating,
-                lines=lines,
-                sound=sound,
+        losses = [own.loss for own in faults if isinstance(own, Fault) and own.is_loss]
+        overlap = self.even.mechanics.stiffness.overlap_ratio
+        alike = kind in UNIFORM_KINDS or (kind == "breakage" and overlap < LEAST_OVERLAP)
+        alike &= self.form != POTENTIAL_ENERGY and len(losses) == len(faults)
+        most = max(losses, default=0.0)
+        chosen = faults[losses.index(most) :][:1] if alike and most else faults
+        posed = [
+            posed_stage(
+                self.machine, self.stage, self.operating, [own], form=self.form, mesh=self.mesh
             )
-            for size, own, lines in zip(sizes, faulty, found, strict=True)
+            for own in chosen
         ]
+        if len(posed) < len(faults):
+            return [posed[0].scaled(loss / most) for loss in losses]
+        return posed
 
+    def _groups(self, teeth: dict[str, list[PosedStage]]) -> list[dict[str, list[PosedStage]]]:
+        """Return kinds together that are solved on the same panels: all, if these are not many."""
+        every = [self.even, *(own for posed in teeth.values() for own in posed)]
+        few = self.even.train is None and (
+            len(contact_grid(every, self.limit_hz).widths) <= MOST_PANELS
+        )
+        if few and teeth:
+            return [teeth]
+        return [{kind: posed} for kind, posed in teeth.items()]
 
-def _loss(faulty: Posed, healthy: Posed) -> float:
-    meshes = zip(faulty.members, healthy.members, strict=True)
-    return max(_mesh_loss(own, even) for (own, _), (even, _) in meshes)
-
-
-def _mesh_loss(faulty: PosedMesh, healthy: PosedMesh) -> float:
-    own, even = faulty.mechanics.stiffness, healthy.mechanics.stiffness
-    takes = bool(own.pulses) or own.healthy_mean_n_per_m != even.healthy_mean_n_per_m
-    # modulated stiffness loses nothing: its mean wanders a little
-    return pair_loss(faulty, healthy) if takes and not own.modulations else 0.0
+    def _solved(self, kinds: Mapping[str, list[PosedStage]]) -> dict[str, list[FamilyMember]]:
+        """Solve all sizes of some kinds."""
+        even, sound = self.even, self.sound
+        every = [own for posed in kinds.values() for own in posed]
+        if even.train is not None and any(own.train is None for own in every):
+            # what the set cannot be solved with is taken against the same mesh alone
+            even = posed_mesh(
+                self.machine, self.stage, self.operating, form=self.form, mesh=self.mesh
+            )
+            sound = periodic_lines(even, self.limit_hz, self.tolerance)
+        solved = iter(faulty_lines(even, every, self.limit_hz, self.tolerance))
+        return {
+            kind: [
+                FamilyMember(
+                    kind=kind,
+                    stage=self.stage,
+                    gear=self.gear,
+                    size=size,
+                    loss=own.loss(even),
+                    operating=self.operating,
+                    lines=next(solved),
+                    sound=sound,
+                )
+                for size, own in zip(self.sizes[kind], posed, strict=True)
+            ]
+            for kind, posed in kinds.items()
+        }
 
 
 def _words(kind: str, stage: int, gear: str, size: str, tooth: int = 1) -> str:
@@ -446,18 +494,24 @@ def _points(machine: Machine, operating: Iterable[int] | int | None) -> tuple[in
     return tuple(dict.fromkeys(points))
 
 
-def _size_texts(kinds: Iterable[str] | None, sizes: Sizes) -> dict[str, tuple[str, ...]]:
+def _size_texts(
+    kinds: Iterable[str] | None, sizes: Iterable[Size] | str | None
+) -> dict[str, tuple[str, ...]]:
     """Return the sizes of each kind, as they are written."""
     kinds = [kinds] if isinstance(kinds, str) else kinds
-    sizes = [sizes] if isinstance(sizes, str) else sizes
     chosen = FAMILY_KINDS if kinds is None else tuple(dict.fromkeys(kinds))
     for kind in chosen:
         check_word("kind ", kind, (*KINDS, *ERROR_KINDS))
-    if sizes is None or isinstance(sizes, Mapping):
-        return _sizes_by_kind(chosen, sizes or {})
-    texts = tuple(dict.fromkeys(map(_text, sizes)))
-    found = {kind: tuple(t for t in texts if _fits(kind, t)) for kind in chosen}
-    found |= {kind: GONE for kind in chosen if kind == "missing"}
+    if sizes is None:
+        return {kind: _default(kind) for kind in chosen}
+    given = [sizes] if isinstance(sizes, str) else sizes
+    texts = [s.strip() if isinstance(s, str) else f"{100 * float(s):.12g}%" for s in given]
+    found = {
+        kind: GONE
+        if kind == "missing"
+        else tuple(t for t in dict.fromkeys(texts) if _fits(kind, t))
+        for kind in chosen
+    }
     for text in texts:
         if not any(text in own for own in found.values()):
             raise ArgumentError(
@@ -470,28 +524,10 @@ def _size_texts(kinds: Iterable[str] | None, sizes: Sizes) -> dict[str, tuple[st
     return {kind: own for kind, own in found.items() if own}
 
 
-def _sizes_by_kind(
-    kinds: Sequence[str], given: Mapping[str, Sequence[Size]]
-) -> dict[str, tuple[str, ...]]:
-    for kind in given:
-        if kind not in kinds:
-            raise ArgumentError(f"sizes: {kind!r} is not among the kinds {', '.join(kinds)}")
-    found = {kind: tuple(map(_text, given.get(kind, _default(kind)))) for kind in kinds}
-    for kind, texts in found.items():
-        for text in texts:
-            parse_fault_or_error(_words(kind, 1, "pinion", text))
-    return found
-
-
 def _default(kind: str) -> tuple[str, ...]:
     if kind == "missing":
         return GONE
     return ERROR_SIZES if kind in ERROR_KINDS else LOSSES
-
-
-def _text(size: Size) -> str:
-    """Write a number as a loss in per cent."""
-    return size.strip() if isinstance(size, str) else f"{100 * float(size):.12g}%"
 
 
 def _fits(kind: str, text: str) -> bool:
